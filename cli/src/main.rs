@@ -1,0 +1,2 @@
+//! foxhunt
+fn main() {}

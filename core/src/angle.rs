@@ -1,0 +1,84 @@
+//! Angles and circular statistics: the one place where an angle wraps.
+
+use core::f64::consts::{PI, TAU};
+
+/// Wraps `angle` onto [−π, π).
+///
+/// ```
+/// use foxhunt_core::angle::wrap;
+/// assert!((wrap(3.5 * core::f64::consts::PI) + 0.5 * core::f64::consts::PI).abs() < 1e-12);
+/// ```
+#[must_use]
+pub fn wrap(angle: f64) -> f64 {
+    let wrapped = libm::remainder(angle, TAU);
+    if wrapped >= PI { wrapped - TAU } else { wrapped }
+}
+
+/// The unsigned angle between two directions, in [0, π].
+#[must_use]
+pub fn distance(a: f64, b: f64) -> f64 {
+    libm::fabs(wrap(a - b))
+}
+
+/// The weighted resultant of directions: where they point, and how well they agree
+/// (Mardia & Jupp 2000, §2.2).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Resultant {
+    cos: f64,
+    sin: f64,
+    weight: f64,
+}
+
+impl Resultant {
+    /// Adds one direction, in radians, with a weight.
+    pub fn add(&mut self, angle: f64, weight: f64) {
+        self.cos += weight * libm::cos(angle);
+        self.sin += weight * libm::sin(angle);
+        self.weight += weight;
+    }
+
+    /// The mean direction, or `None` where the directions cancel: a resultant length below
+    /// `least_length` is rounding, not a direction.
+    #[must_use]
+    pub fn direction(&self, least_length: f64) -> Option<f64> {
+        (self.length() > least_length).then(|| libm::atan2(self.sin, self.cos))
+    }
+
+    /// The mean resultant length R̄ in [0, 1]; the circular variance is 1 − R̄.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        if self.weight > 0.0 { libm::hypot(self.sin, self.cos) / self.weight } else { 0.0 }
+    }
+}
+
+impl FromIterator<f64> for Resultant {
+    /// The resultant of directions of equal weight.
+    fn from_iter<I: IntoIterator<Item = f64>>(angles: I) -> Self {
+        let mut resultant = Self::default();
+        for angle in angles {
+            resultant.add(angle, 1.0);
+        }
+        resultant
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrap_is_half_open() {
+        assert!((wrap(PI) + PI).abs() < 1e-15);
+        assert!((wrap(-PI) + PI).abs() < 1e-15);
+        assert!((wrap(PI - 1e-9) - (PI - 1e-9)).abs() < 1e-15);
+        assert!((wrap(100.0) + 0.530_964_914_873_376).abs() < 1e-12);
+    }
+
+    #[test]
+    fn opposite_directions_have_no_mean() {
+        let across: Resultant = [3.0, -3.0].into_iter().collect();
+        assert!(distance(across.direction(1e-9).expect("they agree"), PI) < 1e-12);
+        let opposed: Resultant = [1.0, 1.0 + PI].into_iter().collect();
+        assert_eq!(opposed.direction(1e-9), None);
+    }
+}

@@ -1,0 +1,60 @@
+use crate::BeaconId;
+
+/// A radio that asks a beacon for an answer and measures the answer's power.
+///
+/// One question is outstanding at a time: a new request gives up the one before it, and an
+/// answer that belongs to an older question is not told.
+pub trait Radio {
+    /// Why the link to the radio failed.
+    type Error: core::error::Error + 'static;
+
+    /// Asks `beacon` for an answer; returns when the question is on its way.
+    ///
+    /// # Errors
+    ///
+    /// Whatever the link says.
+    fn request(&mut self, beacon: BeaconId) -> Result<(), Self::Error>;
+
+    /// The power of the answer in dBm, once; `None` while there is none. Never blocks.
+    ///
+    /// # Errors
+    ///
+    /// Whatever the link says.
+    fn poll(&mut self) -> Result<Option<f64>, Self::Error>;
+}
+
+/// A motor that turns the antenna about the drone's vertical axis.
+pub trait Rotator {
+    /// Why the link to the motor failed.
+    type Error: core::error::Error + 'static;
+
+    /// Orders a turn to `angle` radians, counter-clockwise from the drone's nose; returns when
+    /// the order is accepted. Angles of more than a turn are different places to a cable, so
+    /// they are not wrapped.
+    ///
+    /// # Errors
+    ///
+    /// Whatever the link says.
+    fn turn_to(&mut self, angle: f64) -> Result<(), Self::Error>;
+
+    /// Where the antenna looks, in radians from the nose, while it stands still; `None` while
+    /// it turns. Never blocks.
+    ///
+    /// # Errors
+    ///
+    /// Whatever the link says.
+    fn poll(&mut self) -> Result<Option<f64>, Self::Error>;
+}
+
+/// A clock that is passed in: nothing in the libraries asks the system for the time.
+pub trait Clock {
+    /// Seconds since an origin that stays the same for the whole hunt; never decreases.
+    fn now(&self) -> f64;
+}
+
+/// A closure is a clock.
+impl<F: Fn() -> f64> Clock for F {
+    fn now(&self) -> f64 {
+        self()
+    }
+}

@@ -1,0 +1,147 @@
+use core::fmt;
+
+use crate::{Estimate, Observation, State, belief::visit_cubature_points};
+
+/// A recursive Bayesian estimator of an `N`-state from `M`-component observations.
+///
+/// An estimator owns its models and, if it needs one, its random generator; so this trait has
+/// nothing generic in its methods and `dyn Estimator<N, M>` is as good as any concrete type.
+///
+/// # Laws
+///
+/// Checked by `laws::estimator`, feature `laws`: an empty observation changes nothing; what a
+/// missing component holds changes nothing; the covariance stays symmetric and positive
+/// definite; a refused step leaves the belief as it was.
+pub trait Estimator<const N: usize, const M: usize> {
+    /// Carries the belief `dt` seconds forward.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::TimeStep`] for a `dt` that is negative or not finite. On any error the
+    /// belief is left as it was.
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError>;
+
+    /// Conditions the belief on an observation made now.
+    ///
+    /// # Errors
+    ///
+    /// On any error the belief is left as it was.
+    fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError>;
+
+    /// The belief's first two moments.
+    fn estimate(&self) -> Estimate<N>;
+
+    /// Calls `visit` with states and weights that stand for the whole belief; the weights sum
+    /// to 1. Unless overridden, the 2N cubature points of [`estimate`](Self::estimate).
+    fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
+        visit_cubature_points(&self.estimate(), visit);
+    }
+}
+
+/// What an update did: every family answers the same questions, so they can be compared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(tag = "kind", rename_all = "snake_case"))]
+#[must_use = "a rejected observation is only told here"]
+pub enum Correction {
+    /// The observation was fused.
+    Fused {
+        /// The normalised innovation squared, yᵀ S⁻¹ y, where the family has an innovation.
+        nis: Option<f64>,
+        /// ln p(z | all that came before): the log of the predictive density at the observation.
+        log_evidence: f64,
+        /// 1 / Σ w², where the belief is a weighted cloud.
+        effective_sample_size: Option<f64>,
+    },
+    /// The gate kept it out: its normalised innovation squared was above the limit.
+    Rejected {
+        /// The normalised innovation squared.
+        nis: f64,
+        /// The limit that it passed.
+        limit: f64,
+    },
+    /// Nothing was heard.
+    Empty,
+}
+
+impl Correction {
+    /// The normalised innovation squared, if one was computed.
+    #[must_use]
+    pub fn nis(&self) -> Option<f64> {
+        match *self {
+            Self::Fused { nis, .. } => nis,
+            Self::Rejected { nis, .. } => Some(nis),
+            Self::Empty => None,
+        }
+    }
+
+    /// Whether the gate kept the observation out.
+    #[must_use]
+    pub fn is_rejected(&self) -> bool {
+        matches!(self, Self::Rejected { .. })
+    }
+}
+
+/// Why an estimator could not be made or could not go on.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum EstimatorError {
+    /// The time step is negative or not finite.
+    #[error("the time step is {dt} s, not a non-negative number")]
+    TimeStep {
+        /// The step, in seconds.
+        dt: f64,
+    },
+    /// A mean or covariance holds NaN or infinity; look at the model's `expected` and `jacobian`.
+    #[error("the {role} is not finite")]
+    NotFinite {
+        /// Whose moments.
+        role: Role,
+    },
+    /// A covariance is finite but not positive definite.
+    #[error("the {role} covariance is not positive definite")]
+    NotPositiveDefinite {
+        /// Whose covariance.
+        role: Role,
+    },
+    /// A parameter is out of its range.
+    #[error("{name} is {value}; it must be {requirement}")]
+    Parameter {
+        /// What the parameter is called.
+        name: &'static str,
+        /// What it was.
+        value: f64,
+        /// What it must be.
+        requirement: &'static str,
+    },
+    /// No particle can have led to the observation.
+    #[error("none of the {particles} particles can have led to the observation")]
+    Impossible {
+        /// How many particles were asked.
+        particles: usize,
+    },
+}
+
+/// The part that moments play in a filter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The belief before the step.
+    Prior,
+    /// What is expected to be measured, without the measurement's own noise.
+    Expected,
+    /// The innovation.
+    Innovation,
+    /// The belief after the step.
+    Posterior,
+}
+
+impl fmt::Display for Role {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Prior => "prior",
+            Self::Expected => "expected measurement",
+            Self::Innovation => "innovation",
+            Self::Posterior => "posterior",
+        })
+    }
+}

@@ -1,0 +1,89 @@
+//! The traits through `&mut T` and `Box<T>`.
+#![deny(
+    clippy::missing_trait_methods,
+    reason = "a provided method left out would lose its override"
+)]
+
+use crate::{
+    BeaconId, BearingExtractor, Belief, Correction, Decision, Estimate, Estimator, EstimatorError,
+    FormationPlanner, NoReading, Observation, PatternSource, PlanError, Pose, Radio, Reading,
+    Rotator, State, Station, Sweep, Vehicle, Waypoint,
+};
+
+macro_rules! forward {
+    ($($pointer:ty),+) => {$(
+        impl<T: ?Sized + Estimator<N, M>, const N: usize, const M: usize> Estimator<N, M> for $pointer {
+            fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+                (**self).predict(dt)
+            }
+            fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
+                (**self).update(observation)
+            }
+            fn estimate(&self) -> Estimate<N> {
+                (**self).estimate()
+            }
+            fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
+                (**self).visit_samples(visit);
+            }
+        }
+
+        impl<T: ?Sized + PatternSource> PatternSource for $pointer {
+            type Error = T::Error;
+            fn begin(&mut self, beacon: BeaconId) -> Result<(), T::Error> {
+                (**self).begin(beacon)
+            }
+            fn poll(&mut self) -> Result<Option<Sweep<'_>>, T::Error> {
+                (**self).poll()
+            }
+        }
+
+        impl<T: ?Sized + BearingExtractor> BearingExtractor for $pointer {
+            fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
+                (**self).extract(sweep)
+            }
+        }
+
+        impl<T: ?Sized + FormationPlanner> FormationPlanner for $pointer {
+            fn begin(&mut self, stations: &mut [Station]) -> Result<(), PlanError> {
+                (**self).begin(stations)
+            }
+            fn plan(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<Decision, PlanError> {
+                (**self).plan(belief, stations)
+            }
+        }
+
+        impl<T: ?Sized + Vehicle> Vehicle for $pointer {
+            type Error = T::Error;
+            fn pose(&mut self) -> Result<Pose, T::Error> {
+                (**self).pose()
+            }
+            fn go_to(&mut self, goal: &Waypoint) -> Result<(), T::Error> {
+                (**self).go_to(goal)
+            }
+        }
+
+        impl<T: ?Sized + Radio> Radio for $pointer {
+            type Error = T::Error;
+            fn request(&mut self, beacon: BeaconId) -> Result<(), T::Error> {
+                (**self).request(beacon)
+            }
+            fn poll(&mut self) -> Result<Option<f64>, T::Error> {
+                (**self).poll()
+            }
+        }
+
+        impl<T: ?Sized + Rotator> Rotator for $pointer {
+            type Error = T::Error;
+            fn turn_to(&mut self, angle: f64) -> Result<(), T::Error> {
+                (**self).turn_to(angle)
+            }
+            fn poll(&mut self) -> Result<Option<f64>, T::Error> {
+                (**self).poll()
+            }
+        }
+    )+};
+}
+
+forward!(&mut T);
+#[cfg(feature = "alloc")]
+forward!(alloc::boxed::Box<T>);

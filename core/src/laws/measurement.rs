@@ -1,0 +1,76 @@
+use core::f64::consts::TAU;
+
+use crate::{Axis, MeasurementModel, Observation, Pose, State, numeric_jacobian};
+
+/// A measurement model's laws at one state and one observation.
+///
+/// # Panics
+///
+/// On a breach.
+pub fn measurement_model<const N: usize, const M: usize>(
+    model: &impl MeasurementModel<N, M>,
+    state: &State<N>,
+    observation: &Observation<M>,
+) {
+    let receiver = observation.receiver();
+    let expected = model.expected(state, receiver);
+    assert!(expected.iter().all(|v| v.is_finite()), "expected is not finite: {expected}");
+
+    let none = model.residual(&expected, &expected);
+    assert!(none.norm() < 1e-12, "a measurement differs from itself: {none}");
+
+    let mut turned = expected;
+    for (component, axis) in model.axes().iter().enumerate() {
+        if *axis == Axis::Angle {
+            turned[component] += TAU;
+        }
+    }
+    let turn = model.residual(&turned, &expected);
+    assert!(turn.norm() < 1e-9, "a full turn makes a residual: {turn}");
+
+    walk_round(model, state, receiver);
+
+    let numeric =
+        numeric_jacobian(state, |x| model.expected(x, receiver), |a, b| model.residual(a, b));
+    let error = (model.jacobian(state, receiver) - numeric).norm();
+    assert!(error <= 1e-6 * (1.0 + numeric.norm()), "the jacobian is off by {error}");
+
+    let nearby = state.add_scalar(1.0);
+    let pairs: [[f64; 2]; N] = core::array::from_fn(|row| [state[row], nearby[row]]);
+    let columns: [&[f64]; N] = core::array::from_fn(|row| &pairs[row][..]);
+    let mut out = [f64::NAN; 2];
+    model.log_likelihoods(columns, observation, &mut out);
+    for (x, many) in [*state, nearby].iter().zip(out) {
+        let one = model.log_likelihood(x, observation);
+        assert!(
+            (one - many).abs() <= 1e-9 * (1.0 + one.abs()),
+            "log_likelihoods says {many}, log_likelihood {one}"
+        );
+    }
+    let empty = (0..M).fold(*observation, Observation::without);
+    let nothing = model.log_likelihood(state, &empty);
+    assert!(nothing.abs() < 1e-12, "an empty observation has the log-likelihood {nothing}");
+}
+
+/// A model that calls an angle linear keeps the other laws; on a walk round the receiver it jumps.
+fn walk_round<const N: usize, const M: usize>(
+    model: &impl MeasurementModel<N, M>,
+    state: &State<N>,
+    receiver: &Pose,
+) {
+    const STEPS: u16 = 360;
+    let around = |step: u16| {
+        let angle = TAU * f64::from(step) / f64::from(STEPS);
+        let mut x = *state;
+        x[0] = receiver.position.x + 50.0 * libm::cos(angle);
+        x[1] = receiver.position.y + 50.0 * libm::sin(angle);
+        model.expected(&x, receiver)
+    };
+    let stride = |step: u16| model.residual(&around(step + 1), &around(step)).norm();
+    let path: f64 = (0..STEPS).map(stride).sum();
+    let longest = (0..STEPS).map(stride).fold(0.0, f64::max);
+    assert!(
+        longest <= path / f64::from(STEPS) * 8.0 + 1e-9,
+        "expected jumps by {longest} on a walk round the receiver"
+    );
+}

@@ -1,0 +1,66 @@
+//! The traits and data types of foxhunt.
+//!
+//! Everything here is `no_std` and allocates nothing. A crate that only wants to *implement* a
+//! backend depends on this crate and on nothing else.
+//!
+//! | what | trait | what it is asked |
+//! |-|-|-|
+//! | how the target moves | [`MotionModel`] | `f(x, Δt)` and a factor of `Q` |
+//! | what a receiver measures | [`MeasurementModel`] | `h(x; pose)`, its geometry, its likelihood |
+//! | who is to be believed | [`Estimator`] | `predict`, `update`, `estimate` |
+//! | what is believed | [`Belief`] | moments and samples of the target's place |
+//! | where the antenna looked | [`PatternSource`] | one finished [`Sweep`] at a time |
+//! | where the signal came from | [`BearingExtractor`] | a sweep to a [`Reading`] |
+//! | where to fly | [`FormationPlanner`] | a goal for each [`Station`] |
+//! | who flies | [`Vehicle`], [`Fleet`] | a pose out, a goal in |
+//! | what a source is made of | [`Radio`], [`Rotator`], [`Clock`] | power, an angle, the time |
+//!
+//! # Conventions
+//!
+//! SI units and radians inside; a name carries its unit where SI does not say it (`rss_dbm`).
+//! The frame is local East-North-Up; angles run counter-clockwise from East. Compass degrees
+//! exist only at the edges. The first two components of a state are the target's East and North.
+
+#![no_std]
+
+#[cfg(feature = "alloc")]
+extern crate alloc;
+
+pub mod angle;
+mod axis;
+mod belief;
+mod devices;
+mod estimate;
+mod estimator;
+mod extractor;
+mod forward;
+#[cfg(feature = "laws")]
+pub mod laws;
+mod measurement;
+mod motion;
+pub mod noise;
+mod observation;
+mod pattern;
+mod planner;
+mod pose;
+mod reception;
+mod vehicle;
+
+pub use nalgebra;
+
+pub use axis::Axis;
+pub use belief::{Belief, BeliefOf, visit_cubature_points};
+pub use devices::{Clock, Radio, Rotator};
+pub use estimate::{Covariance, Ellipse, Estimate, State};
+pub use estimator::{Correction, Estimator, EstimatorError, Role};
+pub use extractor::{Bearing, BearingExtractor, NoBearing, NoReading, Reading};
+pub use measurement::{MeasurementModel, gaussian_log_likelihood, numeric_jacobian};
+pub use motion::{ConstantVelocity, MotionModel, RandomWalk};
+pub use observation::{Observation, ObservationError};
+pub use pattern::{PatternSource, Sample, Sweep};
+pub use planner::{
+    Decision, FormationPlanner, Outcome, PlanError, PlannerFn, Stage, Station, planner_fn,
+};
+pub use pose::{BeaconId, Pose, Waypoint};
+pub use reception::Reception;
+pub use vehicle::{Fleet, Vehicle};

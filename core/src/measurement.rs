@@ -1,0 +1,78 @@
+use nalgebra::{SMatrix, SVector};
+
+use crate::{Axis, Observation, Pose, State};
+
+/// What a receiver at a known pose measures of a target in a given state.
+///
+/// Two methods are asked of an implementor: [`axes`](Self::axes) and
+/// [`expected`](Self::expected). The rest follow from these, so every model runs under every
+/// estimator; override what can be done better.
+///
+/// # Laws
+///
+/// Checked by `laws::measurement_model`, feature `laws`: `expected` is finite for every finite
+/// state; `residual(z, z) = 0`; a turn of 2π on an [`Axis::Angle`] changes no residual;
+/// `jacobian` agrees with finite differences; `log_likelihoods` agrees with `log_likelihood`.
+pub trait MeasurementModel<const N: usize, const M: usize> {
+    /// The geometry of each component. **This method owns the wrap**: means and residuals in
+    /// every estimator follow from it.
+    fn axes(&self) -> [Axis; M];
+
+    /// h(x; pose): the noise-free measurement.
+    fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M>;
+
+    /// z ⊖ ẑ, the short way round on each angle.
+    fn residual(&self, z: &SVector<f64, M>, expected: &SVector<f64, M>) -> SVector<f64, M> {
+        Axis::difference(&self.axes(), z, expected)
+    }
+
+    /// ∂h/∂x; by central differences unless overridden.
+    fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
+        numeric_jacobian(state, |x| self.expected(x, receiver), |a, b| self.residual(a, b))
+    }
+
+    /// ln p(z | x) of the components present, 0 when none is; Gaussian with the observation's
+    /// own covariance unless overridden.
+    fn log_likelihood(&self, state: &State<N>, observation: &Observation<M>) -> f64 {
+        gaussian_log_likelihood(self, state, observation)
+    }
+
+    /// [`log_likelihood`](Self::log_likelihood) of many states at once, held as one column for
+    /// each component; sets `out`. Columns and `out` are of one length.
+    fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<M>, out: &mut [f64]) {
+        for (i, out) in out.iter_mut().enumerate() {
+            let state = State::from_fn(|row, _| columns[row][i]);
+            *out = self.log_likelihood(&state, observation);
+        }
+    }
+}
+
+/// ln N(z ⊖ h(x); 0, R) of the components present: what an override starts from.
+#[must_use]
+pub fn gaussian_log_likelihood<const N: usize, const M: usize>(
+    model: &(impl MeasurementModel<N, M> + ?Sized),
+    state: &State<N>,
+    observation: &Observation<M>,
+) -> f64 {
+    let expected = model.expected(state, observation.receiver());
+    observation.log_density(&model.residual(observation.value(), &expected))
+}
+
+/// The Jacobian of `map` at `x` by central differences; `minus` is ⊖ on its image.
+#[must_use]
+pub fn numeric_jacobian<const A: usize, const B: usize>(
+    x: &SVector<f64, A>,
+    map: impl Fn(&SVector<f64, A>) -> SVector<f64, B>,
+    minus: impl Fn(&SVector<f64, B>, &SVector<f64, B>) -> SVector<f64, B>,
+) -> SMatrix<f64, B, A> {
+    let mut jacobian = SMatrix::<f64, B, A>::zeros();
+    for i in 0..A {
+        // The step that balances truncation against rounding: ε^⅓ of the component's size.
+        let step = libm::cbrt(f64::EPSILON) * libm::fmax(1.0, x[i].abs());
+        let (mut low, mut high) = (*x, *x);
+        low[i] -= step;
+        high[i] += step;
+        jacobian.set_column(i, &(minus(&map(&high), &map(&low)) / (high[i] - low[i])));
+    }
+    jacobian
+}

@@ -1,0 +1,37 @@
+mod constant_velocity;
+mod random_walk;
+
+use nalgebra::SMatrix;
+
+pub use constant_velocity::ConstantVelocity;
+pub use random_walk::RandomWalk;
+
+use crate::{Axis, State, numeric_jacobian};
+
+/// How the target moves between two observations.
+///
+/// # Laws
+///
+/// Checked by `laws::motion_model`, feature `laws`: `propagate(x, 0) = x`,
+/// `noise_factor(x, 0) = 0`, `jacobian` agrees with finite differences.
+pub trait MotionModel<const N: usize> {
+    /// f(x, Δt): the state after `dt` seconds without noise.
+    fn propagate(&self, state: &State<N>, dt: f64) -> State<N>;
+
+    /// L with L Lᵀ = Q(Δt).
+    ///
+    /// A factor is asked for and not Q, so that Q is positive semi-definite by construction and
+    /// a particle is moved by L ξ with no factorisation.
+    fn noise_factor(&self, state: &State<N>, dt: f64) -> SMatrix<f64, N, N>;
+
+    /// The geometry of each state component.
+    fn axes(&self) -> [Axis; N] {
+        [Axis::Linear; N]
+    }
+
+    /// ∂f/∂x; by central differences unless overridden.
+    fn jacobian(&self, state: &State<N>, dt: f64) -> SMatrix<f64, N, N> {
+        let axes = self.axes();
+        numeric_jacobian(state, |x| self.propagate(x, dt), |a, b| Axis::difference(&axes, a, b))
+    }
+}

@@ -1,0 +1,34 @@
+use nalgebra::{SMatrix, SVector};
+
+use crate::{MotionModel, State};
+
+/// A target that stays, give or take: every component does a random walk of its own.
+///
+/// f(x, Δt) = x, Q = diag(dᵢ²) Δt with the drift dᵢ in the component's unit per √second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RandomWalk<const N: usize> {
+    /// The root of each component's spectral density, in its unit per √second.
+    pub drift: SVector<f64, N>,
+}
+
+impl<const N: usize> RandomWalk<N> {
+    /// The same drift on every component; 0 is a target that does not move at all.
+    #[must_use]
+    pub fn uniform(drift: f64) -> Self {
+        Self { drift: SVector::repeat(drift) }
+    }
+}
+
+impl<const N: usize> MotionModel<N> for RandomWalk<N> {
+    fn propagate(&self, state: &State<N>, _dt: f64) -> State<N> {
+        *state
+    }
+
+    fn noise_factor(&self, _state: &State<N>, dt: f64) -> SMatrix<f64, N, N> {
+        SMatrix::from_diagonal(&(self.drift * libm::sqrt(dt)))
+    }
+
+    fn jacobian(&self, _state: &State<N>, _dt: f64) -> SMatrix<f64, N, N> {
+        SMatrix::identity()
+    }
+}

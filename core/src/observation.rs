@@ -1,0 +1,214 @@
+use nalgebra::{SMatrix, SVector};
+
+use crate::{Covariance, Pose, noise};
+
+/// `M` numbers measured by one receiver at one time, each with its own noise, any of them
+/// missing.
+///
+/// The noise covariance travels with the numbers, because it differs at every step: a bearing's
+/// σ is what the extractor made of that very sweep. It is factored once, here.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(try_from = "Parts<M>", into = "Parts<M>"))]
+pub struct Observation<const M: usize> {
+    time: f64,
+    receiver: Pose,
+    value: SVector<f64, M>,
+    noise: Covariance<M>,
+    root: SMatrix<f64, M, M>,
+    present: [bool; M],
+}
+
+impl<const M: usize> Observation<M> {
+    /// An observation with every component present.
+    ///
+    /// # Errors
+    ///
+    /// Names the time, the pose or the first component that is not finite, or whose variance is
+    /// not positive; or says that the covariance as a whole is not positive definite.
+    pub fn new(
+        time: f64,
+        receiver: Pose,
+        value: SVector<f64, M>,
+        noise: Covariance<M>,
+    ) -> Result<Self, ObservationError> {
+        if !time.is_finite() {
+            return Err(ObservationError::Time { time });
+        }
+        if !receiver.is_finite() {
+            return Err(ObservationError::Receiver { pose: receiver });
+        }
+        for component in 0..M {
+            let (value, variance) = (value[component], noise[(component, component)]);
+            if !value.is_finite() {
+                return Err(ObservationError::Value { component, value });
+            }
+            if !(variance > 0.0 && variance.is_finite()) {
+                return Err(ObservationError::Variance { component, variance });
+            }
+        }
+        let root = noise.cholesky().ok_or(ObservationError::Covariance)?.unpack();
+        Ok(Self { time, receiver, value, noise, root, present: [true; M] })
+    }
+
+    /// The same observation with one component struck out.
+    ///
+    /// # Panics
+    ///
+    /// When there is no such component.
+    #[must_use]
+    pub fn without(mut self, component: usize) -> Self {
+        self.present[component] = false;
+        self.root = self
+            .noise()
+            .cholesky()
+            .expect("a principal submatrix of a positive definite matrix is one too")
+            .unpack();
+        self
+    }
+
+    /// When it was heard, in seconds.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Where the receiver was.
+    #[must_use]
+    pub fn receiver(&self) -> &Pose {
+        &self.receiver
+    }
+
+    /// The numbers; a missing component holds what it was given and must not be read.
+    #[must_use]
+    pub fn value(&self) -> &SVector<f64, M> {
+        &self.value
+    }
+
+    /// How many components are present: the degrees of freedom of its NIS.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.present.iter().filter(|&&p| p).count()
+    }
+
+    /// Whether nothing at all was heard.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// R with each missing component decoupled and of unit variance.
+    ///
+    /// Together with [`mask`](Self::mask) this is the same as striking the
+    /// component's row and column out, without changing a dimension.
+    #[must_use]
+    pub fn noise(&self) -> Covariance<M> {
+        Covariance::from_fn(|i, j| match (self.present[i] && self.present[j], i == j) {
+            (true, _) => self.noise[(i, j)],
+            (false, true) => 1.0,
+            (false, false) => 0.0,
+        })
+    }
+
+    /// ln N(r; 0, R) over the components present.
+    #[must_use]
+    pub fn log_density(&self, residual: &SVector<f64, M>) -> f64 {
+        let residual = self.mask(residual.transpose()).transpose();
+        noise::gaussian(&residual, &self.root, self.len())
+    }
+
+    /// Zeroes the missing components' columns.
+    #[must_use]
+    pub fn mask<const A: usize>(&self, matrix: SMatrix<f64, A, M>) -> SMatrix<f64, A, M> {
+        SMatrix::from_fn(|i, j| if self.present[j] { matrix[(i, j)] } else { 0.0 })
+    }
+}
+
+/// Why an observation cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ObservationError {
+    /// The time is NaN or infinite.
+    #[error("the time of the observation is {time}, not a finite number")]
+    Time {
+        /// What it was.
+        time: f64,
+    },
+    /// The receiver's pose holds NaN or infinity.
+    #[error("the receiver's pose is not finite: {pose:?}")]
+    Receiver {
+        /// What it was.
+        pose: Pose,
+    },
+    /// A component is NaN or infinite.
+    #[error("component {component} of the observation is {value}, not a finite number")]
+    Value {
+        /// Which component.
+        component: usize,
+        /// What it held.
+        value: f64,
+    },
+    /// A component's variance is not positive and finite.
+    #[error("the variance of component {component} is {variance}, not a positive number")]
+    Variance {
+        /// Which component.
+        component: usize,
+        /// What it held.
+        variance: f64,
+    },
+    /// The covariance is not positive definite.
+    #[error("the covariance of the observation is not positive definite")]
+    Covariance,
+}
+
+/// The plain fields, as they stand in a file; read back only through [`Observation::new`].
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+struct Parts<const M: usize> {
+    time: f64,
+    receiver: Pose,
+    value: SVector<f64, M>,
+    noise: Covariance<M>,
+    missing: nalgebra::SVector<bool, M>,
+}
+
+#[cfg(feature = "serde")]
+impl<const M: usize> TryFrom<Parts<M>> for Observation<M> {
+    type Error = ObservationError;
+
+    fn try_from(parts: Parts<M>) -> Result<Self, ObservationError> {
+        let whole = Self::new(parts.time, parts.receiver, parts.value, parts.noise)?;
+        Ok((0..M).filter(|&i| parts.missing[i]).fold(whole, Self::without))
+    }
+}
+
+#[cfg(feature = "serde")]
+impl<const M: usize> From<Observation<M>> for Parts<M> {
+    fn from(o: Observation<M>) -> Self {
+        Self {
+            time: o.time,
+            receiver: o.receiver,
+            value: o.value,
+            noise: o.noise,
+            missing: SVector::from_fn(|i, _| !o.present[i]),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix1, Matrix2, Vector1, Vector2};
+
+    use super::*;
+
+    #[test]
+    fn a_missing_component_leaves_the_other_ones_density() {
+        let noise = Matrix2::new(4.0, 1.5, 1.5, 9.0);
+        let pair = Observation::new(0.0, Pose::default(), Vector2::zeros(), noise).expect("proper");
+        let alone = Observation::new(0.0, Pose::default(), Vector1::zeros(), Matrix1::new(4.0));
+        let alone = alone.expect("proper").log_density(&Vector1::new(1.0));
+        let error = pair.without(1).log_density(&Vector2::new(1.0, 7.0)) - alone;
+        assert!(error.abs() < 1e-14, "off by {error}");
+        assert!(pair.without(0).without(1).log_density(&Vector2::new(1.0, 7.0)).abs() < 1e-14);
+    }
+}

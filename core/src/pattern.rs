@@ -1,0 +1,59 @@
+use crate::{BeaconId, Pose};
+
+/// One power reading along one boresight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// When, in seconds.
+    pub time: f64,
+    /// Where the drone was, and where its nose pointed.
+    pub receiver: Pose,
+    /// Where the antenna looked, in radians in the world frame.
+    pub boresight: f64,
+    /// Which of the turn's positions this reading belongs to, from 0.
+    pub position: u16,
+    /// Received power in dBm.
+    pub rss_dbm: f64,
+}
+
+/// One turn of a directional antenna, lent by its source until the next poll.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sweep<'a> {
+    /// Whose signal was listened for.
+    pub beacon: BeaconId,
+    /// When the turn ended, in seconds.
+    pub time: f64,
+    /// Where the receiver was: the mean over the turn.
+    pub receiver: Pose,
+    /// How many equal positions make a turn; position `i` is nominally at 2πi over this.
+    pub positions: u16,
+    /// The readings, in the order in which they were taken; none where nothing was heard.
+    pub samples: &'a [Sample],
+}
+
+/// Something that turns an antenna: a stepper under the drone, or the whole airframe.
+///
+/// # Laws
+///
+/// Checked by `laws::pattern_source`, feature `laws`: a sweep is of the beacon that was asked
+/// for; its samples' times do not decrease and their positions are below `positions`; a source
+/// that was not asked lends nothing.
+pub trait PatternSource {
+    /// Why a turn failed.
+    type Error: core::error::Error + 'static;
+
+    /// Begins a turn that listens for `beacon`; one that is under way is given up.
+    ///
+    /// # Errors
+    ///
+    /// Whatever the hardware says; the source may be asked again after an error.
+    fn begin(&mut self, beacon: BeaconId) -> Result<(), Self::Error>;
+
+    /// Takes what steps can be taken now; lends the sweep once, when the turn is complete.
+    ///
+    /// Never blocks, so one loop can serve several sources and a simulator can own the clock.
+    ///
+    /// # Errors
+    ///
+    /// Whatever the hardware says; a source may be polled again after an error.
+    fn poll(&mut self) -> Result<Option<Sweep<'_>>, Self::Error>;
+}

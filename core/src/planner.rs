@@ -1,0 +1,156 @@
+use core::fmt;
+
+use crate::{Belief, Pose, Waypoint};
+
+/// One drone's place in the formation: where it is and where it shall go.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Station {
+    /// Where it is.
+    pub pose: Pose,
+    /// Where it shall go.
+    pub goal: Waypoint,
+}
+
+impl Station {
+    /// A drone that stays where it is.
+    #[must_use]
+    pub fn holding(pose: Pose) -> Self {
+        Self { pose, goal: Waypoint { position: pose.position } }
+    }
+}
+
+/// Decides where each drone listens next, and when the target is found.
+///
+/// # Laws
+///
+/// Checked by `laws::formation_planner`, feature `laws`: goals are finite; on an error no goal
+/// is changed.
+pub trait FormationPlanner {
+    /// Starts on a new target: sets the goals from where the drones are now. Unless overridden,
+    /// everyone listens where it is.
+    ///
+    /// # Errors
+    ///
+    /// On any error no goal is changed.
+    fn begin(&mut self, stations: &mut [Station]) -> Result<(), PlanError> {
+        for station in stations {
+            *station = Station::holding(station.pose);
+        }
+        Ok(())
+    }
+
+    /// Sets the goal of every station from the belief about the target, after each drone had
+    /// its turn at the goals set before.
+    ///
+    /// # Errors
+    ///
+    /// On any error no goal is changed.
+    fn plan(
+        &mut self,
+        belief: &dyn Belief,
+        stations: &mut [Station],
+    ) -> Result<Decision, PlanError>;
+}
+
+/// What a planner wants done next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Decision {
+    /// Go to the goals and listen there.
+    Listen(Stage),
+    /// The search for this target is over; the goals say where to go all the same.
+    Finish(Outcome),
+}
+
+/// How far a search has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+pub enum Stage {
+    /// The target's place is still moving in the belief.
+    #[default]
+    Searching,
+    /// The target is found; a few more turns make its place more certain.
+    Finishing,
+}
+
+/// How a search ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum Outcome {
+    /// The planner's rule was met.
+    Converged,
+    /// The planner's cap on moves was reached first.
+    MoveLimit,
+    /// Nothing was heard of the target, however often its place was listened to.
+    NothingHeard,
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Converged => "converged",
+            Self::MoveLimit => "move limit reached",
+            Self::NothingHeard => "nothing heard",
+        })
+    }
+}
+
+/// Why there is no plan.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// The formation needs more drones.
+    #[error("the formation needs {needed} drones and has {have}")]
+    TooFew {
+        /// How many it needs.
+        needed: usize,
+        /// How many there are.
+        have: usize,
+    },
+    /// The belief holds NaN or infinity.
+    #[error("the estimate ({east}, {north}) m is not finite")]
+    NotFinite {
+        /// Its East.
+        east: f64,
+        /// Its North.
+        north: f64,
+    },
+}
+
+/// A planner made of a closure.
+///
+/// ```
+/// use foxhunt_core::{Belief, Decision, Stage, Station, planner_fn};
+/// let follow = planner_fn(|belief: &dyn Belief, stations: &mut [Station]| {
+///     for station in stations {
+///         station.goal.position.x = belief.position().mean.x;
+///     }
+///     Ok(Decision::Listen(Stage::Searching))
+/// });
+/// # let _ = follow;
+/// ```
+pub fn planner_fn<F>(plan: F) -> PlannerFn<F>
+where
+    F: FnMut(&dyn Belief, &mut [Station]) -> Result<Decision, PlanError>,
+{
+    PlannerFn(plan)
+}
+
+/// The planner that [`planner_fn`] makes.
+#[derive(Clone, Copy, Debug)]
+pub struct PlannerFn<F>(F);
+
+impl<F> FormationPlanner for PlannerFn<F>
+where
+    F: FnMut(&dyn Belief, &mut [Station]) -> Result<Decision, PlanError>,
+{
+    fn plan(
+        &mut self,
+        belief: &dyn Belief,
+        stations: &mut [Station],
+    ) -> Result<Decision, PlanError> {
+        (self.0)(belief, stations)
+    }
+}

@@ -1,0 +1,73 @@
+use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
+
+use crate::{BeaconId, Bearing, Observation, ObservationError, Pose, Reading, Sweep};
+
+/// What one receiver learned from one sweep: the datum that is logged and replayed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Reception {
+    /// Whose signal it was.
+    pub beacon: BeaconId,
+    /// When, in seconds.
+    pub time: f64,
+    /// Where the receiver was.
+    pub receiver: Pose,
+    /// The received power in dBm.
+    pub rss_dbm: f64,
+    /// Its standard deviation in dB.
+    pub rss_sigma_db: f64,
+    /// The direction of arrival, if the sweep had one.
+    pub bearing: Option<Bearing>,
+    /// The covariance of level and bearing, in dB rad.
+    pub covariance: f64,
+}
+
+impl Reception {
+    /// What a sweep said according to an extractor's reading of it.
+    #[must_use]
+    pub fn new(sweep: &Sweep<'_>, reading: &Reading) -> Self {
+        Self {
+            beacon: sweep.beacon,
+            time: sweep.time,
+            receiver: sweep.receiver,
+            rss_dbm: reading.rss_dbm,
+            rss_sigma_db: reading.rss_sigma_db,
+            bearing: reading.bearing.ok(),
+            covariance: reading.covariance,
+        }
+    }
+}
+
+/// The stand-in for a bearing that is missing; an observation strikes it out again.
+const NO_BEARING: Bearing = Bearing { angle: 0.0, sigma: 1.0, confidence: 0.0 };
+
+/// The bearing alone.
+impl TryFrom<&Reception> for Observation<1> {
+    type Error = ObservationError;
+
+    fn try_from(r: &Reception) -> Result<Self, ObservationError> {
+        let bearing = r.bearing.unwrap_or(NO_BEARING);
+        let variance = SMatrix::<f64, 1, 1>::new(bearing.sigma * bearing.sigma);
+        let whole = Self::new(r.time, r.receiver, SVector::<f64, 1>::new(bearing.angle), variance)?;
+        Ok(if r.bearing.is_none() { whole.without(0) } else { whole })
+    }
+}
+
+/// Signal strength, then bearing.
+impl TryFrom<&Reception> for Observation<2> {
+    type Error = ObservationError;
+
+    fn try_from(r: &Reception) -> Result<Self, ObservationError> {
+        let bearing = r.bearing.unwrap_or(NO_BEARING);
+        let coupling = if r.bearing.is_some() { r.covariance } else { 0.0 };
+        let noise = Matrix2::new(
+            r.rss_sigma_db * r.rss_sigma_db,
+            coupling,
+            coupling,
+            bearing.sigma * bearing.sigma,
+        );
+        let whole = Self::new(r.time, r.receiver, Vector2::new(r.rss_dbm, bearing.angle), noise)?;
+        Ok(if r.bearing.is_none() { whole.without(1) } else { whole })
+    }
+}

@@ -1,0 +1,1 @@
+//! foxhunt sim

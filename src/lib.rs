@@ -1,0 +1,2 @@
+//! facade
+pub use foxhunt_core as core;
