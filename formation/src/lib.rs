@@ -1,1 +1,21 @@
-//! foxhunt formation
+//! Where a formation of drones listens: shapes, planners, and the phases of a search.
+//!
+//! | planner | goes | finishes |
+//! |-|-|-|
+//! | [`FollowEstimate`] | a regular polygon about the estimate (Pritzl 2018, §5.2) | when the estimate has settled |
+//! | [`Hold`] | nowhere | after a number of turns |
+//!
+//! A planner of one's own is a `foxhunt_core::FormationPlanner`, or a closure through
+//! `foxhunt_core::planner_fn`.
+
+#![no_std]
+
+mod follow_estimate;
+mod hold;
+mod phases;
+mod polygon;
+
+pub use follow_estimate::{FollowConfig, FollowConfigError, FollowEstimate};
+pub use hold::Hold;
+pub use phases::{Phase, PhaseError, Phases, Signal};
+pub use polygon::Polygon;
