@@ -1,1 +1,42 @@
-//! foxhunt sensors
+//! What a receiver measures, and what can be made of it.
+//!
+//! | what | here |
+//! |-|-|
+//! | how power falls with range | [`Propagation`]: [`LogDistance`], [`Friis`] |
+//! | what a receiver expects | [`Rss`], [`BearingOnly`], [`RssBearing`], [`FreePowerRssBearing`], [`FreePathLossRssBearing`] |
+//! | how bearings err | [`BearingMixture`] |
+//! | a turn of the antenna, put in order | [`Pattern`] |
+//! | from a turn to level and bearing | [`Pritzl2018`] |
+//! | what the transmitter's law is | [`fit_log_distance`] |
+//! | an antenna's gain | [`PatternTable`] (`alloc`) |
+//! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
+//!
+//! Conventions are those of [`foxhunt_core`]: metres, seconds, radians counter-clockwise from
+//! East, dBm. Without features nothing here allocates.
+
+#![no_std]
+
+#[cfg(feature = "alloc")]
+extern crate alloc;
+
+#[cfg(feature = "alloc")]
+mod antenna;
+mod calibration;
+mod extractor;
+mod models;
+mod parameter;
+mod propagation;
+#[cfg(feature = "alloc")]
+mod stepper;
+
+#[cfg(feature = "alloc")]
+pub use antenna::{PatternTable, PatternTableError};
+pub use calibration::{CalibrationError, PathLossFit, fit_log_distance};
+pub use extractor::{Cell, Pattern, Pritzl2018, harmonic_confidence};
+pub use models::{
+    BearingMixture, BearingOnly, FreePathLossRssBearing, FreePowerRssBearing, Rss, RssBearing,
+};
+pub use parameter::ParameterError;
+pub use propagation::{Friis, LogDistance, Propagation};
+#[cfg(feature = "alloc")]
+pub use stepper::{StepperConfig, StepperError, StepperSource};

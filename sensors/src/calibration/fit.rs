@@ -1,0 +1,138 @@
+use nalgebra::Matrix2;
+
+use super::CalibrationError;
+use crate::{LogDistance, ParameterError};
+
+/// A log-distance law fitted to points of range and power, and how well they fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathLossFit {
+    /// P₀: the power at one metre, in dBm.
+    pub reference_dbm: f64,
+    /// γ, the path-loss exponent.
+    pub exponent: f64,
+    /// How many points there were.
+    pub points: usize,
+    /// The root of the mean squared residual, in dB.
+    pub rmse_db: f64,
+    /// The estimate of the noise's standard deviation in dB: the root of the squared residuals over
+    /// the degrees of freedom.
+    pub sigma_db: f64,
+    /// The covariance of P₀ and γ, in dB² and dB. Where the bound holds γ it is that of P₀ alone, on
+    /// condition of γ, and zero elsewhere.
+    pub covariance: Matrix2<f64>,
+    /// Whether γ was held by its upper bound.
+    pub at_bound: bool,
+}
+
+impl PathLossFit {
+    /// The fitted law.
+    ///
+    /// # Errors
+    ///
+    /// When the exponent is not positive: power that does not fall with range is no such law.
+    pub fn law(&self) -> Result<LogDistance, ParameterError> {
+        LogDistance::new(self.reference_dbm, self.exponent)
+    }
+
+    /// The standard error of P₀ in dB; on condition of γ where γ is at its bound.
+    #[must_use]
+    pub fn reference_error_db(&self) -> f64 {
+        libm::sqrt(self.covariance[(0, 0)])
+    }
+
+    /// The standard error of γ; 0 where γ is at its bound.
+    #[must_use]
+    pub fn exponent_error(&self) -> f64 {
+        libm::sqrt(self.covariance[(1, 1)])
+    }
+}
+
+/// Fits P = P₀ − 10 γ log₁₀ d by least squares to points of range in metres and mean power in dBm,
+/// with γ at most `max_exponent` if there is one (Pritzl 2018, §7.1, and 3.0 in §7.2).
+///
+/// ```
+/// use foxhunt_sensors::fit_log_distance;
+/// # fn main() -> Result<(), foxhunt_sensors::CalibrationError> {
+/// let fit = fit_log_distance([(1.0, -30.0), (10.0, -50.0), (100.0, -70.0)], None)?;
+/// assert!((fit.exponent - 2.0).abs() < 1e-12 && (fit.reference_dbm + 30.0).abs() < 1e-12);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Errors
+///
+/// Names the point that is not a range and a power, or says what the points lack.
+pub fn fit_log_distance<I>(
+    points: I,
+    max_exponent: Option<f64>,
+) -> Result<PathLossFit, CalibrationError>
+where
+    I: IntoIterator<Item = (f64, f64), IntoIter: Clone>,
+{
+    if let Some(bound) = max_exponent.filter(|b| !(*b > 0.0 && b.is_finite())) {
+        return Err(CalibrationError::Bound { bound });
+    }
+    let points = points.into_iter();
+    check(points.clone())?;
+    // y = P₀ + γ x with x = −10 log₁₀ d, about the means.
+    let abscissa = |range: f64| -10.0 * libm::log10(range);
+    let pairs = points.clone().map(|(range, y)| (abscissa(range), y));
+    let count = pairs.clone().count();
+    #[expect(clippy::cast_precision_loss, reason = "points fit into memory many times over")]
+    let n = count as f64;
+    let (sum_x, sum_y) = pairs.clone().fold((0.0, 0.0), |(a, b), (x, y)| (a + x, b + y));
+    let (mean_x, mean_y) = (sum_x / n, sum_y / n);
+    let (sxx, sxy) = pairs.clone().fold((0.0, 0.0), |(xx, xy), (x, y)| {
+        (xx + (x - mean_x) * (x - mean_x), xy + (x - mean_x) * (y - mean_y))
+    });
+    // A spread of a ten-billionth of a dB in range is rounding.
+    if sxx <= n * 1e-20 {
+        return Err(CalibrationError::OneRange { range: libm::exp10(-0.1 * mean_x) });
+    }
+
+    let free = sxy / sxx;
+    let bound = max_exponent.filter(|bound| free > *bound);
+    let exponent = bound.unwrap_or(free);
+    let reference_dbm = mean_y - exponent * mean_x;
+    let squares: f64 = pairs
+        .map(|(x, y)| {
+            let residual = y - mean_y - exponent * (x - mean_x);
+            residual * residual
+        })
+        .sum();
+    let freedom = if bound.is_some() { n - 1.0 } else { n - 2.0 };
+    let variance = squares / freedom;
+    let covariance = if bound.is_some() {
+        Matrix2::new(variance / n, 0.0, 0.0, 0.0)
+    } else {
+        let shared = -mean_x / sxx;
+        Matrix2::new(1.0 / n + mean_x * mean_x / sxx, shared, shared, 1.0 / sxx) * variance
+    };
+    Ok(PathLossFit {
+        reference_dbm,
+        exponent,
+        points: count,
+        rmse_db: libm::sqrt(squares / n),
+        sigma_db: libm::sqrt(variance),
+        covariance,
+        at_bound: bound.is_some(),
+    })
+}
+
+fn check(points: impl Iterator<Item = (f64, f64)>) -> Result<(), CalibrationError> {
+    const NEEDED: usize = 3;
+    let mut count = 0;
+    for (index, (range, rss_dbm)) in points.enumerate() {
+        if !(range > 0.0 && range.is_finite()) {
+            return Err(CalibrationError::Range { index, range });
+        }
+        if !rss_dbm.is_finite() {
+            return Err(CalibrationError::Rss { index, rss_dbm });
+        }
+        count = index + 1;
+    }
+    if count < NEEDED {
+        return Err(CalibrationError::TooFew { points: count, needed: NEEDED });
+    }
+    Ok(())
+}

@@ -1,0 +1,49 @@
+use super::round_half_away;
+
+/// One position of a turn: what was measured there, and what its neighbours make of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cell {
+    /// How many samples the position has.
+    pub(super) count: u16,
+    /// How many measured positions the moving mean had.
+    pub(super) window: u16,
+    /// The mean of the samples in dBm, if there is one.
+    pub(super) mean_dbm: f64,
+    /// The moving mean in dBm, if its window had anything.
+    pub(super) smoothed_dbm: f64,
+    /// The circular mean of the samples' boresights; without samples, nominal plus yaw.
+    pub(super) angle: f64,
+}
+
+impl Cell {
+    /// How many samples the position has.
+    #[must_use]
+    pub fn count(&self) -> u16 {
+        self.count
+    }
+
+    /// The mean of its samples in dBm (Pritzl 2018, eq. 4.1).
+    #[must_use]
+    pub fn mean_dbm(&self) -> Option<f64> {
+        (self.count > 0).then_some(self.mean_dbm)
+    }
+
+    /// Where the antenna looked, in radians in the world frame: the circular mean of its samples'
+    /// boresights (Pritzl 2018, eq. 4.2); without samples, the nominal angle plus the mean yaw.
+    #[must_use]
+    pub fn angle(&self) -> f64 {
+        self.angle
+    }
+
+    /// The moving mean about it, in dBm; `None` where the whole window is empty.
+    #[must_use]
+    pub fn smoothed_dbm(&self) -> Option<f64> {
+        (self.window > 0).then_some(self.smoothed_dbm)
+    }
+
+    /// The moving mean in whole dBm, halves away from zero.
+    #[must_use]
+    pub fn rounded_dbm(&self) -> Option<f64> {
+        self.smoothed_dbm().map(round_half_away)
+    }
+}

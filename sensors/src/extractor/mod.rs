@@ -1,0 +1,15 @@
+//! From a turn of the antenna to a level and a bearing.
+
+mod cell;
+mod confidence;
+mod config;
+mod pattern;
+mod pritzl2018;
+mod rounding;
+
+pub use cell::Cell;
+pub use confidence::harmonic_confidence;
+pub use pattern::Pattern;
+pub use pritzl2018::Pritzl2018;
+
+use rounding::round_half_away;

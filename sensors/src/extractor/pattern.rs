@@ -1,0 +1,150 @@
+use core::f64::consts::TAU;
+
+use foxhunt_core::{
+    NoReading, Sweep,
+    angle::{self, Resultant},
+};
+
+use super::Cell;
+
+/// A turn of the antenna in order (Pritzl 2018, §4.1): what each position measured on average,
+/// and the moving mean around the circle, which fills gaps from their neighbours.
+///
+/// Data only; an extractor reads it, and so may a plot. Kept in place, without an allocator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pattern {
+    cells: [Cell; Pattern::CAPACITY as usize],
+    positions: u16,
+    measured: u16,
+    rss_dbm: f64,
+}
+
+impl Pattern {
+    /// How many positions a turn may have: one for each degree.
+    pub const CAPACITY: u16 = 360;
+
+    /// Puts a sweep in order, with a moving mean over `window` positions: itself and as many on
+    /// either side (an even window counts as the next odd one).
+    ///
+    /// # Errors
+    ///
+    /// [`NoReading`] when there are no samples, or names the first that is not finite or out of
+    /// the turn, or the turn that is longer than [`CAPACITY`](Self::CAPACITY).
+    pub fn new(sweep: &Sweep<'_>, window: u16) -> Result<Self, NoReading> {
+        check(sweep)?;
+        let mut pattern = Self {
+            cells: [Cell::default(); Self::CAPACITY as usize],
+            positions: sweep.positions,
+            measured: 0,
+            rss_dbm: 0.0,
+        };
+        pattern.average(sweep);
+        pattern.smooth(window / 2);
+        Ok(pattern)
+    }
+
+    /// The positions, in order round the circle.
+    #[must_use]
+    pub fn cells(&self) -> &[Cell] {
+        self.cells.get(..usize::from(self.positions)).unwrap_or(&self.cells)
+    }
+
+    /// How many positions have samples.
+    #[must_use]
+    pub fn measured(&self) -> u16 {
+        self.measured
+    }
+
+    /// The mean power over the measured positions in dBm: before gaps are filled, in dB.
+    #[must_use]
+    pub fn rss_dbm(&self) -> f64 {
+        self.rss_dbm
+    }
+
+    /// The largest rounded moving mean in dBm.
+    #[must_use]
+    pub fn maximum_dbm(&self) -> f64 {
+        self.cells().iter().filter_map(Cell::rounded_dbm).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Per-position means of power and angle (Pritzl 2018, eqs. 4.1 and 4.2).
+    fn average(&mut self, sweep: &Sweep<'_>) {
+        let mut angles = [Resultant::default(); Self::CAPACITY as usize];
+        for sample in sweep.samples {
+            let i = usize::from(sample.position);
+            self.cells[i].count = self.cells[i].count.saturating_add(1);
+            self.cells[i].mean_dbm += sample.rss_dbm;
+            angles[i].add(sample.boresight, 1.0);
+        }
+        let mut yaw = Resultant::default();
+        let mut sum = 0.0;
+        for (i, cell) in (0..sweep.positions).zip(&mut self.cells) {
+            cell.angle = nominal(i, sweep.positions);
+            if cell.count == 0 {
+                continue;
+            }
+            cell.mean_dbm /= f64::from(cell.count);
+            sum += cell.mean_dbm;
+            self.measured += 1;
+            if let Some(angle) = angles[usize::from(i)].direction(LEAST_RESULTANT) {
+                yaw.add(angle - cell.angle, 1.0);
+                cell.angle = angle;
+            }
+        }
+        self.rss_dbm = sum / f64::from(self.measured);
+        // Where the offsets cancel there is no yaw to speak of, and the nominal angle stands.
+        let yaw = yaw.direction(LEAST_RESULTANT).unwrap_or(0.0);
+        for cell in self.cells.iter_mut().filter(|cell| cell.count == 0) {
+            cell.angle = angle::wrap(cell.angle + yaw);
+        }
+    }
+
+    /// The moving mean over the measured ones of 2 `reach` + 1 positions.
+    fn smooth(&mut self, reach: u16) {
+        let turn = usize::from(self.positions);
+        // A window longer than the turn would count positions twice.
+        let reach = usize::from(reach).min((turn - 1) / 2);
+        for i in 0..turn {
+            let (mut sum, mut window) = (0.0, 0_u16);
+            for step in 0..=2 * reach {
+                let neighbour = &self.cells[(i + turn - reach + step) % turn];
+                if let Some(mean) = neighbour.mean_dbm() {
+                    sum += mean;
+                    window += 1;
+                }
+            }
+            let cell = &mut self.cells[i];
+            cell.window = window;
+            cell.smoothed_dbm = if window > 0 { sum / f64::from(window) } else { 0.0 };
+        }
+    }
+}
+
+/// Directions whose mean resultant is shorter than this cancel up to rounding.
+const LEAST_RESULTANT: f64 = 1e-9;
+
+/// Where position `i` of a turn looks, in radians from the antenna's zero.
+fn nominal(i: u16, positions: u16) -> f64 {
+    TAU * f64::from(i) / f64::from(positions)
+}
+
+fn check(sweep: &Sweep<'_>) -> Result<(), NoReading> {
+    let positions = sweep.positions;
+    if !(1..=Pattern::CAPACITY).contains(&positions) {
+        return Err(NoReading::Capacity { positions, capacity: Pattern::CAPACITY });
+    }
+    if sweep.samples.is_empty() {
+        return Err(NoReading::Empty);
+    }
+    for (index, sample) in sweep.samples.iter().enumerate() {
+        for (field, value) in [("rss_dbm", sample.rss_dbm), ("boresight", sample.boresight)] {
+            if !value.is_finite() {
+                return Err(NoReading::NotFinite { index, field, value });
+            }
+        }
+        if sample.position >= positions {
+            return Err(NoReading::Position { index, position: sample.position, positions });
+        }
+    }
+    Ok(())
+}

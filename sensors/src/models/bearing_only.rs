@@ -1,0 +1,82 @@
+use core::f64::consts::TAU;
+
+use foxhunt_core::{
+    Axis, MeasurementModel, Observation, Pose, State, angle, gaussian_log_likelihood,
+    noise::OutlierMixture,
+};
+use nalgebra::{SMatrix, Vector1};
+
+use super::Sight;
+use crate::{ParameterError, parameter};
+
+/// The bearing alone, z = atan2(N, E) + μ (Isaacs et al. 2014, eq. 29), if need be with a share
+/// of reflections that point anywhere (eq. 30).
+///
+/// The bias μ is part of `expected`, so every estimator takes it off. The outliers are part of
+/// the likelihood only: a particle filter or a grid sees the whole mixture, a Kalman filter its
+/// Gaussian part and wants a gate. σ is the observation's own.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BearingOnly {
+    bias: f64,
+    outliers: Option<OutlierMixture>,
+}
+
+impl BearingOnly {
+    /// The model without bias and without outliers.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// 19 % outliers and a bias of 0.0929 rad (Isaacs et al. 2014, eq. 30); its σ of 0.2468 rad
+    /// belongs into the observations.
+    #[must_use]
+    pub fn isaacs2014() -> Self {
+        Self { bias: 0.0929, outliers: OutlierMixture::new(0.19, TAU) }
+    }
+
+    /// The same with bearings that are `bias` radians counter-clockwise of the truth.
+    ///
+    /// # Errors
+    ///
+    /// When the bias is not finite.
+    pub fn with_bias(self, bias: f64) -> Result<Self, ParameterError> {
+        Ok(Self { bias: parameter::finite("bias", bias)?, ..self })
+    }
+
+    /// The same with a share of bearings that point anywhere.
+    ///
+    /// # Errors
+    ///
+    /// When the share is not in [0, 1).
+    pub fn with_outliers(self, share: f64) -> Result<Self, ParameterError> {
+        let outliers = OutlierMixture::new(share, TAU);
+        parameter::require(outliers.is_some(), "the share of outliers", share, "in [0, 1)")?;
+        Ok(Self { outliers, ..self })
+    }
+}
+
+impl<const N: usize> MeasurementModel<N, 1> for BearingOnly {
+    fn axes(&self) -> [Axis; 1] {
+        [Axis::Angle]
+    }
+
+    fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector1<f64> {
+        Vector1::new(angle::wrap(Sight::new(state, receiver, 0.0).bearing() + self.bias))
+    }
+
+    fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 1, N> {
+        let sight = Sight::new(state, receiver, 0.0);
+        let mut jacobian = SMatrix::<f64, 1, N>::zeros();
+        [jacobian[(0, 0)], jacobian[(0, 1)]] = sight.bearing_slope();
+        jacobian
+    }
+
+    fn log_likelihood(&self, state: &State<N>, observation: &Observation<1>) -> f64 {
+        let gaussian = gaussian_log_likelihood(self, state, observation);
+        match &self.outliers {
+            Some(outliers) if !observation.is_empty() => outliers.log_density(gaussian),
+            _ => gaussian,
+        }
+    }
+}

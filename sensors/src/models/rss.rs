@@ -1,0 +1,55 @@
+use foxhunt_core::{Axis, MeasurementModel, Pose, State};
+use nalgebra::{SMatrix, Vector1};
+
+use super::Sight;
+use crate::{ParameterError, Propagation, parameter};
+
+/// Received signal strength alone: z = P(d) in dBm, d the slant range (Pritzl 2018, eq. 3.7).
+///
+/// Works on every state whose first components are the target's East and North.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rss<P> {
+    propagation: P,
+    target_up: f64,
+}
+
+impl<P: Propagation> Rss<P> {
+    /// The model for a target on the ground, Up = 0.
+    #[must_use]
+    pub fn new(propagation: P) -> Self {
+        Self { propagation, target_up: 0.0 }
+    }
+
+    /// The same for a target at another height, in metres.
+    ///
+    /// # Errors
+    ///
+    /// When the height is not finite.
+    pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
+        Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
+    }
+
+    /// How power falls with range.
+    #[must_use]
+    pub fn propagation(&self) -> &P {
+        &self.propagation
+    }
+}
+
+impl<P: Propagation, const N: usize> MeasurementModel<N, 1> for Rss<P> {
+    fn axes(&self) -> [Axis; 1] {
+        [Axis::Linear]
+    }
+
+    fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector1<f64> {
+        let sight = Sight::new(state, receiver, self.target_up);
+        Vector1::new(self.propagation.rss_dbm(sight.range()))
+    }
+
+    fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 1, N> {
+        let sight = Sight::new(state, receiver, self.target_up);
+        let mut jacobian = SMatrix::<f64, 1, N>::zeros();
+        [jacobian[(0, 0)], jacobian[(0, 1)]] = sight.power_slope(&self.propagation);
+        jacobian
+    }
+}

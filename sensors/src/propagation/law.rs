@@ -1,0 +1,36 @@
+use core::ops::RangeInclusive;
+
+/// Received power against the slant range between transmitter and receiver.
+///
+/// # Laws
+///
+/// Both methods are finite at every range, 0 and infinity among them; `slope` is the
+/// derivative of `rss_dbm`, and 0 outside the ranges over which the law is followed.
+pub trait Propagation {
+    /// The mean received power in dBm at `range` metres.
+    fn rss_dbm(&self, range: f64) -> f64;
+
+    /// Its derivative at `range`, in dB per metre.
+    fn slope(&self, range: f64) -> f64;
+}
+
+/// A borrowed law is a law.
+impl<P: ?Sized + Propagation> Propagation for &P {
+    fn rss_dbm(&self, range: f64) -> f64 {
+        (**self).rss_dbm(range)
+    }
+
+    fn slope(&self, range: f64) -> f64 {
+        (**self).slope(range)
+    }
+}
+
+/// The ranges over which the laws of this crate are followed; beyond either end the power stays
+/// what it is there. A millimetre is nearer than two antennas can come, so only the singularity
+/// at range 0 is cut off; the far end keeps an overflowed distance finite.
+const RANGES: RangeInclusive<f64> = 1e-3..=1e300;
+
+/// `range` within [`RANGES`], and whether it was there already.
+pub(crate) fn clamp(range: f64) -> (f64, bool) {
+    (range.clamp(*RANGES.start(), *RANGES.end()), RANGES.contains(&range))
+}

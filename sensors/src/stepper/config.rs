@@ -1,0 +1,164 @@
+use crate::{
+    ParameterError,
+    parameter::{finite, positive, require_count},
+};
+
+/// How a stepped antenna goes through a turn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(try_from = "Fields", into = "Fields"))]
+pub struct StepperConfig {
+    positions: u16,
+    samples_per_position: u16,
+    position_timeout: f64,
+    first_timeout: f64,
+    mount_offset: f64,
+}
+
+/// That of the source, [`pritzl2018`](StepperConfig::pritzl2018).
+impl Default for StepperConfig {
+    fn default() -> Self {
+        Self::pritzl2018()
+    }
+}
+
+impl StepperConfig {
+    /// 128 positions, 6 samples at each, at most 0.4 s for a position and 2 s for the first
+    /// (Pritzl 2018, §5.1); an antenna that looks along the nose at 0.
+    #[must_use]
+    pub fn pritzl2018() -> Self {
+        Self {
+            positions: 128,
+            samples_per_position: 6,
+            position_timeout: 0.4,
+            first_timeout: 2.0,
+            mount_offset: 0.0,
+        }
+    }
+
+    /// The same with another number of positions in a turn.
+    ///
+    /// # Errors
+    ///
+    /// When it is 0.
+    pub fn with_positions(self, positions: u16) -> Result<Self, ParameterError> {
+        let positions = require_count(positions > 0, "positions", positions, "at least 1")?;
+        Ok(Self { positions, ..self })
+    }
+
+    /// The same with another number of samples at each position.
+    ///
+    /// # Errors
+    ///
+    /// When it is 0.
+    pub fn with_samples_per_position(self, samples: u16) -> Result<Self, ParameterError> {
+        let name = "samples_per_position";
+        let samples_per_position = require_count(samples > 0, name, samples, "at least 1")?;
+        Ok(Self { samples_per_position, ..self })
+    }
+
+    /// The same with other time-outs in seconds, each from the order to turn: of any position, and
+    /// of the first of a turn, which may be far away.
+    ///
+    /// # Errors
+    ///
+    /// When one is not a positive number.
+    pub fn with_timeouts(self, position: f64, first: f64) -> Result<Self, ParameterError> {
+        Ok(Self {
+            position_timeout: positive("position_timeout", position)?,
+            first_timeout: positive("first_timeout", first)?,
+            ..self
+        })
+    }
+
+    /// The same with an antenna that looks `offset` radians counter-clockwise of the nose at the
+    /// rotator's 0.
+    ///
+    /// # Errors
+    ///
+    /// When it is not finite.
+    pub fn with_mount_offset(self, offset: f64) -> Result<Self, ParameterError> {
+        Ok(Self { mount_offset: finite("mount_offset", offset)?, ..self })
+    }
+
+    /// How many positions make a turn.
+    #[must_use]
+    pub fn positions(&self) -> u16 {
+        self.positions
+    }
+
+    /// How many samples are asked for at each position.
+    #[must_use]
+    pub fn samples_per_position(&self) -> u16 {
+        self.samples_per_position
+    }
+
+    /// The most a position takes, in seconds.
+    #[must_use]
+    pub fn position_timeout(&self) -> f64 {
+        self.position_timeout
+    }
+
+    /// The most the first position of a turn takes, in seconds.
+    #[must_use]
+    pub fn first_timeout(&self) -> f64 {
+        self.first_timeout
+    }
+
+    /// Where the antenna looks at the rotator's 0, in radians from the nose.
+    #[must_use]
+    pub fn mount_offset(&self) -> f64 {
+        self.mount_offset
+    }
+
+    /// The most a turn takes, in seconds, if it is polled often enough.
+    #[must_use]
+    pub fn longest_turn(&self) -> f64 {
+        self.first_timeout + f64::from(self.positions - 1) * self.position_timeout
+    }
+}
+
+/// The fields as they stand in a file, each with its default; read back only through the setters.
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Fields {
+    positions: u16,
+    samples_per_position: u16,
+    position_timeout: f64,
+    first_timeout: f64,
+    mount_offset: f64,
+}
+
+#[cfg(feature = "serde")]
+impl Default for Fields {
+    fn default() -> Self {
+        StepperConfig::default().into()
+    }
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Fields> for StepperConfig {
+    type Error = ParameterError;
+
+    fn try_from(fields: Fields) -> Result<Self, ParameterError> {
+        Self::default()
+            .with_positions(fields.positions)?
+            .with_samples_per_position(fields.samples_per_position)?
+            .with_timeouts(fields.position_timeout, fields.first_timeout)?
+            .with_mount_offset(fields.mount_offset)
+    }
+}
+
+#[cfg(feature = "serde")]
+impl From<StepperConfig> for Fields {
+    fn from(config: StepperConfig) -> Self {
+        Self {
+            positions: config.positions,
+            samples_per_position: config.samples_per_position,
+            position_timeout: config.position_timeout,
+            first_timeout: config.first_timeout,
+            mount_offset: config.mount_offset,
+        }
+    }
+}

@@ -1,0 +1,234 @@
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use foxhunt_core::{
+    BeaconId, Clock, PatternSource, Pose, Radio, Rotator, Sample, Sweep, Vehicle,
+    angle::{self, Resultant},
+};
+use nalgebra::Vector3;
+
+use super::{Phase, StepperConfig, StepperError, Turn};
+
+/// A directional antenna that a motor steps through a turn, with a radio that asks a beacon for
+/// answers at every step (Pritzl 2018, §5.1).
+///
+/// Turns go to and fro, 0 … 127 and 127 … 0, so that the cable does not wind up and the next turn
+/// starts where the antenna stands. A position ends with its last sample or its time-out, which
+/// runs from the order to turn there; it keeps what it has, possibly nothing. An answer that is
+/// lost costs the rest of its position's time.
+///
+/// Poll it several times per time-out: a position that is late asks no more questions. A device
+/// that fails is told of at each poll, and tried again at the next; time runs on, so that a turn
+/// ends however many devices are dead. A power or a place that is not finite is
+/// [counted](Self::dropped) and not kept.
+#[derive(Debug)]
+pub struct StepperSource<R, T, V, C> {
+    config: StepperConfig,
+    radio: R,
+    rotator: T,
+    vehicle: V,
+    clock: C,
+    turn: Option<Turn>,
+    /// Where the antenna was last sent, in the turn's positions.
+    stands_at: u16,
+    samples: Vec<Sample>,
+    dropped: u32,
+    last_pose: Pose,
+}
+
+/// Whether a step was taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Progress {
+    Stepped,
+    Waiting,
+    Complete,
+}
+
+type Failure<R, T, V> =
+    StepperError<<R as Radio>::Error, <T as Rotator>::Error, <V as Vehicle>::Error>;
+
+impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
+    /// A source made of its devices, with the antenna at the rotator's 0.
+    #[must_use]
+    pub fn new(config: StepperConfig, radio: R, rotator: T, vehicle: V, clock: C) -> Self {
+        Self {
+            config,
+            radio,
+            rotator,
+            vehicle,
+            clock,
+            turn: None,
+            stands_at: 0,
+            samples: Vec::new(),
+            dropped: 0,
+            last_pose: Pose::default(),
+        }
+    }
+
+    /// How it goes through a turn.
+    #[must_use]
+    pub fn config(&self) -> &StepperConfig {
+        &self.config
+    }
+
+    /// How many answers of this turn, or of the last one, were dropped because the power or the
+    /// place was not finite, or the place not to be had in time.
+    #[must_use]
+    pub fn dropped(&self) -> u32 {
+        self.dropped
+    }
+
+    /// Takes every step that can be taken now; true when the turn is complete.
+    fn advance(&mut self, turn: &mut Turn) -> Result<bool, Failure<R, T, V>> {
+        loop {
+            let outcome = self.step(turn);
+            match outcome {
+                Ok(Progress::Complete) => return Ok(true),
+                Ok(Progress::Stepped) => {}
+                Ok(Progress::Waiting) if self.expire(turn) => {}
+                Ok(Progress::Waiting) => return Ok(false),
+                Err(error) => {
+                    self.expire(turn);
+                    return Err(error);
+                }
+            }
+        }
+    }
+
+    fn step(&mut self, turn: &mut Turn) -> Result<Progress, Failure<R, T, V>> {
+        let position = turn.position(self.config.positions());
+        match turn.phase {
+            Phase::Order => {
+                // The time-out runs from the first attempt: a motor that refuses orders must not
+                // stop the turn.
+                if turn.deadline.is_none() {
+                    turn.deadline = Some(self.clock.now() + self.timeout(turn.done));
+                }
+                self.stands_at = position;
+                let angle = TAU * f64::from(position) / f64::from(self.config.positions());
+                self.rotator.turn_to(angle).map_err(StepperError::Rotator)?;
+                turn.phase = Phase::Turn;
+            }
+            Phase::Turn => match self.rotator.poll().map_err(StepperError::Rotator)? {
+                Some(angle) if angle.is_finite() => turn.phase = Phase::Ask { angle, answers: 0 },
+                _ => return Ok(Progress::Waiting),
+            },
+            Phase::Ask { answers, .. } if answers >= self.config.samples_per_position() => {
+                turn.next(self.config.positions(), self.clock.now());
+            }
+            Phase::Ask { angle, answers } => {
+                if !self.expire(turn) {
+                    self.radio.request(turn.beacon).map_err(StepperError::Radio)?;
+                    turn.phase = Phase::Listen { angle, answers };
+                }
+            }
+            Phase::Listen { angle, answers } => {
+                let Some(rss_dbm) = self.radio.poll().map_err(StepperError::Radio)? else {
+                    return Ok(Progress::Waiting);
+                };
+                let (answers, time) = (answers + 1, self.clock.now());
+                turn.phase = if rss_dbm.is_finite() {
+                    Phase::Locate { angle, answers, rss_dbm, time }
+                } else {
+                    self.dropped += 1;
+                    Phase::Ask { angle, answers }
+                };
+            }
+            Phase::Locate { angle, answers, rss_dbm, time } => {
+                let receiver = self.vehicle.pose().map_err(StepperError::Vehicle)?;
+                if receiver.is_finite() {
+                    let boresight = receiver.heading + angle + self.config.mount_offset();
+                    let boresight = angle::wrap(boresight);
+                    self.samples.push(Sample { time, receiver, boresight, position, rss_dbm });
+                    self.last_pose = receiver;
+                } else {
+                    self.dropped += 1;
+                }
+                turn.phase = Phase::Ask { angle, answers };
+            }
+            Phase::Finish { .. } => return self.finish(turn),
+        }
+        Ok(Progress::Stepped)
+    }
+
+    /// Without samples only the vehicle says where the turn took place.
+    fn finish(&mut self, turn: &mut Turn) -> Result<Progress, Failure<R, T, V>> {
+        if self.samples.is_empty() {
+            // A vehicle that does not answer holds the turn up for one more time-out at most.
+            let now = self.clock.now();
+            let deadline = *turn.deadline.get_or_insert(now + self.config.position_timeout());
+            match self.vehicle.pose() {
+                Ok(pose) if pose.is_finite() => self.last_pose = pose,
+                Err(error) if now < deadline => return Err(StepperError::Vehicle(error)),
+                _ => {}
+            }
+        }
+        Ok(Progress::Complete)
+    }
+
+    /// Goes on to the next position if the present one's time is up.
+    fn expire(&mut self, turn: &mut Turn) -> bool {
+        let now = self.clock.now();
+        let late = turn.deadline.is_some_and(|deadline| now >= deadline);
+        let expired = late && !matches!(turn.phase, Phase::Finish { .. });
+        if expired {
+            self.dropped += u32::from(matches!(turn.phase, Phase::Locate { .. }));
+            turn.next(self.config.positions(), now);
+        }
+        expired
+    }
+
+    fn timeout(&self, done: u16) -> f64 {
+        if done == 0 { self.config.first_timeout() } else { self.config.position_timeout() }
+    }
+
+    /// Where the turn took place: the mean over the samples.
+    fn receiver(&self) -> Pose {
+        let Some(last) = self.samples.last() else { return self.last_pose };
+        let mut heading = Resultant::default();
+        let mut position = Vector3::zeros();
+        let mut count = 0.0;
+        for sample in &self.samples {
+            heading.add(sample.receiver.heading, 1.0);
+            position += sample.receiver.position;
+            count += 1.0;
+        }
+        // Headings that cancel have no mean; then the last one is as good as any.
+        let heading = heading.direction(1e-9).unwrap_or(last.receiver.heading);
+        Pose { position: position / count, heading }
+    }
+}
+
+impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource<R, T, V, C> {
+    type Error = Failure<R, T, V>;
+
+    fn begin(&mut self, beacon: BeaconId) -> Result<(), Self::Error> {
+        // From the end that is nearer to where the antenna was last sent.
+        let backwards = self.stands_at > (self.config.positions() - 1) / 2;
+        self.turn = Some(Turn::new(beacon, backwards));
+        self.samples.clear();
+        self.dropped = 0;
+        Ok(())
+    }
+
+    fn poll(&mut self) -> Result<Option<Sweep<'_>>, Self::Error> {
+        let Some(mut turn) = self.turn else { return Ok(None) };
+        let outcome = self.advance(&mut turn);
+        self.turn = Some(turn);
+        if !outcome? {
+            return Ok(None);
+        }
+        self.turn = None;
+        let time = match turn.phase {
+            Phase::Finish { time } => time,
+            _ => self.clock.now(),
+        };
+        Ok(Some(Sweep {
+            beacon: turn.beacon,
+            time,
+            receiver: self.receiver(),
+            positions: self.config.positions(),
+            samples: &self.samples,
+        }))
+    }
+}
