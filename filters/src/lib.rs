@@ -1,1 +1,31 @@
-//! foxhunt filters
+//! Estimators: who is to be believed.
+//!
+//! | estimator | belief | needs of a model | allocates |
+//! |-|-|-|-|
+//! | [`Ekf`] | Gaussian, linear about its mean | `expected`, `jacobian`, `residual` | never |
+//! | [`Ukf`] | Gaussian, quadratic about its mean | `expected`, `residual` | never |
+//! | [`ParticleFilter`] | weighted cloud | `log_likelihoods`, `expected`, `residual` | once, when it is made |
+//!
+//! The first two are one struct, [`Kalman`], over the one thing that tells them apart: how a
+//! Gaussian goes through a map, a [`Transform`]. What is kept out is a [`Gate`]'s business.
+//!
+//! The particle filter needs the feature `alloc`; the rest runs without an allocator.
+
+#![no_std]
+
+#[cfg(feature = "alloc")]
+extern crate alloc;
+
+mod count;
+mod gaussian;
+mod kalman;
+#[cfg(feature = "alloc")]
+mod particle;
+mod transform;
+mod triangle;
+
+pub use gaussian::Gaussian;
+pub use kalman::{Ekf, Gate, GateLimit, Innovation, Kalman, Ukf};
+#[cfg(feature = "alloc")]
+pub use particle::{ParticleFilter, Resampling};
+pub use transform::{Image, Kappa, Map, Taylor, Transform, Unscented};

@@ -1,0 +1,185 @@
+use foxhunt_core::{
+    Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, Observation,
+    Role,
+};
+
+use super::{
+    gate::{Gate, Record},
+    models::{AtReceiver, OverTime},
+    regression::{Innovation, Regression},
+};
+use crate::{Gaussian, Taylor, Transform, Unscented, triangle};
+use nalgebra::SMatrix;
+
+/// A Kalman filter over any [`Transform`]: holds an `N`-Gaussian in square-root form and
+/// allocates nothing.
+///
+/// The covariance is never updated by a difference, only its factor by sums of squares, so that
+/// no measurement makes it indefinite. The transform is applied afresh for every update: several
+/// updates after one `predict` are the textbook's.
+///
+/// ```
+/// use foxhunt_core::{Axis, Correction, Estimate, Estimator, MeasurementModel, Observation, Pose,
+///     RandomWalk, State, nalgebra::{Matrix1, Vector1, Vector2}};
+/// use foxhunt_filters::{Gate, Ukf};
+///
+/// /// The bearing of the target, in radians counter-clockwise from East.
+/// struct BearingOnly;
+///
+/// impl MeasurementModel<2, 1> for BearingOnly {
+///     fn axes(&self) -> [Axis; 1] {
+///         [Axis::Angle]
+///     }
+///     fn expected(&self, target: &State<2>, receiver: &Pose) -> Vector1<f64> {
+///         let (east, north) = (target.x - receiver.position.x, target.y - receiver.position.y);
+///         Vector1::new(f64::atan2(north, east))
+///     }
+/// }
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let prior = Estimate::isotropic(Vector2::new(50.0, 0.0), 20.0);
+/// let mut ukf = Ukf::new(RandomWalk::uniform(0.1), BearingOnly, prior)?
+///     .with_gate(Gate::probability(0.999)?);
+/// ukf.predict(1.0)?;
+/// let (receiver, bearing, variance) = (Pose::default(), Vector1::new(0.3), Matrix1::new(0.01));
+/// let correction = ukf.update(&Observation::new(1.0, receiver, bearing, variance)?)?;
+/// assert!(matches!(correction, Correction::Fused { .. }));
+/// assert!(ukf.estimate().mean.y > 10.0);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Kalman<T, F, H, const N: usize, const M: usize> {
+    transform: T,
+    motion: F,
+    measurement: H,
+    belief: Gaussian<N>,
+    gate: Gate,
+    record: Record,
+}
+
+/// The extended Kalman filter.
+pub type Ekf<F, H, const N: usize, const M: usize> = Kalman<Taylor, F, H, N, M>;
+
+/// The unscented Kalman filter.
+pub type Ukf<F, H, const N: usize, const M: usize> = Kalman<Unscented, F, H, N, M>;
+
+impl<T, F, H, const N: usize, const M: usize> Kalman<T, F, H, N, M>
+where
+    T: Transform,
+    F: MotionModel<N>,
+    H: MeasurementModel<N, M>,
+{
+    /// A filter that starts from `prior`, with the transform's defaults and an open gate.
+    ///
+    /// # Errors
+    ///
+    /// When the prior is not finite or its covariance not symmetric and positive definite.
+    pub fn new(motion: F, measurement: H, prior: Estimate<N>) -> Result<Self, EstimatorError>
+    where
+        T: Default,
+    {
+        let (transform, gate) = (T::default(), Gate::open());
+        transform.check(N)?;
+        let belief = Gaussian::new(prior, Role::Prior)?;
+        Ok(Self { transform, motion, measurement, belief, gate, record: Record::default() })
+    }
+
+    /// The same filter over another transform.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when the transform does not suit states of `N` components.
+    pub fn with_transform<U: Transform>(
+        self,
+        transform: U,
+    ) -> Result<Kalman<U, F, H, N, M>, EstimatorError> {
+        transform.check(N)?;
+        let Self { motion, measurement, belief, gate, record, .. } = self;
+        Ok(Kalman { transform, motion, measurement, belief, gate, record })
+    }
+
+    /// The same filter for a target that moves otherwise.
+    #[must_use]
+    pub fn with_motion<G: MotionModel<N>>(self, motion: G) -> Kalman<T, G, H, N, M> {
+        let Self { transform, measurement, belief, gate, record, .. } = self;
+        Kalman { transform, motion, measurement, belief, gate, record }
+    }
+
+    /// The same filter behind a gate, which counts its steps from here.
+    #[must_use]
+    pub fn with_gate(self, gate: Gate) -> Self {
+        Self { gate, record: Record::default(), ..self }
+    }
+
+    /// How an observation differs from what the belief expects, without fusing it.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::NotFinite`] when the model's expectation is not.
+    pub fn innovation(
+        &self,
+        observation: &Observation<M>,
+    ) -> Result<Innovation<M>, EstimatorError> {
+        Ok(self.regression(observation)?.told())
+    }
+
+    fn regression(&self, observation: &Observation<M>) -> Result<Regression<N, M>, EstimatorError> {
+        let map = AtReceiver(&self.measurement, observation.receiver());
+        let image = self.transform.image(&self.belief, &map);
+        let residual = self.measurement.residual(observation.value(), &image.mean);
+        Regression::new(&image, residual, observation)
+    }
+}
+
+impl<T, F, H, const N: usize, const M: usize> Estimator<N, M> for Kalman<T, F, H, N, M>
+where
+    T: Transform,
+    F: MotionModel<N>,
+    H: MeasurementModel<N, M>,
+{
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+        if !(dt >= 0.0 && dt.is_finite()) {
+            return Err(EstimatorError::TimeStep { dt });
+        }
+        if dt <= 0.0 {
+            return Ok(());
+        }
+        let noise: SMatrix<f64, N, N> = self.motion.noise_factor(self.belief.mean(), dt);
+        let image = self.transform.image(&self.belief, &OverTime::new(&self.motion, dt));
+        let mut factor = image.unexplained;
+        for column in image.whitened_cross.row_iter().map(|row| row.transpose()) {
+            triangle::add_to_lower(&mut factor, column);
+        }
+        for column in noise.column_iter() {
+            triangle::add_to_lower(&mut factor, column.into_owned());
+        }
+        self.belief =
+            Gaussian::from_factor(image.mean, factor, &self.motion.axes(), Role::Posterior)?;
+        Ok(())
+    }
+
+    fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
+        if observation.is_empty() {
+            return Ok(Correction::Empty);
+        }
+        let regression = self.regression(observation)?;
+        let nis = regression.nis();
+        let (out, record) = self.record.judge(&self.gate, nis, observation.len());
+        if let Some(limit) = out {
+            self.record = record;
+            return Ok(Correction::Rejected { nis, limit });
+        }
+        let (mean, factor) = regression
+            .posterior(&self.belief)
+            .ok_or(EstimatorError::NotPositiveDefinite { role: Role::Posterior })?;
+        self.belief = Gaussian::from_factor(mean, factor, &self.motion.axes(), Role::Posterior)?;
+        self.record = record;
+        let log_evidence = regression.log_evidence();
+        Ok(Correction::Fused { nis: Some(nis), log_evidence, effective_sample_size: None })
+    }
+
+    fn estimate(&self) -> Estimate<N> {
+        *self.belief.estimate()
+    }
+}

@@ -1,0 +1,29 @@
+use nalgebra::{SMatrix, SVector};
+
+/// A map between two vector spaces, either of which may hold angles.
+pub trait Map<const A: usize, const B: usize> {
+    /// The image of `x`.
+    fn value(&self, x: &SVector<f64, A>) -> SVector<f64, B>;
+
+    /// Its derivative at `x`.
+    fn jacobian(&self, x: &SVector<f64, A>) -> SMatrix<f64, B, A>;
+
+    /// `y ⊖ z` in the image.
+    fn minus(&self, y: &SVector<f64, B>, z: &SVector<f64, B>) -> SVector<f64, B>;
+}
+
+/// What becomes of a Gaussian x ~ N(x̂, L Lᵀ) under a map.
+///
+/// The image's covariance is not held as such but as what a linear regression on x explains and
+/// what it leaves: Pyy = Vᵀ V + W Wᵀ. From these two every posterior follows by sums of squares,
+/// without a difference that could lose definiteness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Image<const A: usize, const B: usize> {
+    /// The mean ŷ.
+    pub mean: SVector<f64, B>,
+    /// V = L⁻¹ Pxy: the covariance of y with the whitened x.
+    pub whitened_cross: SMatrix<f64, A, B>,
+    /// W, lower triangular: W Wᵀ is the covariance of y that the regression leaves. Zero for a
+    /// linear map.
+    pub unexplained: SMatrix<f64, B, B>,
+}

@@ -1,0 +1,32 @@
+mod image;
+mod taylor;
+mod unscented;
+
+use foxhunt_core::EstimatorError;
+
+pub use image::{Image, Map};
+pub use taylor::Taylor;
+pub use unscented::{Kappa, Unscented};
+
+use crate::Gaussian;
+
+/// How a Gaussian goes through a map. This is all that tells one Kalman filter from another.
+pub trait Transform {
+    /// The moments of `map(x)`, and how they go with those of x.
+    fn image<const A: usize, const B: usize>(
+        &self,
+        source: &Gaussian<A>,
+        map: &impl Map<A, B>,
+    ) -> Image<A, B>;
+
+    /// Whether the transform's parameters suit states of `dimension` components; asked once,
+    /// when a filter is made.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] names the parameter that does not.
+    fn check(&self, dimension: usize) -> Result<(), EstimatorError> {
+        let _ = dimension;
+        Ok(())
+    }
+}

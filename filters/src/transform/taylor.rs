@@ -1,0 +1,24 @@
+use nalgebra::SMatrix;
+
+use crate::{Gaussian, Image, Map, Transform};
+
+/// First-order Taylor expansion about the mean: the extended Kalman filter
+/// (Bar-Shalom, Li & Kirubarajan 2001, §10.3).
+///
+/// ŷ = f(x̂), Pxy = P Fᵀ, Pyy = F P Fᵀ; so V = Lᵀ Fᵀ, and nothing is left unexplained.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Taylor;
+
+impl Transform for Taylor {
+    fn image<const A: usize, const B: usize>(
+        &self,
+        source: &Gaussian<A>,
+        map: &impl Map<A, B>,
+    ) -> Image<A, B> {
+        Image {
+            mean: map.value(source.mean()),
+            whitened_cross: (map.jacobian(source.mean()) * source.factor()).transpose(),
+            unexplained: SMatrix::zeros(),
+        }
+    }
+}
