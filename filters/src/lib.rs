@@ -9,7 +9,10 @@
 //! The first two are one struct, [`Kalman`], over the one thing that tells them apart: how a
 //! Gaussian goes through a map, a [`Transform`]. What is kept out is a [`Gate`]'s business.
 //!
-//! The particle filter needs the feature `alloc`; the rest runs without an allocator.
+//! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
+//! power whose level fades alike in neighbouring places.
+//!
+//! The particle filter and the grid need the feature `alloc`; the rest runs without an allocator.
 
 #![no_std]
 
@@ -21,6 +24,8 @@ mod gaussian;
 mod kalman;
 #[cfg(feature = "alloc")]
 mod particle;
+#[cfg(feature = "alloc")]
+mod shadowing_grid;
 mod transform;
 mod triangle;
 
@@ -28,4 +33,9 @@ pub use gaussian::Gaussian;
 pub use kalman::{Ekf, Gate, GateLimit, Innovation, Kalman, Ukf};
 #[cfg(feature = "alloc")]
 pub use particle::{ParticleFilter, Resampling};
+#[cfg(feature = "alloc")]
+pub use shadowing_grid::{
+    Intercept, Marginal, PosteriorMap, ShadowingFix, ShadowingGrid, ShadowingGridConfig,
+    ShadowingGridError, Slope,
+};
 pub use transform::{Image, Kappa, Map, Taylor, Transform, Unscented};

@@ -1,0 +1,58 @@
+/// Why readings were not turned into a place.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ShadowingGridError {
+    /// A setting is outside of its range.
+    #[error("{name} = {value} is not {range}")]
+    Setting {
+        /// Which setting.
+        name: &'static str,
+        /// What it held.
+        value: f64,
+        /// What it may hold.
+        range: &'static str,
+    },
+    /// A reading's value is NaN or infinite.
+    #[error("reading {index} has the value {value}")]
+    Value {
+        /// Which reading, from 0.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// A reading's receiver pose holds NaN or infinity.
+    #[error("reading {index} was taken nowhere: a part of its pose is not finite")]
+    Receiver {
+        /// Which reading, from 0.
+        index: usize,
+    },
+    /// Too little was flown: a, b, σ and a place need four segments.
+    #[error("{segments} segments of {segment_m} m of path, and 4 are needed")]
+    TooFew {
+        /// How many segments the readings made.
+        segments: usize,
+        /// The length of a segment in metres.
+        segment_m: f64,
+    },
+    /// All readings were taken above one place; their values say nothing about another.
+    #[error("all readings were taken at ({east}, {north}) m")]
+    OnePlace {
+        /// Its East in metres.
+        east: f64,
+        /// Its North in metres.
+        north: f64,
+    },
+    /// The readings' correlation matrix has no Cholesky factor: places coincide and the nugget
+    /// is 0.
+    #[error("the correlation matrix at {length_m} m is not positive definite")]
+    Correlation {
+        /// The correlation length in metres.
+        length_m: f64,
+    },
+    /// No cell has a finite likelihood: the regressor is finite nowhere, or a number overflowed.
+    #[error("the posterior is finite on none of {cells} cells")]
+    Posterior {
+        /// How many cells were tried.
+        cells: usize,
+    },
+}

@@ -1,0 +1,47 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::{Belief, Estimate};
+use nalgebra::Vector2;
+
+use super::{Marginal, PosteriorMap};
+
+/// What [`ShadowingGrid`](super::ShadowingGrid) made of its readings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShadowingFix {
+    /// Where the target is: the posterior mean and covariance, East and North in metres. The
+    /// posterior is often far from Gaussian; [`map`](Self::map) shows it.
+    pub position: Estimate<2>,
+    /// The intercept a, in the readings' unit.
+    pub intercept: Marginal,
+    /// The slope b, in the readings' unit per unit of the regressor.
+    pub slope: Marginal,
+    /// The standard deviation σ of shadowing and noise together, in the readings' unit.
+    pub sigma: Marginal,
+    /// The correlation lengths in metres, each with its posterior probability.
+    pub correlation_lengths_m: Vec<(f64, f64)>,
+    /// The probability of the outermost ring of the searched cells. A large one (0.2, say; an
+    /// even spread over 100 × 100 cells has 0.04) means that the target may be outside of the
+    /// searched area, and that `position` then tells little.
+    pub border_mass: f64,
+    /// How many segments the path's readings were made into.
+    pub segments: usize,
+    /// The length of a segment in metres: the one asked for, or longer.
+    pub segment_m: f64,
+    /// The posterior over the whole searched area.
+    pub map: PosteriorMap,
+    /// The posterior on finer cells around the mass, where `map` was too coarse for it;
+    /// `position` comes from here then.
+    pub refined: Option<PosteriorMap>,
+}
+
+/// The cells with a probability, as a planner sees them.
+impl Belief for ShadowingFix {
+    fn position(&self) -> Estimate<2> {
+        self.position
+    }
+
+    fn visit_positions(&self, visit: &mut dyn FnMut(&Vector2<f64>, f64)) {
+        let map = self.refined.as_ref().unwrap_or(&self.map);
+        map.cells().filter(|&(_, mass)| mass > 0.0).for_each(|(place, mass)| visit(&place, mass));
+    }
+}

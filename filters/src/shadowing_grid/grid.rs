@@ -1,0 +1,222 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::{Covariance, Estimate};
+use nalgebra::{Matrix2, Vector2};
+
+/// Square cells over a rectangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Grid {
+    /// The centre of the cell farthest south and west.
+    south_west: Vector2<f64>,
+    cell_m: f64,
+    columns: u32,
+    rows: u32,
+}
+
+impl Grid {
+    /// Covers the rectangle from `low` to `high`; cells grow beyond `cell_m` where there would
+    /// be more than `max_cells`. What the cells overhang is the same on either side.
+    pub(super) fn over(low: Vector2<f64>, high: Vector2<f64>, cell_m: f64, max_cells: u32) -> Self {
+        let size = high - low;
+        let count = |cell_m: f64| size.map(|side| libm::ceil(side / cell_m - 1e-9).max(1.0));
+        let mut cell_m = cell_m;
+        let mut shape = count(cell_m);
+        while shape.x * shape.y > f64::from(max_cells) {
+            let excess = shape.x * shape.y / f64::from(max_cells);
+            // The square root may fall short, as cells are whole; 1 % more each time does not.
+            cell_m *= libm::sqrt(excess).max(1.01);
+            shape = count(cell_m);
+        }
+        let covered = shape * cell_m;
+        let south_west = low + 0.5 * (size - covered) + Vector2::repeat(0.5 * cell_m);
+        #[expect(clippy::cast_possible_truncation, reason = "whole, and below max_cells")]
+        let (columns, rows) = (shape.x as u32, shape.y as u32);
+        Self { south_west, cell_m, columns, rows }
+    }
+
+    /// How many cells there are.
+    pub(super) fn len(&self) -> usize {
+        self.columns as usize * self.rows as usize
+    }
+
+    /// The centre of a cell, counted from the south-west along the rows.
+    pub(super) fn centre(&self, index: usize) -> Vector2<f64> {
+        let (column, row) = self.column_and_row(index);
+        self.south_west + Vector2::new(f64::from(column), f64::from(row)) * self.cell_m
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "cells are numbered by a u32")]
+    fn column_and_row(&self, index: usize) -> (u32, u32) {
+        let (index, columns) = (index as u32, self.columns);
+        (index % columns, index / columns)
+    }
+}
+
+/// A posterior over the cells of a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PosteriorMap {
+    grid: Grid,
+    mass: Vec<f64>,
+}
+
+impl PosteriorMap {
+    /// One mass per cell, with sum 1.
+    pub(super) fn new(grid: Grid, mass: Vec<f64>) -> Self {
+        Self { grid, mass }
+    }
+
+    /// The centre of the cell farthest south and west, East and North in metres.
+    #[must_use]
+    pub fn south_west(&self) -> Vector2<f64> {
+        self.grid.south_west
+    }
+
+    /// The side of a cell in metres.
+    #[must_use]
+    pub fn cell_m(&self) -> f64 {
+        self.grid.cell_m
+    }
+
+    /// How many cells there are from west to east.
+    #[must_use]
+    pub fn columns(&self) -> usize {
+        self.grid.columns as usize
+    }
+
+    /// How many cells there are from south to north.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.grid.rows as usize
+    }
+
+    /// The probability of each cell, row by row from the south, each row from the west; sums
+    /// to 1.
+    #[must_use]
+    pub fn mass(&self) -> &[f64] {
+        &self.mass
+    }
+
+    /// The centre of each cell with its probability, in the order of [`mass`](Self::mass).
+    pub fn cells(&self) -> impl Iterator<Item = (Vector2<f64>, f64)> {
+        self.mass.iter().enumerate().map(|(i, &mass)| (self.grid.centre(i), mass))
+    }
+
+    /// The probability of the outermost ring of cells.
+    #[must_use]
+    pub fn border_mass(&self) -> f64 {
+        let (columns, rows) = (self.grid.columns, self.grid.rows);
+        let on_border = |&(i, _): &(usize, &f64)| {
+            let (column, row) = self.grid.column_and_row(i);
+            column == 0 || row == 0 || column + 1 == columns || row + 1 == rows
+        };
+        self.mass.iter().enumerate().filter(on_border).map(|(_, mass)| mass).sum()
+    }
+
+    /// Mean and covariance in metres, the place being uniform within its cell, which adds
+    /// `cell_m`²/12 to each variance.
+    #[must_use]
+    pub fn estimate(&self) -> Estimate<2> {
+        let mean = self.cells().fold(Vector2::zeros(), |sum, (place, mass)| sum + place * mass);
+        let covariance = self.cells().fold(Matrix2::zeros(), |sum, (place, mass)| {
+            let deviation = place - mean;
+            sum + deviation * deviation.transpose() * mass
+        });
+        let within = self.grid.cell_m * self.grid.cell_m / 12.0;
+        Estimate { mean, covariance: covariance + Covariance::from_diagonal_element(within) }
+    }
+
+    /// A grid of finer cells over the mass, if the cells are too coarse for it and `max_cells`
+    /// leave room to do better.
+    pub(super) fn finer(&self, max_cells: u32) -> Option<Grid> {
+        let cell_m = self.grid.cell_m;
+        let narrowest = self.narrowest_sd();
+        if narrowest >= FINE_ENOUGH * cell_m {
+            return None;
+        }
+        // One step at a time: a posterior far narrower than a cell is not seen well from here.
+        let wanted_m = 0.25 * narrowest.max(cell_m);
+        let (low, high) = self.extent_of_mass();
+        let finer = Grid::over(low, high, wanted_m, max_cells);
+        (finer.cell_m < 0.8 * cell_m).then_some(finer)
+    }
+
+    /// The standard deviation along the ellipse's minor axis, without the cells' own.
+    fn narrowest_sd(&self) -> f64 {
+        let covariance = self.estimate().covariance;
+        let (a, b, c) = (covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]);
+        let smallest = 0.5 * (a + c) - libm::hypot(0.5 * (a - c), b);
+        libm::sqrt((smallest - self.grid.cell_m * self.grid.cell_m / 12.0).max(0.0))
+    }
+
+    /// The corners of the rectangle around all cells that matter and their neighbours.
+    fn extent_of_mass(&self) -> (Vector2<f64>, Vector2<f64>) {
+        let least = NEGLIGIBLE * self.mass.iter().copied().fold(0.0, f64::max);
+        let (mut low, mut high) = ((u32::MAX, u32::MAX), (0, 0));
+        for (i, _) in self.mass.iter().enumerate().filter(|(_, mass)| **mass > least) {
+            let (column, row) = self.grid.column_and_row(i);
+            low = (low.0.min(column), low.1.min(row));
+            high = (high.0.max(column), high.1.max(row));
+        }
+        // Beyond the grid's edge the prior is 0: there is no neighbour.
+        let low = Vector2::new(low.0.saturating_sub(1).into(), low.1.saturating_sub(1).into());
+        let high = Vector2::new(
+            f64::from((high.0 + 2).min(self.grid.columns)),
+            f64::from((high.1 + 2).min(self.grid.rows)),
+        );
+        let corner = self.grid.south_west - Vector2::repeat(0.5 * self.grid.cell_m);
+        (corner + low * self.grid.cell_m, corner + high * self.grid.cell_m)
+    }
+}
+
+/// From three cells per standard deviation on, the cell's own variance is below 1 %.
+const FINE_ENOUGH: f64 = 3.0;
+
+/// e⁻²⁵, the density of a Gaussian at seven standard deviations: a cell below it is left out of
+/// the finer grid. So far down also because a coarse grid may miss the top of a narrow peak.
+const NEGLIGIBLE: f64 = 1.4e-11;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_grow_until_they_are_few_enough() {
+        let (low, high) = (Vector2::new(-5.0, 10.0), Vector2::new(995.0, 410.0));
+        let grid = Grid::over(low, high, 10.0, 40_000);
+        assert_eq!((grid.columns, grid.rows), (100, 40));
+        assert_eq!(grid.centre(0), Vector2::new(0.0, 15.0));
+        assert_eq!(grid.centre(101), Vector2::new(10.0, 25.0));
+        let coarse = Grid::over(low, high, 10.0, 1000);
+        assert!(coarse.len() <= 1000 && coarse.len() > 900, "{coarse:?}");
+        assert!(f64::from(coarse.columns) * coarse.cell_m >= 1000.0);
+        let middle = 0.5 * (coarse.centre(0) + coarse.centre(coarse.len() - 1));
+        assert!((middle - Vector2::new(495.0, 210.0)).norm() < 1e-9);
+    }
+
+    #[test]
+    fn moments_and_border_of_a_known_map() {
+        let grid = Grid::over(Vector2::zeros(), Vector2::new(3.0, 4.0), 1.0, 100);
+        let mut mass = alloc::vec![0.0; 12];
+        (mass[4], mass[7], mass[11]) = (0.5, 0.25, 0.25); // (1, 1), (1, 2) inside; (2, 3) a corner
+        let map = PosteriorMap::new(grid, mass);
+        assert!((map.border_mass() - 0.25).abs() < 1e-15);
+        let estimate = map.estimate();
+        assert!((estimate.mean - Vector2::new(1.75, 2.25)).norm() < 1e-12);
+        let twelfth = 1.0 / 12.0;
+        let expected = Matrix2::new(0.1875 + twelfth, 0.3125, 0.3125, 0.6875 + twelfth);
+        assert!((estimate.covariance - expected).norm() < 1e-12);
+    }
+
+    #[test]
+    fn a_finer_grid_covers_the_mass_and_its_neighbours() {
+        let grid = Grid::over(Vector2::zeros(), Vector2::new(100.0, 100.0), 1.0, 10_000);
+        let mut mass = alloc::vec![0.0; 10_000];
+        mass[5 * 100 + 3] = 1.0;
+        let map = PosteriorMap::new(grid, mass);
+        let finer = map.finer(2500).expect("a single cell is too coarse");
+        assert_eq!((finer.columns, finer.rows), (12, 12));
+        assert!((finer.centre(0) - Vector2::new(2.125, 4.125)).norm() < 1e-9);
+        let even = PosteriorMap::new(grid, alloc::vec![1e-4; 10_000]);
+        assert_eq!(even.finer(2500), None);
+    }
+}

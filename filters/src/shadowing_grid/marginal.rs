@@ -1,0 +1,63 @@
+/// The posterior mean and standard deviation of one number.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Marginal {
+    /// The mean.
+    pub mean: f64,
+    /// The standard deviation.
+    pub sd: f64,
+}
+
+/// The first two moments of a mixture, component by component.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Mixture {
+    weight: f64,
+    mean: f64,
+    /// Σ w (variance + (mean − mixture's mean)²).
+    spread: f64,
+}
+
+impl Mixture {
+    /// Adds a component (West 1979): no difference of large squares.
+    pub(super) fn add(&mut self, weight: f64, mean: f64, variance: f64) {
+        if weight <= 0.0 {
+            return;
+        }
+        let before = self.weight;
+        self.weight += weight;
+        let step = mean - self.mean;
+        self.mean += step * weight / self.weight;
+        self.spread += weight * variance + step * step * before * weight / self.weight;
+    }
+
+    /// The mean.
+    pub(super) fn mean(&self) -> f64 {
+        self.mean
+    }
+
+    /// The variance: that of the components and that between them.
+    pub(super) fn variance(&self) -> f64 {
+        if self.weight > 0.0 { self.spread / self.weight } else { 0.0 }
+    }
+
+    /// Mean and standard deviation.
+    pub(super) fn marginal(&self) -> Marginal {
+        Marginal { mean: self.mean, sd: libm::sqrt(self.variance()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mixture_has_the_variance_of_its_parts_and_between_them() {
+        let mut mixture = Mixture::default();
+        mixture.add(1.0, 1e6, 4.0);
+        mixture.add(0.0, f64::NAN, f64::NAN); // no weight, no say
+        mixture.add(3.0, 1e6 + 8.0, 1.0);
+        assert!((mixture.mean() - (1e6 + 6.0)).abs() < 1e-9);
+        // (4 + 3 · 1) / 4 within and (36 + 3 · 4) / 4 between.
+        assert!((mixture.variance() - 13.75).abs() < 1e-9);
+        assert!((mixture.marginal().sd - libm::sqrt(13.75)).abs() < 1e-9);
+    }
+}

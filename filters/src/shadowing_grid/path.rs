@@ -1,0 +1,180 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::{Pose, angle::Resultant, nalgebra::Vector3};
+
+use super::ShadowingGridError;
+
+/// A path's readings, made one per segment.
+#[derive(Clone, Debug)]
+pub(super) struct Segments {
+    /// The mean pose of each segment.
+    pub(super) receivers: Vec<Pose>,
+    /// The median value of each segment.
+    pub(super) values: Vec<f64>,
+    /// The length of a segment in metres, after it was made long enough for the cap.
+    pub(super) segment_m: f64,
+}
+
+impl Segments {
+    /// Cuts the path at every `segment_m` metres flown horizontally, counted from its start.
+    ///
+    /// A jump, or a slow receiver, moves on by as many segments as it flew; one that hovers
+    /// stays in its own. A segment's value is its median, which one bad reading does not move.
+    pub(super) fn along(
+        readings: &[(Pose, f64)],
+        segment_m: f64,
+        max_segments: usize,
+    ) -> Result<Self, ShadowingGridError> {
+        for (index, (receiver, value)) in readings.iter().enumerate() {
+            if !value.is_finite() {
+                return Err(ShadowingGridError::Value { index, value: *value });
+            }
+            if !receiver.is_finite() {
+                return Err(ShadowingGridError::Receiver { index });
+            }
+        }
+        let flown_m = distances_flown(readings);
+        let mut segment_m = segment_m;
+        let mut groups = cut(&flown_m, segment_m);
+        if groups.len() > max_segments {
+            #[expect(clippy::cast_precision_loss, reason = "a length need not be exact")]
+            let fewest = flown_m.last().unwrap_or(&0.0) / max_segments as f64;
+            segment_m = segment_m.max(fewest);
+            groups = cut(&flown_m, segment_m);
+            // Where the cuts fall decides the last few.
+            while groups.len() > max_segments && segment_m > 0.0 {
+                segment_m *= 1.02;
+                groups = cut(&flown_m, segment_m);
+            }
+        }
+        let mut segments = Self { receivers: Vec::new(), values: Vec::new(), segment_m };
+        for group in groups {
+            let readings = readings.get(group).unwrap_or_default();
+            segments.receivers.push(mean_pose(readings));
+            segments.values.push(median(readings));
+        }
+        segments.check()?;
+        Ok(segments)
+    }
+
+    /// Refuses what no regression can use.
+    fn check(&self) -> Result<(), ShadowingGridError> {
+        let (segments, segment_m) = (self.receivers.len(), self.segment_m);
+        let Some(first) = self.receivers.first().filter(|_| segments >= 4) else {
+            return Err(ShadowingGridError::TooFew { segments, segment_m });
+        };
+        let first = first.position.xy();
+        if self.receivers.iter().all(|r| (r.position.xy() - first).norm_squared() <= 0.0) {
+            return Err(ShadowingGridError::OnePlace { east: first.x, north: first.y });
+        }
+        Ok(())
+    }
+}
+
+/// The horizontal distance flown until each reading.
+fn distances_flown(readings: &[(Pose, f64)]) -> Vec<f64> {
+    let (mut flown_m, mut last) = (0.0, readings.first().map(|(pose, _)| pose.position.xy()));
+    let mut distances = Vec::with_capacity(readings.len());
+    for (pose, _) in readings {
+        let here = pose.position.xy();
+        flown_m += last.map_or(0.0, |last| (here - last).norm());
+        distances.push(flown_m);
+        last = Some(here);
+    }
+    distances
+}
+
+/// The readings of each segment.
+fn cut(flown_m: &[f64], segment_m: f64) -> Vec<core::ops::Range<usize>> {
+    let (mut groups, mut begin, mut number) = (Vec::new(), 0, 0.0);
+    for (i, &flown_m) in flown_m.iter().enumerate() {
+        let here = libm::floor(flown_m / segment_m);
+        // With a length of 0 every quotient is ∞ or NaN, and every reading its own segment.
+        if i > 0 && (here > number || !here.is_finite()) {
+            groups.push(begin..i);
+            begin = i;
+        }
+        number = here;
+    }
+    if !flown_m.is_empty() {
+        groups.push(begin..flown_m.len());
+    }
+    groups
+}
+
+/// The mean place, and the mean direction of the nose; that of the first where they cancel.
+fn mean_pose(readings: &[(Pose, f64)]) -> Pose {
+    #[expect(clippy::cast_precision_loss, reason = "readings do not come by the quadrillion")]
+    let count = readings.len() as f64;
+    let sum: Vector3<f64> = readings.iter().map(|(pose, _)| pose.position).sum();
+    let headings: Resultant = readings.iter().map(|(pose, _)| pose.heading).collect();
+    let first = readings.first().map_or(0.0, |(pose, _)| pose.heading);
+    Pose { position: sum / count, heading: headings.direction(1e-9).unwrap_or(first) }
+}
+
+/// The middle value, or the mean of the middle two.
+fn median(readings: &[(Pose, f64)]) -> f64 {
+    let mut values: Vec<f64> = readings.iter().map(|&(_, value)| value).collect();
+    values.sort_unstable_by(f64::total_cmp);
+    let half = values.len() / 2;
+    match values.get(half.saturating_sub(1)..=half) {
+        Some(&[below, above]) if values.len().is_multiple_of(2) => 0.5 * (below + above),
+        _ => values.get(half).copied().unwrap_or(f64::NAN),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Readings along East at the given places, each with its own value.
+    fn path(points: &[(f64, f64)]) -> Vec<(Pose, f64)> {
+        points.iter().map(|&(east, value)| (Pose::at(east, 3.0, 20.0), value)).collect()
+    }
+
+    #[test]
+    fn a_segment_is_its_mean_place_and_its_median() {
+        let readings = path(&[
+            (0.0, 1.0),
+            (4.0, 2.0),
+            (8.0, 60.0), // an outlier: the median of the first segment stays at 2
+            (12.0, 5.0),
+            (14.0, 6.0), // two readings: the mean of both
+            (20.0, 7.0), // on the cut: the next segment
+            (55.0, 8.0), // a jump over two segments
+            (53.0, 9.0), // flying back counts as flown: still 57 of 60 m
+        ]);
+        let segments = Segments::along(&readings, 10.0, 300).expect("proper");
+        let east: Vec<f64> = segments.receivers.iter().map(|r| r.position.x).collect();
+        let expected = [4.0, 13.0, 20.0, 54.0];
+        assert_eq!(east.len(), expected.len());
+        assert!(east.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{east:?}");
+        let expected = [2.0, 5.5, 7.0, 8.5];
+        assert!(segments.values.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert!(segments.receivers.iter().all(|r| (r.position.z - 20.0).abs() < 1e-12));
+    }
+
+    #[test]
+    fn a_length_of_zero_keeps_every_reading() {
+        let readings = path(&[(0.0, 1.0), (0.0, 2.0), (1.0, 3.0), (1.0, 4.0), (1.0, 5.0)]);
+        let segments = Segments::along(&readings, 0.0, 300).expect("proper");
+        assert_eq!(segments.values, [1.0, 2.0, 3.0, 4.0, 5.0]);
+    }
+
+    #[test]
+    fn the_cap_makes_segments_longer() {
+        let readings: Vec<_> = (0..1000).map(|i| (f64::from(i), f64::from(i))).collect();
+        for asked in [0.0, 1.0, 3.0] {
+            let segments = Segments::along(&path(&readings), asked, 40).expect("proper");
+            assert!((36..=40).contains(&segments.values.len()), "{}", segments.values.len());
+            assert!(segments.segment_m > 24.9 && segments.segment_m < 28.0);
+        }
+    }
+
+    #[test]
+    fn headings_are_averaged_across_the_cut() {
+        let pose = |heading| (Pose { heading, ..Pose::default() }, 0.0);
+        let mean = mean_pose(&[pose(3.1), pose(-3.1)]);
+        assert!(foxhunt_core::angle::distance(mean.heading, core::f64::consts::PI) < 1e-12);
+    }
+}
