@@ -5,7 +5,7 @@ use foxhunt_core::{Decision, Outcome, Stage};
 /// What a formation is doing (Pritzl 2018, §5.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(tag = "phase", content = "detail", rename_all = "snake_case"))]
+#[cfg_attr(feature = "serde", serde(tag = "name", content = "detail", rename_all = "snake_case"))]
 pub enum Phase {
     /// Waiting for a target.
     #[default]

@@ -1,0 +1,121 @@
+use foxhunt_core::{
+    BeaconId, Estimate, Estimator, EstimatorError, MeasurementModel, RandomWalk, State,
+};
+use foxhunt_filters::{Ekf, Gate, ParticleFilter, Ukf, Unscented};
+use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+use serde::{Deserialize, Serialize};
+
+/// A filter chosen at run time.
+///
+/// `drift` is the random walk of the target's East and North: metres per √second, or per step
+/// where a prediction counts steps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[non_exhaustive]
+pub enum FilterConfig {
+    /// The extended Kalman filter.
+    Ekf {
+        /// The target's random walk.
+        drift: f64,
+        /// What keeps outliers out.
+        gate: GateConfig,
+    },
+    /// The unscented Kalman filter.
+    Ukf {
+        /// The target's random walk.
+        drift: f64,
+        /// What keeps outliers out.
+        gate: GateConfig,
+        /// α: how far the sigma points lie from the mean.
+        alpha: f64,
+        /// β: what is known of the distribution; 2 for a Gaussian.
+        beta: f64,
+        /// κ: the secondary scaling.
+        kappa: f64,
+    },
+    /// The bootstrap particle filter.
+    Particle {
+        /// The target's random walk.
+        drift: f64,
+        /// How many particles.
+        count: usize,
+    },
+}
+
+/// What keeps outliers out, chosen at run time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum GateConfig {
+    /// Nothing.
+    Open,
+    /// A gate that lets in this share of what a consistent filter sees.
+    Probability(f64),
+    /// The reference's rule with its two exceptions (Pritzl 2018, §4.4).
+    Pritzl2018,
+}
+
+impl GateConfig {
+    fn build(self) -> Result<Gate, EstimatorError> {
+        match self {
+            Self::Open => Ok(Gate::open()),
+            Self::Probability(probability) => Gate::probability(probability),
+            Self::Pritzl2018 => Ok(Gate::pritzl2018()),
+        }
+    }
+}
+
+/// The random walk of state components behind East and North, such as an unknown reference power
+/// in dB per √second: enough that a particle filter does not freeze on its first draws.
+const NUISANCE_DRIFT: f64 = 0.02;
+
+impl FilterConfig {
+    /// Builds the filter over a model and a prior; `seed` is for those that draw random numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError`] when the prior or a parameter does not make one.
+    pub fn build<H, const N: usize, const M: usize>(
+        &self,
+        model: H,
+        prior: &Estimate<N>,
+        seed: u64,
+    ) -> Result<Box<dyn Estimator<N, M>>, EstimatorError>
+    where
+        H: MeasurementModel<N, M> + 'static,
+    {
+        Ok(match *self {
+            Self::Ekf { drift, gate } => {
+                Box::new(Ekf::new(walk(drift)?, model, *prior)?.with_gate(gate.build()?))
+            }
+            Self::Ukf { drift, gate, alpha, beta, kappa } => Box::new(
+                Ukf::new(walk(drift)?, model, *prior)?
+                    .with_transform(Unscented::new(alpha, beta, kappa)?)?
+                    .with_gate(gate.build()?),
+            ),
+            Self::Particle { drift, count } => {
+                let rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+                Box::new(ParticleFilter::new(walk(drift)?, model, *prior, count, rng)?)
+            }
+        })
+    }
+}
+
+/// One seed for each beacon of a run, so that their filters do not draw the same numbers.
+#[must_use]
+pub(crate) fn beacon_seed(run: u64, beacon: BeaconId) -> u64 {
+    // The odd constant is 2⁶⁴ over the golden ratio (Steele et al. 2014, SplitMix).
+    run ^ 0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(u64::from(beacon.0) + 1)
+}
+
+fn walk<const N: usize>(drift: f64) -> Result<RandomWalk<N>, EstimatorError> {
+    if !(drift >= 0.0 && drift.is_finite()) {
+        return Err(EstimatorError::Parameter {
+            name: "drift",
+            value: drift,
+            requirement: "a non-negative number",
+        });
+    }
+    let drift = State::from_fn(|row, _| if row < 2 { drift } else { NUISANCE_DRIFT });
+    Ok(RandomWalk { drift })
+}

@@ -1,0 +1,14 @@
+//! Parts picked at run time: what stands in files and on the command line.
+
+mod estimator;
+mod extractor;
+mod filter;
+mod model;
+mod planner;
+
+pub use estimator::{EstimatorConfig, NamedEstimator, estimator_named, estimators};
+pub use extractor::ExtractorConfig;
+pub(crate) use filter::beacon_seed;
+pub use filter::{FilterConfig, GateConfig};
+pub use model::ModelConfig;
+pub use planner::PlannerConfig;

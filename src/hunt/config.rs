@@ -1,0 +1,51 @@
+use serde::{Deserialize, Serialize};
+
+use super::HuntError;
+
+/// What a [`Hunt`](super::Hunt) is told besides its parts.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HuntConfig {
+    /// σ of each coordinate of a beacon's place before anything was heard, about the centroid of
+    /// the drones.
+    pub prior_sigma_m: f64,
+    /// A drone has arrived when it is this near its goal.
+    pub arrival_tolerance_m: f64,
+    /// Drones that have not arrived after this long are not waited for.
+    pub move_timeout_s: f64,
+    /// A drone whose turn has not come after this long is not waited for.
+    pub turn_timeout_s: f64,
+    /// A formation position at which nothing was heard is measured this often before the beacon
+    /// is given up.
+    pub attempts: u32,
+}
+
+impl Default for HuntConfig {
+    /// Prior σ √70 m (Pritzl 2018, §4.4), arrival within 0.3 m, 120 s for a move, 90 s for a turn
+    /// (128 positions of at most 0.4 s, the first of 2 s, and half as much again), 3 attempts.
+    fn default() -> Self {
+        Self {
+            prior_sigma_m: 70.0_f64.sqrt(),
+            arrival_tolerance_m: 0.3,
+            move_timeout_s: 120.0,
+            turn_timeout_s: 90.0,
+            attempts: 3,
+        }
+    }
+}
+
+impl HuntConfig {
+    pub(super) fn check(&self) -> Result<(), HuntError> {
+        let fields = [
+            ("prior_sigma_m", self.prior_sigma_m),
+            ("arrival_tolerance_m", self.arrival_tolerance_m),
+            ("move_timeout_s", self.move_timeout_s),
+            ("turn_timeout_s", self.turn_timeout_s),
+            ("attempts", f64::from(self.attempts)),
+        ];
+        match fields.into_iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
+            Some((field, value)) => Err(HuntError::Config { field, value }),
+            None => Ok(()),
+        }
+    }
+}

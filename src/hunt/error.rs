@@ -1,0 +1,41 @@
+use foxhunt_core::{EstimatorError, PlanError};
+use foxhunt_formation::PhaseError;
+
+/// Why a hunt could not begin or go on.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum HuntError {
+    /// There is nobody to fly, or nothing to look for.
+    #[error("a hunt needs at least one {missing}")]
+    Nothing {
+        /// What there is none of.
+        missing: &'static str,
+    },
+    /// A field of the configuration is out of its range.
+    #[error("{field} is {value}; it must be positive")]
+    Config {
+        /// Which field.
+        field: &'static str,
+        /// What it held.
+        value: f64,
+    },
+    /// A beacon's estimator could not be made.
+    #[error("no estimator for beacon {beacon}")]
+    Estimator {
+        /// The beacon's name.
+        beacon: String,
+        /// Why not.
+        source: EstimatorError,
+    },
+    /// The planner had no plan.
+    #[error("no plan for beacon {beacon}")]
+    Plan {
+        /// The beacon's name.
+        beacon: String,
+        /// Why not.
+        source: PlanError,
+    },
+    /// A signal came in a phase that it does not belong to.
+    #[error(transparent)]
+    Phase(#[from] PhaseError),
+}

@@ -1,0 +1,112 @@
+use foxhunt_core::{BeaconId, Correction, Estimate, Outcome, Reception};
+use foxhunt_formation::Phase;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// One thing that happened in a hunt. Times are seconds, places East, North and Up in metres.
+///
+/// Each event is one line of the log (`foxhunt::log`).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "event", rename_all = "snake_case", deny_unknown_fields)]
+#[non_exhaustive]
+pub enum Event {
+    /// The search for a beacon began.
+    BeaconStarted {
+        /// When.
+        time: f64,
+        /// Which beacon.
+        beacon: BeaconId,
+        /// Its name.
+        name: String,
+        /// What is believed before anything was heard.
+        prior: Estimate<2>,
+    },
+    /// The formation does something else now.
+    PhaseChanged {
+        /// When.
+        time: f64,
+        /// What it does.
+        phase: Phase,
+    },
+    /// The drones were told where to go, in their order.
+    GoalsSet {
+        /// When.
+        time: f64,
+        /// Where each shall go.
+        goals: Vec<Vector3<f64>>,
+    },
+    /// A drone's turn became a reception.
+    Received {
+        /// When the hunt got it.
+        time: f64,
+        /// Which drone.
+        drone: usize,
+        /// Whether it belongs to the first formation position of its beacon.
+        first_position: bool,
+        /// The reception.
+        reception: Reception,
+    },
+    /// The reception before went through the estimator.
+    Corrected {
+        /// When.
+        time: f64,
+        /// Which drone's reception it was.
+        drone: usize,
+        /// What the estimator did.
+        correction: Correction,
+        /// What is believed since.
+        estimate: Estimate<2>,
+    },
+    /// A turn or a reception was of no use.
+    Refused {
+        /// When.
+        time: f64,
+        /// Which drone's.
+        drone: usize,
+        /// Why.
+        reason: String,
+    },
+    /// A drone delivered nothing at a formation position; the hunt goes on without.
+    Missing {
+        /// When the hunt stopped waiting.
+        time: f64,
+        /// Which drone.
+        drone: usize,
+        /// How long it was waited for, in seconds.
+        waited_s: f64,
+    },
+    /// A device reported a failure; the hunt goes on.
+    DeviceFailed {
+        /// When.
+        time: f64,
+        /// Which drone's device; none for the fleet as a whole.
+        drone: Option<usize>,
+        /// What it said.
+        reason: String,
+    },
+    /// The search for a beacon is over.
+    BeaconFinished {
+        /// When.
+        time: f64,
+        /// What came of it.
+        fix: Fix,
+    },
+}
+
+/// What a search found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Fix {
+    /// Which beacon.
+    pub beacon: BeaconId,
+    /// Its name.
+    pub name: String,
+    /// Where it is believed to be.
+    pub estimate: Estimate<2>,
+    /// How many receptions went through the estimator, rejected ones included.
+    pub steps: u32,
+    /// At how many formation positions at least one drone was heard.
+    pub formation_positions: u32,
+    /// How the search ended.
+    pub outcome: Outcome,
+}

@@ -1,0 +1,359 @@
+use std::collections::VecDeque;
+
+use foxhunt_core::{
+    BeaconId, BearingExtractor, BeliefOf, Estimate, Estimator, EstimatorError, FormationPlanner,
+    Observation, ObservationError, Outcome, Reception, Station, Sweep,
+};
+use foxhunt_formation::{Phase, Phases, Signal};
+use nalgebra::Vector2;
+
+use super::{Event, Fix, Heard, HuntConfig, HuntError, Track, TrackConfig};
+
+/// What the hunt wants done by those who own the devices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// Send every drone to its station's goal.
+    GoTo,
+    /// Turn the antenna of a drone and listen for a beacon.
+    Listen {
+        /// Which drone.
+        drone: usize,
+        /// For which beacon.
+        beacon: BeaconId,
+    },
+}
+
+/// A hunt for one beacon after the other with a formation of drones.
+///
+/// It does no I/O and reads no clock: [`start`](Self::start), [`advance`](Self::advance) and
+/// [`sweep`](Self::sweep) take what happened, [`poll_command`](Self::poll_command) and
+/// [`poll_event`](Self::poll_event) give what is to be done and what is to be logged. So the
+/// same code runs simulated, replayed and flown; `foxhunt::hunt::drive` moves data between it and
+/// devices. Each part is any implementor of its trait, `Box<dyn …>` included; `estimators` makes
+/// an estimator for a beacon from its prior.
+///
+/// A drone that delivers nothing delays each formation position by its time-out and never stops
+/// the hunt.
+#[derive(Debug)]
+pub struct Hunt<X, P, F, E, const N: usize, const M: usize> {
+    extractor: X,
+    planner: P,
+    estimators: F,
+    config: HuntConfig,
+    track_config: TrackConfig,
+    beacons: Vec<String>,
+    stations: Vec<Station>,
+    phases: Phases,
+    since: f64,
+    current: u16,
+    track: Option<Track<E, N, M>>,
+    awaited: Vec<bool>,
+    position: PositionCount,
+    fixes: Vec<Fix>,
+    commands: VecDeque<Command>,
+    events: VecDeque<Event>,
+    /// What failed since the last change of phase, so that one fault makes one event.
+    failures: Vec<(Option<usize>, String)>,
+}
+
+/// Where the search for one beacon stands.
+#[derive(Clone, Copy, Debug, Default)]
+struct PositionCount {
+    /// Formation positions at which something was heard.
+    measured: u32,
+    /// How often the present position was measured without hearing anything.
+    attempts: u32,
+    /// Receptions used at the present position.
+    heard: u32,
+}
+
+impl<X, P, F, E, const N: usize, const M: usize> Hunt<X, P, F, E, N, M>
+where
+    X: BearingExtractor,
+    P: FormationPlanner,
+    F: FnMut(&Estimate<2>) -> Result<E, EstimatorError>,
+    E: Estimator<N, M>,
+    Observation<M>: for<'a> TryFrom<&'a Reception, Error = ObservationError>,
+{
+    /// A hunt for `beacons`, in their order, that has not begun.
+    ///
+    /// # Errors
+    ///
+    /// When there is no beacon, or a field of the configuration is not positive.
+    pub fn new(
+        extractor: X,
+        planner: P,
+        estimators: F,
+        beacons: Vec<String>,
+        config: HuntConfig,
+        track_config: TrackConfig,
+    ) -> Result<Self, HuntError> {
+        config.check()?;
+        if beacons.is_empty() || u16::try_from(beacons.len()).is_err() {
+            return Err(HuntError::Nothing { missing: "beacon" });
+        }
+        Ok(Self {
+            extractor,
+            planner,
+            estimators,
+            config,
+            track_config,
+            beacons,
+            stations: Vec::new(),
+            phases: Phases::default(),
+            since: 0.0,
+            current: 0,
+            track: None,
+            awaited: Vec::new(),
+            position: PositionCount::default(),
+            fixes: Vec::new(),
+            commands: VecDeque::new(),
+            events: VecDeque::new(),
+            failures: Vec::new(),
+        })
+    }
+
+    /// Begins with the first beacon from where the drones stand.
+    ///
+    /// # Errors
+    ///
+    /// When there is no drone, the hunt has begun before, or there is no plan or estimator.
+    pub fn start(&mut self, time: f64, stations: Vec<Station>) -> Result<(), HuntError> {
+        if stations.is_empty() {
+            return Err(HuntError::Nothing { missing: "drone" });
+        }
+        self.awaited = vec![false; stations.len()];
+        self.stations = stations;
+        self.begin_beacon(time)
+    }
+
+    /// Lets time pass: drones arrive, and those that deliver nothing are given up.
+    /// [`stations_mut`](Self::stations_mut) holds where the drones are.
+    ///
+    /// # Errors
+    ///
+    /// When there is no plan, or no estimator for the next beacon.
+    pub fn advance(&mut self, time: f64) -> Result<(), HuntError> {
+        match self.phases.phase() {
+            Phase::Start | Phase::Moving(_) => {
+                let near = |s: &Station| {
+                    (s.goal.position - s.pose.position).norm() <= self.config.arrival_tolerance_m
+                };
+                if self.stations.iter().all(near) || time - self.since >= self.config.move_timeout_s
+                {
+                    self.signal(time, Signal::Arrived)?;
+                    self.listen(time);
+                }
+                Ok(())
+            }
+            Phase::Measuring(_) => {
+                let waited_s = time - self.since;
+                if waited_s >= self.config.turn_timeout_s {
+                    for drone in 0..self.awaited.len() {
+                        if std::mem::take(&mut self.awaited[drone]) {
+                            self.events.push_back(Event::Missing { time, drone, waited_s });
+                        }
+                    }
+                }
+                if self.awaited.contains(&true) { Ok(()) } else { self.position_done(time) }
+            }
+            Phase::Idle | Phase::Finished(_) => Ok(()),
+        }
+    }
+
+    /// Takes a drone's sweep. One that cannot be used is an event, never an error; one that comes
+    /// late is used as long as its beacon is still searched for.
+    pub fn sweep(&mut self, time: f64, drone: usize, sweep: &Sweep<'_>) {
+        let Some(awaited) = self.awaited.get_mut(drone) else { return };
+        if sweep.beacon != BeaconId(self.current) {
+            return;
+        }
+        let Some(track) = &mut self.track else { return };
+        if matches!(self.phases.phase(), Phase::Measuring(_)) {
+            *awaited = false;
+        }
+        let reading = match self.extractor.extract(sweep) {
+            Ok(reading) => reading,
+            Err(error) => {
+                let reason = error.to_string();
+                return self.events.push_back(Event::Refused { time, drone, reason });
+            }
+        };
+        let reception = Reception::new(sweep, &reading);
+        let first_position = self.position.measured == 0;
+        self.events.push_back(Event::Received { time, drone, first_position, reception });
+        let reason = match track.hear(&reception, first_position) {
+            Ok(Heard::Corrected(correction)) => {
+                self.position.heard += 1;
+                let estimate = track.position();
+                return self.events.push_back(Event::Corrected {
+                    time,
+                    drone,
+                    correction,
+                    estimate,
+                });
+            }
+            Ok(Heard::Discarded) => match reading.bearing {
+                Err(error) => error.to_string(),
+                Ok(_) => "bearings are not used".to_owned(),
+            },
+            Err(error) => error.to_string(),
+        };
+        self.events.push_back(Event::Refused { time, drone, reason });
+    }
+
+    /// Notes that a device failed; the hunt goes on. The same failure is one event in each phase.
+    pub fn device_failed(&mut self, time: f64, drone: Option<usize>, reason: String) {
+        if !self.failures.iter().any(|known| known.0 == drone && known.1 == reason) {
+            self.failures.push((drone, reason.clone()));
+            self.events.push_back(Event::DeviceFailed { time, drone, reason });
+        }
+    }
+
+    /// The next thing to be done, each once.
+    pub fn poll_command(&mut self) -> Option<Command> {
+        self.commands.pop_front()
+    }
+
+    /// The next thing to be logged, each once, in the order in which it happened.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// Whether a sweep of this drone is waited for.
+    #[must_use]
+    pub fn awaits(&self, drone: usize) -> bool {
+        self.awaited.get(drone).copied().unwrap_or(false)
+    }
+
+    /// Where the drones are and shall go.
+    #[must_use]
+    pub fn stations(&self) -> &[Station] {
+        &self.stations
+    }
+
+    /// The same, to fill in where the drones are.
+    pub fn stations_mut(&mut self) -> &mut [Station] {
+        &mut self.stations
+    }
+
+    /// What the formation is doing.
+    #[must_use]
+    pub fn phase(&self) -> Phase {
+        self.phases.phase()
+    }
+
+    /// Whether every beacon is done.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        self.fixes.len() == self.beacons.len()
+    }
+
+    /// What was found so far, in the order of the beacons.
+    #[must_use]
+    pub fn fixes(&self) -> &[Fix] {
+        &self.fixes
+    }
+
+    /// What is believed of the beacon that is searched for now.
+    pub fn estimate(&self) -> Option<Estimate<N>> {
+        self.track.as_ref().map(|track| track.estimator().estimate())
+    }
+
+    fn begin_beacon(&mut self, time: f64) -> Result<(), HuntError> {
+        let name = self.beacons[usize::from(self.current)].clone();
+        let centroid = centroid(&self.stations);
+        let prior = Estimate::isotropic(centroid, self.config.prior_sigma_m);
+        let estimator = (self.estimators)(&prior)
+            .map_err(|source| HuntError::Estimator { beacon: name.clone(), source })?;
+        self.planner
+            .begin(&mut self.stations)
+            .map_err(|source| HuntError::Plan { beacon: name.clone(), source })?;
+        self.track = Some(Track::new(estimator, self.track_config));
+        self.position = PositionCount::default();
+        let beacon = BeaconId(self.current);
+        self.events.push_back(Event::BeaconStarted { time, beacon, name, prior });
+        self.signal(time, Signal::Begin)?;
+        self.go(time);
+        Ok(())
+    }
+
+    fn signal(&mut self, time: f64, signal: Signal) -> Result<(), HuntError> {
+        let phase = self.phases.signal(signal)?;
+        self.since = time;
+        self.failures.clear();
+        self.events.push_back(Event::PhaseChanged { time, phase });
+        Ok(())
+    }
+
+    fn go(&mut self, time: f64) {
+        let goals = self.stations.iter().map(|s| s.goal.position).collect();
+        self.events.push_back(Event::GoalsSet { time, goals });
+        self.commands.push_back(Command::GoTo);
+    }
+
+    fn listen(&mut self, time: f64) {
+        self.since = time;
+        self.position.heard = 0;
+        self.awaited.fill(true);
+        let beacon = BeaconId(self.current);
+        self.commands
+            .extend((0..self.awaited.len()).map(|drone| Command::Listen { drone, beacon }));
+    }
+
+    /// Every drone of the present formation position was heard or given up.
+    fn position_done(&mut self, time: f64) -> Result<(), HuntError> {
+        let Some(track) = &self.track else { return Ok(()) };
+        if self.position.heard == 0 {
+            // The planner would take an estimate that did not move for one that has settled.
+            self.position.attempts += 1;
+            if self.position.attempts < self.config.attempts {
+                self.listen(time);
+                return Ok(());
+            }
+            self.signal(time, Signal::GivenUp(Outcome::NothingHeard))?;
+            return self.finish_beacon(time, Outcome::NothingHeard);
+        }
+        self.position.attempts = 0;
+        self.position.measured += 1;
+        let decision = self
+            .planner
+            .plan(&BeliefOf(track.estimator()), &mut self.stations)
+            .map_err(|source| HuntError::Plan {
+                beacon: self.beacons[usize::from(self.current)].clone(),
+                source,
+            })?;
+        self.signal(time, Signal::Decided(decision))?;
+        match self.phases.phase() {
+            Phase::Finished(outcome) => self.finish_beacon(time, outcome),
+            _ => {
+                self.go(time);
+                Ok(())
+            }
+        }
+    }
+
+    fn finish_beacon(&mut self, time: f64, outcome: Outcome) -> Result<(), HuntError> {
+        let Some(track) = self.track.take() else { return Ok(()) };
+        let fix = Fix {
+            beacon: BeaconId(self.current),
+            name: self.beacons[usize::from(self.current)].clone(),
+            estimate: track.position(),
+            steps: track.steps(),
+            formation_positions: self.position.measured,
+            outcome,
+        };
+        self.events.push_back(Event::BeaconFinished { time, fix: fix.clone() });
+        self.fixes.push(fix);
+        if self.is_finished() {
+            return Ok(());
+        }
+        self.current += 1;
+        self.begin_beacon(time)
+    }
+}
+
+fn centroid(stations: &[Station]) -> Vector2<f64> {
+    let count = u32::try_from(stations.len()).unwrap_or(u32::MAX).max(1);
+    stations.iter().map(|s| s.pose.position.xy()).sum::<Vector2<f64>>() / f64::from(count)
+}

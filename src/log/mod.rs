@@ -1,0 +1,47 @@
+//! The log of a hunt: one versioned file of JSON lines, a header and then the events.
+//!
+//! Every number is written so that reading gives back each of its bits.
+
+mod reader;
+mod writer;
+
+pub use reader::{Log, LogError};
+pub use writer::LogWriter;
+
+use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
+
+use crate::config::{EstimatorConfig, ModelConfig};
+
+/// The version of the log that this program writes and reads.
+pub const LOG_VERSION: u32 = 1;
+
+/// The first line of a log: how the estimates came about.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LogHeader {
+    /// [`LOG_VERSION`] of the program that wrote it.
+    pub foxhunt_log: u32,
+    /// What was flown.
+    pub scenario: String,
+    /// The seed of estimators that draw random numbers, and of a simulated world.
+    pub seed: u64,
+    /// The estimator's name.
+    pub estimator_name: String,
+    /// The estimator.
+    pub estimator: EstimatorConfig,
+    /// What the estimator took for the law of propagation.
+    pub model: ModelConfig,
+    /// The beacons, in their order.
+    pub beacons: Vec<LoggedBeacon>,
+}
+
+/// A beacon of a logged hunt.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LoggedBeacon {
+    /// Its name.
+    pub name: String,
+    /// Where it truly is, East and North in metres, if that is known.
+    pub truth: Option<Vector2<f64>>,
+}

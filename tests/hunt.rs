@@ -1,0 +1,209 @@
+//! What a hunt does when things go wrong, and that its log says it all.
+
+mod support;
+
+use std::{cell::Cell, path::Path, rc::Rc};
+
+use foxhunt::{
+    config::{EstimatorConfig, ModelConfig, estimator_named, estimators},
+    core::Outcome,
+    filters::Ukf,
+    formation::{FollowConfig, FollowEstimate, Hold, Phase},
+    hunt::Event,
+    log::{LOG_VERSION, Log, LogHeader, LogWriter, LoggedBeacon},
+    prelude::*,
+    replay::replay,
+    sensors::{LogDistance, Pritzl2018, RssBearing},
+};
+use nalgebra::Vector2;
+use support::{Cardioid, Health, LAW, Teleport};
+
+/// Each within two standard deviations of the prior, which lies about where the drones are.
+const TARGETS: [Vector2<f64>; 2] = [Vector2::new(12.0, -7.0), Vector2::new(5.0, 4.0)];
+
+struct Outing {
+    events: Vec<Event>,
+    duration: f64,
+}
+
+/// Flies the toy world to its end.
+fn fly(planner: impl FormationPlanner, healths: [Health; 3], stuck: bool) -> Outing {
+    let model = RssBearing::new(LogDistance::new(LAW.0, LAW.1).expect("in range"));
+    let time: support::Time = Rc::new(Cell::new(0.0));
+    let mut vehicles = [(0.0, 0.0), (5.0, 0.0), (0.0, 5.0)].map(|(e, n)| Teleport::at(e, n));
+    vehicles[0].stuck = stuck;
+    let mut sources: Vec<Cardioid> = vehicles
+        .iter()
+        .zip(healths)
+        .map(|(vehicle, health)| Cardioid::new(&time, vehicle, &TARGETS, health))
+        .collect();
+    let mut hunt = Hunt::new(
+        Pritzl2018::default(),
+        planner,
+        |prior: &Estimate<2>| Ukf::pritzl2018(model, *prior),
+        vec!["first".to_owned(), "second".to_owned()],
+        HuntConfig::default(),
+        TrackConfig::pritzl2018(),
+    )
+    .expect("two beacons");
+    let stations = vehicles.iter().map(|v| Station::holding(v.place.get())).collect();
+    hunt.start(0.0, stations).expect("three drones");
+    let mut events = Vec::new();
+    while !hunt.is_finished() {
+        drive(&mut hunt, &mut sources, &mut vehicles[..], time.get()).expect("the hunt goes on");
+        events.extend(std::iter::from_fn(|| hunt.poll_event()));
+        time.set(time.get() + 0.25);
+        assert!(time.get() < 100_000.0, "the hunt does not end");
+    }
+    Outing { events, duration: time.get() }
+}
+
+fn triangle() -> FollowEstimate {
+    FollowEstimate::new(FollowConfig::pritzl2018()).expect("the preset is in range")
+}
+
+fn outcomes(outing: &Outing) -> Vec<(Outcome, u32, u32)> {
+    let fix = |event: &Event| match event {
+        Event::BeaconFinished { fix, .. } => {
+            Some((fix.outcome, fix.steps, fix.formation_positions))
+        }
+        _ => None,
+    };
+    outing.events.iter().filter_map(fix).collect()
+}
+
+#[test]
+fn all_goes_well() {
+    let outing = fly(triangle(), [Health::Good; 3], false);
+    for (outcome, steps, positions) in outcomes(&outing) {
+        assert_eq!(outcome, Outcome::Converged);
+        assert_eq!(steps, 3 * positions);
+        // Three positions at least, and four more for finishing.
+        assert!(positions >= 7);
+    }
+    let fixes = outing.events.iter().filter_map(|event| match event {
+        Event::BeaconFinished { fix, .. } => Some(fix.estimate.mean),
+        _ => None,
+    });
+    for (found, truth) in fixes.zip(TARGETS) {
+        assert!((found - truth).norm() < 1.5, "found at {found}, it is at {truth}");
+    }
+    let forming_up = outing
+        .events
+        .iter()
+        .filter(|e| matches!(e, Event::PhaseChanged { phase, .. } if *phase == Phase::Start));
+    assert_eq!(forming_up.count(), 2);
+}
+
+#[test]
+fn a_silent_drone_costs_its_time_out_and_no_more() {
+    let good = fly(Hold::new(4), [Health::Good; 3], false);
+    let silent = fly(Hold::new(4), [Health::Good, Health::Silent, Health::Good], false);
+    assert_eq!(outcomes(&silent), [(Outcome::MoveLimit, 8, 4); 2]);
+    // Eight formation positions, each longer by the time-out less the second that a turn takes.
+    let delay = (silent.duration - good.duration) / 8.0;
+    let timeout = HuntConfig::default().turn_timeout_s;
+    assert!((delay - (timeout - 1.0)).abs() < 0.5, "each position took {delay} s longer");
+    let missing = silent.events.iter().filter(|e| matches!(e, Event::Missing { drone: 1, .. }));
+    assert_eq!(missing.count(), 8);
+}
+
+#[test]
+fn a_broken_drone_is_told_of_once_in_each_phase() {
+    let outing = fly(Hold::new(2), [Health::Broken, Health::Good, Health::Good], false);
+    assert_eq!(outcomes(&outing), [(Outcome::MoveLimit, 4, 2); 2]);
+    let failures: Vec<&Event> =
+        outing.events.iter().filter(|e| matches!(e, Event::DeviceFailed { .. })).collect();
+    assert_eq!(failures.len(), 4);
+    for event in failures {
+        let Event::DeviceFailed { drone, reason, .. } = event else { unreachable!("filtered") };
+        assert_eq!((*drone, reason.as_str()), (Some(0), "the cable is unplugged"));
+    }
+}
+
+#[test]
+fn nothing_heard_gives_the_beacon_up_and_goes_on() {
+    let outing = fly(triangle(), [Health::Silent; 3], false);
+    assert_eq!(outcomes(&outing), [(Outcome::NothingHeard, 0, 0); 2]);
+    let attempts = f64::from(HuntConfig::default().attempts);
+    let least = 2.0 * attempts * HuntConfig::default().turn_timeout_s;
+    assert!((outing.duration - least).abs() < 10.0, "it took {} s", outing.duration);
+}
+
+#[test]
+fn a_stuck_drone_is_waited_for_so_long_and_then_used_where_it_is() {
+    let outing = fly(triangle(), [Health::Good; 3], true);
+    for (outcome, steps, positions) in outcomes(&outing) {
+        assert_ne!(outcome, Outcome::NothingHeard);
+        assert_eq!(steps, 3 * positions);
+    }
+    for event in &outing.events {
+        if let Event::Received { drone: 0, reception, .. } = event {
+            assert!(reception.receiver.position.xy().norm() < 1e-12);
+        }
+    }
+}
+
+fn logged(outing: &Outing, config: EstimatorConfig) -> String {
+    let header = LogHeader {
+        foxhunt_log: LOG_VERSION,
+        scenario: "toy".to_owned(),
+        seed: 5,
+        estimator_name: "ukf-pritzl2018".to_owned(),
+        estimator: config,
+        model: ModelConfig { reference_dbm: LAW.0, exponent: LAW.1, target_up_m: 0.0 },
+        beacons: TARGETS
+            .iter()
+            .map(|truth| LoggedBeacon { name: "b".to_owned(), truth: Some(*truth) })
+            .collect(),
+    };
+    let mut text = Vec::new();
+    let mut writer = LogWriter::new(&mut text, &header).expect("memory takes everything");
+    for event in &outing.events {
+        writer.event(event).expect("memory takes everything");
+    }
+    String::from_utf8(text).expect("JSON is UTF-8")
+}
+
+#[test]
+fn a_log_is_read_back_and_replays_to_the_bit() {
+    let outing = fly(triangle(), [Health::Good, Health::Silent, Health::Good], false);
+    let config = estimator_named("ukf-pritzl2018").expect("it has a name").config;
+    let text = logged(&outing, config);
+    let log = Log::parse(&text, Path::new("toy.jsonl")).expect("its own output");
+    assert_eq!(log.events, outing.events);
+    assert!(!log.torn);
+
+    let own = replay(&log, None).expect("its own configuration");
+    let corrected = outing.events.iter().filter(|e| matches!(e, Event::Corrected { .. })).count();
+    assert_eq!((own.compared, own.different), (corrected, 0));
+    for other in estimators() {
+        let replayed = replay(&log, Some(&other)).expect("every estimator takes this log");
+        assert_eq!(replayed.fixes.len(), 2);
+        for (fix, truth) in replayed.fixes.iter().zip(TARGETS) {
+            let miss = (fix.estimate.mean - truth).norm();
+            // The extended filter is the worst of them: its linearisation costs it 3.9 m here.
+            assert!(miss < 5.0, "{} missed by {miss} m", other.name);
+        }
+    }
+}
+
+#[test]
+fn a_torn_log_loses_its_last_line_alone() {
+    let outing = fly(Hold::new(1), [Health::Good; 3], false);
+    let config = estimator_named("ukf-pritzl2018").expect("it has a name").config;
+    let text = logged(&outing, config);
+    let path = Path::new("toy.jsonl");
+    let torn = Log::parse(&text[..text.len() - 9], path).expect("all but the last line");
+    assert!(torn.torn);
+    assert_eq!(torn.events[..], outing.events[..outing.events.len() - 1]);
+
+    let broken = text.replacen("\"received\"", "\"recieved\"", 1);
+    let error = Log::parse(&broken, path).expect_err("a misspelt event").to_string();
+    let line = broken.lines().position(|l| l.contains("recieved")).expect("it is there") + 1;
+    assert!(error.contains(&format!("toy.jsonl, line {line}")), "{error}");
+    let newer = text.replacen("\"foxhunt_log\":1", "\"foxhunt_log\":7", 1);
+    let error = Log::parse(&newer, path).expect_err("another version").to_string();
+    assert!(error.contains('7'), "{error}");
+    assert!(Log::parse("", path).is_err() && Log::parse("t_s,lat\n", path).is_err());
+}
