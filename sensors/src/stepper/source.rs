@@ -96,14 +96,13 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
     }
 
     fn step(&mut self, turn: &mut Turn) -> Result<Progress, Failure<R, T, V>> {
-        let position = turn.position(self.config.positions());
         match turn.phase {
             Phase::Order => {
-                // The time-out runs from the first attempt: a motor that refuses orders must not
-                // stop the turn.
-                if turn.deadline.is_none() {
-                    turn.deadline = Some(self.clock.now() + self.timeout(turn.done));
-                }
+                // The first position's time runs from the first attempt: a motor that refuses
+                // orders must not stop the turn.
+                let first = self.config.first_timeout();
+                turn.deadline.get_or_insert_with(|| self.clock.now() + first);
+                let position = turn.position(self.config.positions());
                 self.stands_at = position;
                 let angle = TAU * f64::from(position) / f64::from(self.config.positions());
                 self.rotator.turn_to(angle).map_err(StepperError::Rotator)?;
@@ -114,7 +113,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                 _ => return Ok(Progress::Waiting),
             },
             Phase::Ask { answers, .. } if answers >= self.config.samples_per_position() => {
-                turn.next(self.config.positions(), self.clock.now());
+                turn.next(&self.config, self.clock.now());
             }
             Phase::Ask { angle, answers } => {
                 if !self.expire(turn) {
@@ -139,6 +138,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                 if receiver.is_finite() {
                     let boresight = receiver.heading + angle + self.config.mount_offset();
                     let boresight = angle::wrap(boresight);
+                    let position = nearest(angle, self.config.positions());
                     self.samples.push(Sample { time, receiver, boresight, position, rss_dbm });
                     self.last_pose = receiver;
                 } else {
@@ -152,14 +152,13 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
     }
 
     /// Without samples only the vehicle says where the turn took place.
-    fn finish(&mut self, turn: &mut Turn) -> Result<Progress, Failure<R, T, V>> {
+    fn finish(&mut self, turn: &Turn) -> Result<Progress, Failure<R, T, V>> {
         if self.samples.is_empty() {
             // A vehicle that does not answer holds the turn up for one more time-out at most.
-            let now = self.clock.now();
-            let deadline = *turn.deadline.get_or_insert(now + self.config.position_timeout());
+            let late = turn.deadline.is_some_and(|deadline| self.clock.now() >= deadline);
             match self.vehicle.pose() {
                 Ok(pose) if pose.is_finite() => self.last_pose = pose,
-                Err(error) if now < deadline => return Err(StepperError::Vehicle(error)),
+                Err(error) if !late => return Err(StepperError::Vehicle(error)),
                 _ => {}
             }
         }
@@ -173,13 +172,9 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         let expired = late && !matches!(turn.phase, Phase::Finish { .. });
         if expired {
             self.dropped += u32::from(matches!(turn.phase, Phase::Locate { .. }));
-            turn.next(self.config.positions(), now);
+            turn.next(&self.config, now);
         }
         expired
-    }
-
-    fn timeout(&self, done: u16) -> f64 {
-        if done == 0 { self.config.first_timeout() } else { self.config.position_timeout() }
     }
 
     /// Where the turn took place: the mean over the samples.
@@ -197,6 +192,15 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         let heading = heading.direction(1e-9).unwrap_or(last.receiver.heading);
         Pose { position: position / count, heading }
     }
+}
+
+/// The position that is nominally nearest to where the rotator says it stands: a motor that is stuck
+/// does not fill positions it has never been to.
+fn nearest(angle: f64, positions: u16) -> u16 {
+    let steps = libm::round(angle::wrap(angle) / TAU * f64::from(positions));
+    #[expect(clippy::cast_possible_truncation, reason = "within a turn of at most u16::MAX steps")]
+    let steps = (steps as i32).rem_euclid(i32::from(positions));
+    u16::try_from(steps).unwrap_or(0)
 }
 
 impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource<R, T, V, C> {

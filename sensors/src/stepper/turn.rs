@@ -1,5 +1,7 @@
 use foxhunt_core::BeaconId;
 
+use super::StepperConfig;
+
 /// A turn that is under way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Turn {
@@ -9,7 +11,7 @@ pub(super) struct Turn {
     pub(super) done: u16,
     /// The antenna goes from the last position to the first.
     pub(super) backwards: bool,
-    /// When the present position's time is up; `None` until it was ordered for the first time.
+    /// When the present position's time is up; `None` until the first order.
     pub(super) deadline: Option<f64>,
     /// What the source waits for.
     pub(super) phase: Phase,
@@ -44,10 +46,12 @@ impl Turn {
         if self.backwards { last - forwards } else { forwards }
     }
 
-    /// Goes on to the next position, or ends the turn after the last.
-    pub(super) fn next(&mut self, positions: u16, now: f64) {
+    /// Goes on to the next position, or ends the turn after the last. The next order follows at
+    /// once, so its time begins now, whether the rotator takes it or not.
+    pub(super) fn next(&mut self, config: &StepperConfig, now: f64) {
         self.done += 1;
-        self.deadline = None;
-        self.phase = if self.done < positions { Phase::Order } else { Phase::Finish { time: now } };
+        self.deadline = Some(now + config.position_timeout());
+        let more = self.done < config.positions();
+        self.phase = if more { Phase::Order } else { Phase::Finish { time: now } };
     }
 }

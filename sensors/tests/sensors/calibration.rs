@@ -1,0 +1,117 @@
+//! Path-loss calibration: closed form, recovery, real readings.
+
+use foxhunt_sensors::{CalibrationError, LogDistance, Propagation, fit_log_distance};
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand_distr::{Distribution, Normal};
+
+use crate::vectors::shared;
+
+/// Three points solved by hand: x = −10 log₁₀ d is 0, −10, −20, y is −30, −51, −69; slope 1.95,
+/// residuals 0.5, −1 and 0.5 dB, so SSE = 1.5 dB² on one degree of freedom.
+#[test]
+fn the_closed_form() {
+    let fit = fit_log_distance([(1.0, -30.0), (10.0, -51.0), (100.0, -69.0)], None);
+    let fit = fit.expect("a fit");
+    for (ours, exact) in [
+        (fit.exponent, 1.95),
+        (fit.reference_dbm, -30.5),
+        (fit.rmse_db, 0.5_f64.sqrt()),
+        (fit.sigma_db, 1.5_f64.sqrt()),
+        (fit.exponent_error(), (1.5_f64 / 200.0).sqrt()),
+        (fit.reference_error_db(), (1.5 * (1.0 / 3.0 + 100.0 / 200.0_f64)).sqrt()),
+        (fit.covariance[(0, 1)], 1.5 * 10.0 / 200.0),
+        (fit.covariance[(1, 0)], 1.5 * 10.0 / 200.0),
+    ] {
+        assert!((ours - exact).abs() < 1e-12, "{ours}, should be {exact}");
+    }
+    assert!(!fit.at_bound && fit.points == 3);
+}
+
+/// At the bound γ = 1.5: the mean stays, the residuals are −5 + 0.5, −1 and 5 + 0.5 … by hand.
+#[test]
+fn a_bound_holds_the_exponent_and_conditions_the_power() {
+    let points = [(1.0, -30.0), (10.0, -51.0), (100.0, -69.0)];
+    let fit = fit_log_distance(points, Some(1.5)).expect("a fit");
+    assert!(fit.at_bound && (fit.exponent - 1.5).abs() < 1e-15);
+    // P₀ = −50 + 1.5 · 10; residuals 5, −1, −4 dB.
+    assert!((fit.reference_dbm + 35.0).abs() < 1e-12);
+    assert!((fit.rmse_db - (42.0_f64 / 3.0).sqrt()).abs() < 1e-12);
+    assert!((fit.sigma_db - 21.0_f64.sqrt()).abs() < 1e-12);
+    assert!((fit.reference_error_db() - 7.0_f64.sqrt()).abs() < 1e-12);
+    assert!(fit.exponent_error().abs() < 1e-15);
+    // A bound that does not bind changes nothing.
+    assert_eq!(fit_log_distance(points, Some(3.0)), fit_log_distance(points, None));
+}
+
+/// 1000 calibrations of 40 points, seed 11. χ² = e' P⁻¹ e / 2 follows F(2, 38), whose mean is
+/// 38/36 and whose variance is 2·38²·38/(2·36²·34) = 1.245; the mean of 1000 lies within 4 standard
+/// errors, 4·√(1.245/1000) = 0.141, but for 6e-5 of seeds.
+#[test]
+fn standard_errors_are_honest() {
+    let truth = LogDistance::pritzl2018_field();
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(11);
+    let noise = Normal::new(0.0, 4.0).expect("a standard deviation");
+    let mut statistic = 0.0;
+    for _ in 0..1000 {
+        let points: Vec<(f64, f64)> = (0..40)
+            .map(|_| {
+                let range: f64 = rng.random_range(3.0..80.0);
+                (range, truth.rss_dbm(range) + noise.sample(&mut rng))
+            })
+            .collect();
+        let fit = fit_log_distance(points, None).expect("a fit");
+        let error = nalgebra::Vector2::new(
+            fit.reference_dbm - truth.reference_dbm(),
+            fit.exponent - truth.exponent(),
+        );
+        let factor = fit.covariance.cholesky().expect("positive definite");
+        statistic += error.dot(&factor.solve(&error)) / 2.0;
+    }
+    let mean = statistic / 1000.0;
+    assert!((mean - 38.0 / 36.0).abs() < 0.141, "{mean}");
+}
+
+/// 847 readings of VHF tags: published exponent 2.29 and standard deviation 4.1 dB, to their digits.
+#[test]
+fn real_readings_have_the_published_exponent() {
+    let Some(text) = shared("data/rssi_distance/vhf_tags.csv") else { return };
+    let points: Vec<(f64, f64)> = text
+        .lines()
+        .skip(1)
+        .map(|line| {
+            let fields: Vec<f64> = line.split(',').filter_map(|f| f.parse().ok()).collect();
+            (fields[2], fields[1])
+        })
+        .collect();
+    assert_eq!(points.len(), 847);
+    let fit = fit_log_distance(points, None).expect("a fit");
+    assert!((fit.exponent - 2.29).abs() < 0.005, "exponent {}", fit.exponent);
+    assert!((fit.sigma_db - 4.1).abs() < 0.05, "standard deviation {} dB", fit.sigma_db);
+}
+
+#[test]
+fn what_cannot_be_fitted_is_refused() {
+    let fit = |points: &[(f64, f64)]| fit_log_distance(points.iter().copied(), None);
+    let two = [(1.0, -30.0), (2.0, -36.0)];
+    assert_eq!(fit(&two), Err(CalibrationError::TooFew { points: 2, needed: 3 }));
+    assert_eq!(
+        fit(&[(1.0, -30.0), (0.0, -30.0)]),
+        Err(CalibrationError::Range { index: 1, range: 0.0 })
+    );
+    assert_eq!(
+        fit(&[(1.0, f64::INFINITY)]),
+        Err(CalibrationError::Rss { index: 0, rss_dbm: f64::INFINITY })
+    );
+    assert!(matches!(
+        fit(&[(1.0, -1.0), (2.0, f64::NAN)]),
+        Err(CalibrationError::Rss { index: 1, rss_dbm }) if rss_dbm.is_nan()
+    ));
+    assert!(matches!(
+        fit(&[(7.3, -40.0), (7.3, -41.0), (7.3, -39.0)]),
+        Err(CalibrationError::OneRange { range }) if (range - 7.3).abs() < 1e-9
+    ));
+    assert_eq!(fit_log_distance(two, Some(0.0)), Err(CalibrationError::Bound { bound: 0.0 }));
+    // Power that rises with range is fitted, but is no law.
+    let rising = fit(&[(1.0, -60.0), (10.0, -50.0), (100.0, -40.0)]).expect("a fit");
+    assert!((rising.exponent + 1.0).abs() < 1e-12 && rising.law().is_err());
+}

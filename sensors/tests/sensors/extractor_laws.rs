@@ -1,0 +1,176 @@
+//! The exported laws over the extractor, and what it refuses.
+
+use foxhunt_core::{BearingExtractor, NoBearing, NoReading, Pose, Sample, Sweep, angle, laws};
+use foxhunt_sensors::{Pattern, PatternTable, Pritzl2018, harmonic_confidence};
+use proptest::prelude::*;
+
+use crate::sweeps::{Conditions, POSITIONS, simulate, sweep_of};
+
+const SILENT: Sample = Sample {
+    time: 0.0,
+    receiver: Pose { position: nalgebra::Vector3::new(0.0, 0.0, 0.0), heading: 0.0 },
+    boresight: 0.0,
+    position: 0,
+    rss_dbm: 0.0,
+};
+
+fn nominal(position: u16, positions: u16) -> f64 {
+    core::f64::consts::TAU * f64::from(position) / f64::from(positions)
+}
+
+proptest! {
+    #[test]
+    fn the_reference_extractor_keeps_the_laws(
+        bearing in -3.2..3.2, heading in -3.2..3.2, noise_db in 0.0..6.0, lost in 0.0..0.97,
+        whole_db: bool, seed: u64,
+    ) {
+        let patch = PatternTable::reference_patch();
+        let conditions = Conditions { bearing, noise_db, lost, whole_db, heading };
+        let samples = simulate(&conditions, &patch, seed);
+        let mut room = vec![SILENT; samples.len()];
+        let extractor = Pritzl2018::default();
+        laws::bearing_extractor(&extractor, &sweep_of(&samples), &mut room);
+    }
+
+    /// Whole readings have one pattern, whatever the order of summation.
+    #[test]
+    fn the_order_of_whole_readings_does_not_matter(seed: u64) {
+        let patch = PatternTable::reference_patch();
+        let conditions = Conditions { whole_db: true, ..Conditions::default() };
+        let mut samples = simulate(&conditions, &patch, seed);
+        let extractor = Pritzl2018::default();
+        let rounded = |samples: &[Sample]| -> Vec<_> {
+            let pattern = extractor.pattern(&sweep_of(samples)).expect("a full turn");
+            pattern.cells().iter().map(|c| c.rounded_dbm().map(f64::to_bits)).collect()
+        };
+        let before = rounded(&samples);
+        samples.reverse();
+        // Mirrored positions sum the windows the other way round.
+        for sample in &mut samples {
+            sample.position = POSITIONS - 1 - sample.position;
+        }
+        let mut after = rounded(&samples);
+        after.reverse();
+        prop_assert_eq!(before, after);
+    }
+
+    #[test]
+    fn the_bearing_is_where_a_clean_lobe_is(bearing in -3.1..3.1, heading in -3.1..3.1) {
+        let patch = PatternTable::reference_patch();
+        let conditions = Conditions { bearing, heading, noise_db: 0.0, ..Conditions::default() };
+        let samples = simulate(&conditions, &patch, 0);
+        let reading = Pritzl2018::default().extract(&sweep_of(&samples)).expect("a full turn");
+        let found = reading.bearing.expect("one lobe");
+        // Half a position, for the positions need not lie evenly about the peak.
+        prop_assert!(angle::distance(found.angle, bearing) < 0.5 * 0.0491 + 1e-9);
+        // The lobe falls 2 dB by 29°; positions and whole decibels add less than 4°.
+        prop_assert!((0.45..0.62).contains(&found.sigma), "σ {}", found.sigma);
+        prop_assert!((reading.rss_dbm + 60.0).abs() < 0.01, "level {}", reading.rss_dbm);
+    }
+}
+
+fn clean() -> Vec<Sample> {
+    simulate(&Conditions::default(), &PatternTable::reference_patch(), 7)
+}
+
+#[test]
+fn what_is_no_sweep_is_refused_by_name() {
+    let extractor = Pritzl2018::default();
+    let mut samples = clean();
+    samples[5].rss_dbm = f64::NAN;
+    assert!(matches!(
+        extractor.extract(&sweep_of(&samples)),
+        Err(NoReading::NotFinite { index: 5, field: "rss_dbm", .. })
+    ));
+    let mut samples = clean();
+    samples[9].boresight = f64::INFINITY;
+    assert!(matches!(
+        extractor.extract(&sweep_of(&samples)),
+        Err(NoReading::NotFinite { index: 9, field: "boresight", .. })
+    ));
+    let mut samples = clean();
+    samples[3].position = POSITIONS;
+    assert_eq!(
+        extractor.extract(&sweep_of(&samples)),
+        Err(NoReading::Position { index: 3, position: POSITIONS, positions: POSITIONS })
+    );
+    let samples = clean();
+    for positions in [0, Pattern::CAPACITY + 1] {
+        assert_eq!(
+            extractor.extract(&Sweep { positions, ..sweep_of(&samples) }),
+            Err(NoReading::Capacity { positions, capacity: Pattern::CAPACITY })
+        );
+    }
+}
+
+#[test]
+fn a_longest_turn_and_a_shortest_one_have_room() {
+    for positions in [1, 2, 6, Pattern::CAPACITY] {
+        let samples: Vec<Sample> = (0..positions)
+            .map(|position| Sample { position, boresight: nominal(position, positions), ..SILENT })
+            .collect();
+        let sweep = Sweep { positions, ..sweep_of(&samples) };
+        let reading = Pritzl2018::default().extract(&sweep).expect("a turn");
+        assert!(reading.bearing.is_err() && reading.rss_dbm.abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_bearing_that_is_too_wide_is_none() {
+    let extractor = Pritzl2018::default().with_max_sigma(0.3).expect("positive");
+    let reading = extractor.extract(&sweep_of(&clean())).expect("a full turn");
+    assert!(matches!(reading.bearing, Err(NoBearing::TooWide { limit: 0.3, .. })));
+}
+
+#[test]
+fn too_few_positions_have_a_level_but_no_bearing() {
+    let samples: Vec<Sample> = clean().into_iter().filter(|s| s.position % 9 == 0).collect();
+    let reading = Pritzl2018::default().extract(&sweep_of(&samples)).expect("some");
+    assert_eq!(reading.bearing, Err(NoBearing::TooSparse { heard: 15, needed: 16 }));
+}
+
+#[test]
+fn the_floor_is_under_a_sharp_lobe() {
+    // One position stands out by far more than the moving mean and rounding can level.
+    let samples: Vec<Sample> = (0..POSITIONS)
+        .map(|position| {
+            let boresight = nominal(position, POSITIONS);
+            let rss_dbm = if position == 40 { -20.0 } else { -90.0 };
+            Sample { position, boresight, rss_dbm, ..SILENT }
+        })
+        .collect();
+    let plain = Pritzl2018::default().with_window(1).expect("odd");
+    let bearing = plain.extract(&sweep_of(&samples)).expect("a turn").bearing.expect("one lobe");
+    assert!((bearing.sigma - 0.05).abs() < 1e-15);
+    assert!(angle::distance(bearing.angle, samples[40].boresight) < 1e-12);
+}
+
+#[test]
+fn the_settings_are_checked() {
+    let extractor = Pritzl2018::default();
+    assert!(extractor.with_window(4).is_err() && extractor.with_window(361).is_err());
+    assert!(extractor.with_rss_sigma_db(0.0).is_err());
+    assert!(extractor.with_width_db(-1.0).is_err());
+    assert!(extractor.with_max_sigma(f64::NAN).is_err());
+    assert!(extractor.with_min_sigma(-0.1).is_err());
+    assert!(extractor.with_min_positions(0).is_err());
+}
+
+/// A harmonic of order 2 without noise is explained in full; half of it unheard, in half.
+#[test]
+fn confidence_is_the_explained_share_times_the_coverage() {
+    let lobe = |heard: u16| -> f64 {
+        let samples: Vec<Sample> = (0..heard)
+            .map(|position| {
+                let boresight = nominal(position, POSITIONS);
+                let rss_dbm = -60.0 + 5.0 * boresight.cos() - 3.0 * (2.0 * boresight).sin();
+                Sample { position, boresight, rss_dbm, ..SILENT }
+            })
+            .collect();
+        harmonic_confidence(&Pattern::new(&sweep_of(&samples), 7).expect("a turn"))
+    };
+    assert!((lobe(128) - 1.0).abs() < 1e-12);
+    // 64 positions, and three that the moving mean fills on either side.
+    assert!((lobe(64) - 70.0 / 128.0).abs() < 1e-9, "{}", lobe(64));
+    assert!(lobe(5).abs() < 1e-12 && lobe(1).abs() < 1e-12);
+}

@@ -1,0 +1,16 @@
+//! The crate against exact vectors, exported laws, simulated sweeps and fake devices.
+
+mod antenna;
+mod bearing_error;
+mod calibration;
+mod devices;
+mod extractor_laws;
+#[cfg(feature = "serde")]
+mod files;
+mod model_laws;
+mod model_vectors;
+mod preprocess_vectors;
+mod stepper_faults;
+mod stepper_turns;
+mod sweeps;
+mod vectors;
