@@ -1,1 +1,44 @@
-//! foxhunt sim
+//! A simulated world behind the same traits as the hardware.
+//!
+//! A [`World`] holds what is true: beacons, drones, time, and a radio channel between them. The
+//! devices of a drone are handles to it that implement the traits of [`foxhunt_core`], so that a
+//! source or a hunt made of them does not know that it is simulated. Nothing moves by itself:
+//! [`World::advance`] lets time pass.
+//!
+//! ```
+//! use foxhunt_core::{BeaconId, PatternSource};
+//! use foxhunt_sensors::StepperConfig;
+//! use foxhunt_sim::{BeaconConfig, DroneConfig, World, WorldConfig};
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let config = WorldConfig {
+//!     beacons: vec![BeaconConfig { name: "fox".into(), east_m: 20.0, north_m: 5.0, up_m: 0.0 }],
+//!     drones: vec![DroneConfig { up_m: 4.0, ..DroneConfig::default() }],
+//!     ..WorldConfig::default()
+//! };
+//! let world = World::new(&config, 1)?;
+//! let mut source = world.stepper(0, StepperConfig::pritzl2018())?;
+//! source.begin(BeaconId(0))?;
+//! let samples = loop {
+//!     world.advance(0.01)?;
+//!     if let Some(sweep) = source.poll()? {
+//!         break sweep.samples.len();
+//!     }
+//! };
+//! assert_eq!(samples, 128 * 6);
+//! # Ok(())
+//! # }
+//! ```
+
+mod config;
+mod devices;
+mod error;
+mod truth;
+mod world;
+
+pub use config::{
+    AntennaConfig, BeaconConfig, ChannelConfig, DroneConfig, GainRow, SimStepperConfig,
+    VehicleConfig, WorldConfig,
+};
+pub use devices::{SimClock, SimFleet, SimRadio, SimRotator, SimStepper, SimVehicle};
+pub use error::SimError;
+pub use world::World;

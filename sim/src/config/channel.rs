@@ -1,0 +1,68 @@
+use foxhunt_sensors::LogDistance;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    AntennaConfig,
+    check::{finite, not_negative, probability},
+};
+use crate::SimError;
+
+/// What lies between a beacon's power and a drone's reading.
+///
+/// A sample is P₀ − 10 γ log₁₀ d + G(a) − Ḡ + the pattern's offset + the sample's noise, all in dB,
+/// with the antenna's gain G at the angle a off boresight and its mean Ḡ over a turn in dB, so that
+/// the mean over a turn follows the law of propagation. Then come the receiver's rounding, its
+/// floor, and losses.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ChannelConfig {
+    /// The law of propagation, over the slant range.
+    pub path_loss: LogDistance,
+    /// The antenna under every drone.
+    pub antenna: AntennaConfig,
+    /// σ in dB of the offset that all samples of a pattern share.
+    pub pattern_sigma_db: f64,
+    /// σ in dB of each sample's own noise.
+    pub sample_sigma_db: f64,
+    /// σ in degrees of the angle by which a whole pattern is turned.
+    pub bearing_sigma_deg: f64,
+    /// The receiver tells whole dB, rounded half away from zero.
+    pub whole_db: bool,
+    /// An answer that would read less than this, in dBm, is not heard; absent for a receiver that
+    /// hears everything.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub floor_dbm: Option<f64>,
+    /// The share of answers that are lost whatever their power.
+    pub loss_probability: f64,
+}
+
+impl Default for ChannelConfig {
+    /// The simulation of Pritzl 2018, §6.1, its noise read as standard deviations: 4 dB for each
+    /// pattern, 2 dB for each sample, 30° for each pattern's direction; the law of the open field
+    /// (−29.06 dBm, 2.765; §7.1); the reference patch; no rounding, no floor, no losses.
+    fn default() -> Self {
+        Self {
+            path_loss: LogDistance::pritzl2018_field(),
+            antenna: AntennaConfig::ReferencePatch,
+            pattern_sigma_db: 4.0,
+            sample_sigma_db: 2.0,
+            bearing_sigma_deg: 30.0,
+            whole_db: false,
+            floor_dbm: None,
+            loss_probability: 0.0,
+        }
+    }
+}
+
+impl ChannelConfig {
+    /// All but path loss and antenna, which are checked where they are made.
+    pub(super) fn check(&self) -> Result<(), SimError> {
+        not_negative("channel.pattern_sigma_db", self.pattern_sigma_db)?;
+        not_negative("channel.sample_sigma_db", self.sample_sigma_db)?;
+        not_negative("channel.bearing_sigma_deg", self.bearing_sigma_deg)?;
+        if let Some(floor) = self.floor_dbm {
+            finite("channel.floor_dbm", floor)?;
+        }
+        probability("channel.loss_probability", self.loss_probability)
+    }
+}

@@ -1,0 +1,35 @@
+use std::{cell::RefCell, rc::Rc};
+
+use crate::{
+    SimError,
+    truth::{Drone, Truth},
+};
+
+/// Something that sits on one drone of a world.
+#[derive(Clone, Debug)]
+pub(crate) struct OnBoard {
+    truth: Rc<RefCell<Truth>>,
+    /// Below the number of drones, which never falls.
+    drone: usize,
+}
+
+impl OnBoard {
+    pub(crate) fn new(truth: &Rc<RefCell<Truth>>, drone: usize) -> Result<Self, SimError> {
+        let drones = truth.borrow().drones.len();
+        if drone >= drones {
+            return Err(SimError::Drone { drone, drones });
+        }
+        Ok(Self { truth: Rc::clone(truth), drone })
+    }
+
+    /// The drone at the present time.
+    pub(crate) fn with<T>(&self, act: impl FnOnce(&mut Drone, f64) -> T) -> T {
+        let truth = &mut *self.truth.borrow_mut();
+        act(&mut truth.drones[self.drone], truth.time)
+    }
+
+    /// The drone in its world.
+    pub(super) fn with_truth<T>(&self, act: impl FnOnce(&mut Truth, usize) -> T) -> T {
+        act(&mut self.truth.borrow_mut(), self.drone)
+    }
+}

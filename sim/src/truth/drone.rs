@@ -1,0 +1,69 @@
+use foxhunt_core::{BeaconId, Pose, angle};
+use nalgebra::Vector3;
+
+use super::{
+    Channel,
+    course::Course,
+    kinematics::Kinematics,
+    receiver::{Question, Receiver},
+    streams::Streams,
+    turntable::Turntable,
+};
+use crate::{DroneConfig, SimStepperConfig, VehicleConfig};
+
+/// A drone: a body, an antenna that turns under it, and a radio at the antenna.
+#[derive(Debug)]
+pub(crate) struct Drone {
+    pub(crate) body: Kinematics,
+    pub(crate) motor: Turntable,
+    pub(crate) receiver: Receiver,
+    course: Course,
+}
+
+impl Drone {
+    pub(crate) fn new(
+        config: &DroneConfig,
+        vehicle: VehicleConfig,
+        stepper: SimStepperConfig,
+        channel: &Channel,
+        streams: Streams,
+    ) -> Self {
+        let pose = Pose {
+            position: Vector3::new(config.east_m, config.north_m, config.up_m),
+            heading: angle::wrap(config.heading_deg_ccw_from_east.to_radians()),
+        };
+        Self {
+            body: Kinematics::new(vehicle, pose),
+            motor: Turntable::new(stepper.rotator_speed_rad_s),
+            receiver: Receiver::new(
+                channel,
+                streams,
+                stepper.radio_latency_s,
+                config.silent_after_s,
+            ),
+            course: Course::at(0.0),
+        }
+    }
+
+    /// Orders the antenna to `angle` radians from the nose.
+    pub(crate) fn turn_to(&mut self, angle: f64, now: f64) {
+        if !self.course.follow(angle) {
+            self.receiver.end_pattern();
+        }
+        self.motor.order(angle, now);
+    }
+
+    /// Asks the beacon at `place` for an answer.
+    pub(crate) fn ask(
+        &mut self,
+        channel: &Channel,
+        beacon: BeaconId,
+        place: Vector3<f64>,
+        now: f64,
+    ) {
+        let pose = self.body.pose();
+        let boresight = pose.heading + self.motor.angle(now);
+        let question = Question { time: now, beacon, from: pose.position, to: place, boresight };
+        self.receiver.ask(channel, &question);
+    }
+}

@@ -1,0 +1,100 @@
+use foxhunt_core::Pose;
+use nalgebra::Vector3;
+
+use crate::{SimError, VehicleConfig};
+
+/// A body that goes straight to its goal at constant speed.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Kinematics {
+    limits: VehicleConfig,
+    pose: Pose,
+    goal: Vector3<f64>,
+    path_length: f64,
+}
+
+impl Kinematics {
+    /// A body that stays at `pose` until it is sent elsewhere.
+    pub(super) fn new(limits: VehicleConfig, pose: Pose) -> Self {
+        Self { limits, pose, goal: pose.position, path_length: 0.0 }
+    }
+
+    pub(crate) fn pose(&self) -> Pose {
+        self.pose
+    }
+
+    /// Metres flown so far.
+    pub(crate) fn path_length(&self) -> f64 {
+        self.path_length
+    }
+
+    pub(crate) fn go_to(&mut self, goal: Vector3<f64>) -> Result<(), SimError> {
+        // False for NaN, and for a distance that overflows.
+        if !(goal - self.pose.position).norm().is_finite() {
+            return Err(SimError::Goal { east: goal.x, north: goal.y, up: goal.z });
+        }
+        self.goal = goal;
+        Ok(())
+    }
+
+    /// Moves for `dt` seconds.
+    pub(super) fn advance(&mut self, dt: f64) {
+        if self.pose.position == self.goal {
+            return;
+        }
+        let way = self.goal - self.pose.position;
+        let (over_ground, climb) = (way.xy().norm(), way.z.abs());
+        // The slower of the two sets the pace, so that the line is straight.
+        let needed = (over_ground / self.limits.speed_mps).max(climb / self.limits.climb_mps);
+        if needed <= dt {
+            self.pose.position = self.goal;
+            self.path_length += way.norm();
+        } else {
+            let share = dt / needed;
+            self.pose.position += way * share;
+            self.path_length += way.norm() * share;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn body() -> Kinematics {
+        let limits = VehicleConfig { speed_mps: 2.0, climb_mps: 0.5 };
+        Kinematics::new(limits, Pose { heading: 0.7, ..Pose::at(1.0, 2.0, 3.0) })
+    }
+
+    #[test]
+    fn the_slower_of_speed_and_climb_sets_the_pace() {
+        for (goal, seconds) in [
+            (Vector3::new(4.0, 6.0, 3.0), 2.5), // 5 m over ground
+            (Vector3::new(4.0, 6.0, 5.0), 4.0), // and 2 m up
+            (Vector3::new(1.0, 2.0, 2.0), 2.0), // 1 m down
+        ] {
+            let mut body = body();
+            let start = body.pose().position;
+            body.go_to(goal).expect("a place");
+            body.advance(0.5 * seconds);
+            assert!((body.pose().position - 0.5 * (start + goal)).norm() < 1e-12);
+            body.advance(0.5 * seconds - 1e-6);
+            assert!((body.pose().position - goal).norm() > 1e-7);
+            body.advance(2e-6);
+            assert_eq!(body.pose(), Pose { position: goal, heading: 0.7 });
+            assert!((body.path_length() - (goal - start).norm()).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_new_goal_replaces_the_old_one_and_no_place_does_not() {
+        let mut body = body();
+        body.go_to(Vector3::new(11.0, 2.0, 3.0)).expect("a place");
+        body.advance(1.0);
+        body.go_to(Vector3::new(3.0, 12.0, 3.0)).expect("a place");
+        assert!(body.go_to(Vector3::new(f64::NAN, 0.0, 0.0)).is_err());
+        assert!(body.go_to(Vector3::new(1e200, 0.0, 0.0)).is_err());
+        body.advance(1.0);
+        assert!((body.pose().position - Vector3::new(3.0, 4.0, 3.0)).norm() < 1e-12);
+        assert!((body.path_length() - 4.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,41 @@
+//! What is true: the state of a world that its devices share.
+
+mod channel;
+mod course;
+mod drone;
+mod kinematics;
+mod receiver;
+mod streams;
+mod turntable;
+
+pub(crate) use channel::Channel;
+pub(crate) use drone::Drone;
+pub(crate) use streams::Streams;
+
+use nalgebra::Vector3;
+
+/// A world's state.
+#[derive(Debug)]
+pub(crate) struct Truth {
+    /// Seconds since the beginning.
+    pub(crate) time: f64,
+    pub(crate) channel: Channel,
+    pub(crate) beacons: Vec<Vector3<f64>>,
+    pub(crate) drones: Vec<Drone>,
+}
+
+/// Whether the moment `at` has come. A nanosecond is forgiven: time is a sum of steps, and its
+/// rounding must not cost a step more.
+fn is_due(at: f64, now: f64) -> bool {
+    now >= at - 1e-9
+}
+
+impl Truth {
+    /// Lets `dt` seconds pass.
+    pub(crate) fn advance(&mut self, dt: f64) {
+        self.time += dt;
+        for drone in &mut self.drones {
+            drone.body.advance(dt);
+        }
+    }
+}

@@ -1,0 +1,139 @@
+use std::{cell::RefCell, rc::Rc};
+
+use foxhunt_core::BeaconId;
+use foxhunt_sensors::{StepperConfig, StepperSource};
+use nalgebra::Vector3;
+use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+
+use crate::{
+    SimClock, SimError, SimFleet, SimRadio, SimRotator, SimStepper, SimVehicle, WorldConfig,
+    devices::OnBoard,
+    truth::{Channel, Drone, Streams, Truth},
+};
+
+/// A simulated world. Clones and devices are handles to the same one.
+///
+/// All that is random comes from one seed, through a stream for each drone and purpose: the same
+/// seed gives the same world whatever the order in which its devices are polled.
+#[derive(Clone, Debug)]
+pub struct World {
+    truth: Rc<RefCell<Truth>>,
+}
+
+impl World {
+    /// The world of a configuration at time 0, its antennas at 0, its drones where they begin.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Field`] names the field that is out of range, with its value;
+    /// [`SimError::Antenna`] the row of the antenna's table.
+    pub fn new(config: &WorldConfig, seed: u64) -> Result<Self, SimError> {
+        config.check()?;
+        let channel = Channel::new(&config.channel)?;
+        let mut root = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut drone = |drone| {
+            let streams = Streams::fork(&mut root);
+            Drone::new(drone, config.vehicle, config.stepper, &channel, streams)
+        };
+        let drones = config.drones.iter().map(&mut drone).collect();
+        let beacons =
+            config.beacons.iter().map(|b| Vector3::new(b.east_m, b.north_m, b.up_m)).collect();
+        let truth = Truth { time: 0.0, channel, beacons, drones };
+        Ok(Self { truth: Rc::new(RefCell::new(truth)) })
+    }
+
+    /// Lets `dt` seconds pass: vehicles fly, antennas turn, answers come in.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::TimeStep`] for a step that is negative or not finite; no time passes then.
+    pub fn advance(&self, dt: f64) -> Result<(), SimError> {
+        let mut truth = self.truth.borrow_mut();
+        if !(dt >= 0.0 && (truth.time + dt).is_finite()) {
+            return Err(SimError::TimeStep { dt });
+        }
+        truth.advance(dt);
+        Ok(())
+    }
+
+    /// Seconds since the beginning.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        self.truth.borrow().time
+    }
+
+    /// How many drones there are.
+    #[must_use]
+    pub fn drone_count(&self) -> usize {
+        self.truth.borrow().drones.len()
+    }
+
+    /// Where a beacon is: East, North and Up in metres; `None` if there is no such beacon.
+    #[must_use]
+    pub fn truth(&self, beacon: BeaconId) -> Option<Vector3<f64>> {
+        self.truth.borrow().beacons.get(usize::from(beacon.0)).copied()
+    }
+
+    /// How far a drone has flown, in metres.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone.
+    pub fn path_length(&self, drone: usize) -> Result<f64, SimError> {
+        Ok(self.on_board(drone)?.with(|drone, _| drone.body.path_length()))
+    }
+
+    /// The world's clock.
+    #[must_use]
+    pub fn clock(&self) -> SimClock {
+        SimClock(Rc::clone(&self.truth))
+    }
+
+    /// A drone's radio.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone.
+    pub fn radio(&self, drone: usize) -> Result<SimRadio, SimError> {
+        self.on_board(drone).map(SimRadio)
+    }
+
+    /// The motor that turns a drone's antenna, which looks along the nose at 0.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone.
+    pub fn rotator(&self, drone: usize) -> Result<SimRotator, SimError> {
+        self.on_board(drone).map(SimRotator)
+    }
+
+    /// A drone as a vehicle.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone.
+    pub fn vehicle(&self, drone: usize) -> Result<SimVehicle, SimError> {
+        self.on_board(drone).map(SimVehicle)
+    }
+
+    /// All drones.
+    #[must_use]
+    pub fn fleet(&self) -> SimFleet {
+        SimFleet(Rc::clone(&self.truth))
+    }
+
+    /// A source made of a drone's radio, rotator and vehicle. A mount offset in `config` is one
+    /// that the simulated antenna does not have: a misalignment.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone.
+    pub fn stepper(&self, drone: usize, config: StepperConfig) -> Result<SimStepper, SimError> {
+        let (radio, rotator) = (self.radio(drone)?, self.rotator(drone)?);
+        Ok(StepperSource::new(config, radio, rotator, self.vehicle(drone)?, self.clock()))
+    }
+
+    fn on_board(&self, drone: usize) -> Result<OnBoard, SimError> {
+        OnBoard::new(&self.truth, drone)
+    }
+}
