@@ -34,6 +34,12 @@ impl Segments {
             }
         }
         let flown_m = distances_flown(readings);
+        if let (Some((fourth, _)), Some(&total_m)) = (readings.get(3), flown_m.last())
+            && total_m <= 0.0
+        {
+            let (east, north) = (fourth.position.x, fourth.position.y);
+            return Err(ShadowingGridError::OnePlace { east, north });
+        }
         let mut segment_m = segment_m;
         let mut groups = cut(&flown_m, segment_m);
         if groups.len() > max_segments {
@@ -47,27 +53,17 @@ impl Segments {
                 groups = cut(&flown_m, segment_m);
             }
         }
-        let mut segments = Self { receivers: Vec::new(), values: Vec::new(), segment_m };
+        let mut thinned = Self { receivers: Vec::new(), values: Vec::new(), segment_m };
         for group in groups {
             let readings = readings.get(group).unwrap_or_default();
-            segments.receivers.push(mean_pose(readings));
-            segments.values.push(median(readings));
+            thinned.receivers.push(mean_pose(readings));
+            thinned.values.push(median(readings));
         }
-        segments.check()?;
-        Ok(segments)
-    }
-
-    /// Refuses what no regression can use.
-    fn check(&self) -> Result<(), ShadowingGridError> {
-        let (segments, segment_m) = (self.receivers.len(), self.segment_m);
-        let Some(first) = self.receivers.first().filter(|_| segments >= 4) else {
+        let segments = thinned.receivers.len();
+        if segments < 4 {
             return Err(ShadowingGridError::TooFew { segments, segment_m });
-        };
-        let first = first.position.xy();
-        if self.receivers.iter().all(|r| (r.position.xy() - first).norm_squared() <= 0.0) {
-            return Err(ShadowingGridError::OnePlace { east: first.x, north: first.y });
         }
-        Ok(())
+        Ok(thinned)
     }
 }
 
