@@ -1,0 +1,152 @@
+use foxhunt_sensors::LogDistance;
+use foxhunt_sim::{
+    AntennaConfig, ChannelConfig, DroneConfig, GainRow, SimError, SimStepperConfig, VehicleConfig,
+    World, WorldConfig,
+};
+
+use crate::rig::{beacon, config, omnidirectional};
+
+type Change = fn(&mut WorldConfig, f64);
+
+#[test]
+fn a_number_out_of_range_is_refused_by_name() {
+    let anything = [f64::NAN, f64::INFINITY];
+    let not_negative = [f64::NAN, f64::INFINITY, -1.0];
+    let positive = [f64::NAN, f64::INFINITY, -1.0, 0.0].as_slice();
+    let cases: [(&str, &[f64], Change); 16] = [
+        ("beacons[1].east_m", &anything, |c, v| c.beacons[1].east_m = v),
+        ("beacons[1].north_m", &anything, |c, v| c.beacons[1].north_m = v),
+        ("beacons[0].up_m", &anything, |c, v| c.beacons[0].up_m = v),
+        ("drones[0].east_m", &anything, |c, v| c.drones[0].east_m = v),
+        ("drones[0].north_m", &anything, |c, v| c.drones[0].north_m = v),
+        ("drones[0].up_m", &anything, |c, v| c.drones[0].up_m = v),
+        ("drones[0].heading_deg_ccw_from_east", &anything, |c, v| {
+            c.drones[0].heading_deg_ccw_from_east = v;
+        }),
+        ("drones[0].silent_after_s", &not_negative, |c, v| c.drones[0].silent_after_s = Some(v)),
+        ("channel.pattern_sigma_db", &not_negative, |c, v| c.channel.pattern_sigma_db = v),
+        ("channel.sample_sigma_db", &not_negative, |c, v| c.channel.sample_sigma_db = v),
+        ("channel.bearing_sigma_deg", &not_negative, |c, v| c.channel.bearing_sigma_deg = v),
+        ("channel.floor_dbm", &anything, |c, v| c.channel.floor_dbm = Some(v)),
+        ("channel.loss_probability", &[f64::NAN, -0.1, 1.1], |c, v| c.channel.loss_probability = v),
+        ("vehicle.speed_mps", positive, |c, v| c.vehicle.speed_mps = v),
+        ("vehicle.climb_mps", positive, |c, v| c.vehicle.climb_mps = v),
+        ("stepper.rotator_speed_rad_s", positive, |c, v| c.stepper.rotator_speed_rad_s = v),
+    ];
+    for (name, values, change) in cases {
+        for &bad in values {
+            let mut config = config(ChannelConfig::default());
+            change(&mut config, bad);
+            let error = World::new(&config, 1).expect_err(name);
+            let SimError::Field { field, value, .. } = &error else { panic!("{error}") };
+            assert_eq!(field, name);
+            assert!(value.to_bits() == bad.to_bits() && error.to_string().starts_with(name));
+        }
+    }
+    let mut late = config(ChannelConfig::default());
+    late.stepper.radio_latency_s = -0.01;
+    let error = World::new(&late, 1).expect_err("negative").to_string();
+    assert_eq!(error, "stepper.radio_latency_s is -0.01; it must be zero or a positive number");
+}
+
+#[test]
+fn a_table_that_is_none_is_refused_by_its_row() {
+    let mut config = config(ChannelConfig::default());
+    config.channel.antenna = AntennaConfig::Table(vec![
+        GainRow { angle_deg: 0.0, gain_db: 8.0 },
+        GainRow { angle_deg: 90.0, gain_db: f64::NAN },
+        GainRow { angle_deg: 180.0, gain_db: -9.0 },
+    ]);
+    let error = World::new(&config, 1).expect_err("a gain is NaN").to_string();
+    assert!(error.starts_with("channel.antenna.table: row 1"), "{error}");
+}
+
+#[test]
+fn a_world_comes_back_from_a_file_as_it_went() {
+    let full = WorldConfig {
+        beacons: vec![beacon(1.5, -2.5, 0.25)],
+        drones: vec![DroneConfig {
+            east_m: 1.0,
+            north_m: 2.0,
+            up_m: 3.0,
+            heading_deg_ccw_from_east: 4.0,
+            silent_after_s: Some(5.0),
+        }],
+        channel: ChannelConfig {
+            path_loss: LogDistance::pritzl2018_urban(),
+            antenna: omnidirectional(),
+            pattern_sigma_db: 1.0,
+            sample_sigma_db: 0.5,
+            bearing_sigma_deg: 7.0,
+            whole_db: true,
+            floor_dbm: Some(-100.0),
+            loss_probability: 0.1,
+        },
+        vehicle: VehicleConfig { speed_mps: 5.0, climb_mps: 3.0 },
+        stepper: SimStepperConfig { rotator_speed_rad_s: 1.5, radio_latency_s: 0.05 },
+    };
+    for config in [full, WorldConfig::default()] {
+        let text = serde_json::to_string(&config).expect("plain fields");
+        assert_eq!(serde_json::from_str::<WorldConfig>(&text).expect(&text), config);
+    }
+}
+
+#[test]
+fn what_a_file_leaves_out_has_its_default() {
+    let text = r#"{
+        "beacons": [{ "name": "fox", "east_m": 1, "north_m": 2 }],
+        "drones": [{ "east_m": 3, "north_m": 4 }],
+        "channel": { "antenna": "reference-patch", "floor_dbm": -100 }
+    }"#;
+    let config: WorldConfig = serde_json::from_str(text).expect("all that has no default is there");
+    let channel = ChannelConfig { floor_dbm: Some(-100.0), ..ChannelConfig::default() };
+    let expected = WorldConfig {
+        beacons: vec![beacon(1.0, 2.0, 0.0)],
+        drones: vec![DroneConfig { east_m: 3.0, north_m: 4.0, ..DroneConfig::default() }],
+        channel,
+        ..WorldConfig::default()
+    };
+    assert_eq!(config, expected);
+}
+
+#[test]
+fn the_default_channel_is_that_of_the_reference() {
+    // The simulation of Pritzl 2018, §6.1, with the open field's law of §7.1.
+    let text = r#"{
+        "path_loss": { "reference_dbm": -29.06, "exponent": 2.765 },
+        "antenna": "reference-patch",
+        "pattern_sigma_db": 4, "sample_sigma_db": 2, "bearing_sigma_deg": 30,
+        "whole_db": false, "loss_probability": 0
+    }"#;
+    let channel: ChannelConfig = serde_json::from_str(text).expect("all fields are known");
+    assert_eq!(ChannelConfig::default(), channel);
+}
+
+#[test]
+fn a_typo_is_named() {
+    let whole = r#"{ "beacons": [{ "name": "fox", "east_m": 1, "north_m": 2 }],
+        "drones": [{ "east_m": 3, "north_m": 4 }],
+        "channel": { "path_loss": { "reference_dbm": -30, "exponent": 2 },
+            "antenna": { "table": [{ "angle_deg": 0, "gain_db": 8 }] }, "whole_db": true },
+        "vehicle": { "speed_mps": 1 }, "stepper": { "radio_latency_s": 0.1 } }"#;
+    serde_json::from_str::<WorldConfig>(whole).expect("as it should be");
+    for (right, wrong) in [
+        ("drones", "drone"),
+        ("north_m", "north"),
+        ("name", "nane"),
+        ("whole_db", "whole_dB"),
+        ("exponent", "gamma"),
+        ("gain_db", "gain_dbi"),
+        ("table", "tabel"),
+        ("speed_mps", "speed"),
+        ("radio_latency_s", "latency_s"),
+        ("vehicle", "vehicles"),
+    ] {
+        let text = whole.replace(&format!("\"{right}\""), &format!("\"{wrong}\""));
+        let error = serde_json::from_str::<WorldConfig>(&text).expect_err(wrong).to_string();
+        assert!(error.contains(&format!("`{wrong}`")), "{error}");
+    }
+    let negative = whole.replace("\"exponent\": 2", "\"exponent\": -2");
+    let error = serde_json::from_str::<WorldConfig>(&negative).expect_err("negative").to_string();
+    assert!(error.contains("exponent is -2"), "{error}");
+}
