@@ -41,15 +41,22 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod campaign;
 pub mod config;
 pub mod hunt;
+pub mod locate;
 pub mod log;
+pub mod picture;
 pub mod replay;
+pub mod report;
+pub mod scenario;
+pub mod simulation;
 
 pub use foxhunt_core as core;
 pub use foxhunt_filters as filters;
 pub use foxhunt_formation as formation;
 pub use foxhunt_sensors as sensors;
+pub use foxhunt_sim as sim;
 
 /// The traits and the types that nearly every user names.
 pub mod prelude {

@@ -85,6 +85,12 @@ impl<const M: usize> Observation<M> {
         &self.value
     }
 
+    /// Whether a component is present; false for one that there is not.
+    #[must_use]
+    pub fn has(&self, component: usize) -> bool {
+        self.present.get(component).copied().unwrap_or(false)
+    }
+
     /// How many components are present: the degrees of freedom of its NIS.
     #[must_use]
     pub fn len(&self) -> usize {

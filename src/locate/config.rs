@@ -1,0 +1,86 @@
+use foxhunt_core::Observation;
+
+use crate::config::{NamedEstimator, estimator_named};
+
+/// How [`locate`](super::locate) goes about it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LocateConfig {
+    /// What turns the observations into a place.
+    pub estimator: LocateEstimator,
+    /// What is known of the transmitter's power.
+    pub power: Power,
+    /// How high above the ground of the local frame the transmitter is taken to be, in metres.
+    pub target_up_m: f64,
+    /// How far the transmitter may lie beyond the area in which it was listened for, in metres.
+    pub margin_m: f64,
+    /// The seed of estimators that draw random numbers.
+    pub seed: u64,
+}
+
+/// What is known of a transmitter's power.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Power {
+    /// Nothing: the reference power is found along with the place. The exponent is, too, where
+    /// the estimator can; else it is 2.3.
+    Free,
+    /// P(d) = P₀ − 10 γ log₁₀ d.
+    Known {
+        /// P₀ in dBm.
+        reference_dbm: f64,
+        /// γ.
+        exponent: f64,
+    },
+}
+
+/// What turns observations into a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LocateEstimator {
+    /// All levels at once on a grid, with shadowing that is correlated along the flight
+    /// (`filters::ShadowingGrid`).
+    ShadowingGrid,
+    /// One observation after the other through an estimator that has a name.
+    Recursive(NamedEstimator),
+}
+
+impl LocateEstimator {
+    /// The name of [`ShadowingGrid`](Self::ShadowingGrid).
+    pub const SHADOWING_GRID: &str = "shadowing-grid";
+
+    /// The estimator of a name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        if name == Self::SHADOWING_GRID {
+            Some(Self::ShadowingGrid)
+        } else {
+            estimator_named(name).map(Self::Recursive)
+        }
+    }
+
+    /// The one that suits some observations: the grid where there are levels alone, else the
+    /// particle filter, which takes bearings as they are.
+    #[must_use]
+    pub fn suited_to(observations: &[Observation<2>]) -> Self {
+        let bearings = observations.iter().any(|o| o.has(1));
+        match estimator_named("particle") {
+            Some(particle) if bearings => Self::Recursive(particle),
+            _ => Self::ShadowingGrid,
+        }
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::ShadowingGrid => Self::SHADOWING_GRID,
+            Self::Recursive(named) => named.name,
+        }
+    }
+}
+
+impl LocateConfig {
+    /// Free power, a transmitter on the ground, 200 m beyond the area of listening, seed 1.
+    #[must_use]
+    pub fn new(estimator: LocateEstimator) -> Self {
+        Self { estimator, power: Power::Free, target_up_m: 0.0, margin_m: 200.0, seed: 1 }
+    }
+}

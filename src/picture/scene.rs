@@ -1,0 +1,160 @@
+use std::collections::BTreeMap;
+
+use foxhunt_core::{Estimate, Reception};
+use nalgebra::Vector2;
+
+use super::frame::Extent;
+use crate::{
+    hunt::{Event, Fix},
+    log::LogHeader,
+};
+
+/// What there is to draw, in metres East and North, all of it finite.
+#[derive(Debug, Default)]
+pub(super) struct Scene {
+    /// Where each drone listened, in order.
+    pub(super) drones: BTreeMap<usize, Vec<Vector2<f64>>>,
+    /// The bearings.
+    pub(super) rays: Vec<Ray>,
+    /// The searches, one for each beacon that was begun with.
+    pub(super) searches: Vec<Search>,
+    /// Every beacon whose place is known.
+    pub(super) beacons: Vec<(String, Vector2<f64>)>,
+}
+
+/// One bearing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Ray {
+    pub(super) drone: usize,
+    pub(super) from: Vector2<f64>,
+    /// Radians counter-clockwise from East.
+    pub(super) angle: f64,
+    /// Whether the estimator fused it.
+    pub(super) fused: bool,
+}
+
+/// The search for one beacon.
+#[derive(Debug)]
+pub(super) struct Search {
+    pub(super) name: String,
+    /// The prior's mean, then one estimate for each reception.
+    pub(super) track: Vec<Vector2<f64>>,
+    /// What is believed in the end.
+    pub(super) estimate: Option<Estimate<2>>,
+    pub(super) truth: Option<Vector2<f64>>,
+    /// What came of it, where the search came to its end.
+    pub(super) fix: Option<Fix>,
+}
+
+/// Farther than this from the origin, in metres, is no place in a local frame.
+const FAR: f64 = 1e7;
+
+fn drawable(place: &Vector2<f64>) -> bool {
+    // NaN is not below anything.
+    place.iter().all(|c| c.abs() < FAR)
+}
+
+impl Scene {
+    pub(super) fn new(header: &LogHeader, events: &[Event]) -> Self {
+        let known = |b: &crate::log::LoggedBeacon| Some((b.name.clone(), b.truth?));
+        let mut scene = Self {
+            beacons: header.beacons.iter().filter_map(known).filter(|b| drawable(&b.1)).collect(),
+            ..Self::default()
+        };
+        for event in events {
+            scene.add(event);
+        }
+        scene
+    }
+
+    fn add(&mut self, event: &Event) {
+        match event {
+            Event::BeaconStarted { name, prior, .. } => {
+                let truth = self.beacons.iter().find(|(known, _)| known == name).map(|b| b.1);
+                let track = Some(prior.mean).filter(drawable).into_iter().collect();
+                let name = name.clone();
+                self.searches.push(Search { name, track, estimate: None, truth, fix: None });
+            }
+            Event::Received { drone, reception, .. } => self.receive(*drone, reception),
+            Event::Corrected { drone, correction, estimate, .. } => {
+                if correction.is_rejected() {
+                    self.discard(*drone);
+                }
+                self.believe(estimate);
+            }
+            Event::Refused { drone, .. } => self.discard(*drone),
+            Event::BeaconFinished { fix, .. } => {
+                self.believe(&fix.estimate);
+                if let Some(search) = self.searches.last_mut() {
+                    search.fix = Some(fix.clone());
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn receive(&mut self, drone: usize, reception: &Reception) {
+        let from = reception.receiver.position.xy();
+        if !drawable(&from) {
+            return;
+        }
+        self.drones.entry(drone).or_default().push(from);
+        if let Some(bearing) = reception.bearing.filter(|b| b.angle.is_finite()) {
+            self.rays.push(Ray { drone, from, angle: bearing.angle, fused: true });
+        }
+    }
+
+    /// The last bearing was of no use, if it is this drone's.
+    fn discard(&mut self, drone: usize) {
+        if let Some(ray) = self.rays.last_mut().filter(|ray| ray.drone == drone) {
+            ray.fused = false;
+        }
+    }
+
+    fn believe(&mut self, estimate: &Estimate<2>) {
+        if let Some(search) = self.searches.last_mut()
+            && drawable(&estimate.mean)
+        {
+            search.estimate = Some(*estimate);
+            if search.track.last() != Some(&estimate.mean) {
+                search.track.push(estimate.mean);
+            }
+        }
+    }
+
+    /// The field that holds all of it: every place whole, an ellipse that is much larger than
+    /// the rest only in part.
+    pub(super) fn extent(&self) -> Extent {
+        let mut extent = Extent::default();
+        let tracks = self.searches.iter().map(|search| &search.track);
+        for place in self.drones.values().chain(tracks).flatten() {
+            extent.add(place);
+        }
+        for (_, truth) in &self.beacons {
+            extent.add(truth);
+        }
+        let allowed = extent.grown(0.5);
+        for outline in self.searches.iter().filter_map(Search::outline) {
+            for place in &outline {
+                extent.add(&allowed.clamp(place));
+            }
+        }
+        extent
+    }
+}
+
+impl Search {
+    /// The 95 % ellipse as a closed line, where there is one that can be drawn.
+    pub(super) fn outline(&self) -> Option<Vec<Vector2<f64>>> {
+        const CORNERS: u32 = 120;
+        let estimate = self.estimate.as_ref()?;
+        let ellipse = estimate.ellipse(0.95).filter(|e| e.semi_major < FAR)?;
+        let (sin, cos) = ellipse.orientation.sin_cos();
+        let corner = |i: u32| {
+            let (s, c) = (std::f64::consts::TAU * f64::from(i) / f64::from(CORNERS)).sin_cos();
+            let (along, across) = (ellipse.semi_major * c, ellipse.semi_minor * s);
+            estimate.mean + Vector2::new(along * cos - across * sin, along * sin + across * cos)
+        };
+        Some((0..=CORNERS).map(corner).collect())
+    }
+}

@@ -1,0 +1,111 @@
+//! The machine-readable results, as they stand in JSON.
+
+use foxhunt_core::{Ellipse, Estimate, Outcome};
+use nalgebra::Vector2;
+use serde::Serialize;
+
+use crate::simulation::{Found, Simulated};
+
+/// A place in the local frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Place {
+    /// East in metres.
+    pub east_m: f64,
+    /// North in metres.
+    pub north_m: f64,
+}
+
+impl From<Vector2<f64>> for Place {
+    fn from(place: Vector2<f64>) -> Self {
+        Self { east_m: place.x, north_m: place.y }
+    }
+}
+
+/// An estimate in the local frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PlaceEstimate {
+    /// East in metres.
+    pub east_m: f64,
+    /// North in metres.
+    pub north_m: f64,
+    /// The covariance of East and North, row by row.
+    pub covariance_m2: [[f64; 2]; 2],
+}
+
+impl From<&Estimate<2>> for PlaceEstimate {
+    fn from(estimate: &Estimate<2>) -> Self {
+        Self { east_m: estimate.mean.x, north_m: estimate.mean.y, covariance_m2: rows(estimate) }
+    }
+}
+
+/// The covariance of an estimate, row by row.
+#[must_use]
+pub fn rows(estimate: &Estimate<2>) -> [[f64; 2]; 2] {
+    let p = &estimate.covariance;
+    [[p[(0, 0)], p[(0, 1)]], [p[(1, 0)], p[(1, 1)]]]
+}
+
+/// The result of one simulated hunt.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HuntReport {
+    /// Its seed.
+    pub seed: u64,
+    /// The estimator's name.
+    pub estimator: String,
+    /// How long it took, in simulated seconds.
+    pub duration_s: f64,
+    /// The beacons, in their order.
+    pub beacons: Vec<HuntedBeacon>,
+}
+
+/// One beacon of a [`HuntReport`].
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HuntedBeacon {
+    /// Its name.
+    pub name: String,
+    /// Where it is.
+    pub truth: Place,
+    /// Where it was found.
+    pub estimate: PlaceEstimate,
+    /// The ellipse that holds it with 95 %, if the covariance is positive definite.
+    pub ellipse_95: Option<Ellipse>,
+    /// From the estimate to the truth.
+    pub error_m: f64,
+    /// The normalised estimation error squared.
+    pub nees: Option<f64>,
+    /// How many receptions went through the estimator.
+    pub steps: u32,
+    /// At how many formation positions something was heard.
+    pub formation_positions: u32,
+    /// How the search ended.
+    pub outcome: Outcome,
+}
+
+impl HuntReport {
+    /// The report of a simulated hunt.
+    #[must_use]
+    pub fn new(seed: u64, estimator: &str, hunt: &Simulated) -> Self {
+        Self {
+            seed,
+            estimator: estimator.to_owned(),
+            duration_s: hunt.duration_s,
+            beacons: hunt.found.iter().map(HuntedBeacon::from).collect(),
+        }
+    }
+}
+
+impl From<&Found> for HuntedBeacon {
+    fn from(found: &Found) -> Self {
+        Self {
+            name: found.fix.name.clone(),
+            truth: found.truth.into(),
+            estimate: (&found.fix.estimate).into(),
+            ellipse_95: found.fix.estimate.ellipse(0.95),
+            error_m: found.error_m(),
+            nees: found.nees(),
+            steps: found.fix.steps,
+            formation_positions: found.fix.formation_positions,
+            outcome: found.fix.outcome,
+        }
+    }
+}

@@ -1,0 +1,37 @@
+use super::Scenario;
+
+/// The scenario that is flown when none is named.
+pub const DEFAULT_SCENARIO: &str = "pritzl-6.1";
+
+/// The built-in scenarios' texts, by name.
+const TEXTS: [(&str, &str); 2] = [
+    ("pritzl-6.1", include_str!("../../scenarios/pritzl-6.1.toml")),
+    ("rough-field", include_str!("../../scenarios/rough-field.toml")),
+];
+
+pub(super) fn text_of(name: &str) -> Option<&'static str> {
+    TEXTS.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
+}
+
+/// The scenarios that need no file.
+#[must_use]
+pub fn builtin_scenarios() -> Vec<Scenario> {
+    TEXTS
+        .iter()
+        .map(|(name, text)| Scenario::parse(text, name).expect("a test parses each of them"))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_text_is_a_scenario_of_its_name() {
+        for (name, text) in TEXTS {
+            let scenario = Scenario::parse(text, name).expect("a built-in scenario is in order");
+            assert_eq!(scenario.name, name);
+            assert!(crate::config::estimator_named(&scenario.estimator).is_some());
+        }
+    }
+}

@@ -1,0 +1,39 @@
+/// Why there is no scenario.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ScenarioError {
+    /// There is neither a built-in scenario nor a file of this name.
+    #[error("{name:?} is neither a file nor a built-in scenario; those are {}", known.join(", "))]
+    Unknown {
+        /// What was asked for.
+        name: String,
+        /// The built-in scenarios.
+        known: Vec<String>,
+    },
+    /// The file cannot be read.
+    #[error("{file}: cannot be read")]
+    Read {
+        /// The file.
+        file: String,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// The file is no scenario; the source names line, field and value.
+    #[error("{file}: not a scenario")]
+    Parse {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        source: toml::de::Error,
+    },
+    /// A field is out of its range.
+    #[error("{file}: {field} is {value}; it must be a positive number")]
+    Field {
+        /// The file.
+        file: String,
+        /// Which field.
+        field: &'static str,
+        /// What it held.
+        value: f64,
+    },
+}

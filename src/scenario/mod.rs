@@ -1,0 +1,106 @@
+//! Simulated hunts as files: what is true, what the hunt is told, and how it goes about it.
+
+mod builtin;
+mod error;
+
+pub use builtin::{DEFAULT_SCENARIO, builtin_scenarios};
+pub use error::ScenarioError;
+
+use std::{fs, path::Path};
+
+use foxhunt_sim::WorldConfig;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    config::{ExtractorConfig, ModelConfig, PlannerConfig},
+    hunt::HuntConfig,
+};
+
+/// A simulated hunt.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// Its name.
+    pub name: String,
+    /// What it is, in a line.
+    pub description: String,
+    /// The estimator it flies with unless another one is asked for.
+    pub estimator: String,
+    /// What is true.
+    pub world: WorldConfig,
+    /// What the estimator takes for the law of propagation.
+    pub model: ModelConfig,
+    /// What makes a level and a bearing of a turn.
+    pub extractor: ExtractorConfig,
+    /// What decides where to listen.
+    pub planner: PlannerConfig,
+    /// Time-outs, tolerances, the prior; the defaults of [`HuntConfig`] unless given.
+    #[serde(default)]
+    pub hunt: HuntConfig,
+    /// How the simulation runs; the defaults of [`SimulationConfig`] unless given.
+    #[serde(default)]
+    pub simulation: SimulationConfig,
+}
+
+/// How a simulation runs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SimulationConfig {
+    /// From one look at the devices to the next, in seconds.
+    pub tick_s: f64,
+    /// A hunt that takes longer than this, in simulated seconds, has failed.
+    pub limit_s: f64,
+}
+
+impl Default for SimulationConfig {
+    /// A tick of 10 ms, a limit of 4 hours.
+    fn default() -> Self {
+        Self { tick_s: 0.01, limit_s: 14_400.0 }
+    }
+}
+
+impl Scenario {
+    /// The scenario of a built-in name, or else of a TOML file.
+    ///
+    /// # Errors
+    ///
+    /// [`ScenarioError`] names the file, the line and the field.
+    pub fn find(name_or_path: &str) -> Result<Self, ScenarioError> {
+        if let Some(text) = builtin::text_of(name_or_path) {
+            return Self::parse(text, name_or_path);
+        }
+        let path = Path::new(name_or_path);
+        if !path.exists() {
+            let known = builtin_scenarios().into_iter().map(|s| s.name).collect();
+            return Err(ScenarioError::Unknown { name: name_or_path.to_owned(), known });
+        }
+        let text = fs::read_to_string(path)
+            .map_err(|source| ScenarioError::Read { file: name_or_path.to_owned(), source })?;
+        Self::parse(&text, name_or_path)
+    }
+
+    /// A scenario from TOML; `file` is what errors call it.
+    ///
+    /// # Errors
+    ///
+    /// [`ScenarioError`] names the file, the line and the field.
+    pub fn parse(text: &str, file: &str) -> Result<Self, ScenarioError> {
+        let scenario: Self = toml::from_str(text)
+            .map_err(|source| ScenarioError::Parse { file: file.to_owned(), source })?;
+        for (field, value) in [
+            ("simulation.tick_s", scenario.simulation.tick_s),
+            ("simulation.limit_s", scenario.simulation.limit_s),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(ScenarioError::Field { file: file.to_owned(), field, value });
+            }
+        }
+        Ok(scenario)
+    }
+
+    /// The beacons' names, in their order.
+    #[must_use]
+    pub fn beacon_names(&self) -> Vec<String> {
+        self.world.beacons.iter().map(|beacon| beacon.name.clone()).collect()
+    }
+}

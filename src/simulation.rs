@@ -1,0 +1,186 @@
+//! Flies one simulated hunt from a scenario.
+
+use foxhunt_core::{
+    BeaconId, BearingExtractor, Estimate, Estimator, EstimatorError, FormationPlanner, Observation,
+    ObservationError, Reception, Station, Vehicle,
+};
+use foxhunt_formation::FollowConfigError;
+use foxhunt_sensors::{ParameterError, StepperConfig};
+use foxhunt_sim::{SimError, World};
+use nalgebra::Vector2;
+
+use crate::{
+    config::{NamedEstimator, beacon_seed},
+    hunt::{DriveError, Event, Fix, Hunt, HuntError, drive},
+    log::{LOG_VERSION, LogHeader, LoggedBeacon},
+    scenario::{Scenario, SimulationConfig},
+};
+
+/// What a simulated hunt came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Simulated {
+    /// What was found, in the order of the beacons, and what is true.
+    pub found: Vec<Found>,
+    /// How long it took, in simulated seconds.
+    pub duration_s: f64,
+    /// How far each drone flew, in metres.
+    pub path_m: Vec<f64>,
+}
+
+/// A fix against the truth.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    /// The fix.
+    pub fix: Fix,
+    /// Where the beacon truly is, East and North in metres.
+    pub truth: Vector2<f64>,
+}
+
+impl Found {
+    /// From the estimate to the truth, in metres.
+    #[must_use]
+    pub fn error_m(&self) -> f64 {
+        (self.fix.estimate.mean - self.truth).norm()
+    }
+
+    /// The normalised estimation error squared; `None` when the covariance is not positive
+    /// definite.
+    #[must_use]
+    pub fn nees(&self) -> Option<f64> {
+        self.fix.estimate.nees(&self.truth)
+    }
+}
+
+/// The header that a log of this hunt begins with.
+#[must_use]
+pub fn log_header(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) -> LogHeader {
+    let beacon = |b: &foxhunt_sim::BeaconConfig| LoggedBeacon {
+        name: b.name.clone(),
+        truth: Some(Vector2::new(b.east_m, b.north_m)),
+    };
+    LogHeader {
+        foxhunt_log: LOG_VERSION,
+        scenario: scenario.name.clone(),
+        seed,
+        estimator_name: estimator.name.to_owned(),
+        estimator: estimator.config,
+        model: scenario.model,
+        beacons: scenario.world.beacons.iter().map(beacon).collect(),
+    }
+}
+
+/// Flies a scenario and hands each event to `on_event` as it happens. The same scenario,
+/// estimator and seed fly the same hunt.
+///
+/// # Errors
+///
+/// [`SimulationError`] when the scenario cannot be built or the hunt cannot go on; whatever
+/// `on_event` returns ends the hunt, too.
+pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
+    scenario: &Scenario,
+    estimator: &NamedEstimator,
+    seed: u64,
+    on_event: impl FnMut(&Event) -> Result<(), O>,
+) -> Result<Simulated, SimulationError> {
+    let world = World::new(&scenario.world, seed)?;
+    let model = scenario.model.build()?;
+    let mut next_beacon = 0;
+    let estimators = |prior: &Estimate<2>| {
+        let seed = beacon_seed(seed, BeaconId(next_beacon));
+        next_beacon += 1;
+        estimator.config.filter.build(model, prior, seed)
+    };
+    let mut hunt = Hunt::<_, _, _, _, 2, 2>::new(
+        scenario.extractor.build(),
+        scenario.planner.build()?,
+        estimators,
+        scenario.beacon_names(),
+        scenario.hunt,
+        estimator.config.track,
+    )?;
+    fly(&mut hunt, &world, scenario.simulation, on_event)?;
+
+    let found = hunt
+        .fixes()
+        .iter()
+        .filter_map(|fix| Some(Found { fix: fix.clone(), truth: world.truth(fix.beacon)?.xy() }))
+        .collect();
+    let path_m =
+        (0..world.drone_count()).map(|drone| world.path_length(drone)).collect::<Result<_, _>>()?;
+    Ok(Simulated { found, duration_s: world.time(), path_m })
+}
+
+/// Flies a hunt of any parts in a simulated world to its end, with a stepper under every drone.
+///
+/// # Errors
+///
+/// [`SimulationError`] when the hunt cannot begin or go on, or takes too long; whatever
+/// `on_event` returns ends the hunt, too.
+pub fn fly<X, P, F, E, O, const N: usize, const M: usize>(
+    hunt: &mut Hunt<X, P, F, E, N, M>,
+    world: &World,
+    config: SimulationConfig,
+    mut on_event: impl FnMut(&Event) -> Result<(), O>,
+) -> Result<(), SimulationError>
+where
+    X: BearingExtractor,
+    P: FormationPlanner,
+    F: FnMut(&Estimate<2>) -> Result<E, EstimatorError>,
+    E: Estimator<N, M>,
+    O: std::error::Error + Send + Sync + 'static,
+    Observation<M>: for<'a> TryFrom<&'a Reception, Error = ObservationError>,
+{
+    let drones = 0..world.drone_count();
+    let mut sources = drones
+        .clone()
+        .map(|drone| world.stepper(drone, StepperConfig::pritzl2018()))
+        .collect::<Result<Vec<_>, _>>()?;
+    let stations = drones
+        .map(|drone| Ok(Station::holding(world.vehicle(drone)?.pose()?)))
+        .collect::<Result<_, SimError>>()?;
+    let mut fleet = world.fleet();
+    hunt.start(world.time(), stations)?;
+    loop {
+        drive(hunt, &mut sources, &mut fleet, world.time())?;
+        while let Some(event) = hunt.poll_event() {
+            on_event(&event).map_err(|error| SimulationError::Log(Box::new(error)))?;
+        }
+        if hunt.is_finished() {
+            return Ok(());
+        }
+        if world.time() > config.limit_s {
+            return Err(SimulationError::TooLong { limit_s: config.limit_s });
+        }
+        world.advance(config.tick_s)?;
+    }
+}
+
+/// Why a scenario could not be flown to its end.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SimulationError {
+    /// The world cannot be built.
+    #[error("the world of the scenario: {0}")]
+    World(#[from] SimError),
+    /// The estimator's law of propagation is out of range.
+    #[error("the model of the scenario: {0}")]
+    Model(#[from] ParameterError),
+    /// The planner cannot be built.
+    #[error("the planner of the scenario: {0}")]
+    Planner(#[from] FollowConfigError),
+    /// The hunt cannot be built.
+    #[error(transparent)]
+    Hunt(#[from] HuntError),
+    /// The hunt could not go on.
+    #[error(transparent)]
+    Drive(#[from] DriveError),
+    /// It took too long.
+    #[error("the hunt was not over after {limit_s} simulated seconds (simulation.limit_s)")]
+    TooLong {
+        /// The limit.
+        limit_s: f64,
+    },
+    /// The events could not be kept.
+    #[error("the log: {0}")]
+    Log(Box<dyn std::error::Error + Send + Sync>),
+}

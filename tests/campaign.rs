@@ -1,0 +1,99 @@
+//! The reference system's published behaviour, and that campaigns do not depend on threads.
+
+use foxhunt::{
+    campaign::{BeaconCampaign, CampaignReport, campaign},
+    config::{NamedEstimator, estimator_named, estimators},
+    scenario::{Scenario, builtin_scenarios},
+};
+
+fn run(runs: u32, seed: u64, jobs: usize, names: &[&str]) -> CampaignReport {
+    let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
+    let estimators: Vec<NamedEstimator> =
+        names.iter().map(|name| estimator_named(name).expect("it has a name")).collect();
+    campaign(&scenario, &estimators, runs, seed, jobs, &|| ()).expect("the scenario is in order")
+}
+
+fn assert_within(what: &str, value: f64, low: f64, high: f64) {
+    assert!((low..=high).contains(&value), "{what} is {value}, not in {low} … {high}");
+}
+
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    let names = ["ukf-pritzl2018", "particle"];
+    assert_eq!(run(3, 11, 1, &names), run(3, 11, 2, &names));
+}
+
+#[test]
+fn every_estimator_flies_every_scenario() {
+    let every = estimators();
+    for scenario in builtin_scenarios() {
+        let report = campaign(&scenario, &every, 2, 5, 2, &|| ()).expect("it is in order");
+        assert_eq!(report.estimators.len(), every.len());
+        for estimator in &report.estimators {
+            for beacon in &estimator.beacons {
+                assert_eq!(beacon.failed, 0, "{}: {}", scenario.name, estimator.estimator);
+            }
+        }
+    }
+}
+
+/// A smaller version of the campaign below: 100 runs. The bands are the published ones widened by
+/// three standard errors of a median (1.25 σ/√n, σ = 1.1 and 2.3 m) and of a mean (steps: σ = 5
+/// and 7); false alarms below 1 %.
+#[test]
+fn the_reference_in_small() {
+    let report = run(100, 20_000, 2, &["ukf-pritzl2018"]);
+    let [first, second] = beacons(&report, 0);
+    assert_within("beacon 1, median", median(first), 1.35 - 0.41, 1.80 + 0.41);
+    assert_within("beacon 1, steps", steps(first), 26.5 - 1.5, 29.0 + 1.5);
+    assert_within("beacon 2, median", median(second), 1.9 - 0.86, 2.6 + 0.86);
+    assert_within("beacon 2, steps", steps(second), 30.5 - 2.1, 34.0 + 2.1);
+    // The reference is over-confident, and the report says so: ANEES is far above its interval.
+    let interval = first.anees_interval.expect("there are runs");
+    assert!(first.anees.expect("there are runs") > interval[1]);
+}
+
+/// What an independent implementation reaches in a thousand runs.
+#[test]
+#[ignore = "a thousand hunts with each of two filters: a minute in release"]
+fn the_reference_in_full() {
+    let report = run(1000, 1, 2, &["ukf-pritzl2018", "ekf-pritzl2018"]);
+    let [first, second] = beacons(&report, 0);
+    assert_within("beacon 1, median", median(first), 1.35, 1.80);
+    assert_within("beacon 1, mean", mean(first), 1.5, 1.95);
+    assert_within("beacon 1, p90", first.error_m.expect("there are runs").p90, 0.0, 3.4);
+    assert_within("beacon 1, steps", steps(first), 26.5, 29.0);
+    assert_within("beacon 2, median", median(second), 1.9, 2.6);
+    assert_within("beacon 2, mean", mean(second), 2.4, 3.3);
+    assert_within("beacon 2, steps", steps(second), 30.5, 34.0);
+    for (extended, unscented) in beacons(&report, 1).into_iter().zip([first, second]) {
+        assert!(mean(extended) > mean(unscented), "the extended filter is the better one");
+        assert_eq!((extended.failed, unscented.failed), (0, 0));
+    }
+}
+
+/// No estimate without a positive definite covariance in ten thousand hunts.
+#[test]
+#[ignore = "ten thousand hunts: five minutes in release"]
+fn ten_thousand_hunts_without_a_failure() {
+    for beacon in beacons(&run(10_000, 1_000_000, 2, &["ukf-pritzl2018"]), 0) {
+        assert_eq!(beacon.failed, 0);
+    }
+}
+
+fn beacons(report: &CampaignReport, estimator: usize) -> [&BeaconCampaign; 2] {
+    let beacons = &report.estimators[estimator].beacons;
+    [&beacons[0], &beacons[1]]
+}
+
+fn median(beacon: &BeaconCampaign) -> f64 {
+    beacon.error_m.expect("there are runs").p50
+}
+
+fn mean(beacon: &BeaconCampaign) -> f64 {
+    beacon.error_m.expect("there are runs").mean
+}
+
+fn steps(beacon: &BeaconCampaign) -> f64 {
+    beacon.steps.expect("there are runs").mean
+}
