@@ -1,3 +1,5 @@
+use std::sync::LazyLock;
+
 use foxhunt_sensors::{PatternTable, PatternTableError};
 use serde::{Deserialize, Serialize};
 
@@ -27,10 +29,13 @@ pub struct GainRow {
     pub gain_db: f64,
 }
 
+/// A thousand worlds of a campaign share its 1440 rows of powers and logarithms.
+static REFERENCE_PATCH: LazyLock<PatternTable> = LazyLock::new(PatternTable::reference_patch);
+
 impl AntennaConfig {
     pub(crate) fn build(&self) -> Result<PatternTable, PatternTableError> {
         match self {
-            Self::ReferencePatch => Ok(PatternTable::reference_patch()),
+            Self::ReferencePatch => Ok(REFERENCE_PATCH.clone()),
             Self::Table(rows) => {
                 let rows: Vec<_> =
                     rows.iter().map(|r| (r.angle_deg.to_radians(), r.gain_db)).collect();

@@ -1,7 +1,5 @@
 use foxhunt_core::{BeaconId, Clock, Fleet, Pose, Radio, Rotator, Station, Vehicle, Waypoint};
-use foxhunt_sim::{
-    ChannelConfig, DroneConfig, SimError, SimStepperConfig, VehicleConfig, World, WorldConfig,
-};
+use foxhunt_sim::{ChannelConfig, DroneConfig, SimError, VehicleConfig, World, WorldConfig};
 use nalgebra::Vector3;
 
 use crate::rig::{config, omnidirectional, quiet};
@@ -14,17 +12,17 @@ fn world(change: impl FnOnce(&mut WorldConfig)) -> World {
 
 #[test]
 fn an_answer_comes_once_and_late() {
-    let stepper = SimStepperConfig { radio_latency_s: 0.03, ..SimStepperConfig::default() };
-    let world = world(|config| config.stepper = stepper);
+    let world = world(|config| config.stepper.radio_latency_s = 1.0);
     let mut radio = world.radio(0).expect("it exists");
     assert_eq!(radio.poll(), Ok(None));
     radio.request(BeaconId(0)).expect("it exists");
-    for _ in 0..2 {
-        world.advance(0.01).expect("a step");
+    for _ in 0..9 {
+        world.advance(0.1).expect("a step");
         assert_eq!(radio.poll(), Ok(None));
     }
-    // 3 × 0.01 is not 0.03 in binary; it must not cost a step more.
-    world.advance(0.01).expect("a step");
+    // Ten times 0.1 falls short of 1 in binary; that must not cost a step more.
+    world.advance(0.1).expect("a step");
+    assert!(world.time() < 1.0);
     assert!(matches!(radio.poll(), Ok(Some(rss)) if rss < -70.0));
     assert_eq!(radio.poll(), Ok(None));
 }
