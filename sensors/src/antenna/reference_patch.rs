@@ -46,6 +46,7 @@ mod tests {
         for i in 0..1000 {
             let a = f64::from(i) * 0.00637 - 3.0;
             assert!((patch.gain_db(a) - gain_db(a)).abs() < 2e-3, "at {a}");
+            assert!((gain_db(a) - gain_db(-a)).abs() < 1e-12, "left and right are the same");
         }
     }
 }

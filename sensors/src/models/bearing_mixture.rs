@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn the_density_integrates_to_one_over_a_turn() {
-        let mixture = BearingMixture::new(0.19, 3.0, 0.2468).expect("in range");
+        let mixture = BearingMixture::new(0.19, 0.1, 0.2468).expect("in range");
         let step = TAU / 4096.0;
         let total: f64 = (0..4096).map(|i| mixture.density(f64::from(i) * step) * step).sum();
         assert!((total - 1.0).abs() < 1e-12);

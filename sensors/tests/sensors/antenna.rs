@@ -39,6 +39,11 @@ fn its_figures_are_those_of_the_straight_lines() {
     let width = (half / 10.0 + half / 6.0) * FRAC_PI_2;
     let ours = table.half_power_beamwidth().expect("it is directional");
     assert!((ours - width).abs() < 1e-12, "{ours}, should be {width}");
+    // Rows at unequal steps weigh by them.
+    let uneven =
+        PatternTable::from_rows(&[(0.0, 0.0), (1.0, -6.0), (4.0, -12.0)]).expect("a table");
+    let mean = (-3.0 - 9.0 * 3.0 - 6.0 * (TAU - 4.0)) / TAU;
+    assert!((uneven.mean_gain_db() - mean).abs() < 1e-12);
     // The lobe may lie across the table's ends.
     let turned = ROWS.map(|(angle, gain)| (angle + 2.0 * FRAC_PI_2, gain));
     let turned = PatternTable::from_rows(&turned).expect("a table");

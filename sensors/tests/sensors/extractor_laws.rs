@@ -115,6 +115,19 @@ fn a_longest_turn_and_a_shortest_one_have_room() {
     }
 }
 
+/// A window of 7 on a turn of 3 is the mean over the turn: no position counts twice.
+#[test]
+fn a_window_never_laps_the_turn() {
+    let samples: Vec<Sample> = (0..3)
+        .map(|position| Sample { position, rss_dbm: -10.0 * f64::from(position), ..SILENT })
+        .collect();
+    let sweep = Sweep { positions: 3, ..sweep_of(&samples) };
+    let pattern = Pattern::new(&sweep, 7).expect("a turn");
+    for cell in pattern.cells() {
+        assert!(cell.smoothed_dbm().is_some_and(|dbm| (dbm + 10.0).abs() < 1e-12));
+    }
+}
+
 #[test]
 fn a_bearing_that_is_too_wide_is_none() {
     let extractor = Pritzl2018::default().with_max_sigma(0.3).expect("positive");
@@ -173,4 +186,21 @@ fn confidence_is_the_explained_share_times_the_coverage() {
     // 64 positions, and three that the moving mean fills on either side.
     assert!((lobe(64) - 70.0 / 128.0).abs() < 1e-9, "{}", lobe(64));
     assert!(lobe(5).abs() < 1e-12 && lobe(1).abs() < 1e-12);
+}
+
+/// Of 8 positions' cos a + cos(4a)/4, the series of order 2 leaves the last term: squares of 0.5 out of
+/// 4.5 dB², on 3 of 7 degrees of freedom.
+#[test]
+fn confidence_counts_degrees_of_freedom() {
+    let samples: Vec<Sample> = (0..8)
+        .map(|position| {
+            let boresight = nominal(position, 8);
+            let rss_dbm = -60.0 + boresight.cos() + 0.25 * (4.0 * boresight).cos();
+            Sample { position, boresight, rss_dbm, ..SILENT }
+        })
+        .collect();
+    let sweep = Sweep { positions: 8, ..sweep_of(&samples) };
+    let confidence = harmonic_confidence(&Pattern::new(&sweep, 7).expect("a turn"));
+    let exact = 1.0 - 0.5 / 4.5 * 7.0 / 3.0;
+    assert!((confidence - exact).abs() < 1e-12, "{confidence}, should be {exact}");
 }

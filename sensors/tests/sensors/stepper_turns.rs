@@ -147,7 +147,11 @@ fn a_late_position_asks_no_more() {
     let questions = handle.with(|w| w.questions.len());
     assert_eq!(questions, 3 * 128);
     assert_eq!(samples.len(), 2 * 128);
-    assert!(samples.iter().all(|s| s.rss_dbm < 0.0));
+    // Polled but every 0.3 s, the first answer is told after 0.6 s: it counts, no second is asked for.
+    let handle = Handle::default();
+    let mut source = handle.source(config);
+    let (samples, ..) = turn(&handle, &mut source, 0.3);
+    assert_eq!((samples.len(), handle.with(|w| w.questions.len())), (128, 128));
 }
 
 #[test]
