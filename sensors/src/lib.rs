@@ -32,7 +32,7 @@ mod stepper;
 #[cfg(feature = "alloc")]
 pub use antenna::{PatternTable, PatternTableError};
 pub use calibration::{CalibrationError, PathLossFit, fit_log_distance};
-pub use extractor::{Cell, Pattern, Pritzl2018, harmonic_confidence};
+pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 pub use models::{
     BearingMixture, BearingOnly, FreePathLossRssBearing, FreePowerRssBearing, Rss, RssBearing,
 };

@@ -1,55 +1,40 @@
-use nalgebra::{SMatrix, SVector};
+use core::f64::consts::{FRAC_PI_4, TAU};
+
+use foxhunt_core::angle::Resultant;
 
 use super::Pattern;
 
-/// The terms of a harmonic series of order 2: 1, cos, sin, cos 2, sin 2.
-const TERMS: usize = 5;
-
-/// How far a turn looks like one smooth lobe rather than scatter: the adjusted coefficient of
-/// determination of a harmonic series of order 2, fitted to the per-position means in dB by least
-/// squares, R̄² = 1 − (1 − R²)(n − 1)/(n − 5), times the share of the turn that the moving mean covers.
+/// How far a turn looks like one transmitter seen through one main lobe: the mean resultant
+/// length of the received power over the circle (Mardia & Jupp 2000, §2.3), times the share of the
+/// circle that was heard.
 ///
-/// In [0, 1]; 0 where the turn is flat, or where fewer than six positions were measured.
+/// Each measured position weighs its mean power in milliwatt times its arc, half the way to either
+/// measured neighbour and at most 45° in all, so that unevenly spaced positions count for the part
+/// of the circle that they stand for. In [0, 1]: 0.8 for the reference patch whatever the number of
+/// positions, 0 for a flat pattern. It grows with the antenna's directivity, and it does not know
+/// of reflections: a second path of half the amplitude costs it a fifth.
 #[must_use]
-pub fn harmonic_confidence(pattern: &Pattern) -> f64 {
-    let n = f64::from(pattern.measured());
-    let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
-    let mut moment = SVector::<f64, TERMS>::zeros();
-    let mut total = 0.0;
-    for (basis, y) in measured(pattern) {
-        normal += basis * basis.transpose();
-        moment += basis * y;
-        total += y * y;
+pub fn resultant_confidence(pattern: &Pattern) -> f64 {
+    let cells = pattern.cells();
+    let (mut resultant, mut heard) = (Resultant::default(), 0.0);
+    for (index, cell) in cells.iter().enumerate() {
+        let Some(mean_dbm) = cell.mean_dbm() else { continue };
+        let empty_after = cells.iter().cycle().skip(index + 1).take_while(|c| c.count() == 0);
+        let empty_before =
+            cells.iter().rev().cycle().skip(cells.len() - index).take_while(|c| c.count() == 0);
+        let gaps = [empty_before.take(cells.len()).count(), empty_after.take(cells.len()).count()];
+        let arc = gaps.iter().map(|gap| 0.5 * arc(gap + 1, cells.len())).sum::<f64>();
+        let arc = arc.min(FRAC_PI_4);
+        heard += arc;
+        // Relative to the strongest, so that no power underflows.
+        let relative_db = mean_dbm - pattern.maximum_dbm();
+        resultant.add(cell.angle(), arc * libm::exp10(0.1 * relative_db));
     }
-    let freedom = n - 5.0;
-    let Some(factor) = normal.cholesky() else { return 0.0 };
-    if freedom < 1.0 || total <= 0.0 {
-        return 0.0;
-    }
-    let weights = factor.solve(&moment);
-    let residual: f64 = measured(pattern)
-        .map(|(basis, y)| {
-            let error = y - basis.dot(&weights);
-            error * error
-        })
-        .sum();
-    let adjusted = 1.0 - residual / total * (n - 1.0) / freedom;
-    (adjusted * coverage(pattern)).clamp(0.0, 1.0)
+    (resultant.length() * (heard / TAU)).clamp(0.0, 1.0)
 }
 
-/// The harmonics at each measured position, and its power above the turn's mean in dB.
-fn measured(pattern: &Pattern) -> impl Iterator<Item = (SVector<f64, TERMS>, f64)> {
-    pattern.cells().iter().filter_map(|cell| {
-        let (sin, cos) = libm::sincos(cell.angle());
-        let basis = [1.0, cos, sin, cos * cos - sin * sin, 2.0 * sin * cos];
-        Some((SVector::from(basis), cell.mean_dbm()? - pattern.rss_dbm()))
-    })
-}
-
-/// The share of positions that have a moving mean.
-fn coverage(pattern: &Pattern) -> f64 {
-    let (covered, all) = pattern.cells().iter().fold((0.0, 0.0), |(covered, all), cell| {
-        (covered + f64::from(u8::from(cell.smoothed_dbm().is_some())), all + 1.0)
-    });
-    covered / all
+/// The angle of so many positions.
+#[expect(clippy::cast_precision_loss, reason = "a turn has at most 360 positions")]
+fn arc(positions: usize, of: usize) -> f64 {
+    TAU * positions as f64 / of as f64
 }

@@ -8,7 +8,7 @@ mod pritzl2018;
 mod rounding;
 
 pub use cell::Cell;
-pub use confidence::harmonic_confidence;
+pub use confidence::resultant_confidence;
 pub use pattern::Pattern;
 pub use pritzl2018::Pritzl2018;
 

@@ -3,14 +3,14 @@ use foxhunt_core::{
     angle::{self, Resultant},
 };
 
-use super::{Cell, Pattern, harmonic_confidence};
+use super::{Cell, Pattern, resultant_confidence};
 
 /// The reference extractor (Pritzl 2018, §4.1–4.2): the level is the mean over the turn, the bearing
 /// the angle of the moving mean's maximum, its σ the reach of the lobe about it.
 ///
 /// Positions that tie for the maximum are averaged circularly. σ is the largest angle between the
 /// bearing and any position within [`width_db`](Self::with_width_db) of the maximum, connected with it
-/// or not. The confidence is [`harmonic_confidence`].
+/// or not. The confidence is [`resultant_confidence`].
 ///
 /// Two guards are not in the source, which would give 0.147 rad for a turn with one measured
 /// position: a least number of measured positions, and a floor under σ.
@@ -76,7 +76,7 @@ impl Pritzl2018 {
         if reach > self.max_sigma {
             return Err(NoBearing::TooWide { sigma: reach, limit: self.max_sigma });
         }
-        Ok(Bearing { angle, sigma: reach, confidence: harmonic_confidence(pattern) })
+        Ok(Bearing { angle, sigma: reach, confidence: resultant_confidence(pattern) })
     }
 }
 

@@ -3,7 +3,7 @@
 use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{BearingExtractor, Sweep, angle};
-use foxhunt_sensors::{Pattern, PatternTable, Pritzl2018, harmonic_confidence};
+use foxhunt_sensors::{Pattern, PatternTable, Pritzl2018, resultant_confidence};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use crate::sweeps::{Conditions, simulate, sweep_of};
@@ -66,17 +66,15 @@ fn whole_decibels_cost_next_to_nothing() {
     assert!((3.2..4.3).contains(&rms), "rms {rms}°");
 }
 
-/// Scatter without a lobe has no confidence: 500 turns each with 2 and with 60 dB of noise. The
-/// adjusted share of explained variance of pure scatter is 0 in the mean.
+/// The patch seen through 2 dB of noise, 500 turns, against what its noiseless pattern has (0.81).
+/// The mean's standard error is below 0.001.
 #[test]
-fn confidence_tells_a_lobe_from_scatter() {
-    let mean = |noise_db, seed| {
-        let mut sum = 0.0;
-        for_each_turn(Conditions { noise_db, ..Conditions::default() }, 500, seed, |_, sweep| {
-            sum += harmonic_confidence(&Pattern::new(sweep, 7).expect("a full turn"));
-        });
-        sum / 500.0
-    };
-    let (good, bad) = (mean(2.0, 4), mean(60.0, 5));
-    assert!(good > 0.9 && bad < 0.2, "confidence {good} and {bad}");
+fn confidence_of_a_lobe_is_high() {
+    let mut sum = 0.0;
+    let conditions = Conditions { noise_db: 2.0, ..Conditions::default() };
+    for_each_turn(conditions, 500, 4, |_, sweep| {
+        sum += resultant_confidence(&Pattern::new(sweep, 7).expect("a full turn"));
+    });
+    let mean = sum / 500.0;
+    assert!((0.79..0.83).contains(&mean), "confidence {mean}");
 }

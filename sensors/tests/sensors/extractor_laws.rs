@@ -1,7 +1,7 @@
 //! The exported laws over the extractor, and what it refuses.
 
 use foxhunt_core::{BearingExtractor, NoBearing, NoReading, Pose, Sample, Sweep, angle, laws};
-use foxhunt_sensors::{Pattern, PatternTable, Pritzl2018, harmonic_confidence};
+use foxhunt_sensors::{Pattern, PatternTable, Pritzl2018, resultant_confidence};
 use proptest::prelude::*;
 
 use crate::sweeps::{Conditions, POSITIONS, simulate, sweep_of};
@@ -169,38 +169,49 @@ fn the_settings_are_checked() {
     assert!(extractor.with_min_positions(0).is_err());
 }
 
-/// A harmonic of order 2 without noise is explained in full; half of it unheard, in half.
-#[test]
-fn confidence_is_the_explained_share_times_the_coverage() {
-    let lobe = |heard: u16| -> f64 {
-        let samples: Vec<Sample> = (0..heard)
-            .map(|position| {
-                let boresight = nominal(position, POSITIONS);
-                let rss_dbm = -60.0 + 5.0 * boresight.cos() - 3.0 * (2.0 * boresight).sin();
-                Sample { position, boresight, rss_dbm, ..SILENT }
-            })
-            .collect();
-        harmonic_confidence(&Pattern::new(&sweep_of(&samples), 7).expect("a turn"))
-    };
-    assert!((lobe(128) - 1.0).abs() < 1e-12);
-    // 64 positions, and three that the moving mean fills on either side.
-    assert!((lobe(64) - 70.0 / 128.0).abs() < 1e-9, "{}", lobe(64));
-    assert!(lobe(5).abs() < 1e-12 && lobe(1).abs() < 1e-12);
-}
-
-/// Of 8 positions' cos a + cos(4a)/4, the series of order 2 leaves the last term: squares of 0.5 out of
-/// 4.5 dB², on 3 of 7 degrees of freedom.
-#[test]
-fn confidence_counts_degrees_of_freedom() {
-    let samples: Vec<Sample> = (0..8)
+/// The confidence of a turn of `positions` with the power 1 + cos a in milliwatt at those `heard`.
+fn cardioid_confidence(positions: u16, heard: impl Fn(u16) -> bool) -> f64 {
+    let samples: Vec<Sample> = (0..positions)
+        .filter(|position| heard(*position))
         .map(|position| {
-            let boresight = nominal(position, 8);
-            let rss_dbm = -60.0 + boresight.cos() + 0.25 * (4.0 * boresight).cos();
+            let boresight = nominal(position, positions);
+            let rss_dbm = 10.0 * (1.001 + boresight.cos()).log10();
             Sample { position, boresight, rss_dbm, ..SILENT }
         })
         .collect();
-    let sweep = Sweep { positions: 8, ..sweep_of(&samples) };
-    let confidence = harmonic_confidence(&Pattern::new(&sweep, 7).expect("a turn"));
-    let exact = 1.0 - 0.5 / 4.5 * 7.0 / 3.0;
-    assert!((confidence - exact).abs() < 1e-12, "{confidence}, should be {exact}");
+    let sweep = Sweep { positions, ..sweep_of(&samples) };
+    resultant_confidence(&Pattern::new(&sweep, 7).expect("a turn"))
+}
+
+/// ∫(1 + cos a) cos a over ∫(1 + cos a) is one half, exactly so on equally spaced positions; the
+/// pedestal that keeps the logarithm finite takes a thousandth.
+#[test]
+fn confidence_is_the_resultant_of_the_power() {
+    let exact = 0.5 / 1.001;
+    for positions in [16, 128] {
+        let confidence = cardioid_confidence(positions, |_| true);
+        assert!((confidence - exact).abs() < 1e-9, "{confidence}, should be {exact}");
+    }
+    // Every fourth position stands for as much of the circle as all of them.
+    let sparse = cardioid_confidence(128, |position| position % 4 == 0);
+    assert!((sparse - exact).abs() < 1e-9, "{sparse}, should be {exact}");
+}
+
+/// Positions crowd the half of the circle with the lobe: each weighs its arc, not its count.
+#[test]
+fn confidence_weighs_arcs() {
+    let uneven = cardioid_confidence(128, |p| p % 8 == 0 || !(32..96).contains(&p));
+    // The trapezoidal sum over uneven arcs is off by the square of the larger step.
+    assert!((uneven - 0.5 / 1.001).abs() < 0.01, "{uneven}");
+}
+
+/// What was not heard counts against it: an arc is 45° at most.
+#[test]
+fn confidence_counts_what_was_not_heard() {
+    let half = cardioid_confidence(128, |position| position < 64);
+    // 62 arcs of one step, and the cap at either end.
+    let heard = (62.0 * 360.0 / 128.0 + 2.0 * 45.0) / 360.0;
+    assert!(half < heard, "{half}");
+    let one = cardioid_confidence(128, |position| position == 0);
+    assert!((one - 0.125).abs() < 1e-12, "one position is heard over 45° and no more: {one}");
 }
