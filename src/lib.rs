@@ -43,10 +43,12 @@
 
 pub mod campaign;
 pub mod config;
+pub mod geodesy;
 pub mod hunt;
 pub mod locate;
 pub mod log;
 pub mod picture;
+pub mod recording;
 pub mod replay;
 pub mod report;
 pub mod scenario;

@@ -1,0 +1,253 @@
+//! The edge between the world's units and ours: the one place where WGS84 and compass degrees
+//! become East-North-Up metres and radians counter-clockwise from East.
+
+use std::f64::consts::FRAC_PI_2;
+
+use foxhunt_core::angle;
+use map_3d::{Ellipsoid, enu2geodetic, geodetic2enu};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+/// A place on or above the WGS84 ellipsoid.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Geodetic {
+    /// Latitude in degrees, North positive, within ±90.
+    pub lat_deg: f64,
+    /// Longitude in degrees, East positive, within −180 to 360.
+    pub lon_deg: f64,
+    /// Height above the ellipsoid in metres.
+    pub alt_m: f64,
+}
+
+impl Geodetic {
+    /// A place whose numbers are possible.
+    ///
+    /// # Errors
+    ///
+    /// [`GeodesyError`] names the number that is not.
+    pub fn new(lat_deg: f64, lon_deg: f64, alt_m: f64) -> Result<Self, GeodesyError> {
+        if !(-90.0..=90.0).contains(&lat_deg) {
+            return Err(GeodesyError::Latitude { lat_deg, swapped: lon_deg.abs() <= 90.0 });
+        }
+        if !(-180.0..=360.0).contains(&lon_deg) {
+            return Err(GeodesyError::Longitude { lon_deg });
+        }
+        if !alt_m.is_finite() {
+            return Err(GeodesyError::Altitude { alt_m });
+        }
+        Ok(Self { lat_deg, lon_deg, alt_m })
+    }
+}
+
+/// Why a place cannot be one.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum GeodesyError {
+    /// Not between the poles.
+    #[error(
+        "the latitude {lat_deg}° is not within ±90°{}",
+        if *swapped { "; latitude and longitude look swapped" } else { "" }
+    )]
+    Latitude {
+        /// The latitude.
+        lat_deg: f64,
+        /// Whether the longitude would pass for a latitude.
+        swapped: bool,
+    },
+    /// Not round the globe once.
+    #[error("the longitude {lon_deg}° is not within -180° to 360°")]
+    Longitude {
+        /// The longitude.
+        lon_deg: f64,
+    },
+    /// NaN or infinite.
+    #[error("the altitude {alt_m} m is not a finite number")]
+    Altitude {
+        /// The altitude.
+        alt_m: f64,
+    },
+}
+
+/// An East-North-Up frame that touches the ellipsoid's parallel surface at its origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LocalFrame {
+    origin: Geodetic,
+}
+
+impl LocalFrame {
+    /// The frame with this origin.
+    ///
+    /// # Errors
+    ///
+    /// [`GeodesyError`] as [`Geodetic::new`].
+    pub fn new(origin: Geodetic) -> Result<Self, GeodesyError> {
+        Ok(Self { origin: Geodetic::new(origin.lat_deg, origin.lon_deg, origin.alt_m)? })
+    }
+
+    /// Where its zero is.
+    #[must_use]
+    pub fn origin(&self) -> Geodetic {
+        self.origin
+    }
+
+    /// East, North and Up of a place, in metres. The frame is flat: Up falls below the height
+    /// above ground by 8 cm at 1 km and 8 m at 10 km.
+    #[must_use]
+    pub fn to_local(&self, place: &Geodetic) -> Vector3<f64> {
+        let (east, north, up) = geodetic2enu(
+            place.lat_deg.to_radians(),
+            place.lon_deg.to_radians(),
+            place.alt_m,
+            self.origin.lat_deg.to_radians(),
+            self.origin.lon_deg.to_radians(),
+            self.origin.alt_m,
+            Ellipsoid::WGS84,
+        );
+        Vector3::new(east, north, up)
+    }
+
+    /// The place at East, North and Up in metres; longitude within ±180°.
+    #[must_use]
+    pub fn to_geodetic(&self, local: &Vector3<f64>) -> Geodetic {
+        let (lat, lon, alt_m) = enu2geodetic(
+            local.x,
+            local.y,
+            local.z,
+            self.origin.lat_deg.to_radians(),
+            self.origin.lon_deg.to_radians(),
+            self.origin.alt_m,
+            Ellipsoid::WGS84,
+        );
+        Geodetic { lat_deg: lat.to_degrees(), lon_deg: lon.to_degrees(), alt_m }
+    }
+}
+
+/// Degrees clockwise from North to radians counter-clockwise from East, in [−π, π).
+///
+/// ```
+/// use foxhunt::geodesy::compass_deg_to_radians;
+/// let north = compass_deg_to_radians(0.0);
+/// assert!((north - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+/// ```
+#[must_use]
+pub fn compass_deg_to_radians(deg_compass: f64) -> f64 {
+    angle::wrap(FRAC_PI_2 - deg_compass.to_radians())
+}
+
+/// Radians counter-clockwise from East to degrees clockwise from North, in [0, 360).
+#[must_use]
+pub fn radians_to_compass_deg(radians: f64) -> f64 {
+    let deg = angle::wrap(FRAC_PI_2 - radians).to_degrees();
+    let turned = if deg < 0.0 { deg + 360.0 } else { deg };
+    // A hair west of North rounds up to a full turn.
+    if turned >= 360.0 { 0.0 } else { turned }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{FRAC_PI_4, PI};
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn frame(lat_deg: f64, lon_deg: f64, alt_m: f64) -> LocalFrame {
+        LocalFrame::new(Geodetic { lat_deg, lon_deg, alt_m }).expect("a place on Earth")
+    }
+
+    #[test]
+    fn agrees_with_pymap3d() {
+        // place, origin, and what geodetic2enu of pymap3d 3.2.0 makes of them.
+        let cases = [
+            (
+                [35.728_067_09, -78.697_303_98, 1.5],
+                [35.727_370_46, -78.696_220_96, 0.0],
+                [-97.983_237_163_670_5, 77.294_417_041_590_75, 1.498_778_339_496_084_3],
+            ),
+            (
+                [-33.8688, 151.2093, 58.0],
+                [-33.9, 151.1, 20.0],
+                [10_113.240_632_846_282, 3_455.364_621_626_061_3, 29.051_242_415_689_33],
+            ),
+            (
+                [50.1, 14.5, 400.0],
+                [50.0755, 14.4378, 200.0],
+                [4_450.496_730_565_858, 2_727.177_043_629_705, 197.866_963_567_955_28],
+            ),
+            (
+                [0.001, 179.9995, 10.0],
+                [-0.001, -179.9995, 0.0],
+                [-111.319_665_303_561_45, 221.148_900_647_399_16, 9.995_168_776_246_304],
+            ),
+        ];
+        for (place, origin, expected) in cases {
+            let [lat_deg, lon_deg, alt_m] = place;
+            let local = frame(origin[0], origin[1], origin[2]).to_local(&Geodetic {
+                lat_deg,
+                lon_deg,
+                alt_m,
+            });
+            // Earth's radius times a few ulps of the coordinates.
+            assert!((local - Vector3::from(expected)).norm() < 1e-8, "{place:?}: {local}");
+        }
+    }
+
+    #[test]
+    fn the_compass_has_four_quadrants() {
+        let table = [
+            (0.0, FRAC_PI_2),
+            (45.0, FRAC_PI_4),
+            (90.0, 0.0),
+            (135.0, -FRAC_PI_4),
+            (180.0, -FRAC_PI_2),
+            (225.0, -3.0 * FRAC_PI_4),
+            (270.0, -PI),
+            (315.0, 3.0 * FRAC_PI_4),
+            (359.0, (91.0_f64).to_radians()),
+        ];
+        for (compass, radians) in table {
+            let made = compass_deg_to_radians(compass);
+            assert!((made - radians).abs() < 1e-14, "{compass}° made {made}");
+            let back = radians_to_compass_deg(radians);
+            assert!((back - compass).abs() < 1e-12, "{radians} made {back}°");
+        }
+        assert!(radians_to_compass_deg(FRAC_PI_2 + 1e-17) < 360.0);
+    }
+
+    #[test]
+    fn impossible_places_are_refused() {
+        assert_eq!(
+            Geodetic::new(-111.6, 35.2, 0.0),
+            Err(GeodesyError::Latitude { lat_deg: -111.6, swapped: true })
+        );
+        let told = Geodetic::new(-111.6, 35.2, 0.0).expect_err("swapped").to_string();
+        assert!(told.contains("-111.6") && told.contains("swapped"), "{told}");
+        assert_eq!(Geodetic::new(0.0, 400.0, 0.0), Err(GeodesyError::Longitude { lon_deg: 400.0 }));
+        assert!(Geodetic::new(f64::NAN, 0.0, 0.0).is_err());
+        assert!(Geodetic::new(0.0, f64::NAN, 0.0).is_err());
+        assert!(Geodetic::new(0.0, 0.0, f64::INFINITY).is_err());
+        assert!(LocalFrame::new(Geodetic { lat_deg: 91.0, lon_deg: 0.0, alt_m: 0.0 }).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn local_and_back(
+            lat in -89.0..89.0f64, lon in -180.0..180.0f64, alt in 0.0..3_000.0f64,
+            east in -20_000.0..20_000.0f64, north in -20_000.0..20_000.0f64, up in 0.0..500.0f64,
+        ) {
+            let frame = frame(lat, lon, alt);
+            let local = Vector3::new(east, north, up);
+            let back = frame.to_local(&frame.to_geodetic(&local));
+            // The crate's closed form of the way back is good to well below a millimetre.
+            prop_assert!((back - local).norm() < 1e-4, "{local} came back as {back}");
+        }
+
+        #[test]
+        fn compass_and_back(radians in -20.0..20.0f64) {
+            let deg = radians_to_compass_deg(radians);
+            prop_assert!((0.0..360.0).contains(&deg));
+            prop_assert!(angle::distance(compass_deg_to_radians(deg), radians) < 1e-13);
+        }
+    }
+}

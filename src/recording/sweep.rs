@@ -1,0 +1,182 @@
+use std::f64::consts::TAU;
+
+use foxhunt_core::{BeaconId, Pose, Sample, Sweep, angle::Resultant};
+use nalgebra::Vector3;
+
+use super::{Record, Recording, RecordingError, turns::Heard};
+
+/// One turn of the antenna out of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OwnedSweep {
+    /// Whose signal it was.
+    pub beacon: Option<String>,
+    /// Who heard it.
+    pub drone: String,
+    /// The turn's number, if the recording has such.
+    pub turn: Option<u32>,
+    /// The line of its first reading.
+    pub line: u64,
+    /// Whether the recording says where the receiver was; if not, poses are at the origin.
+    pub located: bool,
+    /// When the turn ended, in seconds.
+    pub time: f64,
+    /// Where the receiver was: the mean over the turn.
+    pub receiver: Pose,
+    /// How many equal positions make a turn.
+    pub positions: u16,
+    /// The readings in the order of time.
+    pub samples: Vec<Sample>,
+}
+
+impl OwnedSweep {
+    /// The sweep as extractors take it; the caller numbers the beacons.
+    #[must_use]
+    pub fn lend(&self, beacon: BeaconId) -> Sweep<'_> {
+        Sweep {
+            beacon,
+            time: self.time,
+            receiver: self.receiver,
+            positions: self.positions,
+            samples: &self.samples,
+        }
+    }
+}
+
+impl Recording {
+    /// The turns of the antenna, in the order in which they ended.
+    ///
+    /// A turn holds one drone's readings of one beacon that have a boresight and a level. The
+    /// `turn` column says which belong together; where there is none, the mapping's
+    /// [`Turns`](super::Turns) do. A reading without a `position` belongs to that whose nominal
+    /// angle 2πi / `positions` is nearest to its boresight. Where the recording has no times, its
+    /// rows are taken to be a second apart.
+    ///
+    /// A recording whose antenna has no direction has no sweeps.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::NoPositions`] for 0 positions; [`RecordingError::Field`] for a
+    /// `position` that such a turn does not have.
+    pub fn sweeps(&self, positions: u16) -> Result<Vec<OwnedSweep>, RecordingError> {
+        if positions == 0 {
+            return Err(RecordingError::NoPositions { file: self.file.clone(), positions });
+        }
+        let step = TAU / f64::from(positions);
+        let mut sweeps = Vec::new();
+        for heard in self.groups() {
+            let turns = match heard.first().map(|first| first.record.turn) {
+                Some(Some(_)) => vec![&heard[..]],
+                _ => self.turns.cut(&heard, step),
+            };
+            for turn in turns {
+                sweeps.push(self.sweep(turn, positions, step)?);
+            }
+        }
+        sweeps.sort_by(|a, b| a.time.total_cmp(&b.time));
+        Ok(sweeps)
+    }
+
+    /// What can be a sample, by beacon, drone and turn, each in the order of time.
+    fn groups(&self) -> Vec<Vec<Heard<'_>>> {
+        let mut groups: Vec<Vec<Heard<'_>>> = Vec::new();
+        let mut order = 0.0;
+        for record in &self.records {
+            order += 1.0;
+            let (Some(boresight), Some(rss_dbm)) = (record.boresight, record.rss_dbm) else {
+                continue;
+            };
+            let heard = Heard { record, boresight, rss_dbm, time: record.time.unwrap_or(order) };
+            let key = |r: &Record| (r.turn, r.beacon.clone(), r.drone.clone());
+            let same = |group: &&mut Vec<Heard<'_>>| {
+                group.first().is_some_and(|first| key(first.record) == key(record))
+            };
+            match groups.iter_mut().find(same) {
+                Some(group) => group.push(heard),
+                None => groups.push(vec![heard]),
+            }
+        }
+        for group in &mut groups {
+            group.sort_by(|a, b| a.time.total_cmp(&b.time));
+        }
+        groups
+    }
+
+    fn sweep(
+        &self,
+        heard: &[Heard<'_>],
+        positions: u16,
+        step: f64,
+    ) -> Result<OwnedSweep, RecordingError> {
+        let (mut samples, mut count) = (Vec::with_capacity(heard.len()), 0.0);
+        let (mut place, mut heading) = (Vector3::zeros(), Resultant::default());
+        for one in heard {
+            let receiver = one.record.receiver.unwrap_or_default();
+            let position = match one.record.position {
+                Some(given) if given >= positions => {
+                    return Err(self.no_such_position(one.record, given, positions));
+                }
+                Some(given) => given,
+                None => nearest(one.boresight, positions, step),
+            };
+            count += 1.0;
+            place += (receiver.position - place) / count;
+            heading.add(receiver.heading, 1.0);
+            samples.push(Sample {
+                time: one.time,
+                receiver,
+                boresight: one.boresight,
+                position,
+                rss_dbm: one.rss_dbm,
+            });
+        }
+        let first = heard.iter().map(|one| one.record).min_by_key(|record| record.line);
+        // Below this length the headings cancel: the body itself turned.
+        let heading = heading.direction(1e-9).unwrap_or(0.0);
+        Ok(OwnedSweep {
+            beacon: first.and_then(|record| record.beacon.clone()),
+            drone: first.map(|record| record.drone.clone()).unwrap_or_default(),
+            turn: first.and_then(|record| record.turn),
+            line: first.map_or(0, |record| record.line),
+            located: first.is_some_and(|record| record.receiver.is_some()),
+            time: samples.last().map_or(0.0, |sample| sample.time),
+            receiver: Pose { position: place, heading },
+            positions,
+            samples,
+        })
+    }
+
+    fn no_such_position(&self, record: &Record, given: u16, positions: u16) -> RecordingError {
+        RecordingError::Field {
+            file: self.file.clone(),
+            line: record.line,
+            column: "position".to_owned(),
+            value: given.to_string(),
+            problem: super::FieldProblem::NotWhole { max: f64::from(positions - 1) },
+        }
+    }
+}
+
+/// The position whose nominal angle is nearest.
+#[expect(clippy::cast_possible_truncation, reason = "it lies between 0 and `positions`")]
+fn nearest(boresight: f64, positions: u16, step: f64) -> u16 {
+    let index = (foxhunt_core::angle::wrap(boresight) / step).round();
+    let up = if index < 0.0 { index + f64::from(positions) } else { index };
+    up as u16 % positions
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_position_goes_round() {
+        for (degrees, expected) in
+            [(0.0, 0), (44.9, 0), (45.1, 1), (-44.9, 0), (-45.1, 3), (180.0, 2), (359.0, 0)]
+        {
+            let position = nearest(f64::to_radians(degrees), 4, TAU / 4.0);
+            assert_eq!(position, expected, "{degrees}°");
+        }
+        assert_eq!(nearest(-0.01, 65_535, TAU / 65_535.0), 65_431);
+        assert_eq!(nearest(3.0, 1, TAU), 0);
+    }
+}
