@@ -1,7 +1,7 @@
 use foxhunt_core::{Axis, Covariance, Estimate, EstimatorError, Role, State};
 use nalgebra::SMatrix;
 
-use crate::triangle;
+use crate::{count::number, triangle};
 
 /// A Gaussian belief, its covariance factored: P = L Lᵀ.
 ///
@@ -30,20 +30,30 @@ impl<const N: usize> Gaussian<N> {
         Ok(Self { estimate, factor })
     }
 
-    /// The Gaussian with the covariance L Lᵀ.
+    /// The Gaussian with the covariance L Lᵀ, after a step.
     pub(crate) fn from_factor(
         mean: State<N>,
         factor: SMatrix<f64, N, N>,
         axes: &[Axis; N],
-        role: Role,
     ) -> Result<Self, EstimatorError> {
+        let role = Role::Posterior;
         // An angle of the state is told on [−π, π).
         let mean = Axis::difference(axes, &mean, &State::zeros());
-        let covariance = triangle::square(&factor);
-        // The factor is kept as it came, it is better than that of the squared numbers; but what
-        // is told must have one too.
-        let checked = Self::new(Estimate { mean, covariance }, role)?;
-        Ok(Self { factor, ..checked })
+        let mut covariance = triangle::square(&factor);
+        if !mean.iter().chain(covariance.iter()).all(|c| c.is_finite()) {
+            return Err(EstimatorError::NotFinite { role });
+        }
+        if factor.diagonal().iter().any(|d| *d <= 0.0) {
+            return Err(EstimatorError::NotPositiveDefinite { role });
+        }
+        // Squaring doubles the digits that a thin belief needs. Where they are not there, what is
+        // told has a few units in the last place added to its variances, which is what makes a
+        // rounded square definite again (Higham 2002, §10.1); the factor itself stays.
+        if covariance.cholesky().is_none() {
+            let last_places = 1.0 + 8.0 * number(N) * f64::EPSILON;
+            (0..N).for_each(|i| covariance[(i, i)] *= last_places);
+        }
+        Ok(Self { estimate: Estimate { mean, covariance }, factor })
     }
 
     /// The mean.
@@ -84,5 +94,21 @@ mod tests {
         assert_eq!(make(0.0, Matrix2::new(1.0, 2.0, 2.0, 1.0)), indefinite);
         assert_eq!(make(0.0, Matrix2::zeros()), indefinite);
         assert_eq!(make(0.0, Matrix2::new(4.0, 0.0, 1.0, 2.0)), indefinite, "skew");
+    }
+
+    #[test]
+    fn a_belief_too_thin_for_its_square_is_told_a_little_wider() {
+        // 45° aslant, 1 km long and 1 nm wide: the square would need 24 digits.
+        let thin = Matrix2::new(1e3, 0.0, 1e3, 1e-9);
+        let axes = [Axis::Linear; 2];
+        let belief = Gaussian::from_factor(Vector2::zeros(), thin, &axes).expect("definite");
+        assert!((thin * thin.transpose()).cholesky().is_none());
+        let told = belief.estimate().covariance;
+        assert!(told.cholesky().is_some());
+        assert!((told - thin * thin.transpose()).norm() < 1e-14 * told.norm());
+        assert_eq!(belief.factor(), &thin);
+        let flat = Matrix2::new(1.0, 0.0, 1.0, 0.0);
+        let refused = Gaussian::from_factor(Vector2::zeros(), flat, &axes);
+        assert_eq!(refused, Err(EstimatorError::NotPositiveDefinite { role: Role::Posterior }));
     }
 }

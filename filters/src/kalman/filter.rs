@@ -154,8 +154,7 @@ where
         for column in noise.column_iter() {
             triangle::add_to_lower(&mut factor, column.into_owned());
         }
-        self.belief =
-            Gaussian::from_factor(image.mean, factor, &self.motion.axes(), Role::Posterior)?;
+        self.belief = Gaussian::from_factor(image.mean, factor, &self.motion.axes())?;
         Ok(())
     }
 
@@ -173,7 +172,7 @@ where
         let (mean, factor) = regression
             .posterior(&self.belief)
             .ok_or(EstimatorError::NotPositiveDefinite { role: Role::Posterior })?;
-        self.belief = Gaussian::from_factor(mean, factor, &self.motion.axes(), Role::Posterior)?;
+        self.belief = Gaussian::from_factor(mean, factor, &self.motion.axes())?;
         self.record = record;
         let log_evidence = regression.log_evidence();
         Ok(Correction::Fused { nis: Some(nis), log_evidence, effective_sample_size: None })

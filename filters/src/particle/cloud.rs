@@ -11,6 +11,18 @@ pub(super) struct Cloud<const N: usize> {
     pub(super) weights: Weights,
 }
 
+impl<const N: usize> Cloud<N> {
+    pub(super) fn state(&self, particle: usize) -> State<N> {
+        State::from_fn(|row, _| self.columns[row][particle])
+    }
+
+    pub(super) fn set(&mut self, particle: usize, state: &State<N>) {
+        for (column, value) in self.columns.iter_mut().zip(state.iter()) {
+            column[particle] = *value;
+        }
+    }
+}
+
 /// Weights that sum to 1, and their logarithms: a product of many likelihoods underflows.
 #[derive(Clone, Debug)]
 pub(super) struct Weights {
@@ -28,6 +40,11 @@ impl Weights {
         let share = 1.0 / number(self.linear.len());
         self.linear.fill(share);
         self.log.fill(libm::log(share));
+    }
+
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        self.linear.copy_from_slice(&other.linear);
+        self.log.copy_from_slice(&other.log);
     }
 
     /// 1 / Σ w².

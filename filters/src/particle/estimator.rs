@@ -2,13 +2,12 @@ use core::mem;
 
 use foxhunt_core::{
     Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel,
-    Observation, Role, State,
+    Observation, State,
 };
 use nalgebra::SVector;
 use rand::Rng;
 
-use super::{cloud::moments, filter::ParticleFilter};
-use crate::Gaussian;
+use super::filter::ParticleFilter;
 
 impl<F, H, R, const N: usize, const M: usize> Estimator<N, M> for ParticleFilter<F, H, R, N, M>
 where
@@ -25,8 +24,7 @@ where
         }
         let mut rng = self.rng.clone();
         self.prepare_moved(dt, &mut rng);
-        let belief = moments(&self.spare.columns, &self.spare.weights.linear, &self.motion.axes());
-        self.belief = Gaussian::new(belief, Role::Posterior)?;
+        self.belief = self.belief_of(&self.spare.columns, &self.spare.weights)?;
         self.rng = rng;
         mem::swap(&mut self.cloud, &mut self.spare);
         Ok(())
@@ -39,8 +37,7 @@ where
         let columns: [&[f64]; N] = core::array::from_fn(|row| &self.cloud.columns[row][..]);
         self.measurement.log_likelihoods(columns, observation, &mut self.spare.weights.log);
         let log_evidence = self.spare.weights.condition(&self.cloud.weights)?;
-        let belief = moments(&self.cloud.columns, &self.spare.weights.linear, &self.motion.axes());
-        let belief = Gaussian::new(belief, Role::Posterior)?;
+        let belief = self.belief_of(&self.cloud.columns, &self.spare.weights)?;
         let nis = self.nis(observation);
         self.belief = belief;
         mem::swap(&mut self.cloud.weights, &mut self.spare.weights);
@@ -54,7 +51,7 @@ where
 
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
         for (i, weight) in self.cloud.weights.linear.iter().enumerate() {
-            visit(&State::from_fn(|row, _| self.cloud.columns[row][i]), *weight);
+            visit(&self.cloud.state(i), *weight);
         }
     }
 }
@@ -71,8 +68,7 @@ where
         let centre = expected(self.belief.mean());
         let (mut shift, mut square) = (SVector::<f64, M>::zeros(), Covariance::<M>::zeros());
         for (i, weight) in self.cloud.weights.linear.iter().enumerate() {
-            let state = State::from_fn(|row, _| self.cloud.columns[row][i]);
-            let deviation = self.measurement.residual(&expected(&state), &centre);
+            let deviation = self.measurement.residual(&expected(&self.cloud.state(i)), &centre);
             shift += deviation * *weight;
             square += deviation * (deviation * *weight).transpose();
         }
@@ -82,5 +78,56 @@ where
         let spread = observation.mask(observation.mask(spread).transpose());
         let factor = (spread + observation.noise()).cholesky()?;
         Some(residual.dot(&factor.solve(&residual))).filter(|nis| nis.is_finite())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_core::{Axis, Pose, RandomWalk};
+    use nalgebra::{Matrix1, Vector1};
+    use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+
+    use super::*;
+
+    /// z = x.
+    struct Itself;
+
+    impl MeasurementModel<1, 1> for Itself {
+        fn axes(&self) -> [Axis; 1] {
+            [Axis::Linear]
+        }
+        fn expected(&self, state: &State<1>, _receiver: &Pose) -> Vector1<f64> {
+            *state
+        }
+    }
+
+    #[test]
+    fn a_run_keeps_to_the_memory_it_began_with() {
+        let prior = Estimate::isotropic(Vector1::zeros(), 1.0);
+        let rng = Xoshiro256PlusPlus::seed_from_u64(1);
+        let mut filter = ParticleFilter::new(RandomWalk::uniform(0.1), Itself, prior, 64, rng)
+            .expect("a proper prior");
+        let places = |filter: &ParticleFilter<_, _, _, 1, 1>| {
+            let mut places = [&filter.cloud, &filter.spare].map(|cloud| {
+                let weights = &cloud.weights;
+                [cloud.columns[0].as_ptr(), weights.linear.as_ptr(), weights.log.as_ptr()]
+            });
+            // Prepared and taken steps change places.
+            places.iter_mut().for_each(|cloud| cloud.sort_unstable());
+            let mut places = places.concat();
+            places.sort_unstable();
+            (places, filter.ancestors.as_ptr())
+        };
+        let before = places(&filter);
+        let (z, noise) = (Vector1::new(1.5), Matrix1::new(0.05));
+        let observation = Observation::new(0.0, Pose::default(), z, noise).expect("proper");
+        let mut resampled = false;
+        for _ in 0..10 {
+            filter.predict(1.0).expect("a proper step");
+            let _ = filter.update(&observation).expect("possible");
+            resampled |= filter.effective_sample_size() < 32.0;
+        }
+        assert!(resampled, "half of it was not tested");
+        assert_eq!(places(&filter), before);
     }
 }

@@ -10,14 +10,22 @@ use super::{
 };
 use crate::{Gaussian, count::number};
 
-/// The bootstrap particle filter (Gordon, Salmond & Smith 1993).
+/// The bootstrap particle filter (Gordon, Salmond & Smith 1993), its resampling regularised.
 ///
 /// Owns its generator: one stream, so two filters made alike run alike. Particles lie in columns,
 /// one for each component of the state; all memory is taken when the filter is made.
 ///
 /// The cloud is resampled where its effective sample size has fallen below a share of its
-/// particles, at the start of the next `predict`: only motion noise sets the copies of a particle
-/// apart, so that between two updates at one time the weights are the better belief.
+/// particles, at the start of the next `predict`: between two updates at one time copies would
+/// tell nothing that the weights do not.
+///
+/// The motion noise of a nearly still target does not set the copies of a particle apart; the
+/// cloud would thin out to a few points and the filter be sure of itself. So each copy is drawn
+/// from a kernel about its ancestor (Musso, Oudjane & Le Gland 2001), shrunk towards the mean so
+/// that the cloud keeps both its moments (Liu & West 2001):
+/// x' = x̂ + √(1 − h²) (x ⊖ x̂) + h L ξ. The bandwidth h is Silverman's (1986, §4.3.2),
+/// (4 / (N + 2))^(1 / (N + 4)) n^(−1 / (N + 4)): 0.28 for 2000 particles in the plane. A
+/// bandwidth of 0 is the plain bootstrap filter; it asks for a target that drifts.
 #[derive(Clone, Debug)]
 pub struct ParticleFilter<F, H, R, const N: usize, const M: usize> {
     pub(super) motion: F,
@@ -31,6 +39,7 @@ pub struct ParticleFilter<F, H, R, const N: usize, const M: usize> {
     pub(super) ancestors: Vec<usize>,
     pub(super) resampling: Resampling,
     pub(super) threshold: f64,
+    pub(super) bandwidth: f64,
 }
 
 impl<F, H, R, const N: usize, const M: usize> ParticleFilter<F, H, R, N, M>
@@ -93,6 +102,7 @@ where
             ancestors: vec![0; count],
             resampling: Resampling::default(),
             threshold: 0.5,
+            bandwidth: silverman(N, count),
         })
     }
 
@@ -119,35 +129,79 @@ where
         Ok(Self { threshold, ..self })
     }
 
+    /// The same filter with another kernel bandwidth, in standard deviations of the cloud: 0 for
+    /// plain copies, less than Silverman's for a belief in several places.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when it is not in [0, 1).
+    pub fn with_kernel_bandwidth(self, bandwidth: f64) -> Result<Self, EstimatorError> {
+        if !(0.0..1.0).contains(&bandwidth) {
+            return Err(EstimatorError::Parameter {
+                name: "kernel bandwidth",
+                value: bandwidth,
+                requirement: "in [0, 1)",
+            });
+        }
+        Ok(Self { bandwidth, ..self })
+    }
+
     /// 1 / Σ w²: how many particles of equal weight would tell as much.
     #[must_use]
     pub fn effective_sample_size(&self) -> f64 {
         self.cloud.weights.effective_sample_size()
     }
 
+    /// The moments of the cloud's states, or of those under way, under these weights.
+    ///
+    /// A cloud of effective size k misses the k-th part of its spread, all of it if one particle
+    /// has all the weight. So the k-th part of what one particle stands for is added, the n-th
+    /// part of the volume of the belief so far: P n^(−2/N). That is next to nothing as long as
+    /// the cloud is sound, and keeps a covariance where it has collapsed, which its effective
+    /// sample size tells.
+    pub(super) fn belief_of(
+        &self,
+        columns: &[Vec<f64>; N],
+        weights: &Weights,
+    ) -> Result<Gaussian<N>, EstimatorError> {
+        let mut belief = moments(columns, &weights.linear, &self.motion.axes());
+        let cell = libm::pow(number(weights.linear.len()), -2.0 / number(N));
+        let missed = cell / weights.effective_sample_size();
+        belief.covariance += self.belief.estimate().covariance * missed;
+        Gaussian::new(belief, Role::Posterior)
+    }
+
     /// Makes `spare` the next generation of the cloud: resampled if that is due, then moved.
     pub(super) fn prepare_moved(&mut self, dt: f64, rng: &mut R) {
-        let count = self.ancestors.len();
-        let weights = &self.cloud.weights;
-        if weights.effective_sample_size() < self.threshold * number(count) {
+        let (weights, next) = (&self.cloud.weights, &mut self.spare);
+        let due = weights.effective_sample_size() < self.threshold * number(self.ancestors.len());
+        if due {
             self.resampling.draw(&weights.linear, rng, &mut self.ancestors);
-            self.spare.weights.fill_even();
+            next.weights.fill_even();
         } else {
             self.ancestors.iter_mut().enumerate().for_each(|(i, ancestor)| *ancestor = i);
-            self.spare.weights.linear.copy_from_slice(&weights.linear);
-            self.spare.weights.log.copy_from_slice(&weights.log);
+            next.weights.copy_from(weights);
         }
         let axes = self.motion.axes();
+        let (mean, spread) = (self.belief.mean(), self.belief.factor() * self.bandwidth);
+        let shrinkage = libm::sqrt(1.0 - self.bandwidth * self.bandwidth);
         for (i, &ancestor) in self.ancestors.iter().enumerate() {
-            let before = State::from_fn(|row, _| self.cloud.columns[row][ancestor]);
-            let noise = self.motion.noise_factor(&before, dt) * white(rng);
-            let moved = self.motion.propagate(&before, dt) + noise;
-            let moved = Axis::difference(&axes, &moved, &State::zeros());
-            for (column, value) in self.spare.columns.iter_mut().zip(moved.iter()) {
-                column[i] = *value;
+            let mut state = self.cloud.state(ancestor);
+            if due && self.bandwidth > 0.0 {
+                let deviation = Axis::difference(&axes, &state, mean);
+                state = mean + deviation * shrinkage + spread * white(rng);
             }
+            let noise = self.motion.noise_factor(&state, dt) * white(rng);
+            let moved = self.motion.propagate(&state, dt) + noise;
+            next.set(i, &Axis::difference(&axes, &moved, &State::zeros()));
         }
     }
+}
+
+/// The bandwidth that is best for a Gaussian (Silverman 1986, §4.3.2), below 1.
+fn silverman(dimension: usize, count: usize) -> f64 {
+    let (n, count) = (number(dimension), number(count));
+    libm::pow(4.0 / ((n + 2.0) * count), 1.0 / (n + 4.0)).min(0.99)
 }
 
 /// A draw from N(0, I).

@@ -1,0 +1,110 @@
+//! One predict and one update of each estimator on the reference's problem, beside what one
+//! would use instead.
+
+use adskalman::{ObservationModel, StateAndCovariance};
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use foxhunt_core::{
+    Axis, Estimate, Estimator, MeasurementModel, Observation, Pose, RandomWalk, State,
+    nalgebra::{Const, Matrix2, OMatrix, OVector, Vector2},
+};
+use foxhunt_filters::{Ekf, ParticleFilter, Ukf};
+use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+
+/// RSS and bearing (Pritzl 2018, eq. 3.7) with the field calibration.
+#[derive(Clone, Copy)]
+struct RssBearing;
+
+impl MeasurementModel<2, 2> for RssBearing {
+    fn axes(&self) -> [Axis; 2] {
+        [Axis::Linear, Axis::Angle]
+    }
+    fn expected(&self, beacon: &State<2>, receiver: &Pose) -> Vector2<f64> {
+        let d = beacon - receiver.position.xy();
+        let range = libm::hypot(d.norm(), receiver.position.z);
+        Vector2::new(-29.06 - 27.65 * libm::log10(range), libm::atan2(d.y, d.x))
+    }
+    fn jacobian(&self, beacon: &State<2>, receiver: &Pose) -> Matrix2<f64> {
+        let d = beacon - receiver.position.xy();
+        let flat = d.norm_squared();
+        let slope = -27.65 / core::f64::consts::LN_10 / (flat + receiver.position.z.powi(2));
+        Matrix2::new(slope * d.x, slope * d.y, -d.y / flat, d.x / flat)
+    }
+}
+
+/// The same step in adskalman: a linear Kalman filter, given the model's Jacobian at the mean.
+struct Linearised {
+    h: Matrix2<f64>,
+    h_transposed: Matrix2<f64>,
+    r: Matrix2<f64>,
+    expected: Vector2<f64>,
+}
+
+impl ObservationModel<f64, Const<2>, Const<2>> for Linearised {
+    fn predict_observation(&self, _: &OVector<f64, Const<2>>) -> OVector<f64, Const<2>> {
+        self.expected
+    }
+    fn H(&self) -> &OMatrix<f64, Const<2>, Const<2>> {
+        &self.h
+    }
+    fn HT(&self) -> &OMatrix<f64, Const<2>, Const<2>> {
+        &self.h_transposed
+    }
+    fn R(&self) -> &OMatrix<f64, Const<2>, Const<2>> {
+        &self.r
+    }
+}
+
+fn adskalman_step(
+    prior: &Estimate<2>,
+    observation: &Observation<2>,
+) -> (Vector2<f64>, Matrix2<f64>) {
+    let drift = Matrix2::from_diagonal_element(0.1957 * 0.1957);
+    let h = RssBearing.jacobian(&prior.mean, observation.receiver());
+    let model = Linearised {
+        h,
+        h_transposed: h.transpose(),
+        r: observation.noise(),
+        expected: RssBearing.expected(&prior.mean, observation.receiver()),
+    };
+    let predicted = StateAndCovariance::new(prior.mean, prior.covariance + drift);
+    let method = adskalman::CovarianceUpdateMethod::JosephForm;
+    let posterior = model
+        .update(&predicted, observation.value(), method)
+        .expect("the innovation's covariance is positive definite");
+    (*posterior.state(), *posterior.covariance())
+}
+
+fn updates(criterion: &mut Criterion) {
+    let prior = Estimate::isotropic(Vector2::new(6.0, -3.0), 8.4);
+    let noise = Matrix2::from_diagonal(&Vector2::new(62.4, 0.27));
+    let observation =
+        Observation::new(0.0, Pose::at(-9.0, 4.0, 4.0), Vector2::new(-62.0, -0.5), noise)
+            .expect("finite, of positive variance");
+    let still = RandomWalk::uniform(0.1957);
+
+    let mut group = criterion.benchmark_group("predict and update, 2 states, RSS and bearing");
+    macro_rules! step {
+        ($name:literal, $filter:expr) => {
+            let filter = $filter.expect("a proper prior");
+            group.bench_function($name, |bencher| {
+                bencher.iter_batched_ref(
+                    || filter.clone(),
+                    |filter| filter.predict(1.0).and_then(|()| filter.update(&observation)),
+                    BatchSize::SmallInput,
+                );
+            });
+        };
+    }
+    step!("EKF", Ekf::new(still, RssBearing, prior));
+    step!("UKF", Ukf::new(still, RssBearing, prior));
+    step!("UKF of the reference", Ukf::pritzl2018(RssBearing, prior));
+    let rng = Xoshiro256PlusPlus::seed_from_u64(1);
+    step!("2000 particles", ParticleFilter::new(still, RssBearing, prior, 2000, rng));
+    group.bench_function("adskalman 0.18, linearised, Joseph form", |bencher| {
+        bencher.iter(|| adskalman_step(std::hint::black_box(&prior), &observation));
+    });
+    group.finish();
+}
+
+criterion_group!(benches, updates);
+criterion_main!(benches);

@@ -1,0 +1,278 @@
+use foxhunt_core::{
+    Axis, ConstantVelocity, Correction, Estimate, Estimator, EstimatorError, MeasurementModel,
+    Observation, Pose, RandomWalk, Role, State,
+    nalgebra::{Matrix2, Vector2, Vector4},
+};
+use foxhunt_filters::{Ekf, Gate, ParticleFilter, Resampling, Ukf};
+use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+
+use crate::model::{FIELD, heard};
+
+fn rng(seed: u64) -> Xoshiro256PlusPlus {
+    Xoshiro256PlusPlus::seed_from_u64(seed)
+}
+
+/// Every estimator from one prior.
+fn all(prior: Estimate<2>) -> [(&'static str, Box<dyn Estimator<2, 2>>); 5] {
+    let still = RandomWalk::uniform(0.1957);
+    let proper = "a proper prior";
+    [
+        ("EKF", Box::new(Ekf::new(still, FIELD, prior).expect(proper))),
+        ("UKF", Box::new(Ukf::new(still, FIELD, prior).expect(proper))),
+        ("EKF of the reference", Box::new(Ekf::pritzl2018(FIELD, prior).expect(proper))),
+        ("UKF of the reference", Box::new(Ukf::pritzl2018(FIELD, prior).expect(proper))),
+        (
+            "particles",
+            Box::new(ParticleFilter::new(still, FIELD, prior, 20_000, rng(7)).expect(proper)),
+        ),
+    ]
+}
+
+#[test]
+fn a_bearing_across_the_cut_moves_the_belief_a_little() {
+    // The prior mean is seen at π − 0.005, the bearing says −π + 0.02: 0.025 rad on. Lateral gain
+    // 100 / (100 + 25): by hand −0.8 · 2.5 m to the side, and a little back as the line turns.
+    let prior = Estimate::isotropic(Vector2::new(-100.0, 0.5), 10.0);
+    let z = Vector2::new(-80.0, -core::f64::consts::PI + 0.02);
+    let bearing = heard(Pose::default(), z, 1.0, 0.05).without(0);
+    for (name, mut estimator) in all(prior) {
+        assert!(matches!(estimator.update(&bearing), Ok(Correction::Fused { .. })), "{name}");
+        let Estimate { mean, covariance } = estimator.estimate();
+        // The linear filters stay on their linearisation; the cloud's own error is 10 m / √10⁴.
+        assert!((mean - Vector2::new(-100.4, -1.5)).amax() < 0.6, "{name}: {mean}");
+        assert!((covariance[(1, 1)].sqrt() - 4.47).abs() < 0.3, "{name}: {covariance}");
+    }
+}
+
+#[test]
+fn a_receiver_on_the_prior_mean_learns_from_the_power_alone() {
+    let prior = Estimate::isotropic(Vector2::new(5.0, -2.0), 8.0);
+    for up in [0.0, 4.0] {
+        let overhead = Pose::at(5.0, -2.0, up);
+        for (name, mut estimator) in all(prior) {
+            for step in 0..20_u8 {
+                let z = Vector2::new(-60.0, f64::from(step) * 0.5 - 3.0);
+                let heard = heard(overhead, z, 4.0, 0.5);
+                estimator.predict(1.0).expect("a proper step");
+                let _ = estimator.update(&heard).unwrap_or_else(|e| panic!("{name}: {e}"));
+                let Estimate { mean, covariance } = estimator.estimate();
+                assert!(mean.iter().all(|m| m.is_finite()), "{name}, {up} m up: {mean}");
+                assert!(covariance.cholesky().is_some(), "{name}, {up} m up: {covariance}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_state_with_an_angle_stays_on_the_circle() {
+    /// A target on a unit circle that is measured as such.
+    struct Turn;
+    impl foxhunt_core::MotionModel<2> for Turn {
+        fn propagate(&self, state: &State<2>, dt: f64) -> State<2> {
+            state + Vector2::new(0.0, 0.3) * dt
+        }
+        fn noise_factor(&self, _state: &State<2>, dt: f64) -> Matrix2<f64> {
+            Matrix2::from_diagonal_element(0.05 * dt.sqrt())
+        }
+        fn axes(&self) -> [Axis; 2] {
+            [Axis::Linear, Axis::Angle]
+        }
+    }
+    struct Itself;
+    impl MeasurementModel<2, 2> for Itself {
+        fn axes(&self) -> [Axis; 2] {
+            [Axis::Linear, Axis::Angle]
+        }
+        fn expected(&self, state: &State<2>, _receiver: &Pose) -> Vector2<f64> {
+            *state
+        }
+    }
+    let prior = Estimate::isotropic(Vector2::new(0.0, 3.0), 0.2);
+    let particles = ParticleFilter::new(Turn, Itself, prior, 4000, rng(3));
+    let mut filters: [(&str, Box<dyn Estimator<2, 2>>); 3] = [
+        ("EKF", Box::new(Ekf::new(Turn, Itself, prior).expect("a proper prior"))),
+        ("UKF", Box::new(Ukf::new(Turn, Itself, prior).expect("a proper prior"))),
+        ("particles", Box::new(particles.expect("a proper prior"))),
+    ];
+    for (name, filter) in &mut filters {
+        let mut truth = 3.0;
+        for _ in 0..30 {
+            truth = foxhunt_core::angle::wrap(truth + 0.3);
+            filter.predict(1.0).expect("a proper step");
+            let z = heard(Pose::default(), Vector2::new(0.0, truth), 0.1, 0.1);
+            let _ = filter.update(&z).expect("possible");
+            let angle = filter.estimate().mean[1];
+            // σ settles near 0.05; the cloud adds a few hundredths of that.
+            assert!(foxhunt_core::angle::distance(angle, truth) < 0.1, "{name}: {angle}, {truth}");
+            assert!((-core::f64::consts::PI..core::f64::consts::PI).contains(&angle), "{name}");
+        }
+    }
+}
+
+/// A model that fails in the ways a model can.
+struct Broken {
+    expected: f64,
+    log_likelihood: f64,
+}
+
+impl MeasurementModel<2, 2> for Broken {
+    fn axes(&self) -> [Axis; 2] {
+        [Axis::Linear; 2]
+    }
+    fn expected(&self, state: &State<2>, _receiver: &Pose) -> Vector2<f64> {
+        state * self.expected
+    }
+    fn log_likelihood(&self, _state: &State<2>, _observation: &Observation<2>) -> f64 {
+        self.log_likelihood
+    }
+}
+
+#[test]
+fn on_an_error_the_belief_is_left_as_it_was() {
+    let prior = Estimate::isotropic(Vector2::new(1.0, 2.0), 3.0);
+    let z = heard(Pose::default(), Vector2::zeros(), 1.0, 1.0);
+    let still = RandomWalk::uniform(0.1);
+    let not_finite = Err(EstimatorError::NotFinite { role: Role::Expected });
+    for expected in [f64::NAN, f64::INFINITY] {
+        let broken = || Broken { expected, log_likelihood: 0.0 };
+        let mut ukf = Ukf::new(still, broken(), prior).expect("a proper prior");
+        let mut ekf = Ekf::new(still, broken(), prior).expect("a proper prior");
+        assert_eq!(ukf.update(&z), not_finite);
+        assert_eq!(ekf.update(&z), not_finite);
+        assert!(ukf.innovation(&z).is_err());
+        assert_eq!((ukf.estimate(), ekf.estimate()), (prior, prior));
+    }
+    let filter = |log_likelihood| {
+        let broken = Broken { expected: 1.0, log_likelihood };
+        ParticleFilter::new(still, broken, prior, 50, rng(1)).expect("a proper prior")
+    };
+    let cloud = |filter: &dyn Estimator<2, 2>| {
+        let mut cloud = Vec::new();
+        filter.visit_samples(&mut |x, w| cloud.push((*x, w)));
+        cloud
+    };
+    for (log, error) in [
+        (f64::NEG_INFINITY, Err(EstimatorError::Impossible { particles: 50 })),
+        (f64::NAN, not_finite),
+        (f64::INFINITY, not_finite),
+    ] {
+        let (mut hit, mut spared) = (filter(log), filter(log));
+        assert_eq!(hit.update(&z), error);
+        assert_eq!(hit.predict(f64::NAN).map_err(|_| ()), Err(()));
+        assert_eq!(hit.estimate(), spared.estimate());
+        assert_eq!(cloud(&hit), cloud(&spared));
+        // The generator stands where it stood, too.
+        hit.predict(1.0).expect("a proper step");
+        spared.predict(1.0).expect("a proper step");
+        assert_eq!(cloud(&hit), cloud(&spared));
+    }
+    // A motion that leaves the numbers.
+    let mut lost =
+        ParticleFilter::new(RandomWalk::uniform(f64::INFINITY), FIELD, prior, 50, rng(1))
+            .expect("a proper prior");
+    let before = cloud(&lost);
+    let posterior = Err(EstimatorError::NotFinite { role: Role::Posterior });
+    assert_eq!(lost.predict(1.0), posterior);
+    assert_eq!((cloud(&lost), lost.estimate()), (before, lost.estimate()));
+    let mut lost = Ukf::new(RandomWalk::uniform(f64::INFINITY), FIELD, prior).expect("proper");
+    assert_eq!((lost.predict(1.0), lost.estimate()), (posterior, prior));
+}
+
+#[test]
+fn a_rejected_observation_leaves_the_prediction() {
+    let prior = Estimate::isotropic(Vector2::new(30.0, 0.0), 2.0);
+    let gate = Gate::probability(0.99).expect("in range");
+    let mut ekf = Ekf::new(RandomWalk::uniform(0.5), FIELD, prior).expect("proper").with_gate(gate);
+    ekf.predict(1.0).expect("a proper step");
+    let predicted = ekf.estimate();
+    let wild = heard(Pose::at(0.0, 0.0, 4.0), Vector2::new(-70.0, 2.0), 4.0, 0.1);
+    let told = ekf.update(&wild).expect("a proper observation");
+    let innovation = ekf.innovation(&wild).expect("a finite model");
+    assert_eq!(told, Correction::Rejected { nis: innovation.nis, limit: gate.limit(2) });
+    assert_eq!(ekf.estimate(), predicted);
+}
+
+#[test]
+fn improper_filters_are_refused() {
+    let (still, flat) = (RandomWalk::uniform(0.1), Estimate::isotropic(Vector2::zeros(), 0.0));
+    let indefinite = EstimatorError::NotPositiveDefinite { role: Role::Prior };
+    assert_eq!(Ekf::new(still, FIELD, flat).err(), Some(indefinite));
+    assert_eq!(ParticleFilter::new(still, FIELD, flat, 50, rng(1)).err(), Some(indefinite));
+    let same = [Vector2::new(1.0, 1.0); 5];
+    assert_eq!(ParticleFilter::from_samples(still, FIELD, &same, rng(1)).err(), Some(indefinite));
+    let prior = Estimate::isotropic(Vector2::zeros(), 1.0);
+    for few in 0..3 {
+        let refused = ParticleFilter::new(still, FIELD, prior, few, rng(1)).err();
+        assert!(matches!(refused, Some(EstimatorError::Parameter { name: "particles", .. })));
+    }
+    for out in [-0.1, 1.1, f64::NAN] {
+        let filter = || ParticleFilter::new(still, FIELD, prior, 9, rng(1)).expect("proper");
+        assert!(filter().with_resampling_threshold(out).is_err(), "{out}");
+        assert!(filter().with_kernel_bandwidth(out).is_err(), "{out}");
+    }
+}
+
+#[test]
+fn one_seed_is_one_run_and_stays_it() {
+    let run = |seed, scheme| {
+        let prior = Estimate::isotropic(Vector4::new(20.0, 10.0, 0.5, 0.0), 5.0);
+        let motion = ConstantVelocity { acceleration_density: 0.1 };
+        let mut filter = ParticleFilter::new(motion, Planar, prior, 500, rng(seed))
+            .expect("a proper prior")
+            .with_resampling(scheme);
+        for step in 0..6_u8 {
+            filter.predict(1.0).expect("a proper step");
+            let receiver = Pose::at(3.0 * f64::from(step), 0.0, 4.0);
+            let _ = filter.update(&heard(receiver, Vector2::new(-66.0, 0.5), 4.0, 0.2));
+        }
+        filter.estimate()
+    };
+    let first = run(1, Resampling::Systematic);
+    assert_eq!(first, run(1, Resampling::Systematic));
+    assert_ne!(first, run(2, Resampling::Systematic));
+    // To the digits that another processor's libm may not change: the rest is rounding.
+    let pinned = |estimate: Estimate<4>, east: f64, north: f64| {
+        let error = (estimate.mean.fixed_rows::<2>(0) - Vector2::new(east, north)).norm();
+        assert!(error < 1e-9, "the stream has changed: off by {error}");
+    };
+    pinned(first, 34.108_807_464_893_67, 10.820_760_152_421_93);
+    pinned(run(1, Resampling::Multinomial), 33.896_209_259_603_98, 10.618_389_556_032_92);
+}
+
+#[test]
+fn a_collapsed_cloud_keeps_a_covariance_and_says_so() {
+    // A bearing that 100 particles cannot resolve: the best of them has all the weight.
+    let prior = Estimate::isotropic(Vector2::new(40.0, 0.0), 20.0);
+    let mut filter = ParticleFilter::new(RandomWalk::uniform(0.0), FIELD, prior, 100, rng(1))
+        .expect("a proper prior");
+    let z = heard(Pose::at(0.0, 0.0, 4.0), Vector2::new(-73.0, 1.2), 1.0, 1e-4);
+    for _ in 0..50 {
+        filter.predict(1.0).expect("a proper step");
+        let told = filter.update(&z).expect("possible");
+        let Correction::Fused { effective_sample_size: Some(size), .. } = told else {
+            panic!("not fused: {told:?}");
+        };
+        assert!((1.0..100.1).contains(&size));
+        assert!(filter.estimate().covariance.cholesky().is_some());
+    }
+    let mut fresh = ParticleFilter::new(RandomWalk::uniform(0.0), FIELD, prior, 100, rng(1))
+        .expect("a proper prior");
+    assert!(matches!(fresh.update(&z), Ok(Correction::Fused { .. })));
+    let size = fresh.effective_sample_size();
+    assert!(size < 1.001, "{size} effective particles: no collapse");
+    // All that is left is a hundredth of the prior's variance, 20 m / 10.
+    let sigma = fresh.estimate().covariance[(0, 0)].sqrt();
+    assert!((1.5..2.5).contains(&sigma), "σ {sigma} m");
+}
+
+/// The reference's model of a target that moves.
+struct Planar;
+
+impl MeasurementModel<4, 2> for Planar {
+    fn axes(&self) -> [Axis; 2] {
+        FIELD.axes()
+    }
+    fn expected(&self, state: &State<4>, receiver: &Pose) -> Vector2<f64> {
+        FIELD.expected(&state.fixed_rows::<2>(0).into_owned(), receiver)
+    }
+}

@@ -1,0 +1,50 @@
+use foxhunt_core::{
+    Estimate, Estimator, Pose, RandomWalk, laws,
+    nalgebra::{Matrix2, Vector2},
+};
+use foxhunt_filters::{Ekf, Gate, ParticleFilter, Resampling, Ukf, Unscented};
+use proptest::prelude::*;
+use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+
+use crate::model::{FIELD, heard};
+
+const STILL: f64 = 0.1957;
+
+fn particles(prior: Estimate<2>, scheme: Resampling, bandwidth: f64) -> impl Estimator<2, 2> {
+    let rng = Xoshiro256PlusPlus::seed_from_u64(1);
+    ParticleFilter::new(RandomWalk::uniform(STILL), FIELD, prior, 300, rng)
+        .and_then(|filter| filter.with_kernel_bandwidth(bandwidth))
+        .expect("a proper prior")
+        .with_resampling(scheme)
+}
+
+proptest! {
+    #[test]
+    fn every_estimator_keeps_the_laws(
+        east in -200.0..200.0, north in -200.0..200.0, up in 0.0..60.0, sigma in 1.0..50.0,
+        tilt in -0.9..0.9, rss in -110.0..-20.0, bearing in -4.0..4.0,
+        sigma_rss in 0.5..20.0, sigma_bearing in 0.02..2.0,
+    ) {
+        let covariance = Matrix2::new(1.0, tilt, tilt, 1.0) * (sigma * sigma);
+        let prior = Estimate { mean: Vector2::new(east, north), covariance };
+        let receiver = Pose::at(12.0, -5.0, up);
+        let heard = heard(receiver, Vector2::new(rss, bearing), sigma_rss, sigma_bearing);
+        let still = RandomWalk::uniform(STILL);
+
+        let ekf = || Ekf::new(still, FIELD, prior).expect("a proper prior");
+        laws::estimator(ekf, &heard);
+        laws::estimator(|| ekf().with_gate(Gate::probability(0.99).expect("in range")), &heard);
+        laws::estimator(|| Ukf::new(still, FIELD, prior).expect("a proper prior"), &heard);
+        let thin = Unscented::new(0.01, 2.0, 0.0).expect("in range");
+        let ukf = || Ukf::new(still, FIELD, prior).and_then(|ukf| ukf.with_transform(thin));
+        laws::estimator(|| ukf().expect("a proper prior"), &heard);
+        laws::estimator(|| Ukf::pritzl2018(FIELD, prior).expect("a proper prior"), &heard);
+        laws::estimator(|| Ekf::pritzl2018(FIELD, prior).expect("a proper prior"), &heard);
+        laws::estimator(|| particles(prior, Resampling::Systematic, 0.3), &heard);
+        laws::estimator(|| particles(prior, Resampling::Multinomial, 0.0), &heard);
+        let boxed = || -> Box<dyn Estimator<2, 2>> {
+            Box::new(particles(prior, Resampling::Systematic, 0.1))
+        };
+        laws::estimator(boxed, &heard);
+    }
+}
