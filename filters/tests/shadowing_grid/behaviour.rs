@@ -51,6 +51,22 @@ fn a_constant_is_the_intercepts() {
 }
 
 #[test]
+fn the_unit_of_the_values_does_not_matter() {
+    let readings = flight(9, &TRUTH);
+    let fix = locate(&readings, keeping_all());
+    let Slope::Nodes(nodes) = keeping_all().slope else { panic!("the default has nodes") };
+    // Far enough for every likelihood to overflow or underflow without its logarithm.
+    for unit in [1e-30, 1e30] {
+        let scaled: Vec<_> = readings.iter().map(|(r, value)| (*r, value * unit)).collect();
+        let slope = Slope::Nodes(nodes.iter().map(|(b, weight)| (b * unit, *weight)).collect());
+        let other = locate(&scaled, ShadowingGridConfig { slope, ..keeping_all() });
+        assert!((fix.position.mean - other.position.mean).norm() < 1e-7);
+        assert!((fix.sigma.mean - other.sigma.mean / unit).abs() < 1e-7);
+        assert!((fix.intercept.sd - other.intercept.sd / unit).abs() < 1e-7);
+    }
+}
+
+#[test]
 fn the_estimate_moves_with_the_world() {
     let readings = flight(2, &TRUTH);
     let fix = locate(&readings, keeping_all());

@@ -206,7 +206,7 @@ fn the_posterior_is_calibrated() {
 #[ignore = "long"]
 fn the_posterior_is_calibrated_over_many_runs() {
     let config = ShadowingGridConfig { margin_m: 100.0, segment_m: 0.0, ..Default::default() };
-    for score in calibrate(12, 4000, &lawn_mower(4, 25, 15.0, 80.0), &config) {
+    for score in calibrate(12, 2000, &lawn_mower(4, 25, 15.0, 80.0), &config) {
         println!("{score:.2?}");
         assert!(score.z.abs() < LIMIT, "{score:?}");
     }
