@@ -1,0 +1,36 @@
+use clap::{Parser, Subcommand};
+
+use crate::commands::{campaign, estimators, hunt, replay, scenarios};
+
+/// Finds radio transmitters with drones.
+///
+/// A directional antenna turns under each drone; the received power over one turn gives a level
+/// and a bearing; an estimator fuses them; the formation goes to where the next turn tells most.
+/// Simulates whole hunts, compares estimators over thousands of them, replays logs, and works on
+/// recorded flights.
+#[derive(Debug, Parser)]
+#[command(
+    name = "foxhunt",
+    version,
+    propagate_version = true,
+    after_help = "Exit code: 0 success, 2 wrong use or input, 1 a failure.\n\n\
+                  Example: fly the default hunt and look at out/hunt.svg\n  foxhunt hunt"
+)]
+pub(crate) struct Cli {
+    /// Print the result as one JSON value on standard output, all else on standard error
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// What to do.
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// The subcommands, each with its file.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Hunt(hunt::Args),
+    Campaign(campaign::Args),
+    Scenarios(scenarios::Args),
+    Estimators(estimators::Args),
+    Replay(replay::Args),
+}

@@ -1,0 +1,171 @@
+use std::thread::available_parallelism;
+
+use clap::value_parser;
+use foxhunt::{
+    campaign::{BeaconCampaign, CampaignError, CampaignReport, campaign},
+    config::NamedEstimator,
+    scenario::{DEFAULT_SCENARIO, Scenario},
+};
+
+use super::choice;
+use crate::{
+    error::CliError,
+    output::Output,
+    progress::Progress,
+    table::{number, table, text},
+};
+
+/// Fly a hunt many times and compare estimators
+///
+/// Flies the same scenario again and again, each run with the next seed, with each estimator on
+/// the same runs. Tells how the errors are spread, how many steps a fix takes, and whether the
+/// estimators know how good they are. The result does not depend on the number of jobs.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  foxhunt campaign --runs 100\n  \
+                        foxhunt campaign pritzl-6.1 --runs 1000 --estimator ukf-pritzl2018 \
+                        --estimator ekf-pritzl2018")]
+pub(crate) struct Args {
+    /// A built-in scenario (`foxhunt scenarios` lists them) or a TOML file
+    #[arg(default_value = DEFAULT_SCENARIO)]
+    scenario: String,
+    /// How many hunts each estimator flies
+    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..))]
+    runs: u32,
+    /// How many hunts are flown at the same time; as many as the machine has cores unless given
+    #[arg(long, value_name = "J", value_parser = value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    /// The seed of the first run; run i has this plus i
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+    /// An estimator, again for each more; the scenario's own unless given
+    #[arg(long, value_name = "NAME", value_parser = choice::estimator_parser())]
+    estimator: Vec<String>,
+}
+
+pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+    let scenario = choice::scenario(&args.scenario)?;
+    let estimators = estimators(args, &scenario)?;
+    let jobs = match args.jobs {
+        Some(jobs) => usize::from(jobs),
+        None => available_parallelism().map_or(1, usize::from),
+    };
+    let hunts = u64::from(args.runs) * u64::try_from(estimators.len()).unwrap_or(u64::MAX);
+    let progress = Progress::new("hunts", hunts);
+    let report = campaign(&scenario, &estimators, args.runs, args.seed, jobs, &|| progress.step());
+    progress.finish();
+    let report = report.map_err(|error| match error {
+        CampaignError::Simulation(error) => choice::simulation_error(error, &args.scenario),
+        error => CliError::failure(error),
+    })?;
+    output.result(&report, tables)
+}
+
+/// The estimators that were asked for, or else the scenario's own.
+fn estimators(args: &Args, scenario: &Scenario) -> Result<Vec<NamedEstimator>, CliError> {
+    if args.estimator.is_empty() {
+        return Ok(vec![choice::estimator_of(None, scenario, &args.scenario)?]);
+    }
+    let mut names: Vec<&str> = Vec::new();
+    for name in &args.estimator {
+        if !names.contains(&name.as_str()) {
+            names.push(name);
+        }
+    }
+    names.into_iter().map(|name| choice::estimator(name, "--estimator")).collect()
+}
+
+/// What the columns mean, for those who read the tables the first time.
+const LEGEND: &str = "Errors in metres. A consistent estimator's ANEES lies in the interval with \
+     95 %, and 95 % of its\nellipses hold the truth; an over-confident one has a larger ANEES and \
+     holds fewer.";
+
+/// One table for each beacon.
+fn tables(report: &CampaignReport) -> String {
+    let mut lines =
+        vec![format!("{}, {} runs, seeds from {}", report.scenario, report.runs, report.seed)];
+    let names = report.estimators.first().map_or(&[][..], |e| &e.beacons);
+    for (index, beacon) in names.iter().enumerate() {
+        let mut beacons = table(&[
+            &beacon.name,
+            "p10",
+            "p50",
+            "p90",
+            "mean",
+            "rms",
+            "max",
+            "steps",
+            "ANEES",
+            "interval",
+            "verdict",
+            "in 95 %",
+            "ANIS",
+            "failed",
+        ]);
+        for estimator in &report.estimators {
+            if let Some(beacon) = estimator.beacons.get(index) {
+                beacons.add_row(row(&estimator.estimator, beacon));
+            }
+        }
+        lines.push(beacons.to_string());
+    }
+    lines.push(LEGEND.to_owned());
+    lines.join("\n")
+}
+
+fn row(estimator: &str, beacon: &BeaconCampaign) -> Vec<String> {
+    let error =
+        |pick: fn(&foxhunt::campaign::Spread) -> f64| number(beacon.error_m.as_ref().map(pick), 2);
+    let interval = beacon.anees_interval.map(|[low, high]| format!("{low:.2} to {high:.2}"));
+    vec![
+        estimator.to_owned(),
+        error(|e| e.p10),
+        error(|e| e.p50),
+        error(|e| e.p90),
+        error(|e| e.mean),
+        error(|e| e.rms),
+        error(|e| e.max),
+        number(beacon.steps.map(|steps| steps.mean), 1),
+        number(beacon.anees, 2),
+        text(interval),
+        text(verdict(beacon)),
+        text(beacon.coverage_95.map(|share| format!("{:.1} %", 100.0 * share))),
+        number(beacon.anis, 2),
+        beacon.failed.to_string(),
+    ]
+}
+
+/// Whether the errors are as large as the estimator says (Bar-Shalom, Li & Kirubarajan 2001,
+/// §5.4.2).
+fn verdict(beacon: &BeaconCampaign) -> Option<&'static str> {
+    let (anees, [low, high]) = (beacon.anees?, beacon.anees_interval?);
+    Some(if anees > high {
+        "over-confident"
+    } else if anees < low {
+        "under-confident"
+    } else {
+        "consistent"
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_estimator_whose_errors_are_too_large_is_over_confident() {
+        let beacon = |anees| BeaconCampaign {
+            name: "beacon 1".to_owned(),
+            error_m: None,
+            steps: None,
+            anees,
+            anees_interval: Some([1.9, 2.1]),
+            coverage_95: None,
+            anis: None,
+            failed: 0,
+        };
+        assert_eq!(verdict(&beacon(Some(4.6))), Some("over-confident"));
+        assert_eq!(verdict(&beacon(Some(1.0))), Some("under-confident"));
+        assert_eq!(verdict(&beacon(Some(2.0))), Some("consistent"));
+        assert_eq!(verdict(&beacon(None)), None);
+    }
+}

@@ -1,0 +1,50 @@
+//! Scenarios and estimators, as they are named on the command line.
+
+use clap::builder::PossibleValuesParser;
+use foxhunt::{
+    config::{NamedEstimator, estimator_named, estimators},
+    scenario::{Scenario, ScenarioError},
+    simulation::SimulationError,
+};
+
+use crate::error::{CliError, InFile};
+
+/// Takes the name of an estimator; what is unknown is refused with the names that are known.
+pub(super) fn estimator_parser() -> PossibleValuesParser {
+    PossibleValuesParser::new(estimators().map(|known| known.name))
+}
+
+/// The estimator of a name that the command line or a file holds; `place` says where it stands.
+pub(super) fn estimator(name: &str, place: &str) -> Result<NamedEstimator, CliError> {
+    estimator_named(name).ok_or_else(|| {
+        let known = estimators().map(|known| known.name).join(", ");
+        CliError::input(format!("{place} is {name:?}, no estimator; those are {known}"))
+    })
+}
+
+/// The scenario of a built-in name or of a file.
+pub(super) fn scenario(name_or_path: &str) -> Result<Scenario, CliError> {
+    Scenario::find(name_or_path).map_err(|error: ScenarioError| CliError::input(error))
+}
+
+/// The estimator that was asked for, or else the scenario's own.
+pub(super) fn estimator_of(
+    asked: Option<&str>,
+    scenario: &Scenario,
+    file: &str,
+) -> Result<NamedEstimator, CliError> {
+    match asked {
+        Some(name) => estimator(name, "--estimator"),
+        None => estimator(&scenario.estimator, &format!("{file}: estimator")),
+    }
+}
+
+/// Whether a simulation that went wrong is the fault of what the scenario's file says.
+pub(super) fn simulation_error(error: SimulationError, file: &str) -> CliError {
+    match error {
+        SimulationError::Drive(_) | SimulationError::TooLong { .. } | SimulationError::Log(_) => {
+            CliError::failure(error)
+        }
+        _ => CliError::input(InFile { file: file.to_owned(), source: Box::new(error) }),
+    }
+}

@@ -1,0 +1,53 @@
+//! The table of fixes that `hunt` and `replay` end with.
+
+use comfy_table::Table;
+use foxhunt::{core::Ellipse, report::PlaceEstimate};
+
+use crate::table::{number, table};
+
+/// What stands in a row of the table.
+#[derive(Debug)]
+pub(super) struct Row<'a> {
+    pub(super) beacon: &'a str,
+    pub(super) estimate: PlaceEstimate,
+    pub(super) ellipse_95: Option<Ellipse>,
+    pub(super) error_m: Option<f64>,
+    pub(super) nees: Option<f64>,
+    pub(super) steps: u32,
+    pub(super) outcome: String,
+}
+
+/// A table of fixes. Lengths are metres, directions degrees counter-clockwise from East.
+pub(super) fn fixes<'a>(rows: impl IntoIterator<Item = Row<'a>>) -> Table {
+    let mut fixes = table(&[
+        "beacon",
+        "east m",
+        "north m",
+        "95 % ellipse m",
+        "along °",
+        "error m",
+        "NEES",
+        "steps",
+        "outcome",
+    ]);
+    for row in rows {
+        let axes = row.ellipse_95.map(|e| format!("{:.2} × {:.2}", e.semi_major, e.semi_minor));
+        fixes.add_row([
+            row.beacon.to_owned(),
+            number(row.estimate.east_m, 2),
+            number(row.estimate.north_m, 2),
+            crate::table::text(axes),
+            number(row.ellipse_95.map(|e| e.orientation.to_degrees()), 0),
+            number(row.error_m, 2),
+            number(row.nees, 2),
+            row.steps.to_string(),
+            row.outcome,
+        ]);
+    }
+    fixes
+}
+
+/// What the columns of [`fixes`] mean, for those who read the table the first time.
+pub(super) const LEGEND: &str = "East and north from the origin of the field; the ellipse's \
+     semi-axes, and the direction\nof the longer one counter-clockwise from East; NEES is 2 on \
+     average when the ellipse is honest.";

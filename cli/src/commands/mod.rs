@@ -1,0 +1,23 @@
+//! One file for each subcommand: its arguments, what it does, its table.
+
+pub(crate) mod campaign;
+pub(crate) mod estimators;
+pub(crate) mod hunt;
+pub(crate) mod replay;
+pub(crate) mod scenarios;
+
+mod choice;
+mod fixes;
+
+use crate::{args::Command, error::CliError, output::Output};
+
+/// Runs a subcommand.
+pub(crate) fn run(command: Command, output: Output) -> Result<(), CliError> {
+    match command {
+        Command::Hunt(args) => hunt::run(&args, output),
+        Command::Campaign(args) => campaign::run(&args, output),
+        Command::Scenarios(args) => scenarios::run(&args, output),
+        Command::Estimators(args) => estimators::run(&args, output),
+        Command::Replay(args) => replay::run(&args, output),
+    }
+}

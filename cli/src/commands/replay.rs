@@ -1,0 +1,172 @@
+use std::path::PathBuf;
+
+use foxhunt::{
+    config::estimator_named,
+    core::{Ellipse, Outcome},
+    log::{Log, LogError},
+    replay::{Replay, ReplayedFix, replay},
+    report::{Place, PlaceEstimate},
+};
+use serde::Serialize;
+
+use super::{choice, fixes};
+use crate::{
+    error::{CliError, InFile},
+    output::{Output, warn},
+    table::{number, table, text},
+};
+
+/// Run a log through an estimator again
+///
+/// Takes every reception of a log through the estimator that the log was made with, and says
+/// whether each estimate is the same to the bit; or through another estimator, and compares the
+/// two on the same flight.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  foxhunt replay out/hunt.jsonl\n  \
+                        foxhunt replay out/hunt.jsonl --estimator particle")]
+pub(crate) struct Args {
+    /// A log, such as `foxhunt hunt` writes it
+    log: PathBuf,
+    /// Another estimator than the log's own
+    #[arg(long, value_name = "NAME", value_parser = choice::estimator_parser())]
+    estimator: Option<String>,
+}
+
+/// A replay, as JSON has it.
+#[derive(Debug, Serialize)]
+struct Report {
+    scenario: String,
+    /// The seed of the hunt that was logged.
+    seed: u64,
+    /// What the log was made with.
+    logged_estimator: String,
+    /// What it was replayed with.
+    estimator: String,
+    /// Whether the two are the same, so that every estimate has to be.
+    own: bool,
+    /// How many estimates the log holds.
+    compared: usize,
+    /// How many of them came out the same to the bit.
+    identical: usize,
+    beacons: Vec<Replayed>,
+}
+
+/// One beacon of a replay.
+#[derive(Debug, Serialize)]
+struct Replayed {
+    name: String,
+    truth: Option<Place>,
+    estimate: PlaceEstimate,
+    ellipse_95: Option<Ellipse>,
+    error_m: Option<f64>,
+    nees: Option<f64>,
+    steps: u32,
+    rejected: u32,
+    anis: Option<f64>,
+    outcome: Option<Outcome>,
+    logged_estimate: Option<PlaceEstimate>,
+    logged_error_m: Option<f64>,
+}
+
+pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+    let log = Log::read(&args.log).map_err(|error: LogError| CliError::input(error))?;
+    if log.torn {
+        warn(&format!("{}: the last line is cut short and left out", args.log.display()));
+    }
+    let other = match &args.estimator {
+        Some(name) => Some(choice::estimator(name, "--estimator")?),
+        None => None,
+    };
+    let replayed = replay(&log, other.as_ref()).map_err(|error| {
+        let file = args.log.display().to_string();
+        CliError::input(InFile { file, source: Box::new(error) })
+    })?;
+    let report = Report::new(&log, &replayed, args.estimator.as_deref());
+    output.result(&report, tables)?;
+    if report.own && report.identical < report.compared {
+        let different = report.compared - report.identical;
+        let message = format!("{different} of {} estimates differ from the log's", report.compared);
+        return Err(CliError::failure(message));
+    }
+    Ok(())
+}
+
+impl Report {
+    fn new(log: &Log, replayed: &Replay, asked: Option<&str>) -> Self {
+        let header = &log.header;
+        let asked_config = asked.and_then(estimator_named).map(|known| known.config);
+        Self {
+            scenario: header.scenario.clone(),
+            seed: header.seed,
+            logged_estimator: header.estimator_name.clone(),
+            estimator: asked.unwrap_or(&header.estimator_name).to_owned(),
+            own: asked_config.is_none_or(|config| config == header.estimator),
+            compared: replayed.compared,
+            identical: replayed.compared.saturating_sub(replayed.different),
+            beacons: replayed.fixes.iter().map(|fix| Replayed::new(log, fix)).collect(),
+        }
+    }
+}
+
+impl Replayed {
+    fn new(log: &Log, fix: &ReplayedFix) -> Self {
+        let truth = log.header.beacons.iter().find(|b| b.name == fix.name).and_then(|b| b.truth);
+        let count = u32::try_from(fix.nis.len()).unwrap_or(u32::MAX);
+        let logged = fix.logged.as_ref();
+        Self {
+            name: fix.name.clone(),
+            truth: truth.map(Place::from),
+            estimate: (&fix.estimate).into(),
+            ellipse_95: fix.estimate.ellipse(0.95),
+            error_m: truth.map(|truth| (fix.estimate.mean - truth).norm()),
+            nees: truth.and_then(|truth| fix.estimate.nees(&truth)),
+            steps: fix.steps,
+            rejected: fix.rejected,
+            anis: (count > 0).then(|| fix.nis.iter().sum::<f64>() / f64::from(count)),
+            outcome: logged.map(|logged| logged.outcome),
+            logged_estimate: logged.map(|logged| (&logged.estimate).into()),
+            logged_error_m: logged.and_then(|logged| Some((logged.estimate.mean - truth?).norm())),
+        }
+    }
+}
+
+fn tables(report: &Report) -> String {
+    let head = format!("{}, seed {}, {}", report.scenario, report.seed, report.estimator);
+    let fixes = fixes::fixes(report.beacons.iter().map(row));
+    let verdict = if report.own {
+        format!("{} of {} estimates are identical", report.identical, report.compared)
+    } else {
+        comparison(report)
+    };
+    format!("{head}\n{fixes}\n{verdict}")
+}
+
+/// A row of the table of fixes.
+fn row(beacon: &Replayed) -> fixes::Row<'_> {
+    fixes::Row {
+        beacon: &beacon.name,
+        estimate: beacon.estimate,
+        ellipse_95: beacon.ellipse_95,
+        error_m: beacon.error_m,
+        nees: beacon.nees,
+        steps: beacon.steps,
+        outcome: text(beacon.outcome),
+    }
+}
+
+/// The estimator and the log's own side by side.
+fn comparison(report: &Report) -> String {
+    let logged = format!("{} error m", report.logged_estimator);
+    let replayed = format!("{} error m", report.estimator);
+    let mut errors = table(&["beacon", &logged, &replayed, "rejected", "ANIS"]);
+    for beacon in &report.beacons {
+        errors.add_row([
+            beacon.name.clone(),
+            number(beacon.logged_error_m, 2),
+            number(beacon.error_m, 2),
+            beacon.rejected.to_string(),
+            number(beacon.anis, 2),
+        ]);
+    }
+    errors.to_string()
+}

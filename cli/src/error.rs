@@ -1,0 +1,99 @@
+use std::{
+    error::Error,
+    fmt::Write as _,
+    io::{self, Write as _},
+    path::Path,
+    process::ExitCode,
+};
+
+/// How the program ends when it does not succeed.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum CliError {
+    /// Wrong use or input: exit code 2.
+    #[error(transparent)]
+    Input(Box<dyn Error>),
+    /// A failure: exit code 1.
+    #[error(transparent)]
+    Failure(Box<dyn Error>),
+    /// Whoever reads the output has seen enough.
+    #[error("standard output is closed")]
+    Closed,
+}
+
+impl CliError {
+    pub(crate) fn input(error: impl Into<Box<dyn Error>>) -> Self {
+        Self::Input(error.into())
+    }
+
+    pub(crate) fn failure(error: impl Into<Box<dyn Error>>) -> Self {
+        Self::Failure(error.into())
+    }
+
+    /// A file that cannot be written.
+    pub(crate) fn writing(path: &Path, source: io::Error) -> Self {
+        Self::failure(WriteError { path: path.display().to_string(), source })
+    }
+
+    /// Says what is wrong, with everything that led to it.
+    pub(crate) fn report(&self) -> ExitCode {
+        let (code, error) = match self {
+            Self::Closed => return ExitCode::SUCCESS,
+            Self::Input(error) => (2, error),
+            Self::Failure(error) => (1, error),
+        };
+        // Where standard error is closed there is nobody left to tell.
+        let _ = writeln!(io::stderr(), "error: {}", chain(error.as_ref()));
+        ExitCode::from(code)
+    }
+}
+
+/// An error and all its sources: "a: b: c". A source that an error has told already is not told
+/// again.
+fn chain(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(error) = source {
+        let more = error.to_string();
+        if !text.ends_with(more.trim_end()) {
+            let _ = write!(text, ": {more}");
+        }
+        source = error.source();
+    }
+    text.trim_end().to_owned()
+}
+
+/// A file that cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[error("{path}: cannot be written")]
+struct WriteError {
+    path: String,
+    source: io::Error,
+}
+
+/// Says in which file an error is.
+#[derive(Debug, thiserror::Error)]
+#[error("{file}")]
+pub(crate) struct InFile {
+    pub(crate) file: String,
+    pub(crate) source: Box<dyn Error>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, thiserror::Error)]
+    #[error("outer: {0}")]
+    struct Telling(#[source] Inner);
+
+    #[derive(Debug, thiserror::Error)]
+    #[error("inner value is 3")]
+    struct Inner;
+
+    #[test]
+    fn every_source_is_told_once() {
+        assert_eq!(chain(&Telling(Inner)), "outer: inner value is 3");
+        let file = InFile { file: "a.toml".to_owned(), source: Box::new(Telling(Inner)) };
+        assert_eq!(chain(&file), "a.toml: outer: inner value is 3");
+    }
+}

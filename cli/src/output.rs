@@ -1,0 +1,59 @@
+use std::io::{self, Write};
+
+use serde::Serialize;
+
+use crate::error::CliError;
+
+/// Where the result goes, and what is said beside it.
+///
+/// With `--json` standard output holds one JSON value and nothing else; without it, tables and
+/// notes. Progress is on standard error either way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Output {
+    json: bool,
+}
+
+impl Output {
+    pub(crate) fn new(json: bool) -> Self {
+        Self { json }
+    }
+
+    /// Prints the result: as JSON, or as `text` makes it for people.
+    pub(crate) fn result<T: Serialize>(
+        self,
+        value: &T,
+        text: impl FnOnce(&T) -> String,
+    ) -> Result<(), CliError> {
+        let text = if self.json {
+            serde_json::to_string_pretty(value).map_err(CliError::failure)?
+        } else {
+            text(value).trim_end().to_owned()
+        };
+        to_stdout(&text)
+    }
+
+    /// Prints a line beside the result.
+    pub(crate) fn note(self, line: &str) -> Result<(), CliError> {
+        if self.json {
+            warn(line);
+            Ok(())
+        } else {
+            to_stdout(line)
+        }
+    }
+}
+
+/// Prints a line on standard error.
+pub(crate) fn warn(line: &str) {
+    // Where standard error is closed there is nobody left to tell.
+    let _ = writeln!(io::stderr(), "{line}");
+}
+
+fn to_stdout(text: &str) -> Result<(), CliError> {
+    let mut out = io::stdout().lock();
+    writeln!(out, "{text}").and_then(|()| out.flush()).map_err(|error| match error.kind() {
+        // A reader such as `head` that has seen enough is no failure.
+        io::ErrorKind::BrokenPipe => CliError::Closed,
+        _ => CliError::failure(error),
+    })
+}

@@ -1,0 +1,63 @@
+use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, TableStyle};
+
+/// What stands where there is no number.
+const NOTHING: &str = "-";
+
+/// Lines about the table and under its header.
+const STYLE: TableStyle = TableStyle::new()
+    .top_border(LineStyle::none().fill('─').junction('─'))
+    .header_separator(LineStyle::none().fill('─').junction('─'))
+    .bottom_border(LineStyle::none().fill('─').junction('─'));
+
+/// How wide a table of texts may be.
+const TEXT_WIDTH: u16 = 100;
+
+/// A table of these columns; the first holds names, the others values to the right.
+pub(crate) fn table(columns: &[&str]) -> Table {
+    let mut table = Table::new();
+    table
+        .load_style(STYLE)
+        .set_content_arrangement(ContentArrangement::Disabled)
+        .set_header(columns);
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+/// A table of these columns, all of them texts; long ones are broken over several lines.
+pub(crate) fn list(columns: &[&str]) -> Table {
+    let mut table = Table::new();
+    table
+        .load_style(STYLE)
+        .set_content_arrangement(ContentArrangement::Dynamic)
+        .set_width(TEXT_WIDTH)
+        .set_header(columns);
+    table
+}
+
+/// A number with this many decimals; a dash where there is none, or it is not finite.
+pub(crate) fn number(value: impl Into<Option<f64>>, decimals: usize) -> String {
+    match value.into().filter(|v| v.is_finite()) {
+        Some(value) => format!("{value:.decimals$}"),
+        None => NOTHING.to_owned(),
+    }
+}
+
+/// A text; a dash where there is none.
+pub(crate) fn text(value: Option<impl ToString>) -> String {
+    value.map_or_else(|| NOTHING.to_owned(), |value| value.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_nan_in_a_table() {
+        assert_eq!(number(1.256, 2), "1.26");
+        assert_eq!(number(f64::NAN, 2), "-");
+        assert_eq!(number(None, 2), "-");
+        assert_eq!(text(None::<u32>), "-");
+    }
+}
