@@ -212,7 +212,7 @@ mod tests {
             let back = radians_to_compass_deg(radians);
             assert!((back - compass).abs() < 1e-12, "{radians} made {back}°");
         }
-        assert!(radians_to_compass_deg(FRAC_PI_2 + 1e-17) < 360.0);
+        assert!(radians_to_compass_deg(FRAC_PI_2.next_up()) < 360.0);
     }
 
     #[test]

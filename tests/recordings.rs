@@ -5,4 +5,5 @@ mod recordings {
     mod real;
     mod round_trip;
     mod sweeps;
+    mod values;
 }

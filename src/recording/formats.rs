@@ -71,6 +71,23 @@ mod tests {
     }
 
     #[test]
+    fn of_several_that_fit_the_one_that_asks_most_is_taken() {
+        let named = |header: &str| {
+            let columns: Vec<_> = header.split(',').map(str::to_owned).collect();
+            recognise("f.csv", 1, &columns).map(|mapping| mapping.name.as_str()).ok()
+        };
+        assert_eq!(named("rss_dbm,range_m"), Some("foxhunt"));
+        assert_eq!(named("rss_dbm,range_m,obs,x,y,bearing_deg"), Some("lenth1981"));
+        let (uavrt, yagis) = (
+            "tag_id,snr_db,group,idx_in_group,yaw_deg",
+            "time,antenna,rssi_dbm,tag_lat_deg,tag_lon_deg",
+        );
+        // Both ask for five columns: the first in the list.
+        assert_eq!(named(&format!("{yagis},{uavrt}")), Some("uavrt-rotation"));
+        assert_eq!(named(yagis), Some("uri-yagi-station"));
+    }
+
+    #[test]
     fn our_format_has_every_column_under_its_own_name() {
         let ours = &builtin_mappings()[0];
         assert_eq!(ours.name, "foxhunt");

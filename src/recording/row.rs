@@ -41,8 +41,8 @@ impl Reader<'_> {
         let value: f64 = cell
             .parse()
             .map_err(|_| self.row.wrong(&rule.keep.column, cell, FieldProblem::NotANumber))?;
-        Ok(!value.is_nan()
-            && rule.keep.min.is_none_or(|min| value >= min)
+        // NaN is within no bounds either.
+        Ok(rule.keep.min.is_none_or(|min| value >= min)
             && rule.keep.max.is_none_or(|max| value <= max))
     }
 

@@ -129,8 +129,7 @@ impl<'b> Table<'b> {
             match rest(at) {
                 [b'\r' | b'\n', ..] => at += 1,
                 [b'#', comment @ ..] => {
-                    let length = comment.iter().position(|b| *b == b'\n');
-                    at += length.map_or(comment.len() + 1, |length| length + 2);
+                    at += 1 + comment.iter().position(|b| *b == b'\n').unwrap_or(comment.len());
                 }
                 _ => break,
             }
