@@ -1,4 +1,4 @@
-use std::f64::consts::TAU;
+use std::{collections::BTreeMap, f64::consts::TAU};
 
 use foxhunt_core::{BeaconId, Pose, Sample, Sweep, angle::Resultant};
 use nalgebra::Vector3;
@@ -78,7 +78,7 @@ impl Recording {
 
     /// What can be a sample, by beacon, drone and turn, each in the order of time.
     fn groups(&self) -> Vec<Vec<Heard<'_>>> {
-        let mut groups: Vec<Vec<Heard<'_>>> = Vec::new();
+        let (mut groups, mut places) = (Vec::<Vec<Heard<'_>>>::new(), BTreeMap::new());
         let mut order = 0.0;
         for record in &self.records {
             order += 1.0;
@@ -86,11 +86,9 @@ impl Recording {
                 continue;
             };
             let heard = Heard { record, boresight, rss_dbm, time: record.time.unwrap_or(order) };
-            let key = |r: &Record| (r.turn, r.beacon.clone(), r.drone.clone());
-            let same = |group: &&mut Vec<Heard<'_>>| {
-                group.first().is_some_and(|first| key(first.record) == key(record))
-            };
-            match groups.iter_mut().find(same) {
+            let key = (record.turn, record.beacon.as_deref(), record.drone.as_str());
+            let place = *places.entry(key).or_insert(groups.len());
+            match groups.get_mut(place) {
                 Some(group) => group.push(heard),
                 None => groups.push(vec![heard]),
             }
