@@ -48,6 +48,7 @@ pub mod hunt;
 pub mod locate;
 pub mod log;
 pub mod picture;
+pub mod recorded;
 pub mod recording;
 pub mod replay;
 pub mod report;

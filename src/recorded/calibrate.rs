@@ -1,0 +1,84 @@
+use foxhunt_core::BearingExtractor;
+use foxhunt_sensors::{PathLossFit, fit_log_distance};
+use nalgebra::Vector2;
+
+use super::{RecordedError, bearings};
+use crate::recording::Recording;
+
+/// How a path loss is fitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CalibrateConfig {
+    /// Where the transmitter is, East and North in metres; the recording's own where absent.
+    pub truth: Option<Vector2<f64>>,
+    /// How high the transmitter is above the ground of the local frame, in metres.
+    pub target_up_m: f64,
+    /// The exponent is at most this, if there is a bound.
+    pub max_exponent: Option<f64>,
+    /// How many positions a turn of the antenna has.
+    pub positions: u16,
+}
+
+impl Default for CalibrateConfig {
+    /// The recording's own truth, on the ground, no bound, 128 positions.
+    fn default() -> Self {
+        Self { truth: None, target_up_m: 0.0, max_exponent: None, positions: 128 }
+    }
+}
+
+/// A fitted path loss, and over which ranges it was fitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Calibration {
+    /// The fit.
+    pub fit: PathLossFit,
+    /// The shortest range, in metres.
+    pub nearest_m: f64,
+    /// The longest.
+    pub farthest_m: f64,
+}
+
+/// Fits the log-distance law to a recording whose ranges are known: the mean power of each turn
+/// of a directional antenna, as the reference calibrates it (Pritzl 2018, §7.1), or the power of
+/// each row of an omnidirectional one.
+///
+/// # Errors
+///
+/// [`RecordedError`] names the file and line where a range is not known, or says why the law
+/// cannot be fitted.
+pub fn calibrate(
+    recording: &Recording,
+    beacon: Option<&str>,
+    extractor: &dyn BearingExtractor,
+    config: &CalibrateConfig,
+) -> Result<Calibration, RecordedError> {
+    let file = || recording.file().to_owned();
+    let mut points = Vec::new();
+    let chosen = || recording.records().iter().filter(|r| r.beacon.as_deref() == beacon);
+    for record in chosen().filter(|r| r.boresight.is_none()) {
+        let Some(rss_dbm) = record.rss_dbm else { continue };
+        let truth = config.truth.or(record.truth);
+        let to = |t: Vector2<f64>| {
+            record.receiver.map(|r| (t.push(config.target_up_m) - r.position).norm())
+        };
+        let range = record.range.or_else(|| truth.and_then(to));
+        let line = record.line;
+        points.push((range.ok_or_else(|| RecordedError::NoTruth { file: file(), line })?, rss_dbm));
+    }
+    if chosen().any(|r| r.boresight.is_some()) {
+        for turn in bearings(recording, extractor, config.positions)? {
+            if turn.sweep.beacon.as_deref() != beacon {
+                continue;
+            }
+            let line = turn.sweep.line;
+            let recorded = || chosen().find(|r| r.line == line).and_then(|r| r.truth);
+            let truth = config.truth.or_else(recorded).filter(|_| turn.sweep.located);
+            let truth = truth.ok_or_else(|| RecordedError::NoTruth { file: file(), line })?;
+            let way = truth.push(config.target_up_m) - turn.sweep.receiver.position;
+            points.push((way.norm(), turn.reading.rss_dbm));
+        }
+    }
+    let fit = fit_log_distance(points.iter().copied(), config.max_exponent)
+        .map_err(|source| RecordedError::Calibration { file: file(), source })?;
+    let nearest_m = points.iter().map(|(range, _)| *range).fold(f64::INFINITY, f64::min);
+    let farthest_m = points.iter().map(|(range, _)| *range).fold(0.0, f64::max);
+    Ok(Calibration { fit, nearest_m, farthest_m })
+}

@@ -1,0 +1,84 @@
+use foxhunt_core::{NoReading, ObservationError};
+use foxhunt_sensors::CalibrationError;
+
+use crate::recording::RecordingError;
+
+/// Why nothing could be made of a recording. Each names the file, and the line where there is one.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordedError {
+    /// The turns of the recording cannot be put together.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The recording does not say where the receiver was.
+    #[error(
+        "{file}, line {line}: there is no position; a place needs lat_deg and lon_deg, or east_m and north_m"
+    )]
+    NoPlace {
+        /// The file.
+        file: String,
+        /// The first such line.
+        line: u64,
+    },
+    /// A row is no observation.
+    #[error("{file}, line {line}: {source}")]
+    Observation {
+        /// The file.
+        file: String,
+        /// The line.
+        line: u64,
+        /// Why not.
+        source: ObservationError,
+    },
+    /// A turn cannot be read at all.
+    #[error("{file}, the turn that begins in line {line}: {source}")]
+    Turn {
+        /// The file.
+        file: String,
+        /// The line.
+        line: u64,
+        /// Why not.
+        source: NoReading,
+    },
+    /// The recording has no turns of a directional antenna.
+    #[error(
+        "{file}: there is no turn of an antenna; a bearing needs rss_dbm and boresight_deg_compass, \
+         or antenna_deg and heading_deg_compass"
+    )]
+    NoTurns {
+        /// The file.
+        file: String,
+    },
+    /// Several beacons were heard, and it is not said which is meant.
+    #[error("the recording holds {}; say which with --beacon", beacons.join(", "))]
+    SeveralBeacons {
+        /// Their names.
+        beacons: Vec<String>,
+    },
+    /// The beacon that was asked for is not in the recording.
+    #[error("no row is of beacon {wanted:?}; the recording holds {}", beacons.join(", "))]
+    NoSuchBeacon {
+        /// The one that was asked for.
+        wanted: String,
+        /// The names there are.
+        beacons: Vec<String>,
+    },
+    /// Where the transmitter is must be known for this.
+    #[error(
+        "{file}, line {line}: the distance is not known; give the transmitter's place with --truth"
+    )]
+    NoTruth {
+        /// The file.
+        file: String,
+        /// The first such line.
+        line: u64,
+    },
+    /// The law cannot be fitted.
+    #[error("{file}: {source}")]
+    Calibration {
+        /// The file.
+        file: String,
+        /// Why not.
+        source: CalibrationError,
+    },
+}

@@ -1,0 +1,102 @@
+use foxhunt_core::{BeaconId, BearingExtractor, Observation, ObservationError, Pose, Reception};
+use nalgebra::{Matrix2, Vector2};
+
+use super::{RecordedError, bearings};
+use crate::recording::{Record, Recording};
+
+/// How certain recorded numbers are taken to be where the recording does not say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObserveConfig {
+    /// σ of a received level in dB.
+    pub rss_sigma_db: f64,
+    /// σ of a ready-made bearing in radians.
+    pub bearing_sigma: f64,
+    /// How many positions a turn of the antenna has.
+    pub positions: u16,
+}
+
+impl Default for ObserveConfig {
+    /// 8 dB, 10°, 128 positions.
+    fn default() -> Self {
+        Self { rss_sigma_db: 8.0, bearing_sigma: 10.0_f64.to_radians(), positions: 128 }
+    }
+}
+
+/// What recordings say of one beacon, in the order of time: level and bearing of each turn of a
+/// directional antenna, the level of each row of an omnidirectional one, ready-made bearings.
+///
+/// # Errors
+///
+/// [`RecordedError`] names the file and the line of what cannot be used.
+pub fn observations(
+    recordings: &[Recording],
+    beacon: Option<&str>,
+    extractor: &dyn BearingExtractor,
+    config: &ObserveConfig,
+) -> Result<Vec<Observation<2>>, RecordedError> {
+    let mut observations = Vec::new();
+    for recording in recordings {
+        let wrong = |line: u64| {
+            move |source| RecordedError::Observation {
+                file: recording.file().to_owned(),
+                line,
+                source,
+            }
+        };
+        let mut order = 0.0;
+        for record in recording.records() {
+            order += 1.0;
+            if record.beacon.as_deref() != beacon || record.boresight.is_some() {
+                continue;
+            }
+            let receiver = record.receiver.ok_or_else(|| RecordedError::NoPlace {
+                file: recording.file().to_owned(),
+                line: record.line,
+            })?;
+            let time = record.time.unwrap_or(order);
+            let one = observe(record, time, receiver, config).map_err(wrong(record.line))?;
+            observations.extend(one);
+        }
+        if recording.records().iter().any(|record| record.boresight.is_some()) {
+            for turn in bearings(recording, extractor, config.positions)? {
+                if turn.sweep.beacon.as_deref() != beacon {
+                    continue;
+                }
+                if !turn.sweep.located {
+                    let (file, line) = (recording.file().to_owned(), turn.sweep.line);
+                    return Err(RecordedError::NoPlace { file, line });
+                }
+                let reception = Reception::new(&turn.sweep.lend(BeaconId(0)), &turn.reading);
+                let one = Observation::try_from(&reception).map_err(wrong(turn.sweep.line))?;
+                observations.push(one);
+            }
+        }
+    }
+    observations.sort_by(|a, b| a.time().total_cmp(&b.time()));
+    Ok(observations)
+}
+
+/// The observation of one row, if it has a level or a bearing.
+fn observe(
+    record: &Record,
+    time: f64,
+    receiver: Pose,
+    config: &ObserveConfig,
+) -> Result<Option<Observation<2>>, ObservationError> {
+    if record.rss_dbm.is_none() && record.bearing.is_none() {
+        return Ok(None);
+    }
+    let (angle, sigma) =
+        record.bearing.map_or((0.0, 1.0), |b| (b.angle, b.sigma.unwrap_or(config.bearing_sigma)));
+    let value = Vector2::new(record.rss_dbm.unwrap_or(0.0), angle);
+    let noise = Vector2::new(config.rss_sigma_db, sigma);
+    let noise = Matrix2::from_diagonal(&noise.component_mul(&noise));
+    let mut observation = Observation::new(time, receiver, value, noise)?;
+    if record.rss_dbm.is_none() {
+        observation = observation.without(0);
+    }
+    if record.bearing.is_none() {
+        observation = observation.without(1);
+    }
+    Ok(Some(observation))
+}

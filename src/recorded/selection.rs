@@ -1,0 +1,46 @@
+use super::RecordedError;
+use crate::recording::Recording;
+
+/// Which beacon of a recording is meant.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Selection {
+    /// The only one there is.
+    #[default]
+    Only,
+    /// The one of this name.
+    Named(String),
+}
+
+/// The name of the beacon that is meant in these recordings; `None` for a nameless one.
+///
+/// # Errors
+///
+/// When several were heard and none is named, or the one that is named was not heard.
+pub fn only_beacon(
+    recordings: &[Recording],
+    selection: &Selection,
+) -> Result<Option<String>, RecordedError> {
+    let mut heard: Vec<Option<String>> = Vec::new();
+    for name in recordings.iter().flat_map(Recording::beacons) {
+        let name = name.map(str::to_owned);
+        if !heard.contains(&name) {
+            heard.push(name);
+        }
+    }
+    let beacons = || {
+        let names = heard.iter().map(|name| name.clone().unwrap_or_else(|| "(no name)".to_owned()));
+        names.collect::<Vec<_>>()
+    };
+    match selection {
+        Selection::Named(wanted) if heard.contains(&Some(wanted.clone())) => {
+            Ok(Some(wanted.clone()))
+        }
+        Selection::Named(wanted) => {
+            Err(RecordedError::NoSuchBeacon { wanted: wanted.clone(), beacons: beacons() })
+        }
+        Selection::Only if heard.len() > 1 => {
+            Err(RecordedError::SeveralBeacons { beacons: beacons() })
+        }
+        Selection::Only => Ok(heard.pop().flatten()),
+    }
+}
