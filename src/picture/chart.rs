@@ -74,9 +74,7 @@ fn rays(canvas: &Canvas<'_>, frame: &Frame, scene: &Scene) -> Result<(), Picture
     let (low, high) = frame.corners();
     let length = (high - low).norm() * RAY_SHARE;
     for ray in &scene.rays {
-        let (sin, cos) = ray.angle.sin_cos();
-        let to = ray.from + Vector2::new(cos, sin) * length;
-        let Some((from, to)) = frame.clip(&ray.from, &to) else { continue };
+        let Some((from, to)) = frame.clip(&ray.from, &ray.end(length)) else { continue };
         let ends = [frame.pixel(&from), frame.pixel(&to)];
         let colour = palette::drone(ray.drone);
         if ray.fused {

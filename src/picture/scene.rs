@@ -33,6 +33,14 @@ pub(super) struct Ray {
     pub(super) fused: bool,
 }
 
+impl Ray {
+    /// Where it ends when it is drawn this long.
+    pub(super) fn end(&self, length: f64) -> Vector2<f64> {
+        let (sin, cos) = self.angle.sin_cos();
+        self.from + Vector2::new(cos, sin) * length
+    }
+}
+
 /// The search for one beacon.
 #[derive(Debug)]
 pub(super) struct Search {
@@ -156,5 +164,36 @@ impl Search {
             estimate.mean + Vector2::new(along * cos - across * sin, along * sin + across * cos)
         };
         Some((0..=CORNERS).map(corner).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use approx::assert_relative_eq;
+    use nalgebra::Matrix2;
+
+    use super::*;
+
+    #[test]
+    fn the_outline_is_a_level_of_the_nees() {
+        let covariance = Matrix2::new(9.0, 2.0, 2.0, 1.0);
+        let estimate = Estimate { mean: Vector2::new(5.0, -3.0), covariance };
+        let name = "fox".to_owned();
+        let estimate = Some(estimate);
+        let search = Search { name, track: Vec::new(), estimate, truth: None, fix: None };
+        let outline = search.outline().expect("the covariance is positive definite");
+        for corner in outline {
+            let nees = search.estimate.and_then(|e| e.nees(&corner)).expect("positive definite");
+            // χ²₂ at 95 %; what is left is rounding.
+            assert_relative_eq!(nees, -2.0 * 0.05_f64.ln(), epsilon = 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_ray_to_the_north_ends_in_the_north() {
+        let from = Vector2::new(1.0, 2.0);
+        let angle = std::f64::consts::FRAC_PI_2;
+        let end = Ray { drone: 0, from, angle, fused: true }.end(10.0);
+        assert_relative_eq!(end, Vector2::new(1.0, 12.0), epsilon = 1e-12);
     }
 }
