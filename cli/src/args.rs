@@ -1,6 +1,6 @@
 use clap::{Parser, Subcommand};
 
-use crate::commands::{campaign, estimators, hunt, replay, scenarios};
+use crate::commands::{bearing, calibrate, campaign, estimators, hunt, locate, replay, scenarios};
 
 /// Finds radio transmitters with drones.
 ///
@@ -33,4 +33,7 @@ pub(crate) enum Command {
     Scenarios(scenarios::Args),
     Estimators(estimators::Args),
     Replay(replay::Args),
+    Calibrate(calibrate::Args),
+    Locate(locate::Args),
+    Bearing(bearing::Args),
 }

@@ -1,4 +1,7 @@
-use std::io::{self, Write};
+use std::{
+    io::{self, Write},
+    path::Path,
+};
 
 use serde::Serialize;
 
@@ -54,6 +57,6 @@ fn to_stdout(text: &str) -> Result<(), CliError> {
     writeln!(out, "{text}").and_then(|()| out.flush()).map_err(|error| match error.kind() {
         // A reader such as `head` that has seen enough is no failure.
         io::ErrorKind::BrokenPipe => CliError::Closed,
-        _ => CliError::failure(error),
+        _ => CliError::writing(Path::new("standard output"), error),
     })
 }

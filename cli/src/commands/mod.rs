@@ -1,13 +1,18 @@
 //! One file for each subcommand: its arguments, what it does, its table.
 
+pub(crate) mod bearing;
+pub(crate) mod calibrate;
 pub(crate) mod campaign;
 pub(crate) mod estimators;
 pub(crate) mod hunt;
+pub(crate) mod locate;
 pub(crate) mod replay;
 pub(crate) mod scenarios;
 
 mod choice;
 mod fixes;
+mod parameter;
+mod recorded;
 
 use crate::{args::Command, error::CliError, output::Output};
 
@@ -19,5 +24,8 @@ pub(crate) fn run(command: Command, output: Output) -> Result<(), CliError> {
         Command::Scenarios(args) => scenarios::run(&args, output),
         Command::Estimators(args) => estimators::run(&args, output),
         Command::Replay(args) => replay::run(&args, output),
+        Command::Calibrate(args) => calibrate::run(&args, output),
+        Command::Locate(args) => locate::run(&args, output),
+        Command::Bearing(args) => bearing::run(&args, output),
     }
 }

@@ -1,0 +1,150 @@
+use std::path::PathBuf;
+
+use foxhunt::{
+    config::ExtractorConfig,
+    geodesy::radians_to_compass_deg,
+    recorded::{BearingReading, LOW_CONFIDENCE, bearings},
+};
+use serde::Serialize;
+
+use super::recorded::Reading;
+use crate::{
+    error::CliError,
+    output::Output,
+    table::{number, table, text},
+};
+
+/// Find the bearing of each recorded turn
+///
+/// Takes each turn of a directional antenna in a recording to a level and a direction of arrival,
+/// each with its standard deviation, and says how far the turn looks like one transmitter: a
+/// bearing of low confidence is not to be relied on.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  foxhunt bearing sweep.csv\n  \
+                        foxhunt bearing rotation.csv --format uavrt-rotation --beacon 4")]
+pub(crate) struct Args {
+    /// A recording: CSV with named columns
+    file: PathBuf,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+/// The bearings of a recording, as JSON has them.
+#[derive(Debug, Serialize)]
+struct Report {
+    file: String,
+    format: String,
+    /// Whether levels are in dBm, and not about an unknown reference.
+    calibrated: bool,
+    turns: Vec<Turn>,
+}
+
+/// One turn.
+#[derive(Debug, Serialize)]
+struct Turn {
+    line: u64,
+    drone: String,
+    beacon: Option<String>,
+    turn: Option<u32>,
+    time_s: f64,
+    samples: usize,
+    rss_dbm: f64,
+    rss_sigma_db: f64,
+    bearing_deg_compass: Option<f64>,
+    bearing_sigma_deg: Option<f64>,
+    confidence: Option<f64>,
+    low_confidence: Option<bool>,
+    /// Why there is no bearing.
+    no_bearing: Option<String>,
+}
+
+impl From<&BearingReading> for Turn {
+    fn from(read: &BearingReading) -> Self {
+        let (sweep, reading) = (&read.sweep, &read.reading);
+        let bearing = reading.bearing.as_ref().ok();
+        Self {
+            line: sweep.line,
+            drone: sweep.drone.clone(),
+            beacon: sweep.beacon.clone(),
+            turn: sweep.turn,
+            time_s: sweep.time,
+            samples: sweep.samples.len(),
+            rss_dbm: reading.rss_dbm,
+            rss_sigma_db: reading.rss_sigma_db,
+            bearing_deg_compass: bearing.map(|b| radians_to_compass_deg(b.angle)),
+            bearing_sigma_deg: bearing.map(|b| b.sigma.to_degrees()),
+            confidence: bearing.map(|b| b.confidence),
+            low_confidence: bearing.map(|_| read.is_low()),
+            no_bearing: reading.bearing.as_ref().err().map(ToString::to_string),
+        }
+    }
+}
+
+pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+    let files = std::slice::from_ref(&args.file);
+    let recordings = args.reading.read(files)?;
+    let extractor = ExtractorConfig::default().build();
+    for recording in &recordings {
+        let read = bearings(recording, extractor.as_ref(), args.reading.positions)
+            .map_err(CliError::input)?;
+        let wanted = args.reading.wanted();
+        let of_beacon = |read: &&BearingReading| {
+            wanted.is_none_or(|name| read.sweep.beacon.as_deref() == Some(name))
+        };
+        // A name that is nowhere is an error, not an empty table.
+        if wanted.is_some() {
+            args.reading.beacon(&recordings)?;
+        }
+        let report = Report {
+            file: recording.file().to_owned(),
+            format: recording.format().to_owned(),
+            calibrated: recording.is_calibrated(),
+            turns: read.iter().filter(of_beacon).map(Turn::from).collect(),
+        };
+        output.result(&report, turns)?;
+    }
+    Ok(())
+}
+
+fn turns(report: &Report) -> String {
+    let level = if report.calibrated { "RSS dBm" } else { "RSS dB" };
+    let mut turns = table(&[
+        "drone",
+        "beacon",
+        "turn",
+        "samples",
+        level,
+        "±",
+        "bearing ° compass",
+        "σ °",
+        "confidence",
+        "remark",
+    ]);
+    for turn in &report.turns {
+        let low = turn.low_confidence.is_some_and(|low| low).then_some("low confidence");
+        let remark = turn.no_bearing.as_deref().map(|_| "no bearing").or(low).unwrap_or("");
+        turns.add_row([
+            turn.drone.clone(),
+            text(turn.beacon.as_ref()),
+            text(turn.turn),
+            turn.samples.to_string(),
+            number(turn.rss_dbm, 1),
+            number(turn.rss_sigma_db, 1),
+            number(turn.bearing_deg_compass, 1),
+            number(turn.bearing_sigma_deg, 1),
+            number(turn.confidence, 2),
+            remark.to_owned(),
+        ]);
+    }
+    let mut lines = vec![turns.to_string()];
+    for turn in &report.turns {
+        if let Some(reason) = &turn.no_bearing {
+            lines.push(format!("no bearing in line {}: {reason}", turn.line));
+        }
+    }
+    lines.push(format!(
+        "Bearings are clockwise from North. A confidence below {LOW_CONFIDENCE} is low: do not \
+         rely on the bearing."
+    ));
+    lines.join("\n")
+}

@@ -1,0 +1,233 @@
+use std::path::PathBuf;
+
+use clap::builder::PossibleValuesParser;
+use foxhunt::{
+    config::{ExtractorConfig, estimators},
+    core::{Ellipse, nalgebra::Vector2},
+    geodesy::Geodetic,
+    locate::{LocateConfig, LocateError, LocateEstimator, Located, Power, locate},
+    recorded::{ObserveConfig, observations, recorded_truth},
+    recording::Recording,
+    report::{Place, rows},
+};
+use serde::Serialize;
+
+use super::{
+    parameter::Parameter,
+    recorded::{LatLon, Reading, no_degrees},
+};
+use crate::{
+    error::CliError,
+    output::{Output, warn},
+    table::{number, table, text},
+};
+
+/// Locate a transmitter from recorded flights
+///
+/// Takes what was heard of one transmitter, in one or several recordings, to its place: turns of
+/// a directional antenna, levels of an omnidirectional one, or ready-made bearings. Without
+/// --p0-dbm and --exponent the transmitter's power is found along with its place.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  foxhunt locate flight.csv\n  \
+                        foxhunt locate uav1.csv uav2.csv --truth 50.0755,14.4378 \
+                        --p0-dbm -29.06 --exponent 2.765")]
+pub(crate) struct Args {
+    /// Recordings: CSV with named columns
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Where the transmitter is, in degrees (WGS84), to tell the error; the recordings' own truth
+    /// unless given
+    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
+    truth: Option<LatLon>,
+    /// What turns the observations into a place; chosen by what was recorded unless given
+    #[arg(long, value_name = "NAME", value_parser = estimator_parser())]
+    estimator: Option<String>,
+    /// The power at one metre in dBm, or `free` where it is not known
+    #[arg(long, value_name = "V|free", default_value = "free", allow_hyphen_values = true)]
+    p0_dbm: Parameter,
+    /// The path-loss exponent, or `free` where it is not known
+    #[arg(long, value_name = "V|free", default_value = "free", allow_hyphen_values = true)]
+    exponent: Parameter,
+    /// How high the transmitter is above the ground, in metres
+    #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true)]
+    target_up_m: f64,
+    /// How far the transmitter may lie beyond the area that was flown over, in metres
+    #[arg(long, value_name = "M", default_value_t = 200.0)]
+    margin_m: f64,
+    /// The seed of estimators that draw random numbers
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+fn estimator_parser() -> PossibleValuesParser {
+    let recursive = estimators().map(|known| known.name);
+    PossibleValuesParser::new(recursive.into_iter().chain([LocateEstimator::SHADOWING_GRID]))
+}
+
+/// A place that was found, as JSON has it.
+#[derive(Debug, Serialize)]
+struct Report {
+    estimator: &'static str,
+    beacon: Option<String>,
+    estimate: Estimated,
+    ellipse_95: Option<Ellipse>,
+    truth: Option<Place>,
+    error_m: Option<f64>,
+    nees: Option<f64>,
+    observations: usize,
+    rejected: usize,
+    /// The probability on the border of the area that was searched, for estimators with one.
+    border_mass: Option<f64>,
+}
+
+/// An estimate on Earth and in the local frame.
+#[derive(Debug, Serialize)]
+struct Estimated {
+    /// Absent where the recordings are in local metres.
+    lat_deg: Option<f64>,
+    lon_deg: Option<f64>,
+    east_m: f64,
+    north_m: f64,
+    covariance_m2: [[f64; 2]; 2],
+}
+
+/// With more probability than this on the border of the area the place is in doubt.
+const MUCH_BORDER: f64 = 0.05;
+
+pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+    check(args)?;
+    let power = power(args)?;
+    let recordings = args.reading.read(&args.files)?;
+    let beacon = args.reading.beacon(&recordings)?;
+    let extractor = ExtractorConfig::default().build();
+    let observe = ObserveConfig { positions: args.reading.positions, ..ObserveConfig::default() };
+    let heard = observations(&recordings, beacon.as_deref(), extractor.as_ref(), &observe)
+        .map_err(CliError::input)?;
+
+    let asked = args.estimator.as_deref().and_then(LocateEstimator::named);
+    let config = LocateConfig {
+        power,
+        target_up_m: args.target_up_m,
+        margin_m: args.margin_m,
+        seed: args.seed,
+        ..LocateConfig::new(asked.unwrap_or_else(|| LocateEstimator::suited_to(&heard)))
+    };
+    let truth = truth(args, &recordings)?;
+    let located = locate(&heard, &config).map_err(|error| match error {
+        LocateError::Start(_) | LocateError::Observation { .. } => CliError::failure(error),
+        error => CliError::input(error),
+    })?;
+    if located.border_mass.is_some_and(|mass| mass > MUCH_BORDER) {
+        warn(
+            "the place is in doubt: it may lie outside the area that was searched; \
+             see --margin-m",
+        );
+    }
+    let report = Report::new(&recordings, beacon, &config, truth, &located);
+    output.result(&report, place)
+}
+
+/// Refuses numbers that mean nothing.
+fn check(args: &Args) -> Result<(), CliError> {
+    if !args.target_up_m.is_finite() {
+        return Err(CliError::input(format!("--target-up-m is {}, no height", args.target_up_m)));
+    }
+    if !(args.margin_m > 0.0 && args.margin_m.is_finite()) {
+        let message = format!("--margin-m is {}; it must be positive", args.margin_m);
+        return Err(CliError::input(message));
+    }
+    Ok(())
+}
+
+/// What is known of the transmitter's power.
+fn power(args: &Args) -> Result<Power, CliError> {
+    match (args.p0_dbm, args.exponent) {
+        (Parameter::Free, Parameter::Free) => Ok(Power::Free),
+        (Parameter::Value(reference_dbm), Parameter::Value(exponent)) => {
+            Ok(Power::Known { reference_dbm, exponent })
+        }
+        _ => Err(CliError::input("--p0-dbm and --exponent go together: both numbers or both free")),
+    }
+}
+
+/// Where the transmitter truly is, if that is known.
+fn truth(args: &Args, recordings: &[Recording]) -> Result<Option<Vector2<f64>>, CliError> {
+    match args.truth {
+        None => Ok(recorded_truth(recordings)),
+        Some(truth) => {
+            let frame = recordings.iter().find_map(Recording::frame);
+            let place = truth.in_frame(frame).ok_or_else(|| no_degrees("--truth"))?;
+            Ok(Some(place.into()))
+        }
+    }
+}
+
+impl Report {
+    fn new(
+        recordings: &[Recording],
+        beacon: Option<String>,
+        config: &LocateConfig,
+        truth: Option<Vector2<f64>>,
+        located: &Located,
+    ) -> Self {
+        let estimate = &located.estimate;
+        let on_earth: Option<Geodetic> = recordings
+            .iter()
+            .find_map(Recording::frame)
+            .map(|frame| frame.to_geodetic(&estimate.mean.push(config.target_up_m)));
+        Self {
+            estimator: config.estimator.name(),
+            beacon,
+            estimate: Estimated {
+                lat_deg: on_earth.map(|place| place.lat_deg),
+                lon_deg: on_earth.map(|place| place.lon_deg),
+                east_m: estimate.mean.x,
+                north_m: estimate.mean.y,
+                covariance_m2: rows(estimate),
+            },
+            ellipse_95: estimate.ellipse(0.95),
+            truth: truth.map(Place::from),
+            error_m: truth.map(|truth| (estimate.mean - truth).norm()),
+            nees: truth.and_then(|truth| estimate.nees(&truth)),
+            observations: located.observations,
+            rejected: located.rejected,
+            border_mass: located.border_mass,
+        }
+    }
+}
+
+fn place(report: &Report) -> String {
+    let mut place = table(&[
+        "estimator",
+        "lat °",
+        "lon °",
+        "east m",
+        "north m",
+        "95 % ellipse m",
+        "along °",
+        "error m",
+        "NEES",
+        "used",
+        "rejected",
+    ]);
+    let axes = report.ellipse_95.map(|e| format!("{:.1} × {:.1}", e.semi_major, e.semi_minor));
+    place.add_row([
+        report.estimator.to_owned(),
+        number(report.estimate.lat_deg, 6),
+        number(report.estimate.lon_deg, 6),
+        number(report.estimate.east_m, 1),
+        number(report.estimate.north_m, 1),
+        text(axes),
+        number(report.ellipse_95.map(|e| e.orientation.to_degrees()), 0),
+        number(report.error_m, 1),
+        number(report.nees, 2),
+        report.observations.to_string(),
+        report.rejected.to_string(),
+    ]);
+    format!(
+        "{place}\nEast and north from the first usable position; the ellipse's semi-axes, and the \
+         direction of the\nlonger one counter-clockwise from East."
+    )
+}

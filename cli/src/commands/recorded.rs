@@ -1,0 +1,138 @@
+//! What the subcommands that read recordings have in common.
+
+use std::{path::PathBuf, str::FromStr};
+
+use clap::value_parser;
+use foxhunt::{
+    geodesy::{Geodetic, LocalFrame},
+    recorded::{RecordedError, Selection, only_beacon},
+    recording::{Mapping, ReadOptions, Recording, RecordingError},
+};
+
+use crate::{error::CliError, output::warn};
+
+/// How recordings are read.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Reading {
+    /// The format: the name of one that comes with the program, or a TOML file with a column
+    /// mapping; recognised by the file's header unless given
+    #[arg(long, value_name = "NAME|FILE")]
+    format: Option<String>,
+    /// Which beacon is meant, where the recording holds several
+    #[arg(long, value_name = "NAME")]
+    beacon: Option<String>,
+    /// How many positions a turn of the antenna has
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = value_parser!(u16).range(1..=1024))]
+    pub(super) positions: u16,
+}
+
+/// A place in degrees, as the command line has it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct LatLon {
+    lat_deg: f64,
+    lon_deg: f64,
+}
+
+impl FromStr for LatLon {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (lat, lon) = text.split_once(',').ok_or("it must be LAT,LON in degrees")?;
+        let degrees = |name: &str, text: &str| {
+            let text = text.trim();
+            text.parse::<f64>().map_err(|_| format!("the {name} {text:?} is not a number"))
+        };
+        let (lat_deg, lon_deg) = (degrees("latitude", lat)?, degrees("longitude", lon)?);
+        // The same door as for places out of files.
+        Geodetic::new(lat_deg, lon_deg, 0.0).map_err(|error| error.to_string())?;
+        Ok(Self { lat_deg, lon_deg })
+    }
+}
+
+impl LatLon {
+    /// The place in a recording's frame, East and North in metres: [`None`] where the recording
+    /// has no place on Earth.
+    pub(super) fn in_frame(self, frame: Option<LocalFrame>) -> Option<[f64; 2]> {
+        let frame = frame?;
+        let alt_m = frame.origin().alt_m;
+        let local =
+            frame.to_local(&Geodetic { lat_deg: self.lat_deg, lon_deg: self.lon_deg, alt_m });
+        Some([local.x, local.y])
+    }
+}
+
+impl Reading {
+    fn options(&self) -> Result<ReadOptions, RecordingError> {
+        let options = ReadOptions::default();
+        Ok(match &self.format {
+            Some(format) => options.with_format(Mapping::find(format)?),
+            None => options,
+        })
+    }
+
+    /// Reads recordings into one frame, and says on standard error what was left out.
+    pub(super) fn read(&self, files: &[PathBuf]) -> Result<Vec<Recording>, CliError> {
+        let options = self.options().map_err(CliError::input)?;
+        let recordings = Recording::read_all(files, &options).map_err(CliError::input)?;
+        for recording in &recordings {
+            tell(recording);
+        }
+        Ok(recordings)
+    }
+
+    /// The beacon that was asked for.
+    pub(super) fn wanted(&self) -> Option<&str> {
+        self.beacon.as_deref()
+    }
+
+    /// Which beacon is meant: [`None`] for the only one of a recording without names.
+    pub(super) fn beacon(&self, recordings: &[Recording]) -> Result<Option<String>, CliError> {
+        let selection = self.beacon.clone().map_or(Selection::Only, Selection::Named);
+        only_beacon(recordings, &selection).map_err(|error: RecordedError| CliError::input(error))
+    }
+}
+
+/// Says how a recording was read.
+fn tell(recording: &Recording) {
+    let kept = recording.records().len();
+    warn(&format!(
+        "{}: format {}, {kept} of {} rows",
+        recording.file(),
+        recording.format(),
+        recording.rows()
+    ));
+    for dropped in recording.dropped().iter().filter(|dropped| dropped.rows > 0) {
+        warn(&format!("  left out as not {}: {}", dropped.rule, dropped.rows));
+    }
+    if !recording.ignored_columns().is_empty() {
+        warn(&format!("  columns not used: {}", recording.ignored_columns().join(", ")));
+    }
+}
+
+/// The refusal of a place in degrees for a file that is in metres.
+pub(super) fn no_degrees(flag: &str) -> CliError {
+    CliError::input(format!(
+        "{flag}: the recording has no places in degrees, so the distance to it is not known; \
+         give the columns truth_east_m and truth_north_m instead"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_checked() {
+        assert_eq!("35.728, -78.697".parse(), Ok(LatLon { lat_deg: 35.728, lon_deg: -78.697 }));
+        for (text, told) in [
+            ("35.7", "LAT,LON"),
+            ("north,1", "\"north\""),
+            ("1,NaN", "NaN"),
+            ("-111.6,35.2", "swapped"),
+            ("0,400", "400"),
+        ] {
+            let error = text.parse::<LatLon>().expect_err(text);
+            assert!(error.contains(told), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,10 @@
+//! The program as its users meet it: what it prints, where, and how it ends.
+
+mod campaign;
+mod exit_codes;
+mod help;
+mod hunt;
+mod pipes;
+mod recorded;
+mod replay;
+mod support;

@@ -1,0 +1,68 @@
+use std::fs;
+
+use crate::support::{folder, foxhunt, has};
+
+/// A hunt's log in a folder of its own.
+fn log(name: &str) -> String {
+    let out = folder(name);
+    let out = out.to_str().expect("the target folder is UTF-8");
+    assert_eq!(foxhunt(["hunt", "--out", out]).code, 0);
+    format!("{out}/hunt.jsonl")
+}
+
+#[test]
+fn a_log_replays_to_the_bit() {
+    let log = log("replay_own");
+    let report = foxhunt(["replay", "--json", &log]).json();
+    has(&report, &["own", "compared", "identical", "beacons", "estimator"]);
+    assert_eq!(report["own"], true);
+    assert_eq!(report["compared"], report["identical"]);
+    let compared = report["compared"].as_u64().expect("a count");
+    assert!(compared > 20);
+    let table = foxhunt(["replay", &log]);
+    let verdict = format!("{compared} of {compared} estimates are identical");
+    assert!(table.code == 0 && table.stdout.contains(&verdict), "{table:?}");
+}
+
+#[test]
+fn another_estimator_is_compared() {
+    let log = log("replay_other");
+    let report = foxhunt(["replay", "--json", &log, "--estimator", "ekf"]).json();
+    assert_eq!(report["own"], false);
+    assert_eq!(report["logged_estimator"], "ukf-pritzl2018");
+    assert_eq!(report["estimator"], "ekf");
+    let beacon = &report["beacons"][0];
+    has(beacon, &["error_m", "logged_error_m", "nees", "steps"]);
+    assert_ne!(beacon["error_m"], beacon["logged_error_m"]);
+    let table = foxhunt(["replay", &log, "--estimator", "ekf"]);
+    assert!(table.stdout.contains("ukf-pritzl2018 error m"), "{table:?}");
+}
+
+#[test]
+fn a_log_that_was_changed_does_not_replay() {
+    let log = log("replay_changed");
+    let text = fs::read_to_string(&log).expect("it was written");
+    let line = text.lines().find(|l| l.contains("\"corrected\"")).expect("something was heard");
+    let changed = line.replace("\"mean\":[", "\"mean\":[1");
+    assert_ne!(line, changed);
+    fs::write(&log, text.replacen(line, &changed, 1)).expect("it can be written");
+    let ran = foxhunt(["replay", &log]);
+    assert_eq!(ran.code, 1, "{ran:?}");
+    assert!(ran.stderr.contains("1 of "), "{}", ran.stderr);
+}
+
+#[test]
+fn a_broken_log_is_named_with_its_line() {
+    let log = log("replay_broken");
+    let text = fs::read_to_string(&log).expect("it was written");
+    let mut lines: Vec<&str> = text.lines().collect();
+    lines[4] = "{\"event\":\"what\"}";
+    fs::write(&log, lines.join("\n") + "\n").expect("it can be written");
+    foxhunt(["replay", &log]).failed(2, &["hunt.jsonl, line 5", "what"]);
+
+    // Cut within the last line, as by a crash: what is whole is used.
+    let torn = &text[..text.len() - 20];
+    fs::write(&log, torn).expect("it can be written");
+    let ran = foxhunt(["replay", &log]);
+    assert!(ran.code == 0 && ran.stderr.contains("cut short"), "{ran:?}");
+}
