@@ -77,6 +77,27 @@ fn autonomous_flights_are_located() {
     assert!(held >= 5, "{held} of 6 ellipses hold the truth");
 }
 
+/// Two flights whose clocks both begin at 0 are two paths: what lies between the two drones was
+/// never flown, and readings from there would be thinned into places where nobody was.
+#[test]
+fn flights_are_not_mixed_by_their_clocks() {
+    let Some(folder) = recordings("aerpaw_afar") else { return };
+    let paths = [288, 300].map(|team| folder.join(format!("afar_exp{team}_loc1_1hz.csv")));
+    let both = Recording::read_all(&paths, &ReadOptions::default()).expect("they are read");
+    let extractor = ExtractorConfig::default().build();
+    let heard = observations(&both, None, extractor.as_ref(), &ObserveConfig::default())
+        .expect("every row is an observation");
+    let first = both[0].records().len();
+    for (i, pair) in heard.windows(2).enumerate() {
+        let step = (pair[1].receiver().position - pair[0].receiver().position).norm();
+        let seconds = pair[1].time() - pair[0].time();
+        assert!(
+            i + 1 == first || step < 20.0 * seconds,
+            "a drone flies {step} m in {seconds} s at row {i}"
+        );
+    }
+}
+
 /// Two rotations in hover: one good, one whose top is 135° wide.
 #[test]
 fn rotations_in_hover_have_a_bearing_or_say_how_poor_it_is() {

@@ -24,7 +24,8 @@ pub struct Located {
     pub border_mass: Option<f64>,
 }
 
-/// Locates a transmitter that stays where it is.
+/// Locates a transmitter that stays where it is, from what one or more drones heard: one drone
+/// after the other, each in the order of its path.
 ///
 /// # Errors
 ///

@@ -12,7 +12,7 @@ const FREE_EXPONENT: f64 = 2.3;
 /// σ of the reference power before anything was heard, in dB: from a tag to a hand-held radio.
 const FREE_POWER_SIGMA_DB: f64 = 20.0;
 
-/// One observation after the other.
+/// One observation after the other, in the order of time.
 pub(super) fn locate(
     observations: &[Observation<2>],
     estimator: &EstimatorConfig,
@@ -52,7 +52,9 @@ where
     let mut estimator = config.filter.build(model, prior, seed).map_err(LocateError::Start)?;
     let (mut used, mut rejected) = (0, 0);
     let mut time = None;
-    for (index, observation) in observations.iter().enumerate() {
+    let mut in_time: Vec<(usize, &Observation<2>)> = observations.iter().enumerate().collect();
+    in_time.sort_by(|(_, a), (_, b)| a.time().total_cmp(&b.time()));
+    for (index, observation) in in_time {
         let now = observation.time().max(time.unwrap_or(observation.time()));
         let dt = match config.track.time_step {
             TimeStep::PerReception => 1.0,

@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use foxhunt_core::{BeaconId, BearingExtractor, Observation, ObservationError, Pose, Reception};
 use nalgebra::{Matrix2, Vector2};
 
@@ -22,8 +24,9 @@ impl Default for ObserveConfig {
     }
 }
 
-/// What recordings say of one beacon, in the order of time: level and bearing of each turn of a
-/// directional antenna, the level of each row of an omnidirectional one, ready-made bearings.
+/// What recordings say of one beacon: level and bearing of each turn of a directional antenna,
+/// the level of each row of an omnidirectional one, ready-made bearings. One drone after the
+/// other, each in the order of time, so that neighbours lie along one path.
 ///
 /// # Errors
 ///
@@ -36,6 +39,7 @@ pub fn observations(
 ) -> Result<Vec<Observation<2>>, RecordedError> {
     let mut observations = Vec::new();
     for recording in recordings {
+        let mut of_drone: BTreeMap<&str, Vec<Observation<2>>> = BTreeMap::new();
         let wrong = |line: u64| {
             move |source| RecordedError::Observation {
                 file: recording.file().to_owned(),
@@ -55,10 +59,12 @@ pub fn observations(
             })?;
             let time = record.time.unwrap_or(order);
             let one = observe(record, time, receiver, config).map_err(wrong(record.line))?;
-            observations.extend(one);
+            of_drone.entry(&record.drone).or_default().extend(one);
         }
+        let turns;
         if recording.records().iter().any(|record| record.boresight.is_some()) {
-            for turn in bearings(recording, extractor, config.positions)? {
+            turns = bearings(recording, extractor, config.positions)?;
+            for turn in &turns {
                 if turn.sweep.beacon.as_deref() != beacon {
                     continue;
                 }
@@ -68,11 +74,14 @@ pub fn observations(
                 }
                 let reception = Reception::new(&turn.sweep.lend(BeaconId(0)), &turn.reading);
                 let one = Observation::try_from(&reception).map_err(wrong(turn.sweep.line))?;
-                observations.push(one);
+                of_drone.entry(&turn.sweep.drone).or_default().push(one);
             }
         }
+        for mut path in of_drone.into_values() {
+            path.sort_by(|a, b| a.time().total_cmp(&b.time()));
+            observations.append(&mut path);
+        }
     }
-    observations.sort_by(|a, b| a.time().total_cmp(&b.time()));
     Ok(observations)
 }
 
