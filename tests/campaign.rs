@@ -81,6 +81,40 @@ fn ten_thousand_hunts_without_a_failure() {
     }
 }
 
+/// One drone that stays where the prior's mean is, the beacon due West of it: every bearing is near
+/// ±π, and the first one is seen from exactly over the estimate.
+const OVERHEAD: &str = r#"
+name = "overhead"
+description = "the prior on the drone, bearings at ±π"
+estimator = "ukf-pritzl2018"
+model = { reference_dbm = -29.06, exponent = 2.765 }
+extractor = { kind = "pritzl2018" }
+planner = { kind = "hold", turns = 8 }
+[world]
+beacons = [{ name = "west", east_m = -10.0, north_m = 0.0 }]
+drones = [{ east_m = 0.0, north_m = 0.0, up_m = 4.0 }]
+"#;
+
+fn overhead(runs: u32) {
+    let scenario = Scenario::parse(OVERHEAD, "overhead").expect("it is in order");
+    let report =
+        campaign(&scenario, &estimators(), runs, 1, 2, &|| ()).expect("it is in order");
+    for estimator in &report.estimators {
+        assert_eq!(estimator.beacons[0].failed, 0, "{}", estimator.estimator);
+    }
+}
+
+#[test]
+fn a_prior_on_the_drone_and_bearings_at_pi() {
+    overhead(100);
+}
+
+#[test]
+#[ignore = "ten thousand hunts with each estimator: minutes in release"]
+fn ten_thousand_hunts_from_overhead() {
+    overhead(10_000);
+}
+
 fn beacons(report: &CampaignReport, estimator: usize) -> [&BeaconCampaign; 2] {
     let beacons = &report.estimators[estimator].beacons;
     [&beacons[0], &beacons[1]]
