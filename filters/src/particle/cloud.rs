@@ -1,6 +1,6 @@
 use alloc::{vec, vec::Vec};
 
-use foxhunt_core::{Axis, Covariance, Estimate, EstimatorError, Role, State};
+use foxhunt_core::{Axis, Covariance, Estimate, EstimatorError, Role, State, angle::Resultant};
 
 use crate::count::number;
 
@@ -87,22 +87,26 @@ impl Weights {
 
 /// The weighted mean and covariance of states in columns.
 ///
-/// Both are taken about the first state, and again about the mean so found, so that a cloud
-/// across ±π on an angle has the moments of one that is not.
+/// Deviations on an angle are taken about the direction of the cloud's resultant, so that neither
+/// ±π nor a stray particle matters; where the directions cancel, about the first state.
 pub(super) fn moments<const N: usize>(
     columns: &[Vec<f64>; N],
     weights: &[f64],
     axes: &[Axis; N],
 ) -> Estimate<N> {
     let state = |i: usize| -> State<N> { State::from_fn(|row, _| columns[row][i]) };
-    let shift = |origin: &State<N>| -> State<N> {
-        weights.iter().enumerate().fold(State::zeros(), |sum, (i, w)| {
-            sum + Axis::difference(axes, &state(i), origin) * *w
-        })
-    };
-    let first = state(0);
-    let centre = first + shift(&first);
-    let mean = centre + shift(&centre);
+    let origin = State::from_fn(|row, _| match axes[row] {
+        Axis::Linear => columns[row][0],
+        Axis::Angle => {
+            let mut resultant = Resultant::default();
+            columns[row].iter().zip(weights).for_each(|(angle, w)| resultant.add(*angle, *w));
+            resultant.direction(1e-9).unwrap_or(columns[row][0])
+        }
+    });
+    let mean = origin
+        + weights.iter().enumerate().fold(State::zeros(), |sum: State<N>, (i, w)| {
+            sum + Axis::difference(axes, &state(i), &origin) * *w
+        });
     let mut covariance = Covariance::zeros();
     for (i, w) in weights.iter().enumerate() {
         let deviation = Axis::difference(axes, &state(i), &mean);
@@ -133,6 +137,15 @@ mod tests {
         };
         assert!((estimate.covariance[(1, 1)] - variance([0.5, 0.25, 0.25])).abs() < 1e-14);
         assert!((estimate.covariance[(0, 0)] - 2.75).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_stray_first_particle_does_not_split_the_others() {
+        // Seen from 3.0, −0.3 and 0.1 lie on different sides.
+        let columns = [vec![3.0, -0.3, 0.1]];
+        let estimate = moments(&columns, &[0.0, 0.5, 0.5], &[Axis::Angle]);
+        assert!((estimate.mean[0] + 0.1).abs() < 1e-14, "{}", estimate.mean);
+        assert!((estimate.covariance[0] - 0.04).abs() < 1e-14, "{}", estimate.covariance);
     }
 
     #[test]

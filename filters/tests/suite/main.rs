@@ -6,6 +6,7 @@ mod laws;
 mod linear;
 mod model;
 mod posterior;
+mod refusals;
 mod runs;
 mod sigma_points;
 mod stress;
