@@ -97,8 +97,7 @@ drones = [{ east_m = 0.0, north_m = 0.0, up_m = 4.0 }]
 
 fn overhead(runs: u32) {
     let scenario = Scenario::parse(OVERHEAD, "overhead").expect("it is in order");
-    let report =
-        campaign(&scenario, &estimators(), runs, 1, 2, &|| ()).expect("it is in order");
+    let report = campaign(&scenario, &estimators(), runs, 1, 2, &|| ()).expect("it is in order");
     for estimator in &report.estimators {
         assert_eq!(estimator.beacons[0].failed, 0, "{}", estimator.estimator);
     }
