@@ -74,6 +74,8 @@ fn a_hunt_in_a_picture() {
     let events = hunt(believed(1.0), 0.7, Outcome::Converged);
     let svg = hunt_svg(&header(Some(Vector2::new(3.5, 4.0))), &events).expect("it can be drawn");
     assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+    // A quarter of the units that it is drawn in.
+    assert!(svg.contains("width=\"1120\" height=\"860\" viewBox=\"0 0 4480 3440\""), "its size");
     for text in ["a field · ekf · seed 7", "0.50 m off", "converged, 2 steps", "drone 1"] {
         assert!(svg.contains(text), "{text} is missing");
     }
