@@ -83,6 +83,29 @@ fn degrees_come_back_as_degrees() {
 }
 
 #[test]
+fn a_known_path_loss_gives_the_range() {
+    let folder = folder("known_power");
+    // Four places about a transmitter at (20, 10), the levels from −30 dBm and an exponent of 2.
+    let mut text = "east_m,north_m,rss_dbm,truth_east_m,truth_north_m\n".to_owned();
+    for (east, north) in [(0.0_f64, 0.0_f64), (50.0, 0.0), (0.0, 40.0), (50.0, 40.0)] {
+        let rss = -30.0 - 20.0 * (east - 20.0).hypot(north - 10.0).log10();
+        writeln!(text, "{east},{north},{rss},20,10").expect("a text takes it all");
+    }
+    let file = write(&folder, "levels.csv", &text);
+    let error = |power: &[&str]| {
+        let args = ["locate", "--json", "--margin-m", "20", &file];
+        let report = foxhunt(args.iter().chain(power)).json();
+        report["error_m"].as_f64().expect("the truth is in the file")
+    };
+    let (known, wrong) = (
+        error(&["--p0-dbm", "-30", "--exponent", "2"]),
+        error(&["--p0-dbm", "-60", "--exponent", "2"]),
+    );
+    // 30 dB too little is a range that is too short by a factor of 30.
+    assert!(known < 15.0 && known < wrong, "{known} {wrong}");
+}
+
+#[test]
 fn a_path_loss_is_fitted() {
     let folder = folder("calibrate");
     let mut text = "range_m,rss_dbm\n".to_owned();
