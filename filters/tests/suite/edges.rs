@@ -176,6 +176,27 @@ fn a_collapsed_cloud_keeps_a_covariance_and_says_so() {
     assert!((1.5..2.5).contains(&sigma), "σ {sigma} m");
 }
 
+#[test]
+fn the_nis_of_a_cloud_is_that_of_its_moments() {
+    // Around the drone, where the mean of what is expected is far from what the mean expects.
+    let prior = Estimate::isotropic(Vector2::new(3.0, 1.0), 8.0);
+    let mut filter = ParticleFilter::new(RandomWalk::uniform(0.1), FIELD, prior, 500, rng(2))
+        .expect("a proper prior");
+    let receiver = Pose::at(2.0, 2.0, 4.0);
+    for rss_dbm in [-50.0, -60.0] {
+        let (mut mean, mut square) = (0.0, 0.0);
+        filter.visit_samples(&mut |x, w| {
+            let expected = FIELD.expected(x, &receiver)[0];
+            mean += w * expected;
+            square += w * expected * expected;
+        });
+        let nis = (rss_dbm - mean).powi(2) / (square - mean * mean + 16.0);
+        let power = heard(receiver, Vector2::new(rss_dbm, 0.0), 4.0, 1.0).without(1);
+        let told = filter.update(&power).expect("possible").nis().expect("told");
+        assert!((told - nis).abs() < 1e-9 * (1.0 + nis), "{told}, not {nis}");
+    }
+}
+
 /// The reference's model of a target that moves.
 struct Planar;
 

@@ -66,14 +66,16 @@ fn on_an_error_the_belief_is_left_as_it_was() {
         spared.predict(1.0).expect("a proper step");
         assert_eq!(cloud(&hit), cloud(&spared));
     }
-    // A motion that leaves the numbers.
-    let mut lost =
-        ParticleFilter::new(RandomWalk::uniform(f64::INFINITY), FIELD, prior, 50, rng(1))
-            .expect("a proper prior");
-    let before = cloud(&lost);
+    // The squares of a step of 10⁶ s overflow.
+    let steep = RandomWalk::uniform(1e153);
+    let lost = || ParticleFilter::new(steep, FIELD, prior, 50, rng(1)).expect("a proper prior");
+    let (mut hit, mut spared) = (lost(), lost());
     let posterior = Err(EstimatorError::NotFinite { role: Role::Posterior });
-    assert_eq!(lost.predict(1.0), posterior);
-    assert_eq!((cloud(&lost), lost.estimate()), (before, lost.estimate()));
+    assert_eq!(hit.predict(1e6), posterior);
+    assert_eq!((cloud(&hit), hit.estimate()), (cloud(&spared), spared.estimate()));
+    hit.predict(1e-300).expect("a step small enough");
+    spared.predict(1e-300).expect("a step small enough");
+    assert_eq!(cloud(&hit), cloud(&spared));
     let mut lost = Ukf::new(RandomWalk::uniform(f64::INFINITY), FIELD, prior).expect("proper");
     assert_eq!((lost.predict(1.0), lost.estimate()), (posterior, prior));
 }
