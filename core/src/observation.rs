@@ -25,7 +25,8 @@ impl<const M: usize> Observation<M> {
     /// # Errors
     ///
     /// Names the time, the pose or the first component that is not finite, or whose variance is
-    /// not positive; or says that the covariance as a whole is not positive definite.
+    /// not positive; or says that the covariance as a whole is not symmetric (to 1e-9 of its norm)
+    /// and positive definite.
     pub fn new(
         time: f64,
         receiver: Pose,
@@ -47,7 +48,10 @@ impl<const M: usize> Observation<M> {
                 return Err(ObservationError::Variance { component, variance });
             }
         }
-        let root = noise.cholesky().ok_or(ObservationError::Covariance)?.unpack();
+        // The factor is that of the lower triangle; NaN in the upper one is no symmetry either.
+        let symmetric = (noise - noise.transpose()).norm() <= 1e-9 * noise.norm();
+        let root = noise.cholesky().filter(|_| symmetric);
+        let root = root.ok_or(ObservationError::Covariance)?.unpack();
         Ok(Self { time, receiver, value, noise, root, present: [true; M] })
     }
 
@@ -162,8 +166,8 @@ pub enum ObservationError {
         /// What it held.
         variance: f64,
     },
-    /// The covariance is not positive definite.
-    #[error("the covariance of the observation is not positive definite")]
+    /// The covariance is not symmetric and positive definite.
+    #[error("the covariance of the observation is not symmetric and positive definite")]
     Covariance,
 }
 
@@ -206,6 +210,15 @@ mod tests {
     use nalgebra::{Matrix1, Matrix2, Vector1, Vector2};
 
     use super::*;
+
+    #[test]
+    fn a_covariance_that_is_none_is_refused() {
+        for off in [[1.5, -1.5], [1.5, f64::NAN], [f64::NAN, 1.5], [7.0, 7.0]] {
+            let noise = Matrix2::new(4.0, off[0], off[1], 9.0);
+            let made = Observation::new(0.0, Pose::default(), Vector2::zeros(), noise);
+            assert_eq!(made, Err(ObservationError::Covariance), "{noise}");
+        }
+    }
 
     #[test]
     fn a_missing_component_leaves_the_other_ones_density() {
