@@ -2,14 +2,14 @@
 
 mod support;
 
-use std::{cell::Cell, path::Path, rc::Rc};
+use std::{cell::Cell, fs, path::Path, rc::Rc};
 
 use foxhunt::{
     config::{EstimatorConfig, ModelConfig, estimator_named, estimators},
     core::Outcome,
     filters::Ukf,
     formation::{FollowConfig, FollowEstimate, Hold, Phase},
-    hunt::Event,
+    hunt::{Components, Event, Heard, HuntError, Track},
     log::{LOG_VERSION, Log, LogHeader, LogWriter, LoggedBeacon},
     prelude::*,
     replay::replay,
@@ -48,6 +48,12 @@ fn fly(planner: impl FormationPlanner, healths: [Health; 3], stuck: bool) -> Out
     .expect("two beacons");
     let stations = vehicles.iter().map(|v| Station::holding(v.place.get())).collect();
     hunt.start(0.0, stations).expect("three drones");
+    for (vehicle, health) in vehicles.iter_mut().zip(healths) {
+        if health == Health::Astray {
+            vehicle.stuck = true;
+            vehicle.place.set(Pose::at(f64::NAN, 0.0, 4.0));
+        }
+    }
     let mut events = Vec::new();
     while !hunt.is_finished() {
         drive(&mut hunt, &mut sources, &mut vehicles[..], time.get()).expect("the hunt goes on");
@@ -144,6 +150,70 @@ fn a_stuck_drone_is_waited_for_so_long_and_then_used_where_it_is() {
     }
 }
 
+#[test]
+fn a_drone_that_is_nowhere_does_not_stop_the_others() {
+    let outing = fly(triangle(), [Health::Good, Health::Astray, Health::Good], false);
+    for (outcome, steps, positions) in outcomes(&outing) {
+        assert_eq!((outcome, steps), (Outcome::Converged, 2 * positions));
+    }
+    let told = outing.events.iter().filter(|event| match event {
+        Event::DeviceFailed { drone: Some(1), reason, .. } => reason.contains("NaN"),
+        _ => false,
+    });
+    assert!(told.count() > 0);
+}
+
+#[test]
+fn a_hunt_begins_once() {
+    let model = RssBearing::new(LogDistance::new(LAW.0, LAW.1).expect("in range"));
+    let mut hunt = Hunt::<_, _, _, _, 2, 2>::new(
+        Pritzl2018::default(),
+        triangle(),
+        |prior: &Estimate<2>| Ukf::pritzl2018(model, *prior),
+        vec!["first".to_owned()],
+        HuntConfig::default(),
+        TrackConfig::default(),
+    )
+    .expect("one beacon");
+    hunt.start(0.0, vec![Station::holding(Pose::at(1.0, 2.0, 3.0))]).expect("one drone");
+    let before = (hunt.stations().to_vec(), hunt.estimate(), hunt.phase());
+    while hunt.poll_event().is_some() {}
+    let error = hunt.start(1.0, vec![Station::default(); 2]).expect_err("it has begun");
+    assert!(matches!(error, HuntError::Phase(_)), "{error}");
+    assert_eq!((hunt.stations().to_vec(), hunt.estimate(), hunt.phase()), before);
+    assert_eq!(hunt.poll_event(), None);
+}
+
+/// Pritzl 2018, §7.4.2, has the whole system on levels alone; what it discards are turns without
+/// a bearing.
+#[test]
+fn levels_alone_go_with_the_rule_that_discards() {
+    let model = RssBearing::new(LogDistance::new(LAW.0, LAW.1).expect("in range"));
+    let prior = Estimate::isotropic(Vector2::new(1.0, 2.0), 8.0);
+    let config = TrackConfig { components: Components::RssOnly, ..TrackConfig::pritzl2018() };
+    let mut track = Track::new(Ukf::pritzl2018(model, prior).expect("a proper prior"), config);
+    let turn = |bearing| Reception {
+        beacon: BeaconId(0),
+        time: 0.0,
+        receiver: Pose::at(6.0, 0.0, 4.0),
+        rss_dbm: -60.0,
+        rss_sigma_db: 7.9,
+        bearing,
+        covariance: 0.0,
+    };
+    assert_eq!(track.hear(&turn(None), false), Ok(Heard::Discarded));
+    assert_eq!(track.position(), prior);
+    let told = |angle| {
+        let mut track = track.clone();
+        let bearing = Bearing { angle, sigma: 0.3, confidence: 1.0 };
+        let heard = track.hear(&turn(Some(bearing)), false);
+        assert!(matches!(heard, Ok(Heard::Corrected(Correction::Fused { .. }))), "{heard:?}");
+        track.position()
+    };
+    assert_ne!(told(1.0), prior);
+    assert_eq!(told(1.0), told(-2.0), "the bearing was used");
+}
+
 fn logged(outing: &Outing, config: EstimatorConfig) -> String {
     let header = LogHeader {
         foxhunt_log: LOG_VERSION,
@@ -205,5 +275,14 @@ fn a_torn_log_loses_its_last_line_alone() {
     let newer = text.replacen("\"foxhunt_log\":1", "\"foxhunt_log\":7", 1);
     let error = Log::parse(&newer, path).expect_err("another version").to_string();
     assert!(error.contains('7'), "{error}");
+    // Cut within a character, and with bytes that are no text at all.
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("torn.jsonl");
+    let foreign = text.replace("second", "druhý");
+    let within = foreign.rfind('ý').expect("it is there") + 1;
+    fs::write(&file, &foreign.as_bytes()[..within]).expect("it can be written");
+    let torn = Log::read(&file).expect("all but the last line");
+    assert!(torn.torn && torn.events.len() < outing.events.len());
+    fs::write(&file, b"\xff\n").expect("it can be written");
+    assert!(Log::read(&file).is_err());
     assert!(Log::parse("", path).is_err() && Log::parse("t_s,lat\n", path).is_err());
 }

@@ -22,7 +22,7 @@ pub struct HuntConfig {
 
 impl Default for HuntConfig {
     /// Prior σ √70 m (Pritzl 2018, §4.4), arrival within 0.3 m, 120 s for a move, 90 s for a turn
-    /// (128 positions of at most 0.4 s, the first of 2 s, and half as much again), 3 attempts.
+    /// (52.8 s at most: 128 positions of 0.4 s, the first of 2 s), 3 attempts.
     fn default() -> Self {
         Self {
             prior_sigma_m: 70.0_f64.sqrt(),

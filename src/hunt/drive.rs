@@ -1,6 +1,6 @@
 use foxhunt_core::{
     BearingExtractor, Estimate, Estimator, EstimatorError, Fleet, FormationPlanner, Observation,
-    ObservationError, PatternSource, Reception,
+    ObservationError, PatternSource, Pose, Reception,
 };
 
 use super::{Command, Hunt, HuntError};
@@ -10,7 +10,7 @@ use super::{Command, Hunt, HuntError};
 /// finished; it never blocks.
 ///
 /// A device that fails is noted in the hunt and asked again next time, so one broken drone does
-/// not stop the others.
+/// not stop the others; where a place is not finite, the drone is taken to be where it was.
 ///
 /// # Errors
 ///
@@ -33,8 +33,17 @@ where
     if sources.len() < hunt.stations().len() {
         return Err(DriveError::Sources { sources: sources.len(), drones: hunt.stations().len() });
     }
+    let before: Vec<Pose> = hunt.stations().iter().map(|station| station.pose).collect();
     if let Err(error) = fleet.locate(hunt.stations_mut()) {
         hunt.device_failed(time, None, error.to_string());
+    }
+    for (drone, before) in before.into_iter().enumerate() {
+        let pose = &mut hunt.stations_mut()[drone].pose;
+        if !pose.is_finite() {
+            let reason = format!("its place is not finite: {pose:?}");
+            *pose = before;
+            hunt.device_failed(time, Some(drone), reason);
+        }
     }
     hunt.advance(time)?;
     while let Some(command) = hunt.poll_command() {

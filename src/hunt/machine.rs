@@ -4,7 +4,7 @@ use foxhunt_core::{
     BeaconId, BearingExtractor, BeliefOf, Estimate, Estimator, EstimatorError, FormationPlanner,
     Observation, ObservationError, Outcome, Reception, Station, Sweep,
 };
-use foxhunt_formation::{Phase, Phases, Signal};
+use foxhunt_formation::{Phase, PhaseError, Phases, Signal};
 use nalgebra::Vector2;
 
 use super::{Event, Fix, Heard, HuntConfig, HuntError, Track, TrackConfig};
@@ -117,10 +117,15 @@ where
     ///
     /// # Errors
     ///
-    /// When there is no drone, the hunt has begun before, or there is no plan or estimator.
+    /// When there is no drone, the hunt has begun before (it goes on as it was), or there is no
+    /// plan or estimator.
     pub fn start(&mut self, time: f64, stations: Vec<Station>) -> Result<(), HuntError> {
         if stations.is_empty() {
             return Err(HuntError::Nothing { missing: "drone" });
+        }
+        let phase = self.phases.phase();
+        if phase != Phase::Idle {
+            return Err(PhaseError { phase, signal: Signal::Begin }.into());
         }
         self.awaited = vec![false; stations.len()];
         self.stations = stations;
@@ -172,6 +177,11 @@ where
         if matches!(self.phases.phase(), Phase::Measuring(_)) {
             *awaited = false;
         }
+        if !(sweep.time.is_finite() && sweep.receiver.is_finite()) {
+            let reason =
+                format!("its end, {} s, or {:?} is not finite", sweep.time, sweep.receiver);
+            return self.events.push_back(Event::Refused { time, drone, reason });
+        }
         let reading = match self.extractor.extract(sweep) {
             Ok(reading) => reading,
             Err(error) => {
@@ -193,10 +203,9 @@ where
                     estimate,
                 });
             }
-            Ok(Heard::Discarded) => match reading.bearing {
-                Err(error) => error.to_string(),
-                Ok(_) => "bearings are not used".to_owned(),
-            },
+            Ok(Heard::Discarded) => {
+                reading.bearing.err().map_or_else(String::new, |error| error.to_string())
+            }
             Err(error) => error.to_string(),
         };
         self.events.push_back(Event::Refused { time, drone, reason });

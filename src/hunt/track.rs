@@ -77,7 +77,7 @@ pub enum Components {
 const NO_LEVEL_SIGMA_DB: f64 = 1000.0;
 
 /// One beacon's estimator and how receptions are put to it.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Track<E, const N: usize, const M: usize> {
     estimator: E,
     config: TrackConfig,
@@ -107,10 +107,11 @@ where
         reception: &Reception,
         first_position: bool,
     ) -> Result<Heard, TrackError> {
-        let used = self.seen(reception, first_position);
-        if used.bearing.is_none() && self.config.without_bearing == WithoutBearing::Discard {
+        // What the turn itself lacks counts, not what `components` strike out.
+        if reception.bearing.is_none() && self.config.without_bearing == WithoutBearing::Discard {
             return Ok(Heard::Discarded);
         }
+        let used = self.seen(reception, first_position);
         let observation = Observation::<M>::try_from(&used)?;
         let now = self.time.map_or(used.time, |before| before.max(used.time));
         let dt = match self.config.time_step {

@@ -1,5 +1,5 @@
 use std::{
-    fs,
+    fs, io,
     path::{Path, PathBuf},
 };
 
@@ -24,8 +24,17 @@ impl Log {
     ///
     /// [`LogError`] names the file and the line.
     pub fn read(path: &Path) -> Result<Self, LogError> {
-        let text = fs::read_to_string(path)
-            .map_err(|source| LogError::Read { path: path.to_owned(), source })?;
+        let failed = |source| LogError::Read { path: path.to_owned(), source };
+        let text = match String::from_utf8(fs::read(path).map_err(failed)?) {
+            Ok(text) => text,
+            // The end was cut within a character; a stand-in for it leaves the line as torn.
+            Err(cut) if cut.utf8_error().error_len().is_none() => {
+                String::from_utf8_lossy(cut.as_bytes()).into_owned()
+            }
+            Err(other) => {
+                return Err(failed(io::Error::new(io::ErrorKind::InvalidData, other.utf8_error())));
+            }
+        };
         Self::parse(&text, path)
     }
 

@@ -58,6 +58,8 @@ pub(crate) enum Health {
     Good,
     Silent,
     Broken,
+    /// It listens, but nobody knows where.
+    Astray,
 }
 
 /// An antenna with a cardioid pattern that takes one second for a turn and makes no error.
@@ -102,7 +104,7 @@ impl PatternSource for Cardioid {
     fn poll(&mut self) -> Result<Option<Sweep<'_>>, Unplugged> {
         const POSITIONS: u16 = 64;
         match self.health {
-            Health::Good => {}
+            Health::Good | Health::Astray => {}
             Health::Silent => return Ok(None),
             Health::Broken => return Err(Unplugged),
         }
