@@ -26,8 +26,18 @@ const MAY_IMPORT: [(&str, &[&str]); 8] = [
 ];
 
 /// What reads a clock or seeds itself, and may stand in `hardware` and `cli` alone.
-const OUTSIDE_ONLY: [&str; 6] =
-    ["Instant::now", "SystemTime::now", "rand::rng()", "thread_rng", "from_os_rng", "make_rng"];
+const OUTSIDE_ONLY: [&str; 10] = [
+    "Instant::now",
+    "SystemTime::now",
+    "Utc::now",
+    "Local::now",
+    "rand::rng()",
+    "rand::random",
+    "SysRng",
+    "thread_rng",
+    "from_os_rng",
+    "make_rng",
+];
 
 /// What prints or ends the program, and may stand in `cli` alone.
 const PROGRAM_ONLY: [&str; 4] = ["println!", "eprintln!", "print!(", "process::exit"];
