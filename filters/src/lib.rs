@@ -4,10 +4,12 @@
 //! |-|-|-|-|
 //! | [`Ekf`] | Gaussian, linear about its mean | `expected`, `jacobian`, `residual` | never |
 //! | [`Ukf`] | Gaussian, quadratic about its mean | `expected`, `residual` | never |
+//! | [`Ckf`] | Gaussian, exact to degree 3 | `expected`, `residual` | never |
 //! | [`ParticleFilter`] | weighted cloud | `log_likelihoods`, `expected`, `residual` | once, when it is made |
 //!
-//! The first two are one struct, [`Kalman`], over the one thing that tells them apart: how a
-//! Gaussian goes through a map, a [`Transform`]. What is kept out is a [`Gate`]'s business.
+//! The first three are one struct, [`Kalman`], over the one thing that tells them apart: how a
+//! Gaussian goes through a map, a [`Transform`]. What is kept out is a [`Gate`]'s business; with
+//! [`Iterations`] each update is linearised again about its own posterior.
 //!
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
@@ -30,7 +32,7 @@ mod transform;
 mod triangle;
 
 pub use gaussian::Gaussian;
-pub use kalman::{Ekf, Gate, GateLimit, Innovation, Kalman, Ukf};
+pub use kalman::{Ckf, Ekf, Gate, GateLimit, Innovation, Iterations, Kalman, Ukf};
 #[cfg(feature = "alloc")]
 pub use particle::{ParticleFilter, Resampling};
 #[cfg(feature = "alloc")]
@@ -38,4 +40,4 @@ pub use shadowing_grid::{
     Intercept, Marginal, PosteriorMap, ShadowingFix, ShadowingGrid, ShadowingGridConfig,
     ShadowingGridError, Slope,
 };
-pub use transform::{Image, Kappa, Map, Taylor, Transform, Unscented};
+pub use transform::{Cubature, Image, Kappa, Map, Taylor, Transform, Unscented};

@@ -5,10 +5,12 @@ use foxhunt_core::{
 
 use super::{
     gate::{Gate, Record},
-    models::{AtReceiver, OverTime},
-    regression::{Innovation, Regression},
+    iterations::Iterations,
+    linearisation::Linearisation,
+    models::OverTime,
+    regression::Innovation,
 };
-use crate::{Gaussian, Taylor, Transform, Unscented, triangle};
+use crate::{Cubature, Gaussian, Taylor, Transform, Unscented, triangle};
 use nalgebra::SMatrix;
 
 /// A Kalman filter over any [`Transform`]: holds an `N`-Gaussian in square-root form and
@@ -55,6 +57,7 @@ pub struct Kalman<T, F, H, const N: usize, const M: usize> {
     measurement: H,
     belief: Gaussian<N>,
     gate: Gate,
+    iterations: Iterations,
     record: Record,
 }
 
@@ -63,6 +66,9 @@ pub type Ekf<F, H, const N: usize, const M: usize> = Kalman<Taylor, F, H, N, M>;
 
 /// The unscented Kalman filter.
 pub type Ukf<F, H, const N: usize, const M: usize> = Kalman<Unscented, F, H, N, M>;
+
+/// The cubature Kalman filter.
+pub type Ckf<F, H, const N: usize, const M: usize> = Kalman<Cubature, F, H, N, M>;
 
 impl<T, F, H, const N: usize, const M: usize> Kalman<T, F, H, N, M>
 where
@@ -79,10 +85,10 @@ where
     where
         T: Default,
     {
-        let (transform, gate) = (T::default(), Gate::open());
+        let (transform, gate, record) = (T::default(), Gate::open(), Record::default());
         transform.check(N)?;
-        let belief = Gaussian::new(prior, Role::Prior)?;
-        Ok(Self { transform, motion, measurement, belief, gate, record: Record::default() })
+        let (belief, iterations) = (Gaussian::new(prior, Role::Prior)?, Iterations::once());
+        Ok(Self { transform, motion, measurement, belief, gate, iterations, record })
     }
 
     /// The same filter over another transform.
@@ -95,21 +101,32 @@ where
         transform: U,
     ) -> Result<Kalman<U, F, H, N, M>, EstimatorError> {
         transform.check(N)?;
-        let Self { motion, measurement, belief, gate, record, .. } = self;
-        Ok(Kalman { transform, motion, measurement, belief, gate, record })
+        let Self { motion, measurement, belief, gate, iterations, record, .. } = self;
+        Ok(Kalman { transform, motion, measurement, belief, gate, iterations, record })
     }
 
     /// The same filter for a target that moves otherwise.
     #[must_use]
     pub fn with_motion<G: MotionModel<N>>(self, motion: G) -> Kalman<T, G, H, N, M> {
-        let Self { transform, measurement, belief, gate, record, .. } = self;
-        Kalman { transform, motion, measurement, belief, gate, record }
+        let Self { transform, measurement, belief, gate, iterations, record, .. } = self;
+        Kalman { transform, motion, measurement, belief, gate, iterations, record }
     }
 
     /// The same filter behind a gate, which counts its steps from here.
     #[must_use]
     pub fn with_gate(self, gate: Gate) -> Self {
         Self { gate, record: Record::default(), ..self }
+    }
+
+    /// The same filter, each of its updates linearised afresh about its own posterior: over
+    /// [`Taylor`] the iterated extended filter (Bell & Cathey 1993), over sigma points iterated
+    /// posterior linearisation (García-Fernández, Svensson, Morelande & Särkkä 2015).
+    ///
+    /// The gate judges, and tells the NIS of, the linearisation about the prior. The log-evidence
+    /// is that of the last one, which with Taylor is Laplace's approximation.
+    #[must_use]
+    pub fn with_iterations(self, iterations: Iterations) -> Self {
+        Self { iterations, ..self }
     }
 
     /// How an observation differs from what the belief expects, without fusing it.
@@ -121,14 +138,15 @@ where
         &self,
         observation: &Observation<M>,
     ) -> Result<Innovation<M>, EstimatorError> {
-        Ok(self.regression(observation)?.told())
+        Ok(self.linearisation(observation).about_prior()?.told())
     }
 
-    fn regression(&self, observation: &Observation<M>) -> Result<Regression<N, M>, EstimatorError> {
-        let map = AtReceiver(&self.measurement, observation.receiver());
-        let image = self.transform.image(&self.belief, &map);
-        let residual = self.measurement.residual(observation.value(), &image.mean);
-        Regression::new(&image, residual, observation)
+    fn linearisation<'a>(
+        &'a self,
+        observation: &'a Observation<M>,
+    ) -> Linearisation<'a, T, H, N, M> {
+        let Self { transform, measurement, belief: prior, .. } = self;
+        Linearisation { transform, measurement, axes: self.motion.axes(), prior, observation }
     }
 }
 
@@ -162,19 +180,17 @@ where
         if observation.is_empty() {
             return Ok(Correction::Empty);
         }
-        let regression = self.regression(observation)?;
-        let nis = regression.nis();
+        let linearisation = self.linearisation(observation);
+        let first = linearisation.about_prior()?;
+        let nis = first.nis();
         let (out, record) = self.record.judge(&self.gate, nis, observation.len());
         if let Some(limit) = out {
             self.record = record;
             return Ok(Correction::Rejected { nis, limit });
         }
-        let (mean, factor) = regression
-            .posterior(&self.belief)
-            .ok_or(EstimatorError::NotPositiveDefinite { role: Role::Posterior })?;
-        self.belief = Gaussian::from_factor(mean, factor, &self.motion.axes())?;
-        self.record = record;
-        let log_evidence = regression.log_evidence();
+        let (posterior, last) = linearisation.iterate(first, self.iterations)?;
+        (self.belief, self.record) = (posterior, record);
+        let log_evidence = last.log_evidence();
         Ok(Correction::Fused { nis: Some(nis), log_evidence, effective_sample_size: None })
     }
 

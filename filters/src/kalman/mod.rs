@@ -1,9 +1,12 @@
 mod filter;
 mod gate;
+mod iterations;
+mod linearisation;
 mod models;
 mod presets;
 mod regression;
 
-pub use filter::{Ekf, Kalman, Ukf};
+pub use filter::{Ckf, Ekf, Kalman, Ukf};
 pub use gate::{Gate, GateLimit};
+pub use iterations::Iterations;
 pub use regression::Innovation;

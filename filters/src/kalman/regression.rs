@@ -21,6 +21,7 @@ pub struct Innovation<const M: usize> {
 ///
 /// S = R + W Wᵀ + Vᵀ V. Missing components are struck out of V, W and y, and stand in R as a
 /// unit row.
+#[derive(Clone, Copy)]
 pub(super) struct Regression<const N: usize, const M: usize> {
     whitened_cross: SMatrix<f64, N, M>,
     /// G Gᵀ = R + W Wᵀ: the noise, and what the regression does not explain.
@@ -79,6 +80,12 @@ impl<const N: usize, const M: usize> Regression<N, M> {
     /// ln N(y; 0, S).
     pub(super) fn log_evidence(&self) -> f64 {
         noise::gaussian(&self.residual, &self.innovation, self.dof)
+    }
+
+    /// Another residual's square in the metric of what is not explained: rᵀ (R + W Wᵀ)⁻¹ r.
+    pub(super) fn misfit(&self, residual: &SVector<f64, M>, observation: &Observation<M>) -> f64 {
+        let residual = observation.mask(residual.transpose()).transpose();
+        self.unexplained.solve_lower_triangular_unchecked(&residual).norm_squared()
     }
 
     pub(super) fn told(&self) -> Innovation<M> {

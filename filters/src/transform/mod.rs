@@ -1,9 +1,12 @@
+mod cubature;
 mod image;
+mod pairs;
 mod taylor;
 mod unscented;
 
 use foxhunt_core::EstimatorError;
 
+pub use cubature::Cubature;
 pub use image::{Image, Map};
 pub use taylor::Taylor;
 pub use unscented::{Kappa, Unscented};

@@ -1,18 +1,14 @@
 use foxhunt_core::EstimatorError;
-use nalgebra::{SMatrix, SVector};
 
-use crate::{Gaussian, Image, Map, Transform, count::number, triangle::add_to_lower};
+use super::pairs;
+use crate::{Gaussian, Image, Map, Transform, count::number};
 
 /// The scaled unscented transform (Wan & van der Merwe 2000): the unscented Kalman filter.
 ///
-/// The points are the mean x̂ and x̂ ± c lᵢ, with lᵢ the columns of L and c² = α² (n + κ). Every
-/// deviation is taken about the image of the mean and wrapped there, once: δᵢ± = f(x̂ ± c lᵢ) ⊖
-/// f(x̂). With
-///
-/// - dᵢ = (δᵢ⁺ − δᵢ⁻) / 2c, the slope along lᵢ,
-/// - sᵢ = (δᵢ⁺ + δᵢ⁻) / 2c², the curvature along it, s = Σ sᵢ, s̄ = s / n,
-///
-/// the textbook's weighted sums (Pritzl 2018, eqs. 4.7-4.9 and 4.14-4.18) are, term by term,
+/// The points are the mean x̂ and x̂ ± c lᵢ, with lᵢ the columns of L and c² = α² (n + κ). With the
+/// slopes dᵢ = (δᵢ⁺ − δᵢ⁻) / 2c and the curvatures sᵢ = (δᵢ⁺ + δᵢ⁻) / 2c² of the deviations δᵢ± =
+/// f(x̂ ± c lᵢ) ⊖ f(x̂), their sum s and mean s̄, the textbook's weighted sums (Pritzl 2018,
+/// eqs. 4.7-4.9 and 4.14-4.18) are, term by term,
 ///
 /// - ŷ = f(x̂) + s,
 /// - V = L⁻¹ Pxy has the rows dᵢᵀ,
@@ -102,26 +98,7 @@ impl Transform for Unscented {
     ) -> Image<A, B> {
         let (n, kappa) = (number(A), self.kappa.value(A));
         let spread = self.alpha * libm::sqrt(n + kappa);
-        let centre = map.value(source.mean());
-
-        let mut whitened_cross = SMatrix::<f64, A, B>::zeros();
-        let mut curvatures = SMatrix::<f64, B, A>::zeros();
-        for i in 0..A {
-            let offset = source.factor().column(i) * spread;
-            let ahead = map.minus(&map.value(&(source.mean() + offset)), &centre);
-            let behind = map.minus(&map.value(&(source.mean() - offset)), &centre);
-            whitened_cross.set_row(i, &((ahead - behind) / (2.0 * spread)).transpose());
-            curvatures.set_column(i, &((ahead + behind) / (2.0 * spread * spread)));
-        }
-
-        let curvature: SVector<f64, B> = curvatures.column_sum();
-        let kurtosis = self.beta + self.alpha * self.alpha * kappa / n;
-        let mut unexplained = SMatrix::zeros();
-        add_to_lower(&mut unexplained, curvature * libm::sqrt(kurtosis));
-        for each in curvatures.column_iter() {
-            add_to_lower(&mut unexplained, (each - curvature / n) * spread);
-        }
-        Image { mean: centre + curvature, whitened_cross, unexplained }
+        pairs::image(source, map, spread, self.beta + self.alpha * self.alpha * kappa / n)
     }
 
     fn check(&self, dimension: usize) -> Result<(), EstimatorError> {

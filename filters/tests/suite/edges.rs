@@ -3,7 +3,7 @@ use foxhunt_core::{
     State,
     nalgebra::{Matrix2, Vector2, Vector4},
 };
-use foxhunt_filters::{Ekf, Gate, ParticleFilter, Resampling, Ukf};
+use foxhunt_filters::{Ckf, Ekf, Gate, Iterations, ParticleFilter, Resampling, Ukf};
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use crate::model::{FIELD, heard};
@@ -13,12 +13,22 @@ pub(crate) fn rng(seed: u64) -> Xoshiro256PlusPlus {
 }
 
 /// Every estimator from one prior.
-fn all(prior: Estimate<2>) -> [(&'static str, Box<dyn Estimator<2, 2>>); 5] {
+fn all(prior: Estimate<2>) -> [(&'static str, Box<dyn Estimator<2, 2>>); 8] {
+    let ten = Iterations::at_most(10).expect("at least one");
     let still = RandomWalk::uniform(0.1957);
     let proper = "a proper prior";
     [
         ("EKF", Box::new(Ekf::new(still, FIELD, prior).expect(proper))),
         ("UKF", Box::new(Ukf::new(still, FIELD, prior).expect(proper))),
+        ("CKF", Box::new(Ckf::new(still, FIELD, prior).expect(proper))),
+        (
+            "iterated EKF",
+            Box::new(Ekf::new(still, FIELD, prior).expect(proper).with_iterations(ten)),
+        ),
+        (
+            "iterated CKF",
+            Box::new(Ckf::new(still, FIELD, prior).expect(proper).with_iterations(ten)),
+        ),
         ("EKF of the reference", Box::new(Ekf::pritzl2018(FIELD, prior).expect(proper))),
         ("UKF of the reference", Box::new(Ukf::pritzl2018(FIELD, prior).expect(proper))),
         (

@@ -2,7 +2,7 @@ use foxhunt_core::{
     Estimate, Estimator, Pose, RandomWalk, laws,
     nalgebra::{Matrix2, Vector2},
 };
-use foxhunt_filters::{Ekf, Gate, ParticleFilter, Resampling, Ukf, Unscented};
+use foxhunt_filters::{Ckf, Ekf, Gate, Iterations, ParticleFilter, Resampling, Ukf, Unscented};
 use proptest::prelude::*;
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
@@ -38,6 +38,11 @@ proptest! {
         let thin = Unscented::new(0.01, 2.0, 0.0).expect("in range");
         let ukf = || Ukf::new(still, FIELD, prior).and_then(|ukf| ukf.with_transform(thin));
         laws::estimator(|| ukf().expect("a proper prior"), &heard);
+        let ckf = || Ckf::new(still, FIELD, prior).expect("a proper prior");
+        laws::estimator(ckf, &heard);
+        let five = Iterations::at_most(5).expect("at least one");
+        laws::estimator(|| ckf().with_iterations(five), &heard);
+        laws::estimator(|| ekf().with_iterations(five), &heard);
         laws::estimator(|| Ukf::pritzl2018(FIELD, prior).expect("a proper prior"), &heard);
         laws::estimator(|| Ekf::pritzl2018(FIELD, prior).expect("a proper prior"), &heard);
         laws::estimator(|| particles(prior, Resampling::Systematic, 0.3), &heard);

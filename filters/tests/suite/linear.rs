@@ -3,7 +3,7 @@ use foxhunt_core::{
     Observation, Pose, RandomWalk, State,
     nalgebra::{Matrix2, Matrix2x4, Matrix4, Vector2, Vector4},
 };
-use foxhunt_filters::{Ekf, Kalman, ParticleFilter, Transform, Ukf, Unscented};
+use foxhunt_filters::{Ckf, Ekf, Iterations, Kalman, ParticleFilter, Transform, Ukf, Unscented};
 use proptest::prelude::*;
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
@@ -90,7 +90,16 @@ proptest! {
         let ukf = Ukf::new(MOTION, model, prior).expect("a proper prior");
         follows(ukf.clone(), &prior, &heard, &model);
         let other = Unscented::new(0.3, 0.5, 1.0).expect("in range");
-        follows(ukf.with_transform(other).expect("n + κ = 5"), &prior, &heard, &model);
+        follows(ukf.clone().with_transform(other).expect("n + κ = 5"), &prior, &heard, &model);
+        let ckf = Ckf::new(MOTION, model, prior).expect("a proper prior");
+        follows(ckf, &prior, &heard, &model);
+        for max in [1, 2, 7] {
+            let iterations = Iterations::at_most(max).and_then(|i| i.with_tolerance(0.0));
+            let iterations = iterations.expect("in range");
+            let ekf = Ekf::new(MOTION, model, prior).expect("a proper prior");
+            follows(ekf.with_iterations(iterations), &prior, &heard, &model);
+            follows(ukf.clone().with_iterations(iterations), &prior, &heard, &model);
+        }
     }
 
     #[test]

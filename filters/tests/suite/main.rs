@@ -2,9 +2,11 @@
 
 mod consistency;
 mod edges;
+mod iterated;
 mod laws;
 mod linear;
 mod model;
+mod nonlinear;
 mod posterior;
 mod refusals;
 mod runs;

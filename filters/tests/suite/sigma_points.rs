@@ -4,7 +4,7 @@ use foxhunt_core::{
     Estimate, MeasurementModel, Pose, Role,
     nalgebra::{Matrix1, Matrix2, Vector1, Vector2},
 };
-use foxhunt_filters::{Gaussian, Map, Transform, Unscented};
+use foxhunt_filters::{Cubature, Gaussian, Map, Transform, Unscented};
 
 use crate::{
     model::RssBearing,
@@ -101,6 +101,46 @@ fn the_scalar_transform_with_n_plus_kappa_3_is_exact_to_the_fifth_power() {
     // E[x⁵] − E[x²] E[x³].
     let fifth = m.powi(5) + 10.0 * m.powi(3) * v + 15.0 * m * v * v;
     assert!((covariance[(0, 1)] - (fifth - mean[0] * mean[1])).abs() < 1e-12);
+}
+
+/// (E, N) ↦ (E² N, E + N²): of degree 3, and 2.
+struct Cubic;
+
+impl Map<2, 2> for Cubic {
+    fn value(&self, x: &Vector2<f64>) -> Vector2<f64> {
+        Vector2::new(x[0] * x[0] * x[1], x[0] + x[1] * x[1])
+    }
+    fn jacobian(&self, x: &Vector2<f64>) -> Matrix2<f64> {
+        Matrix2::new(2.0 * x[0] * x[1], x[0] * x[0], 1.0, 2.0 * x[1])
+    }
+    fn minus(&self, y: &Vector2<f64>, z: &Vector2<f64>) -> Vector2<f64> {
+        y - z
+    }
+}
+
+#[test]
+fn the_cubature_rule_is_exact_to_the_third_power() {
+    // Isserlis: E[(m+u)² (n+v)] = (m² + a) n + 2 m b, with a, b, d the covariance's elements. The
+    // cross covariance with the second component is of degree 3 too; that with the first is not.
+    let (m, n, a, b, d) = (1.5, -0.7, 0.9, 0.4, 1.3);
+    let prior = Estimate { mean: Vector2::new(m, n), covariance: Matrix2::new(a, b, b, d) };
+    let source = Gaussian::new(prior, Role::Prior).expect("a proper prior");
+    let image = Cubature.image(&source, &Cubic);
+    let mean = Vector2::new((m * m + a) * n + 2.0 * m * b, m + n * n + d);
+    assert!((image.mean - mean).norm() < 1e-14, "{}", image.mean);
+    let cross = source.factor() * image.whitened_cross;
+    let second = Vector2::new(a + 2.0 * n * b, b + 2.0 * n * d);
+    assert!((cross.column(1) - second).norm() < 1e-14, "{cross}");
+    // The covariance is the textbook's sum over the 2n points of equal weight.
+    let mut spread = Matrix2::zeros();
+    for (i, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)] {
+        let x = prior.mean + source.factor().column(i) * (sign * 2.0_f64.sqrt());
+        let y = Cubic.value(&x) - mean;
+        spread += y * y.transpose() / 4.0;
+    }
+    let v = image.whitened_cross;
+    let covariance = v.transpose() * v + image.unexplained * image.unexplained.transpose();
+    assert!((covariance - spread).norm() < 1e-13, "{covariance}");
 }
 
 #[test]

@@ -1,5 +1,5 @@
 use foxhunt_core::{Estimate, Estimator, Pose, RandomWalk, nalgebra::Vector2};
-use foxhunt_filters::{Ekf, ParticleFilter, Ukf, Unscented};
+use foxhunt_filters::{Ckf, Ekf, Iterations, ParticleFilter, Ukf, Unscented};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use crate::model::{FIELD, heard};
@@ -62,6 +62,13 @@ const PROPER: &str = "a proper prior";
 fn nothing_makes_a_gaussian_indefinite() {
     survives("EKF", 500, |f, prior, _| Ekf::new(f, FIELD, prior).expect(PROPER));
     survives("UKF", 500, |f, prior, _| Ukf::new(f, FIELD, prior).expect(PROPER));
+    let ten = Iterations::at_most(10).expect("at least one");
+    survives("iterated EKF", 500, |f, prior, _| {
+        Ekf::new(f, FIELD, prior).expect(PROPER).with_iterations(ten)
+    });
+    survives("iterated CKF", 500, |f, prior, _| {
+        Ckf::new(f, FIELD, prior).expect(PROPER).with_iterations(ten)
+    });
     survives("UKF of the reference", 500, |f, prior, _| {
         Ukf::pritzl2018(FIELD, prior).expect(PROPER).with_motion(f)
     });

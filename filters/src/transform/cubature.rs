@@ -1,0 +1,23 @@
+use super::pairs;
+use crate::{Gaussian, Image, Map, Transform, count::number};
+
+/// The third-degree spherical-radial cubature rule (Arasaratnam & Haykin 2009, eqs. 28-30): the
+/// cubature Kalman filter.
+///
+/// 2n points x̂ ± √n lᵢ of the weight 1 / 2n, with lᵢ the columns of L; exact for polynomials of
+/// degree 3. There is nothing to choose and no weight is negative. The image of the mean has no
+/// weight: angles are taken about it, and only for that is it asked for.
+///
+/// The moments are those of [`Unscented`](crate::Unscented) with α = 1, β = 0, κ = 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cubature;
+
+impl Transform for Cubature {
+    fn image<const A: usize, const B: usize>(
+        &self,
+        source: &Gaussian<A>,
+        map: &impl Map<A, B>,
+    ) -> Image<A, B> {
+        pairs::image(source, map, libm::sqrt(number(A)), 0.0)
+    }
+}

@@ -1,0 +1,45 @@
+use nalgebra::{SMatrix, SVector};
+
+use crate::{Gaussian, Image, Map, count::number, triangle::add_to_lower};
+
+/// The image by symmetric pairs of points x̂ ± c lᵢ about the mean, with lᵢ the columns of L; what
+/// the [`Unscented`](crate::Unscented) and the [`Cubature`](crate::Cubature) transform share.
+///
+/// Every deviation is taken about the image of the mean and wrapped there, once: δᵢ± =
+/// f(x̂ ± c lᵢ) ⊖ f(x̂). With
+///
+/// - dᵢ = (δᵢ⁺ − δᵢ⁻) / 2c, the slope along lᵢ,
+/// - sᵢ = (δᵢ⁺ + δᵢ⁻) / 2c², the curvature along it, s = Σ sᵢ, s̄ = s / n,
+///
+/// the image is
+///
+/// - ŷ = f(x̂) + s,
+/// - V = L⁻¹ Pxy has the rows dᵢᵀ,
+/// - Pyy − Vᵀ V = c² Σ (sᵢ − s̄)(sᵢ − s̄)ᵀ + k s sᵀ,
+///
+/// with c the `spread` and k ≥ 0 the `kurtosis`.
+pub(super) fn image<const A: usize, const B: usize>(
+    source: &Gaussian<A>,
+    map: &impl Map<A, B>,
+    spread: f64,
+    kurtosis: f64,
+) -> Image<A, B> {
+    let centre = map.value(source.mean());
+    let mut whitened_cross = SMatrix::<f64, A, B>::zeros();
+    let mut curvatures = SMatrix::<f64, B, A>::zeros();
+    for i in 0..A {
+        let offset = source.factor().column(i) * spread;
+        let ahead = map.minus(&map.value(&(source.mean() + offset)), &centre);
+        let behind = map.minus(&map.value(&(source.mean() - offset)), &centre);
+        whitened_cross.set_row(i, &((ahead - behind) / (2.0 * spread)).transpose());
+        curvatures.set_column(i, &((ahead + behind) / (2.0 * spread * spread)));
+    }
+
+    let curvature: SVector<f64, B> = curvatures.column_sum();
+    let mut unexplained = SMatrix::zeros();
+    add_to_lower(&mut unexplained, curvature * libm::sqrt(kurtosis));
+    for each in curvatures.column_iter() {
+        add_to_lower(&mut unexplained, (each - curvature / number(A)) * spread);
+    }
+    Image { mean: centre + curvature, whitened_cross, unexplained }
+}
