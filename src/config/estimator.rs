@@ -35,9 +35,13 @@ const STILL: f64 = 0.02;
 /// (Pritzl 2018, §4.4).
 const PRITZL_DRIFT: f64 = 0.1957;
 
+/// Enough for what follows to change an iterated update by less than the filter's own tolerance;
+/// most end after 3 to 6.
+const ITERATIONS: u32 = 10;
+
 /// Every estimator that has a name.
 #[must_use]
-pub fn estimators() -> [NamedEstimator; 5] {
+pub fn estimators() -> [NamedEstimator; 8] {
     let gate = GateConfig::Probability(0.999);
     let as_read = |filter| EstimatorConfig { filter, track: TrackConfig::default() };
     let pritzl = |filter| EstimatorConfig { filter, track: TrackConfig::pritzl2018() };
@@ -52,13 +56,18 @@ pub fn estimators() -> [NamedEstimator; 5] {
                 alpha: 0.001,
                 beta: 2.0,
                 kappa: 1.0,
+                iterations: 1,
             }),
         },
         NamedEstimator {
             name: "ekf-pritzl2018",
             about: "the extended Kalman filter that the reference system was compared with",
             source: "Pritzl 2018, §4.4 and §6",
-            config: pritzl(FilterConfig::Ekf { drift: PRITZL_DRIFT, gate: GateConfig::Pritzl2018 }),
+            config: pritzl(FilterConfig::Ekf {
+                drift: PRITZL_DRIFT,
+                gate: GateConfig::Pritzl2018,
+                iterations: 1,
+            }),
         },
         NamedEstimator {
             name: "ukf",
@@ -70,13 +79,32 @@ pub fn estimators() -> [NamedEstimator; 5] {
                 alpha: 1.0,
                 beta: 2.0,
                 kappa: 0.0,
+                iterations: 1,
             }),
         },
         NamedEstimator {
             name: "ekf",
             about: "extended Kalman filter, χ² gate",
             source: "Bar-Shalom, Li & Kirubarajan 2001, §10.3",
-            config: as_read(FilterConfig::Ekf { drift: STILL, gate }),
+            config: as_read(FilterConfig::Ekf { drift: STILL, gate, iterations: 1 }),
+        },
+        NamedEstimator {
+            name: "ekf-iterated",
+            about: "extended Kalman filter linearised up to 10 times about its posterior, χ² gate",
+            source: "Bell & Cathey 1993",
+            config: as_read(FilterConfig::Ekf { drift: STILL, gate, iterations: ITERATIONS }),
+        },
+        NamedEstimator {
+            name: "cubature",
+            about: "cubature Kalman filter, χ² gate",
+            source: "Arasaratnam & Haykin 2009",
+            config: as_read(FilterConfig::Cubature { drift: STILL, gate, iterations: 1 }),
+        },
+        NamedEstimator {
+            name: "iterated-posterior-linearisation",
+            about: "cubature points redrawn up to 10 times from the posterior, damped, χ² gate",
+            source: "García-Fernández, Svensson, Morelande & Särkkä 2015; Raitoharju et al. 2018",
+            config: as_read(FilterConfig::Cubature { drift: STILL, gate, iterations: ITERATIONS }),
         },
         NamedEstimator {
             name: "particle",

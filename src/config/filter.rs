@@ -1,14 +1,15 @@
 use foxhunt_core::{
     BeaconId, Estimate, Estimator, EstimatorError, MeasurementModel, RandomWalk, State,
 };
-use foxhunt_filters::{Ekf, Gate, ParticleFilter, Ukf, Unscented};
+use foxhunt_filters::{Ckf, Ekf, Gate, Iterations, ParticleFilter, Ukf, Unscented};
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 use serde::{Deserialize, Serialize};
 
 /// A filter chosen at run time.
 ///
 /// `drift` is the random walk of the target's East and North: metres per √second, or per step
-/// where a prediction counts steps.
+/// where a prediction counts steps. `iterations` is how often, at most, an update of the Kalman
+/// family is linearised; 1 unless given.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]
@@ -19,6 +20,19 @@ pub enum FilterConfig {
         drift: f64,
         /// What keeps outliers out.
         gate: GateConfig,
+        /// How often an update is linearised, each time about its own posterior.
+        #[serde(default = "once")]
+        iterations: u32,
+    },
+    /// The cubature Kalman filter.
+    Cubature {
+        /// The target's random walk.
+        drift: f64,
+        /// What keeps outliers out.
+        gate: GateConfig,
+        /// How often an update is linearised, each time about its own posterior.
+        #[serde(default = "once")]
+        iterations: u32,
     },
     /// The unscented Kalman filter.
     Ukf {
@@ -32,6 +46,9 @@ pub enum FilterConfig {
         beta: f64,
         /// κ: the secondary scaling.
         kappa: f64,
+        /// How often an update is linearised, each time about its own posterior.
+        #[serde(default = "once")]
+        iterations: u32,
     },
     /// The bootstrap particle filter.
     Particle {
@@ -40,6 +57,11 @@ pub enum FilterConfig {
         /// How many particles.
         count: usize,
     },
+}
+
+/// The default of `iterations`.
+const fn once() -> u32 {
+    1
 }
 
 /// What keeps outliers out, chosen at run time.
@@ -85,13 +107,21 @@ impl FilterConfig {
         H: MeasurementModel<N, M> + 'static,
     {
         Ok(match *self {
-            Self::Ekf { drift, gate } => {
-                Box::new(Ekf::new(walk(drift)?, model, *prior)?.with_gate(gate.build()?))
-            }
-            Self::Ukf { drift, gate, alpha, beta, kappa } => Box::new(
+            Self::Ekf { drift, gate, iterations } => Box::new(
+                Ekf::new(walk(drift)?, model, *prior)?
+                    .with_gate(gate.build()?)
+                    .with_iterations(Iterations::at_most(iterations)?),
+            ),
+            Self::Cubature { drift, gate, iterations } => Box::new(
+                Ckf::new(walk(drift)?, model, *prior)?
+                    .with_gate(gate.build()?)
+                    .with_iterations(Iterations::at_most(iterations)?),
+            ),
+            Self::Ukf { drift, gate, alpha, beta, kappa, iterations } => Box::new(
                 Ukf::new(walk(drift)?, model, *prior)?
                     .with_transform(Unscented::new(alpha, beta, kappa)?)?
-                    .with_gate(gate.build()?),
+                    .with_gate(gate.build()?)
+                    .with_iterations(Iterations::at_most(iterations)?),
             ),
             Self::Particle { drift, count } => {
                 let rng = Xoshiro256PlusPlus::seed_from_u64(seed);
