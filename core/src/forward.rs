@@ -1,13 +1,16 @@
-//! The traits through `&mut T` and `Box<T>`.
+//! The traits through `&mut T` and `Box<T>`; the models, which are only read, through `&T`.
 #![deny(
     clippy::missing_trait_methods,
     reason = "a provided method left out would lose its override"
 )]
 
+use nalgebra::{SMatrix, SVector};
+
 use crate::{
-    BeaconId, BearingExtractor, Belief, Correction, Decision, Estimate, Estimator, EstimatorError,
-    FormationPlanner, NoReading, Observation, PatternSource, PlanError, Pose, Radio, Reading,
-    Rotator, State, Station, Sweep, Vehicle, Waypoint,
+    Axis, BeaconId, BearingExtractor, Belief, Correction, Decision, Estimate, Estimator,
+    EstimatorError, Fleet, FormationPlanner, MeasurementModel, MotionModel, NoReading, Observation,
+    PatternSource, PlanError, Pose, Radio, Reading, Rotator, State, Station, Sweep, Vehicle,
+    Waypoint,
 };
 
 macro_rules! forward {
@@ -62,6 +65,16 @@ macro_rules! forward {
             }
         }
 
+        impl<T: ?Sized + Fleet> Fleet for $pointer {
+            type Error = T::Error;
+            fn locate(&mut self, stations: &mut [Station]) -> Result<(), T::Error> {
+                (**self).locate(stations)
+            }
+            fn command(&mut self, stations: &[Station]) -> Result<(), T::Error> {
+                (**self).command(stations)
+            }
+        }
+
         impl<T: ?Sized + Radio> Radio for $pointer {
             type Error = T::Error;
             fn request(&mut self, beacon: BeaconId) -> Result<(), T::Error> {
@@ -87,3 +100,54 @@ macro_rules! forward {
 forward!(&mut T);
 #[cfg(feature = "alloc")]
 forward!(alloc::boxed::Box<T>);
+
+macro_rules! forward_shared {
+    ($($pointer:ty),+) => {$(
+        impl<T: ?Sized + MeasurementModel<N, M>, const N: usize, const M: usize>
+            MeasurementModel<N, M> for $pointer
+        {
+            fn axes(&self) -> [Axis; M] {
+                (**self).axes()
+            }
+            fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M> {
+                (**self).expected(state, receiver)
+            }
+            fn residual(&self, z: &SVector<f64, M>, expected: &SVector<f64, M>) -> SVector<f64, M> {
+                (**self).residual(z, expected)
+            }
+            fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
+                (**self).jacobian(state, receiver)
+            }
+            fn log_likelihood(&self, state: &State<N>, observation: &Observation<M>) -> f64 {
+                (**self).log_likelihood(state, observation)
+            }
+            fn log_likelihoods(
+                &self,
+                columns: [&[f64]; N],
+                observation: &Observation<M>,
+                out: &mut [f64],
+            ) {
+                (**self).log_likelihoods(columns, observation, out);
+            }
+        }
+
+        impl<T: ?Sized + MotionModel<N>, const N: usize> MotionModel<N> for $pointer {
+            fn propagate(&self, state: &State<N>, dt: f64) -> State<N> {
+                (**self).propagate(state, dt)
+            }
+            fn noise_factor(&self, state: &State<N>, dt: f64) -> SMatrix<f64, N, N> {
+                (**self).noise_factor(state, dt)
+            }
+            fn axes(&self) -> [Axis; N] {
+                (**self).axes()
+            }
+            fn jacobian(&self, state: &State<N>, dt: f64) -> SMatrix<f64, N, N> {
+                (**self).jacobian(state, dt)
+            }
+        }
+    )+};
+}
+
+forward_shared!(&T);
+#[cfg(feature = "alloc")]
+forward_shared!(alloc::boxed::Box<T>);

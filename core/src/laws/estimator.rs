@@ -16,7 +16,13 @@ pub fn estimator<E: Estimator<N, M>, const N: usize, const M: usize>(
         missing_component_is_not_read(&fresh, observation, component);
     }
     let mut heard = fresh();
-    if heard.predict(1.0).is_ok() && heard.update(observation).is_ok() {
+    if let Err(error) = heard.predict(1.0) {
+        panic!("a step of one second was refused: {error}");
+    }
+    let predicted = heard.estimate();
+    if heard.update(observation).is_err() {
+        assert_eq!(heard.estimate(), predicted, "a refused observation changed the belief");
+    } else {
         let p = heard.estimate().covariance;
         let skew: SMatrix<f64, N, N> = p - p.transpose();
         assert!(skew.norm() <= 1e-9 * p.norm(), "the covariance is not symmetric: {p}");
