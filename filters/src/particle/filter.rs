@@ -166,7 +166,10 @@ where
     ) -> Result<Gaussian<N>, EstimatorError> {
         let mut belief = moments(columns, &weights.linear, &self.motion.axes());
         let cell = libm::pow(number(weights.linear.len()), -2.0 / number(N));
-        let missed = cell / weights.effective_sample_size();
+        // Nothing as long as the weights are even; a collapsed cloud keeps the least that f64 can
+        // factor beside it.
+        let even = 1.0 / number(weights.linear.len());
+        let missed = cell * libm::fmax(1.0 / weights.effective_sample_size() - even, 1e-6);
         belief.covariance += self.belief.estimate().covariance * missed;
         Gaussian::new(belief, Role::Posterior)
     }
