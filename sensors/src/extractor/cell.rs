@@ -4,7 +4,7 @@ use super::round_half_away;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cell {
     /// How many samples the position has.
-    pub(super) count: u16,
+    pub(super) count: u32,
     /// How many measured positions the moving mean had.
     pub(super) window: u16,
     /// The mean of the samples in dBm, if there is one.
@@ -18,7 +18,7 @@ pub struct Cell {
 impl Cell {
     /// How many samples the position has.
     #[must_use]
-    pub fn count(&self) -> u16 {
+    pub fn count(&self) -> u32 {
         self.count
     }
 
