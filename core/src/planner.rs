@@ -83,8 +83,10 @@ pub enum Outcome {
     Converged,
     /// The planner's cap on moves was reached first.
     MoveLimit,
-    /// Nothing was heard of the target, however often its place was listened to.
+    /// Nothing was heard of the target, however often it was listened for.
     NothingHeard,
+    /// It was heard, and then no longer; the estimate is of what was heard.
+    SignalLost,
 }
 
 impl fmt::Display for Outcome {
@@ -93,6 +95,7 @@ impl fmt::Display for Outcome {
             Self::Converged => "converged",
             Self::MoveLimit => "move limit reached",
             Self::NothingHeard => "nothing heard",
+            Self::SignalLost => "signal lost",
         })
     }
 }

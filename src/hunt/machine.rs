@@ -1,8 +1,8 @@
 use std::collections::VecDeque;
 
 use foxhunt_core::{
-    BeaconId, BearingExtractor, BeliefOf, Estimate, Estimator, EstimatorError, FormationPlanner,
-    Observation, ObservationError, Outcome, Reception, Station, Sweep,
+    BeaconId, BearingExtractor, BeliefOf, Correction, Estimate, Estimator, EstimatorError,
+    FormationPlanner, Observation, ObservationError, Outcome, Reception, Station, Sweep,
 };
 use foxhunt_formation::{Phase, PhaseError, Phases, Signal};
 use nalgebra::Vector2;
@@ -167,7 +167,7 @@ where
     }
 
     /// Takes a drone's sweep. One that cannot be used is an event, never an error; one that comes
-    /// late is used as long as its beacon is still searched for.
+    /// late, when it is no longer awaited, is used as long as its beacon is still searched for.
     pub fn sweep(&mut self, time: f64, drone: usize, sweep: &Sweep<'_>) {
         let Some(awaited) = self.awaited.get_mut(drone) else { return };
         if sweep.beacon != BeaconId(self.current) {
@@ -194,7 +194,7 @@ where
         self.events.push_back(Event::Received { time, drone, first_position, reception });
         let reason = match track.hear(&reception, first_position) {
             Ok(Heard::Corrected(correction)) => {
-                self.position.heard += 1;
+                self.position.heard += u32::from(correction != Correction::Empty);
                 let estimate = track.position();
                 return self.events.push_back(Event::Corrected {
                     time,
@@ -320,11 +320,14 @@ where
                 self.listen(time);
                 return Ok(());
             }
-            self.signal(time, Signal::GivenUp(Outcome::NothingHeard))?;
-            return self.finish_beacon(time, Outcome::NothingHeard);
+            let outcome = if self.position.measured == 0 {
+                Outcome::NothingHeard
+            } else {
+                Outcome::SignalLost
+            };
+            self.signal(time, Signal::GivenUp(outcome))?;
+            return self.finish_beacon(time, outcome);
         }
-        self.position.attempts = 0;
-        self.position.measured += 1;
         let decision = self
             .planner
             .plan(&BeliefOf(track.estimator()), &mut self.stations)
@@ -332,6 +335,8 @@ where
                 beacon: self.beacons[usize::from(self.current)].clone(),
                 source,
             })?;
+        self.position.attempts = 0;
+        self.position.measured += 1;
         self.signal(time, Signal::Decided(decision))?;
         match self.phases.phase() {
             Phase::Finished(outcome) => self.finish_beacon(time, outcome),

@@ -121,17 +121,17 @@ where
         self.estimator.predict(dt)?;
         self.time = Some(now);
         let correction = self.estimator.update(&observation)?;
-        self.steps += 1;
+        self.steps += u32::from(correction != Correction::Empty);
         Ok(Heard::Corrected(correction))
     }
 
     /// The reception as this configuration lets the estimator see it.
     fn seen(&self, reception: &Reception, first_position: bool) -> Reception {
         let mut seen = *reception;
-        if let Some(sigma) = self.config.rss_sigma_db {
-            seen.rss_sigma_db = sigma;
-        }
-        if let (true, Some(sigma)) = (first_position, self.config.first_position_rss_sigma_db) {
+        let first = self.config.first_position_rss_sigma_db.filter(|_| first_position);
+        if let Some(sigma) = first.or(self.config.rss_sigma_db) {
+            // The correlation with the bearing stays as it was read.
+            seen.covariance *= sigma / seen.rss_sigma_db;
             seen.rss_sigma_db = sigma;
         }
         match self.config.components {
