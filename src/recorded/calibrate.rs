@@ -1,5 +1,5 @@
 use foxhunt_core::BearingExtractor;
-use foxhunt_sensors::{PathLossFit, fit_log_distance};
+use foxhunt_sensors::{CalibrationError, PathLossFit, fit_log_distance};
 use nalgebra::Vector2;
 
 use super::{RecordedError, bearings};
@@ -51,7 +51,7 @@ pub fn calibrate(
     config: &CalibrateConfig,
 ) -> Result<Calibration, RecordedError> {
     let file = || recording.file().to_owned();
-    let mut points = Vec::new();
+    let (mut points, mut lines) = (Vec::new(), Vec::new());
     let chosen = || recording.records().iter().filter(|r| r.beacon.as_deref() == beacon);
     for record in chosen().filter(|r| r.boresight.is_none()) {
         let Some(rss_dbm) = record.rss_dbm else { continue };
@@ -61,7 +61,9 @@ pub fn calibrate(
         };
         let range = record.range.or_else(|| truth.and_then(to));
         let line = record.line;
-        points.push((range.ok_or_else(|| RecordedError::NoTruth { file: file(), line })?, rss_dbm));
+        let range = range.ok_or_else(|| RecordedError::NoTruth { file: file(), line })?;
+        points.push((range, rss_dbm));
+        lines.push(line);
     }
     if chosen().any(|r| r.boresight.is_some()) {
         for turn in bearings(recording, extractor, config.positions)? {
@@ -74,10 +76,17 @@ pub fn calibrate(
             let truth = truth.ok_or_else(|| RecordedError::NoTruth { file: file(), line })?;
             let way = truth.push(config.target_up_m) - turn.sweep.receiver.position;
             points.push((way.norm(), turn.reading.rss_dbm));
+            lines.push(line);
         }
     }
-    let fit = fit_log_distance(points.iter().copied(), config.max_exponent)
-        .map_err(|source| RecordedError::Calibration { file: file(), source })?;
+    let fit = fit_log_distance(points.iter().copied(), config.max_exponent).map_err(|source| {
+        let index = match source {
+            CalibrationError::Range { index, .. } | CalibrationError::Rss { index, .. } => index,
+            _ => return RecordedError::Calibration { file: file(), source },
+        };
+        let line = lines.get(index).copied().unwrap_or_default();
+        RecordedError::Point { file: file(), line, source }
+    })?;
     let nearest_m = points.iter().map(|(range, _)| *range).fold(f64::INFINITY, f64::min);
     let farthest_m = points.iter().map(|(range, _)| *range).fold(0.0, f64::max);
     Ok(Calibration { fit, nearest_m, farthest_m })

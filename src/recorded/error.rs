@@ -73,6 +73,16 @@ pub enum RecordedError {
         /// The first such line.
         line: u64,
     },
+    /// A row is no point of range and power.
+    #[error("{file}, line {line}: {source}")]
+    Point {
+        /// The file.
+        file: String,
+        /// The line.
+        line: u64,
+        /// Why not.
+        source: CalibrationError,
+    },
     /// The law cannot be fitted.
     #[error("{file}: {source}")]
     Calibration {

@@ -1,6 +1,6 @@
 use std::{
     collections::BTreeMap,
-    fs,
+    fs, io,
     path::{Path, PathBuf},
 };
 
@@ -18,7 +18,14 @@ pub(super) fn read_beside(
             beside.columns.iter().filter(|(column, _)| !fixed.contains_key(column)).collect();
         let Some((first, _)) = wanted.first() else { continue };
         let path: Option<PathBuf> = folder.map(|folder| folder.join(&beside.file));
-        let Some(bytes) = path.as_ref().and_then(|path| fs::read(path).ok()) else {
+        let bytes = match path.as_ref().map(fs::read).transpose() {
+            Err(source) if source.kind() != io::ErrorKind::NotFound => {
+                let file = path.map_or_else(String::new, |path| path.display().to_string());
+                return Err(RecordingError::Read { file, source });
+            }
+            bytes => bytes.ok().flatten(),
+        };
+        let Some(bytes) = bytes else {
             if beside.optional {
                 continue;
             }
