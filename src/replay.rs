@@ -1,6 +1,6 @@
 //! Runs the receptions of a log through an estimator again.
 
-use foxhunt_core::{Estimate, EstimatorError};
+use foxhunt_core::{BeaconId, Estimate, EstimatorError};
 use foxhunt_sensors::ParameterError;
 
 use crate::{
@@ -24,7 +24,9 @@ pub struct Replay {
 /// A fix, replayed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplayedFix {
-    /// The beacon's name.
+    /// Which beacon.
+    pub beacon: BeaconId,
+    /// Its name.
     pub name: String,
     /// What is believed after its last reception.
     pub estimate: Estimate<2>,
@@ -58,6 +60,7 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
                     .map_err(|source| ReplayError::Estimator { beacon: name.clone(), source })?;
                 track = Some(Track::new(estimator, config.track));
                 replay.fixes.push(ReplayedFix {
+                    beacon: *beacon,
                     name: name.clone(),
                     estimate: *prior,
                     steps: 0,

@@ -286,3 +286,21 @@ fn a_torn_log_loses_its_last_line_alone() {
     assert!(Log::read(&file).is_err());
     assert!(Log::parse("", path).is_err() && Log::parse("t_s,lat\n", path).is_err());
 }
+
+#[test]
+fn two_beacons_of_one_name_and_an_endless_cloud() {
+    let outing = fly(Hold::new(2), [Health::Good; 3], false);
+    let config = estimator_named("ukf-pritzl2018").expect("it has a name").config;
+    let text = logged(&outing, config);
+    let path = Path::new("toy.jsonl");
+    let log = Log::parse(&text.replace("\"second\"", "\"first\""), path).expect("it is a log");
+    let replayed = replay(&log, None).expect("its own configuration");
+    let beacons: Vec<BeaconId> = replayed.fixes.iter().map(|fix| fix.beacon).collect();
+    assert_eq!(beacons, [BeaconId(0), BeaconId(1)]);
+
+    let particle = estimator_named("particle").expect("it has a name").config;
+    let text = logged(&outing, particle).replacen("5000", "18446744073709551615", 1);
+    let log = Log::parse(&text, path).expect("it is a log");
+    let error = replay(&log, None).expect_err("no memory holds it");
+    assert!(matches!(error, foxhunt::replay::ReplayError::Estimator { .. }), "{error}");
+}

@@ -91,8 +91,10 @@ fn clocks_and_output_stay_outside() {
         assert!(!files.is_empty(), "no sources in {folder:?}");
         for path in files {
             let text = fs::read_to_string(&path).expect("sources are UTF-8");
+            // The tests of a file stand at its end and may print what they skipped.
             let code: String = text
                 .lines()
+                .take_while(|line| line.trim() != "#[cfg(test)]")
                 .filter(|line| !line.trim_start().starts_with("//"))
                 .map(|line| format!("{line}\n"))
                 .collect();
@@ -104,8 +106,7 @@ fn clocks_and_output_stay_outside() {
             if !matches!(folder, "hardware" | "cli") {
                 forbidden(&OUTSIDE_ONLY);
             }
-            // What tests print stands behind their module's attribute.
-            if folder != "cli" && !code.contains("#[cfg(test)]") {
+            if folder != "cli" {
                 forbidden(&PROGRAM_ONLY);
             }
         }

@@ -39,9 +39,12 @@ const PRITZL_DRIFT: f64 = 0.1957;
 /// most end after 3 to 6.
 const ITERATIONS: u32 = 10;
 
+/// The root of 0.19572 m², the other reading of what is printed there.
+const PRITZL_VARIANCE_DRIFT: f64 = 0.442_402_531_638_326;
+
 /// Every estimator that has a name.
 #[must_use]
-pub fn estimators() -> [NamedEstimator; 8] {
+pub fn estimators() -> [NamedEstimator; 9] {
     let gate = GateConfig::Probability(0.999);
     let as_read = |filter| EstimatorConfig { filter, track: TrackConfig::default() };
     let pritzl = |filter| EstimatorConfig { filter, track: TrackConfig::pritzl2018() };
@@ -66,6 +69,19 @@ pub fn estimators() -> [NamedEstimator; 8] {
             config: pritzl(FilterConfig::Ekf {
                 drift: PRITZL_DRIFT,
                 gate: GateConfig::Pritzl2018,
+                iterations: 1,
+            }),
+        },
+        NamedEstimator {
+            name: "ukf-pritzl2018-variance",
+            about: "the same as ukf-pritzl2018 with the printed 0.19572 m² read as the variance",
+            source: "Pritzl 2018, §4.4",
+            config: pritzl(FilterConfig::Ukf {
+                drift: PRITZL_VARIANCE_DRIFT,
+                gate: GateConfig::Pritzl2018,
+                alpha: 0.001,
+                beta: 2.0,
+                kappa: 1.0,
                 iterations: 1,
             }),
         },
@@ -108,8 +124,8 @@ pub fn estimators() -> [NamedEstimator; 8] {
         },
         NamedEstimator {
             name: "particle",
-            about: "bootstrap particle filter, 5000 particles, systematic resampling",
-            source: "Gordon, Salmond & Smith 1993",
+            about: "particle filter, 5000 particles, regularised systematic resampling",
+            source: "Gordon, Salmond & Smith 1993; Liu & West 2001",
             config: as_read(FilterConfig::Particle { drift: STILL, count: 5000 }),
         },
     ]

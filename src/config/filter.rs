@@ -50,7 +50,7 @@ pub enum FilterConfig {
         #[serde(default = "once")]
         iterations: u32,
     },
-    /// The bootstrap particle filter.
+    /// The particle filter: bootstrap proposals, regularised resampling.
     Particle {
         /// The target's random walk.
         drift: f64,
@@ -124,12 +124,22 @@ impl FilterConfig {
                     .with_iterations(Iterations::at_most(iterations)?),
             ),
             Self::Particle { drift, count } => {
+                // A number from a file must not be able to ask for all memory there is.
+                if count > MOST_PARTICLES {
+                    #[expect(clippy::cast_precision_loss, reason = "it is only told")]
+                    let value = count as f64;
+                    let requirement = "at most 10 000 000";
+                    return Err(EstimatorError::Parameter { name: "count", value, requirement });
+                }
                 let rng = Xoshiro256PlusPlus::seed_from_u64(seed);
                 Box::new(ParticleFilter::new(walk(drift)?, model, *prior, count, rng)?)
             }
         })
     }
 }
+
+/// The largest cloud that a file may ask for.
+const MOST_PARTICLES: usize = 10_000_000;
 
 /// One seed for each beacon of a run, so that their filters do not draw the same numbers.
 #[must_use]

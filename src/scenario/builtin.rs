@@ -27,6 +27,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_clock_that_does_not_move_is_refused() {
+        let text = TEXTS[0].1.to_owned() + "\n[simulation]\ntick_s = 1e-300\n";
+        let error = Scenario::parse(&text, "slow.toml").expect_err("it would never end");
+        let told = error.to_string();
+        assert!(told.contains("slow.toml: simulation.tick_s is"), "{told}");
+    }
+
+    #[test]
     fn every_text_is_a_scenario_of_its_name() {
         for (name, text) in TEXTS {
             let scenario = Scenario::parse(text, name).expect("a built-in scenario is in order");

@@ -27,7 +27,7 @@ pub enum ScenarioError {
         source: toml::de::Error,
     },
     /// A field is out of its range.
-    #[error("{file}: {field} is {value}; it must be a positive number")]
+    #[error("{file}: {field} is {value}; it must be in {least} … {most}")]
     Field {
         /// The file.
         file: String,
@@ -35,5 +35,9 @@ pub enum ScenarioError {
         field: &'static str,
         /// What it held.
         value: f64,
+        /// The least it may be.
+        least: f64,
+        /// The most it may be.
+        most: f64,
     },
 }

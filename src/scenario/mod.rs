@@ -87,12 +87,14 @@ impl Scenario {
     pub fn parse(text: &str, file: &str) -> Result<Self, ScenarioError> {
         let scenario: Self = toml::from_str(text)
             .map_err(|source| ScenarioError::Parse { file: file.to_owned(), source })?;
-        for (field, value) in [
-            ("simulation.tick_s", scenario.simulation.tick_s),
-            ("simulation.limit_s", scenario.simulation.limit_s),
-        ] {
-            if !(value > 0.0 && value.is_finite()) {
-                return Err(ScenarioError::Field { file: file.to_owned(), field, value });
+        let SimulationConfig { tick_s, limit_s } = scenario.simulation;
+        for (field, value, range) in
+            [("simulation.tick_s", tick_s, 1e-4..=1.0), ("simulation.limit_s", limit_s, 1.0..=1e7)]
+        {
+            if !range.contains(&value) {
+                let (least, most) = range.into_inner();
+                let file = file.to_owned();
+                return Err(ScenarioError::Field { file, field, value, least, most });
             }
         }
         Ok(scenario)

@@ -110,7 +110,7 @@ impl Report {
 
 impl Replayed {
     fn new(log: &Log, fix: &ReplayedFix) -> Self {
-        let truth = log.header.beacons.iter().find(|b| b.name == fix.name).and_then(|b| b.truth);
+        let truth = log.header.beacons.get(usize::from(fix.beacon.0)).and_then(|b| b.truth);
         let count = u32::try_from(fix.nis.len()).unwrap_or(u32::MAX);
         let logged = fix.logged.as_ref();
         Self {
