@@ -70,14 +70,20 @@ fn fly(
     header: &LogHeader,
     log: &Path,
 ) -> Result<(Simulated, Vec<Event>), CliError> {
-    let writing = |error| CliError::writing(log, error);
-    let file = File::create(log).map_err(writing)?;
-    let mut writer = LogWriter::new(file, header).map_err(writing)?;
+    // A scenario that cannot be flown has no event, and leaves the log of the hunt before.
+    let mut writer = None;
     let mut events = Vec::new();
     let hunt = simulate(scenario, estimator, args.seed, |event| {
         tell(event);
         events.push(event.clone());
-        writer.event(event).map_err(|source| NotLogged { path: log.to_owned(), source })
+        let mut log_event = || match &mut writer {
+            Some(writer) => LogWriter::event(writer, event),
+            None => {
+                let begun = LogWriter::new(File::create(log)?, header)?;
+                writer.insert(begun).event(event)
+            }
+        };
+        log_event().map_err(|source| NotLogged { path: log.to_owned(), source })
     });
     let hunt = hunt.map_err(|error| choice::simulation_error(error, &args.scenario))?;
     Ok((hunt, events))

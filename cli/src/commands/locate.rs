@@ -116,7 +116,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     };
     let truth = truth(args, &recordings)?;
     let located = locate(&heard, &config).map_err(|error| match error {
-        LocateError::Start(_) | LocateError::Observation { .. } => CliError::failure(error),
+        LocateError::Start(_) => CliError::failure(error),
         error => CliError::input(error),
     })?;
     if located.border_mass.is_some_and(|mass| mass > MUCH_BORDER) {

@@ -22,7 +22,7 @@ pub(crate) struct Reading {
     #[arg(long, value_name = "NAME")]
     beacon: Option<String>,
     /// How many positions a turn of the antenna has
-    #[arg(long, value_name = "N", default_value_t = 128, value_parser = value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = value_parser!(u16).range(1..=360))]
     pub(super) positions: u16,
 }
 
