@@ -159,3 +159,35 @@ fn walk<const N: usize>(drift: f64) -> Result<RandomWalk<N>, EstimatorError> {
     let drift = State::from_fn(|row, _| if row < 2 { drift } else { NUISANCE_DRIFT });
     Ok(RandomWalk { drift })
 }
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_sensors::{LogDistance, RssBearing};
+
+    use super::*;
+
+    #[test]
+    fn an_update_is_linearised_once_unless_told() {
+        let read = |kind: &str, rest: &str| {
+            let text = format!(r#"{{"kind": "{kind}", "drift": 0.1, "gate": "open"{rest}}}"#);
+            serde_json::from_str::<FilterConfig>(&text)
+        };
+        for (kind, rest) in
+            [("ekf", ""), ("cubature", ""), ("ukf", r#", "alpha": 1, "beta": 2, "kappa": 0"#)]
+        {
+            let bare = read(kind, rest).expect("as it was before there were iterations");
+            for (iterations, same) in [(1, true), (2, false)] {
+                let told = read(kind, &format!(r#"{rest}, "iterations": {iterations}"#));
+                assert_eq!(told.expect("in order") == bare, same, "{kind}, {iterations}");
+            }
+            let never = read(kind, &format!(r#"{rest}, "iterations": 0"#)).expect("a number");
+            let model = RssBearing::new(LogDistance::new(-29.06, 2.765).expect("in range"));
+            let prior = Estimate::isotropic(State::<2>::zeros(), 1.0);
+            let refused = never.build::<_, 2, 2>(model, &prior, 0).err();
+            assert!(
+                matches!(refused, Some(EstimatorError::Parameter { name: "iterations", .. })),
+                "{kind}: {refused:?}"
+            );
+        }
+    }
+}

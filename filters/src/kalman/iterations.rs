@@ -29,11 +29,12 @@ impl Iterations {
     ///
     /// # Errors
     ///
-    /// [`EstimatorError::Parameter`] when `max` is 0.
+    /// [`EstimatorError::Parameter`] when `max` is not in 1..=1000: what has not come to rest by
+    /// then goes round in circles.
     pub fn at_most(max: u32) -> Result<Self, EstimatorError> {
-        if max == 0 {
-            let requirement = "at least 1";
-            return Err(EstimatorError::Parameter { name: "iterations", value: 0.0, requirement });
+        if !(1..=1000).contains(&max) {
+            let (name, value, requirement) = ("iterations", f64::from(max), "in 1..=1000");
+            return Err(EstimatorError::Parameter { name, value, requirement });
         }
         Ok(Self { max, ..Self::once() })
     }
@@ -78,7 +79,7 @@ mod tests {
 
     #[test]
     fn numbers_out_of_range_are_refused() {
-        assert!(Iterations::at_most(0).is_err());
+        assert!(Iterations::at_most(0).is_err() && Iterations::at_most(1001).is_err());
         for tolerance in [-1e-9, f64::NAN, f64::INFINITY] {
             assert!(Iterations::once().with_tolerance(tolerance).is_err(), "{tolerance}");
         }
