@@ -48,19 +48,22 @@ pub fn estimators() -> [NamedEstimator; 9] {
     let gate = GateConfig::Probability(0.999);
     let as_read = |filter| EstimatorConfig { filter, track: TrackConfig::default() };
     let pritzl = |filter| EstimatorConfig { filter, track: TrackConfig::pritzl2018() };
+    let pritzl_ukf = |drift| {
+        pritzl(FilterConfig::Ukf {
+            drift,
+            gate: GateConfig::Pritzl2018,
+            alpha: 0.001,
+            beta: 2.0,
+            kappa: 1.0,
+            iterations: 1,
+        })
+    };
     [
         NamedEstimator {
             name: "ukf-pritzl2018",
             about: "the reference system's unscented Kalman filter with its gate and its σ of the level",
             source: "Pritzl 2018, §4.4",
-            config: pritzl(FilterConfig::Ukf {
-                drift: PRITZL_DRIFT,
-                gate: GateConfig::Pritzl2018,
-                alpha: 0.001,
-                beta: 2.0,
-                kappa: 1.0,
-                iterations: 1,
-            }),
+            config: pritzl_ukf(PRITZL_DRIFT),
         },
         NamedEstimator {
             name: "ekf-pritzl2018",
@@ -76,14 +79,7 @@ pub fn estimators() -> [NamedEstimator; 9] {
             name: "ukf-pritzl2018-variance",
             about: "the same as ukf-pritzl2018 with the printed 0.19572 m² read as the variance",
             source: "Pritzl 2018, §4.4",
-            config: pritzl(FilterConfig::Ukf {
-                drift: PRITZL_VARIANCE_DRIFT,
-                gate: GateConfig::Pritzl2018,
-                alpha: 0.001,
-                beta: 2.0,
-                kappa: 1.0,
-                iterations: 1,
-            }),
+            config: pritzl_ukf(PRITZL_VARIANCE_DRIFT),
         },
         NamedEstimator {
             name: "ukf",
