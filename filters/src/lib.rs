@@ -24,6 +24,7 @@ extern crate alloc;
 mod count;
 mod gaussian;
 mod kalman;
+mod leading;
 #[cfg(feature = "alloc")]
 mod particle;
 #[cfg(feature = "alloc")]
@@ -33,6 +34,7 @@ mod triangle;
 
 pub use gaussian::Gaussian;
 pub use kalman::{Ckf, Ekf, Gate, GateLimit, Innovation, Iterations, Kalman, Ukf};
+pub use leading::Leading;
 #[cfg(feature = "alloc")]
 pub use particle::{ParticleFilter, Resampling};
 #[cfg(feature = "alloc")]
