@@ -71,6 +71,23 @@ impl<const M: usize> Observation<M> {
         self
     }
 
+    /// The same observation, one component's standard deviation times `factor`; correlations
+    /// stay.
+    ///
+    /// # Panics
+    ///
+    /// When there is no such component, or the factor is not a positive number.
+    #[must_use]
+    pub fn with_noise_scaled(mut self, component: usize, factor: f64) -> Self {
+        assert!(factor > 0.0 && factor.is_finite(), "a noise cannot be scaled by {factor}");
+        self.noise.row_mut(component).scale_mut(factor);
+        self.noise.column_mut(component).scale_mut(factor);
+        if self.present[component] {
+            self.root.row_mut(component).scale_mut(factor);
+        }
+        self
+    }
+
     /// When it was heard, in seconds.
     #[must_use]
     pub fn time(&self) -> f64 {
@@ -218,6 +235,20 @@ mod tests {
             let made = Observation::new(0.0, Pose::default(), Vector2::zeros(), noise);
             assert_eq!(made, Err(ObservationError::Covariance), "{noise}");
         }
+    }
+
+    #[test]
+    fn a_scaled_noise_is_that_of_an_observation_made_with_it() {
+        let value = Vector2::new(1.0, -2.0);
+        let make = |noise| Observation::new(0.0, Pose::default(), value, noise).expect("proper");
+        let scaled = make(Matrix2::new(4.0, 1.5, 1.5, 9.0)).with_noise_scaled(0, 3.0);
+        let direct = make(Matrix2::new(36.0, 4.5, 4.5, 9.0));
+        assert!((scaled.noise() - direct.noise()).norm() < 1e-14);
+        let residual = Vector2::new(0.3, 0.9);
+        let error = scaled.log_density(&residual) - direct.log_density(&residual);
+        assert!(error.abs() < 1e-14, "off by {error}");
+        let (scaled, direct) = (scaled.without(0), direct.without(0));
+        assert!((scaled.log_density(&residual) - direct.log_density(&residual)).abs() < 1e-14);
     }
 
     #[test]

@@ -5,11 +5,15 @@
 //! | [`Ekf`] | Gaussian, linear about its mean | `expected`, `jacobian`, `residual` | never |
 //! | [`Ukf`] | Gaussian, quadratic about its mean | `expected`, `residual` | never |
 //! | [`Ckf`] | Gaussian, exact to degree 3 | `expected`, `residual` | never |
+//! | [`GridFilter`] | mass of cells over an area | `log_likelihoods`, or `expected` and `jacobian` | as the cells follow the belief |
 //! | [`ParticleFilter`] | weighted cloud | `log_likelihoods`, `expected`, `residual` | once, when it is made |
 //!
 //! The first three are one struct, [`Kalman`], over the one thing that tells them apart: how a
 //! Gaussian goes through a map, a [`Transform`]. What is kept out is a [`Gate`]'s business; with
 //! [`Iterations`] each update is linearised again about its own posterior.
+//!
+//! [`Handover`] begins as one estimator and goes on as another: a grid makes the first bearings a
+//! prior for a Kalman filter. [`Leading`] shows the first components of a larger state.
 //!
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
@@ -23,8 +27,13 @@ extern crate alloc;
 
 mod count;
 mod gaussian;
+#[cfg(feature = "alloc")]
+mod grid;
+mod handover;
 mod kalman;
 mod leading;
+#[cfg(feature = "alloc")]
+mod nis;
 #[cfg(feature = "alloc")]
 mod particle;
 #[cfg(feature = "alloc")]
@@ -33,6 +42,9 @@ mod transform;
 mod triangle;
 
 pub use gaussian::Gaussian;
+#[cfg(feature = "alloc")]
+pub use grid::{GridConfig, GridFilter, NoiseScales};
+pub use handover::Handover;
 pub use kalman::{Ckf, Ekf, Gate, GateLimit, Innovation, Iterations, Kalman, Ukf};
 pub use leading::Leading;
 #[cfg(feature = "alloc")]

@@ -1,7 +1,9 @@
 use foxhunt_core::{
     Estimate, Estimator, MeasurementModel, Pose, RandomWalk, State, nalgebra::Vector2,
 };
-use foxhunt_filters::{Ekf, ParticleFilter, Ukf};
+use foxhunt_filters::{
+    Ckf, Ekf, GridConfig, GridFilter, Handover, Iterations, ParticleFilter, Ukf,
+};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -98,7 +100,7 @@ fn every_estimator_is_consistent_where_the_model_is_nearly_linear() {
 }
 
 #[test]
-fn particles_are_consistent_where_a_gaussian_is_not() {
+fn particles_and_cells_are_consistent_where_a_gaussian_is_not() {
     // E[NEES] = 2 for the exact posterior whatever its shape, but it is not χ²: the band is the
     // sample's own, 3.3 standard errors for a false alarm in 1000.
     let mean_and_error = |normalised: &[[f64; 2]]| {
@@ -109,7 +111,31 @@ fn particles_are_consistent_where_a_gaussian_is_not() {
     };
     let (cloud, error) = mean_and_error(&normalised(&WILD, particles));
     assert!((cloud - 2.0).abs() < 3.3 * error, "ANEES {cloud:.3} ± {error:.3}");
+    let (grid, error) = mean_and_error(&normalised(&WILD, |f, h, prior, _| {
+        GridFilter::new(f, h, prior, GridConfig::default()).expect("a proper prior")
+    }));
+    assert!((grid - 2.0).abs() < 3.3 * error, "grid: ANEES {grid:.3} ± {error:.3}");
     let ekf = normalised(&WILD, |f, h, prior, _| Ekf::new(f, h, prior).expect("a proper prior"));
     let (linearised, _) = mean_and_error(&ekf);
     assert!(linearised > 2.5, "ANEES {linearised:.3}: this problem is too easy to tell");
+}
+
+#[test]
+fn a_start_on_a_grid_repairs_what_a_wide_prior_costs() {
+    // A prior four times as wide as the flight is.
+    let far = Hunt { prior_sigma: 35.0, ..WILD };
+    let iterations = Iterations::at_most(10).expect("at least one");
+    let average =
+        |normalised: &[[f64; 2]]| normalised.iter().map(|v| v[0]).sum::<f64>() / f64::from(RUNS);
+    let alone = average(&normalised(&far, |f, h, prior, _| {
+        Ckf::new(f, h, prior).expect("a proper prior").with_iterations(iterations)
+    }));
+    let started = average(&normalised(&far, |f, h, prior, _| {
+        let grid = GridFilter::new(f, h, prior, GridConfig::default()).expect("a proper prior");
+        Handover::new(grid, 8, move |first| Ok(Ckf::new(f, h, first)?.with_iterations(iterations)))
+    }));
+    // 6 standard errors of a χ²'s mean; what is left of the excess is linearisation after the
+    // start.
+    assert!(started < 2.0 + 6.0 * 2.0 / f64::from(RUNS).sqrt(), "ANEES {started:.3}");
+    assert!(alone > 1.2 * started, "ANEES {alone:.3} against {started:.3}");
 }

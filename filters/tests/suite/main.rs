@@ -2,6 +2,7 @@
 
 mod consistency;
 mod edges;
+mod grid;
 mod iterated;
 mod laws;
 mod linear;
