@@ -6,6 +6,9 @@
 //! | [`Ukf`] | Gaussian, quadratic about its mean | `expected`, `residual` | never |
 //! | [`Ckf`] | Gaussian, exact to degree 3 | `expected`, `residual` | never |
 //! | [`ParticleFilter`] | weighted cloud | `log_likelihoods`, `expected`, `residual` | once, when it is made |
+//! | [`Bank`] | weighted sum of other estimators' | what they need | with its components |
+//! | [`GaussianSum`] | sum of Gaussians, split and merged | what its Kalman filters need | in every step |
+//! | [`Imm`] | a Gaussian for each mode of motion | what its estimators need | in every step |
 //!
 //! The first three are one struct, [`Kalman`], over the one thing that tells them apart: how a
 //! Gaussian goes through a map, a [`Transform`]. What is kept out is a [`Gate`]'s business; with
@@ -14,7 +17,7 @@
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
 //!
-//! The particle filter and the grid need the feature `alloc`; the rest runs without an allocator.
+//! The particle filter, the mixtures and the grid need the feature `alloc`; the rest runs without an allocator.
 
 #![no_std]
 
@@ -25,6 +28,8 @@ mod count;
 mod gaussian;
 mod kalman;
 #[cfg(feature = "alloc")]
+mod mixture;
+#[cfg(feature = "alloc")]
 mod particle;
 #[cfg(feature = "alloc")]
 mod shadowing_grid;
@@ -33,6 +38,11 @@ mod triangle;
 
 pub use gaussian::Gaussian;
 pub use kalman::{Ckf, Ekf, Gate, GateLimit, Innovation, Iterations, Kalman, Ukf};
+#[cfg(feature = "alloc")]
+pub use mixture::{
+    Bank, GaussianSum, Imm, InnovationOf, RangeParameterised, Reinitialise, Transition,
+    polar_moments, split,
+};
 #[cfg(feature = "alloc")]
 pub use particle::{ParticleFilter, Resampling};
 #[cfg(feature = "alloc")]
