@@ -55,7 +55,6 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
             Event::BeaconStarted { beacon, name, prior, .. } => {
                 let seed = beacon_seed(log.header.seed, *beacon);
                 let estimator = config
-                    .filter
                     .build(model, prior, seed)
                     .map_err(|source| ReplayError::Estimator { beacon: name.clone(), source })?;
                 track = Some(Track::new(estimator, config.track));

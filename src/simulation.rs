@@ -88,7 +88,7 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
     let estimators = |prior: &Estimate<2>| {
         let seed = beacon_seed(seed, BeaconId(next_beacon));
         next_beacon += 1;
-        estimator.config.filter.build(model, prior, seed)
+        estimator.config.build(model, prior, seed)
     };
     let mut hunt = Hunt::<_, _, _, _, 2, 2>::new(
         scenario.extractor.build(),

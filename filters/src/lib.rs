@@ -27,6 +27,7 @@ extern crate alloc;
 mod count;
 mod gaussian;
 mod kalman;
+mod leading;
 #[cfg(feature = "alloc")]
 mod mixture;
 #[cfg(feature = "alloc")]
@@ -38,6 +39,7 @@ mod triangle;
 
 pub use gaussian::Gaussian;
 pub use kalman::{Ckf, Ekf, Gate, GateLimit, Innovation, Iterations, Kalman, Ukf};
+pub use leading::Leading;
 #[cfg(feature = "alloc")]
 pub use mixture::{
     Bank, GaussianSum, Imm, InnovationOf, RangeParameterised, Reinitialise, Transition,

@@ -1,17 +1,94 @@
+use foxhunt_core::{Estimate, Estimator, EstimatorError, RandomWalk, State};
+use foxhunt_filters::Leading;
+use foxhunt_sensors::{FreePowerRssBearing, LogDistance, RssBearing};
 use serde::{Deserialize, Serialize};
 
 use super::{FilterConfig, GateConfig};
 use crate::hunt::TrackConfig;
 
-/// An estimator: a filter, and how receptions are put to it.
+/// An estimator: a filter, what it takes for known, and how receptions are put to it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EstimatorConfig {
     /// The filter.
     pub filter: FilterConfig,
+    /// The random walk of the beacon's East and North: metres per √second, or per step where a
+    /// prediction counts steps.
+    pub drift: f64,
+    /// σ of each coordinate of a beacon's place before anything was heard, in metres, where the
+    /// estimator has its own; the hunt's where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior_sigma_m: Option<f64>,
+    /// σ in dB of the model's reference power, which is then found along with the place; known
+    /// where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub power_sigma_db: Option<f64>,
     /// How receptions are put to it; everything as it was read unless given.
     #[serde(default)]
     pub track: TrackConfig,
+}
+
+/// The random walk of an unknown reference power in dB per √second: enough that a particle filter
+/// does not freeze on its first draws.
+const POWER_DRIFT: f64 = 0.02;
+
+impl EstimatorConfig {
+    /// Builds the estimator of a beacon's place from the law of propagation and the hunt's prior;
+    /// `seed` is for filters that draw random numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError`] when the prior or a parameter does not make one.
+    pub fn build(
+        &self,
+        model: RssBearing<LogDistance>,
+        prior: &Estimate<2>,
+        seed: u64,
+    ) -> Result<Box<dyn Estimator<2, 2>>, EstimatorError> {
+        let prior = match self.prior_sigma_m {
+            Some(sigma) => Estimate::isotropic(prior.mean, positive("prior_sigma_m", sigma)?),
+            None => *prior,
+        };
+        let Some(power_sigma_db) = self.power_sigma_db else {
+            return self.filter.build(self.walk()?, model, &prior, seed);
+        };
+        let sigma = positive("power_sigma_db", power_sigma_db)?;
+        let prior = with_power(&prior, model.propagation().reference_dbm(), sigma);
+        let filter =
+            self.filter.build(self.walk()?, FreePowerRssBearing::from(model), &prior, seed)?;
+        Ok(Box::new(Leading::new(filter)))
+    }
+
+    /// The random walk of East, North and what stands behind them in the state, such as a
+    /// reference power.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when the drift is negative or not finite.
+    pub fn walk<const N: usize>(&self) -> Result<RandomWalk<N>, EstimatorError> {
+        let value = self.drift;
+        if !(value >= 0.0 && value.is_finite()) {
+            let (name, requirement) = ("drift", "a non-negative number");
+            return Err(EstimatorError::Parameter { name, value, requirement });
+        }
+        let drift = State::from_fn(|row, _| if row < 2 { value } else { POWER_DRIFT });
+        Ok(RandomWalk { drift })
+    }
+}
+
+fn positive(name: &'static str, value: f64) -> Result<f64, EstimatorError> {
+    if value > 0.0 && value.is_finite() {
+        Ok(value)
+    } else {
+        Err(EstimatorError::Parameter { name, value, requirement: "a positive number" })
+    }
+}
+
+/// A place and, independent of it, a reference power in dBm.
+pub(crate) fn with_power(place: &Estimate<2>, reference_dbm: f64, sigma_db: f64) -> Estimate<3> {
+    let mut prior = Estimate::isotropic(place.mean.push(reference_dbm), sigma_db);
+    prior.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&place.covariance);
+    prior
 }
 
 /// An estimator that the program knows by name.
@@ -35,6 +112,9 @@ const STILL: f64 = 0.02;
 /// (Pritzl 2018, §4.4).
 const PRITZL_DRIFT: f64 = 0.1957;
 
+/// √70 m, the root of the reference's prior variance (Pritzl 2018, §4.4).
+const PRITZL_PRIOR_SIGMA_M: f64 = 8.366_600_265_340_756;
+
 /// Enough for what follows to change an iterated update by less than the filter's own tolerance;
 /// most end after 3 to 6.
 const ITERATIONS: u32 = 10;
@@ -44,49 +124,56 @@ const PRITZL_VARIANCE_DRIFT: f64 = 0.442_402_531_638_326;
 
 /// Every estimator that has a name.
 #[must_use]
-pub fn estimators() -> [NamedEstimator; 9] {
+pub fn estimators() -> Vec<NamedEstimator> {
     let gate = GateConfig::Probability(0.999);
-    let as_read = |filter| EstimatorConfig { filter, track: TrackConfig::default() };
-    let pritzl = |filter| EstimatorConfig { filter, track: TrackConfig::pritzl2018() };
-    let pritzl_ukf = |drift| {
-        pritzl(FilterConfig::Ukf {
-            drift,
-            gate: GateConfig::Pritzl2018,
-            alpha: 0.001,
-            beta: 2.0,
-            kappa: 1.0,
-            iterations: 1,
-        })
+    let as_read = |filter| EstimatorConfig {
+        filter,
+        drift: STILL,
+        prior_sigma_m: None,
+        power_sigma_db: None,
+        track: TrackConfig::default(),
     };
-    [
+    let pritzl = |drift, filter| EstimatorConfig {
+        filter,
+        drift,
+        prior_sigma_m: Some(PRITZL_PRIOR_SIGMA_M),
+        power_sigma_db: None,
+        track: TrackConfig::pritzl2018(),
+    };
+    let pritzl_ukf = FilterConfig::Ukf {
+        gate: GateConfig::Pritzl2018,
+        alpha: 0.001,
+        beta: 2.0,
+        kappa: 1.0,
+        iterations: 1,
+    };
+    vec![
         NamedEstimator {
             name: "ukf-pritzl2018",
             about: "the reference system's unscented Kalman filter with its gate and its σ of the level",
             source: "Pritzl 2018, §4.4",
-            config: pritzl_ukf(PRITZL_DRIFT),
+            config: pritzl(PRITZL_DRIFT, pritzl_ukf),
         },
         NamedEstimator {
             name: "ekf-pritzl2018",
             about: "the extended Kalman filter that the reference system was compared with",
             source: "Pritzl 2018, §4.4 and §6",
-            config: pritzl(FilterConfig::Ekf {
-                drift: PRITZL_DRIFT,
-                gate: GateConfig::Pritzl2018,
-                iterations: 1,
-            }),
+            config: pritzl(
+                PRITZL_DRIFT,
+                FilterConfig::Ekf { gate: GateConfig::Pritzl2018, iterations: 1 },
+            ),
         },
         NamedEstimator {
             name: "ukf-pritzl2018-variance",
             about: "the same as ukf-pritzl2018 with the printed 0.19572 m² read as the variance",
             source: "Pritzl 2018, §4.4",
-            config: pritzl_ukf(PRITZL_VARIANCE_DRIFT),
+            config: pritzl(PRITZL_VARIANCE_DRIFT, pritzl_ukf),
         },
         NamedEstimator {
             name: "ukf",
             about: "unscented Kalman filter, sigma points at √2 standard deviations, χ² gate",
             source: "Julier & Uhlmann 2004; Wan & van der Merwe 2000",
             config: as_read(FilterConfig::Ukf {
-                drift: STILL,
                 gate,
                 alpha: 1.0,
                 beta: 2.0,
@@ -98,31 +185,31 @@ pub fn estimators() -> [NamedEstimator; 9] {
             name: "ekf",
             about: "extended Kalman filter, χ² gate",
             source: "Bar-Shalom, Li & Kirubarajan 2001, §10.3",
-            config: as_read(FilterConfig::Ekf { drift: STILL, gate, iterations: 1 }),
+            config: as_read(FilterConfig::Ekf { gate, iterations: 1 }),
         },
         NamedEstimator {
             name: "ekf-iterated",
             about: "extended Kalman filter linearised up to 10 times about its posterior, χ² gate",
             source: "Bell & Cathey 1993",
-            config: as_read(FilterConfig::Ekf { drift: STILL, gate, iterations: ITERATIONS }),
+            config: as_read(FilterConfig::Ekf { gate, iterations: ITERATIONS }),
         },
         NamedEstimator {
             name: "cubature",
             about: "cubature Kalman filter, χ² gate",
             source: "Arasaratnam & Haykin 2009",
-            config: as_read(FilterConfig::Cubature { drift: STILL, gate, iterations: 1 }),
+            config: as_read(FilterConfig::Cubature { gate, iterations: 1 }),
         },
         NamedEstimator {
             name: "iterated-posterior-linearisation",
             about: "cubature points redrawn up to 10 times from the posterior, damped, χ² gate",
             source: "García-Fernández, Svensson, Morelande & Särkkä 2015; Raitoharju et al. 2018",
-            config: as_read(FilterConfig::Cubature { drift: STILL, gate, iterations: ITERATIONS }),
+            config: as_read(FilterConfig::Cubature { gate, iterations: ITERATIONS }),
         },
         NamedEstimator {
             name: "particle",
             about: "particle filter, 5000 particles, regularised systematic resampling",
             source: "Gordon, Salmond & Smith 1993; Liu & West 2001",
-            config: as_read(FilterConfig::Particle { drift: STILL, count: 5000 }),
+            config: as_read(FilterConfig::Particle { count: 5000 }),
         },
     ]
 }

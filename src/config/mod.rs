@@ -6,6 +6,7 @@ mod filter;
 mod model;
 mod planner;
 
+pub(crate) use estimator::with_power;
 pub use estimator::{EstimatorConfig, NamedEstimator, estimator_named, estimators};
 pub use extractor::ExtractorConfig;
 pub(crate) use filter::beacon_seed;

@@ -1,9 +1,12 @@
 use foxhunt_core::{Correction, Estimate, Estimator, MeasurementModel, Observation};
 use foxhunt_sensors::{FreePowerRssBearing, LogDistance, Propagation, RssBearing};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector2;
 
 use super::{LocateConfig, LocateError, Located, Power};
-use crate::{config::EstimatorConfig, hunt::TimeStep};
+use crate::{
+    config::{EstimatorConfig, with_power},
+    hunt::TimeStep,
+};
 
 /// The exponent where neither it nor the reference power is known: between free space and
 /// clutter (the median of the VHF recordings that the project is tested on).
@@ -29,11 +32,7 @@ pub(super) fn locate(
             let model =
                 FreePowerRssBearing::new(FREE_EXPONENT)?.with_target_up(config.target_up_m)?;
             let power = reference_power(observations, &area, config.target_up_m)?;
-            let mut prior = Estimate::<3>::isotropic(
-                Vector3::new(area.mean.x, area.mean.y, power),
-                FREE_POWER_SIGMA_DB,
-            );
-            prior.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&area.covariance);
+            let prior = with_power(&area, power, FREE_POWER_SIGMA_DB);
             fuse(observations, estimator, model, &prior, config.seed)
         }
     }
@@ -47,9 +46,12 @@ fn fuse<H, const N: usize>(
     seed: u64,
 ) -> Result<Located, LocateError>
 where
-    H: MeasurementModel<N, 2> + 'static,
+    H: MeasurementModel<N, 2> + Clone + 'static,
 {
-    let mut estimator = config.filter.build(model, prior, seed).map_err(LocateError::Start)?;
+    let mut estimator = config
+        .walk()
+        .and_then(|walk| config.filter.build(walk, model, prior, seed))
+        .map_err(LocateError::Start)?;
     let (mut used, mut rejected) = (0, 0);
     let mut time = None;
     let mut in_time: Vec<(usize, &Observation<2>)> = observations.iter().enumerate().collect();

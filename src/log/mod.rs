@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::{EstimatorConfig, ModelConfig};
 
 /// The version of the log that this program writes and reads.
-pub const LOG_VERSION: u32 = 1;
+pub const LOG_VERSION: u32 = 2;
 
 /// The first line of a log: how the estimates came about.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

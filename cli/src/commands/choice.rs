@@ -11,13 +11,14 @@ use crate::error::{CliError, InFile};
 
 /// Takes the name of an estimator; what is unknown is refused with the names that are known.
 pub(super) fn estimator_parser() -> PossibleValuesParser {
-    PossibleValuesParser::new(estimators().map(|known| known.name))
+    PossibleValuesParser::new(estimators().into_iter().map(|known| known.name))
 }
 
 /// The estimator of a name that the command line or a file holds; `place` says where it stands.
 pub(super) fn estimator(name: &str, place: &str) -> Result<NamedEstimator, CliError> {
     estimator_named(name).ok_or_else(|| {
-        let known = estimators().map(|known| known.name).join(", ");
+        let known: Vec<_> = estimators().into_iter().map(|known| known.name).collect();
+        let known = known.join(", ");
         CliError::input(format!("{place} is {name:?}, no estimator; those are {known}"))
     })
 }

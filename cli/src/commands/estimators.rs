@@ -1,4 +1,4 @@
-use foxhunt::config::estimators;
+use foxhunt::config::{NamedEstimator, estimators};
 use serde::Serialize;
 
 use crate::{error::CliError, output::Output, table::list};
@@ -19,7 +19,8 @@ struct Listed {
 }
 
 pub(crate) fn run(_: &Args, output: Output) -> Result<(), CliError> {
-    let listed = estimators().map(|e| Listed { name: e.name, about: e.about, source: e.source });
+    let row = |e: NamedEstimator| Listed { name: e.name, about: e.about, source: e.source };
+    let listed: Vec<_> = estimators().into_iter().map(row).collect();
     output.result(&listed, |listed| {
         let mut estimators = list(&["estimator", "what it is", "source"]);
         for e in listed {

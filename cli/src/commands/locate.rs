@@ -62,8 +62,8 @@ pub(crate) struct Args {
 }
 
 fn estimator_parser() -> PossibleValuesParser {
-    let recursive = estimators().map(|known| known.name);
-    PossibleValuesParser::new(recursive.into_iter().chain([LocateEstimator::SHADOWING_GRID]))
+    let recursive = estimators().into_iter().map(|known| known.name);
+    PossibleValuesParser::new(recursive.chain([LocateEstimator::SHADOWING_GRID]))
 }
 
 /// A place that was found, as JSON has it.

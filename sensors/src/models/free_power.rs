@@ -1,7 +1,7 @@
 use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, State};
 use nalgebra::{SMatrix, Vector2};
 
-use super::{Sight, rss_bearing_log_likelihoods};
+use super::{RssBearing, Sight, rss_bearing_log_likelihoods};
 use crate::{LogDistance, ParameterError, Propagation, parameter};
 
 /// Signal strength and bearing of a transmitter whose power nobody calibrated: the last state
@@ -33,6 +33,14 @@ impl FreePowerRssBearing {
     /// When the height is not finite.
     pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
         Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
+    }
+}
+
+/// The same law with its reference power forgotten.
+impl From<RssBearing<LogDistance>> for FreePowerRssBearing {
+    fn from(known: RssBearing<LogDistance>) -> Self {
+        let loss = known.propagation().without_reference();
+        Self { loss, target_up: known.target_up() }
     }
 }
 

@@ -36,6 +36,12 @@ impl<P: Propagation> RssBearing<P> {
     pub fn propagation(&self) -> &P {
         &self.propagation
     }
+
+    /// How high above the ground the target is taken to be, in metres.
+    #[must_use]
+    pub fn target_up(&self) -> f64 {
+        self.target_up
+    }
 }
 
 impl<P: Propagation, const N: usize> MeasurementModel<N, 2> for RssBearing<P> {

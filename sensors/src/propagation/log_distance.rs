@@ -63,6 +63,11 @@ impl LogDistance {
     pub fn exponent(&self) -> f64 {
         self.exponent
     }
+
+    /// The same with P₀ = 0: the loss alone.
+    pub(crate) fn without_reference(self) -> Self {
+        Self { reference_dbm: 0.0, ..self }
+    }
 }
 
 impl Propagation for LogDistance {
