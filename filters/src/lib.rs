@@ -43,7 +43,7 @@ pub use leading::Leading;
 #[cfg(feature = "alloc")]
 pub use mixture::{
     Bank, GaussianSum, Imm, InnovationOf, RangeParameterised, Reinitialise, Transition,
-    polar_moments, split,
+    polar_moments, split, split_standard_normal,
 };
 #[cfg(feature = "alloc")]
 pub use particle::{ParticleFilter, Resampling};

@@ -19,5 +19,5 @@ pub use imm::Imm;
 pub use polar::polar_moments;
 pub use range::RangeParameterised;
 pub use reinitialise::Reinitialise;
-pub use split::split;
+pub use split::{split, split_standard_normal};
 pub use transition::Transition;

@@ -52,16 +52,12 @@ pub(super) fn split_along<const N: usize>(
     direction: &Vector2<f64>,
     parts: usize,
 ) -> Result<Vec<(f64, Estimate<N>)>, EstimatorError> {
-    if !(1..=MOST).contains(&parts) {
-        let (name, value, requirement) = ("parts", number(parts), "in 1..=64");
-        return Err(EstimatorError::Parameter { name, value, requirement });
-    }
     let mut along = State::<N>::zeros();
     along.fixed_rows_mut::<2>(0).copy_from(direction);
     // x given eᵀx is shifted by P e / √(eᵀ P e) for each standard deviation of eᵀx.
     let cross = estimate.covariance * along;
     let shift = cross / libm::sqrt(along.dot(&cross));
-    let (spread, nodes) = unit_parts(parts);
+    let (spread, nodes) = split_standard_normal(parts)?;
     let narrowed: Covariance<N> = shift * (shift * (1.0 - spread * spread)).transpose();
     let mut covariance = estimate.covariance - narrowed;
     covariance.fill_upper_triangle_with_lower_triangle();
@@ -71,7 +67,20 @@ pub(super) fn split_along<const N: usize>(
     Ok(nodes.into_iter().map(part).collect())
 }
 
-/// The common standard deviation of N(0, 1)'s parts, and their weights and means.
+/// N(0, 1) as narrower Gaussians side by side, as [`split`] uses them: their common standard
+/// deviation, and their weights and means.
+///
+/// # Errors
+///
+/// [`EstimatorError::Parameter`] when the number of parts is not in 1..=64.
+pub fn split_standard_normal(parts: usize) -> Result<(f64, Vec<(f64, f64)>), EstimatorError> {
+    if !(1..=MOST).contains(&parts) {
+        let (name, value, requirement) = ("parts", number(parts), "in 1..=64");
+        return Err(EstimatorError::Parameter { name, value, requirement });
+    }
+    Ok(unit_parts(parts))
+}
+
 fn unit_parts(parts: usize) -> (f64, Vec<(f64, f64)>) {
     // Two of even weight that are 6.5 / 4.5 apart would have too much variance: each takes half of it.
     let half = core::f64::consts::FRAC_1_SQRT_2;
