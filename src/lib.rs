@@ -54,6 +54,7 @@ pub mod replay;
 pub mod report;
 pub mod scenario;
 pub mod simulation;
+pub mod trial;
 
 pub use foxhunt_core as core;
 pub use foxhunt_filters as filters;

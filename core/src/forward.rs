@@ -1,4 +1,5 @@
-//! The traits through `&mut T` and `Box<T>`; the models, which are only read, through `&T`.
+//! The traits through `&mut T` and `Box<T>`; the models, which are only read, through `&T`
+//! and `Arc<T>`.
 #![deny(
     clippy::missing_trait_methods,
     reason = "a provided method left out would lose its override"
@@ -149,5 +150,7 @@ macro_rules! forward_shared {
 }
 
 forward_shared!(&T);
+#[cfg(all(feature = "alloc", target_has_atomic = "ptr"))]
+forward_shared!(alloc::sync::Arc<T>);
 #[cfg(feature = "alloc")]
 forward_shared!(alloc::boxed::Box<T>);

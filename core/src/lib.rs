@@ -55,7 +55,7 @@ pub use estimate::{Covariance, Ellipse, Estimate, State};
 pub use estimator::{Correction, Estimator, EstimatorError, Role};
 pub use extractor::{Bearing, BearingExtractor, NoBearing, NoReading, Reading};
 pub use measurement::{MeasurementModel, gaussian_log_likelihood, numeric_jacobian};
-pub use motion::{ConstantVelocity, MotionModel, RandomWalk};
+pub use motion::{ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk};
 pub use observation::{Observation, ObservationError};
 pub use pattern::{PatternSource, Sample, Sweep};
 pub use planner::{

@@ -7,6 +7,9 @@
 //! | [`Ckf`] | Gaussian, exact to degree 3 | `expected`, `residual` | never |
 //! | [`GridFilter`] | mass of cells over an area | `log_likelihoods`, or `expected` and `jacobian` | as the cells follow the belief |
 //! | [`ParticleFilter`] | weighted cloud | `log_likelihoods`, `expected`, `residual` | once, when it is made |
+//! | [`Bank`] | weighted sum of other estimators' | what they need | with its components |
+//! | [`GaussianSum`] | sum of Gaussians, split and merged | what its Kalman filters need | in every step |
+//! | [`Imm`] | a Gaussian for each mode of motion | what its estimators need | in every step |
 //!
 //! The first three are one struct, [`Kalman`], over the one thing that tells them apart: how a
 //! Gaussian goes through a map, a [`Transform`]. What is kept out is a [`Gate`]'s business; with
@@ -18,7 +21,7 @@
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
 //!
-//! The particle filter and the grid need the feature `alloc`; the rest runs without an allocator.
+//! The particle filter, the mixtures and the grid need the feature `alloc`; the rest runs without an allocator.
 
 #![no_std]
 
@@ -32,6 +35,8 @@ mod grid;
 mod handover;
 mod kalman;
 mod leading;
+#[cfg(feature = "alloc")]
+mod mixture;
 #[cfg(feature = "alloc")]
 mod nis;
 #[cfg(feature = "alloc")]
@@ -47,6 +52,11 @@ pub use grid::{GridConfig, GridFilter, NoiseScales};
 pub use handover::Handover;
 pub use kalman::{Ckf, Ekf, Gate, GateLimit, Innovation, Iterations, Kalman, Ukf};
 pub use leading::Leading;
+#[cfg(feature = "alloc")]
+pub use mixture::{
+    Bank, GaussianSum, Imm, InnovationOf, RangeParameterised, Reinitialise, Transition,
+    polar_moments, split, split_standard_normal,
+};
 #[cfg(feature = "alloc")]
 pub use particle::{ParticleFilter, Resampling};
 #[cfg(feature = "alloc")]

@@ -3,5 +3,8 @@
 mod run;
 mod statistics;
 
-pub use run::{BeaconCampaign, CampaignError, CampaignReport, EstimatorCampaign, campaign};
+pub(crate) use run::Sample;
+pub use run::{
+    BeaconCampaign, CampaignError, CampaignReport, Checkpoint, EstimatorCampaign, campaign,
+};
 pub use statistics::{Spread, StepSpread, average_interval};

@@ -54,6 +54,81 @@ pub struct BeaconCampaign {
     /// Runs without a fix: nothing heard, not over in time, or an estimate without a positive
     /// definite covariance.
     pub failed: u32,
+    /// The root mean square of a bound on the error of any estimator, such as the posterior
+    /// Cramér-Rao bound, at the end; where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bound_m: Option<f64>,
+    /// The root mean square error over the whole track, not only at its end; where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub track_rms_m: Option<f64>,
+    /// The errors on the way, where the scenario asks for them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub checkpoints: Vec<Checkpoint>,
+}
+
+/// The errors after some of the measurements.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Checkpoint {
+    /// After how many.
+    pub measurements: u32,
+    /// From the estimate to the truth; absent when every run failed, like what follows.
+    pub error_m: Option<Spread>,
+    /// The average normalised estimation error squared; 2 for a consistent estimator.
+    pub anees: Option<f64>,
+    /// The root mean square of a bound on the error of any estimator, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bound_m: Option<f64>,
+}
+
+/// What one run says of one beacon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sample {
+    pub(crate) error_m: f64,
+    pub(crate) nees: f64,
+    pub(crate) steps: u32,
+    pub(crate) nis_sum: f64,
+    pub(crate) nis_count: u32,
+}
+
+impl BeaconCampaign {
+    /// The statistics of what the good ones of `total` runs say, without checkpoints and bounds.
+    pub(crate) fn of(name: &str, good: &[Sample], total: u32) -> Self {
+        let column = |value: fn(&Sample) -> f64| -> Vec<f64> { good.iter().map(value).collect() };
+        let count = u32::try_from(good.len()).unwrap_or(u32::MAX);
+        let inside = good.iter().filter(|sample| sample.nees <= NEES_95).count();
+        let innovations = good.iter().map(|sample| sample.nis_count).sum();
+        Self {
+            name: name.to_owned(),
+            error_m: Spread::of(&column(|sample| sample.error_m)),
+            steps: StepSpread::of(&column(|sample| f64::from(sample.steps))),
+            anees: average(good.iter().map(|sample| sample.nees).sum(), count),
+            anees_interval: average_interval(2.0, count),
+            coverage_95: average(f64::from(u32::try_from(inside).unwrap_or(u32::MAX)), count),
+            anis: average(good.iter().map(|sample| sample.nis_sum).sum(), innovations),
+            failed: total - count,
+            bound_m: None,
+            track_rms_m: None,
+            checkpoints: Vec::new(),
+        }
+    }
+}
+
+impl Checkpoint {
+    /// The statistics of what the good runs say after so many measurements, without a bound.
+    pub(crate) fn of(measurements: u32, good: &[Sample]) -> Self {
+        let errors: Vec<f64> = good.iter().map(|sample| sample.error_m).collect();
+        let count = u32::try_from(good.len()).unwrap_or(u32::MAX);
+        Self {
+            measurements,
+            error_m: Spread::of(&errors),
+            anees: average(good.iter().map(|sample| sample.nees).sum(), count),
+            bound_m: None,
+        }
+    }
+}
+
+fn average(sum: f64, count: u32) -> Option<f64> {
+    (count > 0).then(|| sum / f64::from(count))
 }
 
 /// Flies a scenario `runs` times with each estimator on `jobs` threads. Run i has the seed
@@ -136,32 +211,21 @@ fn fly(
 }
 
 fn summarise(scenario: &Scenario, runs: &[Vec<BeaconRun>]) -> Vec<BeaconCampaign> {
-    let beacon = |(index, beacon): (usize, &foxhunt_sim::BeaconConfig)| {
-        let good: Vec<(&BeaconRun, f64)> = runs
-            .iter()
-            .filter_map(|run| run.get(index))
-            .filter(|run| run.found.fix.outcome != Outcome::NothingHeard)
-            .filter_map(|run| Some((run, run.found.nees()?)))
-            .filter(|(run, nees)| nees.is_finite() && run.found.error_m().is_finite())
-            .collect();
-        let column = |value: &dyn Fn(&BeaconRun) -> f64| -> Vec<f64> {
-            good.iter().map(|(run, _)| value(run)).collect()
+    let sample = |run: &BeaconRun| {
+        let sample = Sample {
+            error_m: run.found.error_m(),
+            nees: run.found.nees()?,
+            steps: run.found.fix.steps,
+            nis_sum: run.nis_sum,
+            nis_count: run.nis_count,
         };
-        let count = u32::try_from(good.len()).unwrap_or(u32::MAX);
-        let total = u32::try_from(runs.len()).unwrap_or(u32::MAX);
-        let average = |sum: f64, count: u32| (count > 0).then(|| sum / f64::from(count));
-        let inside = good.iter().filter(|(_, nees)| *nees <= NEES_95).count();
-        let innovations = good.iter().map(|(run, _)| run.nis_count).sum();
-        BeaconCampaign {
-            name: beacon.name.clone(),
-            error_m: Spread::of(&column(&|run| run.found.error_m())),
-            steps: StepSpread::of(&column(&|run| f64::from(run.found.fix.steps))),
-            anees: average(good.iter().map(|(_, nees)| nees).sum(), count),
-            anees_interval: average_interval(2.0, count),
-            coverage_95: average(f64::from(u32::try_from(inside).unwrap_or(u32::MAX)), count),
-            anis: average(good.iter().map(|(run, _)| run.nis_sum).sum(), innovations),
-            failed: total - count,
-        }
+        let heard = run.found.fix.outcome != Outcome::NothingHeard;
+        (heard && sample.nees.is_finite() && sample.error_m.is_finite()).then_some(sample)
+    };
+    let total = u32::try_from(runs.len()).unwrap_or(u32::MAX);
+    let beacon = |(index, beacon): (usize, &foxhunt_sim::BeaconConfig)| {
+        let good: Vec<Sample> = runs.iter().filter_map(|run| sample(run.get(index)?)).collect();
+        BeaconCampaign::of(&beacon.name, &good, total)
     };
     scenario.world.beacons.iter().enumerate().map(beacon).collect()
 }

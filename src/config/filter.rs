@@ -78,7 +78,7 @@ pub enum GateConfig {
 }
 
 impl GateConfig {
-    fn build(self) -> Result<Gate, EstimatorError> {
+    pub(crate) fn build(self) -> Result<Gate, EstimatorError> {
         match self {
             Self::Open => Ok(Gate::open()),
             Self::Probability(probability) => Gate::probability(probability),

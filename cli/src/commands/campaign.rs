@@ -5,6 +5,7 @@ use foxhunt::{
     campaign::{BeaconCampaign, CampaignError, CampaignReport, campaign},
     config::NamedEstimator,
     scenario::{DEFAULT_SCENARIO, Scenario},
+    trial::{Trial, trial_campaign},
 };
 
 use super::choice;
@@ -20,6 +21,9 @@ use crate::{
 /// Flies the same scenario again and again, each run with the next seed, with each estimator on
 /// the same runs. Tells how the errors are spread, how many steps a fix takes, and whether the
 /// estimators know how good they are. The result does not depend on the number of jobs.
+///
+/// A trial is a scenario without a flight: bearings on a target of known course are drawn from a
+/// stated density, and the errors are told at checkpoints, too.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt campaign --runs 100\n  \
                         foxhunt campaign pritzl-6.1 --runs 1000 --estimator ukf-pritzl2018 \
@@ -38,17 +42,20 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
     /// An estimator, again for each more; the scenario's own unless given
-    #[arg(long, value_name = "NAME", value_parser = choice::estimator_parser())]
+    #[arg(long, value_name = "NAME", value_parser = choice::any_estimator_parser())]
     estimator: Vec<String>,
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
-    let scenario = choice::scenario(&args.scenario)?;
-    let estimators = estimators(args, &scenario)?;
     let jobs = match args.jobs {
         Some(jobs) => usize::from(jobs),
         None => available_parallelism().map_or(1, usize::from),
     };
+    if let Some(trial) = choice::trial(&args.scenario)? {
+        return run_trial(args, &trial, jobs, output);
+    }
+    let scenario = choice::scenario(&args.scenario)?;
+    let estimators = estimators(args, &scenario)?;
     let hunts = u64::from(args.runs) * u64::try_from(estimators.len()).unwrap_or(u64::MAX);
     let progress = Progress::new("hunts", hunts);
     let report = campaign(&scenario, &estimators, args.runs, args.seed, jobs, &|| progress.step());
@@ -60,18 +67,39 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     output.result(&report, tables)
 }
 
-/// The estimators that were asked for, or else the scenario's own.
-fn estimators(args: &Args, scenario: &Scenario) -> Result<Vec<NamedEstimator>, CliError> {
-    if args.estimator.is_empty() {
-        return Ok(vec![choice::estimator_of(None, scenario, &args.scenario)?]);
-    }
+fn run_trial(args: &Args, trial: &Trial, jobs: usize, output: Output) -> Result<(), CliError> {
+    let estimators = if args.estimator.is_empty() {
+        let place = format!("{}: estimator", args.scenario);
+        vec![choice::trial_estimator(&trial.estimator, &place)?]
+    } else {
+        let named = |name| choice::trial_estimator(name, "--estimator");
+        asked(args).into_iter().map(named).collect::<Result<_, _>>()?
+    };
+    let runs = u64::from(args.runs) * u64::try_from(estimators.len()).unwrap_or(u64::MAX);
+    let progress = Progress::new("runs", runs);
+    let report =
+        trial_campaign(trial, &estimators, args.runs, args.seed, jobs, &|| progress.step());
+    progress.finish();
+    output.result(&report.map_err(choice::trial_error)?, tables)
+}
+
+/// The names that were asked for, each once.
+fn asked(args: &Args) -> Vec<&str> {
     let mut names: Vec<&str> = Vec::new();
     for name in &args.estimator {
         if !names.contains(&name.as_str()) {
             names.push(name);
         }
     }
-    names.into_iter().map(|name| choice::estimator(name, "--estimator")).collect()
+    names
+}
+
+/// The estimators that were asked for, or else the scenario's own.
+fn estimators(args: &Args, scenario: &Scenario) -> Result<Vec<NamedEstimator>, CliError> {
+    if args.estimator.is_empty() {
+        return Ok(vec![choice::estimator_of(None, scenario, &args.scenario)?]);
+    }
+    asked(args).into_iter().map(|name| choice::estimator(name, "--estimator")).collect()
 }
 
 /// What the columns mean, for those who read the tables the first time.
@@ -107,9 +135,33 @@ fn tables(report: &CampaignReport) -> String {
             }
         }
         lines.push(beacons.to_string());
+        lines.extend(checkpoints(report, index));
     }
     lines.push(LEGEND.to_owned());
     lines.join("\n")
+}
+
+/// The root mean square errors on the way, where the scenario asks for them.
+fn checkpoints(report: &CampaignReport, index: usize) -> Option<String> {
+    let beacons = || report.estimators.iter().filter_map(|e| Some((e, e.beacons.get(index)?)));
+    let (_, first) = beacons().next()?;
+    if first.checkpoints.is_empty() && first.track_rms_m.is_none() {
+        return None;
+    }
+    let after = first.checkpoints.iter().map(|point| format!("after {}", point.measurements));
+    let columns: Vec<String> = ["rms on the way".to_owned()]
+        .into_iter()
+        .chain(after)
+        .chain(["whole track".to_owned()])
+        .collect();
+    let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+    let mut way = table(&columns);
+    for (estimator, beacon) in beacons() {
+        let rms = beacon.checkpoints.iter().map(|point| number(point.error_m.map(|e| e.rms), 2));
+        let name = [estimator.estimator.clone()].into_iter();
+        way.add_row(name.chain(rms).chain([number(beacon.track_rms_m, 2)]));
+    }
+    Some(way.to_string())
 }
 
 fn row(estimator: &str, beacon: &BeaconCampaign) -> Vec<String> {
@@ -162,6 +214,9 @@ mod tests {
             coverage_95: None,
             anis: None,
             failed: 0,
+            bound_m: None,
+            track_rms_m: None,
+            checkpoints: Vec::new(),
         };
         assert_eq!(verdict(&beacon(Some(4.6))), Some("over-confident"));
         assert_eq!(verdict(&beacon(Some(1.0))), Some("under-confident"));

@@ -5,6 +5,7 @@ use foxhunt::{
     config::{NamedEstimator, estimator_named, estimators},
     scenario::{Scenario, ScenarioError},
     simulation::SimulationError,
+    trial::{Trial, TrialError, TrialEstimator, trial_estimator_named, trial_estimators},
 };
 
 use crate::error::{CliError, InFile};
@@ -12,6 +13,39 @@ use crate::error::{CliError, InFile};
 /// Takes the name of an estimator; what is unknown is refused with the names that are known.
 pub(super) fn estimator_parser() -> PossibleValuesParser {
     PossibleValuesParser::new(estimators().into_iter().map(|known| known.name))
+}
+
+/// Takes the name of an estimator of a hunt or of a trial.
+pub(super) fn any_estimator_parser() -> PossibleValuesParser {
+    let mut names: Vec<&str> = estimators().iter().map(|known| known.name).collect();
+    for known in trial_estimators() {
+        if !names.contains(&known.name) {
+            names.push(known.name);
+        }
+    }
+    PossibleValuesParser::new(names)
+}
+
+/// The trial of a built-in name or of a file; `None` where it is none.
+pub(super) fn trial(name_or_path: &str) -> Result<Option<Trial>, CliError> {
+    Trial::find(name_or_path).map_err(CliError::input)
+}
+
+/// The trial's estimator of a name that the command line or a file holds.
+pub(super) fn trial_estimator(name: &str, place: &str) -> Result<TrialEstimator, CliError> {
+    trial_estimator_named(name).ok_or_else(|| {
+        let known: Vec<_> = trial_estimators().iter().map(|known| known.name).collect();
+        let known = known.join(", ");
+        CliError::input(format!("{place} is {name:?}, no estimator of trials; those are {known}"))
+    })
+}
+
+/// Whether a trial that went wrong is the fault of what was asked for.
+pub(super) fn trial_error(error: TrialError) -> CliError {
+    match error {
+        TrialError::Threads { .. } => CliError::failure(error),
+        _ => CliError::input(error),
+    }
 }
 
 /// The estimator of a name that the command line or a file holds; `place` says where it stands.

@@ -1,11 +1,15 @@
-use foxhunt::scenario::{DEFAULT_SCENARIO, builtin_scenarios};
+use foxhunt::{
+    scenario::{DEFAULT_SCENARIO, builtin_scenarios},
+    trial::builtin_trials,
+};
 use serde::Serialize;
 
 use crate::{error::CliError, output::Output, table::list};
 
 /// List the built-in scenarios
 ///
-/// Lists the simulated hunts that need no file: for `foxhunt hunt` and `foxhunt campaign`.
+/// Lists the simulated hunts that need no file: for `foxhunt hunt` and `foxhunt campaign`; and the
+/// trials, in which nothing flies and bearings are drawn: for `foxhunt campaign`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  foxhunt scenarios")]
 pub(crate) struct Args {}
@@ -19,6 +23,7 @@ struct Listed {
     drones: usize,
     beacons: usize,
     default: bool,
+    trial: bool,
 }
 
 pub(crate) fn run(_: &Args, output: Output) -> Result<(), CliError> {
@@ -31,12 +36,26 @@ pub(crate) fn run(_: &Args, output: Output) -> Result<(), CliError> {
             name: scenario.name,
             description: scenario.description,
             estimator: scenario.estimator,
+            trial: false,
         })
+        .chain(builtin_trials().into_iter().map(|trial| Listed {
+            default: false,
+            drones: 1,
+            beacons: 1,
+            name: trial.name,
+            description: trial.description,
+            estimator: trial.estimator,
+            trial: true,
+        }))
         .collect();
     output.result(&listed, |listed| {
         let mut scenarios = list(&["scenario", "drones", "beacons", "estimator", "what it is"]);
         for s in listed {
-            let mark = if s.default { " (default)" } else { "" };
+            let mark = match (s.default, s.trial) {
+                (true, _) => " (default)",
+                (_, true) => " (trial)",
+                _ => "",
+            };
             scenarios.add_row([
                 format!("{}{mark}", s.name),
                 s.drones.to_string(),

@@ -1,9 +1,11 @@
 mod constant_velocity;
+mod coordinated_turn;
 mod random_walk;
 
 use nalgebra::SMatrix;
 
 pub use constant_velocity::ConstantVelocity;
+pub use coordinated_turn::CoordinatedTurn;
 pub use random_walk::RandomWalk;
 
 use crate::{Axis, State, numeric_jacobian};

@@ -7,7 +7,7 @@ use super::{
     gate::{Gate, Record},
     iterations::Iterations,
     linearisation::Linearisation,
-    models::OverTime,
+    models::{AtReceiver, OverTime},
     regression::Innovation,
 };
 use crate::{Cubature, Gaussian, Taylor, Transform, Unscented, triangle};
@@ -139,6 +139,37 @@ where
         observation: &Observation<M>,
     ) -> Result<Innovation<M>, EstimatorError> {
         Ok(self.linearisation(observation).about_prior()?.told())
+    }
+
+    /// How far the measurement is from linear over the belief: the variance of the observation that
+    /// a regression on the state leaves unexplained, as a share of the noise's, summed over the
+    /// components present. By the unscented transform, whatever the filter's own; below about
+    /// 0.1 a linearised update is nearly the exact one.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::NotFinite`] when the model's expectation is not.
+    pub fn nonlinearity(&self, observation: &Observation<M>) -> Result<f64, EstimatorError> {
+        let map = AtReceiver(&self.measurement, observation.receiver());
+        let image = Unscented::default().image(&self.belief, &map);
+        let left = observation.mask(image.unexplained.transpose()).transpose();
+        let root = observation
+            .noise()
+            .cholesky()
+            .ok_or(EstimatorError::NotPositiveDefinite { role: Role::Innovation })?;
+        let share = root.l_dirty().solve_lower_triangular_unchecked(&left).norm_squared();
+        let unknown = EstimatorError::NotFinite { role: Role::Expected };
+        share.is_finite().then_some(share).ok_or(unknown)
+    }
+
+    #[cfg(feature = "alloc")]
+    pub(crate) fn motion(&self) -> &F {
+        &self.motion
+    }
+
+    #[cfg(feature = "alloc")]
+    pub(crate) fn replace(&mut self, belief: Gaussian<N>) {
+        self.belief = belief;
     }
 
     fn linearisation<'a>(

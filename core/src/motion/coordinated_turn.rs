@@ -1,0 +1,156 @@
+use nalgebra::SMatrix;
+
+use crate::{MotionModel, State};
+
+/// Below this angle of a turn, in radians, the slopes are summed as power series: their closed
+/// forms take a difference of nearly equal numbers.
+const SMALL: f64 = 0.1;
+
+/// A turn at a nearly constant rate in the plane, x = (E, N, Ė, Ṅ, ω), ω in radians per second and
+/// positive counter-clockwise (Bar-Shalom, Li & Kirubarajan 2001, §11.7.1).
+///
+/// The velocity turns by ω Δt and the position follows its arc; a rate of zero is a straight line.
+/// White acceleration drives position and velocity as in
+/// [`ConstantVelocity`](crate::ConstantVelocity), the rate does a random walk of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoordinatedTurn {
+    /// √q: the root of the acceleration's spectral density, in m s⁻² per √Hz.
+    pub acceleration_density: f64,
+    /// The drift of the turn rate, in rad s⁻¹ per √second.
+    pub turn_rate_drift: f64,
+}
+
+impl MotionModel<5> for CoordinatedTurn {
+    fn propagate(&self, state: &State<5>, dt: f64) -> State<5> {
+        let turn = Turn::new(state[4], dt);
+        let (east, north) = (state[2], state[3]);
+        State::from([
+            state[0] + turn.along * east - turn.across * north,
+            state[1] + turn.across * east + turn.along * north,
+            turn.cos * east - turn.sin * north,
+            turn.sin * east + turn.cos * north,
+            state[4],
+        ])
+    }
+
+    fn noise_factor(&self, _state: &State<5>, dt: f64) -> SMatrix<f64, 5, 5> {
+        let straight = crate::ConstantVelocity { acceleration_density: self.acceleration_density };
+        let mut factor = SMatrix::<f64, 5, 5>::zeros();
+        let plane = straight.noise_factor(&State::zeros(), dt);
+        factor.fixed_view_mut::<4, 4>(0, 0).copy_from(&plane);
+        factor[(4, 4)] = self.turn_rate_drift * libm::sqrt(dt);
+        factor
+    }
+
+    fn jacobian(&self, state: &State<5>, dt: f64) -> SMatrix<f64, 5, 5> {
+        let turn = Turn::new(state[4], dt);
+        let (along, across) = turn.slopes(dt);
+        let (east, north) = (state[2], state[3]);
+        // By columns.
+        SMatrix::from([
+            [1.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0, 0.0],
+            [turn.along, turn.across, turn.cos, turn.sin, 0.0],
+            [-turn.across, turn.along, -turn.sin, turn.cos, 0.0],
+            [
+                along * east - across * north,
+                across * east + along * north,
+                dt * (-turn.sin * east - turn.cos * north),
+                dt * (turn.cos * east - turn.sin * north),
+                1.0,
+            ],
+        ])
+    }
+}
+
+/// What a turn by a = ω Δt does to the plane.
+struct Turn {
+    angle: f64,
+    sin: f64,
+    cos: f64,
+    /// sin a / ω: the way along the old velocity, per unit of it.
+    along: f64,
+    /// (1 − cos a) / ω: the way to its left.
+    across: f64,
+}
+
+impl Turn {
+    fn new(rate: f64, dt: f64) -> Self {
+        let angle = rate * dt;
+        let (sin, cos) = libm::sincos(angle);
+        let half = 0.5 * angle;
+        // 1 − cos a = 2 sin² (a / 2), without the difference.
+        let (along, across) = (dt * sinc(angle), dt * libm::sin(half) * sinc(half));
+        Self { angle, sin, cos, along, across }
+    }
+
+    /// ∂`along`/∂ω and ∂`across`/∂ω.
+    fn slopes(&self, dt: f64) -> (f64, f64) {
+        let (a, square) = (self.angle, self.angle * self.angle);
+        let (along, across) = if a.abs() < SMALL {
+            // The next terms are below 10⁻¹³ of these.
+            let end = 1.0 - square / 28.0 * (1.0 - square / 54.0);
+            let along = -a / 3.0 * (1.0 - square / 10.0 * end);
+            let across = 0.5 - square / 8.0 * (1.0 - square / 18.0 * (1.0 - square / 40.0));
+            (along, across)
+        } else {
+            ((a * self.cos - self.sin) / square, (a * self.sin - 1.0 + self.cos) / square)
+        };
+        (dt * dt * along, dt * dt * across)
+    }
+}
+
+/// sin x / x.
+fn sinc(x: f64) -> f64 {
+    if x.abs() < 1e-9 { 1.0 } else { libm::sin(x) / x }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::f64::consts::PI;
+
+    use super::*;
+
+    const MODEL: CoordinatedTurn =
+        CoordinatedTurn { acceleration_density: 0.3, turn_rate_drift: 0.02 };
+
+    #[test]
+    fn half_a_circle_ends_across() {
+        // 2 m/s at π/4 rad/s: a circle of 8/π m radius, half of it in 4 s.
+        let start = State::from([1.0, -1.0, 2.0, 0.0, PI / 4.0]);
+        let end = MODEL.propagate(&start, 4.0);
+        let expected = State::from([1.0, -1.0 + 16.0 / PI, -2.0, 0.0, PI / 4.0]);
+        assert!((end - expected).norm() < 1e-13, "{end}");
+    }
+
+    #[test]
+    fn the_slopes_are_smooth_through_no_turn() {
+        // On both sides of the seam, and at it, the two forms agree.
+        for rate in [0.0, 1e-12, -1e-6, 0.01, 0.0999, 0.1001, -0.1001, 1.3, -3.0] {
+            let (slope, step) = (Turn::new(rate, 1.0).slopes(1.0), 1e-5);
+            let (ahead, behind) = (Turn::new(rate + step, 1.0), Turn::new(rate - step, 1.0));
+            let along = (ahead.along - behind.along) / (2.0 * step);
+            let across = (ahead.across - behind.across) / (2.0 * step);
+            // Truncation h²/6 and rounding ε/h, each about 10⁻¹¹.
+            assert!((slope.0 - along).abs() < 1e-10, "{rate}: {} {along}", slope.0);
+            assert!((slope.1 - across).abs() < 1e-10, "{rate}: {} {across}", slope.1);
+        }
+        let (below, above) = (Turn::new(SMALL * (1.0 - 1e-15), 1.0), Turn::new(SMALL, 1.0));
+        assert!((below.slopes(1.0).0 - above.slopes(1.0).0).abs() < 1e-13);
+        assert!((below.slopes(1.0).1 - above.slopes(1.0).1).abs() < 1e-13);
+    }
+
+    #[test]
+    fn without_a_turn_it_is_constant_velocity() {
+        let straight = crate::ConstantVelocity { acceleration_density: 0.3 };
+        let state = State::from([1.0, 2.0, -3.0, 0.5, 0.0]);
+        let plane = state.fixed_rows::<4>(0).into_owned();
+        let moved = MODEL.propagate(&state, 1.7).fixed_rows::<4>(0).into_owned();
+        assert!((moved - straight.propagate(&plane, 1.7)).norm() < 1e-14);
+        let factor = MODEL.noise_factor(&state, 1.7);
+        let q = factor * factor.transpose();
+        let l = straight.noise_factor(&plane, 1.7);
+        assert!((q.fixed_view::<4, 4>(0, 0) - l * l.transpose()).norm() < 1e-14);
+        assert!((q[(4, 4)] - 0.02 * 0.02 * 1.7).abs() < 1e-16);
+    }
+}

@@ -1,0 +1,283 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::{
+    Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, Observation,
+    State,
+};
+
+use super::{
+    Reinitialise,
+    bank::Bank,
+    merge::{self, Part},
+    split,
+};
+use crate::{Kalman, Transform, count::number};
+
+/// The Gaussian-sum filter (Alspach & Sorenson 1972): a prior split into narrow Gaussians, each
+/// run by a Kalman filter of its own.
+///
+/// A [`Bank`] of Kalman filters that, besides dropping what is light, merges what costs least
+/// after each update (Runnalls 2007): pairs that cost less than 10⁻³ nats, and as many more as it
+/// takes to have no more components than there were at the start. With
+/// [`with_resplitting`](Self::with_resplitting) it splits again where the measurement is far from
+/// linear. Its components may also come from a [`RangeParameterised`](crate::RangeParameterised)
+/// first bearing.
+///
+/// ```
+/// use foxhunt_core::{Axis, Estimate, Estimator, MeasurementModel, Observation, Pose, RandomWalk,
+///     State, nalgebra::{Matrix1, Vector1, Vector2}};
+/// use foxhunt_filters::{GaussianSum, Ukf, split};
+///
+/// /// The distance of the target, in metres.
+/// #[derive(Clone)]
+/// struct Range;
+///
+/// impl MeasurementModel<2, 1> for Range {
+///     fn axes(&self) -> [Axis; 1] {
+///         [Axis::Linear]
+///     }
+///     fn expected(&self, target: &State<2>, receiver: &Pose) -> Vector1<f64> {
+///         Vector1::new((target - receiver.position.xy()).norm())
+///     }
+/// }
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let prior = Estimate::isotropic(Vector2::zeros(), 10.0);
+/// let filter = Ukf::new(RandomWalk::uniform(0.0), Range, prior)?;
+/// let mut sum = GaussianSum::new(&filter, split(&prior, [7, 7])?)?;
+/// let heard = Observation::new(0.0, Pose::default(), Vector1::new(12.0), Matrix1::new(1.0))?;
+/// let _ = sum.update(&heard)?;
+/// // A ring: its mean is in the middle, its samples are not.
+/// assert!(sum.estimate().mean.norm() < 0.1);
+/// let mut distance = 0.0;
+/// sum.visit_samples(&mut |place, weight| distance += weight * place.norm());
+/// assert!((distance - 12.0).abs() < 1.0);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct GaussianSum<T, F, H, const N: usize, const M: usize> {
+    bank: Bank<Kalman<T, F, H, N, M>, N, M>,
+    most: usize,
+    cheap: f64,
+    resplitting: Option<Resplitting>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Resplitting {
+    above: f64,
+    parts: usize,
+}
+
+/// The lightest component that is worth splitting.
+const LIGHT: f64 = 1e-3;
+
+impl<T, F, H, const N: usize, const M: usize> GaussianSum<T, F, H, N, M>
+where
+    T: Transform + Clone,
+    F: MotionModel<N> + Clone,
+    H: MeasurementModel<N, M> + Clone,
+{
+    /// A sum of these Gaussians with weights in proportion to these, each run by a copy of
+    /// `filter`; as many are the most there will be.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when there is none, a weight is negative or not finite, or
+    /// none is positive; when an estimate does not make a filter.
+    pub fn new(
+        filter: &Kalman<T, F, H, N, M>,
+        parts: impl IntoIterator<Item = (f64, Estimate<N>)>,
+    ) -> Result<Self, EstimatorError> {
+        let mut components = Vec::new();
+        for (weight, estimate) in parts {
+            let mut component = filter.clone();
+            component.reinitialise(&estimate)?;
+            components.push((weight, component));
+        }
+        let bank = Bank::new(components)?
+            .with_axes(filter.motion().axes())?
+            .with_innovation(Kalman::innovation);
+        Ok(Self { most: bank.len(), bank, cheap: 1e-3, resplitting: None })
+    }
+
+    /// The same sum with at most so many components after an update.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when it is 0.
+    pub fn with_most_components(self, most: usize) -> Result<Self, EstimatorError> {
+        if most == 0 {
+            let (name, value, requirement) = ("most components", 0.0, "at least 1");
+            return Err(EstimatorError::Parameter { name, value, requirement });
+        }
+        Ok(Self { most, ..self })
+    }
+
+    /// The same sum, merging every pair that costs less than this, in nats.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when it is negative or not finite.
+    pub fn with_merging_below(self, cost: f64) -> Result<Self, EstimatorError> {
+        if !(cost >= 0.0 && cost.is_finite()) {
+            let (name, requirement) = ("merging cost", "a non-negative number");
+            return Err(EstimatorError::Parameter { name, value: cost, requirement });
+        }
+        Ok(Self { cheap: cost, ..self })
+    }
+
+    /// The same sum with another share of the heaviest component below which one is dropped, see
+    /// [`Bank::with_pruning`].
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when it is not in [0, 1).
+    pub fn with_pruning(self, least: f64) -> Result<Self, EstimatorError> {
+        Ok(Self { bank: self.bank.with_pruning(least)?, ..self })
+    }
+
+    /// The same sum, which before an update splits a component in `parts` where
+    /// [`Kalman::nonlinearity`] is above `above`, the first where
+    /// weight and nonlinearity are largest, again as long as
+    /// that is so, up to `parts` times the most components; along that principal axis of its
+    /// position that leaves the parts the more linear.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when `above` is not a positive number or the number of parts
+    /// not in 2..=64.
+    pub fn with_resplitting(self, above: f64, parts: usize) -> Result<Self, EstimatorError> {
+        if !(above > 0.0 && above.is_finite()) {
+            let (name, requirement) = ("nonlinearity", "a positive number");
+            return Err(EstimatorError::Parameter { name, value: above, requirement });
+        }
+        if !(2..=64).contains(&parts) {
+            let (name, value, requirement) = ("parts", number(parts), "in 2..=64");
+            return Err(EstimatorError::Parameter { name, value, requirement });
+        }
+        Ok(Self { resplitting: Some(Resplitting { above, parts }), ..self })
+    }
+
+    /// The weights, which sum to 1, and the filters.
+    pub fn components(&self) -> impl ExactSizeIterator<Item = (f64, &Kalman<T, F, H, N, M>)> {
+        self.bank.components()
+    }
+
+    /// The components, split where that is due; `None` where it is nowhere.
+    #[expect(clippy::type_complexity, reason = "a list of weighted filters")]
+    fn resplit(
+        &self,
+        observation: &Observation<M>,
+    ) -> Result<Option<Vec<(f64, Kalman<T, F, H, N, M>)>>, EstimatorError> {
+        let Some(Resplitting { above, parts }) = self.resplitting else { return Ok(None) };
+        // What it is worth to split a component: nothing where it is linear enough, or light.
+        let gain = |weight: f64, filter: &Kalman<T, F, H, N, M>| {
+            let told = filter.nonlinearity(observation).unwrap_or(0.0);
+            if told > above && weight >= LIGHT { weight * told } else { 0.0 }
+        };
+        let mut components: Vec<_> =
+            self.components().map(|(w, f)| (w, f.clone(), gain(w, f))).collect();
+        let mut split_any = false;
+        while components.len() + parts <= self.most.saturating_mul(parts) + 1 {
+            let worst = components.iter().enumerate().max_by(|a, b| a.1.2.total_cmp(&b.1.2));
+            let Some((index, &(weight, _, gain_here))) = worst else { break };
+            if gain_here <= 0.0 {
+                break;
+            }
+            let (_, filter, _) = components.remove(index);
+            for (share, part) in most_linear(&filter, parts, observation)? {
+                let told = gain(weight * share, &part);
+                components.push((weight * share, part, told));
+            }
+            split_any = true;
+        }
+        Ok(split_any.then(|| components.into_iter().map(|(w, f, _)| (w, f)).collect()))
+    }
+
+    /// The components with the cheapest pairs merged.
+    #[expect(clippy::type_complexity, reason = "a list of weighted filters")]
+    fn merged(
+        &self,
+        bank: &Bank<Kalman<T, F, H, N, M>, N, M>,
+    ) -> Result<Vec<(f64, Kalman<T, F, H, N, M>)>, EstimatorError> {
+        let filters: Vec<_> = bank.components().collect();
+        let part = |(i, (weight, filter)): (usize, &(f64, &Kalman<T, F, H, N, M>))| {
+            Part::new(i, *weight, filter.estimate())
+        };
+        let mut parts: Vec<Part<N>> = filters.iter().enumerate().map(part).collect();
+        merge::reduce(&mut parts, self.most, self.cheap, bank.axes())?;
+        let mut components = Vec::with_capacity(parts.len());
+        for part in parts {
+            let mut filter = filters[part.origin].1.clone();
+            if part.merged {
+                filter.reinitialise(&part.estimate)?;
+            }
+            components.push((part.weight, filter));
+        }
+        Ok(components)
+    }
+}
+
+impl<T, F, H, const N: usize, const M: usize> Estimator<N, M> for GaussianSum<T, F, H, N, M>
+where
+    T: Transform + Clone,
+    F: MotionModel<N> + Clone,
+    H: MeasurementModel<N, M> + Clone,
+{
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+        self.bank.predict(dt)
+    }
+
+    fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
+        if observation.is_empty() {
+            return Ok(Correction::Empty);
+        }
+        let mut bank = self.bank.clone();
+        if let Some(components) = self.resplit(observation)? {
+            bank.replace(components)?;
+        }
+        let correction = bank.update(observation)?;
+        let components = self.merged(&bank)?;
+        bank.replace(components)?;
+        self.bank = bank;
+        Ok(correction)
+    }
+
+    fn estimate(&self) -> Estimate<N> {
+        self.bank.estimate()
+    }
+
+    fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
+        self.bank.visit_samples(visit);
+    }
+}
+
+/// A filter split along the one of its position's principal axes that leaves the less nonlinear
+/// parts.
+#[expect(clippy::type_complexity, reason = "a list of weighted filters")]
+fn most_linear<T, F, H, const N: usize, const M: usize>(
+    filter: &Kalman<T, F, H, N, M>,
+    parts: usize,
+    observation: &Observation<M>,
+) -> Result<Vec<(f64, Kalman<T, F, H, N, M>)>, EstimatorError>
+where
+    T: Transform + Clone,
+    F: MotionModel<N> + Clone,
+    H: MeasurementModel<N, M> + Clone,
+{
+    let mut best: Option<(f64, Vec<(f64, Kalman<T, F, H, N, M>)>)> = None;
+    for axis in split::principal_axes(&filter.estimate())? {
+        let (mut split, mut left) = (Vec::with_capacity(parts), 0.0);
+        for (share, estimate) in split::split_along(&filter.estimate(), &axis, parts)? {
+            let mut part = filter.clone();
+            part.reinitialise(&estimate)?;
+            left += share * part.nonlinearity(observation)?;
+            split.push((share, part));
+        }
+        if best.as_ref().is_none_or(|(least, _)| left < *least) {
+            best = Some((left, split));
+        }
+    }
+    Ok(best.map_or_else(Vec::new, |(_, split)| split))
+}

@@ -1,0 +1,174 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::{Axis, Estimate, EstimatorError};
+
+use super::moments;
+
+/// A weighted Gaussian, and which component it came from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Part<const N: usize> {
+    pub(super) weight: f64,
+    pub(super) estimate: Estimate<N>,
+    /// The heaviest of those that were merged into it.
+    pub(super) origin: usize,
+    pub(super) merged: bool,
+    log_determinant: f64,
+}
+
+impl<const N: usize> Part<N> {
+    pub(super) fn new(origin: usize, weight: f64, estimate: Estimate<N>) -> Self {
+        let log_determinant = log_determinant(&estimate);
+        Self { weight, estimate, origin, merged: false, log_determinant }
+    }
+}
+
+/// Merges the pair that costs the least, until there are at most `most` and every pair costs
+/// more than `cheap` (Runnalls 2007): each merged pair keeps its mean and covariance.
+///
+/// The cost ½ [(wᵢ + wⱼ) ln |Pᵢⱼ| − wᵢ ln |Pᵢ| − wⱼ ln |Pⱼ|] bounds the Kullback-Leibler
+/// divergence of the mixture before from the one after, in nats.
+pub(super) fn reduce<const N: usize>(
+    parts: &mut Vec<Part<N>>,
+    most: usize,
+    cheap: f64,
+    axes: &[Axis; N],
+) -> Result<(), EstimatorError> {
+    let join = |a: &Part<N>, b: &Part<N>| -> Result<(f64, Part<N>), EstimatorError> {
+        let weight = a.weight + b.weight;
+        let pair = [(a.weight / weight, a.estimate), (b.weight / weight, b.estimate)];
+        let estimate = moments::combine(pair.into_iter(), axes)?;
+        let origin = if a.weight >= b.weight { a.origin } else { b.origin };
+        let whole = Part { merged: true, ..Part::new(origin, weight, estimate) };
+        let split = a.weight * a.log_determinant + b.weight * b.log_determinant;
+        Ok((0.5 * (weight * whole.log_determinant - split), whole))
+    };
+    // For each part the cheapest of those after it.
+    let cheapest = |parts: &[Part<N>], i: usize| -> Result<Option<(f64, usize)>, EstimatorError> {
+        let mut best: Option<(f64, usize)> = None;
+        for j in i + 1..parts.len() {
+            let (cost, _) = join(&parts[i], &parts[j])?;
+            if best.is_none_or(|(least, _)| cost < least) {
+                best = Some((cost, j));
+            }
+        }
+        Ok(best)
+    };
+    let mut best = Vec::with_capacity(parts.len());
+    for i in 0..parts.len() {
+        best.push(cheapest(parts, i)?);
+    }
+    while parts.len() > 1 {
+        let pairs = best.iter().enumerate().filter_map(|(i, b)| b.map(|(cost, j)| (cost, i, j)));
+        let Some((cost, i, j)) = pairs.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        if parts.len() <= most && cost > cheap {
+            break;
+        }
+        parts[i] = join(&parts[i], &parts[j])?.1;
+        parts.remove(j);
+        best.remove(j);
+        // Those that looked to either of the two look again; the others are moved up, and may
+        // find the merged one cheaper.
+        for k in 0..parts.len() {
+            best[k] = match best[k] {
+                Some((_, at)) if k == i || at == i || at == j => cheapest(parts, k)?,
+                Some((cost, at)) => {
+                    let at = if at > j { at - 1 } else { at };
+                    let merged = if k < i { Some(join(&parts[k], &parts[i])?.0) } else { None };
+                    match merged {
+                        Some(new) if new < cost => Some((new, i)),
+                        _ => Some((cost, at)),
+                    }
+                }
+                None => None,
+            };
+        }
+    }
+    Ok(())
+}
+
+/// ln |P|; −∞ where it has no factor.
+fn log_determinant<const N: usize>(estimate: &Estimate<N>) -> f64 {
+    let factor = estimate.covariance.cholesky();
+    factor.map_or(f64::NEG_INFINITY, |factor| {
+        2.0 * factor.l_dirty().diagonal().iter().map(|d| libm::log(*d)).sum::<f64>()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use alloc::vec;
+
+    use nalgebra::Vector1;
+
+    use super::*;
+
+    fn part(origin: usize, weight: f64, mean: f64, sigma: f64) -> Part<1> {
+        Part::new(origin, weight, Estimate::isotropic(Vector1::new(mean), sigma))
+    }
+
+    #[test]
+    fn the_nearest_are_merged_and_both_moments_stay() {
+        let whole = vec![part(0, 0.3, 0.0, 1.0), part(1, 0.2, 9.0, 1.0), part(2, 0.5, 0.5, 1.2)];
+        let moments_of = |parts: &[Part<1>]| {
+            let pairs = parts.iter().map(|p| (p.weight, p.estimate));
+            moments::combine(pairs, &[Axis::Linear]).expect("finite")
+        };
+        let mut reduced = whole.clone();
+        reduce(&mut reduced, 2, 0.0, &[Axis::Linear]).expect("finite");
+        assert_eq!(reduced.len(), 2);
+        assert_eq!((reduced[0].origin, reduced[0].merged), (2, true));
+        assert_eq!((reduced[1].origin, reduced[1].merged), (1, false));
+        let (before, after) = (moments_of(&whole), moments_of(&reduced));
+        assert!((before.mean - after.mean).norm() < 1e-14);
+        assert!((before.covariance - after.covariance).norm() < 1e-13);
+        // A light far one costs less than a heavy near one: weights matter.
+        let mut light =
+            vec![part(0, 0.5, 0.0, 1.0), part(1, 1e-9, 9.0, 1.0), part(2, 0.5, 3.0, 1.0)];
+        reduce(&mut light, 2, 0.0, &[Axis::Linear]).expect("finite");
+        assert!((light[0].weight - 0.5).abs() < 1e-6 && (light[1].weight - 0.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn every_step_takes_the_cheapest_pair() {
+        // Against the plain search over all pairs at each step.
+        let mut parts: Vec<Part<1>> = (0..12)
+            .map(|i| {
+                let x = f64::from(i * i % 17) + 0.01 * f64::from(i);
+                part(0, 0.02 + 0.01 * f64::from(i % 5), x, 0.5 + 0.1 * f64::from(i % 3))
+            })
+            .collect();
+        let whole = parts.clone();
+        while parts.len() > 1 {
+            let mut cheapest = (f64::INFINITY, f64::NAN);
+            for i in 0..parts.len() {
+                for j in i + 1..parts.len() {
+                    let mut pair = vec![parts[i], parts[j]];
+                    reduce(&mut pair, 1, 0.0, &[Axis::Linear]).expect("finite");
+                    let ln = |p: &Part<1>| p.weight * libm::log(p.estimate.covariance[0]);
+                    let cost = 0.5 * (ln(&pair[0]) - ln(&parts[i]) - ln(&parts[j]));
+                    if cost < cheapest.0 {
+                        cheapest = (cost, pair[0].estimate.mean[0]);
+                    }
+                }
+            }
+            let left = parts.len() - 1;
+            reduce(&mut parts, left, f64::NEG_INFINITY, &[Axis::Linear]).expect("finite");
+            let hit = parts.iter().any(|p| (p.estimate.mean[0] - cheapest.1).abs() < 1e-12);
+            assert!(hit, "{left}: {cheapest:?}");
+            // In one go as step by step: what is remembered of the costs is kept right.
+            let mut at_once = whole.clone();
+            reduce(&mut at_once, left, f64::NEG_INFINITY, &[Axis::Linear]).expect("finite");
+            let means = |parts: &[Part<1>]| -> Vec<f64> {
+                parts.iter().map(|p| p.estimate.mean[0]).collect()
+            };
+            assert_eq!(means(&at_once), means(&parts));
+        }
+    }
+
+    #[test]
+    fn the_same_twice_is_merged_for_nothing() {
+        let mut same = vec![part(0, 0.4, 1.0, 2.0), part(1, 0.6, 1.0, 2.0)];
+        reduce(&mut same, 9, 1e-9, &[Axis::Linear]).expect("finite");
+        assert_eq!(same.len(), 1);
+    }
+}
