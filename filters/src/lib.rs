@@ -14,6 +14,10 @@
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
 //!
+//! With the feature `batch`: [`BatchSolver`] fits all observations of a still target at once,
+//! [`BatchEstimator`] does so after each; [`Lenth1981`], [`repeated_median`] and the closed forms
+//! [`pseudolinear`], [`stansfield`] and [`instrumental_variables`] find where bearings meet.
+//!
 //! The particle filter and the grid need the feature `alloc`; the rest runs without an allocator.
 
 #![no_std]
@@ -21,6 +25,10 @@
 #[cfg(feature = "alloc")]
 extern crate alloc;
 
+#[cfg(feature = "batch")]
+mod batch;
+#[cfg(feature = "batch")]
+mod bearings;
 mod count;
 mod gaussian;
 mod kalman;
@@ -31,6 +39,13 @@ mod shadowing_grid;
 mod transform;
 mod triangle;
 
+#[cfg(feature = "batch")]
+pub use batch::{BatchError, BatchEstimator, BatchFix, BatchSolver, Loss};
+#[cfg(feature = "batch")]
+pub use bearings::{
+    BearingFix, BearingLine, BearingWeights, Lenth1981, RepeatedMedianFix, instrumental_variables,
+    pseudolinear, repeated_median, stansfield,
+};
 pub use gaussian::Gaussian;
 pub use kalman::{Ckf, Ekf, Gate, GateLimit, Innovation, Iterations, Kalman, Ukf};
 #[cfg(feature = "alloc")]
