@@ -11,6 +11,7 @@ mod posterior;
 mod refusals;
 mod runs;
 mod sigma_points;
+mod silence;
 mod stress;
 mod textbook;
 mod vectors;
