@@ -21,13 +21,22 @@
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
 //!
-//! The particle filter, the mixtures and the grid need the feature `alloc`; the rest runs without an allocator.
+//! With the feature `batch`: [`BatchSolver`] fits all observations of a still target at once,
+//! [`BatchEstimator`] does so after each; [`Lenth1981`], [`repeated_median`] and the closed forms
+//! [`pseudolinear`], [`stansfield`] and [`instrumental_variables`] find where bearings meet.
+//!
+//! The particle filter, the mixtures and the grid need the feature `alloc`; the rest runs without
+//! an allocator.
 
 #![no_std]
 
 #[cfg(feature = "alloc")]
 extern crate alloc;
 
+#[cfg(feature = "batch")]
+mod batch;
+#[cfg(feature = "batch")]
+mod bearings;
 mod count;
 mod gaussian;
 #[cfg(feature = "alloc")]
@@ -46,6 +55,13 @@ mod shadowing_grid;
 mod transform;
 mod triangle;
 
+#[cfg(feature = "batch")]
+pub use batch::{BatchError, BatchEstimator, BatchFix, BatchSolver, Loss};
+#[cfg(feature = "batch")]
+pub use bearings::{
+    BearingFix, BearingLine, BearingWeights, Lenth1981, RepeatedMedianFix, instrumental_variables,
+    pseudolinear, repeated_median, stansfield,
+};
 pub use gaussian::Gaussian;
 #[cfg(feature = "alloc")]
 pub use grid::{GridConfig, GridFilter, NoiseScales};

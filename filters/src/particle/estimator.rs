@@ -31,14 +31,15 @@ where
     }
 
     fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
-        if observation.is_empty() {
+        // That nothing was heard tells something where the model has a likelihood for it.
+        if observation.is_empty() && !observation.is_censored() {
             return Ok(Correction::Empty);
         }
         let columns: [&[f64]; N] = core::array::from_fn(|row| &self.cloud.columns[row][..]);
         self.measurement.log_likelihoods(columns, observation, &mut self.spare.weights.log);
         let log_evidence = self.spare.weights.condition(&self.cloud.weights)?;
         let belief = self.belief_of(&self.cloud.columns, &self.spare.weights)?;
-        let nis = self.nis(observation);
+        let nis = if observation.is_empty() { None } else { self.nis(observation) };
         self.belief = belief;
         mem::swap(&mut self.cloud.weights, &mut self.spare.weights);
         let effective_sample_size = Some(self.cloud.weights.effective_sample_size());

@@ -12,6 +12,7 @@ mod posterior;
 mod refusals;
 mod runs;
 mod sigma_points;
+mod silence;
 mod stress;
 mod textbook;
 mod vectors;
