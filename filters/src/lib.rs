@@ -21,8 +21,11 @@
 #[cfg(feature = "alloc")]
 extern crate alloc;
 
+#[cfg(feature = "alloc")]
+pub mod consistency;
 mod count;
 mod gaussian;
+mod innovation;
 mod kalman;
 #[cfg(feature = "alloc")]
 mod particle;
@@ -32,7 +35,8 @@ mod transform;
 mod triangle;
 
 pub use gaussian::Gaussian;
-pub use kalman::{Ckf, Ekf, Gate, GateLimit, Innovation, Iterations, Kalman, Ukf};
+pub use innovation::Innovation;
+pub use kalman::{Ckf, Ekf, Gate, GateLimit, Iterations, Kalman, Ukf};
 #[cfg(feature = "alloc")]
 pub use particle::{ParticleFilter, Resampling};
 #[cfg(feature = "alloc")]

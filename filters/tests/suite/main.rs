@@ -6,6 +6,7 @@ mod iterated;
 mod laws;
 mod linear;
 mod model;
+mod monitoring;
 mod nonlinear;
 mod posterior;
 mod refusals;
