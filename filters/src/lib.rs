@@ -24,6 +24,8 @@ extern crate alloc;
 #[cfg(feature = "alloc")]
 pub mod consistency;
 mod count;
+#[cfg(feature = "alloc")]
+mod cramer_rao;
 mod gaussian;
 mod innovation;
 mod kalman;
@@ -34,6 +36,8 @@ mod shadowing_grid;
 mod transform;
 mod triangle;
 
+#[cfg(feature = "alloc")]
+pub use cramer_rao::{CramerRaoError, FisherQuadrature, PosteriorCramerRao};
 pub use gaussian::Gaussian;
 pub use innovation::Innovation;
 pub use kalman::{Ckf, Ekf, Gate, GateLimit, Iterations, Kalman, Ukf};

@@ -1,6 +1,7 @@
 //! The estimators against exact vectors, the textbook, their laws and statistics.
 
 mod consistency;
+mod cramer_rao;
 mod edges;
 mod iterated;
 mod laws;
