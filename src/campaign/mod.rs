@@ -4,4 +4,4 @@ mod run;
 mod statistics;
 
 pub use run::{BeaconCampaign, CampaignError, CampaignReport, EstimatorCampaign, campaign};
-pub use statistics::{Spread, StepSpread, average_interval};
+pub use statistics::{Spread, StepSpread};

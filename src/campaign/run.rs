@@ -1,10 +1,11 @@
 use std::convert::Infallible;
 
 use foxhunt_core::Outcome;
+use foxhunt_filters::consistency::{ChiSquaredAverage, Coverage, Verdict};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Spread, StepSpread, average_interval};
+use super::{Spread, StepSpread};
 use crate::{
     config::NamedEstimator,
     hunt::Event,
@@ -47,10 +48,16 @@ pub struct BeaconCampaign {
     pub anees: Option<f64>,
     /// Where a consistent estimator's ANEES lies with 95 %.
     pub anees_interval: Option<[f64; 2]>,
+    /// Whether the errors are as large as the estimator says, by the ANEES.
+    pub verdict: Verdict,
     /// The share of truths inside the 95 % ellipse.
     pub coverage_95: Option<f64>,
+    /// Where the true share lies with at least 95 %.
+    pub coverage_95_interval: Option<[f64; 2]>,
     /// The average normalised innovation squared over all steps that have one.
     pub anis: Option<f64>,
+    /// Where a consistent estimator's ANIS lies with 95 %.
+    pub anis_interval: Option<[f64; 2]>,
     /// Runs without a fix: nothing heard, not over in time, or an estimate without a positive
     /// definite covariance.
     pub failed: u32,
@@ -100,8 +107,8 @@ pub fn campaign(
 #[derive(Clone, Debug)]
 struct BeaconRun {
     found: Found,
-    nis_sum: f64,
-    nis_count: u32,
+    /// Its normalised innovations squared with their degrees of freedom.
+    nis: Vec<(f64, usize)>,
 }
 
 /// One run's beacons, as far as it came.
@@ -110,14 +117,18 @@ fn fly(
     estimator: &NamedEstimator,
     seed: u64,
 ) -> Result<Vec<BeaconRun>, SimulationError> {
-    let mut nis: Vec<(f64, u32)> = Vec::new();
+    let track = &estimator.config.track;
+    let mut nis: Vec<Vec<(f64, usize)>> = Vec::new();
+    let mut components = 0;
     let flown = simulate(scenario, estimator, seed, |event| {
         match event {
-            Event::BeaconStarted { .. } => nis.push((0.0, 0)),
+            Event::BeaconStarted { .. } => nis.push(Vec::new()),
+            Event::Received { first_position, reception, .. } => {
+                components = track.degrees_of_freedom(reception, *first_position);
+            }
             Event::Corrected { correction, .. } => {
-                if let (Some(value), Some((sum, count))) = (correction.nis(), nis.last_mut()) {
-                    *sum += value;
-                    *count += 1;
+                if let (Some(value), Some(beacon)) = (correction.nis(), nis.last_mut()) {
+                    beacon.push((value, components));
                 }
             }
             _ => {}
@@ -131,8 +142,7 @@ fn fly(
         Err(SimulationError::TooLong { .. } | SimulationError::Drive(_)) => Vec::new(),
         Err(error) => return Err(error),
     };
-    let with_nis = |(found, (nis_sum, nis_count))| BeaconRun { found, nis_sum, nis_count };
-    Ok(found.into_iter().zip(nis).map(with_nis).collect())
+    Ok(found.into_iter().zip(nis).map(|(found, nis)| BeaconRun { found, nis }).collect())
 }
 
 fn summarise(scenario: &Scenario, runs: &[Vec<BeaconRun>]) -> Vec<BeaconCampaign> {
@@ -149,25 +159,29 @@ fn summarise(scenario: &Scenario, runs: &[Vec<BeaconRun>]) -> Vec<BeaconCampaign
         };
         let count = u32::try_from(good.len()).unwrap_or(u32::MAX);
         let total = u32::try_from(runs.len()).unwrap_or(u32::MAX);
-        let average = |sum: f64, count: u32| (count > 0).then(|| sum / f64::from(count));
-        let inside = good.iter().filter(|(_, nees)| *nees <= NEES_95).count();
-        let innovations = good.iter().map(|(run, _)| run.nis_count).sum();
+        let (mut anees, mut anis) = (ChiSquaredAverage::default(), ChiSquaredAverage::default());
+        let mut coverage = Coverage::new(0.95, 0.95).expect("both are in (0, 1)");
+        for (run, nees) in &good {
+            anees.add(*nees, 2);
+            coverage.add_nees(*nees);
+            anis.extend(run.nis.iter().copied());
+        }
         BeaconCampaign {
             name: beacon.name.clone(),
             error_m: Spread::of(&column(&|run| run.found.error_m())),
             steps: StepSpread::of(&column(&|run| f64::from(run.found.fix.steps))),
-            anees: average(good.iter().map(|(_, nees)| nees).sum(), count),
-            anees_interval: average_interval(2.0, count),
-            coverage_95: average(f64::from(u32::try_from(inside).unwrap_or(u32::MAX)), count),
-            anis: average(good.iter().map(|(run, _)| run.nis_sum).sum(), innovations),
+            anees: anees.average(),
+            anees_interval: anees.interval(),
+            verdict: anees.verdict(),
+            coverage_95: coverage.share(),
+            coverage_95_interval: coverage.interval(),
+            anis: anis.average(),
+            anis_interval: anis.interval(),
             failed: total - count,
         }
     };
     scenario.world.beacons.iter().enumerate().map(beacon).collect()
 }
-
-/// The 95 % quantile of χ² with two degrees of freedom, −2 ln 0.05.
-const NEES_95: f64 = 5.991_464_547_107_979;
 
 /// Why there is no campaign.
 #[derive(Debug, thiserror::Error)]
