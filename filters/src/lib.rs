@@ -37,17 +37,20 @@ extern crate alloc;
 mod batch;
 #[cfg(feature = "batch")]
 mod bearings;
+#[cfg(feature = "alloc")]
+pub mod consistency;
 mod count;
+#[cfg(feature = "alloc")]
+mod cramer_rao;
 mod gaussian;
 #[cfg(feature = "alloc")]
 mod grid;
 mod handover;
+mod innovation;
 mod kalman;
 mod leading;
 #[cfg(feature = "alloc")]
 mod mixture;
-#[cfg(feature = "alloc")]
-mod nis;
 #[cfg(feature = "alloc")]
 mod particle;
 #[cfg(feature = "alloc")]
@@ -62,11 +65,14 @@ pub use bearings::{
     BearingFix, BearingLine, BearingWeights, Lenth1981, RepeatedMedianFix, instrumental_variables,
     pseudolinear, repeated_median, stansfield,
 };
+#[cfg(feature = "alloc")]
+pub use cramer_rao::{CramerRaoError, FisherQuadrature, PosteriorCramerRao};
 pub use gaussian::Gaussian;
 #[cfg(feature = "alloc")]
 pub use grid::{GridConfig, GridFilter, NoiseScales};
 pub use handover::Handover;
-pub use kalman::{Ckf, Ekf, Gate, GateLimit, Innovation, Iterations, Kalman, Ukf};
+pub use innovation::Innovation;
+pub use kalman::{Ckf, Ekf, Gate, GateLimit, Iterations, Kalman, Ukf};
 pub use leading::Leading;
 #[cfg(feature = "alloc")]
 pub use mixture::{

@@ -12,7 +12,7 @@ use super::{
     columns::{Cell, log_densities},
     filter::{GridFilter, REACH, log_total, normalise, shift},
 };
-use crate::nis::moment_matched_nis;
+use crate::Innovation;
 
 /// How often, at most, the cells are laid out anew for one observation: each time they become at
 /// least 1.5 times finer, or twice, or half as wide again.
@@ -22,11 +22,8 @@ const LAYOUTS: usize = 24;
 /// made to reach [`REACH`] of them.
 const LEAST_REACH: f64 = 5.5;
 
-/// Cells of less probability are not shown: all that there may be of them come to 10⁻⁶.
-const LEAST_VISITED: f64 = 1e-12;
-
-/// What cells of less probability expect is not seen in the moments of what is expected.
-const LEAST_EXPECTED: f64 = 1e-5;
+/// Cells of less probability are not shown: all that there may be of them come to 10⁻⁵.
+const LEAST_VISITED: f64 = 1e-9;
 
 impl<F, H, const N: usize, const M: usize> Estimator<N, M> for GridFilter<F, H, N, M>
 where
@@ -48,7 +45,7 @@ where
     }
 
     fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
-        if observation.is_empty() {
+        if observation.is_empty() && !observation.is_censored() {
             return Ok(Correction::Empty);
         }
         let likelihood =
@@ -78,7 +75,11 @@ where
         shift(&mut posterior, -log_evidence);
         marginals.iter_mut().flatten().for_each(|log| *log -= log_evidence);
         let belief = self.moments(&posterior, &marginals, &lattice)?;
-        let nis = self.nis(observation);
+        let nis = if observation.is_empty() {
+            None
+        } else {
+            Innovation::of_belief(&*self, &self.measurement, observation).map(|told| told.nis)
+        };
         (self.lattice, self.columns) = (lattice, posterior);
         (self.marginals, self.belief) = (marginals, belief);
         Ok(Correction::Fused { nis, log_evidence, effective_sample_size: None })
@@ -89,7 +90,7 @@ where
     }
 
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
-        for (state, weight) in self.weighted_states(LEAST_VISITED) {
+        for (state, weight) in self.weighted_states() {
             visit(&state, weight);
         }
     }
@@ -100,11 +101,11 @@ where
     F: MotionModel<N>,
     H: MeasurementModel<N, M>,
 {
-    /// The states of cells with at least `least` of the probability, what stands behind the place
-    /// at its mean, and their weights, which sum to 1.
-    fn weighted_states(&self, least: f64) -> Vec<(State<N>, f64)> {
+    /// The states of the cells, what stands behind the place at its mean, and their weights, which
+    /// sum to 1.
+    fn weighted_states(&self) -> Vec<(State<N>, f64)> {
         let area = self.lattice.cell_area();
-        let log_least = libm::log(least / area);
+        let log_least = libm::log(LEAST_VISITED / area);
         let mut states = Vec::new();
         for (hypothesis, logs) in self.marginals.iter().enumerate() {
             for (index, log) in logs.iter().enumerate().filter(|(_, log)| **log > log_least) {
@@ -118,12 +119,6 @@ where
         let total: f64 = states.iter().map(|(_, weight)| weight).sum();
         states.iter_mut().for_each(|(_, weight)| *weight /= total);
         states
-    }
-
-    /// The normalised innovation squared against the belief before the update.
-    fn nis(&self, observation: &Observation<M>) -> Option<f64> {
-        let states = self.weighted_states(LEAST_EXPECTED).into_iter();
-        moment_matched_nis(&self.measurement, observation, self.belief.estimate(), states)
     }
 
     /// A belief over other cells, beyond its own the Gaussian of its place.

@@ -8,9 +8,8 @@ use super::{
     iterations::Iterations,
     linearisation::Linearisation,
     models::{AtReceiver, OverTime},
-    regression::Innovation,
 };
-use crate::{Cubature, Gaussian, Taylor, Transform, Unscented, triangle};
+use crate::{Cubature, Gaussian, Innovation, Taylor, Transform, Unscented, triangle};
 use nalgebra::SMatrix;
 
 /// A Kalman filter over any [`Transform`]: holds an `N`-Gaussian in square-root form and

@@ -1,12 +1,14 @@
 //! The estimators against exact vectors, the textbook, their laws and statistics.
 
 mod consistency;
+mod cramer_rao;
 mod edges;
 mod grid;
 mod iterated;
 mod laws;
 mod linear;
 mod model;
+mod monitoring;
 mod nonlinear;
 mod posterior;
 mod refusals;
