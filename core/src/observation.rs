@@ -1,4 +1,4 @@
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::{Covariance, Pose, noise};
 
@@ -22,6 +22,7 @@ pub struct Observation<const M: usize> {
     root: SMatrix<f64, M, M>,
     present: [bool; M],
     below: [bool; M],
+    receiver_sigma: Option<Vector3<f64>>,
 }
 
 impl<const M: usize> Observation<M> {
@@ -57,7 +58,8 @@ impl<const M: usize> Observation<M> {
         let symmetric = (noise - noise.transpose()).norm() <= 1e-9 * noise.norm();
         let root = noise.cholesky().filter(|_| symmetric);
         let root = root.ok_or(ObservationError::Covariance)?.unpack();
-        Ok(Self { time, receiver, value, noise, root, present: [true; M], below: [false; M] })
+        let (present, below, receiver_sigma) = ([true; M], [false; M], None);
+        Ok(Self { time, receiver, value, noise, root, present, below, receiver_sigma })
     }
 
     /// The same observation with one component struck out.
@@ -111,8 +113,10 @@ impl<const M: usize> Observation<M> {
         let below = core::array::from_fn(|i| self.below[first + i]);
         let value = SVector::from_fn(|i, _| self.value[first + i]);
         let noise = Covariance::from_fn(|i, j| self.noise[(first + i, first + j)]);
-        let (time, receiver, root) = (self.time, self.receiver, Covariance::identity());
-        let mut marginal = Observation { time, receiver, value, noise, root, present, below };
+        let root = Covariance::identity();
+        let Self { time, receiver, receiver_sigma, .. } = *self;
+        let mut marginal =
+            Observation { time, receiver, value, noise, root, present, below, receiver_sigma };
         marginal.root = marginal.factor();
         marginal
     }
@@ -139,6 +143,36 @@ impl<const M: usize> Observation<M> {
         if self.present[component] {
             self.root.row_mut(component).scale_mut(factor);
         }
+        self
+    }
+
+    /// The same observation by a receiver whose own place is uncertain: the standard deviations
+    /// of its East, North and Up in metres, 0 where it is known. It enters the noise through the
+    /// geometry ([`absorb_receiver_noise`](crate::absorb_receiver_noise)).
+    ///
+    /// # Errors
+    ///
+    /// [`ObservationError::ReceiverSigma`] when one is negative or not finite.
+    pub fn with_receiver_sigma(self, sigma: Vector3<f64>) -> Result<Self, ObservationError> {
+        match sigma.iter().find(|s| !(**s >= 0.0 && s.is_finite())) {
+            Some(&sigma) => Err(ObservationError::ReceiverSigma { sigma }),
+            None => Ok(Self { receiver_sigma: Some(sigma), ..self }),
+        }
+    }
+
+    /// How uncertain the receiver's own place is, if it is.
+    #[must_use]
+    pub fn receiver_sigma(&self) -> Option<&Vector3<f64>> {
+        self.receiver_sigma.as_ref()
+    }
+
+    /// The same observation by a receiver at a known place, with that much more noise: the
+    /// columns of `more` times their transpose.
+    pub(crate) fn with_more_noise<const K: usize>(mut self, more: &SMatrix<f64, M, K>) -> Self {
+        let noise = self.noise + more * more.transpose();
+        self.noise = (noise + noise.transpose()) * 0.5;
+        self.root = self.factor();
+        self.receiver_sigma = None;
         self
     }
 
@@ -237,6 +271,12 @@ pub enum ObservationError {
         /// What it held.
         variance: f64,
     },
+    /// A standard deviation of the receiver's own place is negative or not finite.
+    #[error("the receiver's place has a standard deviation of {sigma} m, not of zero or more")]
+    ReceiverSigma {
+        /// What it was.
+        sigma: f64,
+    },
     /// The covariance is not symmetric and positive definite.
     #[error("the covariance of the observation is not symmetric and positive definite")]
     Covariance,
@@ -253,6 +293,8 @@ struct Parts<const M: usize> {
     missing: SVector<bool, M>,
     #[serde(default = "nowhere", skip_serializing_if = "is_nowhere")]
     below: SVector<bool, M>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    receiver_sigma: Option<Vector3<f64>>,
 }
 
 #[cfg(feature = "serde")]
@@ -270,7 +312,10 @@ impl<const M: usize> TryFrom<Parts<M>> for Observation<M> {
     type Error = ObservationError;
 
     fn try_from(parts: Parts<M>) -> Result<Self, ObservationError> {
-        let whole = Self::new(parts.time, parts.receiver, parts.value, parts.noise)?;
+        let mut whole = Self::new(parts.time, parts.receiver, parts.value, parts.noise)?;
+        if let Some(sigma) = parts.receiver_sigma {
+            whole = whole.with_receiver_sigma(sigma)?;
+        }
         let heard = (0..M).filter(|&i| parts.missing[i]).fold(whole, Self::without);
         Ok((0..M).filter(|&i| parts.below[i]).fold(heard, Self::below))
     }
@@ -286,6 +331,7 @@ impl<const M: usize> From<Observation<M>> for Parts<M> {
             noise: o.noise,
             missing: SVector::from_fn(|i, _| !o.present[i]),
             below: SVector::from_fn(|i, _| o.below[i]),
+            receiver_sigma: o.receiver_sigma,
         }
     }
 }

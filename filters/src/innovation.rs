@@ -1,4 +1,6 @@
-use foxhunt_core::{Covariance, Estimator, MeasurementModel, Observation, State};
+use foxhunt_core::{
+    Covariance, Estimator, MeasurementModel, Observation, State, absorb_receiver_noise,
+};
 use nalgebra::SVector;
 
 /// How an observation differs from what was expected: the raw material of consistency checks.
@@ -27,8 +29,10 @@ impl<const M: usize> Innovation<M> {
         model: &(impl MeasurementModel<N, M> + ?Sized),
         observation: &Observation<M>,
     ) -> Option<Self> {
+        let mean = estimator.estimate().mean;
+        let observation = &absorb_receiver_noise(model, &mean, observation);
         let expected = |x: &State<N>| model.expected(x, observation.receiver());
-        let centre = expected(&estimator.estimate().mean);
+        let centre = expected(&mean);
         let (mut shift, mut square) = (SVector::<f64, M>::zeros(), Covariance::<M>::zeros());
         estimator.visit_samples(&mut |state, weight| {
             let deviation = model.residual(&expected(state), &centre);

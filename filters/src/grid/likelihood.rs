@@ -1,6 +1,8 @@
 use alloc::{vec, vec::Vec};
 
-use foxhunt_core::{EstimatorError, MeasurementModel, Observation, Role, State};
+use foxhunt_core::{
+    EstimatorError, MeasurementModel, Observation, Role, State, absorb_receiver_noise,
+};
 use nalgebra::{SMatrix, SVector};
 
 use super::{Columns, GridConfig, Lattice};
@@ -82,21 +84,20 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
         lattice: &Lattice,
     ) -> Result<(), EstimatorError> {
         let not_finite = EstimatorError::NotFinite { role: Role::Expected };
-        let mut noises = Vec::with_capacity(self.observations.len());
-        for observation in &self.observations {
-            let root = observation.noise().cholesky().ok_or(not_finite)?.unpack();
-            noises.push((observation.log_density(&SVector::zeros()), root));
-        }
-        let Some(masked) = self.observations.first() else { return Ok(()) };
+        let Some(told) = self.observations.first() else { return Ok(()) };
+        let mut noises = self.noises(None)?;
         for index in 0..lattice.len() {
             let mut state = self.reference;
             state.fixed_rows_mut::<2>(0).copy_from(&lattice.place(index));
-            let (residual, slope) = self.at(&state, masked);
+            if told.receiver_sigma().is_some() {
+                noises = self.noises(Some(&state))?;
+            }
+            let (residual, slope) = self.at(&state, told);
             if !residual.iter().chain(slope.iter()).all(|v| v.is_finite()) {
                 return Err(not_finite);
             }
-            let residual = masked.mask(residual.transpose()).transpose();
-            let slope = masked.mask(slope.transpose()).transpose();
+            let residual = told.mask(residual.transpose()).transpose();
+            let slope = told.mask(slope.transpose()).transpose();
             for (hypothesis, (at_zero, root)) in noises.iter().enumerate() {
                 let white: SMatrix<f64, M, N> = root.solve_lower_triangular_unchecked(&slope);
                 let mut cell = posterior.cell(hypothesis, index);
@@ -108,6 +109,24 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
             }
         }
         Ok(())
+    }
+
+    /// The log-density of no residual and the factor of the noise, under each hypothesis; that of
+    /// an uncertain receiver as it stands for a target in `state`.
+    fn noises(
+        &self,
+        state: Option<&State<N>>,
+    ) -> Result<Vec<(f64, SMatrix<f64, M, M>)>, EstimatorError> {
+        let noise = |observation: &Observation<M>| {
+            let observation = match state {
+                Some(state) => absorb_receiver_noise(self.measurement, state, observation),
+                None => *observation,
+            };
+            let root = observation.noise().cholesky()?.unpack();
+            Some((observation.log_density(&SVector::zeros()), root))
+        };
+        let not_definite = EstimatorError::NotPositiveDefinite { role: Role::Innovation };
+        self.observations.iter().map(|o| noise(o).ok_or(not_definite)).collect()
     }
 
     /// The residual at a state, and the slope over what lies behind its place.
