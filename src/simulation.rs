@@ -4,13 +4,12 @@ use foxhunt_core::{
     BeaconId, BearingExtractor, Estimate, Estimator, EstimatorError, FormationPlanner, Observation,
     ObservationError, Reception, Station, Vehicle,
 };
-use foxhunt_formation::FollowConfigError;
 use foxhunt_sensors::{ParameterError, StepperConfig};
 use foxhunt_sim::{SimError, World};
 use nalgebra::Vector2;
 
 use crate::{
-    config::{NamedEstimator, beacon_seed},
+    config::{NamedEstimator, PlannerConfigError, beacon_seed},
     hunt::{DriveError, Event, Fix, Hunt, HuntError, drive},
     log::{LOG_VERSION, LogHeader, LoggedBeacon},
     scenario::{Scenario, SimulationConfig},
@@ -167,7 +166,7 @@ pub enum SimulationError {
     Model(#[from] ParameterError),
     /// The planner cannot be built.
     #[error("the planner of the scenario: {0}")]
-    Planner(#[from] FollowConfigError),
+    Planner(#[from] PlannerConfigError),
     /// The hunt cannot be built.
     #[error(transparent)]
     Hunt(#[from] HuntError),

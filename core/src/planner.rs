@@ -83,6 +83,8 @@ pub enum Outcome {
     Converged,
     /// The planner's cap on moves was reached first.
     MoveLimit,
+    /// The path that was planned beforehand is flown.
+    PathDone,
     /// Nothing was heard of the target, however often it was listened for.
     NothingHeard,
     /// It was heard, and then no longer; the estimate is of what was heard.
@@ -94,6 +96,7 @@ impl fmt::Display for Outcome {
         f.write_str(match self {
             Self::Converged => "converged",
             Self::MoveLimit => "move limit reached",
+            Self::PathDone => "path flown",
             Self::NothingHeard => "nothing heard",
             Self::SignalLost => "signal lost",
         })
@@ -112,8 +115,11 @@ pub enum PlanError {
         /// How many there are.
         have: usize,
     },
-    /// The belief holds NaN or infinity.
-    #[error("the estimate ({east}, {north}) m is not finite")]
+    /// There is no place to go to.
+    #[error("there is no place to go to")]
+    NoPlace,
+    /// The belief, or a place to go to, holds NaN or infinity.
+    #[error("the place ({east}, {north}) m is not finite")]
     NotFinite {
         /// Its East.
         east: f64,

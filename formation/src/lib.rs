@@ -3,6 +3,7 @@
 //! | planner | goes | finishes |
 //! |-|-|-|
 //! | [`FollowEstimate`] | a regular polygon about the estimate (Pritzl 2018, §5.2) | when the estimate has settled |
+//! | [`Waypoints`] | a regular polygon over one given place after the other | after the last |
 //! | [`Hold`] | nowhere | after a number of turns |
 //!
 //! A planner of one's own is a `foxhunt_core::FormationPlanner`, or a closure through
@@ -14,8 +15,10 @@ mod follow_estimate;
 mod hold;
 mod phases;
 mod polygon;
+mod waypoints;
 
 pub use follow_estimate::{FollowConfig, FollowConfigError, FollowEstimate};
 pub use hold::Hold;
 pub use phases::{Phase, PhaseError, Phases, Signal};
 pub use polygon::Polygon;
+pub use waypoints::Waypoints;

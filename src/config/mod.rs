@@ -14,4 +14,4 @@ pub use extractor::ExtractorConfig;
 pub(crate) use filter::beacon_seed;
 pub use filter::{FilterConfig, GateConfig};
 pub use model::ModelConfig;
-pub use planner::PlannerConfig;
+pub use planner::{PlannerConfig, PlannerConfigError};

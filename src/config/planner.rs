@@ -1,9 +1,12 @@
-use foxhunt_core::FormationPlanner;
-use foxhunt_formation::{FollowConfig, FollowConfigError, FollowEstimate, Hold};
+use foxhunt_core::{FormationPlanner, PlanError};
+use foxhunt_formation::{
+    FollowConfig, FollowConfigError, FollowEstimate, Hold, Polygon, Waypoints,
+};
+use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
 /// A planner chosen at run time.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]
 pub enum PlannerConfig {
@@ -12,6 +15,19 @@ pub enum PlannerConfig {
         /// Its parameters; the reference's unless given.
         #[serde(default)]
         follow: FollowConfig,
+    },
+    /// A polygon over one place after the other (Pritzl 2018, §7.3 and §7.4).
+    Waypoints {
+        /// East and North of each place.
+        places_m: Vec<[f64; 2]>,
+        /// From the polygon's centre to each of several drones.
+        circumradius_m: f64,
+        /// The direction of the first drone seen from the centre, counter-clockwise from East; 0
+        /// unless given.
+        #[serde(default)]
+        rotation_deg: f64,
+        /// The drones' altitude.
+        up_m: f64,
     },
     /// Everyone stays and listens.
     Hold {
@@ -25,11 +41,28 @@ impl PlannerConfig {
     ///
     /// # Errors
     ///
-    /// [`FollowConfigError`] names the field that is out of its range.
-    pub fn build(&self) -> Result<Box<dyn FormationPlanner>, FollowConfigError> {
-        Ok(match *self {
-            Self::FollowEstimate { follow } => Box::new(FollowEstimate::new(follow)?),
-            Self::Hold { turns } => Box::new(Hold::new(turns)),
+    /// [`PlannerConfigError`] names what is out of its range.
+    pub fn build(&self) -> Result<Box<dyn FormationPlanner>, PlannerConfigError> {
+        Ok(match self {
+            Self::FollowEstimate { follow } => Box::new(FollowEstimate::new(*follow)?),
+            Self::Waypoints { places_m, circumradius_m, rotation_deg, up_m } => {
+                let places: Vec<_> = places_m.iter().map(|place| Vector2::from(*place)).collect();
+                let polygon = Polygon { circumradius: *circumradius_m };
+                Box::new(Waypoints::new(places, polygon, rotation_deg.to_radians(), *up_m)?)
+            }
+            Self::Hold { turns } => Box::new(Hold::new(*turns)),
         })
     }
+}
+
+/// Why there is no planner.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlannerConfigError {
+    /// A field of the polygon that follows is out of its range.
+    #[error(transparent)]
+    Follow(#[from] FollowConfigError),
+    /// The waypoints make no path.
+    #[error("planner.places_m: {0}")]
+    Path(#[from] PlanError),
 }

@@ -4,8 +4,10 @@ use super::Scenario;
 pub const DEFAULT_SCENARIO: &str = "pritzl-6.1";
 
 /// The built-in scenarios' texts, by name.
-const TEXTS: [(&str, &str); 2] = [
+const TEXTS: [(&str, &str); 4] = [
     ("pritzl-6.1", include_str!("../../scenarios/pritzl-6.1.toml")),
+    ("pritzl-7.3", include_str!("../../scenarios/pritzl-7.3.toml")),
+    ("pritzl-7.4", include_str!("../../scenarios/pritzl-7.4.toml")),
     ("rough-field", include_str!("../../scenarios/rough-field.toml")),
 ];
 

@@ -124,13 +124,13 @@ impl<const N: usize> Columns<N> {
         (0..self.hypotheses()).map(column).collect()
     }
 
-    /// The same belief over other cells. Beyond the old ones l falls as `tail` does from the
-    /// nearest place within them.
+    /// The same belief over other cells. Beyond the old ones l is what it is on their border, and
+    /// what `fall` makes of the way from there, which is never positive.
     pub(super) fn over(
         &self,
         from: &Lattice,
         to: &Lattice,
-        tail: impl Fn(&Vector2<f64>) -> f64,
+        fall: impl Fn(&Vector2<f64>) -> f64,
     ) -> Self {
         let mut columns = Self::new(self.hypotheses(), to.len());
         let last = number(from.side()) - 0.5;
@@ -139,8 +139,7 @@ impl<const N: usize> Columns<N> {
             let at = from.coordinates(&place);
             let inside = at.map(|c| c.clamp(-0.5, last));
             let fall = if (at - inside).norm_squared() > 0.0 {
-                let nearest = place + from.steps() * (inside - at);
-                tail(&place) - tail(&nearest)
+                fall(&(from.steps() * (at - inside)))
             } else {
                 0.0
             };

@@ -121,7 +121,8 @@ where
         states
     }
 
-    /// A belief over other cells, beyond its own the Gaussian of its place.
+    /// A belief over other cells. Beyond its own it falls from what stands on the border as a
+    /// Gaussian of the belief's covariance falls from its mean.
     fn over(
         &self,
         columns: &Columns<N>,
@@ -130,15 +131,11 @@ where
         place: &Estimate<2>,
     ) -> Columns<N> {
         let factor = place.covariance.cholesky();
-        let tail = |x: &Vector2<f64>| {
-            if self.widest.is_some() {
-                return f64::NEG_INFINITY;
-            }
-            factor
-                .as_ref()
-                .map_or(0.0, |factor| -0.5 * (x - place.mean).dot(&factor.solve(&(x - place.mean))))
+        let fall = |beyond: &Vector2<f64>| match &factor {
+            Some(factor) if self.widest.is_none() => -0.5 * beyond.dot(&factor.solve(beyond)),
+            _ => f64::NEG_INFINITY,
         };
-        columns.over(from, to, tail)
+        columns.over(from, to, fall)
     }
 
     /// Where the cells and what is believed in them are after `dt`.
