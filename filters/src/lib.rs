@@ -16,7 +16,8 @@
 //!
 //! With the feature `batch`: [`BatchSolver`] fits all observations of a still target at once,
 //! [`BatchEstimator`] does so after each; [`Lenth1981`], [`repeated_median`] and the closed forms
-//! [`pseudolinear`], [`stansfield`] and [`instrumental_variables`] find where bearings meet.
+//! [`pseudolinear`], [`stansfield`] and [`instrumental_variables`] find where bearings meet,
+//! [`multilaterate`] where ranges, and [`spherical_intersection`] where differences of ranges.
 //!
 //! The particle filter and the grid need the feature `alloc`; the rest runs without an allocator.
 
@@ -34,6 +35,8 @@ mod gaussian;
 mod kalman;
 #[cfg(feature = "alloc")]
 mod particle;
+#[cfg(feature = "batch")]
+mod ranges;
 #[cfg(feature = "alloc")]
 mod shadowing_grid;
 mod transform;
@@ -50,6 +53,8 @@ pub use gaussian::Gaussian;
 pub use kalman::{Ckf, Ekf, Gate, GateLimit, Innovation, Iterations, Kalman, Ukf};
 #[cfg(feature = "alloc")]
 pub use particle::{ParticleFilter, Resampling};
+#[cfg(feature = "batch")]
+pub use ranges::{SlantRange, SlantRangeDifference, multilaterate, spherical_intersection};
 #[cfg(feature = "alloc")]
 pub use shadowing_grid::{
     Intercept, Marginal, PosteriorMap, ShadowingFix, ShadowingGrid, ShadowingGridConfig,

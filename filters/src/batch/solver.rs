@@ -157,6 +157,7 @@ impl<H, const N: usize> BatchSolver<H, N> {
             reduced = misfit(&self.problem(&heard, scale), &best(&modes).state);
         }
         let (problem, optimum) = (self.problem(&heard, scale), best(&modes));
+        let rivals = modes.ends.iter().skip(1);
         let silenced = heard.iter().zip(observations).enumerate();
         Ok(BatchFix {
             estimate: posterior(optimum)?,
@@ -167,6 +168,7 @@ impl<H, const N: usize> BatchSolver<H, N> {
                 .filter(|(_, (h, o))| h.observation.len() < o.len())
                 .map(|s| s.0)
                 .collect(),
+            rivals: rivals.map(|end| (end.state, optimum.cost - end.cost)).collect(),
             iterations: optimum.iterations,
             agreeing_starts,
         })

@@ -3,6 +3,7 @@
 mod lenth1981;
 mod linear_bearings;
 mod model;
+mod ranges;
 mod recursive;
 mod refusals;
 mod solver;
