@@ -1,6 +1,6 @@
 use alloc::vec::Vec;
 
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 use crate::batch::{BatchError, at_least, finite_entry, positive_entry};
 
@@ -20,11 +20,14 @@ pub struct SlantRangeDifference {
 /// receiver, in closed form: spherical intersection (Schau & Robinson 1987).
 ///
 /// Given the distance r₀ from the reference, the squares of the ranges are linear in the place, so that
-/// least squares have x = a + b r₀; the reference's own sphere makes a quadratic
-/// equation for r₀ of it. Of its two roots both may be positive: the places that are told, the better fitting
-/// one first, are starts for [`BatchSolver`](crate::BatchSolver) with a model of range
-/// differences, which then reaches the Cramér-Rao bound. Where noise has left no root, the middle of the
-/// complex pair is told, or the reference's own place.
+/// least squares have x = a + b r₀; the reference's own sphere makes a quadratic equation for r₀ of
+/// it. Both of its roots may be positive, and noise may leave none: then the real part of the
+/// complex pair stands in, or the height. From three differences on, r₀ is also solved for
+/// as an unknown of its own (spherical interpolation, Smith & Abel 1987).
+///
+/// The places come with the best fitting one first. They are starts for
+/// [`BatchSolver`](crate::BatchSolver) with a model of range differences, which then reaches the
+/// Cramér-Rao bound; alone they are poor near the reference.
 ///
 /// # Errors
 ///
@@ -47,17 +50,19 @@ pub fn spherical_intersection(
         positive_entry("the range difference's sigma", index, *sigma)?;
     }
     let up = target_up - reference.z;
-    let (mut matrix, mut apart, mut toward) =
-        (Matrix2::zeros(), Vector2::zeros(), Vector2::zeros());
+    // Σ w q qᵀ and Σ w q k with q = (p, d): each difference tells that q · (x, r₀) = k.
+    let (mut whole, mut right) = (Matrix3::zeros(), Vector3::zeros());
     for d in differences {
         let place = d.receiver.xy() - reference.xy();
         let weight = 1.0 / (d.sigma * d.sigma);
         let above = target_up - d.receiver.z;
         let square = place.norm_squared() + above * above - up * up;
-        matrix += place * place.transpose() * weight;
-        apart += place * (0.5 * (square - d.difference * d.difference) * weight);
-        toward -= place * (d.difference * weight);
+        let known = place.push(d.difference);
+        whole += known * known.transpose() * weight;
+        right += known * (0.5 * (square - d.difference * d.difference) * weight);
     }
+    let matrix: Matrix2<f64> = whole.fixed_view::<2, 2>(0, 0).into_owned();
+    let (apart, toward) = (right.xy(), -whole.column(2).xy());
     let size = matrix.trace();
     let rcond = matrix.determinant() / (size * size);
     let flat = BatchError::Flat { rcond };
@@ -73,6 +78,8 @@ pub fn spherical_intersection(
     let ranges = roots.into_iter().chain([largest]).filter(|r| *r >= up.abs() && r.is_finite());
     let mut places: Vec<Vector2<f64>> = ranges.map(|r| reference.xy() + a + b * r).collect();
     places.dedup();
+    // With the range taken for a third unknown of its own (Smith & Abel 1987).
+    places.extend(whole.cholesky().map(|factor| reference.xy() + factor.solve(&right).xy()));
     let misfit = |place: &Vector2<f64>| -> f64 {
         let range = |from: &Vector3<f64>| (place.push(target_up) - from).norm();
         let own = range(&reference);
