@@ -18,6 +18,7 @@
 //! [`BatchEstimator`] does so after each; [`Lenth1981`], [`repeated_median`] and the closed forms
 //! [`pseudolinear`], [`stansfield`] and [`instrumental_variables`] find where bearings meet,
 //! [`multilaterate`] where ranges, and [`spherical_intersection`] where differences of ranges.
+//! [`FieldMap`] maps the level over the area without any law of propagation.
 //!
 //! The particle filter and the grid need the feature `alloc`; the rest runs without an allocator.
 
@@ -31,6 +32,8 @@ mod batch;
 #[cfg(feature = "batch")]
 mod bearings;
 mod count;
+#[cfg(feature = "batch")]
+mod field_map;
 mod gaussian;
 mod kalman;
 #[cfg(feature = "alloc")]
@@ -49,6 +52,8 @@ pub use bearings::{
     BearingFix, BearingLine, BearingWeights, Lenth1981, RepeatedMedianFix, instrumental_variables,
     pseudolinear, repeated_median, stansfield,
 };
+#[cfg(feature = "batch")]
+pub use field_map::{FieldMap, FieldMapConfig, FieldMaximum, FieldModel};
 pub use gaussian::Gaussian;
 pub use kalman::{Ckf, Ekf, Gate, GateLimit, Innovation, Iterations, Kalman, Ukf};
 #[cfg(feature = "alloc")]

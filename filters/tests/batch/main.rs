@@ -1,5 +1,8 @@
 //! The batch estimators against published figures, bounds, laws and statistics.
 
+#[path = "../shadowing_grid/aerpaw_flights.rs"]
+mod aerpaw;
+mod field_map;
 mod lenth1981;
 mod linear_bearings;
 mod model;
