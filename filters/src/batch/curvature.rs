@@ -16,8 +16,8 @@ pub(super) enum Curvature<const N: usize> {
     Down(State<N>),
 }
 
-/// The Hessian by central differences of the gradient, over steps of a ten-thousandth of what
-/// Gauss and Newton's information takes for a standard deviation.
+/// The Hessian by central differences of the gradient, over steps of a ten-thousandth of what Gauss
+/// and Newton's information takes for a standard deviation.
 pub(super) fn hessian<H, const N: usize, const M: usize>(
     problem: &Problem<'_, H, N, M>,
     x: &State<N>,
@@ -39,8 +39,8 @@ where
     Hessian((hessian + hessian.transpose()) * 0.5)
 }
 
-/// Newton's iteration as long as each step is at most half of the last, in standard
-/// deviations: the optimum, its cost and the Hessian there. `None` where it does not lead to one.
+/// Newton's iteration as long as each step is at most half of the last, in standard deviations: the
+/// optimum, its cost and the Hessian there. `None` where it does not lead to one.
 pub(super) fn settle<H, const N: usize, const M: usize>(
     problem: &Problem<'_, H, N, M>,
     start: &State<N>,
@@ -94,8 +94,8 @@ impl<const N: usize> Hessian<N> {
 /// Below this a direction is left open.
 const LEAST_RCOND: f64 = 1e-12;
 
-/// Refuses an information that leaves a direction open, or a place less certain than the region
-/// is wide.
+/// Refuses an information that leaves a direction open, or a place less certain than the region is
+/// wide.
 pub(super) fn flatness<const N: usize>(
     information: &Covariance<N>,
     region: Region,

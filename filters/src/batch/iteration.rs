@@ -37,12 +37,12 @@ const SETTLED: f64 = 1e-13;
 /// How often a saddle is left.
 const MOST_ESCAPES: u8 = 3;
 
-/// After so many iterations the steps are those of the Hessian: Gauss and Newton's approximation
-/// is poor where residuals are large, or a loss is far from quadratic.
+/// After so many iterations the steps are those of the Hessian: Gauss and Newton's approximation is
+/// poor where residuals are large, or a loss is far from quadratic.
 const GAUSS_NEWTON: u32 = 15;
 
-/// Levenberg and Marquardt's iteration, damped by the gain (Nielsen 1999; Madsen, Nielsen & Tingleff
-/// 2004, §3.2), and Newton's near the optimum.
+/// Levenberg and Marquardt's iteration, damped by the gain (Nielsen 1999; Madsen, Nielsen &
+/// Tingleff 2004, §3.2), and Newton's near the optimum.
 pub(super) fn descend<H, const N: usize, const M: usize>(
     problem: &Problem<'_, H, N, M>,
     start: &State<N>,
@@ -118,8 +118,8 @@ impl Default for Damping {
 }
 
 impl Damping {
-    /// The next state, of lower cost, by the model of the cost with this second derivative;
-    /// `None` where no step however short lowers it.
+    /// The next state, of lower cost, by the model of the cost with this second derivative; `None`
+    /// where no step however short lowers it.
     fn step<H, const N: usize, const M: usize>(
         &mut self,
         problem: &Problem<'_, H, N, M>,

@@ -91,9 +91,9 @@ where
 
 /// Which observation draws a descent into its receiver.
 ///
-/// At the receiver itself a bearing fits whatever it says: the density has a spike there without any
-/// mass, and a descent creeps into it without end. Its angles have most of the information on some
-/// component there, the more the nearer it came.
+/// At the receiver itself a bearing fits whatever it says: the density has a spike there without
+/// any mass, and a descent creeps into it without end. Its angles have most of the information on
+/// some component there, the more the nearer it came.
 pub(super) fn trap<H, const N: usize, const M: usize>(
     problem: &Problem<'_, H, N, M>,
     state: &State<N>,
@@ -112,8 +112,7 @@ where
     shares.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
 }
 
-/// Two ends are one optimum where they are less than a thousandth of its standard deviation
-/// apart.
+/// Two ends are one optimum where they are less than a thousandth of its standard deviation apart.
 fn are_one<const N: usize>(mode: &End<N>, end: &End<N>) -> bool {
     let apart = mode.state - end.state;
     apart.dot(&(mode.information * apart)) < 1e-6

@@ -17,10 +17,10 @@ use crate::{
 /// A Gaussian process through the levels that were read along a path (Rasmussen & Williams 2006;
 /// kriging with an unknown mean): what the level is at any place, and where it is highest.
 ///
-/// A reading is y = β + f(p) + e with f of Matérn's correlation of smoothness 3/2 and length ℓ, e its
-/// own, both together of variance σ². ℓ and e's share of the variance have the largest marginal
-/// likelihood on a small grid; they are then taken for known, so that the spread told is
-/// somewhat too narrow where there are few readings.
+/// A reading is y = β + f(p) + e with f of Matérn's correlation of smoothness 3/2 and length ℓ, e
+/// its own, both together of variance σ². ℓ and e's share of the variance have the largest marginal
+/// likelihood on a small grid; they are then taken for known, so that the spread told is somewhat
+/// too narrow where there are few readings.
 ///
 /// It assumes no law of propagation and no antenna, only that the level varies smoothly with the
 /// place over ground. That makes it a baseline: it cannot know of a transmitter that lies outside
@@ -56,8 +56,8 @@ impl FieldMap {
     /// # Errors
     ///
     /// [`BatchError::Setting`] and [`BatchError::TooFew`] name the setting that is out of range;
-    /// [`BatchError::Value`] the reading that is not finite; [`BatchError::TooFew`] where the
-    /// path makes fewer than four segments; [`BatchError::Flat`] when all readings were taken in one
+    /// [`BatchError::Value`] the reading that is not finite; [`BatchError::TooFew`] where the path
+    /// makes fewer than four segments; [`BatchError::Flat`] when all readings were taken in one
     /// place, or have one value.
     pub fn fit(readings: &[(Pose, f64)], config: &FieldMapConfig) -> Result<Self, BatchError> {
         config.check()?;
@@ -78,8 +78,8 @@ impl FieldMap {
         &self.fit.model
     }
 
-    /// The level at a place, East and North in metres, and its standard deviation, both without
-    /// a reading's own noise.
+    /// The level at a place, East and North in metres, and its standard deviation, both without a
+    /// reading's own noise.
     #[must_use]
     pub fn level(&self, place: &Vector2<f64>) -> (f64, f64) {
         let (mean, white, open) = self.conditional(core::slice::from_ref(place));
@@ -93,8 +93,8 @@ impl FieldMap {
         1.0 - self.fit.model.noise_share
     }
 
-    /// At each place the mean, L⁻¹ of the correlation with the readings, and what the unknown
-    /// mean leaves open: (1 − u · white) / √(u·u).
+    /// At each place the mean, L⁻¹ of the correlation with the readings, and what the unknown mean
+    /// leaves open: (1 − u · white) / √(u·u).
     pub(super) fn conditional(&self, at: &[Vector2<f64>]) -> (Vec<f64>, Mat<f64>, Vec<f64>) {
         let Fit { correlation, model, residual, .. } = &self.fit;
         let share = self.field_share();

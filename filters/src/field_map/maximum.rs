@@ -39,8 +39,7 @@ impl Belief for FieldMaximum {
 /// So many fields are drawn at once.
 const DRAWN_AT_ONCE: usize = 256;
 
-/// What is added to a cell's variance, as a share of the field's, so that rounding leaves a
-/// factor.
+/// What is added to a cell's variance, as a share of the field's, so that rounding leaves a factor.
 const JITTER: f64 = 1e-8;
 
 impl FieldMap {
@@ -54,8 +53,8 @@ impl FieldMap {
     /// # Errors
     ///
     /// [`BatchError::Setting`] for a margin that is negative, or cells that are not of a positive
-    /// size; [`BatchError::TooFew`] below 16 cells or without a sample; [`BatchError::Improper`] when
-    /// the posterior has no factor.
+    /// size; [`BatchError::TooFew`] below 16 cells or without a sample; [`BatchError::Improper`]
+    /// when the posterior has no factor.
     pub fn maximum<R: Rng>(
         &self,
         margin_m: f64,

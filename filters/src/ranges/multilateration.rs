@@ -18,16 +18,15 @@ pub struct SlantRange {
 
 /// The place of a target at the height `target_up` in metres from ranges, by least squares.
 ///
-/// The start comes from the linear equations that differences of squared ranges obey, each weighed by the
-/// error of its square (Caffery 2000), and from both sides of the line that the
-/// receivers lie along: receivers on a line see two places alike, and [`BatchFix::rivals`] shows
-/// the other.
+/// The start comes from the linear equations that differences of squared ranges obey, each weighed
+/// by the error of its square (Caffery 2000), and from both sides of the line that the receivers
+/// lie along: receivers on a line see two places alike, and [`BatchFix::rivals`] shows the other.
 ///
 /// # Errors
 ///
 /// [`BatchError::TooFew`] below three ranges; [`BatchError::Value`] for a number that is not
-/// finite, or a range or σ that is not positive; [`BatchError::Flat`] when all receivers are in
-/// one place; what [`BatchSolver::solve`] has.
+/// finite, or a range or σ that is not positive; [`BatchError::Flat`] when all receivers are in one
+/// place; what [`BatchSolver::solve`] has.
 pub fn multilaterate(ranges: &[SlantRange], target_up: f64) -> Result<BatchFix<2>, BatchError> {
     at_least("ranges", ranges.len(), 3)?;
     if !target_up.is_finite() {

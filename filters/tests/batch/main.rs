@@ -7,6 +7,7 @@ mod lenth1981;
 mod linear_bearings;
 mod model;
 mod ranges;
+mod recorded;
 mod recursive;
 mod refusals;
 mod solver;

@@ -48,8 +48,8 @@ fn information(truth: &State<3>, observations: &[Observation<2>]) -> Covariance<
     information
 }
 
-/// Seed 5, 500 runs, levels with unknown power, bearings with them in half of the runs: the
-/// errors over the bound, and the NEES, a χ² of 3 degrees; a false alarm in 1000 each.
+/// Seed 5, 500 runs, levels with unknown power, bearings with them in half of the runs: the errors
+/// over the bound, and the NEES, a χ² of 3 degrees; a false alarm in 1000 each.
 #[test]
 fn maximum_likelihood_reaches_the_bound() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
@@ -136,8 +136,8 @@ fn a_linear_model_is_solved_exactly() {
     assert!((near - 0.5).abs() < 1e-9, "small residuals narrow nothing: {near}");
 }
 
-/// Seed 6, 200 runs with a tenth of wild levels and bearings: each robust loss has less than a
-/// half of the Gaussian's squared error; with Student's noise its own loss is best.
+/// Seed 6, 200 runs with a tenth of wild levels and bearings: each robust loss has less than a half
+/// of the Gaussian's squared error; with Student's noise its own loss is best.
 #[test]
 fn robust_losses_stand_outliers() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(6);
@@ -184,8 +184,8 @@ fn robust_losses_stand_outliers() {
 
 #[test]
 fn the_best_of_two_optima_is_found_from_several_starts() {
-    // Levels along a straight leg: a target on either side would be heard alike; one bearing,
-    // poor, tells which.
+    // Levels along a straight leg: a target on either side would be heard alike; one bearing, poor,
+    // tells which.
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);
     let leg: Vec<_> = (0..40).map(|i| Pose::at(5.0 * f64::from(i), 0.0, 30.0)).collect();
     let truth = Vector3::new(90.0, 60.0, -30.0);
