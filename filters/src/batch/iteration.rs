@@ -88,7 +88,12 @@ where
                     let costs = sides.map(|side| problem.cost(&side));
                     if costs[1] < costs[0] { sides[1] } else { sides[0] }
                 }
-                _ => return here(None),
+                _ => {
+                    // As low as it gets; a slope that leads nowhere is no optimum.
+                    let refused = here(None).refused;
+                    let wall = BatchError::NotConverged { iterations };
+                    return here(refused.or((gain > NEAR).then_some(wall)));
+                }
             },
         };
         local = problem.local(&state);

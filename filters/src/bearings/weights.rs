@@ -59,7 +59,7 @@ mod tests {
         for (kappa, ratio) in [(1.0, 0.446_40), (2.0, 0.697_77), (5.0, 0.893_38), (10.0, 0.948_60)]
         {
             let found = 1.0 / inverse_concentration(ratio);
-            assert!((found / kappa - 1.0).abs() < 0.02, "{found} for {kappa}");
+            assert!((found / kappa - 1.0).abs() < 0.03, "{found} for {kappa}");
         }
     }
 }

@@ -82,22 +82,17 @@ impl FieldMap {
     /// reading's own noise.
     #[must_use]
     pub fn level(&self, place: &Vector2<f64>) -> (f64, f64) {
-        let (mean, white, open) = self.conditional(core::slice::from_ref(place));
-        let white = column(&white, 0);
-        let variance = self.field_share() - dot(&white, &white) + open[0] * open[0];
-        (mean[0], self.fit.model.sigma * libm::sqrt(f64::max(0.0, variance)))
+        let (mean, covariance) = self.levels(core::slice::from_ref(place));
+        (mean[0], libm::sqrt(f64::max(0.0, covariance[(0, 0)])))
     }
 
-    /// The share of the variance that is the field's.
-    pub(super) fn field_share(&self) -> f64 {
-        1.0 - self.fit.model.noise_share
-    }
-
-    /// At each place the mean, L⁻¹ of the correlation with the readings, and what the unknown mean
-    /// leaves open: (1 − u · white) / √(u·u).
-    pub(super) fn conditional(&self, at: &[Vector2<f64>]) -> (Vec<f64>, Mat<f64>, Vec<f64>) {
+    /// The levels at some places together: their means and their covariance. With white the
+    /// columns of L⁻¹ C(readings, places), that is
+    /// σ² ((1 − ν) k − whiteᵀ white + open openᵀ), open = (1 − whiteᵀ u) / √(u·u) being what the
+    /// unknown mean leaves open (Rasmussen & Williams 2006, eq. 2.42).
+    pub(super) fn levels(&self, at: &[Vector2<f64>]) -> (Vec<f64>, Mat<f64>) {
         let Fit { correlation, model, residual, .. } = &self.fit;
-        let share = self.field_share();
+        let share = 1.0 - model.noise_share;
         let mut white = Mat::<f64>::from_fn(self.places.len(), at.len(), |i, j| {
             share * matern(&self.places[i], &at[j], model.length_m)
         });
@@ -105,10 +100,16 @@ impl FieldMap {
         let ones = &correlation.ones;
         let size = libm::sqrt(dot(ones, ones));
         let columns = (0..at.len()).map(|j| column(&white, j));
-        let (mean, open) = columns
+        let (mean, open): (Vec<f64>, Vec<f64>) = columns
             .map(|white| (model.mean + dot(&white, residual), (1.0 - dot(ones, &white)) / size))
             .unzip();
-        (mean, white, open)
+        let explained = white.transpose() * &white;
+        let variance = model.sigma * model.sigma;
+        let covariance = Mat::<f64>::from_fn(at.len(), at.len(), |i, j| {
+            let before = share * matern(&at[i], &at[j], model.length_m);
+            variance * (before - explained[(i, j)] + open[i] * open[j])
+        });
+        (mean, covariance)
     }
 }
 

@@ -6,7 +6,7 @@ use nalgebra::Vector2;
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
-use super::{FieldMap, covariance::matern};
+use super::FieldMap;
 use crate::{
     PosteriorMap,
     batch::{BatchError, at_least, positive},
@@ -39,7 +39,7 @@ impl Belief for FieldMaximum {
 /// So many fields are drawn at once.
 const DRAWN_AT_ONCE: usize = 256;
 
-/// What is added to a cell's variance, as a share of the field's, so that rounding leaves a factor.
+/// What is added to a cell's variance, as a share of σ², so that rounding leaves a factor.
 const JITTER: f64 = 1e-8;
 
 impl FieldMap {
@@ -100,15 +100,9 @@ impl FieldMap {
 
     /// The mean and a factor of the covariance of the levels at some places together.
     fn posterior(&self, places: &[Vector2<f64>]) -> Result<(Vec<f64>, Llt<f64>), BatchError> {
-        let (mean, white, open) = self.conditional(places);
-        let explained = white.transpose() * &white;
-        let (share, model) = (self.field_share(), self.model());
-        let variance = model.sigma * model.sigma;
-        let covariance = Mat::<f64>::from_fn(places.len(), places.len(), |i, j| {
-            let own = if i == j { JITTER } else { 0.0 };
-            let before = share * (matern(&places[i], &places[j], model.length_m) + own);
-            variance * (before - explained[(i, j)] + open[i] * open[j])
-        });
+        let (mean, mut covariance) = self.levels(places);
+        let sigma = self.model().sigma;
+        (0..places.len()).for_each(|i| covariance[(i, i)] += JITTER * sigma * sigma);
         let factor = Llt::new(covariance.as_ref(), Side::Lower);
         let improper = BatchError::Improper { what: "field's posterior" };
         Ok((mean, factor.map_err(|_| improper)?))

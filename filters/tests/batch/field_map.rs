@@ -93,6 +93,39 @@ fn levels_and_maxima_are_calibrated() {
     assert!((sigmas - 1.0).abs() < 0.05, "{sigmas}");
 }
 
+/// Universal kriging written out anew: the weights are best and unbiased whatever the mean.
+#[test]
+fn levels_are_those_of_kriging() {
+    let places = [(0.0, 0.0), (90.0, 15.0), (40.0, -70.0), (10.0, 160.0), (155.0, 41.0)];
+    let values = [3.0, -1.0, 4.0, 1.5, -5.0];
+    let readings: Vec<_> =
+        places.iter().zip(values).map(|((x, y), v)| (Pose::at(*x, *y, 30.0), v)).collect();
+    let map = FieldMap::fit(&readings, &known()).expect("a map");
+    let correlation = |a: (f64, f64), b: (f64, f64)| {
+        let scaled = 3.0_f64.sqrt() * (a.0 - b.0).hypot(a.1 - b.1) / LENGTH_M;
+        (1.0 - NOISE_SHARE) * (1.0 + scaled) * (-scaled).exp()
+    };
+    // C w + μ 1 = c, 1ᵀ w = 1 (Cressie 1993, §3.4).
+    let augmented = DMatrix::from_fn(6, 6, |i, j| match (i, j) {
+        (5, 5) => 0.0,
+        (5, _) | (_, 5) => 1.0,
+        _ => correlation(places[i], places[j]) + if i == j { NOISE_SHARE } else { 0.0 },
+    });
+    let solve = |right: &DVector<f64>| augmented.clone().lu().solve(right).expect("regular");
+    let values = DVector::from_fn(6, |i, _| if i < 5 { values[i] } else { 0.0 });
+    let sigma = (values.dot(&solve(&values)) / 4.0).sqrt();
+    assert!((map.model().sigma - sigma).abs() < 1e-9, "{:?} {sigma}", map.model());
+    for at in [(20.0, 20.0), (90.0, 15.0), (400.0, 300.0)] {
+        let right =
+            DVector::from_fn(6, |i, _| if i < 5 { correlation(places[i], at) } else { 1.0 });
+        let weights = solve(&right);
+        let sd = sigma * (1.0 - NOISE_SHARE - weights.dot(&right)).sqrt();
+        let level = map.level(&Vector2::new(at.0, at.1));
+        assert!((level.0 - weights.dot(&values)).abs() < 1e-9, "{level:?} at {at:?}");
+        assert!((level.1 - sd).abs() < 1e-9, "{level:?}, not {sd} at {at:?}");
+    }
+}
+
 /// Levels of a law with noise on a lawn-mower track, seed 42: the maximum is near the transmitter,
 /// and the same seed tells the same.
 #[test]
