@@ -11,3 +11,4 @@ mod recorded;
 mod recursive;
 mod refusals;
 mod solver;
+mod stress;
