@@ -2,7 +2,7 @@ use alloc::{vec, vec::Vec};
 
 use crate::batch::{BatchError, at_least, positive};
 
-/// How [`FieldMap`](super::FieldMap) models the level.
+/// How [`FieldMap`](super::FieldMap) models the level and where it looks for the maximum.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FieldMapConfig {
     /// The lengths, in metres, that the field's correlation may have.
@@ -14,10 +14,19 @@ pub struct FieldMapConfig {
     pub segment_m: f64,
     /// The most segments, at least 4: time grows with their cube.
     pub max_segments: u32,
+    /// How far the maximum may lie beyond the receivers' bounding box, in metres.
+    pub margin_m: f64,
+    /// The side of a cell in metres; larger where the area would take more than `max_cells`.
+    pub cell_m: f64,
+    /// The most cells, at least 16: time grows with their cube, memory with their square; 900 take
+    /// 10 MB.
+    pub max_cells: u32,
+    /// How many fields are drawn for the place of the maximum.
+    pub samples: u32,
 }
 
 /// Lengths of 20, 40, 80, 160 and 320 m; noise shares 0.02, 0.1, 0.3 and 0.6; segments of 10 m, at
-/// most 300.
+/// most 300; margin 50 m, cells of 10 m, at most 900; 500 samples.
 impl Default for FieldMapConfig {
     fn default() -> Self {
         Self {
@@ -25,6 +34,10 @@ impl Default for FieldMapConfig {
             noise_shares: vec![0.02, 0.1, 0.3, 0.6],
             segment_m: 10.0,
             max_segments: 300,
+            margin_m: 50.0,
+            cell_m: 10.0,
+            max_cells: 900,
+            samples: 500,
         }
     }
 }
@@ -42,11 +55,15 @@ impl FieldMapConfig {
                 return Err(BatchError::Setting { name, value, requirement });
             }
         }
-        if !(self.segment_m >= 0.0 && self.segment_m.is_finite()) {
-            let (name, value) = ("segment_m", self.segment_m);
-            return Err(BatchError::Setting { name, value, requirement: "a number from 0 on" });
+        for (name, value) in [("segment_m", self.segment_m), ("margin_m", self.margin_m)] {
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(BatchError::Setting { name, value, requirement: "a number from 0 on" });
+            }
         }
-        at_least("max_segments", self.max_segments as usize, 4)
+        positive("cell_m", self.cell_m)?;
+        at_least("max_segments", self.max_segments as usize, 4)?;
+        at_least("max_cells", self.max_cells as usize, 16)?;
+        at_least("samples", self.samples as usize, 1)
     }
 }
 

@@ -47,6 +47,7 @@ use crate::{
 pub struct FieldMap {
     pub(super) fit: Fit,
     pub(super) places: Vec<Vector2<f64>>,
+    pub(super) config: FieldMapConfig,
 }
 
 impl FieldMap {
@@ -69,7 +70,8 @@ impl FieldMap {
         let choices = config.lengths_m.iter().flat_map(|length_m| shares(*length_m));
         let fits = choices.filter_map(|(length, share)| Fit::new(&places, &values, length, share));
         let best = fits.max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood));
-        Ok(Self { fit: best.ok_or(BatchError::Flat { rcond: 0.0 })?, places })
+        let fit = best.ok_or(BatchError::Flat { rcond: 0.0 })?;
+        Ok(Self { fit, places, config: config.clone() })
     }
 
     /// The hyperparameters that were chosen.

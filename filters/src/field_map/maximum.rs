@@ -7,11 +7,7 @@ use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
 use super::FieldMap;
-use crate::{
-    PosteriorMap,
-    batch::{BatchError, at_least, positive},
-    shadowing_grid::Grid,
-};
+use crate::{PosteriorMap, batch::BatchError, shadowing_grid::Grid};
 
 /// Where a field is highest.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,33 +39,16 @@ const DRAWN_AT_ONCE: usize = 256;
 const JITTER: f64 = 1e-8;
 
 impl FieldMap {
-    /// Where the field is highest over the receivers' bounding box and `margin_m` about it: the
-    /// share of `samples` fields, drawn from the posterior, that have their maximum in each cell.
+    /// Where the field is highest over the receivers' bounding box and a margin about it: the share
+    /// of fields, drawn from the posterior, that have their maximum in each cell.
     ///
-    /// Cells have a side of `cell_m`, or more where there would be more than `max_cells`; time
-    /// grows with the cube of their number and memory with the square: 900 take 10 MB. The
-    /// generator comes from outside; same seed, same result.
+    /// The generator comes from outside; same seed, same result.
     ///
     /// # Errors
     ///
-    /// [`BatchError::Setting`] for a margin that is negative, or cells that are not of a positive
-    /// size; [`BatchError::TooFew`] below 16 cells or without a sample; [`BatchError::Improper`]
-    /// when the posterior has no factor.
-    pub fn maximum<R: Rng>(
-        &self,
-        margin_m: f64,
-        cell_m: f64,
-        max_cells: u32,
-        samples: u32,
-        rng: &mut R,
-    ) -> Result<FieldMaximum, BatchError> {
-        if !(margin_m >= 0.0 && margin_m.is_finite()) {
-            let (name, value) = ("margin_m", margin_m);
-            return Err(BatchError::Setting { name, value, requirement: "a number from 0 on" });
-        }
-        at_least("max_cells", max_cells as usize, 16)?;
-        at_least("samples", samples as usize, 1)?;
-        let grid = self.grid(margin_m, positive("cell_m", cell_m)?, max_cells);
+    /// [`BatchError::Improper`] when the posterior has no factor.
+    pub fn maximum<R: Rng>(&self, rng: &mut R) -> Result<FieldMaximum, BatchError> {
+        let (grid, samples) = (self.grid(), self.config.samples);
         let places: Vec<_> = (0..grid.len()).map(|cell| grid.centre(cell)).collect();
         let (mean, factor) = self.posterior(&places)?;
         let mut wins = vec![0_u32; places.len()];
@@ -90,12 +69,12 @@ impl FieldMap {
         Ok(FieldMaximum { position: map.estimate(), highest_mean, map })
     }
 
-    fn grid(&self, margin_m: f64, cell_m: f64, max_cells: u32) -> Grid {
+    fn grid(&self) -> Grid {
         let nowhere = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
         let (low, high) =
             self.places.iter().fold(nowhere, |(low, high), p| (low.inf(p), high.sup(p)));
-        let margin = Vector2::repeat(margin_m);
-        Grid::over(low - margin, high + margin, cell_m, max_cells)
+        let margin = Vector2::repeat(self.config.margin_m);
+        Grid::over(low - margin, high + margin, self.config.cell_m, self.config.max_cells)
     }
 
     /// The mean and a factor of the covariance of the levels at some places together.
