@@ -158,18 +158,19 @@ where
     }
 
     fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
-        if observation.is_empty() {
+        if observation.is_empty() && !observation.is_censored() {
             return Ok(Correction::Empty);
         }
         let before = *self.belief.estimate();
         let linear = Ekf::new(RandomWalk::<N>::uniform(0.0), &self.solver.model, before)?;
-        let nis = linear.innovation(observation)?.nis;
+        let innovation = linear.innovation(observation)?;
+        let nis = (!observation.is_empty()).then_some(innovation.nis);
         self.heard.push(Heard::new(*observation));
         let mut heard = self.heard.clone();
         let found = self.solver.search(&mut heard, &self.starts(), 1.0).map_err(told);
         match found.and_then(|modes| self.adopt(&modes, &heard)) {
             Ok(log_evidence) => {
-                Ok(Correction::Fused { nis: Some(nis), log_evidence, effective_sample_size: None })
+                Ok(Correction::Fused { nis, log_evidence, effective_sample_size: None })
             }
             Err(error) => {
                 self.heard.pop();

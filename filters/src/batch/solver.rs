@@ -16,9 +16,9 @@ use crate::{Gaussian, count::number};
 /// target at once: nonlinear least squares by Levenberg and Marquardt, from several starts.
 ///
 /// Any [`MeasurementModel`] serves by its `expected`, `jacobian` and `residual`; the noise is the
-/// observations' own, under a [`Loss`]. (A `log_likelihood` of the model's own is not asked.) The
-/// covariance is the inverse of the observed information, the Hessian at the optimum (Efron &
-/// Hinkley 1978), which tends to the Cramér-Rao bound.
+/// observations' own, under a [`Loss`]. (The model's own `log_likelihood` is asked only of what was
+/// not heard, `Observation::below`.) The covariance is the inverse of the observed information, the
+/// Hessian at the optimum (Efron & Hinkley 1978), which tends to the Cramér-Rao bound.
 ///
 /// A bearing from within a standard deviation of the optimum says less than it seems to: its
 /// density has a spike at its own receiver, whatever it says, and the information there is without
@@ -145,8 +145,9 @@ impl<H, const N: usize> BatchSolver<H, N> {
         let mut heard: Vec<_> = observations.iter().copied().map(Heard::new).collect();
         let mut starts = starts.to_vec();
         starts.extend(self.prior.as_ref().map(Gaussian::mean));
-        let components = self.problem(&heard, 1.0).components();
-        at_least("components heard", components, if self.prior.is_some() { 1 } else { N })?;
+        let problem = self.problem(&heard, 1.0);
+        let told = problem.components() + problem.silent();
+        at_least("components heard", told, if self.prior.is_some() { 1 } else { N })?;
         let (mut modes, mut scale) = (self.search(&mut heard, &starts, 1.0)?, 1.0);
         let agreeing_starts = (modes.agreeing, starts.len());
         let mut reduced = misfit(&self.problem(&heard, scale), &best(&modes).state);

@@ -10,5 +10,6 @@ mod ranges;
 mod recorded;
 mod recursive;
 mod refusals;
+mod silence;
 mod solver;
 mod stress;
