@@ -17,15 +17,15 @@ pub(super) enum Curvature<const N: usize> {
 }
 
 /// The Hessian by central differences of the gradient, over steps of a ten-thousandth of what Gauss
-/// and Newton's information takes for a standard deviation.
+/// and Newton's `information` at `x` takes for a standard deviation.
 pub(super) fn hessian<H, const N: usize, const M: usize>(
     problem: &Problem<'_, H, N, M>,
     x: &State<N>,
+    information: &Covariance<N>,
 ) -> Hessian<N>
 where
     H: MeasurementModel<N, M>,
 {
-    let information = problem.local(x).information;
     let mut hessian = Covariance::<N>::zeros();
     for i in 0..N {
         let size = information[(i, i)];
@@ -50,16 +50,16 @@ where
 {
     let (mut state, mut last) = (*start, f64::INFINITY);
     for _ in 0..30 {
-        let Hessian(information) = hessian(problem, &state);
+        let local = problem.local(&state);
+        let Hessian(information) = hessian(problem, &state, &local.information);
         if reciprocal_condition(&information) < LEAST_RCOND {
             return None;
         }
-        let gradient = problem.local(&state).gradient;
-        let step = -information.cholesky()?.solve(&gradient);
-        let size = libm::sqrt(-gradient.dot(&step));
+        let step = -information.cholesky()?.solve(&local.gradient);
+        let size = libm::sqrt(-local.gradient.dot(&step));
         let done = size < 1e-12 || (size < 1e-6 && size > 0.5 * last);
         if done {
-            return Some((state, problem.cost(&state), information));
+            return Some((state, local.cost, information));
         }
         if size.is_nan() || size > 0.5 * last {
             return None;
