@@ -14,11 +14,11 @@
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
 //!
-//! With the feature `batch`: [`BatchSolver`] fits all observations of a still target at once,
-//! [`BatchEstimator`] does so after each; [`Lenth1981`], [`repeated_median`] and the closed forms
-//! [`pseudolinear`], [`stansfield`] and [`instrumental_variables`] find where bearings meet,
-//! [`multilaterate`] where ranges, and [`spherical_intersection`] where differences of ranges.
-//! [`FieldMap`] maps the level over the area without any law of propagation.
+//! With the feature `batch`: `BatchSolver` fits all observations of a still target at once,
+//! `BatchEstimator` does so after each; `Lenth1981`, `repeated_median` and the closed forms
+//! `pseudolinear`, `stansfield` and `instrumental_variables` find where bearings meet,
+//! `multilaterate` where ranges, and `spherical_intersection` where differences of ranges.
+//! `FieldMap` maps the level over the area without any law of propagation.
 //!
 //! The particle filter and the grid need the feature `alloc`; the rest runs without an allocator.
 

@@ -23,7 +23,8 @@ use crate::{Ekf, Gaussian, count::number};
 /// A target that drifts: the drift since the observations began is added to what is told. As soon
 /// as it exceeds a hundredth of the posterior's variance in any direction, the batch is closed: the
 /// belief becomes the prior of a new one, and the observations so far are given up. So the drift
-/// that fused observations ignore is never more than that hundredth. A drift of 0 keeps everything.
+/// that an observation ignores is at most a hundredth of the belief that it met. A drift of 0 keeps
+/// everything.
 ///
 /// The NIS is that of the new observation under the belief before, linear about its mean. The
 /// log-evidence is the growth of Laplace's approximation of ln p(Z); with a robust loss its

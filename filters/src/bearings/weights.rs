@@ -1,7 +1,7 @@
 use crate::batch::{BatchError, positive};
 
-/// How bearings that stray are weighed (Lenth 1981, eq. 4.5 to 4.7), by their standardised error t = √(2κ (1 −
-/// cos e)): about the error in standard deviations.
+/// How bearings that stray are weighed (Lenth 1981, eq. 4.5 to 4.7), by their standardised error t
+/// = √(2κ (1 − cos e)): about the error in standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum BearingWeights {
