@@ -22,9 +22,11 @@
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
 //!
-//! With the feature `batch`: [`BatchSolver`] fits all observations of a still target at once,
-//! [`BatchEstimator`] does so after each; [`Lenth1981`], [`repeated_median`] and the closed forms
-//! [`pseudolinear`], [`stansfield`] and [`instrumental_variables`] find where bearings meet.
+//! With the feature `batch`: `BatchSolver` fits all observations of a still target at once,
+//! `BatchEstimator` does so after each; `Lenth1981`, `repeated_median` and the closed forms
+//! `pseudolinear`, `stansfield` and `instrumental_variables` find where bearings meet,
+//! `multilaterate` where ranges, and `spherical_intersection` where differences of ranges.
+//! `FieldMap` maps the level over the area without any law of propagation.
 //!
 //! The particle filter, the mixtures and the grid need the feature `alloc`; the rest runs without
 //! an allocator.
@@ -43,6 +45,8 @@ pub mod consistency;
 mod count;
 #[cfg(feature = "alloc")]
 mod cramer_rao;
+#[cfg(feature = "batch")]
+mod field_map;
 mod gaussian;
 #[cfg(feature = "alloc")]
 mod grid;
@@ -54,6 +58,8 @@ mod leading;
 mod mixture;
 #[cfg(feature = "alloc")]
 mod particle;
+#[cfg(feature = "batch")]
+mod ranges;
 #[cfg(feature = "alloc")]
 mod shadowing_grid;
 mod transform;
@@ -68,6 +74,8 @@ pub use bearings::{
 };
 #[cfg(feature = "alloc")]
 pub use cramer_rao::{CramerRaoError, FisherQuadrature, PosteriorCramerRao};
+#[cfg(feature = "batch")]
+pub use field_map::{FieldMap, FieldMapConfig, FieldMaximum, FieldModel};
 pub use gaussian::Gaussian;
 #[cfg(feature = "alloc")]
 pub use grid::{GridConfig, GridFilter, NoiseScales};
@@ -82,6 +90,8 @@ pub use mixture::{
 };
 #[cfg(feature = "alloc")]
 pub use particle::{ParticleFilter, Resampling};
+#[cfg(feature = "batch")]
+pub use ranges::{SlantRange, SlantRangeDifference, multilaterate, spherical_intersection};
 #[cfg(feature = "alloc")]
 pub use shadowing_grid::{
     Intercept, Marginal, PosteriorMap, ShadowingFix, ShadowingGrid, ShadowingGridConfig,

@@ -16,16 +16,16 @@ pub(super) enum Curvature<const N: usize> {
     Down(State<N>),
 }
 
-/// The Hessian by central differences of the gradient, over steps of a ten-thousandth of what
-/// Gauss and Newton's information takes for a standard deviation.
+/// The Hessian by central differences of the gradient, over steps of a ten-thousandth of what Gauss
+/// and Newton's `information` at `x` takes for a standard deviation.
 pub(super) fn hessian<H, const N: usize, const M: usize>(
     problem: &Problem<'_, H, N, M>,
     x: &State<N>,
+    information: &Covariance<N>,
 ) -> Hessian<N>
 where
     H: MeasurementModel<N, M>,
 {
-    let information = problem.local(x).information;
     let mut hessian = Covariance::<N>::zeros();
     for i in 0..N {
         let size = information[(i, i)];
@@ -39,8 +39,8 @@ where
     Hessian((hessian + hessian.transpose()) * 0.5)
 }
 
-/// Newton's iteration as long as each step is at most half of the last, in standard
-/// deviations: the optimum, its cost and the Hessian there. `None` where it does not lead to one.
+/// Newton's iteration as long as each step is at most half of the last, in standard deviations: the
+/// optimum, its cost and the Hessian there. `None` where it does not lead to one.
 pub(super) fn settle<H, const N: usize, const M: usize>(
     problem: &Problem<'_, H, N, M>,
     start: &State<N>,
@@ -50,16 +50,16 @@ where
 {
     let (mut state, mut last) = (*start, f64::INFINITY);
     for _ in 0..30 {
-        let Hessian(information) = hessian(problem, &state);
+        let local = problem.local(&state);
+        let Hessian(information) = hessian(problem, &state, &local.information);
         if reciprocal_condition(&information) < LEAST_RCOND {
             return None;
         }
-        let gradient = problem.local(&state).gradient;
-        let step = -information.cholesky()?.solve(&gradient);
-        let size = libm::sqrt(-gradient.dot(&step));
+        let step = -information.cholesky()?.solve(&local.gradient);
+        let size = libm::sqrt(-local.gradient.dot(&step));
         let done = size < 1e-12 || (size < 1e-6 && size > 0.5 * last);
         if done {
-            return Some((state, problem.cost(&state), information));
+            return Some((state, local.cost, information));
         }
         if size.is_nan() || size > 0.5 * last {
             return None;
@@ -94,8 +94,8 @@ impl<const N: usize> Hessian<N> {
 /// Below this a direction is left open.
 const LEAST_RCOND: f64 = 1e-12;
 
-/// Refuses an information that leaves a direction open, or a place less certain than the region
-/// is wide.
+/// Refuses an information that leaves a direction open, or a place less certain than the region is
+/// wide.
 pub(super) fn flatness<const N: usize>(
     information: &Covariance<N>,
     region: Region,

@@ -12,19 +12,19 @@ use crate::{Ekf, Gaussian, count::number};
 /// A recursive face of [`BatchSolver`]: keeps every observation of a still target, and after each
 /// solves maximum a posteriori anew over all of them.
 ///
-/// Nothing is linearised for good: what was heard early is linearised again about what was
-/// learned later. Each update starts from the optima of the last one, at most four, the prior's
-/// mean and, as long as there are few observations, its cubature points; the belief is the Gaussian about the
-/// best optimum with the inverse of the information there. An update takes time in proportion to the
-/// observations kept.
+/// Nothing is linearised for good: what was heard early is linearised again about what was learned
+/// later. Each update starts from the optima of the last one, at most four, the prior's mean and,
+/// as long as there are few observations, its cubature points; the belief is the Gaussian about the
+/// best optimum with the inverse of the information there. An update takes time in proportion to
+/// the observations kept.
 ///
 /// Bearings from the optimum's own place are left out of a solution, as in the solver.
 ///
-/// A target that drifts: the drift since the observations began is added to what is told. As
-/// soon as it exceeds a hundredth of the posterior's variance in any direction, the batch is
-/// closed: the belief becomes the prior of a new one, and the observations so far are given up.
-/// So the drift that fused observations ignore is never more than that hundredth. A drift of 0
-/// keeps everything.
+/// A target that drifts: the drift since the observations began is added to what is told. As soon
+/// as it exceeds a hundredth of the posterior's variance in any direction, the batch is closed: the
+/// belief becomes the prior of a new one, and the observations so far are given up. So the drift
+/// that an observation ignores is at most a hundredth of the belief that it met. A drift of 0 keeps
+/// everything.
 ///
 /// The NIS is that of the new observation under the belief before, linear about its mean. The
 /// log-evidence is the growth of Laplace's approximation of ln p(Z); with a robust loss its
@@ -59,8 +59,8 @@ impl<H, const N: usize, const M: usize> BatchEstimator<H, N, M>
 where
     H: MeasurementModel<N, M>,
 {
-    /// An estimator that starts from `prior`, with a Gaussian loss, of a target that stays but
-    /// for a drift.
+    /// An estimator that starts from `prior`, with a Gaussian loss, of a target that stays but for
+    /// a drift.
     ///
     /// # Errors
     ///
@@ -159,18 +159,19 @@ where
     }
 
     fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
-        if observation.is_empty() {
+        if observation.is_empty() && !observation.is_censored() {
             return Ok(Correction::Empty);
         }
         let before = *self.belief.estimate();
         let linear = Ekf::new(RandomWalk::<N>::uniform(0.0), &self.solver.model, before)?;
-        let nis = linear.innovation(observation)?.nis;
+        let innovation = linear.innovation(observation)?;
+        let nis = (!observation.is_empty()).then_some(innovation.nis);
         self.heard.push(Heard::new(*observation));
         let mut heard = self.heard.clone();
         let found = self.solver.search(&mut heard, &self.starts(), 1.0).map_err(told);
         match found.and_then(|modes| self.adopt(&modes, &heard)) {
             Ok(log_evidence) => {
-                Ok(Correction::Fused { nis: Some(nis), log_evidence, effective_sample_size: None })
+                Ok(Correction::Fused { nis, log_evidence, effective_sample_size: None })
             }
             Err(error) => {
                 self.heard.pop();

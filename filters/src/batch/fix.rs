@@ -1,6 +1,6 @@
 use alloc::vec::Vec;
 
-use foxhunt_core::Estimate;
+use foxhunt_core::{Estimate, State};
 
 /// What [`BatchSolver`](super::BatchSolver) made of its observations.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,13 +11,17 @@ pub struct BatchFix<const N: usize> {
     /// normaliser is still the Gaussian's, so compare it among fixes of one loss only.
     pub log_posterior: f64,
     /// The residuals' misfit: Σ w q / (n − N) with n the components heard and q an observation's
-    /// squared residual in its own standard deviations. About 1 where the sigmas are right;
-    /// `None` where n ≤ N.
+    /// squared residual in its own standard deviations. About 1 where the sigmas are right; `None`
+    /// where n ≤ N.
     pub reduced_chi_squared: Option<f64>,
     /// What each observation counted, in the order in which they came.
     pub weights: Vec<f64>,
-    /// The observations whose angles were left out, since they were made at the optimum's own place.
+    /// The observations whose angles were left out, since they were made at the optimum's own
+    /// place.
     pub silenced: Vec<usize>,
+    /// The other optima that starts led to, each with its ln p(Z | x) p(x) less that of the best:
+    /// one near 0 says that the observations do not tell the two apart.
+    pub rivals: Vec<(State<N>, f64)>,
     /// How many iterations the winning start took.
     pub iterations: u32,
     /// How many of the starts settled in the same optimum, and how many there were.

@@ -27,6 +27,14 @@ pub(super) struct End<const N: usize> {
     pub(super) refused: Option<BatchError>,
 }
 
+impl<const N: usize> End<N> {
+    /// Whether a state is within so many of the optimum's standard deviations.
+    pub(super) fn is_within(&self, deviations: f64, state: &State<N>) -> bool {
+        let apart = state - self.state;
+        apart.dot(&(self.information * apart)) < deviations * deviations
+    }
+}
+
 /// A full step that lowers the cost by less than this share leads near enough to an optimum for
 /// Newton's iteration to be tried.
 const NEAR: f64 = 1e-4;
@@ -37,17 +45,18 @@ const SETTLED: f64 = 1e-13;
 /// How often a saddle is left.
 const MOST_ESCAPES: u8 = 3;
 
-/// After so many iterations the steps are those of the Hessian: Gauss and Newton's approximation
-/// is poor where residuals are large, or a loss is far from quadratic.
+/// After so many iterations the steps are those of the Hessian: Gauss and Newton's approximation is
+/// poor where residuals are large, or a loss is far from quadratic.
 const GAUSS_NEWTON: u32 = 15;
 
-/// Levenberg and Marquardt's iteration, damped by the gain (Nielsen 1999; Madsen, Nielsen & Tingleff
-/// 2004, §3.2), and Newton's near the optimum.
+/// Levenberg and Marquardt's iteration, damped by the gain (Nielsen 1999; Madsen, Nielsen &
+/// Tingleff 2004, §3.2), and Newton's near the optimum.
 pub(super) fn descend<H, const N: usize, const M: usize>(
     problem: &Problem<'_, H, N, M>,
     start: &State<N>,
     region: Region,
     most_iterations: u32,
+    known: &[End<N>],
 ) -> End<N>
 where
     H: MeasurementModel<N, M>,
@@ -68,6 +77,12 @@ where
             return here(Some(BatchError::RanAway { distance_m, limit_m: region.limit }));
         }
         let gain = full_gain(&local).unwrap_or(f64::INFINITY) / (1.0 + local.cost);
+        let is_near = |end: &&End<N>| end.refused.is_none() && end.is_within(0.1, &state);
+        if gain <= NEAR
+            && let Some(end) = known.iter().find(is_near)
+        {
+            return End { iterations, ..end.clone() };
+        }
         if gain <= NEAR
             && let Some((state, cost, information)) = settle(problem, &state)
         {
@@ -75,21 +90,28 @@ where
         }
         let quadratic = match iterations < GAUSS_NEWTON {
             true => local.information,
-            false => hessian(problem, &state).0,
+            false => hessian(problem, &state, &local.information).0,
         };
         let mut step = || damping.step(problem, &state, &local, &quadratic);
         let next = if gain > SETTLED { step() } else { None };
         state = match next {
             Some(next) => next,
-            None => match hessian(problem, &state).curvature(&local.information) {
-                Curvature::Down(way) if escapes < MOST_ESCAPES => {
-                    escapes += 1;
-                    let sides = [state + way, state - way];
-                    let costs = sides.map(|side| problem.cost(&side));
-                    if costs[1] < costs[0] { sides[1] } else { sides[0] }
+            None => {
+                match hessian(problem, &state, &local.information).curvature(&local.information) {
+                    Curvature::Down(way) if escapes < MOST_ESCAPES => {
+                        escapes += 1;
+                        let sides = [state + way, state - way];
+                        let costs = sides.map(|side| problem.cost(&side));
+                        if costs[1] < costs[0] { sides[1] } else { sides[0] }
+                    }
+                    _ => {
+                        // As low as it gets; a slope that leads nowhere is no optimum.
+                        let refused = here(None).refused;
+                        let wall = BatchError::NotConverged { iterations };
+                        return here(refused.or((gain > NEAR).then_some(wall)));
+                    }
                 }
-                _ => return here(None),
-            },
+            }
         };
         local = problem.local(&state);
     }
@@ -118,8 +140,8 @@ impl Default for Damping {
 }
 
 impl Damping {
-    /// The next state, of lower cost, by the model of the cost with this second derivative;
-    /// `None` where no step however short lowers it.
+    /// The next state, of lower cost, by the model of the cost with this second derivative; `None`
+    /// where no step however short lowers it.
     fn step<H, const N: usize, const M: usize>(
         &mut self,
         problem: &Problem<'_, H, N, M>,

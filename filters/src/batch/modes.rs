@@ -37,9 +37,12 @@ pub(super) fn search<H, const N: usize, const M: usize>(
 where
     H: MeasurementModel<N, M>,
 {
-    let descents = starts.iter().map(|start| descend(problem, start, region, most_iterations));
+    let mut all: Vec<End<N>> = Vec::with_capacity(starts.len());
+    for start in starts {
+        all.push(descend(problem, start, region, most_iterations, &all));
+    }
     let (mut ends, mut refused): (Vec<_>, Vec<_>) =
-        descents.partition(|end: &End<N>| end.refused.is_none());
+        all.into_iter().partition(|end| end.refused.is_none());
     ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     refused.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let lowest = ends.first().map_or(f64::INFINITY, |end| end.cost);
@@ -54,9 +57,10 @@ where
     {
         return Err(NoMode { error, lowest: Some(end.state) });
     }
+    // Ends less than a thousandth of a standard deviation apart are one.
     let mut modes = Modes { ends: Vec::new(), agreeing: 0 };
     for end in ends {
-        let known = modes.ends.iter().position(|mode| are_one(mode, &end));
+        let known = modes.ends.iter().position(|mode| mode.is_within(1e-3, &end.state));
         modes.agreeing += usize::from(known.unwrap_or(modes.ends.len()) == 0);
         if known.is_none() {
             modes.ends.push(end);
@@ -91,9 +95,9 @@ where
 
 /// Which observation draws a descent into its receiver.
 ///
-/// At the receiver itself a bearing fits whatever it says: the density has a spike there without any
-/// mass, and a descent creeps into it without end. Its angles have most of the information on some
-/// component there, the more the nearer it came.
+/// At the receiver itself a bearing fits whatever it says: the density has a spike there without
+/// any mass, and a descent creeps into it without end. Its angles have most of the information on
+/// some component there, the more the nearer it came.
 pub(super) fn trap<H, const N: usize, const M: usize>(
     problem: &Problem<'_, H, N, M>,
     state: &State<N>,
@@ -110,11 +114,4 @@ where
     let angular = problem.heard.iter().enumerate().filter(|(_, h)| problem.has_angle(h));
     let shares = angular.map(|(index, heard)| (index, share(heard))).filter(|(_, s)| *s > 0.5);
     shares.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
-}
-
-/// Two ends are one optimum where they are less than a thousandth of its standard deviation
-/// apart.
-fn are_one<const N: usize>(mode: &End<N>, end: &End<N>) -> bool {
-    let apart = mode.state - end.state;
-    apart.dot(&(mode.information * apart)) < 1e-6
 }

@@ -1,7 +1,7 @@
 use core::f64::consts::TAU;
 
-use foxhunt_core::{Axis, Covariance, MeasurementModel, Observation, State};
-use nalgebra::{SMatrix, SVector};
+use foxhunt_core::{Axis, Covariance, MeasurementModel, Observation, State, numeric_jacobian};
+use nalgebra::{SMatrix, SVector, Vector1};
 
 use super::Loss;
 use crate::{Gaussian, count::number};
@@ -11,13 +11,18 @@ use crate::{Gaussian, count::number};
 pub(super) struct Heard<const M: usize> {
     pub(super) observation: Observation<M>,
     root: SMatrix<f64, M, M>,
+    /// The same with nothing left but that some components lay below a limit.
+    silence: Option<Observation<M>>,
 }
 
 impl<const M: usize> Heard<M> {
     pub(super) fn new(observation: Observation<M>) -> Self {
         let root = observation.noise().cholesky();
         let root = root.expect("an observation is only made with a positive definite noise");
-        Self { observation, root: root.unpack() }
+        let silence =
+            (0..M).filter(|i| observation.has(*i)).fold(observation, Observation::without);
+        let silence = observation.is_censored().then_some(silence);
+        Self { observation, root: root.unpack(), silence }
     }
 
     /// The same without its angles.
@@ -38,6 +43,19 @@ impl<const M: usize> Heard<M> {
         let residual = model.residual(self.observation.value(), &expected);
         let residual = self.observation.mask(residual.transpose()).transpose();
         self.root.solve_lower_triangular_unchecked(&residual)
+    }
+
+    /// Whether it tells of a component that was not heard.
+    pub(super) fn is_silent(&self) -> bool {
+        self.silence.is_some()
+    }
+
+    /// The model's log-likelihood of what was not heard.
+    fn log_silence<H, const N: usize>(&self, model: &H, x: &State<N>) -> f64
+    where
+        H: MeasurementModel<N, M>,
+    {
+        self.silence.as_ref().map_or(0.0, |silence| model.log_likelihood(x, silence))
     }
 
     /// The Gaussian's normaliser: −½ m ln 2π − ln |R|^½.
@@ -84,7 +102,8 @@ where
         };
         let sum: f64 = self.heard.iter().map(misfit).sum();
         let apart = self.apart_from_mean(x).map_or(0.0, |w| w.norm_squared());
-        0.5 * (sum / self.scale + apart)
+        let silence: f64 = self.heard.iter().map(|heard| heard.log_silence(self.model, x)).sum();
+        0.5 * (sum / self.scale + apart) - silence
     }
 
     pub(super) fn local(&self, x: &State<N>) -> Local<N> {
@@ -104,6 +123,14 @@ where
         cost /= self.scale;
         gradient /= self.scale;
         information /= self.scale;
+        for heard in self.heard.iter().filter(|heard| heard.is_silent()) {
+            let log = |x: &State<N>| Vector1::new(heard.log_silence(self.model, x));
+            let score = numeric_jacobian(x, log, |a, b| a - b);
+            cost -= 2.0 * heard.log_silence(self.model, x);
+            gradient -= score.transpose();
+            // The outer product of the score has the information's mean.
+            information += score.transpose() * score;
+        }
         if let (Some(prior), Some(white)) = (self.prior, self.apart_from_mean(x)) {
             let back = prior.factor().transpose();
             cost += white.norm_squared();
@@ -130,6 +157,11 @@ where
     pub(super) fn has_angle(&self, heard: &Heard<M>) -> bool {
         let axes = self.model.axes();
         (0..M).any(|i| axes[i] == Axis::Angle && heard.observation.has(i))
+    }
+
+    /// How many observations tell of something that was not heard.
+    pub(super) fn silent(&self) -> usize {
+        self.heard.iter().filter(|heard| heard.is_silent()).count()
     }
 
     /// How many numbers were heard.

@@ -16,17 +16,17 @@ use crate::{Gaussian, count::number};
 /// target at once: nonlinear least squares by Levenberg and Marquardt, from several starts.
 ///
 /// Any [`MeasurementModel`] serves by its `expected`, `jacobian` and `residual`; the noise is the
-/// observations' own, under a [`Loss`]. (A `log_likelihood` of the model's own is not asked.)
-/// The covariance is the inverse of the observed information, the Hessian at the optimum (Efron &
-/// Hinkley 1978), which tends to the Cramér-Rao bound.
+/// observations' own, under a [`Loss`]. (The model's own `log_likelihood` is asked only of what was
+/// not heard, `Observation::below`.) The covariance is the inverse of the observed information, the
+/// Hessian at the optimum (Efron & Hinkley 1978), which tends to the Cramér-Rao bound.
 ///
 /// A bearing from within a standard deviation of the optimum says less than it seems to: its
-/// density has a spike at its own receiver, whatever it says, and the information there is
-/// without bounds. Its angles are left out of the solution, and [`BatchFix::silenced`] tells so.
+/// density has a spike at its own receiver, whatever it says, and the information there is without
+/// bounds. Its angles are left out of the solution, and [`BatchFix::silenced`] tells so.
 ///
 /// A likelihood without an optimum is an error and never a fix far away: without a prior the
-/// iterates must stay in a region about the receivers and starts, a thousand times as wide as
-/// they are apart unless [`with_reach`](Self::with_reach) says otherwise.
+/// iterates must stay in a region about the receivers and starts, a thousand times as wide as they
+/// are apart unless [`with_reach`](Self::with_reach) says otherwise.
 ///
 /// ```
 /// use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, State,
@@ -116,11 +116,11 @@ impl<H, const N: usize> BatchSolver<H, N> {
     }
 
     /// The same, where the residuals are larger than the observations' sigmas multiplying all
-    /// covariances of the observations by the reduced χ² of the first solution and solving
-    /// again; smaller residuals change nothing.
+    /// covariances of the observations by the reduced χ² of the first solution and solving again;
+    /// smaller residuals change nothing.
     ///
-    /// That suits sigmas that are wrong by one common factor. It does not suit
-    /// errors that are alike in neighbouring observations.
+    /// That suits sigmas that are wrong by one common factor. It does not suit errors that are
+    /// alike in neighbouring observations.
     #[must_use]
     pub fn with_inflation(self) -> Self {
         Self { inflates: true, ..self }
@@ -132,8 +132,8 @@ impl<H, const N: usize> BatchSolver<H, N> {
     ///
     /// [`BatchError::TooFew`] without a component heard or, but for a prior, with fewer than the
     /// state has, or without a start; [`BatchError::Improper`] when a model is not finite;
-    /// [`BatchError::Flat`], [`BatchError::RanAway`] and [`BatchError::NotConverged`] when there
-    /// is no optimum or it was not found.
+    /// [`BatchError::Flat`], [`BatchError::RanAway`] and [`BatchError::NotConverged`] when there is
+    /// no optimum or it was not found.
     pub fn solve<const M: usize>(
         &self,
         observations: &[Observation<M>],
@@ -145,8 +145,9 @@ impl<H, const N: usize> BatchSolver<H, N> {
         let mut heard: Vec<_> = observations.iter().copied().map(Heard::new).collect();
         let mut starts = starts.to_vec();
         starts.extend(self.prior.as_ref().map(Gaussian::mean));
-        let components = self.problem(&heard, 1.0).components();
-        at_least("components heard", components, if self.prior.is_some() { 1 } else { N })?;
+        let problem = self.problem(&heard, 1.0);
+        let told = problem.components() + problem.silent();
+        at_least("components heard", told, if self.prior.is_some() { 1 } else { N })?;
         let (mut modes, mut scale) = (self.search(&mut heard, &starts, 1.0)?, 1.0);
         let agreeing_starts = (modes.agreeing, starts.len());
         let mut reduced = misfit(&self.problem(&heard, scale), &best(&modes).state);
@@ -157,6 +158,7 @@ impl<H, const N: usize> BatchSolver<H, N> {
             reduced = misfit(&self.problem(&heard, scale), &best(&modes).state);
         }
         let (problem, optimum) = (self.problem(&heard, scale), best(&modes));
+        let rivals = modes.ends.iter().skip(1);
         let silenced = heard.iter().zip(observations).enumerate();
         Ok(BatchFix {
             estimate: posterior(optimum)?,
@@ -167,6 +169,7 @@ impl<H, const N: usize> BatchSolver<H, N> {
                 .filter(|(_, (h, o))| h.observation.len() < o.len())
                 .map(|s| s.0)
                 .collect(),
+            rivals: rivals.map(|end| (end.state, optimum.cost - end.cost)).collect(),
             iterations: optimum.iterations,
             agreeing_starts,
         })

@@ -11,12 +11,12 @@ use super::{
 };
 use crate::batch::{BatchError, positive};
 
-/// Triangulation by maximum likelihood for von Mises errors, or by M-estimation
-/// (Lenth 1981, "On finding the source of a signal", Technometrics 23(2), 149-154).
+/// Triangulation by maximum likelihood for von Mises errors, or by M-estimation (Lenth 1981, "On
+/// finding the source of a signal", Technometrics 23(2), 149-154).
 ///
-/// Bearings θᵢ taken at pᵢ have one unknown concentration κ. With nᵢ = (sin θᵢ, −cos θᵢ) and
-/// mᵢ = (sin μᵢ, −cos μᵢ) / dᵢ², scaled by the distance dᵢ as the paper's s* and c* are, the
-/// stationary place solves Σ wᵢ mᵢ nᵢᵀ x = Σ wᵢ mᵢ nᵢᵀ pᵢ (eq. 2.6), which is iterated; κ follows from the
+/// Bearings θᵢ taken at pᵢ have one unknown concentration κ. With nᵢ = (sin θᵢ, −cos θᵢ) and mᵢ =
+/// (sin μᵢ, −cos μᵢ) / dᵢ², scaled by the distance dᵢ as the paper's s* and c* are, the stationary
+/// place solves Σ wᵢ mᵢ nᵢᵀ x = Σ wᵢ mᵢ nᵢᵀ pᵢ (eq. 2.6), which is iterated; κ follows from the
 /// weighted mean cosine of the errors (eq. 2.10). The covariance is κ⁻¹ times the inverse of the
 /// symmetric part of that matrix.
 ///
@@ -41,8 +41,8 @@ pub struct Lenth1981 {
 pub struct BearingFix {
     /// The place with its covariance, East and North in metres.
     pub position: Estimate<2>,
-    /// The concentration κ of the errors, about 1/σ² in rad⁻². Bearings that meet in a point
-    /// leave it unbounded; it is told as 10¹² then, σ = 1 µrad.
+    /// The concentration κ of the errors, about 1/σ² in rad⁻². Bearings that meet in a point leave
+    /// it unbounded; it is told as 10¹² then, σ = 1 µrad.
     pub kappa: f64,
     /// What each bearing counted, in [0, 1].
     pub weights: Vec<f64>,
@@ -91,16 +91,16 @@ impl Lenth1981 {
     ///
     /// # Errors
     ///
-    /// [`BatchError::TooFew`] below three bearings, two with a known κ; [`BatchError::Value`]
-    /// for a number that is not finite; [`BatchError::Flat`] when the bearings are parallel;
+    /// [`BatchError::TooFew`] below three bearings, two with a known κ; [`BatchError::Value`] for a
+    /// number that is not finite; [`BatchError::Flat`] when the bearings are parallel;
     /// [`BatchError::RanAway`] when the iteration left every bounded region,
-    /// [`BatchError::NotConverged`] when it did not settle, and [`BatchError::Contradiction`]
-    /// when it did where the bearings do not point.
+    /// [`BatchError::NotConverged`] when it did not settle, and [`BatchError::Contradiction`] when
+    /// it did where the bearings do not point.
     pub fn locate(&self, lines: &[BearingLine]) -> Result<BearingFix, BatchError> {
         check(lines.iter(), if self.kappa.is_some() { 2 } else { 3 })?;
         let extent = reach(lines.iter().map(|line| line.receiver));
         let mut weights = vec![1.0; lines.len()];
-        // The start takes all distances for equal (Lenth 1981, §2).
+        // The start takes all distances for equal (Lenth 1981, eq. 2.6).
         let even: Vec<_> = lines.iter().map(BearingLine::normal).collect();
         let mut place = solve(lines, &weights, &even)?;
         for iterations in 1..=self.most_iterations {

@@ -50,18 +50,16 @@ impl Equations {
 }
 
 /// The pseudolinear estimator: least squares on the distances nᵢᵀ (x − pᵢ) of the place from the
-/// lines, each bearing with its σ in radians (Lingren & Gong 1978; Nardone, Lindgren & Gong
-/// 1984).
+/// lines, each bearing with its σ in radians (Lingren & Gong 1978; Nardone, Lindgren & Gong 1984).
 ///
-/// In closed form, and biased towards the receivers: the noise of a bearing is in the matrix,
-/// too, and near bearings weigh no more than far ones. A start for
-/// [`instrumental_variables`] or an iteration. The covariance is that of its weights at
-/// distances taken for its own place's.
+/// In closed form, and biased towards the receivers: the noise of a bearing is in the matrix, too,
+/// and near bearings weigh no more than far ones. A start for [`instrumental_variables`] or an
+/// iteration. The covariance is that of its weights at distances taken for its own place's.
 ///
 /// # Errors
 ///
-/// [`BatchError::TooFew`] below two bearings, [`BatchError::Value`] for a number that is not
-/// finite or a σ that is not positive, [`BatchError::Flat`] for parallel bearings,
+/// [`BatchError::TooFew`] below two bearings, [`BatchError::Value`] for a number that is not finite
+/// or a σ that is not positive, [`BatchError::Flat`] for parallel bearings,
 /// [`BatchError::Contradiction`] when the lines meet behind the receivers.
 pub fn pseudolinear(bearings: &[(BearingLine, f64)]) -> Result<Estimate<2>, BatchError> {
     checked(bearings)?;
@@ -77,9 +75,8 @@ fn start(bearings: &[(BearingLine, f64)]) -> Result<Estimate<2>, BatchError> {
 }
 
 /// Stansfield's estimator (1947, "Statistical theory of D.F. fixing"): least squares on the
-/// distances of the place from the lines, each in units of σᵢ dᵢ, where the distances dᵢ from
-/// the receivers are those of the [`pseudolinear`] estimate. Each bearing comes with its σ in
-/// radians.
+/// distances of the place from the lines, each in units of σᵢ dᵢ, where the distances dᵢ from the
+/// receivers are those of the [`pseudolinear`] estimate. Each bearing comes with its σ in radians.
 ///
 /// Biased as that one, and better weighed.
 ///
@@ -94,9 +91,9 @@ pub fn stansfield(bearings: &[(BearingLine, f64)]) -> Result<Estimate<2>, BatchE
 
 /// The weighted instrumental variables estimator (Doğançay 2004, "Passive emitter localization
 /// using weighted instrumental variables", Signal Processing 84, 487-497): the pseudolinear
-/// equations weighed as [`stansfield`]'s and multiplied by normals that come from the
-/// predicted bearings of a first estimate, whose noise is next to independent of the
-/// equations'. That takes the bias off, and its covariance tends to the Cramér-Rao bound.
+/// equations weighed as [`stansfield`]'s and multiplied by normals that come from the predicted
+/// bearings of a first estimate, whose noise is next to independent of the equations'. That takes
+/// the bias off, and its covariance tends to the Cramér-Rao bound.
 ///
 /// Each bearing comes with its σ in radians. The normals and distances are taken anew from the
 /// estimate three times.

@@ -15,13 +15,13 @@ pub struct RepeatedMedianFix {
     pub jackknife: Vector2<f64>,
 }
 
-/// Triangulation by repeated medians (Siegel 1982; Lenth 1981, §6): the median over the bearings
-/// of the median of where each crosses the others, for each coordinate.
+/// Triangulation by repeated medians (Siegel 1982; Lenth 1981): the median over the bearings of
+/// the median of where each crosses the others, for each coordinate.
 ///
 /// It breaks down only when half of the bearings are wrong, needs no start and no model of the
-/// errors, and wastes some of what good bearings know. Crossings behind a receiver do not count;
-/// a bearing that crosses none is taken for its receiver's own place. (The paper does not say so,
-/// but only this gives its table.) The covariance is the jackknife's (Tukey 1958).
+/// errors, and wastes some of what good bearings know. Crossings behind a receiver do not count; a
+/// bearing that crosses none is taken for its receiver's own place. (The paper does not say so, but
+/// only this gives its table.) The covariance is the jackknife's (Tukey 1958).
 ///
 /// # Errors
 ///

@@ -1,7 +1,7 @@
 use crate::batch::{BatchError, positive};
 
-/// How bearings that stray are weighed (Lenth 1981, §5), by their standardised error
-/// t = √(2κ (1 − cos e)): about the error in standard deviations.
+/// How bearings that stray are weighed (Lenth 1981, eq. 4.5 to 4.7), by their standardised error t
+/// = √(2κ (1 − cos e)): about the error in standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum BearingWeights {
@@ -59,7 +59,7 @@ mod tests {
         for (kappa, ratio) in [(1.0, 0.446_40), (2.0, 0.697_77), (5.0, 0.893_38), (10.0, 0.948_60)]
         {
             let found = 1.0 / inverse_concentration(ratio);
-            assert!((found / kappa - 1.0).abs() < 0.02, "{found} for {kappa}");
+            assert!((found / kappa - 1.0).abs() < 0.03, "{found} for {kappa}");
         }
     }
 }

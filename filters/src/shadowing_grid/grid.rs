@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, Vector2};
 
 /// Square cells over a rectangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Grid {
+pub(crate) struct Grid {
     /// The centre of the cell farthest south and west.
     south_west: Vector2<f64>,
     cell_m: f64,
@@ -16,7 +16,7 @@ pub(super) struct Grid {
 impl Grid {
     /// Covers the rectangle from `low` to `high`; cells grow beyond `cell_m` where there would
     /// be more than `max_cells`. What the cells overhang is the same on either side.
-    pub(super) fn over(low: Vector2<f64>, high: Vector2<f64>, cell_m: f64, max_cells: u32) -> Self {
+    pub(crate) fn over(low: Vector2<f64>, high: Vector2<f64>, cell_m: f64, max_cells: u32) -> Self {
         let size = high - low;
         let count = |cell_m: f64| size.map(|side| libm::ceil(side / cell_m - 1e-9).max(1.0));
         let mut cell_m = cell_m;
@@ -35,12 +35,12 @@ impl Grid {
     }
 
     /// How many cells there are.
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.columns as usize * self.rows as usize
     }
 
     /// The centre of a cell, counted from the south-west along the rows.
-    pub(super) fn centre(&self, index: usize) -> Vector2<f64> {
+    pub(crate) fn centre(&self, index: usize) -> Vector2<f64> {
         let (column, row) = self.column_and_row(index);
         self.south_west + Vector2::new(f64::from(column), f64::from(row)) * self.cell_m
     }
@@ -61,7 +61,7 @@ pub struct PosteriorMap {
 
 impl PosteriorMap {
     /// One mass per cell, with sum 1.
-    pub(super) fn new(grid: Grid, mass: Vec<f64>) -> Self {
+    pub(crate) fn new(grid: Grid, mass: Vec<f64>) -> Self {
         Self { grid, mass }
     }
 

@@ -22,3 +22,6 @@ pub use fix::ShadowingFix;
 pub use grid::PosteriorMap;
 pub use locate::ShadowingGrid;
 pub use marginal::Marginal;
+
+#[cfg(feature = "batch")]
+pub(crate) use {grid::Grid, path::Segments};

@@ -6,13 +6,13 @@ use super::ShadowingGridError;
 
 /// A path's readings, made one per segment.
 #[derive(Clone, Debug)]
-pub(super) struct Segments {
+pub(crate) struct Segments {
     /// The mean pose of each segment.
-    pub(super) receivers: Vec<Pose>,
+    pub(crate) receivers: Vec<Pose>,
     /// The median value of each segment.
-    pub(super) values: Vec<f64>,
+    pub(crate) values: Vec<f64>,
     /// The length of a segment in metres, after it was made long enough for the cap.
-    pub(super) segment_m: f64,
+    pub(crate) segment_m: f64,
 }
 
 impl Segments {
@@ -20,7 +20,7 @@ impl Segments {
     ///
     /// A jump, or a slow receiver, moves on by as many segments as it flew; one that hovers
     /// stays in its own. A segment's value is its median, which one bad reading does not move.
-    pub(super) fn along(
+    pub(crate) fn along(
         readings: &[(Pose, f64)],
         segment_m: f64,
         max_segments: usize,

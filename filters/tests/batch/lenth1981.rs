@@ -57,11 +57,6 @@ fn table_2_comes_out() {
         };
         let se = position.covariance.diagonal().map(f64::sqrt);
         let correlation = position.covariance[(0, 1)] / (se.x * se.y);
-        println!(
-            "{row:?}: {:.4} {:.4} {correlation:.4}",
-            position.mean.transpose(),
-            se.transpose()
-        );
         // Half a unit of the last digit printed. Huber's standard errors are another half off
         // (0.1525 for 0.152, 0.9444 for 0.945): the paper's iteration stopped earlier.
         let last = if row[1] == "H-1.5" { 0.001 } else { 0.0005 };

@@ -1,8 +1,15 @@
 //! The batch estimators against published figures, bounds, laws and statistics.
 
+#[path = "../shadowing_grid/aerpaw_flights.rs"]
+mod aerpaw;
+mod field_map;
 mod lenth1981;
 mod linear_bearings;
 mod model;
+mod ranges;
+mod recorded;
 mod recursive;
 mod refusals;
+mod silence;
 mod solver;
+mod stress;

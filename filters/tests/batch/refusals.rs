@@ -52,6 +52,18 @@ fn on_an_error_the_belief_is_left_as_it_was() {
     let z = heard(Pose::default(), Vector2::zeros(), Vector2::new(1.0, 1.0));
     assert_eq!(estimator.update(&z), Err(EstimatorError::NotFinite { role: Role::Expected }));
     assert_eq!((estimator.estimate(), estimator.observations().len()), (prior, 0));
+    // Finite at the prior's mean, but not where the optimum would be.
+    let prior = Estimate::isotropic(Vector2::new(2.0, 0.0), 3.0);
+    let mut estimator =
+        BatchEstimator::new(RandomWalk::uniform(0.1), Broken, prior).expect("a proper prior");
+    let near = heard(Pose::default(), Vector2::new(1.0, 1.0), Vector2::new(1.0, 1.0));
+    let _ = estimator.update(&near).expect("possible");
+    let before = estimator.estimate();
+    let far = heard(Pose::default(), Vector2::new(60.0, 0.0), Vector2::new(0.1, 0.1));
+    assert!(estimator.update(&far).is_err());
+    assert_eq!((estimator.estimate(), estimator.observations().len()), (before, 1));
+    let _ = estimator.update(&near).expect("possible");
+    assert!(estimator.estimate().covariance.trace() < before.covariance.trace());
     for drift in [-1.0, f64::NAN] {
         let refused = BatchEstimator::new(RandomWalk::uniform(drift), MODEL, prior).err();
         assert!(matches!(refused, Some(EstimatorError::Parameter { name: "drift", .. })));

@@ -48,8 +48,8 @@ fn information(truth: &State<3>, observations: &[Observation<2>]) -> Covariance<
     information
 }
 
-/// Seed 5, 500 runs, levels with unknown power, bearings with them in half of the runs: the
-/// errors over the bound, and the NEES, a χ² of 3 degrees; a false alarm in 1000 each.
+/// Seed 5, 500 runs, levels with unknown power, bearings with them in half of the runs: the errors
+/// over the bound, and the NEES, a χ² of 3 degrees; a false alarm in 1000 each.
 #[test]
 fn maximum_likelihood_reaches_the_bound() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
@@ -136,8 +136,8 @@ fn a_linear_model_is_solved_exactly() {
     assert!((near - 0.5).abs() < 1e-9, "small residuals narrow nothing: {near}");
 }
 
-/// Seed 6, 200 runs with a tenth of wild levels and bearings: each robust loss has less than a
-/// half of the Gaussian's squared error; with Student's noise its own loss is best.
+/// Seed 6, 200 runs with a tenth of wild levels and bearings: each robust loss has less than a half
+/// of the Gaussian's squared error; with Student's noise its own loss is best.
 #[test]
 fn robust_losses_stand_outliers() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(6);
@@ -184,8 +184,8 @@ fn robust_losses_stand_outliers() {
 
 #[test]
 fn the_best_of_two_optima_is_found_from_several_starts() {
-    // Levels along a straight leg: a target on either side would be heard alike; one bearing,
-    // poor, tells which.
+    // Levels along a straight leg: a target on either side would be heard alike; one bearing, poor,
+    // tells which.
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);
     let leg: Vec<_> = (0..40).map(|i| Pose::at(5.0 * f64::from(i), 0.0, 30.0)).collect();
     let truth = Vector3::new(90.0, 60.0, -30.0);
@@ -200,6 +200,74 @@ fn the_best_of_two_optima_is_found_from_several_starts() {
     assert!((right.estimate.mean - truth).xy().norm() < 20.0, "{right:?}");
     assert!(right.log_posterior > wrong.log_posterior);
     assert_eq!(right.agreeing_starts, (1, 2));
+}
+
+#[test]
+fn inflation_is_a_common_factor_on_all_covariances() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(9);
+    let truth = Vector3::new(60.0, 80.0, -30.0);
+    let rough = |rng: &mut Xoshiro256PlusPlus| 3.0 * gaussian(rng);
+    let observations = flight(&mut rng, &truth, &round(60), true, rough);
+    let prior = Estimate::isotropic(Vector3::new(70.0, 70.0, -33.0), 12.0);
+    let solver = || BatchSolver::new(MODEL).with_prior(prior).expect("proper");
+    let plain = solver().solve(&observations, &[]).expect("an optimum");
+    let factor = plain.reduced_chi_squared.expect("many to spare");
+    assert!((factor - 9.0).abs() < 3.0, "{factor}");
+    let wide: Vec<_> = observations
+        .iter()
+        .map(|o| heard(*o.receiver(), *o.value(), SIGMA * factor.sqrt()))
+        .collect();
+    let wide = solver().solve(&wide, &[]).expect("an optimum");
+    let inflated = solver().with_inflation().solve(&observations, &[]).expect("an optimum");
+    assert!((inflated.estimate.mean - wide.estimate.mean).norm() < 1e-6);
+    assert!((inflated.estimate.covariance - wide.estimate.covariance).norm() < 1e-6);
+    assert!((inflated.log_posterior - wide.log_posterior).abs() < 1e-9);
+}
+
+/// The line that the receivers fly along is a saddle of the levels' misfit.
+#[test]
+fn a_saddle_is_left() {
+    let leg: Vec<_> = (0..40).map(|i| Pose::at(5.0 * f64::from(i), 0.0, 30.0)).collect();
+    let truth = Vector3::new(90.0, 60.0, -30.0);
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(10);
+    let observations = flight(&mut rng, &truth, &leg, false, gaussian);
+    let prior = Estimate::isotropic(Vector3::new(100.0, 0.0, -30.0), 80.0);
+    let solver = BatchSolver::new(MODEL).with_prior(prior).expect("proper");
+    let fix = solver.solve(&observations, &[]).expect("an optimum");
+    assert!((fix.estimate.mean.y.abs() - 60.0).abs() < 20.0, "{fix:?}");
+}
+
+/// A dent in the cost, on a hill that falls off to all sides.
+struct Hill;
+
+impl MeasurementModel<2, 3> for Hill {
+    fn axes(&self) -> [Axis; 3] {
+        [Axis::Linear; 3]
+    }
+    fn expected(&self, state: &State<2>, _receiver: &Pose) -> Vector3<f64> {
+        let square = state.norm_squared();
+        let near = state * (-square / 50.0).exp();
+        Vector3::new(near.x, near.y, (-square / 1000.0).exp())
+    }
+}
+
+#[test]
+fn an_optimum_above_the_supremum_is_none() {
+    let noise = Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 1.0));
+    let z = Observation::new(0.0, Pose::default(), Vector3::zeros(), noise);
+    let heard = [z.expect("proper")];
+    let dent = BatchSolver::new(Hill).solve(&heard, &[Vector2::new(0.3, -0.2)]);
+    assert!(dent.expect("an optimum").estimate.mean.norm() < 1e-6);
+    let both = [Vector2::new(0.3, -0.2), Vector2::new(12.0, 5.0)];
+    let away = BatchSolver::new(Hill).solve(&heard, &both);
+    assert!(matches!(away, Err(BatchError::RanAway { .. } | BatchError::Flat { .. })), "{away:?}");
+    // A place that is less certain than the region is wide is none either.
+    let vague = [plane([1.0, 0.0], 0.0, 100.0), plane([0.0, 1.0], 0.0, 100.0)];
+    let solver = BatchSolver::new(Plane).with_reach(13.0).expect("positive");
+    let flat = solver.solve(&vague, &[Vector2::zeros()]);
+    assert!(matches!(flat, Err(BatchError::Flat { .. })), "{flat:?}");
+    let solver = BatchSolver::new(Plane).with_reach(15.0).expect("positive");
+    assert!(solver.solve(&vague, &[Vector2::zeros()]).is_ok());
 }
 
 #[test]

@@ -2,6 +2,7 @@
 #![cfg(feature = "alloc")]
 
 mod aerpaw;
+mod aerpaw_flights;
 mod behaviour;
 mod calibration;
 mod oracle;

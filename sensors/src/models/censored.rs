@@ -7,9 +7,9 @@ use nalgebra::{SMatrix, SVector};
 /// the likelihood P(zᵢ < floor | x) = Φ((floor − hᵢ(x)) / σᵢ) (Tobin 1958).
 ///
 /// Such an observation is made with the floor for its value and the level's σ, and marked with
-/// [`Observation::below`]. Estimators that ask for likelihoods, a particle filter say, use it; a
-/// Kalman filter, which works with residuals, takes it for missing. The components
-/// that were heard have the likelihood of the model inside. The noise of a silent component is taken for
+/// [`Observation::below`]. Estimators that ask for likelihoods, a particle filter or a batch, use
+/// it; a Kalman filter, which works with residuals, takes it for missing. The components that were
+/// heard have the likelihood of the model inside. The noise of a silent component is taken for
 /// independent of theirs, and an angle has no floor.
 ///
 /// ```

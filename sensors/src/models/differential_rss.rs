@@ -4,13 +4,13 @@ use nalgebra::{SMatrix, Vector1, Vector3};
 use super::{Sight, range_difference::reference_at};
 use crate::{LogDistance, ParameterError, Propagation, parameter};
 
-/// How much stronger the signal is at the receiver than at a reference receiver:
-/// z = P(d) − P(d₀) = −10 γ log₁₀(d / d₀) in dB.
+/// How much stronger the signal is at the receiver than at a reference receiver: z = P(d) − P(d₀) =
+/// −10 γ log₁₀(d / d₀) in dB.
 ///
 /// The transmitter's power cancels out, and with it whatever alters both levels alike; only the
 /// exponent must be known (Pritzl 2018, ch. 8; Wang, Chen & Yin 2009). σ is √2 times that of one
-/// level where both are alike. Two receivers that heard one emission along with the reference
-/// share its error: their differences are correlated by one half.
+/// level where both are alike. Two receivers that heard one emission along with the reference share
+/// its error: their differences are correlated by one half.
 ///
 /// Works on every state whose first components are the target's East and North.
 #[derive(Clone, Copy, Debug, PartialEq)]

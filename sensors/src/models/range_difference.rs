@@ -4,8 +4,8 @@ use nalgebra::{SMatrix, Vector1, Vector3};
 use super::Sight;
 use crate::{ParameterError, parameter};
 
-/// How much farther the target is from the receiver than from a reference receiver:
-/// z = d − d₀ in metres, both slant ranges.
+/// How much farther the target is from the receiver than from a reference receiver: z = d − d₀ in
+/// metres, both slant ranges.
 ///
 /// It is what a time difference of arrival tells: z = c τ with c the
 /// [`SPEED_OF_LIGHT`](Self::SPEED_OF_LIGHT) and τ the arrival at the receiver less that at the
@@ -25,8 +25,8 @@ impl RangeDifference {
     /// c in metres per second, in vacuum; 0.03 % more than in air.
     pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
 
-    /// The model for a reference receiver at this place, East, North and Up in metres, and a
-    /// target on the ground, Up = 0.
+    /// The model for a reference receiver at this place, East, North and Up in metres, and a target
+    /// on the ground, Up = 0.
     ///
     /// # Errors
     ///

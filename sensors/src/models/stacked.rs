@@ -5,8 +5,8 @@ use nalgebra::{SMatrix, SVector};
 /// the second.
 ///
 /// As a [`MeasurementModel`] it has M = `MA` + `MB` components; another M does not compile. Each
-/// keeps its own likelihood, outliers and all, unless the observation's noise couples the
-/// two: then the noise is Gaussian.
+/// keeps its own likelihood, outliers and all, unless the observation's noise couples the two: then
+/// the noise is Gaussian.
 ///
 /// ```
 /// use foxhunt_core::{MeasurementModel, Pose, nalgebra::{Vector2, Vector3}};

@@ -1,0 +1,116 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, State};
+use nalgebra::{Matrix1, Matrix2, RowVector2, Vector1, Vector2, Vector3};
+
+use crate::batch::{BatchError, BatchFix, BatchSolver, at_least, finite_entry, positive_entry};
+
+/// How far a target is from a receiver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SlantRange {
+    /// The receiver's East, North and Up in metres.
+    pub receiver: Vector3<f64>,
+    /// The distance through the air, in metres.
+    pub range: f64,
+    /// Its standard deviation, in metres.
+    pub sigma: f64,
+}
+
+/// The place of a target at the height `target_up` in metres from ranges, by least squares.
+///
+/// The start comes from the linear equations that differences of squared ranges obey, each weighed
+/// by the error of its square (Caffery 2000), and from both sides of the line that the receivers
+/// lie along: receivers on a line see two places alike, and [`BatchFix::rivals`] shows the other.
+///
+/// # Errors
+///
+/// [`BatchError::TooFew`] below three ranges; [`BatchError::Value`] for a number that is not
+/// finite, or a range or σ that is not positive; [`BatchError::Flat`] when all receivers are in one
+/// place; what [`BatchSolver::solve`] has.
+pub fn multilaterate(ranges: &[SlantRange], target_up: f64) -> Result<BatchFix<2>, BatchError> {
+    at_least("ranges", ranges.len(), 3)?;
+    if !target_up.is_finite() {
+        let (name, value, requirement) = ("target_up", target_up, "a finite number");
+        return Err(BatchError::Setting { name, value, requirement });
+    }
+    let mut observations = Vec::with_capacity(ranges.len());
+    for (index, SlantRange { receiver, range, sigma }) in ranges.iter().enumerate() {
+        for coordinate in receiver {
+            finite_entry("the receiver's place", index, *coordinate)?;
+        }
+        positive_entry("the range", index, *range)?;
+        positive_entry("the range's sigma", index, *sigma)?;
+        let receiver = Pose::at(receiver.x, receiver.y, receiver.z);
+        let noise = Matrix1::new(sigma * sigma);
+        let observation = Observation::new(0.0, receiver, Vector1::new(*range), noise);
+        // A sigma whose square underflows.
+        let name = "the range's sigma";
+        let requirement = "a positive number with a positive square";
+        let bad = BatchError::Value { name, index, value: *sigma, requirement };
+        observations.push(observation.map_err(|_| bad)?);
+    }
+    BatchSolver::new(Distance { target_up }).solve(&observations, &starts(ranges, target_up)?)
+}
+
+/// z = the slant range.
+#[derive(Clone, Copy, Debug)]
+struct Distance {
+    target_up: f64,
+}
+
+impl MeasurementModel<2, 1> for Distance {
+    fn axes(&self) -> [Axis; 1] {
+        [Axis::Linear]
+    }
+
+    fn expected(&self, target: &State<2>, receiver: &Pose) -> Vector1<f64> {
+        Vector1::new((target.push(self.target_up) - receiver.position).norm())
+    }
+
+    fn jacobian(&self, target: &State<2>, receiver: &Pose) -> RowVector2<f64> {
+        let way = target.push(self.target_up) - receiver.position;
+        let range = way.norm();
+        if range > 0.0 { way.xy().transpose() / range } else { RowVector2::zeros() }
+    }
+}
+
+/// The solution of the linear equations, and one on each side of the receivers' line.
+fn starts(ranges: &[SlantRange], target_up: f64) -> Result<Vec<State<2>>, BatchError> {
+    // The squared distance over ground, and the inverse variance of its error.
+    let square = |r: &SlantRange| {
+        let up = target_up - r.receiver.z;
+        let weight = 1.0 / (2.0 * r.range * r.sigma);
+        (f64::max(0.0, r.range * r.range - up * up), weight * weight)
+    };
+    let total: f64 = ranges.iter().map(|r| square(r).1).sum();
+    let mean: Vector2<f64> =
+        ranges.iter().map(|r| r.receiver.xy() * square(r).1).sum::<Vector2<f64>>() / total;
+    let (mut scatter, mut right, mut middle) = (Matrix2::zeros(), Vector2::zeros(), 0.0);
+    for r in ranges {
+        let (square, weight) = square(r);
+        let (place, weight) = (r.receiver.xy() - mean, weight / total);
+        scatter += place * place.transpose() * weight;
+        right += place * ((place.norm_squared() - square) * weight * 0.5);
+        middle += (square - place.norm_squared()) * weight;
+    }
+    let axes = scatter.symmetric_eigen();
+    let (long, short) = (axes.eigenvalues.imax(), axes.eigenvalues.imin());
+    let rcond = axes.eigenvalues[short] / axes.eigenvalues[long];
+    // Receivers apart by a millionth of the range are in one place.
+    let farthest = ranges.iter().map(|r| r.range).fold(0.0, f64::max);
+    if rcond.is_nan() || libm::sqrt(axes.eigenvalues[long]) < 1e-6 * farthest {
+        return Err(BatchError::Flat { rcond: 0.0 });
+    }
+    let axis: Vector2<f64> = axes.eigenvectors.column(long).into_owned();
+    let along = axis * (axis.dot(&right) / axes.eigenvalues[long]);
+    // Σ w |x|² is Σ w (ρ² − |p|²) about the receivers' mean.
+    let across = libm::sqrt(f64::max(0.0, middle - along.norm_squared()));
+    let across = Vector2::new(-axis.y, axis.x) * across;
+    let mut starts = alloc::vec![mean + along + across, mean + along - across];
+    if rcond > 1e-9
+        && let Some(place) = scatter.lu().solve(&right)
+    {
+        starts.push(mean + place);
+    }
+    Ok(starts)
+}
