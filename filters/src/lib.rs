@@ -5,7 +5,8 @@
 //! | [`Ekf`] | Gaussian, linear about its mean | `expected`, `jacobian`, `residual` | never |
 //! | [`Ukf`] | Gaussian, quadratic about its mean | `expected`, `residual` | never |
 //! | [`Ckf`] | Gaussian, exact to degree 3 | `expected`, `residual` | never |
-//! | [`ParticleFilter`] | weighted cloud | `log_likelihoods`, `expected`, `residual` | once, when it is made |
+//! | [`ParticleFilter`] | weighted cloud | `log_likelihoods`, `expected`, `residual` | once, when it is made, unless its size adapts |
+//! | [`RaoBlackwellised`] | cloud of Gaussians | `expected`, `jacobian`, `residual` | at every step |
 //!
 //! The first three are one struct, [`Kalman`], over the one thing that tells them apart: how a
 //! Gaussian goes through a map, a [`Transform`]. What is kept out is a [`Gate`]'s business; with
@@ -42,7 +43,7 @@ pub use gaussian::Gaussian;
 pub use innovation::Innovation;
 pub use kalman::{Ckf, Ekf, Gate, GateLimit, Iterations, Kalman, Ukf};
 #[cfg(feature = "alloc")]
-pub use particle::{ParticleFilter, Resampling};
+pub use particle::{KldSampling, ParticleFilter, RaoBlackwellised, Resampling};
 #[cfg(feature = "alloc")]
 pub use shadowing_grid::{
     Intercept, Marginal, PosteriorMap, ShadowingFix, ShadowingGrid, ShadowingGridConfig,
