@@ -9,6 +9,7 @@ mod linear;
 mod model;
 mod monitoring;
 mod nonlinear;
+mod out_of_order;
 mod particles;
 mod posterior;
 mod rao_blackwellised;
