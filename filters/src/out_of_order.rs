@@ -27,7 +27,7 @@ pub struct OutOfOrder<E, const M: usize> {
     lag: f64,
     most: usize,
     time: f64,
-    /// The belief at `time`.
+    /// The belief at `time`, which is −∞ as long as nobody has told one.
     present: E,
     /// The belief after the last observation, at that one's time.
     last: E,
@@ -61,13 +61,27 @@ impl<E, const M: usize> OutOfOrder<E, M> {
             let (name, requirement) = ("time", "finite");
             return Err(EstimatorError::Parameter { name, value: time, requirement });
         }
+        let made = Self::from_first(estimator, lag)?;
+        Ok(Self { time, last_time: time, ..made })
+    }
+
+    /// The same for a belief that holds at the time of the first observation, whichever that turns
+    /// out to be: until something is settled none is too early.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when the lag is negative or not finite.
+    pub fn from_first<const N: usize>(estimator: E, lag: f64) -> Result<Self, EstimatorError>
+    where
+        E: Estimator<N, M> + Clone,
+    {
         if !(lag >= 0.0 && lag.is_finite()) {
             let (name, requirement) = ("lag", "a non-negative number");
             return Err(EstimatorError::Parameter { name, value: lag, requirement });
         }
         let (present, last) = (estimator.clone(), estimator);
-        let (most, recent) = (usize::MAX, VecDeque::new());
-        Ok(Self { lag, most, time, present, last, last_time: time, recent })
+        let (time, recent) = (f64::NEG_INFINITY, VecDeque::new());
+        Ok(Self { lag, most: usize::MAX, time, present, last, last_time: time, recent })
     }
 
     /// The same, holding at most this many observations however near they lie: the oldest is
@@ -88,13 +102,13 @@ impl<E, const M: usize> OutOfOrder<E, M> {
         Ok(Self { most, ..self })
     }
 
-    /// Before this time everything is settled.
+    /// Before this time everything is settled; −∞ as long as nothing is.
     #[must_use]
     pub fn horizon(&self) -> f64 {
         self.recent.front().map_or(self.last_time, |step| step.before_time)
     }
 
-    /// The time of the belief, in seconds.
+    /// The time of the belief, in seconds; −∞ as long as nobody has told one.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.time
@@ -108,7 +122,8 @@ impl<E, const M: usize> OutOfOrder<E, M> {
 
     /// The Gaussian beliefs at the times of the observations that are not settled, given all of
     /// them up to now: fixed-interval smoothing over the lag, the oldest first
-    /// ([`rauch_tung_striebel`]). The first is that at the [`horizon`](Self::horizon).
+    /// ([`rauch_tung_striebel`]). The first is that at the [`horizon`](Self::horizon), if there is
+    /// one.
     ///
     /// `motion` is that of the estimator, whose belief has to be Gaussian or to be well told by
     /// its two moments.
@@ -126,6 +141,7 @@ impl<E, const M: usize> OutOfOrder<E, M> {
         let told = |step: &Step<E, M>| (step.before_time, step.before.estimate());
         let mut filtered: Vec<_> = self.recent.iter().map(told).collect();
         filtered.push((self.last_time, self.last.estimate()));
+        filtered.retain(|(time, _)| time.is_finite());
         rauch_tung_striebel(motion, &filtered)
     }
 
@@ -153,7 +169,7 @@ impl<E, const M: usize> OutOfOrder<E, M> {
         for (i, observation) in core::iter::once(observation).chain(later).enumerate() {
             let (before, before_time) = (belief.clone(), at);
             steps.push(Step { observation: *observation, before, before_time });
-            belief.predict(observation.time() - at)?;
+            belief.predict(step(at, observation.time()))?;
             let correction = belief.update(observation)?;
             at = observation.time();
             if i == 0 {
@@ -162,7 +178,7 @@ impl<E, const M: usize> OutOfOrder<E, M> {
         }
         let now = self.time.max(at);
         let mut present = belief.clone();
-        present.predict(now - at)?;
+        present.predict(step(at, now))?;
 
         self.recent.truncate(place);
         self.recent.extend(steps);
@@ -190,7 +206,13 @@ where
             return Err(EstimatorError::TimeStep { dt });
         }
         let mut present = self.last.clone();
-        present.predict(self.time + dt - self.last_time)?;
+        if self.time.is_finite() {
+            present.predict(step(self.last_time, self.time + dt))?;
+        } else {
+            // Nothing was heard: the belief that the first observation will find grows older.
+            present.predict(dt)?;
+            self.last = present.clone();
+        }
         self.present = present;
         self.time += dt;
         Ok(())
@@ -217,6 +239,11 @@ where
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
         self.present.visit_samples(visit);
     }
+}
+
+/// From one time to another; none from a time that nobody has told.
+fn step(from: f64, to: f64) -> f64 {
+    if from.is_finite() { to - from } else { 0.0 }
 }
 
 /// By time, and at one time by contents.

@@ -96,6 +96,33 @@ fn in_order_it_is_the_estimator_itself() {
 }
 
 #[test]
+fn without_a_start_the_first_of_them_is_it() {
+    let flight = flight();
+    let mut bare = ekf();
+    let mut time = flight[0].time();
+    for observation in &flight {
+        bare.predict(observation.time() - time).expect("a proper step");
+        time = observation.time();
+        let _ = bare.update(observation).expect("proper");
+    }
+    // The first comes last.
+    let mut wrapped = OutOfOrder::from_first(ekf(), 60.0).expect("a proper lag");
+    for observation in flight.iter().rev() {
+        let _ = wrapped.update(observation).expect("not too late");
+    }
+    assert_eq!(wrapped.estimate(), bare.estimate());
+    let smoothed = wrapped.smoothed(&RandomWalk::uniform(WALK)).expect("definite");
+    assert_eq!(smoothed.len(), flight.len());
+    // With a lag, the horizon is that of the oldest that is settled.
+    let mut short = OutOfOrder::from_first(ekf(), 3.0).expect("a proper lag");
+    for observation in &flight {
+        let _ = short.update(observation).expect("in order");
+    }
+    assert!(short.horizon() > 0.0 && short.update(&flight[0]).is_err());
+    assert!(OutOfOrder::from_first(ekf(), f64::INFINITY).is_err());
+}
+
+#[test]
 fn what_comes_too_late_is_refused_and_leaves_all_as_it_was() {
     let flight = flight();
     let mut estimator = OutOfOrder::new(ekf(), 0.0, 3.0).expect("a proper lag");
@@ -159,6 +186,7 @@ fn it_keeps_the_laws() {
     let observation = heard(Pose::at(1.0, 2.0, 4.0), Vector2::new(-65.0, 0.4), 4.0, 0.3);
     laws::estimator(|| OutOfOrder::new(ekf(), 0.0, 5.0).expect("proper"), &observation);
     laws::estimator(|| OutOfOrder::new(cloud(), 0.0, 5.0).expect("proper"), &observation);
+    laws::estimator(|| OutOfOrder::from_first(ekf(), 5.0).expect("proper"), &observation);
 }
 
 /// The position of a moving target.
