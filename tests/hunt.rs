@@ -28,6 +28,16 @@ struct Outing {
 
 /// Flies the toy world to its end.
 fn fly(planner: impl FormationPlanner, healths: [Health; 3], stuck: bool) -> Outing {
+    fly_as(TrackConfig::pritzl2018(), planner, healths, stuck)
+}
+
+/// The same, receptions being put to the filter as `track` has it.
+fn fly_as(
+    track: TrackConfig,
+    planner: impl FormationPlanner,
+    healths: [Health; 3],
+    stuck: bool,
+) -> Outing {
     let model = RssBearing::new(LogDistance::new(LAW.0, LAW.1).expect("in range"));
     let time: support::Time = Rc::new(Cell::new(0.0));
     let mut vehicles = [(0.0, 0.0), (5.0, 0.0), (0.0, 5.0)].map(|(e, n)| Teleport::at(e, n));
@@ -43,7 +53,7 @@ fn fly(planner: impl FormationPlanner, healths: [Health; 3], stuck: bool) -> Out
         |prior: &Estimate<2>| Ukf::pritzl2018(model, *prior),
         vec!["first".to_owned(), "second".to_owned()],
         HuntConfig::default(),
-        TrackConfig::pritzl2018(),
+        track,
     )
     .expect("two beacons");
     let stations = vehicles.iter().map(|v| Station::holding(v.place.get())).collect();
@@ -255,6 +265,43 @@ fn a_log_is_read_back_and_replays_to_the_bit() {
             // The extended filter is the worst of them: its linearisation costs it 3.9 m here.
             assert!(miss < 5.0, "{} missed by {miss} m", other.name);
         }
+    }
+}
+
+#[test]
+fn a_filter_that_is_sure_of_levels_it_should_not_be_is_told_of() {
+    let diverged = |outing: &Outing| {
+        let alarms = outing.events.iter().filter_map(|event| match event {
+            Event::FilterDiverged { beacon, average_nis, interval, .. } => {
+                assert!(*average_nis > interval[1] && interval[0] < interval[1]);
+                Some(beacon.0)
+            }
+            _ => None,
+        });
+        alarms.collect::<Vec<_>>()
+    };
+    let sound = fly(triangle(), [Health::Good; 3], false);
+    assert!(diverged(&sound).is_empty(), "{:?}", diverged(&sound));
+    // Levels that are off by decibels, believed to a hundredth.
+    let sure = TrackConfig {
+        first_position_rss_sigma_db: None,
+        rss_sigma_db: Some(0.01),
+        ..TrackConfig::pritzl2018()
+    };
+    let outing = fly_as(sure, triangle(), [Health::Good; 3], false);
+    let alarms = diverged(&outing);
+    assert!(!alarms.is_empty(), "none in {} s", outing.duration);
+    // The log keeps them, and a replay counts the same.
+    let named = estimator_named("ukf-pritzl2018").expect("it has a name").config;
+    let text = logged(&outing, EstimatorConfig { track: sure, ..named });
+    let log = Log::parse(&text, Path::new("toy.jsonl")).expect("its own output");
+    assert_eq!(log.events, outing.events);
+    let replayed = replay(&log, None).expect("its own configuration");
+    assert_eq!(replayed.different, 0);
+    for (beacon, fix) in (0..).zip(&replayed.fixes) {
+        let told = alarms.iter().filter(|alarm| **alarm == beacon).count();
+        assert_eq!(usize::try_from(fix.diverged).expect("few"), told, "{}", fix.name);
+        assert_eq!(fix.nis.count() > 0, fix.whiteness.ljung_box().is_some());
     }
 }
 
