@@ -180,6 +180,19 @@ fn its_samples_have_its_moments() {
 }
 
 #[test]
+fn what_is_not_sampled_drifts_by_its_own_noise() {
+    let walk = RandomWalk { drift: Vector3::new(0.0, 0.0, 3.0) };
+    let made = RaoBlackwellised::<_, _, _, 3, 2, 1>::new(walk, FreePower, prior(), 500, rng(1));
+    let mut filter = made.expect("a proper prior");
+    let before = filter.estimate();
+    filter.predict(4.0).expect("a proper step");
+    let grown = filter.estimate().covariance - before.covariance;
+    // But for what the cloud misses, a millionth of the covariance or so.
+    assert!((grown[(2, 2)] - 36.0).abs() < 0.01, "{grown}");
+    assert!((filter.estimate().mean - before.mean).norm() < 1e-9);
+}
+
+#[test]
 fn it_keeps_the_laws() {
     let fresh = || filter(0.2, 300, 1);
     for (level, bearing, sigma) in [(-70.0, 0.4, 0.3), (-90.0, -3.1, 0.02), (-40.0, 2.0, 1.5)] {
