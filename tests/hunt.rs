@@ -7,7 +7,7 @@ use std::{cell::Cell, fs, path::Path, rc::Rc};
 use foxhunt::{
     config::{EstimatorConfig, ModelConfig, estimator_named, estimators},
     core::Outcome,
-    filters::Ukf,
+    filters::{OutOfOrder, Ukf},
     formation::{FollowConfig, FollowEstimate, Hold, Phase},
     hunt::{Components, Event, Heard, HuntError, Track},
     log::{LOG_VERSION, Log, LogHeader, LogWriter, LoggedBeacon},
@@ -303,6 +303,38 @@ fn a_filter_that_is_sure_of_levels_it_should_not_be_is_told_of() {
         assert_eq!(usize::try_from(fix.diverged).expect("few"), told, "{}", fix.name);
         assert_eq!(fix.nis.count() > 0, fix.whiteness.ljung_box().is_some());
     }
+}
+
+#[test]
+fn receptions_that_come_late_are_used_at_their_own_time() {
+    let outing = fly(triangle(), [Health::Good; 3], false);
+    let first = outing.events.iter().map_while(|event| match event {
+        Event::BeaconFinished { .. } => None,
+        Event::Received { reception, .. } => Some(Some(*reception)),
+        _ => Some(None),
+    });
+    let in_order: Vec<Reception> = first.flatten().collect();
+    let mut late = in_order.clone();
+    late.chunks_exact_mut(7).for_each(<[Reception]>::reverse);
+    assert!(!late.is_sorted_by(|a, b| a.time <= b.time), "nothing comes late");
+    let model = RssBearing::new(LogDistance::new(LAW.0, LAW.1).expect("in range"));
+    let prior = Estimate::isotropic(Vector2::new(2.0, 2.0), 8.4);
+    let ukf = || Ukf::new(RandomWalk::uniform(0.3), model, prior).expect("a proper prior");
+    fn heard<E: Estimator<2, 2>>(estimator: E, receptions: &[Reception]) -> Estimate<2> {
+        let mut track = Track::new(estimator, TrackConfig::default());
+        for reception in receptions {
+            let heard = track.hear(reception, false).expect("each is of use");
+            assert!(matches!(heard, Heard::Corrected(_)));
+        }
+        track.position()
+    }
+    let back = || OutOfOrder::from_first(ukf(), 1e6).expect("a proper lag");
+    let (exact, told) = (heard(back(), &in_order), heard(back(), &late));
+    // But for the rounding of times, of which a walk makes next to nothing.
+    assert!((told.mean - exact.mean).norm() < 1e-9, "{} {}", told.mean, exact.mean);
+    assert!((told.covariance - exact.covariance).norm() < 1e-9);
+    let forward = heard(ukf(), &late);
+    assert!((forward.mean - exact.mean).norm() > 0.01, "without it there is no difference");
 }
 
 #[test]

@@ -132,8 +132,9 @@ where
         Self { estimator, config, time: None, steps: 0, watchdog, health, alarm }
     }
 
-    /// Predicts to the reception's time and conditions the belief on it. A reception that is
-    /// older than the one before is used without going back in time.
+    /// Predicts to the reception's time and conditions the belief on it. For a reception that is
+    /// older than the one before no time passes; an estimator that goes back in time, such as
+    /// [`OutOfOrder`](foxhunt_filters::OutOfOrder), uses it at its own, where steps count seconds.
     ///
     /// # Errors
     ///
