@@ -156,8 +156,9 @@ fn tables(report: &Report) -> String {
 
 /// What the columns of [`innovations`] mean.
 const LEGEND: &str = "A consistent estimator's ANIS lies in the interval with 95 %, and its \
-     innovations are\nas correlated as these with the probability \"white p\". It diverged as often as the innovations\n\
-     of ten receptions became larger than it can explain, once in 10 000 by chance.";
+     innovations are as\ncorrelated as these or more with the probability \"white p\". It \
+     diverged as often as the innovations\nof ten receptions became larger than it can explain: by \
+     chance, one look in 20 000.";
 
 /// What the innovations say of the estimator.
 fn innovations(report: &Report) -> Table {
