@@ -167,7 +167,7 @@ fn a_sharp_observation_of_a_broad_belief_does_not_starve_a_cloud() {
 }
 
 #[test]
-#[ignore = "campaign: 2000 runs at four sizes, minutes in release"]
+#[ignore = "campaign: 2000 runs at four sizes, 20 minutes in release"]
 fn staged_correction_at_every_size() {
     for drift in [0.0, 0.05] {
         for particles in [100, 500, 2000, 20_000] {
