@@ -103,7 +103,7 @@ fn exact(heard: &[Observation<2>]) -> (Estimate<3>, f64) {
     let tau = core::f64::consts::TAU;
     let (mut total, mut mean, mut square) =
         (0.0, Vector3::zeros(), foxhunt_core::Covariance::<3>::zeros());
-    const CELLS: i32 = 600;
+    const CELLS: i32 = 400;
     let side = 150.0 / f64::from(CELLS);
     for (i, j) in (0..CELLS).flat_map(|i| (0..CELLS).map(move |j| (i, j))) {
         let off = Vector2::new(f64::from(i) + 0.5, f64::from(j) + 0.5) * side;
@@ -261,7 +261,7 @@ fn drawn<const N: usize, const K: usize, H: MeasurementModel<N, 2> + Copy>(
             rng(seed + 1_000_000),
         );
         let mut filter = made.expect("a proper prior");
-        for step in 0..16 {
+        for step in 0..10 {
             truth[0] += drift * white();
             truth[1] += drift * white();
             let at = observe(step, 0.0, 0.0, sigma);
