@@ -40,6 +40,9 @@ pub struct ReplayedFix {
     pub whiteness: Whiteness,
     /// How many the gate kept out.
     pub rejected: u32,
+    /// How often the innovations of the last receptions became larger than the estimator can
+    /// explain.
+    pub diverged: u32,
     /// What the log says of the search, if it came to an end.
     pub logged: Option<Fix>,
 }
@@ -75,6 +78,7 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
                     nis: ChiSquaredAverage::default(),
                     whiteness: Whiteness::new(LAGS),
                     rejected: 0,
+                    diverged: 0,
                     logged: None,
                 });
             }
@@ -88,6 +92,7 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
                     fix.nis.extend(correction.nis().map(|nis| (nis, degrees)));
                     fix.rejected += u32::from(correction.is_rejected());
                 }
+                fix.diverged += u32::from(track.alarm().is_some());
                 fix.estimate = track.position();
                 fix.steps = track.steps();
             }

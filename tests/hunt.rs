@@ -7,7 +7,7 @@ use std::{cell::Cell, fs, path::Path, rc::Rc};
 use foxhunt::{
     config::{EstimatorConfig, ModelConfig, estimator_named, estimators},
     core::Outcome,
-    filters::Ukf,
+    filters::{OutOfOrder, Ukf},
     formation::{FollowConfig, FollowEstimate, Hold, Phase},
     hunt::{Components, Event, Heard, HuntError, Track},
     log::{LOG_VERSION, Log, LogHeader, LogWriter, LoggedBeacon},
@@ -28,6 +28,16 @@ struct Outing {
 
 /// Flies the toy world to its end.
 fn fly(planner: impl FormationPlanner, healths: [Health; 3], stuck: bool) -> Outing {
+    fly_as(TrackConfig::pritzl2018(), planner, healths, stuck)
+}
+
+/// The same, receptions being put to the filter as `track` has it.
+fn fly_as(
+    track: TrackConfig,
+    planner: impl FormationPlanner,
+    healths: [Health; 3],
+    stuck: bool,
+) -> Outing {
     let model = RssBearing::new(LogDistance::new(LAW.0, LAW.1).expect("in range"));
     let time: support::Time = Rc::new(Cell::new(0.0));
     let mut vehicles = [(0.0, 0.0), (5.0, 0.0), (0.0, 5.0)].map(|(e, n)| Teleport::at(e, n));
@@ -43,7 +53,7 @@ fn fly(planner: impl FormationPlanner, healths: [Health; 3], stuck: bool) -> Out
         |prior: &Estimate<2>| Ukf::pritzl2018(model, *prior),
         vec!["first".to_owned(), "second".to_owned()],
         HuntConfig::default(),
-        TrackConfig::pritzl2018(),
+        track,
     )
     .expect("two beacons");
     let stations = vehicles.iter().map(|v| Station::holding(v.place.get())).collect();
@@ -257,6 +267,75 @@ fn a_log_is_read_back_and_replays_to_the_bit() {
             assert!(miss < 5.0, "{} missed by {miss} m", other.name);
         }
     }
+}
+
+#[test]
+fn a_filter_that_is_sure_of_levels_it_should_not_be_is_told_of() {
+    let diverged = |outing: &Outing| {
+        let alarms = outing.events.iter().filter_map(|event| match event {
+            Event::FilterDiverged { beacon, average_nis, interval, .. } => {
+                assert!(*average_nis > interval[1] && interval[0] < interval[1]);
+                Some(beacon.0)
+            }
+            _ => None,
+        });
+        alarms.collect::<Vec<_>>()
+    };
+    let sound = fly(triangle(), [Health::Good; 3], false);
+    assert!(diverged(&sound).is_empty(), "{:?}", diverged(&sound));
+    // Levels that are off by decibels, believed to a hundredth.
+    let sure = TrackConfig {
+        first_position_rss_sigma_db: None,
+        rss_sigma_db: Some(0.01),
+        ..TrackConfig::pritzl2018()
+    };
+    let outing = fly_as(sure, triangle(), [Health::Good; 3], false);
+    let alarms = diverged(&outing);
+    assert!(!alarms.is_empty(), "none in {} s", outing.duration);
+    // The log keeps them, and a replay counts the same.
+    let named = estimator_named("ukf-pritzl2018").expect("it has a name").config;
+    let text = logged(&outing, EstimatorConfig { track: sure, ..named });
+    let log = Log::parse(&text, Path::new("toy.jsonl")).expect("its own output");
+    assert_eq!(log.events, outing.events);
+    let replayed = replay(&log, None).expect("its own configuration");
+    assert_eq!(replayed.different, 0);
+    for (beacon, fix) in (0..).zip(&replayed.fixes) {
+        let told = alarms.iter().filter(|alarm| **alarm == beacon).count();
+        assert_eq!(usize::try_from(fix.diverged).expect("few"), told, "{}", fix.name);
+        assert_eq!(fix.nis.count() > 0, fix.whiteness.ljung_box().is_some());
+    }
+}
+
+#[test]
+fn receptions_that_come_late_are_used_at_their_own_time() {
+    let outing = fly(triangle(), [Health::Good; 3], false);
+    let first = outing.events.iter().map_while(|event| match event {
+        Event::BeaconFinished { .. } => None,
+        Event::Received { reception, .. } => Some(Some(*reception)),
+        _ => Some(None),
+    });
+    let in_order: Vec<Reception> = first.flatten().collect();
+    let mut late = in_order.clone();
+    late.chunks_exact_mut(7).for_each(<[Reception]>::reverse);
+    assert!(!late.is_sorted_by(|a, b| a.time <= b.time), "nothing comes late");
+    let model = RssBearing::new(LogDistance::new(LAW.0, LAW.1).expect("in range"));
+    let prior = Estimate::isotropic(Vector2::new(2.0, 2.0), 8.4);
+    let ukf = || Ukf::new(RandomWalk::uniform(0.3), model, prior).expect("a proper prior");
+    fn heard<E: Estimator<2, 2>>(estimator: E, receptions: &[Reception]) -> Estimate<2> {
+        let mut track = Track::new(estimator, TrackConfig::default());
+        for reception in receptions {
+            let heard = track.hear(reception, false).expect("each is of use");
+            assert!(matches!(heard, Heard::Corrected(_)));
+        }
+        track.position()
+    }
+    let back = || OutOfOrder::from_first(ukf(), 1e6).expect("a proper lag");
+    let (exact, told) = (heard(back(), &in_order), heard(back(), &late));
+    // But for the rounding of times, of which a walk makes next to nothing.
+    assert!((told.mean - exact.mean).norm() < 1e-9, "{} {}", told.mean, exact.mean);
+    assert!((told.covariance - exact.covariance).norm() < 1e-9);
+    let forward = heard(ukf(), &late);
+    assert!((forward.mean - exact.mean).norm() > 0.01, "without it there is no difference");
 }
 
 #[test]

@@ -114,6 +114,14 @@ pub enum EstimatorError {
         /// What it must be.
         requirement: &'static str,
     },
+    /// The observation is of a time that the estimator no longer goes back to.
+    #[error("the observation of {time} s comes too late: all before {horizon} s is settled")]
+    TooLate {
+        /// When it was made, in seconds.
+        time: f64,
+        /// The earliest time that is still open.
+        horizon: f64,
+    },
     /// No particle can have led to the observation.
     #[error("none of the {particles} particles can have led to the observation")]
     Impossible {

@@ -105,6 +105,15 @@ fn updates(criterion: &mut Criterion) {
     step!("UKF of the reference", Ukf::pritzl2018(RssBearing, prior));
     let rng = Xoshiro256PlusPlus::seed_from_u64(1);
     step!("2000 particles", ParticleFilter::new(still, RssBearing, prior, 2000, rng));
+    // Linear in the number of particles.
+    for particles in [100, 10_000, 1_000_000] {
+        let rng = Xoshiro256PlusPlus::seed_from_u64(1);
+        let filter = ParticleFilter::new(still, RssBearing, prior, particles, rng);
+        let mut filter = filter.expect("a proper prior");
+        group.bench_function(format!("{particles} particles"), |bencher| {
+            bencher.iter(|| filter.predict(1.0).and_then(|()| filter.update(&observation)));
+        });
+    }
     group.bench_function("adskalman 0.18, linearised, Joseph form", |bencher| {
         let mut belief = prior;
         bencher.iter(|| belief = adskalman_step(&belief, &observation));

@@ -22,13 +22,17 @@ impl<const M: usize> Innovation<M> {
     /// of what its samples expect: for any family, whatever it is made of.
     ///
     /// Deviations are taken about what is expected at the belief's mean, as a Kalman filter's are
-    /// about its centre. `None` where the model expects nothing finite.
+    /// about its centre. `None` where nothing was heard, whatever the silence tells, or
+    /// the model expects nothing finite.
     #[must_use]
     pub fn of_belief<const N: usize>(
         estimator: &(impl Estimator<N, M> + ?Sized),
         model: &(impl MeasurementModel<N, M> + ?Sized),
         observation: &Observation<M>,
     ) -> Option<Self> {
+        if observation.is_empty() {
+            return None;
+        }
         let mean = estimator.estimate().mean;
         let observation = &absorb_receiver_noise(model, &mean, observation);
         let expected = |x: &State<N>| model.expected(x, observation.receiver());

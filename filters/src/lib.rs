@@ -6,7 +6,8 @@
 //! | [`Ukf`] | Gaussian, quadratic about its mean | `expected`, `residual` | never |
 //! | [`Ckf`] | Gaussian, exact to degree 3 | `expected`, `residual` | never |
 //! | [`GridFilter`] | mass of cells over an area | `log_likelihoods`, or `expected` and `jacobian` | as the cells follow the belief |
-//! | [`ParticleFilter`] | weighted cloud | `log_likelihoods`, `expected`, `residual` | once, when it is made |
+//! | [`ParticleFilter`] | weighted cloud | `log_likelihoods`, `expected`, `residual` | once, when it is made, unless its size adapts |
+//! | [`RaoBlackwellised`] | cloud of Gaussians | `expected`, `jacobian`, `residual` | at every step |
 //! | [`Bank`] | weighted sum of other estimators' | what they need | with its components |
 //! | [`FirstBearing`] | the same, in a row along the first bearing | what its Kalman filters need | in every step |
 //! | [`GaussianSum`] | sum of Gaussians, split and merged | what its Kalman filters need | in every step |
@@ -18,6 +19,10 @@
 //!
 //! [`Handover`] begins as one estimator and goes on as another: a grid makes the first bearings a
 //! prior for a Kalman filter. [`Leading`] shows the first components of a larger state.
+//!
+//! [`OutOfOrder`] lets any of them use observations that arrive late at their own time, and
+//! [`rauch_tung_striebel`] smooths what Gaussian ones believed. Whether they know how good they
+//! are is for [`consistency`] to say, and how good they can be for [`PosteriorCramerRao`].
 //!
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
@@ -57,11 +62,15 @@ mod leading;
 #[cfg(feature = "alloc")]
 mod mixture;
 #[cfg(feature = "alloc")]
+mod out_of_order;
+#[cfg(feature = "alloc")]
 mod particle;
 #[cfg(feature = "batch")]
 mod ranges;
 #[cfg(feature = "alloc")]
 mod shadowing_grid;
+#[cfg(feature = "alloc")]
+mod smoother;
 mod transform;
 mod triangle;
 
@@ -89,7 +98,9 @@ pub use mixture::{
     Transition, polar_moments, split, split_standard_normal,
 };
 #[cfg(feature = "alloc")]
-pub use particle::{ParticleFilter, Resampling};
+pub use out_of_order::OutOfOrder;
+#[cfg(feature = "alloc")]
+pub use particle::{KldSampling, ParticleFilter, RaoBlackwellised, Resampling};
 #[cfg(feature = "batch")]
 pub use ranges::{SlantRange, SlantRangeDifference, multilaterate, spherical_intersection};
 #[cfg(feature = "alloc")]
@@ -97,4 +108,6 @@ pub use shadowing_grid::{
     Intercept, Marginal, PosteriorMap, ShadowingFix, ShadowingGrid, ShadowingGridConfig,
     ShadowingGridError, Slope,
 };
+#[cfg(feature = "alloc")]
+pub use smoother::rauch_tung_striebel;
 pub use transform::{Cubature, Image, Kappa, Map, Taylor, Transform, Unscented};

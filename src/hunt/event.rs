@@ -57,6 +57,18 @@ pub enum Event {
         /// What is believed since.
         estimate: Estimate<2>,
     },
+    /// The innovations of the last receptions have become larger than the filter can explain: it
+    /// has lost the target, or its noise is too small. Told once, until it is sound again.
+    FilterDiverged {
+        /// When.
+        time: f64,
+        /// Which beacon's filter.
+        beacon: BeaconId,
+        /// The average normalised innovation squared of the last receptions.
+        average_nis: f64,
+        /// Where a consistent filter's would be.
+        interval: [f64; 2],
+    },
     /// A turn or a reception was of no use.
     Refused {
         /// When.

@@ -4,6 +4,7 @@ use foxhunt_core::{
     BeaconId, BearingExtractor, BeliefOf, Correction, Estimate, Estimator, EstimatorError,
     FormationPlanner, Observation, ObservationError, Outcome, Reception, Station, Sweep,
 };
+use foxhunt_filters::consistency::NisHealth;
 use foxhunt_formation::{Phase, PhaseError, Phases, Signal};
 use nalgebra::{Vector2, Vector3};
 
@@ -197,12 +198,13 @@ where
             Ok(Heard::Corrected(correction)) => {
                 self.position.heard += u32::from(correction != Correction::Empty);
                 let estimate = track.position();
-                return self.events.push_back(Event::Corrected {
-                    time,
-                    drone,
-                    correction,
-                    estimate,
-                });
+                self.events.push_back(Event::Corrected { time, drone, correction, estimate });
+                if let Some(NisHealth::Diverged { average, interval }) = track.alarm() {
+                    let (beacon, average_nis) = (sweep.beacon, average);
+                    let event = Event::FilterDiverged { time, beacon, average_nis, interval };
+                    self.events.push_back(event);
+                }
+                return;
             }
             Ok(Heard::Discarded) => {
                 reading.bearing.err().map_or_else(String::new, |error| error.to_string())

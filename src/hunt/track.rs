@@ -1,6 +1,9 @@
+use std::mem;
+
 use foxhunt_core::{
     Correction, Estimate, Estimator, EstimatorError, Observation, ObservationError, Reception,
 };
+use foxhunt_filters::consistency::{NisHealth, NisWatchdog};
 use serde::{Deserialize, Serialize};
 
 /// How receptions are put to an estimator. Hunt and replay share it, so that a replay runs the
@@ -111,6 +114,10 @@ pub struct Track<E, const N: usize, const M: usize> {
     config: TrackConfig,
     time: Option<f64>,
     steps: u32,
+    watchdog: NisWatchdog,
+    health: NisHealth,
+    /// Whether the last reception was the one that made the filter's divergence known.
+    alarm: bool,
 }
 
 impl<E, const N: usize, const M: usize> Track<E, N, M>
@@ -120,11 +127,14 @@ where
 {
     /// A track that has heard nothing yet.
     pub fn new(estimator: E, config: TrackConfig) -> Self {
-        Self { estimator, config, time: None, steps: 0 }
+        let watchdog = NisWatchdog::default();
+        let (health, alarm) = (watchdog.health(), false);
+        Self { estimator, config, time: None, steps: 0, watchdog, health, alarm }
     }
 
-    /// Predicts to the reception's time and conditions the belief on it. A reception that is
-    /// older than the one before is used without going back in time.
+    /// Predicts to the reception's time and conditions the belief on it. For a reception that is
+    /// older than the one before no time passes; an estimator that goes back in time, such as
+    /// [`OutOfOrder`](foxhunt_filters::OutOfOrder), uses it at its own, where steps count seconds.
     ///
     /// # Errors
     ///
@@ -135,6 +145,7 @@ where
         reception: &Reception,
         first_position: bool,
     ) -> Result<Heard, TrackError> {
+        self.alarm = false;
         // What the turn itself lacks counts, not what `components` strike out.
         if reception.bearing.is_none() && self.config.without_bearing == WithoutBearing::Discard {
             return Ok(Heard::Discarded);
@@ -150,6 +161,10 @@ where
         self.time = Some(now);
         let correction = self.estimator.update(&observation)?;
         self.steps += u32::from(correction != Correction::Empty);
+        let degrees = self.config.degrees_of_freedom(reception, first_position);
+        let before = mem::replace(&mut self.health, self.watchdog.observe(&correction, degrees));
+        let diverged = |health| matches!(health, NisHealth::Diverged { .. });
+        self.alarm = diverged(self.health) && !diverged(before);
         Ok(Heard::Corrected(correction))
     }
 
@@ -161,6 +176,17 @@ where
     /// Where the beacon is believed to be.
     pub fn position(&self) -> Estimate<2> {
         self.estimator.estimate().position()
+    }
+
+    /// What the normalised innovations of the last 10 receptions say of the estimator, at 10⁻⁴
+    /// ([`NisWatchdog::default`]).
+    pub fn health(&self) -> NisHealth {
+        self.health
+    }
+
+    /// The same if the last reception was the one that made a divergence known.
+    pub fn alarm(&self) -> Option<NisHealth> {
+        self.alarm.then_some(self.health)
     }
 
     /// How many receptions went through the estimator, rejected ones included.

@@ -114,6 +114,10 @@ fn tell(event: &Event) {
             };
             warn(&format!("{time:7.0} s  {who}: {reason}"));
         }
+        Event::FilterDiverged { time, average_nis, interval: [_, high], .. } => warn(&format!(
+            "{time:7.0} s  the filter has diverged: its NIS is {average_nis:.1} on average, not \
+             below {high:.1}"
+        )),
         Event::BeaconFinished { time, fix } => {
             warn(&format!("{time:7.0} s  {}: {} after {} steps", fix.name, fix.outcome, fix.steps));
         }

@@ -71,6 +71,8 @@ struct Replayed {
     innovations: Verdict,
     /// The probability of innovations as correlated as these if they are white (Ljung & Box 1978).
     whiteness_p: Option<f64>,
+    /// How often the innovations became larger than the estimator can explain.
+    diverged: u32,
     outcome: Option<Outcome>,
     logged_estimate: Option<PlaceEstimate>,
     logged_error_m: Option<f64>,
@@ -133,6 +135,7 @@ impl Replayed {
             anis_interval: fix.nis.interval(),
             innovations: fix.nis.verdict(),
             whiteness_p: fix.whiteness.ljung_box().map(|test| test.p_value),
+            diverged: fix.diverged,
             outcome: logged.map(|logged| logged.outcome),
             logged_estimate: logged.map(|logged| (&logged.estimate).into()),
             logged_error_m: logged.and_then(|logged| Some((logged.estimate.mean - truth?).norm())),
@@ -153,11 +156,14 @@ fn tables(report: &Report) -> String {
 
 /// What the columns of [`innovations`] mean.
 const LEGEND: &str = "A consistent estimator's ANIS lies in the interval with 95 %, and its \
-     innovations are\nas correlated as these with the probability \"white p\".";
+     innovations are as\ncorrelated as these or more with the probability \"white p\". It \
+     diverged as often as the innovations\nof ten receptions became larger than it can explain: by \
+     chance, one look in 20 000.";
 
 /// What the innovations say of the estimator.
 fn innovations(report: &Report) -> Table {
-    let mut innovations = table(&["beacon", "rejected", "ANIS", "interval", "verdict", "white p"]);
+    let mut innovations =
+        table(&["beacon", "rejected", "ANIS", "interval", "verdict", "white p", "diverged"]);
     for beacon in &report.beacons {
         let interval = beacon.anis_interval.map(|[low, high]| format!("{low:.2} to {high:.2}"));
         innovations.add_row([
@@ -167,6 +173,7 @@ fn innovations(report: &Report) -> Table {
             text(interval),
             beacon.innovations.to_string(),
             number(beacon.whiteness_p, 3),
+            beacon.diverged.to_string(),
         ]);
     }
     innovations

@@ -12,7 +12,7 @@ use crate::count::number;
 /// Kirubarajan 2001, §5.4.2). NEES have to come from different runs, one of each; NIS of one run
 /// are independent of each other.
 ///
-/// A posterior that is not Gaussian has E[NEES] = N all the same, but is not χ²:
+/// A posterior that is not Gaussian has E\[NEES\] = N all the same, but is not χ²:
 /// [`standard_error`](Self::standard_error) is the sample's own.
 ///
 /// ```

@@ -76,6 +76,14 @@ impl NisHealth {
     }
 }
 
+impl Default for NisWatchdog {
+    /// The last 10 observations at 10⁻⁴.
+    fn default() -> Self {
+        let (squares, limits) = (VecDeque::new(), (0, [0.0; 2]));
+        Self { window: 10, significance: 1e-4, squares, limits }
+    }
+}
+
 impl NisWatchdog {
     /// Watches the last `window` observations; `significance` is the probability that a look at a
     /// consistent filter is an alarm, half of it for each side.
@@ -89,7 +97,7 @@ impl NisWatchdog {
             return Err(EstimatorError::Parameter { name: "window", value, requirement });
         }
         let significance = probability("significance", significance)?;
-        Ok(Self { window, significance, squares: VecDeque::new(), limits: (0, [0.0; 2]) })
+        Ok(Self { window, significance, ..Self::default() })
     }
 
     /// Looks at what an update of an observation with `components` present came to. What has no

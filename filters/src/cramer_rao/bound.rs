@@ -20,7 +20,7 @@ use crate::{Gaussian, count::number, triangle};
 ///
 /// The prediction is eq. 21 of the source with additive noise,
 /// J⁻ = Q⁻¹ − Q⁻¹F̄ (J + E[Fᵀ Q⁻¹ F])⁻¹ F̄ᵀQ⁻¹, in a form that does not invert Q. With
-/// C = E[(F − F̄)ᵀ Q⁻¹ (F − F̄)], F̄ = E[F] and Q = L Lᵀ it is
+/// C = E[(F − F̄)ᵀ Q⁻¹ (F − F̄)], F̄ = E\[F\] and Q = L Lᵀ it is
 /// J⁻ = F̄⁻ᵀ (K − K A (I + Aᵀ K A)⁻¹ Aᵀ K) F̄⁻¹, K = J + C and A = F̄⁻¹ L: a still target has A = 0
 /// and keeps its information. Where Q is singular, F may not turn with the state (C would be
 /// infinite); a linear motion never does.

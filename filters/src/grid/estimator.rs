@@ -75,11 +75,8 @@ where
         shift(&mut posterior, -log_evidence);
         marginals.iter_mut().flatten().for_each(|log| *log -= log_evidence);
         let belief = self.moments(&posterior, &marginals, &lattice)?;
-        let nis = if observation.is_empty() {
-            None
-        } else {
-            Innovation::of_belief(&*self, &self.measurement, observation).map(|told| told.nis)
-        };
+        let nis =
+            Innovation::of_belief(&*self, &self.measurement, observation).map(|told| told.nis);
         (self.lattice, self.columns) = (lattice, posterior);
         (self.marginals, self.belief) = (marginals, belief);
         Ok(Correction::Fused { nis, log_evidence, effective_sample_size: None })

@@ -12,8 +12,41 @@ pub(super) struct Cloud<const N: usize> {
 }
 
 impl<const N: usize> Cloud<N> {
+    pub(super) fn len(&self) -> usize {
+        self.weights.linear.len()
+    }
+
+    /// No particle at all.
+    pub(super) fn empty() -> Self {
+        let weights = Weights { linear: Vec::new(), log: Vec::new() };
+        Self { columns: core::array::from_fn(|_| Vec::new()), weights }
+    }
+
+    /// Becomes `other`, in the memory that it has if that is enough.
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        self.resize(other.len());
+        for (column, others) in self.columns.iter_mut().zip(&other.columns) {
+            column.copy_from_slice(others);
+        }
+        self.weights.copy_from(&other.weights);
+    }
+
+    /// Makes room for `count` particles; what they hold is of no use.
+    pub(super) fn resize(&mut self, count: usize) {
+        self.columns.iter_mut().for_each(|column| column.resize(count, 0.0));
+        self.weights.linear.resize(count, 0.0);
+        self.weights.log.resize(count, 0.0);
+    }
+
     pub(super) fn state(&self, particle: usize) -> State<N> {
         State::from_fn(|row, _| self.columns[row][particle])
+    }
+
+    /// Adds a particle without a weight yet.
+    pub(super) fn push(&mut self, state: &State<N>) {
+        self.columns.iter_mut().zip(state.iter()).for_each(|(column, value)| column.push(*value));
+        self.weights.linear.push(0.0);
+        self.weights.log.push(0.0);
     }
 
     pub(super) fn set(&mut self, particle: usize, state: &State<N>) {

@@ -7,7 +7,7 @@ use foxhunt_core::{
 use rand::Rng;
 
 use super::filter::ParticleFilter;
-use crate::Innovation;
+use crate::{Innovation, count::number};
 
 impl<F, H, R, const N: usize, const M: usize> Estimator<N, M> for ParticleFilter<F, H, R, N, M>
 where
@@ -35,18 +35,21 @@ where
         if observation.is_empty() && !observation.is_censored() {
             return Ok(Correction::Empty);
         }
+        let nis =
+            Innovation::of_belief(&*self, &self.measurement, observation).map(|told| told.nis);
+        let count = self.cloud.len();
+        self.spare.resize(count);
         let columns: [&[f64]; N] = core::array::from_fn(|row| &self.cloud.columns[row][..]);
         self.measurement.log_likelihoods(columns, observation, &mut self.spare.weights.log);
         let log_evidence = self.spare.weights.condition(&self.cloud.weights)?;
-        let belief = self.belief_of(&self.cloud.columns, &self.spare.weights)?;
-        // Where nothing was heard there is no innovation, whatever the silence tells.
-        let nis = if observation.is_empty() {
-            None
+        let size = self.spare.weights.effective_sample_size();
+        let log_evidence = if size < self.progressive * number(count) {
+            self.correct_in_stages(observation)?
         } else {
-            Innovation::of_belief(&*self, &self.measurement, observation).map(|told| told.nis)
+            self.belief = self.belief_of(&self.cloud.columns, &self.spare.weights)?;
+            mem::swap(&mut self.cloud.weights, &mut self.spare.weights);
+            log_evidence
         };
-        self.belief = belief;
-        mem::swap(&mut self.cloud.weights, &mut self.spare.weights);
         let effective_sample_size = Some(self.cloud.weights.effective_sample_size());
         Ok(Correction::Fused { nis, log_evidence, effective_sample_size })
     }
@@ -89,7 +92,7 @@ mod tests {
         let mut filter = ParticleFilter::new(RandomWalk::uniform(0.1), Itself, prior, 64, rng)
             .expect("a proper prior");
         let places = |filter: &ParticleFilter<_, _, _, 1, 1>| {
-            let mut places = [&filter.cloud, &filter.spare].map(|cloud| {
+            let mut places = [&filter.cloud, &filter.spare, &filter.reserve].map(|cloud| {
                 let weights = &cloud.weights;
                 [cloud.columns[0].as_ptr(), weights.linear.as_ptr(), weights.log.as_ptr()]
             });

@@ -2,10 +2,11 @@ use alloc::{vec, vec::Vec};
 
 use foxhunt_core::{Axis, Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State};
 use rand::{Rng, RngExt};
-use rand_distr::StandardNormal;
 
 use super::{
     cloud::{Cloud, Weights, moments},
+    kernel::{Kernel, silverman, white},
+    kld::KldSampling,
     resampling::Resampling,
 };
 use crate::{Gaussian, count::number};
@@ -13,7 +14,8 @@ use crate::{Gaussian, count::number};
 /// The bootstrap particle filter (Gordon, Salmond & Smith 1993), its resampling regularised.
 ///
 /// Owns its generator: one stream, so two filters made alike run alike. Particles lie in columns,
-/// one for each component of the state; all memory is taken when the filter is made.
+/// one for each component of the state; all memory is taken when the filter is made, unless its
+/// size adapts.
 ///
 /// The cloud is resampled where its effective sample size has fallen below a share of its
 /// particles, at the start of the next `predict`: between two updates at one time copies would
@@ -26,6 +28,11 @@ use crate::{Gaussian, count::number};
 /// x' = x̂ + √(1 − h²) (x ⊖ x̂) + h L ξ. The bandwidth h is Silverman's (1986, §4.3.2),
 /// (4 / (N + 2))^(1 / (N + 4)) n^(−1 / (N + 4)): 0.28 for 2000 particles in the plane. A
 /// bandwidth of 0 is the plain bootstrap filter; it asks for a target that drifts.
+///
+/// A sharp observation of a broad belief would leave a handful of particles. Where the effective
+/// sample size after an update would be below a tenth of the particles, the likelihood is applied
+/// in stages, p(z | x)^φ with Σ φ = 1, each of which keeps half of it, with a resampling by the
+/// kernel in between: progressive correction (Musso, Oudjane & Le Gland 2001).
 #[derive(Clone, Debug)]
 pub struct ParticleFilter<F, H, R, const N: usize, const M: usize> {
     pub(super) motion: F,
@@ -36,10 +43,16 @@ pub struct ParticleFilter<F, H, R, const N: usize, const M: usize> {
     pub(super) belief: Gaussian<N>,
     /// Where a step is prepared, to be taken as a whole or not at all.
     pub(super) spare: Cloud<N>,
+    /// Where an update is made in stages.
+    pub(super) reserve: Cloud<N>,
     pub(super) ancestors: Vec<usize>,
     pub(super) resampling: Resampling,
-    pub(super) threshold: f64,
-    pub(super) bandwidth: f64,
+    threshold: f64,
+    /// Silverman's unless given.
+    bandwidth: Option<f64>,
+    size: Option<KldSampling<N>>,
+    /// Below this share of its particles an update is made in stages.
+    pub(super) progressive: f64,
 }
 
 impl<F, H, R, const N: usize, const M: usize> ParticleFilter<F, H, R, N, M>
@@ -98,11 +111,14 @@ where
             rng,
             belief: Gaussian::new(belief, Role::Prior)?,
             spare: cloud.clone(),
+            reserve: cloud.clone(),
             cloud,
             ancestors: vec![0; count],
             resampling: Resampling::default(),
             threshold: 0.5,
-            bandwidth: silverman(N, count),
+            bandwidth: None,
+            size: None,
+            progressive: 0.1,
         })
     }
 
@@ -143,7 +159,33 @@ where
                 requirement: "in [0, 1)",
             });
         }
-        Ok(Self { bandwidth, ..self })
+        Ok(Self { bandwidth: Some(bandwidth), ..self })
+    }
+
+    /// The same filter with as many particles as it needs: told anew at every resampling, and
+    /// resampled too where there are more than twice or less than half as many. Ancestors are then
+    /// drawn independently, whatever the scheme. The bandwidth follows their
+    /// number unless it was given. It starts with the particles that it was made with.
+    #[must_use]
+    pub fn with_adaptive_size(self, size: KldSampling<N>) -> Self {
+        Self { size: Some(size), ..self }
+    }
+
+    /// The same filter with progressive correction below another share of the particles, 0.1
+    /// unless given; 0 never does it.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when it is not in [0, 0.5].
+    pub fn with_progressive_correction(self, share: f64) -> Result<Self, EstimatorError> {
+        check_progressive(share)?;
+        Ok(Self { progressive: share, ..self })
+    }
+
+    /// How many particles there are.
+    #[must_use]
+    pub fn particles(&self) -> usize {
+        self.cloud.len()
     }
 
     /// 1 / Σ w²: how many particles of equal weight would tell as much.
@@ -174,40 +216,105 @@ where
         Gaussian::new(belief, Role::Posterior)
     }
 
+    pub(super) fn bandwidth_of(&self, particles: usize) -> f64 {
+        self.bandwidth.unwrap_or_else(|| silverman(N, particles))
+    }
+
     /// Makes `spare` the next generation of the cloud: resampled if that is due, then moved.
     pub(super) fn prepare_moved(&mut self, dt: f64, rng: &mut R) {
-        let (weights, next) = (&self.cloud.weights, &mut self.spare);
-        let due = weights.effective_sample_size() < self.threshold * number(self.ancestors.len());
+        let count = self.cloud.len();
+        let due = self.effective_sample_size() < self.threshold * number(count);
+        if let Some(size) = self.size
+            && (due || self.is_off(&size))
+        {
+            return self.prepare_as_many_as(&size, dt, rng);
+        }
+        let kernel = self.kernel().filter(|_| due);
+        self.spare.resize(count);
+        self.ancestors.resize(count, 0);
         if due {
-            self.resampling.draw(&weights.linear, rng, &mut self.ancestors);
-            next.weights.fill_even();
+            self.resampling.draw(&self.cloud.weights.linear, rng, &mut self.ancestors);
+            self.spare.weights.fill_even();
         } else {
             self.ancestors.iter_mut().enumerate().for_each(|(i, ancestor)| *ancestor = i);
-            next.weights.copy_from(weights);
+            self.spare.weights.copy_from(&self.cloud.weights);
         }
-        let axes = self.motion.axes();
-        let (mean, spread) = (self.belief.mean(), self.belief.factor() * self.bandwidth);
-        let shrinkage = libm::sqrt(1.0 - self.bandwidth * self.bandwidth);
-        for (i, &ancestor) in self.ancestors.iter().enumerate() {
-            let mut state = self.cloud.state(ancestor);
-            if due && self.bandwidth > 0.0 {
-                let deviation = Axis::difference(&axes, &state, mean);
-                state = mean + deviation * shrinkage + spread * white(rng);
+        for i in 0..count {
+            let state = self.cloud.state(self.ancestors[i]);
+            let moved = self.moved(state, kernel.as_ref(), dt, rng);
+            self.spare.set(i, &moved);
+        }
+    }
+
+    /// Whether there are more than twice or less than half the particles that are needed. Those
+    /// that ten resamplings would not take once occupy no bin.
+    fn is_off(&self, size: &KldSampling<N>) -> bool {
+        let (mut bins, count) = (size.bins(), self.cloud.len());
+        for (i, weight) in self.cloud.weights.linear.iter().enumerate() {
+            if weight * number(count) >= 0.1 {
+                bins.add(&self.cloud.state(i));
             }
-            let noise = self.motion.noise_factor(&state, dt) * white(rng);
-            let moved = self.motion.propagate(&state, dt) + noise;
-            next.set(i, &Axis::difference(&axes, &moved, &State::zeros()));
         }
+        let wanted = size.particles(bins.count());
+        wanted > 2 * count || count > 2 * wanted
+    }
+
+    /// The same, drawn one by one until there are enough (Fox 2003, table 3).
+    fn prepare_as_many_as(&mut self, size: &KldSampling<N>, dt: f64, rng: &mut R) {
+        let kernel = self.kernel();
+        let mut reach = 0.0;
+        let sums: Vec<f64> = self
+            .cloud
+            .weights
+            .linear
+            .iter()
+            .map(|w| {
+                reach += w;
+                reach
+            })
+            .collect();
+        let mut bins = size.bins();
+        let mut wanted = size.particles(0);
+        self.spare.resize(0);
+        while self.spare.len() < wanted {
+            // What rounds beyond the last sum is the last particle that has a weight.
+            let mark = rng.random::<f64>() * reach;
+            let ancestor = sums.partition_point(|sum| *sum <= mark);
+            let state = self.cloud.state(ancestor.min(sums.len() - 1));
+            let moved = self.moved(state, kernel.as_ref(), dt, rng);
+            self.spare.push(&moved);
+            if bins.add(&moved) {
+                wanted = size.particles(bins.count());
+            }
+        }
+        self.spare.weights.fill_even();
+    }
+
+    fn kernel(&self) -> Option<Kernel<N>> {
+        let (mean, factor) = (self.belief.mean(), self.belief.factor());
+        Kernel::new(mean, factor, self.bandwidth_of(self.cloud.len()), self.motion.axes())
+    }
+
+    /// A particle set apart from its ancestor, if there is a kernel, and then moved.
+    fn moved(
+        &self,
+        ancestor: State<N>,
+        kernel: Option<&Kernel<N>>,
+        dt: f64,
+        rng: &mut R,
+    ) -> State<N> {
+        let state = kernel.map_or(ancestor, |kernel| kernel.draw(&ancestor, rng));
+        let noise = self.motion.noise_factor(&state, dt) * white(rng);
+        let moved = self.motion.propagate(&state, dt) + noise;
+        Axis::difference(&self.motion.axes(), &moved, &State::zeros())
     }
 }
 
-/// The bandwidth that is best for a Gaussian (Silverman 1986, §4.3.2), below 1.
-fn silverman(dimension: usize, count: usize) -> f64 {
-    let (n, count) = (number(dimension), number(count));
-    libm::pow(4.0 / ((n + 2.0) * count), 1.0 / (n + 4.0)).min(0.99)
-}
-
-/// A draw from N(0, I).
-fn white<R: Rng, const N: usize>(rng: &mut R) -> State<N> {
-    State::from_fn(|_, _| rng.sample(StandardNormal))
+/// Whether a share of the particles may be that below which an update is made in stages.
+pub(super) fn check_progressive(share: f64) -> Result<(), EstimatorError> {
+    if (0.0..=0.5).contains(&share) {
+        return Ok(());
+    }
+    let requirement = "in [0, 0.5]";
+    Err(EstimatorError::Parameter { name: "progressive correction", value: share, requirement })
 }

@@ -1,7 +1,15 @@
 mod cloud;
 mod estimator;
 mod filter;
+mod kernel;
+mod kld;
+mod marginal;
+mod progressive;
+mod rao_blackwellised;
+mod rao_blackwellised_estimator;
 mod resampling;
 
 pub use filter::ParticleFilter;
+pub use kld::KldSampling;
+pub use rao_blackwellised::RaoBlackwellised;
 pub use resampling::Resampling;

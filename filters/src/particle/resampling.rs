@@ -13,6 +13,11 @@ pub enum Resampling {
     Systematic,
     /// Independent draws (Gordon, Salmond & Smith 1993): what most theorems are about.
     Multinomial,
+    /// One draw in each of n strides (Kitagawa 1996): less noise than independent draws, and
+    /// without what equal strides may have in common with the weights.
+    Stratified,
+    /// ⌊n w⌋ copies of each, and independent draws for what is left (Liu & Chen 1998).
+    Residual,
 }
 
 impl Resampling {
@@ -22,6 +27,8 @@ impl Resampling {
         match self {
             Self::Systematic => systematic(weights, rng, ancestors),
             Self::Multinomial => multinomial(weights, rng, ancestors),
+            Self::Stratified => stratified(weights, rng, ancestors),
+            Self::Residual => residual(weights, rng, ancestors),
         }
     }
 }
@@ -35,41 +42,102 @@ fn systematic(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [usize]) {
     }
 }
 
-fn multinomial(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [usize]) {
-    // Uniform numbers in order, without sorting: the largest of k is distributed as U^(1/k), the
-    // others as k − 1 uniform numbers below it (Devroye 1986, §V.3.1). Taken from 1 downwards,
-    // as 1 − u is uniform too, they ascend.
-    let mut below = 1.0;
+fn stratified(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [usize]) {
+    let count = number(ancestors.len());
     let mut walk = Walk::new(weights);
-    let count = ancestors.len();
     for (i, ancestor) in ancestors.iter_mut().enumerate() {
-        let draw: f64 = 1.0 - rng.random::<f64>();
-        below *= libm::exp(libm::log(draw) / number(count - i));
-        *ancestor = walk.to(1.0 - below);
+        *ancestor = walk.to((number(i) + rng.random::<f64>()) / count);
     }
 }
 
-/// A walk up the cumulative sum of weights.
-struct Walk<'a> {
+fn multinomial(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [usize]) {
+    let mut walk = Walk::new(weights);
+    ascending(ancestors.len(), rng, |i, mark| ancestors[i] = walk.to(mark));
+}
+
+/// Visits `count` independent uniform numbers in ascending order.
+fn ascending(count: usize, rng: &mut impl Rng, mut visit: impl FnMut(usize, f64)) {
+    // Without sorting: the largest of k is distributed as U^(1/k), the others as k − 1 uniform
+    // numbers below it (Devroye 1986, §V.3.1). Taken from 1 downwards, as 1 − u is uniform too,
+    // they ascend.
+    let mut below = 1.0;
+    for i in 0..count {
+        let draw: f64 = 1.0 - rng.random::<f64>();
+        below *= libm::exp(libm::log(draw) / number(count - i));
+        visit(i, 1.0 - below);
+    }
+}
+
+fn residual(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [usize]) {
+    let all = number(ancestors.len());
+    // A share that rounding left just below a whole copy is one.
+    let copies = |weight: f64| libm::floor(weight * all * (1.0 + 4.0 * f64::EPSILON));
+    let rest = |weight: f64| (weight * all - copies(weight)).max(0.0);
+    let (mut whole, mut broken) = (0, 0.0);
+    for weight in weights {
+        whole += count(copies(*weight));
+        broken += rest(*weight);
+    }
+    let whole = whole.min(ancestors.len());
+
+    // The draws, in order, go to the end of `ancestors`, and are merged from there.
+    let drawn = ancestors.len() - whole;
+    let mut walk = Walk::over(weights, |weight| rest(weight) / broken);
+    ascending(drawn, rng, |i, mark| ancestors[whole + i] = walk.to(mark));
+    let (mut write, mut read) = (0, whole);
+    for (i, weight) in weights.iter().enumerate() {
+        for _ in 0..count(copies(*weight)) {
+            if write < read {
+                ancestors[write] = i;
+                write += 1;
+            }
+        }
+        while read < ancestors.len() && ancestors[read] == i {
+            ancestors[write] = i;
+            write += 1;
+            read += 1;
+        }
+    }
+}
+
+/// A whole number that is no larger than a cloud.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a share of a count, rounded down"
+)]
+fn count(copies: f64) -> usize {
+    copies as usize
+}
+
+/// A walk up the cumulative sum of what `share` makes of weights.
+struct Walk<'a, S> {
     weights: &'a [f64],
+    share: S,
     at: usize,
     reach: f64,
     /// The last particle that can be drawn: the sum may round to less than 1.
     last: usize,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> Walk<'a, fn(f64) -> f64> {
     fn new(weights: &'a [f64]) -> Self {
-        let last = weights.iter().rposition(|w| *w > 0.0).unwrap_or(0);
-        let reach = weights.first().copied().unwrap_or(0.0);
-        Self { weights, at: 0, reach, last }
+        Self::over(weights, |weight| weight)
+    }
+}
+
+impl<'a, S: Fn(f64) -> f64> Walk<'a, S> {
+    fn over(weights: &'a [f64], share: S) -> Self {
+        let last = weights.iter().rposition(|w| share(*w) > 0.0).unwrap_or(0);
+        let reach = weights.first().copied().map_or(0.0, &share);
+        Self { weights, share, at: 0, reach, last }
     }
 
     /// The particle whose share of [0, 1) holds `mark`; marks ascend.
     fn to(&mut self, mark: f64) -> usize {
         while self.reach <= mark && self.at < self.last {
             self.at += 1;
-            self.reach += self.weights[self.at];
+            self.reach += (self.share)(self.weights[self.at]);
         }
         self.at
     }
@@ -137,6 +205,38 @@ mod tests {
             let kurtosis = 3.0 + (1.0 - 6.0 * weight * (1.0 - weight)) / variance.max(1e-9);
             let band = 5.0 * variance * libm::sqrt((kurtosis - 1.0) / 20_000.0);
             assert!((square - variance).abs() <= band, "variance {square}, not {variance}");
+        }
+    }
+
+    #[test]
+    fn residual_gives_whole_shares_whole() {
+        // Six times the weights: 0.3, 2.4, 1.8 and 1.5; the whole copies are certain, and 2 draws
+        // are left for the rest.
+        let means = mean_counts(Resampling::Residual, |counts| {
+            assert!(counts[2] >= 2 && counts[3] >= 1 && counts[4] >= 1, "{counts:?}");
+            assert!(counts[0] == 0 && counts[5] == 0, "{counts:?}");
+        });
+        for (weight, mean) in WEIGHTS.iter().zip(means) {
+            // Two draws of at most ½: a variance of ½; five σ of the mean of 20 000.
+            assert!((mean - 6.0 * weight).abs() < 5.0 * libm::sqrt(0.5 / 20_000.0), "{mean}");
+        }
+        // Even weights are all copied once.
+        let mut ancestors = [usize::MAX; 10];
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(2);
+        Resampling::Residual.draw(&[0.1; 10], &mut rng, &mut ancestors);
+        assert_eq!(ancestors, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
+    }
+
+    #[test]
+    fn stratified_is_unbiased_within_a_stride() {
+        let means = mean_counts(Resampling::Stratified, |counts| {
+            for (weight, count) in WEIGHTS.iter().zip(counts) {
+                assert!((f64::from(*count) - 6.0 * weight).abs() < 2.0, "{count} of {weight}");
+            }
+        });
+        for (weight, mean) in WEIGHTS.iter().zip(means) {
+            // A draw in each of two strides may or may not fall to a particle: a variance of ½.
+            assert!((mean - 6.0 * weight).abs() < 5.0 * libm::sqrt(0.5 / 20_000.0), "{mean}");
         }
     }
 }

@@ -164,8 +164,12 @@ fn one_seed_is_one_run_and_stays_it() {
 fn a_collapsed_cloud_keeps_a_covariance_and_says_so() {
     // A bearing that 100 particles cannot resolve: the best of them has all the weight.
     let prior = Estimate::isotropic(Vector2::new(40.0, 0.0), 20.0);
-    let mut filter = ParticleFilter::new(RandomWalk::uniform(0.0), FIELD, prior, 100, rng(1))
-        .expect("a proper prior");
+    let make = || {
+        ParticleFilter::new(RandomWalk::uniform(0.0), FIELD, prior, 100, rng(1))
+            .and_then(|filter| filter.with_progressive_correction(0.0))
+            .expect("a proper prior")
+    };
+    let mut filter = make();
     let z = heard(Pose::at(0.0, 0.0, 4.0), Vector2::new(-73.0, 1.2), 1.0, 1e-4);
     for _ in 0..50 {
         filter.predict(1.0).expect("a proper step");
@@ -176,8 +180,7 @@ fn a_collapsed_cloud_keeps_a_covariance_and_says_so() {
         assert!((1.0..100.1).contains(&size));
         assert!(filter.estimate().covariance.cholesky().is_some());
     }
-    let mut fresh = ParticleFilter::new(RandomWalk::uniform(0.0), FIELD, prior, 100, rng(1))
-        .expect("a proper prior");
+    let mut fresh = make();
     assert!(matches!(fresh.update(&z), Ok(Correction::Fused { .. })));
     let size = fresh.effective_sample_size();
     assert!(size < 1.001, "{size} effective particles: no collapse");

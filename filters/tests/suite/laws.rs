@@ -2,7 +2,9 @@ use foxhunt_core::{
     Estimate, Estimator, Pose, RandomWalk, laws,
     nalgebra::{Matrix2, Vector2},
 };
-use foxhunt_filters::{Ckf, Ekf, Gate, Iterations, ParticleFilter, Resampling, Ukf, Unscented};
+use foxhunt_filters::{
+    Ckf, Ekf, Gate, Iterations, KldSampling, ParticleFilter, Resampling, Ukf, Unscented,
+};
 use proptest::prelude::*;
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
@@ -16,6 +18,16 @@ fn particles(prior: Estimate<2>, scheme: Resampling, bandwidth: f64) -> impl Est
         .and_then(|filter| filter.with_kernel_bandwidth(bandwidth))
         .expect("a proper prior")
         .with_resampling(scheme)
+}
+
+fn adaptive(prior: Estimate<2>) -> impl Estimator<2, 2> {
+    let rng = Xoshiro256PlusPlus::seed_from_u64(1);
+    let size = KldSampling::new(Vector2::repeat(5.0), 200, 400).expect("in range");
+    ParticleFilter::new(RandomWalk::uniform(STILL), FIELD, prior, 300, rng)
+        .and_then(|filter| filter.with_progressive_correction(0.5))
+        .and_then(|filter| filter.with_resampling_threshold(1.0))
+        .expect("a proper prior")
+        .with_adaptive_size(size)
 }
 
 proptest! {
@@ -47,6 +59,9 @@ proptest! {
         laws::estimator(|| Ekf::pritzl2018(FIELD, prior).expect("a proper prior"), &heard);
         laws::estimator(|| particles(prior, Resampling::Systematic, 0.3), &heard);
         laws::estimator(|| particles(prior, Resampling::Multinomial, 0.0), &heard);
+        laws::estimator(|| particles(prior, Resampling::Stratified, 0.2), &heard);
+        laws::estimator(|| particles(prior, Resampling::Residual, 0.2), &heard);
+        laws::estimator(|| adaptive(prior), &heard);
         let boxed = || -> Box<dyn Estimator<2, 2>> {
             Box::new(particles(prior, Resampling::Systematic, 0.1))
         };

@@ -1,0 +1,49 @@
+use foxhunt_core::{Axis, State};
+use nalgebra::SMatrix;
+use rand::{Rng, RngExt};
+use rand_distr::StandardNormal;
+
+use crate::count::number;
+
+/// Sets the copies of a particle apart and keeps both moments of the cloud (Liu & West 2001):
+/// x' = x̂ + √(1 − h²) (x ⊖ x̂) + h L ξ.
+pub(super) struct Kernel<const N: usize> {
+    axes: [Axis; N],
+    mean: State<N>,
+    spread: SMatrix<f64, N, N>,
+    shrinkage: f64,
+}
+
+impl<const N: usize> Kernel<N> {
+    /// The kernel about a cloud of this mean and the covariance L Lᵀ; none for a bandwidth of 0.
+    pub(super) fn new(
+        mean: &State<N>,
+        factor: &SMatrix<f64, N, N>,
+        bandwidth: f64,
+        axes: [Axis; N],
+    ) -> Option<Self> {
+        (bandwidth > 0.0).then(|| Self {
+            axes,
+            mean: *mean,
+            spread: factor * bandwidth,
+            shrinkage: libm::sqrt(1.0 - bandwidth * bandwidth),
+        })
+    }
+
+    /// A draw from about a particle; an angle of it is not wrapped.
+    pub(super) fn draw(&self, state: &State<N>, rng: &mut impl Rng) -> State<N> {
+        let deviation = Axis::difference(&self.axes, state, &self.mean);
+        self.mean + deviation * self.shrinkage + self.spread * white(rng)
+    }
+}
+
+/// The bandwidth that is best for a Gaussian (Silverman 1986, §4.3.2), below 1.
+pub(super) fn silverman(dimension: usize, count: usize) -> f64 {
+    let (n, count) = (number(dimension), number(count));
+    libm::pow(4.0 / ((n + 2.0) * count), 1.0 / (n + 4.0)).min(0.99)
+}
+
+/// A draw from N(0, I).
+pub(super) fn white<R: Rng, const N: usize>(rng: &mut R) -> State<N> {
+    State::from_fn(|_, _| rng.sample(StandardNormal))
+}

@@ -1,0 +1,143 @@
+use foxhunt_core::{
+    Covariance, EstimatorError, MeasurementModel, MotionModel, Observation, Role, State, noise,
+};
+use nalgebra::{SMatrix, SVector};
+
+/// The last K components of one particle, given the others: a Gaussian whose mean stands in the
+/// particle's state.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Particle<const N: usize, const K: usize> {
+    pub(super) state: State<N>,
+    pub(super) spread: Covariance<K>,
+}
+
+/// What an observation is to one particle, the nuisance integrated out.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Told<const M: usize, const K: usize> {
+    /// ∂h over the last K components; missing rows are zero.
+    slope: SMatrix<f64, M, K>,
+    residual: SVector<f64, M>,
+    /// What the nuisance adds to the noise.
+    spread: Covariance<M>,
+    dof: usize,
+}
+
+impl<const M: usize, const K: usize> Told<M, K> {
+    /// H with H Hᵀ = S.
+    fn factor(&self, noise: &Tempered<M>) -> Option<SMatrix<f64, M, M>> {
+        Some((self.spread + noise.noise).cholesky()?.unpack())
+    }
+
+    /// ln p(z | what is sampled)^φ; NaN where the model gives none.
+    pub(super) fn log_density(&self, noise: &Tempered<M>) -> f64 {
+        let density = |factor| noise::gaussian(&self.residual, &factor, self.dof);
+        self.factor(noise).map_or(f64::NAN, |factor| density(factor) + noise.log_constant)
+    }
+}
+
+/// The noise of an observation that is applied with an exponent: N(r; 0, R)^φ is N(r; 0, R/φ) but
+/// for a constant.
+pub(super) struct Tempered<const M: usize> {
+    noise: Covariance<M>,
+    /// The logarithm of that constant.
+    log_constant: f64,
+}
+
+impl<const M: usize> Tempered<M> {
+    pub(super) fn new(observation: &Observation<M>, exponent: f64) -> Result<Self, EstimatorError> {
+        let whole = observation.noise();
+        let noise = Covariance::from_fn(|i, j| {
+            let present = observation.has(i) && observation.has(j);
+            if present { whole[(i, j)] / exponent } else { whole[(i, j)] }
+        });
+        let factor = |noise: Covariance<M>| {
+            let role = Role::Innovation;
+            Ok(noise.cholesky().ok_or(EstimatorError::NotPositiveDefinite { role })?.unpack())
+        };
+        let (none, dof) = (SVector::zeros(), observation.len());
+        let whole = noise::gaussian(&none, &factor(whole)?, dof);
+        let log_constant = exponent * whole - noise::gaussian(&none, &factor(noise)?, dof);
+        Ok(Self { noise, log_constant })
+    }
+}
+
+impl<const N: usize, const K: usize> Particle<N, K> {
+    /// The first of the components that are integrated out.
+    const FIRST: usize = N - K;
+
+    /// What an observation is to this particle.
+    pub(super) fn told<const M: usize>(
+        &self,
+        model: &impl MeasurementModel<N, M>,
+        observation: &Observation<M>,
+    ) -> Told<M, K> {
+        let jacobian = model.jacobian(&self.state, observation.receiver());
+        let slope = jacobian.fixed_columns::<K>(Self::FIRST).into_owned();
+        let slope = observation.mask(slope.transpose()).transpose();
+        let expected = model.expected(&self.state, observation.receiver());
+        let residual = model.residual(observation.value(), &expected);
+        let residual = observation.mask(residual.transpose()).transpose();
+        let spread = slope * self.spread * slope.transpose();
+        Told { slope, residual, spread, dof: observation.len() }
+    }
+
+    /// The Kalman filter of the nuisance, in Joseph's form.
+    pub(super) fn corrected<const M: usize>(
+        &self,
+        told: &Told<M, K>,
+        noise: &Tempered<M>,
+    ) -> Option<Self> {
+        // Gᵀ = S⁻¹ H P.
+        let cross = told.slope * self.spread;
+        let factor = told.factor(noise)?;
+        let white = factor.solve_lower_triangular(&cross)?;
+        let gain = factor.tr_solve_lower_triangular(&white)?.transpose();
+        let kept = Covariance::<K>::identity() - gain * told.slope;
+        let mut spread =
+            kept * self.spread * kept.transpose() + gain * noise.noise * gain.transpose();
+        spread.fill_upper_triangle_with_lower_triangle();
+        let step = gain * told.residual;
+        let mut state = self.state;
+        (0..K).for_each(|i| state[Self::FIRST + i] += step[i]);
+        Some(Self { state, spread })
+    }
+
+    /// The particle `dt` seconds on; `white` moves what is sampled.
+    ///
+    /// # Errors
+    ///
+    /// When what is sampled moves with the nuisance or shares its noise: it would tell of it.
+    pub(super) fn moved(
+        &self,
+        motion: &impl MotionModel<N>,
+        dt: f64,
+        white: State<N>,
+    ) -> Result<Self, EstimatorError> {
+        let factor = motion.noise_factor(&self.state, dt);
+        let noise = factor * factor.transpose();
+        let jacobian = motion.jacobian(&self.state, dt);
+        let shared = |i: usize, j: usize| {
+            let scale = libm::sqrt(noise[(i, i)] * noise[(j, j)]);
+            jacobian[(i, j)].abs().max(if scale > 0.0 { noise[(i, j)].abs() / scale } else { 0.0 })
+        };
+        let coupling = (0..Self::FIRST)
+            .flat_map(|i| (Self::FIRST..N).map(move |j| (i, j)))
+            .fold(0.0, |most: f64, (i, j)| most.max(shared(i, j)));
+        // A numerical Jacobian is not exactly zero.
+        if coupling > 1e-6 {
+            return Err(EstimatorError::Parameter {
+                name: "coupling of the sampled components to the others",
+                value: coupling,
+                requirement: "none",
+            });
+        }
+        let mut state = motion.propagate(&self.state, dt);
+        let step = factor * white;
+        (0..Self::FIRST).for_each(|i| state[i] += step[i]);
+        let turn = jacobian.fixed_view::<K, K>(Self::FIRST, Self::FIRST).into_owned();
+        let noise = noise.fixed_view::<K, K>(Self::FIRST, Self::FIRST).into_owned();
+        let mut spread = turn * self.spread * turn.transpose() + noise;
+        spread.fill_upper_triangle_with_lower_triangle();
+        Ok(Self { state, spread })
+    }
+}

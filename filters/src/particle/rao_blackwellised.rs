@@ -1,0 +1,309 @@
+use alloc::{vec, vec::Vec};
+
+use foxhunt_core::{
+    Axis, Covariance, Estimate, EstimatorError, MeasurementModel, MotionModel, Observation, Role,
+    State,
+};
+use nalgebra::SMatrix;
+use rand::Rng;
+
+use super::{
+    cloud::{Cloud, Weights, moments},
+    kernel::{Kernel, silverman, white},
+    marginal::{Particle, Tempered, Told},
+    progressive::{KEPT, MOST_STAGES, largest_exponent},
+    resampling::Resampling,
+};
+use crate::{Gaussian, count::number};
+
+/// A particle filter over the first N − K components of the state, with a Kalman filter in each
+/// particle for the last K (Doucet, de Freitas, Murphy & Russell 2000; Schön, Gustafsson &
+/// Nordlund 2005).
+///
+/// The last K components have to enter the measurement linearly once the others are given, such
+/// as a transmitter's reference power and path-loss exponent once its place is: their columns of
+/// the model's Jacobian do not depend on them. The noise has to be Gaussian: `log_likelihood` is
+/// not asked. What is sampled may not move with what is not, nor share its noise; a motion that
+/// does is refused.
+///
+/// Integrating them out leaves fewer dimensions to sample, and nothing of them to freeze: a power
+/// that does not drift stays a Gaussian for ever. Resampling, its kernel and progressive
+/// correction are those of [`ParticleFilter`](crate::ParticleFilter); the kernel moves the
+/// conditional means along with the particles, as the two go together in the cloud.
+#[derive(Clone, Debug)]
+pub struct RaoBlackwellised<F, H, R, const N: usize, const M: usize, const K: usize> {
+    pub(super) motion: F,
+    pub(super) measurement: H,
+    pub(super) rng: R,
+    pub(super) cloud: Conditional<N, K>,
+    pub(super) belief: Estimate<N>,
+    resampling: Resampling,
+    threshold: f64,
+    progressive: f64,
+}
+
+/// Particles whose last K columns are conditional means, and their conditional covariances.
+#[derive(Clone, Debug)]
+pub(super) struct Conditional<const N: usize, const K: usize> {
+    pub(super) means: Cloud<N>,
+    pub(super) spreads: Vec<Covariance<K>>,
+}
+
+impl<const N: usize, const K: usize> Conditional<N, K> {
+    pub(super) fn len(&self) -> usize {
+        self.spreads.len()
+    }
+
+    pub(super) fn particle(&self, i: usize) -> Particle<N, K> {
+        Particle { state: self.means.state(i), spread: self.spreads[i] }
+    }
+
+    pub(super) fn set(&mut self, i: usize, particle: &Particle<N, K>, axes: &[Axis; N]) {
+        self.means.set(i, &Axis::difference(axes, &particle.state, &State::zeros()));
+        self.spreads[i] = particle.spread;
+    }
+}
+
+impl<F, H, R, const N: usize, const M: usize, const K: usize> RaoBlackwellised<F, H, R, N, M, K>
+where
+    F: MotionModel<N>,
+    H: MeasurementModel<N, M>,
+    R: Rng + Clone,
+{
+    /// A filter of `particles` drawn from the Gaussian `prior`, in each of them what the prior
+    /// says of the last K components given the others.
+    ///
+    /// # Errors
+    ///
+    /// When the prior is not finite or its covariance not symmetric and positive definite;
+    /// [`EstimatorError::Parameter`] when there are not at least N + 1 particles.
+    pub fn new(
+        motion: F,
+        measurement: H,
+        prior: Estimate<N>,
+        particles: usize,
+        mut rng: R,
+    ) -> Result<Self, EstimatorError> {
+        const { assert!(K > 0 && K < N, "something has to be sampled, and something not") };
+        if particles <= N {
+            return Err(EstimatorError::Parameter {
+                name: "particles",
+                value: number(particles),
+                requirement: "more than the state has components",
+            });
+        }
+        let prior = Gaussian::new(prior, Role::Prior)?;
+        let nuisance = prior.factor().fixed_view::<K, K>(N - K, N - K);
+        let spread = nuisance * nuisance.transpose();
+        let mut means = Cloud {
+            columns: core::array::from_fn(|_| vec![0.0; particles]),
+            weights: Weights::even(particles),
+        };
+        for i in 0..particles {
+            // L is lower triangular: without their own ξ the last components are their mean given
+            // the first.
+            let mut drawn: State<N> = white(&mut rng);
+            (N - K..N).for_each(|row| drawn[row] = 0.0);
+            means.set(i, &(prior.mean() + prior.factor() * drawn));
+        }
+        let cloud = Conditional { means, spreads: vec![spread; particles] };
+        let (belief, resampling) = (*prior.estimate(), Resampling::default());
+        let (threshold, progressive) = (0.5, 0.1);
+        let made =
+            Self { motion, measurement, rng, cloud, belief, resampling, threshold, progressive };
+        let belief = made.belief_of(&made.cloud)?;
+        Ok(Self { belief, ..made })
+    }
+
+    /// The same filter with another way to draw ancestors.
+    #[must_use]
+    pub fn with_resampling(self, resampling: Resampling) -> Self {
+        Self { resampling, ..self }
+    }
+
+    /// The same filter with progressive correction below another share of the particles, 0.1
+    /// unless given; 0 never does it.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when it is not in [0, 0.5].
+    pub fn with_progressive_correction(self, share: f64) -> Result<Self, EstimatorError> {
+        super::filter::check_progressive(share)?;
+        Ok(Self { progressive: share, ..self })
+    }
+
+    /// 1 / Σ w²: how many particles of equal weight would tell as much.
+    #[must_use]
+    pub fn effective_sample_size(&self) -> f64 {
+        self.cloud.means.weights.effective_sample_size()
+    }
+
+    /// The moments of the mixture, and what a cloud of its effective size misses, as
+    /// [`ParticleFilter`](crate::ParticleFilter) adds it, of the sampled components.
+    pub(super) fn belief_of(
+        &self,
+        cloud: &Conditional<N, K>,
+    ) -> Result<Estimate<N>, EstimatorError> {
+        let weights = &cloud.means.weights;
+        let mut belief = moments(&cloud.means.columns, &weights.linear, &self.motion.axes());
+        let within = weights
+            .linear
+            .iter()
+            .zip(&cloud.spreads)
+            .fold(Covariance::<K>::zeros(), |sum, (weight, spread)| sum + spread * *weight);
+        let mut block = belief.covariance.fixed_view_mut::<K, K>(N - K, N - K);
+        block += within;
+        let count = number(cloud.len());
+        let cell = libm::pow(count, -2.0 / number(N - K));
+        let missed = cell * libm::fmax(1.0 / weights.effective_sample_size() - 1.0 / count, 1e-6);
+        belief.covariance += self.belief.covariance * missed;
+        Gaussian::new(belief, Role::Posterior).map(|belief| *belief.estimate())
+    }
+
+    /// The next generation, resampled if that is due, and moved.
+    pub(super) fn moved(&self, dt: f64, rng: &mut R) -> Result<Conditional<N, K>, EstimatorError> {
+        let due = self.effective_sample_size() < self.threshold * number(self.cloud.len());
+        let mut next = if due { self.regularised(&self.cloud, rng) } else { self.cloud.clone() };
+        let axes = self.motion.axes();
+        for i in 0..next.len() {
+            let moved = next.particle(i).moved(&self.motion, dt, white(rng))?;
+            next.set(i, &moved, &axes);
+        }
+        Ok(next)
+    }
+
+    /// The cloud resampled, its copies set apart.
+    fn regularised(&self, from: &Conditional<N, K>, rng: &mut R) -> Conditional<N, K> {
+        let axes = self.motion.axes();
+        let mut ancestors = vec![0; from.len()];
+        self.resampling.draw(&from.means.weights.linear, rng, &mut ancestors);
+        let between = moments(&from.means.columns, &from.means.weights.linear, &axes);
+        let factor = semidefinite_factor(&between.covariance);
+        let bandwidth = silverman(N - K, from.len());
+        let kernel = Kernel::new(&between.mean, &factor, bandwidth, axes);
+        let mut next = from.clone();
+        for (i, ancestor) in ancestors.into_iter().enumerate() {
+            let Particle { state, spread } = from.particle(ancestor);
+            let state = kernel.as_ref().map_or(state, |kernel| kernel.draw(&state, rng));
+            next.set(i, &Particle { state, spread }, &axes);
+        }
+        next.means.weights.fill_even();
+        next
+    }
+
+    /// The posterior cloud and the log-evidence; in stages where the cloud would starve.
+    pub(super) fn corrected(
+        &self,
+        observation: &Observation<M>,
+        rng: &mut R,
+    ) -> Result<(Conditional<N, K>, f64), EstimatorError> {
+        let told = self.told(&self.cloud, observation);
+        let at_once = Tempered::new(observation, 1.0)?;
+        let (mut cloud, evidence) = self.stage(&self.cloud, &told, &at_once)?;
+        let wanted = self.progressive * number(cloud.len());
+        if cloud.means.weights.effective_sample_size() >= wanted {
+            return Ok((cloud, evidence));
+        }
+        cloud = self.cloud.clone();
+        let mut weights = cloud.means.weights.clone();
+        let (mut left, mut log_evidence) = (1.0, 0.0);
+        for stage in 1..=MOST_STAGES {
+            if cloud.means.weights.effective_sample_size() < KEPT * number(cloud.len()) {
+                cloud = self.regularised(&cloud, rng);
+            }
+            let told = self.told(&cloud, observation);
+            let prior = &cloud.means.weights;
+            let size = |exponent| {
+                let size = Tempered::new(observation, exponent).and_then(|noise| {
+                    log_densities(&told, &noise, &mut weights);
+                    weights.condition(prior)
+                });
+                size.map_or(f64::NAN, |_| weights.effective_sample_size())
+            };
+            let wanted = KEPT * prior.effective_sample_size();
+            let exponent =
+                if stage == MOST_STAGES { left } else { largest_exponent(left, wanted, size) };
+            let evidence;
+            (cloud, evidence) =
+                self.stage(&cloud, &told, &Tempered::new(observation, exponent)?)?;
+            log_evidence += evidence;
+            left -= exponent;
+            if left <= 0.0 {
+                break;
+            }
+        }
+        Ok((cloud, log_evidence))
+    }
+
+    fn told(&self, cloud: &Conditional<N, K>, observation: &Observation<M>) -> Vec<Told<M, K>> {
+        let told = |i| cloud.particle(i).told(&self.measurement, observation);
+        (0..cloud.len()).map(told).collect()
+    }
+
+    /// The cloud conditioned on p(z | x)^φ.
+    fn stage(
+        &self,
+        from: &Conditional<N, K>,
+        told: &[Told<M, K>],
+        noise: &Tempered<M>,
+    ) -> Result<(Conditional<N, K>, f64), EstimatorError> {
+        let (mut next, axes) = (from.clone(), self.motion.axes());
+        log_densities(told, noise, &mut next.means.weights);
+        let log_evidence = next.means.weights.condition(&from.means.weights)?;
+        for (i, told) in told.iter().enumerate() {
+            let corrected = from.particle(i).corrected(told, noise);
+            let role = Role::Innovation;
+            let corrected = corrected.ok_or(EstimatorError::NotPositiveDefinite { role })?;
+            next.set(i, &corrected, &axes);
+        }
+        Ok((next, log_evidence))
+    }
+}
+
+fn log_densities<const M: usize, const K: usize>(
+    told: &[Told<M, K>],
+    noise: &Tempered<M>,
+    weights: &mut Weights,
+) {
+    for (log, told) in weights.log.iter_mut().zip(told) {
+        *log = told.log_density(noise);
+    }
+}
+
+/// The lower triangular L with L Lᵀ = P, for a P that may be singular: conditional means that
+/// are one function of the particles' places make it so.
+fn semidefinite_factor<const N: usize>(covariance: &Covariance<N>) -> SMatrix<f64, N, N> {
+    let (mut rest, mut factor) = (*covariance, SMatrix::<f64, N, N>::zeros());
+    for k in 0..N {
+        // What is left of a variance by rounding alone has no direction.
+        if rest[(k, k)] <= 1e-12 * covariance[(k, k)] {
+            continue;
+        }
+        let mut column = rest.column(k) / libm::sqrt(rest[(k, k)]);
+        (0..k).for_each(|row| column[row] = 0.0);
+        rest -= column * column.transpose();
+        factor.set_column(k, &column);
+    }
+    factor
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix3;
+
+    use super::*;
+
+    #[test]
+    fn a_singular_covariance_has_a_factor() {
+        // The third component is the sum of the first two; the second alone has no spread.
+        let map = Matrix3::new(2.0, 0.0, 0.0, 0.5, 1.0, 0.0, 2.5, 1.0, 0.0);
+        let singular = map * map.transpose();
+        let factor = semidefinite_factor(&singular);
+        assert!((factor * factor.transpose() - singular).norm() < 1e-12);
+        assert!((factor - factor.lower_triangle()).norm() <= 0.0);
+        let regular = singular + Matrix3::identity();
+        let exact = regular.cholesky().expect("definite").unpack();
+        assert!((semidefinite_factor(&regular) - exact).norm() < 1e-12);
+        assert!(semidefinite_factor(&Matrix3::zeros()).norm() <= 0.0);
+    }
+}
