@@ -1,7 +1,9 @@
 //! Runs the receptions of a log through an estimator again.
 
 use foxhunt_core::{BeaconId, Estimate, EstimatorError};
+use foxhunt_filters::consistency::{ChiSquaredAverage, Monitored, Whiteness};
 use foxhunt_sensors::ParameterError;
+use nalgebra::SVector;
 
 use crate::{
     config::{EstimatorConfig, NamedEstimator, beacon_seed},
@@ -32,13 +34,19 @@ pub struct ReplayedFix {
     pub estimate: Estimate<2>,
     /// How many receptions went through the estimator.
     pub steps: u32,
-    /// The normalised innovations squared of those that have one.
-    pub nis: Vec<f64>,
+    /// The normalised innovations squared of those that have one, at 95 %.
+    pub nis: ChiSquaredAverage,
+    /// The autocorrelation of the normalised innovations, up to 5 receptions apart.
+    pub whiteness: Whiteness,
     /// How many the gate kept out.
     pub rejected: u32,
     /// What the log says of the search, if it came to an end.
     pub logged: Option<Fix>,
 }
+
+/// How many receptions the innovations are compared over: three drones hear five times between
+/// two moves, and a short search has no more than some twenty.
+const LAGS: usize = 5;
 
 /// Replays a log through its own estimator, or through another one.
 ///
@@ -49,21 +57,23 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
     let config: &EstimatorConfig = other.map_or(&log.header.estimator, |named| &named.config);
     let model = log.header.model.build()?;
     let mut replay = Replay { fixes: Vec::new(), compared: 0, different: 0 };
-    let mut track = None;
+    let mut track: Option<Track<Monitored<_, _, 2>, 2, 2>> = None;
     for event in &log.events {
         match event {
             Event::BeaconStarted { beacon, name, prior, .. } => {
+                replay.weigh(track.as_ref().map(|track| track.estimator().innovations()));
                 let seed = beacon_seed(log.header.seed, *beacon);
                 let estimator = config
                     .build(model, prior, seed)
                     .map_err(|source| ReplayError::Estimator { beacon: name.clone(), source })?;
-                track = Some(Track::new(estimator, config.track));
+                track = Some(Track::new(Monitored::new(estimator, model), config.track));
                 replay.fixes.push(ReplayedFix {
                     beacon: *beacon,
                     name: name.clone(),
                     estimate: *prior,
                     steps: 0,
-                    nis: Vec::new(),
+                    nis: ChiSquaredAverage::default(),
+                    whiteness: Whiteness::new(LAGS),
                     rejected: 0,
                     logged: None,
                 });
@@ -74,7 +84,8 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
                 };
                 // What the estimator refuses now it refused in flight, or would have.
                 if let Ok(Heard::Corrected(correction)) = track.hear(reception, *first_position) {
-                    fix.nis.extend(correction.nis());
+                    let degrees = config.track.degrees_of_freedom(reception, *first_position);
+                    fix.nis.extend(correction.nis().map(|nis| (nis, degrees)));
                     fix.rejected += u32::from(correction.is_rejected());
                 }
                 fix.estimate = track.position();
@@ -93,7 +104,17 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
             _ => {}
         }
     }
+    replay.weigh(track.as_ref().map(|track| track.estimator().innovations()));
     Ok(replay)
+}
+
+impl Replay {
+    /// Notes how white the innovations of the last search are.
+    fn weigh(&mut self, innovations: Option<&[SVector<Option<f64>, 2>]>) {
+        if let (Some(fix), Some(innovations)) = (self.fixes.last_mut(), innovations) {
+            fix.whiteness.add_run(innovations);
+        }
+    }
 }
 
 fn same_bits(a: &Estimate<2>, b: &Estimate<2>) -> bool {

@@ -3,6 +3,7 @@
 use foxhunt::{
     campaign::{BeaconCampaign, CampaignReport, campaign},
     config::{NamedEstimator, estimator_named, estimators},
+    filters::consistency::Verdict,
     scenario::{Scenario, builtin_scenarios},
 };
 
@@ -51,6 +52,12 @@ fn the_reference_in_small() {
     // The reference is over-confident, and the report says so: ANEES is far above its interval.
     let interval = first.anees_interval.expect("there are runs");
     assert!(first.anees.expect("there are runs") > interval[1]);
+    assert_eq!(first.verdict, Verdict::OverConfident);
+    let [low, high] = first.coverage_95_interval.expect("there are runs");
+    assert!((low..=high).contains(&first.coverage_95.expect("there are runs")) && high < 0.95);
+    // One number a step at the first formation position, two after it, unless it has no bearing.
+    let [low, high] = first.anis_interval.expect("there are runs");
+    assert!(low > 1.0 && high < 2.0, "{low} to {high}");
 }
 
 /// What an independent implementation reaches in a thousand runs.

@@ -120,6 +120,12 @@ pub enum EstimatorError {
         /// How many particles were asked.
         particles: usize,
     },
+    /// An iteration did not settle.
+    #[error("{iterations} iterations did not settle")]
+    NotConverged {
+        /// How many there were.
+        iterations: u32,
+    },
 }
 
 /// The part that moments play in a filter.

@@ -54,7 +54,10 @@ pub use devices::{Clock, Radio, Rotator};
 pub use estimate::{Covariance, Ellipse, Estimate, State};
 pub use estimator::{Correction, Estimator, EstimatorError, Role};
 pub use extractor::{Bearing, BearingExtractor, NoBearing, NoReading, Reading};
-pub use measurement::{MeasurementModel, gaussian_log_likelihood, numeric_jacobian};
+pub use measurement::{
+    MeasurementModel, absorb_receiver_noise, gaussian_log_likelihood, log_likelihoods_one_by_one,
+    numeric_jacobian,
+};
 pub use motion::{ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk};
 pub use observation::{Observation, ObservationError};
 pub use pattern::{PatternSource, Sample, Sweep};

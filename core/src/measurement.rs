@@ -40,22 +40,62 @@ pub trait MeasurementModel<const N: usize, const M: usize> {
     /// [`log_likelihood`](Self::log_likelihood) of many states at once, held as one column for
     /// each component; sets `out`. Columns and `out` are of one length.
     fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<M>, out: &mut [f64]) {
-        for (i, out) in out.iter_mut().enumerate() {
-            let state = State::from_fn(|row, _| columns[row][i]);
-            *out = self.log_likelihood(&state, observation);
-        }
+        log_likelihoods_one_by_one(self, columns, observation, out);
     }
 }
 
-/// ln N(z ⊖ h(x); 0, R) of the components present: what an override starts from.
+/// [`MeasurementModel::log_likelihoods`] by one state after the other: for an override that cannot
+/// do better for some observations, as for those of an uncertain receiver.
+pub fn log_likelihoods_one_by_one<const N: usize, const M: usize>(
+    model: &(impl MeasurementModel<N, M> + ?Sized),
+    columns: [&[f64]; N],
+    observation: &Observation<M>,
+    out: &mut [f64],
+) {
+    for (i, out) in out.iter_mut().enumerate() {
+        let state = State::from_fn(|row, _| columns[row][i]);
+        *out = model.log_likelihood(&state, observation);
+    }
+}
+
+/// The observation as it stands for a target in `state`: where the receiver's own place is
+/// uncertain, that is part of the noise, R + G Σ Gᵀ with Σ the place's covariance and G the slope
+/// of h over it (Bar-Shalom, Li & Kirubarajan 2001, §10.3, to first order), by central
+/// differences over one standard deviation.
+#[must_use]
+pub fn absorb_receiver_noise<const N: usize, const M: usize>(
+    model: &(impl MeasurementModel<N, M> + ?Sized),
+    state: &State<N>,
+    observation: &Observation<M>,
+) -> Observation<M> {
+    let Some(sigma) = observation.receiver_sigma() else { return *observation };
+    let at = |axis: usize, step: f64| {
+        let mut receiver = *observation.receiver();
+        receiver.position[axis] += step;
+        model.expected(state, &receiver)
+    };
+    let mut more = SMatrix::<f64, M, 3>::zeros();
+    for axis in 0..3 {
+        let difference = model.residual(&at(axis, sigma[axis]), &at(axis, -sigma[axis]));
+        more.set_column(axis, &(difference * 0.5));
+    }
+    observation.with_more_noise(&more)
+}
+
+/// ln N(z ⊖ h(x); 0, R) of the components present, the noise of an uncertain receiver in R: what
+/// an override starts from.
 #[must_use]
 pub fn gaussian_log_likelihood<const N: usize, const M: usize>(
     model: &(impl MeasurementModel<N, M> + ?Sized),
     state: &State<N>,
     observation: &Observation<M>,
 ) -> f64 {
-    let expected = model.expected(state, observation.receiver());
-    observation.log_density(&model.residual(observation.value(), &expected))
+    let residual =
+        model.residual(observation.value(), &model.expected(state, observation.receiver()));
+    if observation.receiver_sigma().is_none() {
+        return observation.log_density(&residual);
+    }
+    absorb_receiver_noise(model, state, observation).log_density(&residual)
 }
 
 /// The Jacobian of `map` at `x` by central differences; `minus` is ⊖ on its image.

@@ -1,9 +1,13 @@
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::{Covariance, Pose, noise};
 
 /// `M` numbers measured by one receiver at one time, each with its own noise, any of them
 /// missing.
+///
+/// A component may also be *below a limit*: the receiver listened and heard nothing, so the level
+/// lay below its floor. Such a component is missing to whoever works with residuals; a likelihood
+/// may use what it tells ([`upper_limit`](Self::upper_limit)).
 ///
 /// The noise covariance travels with the numbers, because it differs at every step: a bearing's
 /// σ is what the extractor made of that very sweep. It is factored once, here.
@@ -17,6 +21,8 @@ pub struct Observation<const M: usize> {
     noise: Covariance<M>,
     root: SMatrix<f64, M, M>,
     present: [bool; M],
+    below: [bool; M],
+    receiver_sigma: Option<Vector3<f64>>,
 }
 
 impl<const M: usize> Observation<M> {
@@ -52,7 +58,8 @@ impl<const M: usize> Observation<M> {
         let symmetric = (noise - noise.transpose()).norm() <= 1e-9 * noise.norm();
         let root = noise.cholesky().filter(|_| symmetric);
         let root = root.ok_or(ObservationError::Covariance)?.unpack();
-        Ok(Self { time, receiver, value, noise, root, present: [true; M] })
+        let (present, below, receiver_sigma) = ([true; M], [false; M], None);
+        Ok(Self { time, receiver, value, noise, root, present, below, receiver_sigma })
     }
 
     /// The same observation with one component struck out.
@@ -63,11 +70,109 @@ impl<const M: usize> Observation<M> {
     #[must_use]
     pub fn without(mut self, component: usize) -> Self {
         self.present[component] = false;
-        self.root = self
-            .noise()
+        self.below[component] = false;
+        self.root = self.factor();
+        self
+    }
+
+    /// The same observation with one component not heard: all that is known of it is that it lay
+    /// below the value given, up to noise of its variance.
+    ///
+    /// # Panics
+    ///
+    /// When there is no such component.
+    #[must_use]
+    pub fn below(self, component: usize) -> Self {
+        let mut below = self.without(component);
+        below.below[component] = true;
+        below
+    }
+
+    /// The limit below which a component lay, and the standard deviation of its noise; `None`
+    /// for one that was heard, or of which nothing is known.
+    #[must_use]
+    pub fn upper_limit(&self, component: usize) -> Option<(f64, f64)> {
+        let below = self.below.get(component).copied().unwrap_or(false);
+        below.then(|| (self.value[component], libm::sqrt(self.noise[(component, component)])))
+    }
+
+    /// Whether some component lay below a limit.
+    #[must_use]
+    pub fn is_censored(&self) -> bool {
+        self.below.contains(&true)
+    }
+
+    /// The `K` components from `first` on, without the others.
+    ///
+    /// # Panics
+    ///
+    /// When there are not so many.
+    #[must_use]
+    pub fn marginal<const K: usize>(&self, first: usize) -> Observation<K> {
+        let present = core::array::from_fn(|i| self.present[first + i]);
+        let below = core::array::from_fn(|i| self.below[first + i]);
+        let value = SVector::from_fn(|i, _| self.value[first + i]);
+        let noise = Covariance::from_fn(|i, j| self.noise[(first + i, first + j)]);
+        let root = Covariance::identity();
+        let Self { time, receiver, receiver_sigma, .. } = *self;
+        let mut marginal =
+            Observation { time, receiver, value, noise, root, present, below, receiver_sigma };
+        marginal.root = marginal.factor();
+        marginal
+    }
+
+    /// The factor of [`noise`](Self::noise).
+    fn factor(&self) -> SMatrix<f64, M, M> {
+        self.noise()
             .cholesky()
             .expect("a principal submatrix of a positive definite matrix is one too")
-            .unpack();
+            .unpack()
+    }
+
+    /// The same observation, one component's standard deviation times `factor`; correlations
+    /// stay.
+    ///
+    /// # Panics
+    ///
+    /// When there is no such component, or the factor is not a positive number.
+    #[must_use]
+    pub fn with_noise_scaled(mut self, component: usize, factor: f64) -> Self {
+        assert!(factor > 0.0 && factor.is_finite(), "a noise cannot be scaled by {factor}");
+        self.noise.row_mut(component).scale_mut(factor);
+        self.noise.column_mut(component).scale_mut(factor);
+        if self.present[component] {
+            self.root.row_mut(component).scale_mut(factor);
+        }
+        self
+    }
+
+    /// The same observation by a receiver whose own place is uncertain: the standard deviations
+    /// of its East, North and Up in metres, 0 where it is known. It enters the noise through the
+    /// geometry ([`absorb_receiver_noise`](crate::absorb_receiver_noise)).
+    ///
+    /// # Errors
+    ///
+    /// [`ObservationError::ReceiverSigma`] when one is negative or not finite.
+    pub fn with_receiver_sigma(self, sigma: Vector3<f64>) -> Result<Self, ObservationError> {
+        match sigma.iter().find(|s| !(**s >= 0.0 && s.is_finite())) {
+            Some(&sigma) => Err(ObservationError::ReceiverSigma { sigma }),
+            None => Ok(Self { receiver_sigma: Some(sigma), ..self }),
+        }
+    }
+
+    /// How uncertain the receiver's own place is, if it is.
+    #[must_use]
+    pub fn receiver_sigma(&self) -> Option<&Vector3<f64>> {
+        self.receiver_sigma.as_ref()
+    }
+
+    /// The same observation by a receiver at a known place, with that much more noise: the
+    /// columns of `more` times their transpose.
+    pub(crate) fn with_more_noise<const K: usize>(mut self, more: &SMatrix<f64, M, K>) -> Self {
+        let noise = self.noise + more * more.transpose();
+        self.noise = (noise + noise.transpose()) * 0.5;
+        self.root = self.factor();
+        self.receiver_sigma = None;
         self
     }
 
@@ -101,7 +206,7 @@ impl<const M: usize> Observation<M> {
         self.present.iter().filter(|&&p| p).count()
     }
 
-    /// Whether nothing at all was heard.
+    /// Whether nothing at all was heard. It may be censored all the same.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -166,6 +271,12 @@ pub enum ObservationError {
         /// What it held.
         variance: f64,
     },
+    /// A standard deviation of the receiver's own place is negative or not finite.
+    #[error("the receiver's place has a standard deviation of {sigma} m, not of zero or more")]
+    ReceiverSigma {
+        /// What it was.
+        sigma: f64,
+    },
     /// The covariance is not symmetric and positive definite.
     #[error("the covariance of the observation is not symmetric and positive definite")]
     Covariance,
@@ -179,7 +290,21 @@ struct Parts<const M: usize> {
     receiver: Pose,
     value: SVector<f64, M>,
     noise: Covariance<M>,
-    missing: nalgebra::SVector<bool, M>,
+    missing: SVector<bool, M>,
+    #[serde(default = "nowhere", skip_serializing_if = "is_nowhere")]
+    below: SVector<bool, M>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    receiver_sigma: Option<Vector3<f64>>,
+}
+
+#[cfg(feature = "serde")]
+fn nowhere<const M: usize>() -> SVector<bool, M> {
+    SVector::repeat(false)
+}
+
+#[cfg(feature = "serde")]
+fn is_nowhere<const M: usize>(below: &SVector<bool, M>) -> bool {
+    below.iter().all(|below| !below)
 }
 
 #[cfg(feature = "serde")]
@@ -187,8 +312,12 @@ impl<const M: usize> TryFrom<Parts<M>> for Observation<M> {
     type Error = ObservationError;
 
     fn try_from(parts: Parts<M>) -> Result<Self, ObservationError> {
-        let whole = Self::new(parts.time, parts.receiver, parts.value, parts.noise)?;
-        Ok((0..M).filter(|&i| parts.missing[i]).fold(whole, Self::without))
+        let mut whole = Self::new(parts.time, parts.receiver, parts.value, parts.noise)?;
+        if let Some(sigma) = parts.receiver_sigma {
+            whole = whole.with_receiver_sigma(sigma)?;
+        }
+        let heard = (0..M).filter(|&i| parts.missing[i]).fold(whole, Self::without);
+        Ok((0..M).filter(|&i| parts.below[i]).fold(heard, Self::below))
     }
 }
 
@@ -201,6 +330,8 @@ impl<const M: usize> From<Observation<M>> for Parts<M> {
             value: o.value,
             noise: o.noise,
             missing: SVector::from_fn(|i, _| !o.present[i]),
+            below: SVector::from_fn(|i, _| o.below[i]),
+            receiver_sigma: o.receiver_sigma,
         }
     }
 }
@@ -221,6 +352,20 @@ mod tests {
     }
 
     #[test]
+    fn a_scaled_noise_is_that_of_an_observation_made_with_it() {
+        let value = Vector2::new(1.0, -2.0);
+        let make = |noise| Observation::new(0.0, Pose::default(), value, noise).expect("proper");
+        let scaled = make(Matrix2::new(4.0, 1.5, 1.5, 9.0)).with_noise_scaled(0, 3.0);
+        let direct = make(Matrix2::new(36.0, 4.5, 4.5, 9.0));
+        assert!((scaled.noise() - direct.noise()).norm() < 1e-14);
+        let residual = Vector2::new(0.3, 0.9);
+        let error = scaled.log_density(&residual) - direct.log_density(&residual);
+        assert!(error.abs() < 1e-14, "off by {error}");
+        let (scaled, direct) = (scaled.without(0), direct.without(0));
+        assert!((scaled.log_density(&residual) - direct.log_density(&residual)).abs() < 1e-14);
+    }
+
+    #[test]
     fn a_missing_component_leaves_the_other_ones_density() {
         let noise = Matrix2::new(4.0, 1.5, 1.5, 9.0);
         let pair = Observation::new(0.0, Pose::default(), Vector2::zeros(), noise).expect("proper");
@@ -229,5 +374,45 @@ mod tests {
         let error = pair.without(1).log_density(&Vector2::new(1.0, 7.0)) - alone;
         assert!(error.abs() < 1e-14, "off by {error}");
         assert!(pair.without(0).without(1).log_density(&Vector2::new(1.0, 7.0)).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_component_below_a_limit_is_missing_but_for_the_limit() {
+        let noise = Matrix2::new(4.0, 1.5, 1.5, 9.0);
+        let pair = Observation::new(0.0, Pose::default(), Vector2::new(-90.0, 1.0), noise);
+        let pair = pair.expect("proper");
+        let below = pair.below(0);
+        assert_eq!((below.upper_limit(0), below.upper_limit(1)), (Some((-90.0, 2.0)), None));
+        assert!(!below.has(0) && below.has(1) && below.is_censored() && below.len() == 1);
+        let residual = Vector2::new(3.0, 2.0);
+        let error = below.log_density(&residual) - pair.without(0).log_density(&residual);
+        assert!(error.abs() < 1e-15);
+        assert_eq!(below.without(0), pair.without(0), "what is struck out tells nothing");
+        assert_eq!((pair.upper_limit(0), pair.upper_limit(7)), (None, None));
+    }
+
+    #[test]
+    fn a_marginal_is_made_of_the_same_parts() {
+        let noise = nalgebra::Matrix3::new(4.0, 1.5, 0.3, 1.5, 9.0, 0.7, 0.3, 0.7, 2.0);
+        let value = nalgebra::Vector3::new(1.0, 2.0, 3.0);
+        let whole = Observation::new(5.0, Pose::at(1.0, 2.0, 3.0), value, noise).expect("proper");
+        let part = Matrix2::new(9.0, 0.7, 0.7, 2.0);
+        let pair = Observation::new(5.0, Pose::at(1.0, 2.0, 3.0), Vector2::new(2.0, 3.0), part);
+        let pair = pair.expect("proper");
+        assert_eq!(whole.marginal::<2>(1), pair);
+        assert_eq!(whole.below(2).marginal::<2>(1), pair.below(1));
+    }
+
+    #[cfg(feature = "serde")]
+    #[test]
+    fn what_was_not_heard_is_kept_in_files() {
+        let made = Observation::new(0.5, Pose::default(), Vector2::zeros(), Matrix2::identity());
+        let whole = made.expect("proper");
+        for observation in [whole, whole.without(1), whole.below(0), whole.below(0).without(1)] {
+            let text = serde_json::to_string(&observation).expect("plain data");
+            assert_eq!(text.contains("below"), observation.is_censored(), "{text}");
+            let back: Observation<2> = serde_json::from_str(&text).expect("what was written");
+            assert_eq!(back, observation);
+        }
     }
 }

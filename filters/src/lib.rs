@@ -5,6 +5,7 @@
 //! | [`Ekf`] | Gaussian, linear about its mean | `expected`, `jacobian`, `residual` | never |
 //! | [`Ukf`] | Gaussian, quadratic about its mean | `expected`, `residual` | never |
 //! | [`Ckf`] | Gaussian, exact to degree 3 | `expected`, `residual` | never |
+//! | [`GridFilter`] | mass of cells over an area | `log_likelihoods`, or `expected` and `jacobian` | as the cells follow the belief |
 //! | [`ParticleFilter`] | weighted cloud | `log_likelihoods`, `expected`, `residual` | once, when it is made |
 //! | [`Bank`] | weighted sum of other estimators' | what they need | with its components |
 //! | [`GaussianSum`] | sum of Gaussians, split and merged | what its Kalman filters need | in every step |
@@ -14,18 +15,38 @@
 //! Gaussian goes through a map, a [`Transform`]. What is kept out is a [`Gate`]'s business; with
 //! [`Iterations`] each update is linearised again about its own posterior.
 //!
+//! [`Handover`] begins as one estimator and goes on as another: a grid makes the first bearings a
+//! prior for a Kalman filter. [`Leading`] shows the first components of a larger state.
+//!
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
 //!
-//! The particle filter, the mixtures and the grid need the feature `alloc`; the rest runs without an allocator.
+//! With the feature `batch`: [`BatchSolver`] fits all observations of a still target at once,
+//! [`BatchEstimator`] does so after each; [`Lenth1981`], [`repeated_median`] and the closed forms
+//! [`pseudolinear`], [`stansfield`] and [`instrumental_variables`] find where bearings meet.
+//!
+//! The particle filter, the mixtures and the grid need the feature `alloc`; the rest runs without
+//! an allocator.
 
 #![no_std]
 
 #[cfg(feature = "alloc")]
 extern crate alloc;
 
+#[cfg(feature = "batch")]
+mod batch;
+#[cfg(feature = "batch")]
+mod bearings;
+#[cfg(feature = "alloc")]
+pub mod consistency;
 mod count;
+#[cfg(feature = "alloc")]
+mod cramer_rao;
 mod gaussian;
+#[cfg(feature = "alloc")]
+mod grid;
+mod handover;
+mod innovation;
 mod kalman;
 mod leading;
 #[cfg(feature = "alloc")]
@@ -37,8 +58,21 @@ mod shadowing_grid;
 mod transform;
 mod triangle;
 
+#[cfg(feature = "batch")]
+pub use batch::{BatchError, BatchEstimator, BatchFix, BatchSolver, Loss};
+#[cfg(feature = "batch")]
+pub use bearings::{
+    BearingFix, BearingLine, BearingWeights, Lenth1981, RepeatedMedianFix, instrumental_variables,
+    pseudolinear, repeated_median, stansfield,
+};
+#[cfg(feature = "alloc")]
+pub use cramer_rao::{CramerRaoError, FisherQuadrature, PosteriorCramerRao};
 pub use gaussian::Gaussian;
-pub use kalman::{Ckf, Ekf, Gate, GateLimit, Innovation, Iterations, Kalman, Ukf};
+#[cfg(feature = "alloc")]
+pub use grid::{GridConfig, GridFilter, NoiseScales};
+pub use handover::Handover;
+pub use innovation::Innovation;
+pub use kalman::{Ckf, Ekf, Gate, GateLimit, Iterations, Kalman, Ukf};
 pub use leading::Leading;
 #[cfg(feature = "alloc")]
 pub use mixture::{

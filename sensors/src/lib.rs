@@ -4,6 +4,8 @@
 //! |-|-|
 //! | how power falls with range | [`Propagation`]: [`LogDistance`], [`Friis`] |
 //! | what a receiver expects | [`Rss`], [`BearingOnly`], [`RssBearing`], [`FreePowerRssBearing`], [`FreePathLossRssBearing`] |
+//! | what two receivers' difference tells | [`DifferentialRss`], [`RangeDifference`] |
+//! | two models at once; what silence tells | [`Stacked`]; [`Censored`] |
 //! | how bearings err | [`BearingMixture`] |
 //! | a turn of the antenna, put in order | [`Pattern`] |
 //! | from a turn to level and bearing | [`Pritzl2018`] |
@@ -34,7 +36,8 @@ pub use antenna::{PatternTable, PatternTableError};
 pub use calibration::{CalibrationError, PathLossFit, fit_log_distance};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 pub use models::{
-    BearingMixture, BearingOnly, FreePathLossRssBearing, FreePowerRssBearing, Rss, RssBearing,
+    BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
+    FreePowerRssBearing, RangeDifference, Rss, RssBearing, Stacked,
 };
 pub use parameter::ParameterError;
 pub use propagation::{Friis, LogDistance, Propagation};

@@ -7,4 +7,4 @@ pub(crate) use run::Sample;
 pub use run::{
     BeaconCampaign, CampaignError, CampaignReport, Checkpoint, EstimatorCampaign, campaign,
 };
-pub use statistics::{Spread, StepSpread, average_interval};
+pub use statistics::{Spread, StepSpread};

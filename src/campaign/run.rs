@@ -1,10 +1,11 @@
 use std::convert::Infallible;
 
 use foxhunt_core::Outcome;
+use foxhunt_filters::consistency::{ChiSquaredAverage, Coverage, Verdict};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Spread, StepSpread, average_interval};
+use super::{Spread, StepSpread};
 use crate::{
     config::NamedEstimator,
     hunt::Event,
@@ -47,10 +48,16 @@ pub struct BeaconCampaign {
     pub anees: Option<f64>,
     /// Where a consistent estimator's ANEES lies with 95 %.
     pub anees_interval: Option<[f64; 2]>,
+    /// Whether the errors are as large as the estimator says, by the ANEES.
+    pub verdict: Verdict,
     /// The share of truths inside the 95 % ellipse.
     pub coverage_95: Option<f64>,
+    /// Where the true share lies with at least 95 %.
+    pub coverage_95_interval: Option<[f64; 2]>,
     /// The average normalised innovation squared over all steps that have one.
     pub anis: Option<f64>,
+    /// Where a consistent estimator's ANIS lies with 95 %.
+    pub anis_interval: Option<[f64; 2]>,
     /// Runs without a fix: nothing heard, not over in time, or an estimate without a positive
     /// definite covariance.
     pub failed: u32,
@@ -81,13 +88,13 @@ pub struct Checkpoint {
 }
 
 /// What one run says of one beacon.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sample {
     pub(crate) error_m: f64,
     pub(crate) nees: f64,
     pub(crate) steps: u32,
-    pub(crate) nis_sum: f64,
-    pub(crate) nis_count: u32,
+    /// The normalised innovations squared with their degrees of freedom.
+    pub(crate) nis: Vec<(f64, usize)>,
 }
 
 impl BeaconCampaign {
@@ -95,16 +102,23 @@ impl BeaconCampaign {
     pub(crate) fn of(name: &str, good: &[Sample], total: u32) -> Self {
         let column = |value: fn(&Sample) -> f64| -> Vec<f64> { good.iter().map(value).collect() };
         let count = u32::try_from(good.len()).unwrap_or(u32::MAX);
-        let inside = good.iter().filter(|sample| sample.nees <= NEES_95).count();
-        let innovations = good.iter().map(|sample| sample.nis_count).sum();
+        let (anees, mut anis) = (anees(good), ChiSquaredAverage::default());
+        let mut coverage = Coverage::new(0.95, 0.95).expect("both are in (0, 1)");
+        for sample in good {
+            coverage.add_nees(sample.nees);
+            anis.extend(sample.nis.iter().copied());
+        }
         Self {
             name: name.to_owned(),
             error_m: Spread::of(&column(|sample| sample.error_m)),
             steps: StepSpread::of(&column(|sample| f64::from(sample.steps))),
-            anees: average(good.iter().map(|sample| sample.nees).sum(), count),
-            anees_interval: average_interval(2.0, count),
-            coverage_95: average(f64::from(u32::try_from(inside).unwrap_or(u32::MAX)), count),
-            anis: average(good.iter().map(|sample| sample.nis_sum).sum(), innovations),
+            anees: anees.average(),
+            anees_interval: anees.interval(),
+            verdict: anees.verdict(),
+            coverage_95: coverage.share(),
+            coverage_95_interval: coverage.interval(),
+            anis: anis.average(),
+            anis_interval: anis.interval(),
             failed: total - count,
             bound_m: None,
             track_rms_m: None,
@@ -117,18 +131,15 @@ impl Checkpoint {
     /// The statistics of what the good runs say after so many measurements, without a bound.
     pub(crate) fn of(measurements: u32, good: &[Sample]) -> Self {
         let errors: Vec<f64> = good.iter().map(|sample| sample.error_m).collect();
-        let count = u32::try_from(good.len()).unwrap_or(u32::MAX);
-        Self {
-            measurements,
-            error_m: Spread::of(&errors),
-            anees: average(good.iter().map(|sample| sample.nees).sum(), count),
-            bound_m: None,
-        }
+        let (error_m, anees) = (Spread::of(&errors), anees(good).average());
+        Self { measurements, error_m, anees, bound_m: None }
     }
 }
 
-fn average(sum: f64, count: u32) -> Option<f64> {
-    (count > 0).then(|| sum / f64::from(count))
+fn anees(good: &[Sample]) -> ChiSquaredAverage {
+    let mut anees = ChiSquaredAverage::default();
+    anees.extend(good.iter().map(|sample| (sample.nees, 2)));
+    anees
 }
 
 /// Flies a scenario `runs` times with each estimator on `jobs` threads. Run i has the seed
@@ -175,8 +186,8 @@ pub fn campaign(
 #[derive(Clone, Debug)]
 struct BeaconRun {
     found: Found,
-    nis_sum: f64,
-    nis_count: u32,
+    /// Its normalised innovations squared with their degrees of freedom.
+    nis: Vec<(f64, usize)>,
 }
 
 /// One run's beacons, as far as it came.
@@ -185,14 +196,18 @@ fn fly(
     estimator: &NamedEstimator,
     seed: u64,
 ) -> Result<Vec<BeaconRun>, SimulationError> {
-    let mut nis: Vec<(f64, u32)> = Vec::new();
+    let track = &estimator.config.track;
+    let mut nis: Vec<Vec<(f64, usize)>> = Vec::new();
+    let mut components = 0;
     let flown = simulate(scenario, estimator, seed, |event| {
         match event {
-            Event::BeaconStarted { .. } => nis.push((0.0, 0)),
+            Event::BeaconStarted { .. } => nis.push(Vec::new()),
+            Event::Received { first_position, reception, .. } => {
+                components = track.degrees_of_freedom(reception, *first_position);
+            }
             Event::Corrected { correction, .. } => {
-                if let (Some(value), Some((sum, count))) = (correction.nis(), nis.last_mut()) {
-                    *sum += value;
-                    *count += 1;
+                if let (Some(value), Some(beacon)) = (correction.nis(), nis.last_mut()) {
+                    beacon.push((value, components));
                 }
             }
             _ => {}
@@ -206,8 +221,7 @@ fn fly(
         Err(SimulationError::TooLong { .. } | SimulationError::Drive(_)) => Vec::new(),
         Err(error) => return Err(error),
     };
-    let with_nis = |(found, (nis_sum, nis_count))| BeaconRun { found, nis_sum, nis_count };
-    Ok(found.into_iter().zip(nis).map(with_nis).collect())
+    Ok(found.into_iter().zip(nis).map(|(found, nis)| BeaconRun { found, nis }).collect())
 }
 
 fn summarise(scenario: &Scenario, runs: &[Vec<BeaconRun>]) -> Vec<BeaconCampaign> {
@@ -216,8 +230,7 @@ fn summarise(scenario: &Scenario, runs: &[Vec<BeaconRun>]) -> Vec<BeaconCampaign
             error_m: run.found.error_m(),
             nees: run.found.nees()?,
             steps: run.found.fix.steps,
-            nis_sum: run.nis_sum,
-            nis_count: run.nis_count,
+            nis: run.nis.clone(),
         };
         let heard = run.found.fix.outcome != Outcome::NothingHeard;
         (heard && sample.nees.is_finite() && sample.error_m.is_finite()).then_some(sample)
@@ -229,9 +242,6 @@ fn summarise(scenario: &Scenario, runs: &[Vec<BeaconRun>]) -> Vec<BeaconCampaign
     };
     scenario.world.beacons.iter().enumerate().map(beacon).collect()
 }
-
-/// The 95 % quantile of χ² with two degrees of freedom, −2 ln 0.05.
-const NEES_95: f64 = 5.991_464_547_107_979;
 
 /// Why there is no campaign.
 #[derive(Debug, thiserror::Error)]

@@ -1,8 +1,5 @@
 use serde::Serialize;
-use statrs::{
-    distribution::{ChiSquared, ContinuousCDF},
-    statistics::{Data, OrderStatistics, Statistics},
-};
+use statrs::statistics::{Data, OrderStatistics, Statistics};
 
 /// How errors are spread, in metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -67,16 +64,6 @@ fn quantiles(values: &[f64]) -> Option<[f64; 3]> {
     Some([0.1, 0.5, 0.9].map(|p| data.quantile(p)))
 }
 
-/// Where the average of `count` independent χ² variables of `degrees_of_freedom` lies with 95 %:
-/// the interval that a consistent filter's ANEES or ANIS keeps (Bar-Shalom, Li & Kirubarajan
-/// 2001, §5.4.2). `None` without any variable.
-#[must_use]
-pub fn average_interval(degrees_of_freedom: f64, count: u32) -> Option<[f64; 2]> {
-    let count = f64::from(count);
-    let chi = ChiSquared::new(degrees_of_freedom * count).ok()?;
-    Some([0.025, 0.975].map(|p| chi.inverse_cdf(p) / count))
-}
-
 #[cfg(test)]
 mod tests {
     use approx::assert_relative_eq;
@@ -94,14 +81,5 @@ mod tests {
         assert_relative_eq!(spread.rms, (338_350.0_f64 / 101.0).sqrt(), epsilon = 1e-12);
         assert!((spread.p90 - 90.0).abs() < 1.0 && (spread.p10 - 10.0).abs() < 1.0);
         assert_eq!(Spread::of(&[]), None);
-    }
-
-    #[test]
-    fn the_interval_of_fifty_runs() {
-        // Bar-Shalom, Li & Kirubarajan 2001, p. 236: 50 runs, two degrees of freedom, χ²₁₀₀ at 95 %.
-        let [low, high] = average_interval(2.0, 50).expect("there are runs");
-        assert_relative_eq!(low, 74.22 / 50.0, epsilon = 1e-3);
-        assert_relative_eq!(high, 129.56 / 50.0, epsilon = 1e-3);
-        assert_eq!(average_interval(2.0, 0), None);
     }
 }

@@ -1,5 +1,5 @@
-use foxhunt_core::{Estimate, Estimator, EstimatorError, RandomWalk, State};
-use foxhunt_filters::Leading;
+use foxhunt_core::{Estimate, Estimator, EstimatorError, MeasurementModel, RandomWalk, State};
+use foxhunt_filters::{GridConfig, GridFilter, Handover, Leading};
 use foxhunt_sensors::{FreePowerRssBearing, LogDistance, RssBearing};
 use serde::{Deserialize, Serialize};
 
@@ -23,6 +23,10 @@ pub struct EstimatorConfig {
     /// where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power_sigma_db: Option<f64>,
+    /// The filter begins after so many observations, from what a grid made of these; at once
+    /// where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_on_grid: Option<u32>,
     /// How receptions are put to it; everything as it was read unless given.
     #[serde(default)]
     pub track: TrackConfig,
@@ -50,13 +54,38 @@ impl EstimatorConfig {
             None => *prior,
         };
         let Some(power_sigma_db) = self.power_sigma_db else {
-            return self.filter.build(self.walk()?, model, &prior, seed);
+            return self.build_over(model, &prior, seed);
         };
         let sigma = positive("power_sigma_db", power_sigma_db)?;
         let prior = with_power(&prior, model.propagation().reference_dbm(), sigma);
-        let filter =
-            self.filter.build(self.walk()?, FreePowerRssBearing::from(model), &prior, seed)?;
+        let filter = self.build_over(FreePowerRssBearing::from(model), &prior, seed)?;
         Ok(Box::new(Leading::new(filter)))
+    }
+
+    /// Builds the estimator of a state that begins with the place and otherwise does not move,
+    /// over any model.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError`] when the prior or a parameter does not make one.
+    pub fn build_over<H, const N: usize, const M: usize>(
+        &self,
+        model: H,
+        prior: &Estimate<N>,
+        seed: u64,
+    ) -> Result<Box<dyn Estimator<N, M>>, EstimatorError>
+    where
+        H: MeasurementModel<N, M> + Clone + 'static,
+    {
+        let (walk, filter) = (self.walk()?, self.filter);
+        let Some(observations) = self.start_on_grid else {
+            return filter.build(walk, model, prior, seed);
+        };
+        // What cannot be built says so now, not after the first observations.
+        let _ = filter.build::<_, _, N, M>(walk, model.clone(), prior, seed)?;
+        let grid = GridFilter::new(walk, model.clone(), *prior, GridConfig::default())?;
+        let build = move |first| filter.build(walk, model.clone(), &first, seed);
+        Ok(Box::new(Handover::new(grid, observations, build)))
     }
 
     /// The random walk of East, North and what stands behind them in the state, such as a
@@ -122,6 +151,14 @@ const ITERATIONS: u32 = 10;
 /// The root of 0.19572 m², the other reading of what is printed there.
 const PRITZL_VARIANCE_DRIFT: f64 = 0.442_402_531_638_326;
 
+/// The estimator that is asked for as such: it knows what a user knows, which is neither the
+/// transmitter's power nor the level's σ to better than some dB.
+pub const DEFAULT_ESTIMATOR: &str = "default";
+
+/// A Kalman filter starts from what a grid makes of so many receptions: two formation positions
+/// of three drones.
+const START_ON_GRID: u32 = 6;
+
 /// Every estimator that has a name.
 #[must_use]
 pub fn estimators() -> Vec<NamedEstimator> {
@@ -131,13 +168,17 @@ pub fn estimators() -> Vec<NamedEstimator> {
         drift: STILL,
         prior_sigma_m: None,
         power_sigma_db: None,
+        start_on_grid: None,
         track: TrackConfig::default(),
     };
+    let started =
+        |filter| EstimatorConfig { start_on_grid: Some(START_ON_GRID), ..as_read(filter) };
     let pritzl = |drift, filter| EstimatorConfig {
         filter,
         drift,
         prior_sigma_m: Some(PRITZL_PRIOR_SIGMA_M),
         power_sigma_db: None,
+        start_on_grid: None,
         track: TrackConfig::pritzl2018(),
     };
     let pritzl_ukf = FilterConfig::Ukf {
@@ -148,6 +189,21 @@ pub fn estimators() -> Vec<NamedEstimator> {
         iterations: 1,
     };
     vec![
+        NamedEstimator {
+            name: DEFAULT_ESTIMATOR,
+            about: "grid with the reference power and σ of the level in doubt: found along with the place",
+            source: "Bucy & Senne 1971; Doucet et al. 2000 (Rao-Blackwell)",
+            config: EstimatorConfig {
+                power_sigma_db: Some(5.0),
+                ..as_read(FilterConfig::Grid { side: 64, level_noise_spread: Some(0.5) })
+            },
+        },
+        NamedEstimator {
+            name: "grid",
+            about: "recursive Bayes over cells that follow the belief",
+            source: "Bucy & Senne 1971",
+            config: as_read(FilterConfig::Grid { side: 64, level_noise_spread: None }),
+        },
         NamedEstimator {
             name: "ukf-pritzl2018",
             about: "the reference system's unscented Kalman filter with its gate and its σ of the level",
@@ -173,7 +229,7 @@ pub fn estimators() -> Vec<NamedEstimator> {
             name: "ukf",
             about: "unscented Kalman filter, sigma points at √2 standard deviations, χ² gate",
             source: "Julier & Uhlmann 2004; Wan & van der Merwe 2000",
-            config: as_read(FilterConfig::Ukf {
+            config: started(FilterConfig::Ukf {
                 gate,
                 alpha: 1.0,
                 beta: 2.0,
@@ -185,25 +241,25 @@ pub fn estimators() -> Vec<NamedEstimator> {
             name: "ekf",
             about: "extended Kalman filter, χ² gate",
             source: "Bar-Shalom, Li & Kirubarajan 2001, §10.3",
-            config: as_read(FilterConfig::Ekf { gate, iterations: 1 }),
+            config: started(FilterConfig::Ekf { gate, iterations: 1 }),
         },
         NamedEstimator {
             name: "ekf-iterated",
             about: "extended Kalman filter linearised up to 10 times about its posterior, χ² gate",
             source: "Bell & Cathey 1993",
-            config: as_read(FilterConfig::Ekf { gate, iterations: ITERATIONS }),
+            config: started(FilterConfig::Ekf { gate, iterations: ITERATIONS }),
         },
         NamedEstimator {
             name: "cubature",
             about: "cubature Kalman filter, χ² gate",
             source: "Arasaratnam & Haykin 2009",
-            config: as_read(FilterConfig::Cubature { gate, iterations: 1 }),
+            config: started(FilterConfig::Cubature { gate, iterations: 1 }),
         },
         NamedEstimator {
             name: "iterated-posterior-linearisation",
             about: "cubature points redrawn up to 10 times from the posterior, damped, χ² gate",
             source: "García-Fernández, Svensson, Morelande & Särkkä 2015; Raitoharju et al. 2018",
-            config: as_read(FilterConfig::Cubature { gate, iterations: ITERATIONS }),
+            config: started(FilterConfig::Cubature { gate, iterations: ITERATIONS }),
         },
         NamedEstimator {
             name: "particle",

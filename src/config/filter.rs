@@ -1,5 +1,7 @@
 use foxhunt_core::{BeaconId, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel};
-use foxhunt_filters::{Ckf, Ekf, Gate, Iterations, ParticleFilter, Ukf, Unscented};
+use foxhunt_filters::{
+    Ckf, Ekf, Gate, GridConfig, GridFilter, Iterations, NoiseScales, ParticleFilter, Ukf, Unscented,
+};
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +42,15 @@ pub enum FilterConfig {
         /// How often an update is linearised, each time about its own posterior.
         #[serde(default = "once")]
         iterations: u32,
+    },
+    /// Recursive Bayes over the cells of an area.
+    Grid {
+        /// Cells along each side.
+        side: usize,
+        /// How far σ of a measurement's first component, the level, may be from what is said of
+        /// it: the standard deviation of its logarithm. Exact where absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        level_noise_spread: Option<f64>,
     },
     /// The particle filter: bootstrap proposals, regularised resampling.
     Particle {
@@ -111,6 +122,11 @@ impl FilterConfig {
                     .with_gate(gate.build()?)
                     .with_iterations(Iterations::at_most(iterations)?),
             ),
+            Self::Grid { side, level_noise_spread } => {
+                let noise_scales = level_noise_spread.map(noise_scales).transpose()?;
+                let config = GridConfig { side, noise_scales, ..GridConfig::default() };
+                Box::new(GridFilter::new(motion, model, *prior, config)?)
+            }
             Self::Particle { count } => {
                 // A number from a file must not be able to ask for all memory there is.
                 if count > MOST_PARTICLES {
@@ -124,6 +140,18 @@ impl FilterConfig {
             }
         })
     }
+}
+
+/// A log-normal distribution of the factor on a level's σ, at five nodes three quarters of a deviation
+/// apart in its logarithm.
+fn noise_scales(spread: f64) -> Result<NoiseScales, EstimatorError> {
+    if !(spread > 0.0 && spread <= 3.0) {
+        let (name, requirement) = ("level_noise_spread", "in (0, 3]");
+        return Err(EstimatorError::Parameter { name, value: spread, requirement });
+    }
+    let node =
+        |deviations: f64| ((spread * deviations).exp(), (-0.5 * deviations * deviations).exp());
+    Ok(NoiseScales { component: 0, factors: [-1.5, -0.75, 0.0, 0.75, 1.5].map(node).to_vec() })
 }
 
 /// The largest cloud that a file may ask for.

@@ -7,7 +7,9 @@ mod model;
 mod planner;
 
 pub(crate) use estimator::with_power;
-pub use estimator::{EstimatorConfig, NamedEstimator, estimator_named, estimators};
+pub use estimator::{
+    DEFAULT_ESTIMATOR, EstimatorConfig, NamedEstimator, estimator_named, estimators,
+};
 pub use extractor::ExtractorConfig;
 pub(crate) use filter::beacon_seed;
 pub use filter::{FilterConfig, GateConfig};

@@ -21,11 +21,11 @@ pub struct HuntConfig {
 }
 
 impl Default for HuntConfig {
-    /// Prior σ √70 m (Pritzl 2018, §4.4), arrival within 0.3 m, 120 s for a move, 90 s for a turn
+    /// Prior σ 50 m, as far as a small drone's beacon is looked for; arrival within 0.3 m, 120 s for a move, 90 s for a turn
     /// (52.8 s at most: 128 positions of 0.4 s, the first of 2 s), 3 attempts.
     fn default() -> Self {
         Self {
-            prior_sigma_m: 70.0_f64.sqrt(),
+            prior_sigma_m: 50.0,
             arrival_tolerance_m: 0.3,
             move_timeout_s: 120.0,
             turn_timeout_s: 90.0,

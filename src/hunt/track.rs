@@ -36,6 +36,34 @@ impl TrackConfig {
             components: Components::Both,
         }
     }
+
+    /// How many components of a reception tell this configuration something: the degrees of
+    /// freedom of its normalised innovation squared. A level of σ 1000 dB or more has none.
+    #[must_use]
+    pub fn degrees_of_freedom(&self, reception: &Reception, first_position: bool) -> usize {
+        let seen = self.seen(reception, first_position);
+        usize::from(seen.rss_sigma_db < NO_LEVEL_SIGMA_DB) + usize::from(seen.bearing.is_some())
+    }
+
+    /// The reception as this configuration lets the estimator see it.
+    fn seen(&self, reception: &Reception, first_position: bool) -> Reception {
+        let mut seen = *reception;
+        let first = self.first_position_rss_sigma_db.filter(|_| first_position);
+        if let Some(sigma) = first.or(self.rss_sigma_db) {
+            // The correlation with the bearing stays as it was read.
+            seen.covariance *= sigma / seen.rss_sigma_db;
+            seen.rss_sigma_db = sigma;
+        }
+        match self.components {
+            Components::Both => {}
+            Components::RssOnly => seen.bearing = None,
+            Components::BearingOnly => {
+                seen.rss_sigma_db = NO_LEVEL_SIGMA_DB;
+                seen.covariance = 0.0;
+            }
+        }
+        seen
+    }
 }
 
 /// What a prediction's Δt counts.
@@ -111,7 +139,7 @@ where
         if reception.bearing.is_none() && self.config.without_bearing == WithoutBearing::Discard {
             return Ok(Heard::Discarded);
         }
-        let used = self.seen(reception, first_position);
+        let used = self.config.seen(reception, first_position);
         let observation = Observation::<M>::try_from(&used)?;
         let now = self.time.map_or(used.time, |before| before.max(used.time));
         let dt = match self.config.time_step {
@@ -123,26 +151,6 @@ where
         let correction = self.estimator.update(&observation)?;
         self.steps += u32::from(correction != Correction::Empty);
         Ok(Heard::Corrected(correction))
-    }
-
-    /// The reception as this configuration lets the estimator see it.
-    fn seen(&self, reception: &Reception, first_position: bool) -> Reception {
-        let mut seen = *reception;
-        let first = self.config.first_position_rss_sigma_db.filter(|_| first_position);
-        if let Some(sigma) = first.or(self.config.rss_sigma_db) {
-            // The correlation with the bearing stays as it was read.
-            seen.covariance *= sigma / seen.rss_sigma_db;
-            seen.rss_sigma_db = sigma;
-        }
-        match self.config.components {
-            Components::Both => {}
-            Components::RssOnly => seen.bearing = None,
-            Components::BearingOnly => {
-                seen.rss_sigma_db = NO_LEVEL_SIGMA_DB;
-                seen.covariance = 0.0;
-            }
-        }
-        seen
     }
 
     /// The estimator.

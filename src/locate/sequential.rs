@@ -48,10 +48,7 @@ fn fuse<H, const N: usize>(
 where
     H: MeasurementModel<N, 2> + Clone + 'static,
 {
-    let mut estimator = config
-        .walk()
-        .and_then(|walk| config.filter.build(walk, model, prior, seed))
-        .map_err(LocateError::Start)?;
+    let mut estimator = config.build_over(model, prior, seed).map_err(LocateError::Start)?;
     let (mut used, mut rejected) = (0, 0);
     let mut time = None;
     let mut in_time: Vec<(usize, &Observation<2>)> = observations.iter().enumerate().collect();

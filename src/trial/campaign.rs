@@ -72,8 +72,8 @@ fn sample(run: &TrialRun, index: usize) -> Option<Sample> {
         error_m: (estimate.mean - truth).norm(),
         nees: estimate.nees(truth)?,
         steps: run.steps,
-        nis_sum: run.nis.iter().sum(),
-        nis_count: u32::try_from(run.nis.len()).unwrap_or(u32::MAX),
+        // A bearing is one component.
+        nis: run.nis.iter().map(|nis| (*nis, 1)).collect(),
     };
     (sample.error_m.is_finite() && sample.nees.is_finite()).then_some(sample)
 }

@@ -127,9 +127,8 @@ mod tests {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
         let states = target_at(&circle, &BEARINGS, |_| Vector4::zeros(), &mut rng);
         assert!((states[0] - states[7]).norm() < 1e-12);
-        // At the East of the circle it goes North, with 2π r / T.
-        let north = 1.5 * core::f64::consts::TAU / 70.0;
-        assert!((states[0] - Vector4::new(1.5, 0.0, 0.0, north)).norm() < 1e-12);
+        let slope = 1.5 * core::f64::consts::TAU / 70.0;
+        assert!((states[0] - Vector4::new(1.5, 0.0, 0.0, slope)).norm() < 1e-12);
         assert!(states[1].y > 0.0, "counter-clockwise");
     }
 }

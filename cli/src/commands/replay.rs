@@ -1,8 +1,10 @@
 use std::path::PathBuf;
 
+use comfy_table::Table;
 use foxhunt::{
     config::estimator_named,
     core::{Ellipse, Outcome},
+    filters::consistency::Verdict,
     log::{Log, LogError},
     replay::{Replay, ReplayedFix, replay},
     report::{Place, PlaceEstimate},
@@ -63,6 +65,12 @@ struct Replayed {
     steps: u32,
     rejected: u32,
     anis: Option<f64>,
+    /// Where a consistent estimator's ANIS lies with 95 %.
+    anis_interval: Option<[f64; 2]>,
+    /// Whether the innovations are as large as the estimator says.
+    innovations: Verdict,
+    /// The probability of innovations as correlated as these if they are white (Ljung & Box 1978).
+    whiteness_p: Option<f64>,
     outcome: Option<Outcome>,
     logged_estimate: Option<PlaceEstimate>,
     logged_error_m: Option<f64>,
@@ -111,7 +119,6 @@ impl Report {
 impl Replayed {
     fn new(log: &Log, fix: &ReplayedFix) -> Self {
         let truth = log.header.beacons.get(usize::from(fix.beacon.0)).and_then(|b| b.truth);
-        let count = u32::try_from(fix.nis.len()).unwrap_or(u32::MAX);
         let logged = fix.logged.as_ref();
         Self {
             name: fix.name.clone(),
@@ -122,7 +129,10 @@ impl Replayed {
             nees: truth.and_then(|truth| fix.estimate.nees(&truth)),
             steps: fix.steps,
             rejected: fix.rejected,
-            anis: (count > 0).then(|| fix.nis.iter().sum::<f64>() / f64::from(count)),
+            anis: fix.nis.average(),
+            anis_interval: fix.nis.interval(),
+            innovations: fix.nis.verdict(),
+            whiteness_p: fix.whiteness.ljung_box().map(|test| test.p_value),
             outcome: logged.map(|logged| logged.outcome),
             logged_estimate: logged.map(|logged| (&logged.estimate).into()),
             logged_error_m: logged.and_then(|logged| Some((logged.estimate.mean - truth?).norm())),
@@ -138,7 +148,28 @@ fn tables(report: &Report) -> String {
     } else {
         comparison(report)
     };
-    format!("{head}\n{fixes}\n{verdict}")
+    format!("{head}\n{fixes}\n{}\n{LEGEND}\n{verdict}", innovations(report))
+}
+
+/// What the columns of [`innovations`] mean.
+const LEGEND: &str = "A consistent estimator's ANIS lies in the interval with 95 %, and its \
+     innovations are\nas correlated as these with the probability \"white p\".";
+
+/// What the innovations say of the estimator.
+fn innovations(report: &Report) -> Table {
+    let mut innovations = table(&["beacon", "rejected", "ANIS", "interval", "verdict", "white p"]);
+    for beacon in &report.beacons {
+        let interval = beacon.anis_interval.map(|[low, high]| format!("{low:.2} to {high:.2}"));
+        innovations.add_row([
+            beacon.name.clone(),
+            beacon.rejected.to_string(),
+            number(beacon.anis, 2),
+            text(interval),
+            beacon.innovations.to_string(),
+            number(beacon.whiteness_p, 3),
+        ]);
+    }
+    innovations
 }
 
 /// A row of the table of fixes.
@@ -158,14 +189,12 @@ fn row(beacon: &Replayed) -> fixes::Row<'_> {
 fn comparison(report: &Report) -> String {
     let logged = format!("{} error m", report.logged_estimator);
     let replayed = format!("{} error m", report.estimator);
-    let mut errors = table(&["beacon", &logged, &replayed, "rejected", "ANIS"]);
+    let mut errors = table(&["beacon", &logged, &replayed]);
     for beacon in &report.beacons {
         errors.add_row([
             beacon.name.clone(),
             number(beacon.logged_error_m, 2),
             number(beacon.error_m, 2),
-            beacon.rejected.to_string(),
-            number(beacon.anis, 2),
         ]);
     }
     errors.to_string()

@@ -26,8 +26,11 @@ fn a_campaign_is_the_same_for_any_number_of_jobs() {
                 "steps",
                 "anees",
                 "anees_interval",
+                "verdict",
                 "coverage_95",
+                "coverage_95_interval",
                 "anis",
+                "anis_interval",
                 "failed",
             ],
         );
@@ -45,7 +48,7 @@ fn a_campaign_ends_with_a_table_for_each_beacon() {
         assert!(ran.stdout.contains(text), "{text} is missing in {}", ran.stdout);
     }
     let row = ran.stdout.lines().find(|line| line.contains("ukf-pritzl2018")).expect("its row");
-    let verdicts = ["consistent", "over-confident", "under-confident"];
+    let verdicts = ["too few", "over-confident", "under-confident"];
     assert!(verdicts.iter().any(|verdict| row.contains(verdict)), "{row}");
     assert!(!ran.stdout.contains("NaN"));
 }

@@ -22,6 +22,7 @@ fn a_log_replays_to_the_bit() {
     let table = foxhunt(["replay", &log]);
     let verdict = format!("{compared} of {compared} estimates are identical");
     assert!(table.code == 0 && table.stdout.contains(&verdict), "{table:?}");
+    assert!(["ANIS", "verdict", "white p"].iter().all(|t| table.stdout.contains(t)), "{table:?}");
 }
 
 #[test]
@@ -33,6 +34,9 @@ fn another_estimator_is_compared() {
     assert_eq!(report["estimator"], "ekf");
     let beacon = &report["beacons"][0];
     has(beacon, &["error_m", "logged_error_m", "nees", "steps"]);
+    has(beacon, &["anis", "anis_interval", "innovations", "whiteness_p"]);
+    let p = beacon["whiteness_p"].as_f64().expect("a probability");
+    assert!((0.0..=1.0).contains(&p), "{p}");
     assert_ne!(beacon["error_m"], beacon["logged_error_m"]);
     let table = foxhunt(["replay", &log, "--estimator", "ekf"]);
     assert!(table.stdout.contains("ukf-pritzl2018 error m"), "{table:?}");

@@ -1,6 +1,6 @@
 use foxhunt_core::{
     Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, Observation,
-    Role,
+    Role, absorb_receiver_noise,
 };
 
 use super::{
@@ -8,9 +8,8 @@ use super::{
     iterations::Iterations,
     linearisation::Linearisation,
     models::{AtReceiver, OverTime},
-    regression::Innovation,
 };
-use crate::{Cubature, Gaussian, Taylor, Transform, Unscented, triangle};
+use crate::{Cubature, Gaussian, Innovation, Taylor, Transform, Unscented, triangle};
 use nalgebra::SMatrix;
 
 /// A Kalman filter over any [`Transform`]: holds an `N`-Gaussian in square-root form and
@@ -138,7 +137,8 @@ where
         &self,
         observation: &Observation<M>,
     ) -> Result<Innovation<M>, EstimatorError> {
-        Ok(self.linearisation(observation).about_prior()?.told())
+        let observation = self.at_known_receiver(observation);
+        Ok(self.linearisation(&observation).about_prior()?.told())
     }
 
     /// How far the measurement is from linear over the belief: the variance of the observation that
@@ -150,6 +150,7 @@ where
     ///
     /// [`EstimatorError::NotFinite`] when the model's expectation is not.
     pub fn nonlinearity(&self, observation: &Observation<M>) -> Result<f64, EstimatorError> {
+        let observation = self.at_known_receiver(observation);
         let map = AtReceiver(&self.measurement, observation.receiver());
         let image = Unscented::default().image(&self.belief, &map);
         let left = observation.mask(image.unexplained.transpose()).transpose();
@@ -170,6 +171,11 @@ where
     #[cfg(feature = "alloc")]
     pub(crate) fn replace(&mut self, belief: Gaussian<N>) {
         self.belief = belief;
+    }
+
+    /// The observation with the noise of an uncertain receiver in its own.
+    fn at_known_receiver(&self, observation: &Observation<M>) -> Observation<M> {
+        absorb_receiver_noise(&self.measurement, self.belief.mean(), observation)
     }
 
     fn linearisation<'a>(
@@ -211,7 +217,8 @@ where
         if observation.is_empty() {
             return Ok(Correction::Empty);
         }
-        let linearisation = self.linearisation(observation);
+        let observation = self.at_known_receiver(observation);
+        let linearisation = self.linearisation(&observation);
         let first = linearisation.about_prior()?;
         let nis = first.nis();
         let (out, record) = self.record.judge(&self.gate, nis, observation.len());

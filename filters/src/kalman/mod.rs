@@ -9,4 +9,3 @@ mod regression;
 pub use filter::{Ckf, Ekf, Kalman, Ukf};
 pub use gate::{Gate, GateLimit};
 pub use iterations::Iterations;
-pub use regression::Innovation;

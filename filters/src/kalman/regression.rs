@@ -1,21 +1,7 @@
-use foxhunt_core::{Covariance, EstimatorError, Observation, Role, noise};
+use foxhunt_core::{EstimatorError, Observation, Role, noise};
 use nalgebra::{SMatrix, SVector};
 
-use crate::{Gaussian, Image, triangle};
-
-/// How an observation differs from what was expected: the raw material of consistency checks.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Innovation<const M: usize> {
-    /// y = z ⊖ ẑ; 0 for a missing component.
-    pub residual: SVector<f64, M>,
-    /// ẑ, in the measurement's units; its angles are not wrapped.
-    pub expected: SVector<f64, M>,
-    /// S = Pzz + R; a missing component is decoupled and of unit variance.
-    pub covariance: Covariance<M>,
-    /// yᵀ S⁻¹ y; χ² with as many degrees of freedom as components are present, if the filter is
-    /// consistent (Bar-Shalom, Li & Kirubarajan 2001, §5.4.2; "NEES" in Pritzl 2018, eq. 4.17).
-    pub nis: f64,
-}
+use crate::{Gaussian, Image, Innovation, triangle};
 
 /// The regression of the state on one observation, with every covariance in factored form.
 ///

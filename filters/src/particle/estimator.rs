@@ -1,13 +1,13 @@
 use core::mem;
 
 use foxhunt_core::{
-    Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel,
-    Observation, State,
+    Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, Observation,
+    State,
 };
-use nalgebra::SVector;
 use rand::Rng;
 
 use super::filter::ParticleFilter;
+use crate::Innovation;
 
 impl<F, H, R, const N: usize, const M: usize> Estimator<N, M> for ParticleFilter<F, H, R, N, M>
 where
@@ -31,14 +31,20 @@ where
     }
 
     fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
-        if observation.is_empty() {
+        // That nothing was heard tells something where the model has a likelihood for it.
+        if observation.is_empty() && !observation.is_censored() {
             return Ok(Correction::Empty);
         }
         let columns: [&[f64]; N] = core::array::from_fn(|row| &self.cloud.columns[row][..]);
         self.measurement.log_likelihoods(columns, observation, &mut self.spare.weights.log);
         let log_evidence = self.spare.weights.condition(&self.cloud.weights)?;
         let belief = self.belief_of(&self.cloud.columns, &self.spare.weights)?;
-        let nis = self.nis(observation);
+        // Where nothing was heard there is no innovation, whatever the silence tells.
+        let nis = if observation.is_empty() {
+            None
+        } else {
+            Innovation::of_belief(&*self, &self.measurement, observation).map(|told| told.nis)
+        };
         self.belief = belief;
         mem::swap(&mut self.cloud.weights, &mut self.spare.weights);
         let effective_sample_size = Some(self.cloud.weights.effective_sample_size());
@@ -53,31 +59,6 @@ where
         for (i, weight) in self.cloud.weights.linear.iter().enumerate() {
             visit(&self.cloud.state(i), *weight);
         }
-    }
-}
-
-impl<F, H, R, const N: usize, const M: usize> ParticleFilter<F, H, R, N, M>
-where
-    H: MeasurementModel<N, M>,
-{
-    /// yᵀ S⁻¹ y with the moments of what the cloud expects: deviations are taken about what is
-    /// expected at its mean, as a Kalman filter's are about its centre. `None` where the model
-    /// expects nothing finite.
-    fn nis(&self, observation: &Observation<M>) -> Option<f64> {
-        let expected = |x: &State<N>| self.measurement.expected(x, observation.receiver());
-        let centre = expected(self.belief.mean());
-        let (mut shift, mut square) = (SVector::<f64, M>::zeros(), Covariance::<M>::zeros());
-        for (i, weight) in self.cloud.weights.linear.iter().enumerate() {
-            let deviation = self.measurement.residual(&expected(&self.cloud.state(i)), &centre);
-            shift += deviation * *weight;
-            square += deviation * (deviation * *weight).transpose();
-        }
-        let spread = square - shift * shift.transpose();
-        let residual = self.measurement.residual(observation.value(), &(centre + shift));
-        let residual = observation.mask(residual.transpose()).transpose();
-        let spread = observation.mask(observation.mask(spread).transpose());
-        let factor = (spread + observation.noise()).cholesky()?;
-        Some(residual.dot(&factor.solve(&residual))).filter(|nis| nis.is_finite())
     }
 }
 

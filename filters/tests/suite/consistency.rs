@@ -1,7 +1,11 @@
 use foxhunt_core::{
-    Estimate, Estimator, MeasurementModel, Pose, RandomWalk, State, nalgebra::Vector2,
+    Estimate, Estimator, MeasurementModel, Pose, RandomWalk, State,
+    nalgebra::{Vector2, Vector3},
 };
-use foxhunt_filters::{Ekf, ParticleFilter, Ukf};
+use foxhunt_filters::{
+    Ckf, Ekf, GridConfig, GridFilter, Handover, Iterations, ParticleFilter, Ukf,
+    consistency::ChiSquaredAverage,
+};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -98,7 +102,7 @@ fn every_estimator_is_consistent_where_the_model_is_nearly_linear() {
 }
 
 #[test]
-fn particles_are_consistent_where_a_gaussian_is_not() {
+fn particles_and_cells_are_consistent_where_a_gaussian_is_not() {
     // E[NEES] = 2 for the exact posterior whatever its shape, but it is not χ²: the band is the
     // sample's own, 3.3 standard errors for a false alarm in 1000.
     let mean_and_error = |normalised: &[[f64; 2]]| {
@@ -109,7 +113,82 @@ fn particles_are_consistent_where_a_gaussian_is_not() {
     };
     let (cloud, error) = mean_and_error(&normalised(&WILD, particles));
     assert!((cloud - 2.0).abs() < 3.3 * error, "ANEES {cloud:.3} ± {error:.3}");
+    let (grid, error) = mean_and_error(&normalised(&WILD, |f, h, prior, _| {
+        GridFilter::new(f, h, prior, GridConfig::default()).expect("a proper prior")
+    }));
+    assert!((grid - 2.0).abs() < 3.3 * error, "grid: ANEES {grid:.3} ± {error:.3}");
     let ekf = normalised(&WILD, |f, h, prior, _| Ekf::new(f, h, prior).expect("a proper prior"));
     let (linearised, _) = mean_and_error(&ekf);
     assert!(linearised > 2.5, "ANEES {linearised:.3}: this problem is too easy to tell");
+}
+
+#[test]
+fn a_start_on_a_grid_repairs_what_a_wide_prior_costs() {
+    // A prior four times as wide as the flight is.
+    let far = Hunt { prior_sigma: 35.0, ..WILD };
+    let iterations = Iterations::at_most(10).expect("at least one");
+    let average =
+        |normalised: &[[f64; 2]]| normalised.iter().map(|v| v[0]).sum::<f64>() / f64::from(RUNS);
+    let alone = average(&normalised(&far, |f, h, prior, _| {
+        Ckf::new(f, h, prior).expect("a proper prior").with_iterations(iterations)
+    }));
+    let started = average(&normalised(&far, |f, h, prior, _| {
+        let grid = GridFilter::new(f, h, prior, GridConfig::default()).expect("a proper prior");
+        Handover::new(grid, 8, move |first| Ok(Ckf::new(f, h, first)?.with_iterations(iterations)))
+    }));
+    // 6 standard errors of a χ²'s mean; what is left of the excess is linearisation after the
+    // start.
+    assert!(started < 2.0 + 6.0 * 2.0 / f64::from(RUNS).sqrt(), "ANEES {started:.3}");
+    assert!(alone > 1.2 * started, "ANEES {alone:.3} against {started:.3}");
+}
+
+#[test]
+fn a_receiver_that_errs_about_its_place_is_counted_in() {
+    // GNSS of 2 m, flown 12 m from the target: as much as a bearing of 10° is off.
+    let gnss = Vector3::new(2.0, 2.0, 0.0);
+    let run = |told: bool, kind: u8, seed: u64| {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut white = || -> f64 { rng.sample(StandardNormal) };
+        let prior = Estimate::isotropic(Vector2::new(6.0, -3.0), 3.0);
+        let truth = prior.mean + Vector2::new(white(), white()) * 3.0;
+        let still = RandomWalk::uniform(0.0);
+        let mut filter: Box<dyn Estimator<2, 2>> = match kind {
+            0 => Box::new(Ckf::new(still, FIELD, prior).expect("a proper prior")),
+            1 => Box::new(particles(still, FIELD, prior, seed)),
+            _ => Box::new(
+                GridFilter::new(still, FIELD, prior, GridConfig::default()).expect("proper"),
+            ),
+        };
+        for step in 0..10 {
+            let around = 2.1 * f64::from(step);
+            let place = prior.mean + Vector2::new(around.cos(), around.sin()) * 12.0;
+            let at = Pose::at(place.x, place.y, 4.0);
+            let noise = Vector2::new(3.0 * white(), 0.05 * white());
+            let z = FIELD.expected(&truth, &at) + noise;
+            let mut believed = at;
+            believed.position.x += gnss.x * white();
+            believed.position.y += gnss.y * white();
+            let mut observation = heard(believed, z, 3.0, 0.05);
+            if told {
+                observation = observation.with_receiver_sigma(gnss).expect("not negative");
+            }
+            filter.predict(1.0).expect("a proper step");
+            let _ = filter.update(&observation).expect("possible");
+        }
+        filter.estimate().nees(&truth).expect("positive definite")
+    };
+    let anees = |told, kind, runs: u16| {
+        let mut average = ChiSquaredAverage::new(0.999).expect("a probability");
+        (0..runs).for_each(|seed| average.add(run(told, kind, u64::from(seed)), 2));
+        average
+    };
+    for (kind, runs) in [(0, 400), (1, 200), (2, 100)] {
+        let counted = anees(true, kind, runs);
+        let (average, [low, high]) = (counted.average(), counted.interval().expect("runs"));
+        // To first order in the place's error, at 12 m: a tenth of room.
+        let room = 0.9 * low..1.1 * high;
+        assert!(room.contains(&average.expect("runs")), "{kind}: {average:?}, not in {room:?}");
+    }
+    let ignored = anees(false, 0, 400);
+    assert!(ignored.average().expect("runs") > 4.0, "{ignored:?}: too little to matter");
 }

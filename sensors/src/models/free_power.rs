@@ -1,4 +1,4 @@
-use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, State};
+use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, State, log_likelihoods_one_by_one};
 use nalgebra::{SMatrix, Vector2};
 
 use super::{RssBearing, Sight, rss_bearing_log_likelihoods};
@@ -65,6 +65,9 @@ impl<const N: usize> MeasurementModel<N, 2> for FreePowerRssBearing {
     }
 
     fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<2>, out: &mut [f64]) {
+        if observation.receiver_sigma().is_some() {
+            return log_likelihoods_one_by_one(self, columns, observation, out);
+        }
         rss_bearing_log_likelihoods(
             [columns[0], columns[1]],
             self.target_up,

@@ -3,6 +3,7 @@
 mod antenna;
 mod bearing_error;
 mod calibration;
+mod combined_models;
 mod devices;
 mod extractor_laws;
 #[cfg(feature = "serde")]

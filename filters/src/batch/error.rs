@@ -1,0 +1,106 @@
+/// Why observations were not turned into an estimate.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BatchError {
+    /// There is too little to go by.
+    #[error("there are {have} {what}, and {need} are needed")]
+    TooFew {
+        /// Of what.
+        what: &'static str,
+        /// How many there are.
+        have: usize,
+        /// How many it takes.
+        need: usize,
+    },
+    /// A number that came in is NaN, infinite or, where it must be, not positive.
+    #[error("{name} of entry {index} is {value}; it must be {requirement}")]
+    Value {
+        /// Which number.
+        name: &'static str,
+        /// Whose: the entry's place in its list, from 0.
+        index: usize,
+        /// What it was.
+        value: f64,
+        /// What it must be.
+        requirement: &'static str,
+    },
+    /// A setting is out of its range.
+    #[error("{name} is {value}; it must be {requirement}")]
+    Setting {
+        /// Which setting.
+        name: &'static str,
+        /// What it was.
+        value: f64,
+        /// What it must be.
+        requirement: &'static str,
+    },
+    /// The model or its Jacobian is not finite at a start, or the prior has no factor.
+    #[error("the {what} is not finite or not positive definite")]
+    Improper {
+        /// What.
+        what: &'static str,
+    },
+    /// The likelihood is flat: the observations leave a direction of the state undetermined.
+    #[error("the likelihood is flat: the reciprocal condition of the information is {rcond:e}")]
+    Flat {
+        /// The least over the largest eigenvalue of the information, each component in its own
+        /// unit; 0 where it has none.
+        rcond: f64,
+    },
+    /// The iterates ran out of every bounded region: the likelihood grows towards infinity.
+    #[error("the estimate ran away to {distance_m:e} m, beyond {limit_m:e} m")]
+    RanAway {
+        /// How far it came from the middle of the receivers, in metres.
+        distance_m: f64,
+        /// How far it may go, in metres.
+        limit_m: f64,
+    },
+    /// The iteration did not settle.
+    #[error("{iterations} iterations did not settle")]
+    NotConverged {
+        /// How many there were.
+        iterations: u32,
+    },
+    /// The iteration settled where the directions contradict the place: no maximum.
+    #[error("the bearings contradict the place that they meet in: mean cosine {mean_cosine}")]
+    Contradiction {
+        /// The mean cosine of the bearings' errors.
+        mean_cosine: f64,
+    },
+}
+
+/// A setting, if it is positive and finite.
+pub(crate) fn positive(name: &'static str, value: f64) -> Result<f64, BatchError> {
+    if value > 0.0 && value.is_finite() {
+        Ok(value)
+    } else {
+        Err(BatchError::Setting { name, value, requirement: "a positive number" })
+    }
+}
+
+/// Refuses an entry's number that is not finite.
+pub(crate) fn finite_entry(name: &'static str, index: usize, value: f64) -> Result<(), BatchError> {
+    if value.is_finite() {
+        Ok(())
+    } else {
+        Err(BatchError::Value { name, index, value, requirement: "a finite number" })
+    }
+}
+
+/// Refuses an entry's number that is not positive and finite.
+pub(crate) fn positive_entry(
+    name: &'static str,
+    index: usize,
+    value: f64,
+) -> Result<(), BatchError> {
+    if value > 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(BatchError::Value { name, index, value, requirement: "a positive number" })
+    }
+}
+
+/// Refuses fewer entries than it takes.
+pub(crate) fn at_least(what: &'static str, have: usize, need: usize) -> Result<(), BatchError> {
+    if have < need { Err(BatchError::TooFew { what, have, need }) } else { Ok(()) }
+}

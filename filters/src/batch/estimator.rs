@@ -1,0 +1,207 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::{
+    Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, Observation,
+    RandomWalk, Role, State, visit_cubature_points,
+};
+use nalgebra::SVector;
+
+use super::{BatchError, BatchSolver, Loss, modes::Modes, problem::Heard, solver::posterior};
+use crate::{Ekf, Gaussian, count::number};
+
+/// A recursive face of [`BatchSolver`]: keeps every observation of a still target, and after each
+/// solves maximum a posteriori anew over all of them.
+///
+/// Nothing is linearised for good: what was heard early is linearised again about what was
+/// learned later. Each update starts from the optima of the last one, at most four, the prior's
+/// mean and, as long as there are few observations, its cubature points; the belief is the Gaussian about the
+/// best optimum with the inverse of the information there. An update takes time in proportion to the
+/// observations kept.
+///
+/// Bearings from the optimum's own place are left out of a solution, as in the solver.
+///
+/// A target that drifts: the drift since the observations began is added to what is told. As
+/// soon as it exceeds a hundredth of the posterior's variance in any direction, the batch is
+/// closed: the belief becomes the prior of a new one, and the observations so far are given up.
+/// So the drift that fused observations ignore is never more than that hundredth. A drift of 0
+/// keeps everything.
+///
+/// The NIS is that of the new observation under the belief before, linear about its mean. The
+/// log-evidence is the growth of Laplace's approximation of ln p(Z); with a robust loss its
+/// normaliser is still the Gaussian's.
+#[derive(Clone, Debug)]
+pub struct BatchEstimator<H, const N: usize, const M: usize> {
+    solver: BatchSolver<H, N>,
+    motion: RandomWalk<N>,
+    heard: Vec<Heard<M>>,
+    /// The optima of the last solution, the best first.
+    modes: Vec<State<N>>,
+    /// The belief about where the target was when the batch began, and stayed.
+    still: Gaussian<N>,
+    /// The variance of the drift since then.
+    drifted: SVector<f64, N>,
+    /// Both together.
+    belief: Gaussian<N>,
+    /// Laplace's ln p(Z) of the batch.
+    log_evidence: f64,
+}
+
+/// How much of the posterior's variance the drift within a batch may be.
+const DRIFT_SHARE: f64 = 0.01;
+
+/// How many optima are kept.
+const MOST_MODES: usize = 4;
+
+/// With more components than this times N, the optima are taken for known.
+const FEW: usize = 4;
+
+impl<H, const N: usize, const M: usize> BatchEstimator<H, N, M>
+where
+    H: MeasurementModel<N, M>,
+{
+    /// An estimator that starts from `prior`, with a Gaussian loss, of a target that stays but
+    /// for a drift.
+    ///
+    /// # Errors
+    ///
+    /// When the prior is not finite or its covariance not symmetric and positive definite;
+    /// [`EstimatorError::Parameter`] when the drift is negative or not finite.
+    pub fn new(
+        motion: RandomWalk<N>,
+        measurement: H,
+        prior: Estimate<N>,
+    ) -> Result<Self, EstimatorError> {
+        if let Some(&value) = motion.drift.iter().find(|d| !(**d >= 0.0 && d.is_finite())) {
+            let requirement = "zero or a positive number";
+            return Err(EstimatorError::Parameter { name: "drift", value, requirement });
+        }
+        let prior = Gaussian::new(prior, Role::Prior)?;
+        Ok(Self {
+            solver: BatchSolver::new(measurement).with_gaussian(prior),
+            motion,
+            heard: Vec::new(),
+            modes: Vec::new(),
+            still: prior,
+            drifted: SVector::zeros(),
+            belief: prior,
+            log_evidence: 0.0,
+        })
+    }
+
+    /// The same with another loss.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when its parameter is not a positive number.
+    pub fn with_loss(self, loss: Loss) -> Result<Self, EstimatorError> {
+        let solver = self.solver.with_loss(loss).map_err(told)?;
+        Ok(Self { solver, ..self })
+    }
+
+    /// The observations that the belief rests on, in the order in which they came.
+    pub fn observations(&self) -> impl ExactSizeIterator<Item = &Observation<M>> {
+        self.heard.iter().map(|heard| &heard.observation)
+    }
+
+    fn starts(&self) -> Vec<State<N>> {
+        let mut starts = self.modes.clone();
+        let Some(prior) = &self.solver.prior else { return starts };
+        starts.push(*prior.mean());
+        if self.heard.len() * M <= FEW * N {
+            visit_cubature_points(prior.estimate(), &mut |x, _| starts.push(*x));
+        }
+        starts
+    }
+
+    /// Takes over what a search found; the belief is left as it was where that is improper.
+    fn adopt(&mut self, modes: &Modes<N>, heard: &[Heard<M>]) -> Result<f64, EstimatorError> {
+        let best = modes.ends.first().ok_or(EstimatorError::NotConverged { iterations: 0 })?;
+        let still = Gaussian::new(posterior(best).map_err(told)?, Role::Posterior)?;
+        let belief = drifted(&still, &self.drifted)?;
+        // Laplace: the density at the optimum times the volume of the Gaussian about it.
+        let log_root: f64 = still.factor().diagonal().iter().map(|d| libm::log(*d)).sum();
+        let volume = 0.5 * number(N) * libm::log(core::f64::consts::TAU) + log_root;
+        let whole = self.solver.problem(heard, 1.0).normaliser() - best.cost + volume;
+        let gained = whole - self.log_evidence;
+        (self.still, self.belief, self.log_evidence) = (still, belief, whole);
+        self.modes = modes.ends.iter().take(MOST_MODES).map(|end| end.state).collect();
+        Ok(gained)
+    }
+}
+
+impl<H, const N: usize, const M: usize> Estimator<N, M> for BatchEstimator<H, N, M>
+where
+    H: MeasurementModel<N, M>,
+{
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+        if !(dt >= 0.0 && dt.is_finite()) {
+            return Err(EstimatorError::TimeStep { dt });
+        }
+        let variance = self.drifted + self.motion.drift.map(|d| d * d * dt);
+        if variance == self.drifted {
+            return Ok(());
+        }
+        let belief = drifted(&self.still, &variance)?;
+        let root = self.still.factor().solve_lower_triangular_unchecked(
+            &Covariance::<N>::from_diagonal(&variance.map(libm::sqrt)),
+        );
+        // The trace bounds the largest share that any direction has.
+        if root.norm_squared() > DRIFT_SHARE {
+            self.heard.clear();
+            self.modes.clear();
+            self.solver.prior = Some(belief);
+            (self.still, self.drifted, self.log_evidence) = (belief, SVector::zeros(), 0.0);
+        } else {
+            self.drifted = variance;
+        }
+        self.belief = belief;
+        Ok(())
+    }
+
+    fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
+        if observation.is_empty() {
+            return Ok(Correction::Empty);
+        }
+        let before = *self.belief.estimate();
+        let linear = Ekf::new(RandomWalk::<N>::uniform(0.0), &self.solver.model, before)?;
+        let nis = linear.innovation(observation)?.nis;
+        self.heard.push(Heard::new(*observation));
+        let mut heard = self.heard.clone();
+        let found = self.solver.search(&mut heard, &self.starts(), 1.0).map_err(told);
+        match found.and_then(|modes| self.adopt(&modes, &heard)) {
+            Ok(log_evidence) => {
+                Ok(Correction::Fused { nis: Some(nis), log_evidence, effective_sample_size: None })
+            }
+            Err(error) => {
+                self.heard.pop();
+                Err(error)
+            }
+        }
+    }
+
+    fn estimate(&self) -> Estimate<N> {
+        *self.belief.estimate()
+    }
+}
+
+/// A belief about a target that has drifted on since.
+fn drifted<const N: usize>(
+    still: &Gaussian<N>,
+    variance: &SVector<f64, N>,
+) -> Result<Gaussian<N>, EstimatorError> {
+    let mut estimate = *still.estimate();
+    estimate.covariance += Covariance::from_diagonal(variance);
+    Gaussian::new(estimate, Role::Posterior)
+}
+
+/// What a solver with a prior can fail of, as an estimator tells it.
+fn told(error: BatchError) -> EstimatorError {
+    match error {
+        BatchError::Setting { name, value, requirement } => {
+            EstimatorError::Parameter { name, value, requirement }
+        }
+        BatchError::NotConverged { iterations } => EstimatorError::NotConverged { iterations },
+        BatchError::Flat { .. } => EstimatorError::NotPositiveDefinite { role: Role::Posterior },
+        _ => EstimatorError::NotFinite { role: Role::Expected },
+    }
+}

@@ -1,0 +1,25 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::Estimate;
+
+/// What [`BatchSolver`](super::BatchSolver) made of its observations.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BatchFix<const N: usize> {
+    /// The optimum, and the inverse of the information there.
+    pub estimate: Estimate<N>,
+    /// ln p(Z | x̂) + ln p(x̂), the second where there is a prior. With a robust loss the
+    /// normaliser is still the Gaussian's, so compare it among fixes of one loss only.
+    pub log_posterior: f64,
+    /// The residuals' misfit: Σ w q / (n − N) with n the components heard and q an observation's
+    /// squared residual in its own standard deviations. About 1 where the sigmas are right;
+    /// `None` where n ≤ N.
+    pub reduced_chi_squared: Option<f64>,
+    /// What each observation counted, in the order in which they came.
+    pub weights: Vec<f64>,
+    /// The observations whose angles were left out, since they were made at the optimum's own place.
+    pub silenced: Vec<usize>,
+    /// How many iterations the winning start took.
+    pub iterations: u32,
+    /// How many of the starts settled in the same optimum, and how many there were.
+    pub agreeing_starts: (usize, usize),
+}

@@ -1,0 +1,19 @@
+//! Estimates from all observations of a still target at once.
+
+mod curvature;
+mod error;
+mod estimator;
+mod fix;
+mod iteration;
+mod loss;
+mod modes;
+mod problem;
+mod solver;
+
+pub use error::BatchError;
+pub use estimator::BatchEstimator;
+pub use fix::BatchFix;
+pub use loss::Loss;
+pub use solver::BatchSolver;
+
+pub(crate) use error::{at_least, finite_entry, positive, positive_entry};

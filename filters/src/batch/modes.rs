@@ -1,0 +1,120 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::{MeasurementModel, State};
+
+use super::{
+    BatchError,
+    iteration::{End, Region, descend},
+    problem::{Heard, Problem},
+};
+
+/// The distinct optima that some starts led to.
+#[derive(Clone, Debug)]
+pub(super) struct Modes<const N: usize> {
+    /// The best first; there is one at least.
+    pub(super) ends: Vec<End<N>>,
+    /// How many starts led to the best.
+    pub(super) agreeing: usize,
+}
+
+/// Why there are none, and where the lowest descent ended.
+#[derive(Clone, Debug)]
+pub(super) struct NoMode<const N: usize> {
+    pub(super) error: BatchError,
+    pub(super) lowest: Option<State<N>>,
+}
+
+/// Descends from every start.
+///
+/// One that ran away, or settled where the likelihood is flat, decides only if it came lower than
+/// every optimum: the likelihood's supremum is there, and an optimum that lies higher is none.
+pub(super) fn search<H, const N: usize, const M: usize>(
+    problem: &Problem<'_, H, N, M>,
+    starts: &[State<N>],
+    region: Region,
+    most_iterations: u32,
+) -> Result<Modes<N>, NoMode<N>>
+where
+    H: MeasurementModel<N, M>,
+{
+    let descents = starts.iter().map(|start| descend(problem, start, region, most_iterations));
+    let (mut ends, mut refused): (Vec<_>, Vec<_>) =
+        descents.partition(|end: &End<N>| end.refused.is_none());
+    ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    refused.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let lowest = ends.first().map_or(f64::INFINITY, |end| end.cost);
+    let least = 1e-6 * (1.0 + lowest.abs());
+    let decides = |end: &&End<N>| {
+        let supremum =
+            matches!(end.refused, Some(BatchError::RanAway { .. } | BatchError::Flat { .. }));
+        ends.is_empty() || (supremum && end.cost < lowest - least)
+    };
+    if let Some(end) = refused.iter().find(decides)
+        && let Some(error) = end.refused
+    {
+        return Err(NoMode { error, lowest: Some(end.state) });
+    }
+    let mut modes = Modes { ends: Vec::new(), agreeing: 0 };
+    for end in ends {
+        let known = modes.ends.iter().position(|mode| are_one(mode, &end));
+        modes.agreeing += usize::from(known.unwrap_or(modes.ends.len()) == 0);
+        if known.is_none() {
+            modes.ends.push(end);
+        }
+    }
+    if modes.ends.is_empty() {
+        let error = BatchError::TooFew { what: "starts", have: starts.len(), need: 1 };
+        return Err(NoMode { error, lowest: None });
+    }
+    Ok(modes)
+}
+
+/// Which observation with angles was made nearest to the optimum, if that is within a standard
+/// deviation of it: the angle could be any there, and its linearisation is none.
+pub(super) fn overhead<H, const N: usize, const M: usize>(
+    problem: &Problem<'_, H, N, M>,
+    mode: &End<N>,
+) -> Option<usize>
+where
+    H: MeasurementModel<N, M>,
+{
+    let covariance = mode.information.cholesky()?.inverse();
+    let variance = covariance[(0, 0)] + covariance[(1, 1)];
+    let place = mode.state.fixed_rows::<2>(0);
+    let near = problem.heard.iter().enumerate().filter(|(_, heard)| problem.has_angle(heard));
+    let near = near.map(|(index, heard)| {
+        (index, (place - heard.observation.receiver().position.xy()).norm_squared())
+    });
+    let nearest = near.filter(|(_, square)| *square < variance);
+    nearest.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
+}
+
+/// Which observation draws a descent into its receiver.
+///
+/// At the receiver itself a bearing fits whatever it says: the density has a spike there without any
+/// mass, and a descent creeps into it without end. Its angles have most of the information on some
+/// component there, the more the nearer it came.
+pub(super) fn trap<H, const N: usize, const M: usize>(
+    problem: &Problem<'_, H, N, M>,
+    state: &State<N>,
+) -> Option<usize>
+where
+    H: MeasurementModel<N, M>,
+{
+    let whole = problem.local(state).information.diagonal();
+    let share = |heard: &Heard<M>| {
+        let own = Problem { heard: core::slice::from_ref(heard), prior: None, ..*problem };
+        let own = own.local(state).information.diagonal();
+        own.component_div(&whole).max()
+    };
+    let angular = problem.heard.iter().enumerate().filter(|(_, h)| problem.has_angle(h));
+    let shares = angular.map(|(index, heard)| (index, share(heard))).filter(|(_, s)| *s > 0.5);
+    shares.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
+}
+
+/// Two ends are one optimum where they are less than a thousandth of its standard deviation
+/// apart.
+fn are_one<const N: usize>(mode: &End<N>, end: &End<N>) -> bool {
+    let apart = mode.state - end.state;
+    apart.dot(&(mode.information * apart)) < 1e-6
+}

@@ -1,0 +1,16 @@
+//! Whether an estimator knows how good it is: its errors and innovations against what it says of
+//! them (Bar-Shalom, Li & Kirubarajan 2001, §5.4).
+
+mod average;
+mod coverage;
+mod monitored;
+mod verdict;
+mod watchdog;
+mod whiteness;
+
+pub use average::ChiSquaredAverage;
+pub use coverage::Coverage;
+pub use monitored::Monitored;
+pub use verdict::Verdict;
+pub use watchdog::{NisHealth, NisWatchdog};
+pub use whiteness::{Autocorrelation, LjungBox, Whiteness};

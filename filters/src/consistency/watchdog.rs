@@ -1,0 +1,149 @@
+use alloc::collections::VecDeque;
+
+use foxhunt_core::{Correction, EstimatorError};
+
+use super::{average::quantiles, verdict::probability};
+use crate::count::number;
+
+/// Says when a filter has lost its target: the average normalised innovation squared over the
+/// last few observations has left the interval that a consistent filter's keeps (Bar-Shalom, Li &
+/// Kirubarajan 2001, §5.4.2 and §11.6).
+///
+/// The interval is that of χ² with as many degrees of freedom as components were present in the
+/// window. The significance is that of one look, both sides together; looks at windows that
+/// overlap are not independent, and the more there are the likelier is a false alarm: of
+/// observations without end, one in any sequence. At 10⁻⁴ and a window of 10, 6 of 100 sequences
+/// of 1000 observations have one.
+///
+/// Rejected observations count: a gate shuts out most of what a lost filter hears.
+///
+/// ```
+/// # use foxhunt_filters::consistency::{NisHealth, NisWatchdog};
+/// # fn main() -> Result<(), foxhunt_core::EstimatorError> {
+/// let mut watchdog = NisWatchdog::new(5, 1e-3)?;
+/// for _ in 0..5 {
+///     assert!(!watchdog.add(2.0, 2).is_alarm());
+/// }
+/// assert!(!watchdog.add(20.0, 2).is_alarm(), "one outlier is none");
+/// assert!(matches!(watchdog.add(20.0, 2), NisHealth::Diverged { .. }));
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct NisWatchdog {
+    window: usize,
+    significance: f64,
+    squares: VecDeque<(f64, usize)>,
+    /// The degrees of freedom that the interval of the sum was worked out for, and it.
+    limits: (usize, [f64; 2]),
+}
+
+/// What a [`NisWatchdog`] makes of a filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use = "an alarm is only told here"]
+pub enum NisHealth {
+    /// The window is not full yet.
+    Filling,
+    /// The average is where that of a consistent filter is.
+    Sound {
+        /// The average NIS over the window.
+        average: f64,
+        /// Where it may be.
+        interval: [f64; 2],
+    },
+    /// Innovations are larger than the filter expects: it has lost the target, or its noise is
+    /// too small.
+    Diverged {
+        /// The average NIS over the window.
+        average: f64,
+        /// Where it may be.
+        interval: [f64; 2],
+    },
+    /// Innovations are smaller than the filter expects: its noise is too large.
+    Overcautious {
+        /// The average NIS over the window.
+        average: f64,
+        /// Where it may be.
+        interval: [f64; 2],
+    },
+}
+
+impl NisHealth {
+    /// Whether the average lies outside its interval.
+    #[must_use]
+    pub fn is_alarm(&self) -> bool {
+        matches!(self, Self::Diverged { .. } | Self::Overcautious { .. })
+    }
+}
+
+impl NisWatchdog {
+    /// Watches the last `window` observations; `significance` is the probability that a look at a
+    /// consistent filter is an alarm, half of it for each side.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when the window is empty or the significance not in (0, 1).
+    pub fn new(window: usize, significance: f64) -> Result<Self, EstimatorError> {
+        if window == 0 {
+            let (value, requirement) = (0.0, "at least 1");
+            return Err(EstimatorError::Parameter { name: "window", value, requirement });
+        }
+        let significance = probability("significance", significance)?;
+        Ok(Self { window, significance, squares: VecDeque::new(), limits: (0, [0.0; 2]) })
+    }
+
+    /// Looks at what an update of an observation with `components` present came to. What has no
+    /// NIS, such as an empty observation, changes nothing.
+    pub fn observe(&mut self, correction: &Correction, components: usize) -> NisHealth {
+        match correction.nis() {
+            Some(nis) => self.add(nis, components),
+            None => self.health(),
+        }
+    }
+
+    /// The same, given the normalised innovation squared and its degrees of freedom; without any
+    /// there is nothing to look at.
+    pub fn add(&mut self, nis: f64, degrees_of_freedom: usize) -> NisHealth {
+        if degrees_of_freedom > 0 {
+            if self.squares.len() == self.window {
+                self.squares.pop_front();
+            }
+            self.squares.push_back((nis, degrees_of_freedom));
+            self.set_limits();
+        }
+        self.health()
+    }
+
+    /// What the present window says.
+    pub fn health(&self) -> NisHealth {
+        if self.squares.len() < self.window {
+            return NisHealth::Filling;
+        }
+        let average = self.squares.iter().map(|(nis, _)| nis).sum::<f64>() / number(self.window);
+        let interval = self.limits.1.map(|sum| sum / number(self.window));
+        if average < interval[0] {
+            NisHealth::Overcautious { average, interval }
+        } else if average <= interval[1] {
+            NisHealth::Sound { average, interval }
+        } else {
+            // An average that is no number is no sound one.
+            NisHealth::Diverged { average, interval }
+        }
+    }
+
+    /// Forgets what it has seen, as after the filter was set anew.
+    pub fn reset(&mut self) {
+        self.squares.clear();
+    }
+
+    fn set_limits(&mut self) {
+        let degrees = self.squares.iter().map(|(_, degrees)| degrees).sum();
+        let tail = 0.5 * self.significance;
+        // A quantile is dear, and observations mostly have one number of components.
+        if degrees != self.limits.0
+            && let Some(sums) = quantiles(degrees, [tail, 1.0 - tail])
+        {
+            self.limits = (degrees, sums);
+        }
+    }
+}

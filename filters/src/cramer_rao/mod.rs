@@ -1,0 +1,7 @@
+mod bound;
+mod error;
+mod fisher;
+
+pub use bound::PosteriorCramerRao;
+pub use error::CramerRaoError;
+pub use fisher::FisherQuadrature;

@@ -1,0 +1,80 @@
+use alloc::{vec, vec::Vec};
+
+use crate::count::number;
+
+/// Convolves a density over square rows with a Gaussian along each side, given and left as
+/// logarithms; `variance` counts in cells². What spreads beyond the border is lost.
+pub(super) fn blur(logs: &mut [f64], side: usize, variance: [f64; 2]) {
+    let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if best <= f64::NEG_INFINITY || variance.iter().all(|v| *v < 1e-12) {
+        return;
+    }
+    let mut density: Vec<f64> = logs.iter().map(|log| libm::exp(log - best)).collect();
+    for (along, variance) in variance.into_iter().enumerate() {
+        let taps = taps(variance, side);
+        let (step, across) = if along == 0 { (1, side) } else { (side, 1) };
+        let mut line = vec![0.0; side];
+        for start in (0..side).map(|i| i * across) {
+            for (i, value) in line.iter_mut().enumerate() {
+                let at = |i: usize| density[start + i * step];
+                *value = taps[0] * at(i);
+                for (reach, tap) in taps.iter().enumerate().skip(1) {
+                    let below = i.checked_sub(reach).map_or(0.0, at);
+                    let above = if i + reach < side { at(i + reach) } else { 0.0 };
+                    *value += tap * (below + above);
+                }
+            }
+            line.iter().enumerate().for_each(|(i, value)| density[start + i * step] = *value);
+        }
+    }
+    for (log, density) in logs.iter_mut().zip(density) {
+        // A density too small for its number stays what it was.
+        if density > 0.0 {
+            *log = best + libm::log(density);
+        }
+    }
+}
+
+/// One side of a symmetric kernel of this variance that sums to 1. Up to half a cell² three
+/// weights have exactly that variance; beyond, the Gaussian at whole cells has it to 10⁻³.
+fn taps(variance: f64, side: usize) -> Vec<f64> {
+    if variance <= 0.5 {
+        return vec![1.0 - variance, 0.5 * variance];
+    }
+    let gauss = |reach: usize| libm::exp(-0.5 * number(reach * reach) / variance);
+    let mut taps: Vec<f64> = (0..side).map(gauss).take_while(|tap| *tap > 1e-14).collect();
+    let total = 2.0 * taps.iter().sum::<f64>() - taps[0];
+    taps.iter_mut().for_each(|tap| *tap /= total);
+    taps
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gaussian_stays_one_and_gains_the_variance() {
+        const SIDE: usize = 81;
+        for (before, added) in [(9.0, [0.3, 0.0]), (9.0, [4.0, 0.7]), (16.0, [0.01, 12.0])] {
+            let axis = |i: usize| number(i) - 40.0;
+            let mut logs: Vec<f64> = (0..SIDE * SIDE)
+                .map(|i| {
+                    let (x, y) = (axis(i % SIDE), axis(i / SIDE));
+                    -3.0 - 0.5 * (x * x + y * y) / before
+                })
+                .collect();
+            blur(&mut logs, SIDE, added);
+            let weight = |i: usize| libm::exp(logs[i]);
+            let total: f64 = (0..SIDE * SIDE).map(weight).sum();
+            let expected = libm::exp(-3.0) * core::f64::consts::TAU * before;
+            assert!((total / expected - 1.0).abs() < 1e-9, "mass {total}, not {expected}");
+            for (along, added) in added.into_iter().enumerate() {
+                let at = |i: usize| axis(if along == 0 { i % SIDE } else { i / SIDE });
+                let variance =
+                    (0..SIDE * SIDE).map(|i| weight(i) * at(i) * at(i)).sum::<f64>() / total;
+                let error = variance - before - added;
+                assert!(error.abs() < 1e-3 * (before + added), "variance {variance}");
+            }
+        }
+    }
+}

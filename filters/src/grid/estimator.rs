@@ -1,0 +1,266 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::{
+    Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel,
+    Observation, Role, State,
+};
+use nalgebra::{Matrix2, Vector2};
+
+use super::{
+    Columns, Lattice, Likelihood, Window,
+    blur::blur,
+    columns::{Cell, log_densities},
+    filter::{GridFilter, REACH, log_total, normalise, shift},
+};
+use crate::Innovation;
+
+/// How often, at most, the cells are laid out anew for one observation: each time they become at
+/// least 1.5 times finer, or twice, or half as wide again.
+const LAYOUTS: usize = 24;
+
+/// A lattice that reaches less than so many standard deviations each way after a prediction is
+/// made to reach [`REACH`] of them.
+const LEAST_REACH: f64 = 5.5;
+
+/// Cells of less probability are not shown: all that there may be of them come to 10⁻⁵.
+const LEAST_VISITED: f64 = 1e-9;
+
+impl<F, H, const N: usize, const M: usize> Estimator<N, M> for GridFilter<F, H, N, M>
+where
+    F: MotionModel<N>,
+    H: MeasurementModel<N, M>,
+{
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+        if !(dt >= 0.0 && dt.is_finite()) {
+            return Err(EstimatorError::TimeStep { dt });
+        }
+        if dt <= 0.0 {
+            return Ok(());
+        }
+        let (lattice, mut columns) = self.moved(dt)?;
+        let marginals = normalise(&mut columns, &lattice);
+        self.belief = self.moments(&columns, &marginals, &lattice)?;
+        (self.lattice, self.columns, self.marginals) = (lattice, columns, marginals);
+        Ok(())
+    }
+
+    fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
+        if observation.is_empty() && !observation.is_censored() {
+            return Ok(Correction::Empty);
+        }
+        let likelihood =
+            Likelihood::new(&self.measurement, self.reference, observation, &self.config);
+        let place = self.belief.estimate().position();
+        let mut lattice = self.lattice.clone();
+        let mut posterior = likelihood.times(&self.columns, &lattice)?;
+        let mut marginals = posterior.log_marginals();
+        let mut logs = log_densities(&marginals);
+        for _ in 0..LAYOUTS {
+            let Some(window) = Window::of(&lattice, self.widest.as_ref(), &logs) else { break };
+            let (side, most) = (self.config.side, self.config.most_per_side);
+            let Some(better) = window.better(&lattice, self.widest.as_ref(), side, most)? else {
+                break;
+            };
+            // Read from the prior as it was, not from what was read from it.
+            let prior = self.over(&self.columns, &self.lattice, &better, &place);
+            posterior = likelihood.times(&prior, &better)?;
+            marginals = posterior.log_marginals();
+            logs = log_densities(&marginals);
+            lattice = better;
+        }
+        let log_evidence = log_total(&logs, &lattice);
+        if log_evidence <= f64::NEG_INFINITY {
+            return Err(EstimatorError::Impossible { particles: lattice.len() });
+        }
+        shift(&mut posterior, -log_evidence);
+        marginals.iter_mut().flatten().for_each(|log| *log -= log_evidence);
+        let belief = self.moments(&posterior, &marginals, &lattice)?;
+        let nis = if observation.is_empty() {
+            None
+        } else {
+            Innovation::of_belief(&*self, &self.measurement, observation).map(|told| told.nis)
+        };
+        (self.lattice, self.columns) = (lattice, posterior);
+        (self.marginals, self.belief) = (marginals, belief);
+        Ok(Correction::Fused { nis, log_evidence, effective_sample_size: None })
+    }
+
+    fn estimate(&self) -> Estimate<N> {
+        *self.belief.estimate()
+    }
+
+    fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
+        for (state, weight) in self.weighted_states() {
+            visit(&state, weight);
+        }
+    }
+}
+
+impl<F, H, const N: usize, const M: usize> GridFilter<F, H, N, M>
+where
+    F: MotionModel<N>,
+    H: MeasurementModel<N, M>,
+{
+    /// The states of the cells, what stands behind the place at its mean, and their weights, which
+    /// sum to 1.
+    fn weighted_states(&self) -> Vec<(State<N>, f64)> {
+        let area = self.lattice.cell_area();
+        let log_least = libm::log(LEAST_VISITED / area);
+        let mut states = Vec::new();
+        for (hypothesis, logs) in self.marginals.iter().enumerate() {
+            for (index, log) in logs.iter().enumerate().filter(|(_, log)| **log > log_least) {
+                let cell = self.columns.cell(hypothesis, index);
+                let behind = cell.conditional().map_or(State::zeros(), |(mean, _)| mean);
+                let mut state = self.reference + behind;
+                state.fixed_rows_mut::<2>(0).copy_from(&self.lattice.place(index));
+                states.push((state, area * libm::exp(*log)));
+            }
+        }
+        let total: f64 = states.iter().map(|(_, weight)| weight).sum();
+        states.iter_mut().for_each(|(_, weight)| *weight /= total);
+        states
+    }
+
+    /// A belief over other cells, beyond its own the Gaussian of its place.
+    fn over(
+        &self,
+        columns: &Columns<N>,
+        from: &Lattice,
+        to: &Lattice,
+        place: &Estimate<2>,
+    ) -> Columns<N> {
+        let factor = place.covariance.cholesky();
+        let tail = |x: &Vector2<f64>| {
+            if self.widest.is_some() {
+                return f64::NEG_INFINITY;
+            }
+            factor
+                .as_ref()
+                .map_or(0.0, |factor| -0.5 * (x - place.mean).dot(&factor.solve(&(x - place.mean))))
+        };
+        columns.over(from, to, tail)
+    }
+
+    /// Where the cells and what is believed in them are after `dt`.
+    fn moved(&self, dt: f64) -> Result<(Lattice, Columns<N>), EstimatorError> {
+        let mean = self.belief.mean();
+        let slope = self.motion.jacobian(mean, dt);
+        let noise = self.motion.noise_factor(mean, dt);
+        let mut rest = slope - Covariance::<N>::identity();
+        rest.fixed_view_mut::<2, 2>(0, 0).fill(0.0);
+        if rest.norm() > 1e-9 {
+            return Err(EstimatorError::Parameter {
+                name: "the motion of what stands behind the place",
+                value: rest.norm(),
+                requirement: "a random walk of its own, as a grid keeps it",
+            });
+        }
+        let slope: Matrix2<f64> = slope.fixed_view::<2, 2>(0, 0).into_owned();
+        let spread: Covariance<N> = noise * noise.transpose();
+        let noise: Matrix2<f64> = spread.fixed_view::<2, 2>(0, 0).into_owned();
+
+        let mut state = *mean;
+        state.fixed_rows_mut::<2>(0).copy_from(&self.lattice.centre());
+        let centre = self.motion.propagate(&state, dt).fixed_rows::<2>(0).into_owned();
+        let mut lattice = self.lattice.moved(centre, &slope)?;
+        let mut columns = self.columns.clone();
+        shift(&mut columns, -libm::log(libm::fabs(slope.determinant())));
+
+        let mut place = self.belief.estimate().position();
+        place.mean = self.motion.propagate(mean, dt).fixed_rows::<2>(0).into_owned();
+        place.covariance = slope * place.covariance * slope.transpose();
+        let mut left = 1.0;
+        while left > 0.0 {
+            let share = left * resolved_share(&place.covariance, &(noise * left));
+            let part = spread * share;
+            place.covariance += noise * share;
+            if let Some(wider) = self.widened(&lattice, &place, &(noise * share))? {
+                columns = self.over(&columns, &lattice, &wider, &place);
+                lattice = wider;
+            }
+            diffuse(&mut columns, &lattice, &part)?;
+            left = if share < left { left - share } else { 0.0 };
+        }
+        Ok((lattice, columns))
+    }
+
+    /// The lattice that a belief with these moments, which this noise has made, needs instead of
+    /// its own: along the axes of the noise, and wide enough. `None` where its own will do.
+    fn widened(
+        &self,
+        lattice: &Lattice,
+        place: &Estimate<2>,
+        noise: &Matrix2<f64>,
+    ) -> Result<Option<Lattice>, EstimatorError> {
+        let sides = lattice.half_sides();
+        let mut directions =
+            Matrix2::from_columns(&[sides.column(0).normalize(), sides.column(1).normalize()]);
+        let mut half = Vector2::new(sides.column(0).norm(), sides.column(1).norm());
+        let along = directions.tr_mul(noise) * directions;
+        let aslant = along[(0, 1)].abs() > 1e-6 * noise.trace()
+            || directions.column(0).dot(&directions.column(1)).abs() > 1e-6;
+        if aslant {
+            directions = noise.symmetric_eigen().eigenvectors;
+            half = Vector2::zeros();
+        }
+        let covers_all =
+            self.widest.as_ref().is_some_and(|widest| lattice.area() > 0.9 * widest.area());
+        let mut changed = aslant;
+        for k in 0..2 {
+            let direction = directions.column(k);
+            let sigma = libm::sqrt(direction.dot(&(place.covariance * direction)));
+            if half[k] < LEAST_REACH * sigma && (aslant || !covers_all) {
+                half[k] = REACH * sigma;
+                changed = true;
+            }
+        }
+        if !changed {
+            return Ok(None);
+        }
+        let half_sides = directions * Matrix2::from_diagonal(&half);
+        Lattice::new(lattice.centre(), half_sides, lattice.side()).map(Some)
+    }
+}
+
+/// The share of a noise that cells which resolve a belief can take in at once: what makes its
+/// standard deviation twice as large in some direction. In coarser cells it would be lost.
+fn resolved_share(belief: &Matrix2<f64>, noise: &Matrix2<f64>) -> f64 {
+    let Some(factor) = belief.cholesky() else { return 1.0 };
+    let ratio = factor.solve(noise).trace();
+    if ratio > 3.0 { 3.0 / ratio } else { 1.0 }
+}
+
+/// Spreads the place by the noise's first two components, and what stands behind it by the rest.
+fn diffuse<const N: usize>(
+    columns: &mut Columns<N>,
+    lattice: &Lattice,
+    spread: &Covariance<N>,
+) -> Result<(), EstimatorError> {
+    // In steps of the lattice, along whose sides the noise's axes lie.
+    let steps = lattice.steps();
+    let variance = [0, 1].map(|k| {
+        let step = steps.column(k);
+        let length = step.norm_squared();
+        let noise: Matrix2<f64> = spread.fixed_view::<2, 2>(0, 0).into_owned();
+        step.dot(&(noise * step)) / (length * length)
+    });
+    let mut behind = *spread;
+    behind.fixed_columns_mut::<2>(0).fill(0.0);
+    behind.fixed_rows_mut::<2>(0).fill(0.0);
+    for (hypothesis, mut logs) in columns.log_marginals().into_iter().enumerate() {
+        blur(&mut logs, lattice.side(), variance);
+        if N == 2 {
+            columns.logs_mut(hypothesis).copy_from_slice(&logs);
+            continue;
+        }
+        for (index, log) in logs.into_iter().enumerate() {
+            let no_factor = EstimatorError::NotPositiveDefinite { role: Role::Posterior };
+            let (mean, within) = columns.cell(hypothesis, index).conditional().ok_or(no_factor)?;
+            let mut covariance = within + behind;
+            (0..2).for_each(|i| covariance[(i, i)] = 1.0);
+            let cell = Cell::of(log, &mean, &covariance).ok_or(no_factor)?;
+            columns.set(hypothesis, index, &cell);
+        }
+    }
+    Ok(())
+}

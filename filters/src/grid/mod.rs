@@ -1,0 +1,18 @@
+//! Recursive Bayes over the cells of an area.
+
+mod blur;
+mod columns;
+mod config;
+mod estimator;
+mod filter;
+mod lattice;
+mod likelihood;
+mod window;
+
+pub use config::{GridConfig, NoiseScales};
+pub use filter::GridFilter;
+
+use columns::Columns;
+use lattice::Lattice;
+use likelihood::Likelihood;
+use window::Window;

@@ -1,0 +1,114 @@
+use foxhunt_core::{Correction, Estimate, Estimator, EstimatorError, Observation, State};
+
+/// Begins as one estimator and goes on as another, which starts from the moments of the first.
+///
+/// What a Kalman filter loses to linearisation it loses at its first updates, where the prior is
+/// wide: a first bearing is a cone, a first level a ring. Taken in by a
+/// [`GridFilter`](crate::GridFilter) these become a prior that is nearly Gaussian.
+///
+/// The second one begins after so many observations were fused; where it cannot be made from the
+/// moments of the first, that one goes on until the next.
+///
+/// ```
+/// use foxhunt_core::{Axis, Estimate, Estimator, MeasurementModel, Observation, Pose, RandomWalk,
+///     State, nalgebra::{Matrix1, Vector1, Vector2}};
+/// use foxhunt_filters::{Ekf, GridConfig, GridFilter, Handover};
+///
+/// /// The bearing of the target, in radians counter-clockwise from East.
+/// #[derive(Clone, Copy)]
+/// struct BearingOnly;
+///
+/// impl MeasurementModel<2, 1> for BearingOnly {
+///     fn axes(&self) -> [Axis; 1] {
+///         [Axis::Angle]
+///     }
+///     fn expected(&self, target: &State<2>, receiver: &Pose) -> Vector1<f64> {
+///         let (east, north) = (target.x - receiver.position.x, target.y - receiver.position.y);
+///         Vector1::new(f64::atan2(north, east))
+///     }
+/// }
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let still = RandomWalk::uniform(0.01);
+/// let prior = Estimate::isotropic(Vector2::zeros(), 50.0);
+/// let grid = GridFilter::new(still, BearingOnly, prior, GridConfig::default())?;
+/// let mut filter = Handover::new(grid, 2, move |first| Ekf::new(still, BearingOnly, first));
+/// for (north, bearing) in [(0.0, 0.3), (40.0, -0.5)] {
+///     let (receiver, variance) = (Pose::at(-40.0, north, 0.0), Matrix1::new(0.01));
+///     let _ = filter.update(&Observation::new(0.0, receiver, Vector1::new(bearing), variance)?)?;
+/// }
+/// assert!(filter.has_handed_over());
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Handover<S, E, B> {
+    stage: Stage<S, E>,
+    /// Observations still to be fused by the first.
+    left: u32,
+    build: B,
+}
+
+/// Which of the two is at it.
+#[derive(Clone, Debug)]
+enum Stage<S, E> {
+    First(S),
+    Second(E),
+}
+
+impl<S, E, B> Handover<S, E, B> {
+    /// Begins as `first`; goes on after `observations` as what `build` makes of its moments.
+    pub fn new(first: S, observations: u32, build: B) -> Self {
+        Self { stage: Stage::First(first), left: observations, build }
+    }
+
+    /// Whether the second one is at it.
+    pub fn has_handed_over(&self) -> bool {
+        matches!(self.stage, Stage::Second(_))
+    }
+}
+
+impl<S, E, B, const N: usize, const M: usize> Estimator<N, M> for Handover<S, E, B>
+where
+    S: Estimator<N, M>,
+    E: Estimator<N, M>,
+    B: Fn(Estimate<N>) -> Result<E, EstimatorError>,
+{
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+        match &mut self.stage {
+            Stage::First(first) => first.predict(dt),
+            Stage::Second(second) => second.predict(dt),
+        }
+    }
+
+    fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
+        let first = match &mut self.stage {
+            Stage::First(first) => first,
+            Stage::Second(second) => return second.update(observation),
+        };
+        let correction = first.update(observation)?;
+        if matches!(correction, Correction::Fused { .. }) {
+            self.left = self.left.saturating_sub(1);
+        }
+        if self.left == 0
+            && let Ok(second) = (self.build)(first.estimate())
+        {
+            self.stage = Stage::Second(second);
+        }
+        Ok(correction)
+    }
+
+    fn estimate(&self) -> Estimate<N> {
+        match &self.stage {
+            Stage::First(first) => first.estimate(),
+            Stage::Second(second) => second.estimate(),
+        }
+    }
+
+    fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
+        match &self.stage {
+            Stage::First(first) => first.visit_samples(visit),
+            Stage::Second(second) => second.visit_samples(visit),
+        }
+    }
+}

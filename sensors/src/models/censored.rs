@@ -1,0 +1,124 @@
+use core::f64::consts::{FRAC_1_SQRT_2, TAU};
+
+use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, State};
+use nalgebra::{SMatrix, SVector};
+
+/// A model for which silence tells something: a component that lay below the receiver's floor has
+/// the likelihood P(zᵢ < floor | x) = Φ((floor − hᵢ(x)) / σᵢ) (Tobin 1958).
+///
+/// Such an observation is made with the floor for its value and the level's σ, and marked with
+/// [`Observation::below`]. Estimators that ask for likelihoods, a particle filter say, use it; a
+/// Kalman filter, which works with residuals, takes it for missing. The components
+/// that were heard have the likelihood of the model inside. The noise of a silent component is taken for
+/// independent of theirs, and an angle has no floor.
+///
+/// ```
+/// use foxhunt_core::{MeasurementModel, Observation, Pose, nalgebra::{Matrix1, Vector1, Vector2}};
+/// use foxhunt_sensors::{Censored, LogDistance, Rss};
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let model = Censored::new(Rss::new(LogDistance::new(-30.0, 2.5)?));
+/// let (floor, variance) = (Vector1::new(-90.0), Matrix1::new(16.0));
+/// let silence = Observation::new(0.0, Pose::at(0.0, 0.0, 30.0), floor, variance)?.below(0);
+/// let near = model.log_likelihood(&Vector2::new(50.0, 0.0), &silence);
+/// let far = model.log_likelihood(&Vector2::new(900.0, 0.0), &silence);
+/// assert!(near < -10.0 && far > -0.01);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Censored<H> {
+    model: H,
+}
+
+impl<H> Censored<H> {
+    /// The model with silence understood.
+    #[must_use]
+    pub fn new(model: H) -> Self {
+        Self { model }
+    }
+
+    /// What the components below a limit tell of a state.
+    fn silence<const N: usize, const M: usize>(
+        &self,
+        state: &State<N>,
+        observation: &Observation<M>,
+    ) -> f64
+    where
+        H: MeasurementModel<N, M>,
+    {
+        let expected = self.model.expected(state, observation.receiver());
+        let linear = self.model.axes().map(|axis| axis == Axis::Linear);
+        let below = (0..M).filter(|i| linear[*i]);
+        let below = below.filter_map(|i| observation.upper_limit(i).map(|limit| (i, limit)));
+        below.map(|(i, (limit, sigma))| log_normal_cdf((limit - expected[i]) / sigma)).sum()
+    }
+}
+
+impl<H, const N: usize, const M: usize> MeasurementModel<N, M> for Censored<H>
+where
+    H: MeasurementModel<N, M>,
+{
+    fn axes(&self) -> [Axis; M] {
+        self.model.axes()
+    }
+
+    fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M> {
+        self.model.expected(state, receiver)
+    }
+
+    fn residual(&self, z: &SVector<f64, M>, expected: &SVector<f64, M>) -> SVector<f64, M> {
+        self.model.residual(z, expected)
+    }
+
+    fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
+        self.model.jacobian(state, receiver)
+    }
+
+    fn log_likelihood(&self, state: &State<N>, observation: &Observation<M>) -> f64 {
+        self.model.log_likelihood(state, observation) + self.silence(state, observation)
+    }
+
+    fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<M>, out: &mut [f64]) {
+        self.model.log_likelihoods(columns, observation, out);
+        if !observation.is_censored() {
+            return;
+        }
+        for (i, out) in out.iter_mut().enumerate() {
+            let state = State::from_fn(|row, _| columns[row][i]);
+            *out += self.silence(&state, observation);
+        }
+    }
+}
+
+/// ln Φ(x). Below −30, where Φ nears the least f64, by its asymptotic series (Abramowitz & Stegun
+/// 26.2.12); four terms err by less than 1e-10 there.
+fn log_normal_cdf(x: f64) -> f64 {
+    if x > -30.0 {
+        return libm::log(0.5 * libm::erfc(-x * FRAC_1_SQRT_2));
+    }
+    let square = 1.0 / (x * x);
+    let series = -square * (1.0 - square * (3.0 - 15.0 * square));
+    -0.5 * x * x - libm::log(-x) - 0.5 * libm::log(TAU) + libm::log1p(series)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_normal_distribution_function_is_good_in_its_tail() {
+        // Φ by tables and by quadruple precision.
+        for (x, log) in [
+            (0.0, -core::f64::consts::LN_2),
+            (1.0, -0.172_753_779_023_449_87),
+            (-10.0, -53.231_285_150_512_47),
+            (-40.0, -804.608_442_013_754),
+        ] {
+            let error = (log_normal_cdf(x) - log).abs();
+            assert!(error < 1e-10 * (1.0 - log), "off by {error} at {x}");
+        }
+        let (above, below) = (log_normal_cdf(-30.0 + 1e-9), log_normal_cdf(-30.0 - 1e-9));
+        assert!((above - below - 30.0 * 2e-9).abs() < 1e-8, "{above} {below}");
+        assert!(log_normal_cdf(1e10).abs() < 1e-300);
+    }
+}

@@ -1,0 +1,65 @@
+use foxhunt_core::{Axis, MeasurementModel, Pose, State};
+use nalgebra::{SMatrix, Vector1, Vector3};
+
+use super::{Sight, range_difference::reference_at};
+use crate::{LogDistance, ParameterError, Propagation, parameter};
+
+/// How much stronger the signal is at the receiver than at a reference receiver:
+/// z = P(d) − P(d₀) = −10 γ log₁₀(d / d₀) in dB.
+///
+/// The transmitter's power cancels out, and with it whatever alters both levels alike; only the
+/// exponent must be known (Pritzl 2018, ch. 8; Wang, Chen & Yin 2009). σ is √2 times that of one
+/// level where both are alike. Two receivers that heard one emission along with the reference
+/// share its error: their differences are correlated by one half.
+///
+/// Works on every state whose first components are the target's East and North.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DifferentialRss {
+    reference: Pose,
+    /// The law with P₀ = 0.
+    loss: LogDistance,
+    target_up: f64,
+}
+
+impl DifferentialRss {
+    /// The model for a reference receiver at this place, East, North and Up in metres, the
+    /// path-loss exponent γ, and a target on the ground, Up = 0.
+    ///
+    /// # Errors
+    ///
+    /// When the place is not finite or the exponent not a positive number.
+    pub fn new(reference: Vector3<f64>, exponent: f64) -> Result<Self, ParameterError> {
+        let loss = LogDistance::new(0.0, exponent)?;
+        Ok(Self { reference: reference_at(reference)?, loss, target_up: 0.0 })
+    }
+
+    /// The same for a target at another height, in metres.
+    ///
+    /// # Errors
+    ///
+    /// When the height is not finite.
+    pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
+        Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
+    }
+}
+
+impl<const N: usize> MeasurementModel<N, 1> for DifferentialRss {
+    fn axes(&self) -> [Axis; 1] {
+        [Axis::Linear]
+    }
+
+    fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector1<f64> {
+        let own = Sight::new(state, receiver, self.target_up).range();
+        let reference = Sight::new(state, &self.reference, self.target_up).range();
+        Vector1::new(self.loss.rss_dbm(own) - self.loss.rss_dbm(reference))
+    }
+
+    fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 1, N> {
+        let own = Sight::new(state, receiver, self.target_up).power_slope(&self.loss);
+        let reference = Sight::new(state, &self.reference, self.target_up).power_slope(&self.loss);
+        let mut jacobian = SMatrix::<f64, 1, N>::zeros();
+        jacobian[(0, 0)] = own[0] - reference[0];
+        jacobian[(0, 1)] = own[1] - reference[1];
+        jacobian
+    }
+}

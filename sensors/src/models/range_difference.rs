@@ -1,0 +1,78 @@
+use foxhunt_core::{Axis, MeasurementModel, Pose, State};
+use nalgebra::{SMatrix, Vector1, Vector3};
+
+use super::Sight;
+use crate::{ParameterError, parameter};
+
+/// How much farther the target is from the receiver than from a reference receiver:
+/// z = d − d₀ in metres, both slant ranges.
+///
+/// It is what a time difference of arrival tells: z = c τ with c the
+/// [`SPEED_OF_LIGHT`](Self::SPEED_OF_LIGHT) and τ the arrival at the receiver less that at the
+/// reference, in seconds; σ scales alike. Metres keep a value and its slope of order one.
+///
+/// Two receivers that heard one emission along with the reference share its error: their
+/// differences are correlated by one half. Where that matters, take another pair's.
+///
+/// Works on every state whose first components are the target's East and North.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RangeDifference {
+    reference: Pose,
+    target_up: f64,
+}
+
+impl RangeDifference {
+    /// c in metres per second, in vacuum; 0.03 % more than in air.
+    pub const SPEED_OF_LIGHT: f64 = 299_792_458.0;
+
+    /// The model for a reference receiver at this place, East, North and Up in metres, and a
+    /// target on the ground, Up = 0.
+    ///
+    /// # Errors
+    ///
+    /// When the place is not finite.
+    pub fn new(reference: Vector3<f64>) -> Result<Self, ParameterError> {
+        Ok(Self { reference: reference_at(reference)?, target_up: 0.0 })
+    }
+
+    /// The same for a target at another height, in metres.
+    ///
+    /// # Errors
+    ///
+    /// When the height is not finite.
+    pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
+        Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
+    }
+}
+
+impl<const N: usize> MeasurementModel<N, 1> for RangeDifference {
+    fn axes(&self) -> [Axis; 1] {
+        [Axis::Linear]
+    }
+
+    fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector1<f64> {
+        let own = Sight::new(state, receiver, self.target_up).range();
+        let reference = Sight::new(state, &self.reference, self.target_up).range();
+        // Two ranges that overflow are equal for all that f64 can tell.
+        let difference = own - reference;
+        Vector1::new(if difference.is_finite() { difference } else { 0.0 })
+    }
+
+    fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 1, N> {
+        let own = Sight::new(state, receiver, self.target_up).range_slope();
+        let reference = Sight::new(state, &self.reference, self.target_up).range_slope();
+        let mut jacobian = SMatrix::<f64, 1, N>::zeros();
+        jacobian[(0, 0)] = own[0] - reference[0];
+        jacobian[(0, 1)] = own[1] - reference[1];
+        jacobian
+    }
+}
+
+/// A reference receiver's pose.
+pub(super) fn reference_at(place: Vector3<f64>) -> Result<Pose, ParameterError> {
+    Ok(Pose::at(
+        parameter::finite("the reference's East", place.x)?,
+        parameter::finite("the reference's North", place.y)?,
+        parameter::finite("the reference's Up", place.z)?,
+    ))
+}

@@ -1,0 +1,107 @@
+use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, State, gaussian_log_likelihood};
+use nalgebra::{SMatrix, SVector};
+
+/// Two models of one state, measured at once: the `MA` components of the first, then the `MB` of
+/// the second.
+///
+/// As a [`MeasurementModel`] it has M = `MA` + `MB` components; another M does not compile. Each
+/// keeps its own likelihood, outliers and all, unless the observation's noise couples the
+/// two: then the noise is Gaussian.
+///
+/// ```
+/// use foxhunt_core::{MeasurementModel, Pose, nalgebra::{Vector2, Vector3}};
+/// use foxhunt_sensors::{BearingOnly, DifferentialRss, Stacked};
+/// # fn main() -> Result<(), foxhunt_sensors::ParameterError> {
+/// let level = DifferentialRss::new(Vector3::new(50.0, 0.0, 2.0), 2.5)?;
+/// let both = Stacked::<_, _, 1, 1>::new(level, BearingOnly::new());
+/// let expected: Vector2<f64> = both.expected(&Vector2::new(10.0, 10.0), &Pose::default());
+/// assert!(expected[0] > 0.0 && (expected[1] - 0.785).abs() < 1e-3);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stacked<A, B, const MA: usize, const MB: usize> {
+    first: A,
+    second: B,
+}
+
+impl<A, B, const MA: usize, const MB: usize> Stacked<A, B, MA, MB> {
+    /// The first over the second.
+    #[must_use]
+    pub fn new(first: A, second: B) -> Self {
+        Self { first, second }
+    }
+}
+
+/// The parts of a vector.
+fn split<const MA: usize, const MB: usize, const M: usize>(
+    whole: &SVector<f64, M>,
+) -> (SVector<f64, MA>, SVector<f64, MB>) {
+    const { assert!(M == MA + MB, "a stack has the components of both models") };
+    (SVector::from_fn(|i, _| whole[i]), SVector::from_fn(|i, _| whole[MA + i]))
+}
+
+/// Both vectors or matrices, one over the other.
+fn join<const MA: usize, const MB: usize, const M: usize, const C: usize>(
+    first: &SMatrix<f64, MA, C>,
+    second: &SMatrix<f64, MB, C>,
+) -> SMatrix<f64, M, C> {
+    const { assert!(M == MA + MB, "a stack has the components of both models") };
+    SMatrix::from_fn(|i, j| if i < MA { first[(i, j)] } else { second[(i - MA, j)] })
+}
+
+/// Whether noise is shared by a component of each part.
+fn is_coupled<const M: usize>(observation: &Observation<M>, first: usize) -> bool {
+    let noise = observation.noise();
+    noise.view((first, 0), (M - first, first)).iter().any(|c| c.abs() > 0.0)
+}
+
+impl<A, B, const MA: usize, const MB: usize, const N: usize, const M: usize> MeasurementModel<N, M>
+    for Stacked<A, B, MA, MB>
+where
+    A: MeasurementModel<N, MA>,
+    B: MeasurementModel<N, MB>,
+{
+    fn axes(&self) -> [Axis; M] {
+        const { assert!(M == MA + MB, "a stack has the components of both models") };
+        let (first, second) = (self.first.axes(), self.second.axes());
+        core::array::from_fn(|i| if i < MA { first[i] } else { second[i - MA] })
+    }
+
+    fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M> {
+        join(&self.first.expected(state, receiver), &self.second.expected(state, receiver))
+    }
+
+    fn residual(&self, z: &SVector<f64, M>, expected: &SVector<f64, M>) -> SVector<f64, M> {
+        let ((first, second), (a, b)) = (split(z), split(expected));
+        join(&self.first.residual(&first, &a), &self.second.residual(&second, &b))
+    }
+
+    fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
+        join(&self.first.jacobian(state, receiver), &self.second.jacobian(state, receiver))
+    }
+
+    fn log_likelihood(&self, state: &State<N>, observation: &Observation<M>) -> f64 {
+        if is_coupled(observation, MA) {
+            return gaussian_log_likelihood(self, state, observation);
+        }
+        self.first.log_likelihood(state, &observation.marginal(0))
+            + self.second.log_likelihood(state, &observation.marginal(MA))
+    }
+
+    fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<M>, out: &mut [f64]) {
+        let coupled = is_coupled(observation, MA);
+        let (first, second) = (observation.marginal::<MA>(0), observation.marginal::<MB>(MA));
+        if !coupled {
+            self.first.log_likelihoods(columns, &first, out);
+        }
+        for (i, out) in out.iter_mut().enumerate() {
+            let state = State::from_fn(|row, _| columns[row][i]);
+            if coupled {
+                *out = gaussian_log_likelihood(self, &state, observation);
+            } else {
+                *out += self.second.log_likelihood(&state, &second);
+            }
+        }
+    }
+}
