@@ -147,6 +147,12 @@ fn a_bank_finds_the_range_that_one_filter_loses() {
     assert_at_most("bank", &[rms(beacon(&report, 0))], &[110.0 * 1.24]);
     assert_at_most("one filter", &[rms(beacon(&report, 1))], &[150.0 * 1.24]);
     assert!(rms(beacon(&report, 2)) > 150.0, "the trial does not tell them apart");
+    // The bound of the field is 88 m, that of 60 trajectories within 3 % of it; a room has none.
+    let bound = beacon(&report, 0).bound_m.expect("there is one");
+    assert!((85.0..91.0).contains(&bound), "{bound}");
+    assert!(rms(beacon(&report, 0)) > 0.8 * bound);
+    let room = run(&trial("isaacs-static"), 1, 1, 1, &["ekf"]);
+    assert_eq!(beacon(&room, 0).bound_m, None);
 }
 
 #[test]
