@@ -3,7 +3,7 @@ use foxhunt_filters::PosteriorCramerRao;
 use foxhunt_sensors::{BearingMixture, BearingOnly};
 use nalgebra::{Matrix1, Matrix4, Vector4};
 
-use super::{TargetConfig, TargetMotion, Trial, draw::Draw};
+use super::{TargetConfig, TargetMotion, Trial, TrialError, draw::Draw};
 
 /// More trajectories than this change an average by less than is told.
 const MOST: usize = 500;
@@ -11,13 +11,22 @@ const MOST: usize = 500;
 /// The bound on the root mean square error of the place after each bearing, in metres, from the
 /// trajectories that were drawn (Tichavský, Muravchik & Nehorai 1998).
 ///
-/// `None` where there is no such bound: where the prior has no density with a slope, as that of a
+/// Nothing where there is no such bound: where the prior has no density with a slope, as that of a
 /// room, and where the target does not move as the estimators take it to.
-pub(super) fn bounds(trial: &Trial, draws: &[Draw]) -> Vec<Option<f64>> {
-    let draws = &draws[..draws.len().min(MOST)];
-    let modelled = trial.moving().filter(|_| as_modelled(trial));
-    let bounds = modelled.and_then(|motion| recursion(trial, &motion, draws));
-    bounds.unwrap_or_else(|| vec![None; draws.first().map_or(0, |draw| draw.truth.len())])
+///
+/// # Errors
+///
+/// [`TrialError`] when what is heard cannot be drawn.
+pub(super) fn bounds(
+    trial: &Trial,
+    seeds: impl Iterator<Item = u64>,
+) -> Result<Vec<Option<f64>>, TrialError> {
+    let Some(motion) = trial.moving().filter(|_| as_modelled(trial)) else {
+        return Ok(Vec::new());
+    };
+    let draws = seeds.take(MOST).map(|seed| Draw::new(trial, seed));
+    let draws = draws.collect::<Result<Vec<_>, _>>()?;
+    Ok(recursion(trial, &motion, &draws).unwrap_or_default())
 }
 
 /// Whether the truth moves as the estimators are told.

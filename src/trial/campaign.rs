@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use super::{Trial, TrialError, TrialEstimator, TrialRun, bound::bounds, draw::Draw, run::run_on};
+use super::{Trial, TrialError, TrialEstimator, TrialRun, bound::bounds, run_trial};
 use crate::campaign::{BeaconCampaign, CampaignReport, Checkpoint, EstimatorCampaign, Sample};
 
 /// Runs a trial `runs` times with each estimator on `jobs` threads, as
@@ -25,23 +25,17 @@ pub fn trial_campaign(
         .build()
         .map_err(|error| TrialError::Threads { jobs, reason: error.to_string() })?;
     let seed_of = |run: u32| seed.wrapping_add(u64::from(run));
-    let draws =
-        (0..runs).map(|run| Draw::new(trial, seed_of(run))).collect::<Result<Vec<_>, _>>()?;
-    let bounds = bounds(trial, &draws);
+    let bounds = bounds(trial, (0..runs).map(seed_of))?;
     let estimators = estimators
         .iter()
         .map(|estimator| {
-            let one = |(run, draw): (u32, &Draw)| {
-                let outcome = run_on(trial, estimator, draw, seed_of(run));
+            let one = |run: u32| {
+                let outcome = run_trial(trial, estimator, seed_of(run));
                 progress();
                 outcome
             };
             let all = pool.install(|| {
-                (0..runs)
-                    .into_par_iter()
-                    .zip(&draws)
-                    .map(one)
-                    .collect::<Result<Vec<_>, TrialError>>()
+                (0..runs).into_par_iter().map(one).collect::<Result<Vec<_>, TrialError>>()
             })?;
             let beacons = vec![summarise(trial, &all, runs, &bounds)];
             Ok(EstimatorCampaign { estimator: estimator.name.to_owned(), beacons })

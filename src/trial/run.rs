@@ -38,24 +38,15 @@ pub fn run_trial(
     estimator: &TrialEstimator,
     seed: u64,
 ) -> Result<TrialRun, TrialError> {
-    run_on(trial, estimator, &Draw::new(trial, seed)?, seed)
-}
-
-/// Runs a trial on what was drawn with this seed.
-pub(super) fn run_on(
-    trial: &Trial,
-    estimator: &TrialEstimator,
-    draw: &Draw,
-    seed: u64,
-) -> Result<TrialRun, TrialError> {
+    let draw = Draw::new(trial, seed)?;
     let own_seed = beacon_seed(seed, BeaconId(0));
     Ok(match trial.moving() {
         None => {
             let still = factory::still();
-            follow(trial, draw, estimator.build::<_, 2>(trial, still, &draw.prior, own_seed)?)
+            follow(trial, &draw, estimator.build::<_, 2>(trial, still, &draw.prior, own_seed)?)
         }
         Some(moving) => {
-            follow(trial, draw, estimator.build_moving(trial, moving, &draw.prior, own_seed)?)
+            follow(trial, &draw, estimator.build_moving(trial, moving, &draw.prior, own_seed)?)
         }
     })
 }
