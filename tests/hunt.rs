@@ -200,6 +200,7 @@ fn levels_alone_go_with_the_rule_that_discards() {
         rss_sigma_db: 7.9,
         bearing,
         covariance: 0.0,
+        receiver_sigma_m: None,
     };
     assert_eq!(track.hear(&turn(None), false), Ok(Heard::Discarded));
     assert_eq!(track.position(), prior);

@@ -1,4 +1,4 @@
-use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
+use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector3};
 
 use crate::{BeaconId, Bearing, Observation, ObservationError, Pose, Reading, Sweep};
 
@@ -21,10 +21,15 @@ pub struct Reception {
     pub bearing: Option<Bearing>,
     /// The covariance of level and bearing, in dB rad.
     pub covariance: f64,
+    /// How uncertain the receiver's own place is: σ of East, North and Up in metres; known where
+    /// absent.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub receiver_sigma_m: Option<Vector3<f64>>,
 }
 
 impl Reception {
-    /// What a sweep said according to an extractor's reading of it.
+    /// What a sweep said according to an extractor's reading of it, by a receiver at a known
+    /// place.
     #[must_use]
     pub fn new(sweep: &Sweep<'_>, reading: &Reading) -> Self {
         Self {
@@ -35,6 +40,20 @@ impl Reception {
             rss_sigma_db: reading.rss_sigma_db,
             bearing: reading.bearing.ok(),
             covariance: reading.covariance,
+            receiver_sigma_m: None,
+        }
+    }
+}
+
+impl Reception {
+    /// The observation by a receiver that knows its place as well as this one.
+    fn placed<const M: usize>(
+        &self,
+        observation: Observation<M>,
+    ) -> Result<Observation<M>, ObservationError> {
+        match self.receiver_sigma_m {
+            Some(sigma) => observation.with_receiver_sigma(sigma),
+            None => Ok(observation),
         }
     }
 }
@@ -50,7 +69,7 @@ impl TryFrom<&Reception> for Observation<1> {
         let bearing = r.bearing.unwrap_or(NO_BEARING);
         let variance = SMatrix::<f64, 1, 1>::new(bearing.sigma * bearing.sigma);
         let whole = Self::new(r.time, r.receiver, SVector::<f64, 1>::new(bearing.angle), variance)?;
-        Ok(if r.bearing.is_none() { whole.without(0) } else { whole })
+        r.placed(if r.bearing.is_none() { whole.without(0) } else { whole })
     }
 }
 
@@ -68,6 +87,6 @@ impl TryFrom<&Reception> for Observation<2> {
             bearing.sigma * bearing.sigma,
         );
         let whole = Self::new(r.time, r.receiver, Vector2::new(r.rss_dbm, bearing.angle), noise)?;
-        Ok(if r.bearing.is_none() { whole.without(1) } else { whole })
+        r.placed(if r.bearing.is_none() { whole.without(1) } else { whole })
     }
 }

@@ -8,6 +8,7 @@
 //! | [`GridFilter`] | mass of cells over an area | `log_likelihoods`, or `expected` and `jacobian` | as the cells follow the belief |
 //! | [`ParticleFilter`] | weighted cloud | `log_likelihoods`, `expected`, `residual` | once, when it is made |
 //! | [`Bank`] | weighted sum of other estimators' | what they need | with its components |
+//! | [`FirstBearing`] | the same, in a row along the first bearing | what its Kalman filters need | in every step |
 //! | [`GaussianSum`] | sum of Gaussians, split and merged | what its Kalman filters need | in every step |
 //! | [`Imm`] | a Gaussian for each mode of motion | what its estimators need | in every step |
 //!
@@ -76,8 +77,8 @@ pub use kalman::{Ckf, Ekf, Gate, GateLimit, Iterations, Kalman, Ukf};
 pub use leading::Leading;
 #[cfg(feature = "alloc")]
 pub use mixture::{
-    Bank, GaussianSum, Imm, InnovationOf, RangeParameterised, Reinitialise, Transition,
-    polar_moments, split, split_standard_normal,
+    Bank, FirstBearing, GaussianSum, Imm, InnovationOf, RangeParameterised, Reinitialise,
+    Transition, polar_moments, split, split_standard_normal,
 };
 #[cfg(feature = "alloc")]
 pub use particle::{ParticleFilter, Resampling};

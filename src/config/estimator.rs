@@ -1,6 +1,9 @@
-use foxhunt_core::{Estimate, Estimator, EstimatorError, MeasurementModel, RandomWalk, State};
-use foxhunt_filters::{GridConfig, GridFilter, Handover, Leading};
+use foxhunt_core::{
+    ConstantVelocity, Estimate, Estimator, EstimatorError, MeasurementModel, RandomWalk, State,
+};
+use foxhunt_filters::{GridConfig, GridFilter, Handover, Leading, Loss};
 use foxhunt_sensors::{FreePowerRssBearing, LogDistance, RssBearing};
+use nalgebra::Vector4;
 use serde::{Deserialize, Serialize};
 
 use super::{FilterConfig, GateConfig};
@@ -23,6 +26,9 @@ pub struct EstimatorConfig {
     /// where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power_sigma_db: Option<f64>,
+    /// How the beacon moves, where it does; it stays where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moving: Option<MovingConfig>,
     /// The filter begins after so many observations, from what a grid made of these; at once
     /// where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -30,6 +36,16 @@ pub struct EstimatorConfig {
     /// How receptions are put to it; everything as it was read unless given.
     #[serde(default)]
     pub track: TrackConfig,
+}
+
+/// A beacon that moves at a nearly constant velocity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MovingConfig {
+    /// √q: the root of the acceleration's spectral density, in m s⁻² per √Hz.
+    pub acceleration_density: f64,
+    /// σ of the velocity's East and North before anything was heard, in m/s.
+    pub speed_sigma: f64,
 }
 
 /// The random walk of an unknown reference power in dB per √second: enough that a particle filter
@@ -53,6 +69,9 @@ impl EstimatorConfig {
             Some(sigma) => Estimate::isotropic(prior.mean, positive("prior_sigma_m", sigma)?),
             None => *prior,
         };
+        if let Some(moving) = self.moving {
+            return self.build_moving(model, moving, &prior, seed);
+        }
         let Some(power_sigma_db) = self.power_sigma_db else {
             return self.build_over(model, &prior, seed);
         };
@@ -85,6 +104,32 @@ impl EstimatorConfig {
         let _ = filter.build::<_, _, N, M>(walk, model.clone(), prior, seed)?;
         let grid = GridFilter::new(walk, model.clone(), *prior, GridConfig::default())?;
         let build = move |first| filter.build(walk, model.clone(), &first, seed);
+        Ok(Box::new(Handover::new(grid, observations, build)))
+    }
+
+    /// Builds the estimator of a place and its velocity; of the place alone until it has started
+    /// from a grid.
+    fn build_moving(
+        &self,
+        model: RssBearing<LogDistance>,
+        moving: MovingConfig,
+        prior: &Estimate<2>,
+        seed: u64,
+    ) -> Result<Box<dyn Estimator<2, 2>>, EstimatorError> {
+        let speed_sigma = positive("speed_sigma", moving.speed_sigma)?;
+        let acceleration_density = positive("acceleration_density", moving.acceleration_density)?;
+        let (motion, filter) = (ConstantVelocity { acceleration_density }, self.filter);
+        let build = move |place: Estimate<2>| {
+            let still = Vector4::new(place.mean.x, place.mean.y, 0.0, 0.0);
+            let mut prior = Estimate::isotropic(still, speed_sigma);
+            prior.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&place.covariance);
+            Ok(Leading::<_, 4>::new(filter.build(motion, model, &prior, seed)?))
+        };
+        let whole = build(*prior)?;
+        let Some(observations) = self.start_on_grid else { return Ok(Box::new(whole)) };
+        // On the grid the target walks as far in a second as its velocity may take it.
+        let walk = RandomWalk::uniform(speed_sigma);
+        let grid = GridFilter::new(walk, model, *prior, GridConfig::default())?;
         Ok(Box::new(Handover::new(grid, observations, build)))
     }
 
@@ -168,6 +213,7 @@ pub fn estimators() -> Vec<NamedEstimator> {
         drift: STILL,
         prior_sigma_m: None,
         power_sigma_db: None,
+        moving: None,
         start_on_grid: None,
         track: TrackConfig::default(),
     };
@@ -178,6 +224,7 @@ pub fn estimators() -> Vec<NamedEstimator> {
         drift,
         prior_sigma_m: Some(PRITZL_PRIOR_SIGMA_M),
         power_sigma_db: None,
+        moving: None,
         start_on_grid: None,
         track: TrackConfig::pritzl2018(),
     };
@@ -260,6 +307,43 @@ pub fn estimators() -> Vec<NamedEstimator> {
             about: "cubature points redrawn up to 10 times from the posterior, damped, χ² gate",
             source: "García-Fernández, Svensson, Morelande & Särkkä 2015; Raitoharju et al. 2018",
             config: started(FilterConfig::Cubature { gate, iterations: ITERATIONS }),
+        },
+        NamedEstimator {
+            name: "gaussian-sum",
+            about: "the prior as 49 Gaussians, each run by iterated posterior linearisation, merged as they agree",
+            source: "Alspach & Sorenson 1972; Runnalls 2007",
+            config: as_read(FilterConfig::GaussianSum { parts: 7, iterations: ITERATIONS }),
+        },
+        NamedEstimator {
+            name: "range-parameterised",
+            about: "a row of 12 Gaussians along the first bearing, ranges in geometric progression",
+            source: "Peach 1995; Arulampalam & Ristic 2000",
+            config: as_read(FilterConfig::RangeParameterised { parts: 12, iterations: ITERATIONS }),
+        },
+        NamedEstimator {
+            name: "imm",
+            about: "interacting multiple models, still and moving, each linearised up to 10 times about its posterior",
+            source: "Blom & Bar-Shalom 1988",
+            config: EstimatorConfig {
+                moving: Some(MovingConfig { acceleration_density: 0.05, speed_sigma: 0.3 }),
+                ..started(FilterConfig::Imm {
+                    sojourn_s: [600.0, 60.0],
+                    still_drift: STILL,
+                    iterations: ITERATIONS,
+                })
+            },
+        },
+        NamedEstimator {
+            name: "batch",
+            about: "the most probable place, solved anew over all receptions after each",
+            source: "Levenberg 1944; Marquardt 1963; Bar-Shalom, Li & Kirubarajan 2001, §3.4",
+            config: as_read(FilterConfig::Batch { loss: Loss::Gaussian }),
+        },
+        NamedEstimator {
+            name: "batch-robust",
+            about: "the same with residuals as Student's t with 4 degrees of freedom has them",
+            source: "Lange, Little & Taylor 1989",
+            config: as_read(FilterConfig::Batch { loss: Loss::StudentT { degrees: 4.0 } }),
         },
         NamedEstimator {
             name: "particle",

@@ -1,7 +1,13 @@
-use foxhunt_core::{BeaconId, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel};
-use foxhunt_filters::{
-    Ckf, Ekf, Gate, GridConfig, GridFilter, Iterations, NoiseScales, ParticleFilter, Ukf, Unscented,
+use std::sync::Arc;
+
+use foxhunt_core::{
+    BeaconId, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, RandomWalk, State,
 };
+use foxhunt_filters::{
+    BatchEstimator, Ckf, Ekf, FirstBearing, Gate, GaussianSum, GridConfig, GridFilter, Imm,
+    Iterations, Kalman, Loss, NoiseScales, ParticleFilter, Transition, Ukf, Unscented, split,
+};
+use nalgebra::SMatrix;
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 use serde::{Deserialize, Serialize};
 
@@ -42,6 +48,37 @@ pub enum FilterConfig {
         /// How often an update is linearised, each time about its own posterior.
         #[serde(default = "once")]
         iterations: u32,
+    },
+    /// A sum of Gaussians, each run by a cubature filter.
+    GaussianSum {
+        /// How many there are along each axis of the prior.
+        parts: usize,
+        /// How often an update is linearised, each time about its own posterior.
+        #[serde(default = "once")]
+        iterations: u32,
+    },
+    /// A bank of cubature filters in a row along the first bearing.
+    RangeParameterised {
+        /// How many there are.
+        parts: usize,
+        /// How often an update is linearised, each time about its own posterior.
+        #[serde(default = "once")]
+        iterations: u32,
+    },
+    /// Interacting multiple models: the motion that is given, and standing still.
+    Imm {
+        /// How long the target stays still, and how long it moves, on average in seconds.
+        sojourn_s: [f64; 2],
+        /// The random walk of a still target, in metres per √second.
+        still_drift: f64,
+        /// How often an update is linearised, each time about its own posterior.
+        #[serde(default = "once")]
+        iterations: u32,
+    },
+    /// The most probable place, solved anew over all observations after each.
+    Batch {
+        /// What a residual costs.
+        loss: Loss,
     },
     /// Recursive Bayes over the cells of an area.
     Grid {
@@ -122,6 +159,34 @@ impl FilterConfig {
                     .with_gate(gate.build()?)
                     .with_iterations(Iterations::at_most(iterations)?),
             ),
+            Self::GaussianSum { parts, iterations } => {
+                let filter = Ckf::new(motion, model, *prior)?
+                    .with_iterations(Iterations::at_most(iterations)?);
+                Box::new(GaussianSum::new(&filter, split(prior, [parts, parts])?)?)
+            }
+            Self::RangeParameterised { parts, iterations } => {
+                let filter = Ckf::new(motion, model, *prior)?
+                    .with_iterations(Iterations::at_most(iterations)?);
+                Box::new(FirstBearing::new(filter, parts)?)
+            }
+            Self::Imm { sojourn_s, still_drift, iterations } => {
+                let still = still_walk(still_drift, prior)?;
+                let motions: [Arc<dyn MotionModel<N>>; 2] = [Arc::new(still), Arc::new(motion)];
+                let iterations = Iterations::at_most(iterations)?;
+                let modes = motions
+                    .into_iter()
+                    .map(|motion| {
+                        let filter = Ckf::new(motion, model.clone(), *prior)?;
+                        Ok((0.5, filter.with_iterations(iterations)))
+                    })
+                    .collect::<Result<Vec<_>, EstimatorError>>()?;
+                let imm = Imm::new(modes, Transition::sojourn(&sojourn_s)?)?;
+                Box::new(imm.with_innovation(Kalman::innovation))
+            }
+            Self::Batch { loss } => {
+                let batch = BatchEstimator::new(as_walk(&motion, prior)?, model, *prior)?;
+                Box::new(batch.with_loss(loss)?)
+            }
             Self::Grid { side, level_noise_spread } => {
                 let noise_scales = level_noise_spread.map(noise_scales).transpose()?;
                 let config = GridConfig { side, noise_scales, ..GridConfig::default() };
@@ -140,6 +205,38 @@ impl FilterConfig {
             }
         })
     }
+}
+
+/// A target at rest: its place drifts, and what else is in its state goes on as it may, a velocity
+/// that it does not use among it.
+fn still_walk<const N: usize>(
+    drift: f64,
+    prior: &Estimate<N>,
+) -> Result<RandomWalk<N>, EstimatorError> {
+    if !(drift >= 0.0 && drift.is_finite()) {
+        let (name, requirement) = ("still_drift", "a non-negative number");
+        return Err(EstimatorError::Parameter { name, value: drift, requirement });
+    }
+    // Within ten seconds it may be anything again that it was before anything was heard.
+    let rest = |row: usize| (prior.covariance[(row, row)] / 10.0).sqrt();
+    Ok(RandomWalk { drift: State::from_fn(|row, _| if row < 2 { drift } else { rest(row) }) })
+}
+
+/// A motion that is a random walk, as one.
+fn as_walk<const N: usize>(
+    motion: &impl MotionModel<N>,
+    prior: &Estimate<N>,
+) -> Result<RandomWalk<N>, EstimatorError> {
+    let noise = motion.noise_factor(&prior.mean, 1.0);
+    let drift = noise.diagonal();
+    let moved = (motion.propagate(&prior.mean, 1.0) - prior.mean).norm()
+        + (noise - SMatrix::from_diagonal(&drift)).norm();
+    if moved > 1e-9 {
+        let (name, requirement) =
+            ("what the target moves in a second", "0: a batch is of one place");
+        return Err(EstimatorError::Parameter { name, value: moved, requirement });
+    }
+    Ok(RandomWalk { drift })
 }
 
 /// A log-normal distribution of the factor on a level's σ, at five nodes three quarters of a deviation
@@ -166,7 +263,6 @@ pub(crate) fn beacon_seed(run: u64, beacon: BeaconId) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use foxhunt_core::{RandomWalk, State};
     use foxhunt_sensors::{LogDistance, RssBearing};
 
     use super::*;

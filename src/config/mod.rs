@@ -8,7 +8,7 @@ mod planner;
 
 pub(crate) use estimator::with_power;
 pub use estimator::{
-    DEFAULT_ESTIMATOR, EstimatorConfig, NamedEstimator, estimator_named, estimators,
+    DEFAULT_ESTIMATOR, EstimatorConfig, MovingConfig, NamedEstimator, estimator_named, estimators,
 };
 pub use extractor::ExtractorConfig;
 pub(crate) use filter::beacon_seed;

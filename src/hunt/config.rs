@@ -15,6 +15,10 @@ pub struct HuntConfig {
     pub move_timeout_s: f64,
     /// A drone whose turn has not come after this long is not waited for.
     pub turn_timeout_s: f64,
+    /// σ of a drone's own East, North and Up, in metres, as its GNSS has it; taken for known where
+    /// absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub receiver_sigma_m: Option<f64>,
     /// A formation position at which nothing was heard is measured this often before the beacon
     /// is given up.
     pub attempts: u32,
@@ -22,13 +26,15 @@ pub struct HuntConfig {
 
 impl Default for HuntConfig {
     /// Prior σ 50 m, as far as a small drone's beacon is looked for; arrival within 0.3 m, 120 s for a move, 90 s for a turn
-    /// (52.8 s at most: 128 positions of 0.4 s, the first of 2 s), 3 attempts.
+    /// (52.8 s at most: 128 positions of 0.4 s, the first of 2 s), drones that know where they
+    /// are, 3 attempts.
     fn default() -> Self {
         Self {
             prior_sigma_m: 50.0,
             arrival_tolerance_m: 0.3,
             move_timeout_s: 120.0,
             turn_timeout_s: 90.0,
+            receiver_sigma_m: None,
             attempts: 3,
         }
     }
@@ -42,6 +48,7 @@ impl HuntConfig {
             ("move_timeout_s", self.move_timeout_s),
             ("turn_timeout_s", self.turn_timeout_s),
             ("attempts", f64::from(self.attempts)),
+            ("receiver_sigma_m", self.receiver_sigma_m.unwrap_or(1.0)),
         ];
         match fields.into_iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
             Some((field, value)) => Err(HuntError::Config { field, value }),

@@ -5,7 +5,7 @@ use foxhunt_core::{
     FormationPlanner, Observation, ObservationError, Outcome, Reception, Station, Sweep,
 };
 use foxhunt_formation::{Phase, PhaseError, Phases, Signal};
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 use super::{Event, Fix, Heard, HuntConfig, HuntError, Track, TrackConfig};
 
@@ -189,7 +189,8 @@ where
                 return self.events.push_back(Event::Refused { time, drone, reason });
             }
         };
-        let reception = Reception::new(sweep, &reading);
+        let receiver_sigma_m = self.config.receiver_sigma_m.map(Vector3::repeat);
+        let reception = Reception { receiver_sigma_m, ..Reception::new(sweep, &reading) };
         let first_position = self.position.measured == 0;
         self.events.push_back(Event::Received { time, drone, first_position, reception });
         let reason = match track.hear(&reception, first_position) {

@@ -34,6 +34,7 @@ pub enum Power {
 
 /// What turns observations into a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "there is one of it in a run")]
 pub enum LocateEstimator {
     /// All levels at once on a grid, with shadowing that is correlated along the flight
     /// (`filters::ShadowingGrid`).

@@ -34,6 +34,7 @@ fn hunt(estimate: Estimate<2>, angle: f64, outcome: Outcome) -> Vec<Event> {
         rss_sigma_db: 4.0,
         bearing: Some(Bearing { angle, sigma: 0.3, confidence: 0.8 }),
         covariance: 0.0,
+        receiver_sigma_m: None,
     };
     let received = |time: f64| Event::Received {
         time,

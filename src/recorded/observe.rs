@@ -1,7 +1,7 @@
 use std::collections::BTreeMap;
 
 use foxhunt_core::{BeaconId, BearingExtractor, Observation, ObservationError, Pose, Reception};
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::{RecordedError, bearings};
 use crate::recording::{Record, Recording};
@@ -15,12 +15,15 @@ pub struct ObserveConfig {
     pub bearing_sigma: f64,
     /// How many positions a turn of the antenna has.
     pub positions: u16,
+    /// σ of the receiver's own East, North and Up in metres; its place is known where absent.
+    pub receiver_sigma_m: Option<f64>,
 }
 
 impl Default for ObserveConfig {
-    /// 8 dB, 10°, 128 positions.
+    /// 8 dB, 10°, 128 positions, receivers at known places.
     fn default() -> Self {
-        Self { rss_sigma_db: 8.0, bearing_sigma: 10.0_f64.to_radians(), positions: 128 }
+        let bearing_sigma = 10.0_f64.to_radians();
+        Self { rss_sigma_db: 8.0, bearing_sigma, positions: 128, receiver_sigma_m: None }
     }
 }
 
@@ -72,7 +75,10 @@ pub fn observations(
                     let (file, line) = (recording.file().to_owned(), turn.sweep.line);
                     return Err(RecordedError::NoPlace { file, line });
                 }
-                let reception = Reception::new(&turn.sweep.lend(BeaconId(0)), &turn.reading);
+                let receiver_sigma_m = config.receiver_sigma_m.map(Vector3::repeat);
+                let sweep = turn.sweep.lend(BeaconId(0));
+                let reception =
+                    Reception { receiver_sigma_m, ..Reception::new(&sweep, &turn.reading) };
                 let one = Observation::try_from(&reception).map_err(wrong(turn.sweep.line))?;
                 of_drone.entry(&turn.sweep.drone).or_default().push(one);
             }
@@ -101,6 +107,9 @@ fn observe(
     let noise = Vector2::new(config.rss_sigma_db, sigma);
     let noise = Matrix2::from_diagonal(&noise.component_mul(&noise));
     let mut observation = Observation::new(time, receiver, value, noise)?;
+    if let Some(sigma) = config.receiver_sigma_m {
+        observation = observation.with_receiver_sigma(Vector3::repeat(sigma))?;
+    }
     if record.rss_dbm.is_none() {
         observation = observation.without(0);
     }

@@ -54,6 +54,10 @@ pub(crate) struct Args {
     /// How far the transmitter may lie beyond the area that was flown over, in metres
     #[arg(long, value_name = "M", default_value_t = 200.0)]
     margin_m: f64,
+    /// How uncertain the receiver's own place is, in metres on each axis, as its GNSS has it; known
+    /// unless given
+    #[arg(long, value_name = "M")]
+    receiver_sigma_m: Option<f64>,
     /// The seed of estimators that draw random numbers
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
@@ -102,7 +106,11 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let recordings = args.reading.read(&args.files)?;
     let beacon = args.reading.beacon(&recordings)?;
     let extractor = ExtractorConfig::default().build();
-    let observe = ObserveConfig { positions: args.reading.positions, ..ObserveConfig::default() };
+    let observe = ObserveConfig {
+        positions: args.reading.positions,
+        receiver_sigma_m: args.receiver_sigma_m,
+        ..ObserveConfig::default()
+    };
     let heard = observations(&recordings, beacon.as_deref(), extractor.as_ref(), &observe)
         .map_err(CliError::input)?;
 

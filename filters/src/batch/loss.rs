@@ -5,6 +5,8 @@ use super::{BatchError, positive};
 /// The robust ones are minimised by reweighting: each observation counts ρ′(q). With one
 /// component present, √q is the residual in standard deviations.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum Loss {
     /// ρ = q: Gaussian noise, least squares.

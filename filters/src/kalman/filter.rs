@@ -164,6 +164,11 @@ where
     }
 
     #[cfg(feature = "alloc")]
+    pub(crate) fn measurement(&self) -> &H {
+        &self.measurement
+    }
+
+    #[cfg(feature = "alloc")]
     pub(crate) fn motion(&self) -> &F {
         &self.motion
     }

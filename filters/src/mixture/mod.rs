@@ -2,6 +2,7 @@
 
 mod bank;
 mod component;
+mod first_bearing;
 mod gaussian_sum;
 mod imm;
 mod merge;
@@ -14,6 +15,7 @@ mod transition;
 
 pub use bank::Bank;
 pub use component::InnovationOf;
+pub use first_bearing::FirstBearing;
 pub use gaussian_sum::GaussianSum;
 pub use imm::Imm;
 pub use polar::polar_moments;
