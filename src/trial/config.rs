@@ -228,8 +228,12 @@ impl Trial {
         };
         let finite = |field, value: f64| require(field, value, value.is_finite(), "finite");
         let BearingsConfig { count, interval_s, sigma_rad, .. } = self.bearings;
-        let counted = (1..=100_000).contains(&count);
-        require("bearings.count", f64::from(count), counted, "in 1 … 100 000")?;
+        let counted = (1..=10_000).contains(&count);
+        require("bearings.count", f64::from(count), counted, "in 1 … 10 000")?;
+        // A number from a file must not be able to ask for all memory there is.
+        let particles = u32::try_from(self.particles).unwrap_or(u32::MAX);
+        let cloud = (5..=10_000_000).contains(&particles);
+        require("particles", f64::from(particles), cloud, "in 5 … 10 000 000")?;
         positive("bearings.interval_s", interval_s)?;
         positive("bearings.sigma_rad", sigma_rad)?;
         for &point in &self.checkpoints {
@@ -330,6 +334,7 @@ mod tests {
         let text = TEXTS[0].1;
         for (good, bad, field) in [
             ("count = 48", "count = 0", "bearings.count"),
+            ("particles = 2000", "particles = 4", "particles"),
             ("sigma_rad = 0.2468", "sigma_rad = 0.0", "bearings.sigma_rad"),
             ("checkpoints = [12, 24]", "checkpoints = [49]", "checkpoints"),
             ("bearings_at_each = 3", "bearings_at_each = 0", "receiver.bearings_at_each"),

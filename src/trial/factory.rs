@@ -19,6 +19,10 @@ use crate::config::{FilterConfig, GateConfig, estimator_named};
 pub struct TrialEstimator {
     /// Its name, as `--estimator` takes it.
     pub name: &'static str,
+    /// What it is, in a line.
+    pub about: &'static str,
+    /// Where it comes from.
+    pub source: &'static str,
     kind: Kind,
 }
 
@@ -40,14 +44,39 @@ enum Kind {
 #[must_use]
 pub fn trial_estimators() -> Vec<TrialEstimator> {
     let named = ["ekf", "ekf-iterated", "ukf", "cubature", "iterated-posterior-linearisation"];
+    let named = named.into_iter().filter_map(estimator_named).map(|known| TrialEstimator {
+        name: known.name,
+        about: known.about,
+        source: known.source,
+        kind: Kind::Named,
+    });
     let own = [
-        ("particle", Kind::Particle),
-        ("gaussian-sum", Kind::GaussianSum),
-        ("range-parameterised", Kind::RangeParameterised),
-        ("imm", Kind::Imm),
+        TrialEstimator {
+            name: "particle",
+            about: "particle filter, its cloud drawn from the trial's prior",
+            source: "Gordon, Salmond & Smith 1993; Liu & West 2001",
+            kind: Kind::Particle,
+        },
+        TrialEstimator {
+            name: "gaussian-sum",
+            about: "cubature Kalman filters side by side over the prior, merged, branching on outliers",
+            source: "Alspach & Sorenson 1972; Runnalls 2007",
+            kind: Kind::GaussianSum,
+        },
+        TrialEstimator {
+            name: "range-parameterised",
+            about: "iterated filters on the first bearing, ranges in geometric progression",
+            source: "Peach 1995; Arulampalam & Ristic 2000",
+            kind: Kind::RangeParameterised,
+        },
+        TrialEstimator {
+            name: "imm",
+            about: "interacting unscented Kalman filters of a still and of a moving target",
+            source: "Blom & Bar-Shalom 1988",
+            kind: Kind::Imm,
+        },
     ];
-    let named = named.into_iter().map(|name| (name, Kind::Named));
-    named.chain(own).map(|(name, kind)| TrialEstimator { name, kind }).collect()
+    named.chain(own).collect()
 }
 
 /// The trial's estimator of a name.
@@ -57,10 +86,10 @@ pub fn trial_estimator_named(name: &str) -> Option<TrialEstimator> {
 }
 
 /// Gaussians in each direction of a room, or along the range and along the course.
-const SUM: [usize; 2] = [9, 5];
+const SUM: [usize; 2] = [7, 7];
 
 /// Gaussians along the range and along the course.
-const ROW: [usize; 2] = [9, 5];
+const ROW: [usize; 2] = [7, 5];
 
 /// How often each component is linearised.
 const ITERATIONS: u32 = 10;
@@ -82,13 +111,9 @@ impl TrialEstimator {
     {
         let model = model(trial)?;
         let moments: Estimate<N> = leading_estimate(&prior.moments());
-        let sum_of =
-            |parts: Vec<(f64, Estimate<4>)>| -> Result<Box<dyn Estimator<N, 1>>, EstimatorError> {
-                let parts = parts.iter().map(|(weight, part)| (*weight, leading_estimate(part)));
-                let filter = Ckf::new(motion.clone(), model, moments)?
-                    .with_iterations(Iterations::at_most(ITERATIONS)?);
-                Ok(Box::new(GaussianSum::new(&filter, parts)?))
-            };
+        let sum_of = |parts: Vec<(f64, Estimate<4>)>, iterations: u32| {
+            sum_of(trial, Ckf::new(motion.clone(), model, moments)?, &parts, iterations)
+        };
         let unsuited = |needs| TrialError::Unsuited {
             estimator: self.name.to_owned(),
             trial: trial.name.clone(),
@@ -106,10 +131,10 @@ impl TrialEstimator {
                 let cloud: Vec<_> = (0..trial.particles).map(draw).collect();
                 Box::new(ParticleFilter::from_samples(motion, model, &cloud, rng)?)
             }
-            Kind::GaussianSum => sum_of(prior.sum(SUM)?)?,
+            Kind::GaussianSum => sum_of(prior.sum(SUM)?, 1)?,
             Kind::RangeParameterised => {
                 let row = prior.row(ROW)?;
-                sum_of(row.ok_or_else(|| unsuited("a prior of ranging"))?)?
+                sum_of(row.ok_or_else(|| unsuited("a prior of ranging"))?, ITERATIONS)?
             }
             Kind::Imm => return Err(unsuited("a target that moves")),
         })
@@ -143,6 +168,24 @@ impl TrialEstimator {
         let imm = Imm::new(models, Transition::sojourn(&SOJOURN_S)?)?;
         Ok(Box::new(imm.with_innovation(Kalman::innovation)))
     }
+}
+
+/// A Gaussian sum of copies of one filter, which knows of the trial's outliers.
+fn sum_of<F, const N: usize>(
+    trial: &Trial,
+    filter: Ckf<F, BearingOnly, N, 1>,
+    parts: &[(f64, Estimate<4>)],
+    iterations: u32,
+) -> Result<Box<dyn Estimator<N, 1>>, EstimatorError>
+where
+    F: MotionModel<N> + Clone + 'static,
+{
+    let filter = filter.with_iterations(Iterations::at_most(iterations)?);
+    let parts = parts.iter().map(|(weight, part)| (*weight, leading_estimate(part)));
+    let (sum, share) = (GaussianSum::new(&filter, parts)?, trial.bearings.outlier_share);
+    // A bearing that is none points anywhere.
+    let anywhere = 1.0 / core::f64::consts::TAU;
+    Ok(Box::new(if share > 0.0 { sum.with_outliers(share, anywhere)? } else { sum }))
 }
 
 /// What keeps outliers from a Kalman filter: nothing where there are none, as a gate would shut out

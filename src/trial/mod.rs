@@ -1,6 +1,7 @@
 //! Trials: bearings drawn from a stated density instead of flown turns. A scripted receiver, a
 //! target whose course is known, a prior, and what estimators make of it.
 
+mod bound;
 mod campaign;
 mod config;
 mod course;

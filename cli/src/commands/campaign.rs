@@ -153,14 +153,20 @@ fn checkpoints(report: &CampaignReport, index: usize) -> Option<String> {
     let columns: Vec<String> = ["rms on the way".to_owned()]
         .into_iter()
         .chain(after)
-        .chain(["whole track".to_owned()])
+        .chain(["at the end".to_owned(), "whole track".to_owned()])
         .collect();
     let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
     let mut way = table(&columns);
     for (estimator, beacon) in beacons() {
         let rms = beacon.checkpoints.iter().map(|point| number(point.error_m.map(|e| e.rms), 2));
         let name = [estimator.estimator.clone()].into_iter();
-        way.add_row(name.chain(rms).chain([number(beacon.track_rms_m, 2)]));
+        let end = [number(beacon.error_m.map(|e| e.rms), 2), number(beacon.track_rms_m, 2)];
+        way.add_row(name.chain(rms).chain(end));
+    }
+    if first.bound_m.is_some() {
+        let bounds = first.checkpoints.iter().map(|point| number(point.bound_m, 2));
+        let end = [number(first.bound_m, 2), number(None, 2)];
+        way.add_row(["Cramér-Rao bound".to_owned()].into_iter().chain(bounds).chain(end));
     }
     Some(way.to_string())
 }

@@ -52,3 +52,51 @@ fn a_campaign_ends_with_a_table_for_each_beacon() {
     assert!(verdicts.iter().any(|verdict| row.contains(verdict)), "{row}");
     assert!(!ran.stdout.contains("NaN"));
 }
+
+#[test]
+fn a_trial_is_run_like_a_hunt_and_tells_its_checkpoints() {
+    let ran = foxhunt([
+        "campaign",
+        "isaacs-static",
+        "--json",
+        "--runs",
+        "2",
+        "--seed",
+        "4",
+        "--estimator",
+        "gaussian-sum",
+        "--estimator",
+        "ekf",
+    ]);
+    let report = ran.json();
+    assert_eq!((&report["scenario"], &report["seed"]), (&"isaacs-static".into(), &4.into()));
+    for estimator in report["estimators"].as_array().expect("a list") {
+        let beacon = &estimator["beacons"][0];
+        has(beacon, &["error_m", "steps", "anees", "coverage_95", "track_rms_m", "checkpoints"]);
+        let after: Vec<_> = beacon["checkpoints"]
+            .as_array()
+            .expect("a list")
+            .iter()
+            .map(|point| point["measurements"].as_u64())
+            .collect();
+        assert_eq!(after, [Some(12), Some(24)]);
+        has(&beacon["checkpoints"][0], &["error_m", "anees"]);
+    }
+    let table = foxhunt(["campaign", "isaacs-static", "--runs", "2", "--estimator", "ekf"]);
+    for text in ["target", "after 12", "after 24", "whole track", "ekf"] {
+        assert!(table.stdout.contains(text), "{text} is missing in {}", table.stdout);
+    }
+}
+
+#[test]
+fn what_does_not_suit_a_trial_is_refused() {
+    for (scenario, estimator, told) in [
+        ("isaacs-static", "range-parameterised", "needs a prior of ranging"),
+        ("isaacs-static", "ukf-pritzl2018", "no estimator of trials"),
+        ("pritzl-6.1", "range-parameterised", "no estimator"),
+    ] {
+        let ran = foxhunt(["campaign", scenario, "--runs", "1", "--estimator", estimator]);
+        assert_eq!(ran.code, 2, "{ran:?}");
+        assert!(ran.stderr.contains(told), "{}", ran.stderr);
+    }
+}

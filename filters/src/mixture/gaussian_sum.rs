@@ -61,6 +61,14 @@ pub struct GaussianSum<T, F, H, const N: usize, const M: usize> {
     most: usize,
     cheap: f64,
     resplitting: Option<Resplitting>,
+    outliers: Option<Outliers>,
+}
+
+/// The share of outliers, and the logarithms of what the two kinds of observation begin with.
+#[derive(Clone, Copy, Debug)]
+struct Outliers {
+    log_heard: f64,
+    log_density: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -71,6 +79,9 @@ struct Resplitting {
 
 /// The lightest component that is worth splitting.
 const LIGHT: f64 = 1e-3;
+
+/// The lightest that is kept of two hypotheses.
+const NEGLIGIBLE: f64 = 1e-6;
 
 impl<T, F, H, const N: usize, const M: usize> GaussianSum<T, F, H, N, M>
 where
@@ -98,7 +109,7 @@ where
         let bank = Bank::new(components)?
             .with_axes(filter.motion().axes())?
             .with_innovation(Kalman::innovation);
-        Ok(Self { most: bank.len(), bank, cheap: 1e-3, resplitting: None })
+        Ok(Self { most: bank.len(), bank, cheap: 1e-3, resplitting: None, outliers: None })
     }
 
     /// The same sum with at most so many components after an update.
@@ -157,6 +168,28 @@ where
             return Err(EstimatorError::Parameter { name, value, requirement });
         }
         Ok(Self { resplitting: Some(Resplitting { above, parts }), ..self })
+    }
+
+    /// The same sum where a `share` of the observations are outliers of a constant `density`, such
+    /// as 1 / 2π for a bearing from anywhere: every component goes on as two, one that has fused
+    /// the observation and one that takes it for an outlier, with the weights that the evidence
+    /// gives them. Its filters want no gate.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when the share is not in (0, 1) or the density not a positive
+    /// number.
+    pub fn with_outliers(self, share: f64, density: f64) -> Result<Self, EstimatorError> {
+        if !(share > 0.0 && share < 1.0) {
+            let (name, requirement) = ("share of outliers", "in (0, 1)");
+            return Err(EstimatorError::Parameter { name, value: share, requirement });
+        }
+        if !(density > 0.0 && density.is_finite()) {
+            let (name, requirement) = ("density of outliers", "a positive number");
+            return Err(EstimatorError::Parameter { name, value: density, requirement });
+        }
+        let (log_heard, log_density) = (libm::log1p(-share), libm::log(share * density));
+        Ok(Self { outliers: Some(Outliers { log_heard, log_density }), ..self })
     }
 
     /// The weights, which sum to 1, and the filters.
@@ -237,7 +270,22 @@ where
         if let Some(components) = self.resplit(observation)? {
             bank.replace(components)?;
         }
-        let correction = bank.update(observation)?;
+        let before = self.outliers.map(|outliers| (outliers, bank.clone()));
+        let mut correction = bank.update(observation)?;
+        if let (Some((outliers, before)), Correction::Fused { log_evidence, .. }) =
+            (before, &mut correction)
+        {
+            let heard = outliers.log_heard + *log_evidence;
+            let (low, high) = (heard.min(outliers.log_density), heard.max(outliers.log_density));
+            *log_evidence = high + libm::log1p(libm::exp(low - high));
+            let [heard, out] =
+                [heard, outliers.log_density].map(|log| libm::exp(log - *log_evidence));
+            let both = bank.components().map(|(w, f)| (w * heard, f));
+            let both = both.chain(before.components().map(|(w, f)| (w * out, f)));
+            let both: Vec<_> =
+                both.filter(|(w, _)| *w > NEGLIGIBLE).map(|(w, f)| (w, f.clone())).collect();
+            bank.replace(both)?;
+        }
         let components = self.merged(&bank)?;
         bank.replace(components)?;
         self.bank = bank;

@@ -166,6 +166,30 @@ mod tests {
     }
 
     #[test]
+    fn what_is_remembered_of_the_costs_is_kept_right() {
+        // 200 sets of 15, from a linear congruential generator (Knuth's MMIX): in one go as step
+        // by step, where every cost is worked out anew.
+        let mut state = 1_u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            f64::from(u32::try_from(state >> 32).expect("32 bits")) / f64::from(u32::MAX)
+        };
+        for _ in 0..200 {
+            let mut draw = |_| part(0, 0.01 + uniform(), 10.0 * uniform(), 0.2 + 2.0 * uniform());
+            let whole: Vec<Part<1>> = (0..15).map(&mut draw).collect();
+            let mut stepwise = whole.clone();
+            for left in (2..15).rev() {
+                reduce(&mut stepwise, left, f64::NEG_INFINITY, &[Axis::Linear]).expect("finite");
+            }
+            let mut at_once = whole;
+            reduce(&mut at_once, 2, f64::NEG_INFINITY, &[Axis::Linear]).expect("finite");
+            for (a, b) in at_once.iter().zip(&stepwise) {
+                assert_eq!(a.estimate, b.estimate);
+            }
+        }
+    }
+
+    #[test]
     fn the_same_twice_is_merged_for_nothing() {
         let mut same = vec![part(0, 0.4, 1.0, 2.0), part(1, 0.6, 1.0, 2.0)];
         reduce(&mut same, 9, 1e-9, &[Axis::Linear]).expect("finite");

@@ -1,12 +1,12 @@
 use foxhunt_core::{
-    Estimate, Estimator, MeasurementModel, Observation, RandomWalk, State,
-    nalgebra::{Matrix2, Matrix4, Vector2, Vector4},
+    Estimate, Estimator, MeasurementModel, Observation, Pose, RandomWalk, State,
+    nalgebra::{Matrix1, Matrix2, Matrix4, Vector1, Vector2, Vector4},
 };
 use foxhunt_filters::{Ckf, Ekf, GaussianSum, RangeParameterised, split};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
-use crate::model::{Bearing, bearing, evidence, mean_and_error, rng, white};
+use crate::model::{Bearing, Part, bearing, evidence, mean_and_error, normal, rng, white};
 
 #[test]
 fn a_split_has_the_moments_of_the_whole() {
@@ -102,6 +102,52 @@ fn a_sum_reaches_the_exact_posterior_where_one_gaussian_does_not() {
 }
 
 #[test]
+fn outliers_branch_into_the_exact_mixture() {
+    // z is the place's East; each of four observations is one of N(x, 1) or, with 0.3, anywhere with a
+    // density of 0.05: sixteen hypotheses, summed here one by one.
+    let prior = Estimate::isotropic(Vector2::zeros(), 2.0);
+    let one = Ekf::new(RandomWalk::uniform(0.0), Part, prior).expect("a proper prior");
+    let mut sum = GaussianSum::new(&one, [(1.0, prior)])
+        .and_then(|sum| sum.with_most_components(16))
+        .and_then(|sum| sum.with_merging_below(0.0))
+        .and_then(|sum| sum.with_pruning(0.0))
+        .and_then(|sum| sum.with_outliers(0.3, 0.05))
+        .expect("in range");
+    let values = [0.5, 4.0, 0.9, -1.5];
+    let mut told = 0.0;
+    for value in values {
+        let (z, noise) = (Vector1::new(value), Matrix1::new(1.0));
+        let heard = Observation::new(0.0, Pose::default(), z, noise).expect("proper");
+        told += evidence(sum.update(&heard).expect("proper"));
+    }
+    let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
+    for hypothesis in 0..16 {
+        let (mut weight, mut mean, mut variance) = (1.0, 0.0, 4.0);
+        for (i, z) in values.iter().enumerate() {
+            if hypothesis >> i & 1 == 1 {
+                weight *= 0.3 * 0.05;
+            } else {
+                weight *= 0.7 * normal(*z, mean, variance + 1.0);
+                mean += variance / (variance + 1.0) * (z - mean);
+                variance /= variance + 1.0;
+            }
+        }
+        total += weight;
+        first += weight * mean;
+        second += weight * (variance + mean * mean);
+    }
+    assert!((told - total.ln()).abs() < 1e-9, "{told}, not {}", total.ln());
+    let estimate = sum.estimate();
+    assert!((estimate.mean[0] - first / total).abs() < 1e-5, "{}", estimate.mean);
+    let variance = second / total - (first / total).powi(2);
+    // Hypotheses below a millionth are not kept.
+    assert!((estimate.covariance[(0, 0)] - variance).abs() < 1e-4, "{}", estimate.covariance);
+    for (share, density) in [(0.0, 1.0), (1.0, 1.0), (f64::NAN, 1.0), (0.5, 0.0), (0.5, f64::NAN)] {
+        assert!(sum.clone().with_outliers(share, density).is_err(), "{share}, {density}");
+    }
+}
+
+#[test]
 fn a_sum_that_has_become_one_gaussian_is_merged() {
     let prior = Estimate::isotropic(Vector2::new(40.0, 0.0), 20.0);
     let one = Ckf::new(RandomWalk::uniform(0.01), Bearing, prior).expect("proper");
@@ -110,7 +156,7 @@ fn a_sum_that_has_become_one_gaussian_is_merged() {
     for i in 0..40 {
         let angle = 0.7 * f64::from(i);
         let receiver = Vector2::new(angle.cos(), angle.sin()) * 30.0;
-        let value = Bearing.expected(&target, &foxhunt_core::Pose::at(receiver.x, receiver.y, 0.0));
+        let value = Bearing.expected(&target, &Pose::at(receiver.x, receiver.y, 0.0));
         sum.predict(1.0).expect("a proper step");
         let _ = sum.update(&bearing(receiver, value[0], 0.02)).expect("proper");
     }
@@ -131,7 +177,7 @@ fn ranging(make: impl Fn(&RangeParameterised) -> Box<dyn Estimator<2, 1>>) -> (V
         let first = 0.4;
         let direction = first + noise(sigma);
         let target = Vector2::new(direction.cos(), direction.sin()) * range;
-        let origin = foxhunt_core::Pose::default();
+        let origin = Pose::default();
         let row = RangeParameterised::new(&origin, (first, sigma), (20.0, 1280.0), 8);
         let mut filter = make(&row.expect("proper"));
         for step in 1..=12 {
@@ -180,8 +226,7 @@ fn a_range_parameterised_bank_finds_a_range_that_one_filter_does_not() {
 fn moving_targets_have_a_bank_too() {
     // Seed 7: the truth is drawn from the middle component of the bank.
     let mut rng = rng(7);
-    let row =
-        RangeParameterised::new(&foxhunt_core::Pose::default(), (0.0, 0.02), (100.0, 800.0), 3);
+    let row = RangeParameterised::new(&Pose::default(), (0.0, 0.02), (100.0, 800.0), 3);
     let rest = Estimate::isotropic(State::<4>::zeros(), 1.0);
     let parts = row.expect("proper").states(&rest);
     let truth = parts[1].1.mean
