@@ -1,12 +1,12 @@
 use foxhunt_core::{
-    ConstantVelocity, Estimate, Estimator, EstimatorError, MeasurementModel, RandomWalk, State,
+    ConstantVelocity, Estimate, EstimatorError, MeasurementModel, RandomWalk, State,
 };
-use foxhunt_filters::{GridConfig, GridFilter, Handover, Leading, Loss};
+use foxhunt_filters::{GridConfig, GridFilter, Handover, Leading, Loss, OutOfOrder};
 use foxhunt_sensors::{FreePowerRssBearing, LogDistance, RssBearing};
 use nalgebra::Vector4;
 use serde::{Deserialize, Serialize};
 
-use super::{FilterConfig, GateConfig};
+use super::{BoxedEstimator, FilterConfig, GateConfig};
 use crate::hunt::TrackConfig;
 
 /// An estimator: a filter, what it takes for known, and how receptions are put to it.
@@ -29,6 +29,10 @@ pub struct EstimatorConfig {
     /// How the beacon moves, where it does; it stays where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moving: Option<MovingConfig>,
+    /// A reception that comes at most so many seconds late is used at its own time; one that comes
+    /// late is used as if it were new where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lag_s: Option<f64>,
     /// The filter begins after so many observations, from what a grid made of these; at once
     /// where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -64,19 +68,33 @@ impl EstimatorConfig {
         model: RssBearing<LogDistance>,
         prior: &Estimate<2>,
         seed: u64,
-    ) -> Result<Box<dyn Estimator<2, 2>>, EstimatorError> {
+    ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
         let prior = match self.prior_sigma_m {
             Some(sigma) => Estimate::isotropic(prior.mean, positive("prior_sigma_m", sigma)?),
             None => *prior,
         };
+        let estimator = self.build_in_order(model, &prior, seed)?;
+        Ok(match self.lag_s {
+            Some(lag_s) => Box::new(OutOfOrder::from_first(estimator, lag_s)?),
+            None => estimator,
+        })
+    }
+
+    /// The estimator of receptions that come in the order of their time.
+    fn build_in_order(
+        &self,
+        model: RssBearing<LogDistance>,
+        prior: &Estimate<2>,
+        seed: u64,
+    ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
         if let Some(moving) = self.moving {
-            return self.build_moving(model, moving, &prior, seed);
+            return self.build_moving(model, moving, prior, seed);
         }
         let Some(power_sigma_db) = self.power_sigma_db else {
-            return self.build_over(model, &prior, seed);
+            return self.build_over(model, prior, seed);
         };
         let sigma = positive("power_sigma_db", power_sigma_db)?;
-        let prior = with_power(&prior, model.propagation().reference_dbm(), sigma);
+        let prior = with_power(prior, model.propagation().reference_dbm(), sigma);
         let filter = self.build_over(FreePowerRssBearing::from(model), &prior, seed)?;
         Ok(Box::new(Leading::new(filter)))
     }
@@ -92,7 +110,7 @@ impl EstimatorConfig {
         model: H,
         prior: &Estimate<N>,
         seed: u64,
-    ) -> Result<Box<dyn Estimator<N, M>>, EstimatorError>
+    ) -> Result<BoxedEstimator<N, M>, EstimatorError>
     where
         H: MeasurementModel<N, M> + Clone + 'static,
     {
@@ -115,7 +133,7 @@ impl EstimatorConfig {
         moving: MovingConfig,
         prior: &Estimate<2>,
         seed: u64,
-    ) -> Result<Box<dyn Estimator<2, 2>>, EstimatorError> {
+    ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
         let speed_sigma = positive("speed_sigma", moving.speed_sigma)?;
         let acceleration_density = positive("acceleration_density", moving.acceleration_density)?;
         let (motion, filter) = (ConstantVelocity { acceleration_density }, self.filter);
@@ -214,6 +232,7 @@ pub fn estimators() -> Vec<NamedEstimator> {
         prior_sigma_m: None,
         power_sigma_db: None,
         moving: None,
+        lag_s: None,
         start_on_grid: None,
         track: TrackConfig::default(),
     };
@@ -225,6 +244,7 @@ pub fn estimators() -> Vec<NamedEstimator> {
         prior_sigma_m: Some(PRITZL_PRIOR_SIGMA_M),
         power_sigma_db: None,
         moving: None,
+        lag_s: None,
         start_on_grid: None,
         track: TrackConfig::pritzl2018(),
     };

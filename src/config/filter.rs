@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use foxhunt_core::{
-    BeaconId, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, RandomWalk, State,
+    BeaconId, Estimate, EstimatorError, MeasurementModel, MotionModel, RandomWalk, State,
 };
 use foxhunt_filters::{
     BatchEstimator, Ckf, Ekf, FirstBearing, Gate, GaussianSum, GridConfig, GridFilter, Imm,
@@ -10,6 +10,8 @@ use foxhunt_filters::{
 use nalgebra::SMatrix;
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 use serde::{Deserialize, Serialize};
+
+use super::BoxedEstimator;
 
 /// A filter chosen at run time, over any motion and measurement model.
 ///
@@ -137,7 +139,7 @@ impl FilterConfig {
         model: H,
         prior: &Estimate<N>,
         seed: u64,
-    ) -> Result<Box<dyn Estimator<N, M>>, EstimatorError>
+    ) -> Result<BoxedEstimator<N, M>, EstimatorError>
     where
         F: MotionModel<N> + Clone + 'static,
         H: MeasurementModel<N, M> + Clone + 'static,

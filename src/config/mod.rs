@@ -1,11 +1,13 @@
 //! Parts picked at run time: what stands in files and on the command line.
 
+mod boxed;
 mod estimator;
 mod extractor;
 mod filter;
 mod model;
 mod planner;
 
+pub use boxed::{BoxedEstimator, CloneEstimator};
 pub(crate) use estimator::with_power;
 pub use estimator::{
     DEFAULT_ESTIMATOR, EstimatorConfig, MovingConfig, NamedEstimator, estimator_named, estimators,
