@@ -57,6 +57,7 @@ fn every_estimator_runs_every_trial_that_suits_it() {
         trial.particles = 200;
         let moving = trial.name == "isaacs-circle" || trial.name.starts_with("bot");
         for estimator in trial_estimators() {
+            assert!(foxhunt::config::estimator_named(estimator.name).is_some());
             let suited = match estimator.name {
                 "imm" => moving,
                 "range-parameterised" => trial.name.starts_with("bot"),

@@ -19,10 +19,6 @@ use crate::config::{FilterConfig, GateConfig, estimator_named};
 pub struct TrialEstimator {
     /// Its name, as `--estimator` takes it.
     pub name: &'static str,
-    /// What it is, in a line.
-    pub about: &'static str,
-    /// Where it comes from.
-    pub source: &'static str,
     kind: Kind,
 }
 
@@ -40,43 +36,18 @@ enum Kind {
     Imm,
 }
 
-/// Every estimator that a trial knows.
+/// Every estimator that a trial knows, each by a name that hunts know, too.
 #[must_use]
 pub fn trial_estimators() -> Vec<TrialEstimator> {
     let named = ["ekf", "ekf-iterated", "ukf", "cubature", "iterated-posterior-linearisation"];
-    let named = named.into_iter().filter_map(estimator_named).map(|known| TrialEstimator {
-        name: known.name,
-        about: known.about,
-        source: known.source,
-        kind: Kind::Named,
-    });
     let own = [
-        TrialEstimator {
-            name: "particle",
-            about: "particle filter, its cloud drawn from the trial's prior",
-            source: "Gordon, Salmond & Smith 1993; Liu & West 2001",
-            kind: Kind::Particle,
-        },
-        TrialEstimator {
-            name: "gaussian-sum",
-            about: "cubature Kalman filters side by side over the prior, merged, branching on outliers",
-            source: "Alspach & Sorenson 1972; Runnalls 2007",
-            kind: Kind::GaussianSum,
-        },
-        TrialEstimator {
-            name: "range-parameterised",
-            about: "iterated filters on the first bearing, ranges in geometric progression",
-            source: "Peach 1995; Arulampalam & Ristic 2000",
-            kind: Kind::RangeParameterised,
-        },
-        TrialEstimator {
-            name: "imm",
-            about: "interacting unscented Kalman filters of a still and of a moving target",
-            source: "Blom & Bar-Shalom 1988",
-            kind: Kind::Imm,
-        },
+        ("particle", Kind::Particle),
+        ("gaussian-sum", Kind::GaussianSum),
+        ("range-parameterised", Kind::RangeParameterised),
+        ("imm", Kind::Imm),
     ];
-    named.chain(own).collect()
+    let named = named.into_iter().map(|name| (name, Kind::Named));
+    named.chain(own).map(|(name, kind)| TrialEstimator { name, kind }).collect()
 }
 
 /// The trial's estimator of a name.

@@ -42,7 +42,7 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
     /// An estimator, again for each more; the scenario's own unless given
-    #[arg(long, value_name = "NAME", value_parser = choice::any_estimator_parser())]
+    #[arg(long, value_name = "NAME", value_parser = choice::estimator_parser())]
     estimator: Vec<String>,
 }
 

@@ -15,17 +15,6 @@ pub(super) fn estimator_parser() -> PossibleValuesParser {
     PossibleValuesParser::new(estimators().into_iter().map(|known| known.name))
 }
 
-/// Takes the name of an estimator of a hunt or of a trial.
-pub(super) fn any_estimator_parser() -> PossibleValuesParser {
-    let mut names: Vec<&str> = estimators().iter().map(|known| known.name).collect();
-    for known in trial_estimators() {
-        if !names.contains(&known.name) {
-            names.push(known.name);
-        }
-    }
-    PossibleValuesParser::new(names)
-}
-
 /// The trial of a built-in name or of a file; `None` where it is none.
 pub(super) fn trial(name_or_path: &str) -> Result<Option<Trial>, CliError> {
     Trial::find(name_or_path).map_err(CliError::input)

@@ -93,7 +93,6 @@ fn what_does_not_suit_a_trial_is_refused() {
     for (scenario, estimator, told) in [
         ("isaacs-static", "range-parameterised", "needs a prior of ranging"),
         ("isaacs-static", "ukf-pritzl2018", "no estimator of trials"),
-        ("pritzl-6.1", "range-parameterised", "no estimator"),
     ] {
         let ran = foxhunt(["campaign", scenario, "--runs", "1", "--estimator", estimator]);
         assert_eq!(ran.code, 2, "{ran:?}");
