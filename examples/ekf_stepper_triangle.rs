@@ -28,7 +28,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         FollowEstimate::new(FollowConfig::pritzl2018())?,
         |prior: &Estimate<2>| Ekf::pritzl2018(model, *prior),
         scenario.beacon_names(),
-        HuntConfig::default(),
+        // The reference filter starts from the reference prior (Pritzl 2018, §4.4).
+        HuntConfig { prior_sigma_m: 70.0_f64.sqrt(), ..HuntConfig::default() },
         TrackConfig::pritzl2018(),
     )?;
     fly(&mut hunt, &world, SimulationConfig::default(), |event| {

@@ -52,7 +52,7 @@ fn fly_as(
         planner,
         |prior: &Estimate<2>| Ukf::pritzl2018(model, *prior),
         vec!["first".to_owned(), "second".to_owned()],
-        HuntConfig::default(),
+        hunt_config(),
         track,
     )
     .expect("two beacons");
@@ -72,6 +72,11 @@ fn fly_as(
         assert!(time.get() < 100_000.0, "the hunt does not end");
     }
     Outing { events, duration: time.get() }
+}
+
+/// The reference's prior, for the reference's filter.
+fn hunt_config() -> HuntConfig {
+    HuntConfig { prior_sigma_m: 70.0_f64.sqrt(), ..HuntConfig::default() }
 }
 
 fn triangle() -> FollowEstimate {
@@ -181,7 +186,7 @@ fn a_hunt_begins_once() {
         triangle(),
         |prior: &Estimate<2>| Ukf::pritzl2018(model, *prior),
         vec!["first".to_owned()],
-        HuntConfig::default(),
+        hunt_config(),
         TrackConfig::default(),
     )
     .expect("one beacon");

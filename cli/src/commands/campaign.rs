@@ -8,7 +8,7 @@ use foxhunt::{
     trial::{Trial, trial_campaign},
 };
 
-use super::choice;
+use super::{choice, overrides::Overrides};
 use crate::{
     error::CliError,
     output::Output,
@@ -44,6 +44,8 @@ pub(crate) struct Args {
     /// An estimator, again for each more; the scenario's own unless given
     #[arg(long, value_name = "NAME", value_parser = choice::estimator_parser())]
     estimator: Vec<String>,
+    #[command(flatten)]
+    overrides: Overrides,
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
@@ -55,7 +57,8 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         return run_trial(args, &trial, jobs, output);
     }
     let scenario = choice::scenario(&args.scenario)?;
-    let estimators = estimators(args, &scenario)?;
+    let estimators: Vec<_> =
+        estimators(args, &scenario)?.into_iter().map(|e| args.overrides.apply(e)).collect();
     let hunts = u64::from(args.runs) * u64::try_from(estimators.len()).unwrap_or(u64::MAX);
     let progress = Progress::new("hunts", hunts);
     let report = campaign(&scenario, &estimators, args.runs, args.seed, jobs, &|| progress.step());
@@ -68,6 +71,13 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
 }
 
 fn run_trial(args: &Args, trial: &Trial, jobs: usize, output: Output) -> Result<(), CliError> {
+    if args.overrides.any() {
+        let flags = "--components, --prior-sigma-m, --power-sigma-db and --lag-s";
+        return Err(CliError::input(format!(
+            "{flags} are of flown hunts; {} is a trial",
+            trial.name
+        )));
+    }
     let estimators = if args.estimator.is_empty() {
         let place = format!("{}: estimator", args.scenario);
         vec![choice::trial_estimator(&trial.estimator, &place)?]

@@ -14,7 +14,7 @@ use foxhunt::{
     simulation::{Simulated, log_header, simulate},
 };
 
-use super::{choice, fixes};
+use super::{choice, fixes, overrides::Overrides};
 use crate::{
     error::CliError,
     output::{Output, warn},
@@ -39,6 +39,8 @@ pub(crate) struct Args {
     /// The estimator; the scenario's own unless given (`foxhunt estimators` explains them)
     #[arg(long, value_name = "NAME", value_parser = choice::estimator_parser())]
     estimator: Option<String>,
+    #[command(flatten)]
+    overrides: Overrides,
     /// The folder that hunt.jsonl (the log) and hunt.svg (the picture) are written to
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
@@ -47,6 +49,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let scenario = choice::scenario(&args.scenario)?;
     let estimator = choice::estimator_of(args.estimator.as_deref(), &scenario, &args.scenario)?;
+    let estimator = args.overrides.apply(estimator);
     let header = log_header(&scenario, &estimator, args.seed);
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
 

@@ -11,6 +11,7 @@ pub(crate) mod scenarios;
 
 mod choice;
 mod fixes;
+mod overrides;
 mod parameter;
 mod recorded;
 
