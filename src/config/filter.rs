@@ -84,7 +84,7 @@ pub enum FilterConfig {
     },
     /// Recursive Bayes over the cells of an area.
     Grid {
-        /// Cells along each side.
+        /// Cells along each side; twice as many where the belief asks for it.
         side: usize,
         /// How far σ of a measurement's first component, the level, may be from what is said of
         /// it: the standard deviation of its logarithm. Exact where absent.
@@ -191,7 +191,8 @@ impl FilterConfig {
             }
             Self::Grid { side, level_noise_spread } => {
                 let noise_scales = level_noise_spread.map(noise_scales).transpose()?;
-                let config = GridConfig { side, noise_scales, ..GridConfig::default() };
+                let config =
+                    GridConfig { side, most_per_side: 2 * side, noise_scales, area: None };
                 Box::new(GridFilter::new(motion, model, *prior, config)?)
             }
             Self::Particle { count } => {

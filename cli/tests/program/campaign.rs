@@ -44,10 +44,10 @@ fn a_campaign_is_the_same_for_any_number_of_jobs() {
 fn a_campaign_ends_with_a_table_for_each_beacon() {
     let ran = foxhunt(["campaign", "--runs", "2"]);
     assert_eq!(ran.code, 0, "{ran:?}");
-    for text in ["beacon 1", "beacon 2", "ukf-pritzl2018", "p90", "ANEES", "failed"] {
+    for text in ["beacon 1", "beacon 2", "default", "p90", "ANEES", "failed"] {
         assert!(ran.stdout.contains(text), "{text} is missing in {}", ran.stdout);
     }
-    let row = ran.stdout.lines().find(|line| line.contains("ukf-pritzl2018")).expect("its row");
+    let row = ran.stdout.lines().find(|line| line.contains("default")).expect("its row");
     let verdicts = ["too few", "over-confident", "under-confident"];
     assert!(verdicts.iter().any(|verdict| row.contains(verdict)), "{row}");
     assert!(!ran.stdout.contains("NaN"));

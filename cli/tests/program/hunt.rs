@@ -11,7 +11,7 @@ fn a_hunt_leaves_json_a_log_and_a_picture() {
     let report = first.json();
     has(&report, &["seed", "estimator", "beacons"]);
     assert_eq!(report["seed"], 3);
-    assert_eq!(report["estimator"], "ukf-pritzl2018");
+    assert_eq!(report["estimator"], "default");
     let beacons = report["beacons"].as_array().expect("a list");
     assert_eq!(beacons.len(), 2);
     for beacon in beacons {
