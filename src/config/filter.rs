@@ -191,8 +191,7 @@ impl FilterConfig {
             }
             Self::Grid { side, level_noise_spread } => {
                 let noise_scales = level_noise_spread.map(noise_scales).transpose()?;
-                let config =
-                    GridConfig { side, most_per_side: 2 * side, noise_scales, area: None };
+                let config = GridConfig { side, most_per_side: 2 * side, noise_scales, area: None };
                 Box::new(GridFilter::new(motion, model, *prior, config)?)
             }
             Self::Particle { count } => {
