@@ -1,5 +1,6 @@
 use foxhunt::{
     config::{NamedEstimator, estimators},
+    locate::locate_estimators,
     trial::trial_estimators,
 };
 use serde::Serialize;
@@ -9,7 +10,8 @@ use crate::{error::CliError, output::Output, table::list};
 /// List the estimators
 ///
 /// Lists the estimators that `--estimator` takes: the name, what it is, and where it comes from;
-/// after those of hunts the ones that only trials know.
+/// after those of hunts, which `locate` takes as well, the ones that only trials and only `locate`
+/// know. `batch` is another one in `locate`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  foxhunt estimators")]
 pub(crate) struct Args {}
@@ -21,6 +23,7 @@ struct Listed {
     about: &'static str,
     source: &'static str,
     trials_only: bool,
+    locate_only: bool,
 }
 
 pub(crate) fn run(_: &Args, output: Output) -> Result<(), CliError> {
@@ -29,18 +32,30 @@ pub(crate) fn run(_: &Args, output: Output) -> Result<(), CliError> {
         about: e.about,
         source: e.source,
         trials_only: false,
+        locate_only: false,
     };
     let mut listed: Vec<_> = estimators().into_iter().map(row).collect();
     for e in trial_estimators() {
         if listed.iter().all(|known| known.name != e.name) {
             let (name, about, source) = (e.name, e.about, e.source);
-            listed.push(Listed { name, about, source, trials_only: true });
+            listed.push(Listed { name, about, source, trials_only: true, locate_only: false });
         }
     }
+    listed.extend(locate_estimators().into_iter().map(|e| Listed {
+        name: e.estimator.name(),
+        about: e.about,
+        source: e.source,
+        trials_only: false,
+        locate_only: true,
+    }));
     output.result(&listed, |listed| {
         let mut estimators = list(&["estimator", "what it is", "source"]);
         for e in listed {
-            let mark = if e.trials_only { " (trials only)" } else { "" };
+            let mark = match (e.trials_only, e.locate_only) {
+                (true, _) => " (trials only)",
+                (_, true) => " (locate only)",
+                _ => "",
+            };
             estimators.add_row([&format!("{}{mark}", e.name), e.about, e.source]);
         }
         estimators.to_string()
