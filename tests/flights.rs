@@ -7,11 +7,13 @@ use std::{
 
 use foxhunt::{
     config::ExtractorConfig,
+    core::{Estimate, Observation},
     geodesy::{Geodetic, radians_to_compass_deg},
     locate::{LocateConfig, LocateEstimator, locate},
     recorded::{CalibrateConfig, ObserveConfig, bearings, calibrate, observations},
     recording::{ReadOptions, Recording},
 };
+use nalgebra::Vector2;
 
 /// A folder of recordings, or `None` with a word about it where there are none.
 #[expect(clippy::print_stdout, reason = "a test that is skipped says so")]
@@ -133,11 +135,9 @@ fn tags_at_known_distances_calibrate_the_path_loss() {
     assert!((fit.sigma_db - 4.1).abs() < 0.05, "σ is {} dB", fit.sigma_db);
 }
 
-/// Hand-held bearings through the recursive filters; the batch estimators of the paper are not
-/// among them, so the published digits are not held against them.
-#[test]
-fn hand_held_bearings_cross_near_the_truth() {
-    let Some(folder) = recordings("lenth1981") else { return };
+/// The eight hand-held bearings of Lenth 1981, and where the animal was.
+fn hand_held_bearings() -> Option<(Vec<Observation<2>>, Vector2<f64>)> {
+    let folder = recordings("lenth1981")?;
     let recording =
         Recording::read(folder.join("bearings.csv"), &ReadOptions::default()).expect("it is read");
     let truth = foxhunt::recorded::recorded_truth(std::slice::from_ref(&recording))
@@ -146,6 +146,12 @@ fn hand_held_bearings_cross_near_the_truth() {
     let heard = observations(&[recording], None, extractor.as_ref(), &ObserveConfig::default())
         .expect("every row is an observation");
     assert_eq!(heard.len(), 8);
+    Some((heard, truth))
+}
+
+#[test]
+fn hand_held_bearings_cross_near_the_truth() {
+    let Some((heard, truth)) = hand_held_bearings() else { return };
     let mut config = LocateConfig::new(LocateEstimator::suited_to(&heard));
     config.margin_m = 10.0;
     let located = locate(&heard, &config).expect("bearings cross");
@@ -154,4 +160,28 @@ fn hand_held_bearings_cross_near_the_truth() {
     // One of the eight bearings is a gross outlier: the published estimate on all of them is
     // 1.95 off, and the bootstrap filter's likelihood is as little robust.
     assert!(error < 2.5, "off by {error} m");
+}
+
+/// Lenth 1981, table 2, all eight bearings: place, standard errors and correlation, to the
+/// printed digits.
+#[test]
+fn hand_held_bearings_give_the_published_digits() {
+    let Some((heard, _)) = hand_held_bearings() else { return };
+    for (name, place, errors, correlation, rejected) in [
+        ("lenth1981", [5.87, 1.13], [1.490, 1.733], 0.509, 0),
+        ("lenth1981-huber", [6.78, 1.66], [0.883, 0.945], 0.600, 0),
+        ("lenth1981-andrews", [7.21, 1.97], [0.156, 0.155], 0.669, 1),
+    ] {
+        let config = LocateConfig::new(LocateEstimator::named(name).expect("it has a name"));
+        let located = locate(&heard, &config).expect("bearings cross");
+        let Estimate { mean, covariance } = located.estimate;
+        let found = [covariance[(0, 0)].sqrt(), covariance[(1, 1)].sqrt()];
+        let told = format!("{name}: {:.3} {:.3}, {found:.4?}", mean.x, mean.y);
+        assert!((mean - Vector2::from(place)).amax() < 0.0051, "{told}");
+        let off =
+            (Vector2::from(found) - Vector2::from(errors)).component_div(&Vector2::from(errors));
+        assert!(off.amax() < 0.01, "{told}");
+        assert!((covariance[(0, 1)] / found[0] / found[1] - correlation).abs() < 0.005, "{told}");
+        assert_eq!((located.observations, located.rejected), (8 - rejected, rejected), "{name}");
+    }
 }

@@ -1,5 +1,7 @@
 use foxhunt_core::Observation;
+use foxhunt_filters::BearingWeights;
 
+use super::locate_estimators;
 use crate::config::{NamedEstimator, estimator_named};
 
 /// How [`locate`](super::locate) goes about it.
@@ -39,22 +41,27 @@ pub enum LocateEstimator {
     /// All levels at once on a grid, with shadowing that is correlated along the flight
     /// (`filters::ShadowingGrid`).
     ShadowingGrid,
+    /// Where the bearings meet, by maximum likelihood or by M-estimation (`filters::Lenth1981`).
+    Lenth1981(BearingWeights),
+    /// Where the level is highest on a map without any law of propagation (`filters::FieldMap`):
+    /// a baseline, that cannot know of a transmitter outside of where was flown.
+    FieldMap,
+    /// The most probable place given all levels and bearings at once, with residuals as Student's
+    /// t has them and all σ inflated as they scatter, from nine starts (`filters::BatchSolver`);
+    /// other optima are told as [`Rival`](super::Rival)s. It takes errors for independent: its
+    /// ellipse is much too small where neighbouring levels fade alike, as along a flight.
+    Batch,
     /// One observation after the other through an estimator that has a name.
     Recursive(NamedEstimator),
 }
 
 impl LocateEstimator {
-    /// The name of [`ShadowingGrid`](Self::ShadowingGrid).
-    pub const SHADOWING_GRID: &str = "shadowing-grid";
-
-    /// The estimator of a name.
+    /// The estimator of a name: one of [`locate_estimators`], else of
+    /// [`estimators`](crate::config::estimators).
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
-        if name == Self::SHADOWING_GRID {
-            Some(Self::ShadowingGrid)
-        } else {
-            estimator_named(name).map(Self::Recursive)
-        }
+        let own = locate_estimators().into_iter().find(|known| known.estimator.name() == name);
+        own.map(|known| known.estimator).or_else(|| estimator_named(name).map(Self::Recursive))
     }
 
     /// The one that suits some observations: the grid where there are levels alone, else the
@@ -72,7 +79,12 @@ impl LocateEstimator {
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
-            Self::ShadowingGrid => Self::SHADOWING_GRID,
+            Self::ShadowingGrid => "shadowing-grid",
+            Self::Lenth1981(BearingWeights::Huber { .. }) => "lenth1981-huber",
+            Self::Lenth1981(BearingWeights::Andrews { .. }) => "lenth1981-andrews",
+            Self::Lenth1981(_) => "lenth1981",
+            Self::FieldMap => "field-map",
+            Self::Batch => "batch",
             Self::Recursive(named) => named.name,
         }
     }

@@ -1,5 +1,5 @@
 use foxhunt_core::EstimatorError;
-use foxhunt_filters::ShadowingGridError;
+use foxhunt_filters::{BatchError, ShadowingGridError};
 use foxhunt_sensors::ParameterError;
 
 /// Why a transmitter was not located.
@@ -12,9 +12,35 @@ pub enum LocateError {
         /// How many observations there were.
         observations: usize,
     },
-    /// The grid works on levels alone, and there are none.
-    #[error("the estimator shadowing-grid needs received levels, and there are bearings alone")]
-    NoLevels,
+    /// The estimator works on levels alone, and there are none.
+    #[error("the estimator {estimator} needs received levels, and there are bearings alone")]
+    NoLevels {
+        /// Which estimator.
+        estimator: &'static str,
+    },
+    /// The estimator works on bearings alone, and there are none.
+    #[error("the estimator {estimator} needs bearings, and there are received levels alone")]
+    NoBearings {
+        /// Which estimator.
+        estimator: &'static str,
+    },
+    /// The bearings are too few, or do not meet.
+    #[error(
+        "the estimator {estimator} finds no place where the bearings meet: {source}; batch and \
+         particle look within a bounded area and may do"
+    )]
+    Bearings {
+        /// Which estimator.
+        estimator: &'static str,
+        /// Why not.
+        source: BatchError,
+    },
+    /// The observations have no most probable place, or it was not found.
+    #[error("the estimator batch finds no place: {0}")]
+    Batch(BatchError),
+    /// The levels make no map.
+    #[error("the estimator field-map makes no map of the levels: {0}")]
+    Field(BatchError),
     /// The grid cannot use the levels.
     #[error(transparent)]
     Grid(#[from] ShadowingGridError),

@@ -5,7 +5,10 @@ use foxhunt::{
     config::{ExtractorConfig, estimators},
     core::{Ellipse, nalgebra::Vector2},
     geodesy::Geodetic,
-    locate::{LocateConfig, LocateError, LocateEstimator, Located, Power, locate},
+    locate::{
+        LocateConfig, LocateError, LocateEstimator, Located, Power, Rival, locate,
+        locate_estimators,
+    },
     recorded::{ObserveConfig, observations, recorded_truth},
     recording::Recording,
     report::{Place, rows},
@@ -66,8 +69,13 @@ pub(crate) struct Args {
 }
 
 fn estimator_parser() -> PossibleValuesParser {
-    let recursive = estimators().into_iter().map(|known| known.name);
-    PossibleValuesParser::new(recursive.chain([LocateEstimator::SHADOWING_GRID]))
+    let mut names: Vec<_> = estimators().iter().map(|known| known.name).collect();
+    for name in locate_estimators().iter().map(|known| known.estimator.name()) {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    PossibleValuesParser::new(names)
 }
 
 /// A place that was found, as JSON has it.
@@ -84,6 +92,20 @@ struct Report {
     rejected: usize,
     /// The probability on the border of the area that was searched, for estimators with one.
     border_mass: Option<f64>,
+    /// Other places that are nearly as probable, for estimators that look for them.
+    rivals: Vec<RivalPlace>,
+}
+
+/// Another place that is nearly as probable.
+#[derive(Debug, Serialize)]
+struct RivalPlace {
+    lat_deg: Option<f64>,
+    lon_deg: Option<f64>,
+    east_m: f64,
+    north_m: f64,
+    /// The density there over that at the estimate.
+    relative_density: f64,
+    error_m: Option<f64>,
 }
 
 /// An estimate on Earth and in the local frame.
@@ -181,10 +203,23 @@ impl Report {
         located: &Located,
     ) -> Self {
         let estimate = &located.estimate;
-        let on_earth: Option<Geodetic> = recordings
-            .iter()
-            .find_map(Recording::frame)
-            .map(|frame| frame.to_geodetic(&estimate.mean.push(config.target_up_m)));
+        let frame = recordings.iter().find_map(Recording::frame);
+        let on_earth = |place: &Vector2<f64>| -> Option<Geodetic> {
+            frame.map(|frame| frame.to_geodetic(&place.push(config.target_up_m)))
+        };
+        let rival = |rival: &Rival| {
+            let on_earth = on_earth(&rival.place);
+            RivalPlace {
+                lat_deg: on_earth.map(|place| place.lat_deg),
+                lon_deg: on_earth.map(|place| place.lon_deg),
+                east_m: rival.place.x,
+                north_m: rival.place.y,
+                relative_density: rival.relative_density,
+                error_m: truth.map(|truth| (rival.place - truth).norm()),
+            }
+        };
+        let rivals = located.rivals.iter().map(rival).collect();
+        let on_earth = on_earth(&estimate.mean);
         Self {
             estimator: config.estimator.name(),
             beacon,
@@ -202,6 +237,7 @@ impl Report {
             observations: located.observations,
             rejected: located.rejected,
             border_mass: located.border_mass,
+            rivals,
         }
     }
 }
@@ -234,8 +270,28 @@ fn place(report: &Report) -> String {
         report.observations.to_string(),
         report.rejected.to_string(),
     ]);
+    let legend = "East and north from the first usable position; the ellipse's semi-axes, and the \
+                  direction of the\nlonger one counter-clockwise from East.";
+    let rivals = if report.rivals.is_empty() { String::new() } else { rivals(&report.rivals) };
+    format!("{place}\n{legend}{rivals}")
+}
+
+fn rivals(rivals: &[RivalPlace]) -> String {
+    let mut places =
+        table(&["rival", "lat °", "lon °", "east m", "north m", "relative density", "error m"]);
+    for (number_of, rival) in (1..).zip(rivals) {
+        places.add_row([
+            i32::to_string(&number_of),
+            number(rival.lat_deg, 6),
+            number(rival.lon_deg, 6),
+            number(rival.east_m, 1),
+            number(rival.north_m, 1),
+            number(rival.relative_density, 2),
+            number(rival.error_m, 1),
+        ]);
+    }
     format!(
-        "{place}\nEast and north from the first usable position; the ellipse's semi-axes, and the \
-         direction of the\nlonger one counter-clockwise from East."
+        "\n\nOther places fit nearly as well, and the ellipse knows nothing of them:\n{places}\nThe \
+         density is that of the posterior, over that at the place above."
     )
 }

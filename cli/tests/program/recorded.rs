@@ -106,6 +106,38 @@ fn a_known_path_loss_gives_the_range() {
 }
 
 #[test]
+fn a_straight_flight_tells_both_sides() {
+    let folder = folder("rivals");
+    // Along a line to the East, past a transmitter 30 m to the North of it.
+    let mut text = "east_m,north_m,up_m,rss_dbm,truth_east_m,truth_north_m\n".to_owned();
+    for i in 0..21 {
+        let east = 5.0 * f64::from(i);
+        let rss = -30.0 - 23.0 * (east - 60.0).hypot(30.0).hypot(10.0).log10();
+        writeln!(text, "{east},0,10,{rss},60,30").expect("a text takes it all");
+    }
+    let file = write(&folder, "straight.csv", &text);
+    let args = ["locate", &file, "--estimator", "batch", "--margin-m", "50"];
+    let report = foxhunt(args.iter().chain(&["--json"])).json();
+    let rivals = report["rivals"].as_array().expect("a list");
+    assert_eq!(rivals.len(), 1, "{report}");
+    has(&rivals[0], &["lat_deg", "lon_deg", "east_m", "north_m", "relative_density", "error_m"]);
+    let north = |place: &serde_json::Value| place["north_m"].as_f64().expect("a number");
+    assert!((north(&rivals[0]) + north(&report["estimate"])).abs() < 0.1, "{report}");
+    let error = |told: &serde_json::Value| told["error_m"].as_f64().expect("a number");
+    assert!(error(&report).min(error(&rivals[0])) < 5.0, "{report}");
+    let table = foxhunt(args);
+    assert!(table.code == 0 && table.stdout.contains("relative density"), "{table:?}");
+
+    // Other estimators do not look for rivals, and this one needs bearings.
+    let grid = foxhunt(["locate", "--json", &file]).json();
+    assert_eq!(grid["rivals"].as_array().map(Vec::len), Some(0), "{grid}");
+    foxhunt(["locate", &file, "--estimator", "lenth1981"])
+        .failed(2, &["lenth1981", "needs bearings"]);
+    let map = foxhunt(["locate", "--json", &file, "--estimator", "field-map"]).json();
+    assert_eq!(map["estimator"], "field-map");
+}
+
+#[test]
 fn a_path_loss_is_fitted() {
     let folder = folder("calibrate");
     let mut text = "range_m,rss_dbm\n".to_owned();
@@ -151,6 +183,13 @@ fn real_flights_when_they_are_there() {
     assert!(report.stderr.contains("alt_agl_m ≥ 15"), "{}", report.stderr);
     let report = report.json();
     assert!(report["error_m"].as_f64().expect("a number") < 60.0, "{report}");
+
+    // The published estimate (Lenth 1981, table 2) is 0.37 off, its seven bearings of use.
+    let bearings = format!("{data}/lenth1981/bearings.csv");
+    let report =
+        foxhunt(["locate", "--json", &bearings, "--estimator", "lenth1981-andrews"]).json();
+    let error = report["error_m"].as_f64().expect("the truth is beside it");
+    assert!((error - 0.373).abs() < 0.01 && report["rejected"] == 1, "{report}");
 
     let of = |file: &str, beacon: &str| {
         foxhunt(["bearing", "--json", file, "--beacon", beacon]).json()["turns"][0].clone()
