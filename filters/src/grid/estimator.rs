@@ -22,8 +22,8 @@ const LAYOUTS: usize = 24;
 /// made to reach [`REACH`] of them.
 const LEAST_REACH: f64 = 5.5;
 
-/// Cells of less probability are not shown: all that there may be of them come to 10⁻⁵.
-const LEAST_VISITED: f64 = 1e-9;
+/// Cells of less probability are not shown: all that there may be of them come to 10⁻⁷.
+const LEAST_VISITED: f64 = 1e-12;
 
 impl<F, H, const N: usize, const M: usize> Estimator<N, M> for GridFilter<F, H, N, M>
 where
