@@ -26,8 +26,8 @@ pub enum LocateError {
     },
     /// The bearings are too few, or do not meet.
     #[error(
-        "the estimator {estimator} finds no place where the bearings meet: {source}; batch and \
-         particle look within a bounded area and may do"
+        "the estimator {estimator} finds no place where the bearings meet; batch and particle \
+         hold to the searched area and may do"
     )]
     Bearings {
         /// Which estimator.
@@ -51,7 +51,7 @@ pub enum LocateError {
     #[error("the estimator cannot start: {0}")]
     Start(EstimatorError),
     /// The estimator cannot use an observation.
-    #[error("observation {index} (at {time} s): {source}")]
+    #[error("observation {index} (at {time} s) cannot be used")]
     Observation {
         /// Which observation, from 0.
         index: usize,

@@ -133,6 +133,10 @@ fn a_straight_flight_tells_both_sides() {
     assert_eq!(grid["rivals"].as_array().map(Vec::len), Some(0), "{grid}");
     foxhunt(["locate", &file, "--estimator", "lenth1981"])
         .failed(2, &["lenth1981", "needs bearings"]);
+    let two = write(&folder, "two.csv", "east_m,north_m,bearing_deg_compass\n0,0,45\n9,0,315\n");
+    let few = foxhunt(["locate", &two, "--estimator", "lenth1981"]);
+    few.failed(2, &["bearings meet", "batch", "there are 2 bearings, and 3 are needed"]);
+    assert_eq!(few.stderr.matches("there are 2").count(), 1, "said once: {}", few.stderr);
     let map = foxhunt(["locate", "--json", &file, "--estimator", "field-map"]).json();
     assert_eq!(map["estimator"], "field-map");
 }
