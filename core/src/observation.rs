@@ -1,6 +1,6 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
-use crate::{Covariance, Pose, noise};
+use crate::{Covariance, ObservationError, Pose, noise};
 
 /// `M` numbers measured by one receiver at one time, each with its own noise, any of them
 /// missing.
@@ -237,49 +237,6 @@ impl<const M: usize> Observation<M> {
     pub fn mask<const A: usize>(&self, matrix: SMatrix<f64, A, M>) -> SMatrix<f64, A, M> {
         SMatrix::from_fn(|i, j| if self.present[j] { matrix[(i, j)] } else { 0.0 })
     }
-}
-
-/// Why an observation cannot be.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ObservationError {
-    /// The time is NaN or infinite.
-    #[error("the time of the observation is {time}, not a finite number")]
-    Time {
-        /// What it was.
-        time: f64,
-    },
-    /// The receiver's pose holds NaN or infinity.
-    #[error("the receiver's pose is not finite: {pose:?}")]
-    Receiver {
-        /// What it was.
-        pose: Pose,
-    },
-    /// A component is NaN or infinite.
-    #[error("component {component} of the observation is {value}, not a finite number")]
-    Value {
-        /// Which component.
-        component: usize,
-        /// What it held.
-        value: f64,
-    },
-    /// A component's variance is not positive and finite.
-    #[error("the variance of component {component} is {variance}, not a positive number")]
-    Variance {
-        /// Which component.
-        component: usize,
-        /// What it held.
-        variance: f64,
-    },
-    /// A standard deviation of the receiver's own place is negative or not finite.
-    #[error("the receiver's place has a standard deviation of {sigma} m, not of zero or more")]
-    ReceiverSigma {
-        /// What it was.
-        sigma: f64,
-    },
-    /// The covariance is not symmetric and positive definite.
-    #[error("the covariance of the observation is not symmetric and positive definite")]
-    Covariance,
 }
 
 /// The plain fields, as they stand in a file; read back only through [`Observation::new`].

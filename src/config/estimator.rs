@@ -1,12 +1,16 @@
+use std::f64::consts::TAU;
+
 use foxhunt_core::{
     ConstantVelocity, Estimate, EstimatorError, MeasurementModel, RandomWalk, State,
 };
-use foxhunt_filters::{GridConfig, GridFilter, Handover, Leading, Loss, OutOfOrder};
+use foxhunt_filters::{
+    GridConfig, GridFilter, Handover, Leading, Loss, OutOfOrder, RaoBlackwellised,
+};
 use foxhunt_sensors::{FreePowerRssBearing, LogDistance, RssBearing};
 use nalgebra::Vector4;
 use serde::{Deserialize, Serialize};
 
-use super::{BoxedEstimator, FilterConfig, GateConfig};
+use super::{BoxedEstimator, FilterConfig, GateConfig, OutlierConfig, filter::generator};
 use crate::hunt::TrackConfig;
 
 /// An estimator: a filter, what it takes for known, and how receptions are put to it.
@@ -95,7 +99,14 @@ impl EstimatorConfig {
         };
         let sigma = positive("power_sigma_db", power_sigma_db)?;
         let prior = with_power(prior, model.propagation().reference_dbm(), sigma);
-        let filter = self.build_over(FreePowerRssBearing::from(model), &prior, seed)?;
+        let model = FreePowerRssBearing::from(model);
+        if let FilterConfig::RaoBlackwellised { count } = self.filter {
+            let rng = generator(count, seed)?;
+            let cloud: RaoBlackwellised<_, _, _, 3, 2, 1> =
+                RaoBlackwellised::new(self.walk()?, model, prior, count, rng)?;
+            return Ok(Box::new(Leading::new(cloud)));
+        }
+        let filter = self.build_over(model, &prior, seed)?;
         Ok(Box::new(Leading::new(filter)))
     }
 
@@ -320,13 +331,27 @@ pub fn estimators() -> Vec<NamedEstimator> {
             name: "cubature",
             about: "cubature Kalman filter, χ² gate",
             source: "Arasaratnam & Haykin 2009",
-            config: started(FilterConfig::Cubature { gate, iterations: 1 }),
+            config: started(FilterConfig::Cubature { gate, outliers: None, iterations: 1 }),
         },
         NamedEstimator {
             name: "iterated-posterior-linearisation",
             about: "cubature points redrawn up to 10 times from the posterior, damped, χ² gate",
             source: "García-Fernández, Svensson, Morelande & Särkkä 2015; Raitoharju et al. 2018",
-            config: started(FilterConfig::Cubature { gate, iterations: ITERATIONS }),
+            config: started(FilterConfig::Cubature {
+                gate,
+                outliers: None,
+                iterations: ITERATIONS,
+            }),
+        },
+        NamedEstimator {
+            name: "iterated-posterior-linearisation-robust",
+            about: "the same without a gate: one reception in twenty is taken to say nothing",
+            source: "the above; Bar-Shalom & Tse 1975",
+            config: started(FilterConfig::Cubature {
+                gate: GateConfig::Open,
+                outliers: Some(OutlierConfig { share: 0.05, support: 100.0 * TAU }),
+                iterations: ITERATIONS,
+            }),
         },
         NamedEstimator {
             name: "gaussian-sum",
@@ -369,7 +394,22 @@ pub fn estimators() -> Vec<NamedEstimator> {
             name: "particle",
             about: "particle filter, 5000 particles, regularised systematic resampling",
             source: "Gordon, Salmond & Smith 1993; Liu & West 2001",
-            config: as_read(FilterConfig::Particle { count: 5000 }),
+            config: as_read(FilterConfig::Particle { count: 5000, adaptive_bin: None }),
+        },
+        NamedEstimator {
+            name: "particle-adaptive",
+            about: "the same with 500 to 20 000 particles, as many as the belief is wide",
+            source: "Fox 2003",
+            config: as_read(FilterConfig::Particle { count: 20_000, adaptive_bin: Some(0.5) }),
+        },
+        NamedEstimator {
+            name: "particle-rao-blackwellised",
+            about: "2000 particles, each with a Gaussian of the reference power, which is in doubt by 5 dB",
+            source: "Doucet et al. 2000; Schön, Gustafsson & Nordlund 2005",
+            config: EstimatorConfig {
+                power_sigma_db: Some(5.0),
+                ..as_read(FilterConfig::RaoBlackwellised { count: 2000 })
+            },
         },
     ]
 }

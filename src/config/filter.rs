@@ -2,10 +2,12 @@ use std::sync::Arc;
 
 use foxhunt_core::{
     BeaconId, Estimate, EstimatorError, MeasurementModel, MotionModel, RandomWalk, State,
+    noise::OutlierMixture,
 };
 use foxhunt_filters::{
     BatchEstimator, Ckf, Ekf, FirstBearing, Gate, GaussianSum, GridConfig, GridFilter, Imm,
-    Iterations, Kalman, Loss, NoiseScales, ParticleFilter, Transition, Ukf, Unscented, split,
+    Iterations, Kalman, KldSampling, Loss, NoiseScales, ParticleFilter, Transition, Ukf, Unscented,
+    split,
 };
 use nalgebra::SMatrix;
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
@@ -33,6 +35,9 @@ pub enum FilterConfig {
     Cubature {
         /// What keeps outliers out.
         gate: GateConfig,
+        /// Observations that say nothing; none where absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        outliers: Option<OutlierConfig>,
         /// How often an update is linearised, each time about its own posterior.
         #[serde(default = "once")]
         iterations: u32,
@@ -93,6 +98,15 @@ pub enum FilterConfig {
     },
     /// The particle filter: bootstrap proposals, regularised resampling.
     Particle {
+        /// How many particles, at the most where their number adapts.
+        count: usize,
+        /// How many there are follows from the bins of this side, in the state's units, that the
+        /// belief occupies; fixed where absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        adaptive_bin: Option<f64>,
+    },
+    /// A cloud of places, each with a Gaussian of the reference power, which has to be unknown.
+    RaoBlackwellised {
         /// How many particles.
         count: usize,
     },
@@ -101,6 +115,25 @@ pub enum FilterConfig {
 /// The default of `iterations`.
 const fn once() -> u32 {
     1
+}
+
+/// Observations that say nothing: evenly spread over all that there may be.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutlierConfig {
+    /// Their share, in [0, 1).
+    pub share: f64,
+    /// The volume that they are spread over: for level and bearing in dB rad.
+    pub support: f64,
+}
+
+impl OutlierConfig {
+    fn build(self) -> Result<OutlierMixture, EstimatorError> {
+        let Self { share: value, support } = self;
+        let (name, requirement) = ("the share of outliers", "in [0, 1), their support positive");
+        let none = EstimatorError::Parameter { name, value, requirement };
+        OutlierMixture::new(value, support).ok_or(none)
+    }
 }
 
 /// What keeps outliers out, chosen at run time.
@@ -150,11 +183,15 @@ impl FilterConfig {
                     .with_gate(gate.build()?)
                     .with_iterations(Iterations::at_most(iterations)?),
             ),
-            Self::Cubature { gate, iterations } => Box::new(
-                Ckf::new(motion, model, *prior)?
+            Self::Cubature { gate, outliers, iterations } => {
+                let filter = Ckf::new(motion, model, *prior)?
                     .with_gate(gate.build()?)
-                    .with_iterations(Iterations::at_most(iterations)?),
-            ),
+                    .with_iterations(Iterations::at_most(iterations)?);
+                match outliers {
+                    Some(outliers) => Box::new(filter.with_outliers(outliers.build()?)),
+                    None => Box::new(filter),
+                }
+            }
             Self::Ukf { gate, alpha, beta, kappa, iterations } => Box::new(
                 Ukf::new(motion, model, *prior)?
                     .with_transform(Unscented::new(alpha, beta, kappa)?)?
@@ -194,16 +231,22 @@ impl FilterConfig {
                 let config = GridConfig { side, most_per_side: 2 * side, noise_scales, area: None };
                 Box::new(GridFilter::new(motion, model, *prior, config)?)
             }
-            Self::Particle { count } => {
-                // A number from a file must not be able to ask for all memory there is.
-                if count > MOST_PARTICLES {
-                    #[expect(clippy::cast_precision_loss, reason = "it is only told")]
-                    let value = count as f64;
-                    let requirement = "at most 10 000 000";
-                    return Err(EstimatorError::Parameter { name: "count", value, requirement });
+            Self::Particle { count, adaptive_bin } => {
+                let rng = generator(count, seed)?;
+                let cloud = ParticleFilter::new(motion, model, *prior, count, rng)?;
+                match adaptive_bin {
+                    Some(bin) => {
+                        let size = KldSampling::new(State::repeat(bin), FEWEST.min(count), count)?;
+                        Box::new(cloud.with_adaptive_size(size))
+                    }
+                    None => Box::new(cloud),
                 }
-                let rng = Xoshiro256PlusPlus::seed_from_u64(seed);
-                Box::new(ParticleFilter::new(motion, model, *prior, count, rng)?)
+            }
+            Self::RaoBlackwellised { .. } => {
+                #[expect(clippy::cast_precision_loss, reason = "a handful of components")]
+                let value = N as f64;
+                let (name, requirement) = ("components of the state", "3: a place and a power");
+                return Err(EstimatorError::Parameter { name, value, requirement });
             }
         })
     }
@@ -255,6 +298,25 @@ fn noise_scales(spread: f64) -> Result<NoiseScales, EstimatorError> {
 
 /// The largest cloud that a file may ask for.
 const MOST_PARTICLES: usize = 10_000_000;
+
+/// The smallest cloud whose size adapts.
+const FEWEST: usize = 500;
+
+/// The generator of a cloud of `count` particles.
+///
+/// # Errors
+///
+/// [`EstimatorError::Parameter`] when there are too many: a number from a file must not be able to
+/// ask for all memory there is.
+pub(super) fn generator(count: usize, seed: u64) -> Result<Xoshiro256PlusPlus, EstimatorError> {
+    if count > MOST_PARTICLES {
+        #[expect(clippy::cast_precision_loss, reason = "it is only told")]
+        let value = count as f64;
+        let requirement = "at most 10 000 000";
+        return Err(EstimatorError::Parameter { name: "count", value, requirement });
+    }
+    Ok(Xoshiro256PlusPlus::seed_from_u64(seed))
+}
 
 /// One seed for each beacon of a run, so that their filters do not draw the same numbers.
 #[must_use]

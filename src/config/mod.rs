@@ -14,6 +14,6 @@ pub use estimator::{
 };
 pub use extractor::ExtractorConfig;
 pub(crate) use filter::beacon_seed;
-pub use filter::{FilterConfig, GateConfig};
+pub use filter::{FilterConfig, GateConfig, OutlierConfig};
 pub use model::ModelConfig;
 pub use planner::{PlannerConfig, PlannerConfigError};

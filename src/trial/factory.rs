@@ -173,7 +173,9 @@ fn gate(trial: &Trial) -> GateConfig {
 fn behind(filter: FilterConfig, gate: GateConfig) -> FilterConfig {
     match filter {
         FilterConfig::Ekf { iterations, .. } => FilterConfig::Ekf { gate, iterations },
-        FilterConfig::Cubature { iterations, .. } => FilterConfig::Cubature { gate, iterations },
+        FilterConfig::Cubature { iterations, outliers, .. } => {
+            FilterConfig::Cubature { gate, outliers, iterations }
+        }
         FilterConfig::Ukf { alpha, beta, kappa, iterations, .. } => {
             FilterConfig::Ukf { gate, alpha, beta, kappa, iterations }
         }

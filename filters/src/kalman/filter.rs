@@ -1,6 +1,6 @@
 use foxhunt_core::{
     Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, Observation,
-    Role, absorb_receiver_noise,
+    Role, absorb_receiver_noise, noise::OutlierMixture,
 };
 
 use super::{
@@ -8,6 +8,7 @@ use super::{
     iterations::Iterations,
     linearisation::Linearisation,
     models::{AtReceiver, OverTime},
+    outliers::doubt,
 };
 use crate::{Cubature, Gaussian, Innovation, Taylor, Transform, Unscented, triangle};
 use nalgebra::SMatrix;
@@ -57,6 +58,7 @@ pub struct Kalman<T, F, H, const N: usize, const M: usize> {
     belief: Gaussian<N>,
     gate: Gate,
     iterations: Iterations,
+    outliers: Option<OutlierMixture>,
     record: Record,
 }
 
@@ -87,7 +89,8 @@ where
         let (transform, gate, record) = (T::default(), Gate::open(), Record::default());
         transform.check(N)?;
         let (belief, iterations) = (Gaussian::new(prior, Role::Prior)?, Iterations::once());
-        Ok(Self { transform, motion, measurement, belief, gate, iterations, record })
+        let outliers = None;
+        Ok(Self { transform, motion, measurement, belief, gate, iterations, outliers, record })
     }
 
     /// The same filter over another transform.
@@ -100,15 +103,15 @@ where
         transform: U,
     ) -> Result<Kalman<U, F, H, N, M>, EstimatorError> {
         transform.check(N)?;
-        let Self { motion, measurement, belief, gate, iterations, record, .. } = self;
-        Ok(Kalman { transform, motion, measurement, belief, gate, iterations, record })
+        let Self { motion, measurement, belief, gate, iterations, outliers, record, .. } = self;
+        Ok(Kalman { transform, motion, measurement, belief, gate, iterations, outliers, record })
     }
 
     /// The same filter for a target that moves otherwise.
     #[must_use]
     pub fn with_motion<G: MotionModel<N>>(self, motion: G) -> Kalman<T, G, H, N, M> {
-        let Self { transform, measurement, belief, gate, iterations, record, .. } = self;
-        Kalman { transform, motion, measurement, belief, gate, iterations, record }
+        let Self { transform, measurement, belief, gate, iterations, outliers, record, .. } = self;
+        Kalman { transform, motion, measurement, belief, gate, iterations, outliers, record }
     }
 
     /// The same filter behind a gate, which counts its steps from here.
@@ -126,6 +129,13 @@ where
     #[must_use]
     pub fn with_iterations(self, iterations: Iterations) -> Self {
         Self { iterations, ..self }
+    }
+
+    /// The same filter, some of whose observations say nothing: each update keeps as much of the
+    /// prior as the observation is likely to be an outlier, where a gate takes all or nothing.
+    #[must_use]
+    pub fn with_outliers(self, outliers: OutlierMixture) -> Self {
+        Self { outliers: Some(outliers), ..self }
     }
 
     /// How an observation differs from what the belief expects, without fusing it.
@@ -232,8 +242,12 @@ where
             return Ok(Correction::Rejected { nis, limit });
         }
         let (posterior, last) = linearisation.iterate(first, self.iterations)?;
-        (self.belief, self.record) = (posterior, record);
-        let log_evidence = last.log_evidence();
+        let sound = last.log_evidence();
+        let (belief, log_evidence) = match &self.outliers {
+            Some(mixture) => doubt(&self.belief, &posterior, sound, mixture, &self.motion.axes())?,
+            None => (posterior, sound),
+        };
+        (self.belief, self.record) = (belief, record);
         Ok(Correction::Fused { nis: Some(nis), log_evidence, effective_sample_size: None })
     }
 

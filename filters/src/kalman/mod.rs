@@ -3,6 +3,7 @@ mod gate;
 mod iterations;
 mod linearisation;
 mod models;
+mod outliers;
 mod presets;
 mod regression;
 

@@ -1,6 +1,7 @@
 use foxhunt_core::{
     Estimate, Estimator, MeasurementModel, Pose, RandomWalk, State,
     nalgebra::{Vector2, Vector3},
+    noise::OutlierMixture,
 };
 use foxhunt_filters::{
     Ckf, Ekf, GridConfig, GridFilter, Handover, Iterations, ParticleFilter, Ukf,
@@ -191,4 +192,42 @@ fn a_receiver_that_errs_about_its_place_is_counted_in() {
     }
     let ignored = anees(false, 0, 400);
     assert!(ignored.average().expect("runs") > 4.0, "{ignored:?}: too little to matter");
+}
+
+#[test]
+fn a_filter_that_knows_of_outliers_survives_them() {
+    // One observation in five says nothing: any level within 100 dB, any bearing.
+    let support = 100.0 * core::f64::consts::TAU;
+    let outliers = OutlierMixture::new(0.2, support).expect("a share and a volume");
+    let anees = |robust: bool, share: f64| {
+        let mut average = ChiSquaredAverage::new(0.999).expect("a probability");
+        for seed in 0..u64::from(RUNS) {
+            let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+            let prior = Estimate::isotropic(Vector2::new(6.0, -3.0), MILD.prior_sigma);
+            let white = |rng: &mut Xoshiro256PlusPlus| rng.sample::<f64, _>(StandardNormal);
+            let truth = prior.mean + Vector2::new(white(&mut rng), white(&mut rng)) * 2.0;
+            let ckf = Ckf::new(RandomWalk::uniform(0.0), FIELD, prior).expect("a proper prior");
+            let mut ckf = if robust { ckf.with_outliers(outliers) } else { ckf };
+            for step in 0..15 {
+                let around = 2.1 * f64::from(step);
+                let place = prior.mean + Vector2::new(around.cos(), around.sin()) * 40.0;
+                let at = Pose::at(place.x, place.y, 4.0);
+                let expected = FIELD.expected(&truth, &at);
+                let z = if rng.random::<f64>() < share {
+                    let spread = Vector2::new(100.0, core::f64::consts::TAU);
+                    expected + spread.map(|s| s * (rng.random::<f64>() - 0.5))
+                } else {
+                    expected + Vector2::new(4.0 * white(&mut rng), 0.1 * white(&mut rng))
+                };
+                let _ = ckf.update(&heard(at, z, 4.0, 0.1)).expect("possible");
+            }
+            average.add(ckf.estimate().nees(&truth).expect("positive definite"), 2);
+        }
+        average.average().expect("runs")
+    };
+    // Moments of a mixture: not exact, but a quarter off at most.
+    let robust = anees(true, 0.2);
+    assert!((1.5..2.5).contains(&robust), "ANEES {robust:.3}");
+    assert!((1.5..2.5).contains(&anees(true, 0.0)), "without any outlier");
+    assert!(anees(false, 0.2) > 20.0, "these outliers are too tame to tell");
 }
