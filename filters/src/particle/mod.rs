@@ -7,6 +7,7 @@ mod marginal;
 mod progressive;
 mod rao_blackwellised;
 mod rao_blackwellised_estimator;
+mod reinitialise;
 mod resampling;
 
 pub use filter::ParticleFilter;

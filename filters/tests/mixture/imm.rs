@@ -3,7 +3,9 @@ use foxhunt_core::{
     Pose, RandomWalk, State,
     nalgebra::{Matrix1, Matrix2, SMatrix, Vector1, Vector2, Vector4},
 };
-use foxhunt_filters::{Ekf, Gate, GateLimit, Imm, Kalman, Reinitialise, Transition};
+use foxhunt_filters::{
+    Ekf, Gate, GateLimit, Imm, Kalman, ParticleFilter, Reinitialise, Transition,
+};
 use rand::RngExt;
 
 use crate::model::{Part, evidence, normal, on_a_line, rng, white};
@@ -234,4 +236,36 @@ fn gates_and_new_beginnings() {
 fn a_chain_of_another_size_is_refused() {
     let refused = Imm::new([(1.0, on_a_line(1.0, 1.0))], chain()).err();
     assert!(matches!(refused, Some(EstimatorError::Parameter { name: "modes of the chain", .. })));
+}
+
+#[test]
+fn models_may_be_clouds() {
+    // The same cycle of ten steps by Kalman filters, which are exact here, and by clouds.
+    let walks = [RandomWalk::uniform(0.3), RandomWalk::uniform(2.0)];
+    let prior = Estimate::isotropic(Vector1::new(1.0), 1.5);
+    let exact = walks.map(|walk| (0.5, on_a_line(1.0, 1.5).with_motion(walk)));
+    let clouds = walks.map(|walk| {
+        let cloud = ParticleFilter::new(walk, Part, prior, 20_000, rng(3));
+        (0.5, cloud.expect("a proper prior"))
+    });
+    let mut exact = Imm::<_, 1, 1>::new(exact, chain()).expect("proper");
+    let mut clouds = Imm::<_, 1, 1>::new(clouds, chain()).expect("proper");
+    for step in 0..10_u8 {
+        let z = line(f64::from(step), 0.5);
+        exact.predict(1.0).expect("a proper step");
+        clouds.predict(1.0).expect("a proper step");
+        let [known, told] =
+            [exact.update(&z), clouds.update(&z)].map(|told| evidence(told.expect("proper")));
+        assert!((known - told).abs() < 0.1, "step {step}: evidence {told}, not {known}");
+        let away = exact.estimate().mean[0] - clouds.estimate().mean[0];
+        assert!(away.abs() < 0.05, "step {step}: off by {away}");
+    }
+    for (known, told) in exact.probabilities().zip(clouds.probabilities()) {
+        assert!((known - told).abs() < 0.03, "probability {told}, not {known}");
+    }
+    let flat = Estimate::isotropic(Vector1::zeros(), 0.0);
+    let mut cloud: ParticleFilter<_, _, _, 1, 1> =
+        ParticleFilter::new(walks[0], Part, prior, 100, rng(3)).expect("proper");
+    let before = cloud.estimate();
+    assert!(cloud.reinitialise(&flat).is_err() && cloud.estimate() == before);
 }
