@@ -20,6 +20,9 @@ pub(super) struct Columns<const N: usize> {
 
 /// One cell under one hypothesis: l, and η and Λ in the components behind the place, where the
 /// place itself stands as 0 and I.
+///
+/// One component behind the place, as an unknown reference power is, is so common and the cells are
+/// so many that its 1 × 1 matrices are not factored.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell<const N: usize> {
     pub(super) log: f64,
@@ -48,6 +51,13 @@ impl<const N: usize> Cell<N> {
 
     /// The mean and the covariance of n; 0 in the first two components.
     pub(super) fn conditional(&self) -> Option<(State<N>, Covariance<N>)> {
+        if N == 3 {
+            let variance = 1.0 / self.information[(2, 2)];
+            let (mut mean, mut covariance) = (State::zeros(), Covariance::zeros());
+            mean[2] = self.shift[2] * variance;
+            covariance[(2, 2)] = variance;
+            return (variance > 0.0 && variance.is_finite()).then_some((mean, covariance));
+        }
         let factor = self.information.cholesky()?;
         let mut covariance = factor.solve(&Covariance::identity());
         covariance[(0, 0)] = 0.0;
@@ -61,8 +71,13 @@ impl<const N: usize> Cell<N> {
         mean: &State<N>,
         covariance: &Covariance<N>,
     ) -> Option<Self> {
-        let factor = covariance.cholesky()?;
-        let information = factor.solve(&Covariance::identity());
+        let information = if N == 3 {
+            let mut information = Covariance::identity();
+            information[(2, 2)] = 1.0 / covariance[(2, 2)];
+            information
+        } else {
+            covariance.cholesky()?.solve(&Covariance::identity())
+        };
         let cell = Self { log: 0.0, shift: information * mean, information };
         Some(Self { log: log_marginal - cell.log_marginal(), ..cell })
     }
