@@ -47,7 +47,7 @@ fn a_log_that_was_changed_does_not_replay() {
     let log = log("replay_changed");
     let text = fs::read_to_string(&log).expect("it was written");
     let line = text.lines().find(|l| l.contains("\"corrected\"")).expect("something was heard");
-    let changed = line.replace("\"mean\":[", "\"mean\":[1");
+    let changed = line.replace("\"covariance\":[", "\"covariance\":[1");
     assert_ne!(line, changed);
     fs::write(&log, text.replacen(line, &changed, 1)).expect("it can be written");
     let ran = foxhunt(["replay", &log]);
