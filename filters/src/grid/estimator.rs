@@ -98,19 +98,26 @@ where
     F: MotionModel<N>,
     H: MeasurementModel<N, M>,
 {
-    /// The states of the cells, what stands behind the place at its mean, and their weights, which
-    /// sum to 1.
+    /// The states of the cells, what stands behind the place at its mean over all hypotheses, and
+    /// their weights, which sum to 1.
     fn weighted_states(&self) -> Vec<(State<N>, f64)> {
         let area = self.lattice.cell_area();
         let log_least = libm::log(LEAST_VISITED / area);
         let mut states = Vec::new();
-        for (hypothesis, logs) in self.marginals.iter().enumerate() {
-            for (index, log) in logs.iter().enumerate().filter(|(_, log)| **log > log_least) {
-                let cell = self.columns.cell(hypothesis, index);
-                let behind = cell.conditional().map_or(State::zeros(), |(mean, _)| mean);
-                let mut state = self.reference + behind;
+        for index in 0..self.lattice.len() {
+            let (mut behind, mut weight) = (State::<N>::zeros(), 0.0);
+            for (hypothesis, logs) in self.marginals.iter().enumerate() {
+                if logs[index] > log_least {
+                    let share = area * libm::exp(logs[index]);
+                    let cell = self.columns.cell(hypothesis, index);
+                    behind += cell.conditional().map_or(State::zeros(), |(mean, _)| mean) * share;
+                    weight += share;
+                }
+            }
+            if weight > 0.0 {
+                let mut state = self.reference + behind / weight;
                 state.fixed_rows_mut::<2>(0).copy_from(&self.lattice.place(index));
-                states.push((state, area * libm::exp(*log)));
+                states.push((state, weight));
             }
         }
         let total: f64 = states.iter().map(|(_, weight)| weight).sum();

@@ -111,10 +111,16 @@ impl Lattice {
         let low = at.map(|c| libm::floor(c).min(last - 1.0));
         let (weights_x, weights_y) = (keys(at.x - low.x), keys(at.y - low.y));
         let (x, y) = (index(low.x), index(low.y));
+        let inside = x >= 1 && y >= 1 && x + 2 < self.side && y + 2 < self.side;
         let mut sum = 0.0;
         for (j, wy) in weights_y.iter().enumerate() {
-            let line = |x: usize| column_at(column, self.side, x, y + j);
-            let along: f64 = weights_x.iter().enumerate().map(|(i, wx)| wx * line(x + i)).sum();
+            let along: f64 = if inside {
+                let first = (y + j - 1) * self.side + x - 1;
+                weights_x.iter().zip(&column[first..first + 4]).map(|(wx, v)| wx * v).sum()
+            } else {
+                let line = |x: usize| column_at(column, self.side, x, y + j);
+                weights_x.iter().enumerate().map(|(i, wx)| wx * line(x + i)).sum()
+            };
             sum += wy * along;
         }
         if sum.is_finite() {
