@@ -85,7 +85,7 @@ impl Lattice {
 
 impl Estimator<2, 2> for Lattice {
     fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
-        if dt >= 0.0 && dt.is_finite() { Ok(()) } else { Err(EstimatorError::TimeStep { dt }) }
+        EstimatorError::check_time_step(dt)
     }
 
     fn update(&mut self, observation: &Observation<2>) -> Result<Correction, EstimatorError> {

@@ -136,6 +136,17 @@ pub enum EstimatorError {
     },
 }
 
+impl EstimatorError {
+    /// What every `predict` asks of its `dt`: a step of zero seconds or more.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::TimeStep`] when it is negative or not finite.
+    pub fn check_time_step(dt: f64) -> Result<(), Self> {
+        if dt >= 0.0 && dt.is_finite() { Ok(()) } else { Err(Self::TimeStep { dt }) }
+    }
+}
+
 /// The part that moments play in a filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {

@@ -202,9 +202,7 @@ where
     E: Estimator<N, M> + Clone,
 {
     fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
-        if !(dt >= 0.0 && dt.is_finite()) {
-            return Err(EstimatorError::TimeStep { dt });
-        }
+        EstimatorError::check_time_step(dt)?;
         let mut present = self.last.clone();
         if self.time.is_finite() {
             present.predict(step(self.last_time, self.time + dt))?;

@@ -23,9 +23,7 @@ pub fn rauch_tung_striebel<const N: usize>(
         let (time, later) = smoothed[k];
         let (before, belief) = smoothed[k - 1];
         let dt = time - before;
-        if !(dt >= 0.0 && dt.is_finite()) {
-            return Err(EstimatorError::TimeStep { dt });
-        }
+        EstimatorError::check_time_step(dt)?;
         smoothed[k - 1].1 = step(motion, &belief, &later, dt)?;
     }
     Ok(smoothed)

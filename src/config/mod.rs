@@ -5,15 +5,15 @@ mod estimator;
 mod extractor;
 mod filter;
 mod model;
+mod named;
 mod planner;
 
 pub use boxed::{BoxedEstimator, CloneEstimator};
 pub(crate) use estimator::with_power;
-pub use estimator::{
-    DEFAULT_ESTIMATOR, EstimatorConfig, MovingConfig, NamedEstimator, estimator_named, estimators,
-};
+pub use estimator::{EstimatorConfig, MovingConfig};
 pub use extractor::ExtractorConfig;
 pub(crate) use filter::beacon_seed;
 pub use filter::{FilterConfig, GateConfig, OutlierConfig};
 pub use model::ModelConfig;
+pub use named::{DEFAULT_ESTIMATOR, NamedEstimator, estimator_named, estimators};
 pub use planner::{PlannerConfig, PlannerConfigError};

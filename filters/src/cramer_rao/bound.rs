@@ -93,9 +93,7 @@ impl<const N: usize> PosteriorCramerRao<N> {
         states: impl IntoIterator<Item = S, IntoIter: Clone>,
         dt: f64,
     ) -> Result<(), CramerRaoError> {
-        if !(dt >= 0.0 && dt.is_finite()) {
-            return Err(EstimatorError::TimeStep { dt }.into());
-        }
+        EstimatorError::check_time_step(dt)?;
         let states = states.into_iter();
         let (mut sum, mut count) = (Covariance::<N>::zeros(), 0);
         let mut noise: Option<SMatrix<f64, N, N>> = None;

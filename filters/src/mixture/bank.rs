@@ -160,9 +160,7 @@ impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Bank<E, N, M> {
 
 impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Estimator<N, M> for Bank<E, N, M> {
     fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
-        if !(dt >= 0.0 && dt.is_finite()) {
-            return Err(EstimatorError::TimeStep { dt });
-        }
+        EstimatorError::check_time_step(dt)?;
         if dt <= 0.0 {
             return Ok(());
         }

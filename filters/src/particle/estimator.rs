@@ -16,9 +16,7 @@ where
     R: Rng + Clone,
 {
     fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
-        if !(dt >= 0.0 && dt.is_finite()) {
-            return Err(EstimatorError::TimeStep { dt });
-        }
+        EstimatorError::check_time_step(dt)?;
         if dt <= 0.0 {
             return Ok(());
         }
