@@ -13,6 +13,7 @@ use rand_distr::StandardNormal;
 use serde_json::Value;
 
 use crate::{
+    laws::problem,
     model::{FIELD, RssBearing, heard, observations},
     vectors::{cases, matrix, number, vector},
 };
@@ -348,22 +349,14 @@ fn an_estimator_that_moves_what_stands_behind_is_refused() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
     #[test]
-    fn the_grid_keeps_the_laws(
-        east in -200.0..200.0, north in -200.0..200.0, up in 0.0..60.0, sigma in 1.0..50.0,
-        tilt in -0.9..0.9, rss in -110.0..-20.0, bearing in -4.0..4.0,
-        sigma_rss in 0.5..20.0, sigma_bearing in 0.02..2.0,
-    ) {
-        let covariance = Matrix2::new(1.0, tilt, tilt, 1.0) * (sigma * sigma);
-        let prior = Estimate { mean: Vector2::new(east, north), covariance };
-        let receiver = Pose::at(12.0, -5.0, up);
-        let heard = heard(receiver, Vector2::new(rss, bearing), sigma_rss, sigma_bearing);
+    fn the_grid_keeps_the_laws((prior, heard) in problem()) {
         let walk = RandomWalk::uniform(0.2);
         let make = || GridFilter::new(walk, FIELD, prior, self::cells(32)).expect("proper");
         laws::estimator(make, &heard);
         let ekf = move |first| Ekf::new(walk, FIELD, first);
         laws::estimator(|| Handover::new(make(), 1, ekf), &heard);
         let mut with_power = Estimate::isotropic(prior.mean.push(-30.0), 8.0);
-        with_power.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&covariance);
+        with_power.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&prior.covariance);
         let walk = RandomWalk::uniform(0.2);
         let make = || GridFilter::new(walk, FreePower, with_power, self::cells(32)).expect("proper");
         laws::estimator(make, &heard);
