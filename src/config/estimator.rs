@@ -7,7 +7,7 @@ use nalgebra::Vector4;
 use serde::{Deserialize, Serialize};
 
 use super::{BoxedEstimator, FilterConfig, filter::generator};
-use crate::hunt::TrackConfig;
+use crate::hunt::{TimeStep, TrackConfig};
 
 /// An estimator: a filter, what it takes for known, and how receptions are put to it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -74,10 +74,12 @@ impl EstimatorConfig {
             None => *prior,
         };
         let estimator = self.build_in_order(model, &prior, seed)?;
-        Ok(match self.lag_s {
-            Some(lag_s) => Box::new(OutOfOrder::from_first(estimator, lag_s)?),
-            None => estimator,
-        })
+        let Some(value) = self.lag_s else { return Ok(estimator) };
+        if self.track.time_step == TimeStep::PerReception {
+            let (name, requirement) = ("lag_s", "absent where time counts receptions, not seconds");
+            return Err(EstimatorError::Parameter { name, value, requirement });
+        }
+        Ok(Box::new(OutOfOrder::from_first(estimator, value)?))
     }
 
     /// The estimator of receptions that come in the order of their time.
@@ -88,6 +90,10 @@ impl EstimatorConfig {
         seed: u64,
     ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
         if let Some(moving) = self.moving {
+            if let Some(value) = self.power_sigma_db {
+                let (name, requirement) = ("power_sigma_db", "absent for a beacon that may move");
+                return Err(EstimatorError::Parameter { name, value, requirement });
+            }
             return self.build_moving(model, moving, prior, seed);
         }
         let Some(power_sigma_db) = self.power_sigma_db else {
@@ -188,4 +194,32 @@ pub(crate) fn with_power(place: &Estimate<2>, reference_dbm: f64, sigma_db: f64)
     let mut prior = Estimate::isotropic(place.mean.push(reference_dbm), sigma_db);
     prior.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&place.covariance);
     prior
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector2;
+
+    use super::*;
+    use crate::config::estimator_named;
+
+    #[test]
+    fn settings_that_would_not_be_used_are_refused() {
+        let model = RssBearing::new(LogDistance::new(-29.06, 2.765).expect("in range"));
+        let prior = Estimate::isotropic(Vector2::zeros(), 10.0);
+        let config = |name| estimator_named(name).expect("it has a name").config;
+        let refused = |config: EstimatorConfig| match config.build(model, &prior, 1).err() {
+            Some(EstimatorError::Parameter { name, .. }) => Some(name),
+            other => panic!("{other:?}"),
+        };
+        let late = EstimatorConfig { lag_s: Some(5.0), ..config("ukf-pritzl2018") };
+        assert_eq!(refused(late), Some("lag_s"));
+        let moving = EstimatorConfig { power_sigma_db: Some(5.0), ..config("imm") };
+        assert_eq!(refused(moving), Some("power_sigma_db"));
+        let cloud =
+            EstimatorConfig { power_sigma_db: None, ..config("particle-rao-blackwellised") };
+        assert_eq!(refused(cloud), Some("components of the state"));
+        let seconds = EstimatorConfig { lag_s: Some(5.0), ..config("ukf") };
+        assert!(seconds.build(model, &prior, 1).is_ok());
+    }
 }
