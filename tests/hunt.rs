@@ -6,7 +6,7 @@ use std::{cell::Cell, fs, path::Path, rc::Rc};
 
 use foxhunt::{
     config::{EstimatorConfig, ModelConfig, estimator_named, estimators},
-    core::Outcome,
+    core::{BearingModes, Outcome},
     filters::{OutOfOrder, Ukf},
     formation::{FollowConfig, FollowEstimate, Hold, Phase},
     hunt::{Components, Event, Heard, HuntError, Track},
@@ -215,6 +215,7 @@ fn levels_alone_go_with_the_rule_that_discards() {
         rss_sigma_db: 7.9,
         bearing,
         covariance: 0.0,
+        modes: BearingModes::default(),
         receiver_sigma_m: None,
     };
     assert_eq!(track.hear(&turn(None), false), Ok(Heard::Discarded));

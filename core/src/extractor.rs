@@ -1,4 +1,4 @@
-use crate::Sweep;
+use crate::{BearingModes, Sweep};
 
 /// Makes a level and a bearing of one turn of the antenna.
 ///
@@ -23,10 +23,13 @@ pub struct Reading {
     pub rss_dbm: f64,
     /// Its standard deviation in dB.
     pub rss_sigma_db: f64,
-    /// The direction of arrival, or why there is none.
+    /// The direction of arrival, or why there is none. Where several compete, their common mean
+    /// and a σ that covers them.
     pub bearing: Result<Bearing, NoBearing>,
     /// The covariance of level and bearing, in dB rad.
     pub covariance: f64,
+    /// The directions that compete, where there is more than one.
+    pub modes: BearingModes,
 }
 
 /// A direction of arrival and how well it is known.

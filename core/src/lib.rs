@@ -28,6 +28,7 @@ extern crate alloc;
 
 pub mod angle;
 mod axis;
+mod bearing_modes;
 mod belief;
 mod devices;
 mod estimate;
@@ -50,6 +51,7 @@ mod vehicle;
 pub use nalgebra;
 
 pub use axis::Axis;
+pub use bearing_modes::{BearingMode, BearingModes, BearingModesError};
 pub use belief::{Belief, BeliefOf, visit_cubature_points};
 pub use devices::{Clock, Radio, Rotator};
 pub use estimate::{Covariance, Ellipse, Estimate, State};

@@ -1,6 +1,6 @@
 use nalgebra::Vector3;
 
-/// A drone's place in the local East-North-Up frame.
+/// A drone's place and attitude in the local East-North-Up frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Pose {
@@ -8,19 +8,53 @@ pub struct Pose {
     pub position: Vector3<f64>,
     /// The nose, in radians counter-clockwise from East.
     pub heading: f64,
+    /// How far the nose is above the horizon, in radians; level where a file does not say.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "is_zero"))]
+    pub pitch: f64,
+    /// How far the right side is below the left, in radians; level where a file does not say.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "is_zero"))]
+    pub roll: f64,
+}
+
+#[cfg(feature = "serde")]
+fn is_zero(angle: &f64) -> bool {
+    angle.to_bits() == 0
 }
 
 impl Pose {
-    /// A pose with the nose to the East.
+    /// A level pose with the nose to the East.
     #[must_use]
     pub fn at(east: f64, north: f64, up: f64) -> Self {
-        Self { position: Vector3::new(east, north, up), heading: 0.0 }
+        Self { position: Vector3::new(east, north, up), ..Self::default() }
+    }
+
+    /// A level pose.
+    #[must_use]
+    pub fn level(position: Vector3<f64>, heading: f64) -> Self {
+        Self { position, heading, ..Self::default() }
+    }
+
+    /// A direction of the world frame in the body's own: forward, left and up along its axes.
+    ///
+    /// The body is turned by heading about Up, then by pitch about its left axis, then by roll
+    /// about its nose.
+    #[must_use]
+    pub fn to_body(&self, world: &Vector3<f64>) -> Vector3<f64> {
+        let turned = |a: f64, b: f64, angle: f64| {
+            let (sin, cos) = (libm::sin(angle), libm::cos(angle));
+            (cos * a + sin * b, cos * b - sin * a)
+        };
+        let (forward, left) = turned(world.x, world.y, self.heading);
+        let (forward, up) = turned(forward, world.z, self.pitch);
+        let (left, up) = turned(left, up, self.roll);
+        Vector3::new(forward, left, up)
     }
 
     /// Whether every number in it is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        self.heading.is_finite() && self.position.iter().all(|c| c.is_finite())
+        let Self { position, heading, pitch, roll } = self;
+        position.iter().chain([heading, pitch, roll]).all(|number| number.is_finite())
     }
 }
 
@@ -37,3 +71,27 @@ pub struct Waypoint {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(transparent))]
 pub struct BeaconId(pub u16);
+
+#[cfg(test)]
+mod tests {
+    use core::f64::consts::FRAC_PI_2;
+
+    use super::*;
+
+    #[test]
+    fn nose_and_right_side_are_where_the_angles_say() {
+        let [east, north, up] = [Vector3::x(), Vector3::y(), Vector3::z()];
+        let level = Pose::level(Vector3::zeros(), FRAC_PI_2);
+        assert!((level.to_body(&north) - Vector3::x()).norm() < 1e-15, "the nose is to the North");
+        assert!((level.to_body(&east) + Vector3::y()).norm() < 1e-15, "East is to the right");
+        let climbing = Pose { pitch: 0.3, ..level };
+        let nose = north * 0.3_f64.cos() + up * 0.3_f64.sin();
+        assert!((climbing.to_body(&nose) - Vector3::x()).norm() < 1e-15, "the nose is up");
+        let banked = Pose { roll: 0.3, ..level };
+        let right = east * 0.3_f64.cos() - up * 0.3_f64.sin();
+        assert!((banked.to_body(&right) + Vector3::y()).norm() < 1e-15, "the right side is down");
+        let any = Pose { heading: 1.0, pitch: -0.4, roll: 0.7, ..level };
+        let body = any.to_body(&Vector3::new(1.0, 2.0, 3.0));
+        assert!((body.norm_squared() - 14.0).abs() < 1e-12, "turning keeps lengths");
+    }
+}

@@ -1,6 +1,6 @@
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector3};
 
-use crate::{BeaconId, Bearing, Observation, ObservationError, Pose, Reading, Sweep};
+use crate::{BeaconId, Bearing, BearingModes, Observation, ObservationError, Pose, Reading, Sweep};
 
 /// What one receiver learned from one sweep: the datum that is logged and replayed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +21,9 @@ pub struct Reception {
     pub bearing: Option<Bearing>,
     /// The covariance of level and bearing, in dB rad.
     pub covariance: f64,
+    /// The directions that compete for the bearing, where there is more than one.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "BearingModes::is_empty"))]
+    pub modes: BearingModes,
     /// How uncertain the receiver's own place is: σ of East, North and Up in metres; known where
     /// absent.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
@@ -40,6 +43,7 @@ impl Reception {
             rss_sigma_db: reading.rss_sigma_db,
             bearing: reading.bearing.ok(),
             covariance: reading.covariance,
+            modes: reading.modes,
             receiver_sigma_m: None,
         }
     }

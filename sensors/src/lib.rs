@@ -10,7 +10,7 @@
 //! | a turn of the antenna, put in order | [`Pattern`] |
 //! | from a turn to level and bearing | [`Pritzl2018`] |
 //! | what the transmitter's law is | [`fit_log_distance`] |
-//! | an antenna's gain | [`PatternTable`] (`alloc`) |
+//! | an antenna's gain over direction | [`Antenna`]: [`PatternTable`] (`alloc`) |
 //! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
 //!
 //! Conventions are those of [`foxhunt_core`]: metres, seconds, radians counter-clockwise from
@@ -20,6 +20,8 @@
 
 #[cfg(feature = "alloc")]
 extern crate alloc;
+#[cfg(feature = "std")]
+extern crate std;
 
 #[cfg(feature = "alloc")]
 mod antenna;
@@ -32,7 +34,9 @@ mod propagation;
 mod stepper;
 
 #[cfg(feature = "alloc")]
-pub use antenna::{PatternTable, PatternTableError};
+pub use antenna::{Antenna, PatternTable, PatternTableError};
+#[cfg(feature = "std")]
+pub use antenna::{AntennaConfig, GainRow, SharedAntenna};
 pub use calibration::{CalibrationError, PathLossFit, fit_log_distance};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 pub use models::{

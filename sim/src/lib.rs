@@ -36,8 +36,7 @@ mod truth;
 mod world;
 
 pub use config::{
-    AntennaConfig, BeaconConfig, ChannelConfig, DroneConfig, GainRow, SimStepperConfig,
-    VehicleConfig, WorldConfig,
+    BeaconConfig, ChannelConfig, DroneConfig, SimStepperConfig, VehicleConfig, WorldConfig,
 };
 pub use devices::{SimClock, SimFleet, SimRadio, SimRotator, SimStepper, SimVehicle};
 pub use error::SimError;

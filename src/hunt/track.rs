@@ -1,7 +1,8 @@
 use std::mem;
 
 use foxhunt_core::{
-    Correction, Estimate, Estimator, EstimatorError, Observation, ObservationError, Reception,
+    BearingModes, Correction, Estimate, Estimator, EstimatorError, Observation, ObservationError,
+    Reception,
 };
 use foxhunt_filters::consistency::{NisHealth, NisWatchdog};
 use serde::{Deserialize, Serialize};
@@ -59,7 +60,7 @@ impl TrackConfig {
         }
         match self.components {
             Components::Both => {}
-            Components::RssOnly => seen.bearing = None,
+            Components::RssOnly => (seen.bearing, seen.modes) = (None, BearingModes::default()),
             Components::BearingOnly => {
                 seen.rss_sigma_db = NO_LEVEL_SIGMA_DB;
                 seen.covariance = 0.0;

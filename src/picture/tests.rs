@@ -1,4 +1,6 @@
-use foxhunt_core::{BeaconId, Bearing, Correction, Estimate, Outcome, Pose, Reception};
+use foxhunt_core::{
+    BeaconId, Bearing, BearingModes, Correction, Estimate, Outcome, Pose, Reception,
+};
 use nalgebra::{Matrix2, Vector2};
 
 use super::*;
@@ -34,6 +36,7 @@ fn hunt(estimate: Estimate<2>, angle: f64, outcome: Outcome) -> Vec<Event> {
         rss_sigma_db: 4.0,
         bearing: Some(Bearing { angle, sigma: 0.3, confidence: 0.8 }),
         covariance: 0.0,
+        modes: BearingModes::default(),
         receiver_sigma_m: None,
     };
     let received = |time: f64| Event::Received {

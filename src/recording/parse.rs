@@ -50,7 +50,7 @@ impl Reader<'_> {
             beacon: self.text(Column::Beacon)?.map(Into::into),
             drone: self.text(Column::Drone)?.map_or_else(|| stem.to_owned(), Into::into),
             time: self.time()?,
-            receiver: position.map(|position| Pose { position, heading }),
+            receiver: position.map(|position| Pose::level(position, heading)),
             boresight: boresight_deg.map(compass_deg_to_radians),
             position: self.number(Column::Position)?.map(whole).and_then(|i| i.try_into().ok()),
             turn: self.number(Column::Turn)?.map(whole),

@@ -137,7 +137,7 @@ impl Recording {
             line: first.map_or(0, |record| record.line),
             located: first.is_some_and(|record| record.receiver.is_some()),
             time: samples.last().map_or(0.0, |sample| sample.time),
-            receiver: Pose { position: place, heading },
+            receiver: Pose::level(place, heading),
             positions,
             samples,
         })

@@ -30,7 +30,7 @@ prop_compose! {
         heading in -20.0..20.0f64, boresight in -20.0..20.0f64, position in 0u16..128,
         rss_dbm in -140.0..0.0f64,
     ) -> Sample {
-        let receiver = Pose { position: Vector3::new(east, north, up), heading };
+        let receiver = Pose::level(Vector3::new(east, north, up), heading);
         Sample { time, receiver, boresight, position, rss_dbm }
     }
 }

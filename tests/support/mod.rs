@@ -46,7 +46,7 @@ impl Vehicle for Teleport {
 
     fn go_to(&mut self, goal: &Waypoint) -> Result<(), Unplugged> {
         if !self.stuck {
-            self.place.set(Pose { position: goal.position, heading: 0.0 });
+            self.place.set(Pose::level(goal.position, 0.0));
         }
         Ok(())
     }

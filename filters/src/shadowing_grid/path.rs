@@ -105,7 +105,7 @@ fn mean_pose(readings: &[(Pose, f64)]) -> Pose {
     let sum: Vector3<f64> = readings.iter().map(|(pose, _)| pose.position).sum();
     let headings: Resultant = readings.iter().map(|(pose, _)| pose.heading).collect();
     let first = readings.first().map_or(0.0, |(pose, _)| pose.heading);
-    Pose { position: sum / count, heading: headings.direction(1e-9).unwrap_or(first) }
+    Pose::level(sum / count, headings.direction(1e-9).unwrap_or(first))
 }
 
 /// The middle value, or the mean of the middle two.

@@ -3,10 +3,10 @@ use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::angle;
 
-use super::PatternTableError;
+use super::{Antenna, PatternTableError};
 
 /// An antenna's gain in dB over the angle off boresight, from a table that closes on itself;
-/// between rows linear in dB.
+/// between rows linear in dB. It is the same at every elevation.
 ///
 /// ```
 /// use foxhunt_sensors::PatternTable;
@@ -82,17 +82,6 @@ impl PatternTable {
         start + (end - start) * ((offset - from) / (to - from))
     }
 
-    /// The mean of the gain in dB over the turn.
-    #[must_use]
-    pub fn mean_gain_db(&self) -> f64 {
-        // Exact for what is linear between rows.
-        let strip = |i| {
-            let ((from, start), (to, end)) = (self.row(i), self.row(i + 1));
-            0.5 * (start + end) * (to - from)
-        };
-        (0..self.gains.len()).map(strip).sum::<f64>() / TAU
-    }
-
     /// The angle between the half-power points about the maximum, in radians; `None` where the
     /// gain never falls by half.
     #[must_use]
@@ -141,5 +130,20 @@ impl PatternTable {
         let ((from, start), (to, end)) = (self.row(near), self.row(far));
         (start >= level && end < level)
             .then(|| from + (to - from) * ((start - level) / (start - end)))
+    }
+}
+
+impl Antenna for PatternTable {
+    fn gain_dbi(&self, azimuth: f64, _elevation: f64) -> f64 {
+        self.gain_db(azimuth)
+    }
+
+    fn mean_gain_db(&self, _elevation: f64) -> f64 {
+        // Exact for what is linear between rows.
+        let strip = |i| {
+            let ((from, start), (to, end)) = (self.row(i), self.row(i + 1));
+            0.5 * (start + end) * (to - from)
+        };
+        (0..self.gains.len()).map(strip).sum::<f64>() / TAU
     }
 }

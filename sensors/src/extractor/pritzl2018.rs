@@ -1,5 +1,5 @@
 use foxhunt_core::{
-    Bearing, BearingExtractor, NoBearing, NoReading, Reading, Sweep,
+    Bearing, BearingExtractor, BearingModes, NoBearing, NoReading, Reading, Sweep,
     angle::{self, Resultant},
 };
 
@@ -96,6 +96,7 @@ impl BearingExtractor for Pritzl2018 {
             rss_sigma_db: self.rss_sigma_db,
             bearing: self.bearing(&pattern),
             covariance: 0.0,
+            modes: BearingModes::default(),
         })
     }
 }

@@ -190,7 +190,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         }
         // Headings that cancel have no mean; then the last one is as good as any.
         let heading = heading.direction(1e-9).unwrap_or(last.receiver.heading);
-        Pose { position: position / count, heading }
+        Pose::level(position / count, heading)
     }
 }
 

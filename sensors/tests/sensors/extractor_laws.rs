@@ -8,7 +8,12 @@ use crate::sweeps::{Conditions, POSITIONS, simulate, sweep_of};
 
 const SILENT: Sample = Sample {
     time: 0.0,
-    receiver: Pose { position: nalgebra::Vector3::new(0.0, 0.0, 0.0), heading: 0.0 },
+    receiver: Pose {
+        position: nalgebra::Vector3::new(0.0, 0.0, 0.0),
+        heading: 0.0,
+        pitch: 0.0,
+        roll: 0.0,
+    },
     boresight: 0.0,
     position: 0,
     rss_dbm: 0.0,

@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 
 use foxhunt_core::{BeaconId, Pose, Sample, Sweep, angle};
-use foxhunt_sensors::PatternTable;
+use foxhunt_sensors::{Antenna, PatternTable};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::{Distribution, Normal};
 
@@ -34,7 +34,7 @@ impl Default for Conditions {
 pub(crate) fn simulate(conditions: &Conditions, patch: &PatternTable, seed: u64) -> Vec<Sample> {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let noise = Normal::new(0.0, conditions.noise_db).expect("a standard deviation");
-    let level = -60.0 - patch.mean_gain_db();
+    let level = -60.0 - patch.mean_gain_db(0.0);
     let mut samples = Vec::new();
     for position in 0..POSITIONS {
         let heard = rng.random::<f64>() >= conditions.lost;

@@ -1,10 +1,7 @@
-use foxhunt_sensors::LogDistance;
+use foxhunt_sensors::{AntennaConfig, LogDistance};
 use serde::{Deserialize, Serialize};
 
-use super::{
-    AntennaConfig,
-    check::{finite, not_negative, probability},
-};
+use super::check::{finite, not_negative, probability};
 use crate::SimError;
 
 /// What lies between a beacon's power and a drone's reading.

@@ -1,12 +1,10 @@
 //! Worlds as files: plain fields with defaults, checked when a world is made of them.
 
-mod antenna;
 mod channel;
 mod check;
 mod devices;
 mod world;
 
-pub use antenna::{AntennaConfig, GainRow};
 pub use channel::ChannelConfig;
 pub use devices::{SimStepperConfig, VehicleConfig};
 pub use world::{BeaconConfig, DroneConfig, WorldConfig};

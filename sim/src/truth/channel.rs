@@ -1,4 +1,4 @@
-use foxhunt_sensors::{LogDistance, PatternTable, Propagation};
+use foxhunt_sensors::{LogDistance, Propagation, SharedAntenna};
 
 use crate::{ChannelConfig, SimError};
 
@@ -6,7 +6,7 @@ use crate::{ChannelConfig, SimError};
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
     law: LogDistance,
-    antenna: PatternTable,
+    antenna: SharedAntenna,
     mean_gain_db: f64,
     pub(super) pattern_sigma_db: f64,
     pub(super) sample_sigma_db: f64,
@@ -23,7 +23,7 @@ impl Channel {
         let antenna = config.antenna.build()?;
         Ok(Self {
             law: config.path_loss,
-            mean_gain_db: antenna.mean_gain_db(),
+            mean_gain_db: antenna.mean_gain_db(0.0),
             antenna,
             pattern_sigma_db: config.pattern_sigma_db,
             sample_sigma_db: config.sample_sigma_db,
@@ -42,7 +42,7 @@ impl Channel {
     /// The gain over its mean in dB, for a wave from `arrival` radians counter-clockwise of
     /// boresight.
     pub(super) fn relative_gain_db(&self, arrival: f64) -> f64 {
-        self.antenna.gain_db(arrival) - self.mean_gain_db
+        self.antenna.gain_dbi(arrival, 0.0) - self.mean_gain_db
     }
 
     /// What the receiver reads at a power in dBm; `None` below its floor.

@@ -28,10 +28,10 @@ impl Drone {
         channel: &Channel,
         streams: Streams,
     ) -> Self {
-        let pose = Pose {
-            position: Vector3::new(config.east_m, config.north_m, config.up_m),
-            heading: angle::wrap(config.heading_deg_ccw_from_east.to_radians()),
-        };
+        let pose = Pose::level(
+            Vector3::new(config.east_m, config.north_m, config.up_m),
+            angle::wrap(config.heading_deg_ccw_from_east.to_radians()),
+        );
         Self {
             body: Kinematics::new(vehicle, pose),
             motor: Turntable::new(stepper.rotator_speed_rad_s),

@@ -80,7 +80,7 @@ mod tests {
             body.advance(0.5 * seconds - 1e-6);
             assert!((body.pose().position - goal).norm() > 1e-7);
             body.advance(2e-6);
-            assert_eq!(body.pose(), Pose { position: goal, heading: 0.7 });
+            assert_eq!(body.pose(), Pose::level(goal, 0.7));
             assert!((body.path_length() - (goal - start).norm()).abs() < 1e-12);
         }
     }

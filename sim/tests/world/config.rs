@@ -1,7 +1,6 @@
-use foxhunt_sensors::LogDistance;
+use foxhunt_sensors::{AntennaConfig, GainRow, LogDistance};
 use foxhunt_sim::{
-    AntennaConfig, ChannelConfig, DroneConfig, GainRow, SimError, SimStepperConfig, VehicleConfig,
-    World, WorldConfig,
+    ChannelConfig, DroneConfig, SimError, SimStepperConfig, VehicleConfig, World, WorldConfig,
 };
 
 use crate::rig::{beacon, config, omnidirectional};

@@ -3,9 +3,10 @@
 use std::f64::consts::TAU;
 
 use foxhunt_core::{BeaconId, Radio, Rotator, Vehicle, Waypoint};
+use foxhunt_sensors::{AntennaConfig, GainRow};
 use foxhunt_sim::{
-    AntennaConfig, BeaconConfig, ChannelConfig, DroneConfig, GainRow, SimRadio, SimRotator,
-    SimStepperConfig, SimVehicle, VehicleConfig, World, WorldConfig,
+    BeaconConfig, ChannelConfig, DroneConfig, SimRadio, SimRotator, SimStepperConfig, SimVehicle,
+    VehicleConfig, World, WorldConfig,
 };
 use nalgebra::Vector3;
 

@@ -1,0 +1,186 @@
+use crate::angle::{self, Resultant};
+
+/// One of several directions that a turn of the antenna may have heard its signal from.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct BearingMode {
+    /// How likely it is that this is the one.
+    pub weight: f64,
+    /// The direction in radians in the world frame.
+    pub angle: f64,
+    /// Its standard deviation in radians, if it is the one.
+    pub sigma: f64,
+}
+
+/// The directions that compete for one turn: side lobes, an antenna's back, a reflection.
+///
+/// A mixture of Gaussians on the circle, its weights summing to 1; none where the bearing is the
+/// only one. Kept in place, without an allocator.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(try_from = "[Option<BearingMode>; 4]"))]
+#[cfg_attr(feature = "serde", serde(into = "[Option<BearingMode>; 4]"))]
+pub struct BearingModes {
+    modes: [BearingMode; BearingModes::CAPACITY],
+    count: usize,
+}
+
+/// Why directions are no mixture.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BearingModesError {
+    /// There are too many of them.
+    #[error("{count} directions compete; there is room for {capacity}")]
+    TooMany {
+        /// How many.
+        count: usize,
+        /// How many there is room for.
+        capacity: usize,
+    },
+    /// A number of one of them is out of its range.
+    #[error("direction {index} has the {field} {value}; it must be {requirement}")]
+    Field {
+        /// Which of them.
+        index: usize,
+        /// Which of its fields.
+        field: &'static str,
+        /// What it held.
+        value: f64,
+        /// What it must be.
+        requirement: &'static str,
+    },
+}
+
+impl BearingModes {
+    /// How many directions may compete.
+    pub const CAPACITY: usize = 4;
+
+    /// The mixture of these directions, with weights in proportion to theirs; one alone, or none,
+    /// is no competition and leaves it empty.
+    ///
+    /// # Errors
+    ///
+    /// [`BearingModesError`] names the number that is out of its range.
+    pub fn new(modes: &[BearingMode]) -> Result<Self, BearingModesError> {
+        let (count, capacity) = (modes.len(), Self::CAPACITY);
+        if count > capacity {
+            return Err(BearingModesError::TooMany { count, capacity });
+        }
+        let mut total = 0.0;
+        for (index, mode) in modes.iter().enumerate() {
+            let positive = |value: f64| value > 0.0 && value.is_finite();
+            for (field, value, holds, requirement) in [
+                ("weight", mode.weight, positive(mode.weight), "a positive number"),
+                ("angle", mode.angle, mode.angle.is_finite(), "finite"),
+                ("sigma", mode.sigma, positive(mode.sigma), "a positive number"),
+            ] {
+                if !holds {
+                    return Err(BearingModesError::Field { index, field, value, requirement });
+                }
+            }
+            total += mode.weight;
+        }
+        let mut made = Self::default();
+        if count > 1 {
+            for (own, mode) in made.modes.iter_mut().zip(modes) {
+                *own = BearingMode { weight: mode.weight / total, ..*mode };
+            }
+            made.count = count;
+        }
+        Ok(made)
+    }
+
+    /// The directions; fewer than two are none.
+    #[must_use]
+    pub fn as_slice(&self) -> &[BearingMode] {
+        self.modes.get(..self.count).unwrap_or(&[])
+    }
+
+    /// Whether nothing competes.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// The one direction and σ that stand for all of them: the circular mean, and the root of the
+    /// mean square about it. `None` where nothing competes, or the directions cancel.
+    #[must_use]
+    pub fn moments(&self) -> Option<(f64, f64)> {
+        let mut resultant = Resultant::default();
+        for mode in self.as_slice() {
+            resultant.add(mode.angle, mode.weight);
+        }
+        let mean = resultant.direction(1e-9)?;
+        let square = |mode: &BearingMode| {
+            let off = angle::distance(mode.angle, mean);
+            mode.weight * (mode.sigma * mode.sigma + off * off)
+        };
+        Some((mean, libm::sqrt(self.as_slice().iter().map(square).sum())))
+    }
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<[Option<BearingMode>; Self::CAPACITY]> for BearingModes {
+    type Error = BearingModesError;
+
+    fn try_from(read: [Option<BearingMode>; Self::CAPACITY]) -> Result<Self, BearingModesError> {
+        let (mut modes, mut count) = ([BearingMode::default(); Self::CAPACITY], 0);
+        for (own, mode) in modes.iter_mut().zip(read.into_iter().flatten()) {
+            *own = mode;
+            count += 1;
+        }
+        Self::new(modes.get(..count).unwrap_or(&[]))
+    }
+}
+
+#[cfg(feature = "serde")]
+impl From<BearingModes> for [Option<BearingMode>; BearingModes::CAPACITY] {
+    fn from(modes: BearingModes) -> Self {
+        core::array::from_fn(|i| modes.as_slice().get(i).copied())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::f64::consts::PI;
+
+    use super::*;
+
+    fn mode(weight: f64, angle: f64, sigma: f64) -> BearingMode {
+        BearingMode { weight, angle, sigma }
+    }
+
+    #[test]
+    fn two_directions_have_the_moments_of_their_mixture() {
+        let modes = BearingModes::new(&[mode(6.0, PI - 0.1, 0.2), mode(2.0, -PI + 0.3, 0.4)]);
+        let (mean, sigma) = modes.expect("proper").moments().expect("they agree");
+        // Resultants: the mean of directions so near each other is nearly linear.
+        assert!(angle::distance(mean, PI) < 2e-3, "{mean}");
+        let off = [angle::distance(PI - 0.1, mean), angle::distance(-PI + 0.3, mean)];
+        let square = 0.75 * (0.04 + off[0] * off[0]) + 0.25 * (0.16 + off[1] * off[1]);
+        assert!((sigma - libm::sqrt(square)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_no_mixture_is_refused() {
+        let good = mode(1.0, 0.0, 0.1);
+        for bad in [mode(-1.0, 0.0, 0.1), mode(1.0, f64::NAN, 0.1), mode(1.0, 0.0, 0.0)] {
+            assert!(BearingModes::new(&[good, bad]).is_err(), "{bad:?}");
+        }
+        assert!(BearingModes::new(&[good; 5]).is_err());
+        assert!(BearingModes::new(&[good]).expect("proper").is_empty());
+    }
+
+    #[cfg(feature = "serde")]
+    #[test]
+    fn a_mixture_in_a_file_is_the_same_one() {
+        for modes in [&[][..], &[mode(0.25, 1.0, 0.1), mode(0.75, -1.0, 0.2)]] {
+            let modes = BearingModes::new(modes).expect("proper");
+            let text = serde_json::to_string(&modes).expect("plain data");
+            assert_eq!(serde_json::from_str::<BearingModes>(&text).expect("as written"), modes);
+        }
+        let bad = r#"[{"weight":1.0,"angle":0.0,"sigma":-1.0},null,null,null]"#;
+        assert!(serde_json::from_str::<BearingModes>(bad).is_err(), "σ is negative");
+    }
+}
