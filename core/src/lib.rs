@@ -64,7 +64,7 @@ pub use measurement::{
 pub use motion::{ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk};
 pub use observation::Observation;
 pub use observation_error::ObservationError;
-pub use pattern::{PatternSource, Sample, Sweep};
+pub use pattern::{PatternSource, Sample, Sweep, Unheard};
 pub use planner::{
     Decision, FormationPlanner, Outcome, PlanError, PlannerFn, Stage, Station, planner_fn,
 };
