@@ -62,7 +62,7 @@ pub use measurement::{
 };
 pub use motion::{ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk};
 pub use observation::{Observation, ObservationError};
-pub use pattern::{PatternSource, Sample, Sweep};
+pub use pattern::{PatternSource, Sample, Sweep, Unheard};
 pub use planner::{
     Decision, FormationPlanner, Outcome, PlanError, PlannerFn, Stage, Station, planner_fn,
 };
