@@ -10,7 +10,8 @@
 //! | a turn of the antenna, put in order | [`Pattern`] |
 //! | from a turn to level and bearing | [`Pritzl2018`] |
 //! | what the transmitter's law is | [`fit_log_distance`] |
-//! | an antenna's gain over direction | [`Antenna`]: [`PatternTable`] (`alloc`) |
+//! | an antenna's gain over direction | [`Antenna`] (`alloc`): [`Isotropic`], [`Dipole`], [`Cardioid`], [`Patch`], [`Yagi`] |
+//! | the same from a table | [`PatternTable`], [`PatternTable3d`], [`PrincipalCuts`] (`alloc`) |
 //! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
 //!
 //! Conventions are those of [`foxhunt_core`]: metres, seconds, radians counter-clockwise from
@@ -34,7 +35,10 @@ mod propagation;
 mod stepper;
 
 #[cfg(feature = "alloc")]
-pub use antenna::{Antenna, PatternTable, PatternTableError};
+pub use antenna::{
+    Antenna, Cardioid, Dipole, Isotropic, MainLobe, Patch, PatternTable, PatternTable3d,
+    PatternTableError, PrincipalCuts, Yagi,
+};
 #[cfg(feature = "std")]
 pub use antenna::{AntennaConfig, GainRow, SharedAntenna};
 pub use calibration::{CalibrationError, PathLossFit, fit_log_distance};

@@ -2,13 +2,15 @@
 
 #[cfg(feature = "std")]
 mod config;
-mod error;
+mod figures;
+mod formula;
 mod gain;
-mod pattern_table;
-mod reference_patch;
+mod table;
 
 #[cfg(feature = "std")]
 pub use config::{AntennaConfig, GainRow, SharedAntenna};
-pub use error::PatternTableError;
-pub use gain::Antenna;
-pub use pattern_table::PatternTable;
+pub use formula::{Cardioid, Dipole, Isotropic, Patch, Yagi};
+pub use gain::{Antenna, MainLobe};
+pub use table::{PatternTable, PatternTable3d, PatternTableError, PrincipalCuts};
+
+use formula::linear;

@@ -20,7 +20,27 @@ pub enum PatternTableError {
         /// What it held.
         value: f64,
     },
-    /// The angles do not increase.
+    /// A gain is beyond what any antenna has.
+    #[error(
+        "row {row} of the antenna pattern has the gain {gain} dB; it must be within ±{limit} dB"
+    )]
+    Gain {
+        /// Which row, from 0.
+        row: usize,
+        /// Its gain in dB.
+        gain: f64,
+        /// The largest that is taken.
+        limit: f64,
+    },
+    /// An elevation is beyond the poles.
+    #[error("the elevation {elevation} rad in row {row} of the antenna pattern is beyond a pole")]
+    Elevation {
+        /// Which row, from 0.
+        row: usize,
+        /// Its elevation in radians.
+        elevation: f64,
+    },
+    /// The angles do not increase, or by less than can be told apart.
     #[error("the angle {angle} rad in row {row} of the antenna pattern does not exceed the last")]
     Order {
         /// Which row, from 0.
