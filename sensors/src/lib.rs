@@ -12,6 +12,7 @@
 //! | what the transmitter's law is | [`fit_log_distance`] |
 //! | an antenna's gain over direction | [`Antenna`] (`alloc`): [`Isotropic`], [`Dipole`], [`Cardioid`], [`Patch`], [`Yagi`] |
 //! | the same from a table | [`PatternTable`], [`PatternTable3d`], [`PrincipalCuts`] (`alloc`) |
+//! | the pattern of recorded turns | [`learn_pattern`] (`alloc`) |
 //! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
 //!
 //! Conventions are those of [`foxhunt_core`]: metres, seconds, radians counter-clockwise from
@@ -36,8 +37,8 @@ mod stepper;
 
 #[cfg(feature = "alloc")]
 pub use antenna::{
-    Antenna, Cardioid, Dipole, Isotropic, MainLobe, Patch, PatternTable, PatternTable3d,
-    PatternTableError, PrincipalCuts, Yagi,
+    Antenna, Cardioid, Dipole, Isotropic, LearnPatternError, LearnedPattern, MainLobe, Patch,
+    PatternTable, PatternTable3d, PatternTableError, PrincipalCuts, Yagi, learn_pattern,
 };
 #[cfg(feature = "std")]
 pub use antenna::{AntennaConfig, GainRow, SharedAntenna};
