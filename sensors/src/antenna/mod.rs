@@ -2,14 +2,20 @@
 
 #[cfg(feature = "std")]
 mod config;
+#[cfg(feature = "std")]
+mod error;
 mod figures;
+mod files;
 mod formula;
 mod gain;
 mod learn;
 mod table;
 
 #[cfg(feature = "std")]
-pub use config::{AntennaConfig, GainRow, SharedAntenna};
+pub use config::{AntennaConfig, CardioidConfig, GainRow, PatchConfig, SharedAntenna, YagiConfig};
+#[cfg(feature = "std")]
+pub use error::AntennaError;
+pub use files::{MsiFile, MsiUnit, PatternFileError, PatternFileReason};
 pub use formula::{Cardioid, Dipole, Isotropic, Patch, Yagi};
 pub use gain::{Antenna, MainLobe};
 pub use learn::{LearnPatternError, LearnedPattern, learn_pattern};

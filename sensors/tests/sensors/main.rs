@@ -1,6 +1,8 @@
 //! The crate against exact vectors, exported laws, simulated sweeps and fake devices.
 
 mod antenna;
+#[cfg(feature = "std")]
+mod antenna_files;
 mod bearing_error;
 mod calibration;
 mod combined_models;
