@@ -10,7 +10,10 @@
 //! | a turn of the antenna, put in order | [`Pattern`] |
 //! | from a turn to level and bearing | [`Pritzl2018`] |
 //! | what the transmitter's law is | [`fit_log_distance`] |
-//! | an antenna's gain over direction | [`Antenna`]: [`PatternTable`] (`alloc`) |
+//! | an antenna's gain over direction | [`Antenna`] (`alloc`): [`Isotropic`], [`Dipole`], [`Cardioid`], [`Patch`], [`Yagi`] |
+//! | the same from a table | [`PatternTable`], [`PatternTable3d`], [`PrincipalCuts`] (`alloc`) |
+//! | the same in a vendor's file | [`MsiFile`] (`alloc`) |
+//! | the pattern of recorded turns | [`learn_pattern`] (`alloc`) |
 //! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
 //!
 //! Conventions are those of [`foxhunt_core`]: metres, seconds, radians counter-clockwise from
@@ -34,9 +37,15 @@ mod propagation;
 mod stepper;
 
 #[cfg(feature = "alloc")]
-pub use antenna::{Antenna, PatternTable, PatternTableError};
+pub use antenna::{
+    Antenna, Cardioid, Dipole, Isotropic, LearnPatternError, LearnedPattern, MainLobe, MsiFile,
+    MsiUnit, Patch, PatternFileError, PatternFileReason, PatternTable, PatternTable3d,
+    PatternTableError, PrincipalCuts, Yagi, learn_pattern,
+};
 #[cfg(feature = "std")]
-pub use antenna::{AntennaConfig, GainRow, SharedAntenna};
+pub use antenna::{
+    AntennaConfig, AntennaError, CardioidConfig, GainRow, PatchConfig, SharedAntenna, YagiConfig,
+};
 pub use calibration::{CalibrationError, PathLossFit, fit_log_distance};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 pub use models::{

@@ -1,6 +1,8 @@
 //! The crate against exact vectors, exported laws, simulated sweeps and fake devices.
 
 mod antenna;
+#[cfg(feature = "std")]
+mod antenna_files;
 mod bearing_error;
 mod calibration;
 mod combined_models;
@@ -8,6 +10,7 @@ mod devices;
 mod extractor_laws;
 #[cfg(feature = "serde")]
 mod files;
+mod learned_pattern;
 mod model_laws;
 mod model_vectors;
 mod preprocess_vectors;

@@ -57,7 +57,7 @@ fn a_table_that_is_none_is_refused_by_its_row() {
         GainRow { angle_deg: 180.0, gain_db: -9.0 },
     ]);
     let error = World::new(&config, 1).expect_err("a gain is NaN").to_string();
-    assert!(error.starts_with("channel.antenna.table: row 1"), "{error}");
+    assert!(error.starts_with("channel.antenna: row 1"), "{error}");
 }
 
 #[test]
