@@ -38,6 +38,8 @@ pub use antenna::{Antenna, PatternTable, PatternTableError};
 #[cfg(feature = "std")]
 pub use antenna::{AntennaConfig, GainRow, SharedAntenna};
 pub use calibration::{CalibrationError, PathLossFit, fit_log_distance};
+#[cfg(feature = "alloc")]
+pub use extractor::MaximumLikelihood;
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
