@@ -47,6 +47,8 @@ pub use antenna::{
     AntennaConfig, AntennaError, CardioidConfig, GainRow, PatchConfig, SharedAntenna, YagiConfig,
 };
 pub use calibration::{CalibrationError, PathLossFit, fit_log_distance};
+#[cfg(feature = "alloc")]
+pub use extractor::MaximumLikelihood;
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,

@@ -3,13 +3,19 @@
 mod cell;
 mod confidence;
 mod config;
+#[cfg(feature = "alloc")]
+mod likelihood;
 mod pattern;
 mod pritzl2018;
 mod rounding;
 
 pub use cell::Cell;
 pub use confidence::resultant_confidence;
+#[cfg(feature = "alloc")]
+pub use likelihood::MaximumLikelihood;
 pub use pattern::Pattern;
 pub use pritzl2018::Pritzl2018;
 
+#[cfg(feature = "alloc")]
+use pattern::check;
 use rounding::round_half_away;

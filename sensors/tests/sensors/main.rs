@@ -11,6 +11,7 @@ mod extractor_laws;
 #[cfg(feature = "serde")]
 mod files;
 mod learned_pattern;
+mod likelihood;
 mod model_laws;
 mod model_vectors;
 mod preprocess_vectors;
