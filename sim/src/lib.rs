@@ -17,7 +17,7 @@
 //! };
 //! let world = World::new(&config, 1)?;
 //! let mut source = world.stepper(0, StepperConfig::pritzl2018())?;
-//! source.begin(BeaconId(0))?;
+//! source.begin(&[BeaconId(0)])?;
 //! let samples = loop {
 //!     world.advance(0.01)?;
 //!     if let Some(sweep) = source.poll()? {

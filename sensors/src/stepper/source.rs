@@ -15,7 +15,9 @@ use super::{Phase, StepperConfig, StepperError, Turn};
 /// Turns go to and fro, 0 … 127 and 127 … 0, so that the cable does not wind up and the next turn
 /// starts where the antenna stands. A position ends with its last sample or its time-out, which
 /// runs from the order to turn there; it keeps what it has, possibly nothing. An answer that is
-/// lost costs the rest of its position's time.
+/// lost costs the rest of its position's time. Several beacons are asked one after the other at
+/// each position, each with a time-out of its own, so that one that is silent costs the others
+/// nothing but time.
 ///
 /// Poll it several times per time-out: a position that is late asks no more questions. A device
 /// that fails is told of at each poll, and tried again at the next; time runs on, so that a turn
@@ -31,9 +33,20 @@ pub struct StepperSource<R, T, V, C> {
     turn: Option<Turn>,
     /// Where the antenna was last sent, in the turn's positions.
     stands_at: u16,
-    samples: Vec<Sample>,
+    /// What was heard of each beacon in the turn that is under way or over.
+    heard: Vec<Heard>,
+    /// How many of these were lent, and when their turn ended.
+    lent: usize,
+    ended: f64,
     dropped: u32,
     last_pose: Pose,
+}
+
+/// One beacon's samples.
+#[derive(Clone, Debug)]
+struct Heard {
+    beacon: BeaconId,
+    samples: Vec<Sample>,
 }
 
 /// Whether a step was taken.
@@ -59,7 +72,9 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             clock,
             turn: None,
             stands_at: 0,
-            samples: Vec::new(),
+            heard: Vec::new(),
+            lent: 0,
+            ended: 0.0,
             dropped: 0,
             last_pose: Pose::default(),
         }
@@ -72,7 +87,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
     }
 
     /// How many answers of this turn, or of the last one, were dropped because the power or the
-    /// place was not finite, or the place not to be had in time.
+    /// place was not finite, or the place not to be had in time; of all its beacons together.
     #[must_use]
     pub fn dropped(&self) -> u32 {
         self.dropped
@@ -117,7 +132,8 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             }
             Phase::Ask { angle, answers } => {
                 if !self.expire(turn) {
-                    self.radio.request(turn.beacon).map_err(StepperError::Radio)?;
+                    let beacon = self.heard[turn.asked].beacon;
+                    self.radio.request(beacon).map_err(StepperError::Radio)?;
                     turn.phase = Phase::Listen { angle, answers };
                 }
             }
@@ -139,7 +155,8 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                     let boresight = receiver.heading + angle + self.config.mount_offset();
                     let boresight = angle::wrap(boresight);
                     let position = nearest(angle, self.config.positions());
-                    self.samples.push(Sample { time, receiver, boresight, position, rss_dbm });
+                    let sample = Sample { time, receiver, boresight, position, rss_dbm };
+                    self.heard[turn.asked].samples.push(sample);
                     self.last_pose = receiver;
                 } else {
                     self.dropped += 1;
@@ -153,7 +170,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
 
     /// Without samples only the vehicle says where the turn took place.
     fn finish(&mut self, turn: &Turn) -> Result<Progress, Failure<R, T, V>> {
-        if self.samples.is_empty() {
+        if self.heard.iter().all(|heard| heard.samples.is_empty()) {
             // A vehicle that does not answer holds the turn up for one more time-out at most.
             let late = turn.deadline.is_some_and(|deadline| self.clock.now() >= deadline);
             match self.vehicle.pose() {
@@ -165,7 +182,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         Ok(Progress::Complete)
     }
 
-    /// Goes on to the next position if the present one's time is up.
+    /// Goes on to the next beacon or position if the present one's time is up.
     fn expire(&mut self, turn: &mut Turn) -> bool {
         let now = self.clock.now();
         let late = turn.deadline.is_some_and(|deadline| now >= deadline);
@@ -176,10 +193,12 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         }
         expired
     }
+}
 
+impl Heard {
     /// Where the turn took place: the mean over the samples.
-    fn receiver(&self) -> Pose {
-        let Some(last) = self.samples.last() else { return self.last_pose };
+    fn receiver(&self) -> Option<Pose> {
+        let last = self.samples.last()?;
         let mut heading = Resultant::default();
         let mut position = Vector3::zeros();
         let mut count = 0.0;
@@ -190,7 +209,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         }
         // Headings that cancel have no mean; then the last one is as good as any.
         let heading = heading.direction(1e-9).unwrap_or(last.receiver.heading);
-        Pose::level(position / count, heading)
+        Some(Pose::level(position / count, heading))
     }
 }
 
@@ -206,33 +225,37 @@ fn nearest(angle: f64, positions: u16) -> u16 {
 impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource<R, T, V, C> {
     type Error = Failure<R, T, V>;
 
-    fn begin(&mut self, beacon: BeaconId) -> Result<(), Self::Error> {
+    fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Self::Error> {
         // From the end that is nearer to where the antenna was last sent.
         let backwards = self.stands_at > (self.config.positions() - 1) / 2;
-        self.turn = Some(Turn::new(beacon, backwards));
-        self.samples.clear();
-        self.dropped = 0;
+        self.turn = (!beacons.is_empty()).then(|| Turn::new(beacons.len(), backwards));
+        let nothing = |&beacon| Heard { beacon, samples: Vec::new() };
+        self.heard = beacons.iter().map(nothing).collect();
+        (self.lent, self.dropped) = (0, 0);
         Ok(())
     }
 
     fn poll(&mut self) -> Result<Option<Sweep<'_>>, Self::Error> {
-        let Some(mut turn) = self.turn else { return Ok(None) };
-        let outcome = self.advance(&mut turn);
-        self.turn = Some(turn);
-        if !outcome? {
-            return Ok(None);
+        if let Some(mut turn) = self.turn {
+            let outcome = self.advance(&mut turn);
+            self.turn = Some(turn);
+            if !outcome? {
+                return Ok(None);
+            }
+            self.turn = None;
+            self.ended = match turn.phase {
+                Phase::Finish { time } => time,
+                _ => self.clock.now(),
+            };
         }
-        self.turn = None;
-        let time = match turn.phase {
-            Phase::Finish { time } => time,
-            _ => self.clock.now(),
-        };
+        let Some(heard) = self.heard.get(self.lent) else { return Ok(None) };
+        self.lent += 1;
         Ok(Some(Sweep {
-            beacon: turn.beacon,
-            time,
-            receiver: self.receiver(),
+            beacon: heard.beacon,
+            time: self.ended,
+            receiver: heard.receiver().unwrap_or(self.last_pose),
             positions: self.config.positions(),
-            samples: &self.samples,
+            samples: &heard.samples,
         }))
     }
 }
