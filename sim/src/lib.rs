@@ -32,6 +32,7 @@
 mod config;
 mod devices;
 mod error;
+mod quadrotor;
 mod truth;
 mod world;
 
@@ -40,4 +41,5 @@ pub use config::{
 };
 pub use devices::{SimClock, SimFleet, SimRadio, SimRotator, SimStepper, SimVehicle};
 pub use error::SimError;
+pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;
