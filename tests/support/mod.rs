@@ -135,6 +135,7 @@ impl PatternSource for Cardioid {
             receiver,
             positions: POSITIONS,
             samples: &self.samples,
+            ..Sweep::default()
         }))
     }
 }

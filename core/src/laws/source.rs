@@ -57,5 +57,9 @@ fn keeps_order(sweep: &Sweep<'_>) {
         assert!(sample.position < sweep.positions, "position {}", sample.position);
         assert!(sample.boresight.is_finite() && sample.rss_dbm.is_finite());
     }
+    for unheard in sweep.unheard {
+        assert!(unheard.position < sweep.positions, "position {}", unheard.position);
+        assert!(unheard.boresight.is_finite(), "boresight {}", unheard.boresight);
+    }
     assert!(sweep.time >= before, "the turn ended before its last sample");
 }

@@ -1,13 +1,11 @@
-use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use foxhunt_core::{
-    BeaconId, Clock, PatternSource, Pose, Radio, Rotator, Sample, Sweep, Vehicle,
-    angle::{self, Resultant},
+    BeaconId, Clock, PatternSource, Pose, Radio, Rotator, Sample, Sweep, Unheard, Vehicle, angle,
 };
-use nalgebra::Vector3;
 
 use super::{Phase, StepperConfig, StepperError, Turn};
+use crate::heard_turn::{HeardTurn, nearest};
 
 /// A directional antenna that a motor steps through a turn, with a radio that asks a beacon for
 /// answers at every step (Pritzl 2018, §5.1).
@@ -22,7 +20,8 @@ use super::{Phase, StepperConfig, StepperError, Turn};
 /// Poll it several times per time-out: a position that is late asks no more questions. A device
 /// that fails is told of at each poll, and tried again at the next; time runs on, so that a turn
 /// ends however many devices are dead. A power or a place that is not finite is
-/// [counted](Self::dropped) and not kept.
+/// [counted](Self::dropped) and not kept. A question that is without an answer when its position's
+/// time is up is told as [unheard](Sweep::unheard), along the mean heading.
 #[derive(Debug)]
 pub struct StepperSource<R, T, V, C> {
     config: StepperConfig,
@@ -33,20 +32,9 @@ pub struct StepperSource<R, T, V, C> {
     turn: Option<Turn>,
     /// Where the antenna was last sent, in the turn's positions.
     stands_at: u16,
-    /// What was heard of each beacon in the turn that is under way or over.
-    heard: Vec<Heard>,
-    /// How many of these were lent, and when their turn ended.
-    lent: usize,
-    ended: f64,
+    heard: HeardTurn,
     dropped: u32,
     last_pose: Pose,
-}
-
-/// One beacon's samples.
-#[derive(Clone, Debug)]
-struct Heard {
-    beacon: BeaconId,
-    samples: Vec<Sample>,
 }
 
 /// Whether a step was taken.
@@ -72,9 +60,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             clock,
             turn: None,
             stands_at: 0,
-            heard: Vec::new(),
-            lent: 0,
-            ended: 0.0,
+            heard: HeardTurn::default(),
             dropped: 0,
             last_pose: Pose::default(),
         }
@@ -132,7 +118,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             }
             Phase::Ask { angle, answers } => {
                 if !self.expire(turn) {
-                    let beacon = self.heard[turn.asked].beacon;
+                    let beacon = self.heard.beacon(turn.asked).id;
                     self.radio.request(beacon).map_err(StepperError::Radio)?;
                     turn.phase = Phase::Listen { angle, answers };
                 }
@@ -156,7 +142,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                     let boresight = angle::wrap(boresight);
                     let position = nearest(angle, self.config.positions());
                     let sample = Sample { time, receiver, boresight, position, rss_dbm };
-                    self.heard[turn.asked].samples.push(sample);
+                    self.heard.beacon(turn.asked).samples.push(sample);
                     self.last_pose = receiver;
                 } else {
                     self.dropped += 1;
@@ -170,7 +156,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
 
     /// Without samples only the vehicle says where the turn took place.
     fn finish(&mut self, turn: &Turn) -> Result<Progress, Failure<R, T, V>> {
-        if self.heard.iter().all(|heard| heard.samples.is_empty()) {
+        if self.heard.is_silent() {
             // A vehicle that does not answer holds the turn up for one more time-out at most.
             let late = turn.deadline.is_some_and(|deadline| self.clock.now() >= deadline);
             match self.vehicle.pose() {
@@ -189,37 +175,15 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         let expired = late && !matches!(turn.phase, Phase::Finish { .. });
         if expired {
             self.dropped += u32::from(matches!(turn.phase, Phase::Locate { .. }));
+            if let Phase::Listen { angle, .. } = turn.phase {
+                let position = nearest(angle, self.config.positions());
+                let boresight = angle + self.config.mount_offset();
+                self.heard.beacon(turn.asked).unheard.push(Unheard { boresight, position });
+            }
             turn.next(&self.config, now);
         }
         expired
     }
-}
-
-impl Heard {
-    /// Where the turn took place: the mean over the samples.
-    fn receiver(&self) -> Option<Pose> {
-        let last = self.samples.last()?;
-        let mut heading = Resultant::default();
-        let mut position = Vector3::zeros();
-        let mut count = 0.0;
-        for sample in &self.samples {
-            heading.add(sample.receiver.heading, 1.0);
-            position += sample.receiver.position;
-            count += 1.0;
-        }
-        // Headings that cancel have no mean; then the last one is as good as any.
-        let heading = heading.direction(1e-9).unwrap_or(last.receiver.heading);
-        Some(Pose::level(position / count, heading))
-    }
-}
-
-/// The position that is nominally nearest to where the rotator says it stands: a motor that is stuck
-/// does not fill positions it has never been to.
-fn nearest(angle: f64, positions: u16) -> u16 {
-    let steps = libm::round(angle::wrap(angle) / TAU * f64::from(positions));
-    #[expect(clippy::cast_possible_truncation, reason = "within a turn of at most u16::MAX steps")]
-    let steps = (steps as i32).rem_euclid(i32::from(positions));
-    u16::try_from(steps).unwrap_or(0)
 }
 
 impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource<R, T, V, C> {
@@ -229,9 +193,8 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
         // From the end that is nearer to where the antenna was last sent.
         let backwards = self.stands_at > (self.config.positions() - 1) / 2;
         self.turn = (!beacons.is_empty()).then(|| Turn::new(beacons.len(), backwards));
-        let nothing = |&beacon| Heard { beacon, samples: Vec::new() };
-        self.heard = beacons.iter().map(nothing).collect();
-        (self.lent, self.dropped) = (0, 0);
+        self.heard = HeardTurn::of(beacons);
+        self.dropped = 0;
         Ok(())
     }
 
@@ -243,19 +206,20 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
                 return Ok(None);
             }
             self.turn = None;
-            self.ended = match turn.phase {
+            let ended = match turn.phase {
                 Phase::Finish { time } => time,
                 _ => self.clock.now(),
             };
+            self.heard.end(ended);
+            for heard in self.heard.beacons_mut() {
+                // Until now they were from the nose; nobody asked where that was when no answer
+                // came.
+                let heading = heard.receiver().unwrap_or(self.last_pose).heading;
+                for unheard in &mut heard.unheard {
+                    unheard.boresight = angle::wrap(heading + unheard.boresight);
+                }
+            }
         }
-        let Some(heard) = self.heard.get(self.lent) else { return Ok(None) };
-        self.lent += 1;
-        Ok(Some(Sweep {
-            beacon: heard.beacon,
-            time: self.ended,
-            receiver: heard.receiver().unwrap_or(self.last_pose),
-            positions: self.config.positions(),
-            samples: &heard.samples,
-        }))
+        Ok(self.heard.lend(self.config.positions(), self.config.floor_dbm(), self.last_pose))
     }
 }
