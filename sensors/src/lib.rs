@@ -30,6 +30,8 @@ extern crate std;
 mod antenna;
 mod calibration;
 mod extractor;
+#[cfg(feature = "alloc")]
+mod heard_turn;
 mod models;
 mod parameter;
 mod propagation;

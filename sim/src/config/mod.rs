@@ -8,3 +8,5 @@ mod world;
 pub use channel::ChannelConfig;
 pub use devices::{SimStepperConfig, VehicleConfig};
 pub use world::{BeaconConfig, DroneConfig, WorldConfig};
+
+pub(crate) use check::{finite, in_range, not_negative, positive};

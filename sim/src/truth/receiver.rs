@@ -17,7 +17,8 @@ pub(crate) struct Receiver {
     latency: f64,
     /// No answer comes at this time or later.
     silent_after: f64,
-    pattern: Option<Pattern>,
+    /// The present ones, of different beacons.
+    patterns: Vec<Pattern>,
     path: Path,
     look: Look,
     answer: Option<Answer>,
@@ -75,16 +76,16 @@ impl Receiver {
             streams,
             latency,
             silent_after: silent_after.unwrap_or(f64::INFINITY),
-            pattern: None,
+            patterns: Vec::new(),
             path: Path::new(channel, Vector3::zeros()),
             look: Look::new(channel, 0.0),
             answer: None,
         }
     }
 
-    /// The next question begins a new pattern.
-    pub(super) fn end_pattern(&mut self) {
-        self.pattern = None;
+    /// The next question, whomever it asks, begins a new pattern.
+    pub(super) fn end_patterns(&mut self) {
+        self.patterns.clear();
     }
 
     /// Draws the answer; an older one that was not taken is given up.
@@ -119,12 +120,13 @@ impl Receiver {
     }
 
     fn pattern_for(&mut self, channel: &Channel, question: &Question) -> Pattern {
-        let same = |pattern: &Pattern| {
-            pattern.beacon == question.beacon
-                && (question.from - pattern.place).norm() <= SAME_PLACE
-        };
-        if let Some(pattern) = self.pattern.filter(same) {
-            return pattern;
+        let known = self.patterns.iter().position(|p| p.beacon == question.beacon);
+        if let Some(index) = known {
+            let pattern = self.patterns[index];
+            if (question.from - pattern.place).norm() <= SAME_PLACE {
+                return pattern;
+            }
+            self.patterns.swap_remove(index);
         }
         let offset: f64 = self.streams.pattern.sample(StandardNormal);
         let error: f64 = self.streams.pattern.sample(StandardNormal);
@@ -134,7 +136,7 @@ impl Receiver {
             offset_db: channel.pattern_sigma_db * offset,
             bearing_error: channel.bearing_sigma * error,
         };
-        self.pattern = Some(pattern);
+        self.patterns.push(pattern);
         pattern
     }
 }
