@@ -10,6 +10,7 @@
 //! | a turn of the antenna, put in order | [`Pattern`] |
 //! | from a turn to level and bearing | [`Pritzl2018`] |
 //! | what the transmitter's law is | [`fit_log_distance`] |
+//! | how bearings are off, how honest their σ | [`fit_bearing_offset`], [`fit_sigma`] |
 //! | an antenna's gain over direction | [`Antenna`]: [`PatternTable`] (`alloc`) |
 //! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
 //!
@@ -37,8 +38,11 @@ mod stepper;
 pub use antenna::{Antenna, PatternTable, PatternTableError};
 #[cfg(feature = "std")]
 pub use antenna::{AntennaConfig, GainRow, SharedAntenna};
-pub use calibration::{CalibrationError, PathLossFit, fit_log_distance};
-pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
+pub use calibration::{
+    BearingError, BearingOffset, BearingOffsetFit, CalibrationError, KnownBearing, OffsetTerms,
+    PathLossFit, SigmaFit, fit_bearing_offset, fit_log_distance, fit_sigma,
+};
+pub use extractor::{Calibrated, Cell, Pattern, Pritzl2018, heading_towards, resultant_confidence};
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
     FreePowerRssBearing, RangeDifference, Rss, RssBearing, Stacked,

@@ -1,7 +1,9 @@
 //! The crate against exact vectors, exported laws, simulated sweeps and fake devices.
 
 mod antenna;
+mod bearing_calibration;
 mod bearing_error;
+mod calibrated;
 mod calibration;
 mod combined_models;
 mod devices;
