@@ -15,8 +15,19 @@ pub struct Sample {
     pub rss_dbm: f64,
 }
 
-/// One turn of a directional antenna, lent by its source until the next poll.
+/// A question that stayed without an answer: it was lost, or too weak to be heard.
 #[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unheard {
+    /// Where the antenna looked, in radians in the world frame.
+    pub boresight: f64,
+    /// Which of the turn's positions it was asked at, from 0.
+    pub position: u16,
+}
+
+/// One turn of a directional antenna, lent by its source until the next poll.
+///
+/// The default is an empty one, to be filled in with `..Sweep::default()`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sweep<'a> {
     /// Whose signal was listened for.
     pub beacon: BeaconId,
@@ -28,6 +39,12 @@ pub struct Sweep<'a> {
     pub positions: u16,
     /// The readings, in the order in which they were taken; none where nothing was heard.
     pub samples: &'a [Sample],
+    /// The questions that are known to have stayed without an answer; none where the source does
+    /// not know.
+    pub unheard: &'a [Unheard],
+    /// The weakest reading that the receiver tells, in dBm, where that is known: then an answer
+    /// that did not come may have been weaker.
+    pub floor_dbm: Option<f64>,
 }
 
 /// Something that turns an antenna: a stepper under the drone, or the whole airframe.
@@ -35,8 +52,8 @@ pub struct Sweep<'a> {
 /// # Laws
 ///
 /// Checked by `laws::pattern_source`, feature `laws`: a sweep is of the beacon that was asked
-/// for; its samples' times do not decrease and their positions are below `positions`; a source
-/// that was not asked lends nothing.
+/// for; its samples' times do not decrease and their positions are below `positions`,
+/// as are those of the unheard questions; a source that was not asked lends nothing.
 pub trait PatternSource {
     /// Why a turn failed.
     type Error: core::error::Error + 'static;

@@ -134,6 +134,7 @@ impl PatternSource for Cardioid {
             receiver,
             positions: POSITIONS,
             samples: &self.samples,
+            ..Sweep::default()
         }))
     }
 }

@@ -34,6 +34,10 @@ pub fn pattern_source(
                     assert!(sample.position < sweep.positions, "position {}", sample.position);
                     assert!(sample.boresight.is_finite() && sample.rss_dbm.is_finite());
                 }
+                for unheard in sweep.unheard {
+                    assert!(unheard.position < sweep.positions, "position {}", unheard.position);
+                    assert!(unheard.boresight.is_finite(), "boresight {}", unheard.boresight);
+                }
                 assert!(sweep.time >= before, "the turn ended before its last sample");
                 return;
             }

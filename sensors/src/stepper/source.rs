@@ -2,7 +2,7 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use foxhunt_core::{
-    BeaconId, Clock, PatternSource, Pose, Radio, Rotator, Sample, Sweep, Vehicle,
+    BeaconId, Clock, PatternSource, Pose, Radio, Rotator, Sample, Sweep, Unheard, Vehicle,
     angle::{self, Resultant},
 };
 use nalgebra::Vector3;
@@ -20,7 +20,8 @@ use super::{Phase, StepperConfig, StepperError, Turn};
 /// Poll it several times per time-out: a position that is late asks no more questions. A device
 /// that fails is told of at each poll, and tried again at the next; time runs on, so that a turn
 /// ends however many devices are dead. A power or a place that is not finite is
-/// [counted](Self::dropped) and not kept.
+/// [counted](Self::dropped) and not kept. A question that is without an answer when its position's
+/// time is up is told as [unheard](Sweep::unheard), along the mean heading.
 #[derive(Debug)]
 pub struct StepperSource<R, T, V, C> {
     config: StepperConfig,
@@ -32,6 +33,7 @@ pub struct StepperSource<R, T, V, C> {
     /// Where the antenna was last sent, in the turn's positions.
     stands_at: u16,
     samples: Vec<Sample>,
+    unheard: Vec<Unheard>,
     dropped: u32,
     last_pose: Pose,
 }
@@ -60,6 +62,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             turn: None,
             stands_at: 0,
             samples: Vec::new(),
+            unheard: Vec::new(),
             dropped: 0,
             last_pose: Pose::default(),
         }
@@ -172,6 +175,11 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         let expired = late && !matches!(turn.phase, Phase::Finish { .. });
         if expired {
             self.dropped += u32::from(matches!(turn.phase, Phase::Locate { .. }));
+            if let Phase::Listen { angle, .. } = turn.phase {
+                let position = nearest(angle, self.config.positions());
+                let boresight = angle + self.config.mount_offset();
+                self.unheard.push(Unheard { boresight, position });
+            }
             turn.next(&self.config, now);
         }
         expired
@@ -211,6 +219,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
         let backwards = self.stands_at > (self.config.positions() - 1) / 2;
         self.turn = Some(Turn::new(beacon, backwards));
         self.samples.clear();
+        self.unheard.clear();
         self.dropped = 0;
         Ok(())
     }
@@ -227,12 +236,19 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
             Phase::Finish { time } => time,
             _ => self.clock.now(),
         };
+        let receiver = self.receiver();
+        // Until now they were from the nose; nobody asked where that was when no answer came.
+        for unheard in &mut self.unheard {
+            unheard.boresight = angle::wrap(receiver.heading + unheard.boresight);
+        }
         Ok(Some(Sweep {
             beacon: turn.beacon,
             time,
-            receiver: self.receiver(),
+            receiver,
             positions: self.config.positions(),
             samples: &self.samples,
+            unheard: &self.unheard,
+            floor_dbm: self.config.floor_dbm(),
         }))
     }
 }

@@ -197,3 +197,29 @@ fn settings_are_checked() {
     // 2 s and 127 times 0.4 s.
     assert!((config.longest_turn() - 52.8).abs() < 1e-12);
 }
+
+/// Of every five questions one has no answer. It ends its position, so that none has two of them.
+#[test]
+fn questions_without_an_answer_are_told() {
+    let handle = Handle::default();
+    let config = StepperConfig::default().with_mount_offset(0.3).expect("finite");
+    let config = config.with_floor_dbm(-100.0).expect("finite");
+    let mut source = handle.source(config);
+    handle.with(|w| w.lose_every = 5);
+    for _ in 0..2 {
+        source.begin(BeaconId(0)).expect("a turn can always begin");
+        let (unheard, heard) = loop {
+            handle.wait(0.005);
+            if let Some(sweep) = source.poll().expect("the devices work") {
+                assert_eq!(sweep.floor_dbm, Some(-100.0));
+                break (sweep.unheard.to_vec(), sweep.samples.to_vec());
+            }
+        };
+        assert!(unheard.len() > 100, "{} questions", unheard.len());
+        for question in &unheard {
+            let nominal = 0.7 + 0.3 + TAU * f64::from(question.position) / 128.0;
+            assert!(angle::distance(question.boresight, nominal) < 1e-9);
+            assert!(heard.iter().filter(|s| s.position == question.position).count() < 6);
+        }
+    }
+}
