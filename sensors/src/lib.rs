@@ -42,7 +42,10 @@ pub use calibration::{
     BearingError, BearingOffset, BearingOffsetFit, CalibrationError, KnownBearing, OffsetTerms,
     PathLossFit, SigmaFit, fit_bearing_offset, fit_log_distance, fit_sigma,
 };
-pub use extractor::{Calibrated, Cell, Pattern, Pritzl2018, heading_towards, resultant_confidence};
+#[cfg(feature = "alloc")]
+pub use extractor::MaximumLikelihood;
+pub use extractor::{Calibrated, heading_towards};
+pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
     FreePowerRssBearing, RangeDifference, Rss, RssBearing, Stacked,

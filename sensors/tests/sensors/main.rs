@@ -10,6 +10,7 @@ mod devices;
 mod extractor_laws;
 #[cfg(feature = "serde")]
 mod files;
+mod likelihood;
 mod model_laws;
 mod model_vectors;
 mod preprocess_vectors;
