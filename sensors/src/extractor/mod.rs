@@ -1,5 +1,6 @@
 //! From a turn of the antenna to a level and a bearing.
 
+mod calibrated;
 mod cell;
 mod confidence;
 mod config;
@@ -9,6 +10,7 @@ mod pattern;
 mod pritzl2018;
 mod rounding;
 
+pub use calibrated::{Calibrated, heading_towards};
 pub use cell::Cell;
 pub use confidence::resultant_confidence;
 #[cfg(feature = "alloc")]

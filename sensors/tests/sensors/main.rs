@@ -3,7 +3,9 @@
 mod antenna;
 #[cfg(feature = "std")]
 mod antenna_files;
+mod bearing_calibration;
 mod bearing_error;
+mod calibrated;
 mod calibration;
 mod combined_models;
 mod devices;
