@@ -35,10 +35,8 @@ impl World {
             let streams = Streams::fork(&mut root);
             Drone::new(drone, config.vehicle, config.stepper, &channel, streams)
         };
-        let drones = config.drones.iter().map(&mut drone).collect();
-        let beacons =
-            config.beacons.iter().map(|b| Vector3::new(b.east_m, b.north_m, b.up_m)).collect();
-        let truth = Truth { time: 0.0, channel, beacons, drones };
+        let drones = config.drones.iter().map(&mut drone).collect::<Result<_, _>>()?;
+        let truth = Truth { time: 0.0, channel, beacons: config.beacons.clone(), drones };
         Ok(Self { truth: Rc::new(RefCell::new(truth)) })
     }
 
@@ -68,10 +66,11 @@ impl World {
         self.truth.borrow().drones.len()
     }
 
-    /// Where a beacon is: East, North and Up in metres; `None` if there is no such beacon.
+    /// Where a beacon is now: East, North and Up in metres; `None` if there is no such beacon.
     #[must_use]
     pub fn truth(&self, beacon: BeaconId) -> Option<Vector3<f64>> {
-        self.truth.borrow().beacons.get(usize::from(beacon.0)).copied()
+        let truth = self.truth.borrow();
+        Some(truth.beacons.get(usize::from(beacon.0))?.place_at(truth.time))
     }
 
     /// How far a drone has flown, in metres.

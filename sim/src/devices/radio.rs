@@ -15,10 +15,11 @@ impl Radio for SimRadio {
     /// [`SimError::Beacon`] if there is no such beacon; an older question stays then.
     fn request(&mut self, beacon: BeaconId) -> Result<(), SimError> {
         self.0.with_truth(|truth, drone| {
-            let Some(place) = truth.beacons.get(usize::from(beacon.0)) else {
+            let Some(asked) = truth.beacons.get(usize::from(beacon.0)) else {
                 return Err(SimError::Beacon { beacon: beacon.0, beacons: truth.beacons.len() });
             };
-            truth.drones[drone].ask(&truth.channel, beacon, *place, truth.time);
+            let place = asked.place_at(truth.time);
+            truth.drones[drone].ask(&truth.channel, beacon, place, truth.time);
             Ok(())
         })
     }
