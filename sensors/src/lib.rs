@@ -12,6 +12,8 @@
 //! | what the transmitter's law is | [`fit_log_distance`] |
 //! | an antenna's gain over direction | [`Antenna`]: [`PatternTable`] (`alloc`) |
 //! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
+//! | an antenna on a body that turns | [`BodySource`] (`alloc`) |
+//! | an antenna without a direction | [`OmnidirectionalSource`] (`alloc`) |
 //!
 //! Conventions are those of [`foxhunt_core`]: metres, seconds, radians counter-clockwise from
 //! East, dBm. Without features nothing here allocates.
@@ -25,13 +27,19 @@ extern crate std;
 
 #[cfg(feature = "alloc")]
 mod antenna;
+#[cfg(feature = "alloc")]
+mod body;
 mod calibration;
 mod extractor;
 #[cfg(feature = "alloc")]
 mod heard_turn;
 mod models;
+#[cfg(feature = "alloc")]
+mod omnidirectional;
 mod parameter;
 mod propagation;
+#[cfg(feature = "alloc")]
+mod questions;
 #[cfg(feature = "alloc")]
 mod stepper;
 
@@ -39,12 +47,16 @@ mod stepper;
 pub use antenna::{Antenna, PatternTable, PatternTableError};
 #[cfg(feature = "std")]
 pub use antenna::{AntennaConfig, GainRow, SharedAntenna};
+#[cfg(feature = "alloc")]
+pub use body::{BodyConfig, BodyError, BodySource};
 pub use calibration::{CalibrationError, PathLossFit, fit_log_distance};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
     FreePowerRssBearing, RangeDifference, Rss, RssBearing, Stacked,
 };
+#[cfg(feature = "alloc")]
+pub use omnidirectional::{OmnidirectionalConfig, OmnidirectionalError, OmnidirectionalSource};
 pub use parameter::ParameterError;
 pub use propagation::{Friis, LogDistance, Propagation};
 #[cfg(feature = "alloc")]

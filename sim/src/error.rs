@@ -1,4 +1,4 @@
-use foxhunt_sensors::PatternTableError;
+use foxhunt_sensors::{ParameterError, PatternTableError};
 
 /// Why a world, or something asked of it, is refused. What was asked for did not happen.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -17,6 +17,9 @@ pub enum SimError {
     /// The rows of the antenna's table make no pattern.
     #[error("channel.antenna.table: {0}")]
     Antenna(#[from] PatternTableError),
+    /// A source cannot be made as it is asked for.
+    #[error("the source: {0}")]
+    Source(#[from] ParameterError),
     /// There is no such drone.
     #[error("there is no drone {drone}; the world has {drones}, counted from 0")]
     Drone {

@@ -40,7 +40,9 @@ pub use config::{
     BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, KinematicConfig, SimStepperConfig,
     VehicleConfig, WorldConfig,
 };
-pub use devices::{SimClock, SimFleet, SimRadio, SimRotator, SimStepper, SimVehicle};
+pub use devices::{
+    SimBody, SimClock, SimFleet, SimOmnidirectional, SimRadio, SimRotator, SimStepper, SimVehicle,
+};
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;

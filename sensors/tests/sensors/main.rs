@@ -2,6 +2,7 @@
 
 mod antenna;
 mod bearing_error;
+mod body_turns;
 mod calibration;
 mod combined_models;
 mod devices;

@@ -53,18 +53,21 @@ impl Drone {
         self.motor.order(angle, now);
     }
 
-    /// Asks the beacon at `place` for an answer.
+    /// Asks the beacon at `place` for an answer, through the antenna or through one without a
+    /// direction.
     pub(crate) fn ask(
         &mut self,
         channel: &Channel,
         beacon: BeaconId,
         place: Vector3<f64>,
+        directional: bool,
         now: f64,
     ) {
         let pose = self.body.pose();
         let boresight = pose.heading + self.motor.angle(now);
         let (from, turned) = (pose.position, self.body.heading());
-        let question = Question { time: now, beacon, from, to: place, boresight, turned };
+        let question =
+            Question { time: now, beacon, from, to: place, boresight, turned, directional };
         self.receiver.ask(channel, &question);
     }
 }

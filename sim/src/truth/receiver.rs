@@ -37,6 +37,8 @@ pub(super) struct Question {
     pub(super) boresight: f64,
     /// How far the body has turned about up since the beginning, in radians.
     pub(super) turned: f64,
+    /// Whether it goes through the antenna; otherwise through one that hears alike from everywhere.
+    pub(super) directional: bool,
 }
 
 /// What the samples of one pattern share.
@@ -107,10 +109,9 @@ impl Receiver {
             self.look = Look::new(channel, arrival);
         }
         let noise: f64 = self.streams.sample.sample(StandardNormal);
-        let power_dbm = self.path.level_dbm
-            + self.look.gain_db
-            + pattern.offset_db
-            + channel.sample_sigma_db * noise;
+        let gain_db = if question.directional { self.look.gain_db } else { 0.0 };
+        let power_dbm =
+            self.path.level_dbm + gain_db + pattern.offset_db + channel.sample_sigma_db * noise;
 
         let lost = self.streams.loss.random::<f64>() < channel.loss_probability;
         let time = question.time + self.latency;
