@@ -16,6 +16,8 @@
 //! | the same in a vendor's file | [`MsiFile`] (`alloc`) |
 //! | the pattern of recorded turns | [`learn_pattern`] (`alloc`) |
 //! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
+//! | an antenna on a body that turns | [`BodySource`] (`alloc`) |
+//! | an antenna without a direction | [`OmnidirectionalSource`] (`alloc`) |
 //!
 //! Conventions are those of [`foxhunt_core`]: metres, seconds, radians counter-clockwise from
 //! East, dBm. Without features nothing here allocates.
@@ -29,13 +31,19 @@ extern crate std;
 
 #[cfg(feature = "alloc")]
 mod antenna;
+#[cfg(feature = "alloc")]
+mod body;
 mod calibration;
 mod extractor;
 #[cfg(feature = "alloc")]
 mod heard_turn;
 mod models;
+#[cfg(feature = "alloc")]
+mod omnidirectional;
 mod parameter;
 mod propagation;
+#[cfg(feature = "alloc")]
+mod questions;
 #[cfg(feature = "alloc")]
 mod stepper;
 
@@ -49,6 +57,8 @@ pub use antenna::{
 pub use antenna::{
     AntennaConfig, AntennaError, CardioidConfig, GainRow, PatchConfig, SharedAntenna, YagiConfig,
 };
+#[cfg(feature = "alloc")]
+pub use body::{BodyConfig, BodyError, BodySource};
 pub use calibration::{
     BearingError, BearingOffset, BearingOffsetFit, CalibrationError, KnownBearing, OffsetTerms,
     PathLossFit, SigmaFit, fit_bearing_offset, fit_log_distance, fit_sigma,
@@ -61,6 +71,8 @@ pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
     FreePowerRssBearing, RangeDifference, Rss, RssBearing, Stacked,
 };
+#[cfg(feature = "alloc")]
+pub use omnidirectional::{OmnidirectionalConfig, OmnidirectionalError, OmnidirectionalSource};
 pub use parameter::ParameterError;
 pub use propagation::{Friis, LogDistance, Propagation};
 #[cfg(feature = "alloc")]

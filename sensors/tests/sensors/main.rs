@@ -5,6 +5,7 @@ mod antenna;
 mod antenna_files;
 mod bearing_calibration;
 mod bearing_error;
+mod body_turns;
 mod calibrated;
 mod calibration;
 mod combined_models;

@@ -2,11 +2,15 @@
 
 mod channel;
 mod check;
+mod course;
 mod devices;
+mod vehicle;
 mod world;
 
 pub use channel::ChannelConfig;
-pub use devices::{SimStepperConfig, VehicleConfig};
+pub use course::BeaconCourse;
+pub use devices::SimStepperConfig;
+pub use vehicle::{KinematicConfig, VehicleConfig};
 pub use world::{BeaconConfig, DroneConfig, WorldConfig};
 
 pub(crate) use check::{finite, in_range, not_negative, positive};

@@ -1,3 +1,5 @@
+use std::f64::consts::TAU;
+
 use foxhunt_core::BeaconId;
 use nalgebra::Vector3;
 use rand::RngExt;
@@ -33,6 +35,10 @@ pub(super) struct Question {
     pub(super) to: Vector3<f64>,
     /// In radians counter-clockwise from East.
     pub(super) boresight: f64,
+    /// How far the body has turned about up since the beginning, in radians.
+    pub(super) turned: f64,
+    /// Whether it goes through the antenna; otherwise through one that hears alike from everywhere.
+    pub(super) directional: bool,
 }
 
 /// What the samples of one pattern share.
@@ -40,6 +46,8 @@ pub(super) struct Question {
 struct Pattern {
     beacon: BeaconId,
     place: Vector3<f64>,
+    /// How far the body had turned when it began.
+    turned: f64,
     offset_db: f64,
     bearing_error: f64,
 }
@@ -101,10 +109,9 @@ impl Receiver {
             self.look = Look::new(channel, arrival);
         }
         let noise: f64 = self.streams.sample.sample(StandardNormal);
-        let power_dbm = self.path.level_dbm
-            + self.look.gain_db
-            + pattern.offset_db
-            + channel.sample_sigma_db * noise;
+        let gain_db = if question.directional { self.look.gain_db } else { 0.0 };
+        let power_dbm =
+            self.path.level_dbm + gain_db + pattern.offset_db + channel.sample_sigma_db * noise;
 
         let lost = self.streams.loss.random::<f64>() < channel.loss_probability;
         let time = question.time + self.latency;
@@ -123,7 +130,9 @@ impl Receiver {
         let known = self.patterns.iter().position(|p| p.beacon == question.beacon);
         if let Some(index) = known {
             let pattern = self.patterns[index];
-            if (question.from - pattern.place).norm() <= SAME_PLACE {
+            // A body that has been all the way round begins another one, as an antenna does.
+            let round = (question.turned - pattern.turned).abs() > TAU - 1e-9;
+            if (question.from - pattern.place).norm() <= SAME_PLACE && !round {
                 return pattern;
             }
             self.patterns.swap_remove(index);
@@ -133,6 +142,7 @@ impl Receiver {
         let pattern = Pattern {
             beacon: question.beacon,
             place: question.from,
+            turned: question.turned,
             offset_db: channel.pattern_sigma_db * offset,
             bearing_error: channel.bearing_sigma * error,
         };
