@@ -1,4 +1,4 @@
-use foxhunt_sensors::AntennaError;
+use foxhunt_sensors::{AntennaError, ParameterError};
 
 /// Why a world, or something asked of it, is refused. What was asked for did not happen.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -17,6 +17,9 @@ pub enum SimError {
     /// There is no such antenna.
     #[error("channel.antenna: {0}")]
     Antenna(#[from] AntennaError),
+    /// The law of propagation is out of its range.
+    #[error("channel.path_loss: {0}")]
+    PathLoss(#[from] ParameterError),
     /// There is no such drone.
     #[error("there is no drone {drone}; the world has {drones}, counted from 0")]
     Drone {

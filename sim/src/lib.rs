@@ -36,7 +36,8 @@ mod truth;
 mod world;
 
 pub use config::{
-    BeaconConfig, ChannelConfig, DroneConfig, SimStepperConfig, VehicleConfig, WorldConfig,
+    BeaconConfig, ChannelConfig, DroneConfig, PathLossConfig, ReflectorConfig, ShadowingConfig,
+    SimStepperConfig, TwoRayConfig, VehicleConfig, WorldConfig,
 };
 pub use devices::{SimClock, SimFleet, SimRadio, SimRotator, SimStepper, SimVehicle};
 pub use error::SimError;

@@ -26,14 +26,17 @@ impl World {
     /// # Errors
     ///
     /// [`SimError::Field`] names the field that is out of range, with its value;
-    /// [`SimError::Antenna`] the row of the antenna's table.
+    /// [`SimError::Antenna`] and [`SimError::PathLoss`] what is wrong with these.
     pub fn new(config: &WorldConfig, seed: u64) -> Result<Self, SimError> {
         config.check()?;
-        let channel = Channel::new(&config.channel)?;
+        // What belongs to places has a generator of its own: fields more or less leave the drones'
+        // streams as they are.
+        let mut fields = Xoshiro256PlusPlus::seed_from_u64(!seed);
+        let channel = Channel::new(&config.channel, config.beacons.len(), &mut fields)?;
         let mut root = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut drone = |drone| {
             let streams = Streams::fork(&mut root);
-            Drone::new(drone, config.vehicle, config.stepper, &channel, streams)
+            Drone::new(drone, config.vehicle, config.stepper, streams)
         };
         let drones = config.drones.iter().map(&mut drone).collect();
         let beacons =

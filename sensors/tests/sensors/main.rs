@@ -14,6 +14,7 @@ mod learned_pattern;
 mod model_laws;
 mod model_vectors;
 mod preprocess_vectors;
+mod propagation;
 mod stepper_faults;
 mod stepper_turns;
 mod sweeps;

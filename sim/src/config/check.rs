@@ -22,6 +22,16 @@ pub(super) fn probability(field: impl Display, value: f64) -> Result<(), SimErro
     require((0.0..=1.0).contains(&value), field, value, "a probability, from 0 to 1")
 }
 
+/// Refuses `value` unless it is finite, above zero and at most `most`.
+pub(super) fn at_most(
+    field: impl Display,
+    value: f64,
+    most: f64,
+    requirement: &'static str,
+) -> Result<(), SimError> {
+    require(value > 0.0 && value <= most, field, value, requirement)
+}
+
 fn require(
     holds: bool,
     field: impl Display,

@@ -3,8 +3,12 @@
 mod channel;
 mod check;
 mod devices;
+mod multipath;
+mod path_loss;
 mod world;
 
 pub use channel::ChannelConfig;
 pub use devices::{SimStepperConfig, VehicleConfig};
+pub use multipath::{ReflectorConfig, ShadowingConfig};
+pub use path_loss::{PathLossConfig, TwoRayConfig};
 pub use world::{BeaconConfig, DroneConfig, WorldConfig};

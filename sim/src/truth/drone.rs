@@ -25,7 +25,6 @@ impl Drone {
         config: &DroneConfig,
         vehicle: VehicleConfig,
         stepper: SimStepperConfig,
-        channel: &Channel,
         streams: Streams,
     ) -> Self {
         let pose = Pose::level(
@@ -35,12 +34,7 @@ impl Drone {
         Self {
             body: Kinematics::new(vehicle, pose),
             motor: Turntable::new(stepper.rotator_speed_rad_s),
-            receiver: Receiver::new(
-                channel,
-                streams,
-                stepper.radio_latency_s,
-                config.silent_after_s,
-            ),
+            receiver: Receiver::new(streams, stepper.radio_latency_s, config.silent_after_s),
             course: Course::at(0.0),
         }
     }
@@ -61,9 +55,8 @@ impl Drone {
         place: Vector3<f64>,
         now: f64,
     ) {
-        let pose = self.body.pose();
-        let boresight = pose.heading + self.motor.angle(now);
-        let question = Question { time: now, beacon, from: pose.position, to: place, boresight };
+        let (receiver, turned) = (self.body.pose(), self.motor.angle(now));
+        let question = Question { time: now, beacon, receiver, to: place, turned };
         self.receiver.ask(channel, &question);
     }
 }

@@ -1,9 +1,9 @@
-use foxhunt_core::BeaconId;
+use foxhunt_core::{BeaconId, Pose};
 use nalgebra::Vector3;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
-use super::{Channel, is_due, streams::Streams};
+use super::{Channel, is_due, path::Path, streams::Streams};
 
 /// A drone that moves farther than this begins a new pattern, in metres: fading is another one
 /// there.
@@ -18,8 +18,8 @@ pub(crate) struct Receiver {
     /// No answer comes at this time or later.
     silent_after: f64,
     pattern: Option<Pattern>,
-    path: Path,
-    look: Look,
+    path: Option<Path>,
+    look: Option<Look>,
     answer: Option<Answer>,
 }
 
@@ -28,10 +28,11 @@ pub(crate) struct Receiver {
 pub(super) struct Question {
     pub(super) time: f64,
     pub(super) beacon: BeaconId,
-    pub(super) from: Vector3<f64>,
+    pub(super) receiver: Pose,
+    /// Where the beacon is.
     pub(super) to: Vector3<f64>,
-    /// In radians counter-clockwise from East.
-    pub(super) boresight: f64,
+    /// How far the antenna is turned from the nose, in radians.
+    pub(super) turned: f64,
 }
 
 /// What the samples of one pattern share.
@@ -43,18 +44,11 @@ struct Pattern {
     bearing_error: f64,
 }
 
-/// What does not change while neither drone nor beacon moves.
-#[derive(Clone, Copy, Debug)]
-struct Path {
-    sight: Vector3<f64>,
-    level_dbm: f64,
-    bearing: f64,
-}
-
-/// What does not change, besides, while the antenna stands.
+/// What does not change while neither drone, beacon nor antenna moves.
 #[derive(Clone, Copy, Debug)]
 struct Look {
-    arrival: f64,
+    receiver: Pose,
+    turned: f64,
     gain_db: f64,
 }
 
@@ -65,19 +59,14 @@ struct Answer {
 }
 
 impl Receiver {
-    pub(super) fn new(
-        channel: &Channel,
-        streams: Streams,
-        latency: f64,
-        silent_after: Option<f64>,
-    ) -> Self {
+    pub(super) fn new(streams: Streams, latency: f64, silent_after: Option<f64>) -> Self {
         Self {
             streams,
             latency,
             silent_after: silent_after.unwrap_or(f64::INFINITY),
             pattern: None,
-            path: Path::new(channel, Vector3::zeros()),
-            look: Look::new(channel, 0.0),
+            path: None,
+            look: None,
             answer: None,
         }
     }
@@ -90,20 +79,28 @@ impl Receiver {
     /// Draws the answer; an older one that was not taken is given up.
     pub(super) fn ask(&mut self, channel: &Channel, question: &Question) {
         let pattern = self.pattern_for(channel, question);
-        let sight = question.to - question.from;
-        if self.path.sight != sight {
-            self.path = Path::new(channel, sight);
-        }
+        let (beacon, from) = (usize::from(question.beacon.0), question.receiver.position);
+        let path = match self.path.take().filter(|path| path.is(beacon, &from, &question.to)) {
+            Some(path) => path,
+            None => {
+                self.look = None;
+                Path::new(channel, beacon, from, question.to)
+            }
+        };
         // The pattern's error turns everything that the antenna sees.
-        let arrival = self.path.bearing + pattern.bearing_error - question.boresight;
-        if self.look.arrival.to_bits() != arrival.to_bits() {
-            self.look = Look::new(channel, arrival);
-        }
+        let turned = question.turned - pattern.bearing_error;
+        let same = |look: &Look| {
+            look.receiver == question.receiver && look.turned.to_bits() == turned.to_bits()
+        };
+        let look = self.look.filter(same).unwrap_or_else(|| Look {
+            receiver: question.receiver,
+            turned,
+            gain_db: path.gain_db(channel, &question.receiver, turned),
+        });
         let noise: f64 = self.streams.sample.sample(StandardNormal);
-        let power_dbm = self.path.level_dbm
-            + self.look.gain_db
-            + pattern.offset_db
-            + channel.sample_sigma_db * noise;
+        let power_dbm =
+            path.level_dbm + look.gain_db + pattern.offset_db + channel.sample_sigma_db * noise;
+        (self.path, self.look) = (Some(path), Some(look));
 
         let lost = self.streams.loss.random::<f64>() < channel.loss_probability;
         let time = question.time + self.latency;
@@ -121,7 +118,7 @@ impl Receiver {
     fn pattern_for(&mut self, channel: &Channel, question: &Question) -> Pattern {
         let same = |pattern: &Pattern| {
             pattern.beacon == question.beacon
-                && (question.from - pattern.place).norm() <= SAME_PLACE
+                && (question.receiver.position - pattern.place).norm() <= SAME_PLACE
         };
         if let Some(pattern) = self.pattern.filter(same) {
             return pattern;
@@ -130,24 +127,11 @@ impl Receiver {
         let error: f64 = self.streams.pattern.sample(StandardNormal);
         let pattern = Pattern {
             beacon: question.beacon,
-            place: question.from,
+            place: question.receiver.position,
             offset_db: channel.pattern_sigma_db * offset,
             bearing_error: channel.bearing_sigma * error,
         };
         self.pattern = Some(pattern);
         pattern
-    }
-}
-
-impl Path {
-    fn new(channel: &Channel, sight: Vector3<f64>) -> Self {
-        let bearing = libm::atan2(sight.y, sight.x);
-        Self { sight, level_dbm: channel.level_dbm(sight.norm()), bearing }
-    }
-}
-
-impl Look {
-    fn new(channel: &Channel, arrival: f64) -> Self {
-        Self { arrival, gain_db: channel.relative_gain_db(arrival) }
     }
 }
