@@ -2,7 +2,7 @@
 //!
 //! | what | here |
 //! |-|-|
-//! | how power falls with range | [`Propagation`]: [`LogDistance`], [`Friis`] |
+//! | how power falls with range | [`Propagation`]: [`LogDistance`], [`Friis`], [`TwoRay`] |
 //! | what a receiver expects | [`Rss`], [`BearingOnly`], [`RssBearing`], [`FreePowerRssBearing`], [`FreePathLossRssBearing`] |
 //! | what two receivers' difference tells | [`DifferentialRss`], [`RangeDifference`] |
 //! | two models at once; what silence tells | [`Stacked`]; [`Censored`] |
@@ -14,6 +14,7 @@
 //! | an antenna's gain over direction | [`Antenna`] (`alloc`): [`Isotropic`], [`Dipole`], [`Cardioid`], [`Patch`], [`Yagi`] |
 //! | the same from a table | [`PatternTable`], [`PatternTable3d`], [`PrincipalCuts`] (`alloc`) |
 //! | the same in a vendor's file | [`MsiFile`] (`alloc`) |
+//! | what it makes of reflections | [`multipath_gain_dbi`] (`alloc`) |
 //! | the pattern of recorded turns | [`learn_pattern`] (`alloc`) |
 //! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
 //! | an antenna on a body that turns | [`BodySource`] (`alloc`) |
@@ -51,7 +52,7 @@ mod stepper;
 pub use antenna::{
     Antenna, Cardioid, Dipole, Isotropic, LearnPatternError, LearnedPattern, MainLobe, MsiFile,
     MsiUnit, Patch, PatternFileError, PatternFileReason, PatternTable, PatternTable3d,
-    PatternTableError, PrincipalCuts, Yagi, learn_pattern,
+    PatternTableError, PrincipalCuts, ReflectedWave, Yagi, learn_pattern, multipath_gain_dbi,
 };
 #[cfg(feature = "std")]
 pub use antenna::{
@@ -74,6 +75,6 @@ pub use models::{
 #[cfg(feature = "alloc")]
 pub use omnidirectional::{OmnidirectionalConfig, OmnidirectionalError, OmnidirectionalSource};
 pub use parameter::ParameterError;
-pub use propagation::{Friis, LogDistance, Propagation};
+pub use propagation::{Friis, LogDistance, Polarisation, Propagation, TwoRay};
 #[cfg(feature = "alloc")]
 pub use stepper::{StepperConfig, StepperError, StepperSource};

@@ -17,9 +17,12 @@ pub enum SimError {
     /// There is no such antenna.
     #[error("channel.antenna: {0}")]
     Antenna(#[from] AntennaError),
+    /// The law of propagation is out of its range.
+    #[error("channel.path_loss: {0}")]
+    PathLoss(#[source] ParameterError),
     /// A source cannot be made as it is asked for.
     #[error("the source: {0}")]
-    Source(#[from] ParameterError),
+    Source(#[source] ParameterError),
     /// There is no such drone.
     #[error("there is no drone {drone}; the world has {drones}, counted from 0")]
     Drone {

@@ -9,6 +9,7 @@ mod files;
 mod formula;
 mod gain;
 mod learn;
+mod multipath;
 mod table;
 
 #[cfg(feature = "std")]
@@ -19,6 +20,7 @@ pub use files::{MsiFile, MsiUnit, PatternFileError, PatternFileReason};
 pub use formula::{Cardioid, Dipole, Isotropic, Patch, Yagi};
 pub use gain::{Antenna, MainLobe};
 pub use learn::{LearnPatternError, LearnedPattern, learn_pattern};
+pub use multipath::{ReflectedWave, multipath_gain_dbi};
 pub use table::{PatternTable, PatternTable3d, PatternTableError, PrincipalCuts};
 
 use formula::linear;

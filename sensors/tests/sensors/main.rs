@@ -18,6 +18,7 @@ mod likelihood;
 mod model_laws;
 mod model_vectors;
 mod preprocess_vectors;
+mod propagation;
 mod stepper_faults;
 mod stepper_turns;
 mod sweeps;
