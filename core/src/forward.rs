@@ -33,8 +33,8 @@ macro_rules! forward {
 
         impl<T: ?Sized + PatternSource> PatternSource for $pointer {
             type Error = T::Error;
-            fn begin(&mut self, beacon: BeaconId) -> Result<(), T::Error> {
-                (**self).begin(beacon)
+            fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), T::Error> {
+                (**self).begin(beacons)
             }
             fn poll(&mut self) -> Result<Option<Sweep<'_>>, T::Error> {
                 (**self).poll()
@@ -50,6 +50,9 @@ macro_rules! forward {
         impl<T: ?Sized + FormationPlanner> FormationPlanner for $pointer {
             fn begin(&mut self, stations: &mut [Station]) -> Result<(), PlanError> {
                 (**self).begin(stations)
+            }
+            fn resume(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<(), PlanError> {
+                (**self).resume(belief, stations)
             }
             fn plan(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<Decision, PlanError> {
                 (**self).plan(belief, stations)

@@ -41,7 +41,6 @@ mod measurement;
 mod motion;
 pub mod noise;
 mod observation;
-mod observation_error;
 mod pattern;
 mod planner;
 mod pose;
@@ -62,9 +61,8 @@ pub use measurement::{
     numeric_jacobian,
 };
 pub use motion::{ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk};
-pub use observation::Observation;
-pub use observation_error::ObservationError;
-pub use pattern::{PatternSource, Sample, Sweep};
+pub use observation::{Observation, ObservationError};
+pub use pattern::{PatternSource, Sample, Sweep, Unheard};
 pub use planner::{
     Decision, FormationPlanner, Outcome, PlanError, PlannerFn, Stage, Station, planner_fn,
 };

@@ -10,6 +10,7 @@
 //! | a turn of the antenna, put in order | [`Pattern`] |
 //! | from a turn to level and bearing | [`Pritzl2018`] |
 //! | what the transmitter's law is | [`fit_log_distance`] |
+//! | how bearings are off, how honest their σ | [`fit_bearing_offset`], [`fit_sigma`] |
 //! | an antenna's gain over direction | [`Antenna`] (`alloc`): [`Isotropic`], [`Dipole`], [`Cardioid`], [`Patch`], [`Yagi`] |
 //! | the same from a table | [`PatternTable`], [`PatternTable3d`], [`PrincipalCuts`] (`alloc`) |
 //! | the same in a vendor's file | [`MsiFile`] (`alloc`) |
@@ -31,6 +32,8 @@ extern crate std;
 mod antenna;
 mod calibration;
 mod extractor;
+#[cfg(feature = "alloc")]
+mod heard_turn;
 mod models;
 mod parameter;
 mod propagation;
@@ -47,7 +50,13 @@ pub use antenna::{
 pub use antenna::{
     AntennaConfig, AntennaError, CardioidConfig, GainRow, PatchConfig, SharedAntenna, YagiConfig,
 };
-pub use calibration::{CalibrationError, PathLossFit, fit_log_distance};
+pub use calibration::{
+    BearingError, BearingOffset, BearingOffsetFit, CalibrationError, KnownBearing, OffsetTerms,
+    PathLossFit, SigmaFit, fit_bearing_offset, fit_log_distance, fit_sigma,
+};
+#[cfg(feature = "alloc")]
+pub use extractor::MaximumLikelihood;
+pub use extractor::{Calibrated, heading_towards};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,

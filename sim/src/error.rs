@@ -48,6 +48,12 @@ pub enum SimError {
         /// The order in radians.
         angle: f64,
     },
+    /// The drone was ordered to turn at no rate.
+    #[error("the drone was ordered to turn at {rate} rad/s; it must be finite")]
+    SpinRate {
+        /// The order in radians per second.
+        rate: f64,
+    },
     /// The goal is no place, or too far away to compute with.
     #[error("the goal ({east}, {north}, {up}) m is not at a finite distance")]
     Goal {

@@ -17,7 +17,7 @@
 //! };
 //! let world = World::new(&config, 1)?;
 //! let mut source = world.stepper(0, StepperConfig::pritzl2018())?;
-//! source.begin(BeaconId(0))?;
+//! source.begin(&[BeaconId(0)])?;
 //! let samples = loop {
 //!     world.advance(0.01)?;
 //!     if let Some(sweep) = source.poll()? {
@@ -32,6 +32,7 @@
 mod config;
 mod devices;
 mod error;
+mod quadrotor;
 mod truth;
 mod world;
 
@@ -41,4 +42,5 @@ pub use config::{
 };
 pub use devices::{SimClock, SimFleet, SimRadio, SimRotator, SimStepper, SimVehicle};
 pub use error::SimError;
+pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;

@@ -126,13 +126,19 @@ impl World {
     }
 
     /// A source made of a drone's radio, rotator and vehicle. A mount offset in `config` is one
-    /// that the simulated antenna does not have: a misalignment.
+    /// that the simulated antenna does not have: a misalignment. The receiver's floor is told
+    /// unless `config` tells one.
     ///
     /// # Errors
     ///
     /// [`SimError::Drone`] if there is no such drone.
     pub fn stepper(&self, drone: usize, config: StepperConfig) -> Result<SimStepper, SimError> {
         let (radio, rotator) = (self.radio(drone)?, self.rotator(drone)?);
+        let floor = self.truth.borrow().channel.floor_dbm();
+        let config = match floor.filter(|_| config.floor_dbm().is_none()) {
+            Some(floor) => config.with_floor_dbm(floor).expect("it was checked with the channel"),
+            None => config,
+        };
         Ok(StepperSource::new(config, radio, rotator, self.vehicle(drone)?, self.clock()))
     }
 

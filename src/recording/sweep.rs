@@ -1,6 +1,6 @@
 use std::{collections::BTreeMap, f64::consts::TAU};
 
-use foxhunt_core::{BeaconId, Pose, Sample, Sweep, angle::Resultant};
+use foxhunt_core::{BeaconId, Pose, Sample, Sweep, Unheard, angle::Resultant};
 use nalgebra::Vector3;
 
 use super::{Record, Recording, RecordingError, turns::Heard};
@@ -26,6 +26,8 @@ pub struct OwnedSweep {
     pub positions: u16,
     /// The readings in the order of time.
     pub samples: Vec<Sample>,
+    /// The rows between the turn's first and last that have a boresight but no level.
+    pub unheard: Vec<Unheard>,
 }
 
 impl OwnedSweep {
@@ -38,6 +40,8 @@ impl OwnedSweep {
             receiver: self.receiver,
             positions: self.positions,
             samples: &self.samples,
+            unheard: &self.unheard,
+            floor_dbm: None,
         }
     }
 }
@@ -109,13 +113,7 @@ impl Recording {
         let (mut place, mut heading) = (Vector3::zeros(), Resultant::default());
         for one in heard {
             let receiver = one.record.receiver.unwrap_or_default();
-            let position = match one.record.position {
-                Some(given) if given >= positions => {
-                    return Err(self.no_such_position(one.record, given, positions));
-                }
-                Some(given) => given,
-                None => nearest(one.boresight, positions, step),
-            };
+            let position = self.position(one.record, one.boresight, positions, step)?;
             count += 1.0;
             place += (receiver.position - place) / count;
             heading.add(receiver.heading, 1.0);
@@ -127,7 +125,10 @@ impl Recording {
                 rss_dbm: one.rss_dbm,
             });
         }
-        let first = heard.iter().map(|one| one.record).min_by_key(|record| record.line);
+        let records = || heard.iter().map(|one| one.record);
+        let first = records().min_by_key(|record| record.line);
+        let last = records().map(|record| record.line).max();
+        let unheard = self.unheard(first, last, positions, step)?;
         // Below this length the headings cancel: the body itself turned.
         let heading = heading.direction(1e-9).unwrap_or(0.0);
         Ok(OwnedSweep {
@@ -140,7 +141,47 @@ impl Recording {
             receiver: Pose::level(place, heading),
             positions,
             samples,
+            unheard,
         })
+    }
+
+    /// What the same drone asked the same beacon between two rows without hearing anything.
+    fn unheard(
+        &self,
+        first: Option<&Record>,
+        last: Option<u64>,
+        positions: u16,
+        step: f64,
+    ) -> Result<Vec<Unheard>, RecordingError> {
+        let (Some(first), Some(last)) = (first, last) else { return Ok(Vec::new()) };
+        let of_turn = |record: &&Record| {
+            let same = record.beacon == first.beacon
+                && record.drone == first.drone
+                && record.turn == first.turn;
+            same && record.rss_dbm.is_none() && (first.line..=last).contains(&record.line)
+        };
+        let unheard = |record: &Record| {
+            let boresight = record.boresight?;
+            let position = self.position(record, boresight, positions, step);
+            Some(position.map(|position| Unheard { boresight, position }))
+        };
+        self.records.iter().filter(of_turn).filter_map(unheard).collect()
+    }
+
+    fn position(
+        &self,
+        record: &Record,
+        boresight: f64,
+        positions: u16,
+        step: f64,
+    ) -> Result<u16, RecordingError> {
+        match record.position {
+            Some(given) if given >= positions => {
+                Err(self.no_such_position(record, given, positions))
+            }
+            Some(given) => Ok(given),
+            None => Ok(nearest(boresight, positions, step)),
+        }
     }
 
     fn no_such_position(&self, record: &Record, given: u16, positions: u16) -> RecordingError {

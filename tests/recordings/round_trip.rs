@@ -1,7 +1,7 @@
 //! Our own format, there and back.
 
 use foxhunt::{
-    core::{BeaconId, Pose, Sample, Sweep, angle},
+    core::{Pose, Sample, Sweep, angle},
     geodesy::{Geodetic, LocalFrame},
     recording::{ReadOptions, Recording, RecordingError, SweepWriter},
 };
@@ -10,7 +10,7 @@ use proptest::prelude::*;
 
 fn sweep(samples: &[Sample]) -> Sweep<'_> {
     let time = samples.last().map_or(0.0, |sample| sample.time);
-    Sweep { beacon: BeaconId(0), time, receiver: Pose::default(), positions: 128, samples }
+    Sweep { time, positions: 128, samples, ..Sweep::default() }
 }
 
 fn read_back(bytes: &[u8]) -> Recording {

@@ -1,6 +1,7 @@
 use crate::{BearingExtractor, NoReading, Sample, Sweep, angle};
 
-/// A bearing extractor's laws on one sweep; `room` holds at least as many samples as it.
+/// A bearing extractor's laws on one sweep; `room` holds at least as many samples as it. Questions
+/// without an answer are left out.
 ///
 /// # Panics
 ///
@@ -10,6 +11,7 @@ pub fn bearing_extractor(
     sweep: &Sweep<'_>,
     room: &mut [Sample],
 ) {
+    let sweep = &Sweep { unheard: &[], ..*sweep };
     let nothing = extractor.extract(&Sweep { samples: &[], ..*sweep });
     assert_eq!(nothing, Err(NoReading::Empty), "a sweep without samples was read");
     let Ok(reading) = extractor.extract(sweep) else { return };

@@ -1,15 +1,23 @@
 //! From a turn of the antenna to a level and a bearing.
 
+mod calibrated;
 mod cell;
 mod confidence;
 mod config;
+#[cfg(feature = "alloc")]
+mod likelihood;
 mod pattern;
 mod pritzl2018;
 mod rounding;
 
+pub use calibrated::{Calibrated, heading_towards};
 pub use cell::Cell;
 pub use confidence::resultant_confidence;
+#[cfg(feature = "alloc")]
+pub use likelihood::MaximumLikelihood;
 pub use pattern::Pattern;
 pub use pritzl2018::Pritzl2018;
 
+#[cfg(feature = "alloc")]
+use pattern::check;
 use rounding::round_half_away;

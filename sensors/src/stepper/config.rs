@@ -13,6 +13,7 @@ pub struct StepperConfig {
     position_timeout: f64,
     first_timeout: f64,
     mount_offset: f64,
+    floor_dbm: Option<f64>,
 }
 
 /// That of the source, [`pritzl2018`](StepperConfig::pritzl2018).
@@ -33,6 +34,7 @@ impl StepperConfig {
             position_timeout: 0.4,
             first_timeout: 2.0,
             mount_offset: 0.0,
+            floor_dbm: None,
         }
     }
 
@@ -81,6 +83,15 @@ impl StepperConfig {
         Ok(Self { mount_offset: finite("mount_offset", offset)?, ..self })
     }
 
+    /// The same with a receiver whose weakest reading is `floor` dBm.
+    ///
+    /// # Errors
+    ///
+    /// When it is not finite.
+    pub fn with_floor_dbm(self, floor: f64) -> Result<Self, ParameterError> {
+        Ok(Self { floor_dbm: Some(finite("floor_dbm", floor)?), ..self })
+    }
+
     /// How many positions make a turn.
     #[must_use]
     pub fn positions(&self) -> u16 {
@@ -111,10 +122,18 @@ impl StepperConfig {
         self.mount_offset
     }
 
-    /// The most a turn takes, in seconds, if it is polled often enough.
+    /// The receiver's weakest reading in dBm, where that is known.
     #[must_use]
-    pub fn longest_turn(&self) -> f64 {
-        self.first_timeout + f64::from(self.positions - 1) * self.position_timeout
+    pub fn floor_dbm(&self) -> Option<f64> {
+        self.floor_dbm
+    }
+
+    /// The most a turn for so many beacons takes, in seconds, if it is polled often enough: every
+    /// position has its time-out for each of them.
+    #[must_use]
+    pub fn longest_turn(&self, beacons: u16) -> f64 {
+        let later = f64::from(self.positions) * f64::from(beacons.max(1)) - 1.0;
+        self.first_timeout + later * self.position_timeout
     }
 }
 
@@ -128,6 +147,8 @@ struct Fields {
     position_timeout: f64,
     first_timeout: f64,
     mount_offset: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    floor_dbm: Option<f64>,
 }
 
 #[cfg(feature = "serde")]
@@ -142,11 +163,12 @@ impl TryFrom<Fields> for StepperConfig {
     type Error = ParameterError;
 
     fn try_from(fields: Fields) -> Result<Self, ParameterError> {
-        Self::default()
+        let config = Self::default()
             .with_positions(fields.positions)?
             .with_samples_per_position(fields.samples_per_position)?
             .with_timeouts(fields.position_timeout, fields.first_timeout)?
-            .with_mount_offset(fields.mount_offset)
+            .with_mount_offset(fields.mount_offset)?;
+        fields.floor_dbm.map_or(Ok(config), |floor| config.with_floor_dbm(floor))
     }
 }
 
@@ -159,6 +181,7 @@ impl From<StepperConfig> for Fields {
             position_timeout: config.position_timeout,
             first_timeout: config.first_timeout,
             mount_offset: config.mount_offset,
+            floor_dbm: config.floor_dbm,
         }
     }
 }

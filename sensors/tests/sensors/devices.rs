@@ -31,6 +31,8 @@ pub(crate) struct World {
     pub(crate) stuck_at: Option<f64>,
     /// Every so-manieth question stays without an answer.
     pub(crate) lose_every: usize,
+    /// A beacon that never answers.
+    pub(crate) mute: Option<BeaconId>,
     /// Every so-manieth answer is not a number.
     pub(crate) nan_every: usize,
     /// The angles ordered, and when.
@@ -70,6 +72,7 @@ impl Default for Handle {
             turning: 0.02,
             stuck_at: None,
             lose_every: usize::MAX,
+            mute: None,
             nan_every: usize::MAX,
             orders: Vec::new(),
             questions: Vec::new(),
@@ -115,7 +118,7 @@ impl Radio for Handle {
         self.with(|w| {
             tell(w.radio, Some(()))?;
             w.questions.push((beacon, w.now));
-            w.pending = w.questions.len() % w.lose_every != 0;
+            w.pending = w.questions.len() % w.lose_every != 0 && w.mute != Some(beacon);
             Ok(())
         })
     }

@@ -3,7 +3,9 @@
 mod antenna;
 #[cfg(feature = "std")]
 mod antenna_files;
+mod bearing_calibration;
 mod bearing_error;
+mod calibrated;
 mod calibration;
 mod combined_models;
 mod devices;
@@ -11,6 +13,7 @@ mod extractor_laws;
 #[cfg(feature = "serde")]
 mod files;
 mod learned_pattern;
+mod likelihood;
 mod model_laws;
 mod model_vectors;
 mod preprocess_vectors;

@@ -41,6 +41,7 @@ fn for_each_case(check: impl Fn(&str, &Sweep<'_>, &Value)) {
             receiver: Pose::default(),
             positions: u16::try_from(positions).expect("a few"),
             samples: &samples(case),
+            ..Sweep::default()
         };
         check(case["name"].as_str().expect("a name"), &sweep, &case["expected"]);
     }

@@ -61,5 +61,6 @@ pub(crate) fn sweep_of(samples: &[Sample]) -> Sweep<'_> {
         receiver: Pose::at(1.0, 2.0, 4.0),
         positions: POSITIONS,
         samples,
+        ..Sweep::default()
     }
 }

@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     PathLossConfig, ReflectorConfig, ShadowingConfig,
-    check::{at_most, finite, not_negative, probability},
+    check::{finite, in_range, not_negative, probability},
 };
 use crate::SimError;
 
@@ -73,7 +73,12 @@ impl ChannelConfig {
     /// All but path loss and antenna, which are checked where they are made.
     pub(super) fn check(&self) -> Result<(), SimError> {
         let requirement = "a positive number, at most 1e6";
-        at_most("channel.frequency_mhz", self.frequency_mhz, 1e6, requirement)?;
+        in_range(
+            "channel.frequency_mhz",
+            self.frequency_mhz,
+            f64::MIN_POSITIVE..=1e6,
+            requirement,
+        )?;
         if let Some(shadowing) = &self.shadowing {
             shadowing.check()?;
         }

@@ -12,3 +12,5 @@ pub use devices::{SimStepperConfig, VehicleConfig};
 pub use multipath::{ReflectorConfig, ShadowingConfig};
 pub use path_loss::{PathLossConfig, TwoRayConfig};
 pub use world::{BeaconConfig, DroneConfig, WorldConfig};
+
+pub(crate) use check::{finite, in_range, not_negative, positive};

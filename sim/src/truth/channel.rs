@@ -31,7 +31,7 @@ pub(crate) struct Channel {
     /// In radians.
     pub(super) bearing_sigma: f64,
     whole_db: bool,
-    floor_dbm: f64,
+    floor_dbm: Option<f64>,
     pub(super) loss_probability: f64,
 }
 
@@ -89,7 +89,7 @@ impl Channel {
             sample_sigma_db: config.sample_sigma_db,
             bearing_sigma: config.bearing_sigma_deg.to_radians(),
             whole_db: config.whole_db,
-            floor_dbm: config.floor_dbm.unwrap_or(f64::NEG_INFINITY),
+            floor_dbm: config.floor_dbm,
             loss_probability: config.loss_probability,
         })
     }
@@ -121,6 +121,11 @@ impl Channel {
     /// What the receiver reads at a power in dBm; `None` below its floor.
     pub(super) fn reading_dbm(&self, power_dbm: f64) -> Option<f64> {
         let reading = if self.whole_db { libm::round(power_dbm) } else { power_dbm };
-        (reading >= self.floor_dbm).then_some(reading)
+        self.floor_dbm.is_none_or(|floor| reading >= floor).then_some(reading)
+    }
+
+    /// The weakest reading, if there is one.
+    pub(crate) fn floor_dbm(&self) -> Option<f64> {
+        self.floor_dbm
     }
 }

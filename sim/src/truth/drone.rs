@@ -42,7 +42,7 @@ impl Drone {
     /// Orders the antenna to `angle` radians from the nose.
     pub(crate) fn turn_to(&mut self, angle: f64, now: f64) {
         if !self.course.follow(angle) {
-            self.receiver.end_pattern();
+            self.receiver.end_patterns();
         }
         self.motor.order(angle, now);
     }

@@ -17,9 +17,10 @@ pub(crate) struct Receiver {
     latency: f64,
     /// No answer comes at this time or later.
     silent_after: f64,
-    pattern: Option<Pattern>,
-    path: Option<Path>,
-    look: Option<Look>,
+    /// The present ones, of different beacons.
+    patterns: Vec<Pattern>,
+    /// The last ones, of different beacons.
+    ways: Vec<Way>,
     answer: Option<Answer>,
 }
 
@@ -44,6 +45,13 @@ struct Pattern {
     bearing_error: f64,
 }
 
+/// The way from a beacon, and how the antenna looks at it.
+#[derive(Clone, Debug)]
+struct Way {
+    path: Path,
+    look: Look,
+}
+
 /// What does not change while neither drone, beacon nor antenna moves.
 #[derive(Clone, Copy, Debug)]
 struct Look {
@@ -64,43 +72,25 @@ impl Receiver {
             streams,
             latency,
             silent_after: silent_after.unwrap_or(f64::INFINITY),
-            pattern: None,
-            path: None,
-            look: None,
+            patterns: Vec::new(),
+            ways: Vec::new(),
             answer: None,
         }
     }
 
-    /// The next question begins a new pattern.
-    pub(super) fn end_pattern(&mut self) {
-        self.pattern = None;
+    /// The next question, whomever it asks, begins a new pattern.
+    pub(super) fn end_patterns(&mut self) {
+        self.patterns.clear();
     }
 
     /// Draws the answer; an older one that was not taken is given up.
     pub(super) fn ask(&mut self, channel: &Channel, question: &Question) {
         let pattern = self.pattern_for(channel, question);
-        let (beacon, from) = (usize::from(question.beacon.0), question.receiver.position);
-        let path = match self.path.take().filter(|path| path.is(beacon, &from, &question.to)) {
-            Some(path) => path,
-            None => {
-                self.look = None;
-                Path::new(channel, beacon, from, question.to)
-            }
-        };
         // The pattern's error turns everything that the antenna sees.
         let turned = question.turned - pattern.bearing_error;
-        let same = |look: &Look| {
-            look.receiver == question.receiver && look.turned.to_bits() == turned.to_bits()
-        };
-        let look = self.look.filter(same).unwrap_or_else(|| Look {
-            receiver: question.receiver,
-            turned,
-            gain_db: path.gain_db(channel, &question.receiver, turned),
-        });
+        let (level_dbm, gain_db) = self.heard(channel, question, turned);
         let noise: f64 = self.streams.sample.sample(StandardNormal);
-        let power_dbm =
-            path.level_dbm + look.gain_db + pattern.offset_db + channel.sample_sigma_db * noise;
-        (self.path, self.look) = (Some(path), Some(look));
+        let power_dbm = level_dbm + gain_db + pattern.offset_db + channel.sample_sigma_db * noise;
 
         let lost = self.streams.loss.random::<f64>() < channel.loss_probability;
         let time = question.time + self.latency;
@@ -115,13 +105,38 @@ impl Receiver {
         self.answer.take_if(|answer| is_due(answer.time, now)).map(|answer| answer.rss_dbm)
     }
 
-    fn pattern_for(&mut self, channel: &Channel, question: &Question) -> Pattern {
-        let same = |pattern: &Pattern| {
-            pattern.beacon == question.beacon
-                && (question.receiver.position - pattern.place).norm() <= SAME_PLACE
+    /// The level over a level turn, and the gain over its mean there. Samples in one place and
+    /// direction have it from the last of them.
+    fn heard(&mut self, channel: &Channel, question: &Question, turned: f64) -> (f64, f64) {
+        let (beacon, from) = (usize::from(question.beacon.0), question.receiver.position);
+        let known = self.ways.iter().position(|way| way.path.beacon() == beacon);
+        let known = known.map(|index| self.ways.swap_remove(index));
+        let way = known.filter(|way| way.path.is_between(&from, &question.to));
+        let (path, look) = match way {
+            Some(way) => (way.path, Some(way.look)),
+            None => (Path::new(channel, beacon, from, question.to), None),
         };
-        if let Some(pattern) = self.pattern.filter(same) {
-            return pattern;
+        let same = |look: &Look| {
+            look.receiver == question.receiver && look.turned.to_bits() == turned.to_bits()
+        };
+        let look = look.filter(same).unwrap_or_else(|| Look {
+            receiver: question.receiver,
+            turned,
+            gain_db: path.gain_db(channel, &question.receiver, turned),
+        });
+        let heard = (path.level_dbm, look.gain_db);
+        self.ways.push(Way { path, look });
+        heard
+    }
+
+    fn pattern_for(&mut self, channel: &Channel, question: &Question) -> Pattern {
+        let known = self.patterns.iter().position(|p| p.beacon == question.beacon);
+        if let Some(index) = known {
+            let pattern = self.patterns[index];
+            if (question.receiver.position - pattern.place).norm() <= SAME_PLACE {
+                return pattern;
+            }
+            self.patterns.swap_remove(index);
         }
         let offset: f64 = self.streams.pattern.sample(StandardNormal);
         let error: f64 = self.streams.pattern.sample(StandardNormal);
@@ -131,7 +146,7 @@ impl Receiver {
             offset_db: channel.pattern_sigma_db * offset,
             bearing_error: channel.bearing_sigma * error,
         };
-        self.pattern = Some(pattern);
+        self.patterns.push(pattern);
         pattern
     }
 }
