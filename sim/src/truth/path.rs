@@ -34,9 +34,13 @@ impl Path {
         Self { beacon, from, to, level_dbm, reflected: reflected.collect() }
     }
 
-    /// Whether it is the way between these.
-    pub(super) fn is(&self, beacon: usize, from: &Vector3<f64>, to: &Vector3<f64>) -> bool {
-        self.beacon == beacon && self.from == *from && self.to == *to
+    pub(super) fn beacon(&self) -> usize {
+        self.beacon
+    }
+
+    /// Whether receiver and beacon are still there.
+    pub(super) fn is_between(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> bool {
+        self.from == *from && self.to == *to
     }
 
     /// The antenna's gain over its mean on this way, in dB; the antenna is turned by `turned` from

@@ -21,8 +21,8 @@ pub(crate) struct Receiver {
     silent_after: f64,
     /// The present ones, of different beacons.
     patterns: Vec<Pattern>,
-    path: Option<Path>,
-    look: Option<Look>,
+    /// The last ones, of different beacons.
+    ways: Vec<Way>,
     answer: Option<Answer>,
 }
 
@@ -53,6 +53,13 @@ struct Pattern {
     bearing_error: f64,
 }
 
+/// The way from a beacon, and how the antenna looks at it.
+#[derive(Clone, Debug)]
+struct Way {
+    path: Path,
+    look: Look,
+}
+
 /// What does not change while neither drone, beacon nor antenna moves.
 #[derive(Clone, Copy, Debug)]
 struct Look {
@@ -75,8 +82,7 @@ impl Receiver {
             latency,
             silent_after: silent_after.unwrap_or(f64::INFINITY),
             patterns: Vec::new(),
-            path: None,
-            look: None,
+            ways: Vec::new(),
             answer: None,
         }
     }
@@ -89,32 +95,11 @@ impl Receiver {
     /// Draws the answer; an older one that was not taken is given up.
     pub(super) fn ask(&mut self, channel: &Channel, question: &Question) {
         let pattern = self.pattern_for(channel, question);
-        let (beacon, from) = (usize::from(question.beacon.0), question.receiver.position);
-        let path = match self.path.take().filter(|path| path.is(beacon, &from, &question.to)) {
-            Some(path) => path,
-            None => {
-                self.look = None;
-                Path::new(channel, beacon, from, question.to)
-            }
-        };
         // The pattern's error turns everything that the antenna sees.
         let turned = question.turned - pattern.bearing_error;
-        let (receiver, directional) = (question.receiver, question.directional);
-        let same = |look: &Look| {
-            look.receiver == receiver
-                && look.turned.to_bits() == turned.to_bits()
-                && look.directional == directional
-        };
-        let look = self.look.filter(same).unwrap_or_else(|| Look {
-            receiver,
-            turned,
-            directional,
-            gain_db: path.gain_db(channel, &receiver, turned, directional),
-        });
+        let (level_dbm, gain_db) = self.heard(channel, question, turned);
         let noise: f64 = self.streams.sample.sample(StandardNormal);
-        let power_dbm =
-            path.level_dbm + look.gain_db + pattern.offset_db + channel.sample_sigma_db * noise;
-        (self.path, self.look) = (Some(path), Some(look));
+        let power_dbm = level_dbm + gain_db + pattern.offset_db + channel.sample_sigma_db * noise;
 
         let lost = self.streams.loss.random::<f64>() < channel.loss_probability;
         let time = question.time + self.latency;
@@ -127,6 +112,34 @@ impl Receiver {
     /// The answer's power in dBm, once it has come.
     pub(crate) fn take_answer(&mut self, now: f64) -> Option<f64> {
         self.answer.take_if(|answer| is_due(answer.time, now)).map(|answer| answer.rss_dbm)
+    }
+
+    /// The level over a level turn, and the gain over its mean there. Samples in one place and
+    /// direction have it from the last of them.
+    fn heard(&mut self, channel: &Channel, question: &Question, turned: f64) -> (f64, f64) {
+        let (beacon, from) = (usize::from(question.beacon.0), question.receiver.position);
+        let known = self.ways.iter().position(|way| way.path.beacon() == beacon);
+        let known = known.map(|index| self.ways.swap_remove(index));
+        let way = known.filter(|way| way.path.is_between(&from, &question.to));
+        let (path, look) = match way {
+            Some(way) => (way.path, Some(way.look)),
+            None => (Path::new(channel, beacon, from, question.to), None),
+        };
+        let (receiver, directional) = (question.receiver, question.directional);
+        let same = |look: &Look| {
+            look.receiver == receiver
+                && look.turned.to_bits() == turned.to_bits()
+                && look.directional == directional
+        };
+        let look = look.filter(same).unwrap_or_else(|| Look {
+            receiver,
+            turned,
+            directional,
+            gain_db: path.gain_db(channel, &receiver, turned, directional),
+        });
+        let heard = (path.level_dbm, look.gain_db);
+        self.ways.push(Way { path, look });
+        heard
     }
 
     fn pattern_for(&mut self, channel: &Channel, question: &Question) -> Pattern {
