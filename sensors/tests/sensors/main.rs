@@ -14,6 +14,7 @@ mod likelihood;
 mod model_laws;
 mod model_vectors;
 mod preprocess_vectors;
+mod station;
 mod stepper_faults;
 mod stepper_turns;
 mod sweeps;
