@@ -10,6 +10,7 @@
 //! | a turn of the antenna, put in order | [`Pattern`] |
 //! | from a turn to level and bearing | [`Pritzl2018`] |
 //! | what the transmitter's law is | [`fit_log_distance`] |
+//! | a station of fixed antennas | [`StationPattern`], [`fit_station`] (`alloc`) |
 //! | how bearings are off, how honest their σ | [`fit_bearing_offset`], [`fit_sigma`] |
 //! | an antenna's gain over direction | [`Antenna`] (`alloc`): [`Isotropic`], [`Dipole`], [`Cardioid`], [`Patch`], [`Yagi`] |
 //! | the same from a table | [`PatternTable`], [`PatternTable3d`], [`PrincipalCuts`] (`alloc`) |
@@ -65,9 +66,13 @@ pub use calibration::{
     PathLossFit, SigmaFit, fit_bearing_offset, fit_log_distance, fit_sigma,
 };
 #[cfg(feature = "alloc")]
+pub use calibration::{StationBurst, StationFit, fit_station};
+#[cfg(feature = "alloc")]
 pub use extractor::MaximumLikelihood;
 pub use extractor::{Calibrated, heading_towards};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
+#[cfg(feature = "alloc")]
+pub use extractor::{StationAntenna, StationPattern};
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
     FreePowerRssBearing, RangeDifference, Rss, RssBearing, Stacked,

@@ -19,6 +19,7 @@ mod model_laws;
 mod model_vectors;
 mod preprocess_vectors;
 mod propagation;
+mod station;
 mod stepper_faults;
 mod stepper_turns;
 mod sweeps;
