@@ -4,6 +4,7 @@
 //! |-|-|
 //! | how power falls with range | [`Propagation`]: [`LogDistance`], [`Friis`], [`TwoRay`] |
 //! | what a receiver expects | [`Rss`], [`BearingOnly`], [`RssBearing`], [`FreePowerRssBearing`], [`FreePathLossRssBearing`] |
+//! | the same through an antenna's vertical pattern | [`WithElevationPattern`] (`alloc`) |
 //! | what two receivers' difference tells | [`DifferentialRss`], [`RangeDifference`] |
 //! | two models at once; what silence tells | [`Stacked`]; [`Censored`] |
 //! | how bearings err | [`BearingMixture`] |
@@ -51,9 +52,10 @@ mod stepper;
 
 #[cfg(feature = "alloc")]
 pub use antenna::{
-    Antenna, Cardioid, Dipole, Isotropic, LearnPatternError, LearnedPattern, MainLobe, MsiFile,
-    MsiUnit, Patch, PatternFileError, PatternFileReason, PatternTable, PatternTable3d,
-    PatternTableError, PrincipalCuts, ReflectedWave, Yagi, learn_pattern, multipath_gain_dbi,
+    Antenna, Cardioid, Dipole, ElevationPattern, Isotropic, LearnPatternError, LearnedPattern,
+    MainLobe, MsiFile, MsiUnit, Patch, PatternFileError, PatternFileReason, PatternTable,
+    PatternTable3d, PatternTableError, PrincipalCuts, ReflectedWave, Yagi, learn_pattern,
+    multipath_gain_dbi,
 };
 #[cfg(feature = "std")]
 pub use antenna::{
@@ -73,6 +75,7 @@ pub use extractor::{Calibrated, heading_towards};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 #[cfg(feature = "alloc")]
 pub use extractor::{StationAntenna, StationPattern};
+pub use models::WithElevationPattern;
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
     FreePowerRssBearing, RangeDifference, Rss, RssBearing, Stacked,

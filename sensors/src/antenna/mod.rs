@@ -21,6 +21,6 @@ pub use formula::{Cardioid, Dipole, Isotropic, Patch, Yagi};
 pub use gain::{Antenna, MainLobe};
 pub use learn::{LearnPatternError, LearnedPattern, learn_pattern};
 pub use multipath::{ReflectedWave, multipath_gain_dbi};
-pub use table::{PatternTable, PatternTable3d, PatternTableError, PrincipalCuts};
+pub use table::{ElevationPattern, PatternTable, PatternTable3d, PatternTableError, PrincipalCuts};
 
 use formula::linear;

@@ -10,6 +10,7 @@ mod calibrated;
 mod calibration;
 mod combined_models;
 mod devices;
+mod elevation_models;
 mod extractor_laws;
 #[cfg(feature = "serde")]
 mod files;

@@ -1,14 +1,17 @@
 use std::f64::consts::TAU;
 
-use foxhunt_core::angle::distance;
+use foxhunt_core::{MeasurementModel, Vehicle, angle::distance};
 use foxhunt_sensors::{
-    Antenna, AntennaConfig, Dipole, GainRow, LogDistance, PatternTable, Propagation, TwoRay,
+    Antenna, AntennaConfig, Dipole, ElevationPattern, GainRow, LogDistance, PatchConfig,
+    PatternTable, Propagation, RssBearing, TwoRay, WithElevationPattern,
 };
 use foxhunt_sim::{
     ChannelConfig, DroneConfig, PathLossConfig, ShadowingConfig, TwoRayConfig, World,
 };
 
-use crate::rig::{Rig, beacon, config, direction, omnidirectional, quiet, reflector};
+use nalgebra::{Vector2, Vector4};
+
+use crate::rig::{Rig, beacon, config, direction, level, omnidirectional, quiet, reflector};
 
 /// What a receiver reads at a power in dBm.
 fn read(power_dbm: f64, channel: &ChannelConfig) -> Option<f64> {
@@ -113,6 +116,30 @@ fn a_drone_above_hears_through_the_antennas_vertical_pattern() {
     let law = -29.06 - 27.65 * (40.0 * 2.0_f64.sqrt()).log10();
     let gain = Dipole.gain_dbi(0.0, TAU / 8.0) - Dipole.gain_dbi(0.0, 0.0);
     assert!((rig.hear(0) - law - gain).abs() < 1e-9);
+}
+
+/// The mean over a turn in the world is what the model expects of a drone that is near and high.
+#[test]
+fn truth_and_model_agree_on_the_elevation() {
+    let antenna = AntennaConfig::Patch(PatchConfig::default());
+    let pattern = ElevationPattern::of(&antenna.build().expect("in range"));
+    let law = RssBearing::new(LogDistance::pritzl2018_field());
+    let model = WithElevationPattern::new(law, pattern);
+    let mut rig = Rig::new(&config(ChannelConfig { antenna, ..quiet() }), 1);
+    let (mut closest, mut without) = (0.0_f64, 0.0_f64);
+    for (east, north, up) in [(0.0, 0.0, 0.0), (25.0, 30.0, 10.0), (28.0, 40.0, 30.0)] {
+        rig.fly_to(east, north, up);
+        let heard = level(&rig.turn(0, 1));
+        let pose = rig.vehicle.pose().expect("it works");
+        let state = Vector4::new(30.0, 40.0, 0.0, 0.0);
+        let [expected, flat]: [Vector2<f64>; 2] =
+            [model.expected(&state, &pose), law.expected(&state, &pose)];
+        closest = closest.max((heard - expected[0]).abs());
+        without = without.max((heard - flat[0]).abs());
+    }
+    // 128 positions here, 360 directions there, a spline between degrees.
+    assert!(closest < 0.01, "{closest} dB");
+    assert!(without > 3.0, "{without} dB if the vertical pattern is left out");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Antennas whose gain is tabulated.
 
+mod elevation_pattern;
 mod error;
 mod pattern_table;
 mod pattern_table_3d;
@@ -7,6 +8,7 @@ mod principal_cuts;
 mod reference_patch;
 mod spline;
 
+pub use elevation_pattern::ElevationPattern;
 pub use error::PatternTableError;
 pub use pattern_table::PatternTable;
 pub use pattern_table_3d::PatternTable3d;

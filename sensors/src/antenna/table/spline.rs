@@ -66,6 +66,12 @@ impl PeriodicSpline {
         piece.at(share)
     }
 
+    /// The derivative per radian.
+    pub(super) fn slope(&self, angle: f64) -> f64 {
+        let (piece, share) = self.locate(angle);
+        piece.slope(share)
+    }
+
     /// The mean of a function of the spline's values over the turn, by two-point Gauss quadrature
     /// in each piece: exact for the spline itself.
     pub(super) fn mean(&self, of: impl Fn(f64) -> f64) -> f64 {
