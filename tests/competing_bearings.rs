@@ -34,7 +34,6 @@ fn turns(truth: Vector2<f64>, rng: &mut Xoshiro256PlusPlus) -> Vec<Reception> {
         };
         let modes = [mode(0.7, 0.0), mode(0.3, core::f64::consts::PI)];
         let modes = BearingModes::new(&modes).expect("two proper directions");
-        let (angle, sigma) = modes.moments().expect("two directions");
         Reception {
             beacon: BeaconId(0),
             time,
@@ -42,7 +41,7 @@ fn turns(truth: Vector2<f64>, rng: &mut Xoshiro256PlusPlus) -> Vec<Reception> {
             rss_dbm: MODEL.reference_dbm - 10.0 * MODEL.exponent * way.norm().log10()
                 + LEVEL_SIGMA_DB * level,
             rss_sigma_db: LEVEL_SIGMA_DB,
-            bearing: Some(Bearing { angle, sigma, confidence: 0.7 }),
+            bearing: None,
             covariance: 0.0,
             modes,
             receiver_sigma_m: None,
@@ -73,6 +72,8 @@ fn run(
         let mut track = Track::<_, 2, 2>::new(estimator, config.track);
         for mut reception in turns(truth, &mut rng) {
             if moments_alone {
+                let (angle, sigma) = reception.modes.moments().expect("two directions");
+                reception.bearing = Some(Bearing { angle, sigma, confidence: 0.7 });
                 reception.modes = BearingModes::default();
             }
             let _ = track.hear(&reception, false).expect("a proper reception");
