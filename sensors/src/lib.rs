@@ -8,7 +8,7 @@
 //! | two models at once; what silence tells | [`Stacked`]; [`Censored`] |
 //! | how bearings err | [`BearingMixture`] |
 //! | a turn of the antenna, put in order | [`Pattern`] |
-//! | from a turn to level and bearing | [`Pritzl2018`] |
+//! | from a turn to level and bearing | [`Pritzl2018`]; [`Maximum`], [`FirstHarmonic`], [`MainLobe`]; with a known antenna [`CrossCorrelation`], [`MaximumLikelihood`] (`alloc`) |
 //! | what the transmitter's law is | [`fit_log_distance`] |
 //! | an antenna's gain over direction | [`Antenna`]: [`PatternTable`] (`alloc`) |
 //! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
@@ -38,9 +38,11 @@ pub use antenna::{Antenna, PatternTable, PatternTableError};
 #[cfg(feature = "std")]
 pub use antenna::{AntennaConfig, GainRow, SharedAntenna};
 pub use calibration::{CalibrationError, PathLossFit, fit_log_distance};
-#[cfg(feature = "alloc")]
-pub use extractor::MaximumLikelihood;
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
+#[cfg(feature = "alloc")]
+pub use extractor::{
+    CrossCorrelation, FirstHarmonic, MainLobe, Maximum, MaximumLikelihood, Residuals,
+};
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
     FreePowerRssBearing, RangeDifference, Rss, RssBearing, Stacked,

@@ -4,6 +4,8 @@ mod cell;
 mod confidence;
 mod config;
 #[cfg(feature = "alloc")]
+mod direct;
+#[cfg(feature = "alloc")]
 mod likelihood;
 mod pattern;
 mod pritzl2018;
@@ -12,7 +14,9 @@ mod rounding;
 pub use cell::Cell;
 pub use confidence::resultant_confidence;
 #[cfg(feature = "alloc")]
-pub use likelihood::MaximumLikelihood;
+pub use direct::{FirstHarmonic, MainLobe, Maximum};
+#[cfg(feature = "alloc")]
+pub use likelihood::{CrossCorrelation, MaximumLikelihood, Residuals};
 pub use pattern::Pattern;
 pub use pritzl2018::Pritzl2018;
 

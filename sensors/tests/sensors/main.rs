@@ -5,6 +5,7 @@ mod bearing_error;
 mod calibration;
 mod combined_models;
 mod devices;
+mod every_extractor;
 mod extractor_laws;
 #[cfg(feature = "serde")]
 mod files;
