@@ -1,4 +1,9 @@
-use crate::angle::{self, Resultant};
+use core::f64::consts::TAU;
+
+use crate::{
+    angle::{self, Resultant},
+    noise::log_add,
+};
 
 /// One of several directions that a turn of the antenna may have heard its signal from.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -104,19 +109,37 @@ impl BearingModes {
     }
 
     /// The one direction and σ that stand for all of them: the circular mean, and the root of the
-    /// mean square about it. `None` where nothing competes, or the directions cancel.
+    /// mean square about it. About the likeliest direction where they cancel; `None` where nothing
+    /// competes.
     #[must_use]
     pub fn moments(&self) -> Option<(f64, f64)> {
+        let likeliest = self.as_slice().iter().max_by(|a, b| a.weight.total_cmp(&b.weight))?;
         let mut resultant = Resultant::default();
         for mode in self.as_slice() {
             resultant.add(mode.angle, mode.weight);
         }
-        let mean = resultant.direction(1e-9)?;
+        let mean = resultant.direction(1e-9).unwrap_or(angle::wrap(likeliest.angle));
         let square = |mode: &BearingMode| {
             let off = angle::distance(mode.angle, mean);
             mode.weight * (mode.sigma * mode.sigma + off * off)
         };
         Some((mean, libm::sqrt(self.as_slice().iter().map(square).sum())))
+    }
+
+    /// The same directions, each of another σ.
+    #[must_use]
+    pub(crate) fn with_sigma(mut self, sigma: impl Fn(f64) -> f64) -> Self {
+        self.modes.iter_mut().for_each(|mode| mode.sigma = sigma(mode.sigma));
+        self
+    }
+
+    /// ln Σ w N(z ⊖ h; 0, σ²), with `residual` giving z ⊖ h for a direction z.
+    pub(crate) fn log_density(&self, residual: impl Fn(f64) -> f64) -> f64 {
+        let each = self.as_slice().iter().map(|mode| {
+            let white = residual(mode.angle) / mode.sigma;
+            libm::log(mode.weight / mode.sigma) - 0.5 * (white * white + libm::log(TAU))
+        });
+        each.fold(f64::NEG_INFINITY, log_add)
     }
 }
 
@@ -160,6 +183,13 @@ mod tests {
         let off = [angle::distance(PI - 0.1, mean), angle::distance(-PI + 0.3, mean)];
         let square = 0.75 * (0.04 + off[0] * off[0]) + 0.25 * (0.16 + off[1] * off[1]);
         assert!((sigma - libm::sqrt(square)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn opposite_directions_stand_for_nothing_much() {
+        let modes = BearingModes::new(&[mode(0.5, 0.3, 0.1), mode(0.5, 0.3 + PI, 0.1)]);
+        let (_, sigma) = modes.expect("proper").moments().expect("something competes");
+        assert!((sigma - libm::sqrt(0.01 + 0.5 * PI * PI)).abs() < 1e-9, "{sigma}");
     }
 
     #[test]

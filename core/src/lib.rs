@@ -12,7 +12,7 @@
 //! | where the antenna looked | [`PatternSource`] | one finished [`Sweep`] at a time |
 //! | where the signal came from | [`BearingExtractor`] | a sweep to a [`Reading`] |
 //! | where to fly | [`FormationPlanner`] | a goal for each [`Station`] |
-//! | who flies | [`Vehicle`], [`Fleet`] | a pose out, a goal in |
+//! | who flies | [`Vehicle`], [`Fleet`], [`Spinner`] | a pose out, a goal in; turn, if it can |
 //! | what a source is made of | [`Radio`], [`Rotator`], [`Clock`] | power, an angle, the time |
 //!
 //! # Conventions
@@ -41,7 +41,6 @@ mod measurement;
 mod motion;
 pub mod noise;
 mod observation;
-mod observation_error;
 mod pattern;
 mod planner;
 mod pose;
@@ -62,12 +61,11 @@ pub use measurement::{
     numeric_jacobian,
 };
 pub use motion::{ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk};
-pub use observation::Observation;
-pub use observation_error::ObservationError;
+pub use observation::{Observation, ObservationError};
 pub use pattern::{PatternSource, Sample, Sweep, Unheard};
 pub use planner::{
     Decision, FormationPlanner, Outcome, PlanError, PlannerFn, Stage, Station, planner_fn,
 };
 pub use pose::{BeaconId, Pose, Waypoint};
 pub use reception::Reception;
-pub use vehicle::{Fleet, Vehicle};
+pub use vehicle::{Fleet, Spinner, Vehicle};

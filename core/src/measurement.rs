@@ -82,20 +82,29 @@ pub fn absorb_receiver_noise<const N: usize, const M: usize>(
     observation.with_more_noise(&more)
 }
 
-/// ln N(z ⊖ h(x); 0, R) of the components present, the noise of an uncertain receiver in R: what
-/// an override starts from.
+/// ln N(z ⊖ h(x); 0, R) of the components present, the noise of an uncertain receiver in R, and
+/// where directions compete for a bearing the mixture of them: what an override starts from.
 #[must_use]
 pub fn gaussian_log_likelihood<const N: usize, const M: usize>(
     model: &(impl MeasurementModel<N, M> + ?Sized),
     state: &State<N>,
     observation: &Observation<M>,
 ) -> f64 {
-    let residual =
-        model.residual(observation.value(), &model.expected(state, observation.receiver()));
-    if observation.receiver_sigma().is_none() {
+    let expected = model.expected(state, observation.receiver());
+    let residual = model.residual(observation.value(), &expected);
+    if observation.is_plain() {
         return observation.log_density(&residual);
     }
-    absorb_receiver_noise(model, state, observation).log_density(&residual)
+    let observation = absorb_receiver_noise(model, state, observation);
+    let Some((bearing, modes)) = observation.bearing_modes() else {
+        return observation.log_density(&residual);
+    };
+    let of_mode = |angle: f64| {
+        let mut value = *observation.value();
+        value[bearing] = angle;
+        model.residual(&value, &expected)[bearing]
+    };
+    observation.log_density_besides_bearing(&residual) + modes.log_density(of_mode)
 }
 
 /// The Jacobian of `map` at `x` by central differences; `minus` is ⊖ on its image.

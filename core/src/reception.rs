@@ -73,7 +73,11 @@ impl TryFrom<&Reception> for Observation<1> {
         let bearing = r.bearing.unwrap_or(NO_BEARING);
         let variance = SMatrix::<f64, 1, 1>::new(bearing.sigma * bearing.sigma);
         let whole = Self::new(r.time, r.receiver, SVector::<f64, 1>::new(bearing.angle), variance)?;
-        r.placed(if r.bearing.is_none() { whole.without(0) } else { whole })
+        r.placed(if r.bearing.is_none() {
+            whole.without(0)
+        } else {
+            whole.with_bearing_modes(0, r.modes)
+        })
     }
 }
 
@@ -91,6 +95,10 @@ impl TryFrom<&Reception> for Observation<2> {
             bearing.sigma * bearing.sigma,
         );
         let whole = Self::new(r.time, r.receiver, Vector2::new(r.rss_dbm, bearing.angle), noise)?;
-        r.placed(if r.bearing.is_none() { whole.without(1) } else { whole })
+        r.placed(if r.bearing.is_none() {
+            whole.without(1)
+        } else {
+            whole.with_bearing_modes(1, r.modes)
+        })
     }
 }

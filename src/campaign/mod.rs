@@ -1,8 +1,10 @@
 //! Seeded Monte Carlo: the same scenario many times, and what the estimators make of it.
 
+mod paired;
 mod run;
 mod statistics;
 
+pub use paired::Paired;
 pub(crate) use run::Sample;
 pub use run::{
     BeaconCampaign, CampaignError, CampaignReport, Checkpoint, EstimatorCampaign, campaign,

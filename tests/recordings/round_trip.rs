@@ -1,7 +1,7 @@
 //! Our own format, there and back.
 
 use foxhunt::{
-    core::{BeaconId, Pose, Sample, Sweep, angle},
+    core::{Pose, Sample, Sweep, angle},
     geodesy::{Geodetic, LocalFrame},
     recording::{ReadOptions, Recording, RecordingError, SweepWriter},
 };

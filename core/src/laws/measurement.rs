@@ -1,6 +1,9 @@
 use core::f64::consts::TAU;
 
-use crate::{Axis, MeasurementModel, Observation, Pose, State, numeric_jacobian};
+use crate::{
+    Axis, BearingMode, BearingModes, MeasurementModel, Observation, Pose, State, noise::log_add,
+    numeric_jacobian,
+};
 
 /// A measurement model's laws at one state and one observation.
 ///
@@ -35,6 +38,37 @@ pub fn measurement_model<const N: usize, const M: usize>(
     let error = (model.jacobian(state, receiver) - numeric).norm();
     assert!(error <= 1e-6 * (1.0 + numeric.norm()), "the jacobian is off by {error}");
 
+    likelihoods(model, state, observation);
+    for bearing in 0..M {
+        if model.axes()[bearing] == Axis::Angle && observation.has(bearing) {
+            let angle = observation.value()[bearing];
+            let mode = |weight, angle, sigma| BearingMode { weight, angle, sigma };
+            let modes = [mode(2.0, angle, 0.2), mode(1.0, angle + 1.0, 0.3)];
+            let modes = BearingModes::new(&modes).expect("two proper directions");
+            let several = observation.with_bearing_modes(bearing, modes);
+            likelihoods(model, state, &several);
+            let told = model.log_likelihood(state, &several);
+            let mixture = several
+                .hypotheses()
+                .map(|(weight, one)| libm::log(weight) + model.log_likelihood(state, &one))
+                .fold(f64::NEG_INFINITY, log_add);
+            assert!(
+                (told - mixture).abs() <= 1e-9 * (1.0 + mixture.abs()),
+                "two directions are {told} likely, as a mixture {mixture}"
+            );
+        }
+    }
+    let empty = (0..M).fold(*observation, Observation::without);
+    let nothing = model.log_likelihood(state, &empty);
+    assert!(nothing.abs() < 1e-12, "an empty observation has the log-likelihood {nothing}");
+}
+
+/// The log-likelihoods of many states are those of each.
+fn likelihoods<const N: usize, const M: usize>(
+    model: &impl MeasurementModel<N, M>,
+    state: &State<N>,
+    observation: &Observation<M>,
+) {
     let nearby = state.add_scalar(1.0);
     let pairs: [[f64; 2]; N] = core::array::from_fn(|row| [state[row], nearby[row]]);
     let columns: [&[f64]; N] = core::array::from_fn(|row| &pairs[row][..]);
@@ -47,9 +81,6 @@ pub fn measurement_model<const N: usize, const M: usize>(
             "log_likelihoods says {many}, log_likelihood {one}"
         );
     }
-    let empty = (0..M).fold(*observation, Observation::without);
-    let nothing = model.log_likelihood(state, &empty);
-    assert!(nothing.abs() < 1e-12, "an empty observation has the log-likelihood {nothing}");
 }
 
 /// A model that calls an angle linear keeps the other laws; on a walk round the receiver it jumps.

@@ -85,6 +85,7 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
     ) -> Result<(), EstimatorError> {
         let not_finite = EstimatorError::NotFinite { role: Role::Expected };
         let Some(told) = self.observations.first() else { return Ok(()) };
+        let competing = self.competing();
         let mut noises = self.noises(None)?;
         for index in 0..lattice.len() {
             let mut state = self.reference;
@@ -105,10 +106,26 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
                 cell.log += at_zero - 0.5 * away.norm_squared();
                 cell.shift += white.tr_mul(&away);
                 cell.information += white.tr_mul(&white);
+                if let Some(bearing) = competing.get(hypothesis) {
+                    let [mixture, moments] =
+                        bearing.each_ref().map(|o| self.measurement.log_likelihood(&state, o));
+                    cell.log += mixture - moments;
+                }
                 posterior.set(hypothesis, index, &cell);
             }
         }
         Ok(())
+    }
+
+    /// Where directions compete for a bearing that has no part in what stands behind the place: the
+    /// bearing alone under each hypothesis, as a mixture and by the moments that the quadratic has.
+    fn competing(&self) -> Vec<[Observation<M>; 2]> {
+        let bearing = |observation: &Observation<M>| {
+            let (bearing, alone) = observation.competing_bearing()?;
+            let (_, slope) = self.at(&self.reference, observation);
+            (slope.row(bearing).norm_squared() <= 0.0).then_some(alone)
+        };
+        self.observations.iter().filter_map(bearing).collect()
     }
 
     /// The log-density of no residual and the factor of the noise, under each hypothesis; that of

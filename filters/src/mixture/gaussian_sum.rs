@@ -8,6 +8,7 @@ use foxhunt_core::{
 use super::{
     Reinitialise,
     bank::Bank,
+    hypotheses::{NEGLIGIBLE, update_each},
     merge::{self, Part},
     split,
 };
@@ -79,9 +80,6 @@ struct Resplitting {
 
 /// The lightest component that is worth splitting.
 const LIGHT: f64 = 1e-3;
-
-/// The lightest that is kept of two hypotheses.
-const NEGLIGIBLE: f64 = 1e-6;
 
 impl<T, F, H, const N: usize, const M: usize> GaussianSum<T, F, H, N, M>
 where
@@ -271,7 +269,7 @@ where
             bank.replace(components)?;
         }
         let before = self.outliers.map(|outliers| (outliers, bank.clone()));
-        let mut correction = bank.update(observation)?;
+        let mut correction = update_each(&mut bank, observation)?;
         if let (Some((outliers, before)), Correction::Fused { log_evidence, .. }) =
             (before, &mut correction)
         {

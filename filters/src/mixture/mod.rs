@@ -4,6 +4,7 @@ mod bank;
 mod component;
 mod first_bearing;
 mod gaussian_sum;
+mod hypotheses;
 mod imm;
 mod merge;
 mod moments;

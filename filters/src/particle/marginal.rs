@@ -20,6 +20,8 @@ pub(super) struct Told<const M: usize, const K: usize> {
     /// What the nuisance adds to the noise.
     spread: Covariance<M>,
     dof: usize,
+    /// What directions that compete for the bearing change of its log-likelihood.
+    competing: f64,
 }
 
 impl<const M: usize, const K: usize> Told<M, K> {
@@ -31,7 +33,8 @@ impl<const M: usize, const K: usize> Told<M, K> {
     /// ln p(z | what is sampled)^φ; NaN where the model gives none.
     pub(super) fn log_density(&self, noise: &Tempered<M>) -> f64 {
         let density = |factor| noise::gaussian(&self.residual, &factor, self.dof);
-        self.factor(noise).map_or(f64::NAN, |factor| density(factor) + noise.log_constant)
+        let constant = noise.log_constant + noise.exponent * self.competing;
+        self.factor(noise).map_or(f64::NAN, |factor| density(factor) + constant)
     }
 }
 
@@ -39,6 +42,7 @@ impl<const M: usize, const K: usize> Told<M, K> {
 /// for a constant.
 pub(super) struct Tempered<const M: usize> {
     noise: Covariance<M>,
+    exponent: f64,
     /// The logarithm of that constant.
     log_constant: f64,
 }
@@ -57,7 +61,7 @@ impl<const M: usize> Tempered<M> {
         let (none, dof) = (SVector::zeros(), observation.len());
         let whole = noise::gaussian(&none, &factor(whole)?, dof);
         let log_constant = exponent * whole - noise::gaussian(&none, &factor(noise)?, dof);
-        Ok(Self { noise, log_constant })
+        Ok(Self { noise, exponent, log_constant })
     }
 }
 
@@ -65,11 +69,13 @@ impl<const N: usize, const K: usize> Particle<N, K> {
     /// The first of the components that are integrated out.
     const FIRST: usize = N - K;
 
-    /// What an observation is to this particle.
+    /// What an observation is to this particle; `bearing` is its
+    /// [`competing_bearing`](Observation::competing_bearing).
     pub(super) fn told<const M: usize>(
         &self,
         model: &impl MeasurementModel<N, M>,
         observation: &Observation<M>,
+        bearing: Option<&(usize, [Observation<M>; 2])>,
     ) -> Told<M, K> {
         let jacobian = model.jacobian(&self.state, observation.receiver());
         let slope = jacobian.fixed_columns::<K>(Self::FIRST).into_owned();
@@ -78,7 +84,15 @@ impl<const N: usize, const K: usize> Particle<N, K> {
         let residual = model.residual(observation.value(), &expected);
         let residual = observation.mask(residual.transpose()).transpose();
         let spread = slope * self.spread * slope.transpose();
-        Told { slope, residual, spread, dof: observation.len() }
+        let competing = match bearing {
+            Some((row, alone)) if slope.row(*row).norm_squared() <= 0.0 => {
+                let [mixture, moments] =
+                    alone.each_ref().map(|one| model.log_likelihood(&self.state, one));
+                mixture - moments
+            }
+            _ => 0.0,
+        };
+        Told { slope, residual, spread, dof: observation.len(), competing }
     }
 
     /// The Kalman filter of the nuisance, in Joseph's form.

@@ -23,7 +23,7 @@ use crate::{Gaussian, count::number};
 /// The last K components have to enter the measurement linearly once the others are given, such
 /// as a transmitter's reference power and path-loss exponent once its place is: their columns of
 /// the model's Jacobian do not depend on them. The noise has to be Gaussian: `log_likelihood` is
-/// not asked. What is sampled may not move with what is not, nor share its noise; a motion that
+/// asked only about a bearing that several directions compete for. What is sampled may not move with what is not, nor share its noise; a motion that
 /// does is refused.
 ///
 /// Integrating them out leaves fewer dimensions to sample, and nothing of them to freeze: a power
@@ -236,7 +236,8 @@ where
     }
 
     fn told(&self, cloud: &Conditional<N, K>, observation: &Observation<M>) -> Vec<Told<M, K>> {
-        let told = |i| cloud.particle(i).told(&self.measurement, observation);
+        let bearing = observation.competing_bearing();
+        let told = |i| cloud.particle(i).told(&self.measurement, observation, bearing.as_ref());
         (0..cloud.len()).map(told).collect()
     }
 

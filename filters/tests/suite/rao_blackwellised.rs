@@ -1,8 +1,8 @@
 //! A transmitter of unknown power: the power and the exponent integrated out of each particle.
 
 use foxhunt_core::{
-    Axis, ConstantVelocity, Correction, Estimate, Estimator, EstimatorError, MeasurementModel,
-    Observation, Pose, RandomWalk, State, laws,
+    Axis, BearingMode, BearingModes, ConstantVelocity, Correction, Estimate, Estimator,
+    EstimatorError, MeasurementModel, Observation, Pose, RandomWalk, State, laws,
     nalgebra::{DMatrix, DVector, Matrix2x3, Vector2, Vector3, Vector4},
 };
 use foxhunt_filters::{RaoBlackwellised, Resampling, consistency::ChiSquaredAverage};
@@ -296,4 +296,31 @@ fn it_is_consistent_with_unknown_power_and_exponent() {
         assert!((mean - 2.0).abs() < 3.3 * error + 0.1, "{name}: ANEES {mean} ± {error}");
         assert!(error < 0.6, "{name}: {error} tells nothing");
     }
+}
+
+/// What is likely under either direction is likely under both in proportion, and so are the means: the
+/// posterior is the mixture of the two posteriors, in each particle and so in the cloud.
+#[test]
+fn competing_bearings_are_the_mixture_of_their_posteriors() {
+    let mode = |weight, angle, sigma| BearingMode { weight, angle, sigma };
+    let modes = BearingModes::new(&[mode(0.6, 0.4, 0.3), mode(0.4, 2.6, 0.5)]).expect("proper");
+    let both = observe(0, -75.0, 0.0, 0.3).with_bearing_modes(1, modes);
+    // Without stages nothing is drawn anew, and what remains is exact.
+    let start = filter(0.0, 500, 5).with_progressive_correction(0.0).expect("in range");
+    let fused = |observation: &Observation<2>| {
+        let mut filter = start.clone();
+        let Ok(Correction::Fused { log_evidence, .. }) = filter.update(observation) else {
+            panic!("it was not fused");
+        };
+        (log_evidence, filter.estimate().mean)
+    };
+    let (evidence, mean) = fused(&both);
+    let (mut sum, mut centre) = (0.0, Vector3::zeros());
+    for (weight, one) in both.hypotheses() {
+        let (log, mean) = fused(&one);
+        let share = weight * log.exp();
+        (sum, centre) = (sum + share, centre + mean * share);
+    }
+    assert!((evidence - sum.ln()).abs() < 1e-9, "{evidence} for {}", sum.ln());
+    assert!((mean - centre / sum).norm() < 1e-6, "{mean} for {}", centre / sum);
 }

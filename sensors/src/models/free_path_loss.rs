@@ -65,7 +65,7 @@ impl<const N: usize> MeasurementModel<N, 2> for FreePathLossRssBearing {
     }
 
     fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<2>, out: &mut [f64]) {
-        if observation.receiver_sigma().is_some() {
+        if !observation.is_plain() {
             return log_likelihoods_one_by_one(self, columns, observation, out);
         }
         rss_bearing_log_likelihoods(

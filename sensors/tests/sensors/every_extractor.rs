@@ -4,8 +4,8 @@ use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{BearingExtractor, NoReading, Pose, Reading, Sample, Sweep, angle, laws};
 use foxhunt_sensors::{
-    Antenna, CrossCorrelation, FirstHarmonic, MainLobe, Maximum, MaximumLikelihood, PatternTable,
-    Pritzl2018, Residuals,
+    Antenna, CrossCorrelation, FirstHarmonic, MainLobeFit, Maximum, MaximumLikelihood,
+    PatternTable, Pritzl2018, Residuals,
 };
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
@@ -32,7 +32,7 @@ fn all() -> Vec<(&'static str, Boxed)> {
         ("maximum", Boxed(Box::new(Maximum::default()))),
         ("first harmonic", Boxed(Box::new(FirstHarmonic::default()))),
         ("first harmonic in dB", Boxed(Box::new(FirstHarmonic::in_decibels()))),
-        ("main lobe", Boxed(Box::new(MainLobe::default()))),
+        ("main lobe", Boxed(Box::new(MainLobeFit::default()))),
         (
             "cross-correlation",
             Boxed(Box::new(CrossCorrelation::new(PatternTable::reference_patch()))),
@@ -185,8 +185,8 @@ fn settings_are_checked() {
     assert!(Maximum::default().with_rss_sigma_db(0.0).is_err());
     assert!(FirstHarmonic::default().with_max_sigma(f64::NAN).is_err());
     assert!(FirstHarmonic::default().with_rss_sigma_db(-1.0).is_err());
-    assert!(MainLobe::default().with_half_width(PI).is_err());
-    assert!(MainLobe::default().with_max_sigma(0.0).is_err());
+    assert!(MainLobeFit::default().with_half_width(PI).is_err());
+    assert!(MainLobeFit::default().with_max_sigma(0.0).is_err());
     assert!(CrossCorrelation::new(patch()).with_max_sigma(0.0).is_err());
     let ml = || MaximumLikelihood::new(patch());
     assert!(ml().with_elevation(2.0).is_err());

@@ -18,7 +18,7 @@ use crate::{
 /// whichever says more. A lobe that a second path distorts stays a parabola: σ does not know of it.
 /// The level is the mean over the measured positions; the confidence is [`resultant_confidence`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MainLobe {
+pub struct MainLobeFit {
     half_width: f64,
     sample_sigma_db: f64,
     rss_sigma_db: f64,
@@ -27,7 +27,7 @@ pub struct MainLobe {
 
 /// 40° to either side: the main lobe of a patch to 4 dB below its top; readings of 2 dB where a turn
 /// does not show their scatter, a level's σ of 7.9 dB, bearings up to 1 rad of σ.
-impl Default for MainLobe {
+impl Default for MainLobeFit {
     fn default() -> Self {
         let half_width = 40.0_f64.to_radians();
         Self { half_width, sample_sigma_db: 2.0, rss_sigma_db: 7.9, max_sigma: 1.0 }
@@ -43,7 +43,7 @@ const WINDOW: u16 = 7;
 const PRIOR_FREEDOM: f64 = 4.0;
 const LEAST_RESULTANT: f64 = 1e-9;
 
-impl MainLobe {
+impl MainLobeFit {
     /// The same with the parabola laid over `half_width` radians to either side.
     ///
     /// # Errors
@@ -134,7 +134,7 @@ impl MainLobe {
     }
 }
 
-impl BearingExtractor for MainLobe {
+impl BearingExtractor for MainLobeFit {
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
         let pattern = Pattern::new(sweep, WINDOW)?;
         let looks = Looks::new(sweep)?;

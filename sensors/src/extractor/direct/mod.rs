@@ -5,5 +5,5 @@ mod main_lobe;
 mod maximum;
 
 pub use first_harmonic::FirstHarmonic;
-pub use main_lobe::MainLobe;
+pub use main_lobe::MainLobeFit;
 pub use maximum::Maximum;

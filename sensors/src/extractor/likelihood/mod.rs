@@ -22,3 +22,6 @@ pub(super) use looks::{Look, Looks};
 pub use cross_correlation::CrossCorrelation;
 pub use maximum_likelihood::MaximumLikelihood;
 pub use residuals::Residuals;
+
+pub(in crate::extractor) use posterior::{Node, Peak, peaks};
+pub(crate) use silence::normal_cdf;

@@ -5,24 +5,24 @@ use foxhunt_core::BearingModes;
 
 /// What a fit says at one bearing.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Node {
+pub(in crate::extractor) struct Node {
     /// The logarithm of the density up to a constant.
-    pub(super) log_density: f64,
+    pub(in crate::extractor) log_density: f64,
     /// The level that goes with it, in dBm, and its variance in dB² were the bearing known.
-    pub(super) level: f64,
-    pub(super) level_variance: f64,
+    pub(in crate::extractor) level: f64,
+    pub(in crate::extractor) level_variance: f64,
 }
 
 /// One bearing that the readings may have come from, with the moments of the density about it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Peak {
-    pub(super) weight: f64,
-    pub(super) offset: f64,
-    pub(super) sigma: f64,
-    pub(super) level: f64,
-    pub(super) level_variance: f64,
+pub(in crate::extractor) struct Peak {
+    pub(in crate::extractor) weight: f64,
+    pub(in crate::extractor) offset: f64,
+    pub(in crate::extractor) sigma: f64,
+    pub(in crate::extractor) level: f64,
+    pub(in crate::extractor) level_variance: f64,
     /// Of level and bearing, in dB rad.
-    pub(super) covariance: f64,
+    pub(in crate::extractor) covariance: f64,
 }
 
 /// What weighs less than this, of all, is no competitor.
@@ -33,6 +33,11 @@ const APART: f64 = 1.5;
 
 /// A density lower than the highest by this factor's logarithm adds less than 1e-10.
 const NEGLIGIBLE: f64 = 25.0;
+
+/// The bearings that compete, most likely first, from the log density at equal steps over a turn.
+pub(in crate::extractor) fn peaks(nodes: &[Node]) -> Vec<Peak> {
+    Posterior::new(nodes).modes()
+}
 
 /// The bearings that a density says, in the order of their angles.
 #[derive(Clone, Debug)]

@@ -38,6 +38,12 @@ pub enum ObservationError {
         /// What it was.
         sigma: f64,
     },
+    /// A bearing that directions compete for is missing, or is no component at all.
+    #[error("directions compete for component {component}, which is missing")]
+    NoBearing {
+        /// Which component.
+        component: usize,
+    },
     /// The covariance is not symmetric and positive definite.
     #[error("the covariance of the observation is not symmetric and positive definite")]
     Covariance,

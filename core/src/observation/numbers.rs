@@ -1,6 +1,6 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
-use crate::{Covariance, ObservationError, Pose, noise};
+use crate::{BearingModes, Covariance, ObservationError, Pose, noise};
 
 /// `M` numbers measured by one receiver at one time, each with its own noise, any of them
 /// missing.
@@ -9,20 +9,27 @@ use crate::{Covariance, ObservationError, Pose, noise};
 /// lay below its floor. Such a component is missing to whoever works with residuals; a likelihood
 /// may use what it tells ([`upper_limit`](Self::upper_limit)).
 ///
+/// A bearing may be one of several ([`with_bearing_modes`](Self::with_bearing_modes)). Its value
+/// and noise are then the moments of all of them, for whoever works with residuals, and a
+/// likelihood is that of the mixture.
+///
 /// The noise covariance travels with the numbers, because it differs at every step: a bearing's
 /// σ is what the extractor made of that very sweep. It is factored once, here.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(try_from = "Parts<M>", into = "Parts<M>"))]
+#[cfg_attr(feature = "serde", serde(try_from = "super::file::Parts<M>"))]
+#[cfg_attr(feature = "serde", serde(into = "super::file::Parts<M>"))]
 pub struct Observation<const M: usize> {
-    time: f64,
-    receiver: Pose,
-    value: SVector<f64, M>,
-    noise: Covariance<M>,
-    root: SMatrix<f64, M, M>,
-    present: [bool; M],
-    below: [bool; M],
-    receiver_sigma: Option<Vector3<f64>>,
+    pub(super) time: f64,
+    pub(super) receiver: Pose,
+    pub(super) value: SVector<f64, M>,
+    pub(super) noise: Covariance<M>,
+    pub(super) root: SMatrix<f64, M, M>,
+    pub(super) present: [bool; M],
+    pub(super) below: [bool; M],
+    pub(super) receiver_sigma: Option<Vector3<f64>>,
+    /// Which component is a bearing that several directions compete for, and these.
+    pub(super) modes: Option<(usize, BearingModes)>,
 }
 
 impl<const M: usize> Observation<M> {
@@ -58,8 +65,8 @@ impl<const M: usize> Observation<M> {
         let symmetric = (noise - noise.transpose()).norm() <= 1e-9 * noise.norm();
         let root = noise.cholesky().filter(|_| symmetric);
         let root = root.ok_or(ObservationError::Covariance)?.unpack();
-        let (present, below, receiver_sigma) = ([true; M], [false; M], None);
-        Ok(Self { time, receiver, value, noise, root, present, below, receiver_sigma })
+        let (present, below, receiver_sigma, modes) = ([true; M], [false; M], None, None);
+        Ok(Self { time, receiver, value, noise, root, present, below, receiver_sigma, modes })
     }
 
     /// The same observation with one component struck out.
@@ -71,6 +78,7 @@ impl<const M: usize> Observation<M> {
     pub fn without(mut self, component: usize) -> Self {
         self.present[component] = false;
         self.below[component] = false;
+        self.modes = self.modes.filter(|(bearing, _)| *bearing != component);
         self.root = self.factor();
         self
     }
@@ -114,15 +122,27 @@ impl<const M: usize> Observation<M> {
         let value = SVector::from_fn(|i, _| self.value[first + i]);
         let noise = Covariance::from_fn(|i, j| self.noise[(first + i, first + j)]);
         let root = Covariance::identity();
+        let modes = self.modes.and_then(|(bearing, modes)| {
+            bearing.checked_sub(first).filter(|own| *own < K).map(|own| (own, modes))
+        });
         let Self { time, receiver, receiver_sigma, .. } = *self;
-        let mut marginal =
-            Observation { time, receiver, value, noise, root, present, below, receiver_sigma };
+        let mut marginal = Observation {
+            time,
+            receiver,
+            value,
+            noise,
+            root,
+            present,
+            below,
+            receiver_sigma,
+            modes,
+        };
         marginal.root = marginal.factor();
         marginal
     }
 
     /// The factor of [`noise`](Self::noise).
-    fn factor(&self) -> SMatrix<f64, M, M> {
+    pub(super) fn factor(&self) -> SMatrix<f64, M, M> {
         self.noise()
             .cholesky()
             .expect("a principal submatrix of a positive definite matrix is one too")
@@ -143,7 +163,7 @@ impl<const M: usize> Observation<M> {
         if self.present[component] {
             self.root.row_mut(component).scale_mut(factor);
         }
-        self
+        self.with_mode_sigmas(component, |sigma| sigma * factor)
     }
 
     /// The same observation by a receiver whose own place is uncertain: the standard deviations
@@ -173,6 +193,10 @@ impl<const M: usize> Observation<M> {
         self.noise = (noise + noise.transpose()) * 0.5;
         self.root = self.factor();
         self.receiver_sigma = None;
+        if let Some((component, _)) = self.modes {
+            let more = more.row(component).norm_squared();
+            return self.with_mode_sigmas(component, |sigma| libm::sqrt(sigma * sigma + more));
+        }
         self
     }
 
@@ -236,60 +260,6 @@ impl<const M: usize> Observation<M> {
     #[must_use]
     pub fn mask<const A: usize>(&self, matrix: SMatrix<f64, A, M>) -> SMatrix<f64, A, M> {
         SMatrix::from_fn(|i, j| if self.present[j] { matrix[(i, j)] } else { 0.0 })
-    }
-}
-
-/// The plain fields, as they stand in a file; read back only through [`Observation::new`].
-#[cfg(feature = "serde")]
-#[derive(serde::Serialize, serde::Deserialize)]
-struct Parts<const M: usize> {
-    time: f64,
-    receiver: Pose,
-    value: SVector<f64, M>,
-    noise: Covariance<M>,
-    missing: SVector<bool, M>,
-    #[serde(default = "nowhere", skip_serializing_if = "is_nowhere")]
-    below: SVector<bool, M>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    receiver_sigma: Option<Vector3<f64>>,
-}
-
-#[cfg(feature = "serde")]
-fn nowhere<const M: usize>() -> SVector<bool, M> {
-    SVector::repeat(false)
-}
-
-#[cfg(feature = "serde")]
-fn is_nowhere<const M: usize>(below: &SVector<bool, M>) -> bool {
-    below.iter().all(|below| !below)
-}
-
-#[cfg(feature = "serde")]
-impl<const M: usize> TryFrom<Parts<M>> for Observation<M> {
-    type Error = ObservationError;
-
-    fn try_from(parts: Parts<M>) -> Result<Self, ObservationError> {
-        let mut whole = Self::new(parts.time, parts.receiver, parts.value, parts.noise)?;
-        if let Some(sigma) = parts.receiver_sigma {
-            whole = whole.with_receiver_sigma(sigma)?;
-        }
-        let heard = (0..M).filter(|&i| parts.missing[i]).fold(whole, Self::without);
-        Ok((0..M).filter(|&i| parts.below[i]).fold(heard, Self::below))
-    }
-}
-
-#[cfg(feature = "serde")]
-impl<const M: usize> From<Observation<M>> for Parts<M> {
-    fn from(o: Observation<M>) -> Self {
-        Self {
-            time: o.time,
-            receiver: o.receiver,
-            value: o.value,
-            noise: o.noise,
-            missing: SVector::from_fn(|i, _| !o.present[i]),
-            below: SVector::from_fn(|i, _| o.below[i]),
-            receiver_sigma: o.receiver_sigma,
-        }
     }
 }
 
@@ -358,18 +328,5 @@ mod tests {
         let pair = pair.expect("proper");
         assert_eq!(whole.marginal::<2>(1), pair);
         assert_eq!(whole.below(2).marginal::<2>(1), pair.below(1));
-    }
-
-    #[cfg(feature = "serde")]
-    #[test]
-    fn what_was_not_heard_is_kept_in_files() {
-        let made = Observation::new(0.5, Pose::default(), Vector2::zeros(), Matrix2::identity());
-        let whole = made.expect("proper");
-        for observation in [whole, whole.without(1), whole.below(0), whole.below(0).without(1)] {
-            let text = serde_json::to_string(&observation).expect("plain data");
-            assert_eq!(text.contains("below"), observation.is_censored(), "{text}");
-            let back: Observation<2> = serde_json::from_str(&text).expect("what was written");
-            assert_eq!(back, observation);
-        }
     }
 }
