@@ -10,8 +10,8 @@ use nalgebra::{SMatrix, SVector};
 use crate::{
     Axis, BeaconId, BearingExtractor, Belief, Correction, Decision, Estimate, Estimator,
     EstimatorError, Fleet, FormationPlanner, MeasurementModel, MotionModel, NoReading, Observation,
-    PatternSource, PlanError, Pose, Radio, Reading, Rotator, State, Station, Sweep, Vehicle,
-    Waypoint,
+    PatternSource, PlanError, Pose, Radio, Reading, Rotator, Spinner, State, Station, Sweep,
+    Vehicle, Waypoint,
 };
 
 macro_rules! forward {
@@ -66,6 +66,12 @@ macro_rules! forward {
             }
             fn go_to(&mut self, goal: &Waypoint) -> Result<(), T::Error> {
                 (**self).go_to(goal)
+            }
+        }
+
+        impl<T: ?Sized + Spinner> Spinner for $pointer {
+            fn spin(&mut self, rate: Option<f64>) -> Result<(), T::Error> {
+                (**self).spin(rate)
             }
         }
 

@@ -36,6 +36,16 @@ impl HeardTurn {
         &mut self.beacons[index]
     }
 
+    /// How many there are.
+    pub(crate) fn count(&self) -> usize {
+        self.beacons.len()
+    }
+
+    /// Whether the turn is over.
+    pub(crate) fn has_ended(&self) -> bool {
+        self.ended.is_some()
+    }
+
     /// All of them.
     pub(crate) fn beacons_mut(&mut self) -> impl Iterator<Item = &mut Heard> {
         self.beacons.iter_mut()

@@ -11,6 +11,7 @@
 //! | a turn of the antenna, put in order | [`Pattern`] |
 //! | from a turn to level and bearing | [`Pritzl2018`] |
 //! | what the transmitter's law is | [`fit_log_distance`] |
+//! | a station of fixed antennas | [`StationPattern`], [`fit_station`] (`alloc`) |
 //! | how bearings are off, how honest their σ | [`fit_bearing_offset`], [`fit_sigma`] |
 //! | an antenna's gain over direction | [`Antenna`] (`alloc`): [`Isotropic`], [`Dipole`], [`Cardioid`], [`Patch`], [`Yagi`] |
 //! | the same from a table | [`PatternTable`], [`PatternTable3d`], [`PrincipalCuts`] (`alloc`) |
@@ -18,6 +19,8 @@
 //! | what it makes of reflections | [`multipath_gain_dbi`] (`alloc`) |
 //! | the pattern of recorded turns | [`learn_pattern`] (`alloc`) |
 //! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
+//! | an antenna on a body that turns | [`BodySource`] (`alloc`) |
+//! | an antenna without a direction | [`OmnidirectionalSource`] (`alloc`) |
 //!
 //! Conventions are those of [`foxhunt_core`]: metres, seconds, radians counter-clockwise from
 //! East, dBm. Without features nothing here allocates.
@@ -31,13 +34,19 @@ extern crate std;
 
 #[cfg(feature = "alloc")]
 mod antenna;
+#[cfg(feature = "alloc")]
+mod body;
 mod calibration;
 mod extractor;
 #[cfg(feature = "alloc")]
 mod heard_turn;
 mod models;
+#[cfg(feature = "alloc")]
+mod omnidirectional;
 mod parameter;
 mod propagation;
+#[cfg(feature = "alloc")]
+mod questions;
 #[cfg(feature = "alloc")]
 mod stepper;
 
@@ -52,20 +61,27 @@ pub use antenna::{
 pub use antenna::{
     AntennaConfig, AntennaError, CardioidConfig, GainRow, PatchConfig, SharedAntenna, YagiConfig,
 };
+#[cfg(feature = "alloc")]
+pub use body::{BodyConfig, BodyError, BodySource};
 pub use calibration::{
     BearingError, BearingOffset, BearingOffsetFit, CalibrationError, KnownBearing, OffsetTerms,
     PathLossFit, SigmaFit, fit_bearing_offset, fit_log_distance, fit_sigma,
 };
 #[cfg(feature = "alloc")]
+pub use calibration::{StationBurst, StationFit, fit_station};
+#[cfg(feature = "alloc")]
 pub use extractor::MaximumLikelihood;
 pub use extractor::{Calibrated, heading_towards};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 #[cfg(feature = "alloc")]
+pub use extractor::{StationAntenna, StationPattern};
 pub use models::WithElevationPattern;
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
     FreePowerRssBearing, RangeDifference, Rss, RssBearing, Stacked,
 };
+#[cfg(feature = "alloc")]
+pub use omnidirectional::{OmnidirectionalConfig, OmnidirectionalError, OmnidirectionalSource};
 pub use parameter::ParameterError;
 pub use propagation::{Friis, LogDistance, Polarisation, Propagation, TwoRay};
 #[cfg(feature = "alloc")]

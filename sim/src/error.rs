@@ -19,7 +19,10 @@ pub enum SimError {
     Antenna(#[from] AntennaError),
     /// The law of propagation is out of its range.
     #[error("channel.path_loss: {0}")]
-    PathLoss(#[from] ParameterError),
+    PathLoss(#[source] ParameterError),
+    /// A source cannot be made as it is asked for.
+    #[error("the source: {0}")]
+    Source(#[source] ParameterError),
     /// There is no such drone.
     #[error("there is no drone {drone}; the world has {drones}, counted from 0")]
     Drone {

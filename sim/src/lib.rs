@@ -11,7 +11,7 @@
 //! use foxhunt_sim::{BeaconConfig, DroneConfig, World, WorldConfig};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let config = WorldConfig {
-//!     beacons: vec![BeaconConfig { name: "fox".into(), east_m: 20.0, north_m: 5.0, up_m: 0.0 }],
+//!     beacons: vec![BeaconConfig { name: "fox".into(), east_m: 20.0, north_m: 5.0, ..Default::default() }],
 //!     drones: vec![DroneConfig { up_m: 4.0, ..DroneConfig::default() }],
 //!     ..WorldConfig::default()
 //! };
@@ -37,10 +37,12 @@ mod truth;
 mod world;
 
 pub use config::{
-    BeaconConfig, ChannelConfig, DroneConfig, PathLossConfig, ReflectorConfig, ShadowingConfig,
-    SimStepperConfig, TwoRayConfig, VehicleConfig, WorldConfig,
+    BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, KinematicConfig, PathLossConfig,
+    ReflectorConfig, ShadowingConfig, SimStepperConfig, TwoRayConfig, VehicleConfig, WorldConfig,
 };
-pub use devices::{SimClock, SimFleet, SimRadio, SimRotator, SimStepper, SimVehicle};
+pub use devices::{
+    SimBody, SimClock, SimFleet, SimOmnidirectional, SimRadio, SimRotator, SimStepper, SimVehicle,
+};
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;

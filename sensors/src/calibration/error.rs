@@ -1,3 +1,5 @@
+use crate::ParameterError;
+
 /// Why nothing can be calibrated from the points.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -62,4 +64,7 @@ pub enum CalibrationError {
     /// All errors are 0: there is no scale to find.
     #[error("every error is 0; a standard deviation has no scale then")]
     NoError,
+    /// What was fitted is no station.
+    #[error("the station: {0}")]
+    Station(ParameterError),
 }

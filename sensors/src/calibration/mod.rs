@@ -4,9 +4,13 @@ mod error;
 mod fit;
 mod offset;
 mod sigma;
+#[cfg(feature = "alloc")]
+mod station;
 mod student;
 
 pub use error::CalibrationError;
 pub use fit::{PathLossFit, fit_log_distance};
 pub use offset::{BearingOffset, BearingOffsetFit, KnownBearing, OffsetTerms, fit_bearing_offset};
 pub use sigma::{BearingError, SigmaFit, fit_sigma};
+#[cfg(feature = "alloc")]
+pub use station::{StationBurst, StationFit, fit_station};

@@ -9,6 +9,8 @@ mod likelihood;
 mod pattern;
 mod pritzl2018;
 mod rounding;
+#[cfg(feature = "alloc")]
+mod station;
 
 pub use calibrated::{Calibrated, heading_towards};
 pub use cell::Cell;
@@ -17,7 +19,13 @@ pub use confidence::resultant_confidence;
 pub use likelihood::MaximumLikelihood;
 pub use pattern::Pattern;
 pub use pritzl2018::Pritzl2018;
+#[cfg(feature = "alloc")]
+pub use station::{StationAntenna, StationPattern};
 
+#[cfg(feature = "alloc")]
+pub(crate) use likelihood::normal_cdf;
 #[cfg(feature = "alloc")]
 use pattern::check;
 use rounding::round_half_away;
+#[cfg(feature = "alloc")]
+pub(crate) use station::{LOST, TAIL, lobe_db};

@@ -73,12 +73,7 @@ impl ChannelConfig {
     /// All but path loss and antenna, which are checked where they are made.
     pub(super) fn check(&self) -> Result<(), SimError> {
         let requirement = "a positive number, at most 1e6";
-        in_range(
-            "channel.frequency_mhz",
-            self.frequency_mhz,
-            f64::MIN_POSITIVE..=1e6,
-            requirement,
-        )?;
+        in_range("channel.frequency_mhz", self.frequency_mhz, 1e-3..=1e6, requirement)?;
         if let Some(shadowing) = &self.shadowing {
             shadowing.check()?;
         }

@@ -1,7 +1,7 @@
 use std::f64::consts::TAU;
 
 use foxhunt_sensors::{
-    Friis, LogDistance, Propagation, ReflectedWave, SharedAntenna, multipath_gain_dbi,
+    Friis, Isotropic, LogDistance, Propagation, ReflectedWave, SharedAntenna, multipath_gain_dbi,
 };
 use nalgebra::Vector3;
 use rand::rngs::Xoshiro256PlusPlus;
@@ -63,11 +63,11 @@ impl Channel {
         let law = match config.path_loss {
             PathLossConfig::LogDistance(law) => Law::LogDistance(law),
             PathLossConfig::Friis { power_dbm } => {
-                Law::Friis(Friis::new(power_dbm, 0.0, 0.0, wavelength)?)
+                Law::Friis(Friis::new(power_dbm, 0.0, 0.0, wavelength).map_err(SimError::PathLoss)?)
             }
             PathLossConfig::TwoRay(config) => {
                 // What holds at one height holds at all above it.
-                config.law(wavelength, [0.0; 2])?;
+                config.law(wavelength, [0.0; 2]).map_err(SimError::PathLoss)?;
                 Law::TwoRay(config)
             }
         };
@@ -108,14 +108,20 @@ impl Channel {
         level + self.shadowing.get(beacon).map_or(0.0, |field| field.at(from))
     }
 
-    /// The gain over its mean in dB, for a direct wave and reflected ones.
+    /// The gain over its mean in dB, for a direct wave and reflected ones, of the drones' antenna
+    /// or of one that hears alike from everywhere.
     pub(super) fn relative_gain_db(
         &self,
         azimuth: f64,
         elevation: f64,
         reflected: &[ReflectedWave],
+        directional: bool,
     ) -> f64 {
-        multipath_gain_dbi(&self.antenna, azimuth, elevation, reflected) - self.mean_gain_db
+        if directional {
+            multipath_gain_dbi(&self.antenna, azimuth, elevation, reflected) - self.mean_gain_db
+        } else {
+            multipath_gain_dbi(&Isotropic, azimuth, elevation, reflected)
+        }
     }
 
     /// What the receiver reads at a power in dBm; `None` below its floor.

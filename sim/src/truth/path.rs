@@ -44,8 +44,14 @@ impl Path {
     }
 
     /// The antenna's gain over its mean on this way, in dB; the antenna is turned by `turned` from
-    /// the nose.
-    pub(super) fn gain_db(&self, channel: &Channel, pose: &Pose, turned: f64) -> f64 {
+    /// the nose. Of one that is not directional, what reflections add.
+    pub(super) fn gain_db(
+        &self,
+        channel: &Channel,
+        pose: &Pose,
+        turned: f64,
+        directional: bool,
+    ) -> f64 {
         let arrival = |sight: &Vector3<f64>| {
             let body = pose.to_body(sight);
             let azimuth = libm::atan2(body.y, body.x) - turned;
@@ -57,7 +63,7 @@ impl Path {
         };
         let reflected: Vec<_> = self.reflected.iter().map(wave).collect();
         let (azimuth, elevation) = arrival(&(self.to - self.from));
-        channel.relative_gain_db(azimuth, elevation, &reflected)
+        channel.relative_gain_db(azimuth, elevation, &reflected, directional)
     }
 }
 
@@ -73,7 +79,7 @@ mod tests {
         let config = ChannelConfig { antenna, ..ChannelConfig::default() };
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
         let channel = Channel::new(&config, 1, &mut rng).expect("in order");
-        Path::new(&channel, 0, pose.position, to).gain_db(&channel, pose, turned)
+        Path::new(&channel, 0, pose.position, to).gain_db(&channel, pose, turned, true)
     }
 
     #[test]

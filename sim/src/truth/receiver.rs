@@ -1,3 +1,5 @@
+use std::f64::consts::TAU;
+
 use foxhunt_core::{BeaconId, Pose};
 use nalgebra::Vector3;
 use rand::RngExt;
@@ -34,6 +36,10 @@ pub(super) struct Question {
     pub(super) to: Vector3<f64>,
     /// How far the antenna is turned from the nose, in radians.
     pub(super) turned: f64,
+    /// How far the body has turned about up since the beginning, in radians.
+    pub(super) spun: f64,
+    /// Whether it goes through the antenna; otherwise through one that hears alike from everywhere.
+    pub(super) directional: bool,
 }
 
 /// What the samples of one pattern share.
@@ -41,6 +47,8 @@ pub(super) struct Question {
 struct Pattern {
     beacon: BeaconId,
     place: Vector3<f64>,
+    /// How far the body had turned when it began.
+    spun: f64,
     offset_db: f64,
     bearing_error: f64,
 }
@@ -57,6 +65,7 @@ struct Way {
 struct Look {
     receiver: Pose,
     turned: f64,
+    directional: bool,
     gain_db: f64,
 }
 
@@ -116,13 +125,17 @@ impl Receiver {
             Some(way) => (way.path, Some(way.look)),
             None => (Path::new(channel, beacon, from, question.to), None),
         };
+        let (receiver, directional) = (question.receiver, question.directional);
         let same = |look: &Look| {
-            look.receiver == question.receiver && look.turned.to_bits() == turned.to_bits()
+            look.receiver == receiver
+                && look.turned.to_bits() == turned.to_bits()
+                && look.directional == directional
         };
         let look = look.filter(same).unwrap_or_else(|| Look {
-            receiver: question.receiver,
+            receiver,
             turned,
-            gain_db: path.gain_db(channel, &question.receiver, turned),
+            directional,
+            gain_db: path.gain_db(channel, &receiver, turned, directional),
         });
         let heard = (path.level_dbm, look.gain_db);
         self.ways.push(Way { path, look });
@@ -133,7 +146,9 @@ impl Receiver {
         let known = self.patterns.iter().position(|p| p.beacon == question.beacon);
         if let Some(index) = known {
             let pattern = self.patterns[index];
-            if (question.receiver.position - pattern.place).norm() <= SAME_PLACE {
+            // A body that has been all the way round begins another one, as an antenna does.
+            let round = (question.spun - pattern.spun).abs() > TAU - 1e-9;
+            if (question.receiver.position - pattern.place).norm() <= SAME_PLACE && !round {
                 return pattern;
             }
             self.patterns.swap_remove(index);
@@ -143,6 +158,7 @@ impl Receiver {
         let pattern = Pattern {
             beacon: question.beacon,
             place: question.receiver.position,
+            spun: question.spun,
             offset_db: channel.pattern_sigma_db * offset,
             bearing_error: channel.bearing_sigma * error,
         };

@@ -1,19 +1,24 @@
 use foxhunt_sensors::{AntennaConfig, GainRow, LogDistance, Polarisation};
 use foxhunt_sim::{
-    ChannelConfig, DroneConfig, PathLossConfig, ShadowingConfig, SimError, SimStepperConfig,
-    TwoRayConfig, VehicleConfig, World, WorldConfig,
+    BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, KinematicConfig, PathLossConfig,
+    QuadrotorConfig, ShadowingConfig, SimError, SimStepperConfig, TwoRayConfig, VehicleConfig,
+    WindConfig, World, WorldConfig,
 };
 
 use crate::rig::{beacon, config, omnidirectional, reflector};
 
 type Change = fn(&mut WorldConfig, f64);
 
+fn kinematic(speed_mps: f64, climb_mps: f64) -> VehicleConfig {
+    VehicleConfig::Kinematic(KinematicConfig { speed_mps, climb_mps })
+}
+
 #[test]
 fn a_number_out_of_range_is_refused_by_name() {
     let anything = [f64::NAN, f64::INFINITY];
     let not_negative = [f64::NAN, f64::INFINITY, -1.0];
     let positive = [f64::NAN, f64::INFINITY, -1.0, 0.0].as_slice();
-    let cases: [(&str, &[f64], Change); 20] = [
+    let cases: [(&str, &[f64], Change); 23] = [
         ("beacons[1].east_m", &anything, |c, v| c.beacons[1].east_m = v),
         ("beacons[1].north_m", &anything, |c, v| c.beacons[1].north_m = v),
         ("beacons[0].up_m", &anything, |c, v| c.beacons[0].up_m = v),
@@ -39,8 +44,19 @@ fn a_number_out_of_range_is_refused_by_name() {
         }),
         ("channel.floor_dbm", &anything, |c, v| c.channel.floor_dbm = Some(v)),
         ("channel.loss_probability", &[f64::NAN, -0.1, 1.1], |c, v| c.channel.loss_probability = v),
-        ("vehicle.speed_mps", positive, |c, v| c.vehicle.speed_mps = v),
-        ("vehicle.climb_mps", positive, |c, v| c.vehicle.climb_mps = v),
+        ("vehicle.speed_mps", positive, |c, v| c.vehicle = kinematic(v, 1.0)),
+        ("vehicle.climb_mps", positive, |c, v| c.vehicle = kinematic(1.0, v)),
+        ("vehicle.drag_per_s", &not_negative, |c, v| {
+            let quadrotor = QuadrotorConfig { drag_per_s: v, ..QuadrotorConfig::default() };
+            c.vehicle = VehicleConfig::Quadrotor(quadrotor);
+        }),
+        ("beacons[1].course.radius_m", positive, |c, v| {
+            c.beacons[1].course = Some(BeaconCourse::Circle { radius_m: v, period_s: 10.0 });
+        }),
+        ("beacons[1].course.places_m", &anything, |c, v| {
+            let places_m = vec![[1.0, 2.0], [3.0, v]];
+            c.beacons[1].course = Some(BeaconCourse::Round { places_m, speed_mps: 1.0 });
+        }),
         ("stepper.rotator_speed_rad_s", positive, |c, v| c.stepper.rotator_speed_rad_s = v),
     ];
     for (name, values, change) in cases {
@@ -95,10 +111,20 @@ fn a_world_comes_back_from_a_file_as_it_went() {
             floor_dbm: Some(-100.0),
             loss_probability: 0.1,
         },
-        vehicle: VehicleConfig { speed_mps: 5.0, climb_mps: 3.0 },
+        vehicle: kinematic(5.0, 3.0),
         stepper: SimStepperConfig { rotator_speed_rad_s: 1.5, radio_latency_s: 0.05 },
     };
-    for config in [full, WorldConfig::default()] {
+    let circle = BeaconCourse::Circle { radius_m: 2.0, period_s: 60.0 };
+    let round = BeaconCourse::Round { places_m: vec![[1.0, 2.0]], speed_mps: 0.5 };
+    let moving = |course| BeaconConfig { course: Some(course), ..beacon(1.0, 2.0, 0.0) };
+    let wind = WindConfig { east_mps: 3.0, gust_sigma_mps: 1.0, ..WindConfig::default() };
+    let quadrotor = QuadrotorConfig { speed_mps: 1.5, wind, ..QuadrotorConfig::default() };
+    let flying = WorldConfig {
+        beacons: vec![moving(circle), moving(round)],
+        vehicle: VehicleConfig::Quadrotor(quadrotor),
+        ..WorldConfig::default()
+    };
+    for config in [full, flying, WorldConfig::default()] {
         let text = serde_json::to_string(&config).expect("plain fields");
         assert_eq!(serde_json::from_str::<WorldConfig>(&text).expect(&text), config);
     }
@@ -203,4 +229,48 @@ fn a_typo_is_named() {
     let negative = whole.replace("\"exponent\": 2", "\"exponent\": -2");
     let error = serde_json::from_str::<WorldConfig>(&negative).expect_err("negative").to_string();
     assert!(error.contains("exponent is -2"), "{error}");
+}
+
+#[test]
+fn a_vehicle_is_of_the_kind_that_its_file_says() {
+    let read = |text: &str| serde_json::from_str::<VehicleConfig>(text);
+    let told = |text: &str| read(text).expect_err(text).to_string();
+    assert_eq!(read(r#"{ "speed_mps": 3 }"#).expect("as before"), kinematic(3.0, 1.0));
+    let slow = QuadrotorConfig { speed_mps: 0.5, ..QuadrotorConfig::default() };
+    let text = r#"{ "kind": "quadrotor", "speed_mps": 0.5 }"#;
+    assert_eq!(read(text).expect("a quadrotor"), VehicleConfig::Quadrotor(slow));
+    assert!(told(r#"{ "kind": "kinematic", "wind": {} }"#).starts_with("wind is of a vehicle"));
+    assert!(told(r#"{ "kind": "quadrotor", "wnd": {} }"#).contains("wnd"));
+    assert!(told(r#"{ "kind": "balloon" }"#).contains("balloon"));
+}
+
+#[test]
+fn beacons_go_where_their_course_says() {
+    let at = |course: BeaconCourse, time: f64| {
+        let beacon = BeaconConfig { course: Some(course), ..beacon(5.0, 2.0, 1.0) };
+        let mut config = config(ChannelConfig::default());
+        config.beacons = vec![beacon.clone()];
+        let world = World::new(&config, 1).expect("in order");
+        world.advance(time).expect("a step");
+        let place = world.truth(foxhunt_core::BeaconId(0)).expect("it exists");
+        assert_eq!(place, beacon.place_at(time));
+        (place.x, place.y, place.z)
+    };
+    let near = |a: (f64, f64, f64), b: (f64, f64, f64)| {
+        (a.0 - b.0).abs() + (a.1 - b.1).abs() + (a.2 - b.2).abs() < 1e-9
+    };
+    let circle = || BeaconCourse::Circle { radius_m: 3.0, period_s: 40.0 };
+    for (time, place) in [(0.0, (5.0, 2.0)), (10.0, (2.0, 5.0)), (20.0, (-1.0, 2.0))] {
+        assert!(near(at(circle(), time), (place.0, place.1, 1.0)), "after {time} s");
+    }
+    // 6 m, 8 m and 10 m back, at 2 m/s.
+    let round =
+        || BeaconCourse::Round { places_m: vec![[11.0, 2.0], [11.0, 10.0]], speed_mps: 2.0 };
+    for (time, place) in
+        [(1.5, (8.0, 2.0)), (5.0, (11.0, 6.0)), (9.5, (8.0, 6.0)), (13.5, (8.0, 2.0))]
+    {
+        assert!(near(at(round(), time), (place.0, place.1, 1.0)), "after {time} s");
+    }
+    let nowhere = BeaconCourse::Round { places_m: Vec::new(), speed_mps: 2.0 };
+    assert!(near(at(nowhere, 7.0), (5.0, 2.0, 1.0)));
 }

@@ -11,3 +11,6 @@ mod read_out;
 mod silence;
 
 pub use maximum_likelihood::MaximumLikelihood;
+
+pub(in crate::extractor) use posterior::{Node, Peak, peaks};
+pub(crate) use silence::normal_cdf;

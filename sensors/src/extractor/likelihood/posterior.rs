@@ -5,24 +5,24 @@ use foxhunt_core::BearingModes;
 
 /// What a fit says at one bearing.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Node {
+pub(in crate::extractor) struct Node {
     /// The logarithm of the density up to a constant.
-    pub(super) log_density: f64,
+    pub(in crate::extractor) log_density: f64,
     /// The level that goes with it, in dBm, and its variance in dB² were the bearing known.
-    pub(super) level: f64,
-    pub(super) level_variance: f64,
+    pub(in crate::extractor) level: f64,
+    pub(in crate::extractor) level_variance: f64,
 }
 
 /// One bearing that the readings may have come from, with the moments of the density about it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Peak {
-    pub(super) weight: f64,
-    pub(super) offset: f64,
-    pub(super) sigma: f64,
-    pub(super) level: f64,
-    pub(super) level_variance: f64,
+pub(in crate::extractor) struct Peak {
+    pub(in crate::extractor) weight: f64,
+    pub(in crate::extractor) offset: f64,
+    pub(in crate::extractor) sigma: f64,
+    pub(in crate::extractor) level: f64,
+    pub(in crate::extractor) level_variance: f64,
     /// Of level and bearing, in dB rad.
-    pub(super) covariance: f64,
+    pub(in crate::extractor) covariance: f64,
 }
 
 /// What weighs less than this, of all, is no competitor.
@@ -38,7 +38,7 @@ const NEGLIGIBLE: f64 = 25.0;
 ///
 /// Between the nodes the logarithm goes along the cubic through four of them: it is smooth on the
 /// scale of the antenna's lobes, however narrow its exponential is.
-pub(super) fn peaks(nodes: &[Node]) -> Vec<Peak> {
+pub(in crate::extractor) fn peaks(nodes: &[Node]) -> Vec<Peak> {
     let n = nodes.len();
     let log = |i: usize| nodes[i % n].log_density;
     let is_peak = |i: &usize| log(*i) >= log(i + n - 1) && log(*i) > log(i + 1);

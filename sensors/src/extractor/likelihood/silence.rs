@@ -82,6 +82,7 @@ impl Silence {
     }
 }
 
-fn normal_cdf(x: f64) -> f64 {
+/// Φ(x).
+pub(crate) fn normal_cdf(x: f64) -> f64 {
     0.5 * libm::erfc(-x * FRAC_1_SQRT_2)
 }
