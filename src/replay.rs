@@ -1,15 +1,13 @@
 //! Runs the receptions of a log through an estimator again.
 
-use foxhunt_core::{BeaconId, Estimate, EstimatorError};
-use foxhunt_filters::consistency::{ChiSquaredAverage, Monitored, Whiteness};
-use foxhunt_sensors::ParameterError;
-use nalgebra::SVector;
-
 use crate::{
     config::{EstimatorConfig, NamedEstimator, beacon_seed},
     hunt::{Event, Fix, Heard, Track},
     log::Log,
 };
+use foxhunt_core::{BeaconId, Estimate, EstimatorError};
+use foxhunt_filters::consistency::{ChiSquaredAverage, Monitored, Whiteness};
+use foxhunt_sensors::ParameterError;
 
 /// What a replay came to.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,16 +58,17 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
     let config: &EstimatorConfig = other.map_or(&log.header.estimator, |named| &named.config);
     let model = log.header.model.build()?;
     let mut replay = Replay { fixes: Vec::new(), compared: 0, different: 0 };
-    let mut track: Option<Track<Monitored<_, _, 2>, 2, 2>> = None;
+    let mut tracks: Vec<Track<Monitored<_, _, 2>, 2, 2>> = Vec::new();
+    // Whose reception the last one was.
+    let mut heard = None;
     for event in &log.events {
         match event {
             Event::BeaconStarted { beacon, name, prior, .. } => {
-                replay.weigh(track.as_ref().map(|track| track.estimator().innovations()));
                 let seed = beacon_seed(log.header.seed, *beacon);
                 let estimator = config
                     .build(model, prior, seed)
                     .map_err(|source| ReplayError::Estimator { beacon: name.clone(), source })?;
-                track = Some(Track::new(Monitored::new(estimator, model), config.track));
+                tracks.push(Track::new(Monitored::new(estimator, model), config.track));
                 replay.fixes.push(ReplayedFix {
                     beacon: *beacon,
                     name: name.clone(),
@@ -83,9 +82,9 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
                 });
             }
             Event::Received { first_position, reception, .. } => {
-                let (Some(track), Some(fix)) = (&mut track, replay.fixes.last_mut()) else {
-                    continue;
-                };
+                heard = replay.search(reception.beacon);
+                let Some(index) = heard else { continue };
+                let (track, fix) = (&mut tracks[index], &mut replay.fixes[index]);
                 // What the estimator refuses now it refused in flight, or would have.
                 if let Ok(Heard::Corrected(correction)) = track.hear(reception, *first_position) {
                     let degrees = config.track.degrees_of_freedom(reception, *first_position);
@@ -97,28 +96,28 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
                 fix.steps = track.steps();
             }
             Event::Corrected { estimate, .. } => {
-                let Some(fix) = replay.fixes.last() else { continue };
+                let Some(fix) = heard.map(|index| &replay.fixes[index]) else { continue };
                 replay.compared += 1;
                 replay.different += usize::from(!same_bits(&fix.estimate, estimate));
             }
             Event::BeaconFinished { fix, .. } => {
-                if let Some(replayed) = replay.fixes.last_mut() {
-                    replayed.logged = Some(fix.clone());
+                if let Some(index) = replay.search(fix.beacon) {
+                    replay.fixes[index].logged = Some(fix.clone());
                 }
             }
             _ => {}
         }
     }
-    replay.weigh(track.as_ref().map(|track| track.estimator().innovations()));
+    for (fix, track) in replay.fixes.iter_mut().zip(&tracks) {
+        fix.whiteness.add_run(track.estimator().innovations());
+    }
     Ok(replay)
 }
 
 impl Replay {
-    /// Notes how white the innovations of the last search are.
-    fn weigh(&mut self, innovations: Option<&[SVector<Option<f64>, 2>]>) {
-        if let (Some(fix), Some(innovations)) = (self.fixes.last_mut(), innovations) {
-            fix.whiteness.add_run(innovations);
-        }
+    /// Which of the searches is the last that was begun for a beacon.
+    fn search(&self, beacon: BeaconId) -> Option<usize> {
+        self.fixes.iter().rposition(|fix| fix.beacon == beacon)
     }
 }
 

@@ -177,7 +177,7 @@ fn a_source_of_ones_own_keeps_the_laws() {
     let vehicle = Teleport::at(0.0, 0.0);
     let mut source = Cardioid::new(&time, &vehicle, &[Vector2::new(20.0, 5.0)], Health::Good);
     let tick = time.clone();
-    laws::pattern_source(&mut source, BeaconId(0), 20, move || tick.set(tick.get() + 0.1));
+    laws::pattern_source(&mut source, &[BeaconId(0)], 20, move || tick.set(tick.get() + 0.1));
 }
 
 /// Every part is the user's own, and every part is boxed.

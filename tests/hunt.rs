@@ -38,6 +38,17 @@ fn fly_as(
     healths: [Health; 3],
     stuck: bool,
 ) -> Outing {
+    fly_with(hunt_config(), track, planner, healths, stuck)
+}
+
+/// The same, with a hunt of another configuration.
+fn fly_with(
+    config: HuntConfig,
+    track: TrackConfig,
+    planner: impl FormationPlanner,
+    healths: [Health; 3],
+    stuck: bool,
+) -> Outing {
     let model = RssBearing::new(LogDistance::new(LAW.0, LAW.1).expect("in range"));
     let time: support::Time = Rc::new(Cell::new(0.0));
     let mut vehicles = [(0.0, 0.0), (5.0, 0.0), (0.0, 5.0)].map(|(e, n)| Teleport::at(e, n));
@@ -52,7 +63,7 @@ fn fly_as(
         planner,
         |prior: &Estimate<2>| Ukf::pritzl2018(model, *prior),
         vec!["first".to_owned(), "second".to_owned()],
-        hunt_config(),
+        config,
         track,
     )
     .expect("two beacons");
@@ -342,6 +353,70 @@ fn receptions_that_come_late_are_used_at_their_own_time() {
     assert!((told.covariance - exact.covariance).norm() < 1e-9);
     let forward = heard(ukf(), &late);
     assert!((forward.mean - exact.mean).norm() > 0.01, "without it there is no difference");
+}
+
+#[test]
+fn beacons_that_share_turns_are_believed_in_from_the_start() {
+    let config = HuntConfig { shared_turns: true, ..hunt_config() };
+    let track = TrackConfig::pritzl2018();
+    let outing = fly_with(config, track, triangle(), [Health::Good; 3], false);
+    let found = outing.events.iter().filter_map(|event| match event {
+        Event::BeaconFinished { fix, .. } => Some(fix),
+        _ => None,
+    });
+    let found = found.collect::<Vec<_>>();
+    for (fix, truth) in found.iter().zip(TARGETS) {
+        assert_eq!((fix.outcome, fix.steps), (Outcome::Converged, 3 * fix.formation_positions));
+        let miss = (fix.estimate.mean - truth).norm();
+        assert!(miss < 1.5, "{} is {miss} m off", fix.name);
+    }
+    // The second was heard at every position of the first, and then at its own.
+    assert!(found[1].formation_positions >= found[0].formation_positions + 7);
+    let started = outing.events.iter().filter(|e| matches!(e, Event::BeaconStarted { .. }));
+    assert!(
+        started.clone().all(|e| matches!(e, Event::BeaconStarted { time, .. } if *time < 1e-9))
+    );
+    assert_eq!(started.count(), 2);
+    // Its search begins around where it is believed to be.
+    let goals: Vec<&Vec<_>> = outing
+        .events
+        .iter()
+        .skip_while(|e| !matches!(e, Event::BeaconFinished { .. }))
+        .filter_map(|e| match e {
+            Event::GoalsSet { goals, .. } => Some(goals),
+            _ => None,
+        })
+        .collect();
+    let centre = goals[0].iter().sum::<nalgebra::Vector3<f64>>() / 3.0;
+    assert!((centre.xy() - TARGETS[1]).norm() < 1.5, "it begins around {centre}");
+
+    let named = estimator_named("ukf-pritzl2018").expect("it has a name").config;
+    let log = Log::parse(&logged(&outing, named), Path::new("toy.jsonl")).expect("its own output");
+    assert_eq!(log.events, outing.events);
+    let replayed = replay(&log, None).expect("its own configuration");
+    assert!(replayed.compared > 40);
+    assert_eq!(replayed.different, 0);
+    for (replayed, fix) in replayed.fixes.iter().zip(found) {
+        assert_eq!((replayed.steps, replayed.logged.as_ref()), (fix.steps, Some(fix)));
+    }
+}
+
+#[test]
+fn a_silent_drone_of_shared_turns_is_waited_for_as_long_as_both_may_take() {
+    let config = HuntConfig { shared_turns: true, ..hunt_config() };
+    let healths = [Health::Good, Health::Silent, Health::Good];
+    let outing = fly_with(config, TrackConfig::pritzl2018(), Hold::new(1), healths, false);
+    let waited: Vec<f64> = outing
+        .events
+        .iter()
+        .filter_map(|event| match event {
+            Event::Missing { waited_s, .. } => Some(*waited_s),
+            _ => None,
+        })
+        .collect();
+    let one = config.turn_timeout_s;
+    assert_eq!(waited.len(), 2, "one event for a drone and a position");
+    assert!((waited[0] - 2.0 * one).abs() < 0.5 && (waited[1] - one).abs() < 0.5, "{waited:?}");
 }
 
 #[test]

@@ -10,8 +10,8 @@ use nalgebra::{SMatrix, SVector};
 use crate::{
     Axis, BeaconId, BearingExtractor, Belief, Correction, Decision, Estimate, Estimator,
     EstimatorError, Fleet, FormationPlanner, MeasurementModel, MotionModel, NoReading, Observation,
-    PatternSource, PlanError, Pose, Radio, Reading, Rotator, State, Station, Sweep, Vehicle,
-    Waypoint,
+    PatternSource, PlanError, Pose, Radio, Reading, Rotator, Spinner, State, Station, Sweep,
+    Vehicle, Waypoint,
 };
 
 macro_rules! forward {
@@ -33,8 +33,8 @@ macro_rules! forward {
 
         impl<T: ?Sized + PatternSource> PatternSource for $pointer {
             type Error = T::Error;
-            fn begin(&mut self, beacon: BeaconId) -> Result<(), T::Error> {
-                (**self).begin(beacon)
+            fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), T::Error> {
+                (**self).begin(beacons)
             }
             fn poll(&mut self) -> Result<Option<Sweep<'_>>, T::Error> {
                 (**self).poll()
@@ -51,6 +51,9 @@ macro_rules! forward {
             fn begin(&mut self, stations: &mut [Station]) -> Result<(), PlanError> {
                 (**self).begin(stations)
             }
+            fn resume(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<(), PlanError> {
+                (**self).resume(belief, stations)
+            }
             fn plan(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<Decision, PlanError> {
                 (**self).plan(belief, stations)
             }
@@ -63,6 +66,12 @@ macro_rules! forward {
             }
             fn go_to(&mut self, goal: &Waypoint) -> Result<(), T::Error> {
                 (**self).go_to(goal)
+            }
+        }
+
+        impl<T: ?Sized + Spinner> Spinner for $pointer {
+            fn spin(&mut self, rate: Option<f64>) -> Result<(), T::Error> {
+                (**self).spin(rate)
             }
         }
 

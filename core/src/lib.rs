@@ -12,7 +12,7 @@
 //! | where the antenna looked | [`PatternSource`] | one finished [`Sweep`] at a time |
 //! | where the signal came from | [`BearingExtractor`] | a sweep to a [`Reading`] |
 //! | where to fly | [`FormationPlanner`] | a goal for each [`Station`] |
-//! | who flies | [`Vehicle`], [`Fleet`] | a pose out, a goal in |
+//! | who flies | [`Vehicle`], [`Fleet`], [`Spinner`] | a pose out, a goal in; turn, if it can |
 //! | what a source is made of | [`Radio`], [`Rotator`], [`Clock`] | power, an angle, the time |
 //!
 //! # Conventions
@@ -68,4 +68,4 @@ pub use planner::{
 };
 pub use pose::{BeaconId, Pose, Waypoint};
 pub use reception::Reception;
-pub use vehicle::{Fleet, Vehicle};
+pub use vehicle::{Fleet, Spinner, Vehicle};

@@ -24,7 +24,8 @@ pub struct Unheard {
     pub position: u16,
 }
 
-/// One turn of a directional antenna, lent by its source until the next poll.
+/// What was heard of one beacon over one turn of a directional antenna, lent by its source until
+/// the next poll.
 ///
 /// The default is an empty one, to be filled in with `..Sweep::default()`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -51,21 +52,25 @@ pub struct Sweep<'a> {
 ///
 /// # Laws
 ///
-/// Checked by `laws::pattern_source`, feature `laws`: a sweep is of the beacon that was asked
-/// for; its samples' times do not decrease and their positions are below `positions`,
-/// as are those of the unheard questions; a source that was not asked lends nothing.
+/// Checked by `laws::pattern_source`, feature `laws`: there is one sweep for each beacon that was
+/// asked for, in the order of the question; its samples' times do not decrease and their positions
+/// are below `positions`, as are those of the unheard questions; a source that was not asked lends
+/// nothing.
 pub trait PatternSource {
     /// Why a turn failed.
     type Error: core::error::Error + 'static;
 
-    /// Begins a turn that listens for `beacon`; one that is under way is given up.
+    /// Begins a turn in which every position listens for each of `beacons`, which differ from each
+    /// other; a turn that is under way is given up, with the sweeps that it has not lent yet.
+    /// Without beacons there is no turn.
     ///
     /// # Errors
     ///
     /// Whatever the hardware says; the source may be asked again after an error.
-    fn begin(&mut self, beacon: BeaconId) -> Result<(), Self::Error>;
+    fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Self::Error>;
 
-    /// Takes what steps can be taken now; lends the sweep once, when the turn is complete.
+    /// Takes what steps can be taken now. Once the turn is complete, lends its sweeps, one at each
+    /// poll and each once: what the first of the beacons was heard at, then the second.
     ///
     /// Never blocks, so one loop can serve several sources and a simulator can own the clock.
     ///

@@ -39,6 +39,17 @@ pub trait FormationPlanner {
         Ok(())
     }
 
+    /// The same for a target of which something is believed already, having been heard while
+    /// another one was searched for. Unless overridden, the belief makes no difference.
+    ///
+    /// # Errors
+    ///
+    /// On any error no goal is changed.
+    fn resume(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<(), PlanError> {
+        let _ = belief;
+        self.begin(stations)
+    }
+
     /// Sets the goal of every station from the belief about the target, after each drone had
     /// its turn at the goals set before.
     ///

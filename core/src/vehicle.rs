@@ -20,6 +20,19 @@ pub trait Vehicle {
     fn go_to(&mut self, goal: &Waypoint) -> Result<(), Self::Error>;
 }
 
+/// An aircraft that can turn about its vertical axis for as long as it is asked to, while it hovers
+/// and while it flies.
+pub trait Spinner: Vehicle {
+    /// Turns at `rate` radians per second, counter-clockwise seen from above where it is positive,
+    /// until it is told otherwise; `None` holds the heading. Returns when the order is accepted.
+    /// Where it flies to is another matter.
+    ///
+    /// # Errors
+    ///
+    /// Whatever the link or the autopilot says.
+    fn spin(&mut self, rate: Option<f64>) -> Result<(), Self::Error>;
+}
+
 /// All aircraft of a hunt. A slice of vehicles is one; so is a simulated world.
 ///
 /// A hunt goes on without the aircraft that fail, so both methods serve every aircraft they can

@@ -62,8 +62,8 @@ impl Default for FollowConfig {
 /// The reference's formation control (Pritzl 2018, §5.2): a regular polygon, with three drones a
 /// triangle, whose centre follows the estimate until it settles.
 ///
-/// Each target starts around the drones' centroid, at the search altitude; the rotation is kept
-/// from one target to the next.
+/// Each target starts around the drones' centroid, or around its estimate if it was heard before,
+/// at the search altitude; the rotation is kept from one target to the next.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FollowEstimate {
     config: FollowConfig,
@@ -131,6 +131,17 @@ impl FollowEstimate {
         }
     }
 
+    fn begin_around(
+        &mut self,
+        centre: Vector2<f64>,
+        stations: &mut [Station],
+    ) -> Result<(), PlanError> {
+        self.centre = finite(centre)?;
+        (self.stage, self.measured, self.finishing) = (Stage::Searching, 0, 0);
+        self.place(stations);
+        Ok(())
+    }
+
     fn turn(&mut self) {
         self.rotation = angle::wrap(self.rotation + self.config.finishing_turn_rad);
     }
@@ -173,10 +184,11 @@ impl FormationPlanner for FollowEstimate {
             return Err(PlanError::TooFew { needed: 1, have: 0 });
         }
         let sum: Vector2<f64> = stations.iter().map(|s| s.pose.position.xy()).sum();
-        self.centre = finite(sum / f64::from(count))?;
-        (self.stage, self.measured, self.finishing) = (Stage::Searching, 0, 0);
-        self.place(stations);
-        Ok(())
+        self.begin_around(sum / f64::from(count), stations)
+    }
+
+    fn resume(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<(), PlanError> {
+        self.begin_around(belief.position().mean, stations)
     }
 
     fn plan(
@@ -261,6 +273,13 @@ mod tests {
         planner.begin(&mut stations).expect("three drones");
         assert!((stations[0].goal.position.z - 4.0).abs() < 1e-12);
         assert!((planner.rotation() - 4.0 * PI / 6.0).abs() < 1e-12);
+
+        // One that was heard before: around where it is believed to be.
+        planner.resume(&at(8.0, -3.0), &mut stations).expect("three drones");
+        assert!((planner.centre() - Vector2::new(8.0, -3.0)).norm() < 1e-12);
+        let error = planner.resume(&at(f64::NAN, 0.0), &mut stations);
+        assert!(matches!(error, Err(PlanError::NotFinite { .. })));
+        assert!((planner.centre() - Vector2::new(8.0, -3.0)).norm() < 1e-12);
     }
 
     #[test]

@@ -2,8 +2,9 @@
 //!
 //! | what | here |
 //! |-|-|
-//! | how power falls with range | [`Propagation`]: [`LogDistance`], [`Friis`] |
+//! | how power falls with range | [`Propagation`]: [`LogDistance`], [`Friis`], [`TwoRay`] |
 //! | what a receiver expects | [`Rss`], [`BearingOnly`], [`RssBearing`], [`FreePowerRssBearing`], [`FreePathLossRssBearing`] |
+//! | the same through an antenna's vertical pattern | [`WithElevationPattern`] (`alloc`) |
 //! | what two receivers' difference tells | [`DifferentialRss`], [`RangeDifference`] |
 //! | two models at once; what silence tells | [`Stacked`]; [`Censored`] |
 //! | how bearings err | [`BearingMixture`] |
@@ -12,8 +13,14 @@
 //! | what the transmitter's law is | [`fit_log_distance`] |
 //! | a station of fixed antennas | [`StationPattern`], [`fit_station`] (`alloc`) |
 //! | how bearings are off, how honest their σ | [`fit_bearing_offset`], [`fit_sigma`] |
-//! | an antenna's gain over direction | [`Antenna`]: [`PatternTable`] (`alloc`) |
+//! | an antenna's gain over direction | [`Antenna`] (`alloc`): [`Isotropic`], [`Dipole`], [`Cardioid`], [`Patch`], [`Yagi`] |
+//! | the same from a table | [`PatternTable`], [`PatternTable3d`], [`PrincipalCuts`] (`alloc`) |
+//! | the same in a vendor's file | [`MsiFile`] (`alloc`) |
+//! | what it makes of reflections | [`multipath_gain_dbi`] (`alloc`) |
+//! | the pattern of recorded turns | [`learn_pattern`] (`alloc`) |
 //! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
+//! | an antenna on a body that turns | [`BodySource`] (`alloc`) |
+//! | an antenna without a direction | [`OmnidirectionalSource`] (`alloc`) |
 //!
 //! Conventions are those of [`foxhunt_core`]: metres, seconds, radians counter-clockwise from
 //! East, dBm. Without features nothing here allocates.
@@ -27,18 +34,35 @@ extern crate std;
 
 #[cfg(feature = "alloc")]
 mod antenna;
+#[cfg(feature = "alloc")]
+mod body;
 mod calibration;
 mod extractor;
+#[cfg(feature = "alloc")]
+mod heard_turn;
 mod models;
+#[cfg(feature = "alloc")]
+mod omnidirectional;
 mod parameter;
 mod propagation;
+#[cfg(feature = "alloc")]
+mod questions;
 #[cfg(feature = "alloc")]
 mod stepper;
 
 #[cfg(feature = "alloc")]
-pub use antenna::{Antenna, PatternTable, PatternTableError};
+pub use antenna::{
+    Antenna, Cardioid, Dipole, ElevationPattern, Isotropic, LearnPatternError, LearnedPattern,
+    MainLobe, MsiFile, MsiUnit, Patch, PatternFileError, PatternFileReason, PatternTable,
+    PatternTable3d, PatternTableError, PrincipalCuts, ReflectedWave, Yagi, learn_pattern,
+    multipath_gain_dbi,
+};
 #[cfg(feature = "std")]
-pub use antenna::{AntennaConfig, GainRow, SharedAntenna};
+pub use antenna::{
+    AntennaConfig, AntennaError, CardioidConfig, GainRow, PatchConfig, SharedAntenna, YagiConfig,
+};
+#[cfg(feature = "alloc")]
+pub use body::{BodyConfig, BodyError, BodySource};
 pub use calibration::{
     BearingError, BearingOffset, BearingOffsetFit, CalibrationError, KnownBearing, OffsetTerms,
     PathLossFit, SigmaFit, fit_bearing_offset, fit_log_distance, fit_sigma,
@@ -51,11 +75,14 @@ pub use extractor::{Calibrated, heading_towards};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 #[cfg(feature = "alloc")]
 pub use extractor::{StationAntenna, StationPattern};
+pub use models::WithElevationPattern;
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
     FreePowerRssBearing, RangeDifference, Rss, RssBearing, Stacked,
 };
+#[cfg(feature = "alloc")]
+pub use omnidirectional::{OmnidirectionalConfig, OmnidirectionalError, OmnidirectionalSource};
 pub use parameter::ParameterError;
-pub use propagation::{Friis, LogDistance, Propagation};
+pub use propagation::{Friis, LogDistance, Polarisation, Propagation, TwoRay};
 #[cfg(feature = "alloc")]
 pub use stepper::{StepperConfig, StepperError, StepperSource};

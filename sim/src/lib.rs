@@ -11,13 +11,13 @@
 //! use foxhunt_sim::{BeaconConfig, DroneConfig, World, WorldConfig};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let config = WorldConfig {
-//!     beacons: vec![BeaconConfig { name: "fox".into(), east_m: 20.0, north_m: 5.0, up_m: 0.0 }],
+//!     beacons: vec![BeaconConfig { name: "fox".into(), east_m: 20.0, north_m: 5.0, ..Default::default() }],
 //!     drones: vec![DroneConfig { up_m: 4.0, ..DroneConfig::default() }],
 //!     ..WorldConfig::default()
 //! };
 //! let world = World::new(&config, 1)?;
 //! let mut source = world.stepper(0, StepperConfig::pritzl2018())?;
-//! source.begin(BeaconId(0))?;
+//! source.begin(&[BeaconId(0)])?;
 //! let samples = loop {
 //!     world.advance(0.01)?;
 //!     if let Some(sweep) = source.poll()? {
@@ -32,12 +32,17 @@
 mod config;
 mod devices;
 mod error;
+mod quadrotor;
 mod truth;
 mod world;
 
 pub use config::{
-    BeaconConfig, ChannelConfig, DroneConfig, SimStepperConfig, VehicleConfig, WorldConfig,
+    BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, KinematicConfig, PathLossConfig,
+    ReflectorConfig, ShadowingConfig, SimStepperConfig, TwoRayConfig, VehicleConfig, WorldConfig,
 };
-pub use devices::{SimClock, SimFleet, SimRadio, SimRotator, SimStepper, SimVehicle};
+pub use devices::{
+    SimBody, SimClock, SimFleet, SimOmnidirectional, SimRadio, SimRotator, SimStepper, SimVehicle,
+};
 pub use error::SimError;
+pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;

@@ -1,12 +1,16 @@
 use std::{cell::RefCell, rc::Rc};
 
 use foxhunt_core::BeaconId;
-use foxhunt_sensors::{StepperConfig, StepperSource};
+use foxhunt_sensors::{
+    BodyConfig, BodySource, OmnidirectionalConfig, OmnidirectionalSource, StepperConfig,
+    StepperSource,
+};
 use nalgebra::Vector3;
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use crate::{
-    SimClock, SimError, SimFleet, SimRadio, SimRotator, SimStepper, SimVehicle, WorldConfig,
+    SimBody, SimClock, SimError, SimFleet, SimOmnidirectional, SimRadio, SimRotator, SimStepper,
+    SimVehicle, WorldConfig,
     devices::OnBoard,
     truth::{Channel, Drone, Streams, Truth},
 };
@@ -26,19 +30,20 @@ impl World {
     /// # Errors
     ///
     /// [`SimError::Field`] names the field that is out of range, with its value;
-    /// [`SimError::Antenna`] the row of the antenna's table.
+    /// [`SimError::Antenna`] and [`SimError::PathLoss`] what is wrong with these.
     pub fn new(config: &WorldConfig, seed: u64) -> Result<Self, SimError> {
         config.check()?;
-        let channel = Channel::new(&config.channel)?;
+        // What belongs to places has a generator of its own: fields more or less leave the drones'
+        // streams as they are.
+        let mut fields = Xoshiro256PlusPlus::seed_from_u64(!seed);
+        let channel = Channel::new(&config.channel, config.beacons.len(), &mut fields)?;
         let mut root = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut drone = |drone| {
             let streams = Streams::fork(&mut root);
-            Drone::new(drone, config.vehicle, config.stepper, &channel, streams)
+            Drone::new(drone, config.vehicle, config.stepper, streams)
         };
-        let drones = config.drones.iter().map(&mut drone).collect();
-        let beacons =
-            config.beacons.iter().map(|b| Vector3::new(b.east_m, b.north_m, b.up_m)).collect();
-        let truth = Truth { time: 0.0, channel, beacons, drones };
+        let drones = config.drones.iter().map(&mut drone).collect::<Result<_, _>>()?;
+        let truth = Truth { time: 0.0, channel, beacons: config.beacons.clone(), drones };
         Ok(Self { truth: Rc::new(RefCell::new(truth)) })
     }
 
@@ -68,10 +73,11 @@ impl World {
         self.truth.borrow().drones.len()
     }
 
-    /// Where a beacon is: East, North and Up in metres; `None` if there is no such beacon.
+    /// Where a beacon is now: East, North and Up in metres; `None` if there is no such beacon.
     #[must_use]
     pub fn truth(&self, beacon: BeaconId) -> Option<Vector3<f64>> {
-        self.truth.borrow().beacons.get(usize::from(beacon.0)).copied()
+        let truth = self.truth.borrow();
+        Some(truth.beacons.get(usize::from(beacon.0))?.place_at(truth.time))
     }
 
     /// How far a drone has flown, in metres.
@@ -95,7 +101,7 @@ impl World {
     ///
     /// [`SimError::Drone`] if there is no such drone.
     pub fn radio(&self, drone: usize) -> Result<SimRadio, SimError> {
-        self.on_board(drone).map(SimRadio)
+        Ok(SimRadio { on_board: self.on_board(drone)?, directional: true })
     }
 
     /// The motor that turns a drone's antenna, which looks along the nose at 0.
@@ -137,6 +143,41 @@ impl World {
             None => config,
         };
         Ok(StepperSource::new(config, radio, rotator, self.vehicle(drone)?, self.clock()))
+    }
+
+    /// A source made of a drone's radio and of the drone, which turns as a whole; its antenna
+    /// looks along the nose. A mount offset in `config` is one that it does not have: a
+    /// misalignment. A floor is the channel's unless `config` has one.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Source`] names what is out of
+    /// range in `config`.
+    pub fn body(&self, drone: usize, config: BodyConfig) -> Result<SimBody, SimError> {
+        let floor_dbm = config.floor_dbm.or(self.truth.borrow().channel.floor_dbm());
+        let config = BodyConfig { floor_dbm, ..config };
+        let vehicle = self.vehicle(drone)?;
+        BodySource::new(config, self.radio(drone)?, vehicle, self.clock()).map_err(SimError::Source)
+    }
+
+    /// A source that does not turn, made of a drone's radio at an antenna that hears alike from
+    /// everywhere, as much as the channel's on the average over a turn. A floor is the channel's
+    /// unless `config` has one.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Source`] names what is out of
+    /// range in `config`.
+    pub fn omnidirectional(
+        &self,
+        drone: usize,
+        config: OmnidirectionalConfig,
+    ) -> Result<SimOmnidirectional, SimError> {
+        let floor_dbm = config.floor_dbm.or(self.truth.borrow().channel.floor_dbm());
+        let config = OmnidirectionalConfig { floor_dbm, ..config };
+        let radio = SimRadio { directional: false, ..self.radio(drone)? };
+        OmnidirectionalSource::new(config, radio, self.vehicle(drone)?, self.clock())
+            .map_err(SimError::Source)
     }
 
     fn on_board(&self, drone: usize) -> Result<OnBoard, SimError> {

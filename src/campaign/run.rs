@@ -197,16 +197,16 @@ fn fly(
     seed: u64,
 ) -> Result<Vec<BeaconRun>, SimulationError> {
     let track = &estimator.config.track;
-    let mut nis: Vec<Vec<(f64, usize)>> = Vec::new();
-    let mut components = 0;
+    let mut nis = vec![Vec::new(); scenario.world.beacons.len()];
+    let (mut heard, mut components) = (0, 0);
     let flown = simulate(scenario, estimator, seed, |event| {
         match event {
-            Event::BeaconStarted { .. } => nis.push(Vec::new()),
             Event::Received { first_position, reception, .. } => {
+                heard = usize::from(reception.beacon.0);
                 components = track.degrees_of_freedom(reception, *first_position);
             }
             Event::Corrected { correction, .. } => {
-                if let (Some(value), Some(beacon)) = (correction.nis(), nis.last_mut()) {
+                if let (Some(value), Some(beacon)) = (correction.nis(), nis.get_mut(heard)) {
                     beacon.push((value, components));
                 }
             }

@@ -13,8 +13,13 @@ pub struct HuntConfig {
     pub arrival_tolerance_m: f64,
     /// Drones that have not arrived after this long are not waited for.
     pub move_timeout_s: f64,
-    /// A drone whose turn has not come after this long is not waited for.
+    /// A drone whose turn has not come after this long, for each beacon that the turn asks, is
+    /// not waited for.
     pub turn_timeout_s: f64,
+    /// Every turn asks all beacons that are not done yet, and each is believed to be somewhere
+    /// from the start. The drones go where the planner wants them for one beacon after the other.
+    /// Otherwise a beacon is asked and believed in only while it is searched for.
+    pub shared_turns: bool,
     /// σ of a drone's own East, North and Up, in metres, as its GNSS has it; taken for known where
     /// absent.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -26,14 +31,15 @@ pub struct HuntConfig {
 
 impl Default for HuntConfig {
     /// Prior σ 50 m, as far as a small drone's beacon is looked for; arrival within 0.3 m, 120 s for a move, 90 s for a turn
-    /// (52.8 s at most: 128 positions of 0.4 s, the first of 2 s), drones that know where they
-    /// are, 3 attempts.
+    /// (52.8 s at most: 128 positions of 0.4 s, the first of 2 s), a turn for each beacon as in
+    /// the reference, drones that know where they are, 3 attempts.
     fn default() -> Self {
         Self {
             prior_sigma_m: 50.0,
             arrival_tolerance_m: 0.3,
             move_timeout_s: 120.0,
             turn_timeout_s: 90.0,
+            shared_turns: false,
             receiver_sigma_m: None,
             attempts: 3,
         }

@@ -53,21 +53,24 @@ where
                     hunt.device_failed(time, None, error.to_string());
                 }
             }
-            Command::Listen { drone, beacon } => {
-                if let Err(error) = sources[drone].begin(beacon) {
+            Command::Listen { drone, beacons } => {
+                if let Err(error) = sources[drone].begin(&beacons) {
                     hunt.device_failed(time, Some(drone), error.to_string());
                 }
             }
         }
     }
     for (drone, source) in sources.iter_mut().enumerate() {
-        if !hunt.awaits(drone) {
-            continue;
-        }
-        match source.poll() {
-            Ok(Some(sweep)) => hunt.sweep(time, drone, &sweep),
-            Ok(None) => {}
-            Err(error) => hunt.device_failed(time, Some(drone), error.to_string()),
+        // A turn that is over lends a sweep for each beacon.
+        while hunt.awaits(drone) {
+            match source.poll() {
+                Ok(Some(sweep)) => hunt.sweep(time, drone, &sweep),
+                Ok(None) => break,
+                Err(error) => {
+                    hunt.device_failed(time, Some(drone), error.to_string());
+                    break;
+                }
+            }
         }
     }
     Ok(())

@@ -8,23 +8,11 @@ use foxhunt_filters::consistency::NisHealth;
 use foxhunt_formation::{Phase, PhaseError, Phases, Signal};
 use nalgebra::{Vector2, Vector3};
 
-use super::{Event, Fix, Heard, HuntConfig, HuntError, Track, TrackConfig};
+use super::{Command, Event, Fix, Heard, HuntConfig, HuntError, Search, Track, TrackConfig};
 
-/// What the hunt wants done by those who own the devices.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
-    /// Send every drone to its station's goal.
-    GoTo,
-    /// Turn the antenna of a drone and listen for a beacon.
-    Listen {
-        /// Which drone.
-        drone: usize,
-        /// For which beacon.
-        beacon: BeaconId,
-    },
-}
-
-/// A hunt for one beacon after the other with a formation of drones.
+/// A hunt for one beacon after the other with a formation of drones; where turns are
+/// [shared](HuntConfig::shared_turns), those that have not had their turn yet are listened for all
+/// the same.
 ///
 /// It does no I/O and reads no clock: [`start`](Self::start), [`advance`](Self::advance) and
 /// [`sweep`](Self::sweep) take what happened, [`poll_command`](Self::poll_command) and
@@ -47,25 +35,17 @@ pub struct Hunt<X, P, F, E, const N: usize, const M: usize> {
     phases: Phases,
     since: f64,
     current: u16,
-    track: Option<Track<E, N, M>>,
-    awaited: Vec<bool>,
-    position: PositionCount,
+    /// One for each beacon; none where it has not begun or is over.
+    searches: Vec<Option<Search<E, N, M>>>,
+    /// Whose sweeps each drone owes.
+    awaited: Vec<Vec<BeaconId>>,
+    /// How often the present position was measured without hearing the current beacon.
+    attempts: u32,
     fixes: Vec<Fix>,
     commands: VecDeque<Command>,
     events: VecDeque<Event>,
     /// What failed since the last change of phase, so that one fault makes one event.
     failures: Vec<(Option<usize>, String)>,
-}
-
-/// Where the search for one beacon stands.
-#[derive(Clone, Copy, Debug, Default)]
-struct PositionCount {
-    /// Formation positions at which something was heard.
-    measured: u32,
-    /// How often the present position was measured without hearing anything.
-    attempts: u32,
-    /// Receptions used at the present position.
-    heard: u32,
 }
 
 impl<X, P, F, E, const N: usize, const M: usize> Hunt<X, P, F, E, N, M>
@@ -93,6 +73,7 @@ where
         if beacons.is_empty() || u16::try_from(beacons.len()).is_err() {
             return Err(HuntError::Nothing { missing: "beacon" });
         }
+        let searches = beacons.iter().map(|_| None).collect();
         Ok(Self {
             extractor,
             planner,
@@ -104,9 +85,9 @@ where
             phases: Phases::default(),
             since: 0.0,
             current: 0,
-            track: None,
+            searches,
             awaited: Vec::new(),
-            position: PositionCount::default(),
+            attempts: 0,
             fixes: Vec::new(),
             commands: VecDeque::new(),
             events: VecDeque::new(),
@@ -128,7 +109,7 @@ where
         if phase != Phase::Idle {
             return Err(PhaseError { phase, signal: Signal::Begin }.into());
         }
-        self.awaited = vec![false; stations.len()];
+        self.awaited = vec![Vec::new(); stations.len()];
         self.stations = stations;
         self.begin_beacon(time)
     }
@@ -148,20 +129,23 @@ where
                 if self.stations.iter().all(near) || time - self.since >= self.config.move_timeout_s
                 {
                     self.signal(time, Signal::Arrived)?;
+                    self.attempts = 0;
                     self.listen(time);
                 }
                 Ok(())
             }
             Phase::Measuring(_) => {
                 let waited_s = time - self.since;
-                if waited_s >= self.config.turn_timeout_s {
-                    for drone in 0..self.awaited.len() {
-                        if std::mem::take(&mut self.awaited[drone]) {
+                let asked = u32::try_from(self.asked().count()).unwrap_or(u32::MAX);
+                if waited_s >= self.config.turn_timeout_s * f64::from(asked) {
+                    for (drone, owed) in self.awaited.iter_mut().enumerate() {
+                        if !std::mem::take(owed).is_empty() {
                             self.events.push_back(Event::Missing { time, drone, waited_s });
                         }
                     }
                 }
-                if self.awaited.contains(&true) { Ok(()) } else { self.position_done(time) }
+                let all_in = self.awaited.iter().all(Vec::is_empty);
+                if all_in { self.position_done(time) } else { Ok(()) }
             }
             Phase::Idle | Phase::Finished(_) => Ok(()),
         }
@@ -171,12 +155,10 @@ where
     /// late, when it is no longer awaited, is used as long as its beacon is still searched for.
     pub fn sweep(&mut self, time: f64, drone: usize, sweep: &Sweep<'_>) {
         let Some(awaited) = self.awaited.get_mut(drone) else { return };
-        if sweep.beacon != BeaconId(self.current) {
-            return;
-        }
-        let Some(track) = &mut self.track else { return };
+        let search = self.searches.get_mut(usize::from(sweep.beacon.0));
+        let Some(search) = search.and_then(Option::as_mut) else { return };
         if matches!(self.phases.phase(), Phase::Measuring(_)) {
-            *awaited = false;
+            awaited.retain(|owed| *owed != sweep.beacon);
         }
         if !(sweep.time.is_finite() && sweep.receiver.is_finite()) {
             let reason =
@@ -192,14 +174,14 @@ where
         };
         let receiver_sigma_m = self.config.receiver_sigma_m.map(Vector3::repeat);
         let reception = Reception { receiver_sigma_m, ..Reception::new(sweep, &reading) };
-        let first_position = self.position.measured == 0;
+        let first_position = search.measured == 0;
         self.events.push_back(Event::Received { time, drone, first_position, reception });
-        let reason = match track.hear(&reception, first_position) {
+        let reason = match search.track.hear(&reception, first_position) {
             Ok(Heard::Corrected(correction)) => {
-                self.position.heard += u32::from(correction != Correction::Empty);
-                let estimate = track.position();
+                search.heard += u32::from(correction != Correction::Empty);
+                let estimate = search.track.position();
                 self.events.push_back(Event::Corrected { time, drone, correction, estimate });
-                if let Some(NisHealth::Diverged { average, interval }) = track.alarm() {
+                if let Some(NisHealth::Diverged { average, interval }) = search.track.alarm() {
                     let (beacon, average_nis) = (sweep.beacon, average);
                     let event = Event::FilterDiverged { time, beacon, average_nis, interval };
                     self.events.push_back(event);
@@ -235,7 +217,7 @@ where
     /// Whether a sweep of this drone is waited for.
     #[must_use]
     pub fn awaits(&self, drone: usize) -> bool {
-        self.awaited.get(drone).copied().unwrap_or(false)
+        self.awaited.get(drone).is_some_and(|owed| !owed.is_empty())
     }
 
     /// Where the drones are and shall go.
@@ -269,22 +251,45 @@ where
 
     /// What is believed of the beacon that is searched for now.
     pub fn estimate(&self) -> Option<Estimate<N>> {
-        self.track.as_ref().map(|track| track.estimator().estimate())
+        let search = self.searches.get(usize::from(self.current))?.as_ref()?;
+        Some(search.track.estimator().estimate())
+    }
+
+    /// Whom a turn listens for: the beacon that is searched for, and those to come where turns are
+    /// shared.
+    fn asked(&self) -> impl Iterator<Item = BeaconId> + use<X, P, F, E, N, M> {
+        let count = u16::try_from(self.beacons.len()).unwrap_or(u16::MAX);
+        let end = if self.config.shared_turns { count } else { self.current.saturating_add(1) };
+        (self.current..end).map(BeaconId)
     }
 
     fn begin_beacon(&mut self, time: f64) -> Result<(), HuntError> {
-        let name = self.beacons[usize::from(self.current)].clone();
         let centroid = centroid(&self.stations);
         let prior = Estimate::isotropic(centroid, self.config.prior_sigma_m);
-        let estimator = (self.estimators)(&prior)
-            .map_err(|source| HuntError::Estimator { beacon: name.clone(), source })?;
-        self.planner
-            .begin(&mut self.stations)
-            .map_err(|source| HuntError::Plan { beacon: name.clone(), source })?;
-        self.track = Some(Track::new(estimator, self.track_config));
-        self.position = PositionCount::default();
-        let beacon = BeaconId(self.current);
-        self.events.push_back(Event::BeaconStarted { time, beacon, name, prior });
+        let mut begun = Vec::new();
+        for beacon in self.asked() {
+            let index = usize::from(beacon.0);
+            if self.searches[index].is_none() {
+                let name = self.beacons[index].clone();
+                let estimator = (self.estimators)(&prior)
+                    .map_err(|source| HuntError::Estimator { beacon: name.clone(), source })?;
+                let track = Track::new(estimator, self.track_config);
+                begun.push((beacon, name, Search { track, measured: 0, heard: 0 }));
+            }
+        }
+        let current = usize::from(self.current);
+        match &self.searches[current] {
+            Some(search) if search.track.steps() > 0 => {
+                let belief = BeliefOf(search.track.estimator());
+                self.planner.resume(&belief, &mut self.stations)
+            }
+            _ => self.planner.begin(&mut self.stations),
+        }
+        .map_err(|source| HuntError::Plan { beacon: self.beacons[current].clone(), source })?;
+        for (beacon, name, search) in begun {
+            self.searches[usize::from(beacon.0)] = Some(search);
+            self.events.push_back(Event::BeaconStarted { time, beacon, name, prior });
+        }
         self.signal(time, Signal::Begin)?;
         self.go(time);
         Ok(())
@@ -306,40 +311,39 @@ where
 
     fn listen(&mut self, time: f64) {
         self.since = time;
-        self.position.heard = 0;
-        self.awaited.fill(true);
-        let beacon = BeaconId(self.current);
-        self.commands
-            .extend((0..self.awaited.len()).map(|drone| Command::Listen { drone, beacon }));
+        let beacons: Vec<BeaconId> = self.asked().collect();
+        for (drone, owed) in self.awaited.iter_mut().enumerate() {
+            owed.clone_from(&beacons);
+            self.commands.push_back(Command::Listen { drone, beacons: beacons.clone() });
+        }
     }
 
     /// Every drone of the present formation position was heard or given up.
     fn position_done(&mut self, time: f64) -> Result<(), HuntError> {
-        let Some(track) = &self.track else { return Ok(()) };
-        if self.position.heard == 0 {
+        let current = usize::from(self.current);
+        let Some(search) = &self.searches[current] else { return Ok(()) };
+        let (heard, before) = (search.heard > 0, search.measured > 0);
+        if !heard {
             // The planner would take an estimate that did not move for one that has settled.
-            self.position.attempts += 1;
-            if self.position.attempts < self.config.attempts {
+            self.attempts += 1;
+            if self.attempts < self.config.attempts {
                 self.listen(time);
                 return Ok(());
             }
-            let outcome = if self.position.measured == 0 {
-                Outcome::NothingHeard
-            } else {
-                Outcome::SignalLost
-            };
+        }
+        for search in self.searches.iter_mut().flatten() {
+            search.measured += u32::from(std::mem::take(&mut search.heard) > 0);
+        }
+        if !heard {
+            let outcome = if before { Outcome::SignalLost } else { Outcome::NothingHeard };
             self.signal(time, Signal::GivenUp(outcome))?;
             return self.finish_beacon(time, outcome);
         }
-        let decision = self
-            .planner
-            .plan(&BeliefOf(track.estimator()), &mut self.stations)
-            .map_err(|source| HuntError::Plan {
-                beacon: self.beacons[usize::from(self.current)].clone(),
-                source,
-            })?;
-        self.position.attempts = 0;
-        self.position.measured += 1;
+        let Some(search) = &self.searches[current] else { return Ok(()) };
+        let decision =
+            self.planner.plan(&BeliefOf(search.track.estimator()), &mut self.stations).map_err(
+                |source| HuntError::Plan { beacon: self.beacons[current].clone(), source },
+            )?;
         self.signal(time, Signal::Decided(decision))?;
         match self.phases.phase() {
             Phase::Finished(outcome) => self.finish_beacon(time, outcome),
@@ -351,13 +355,14 @@ where
     }
 
     fn finish_beacon(&mut self, time: f64, outcome: Outcome) -> Result<(), HuntError> {
-        let Some(track) = self.track.take() else { return Ok(()) };
+        let current = usize::from(self.current);
+        let Some(search) = self.searches[current].take() else { return Ok(()) };
         let fix = Fix {
             beacon: BeaconId(self.current),
-            name: self.beacons[usize::from(self.current)].clone(),
-            estimate: track.position(),
-            steps: track.steps(),
-            formation_positions: self.position.measured,
+            name: self.beacons[current].clone(),
+            estimate: search.track.position(),
+            steps: search.track.steps(),
+            formation_positions: search.measured,
             outcome,
         };
         self.events.push_back(Event::BeaconFinished { time, fix: fix.clone() });

@@ -1,15 +1,20 @@
 //! The hunt itself: sweeps go in, corrections and goals come out.
 
+mod command;
 mod config;
 mod drive;
 mod error;
 mod event;
 mod machine;
+mod search;
 mod track;
 
+pub use command::Command;
 pub use config::HuntConfig;
 pub use drive::{DriveError, drive};
 pub use error::HuntError;
 pub use event::{Event, Fix};
-pub use machine::{Command, Hunt};
+pub use machine::Hunt;
 pub use track::{Components, Heard, TimeStep, Track, TrackConfig, TrackError, WithoutBearing};
+
+use search::Search;

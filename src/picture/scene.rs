@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
 
-use foxhunt_core::{Estimate, Reception};
+use foxhunt_core::{BeaconId, Estimate, Reception};
 use nalgebra::Vector2;
 
 use super::frame::Extent;
@@ -20,6 +20,8 @@ pub(super) struct Scene {
     pub(super) searches: Vec<Search>,
     /// Every beacon whose place is known.
     pub(super) beacons: Vec<(String, Vector2<f64>)>,
+    /// Whose reception the last one was.
+    heard: BeaconId,
 }
 
 /// One bearing.
@@ -44,6 +46,7 @@ impl Ray {
 /// The search for one beacon.
 #[derive(Debug)]
 pub(super) struct Search {
+    pub(super) beacon: BeaconId,
     pub(super) name: String,
     /// The prior's mean, then one estimate for each reception.
     pub(super) track: Vec<Vector2<f64>>,
@@ -77,23 +80,24 @@ impl Scene {
 
     fn add(&mut self, event: &Event) {
         match event {
-            Event::BeaconStarted { name, prior, .. } => {
+            Event::BeaconStarted { beacon, name, prior, .. } => {
                 let truth = self.beacons.iter().find(|(known, _)| known == name).map(|b| b.1);
                 let track = Some(prior.mean).filter(drawable).into_iter().collect();
-                let name = name.clone();
-                self.searches.push(Search { name, track, estimate: None, truth, fix: None });
+                let (beacon, name) = (*beacon, name.clone());
+                let search = Search { beacon, name, track, estimate: None, truth, fix: None };
+                self.searches.push(search);
             }
             Event::Received { drone, reception, .. } => self.receive(*drone, reception),
             Event::Corrected { drone, correction, estimate, .. } => {
                 if correction.is_rejected() {
                     self.discard(*drone);
                 }
-                self.believe(estimate);
+                self.believe(self.heard, estimate);
             }
             Event::Refused { drone, .. } => self.discard(*drone),
             Event::BeaconFinished { fix, .. } => {
-                self.believe(&fix.estimate);
-                if let Some(search) = self.searches.last_mut() {
+                self.believe(fix.beacon, &fix.estimate);
+                if let Some(search) = self.search(fix.beacon) {
                     search.fix = Some(fix.clone());
                 }
             }
@@ -101,7 +105,13 @@ impl Scene {
         }
     }
 
+    /// The last search that was begun for a beacon.
+    fn search(&mut self, beacon: BeaconId) -> Option<&mut Search> {
+        self.searches.iter_mut().rfind(|search| search.beacon == beacon)
+    }
+
     fn receive(&mut self, drone: usize, reception: &Reception) {
+        self.heard = reception.beacon;
         let from = reception.receiver.position.xy();
         if !drawable(&from) {
             return;
@@ -119,8 +129,8 @@ impl Scene {
         }
     }
 
-    fn believe(&mut self, estimate: &Estimate<2>) {
-        if let Some(search) = self.searches.last_mut()
+    fn believe(&mut self, beacon: BeaconId, estimate: &Estimate<2>) {
+        if let Some(search) = self.search(beacon)
             && drawable(&estimate.mean)
         {
             search.estimate = Some(*estimate);
@@ -180,7 +190,8 @@ mod tests {
         let estimate = Estimate { mean: Vector2::new(5.0, -3.0), covariance };
         let name = "fox".to_owned();
         let estimate = Some(estimate);
-        let search = Search { name, track: Vec::new(), estimate, truth: None, fix: None };
+        let beacon = BeaconId(0);
+        let search = Search { beacon, name, track: Vec::new(), estimate, truth: None, fix: None };
         let outline = search.outline().expect("the covariance is positive definite");
         for corner in outline {
             let nees = search.estimate.and_then(|e| e.nees(&corner)).expect("positive definite");

@@ -69,7 +69,8 @@ pub(crate) struct Cardioid {
     pub(crate) place: Rc<Cell<Pose>>,
     pub(crate) targets: Vec<Vector2<f64>>,
     pub(crate) health: Health,
-    ready: Option<(BeaconId, f64)>,
+    /// Who was asked, and when the turn is over.
+    ready: (Vec<BeaconId>, f64),
     samples: Vec<Sample>,
 }
 
@@ -87,7 +88,7 @@ impl Cardioid {
             place: vehicle.place.clone(),
             targets: targets.to_vec(),
             health,
-            ready: None,
+            ready: (Vec::new(), 0.0),
             samples: Vec::new(),
         }
     }
@@ -96,8 +97,8 @@ impl Cardioid {
 impl PatternSource for Cardioid {
     type Error = Unplugged;
 
-    fn begin(&mut self, beacon: BeaconId) -> Result<(), Unplugged> {
-        self.ready = Some((beacon, self.time.get() + 1.0));
+    fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Unplugged> {
+        self.ready = (beacons.to_vec(), self.time.get() + 1.0);
         Ok(())
     }
 
@@ -108,11 +109,11 @@ impl PatternSource for Cardioid {
             Health::Silent => return Ok(None),
             Health::Broken => return Err(Unplugged),
         }
-        let Some((beacon, due)) = self.ready else { return Ok(None) };
-        if self.time.get() < due {
+        let (asked, due) = (&mut self.ready.0, self.ready.1);
+        if self.time.get() < due || asked.is_empty() {
             return Ok(None);
         }
-        self.ready = None;
+        let beacon = asked.remove(0);
         let receiver = self.place.get();
         let law = LogDistance::new(LAW.0, LAW.1).expect("in range");
         let sight = self.targets[usize::from(beacon.0)].push(0.0) - receiver.position;

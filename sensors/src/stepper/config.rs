@@ -128,10 +128,12 @@ impl StepperConfig {
         self.floor_dbm
     }
 
-    /// The most a turn takes, in seconds, if it is polled often enough.
+    /// The most a turn for so many beacons takes, in seconds, if it is polled often enough: every
+    /// position has its time-out for each of them.
     #[must_use]
-    pub fn longest_turn(&self) -> f64 {
-        self.first_timeout + f64::from(self.positions - 1) * self.position_timeout
+    pub fn longest_turn(&self, beacons: u16) -> f64 {
+        let later = f64::from(self.positions) * f64::from(beacons.max(1)) - 1.0;
+        self.first_timeout + later * self.position_timeout
     }
 }
 

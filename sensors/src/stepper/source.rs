@@ -1,13 +1,11 @@
-use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use foxhunt_core::{
-    BeaconId, Clock, PatternSource, Pose, Radio, Rotator, Sample, Sweep, Unheard, Vehicle,
-    angle::{self, Resultant},
+    BeaconId, Clock, PatternSource, Pose, Radio, Rotator, Sample, Sweep, Unheard, Vehicle, angle,
 };
-use nalgebra::Vector3;
 
 use super::{Phase, StepperConfig, StepperError, Turn};
+use crate::heard_turn::{HeardTurn, nearest};
 
 /// A directional antenna that a motor steps through a turn, with a radio that asks a beacon for
 /// answers at every step (Pritzl 2018, §5.1).
@@ -15,7 +13,9 @@ use super::{Phase, StepperConfig, StepperError, Turn};
 /// Turns go to and fro, 0 … 127 and 127 … 0, so that the cable does not wind up and the next turn
 /// starts where the antenna stands. A position ends with its last sample or its time-out, which
 /// runs from the order to turn there; it keeps what it has, possibly nothing. An answer that is
-/// lost costs the rest of its position's time.
+/// lost costs the rest of its position's time. Several beacons are asked one after the other at
+/// each position, each with a time-out of its own, so that one that is silent costs the others
+/// nothing but time.
 ///
 /// Poll it several times per time-out: a position that is late asks no more questions. A device
 /// that fails is told of at each poll, and tried again at the next; time runs on, so that a turn
@@ -32,8 +32,7 @@ pub struct StepperSource<R, T, V, C> {
     turn: Option<Turn>,
     /// Where the antenna was last sent, in the turn's positions.
     stands_at: u16,
-    samples: Vec<Sample>,
-    unheard: Vec<Unheard>,
+    heard: HeardTurn,
     dropped: u32,
     last_pose: Pose,
 }
@@ -61,8 +60,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             clock,
             turn: None,
             stands_at: 0,
-            samples: Vec::new(),
-            unheard: Vec::new(),
+            heard: HeardTurn::default(),
             dropped: 0,
             last_pose: Pose::default(),
         }
@@ -75,7 +73,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
     }
 
     /// How many answers of this turn, or of the last one, were dropped because the power or the
-    /// place was not finite, or the place not to be had in time.
+    /// place was not finite, or the place not to be had in time; of all its beacons together.
     #[must_use]
     pub fn dropped(&self) -> u32 {
         self.dropped
@@ -120,7 +118,8 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             }
             Phase::Ask { angle, answers } => {
                 if !self.expire(turn) {
-                    self.radio.request(turn.beacon).map_err(StepperError::Radio)?;
+                    let beacon = self.heard.beacon(turn.asked).id;
+                    self.radio.request(beacon).map_err(StepperError::Radio)?;
                     turn.phase = Phase::Listen { angle, answers };
                 }
             }
@@ -142,7 +141,8 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                     let boresight = receiver.heading + angle + self.config.mount_offset();
                     let boresight = angle::wrap(boresight);
                     let position = nearest(angle, self.config.positions());
-                    self.samples.push(Sample { time, receiver, boresight, position, rss_dbm });
+                    let sample = Sample { time, receiver, boresight, position, rss_dbm };
+                    self.heard.beacon(turn.asked).samples.push(sample);
                     self.last_pose = receiver;
                 } else {
                     self.dropped += 1;
@@ -156,7 +156,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
 
     /// Without samples only the vehicle says where the turn took place.
     fn finish(&mut self, turn: &Turn) -> Result<Progress, Failure<R, T, V>> {
-        if self.samples.is_empty() {
+        if self.heard.is_silent() {
             // A vehicle that does not answer holds the turn up for one more time-out at most.
             let late = turn.deadline.is_some_and(|deadline| self.clock.now() >= deadline);
             match self.vehicle.pose() {
@@ -168,7 +168,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         Ok(Progress::Complete)
     }
 
-    /// Goes on to the next position if the present one's time is up.
+    /// Goes on to the next beacon or position if the present one's time is up.
     fn expire(&mut self, turn: &mut Turn) -> bool {
         let now = self.clock.now();
         let late = turn.deadline.is_some_and(|deadline| now >= deadline);
@@ -178,77 +178,48 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             if let Phase::Listen { angle, .. } = turn.phase {
                 let position = nearest(angle, self.config.positions());
                 let boresight = angle + self.config.mount_offset();
-                self.unheard.push(Unheard { boresight, position });
+                self.heard.beacon(turn.asked).unheard.push(Unheard { boresight, position });
             }
             turn.next(&self.config, now);
         }
         expired
     }
-
-    /// Where the turn took place: the mean over the samples.
-    fn receiver(&self) -> Pose {
-        let Some(last) = self.samples.last() else { return self.last_pose };
-        let mut heading = Resultant::default();
-        let mut position = Vector3::zeros();
-        let mut count = 0.0;
-        for sample in &self.samples {
-            heading.add(sample.receiver.heading, 1.0);
-            position += sample.receiver.position;
-            count += 1.0;
-        }
-        // Headings that cancel have no mean; then the last one is as good as any.
-        let heading = heading.direction(1e-9).unwrap_or(last.receiver.heading);
-        Pose::level(position / count, heading)
-    }
-}
-
-/// The position that is nominally nearest to where the rotator says it stands: a motor that is stuck
-/// does not fill positions it has never been to.
-fn nearest(angle: f64, positions: u16) -> u16 {
-    let steps = libm::round(angle::wrap(angle) / TAU * f64::from(positions));
-    #[expect(clippy::cast_possible_truncation, reason = "within a turn of at most u16::MAX steps")]
-    let steps = (steps as i32).rem_euclid(i32::from(positions));
-    u16::try_from(steps).unwrap_or(0)
 }
 
 impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource<R, T, V, C> {
     type Error = Failure<R, T, V>;
 
-    fn begin(&mut self, beacon: BeaconId) -> Result<(), Self::Error> {
+    fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Self::Error> {
         // From the end that is nearer to where the antenna was last sent.
         let backwards = self.stands_at > (self.config.positions() - 1) / 2;
-        self.turn = Some(Turn::new(beacon, backwards));
-        self.samples.clear();
-        self.unheard.clear();
+        self.turn = (!beacons.is_empty()).then(|| Turn::new(beacons.len(), backwards));
+        self.heard = HeardTurn::of(beacons);
         self.dropped = 0;
         Ok(())
     }
 
     fn poll(&mut self) -> Result<Option<Sweep<'_>>, Self::Error> {
-        let Some(mut turn) = self.turn else { return Ok(None) };
-        let outcome = self.advance(&mut turn);
-        self.turn = Some(turn);
-        if !outcome? {
-            return Ok(None);
+        if let Some(mut turn) = self.turn {
+            let outcome = self.advance(&mut turn);
+            self.turn = Some(turn);
+            if !outcome? {
+                return Ok(None);
+            }
+            self.turn = None;
+            let ended = match turn.phase {
+                Phase::Finish { time } => time,
+                _ => self.clock.now(),
+            };
+            self.heard.end(ended);
+            for heard in self.heard.beacons_mut() {
+                // Until now they were from the nose; nobody asked where that was when no answer
+                // came.
+                let heading = heard.receiver().unwrap_or(self.last_pose).heading;
+                for unheard in &mut heard.unheard {
+                    unheard.boresight = angle::wrap(heading + unheard.boresight);
+                }
+            }
         }
-        self.turn = None;
-        let time = match turn.phase {
-            Phase::Finish { time } => time,
-            _ => self.clock.now(),
-        };
-        let receiver = self.receiver();
-        // Until now they were from the nose; nobody asked where that was when no answer came.
-        for unheard in &mut self.unheard {
-            unheard.boresight = angle::wrap(receiver.heading + unheard.boresight);
-        }
-        Ok(Some(Sweep {
-            beacon: turn.beacon,
-            time,
-            receiver,
-            positions: self.config.positions(),
-            samples: &self.samples,
-            unheard: &self.unheard,
-            floor_dbm: self.config.floor_dbm(),
-        }))
+        Ok(self.heard.lend(self.config.positions(), self.config.floor_dbm(), self.last_pose))
     }
 }

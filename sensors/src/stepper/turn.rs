@@ -1,17 +1,17 @@
-use foxhunt_core::BeaconId;
-
 use super::StepperConfig;
 
 /// A turn that is under way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Turn {
-    /// Whose signal is listened for.
-    pub(super) beacon: BeaconId,
+    /// How many beacons are listened for at each position.
+    beacons: usize,
+    /// Which of them is being asked, below `beacons`.
+    pub(super) asked: usize,
     /// How many positions are done.
     pub(super) done: u16,
     /// The antenna goes from the last position to the first.
     pub(super) backwards: bool,
-    /// When the present position's time is up; `None` until the first order.
+    /// When the time of this beacon at the present position is up; `None` until the first order.
     pub(super) deadline: Option<f64>,
     /// What the source waits for.
     pub(super) phase: Phase,
@@ -35,8 +35,8 @@ pub(super) enum Phase {
 }
 
 impl Turn {
-    pub(super) fn new(beacon: BeaconId, backwards: bool) -> Self {
-        Self { beacon, done: 0, backwards, deadline: None, phase: Phase::Order }
+    pub(super) fn new(beacons: usize, backwards: bool) -> Self {
+        Self { beacons, asked: 0, done: 0, backwards, deadline: None, phase: Phase::Order }
     }
 
     /// The position that the antenna is at or on its way to, of so many.
@@ -46,12 +46,31 @@ impl Turn {
         if self.backwards { last - forwards } else { forwards }
     }
 
-    /// Goes on to the next position, or ends the turn after the last. The next order follows at
-    /// once, so its time begins now, whether the rotator takes it or not.
+    /// Goes on to the next beacon, after the last to the next position, or ends the turn after
+    /// the last of these. What is done next follows at once, so its time begins now, whether the
+    /// device takes it or not.
     pub(super) fn next(&mut self, config: &StepperConfig, now: f64) {
-        self.done += 1;
         self.deadline = Some(now + config.position_timeout());
+        self.asked += 1;
+        if let Some(angle) = self.standing()
+            && self.asked < self.beacons
+        {
+            self.phase = Phase::Ask { angle, answers: 0 };
+            return;
+        }
+        self.asked = 0;
+        self.done += 1;
         let more = self.done < config.positions();
         self.phase = if more { Phase::Order } else { Phase::Finish { time: now } };
+    }
+
+    /// Where the antenna stands, if it has come to a standstill.
+    fn standing(&self) -> Option<f64> {
+        match self.phase {
+            Phase::Ask { angle, .. }
+            | Phase::Listen { angle, .. }
+            | Phase::Locate { angle, .. } => Some(angle),
+            Phase::Order | Phase::Turn | Phase::Finish { .. } => None,
+        }
     }
 }

@@ -2,8 +2,12 @@
 
 use std::{cell::RefCell, rc::Rc};
 
-use foxhunt_core::{BeaconId, Pose, Radio, Rotator, Vehicle, Waypoint};
-use foxhunt_sensors::{StepperConfig, StepperSource};
+use foxhunt_core::{BeaconId, Pose, Radio, Rotator, Spinner, Vehicle, Waypoint, angle};
+use foxhunt_sensors::{
+    BodyConfig, BodySource, OmnidirectionalConfig, OmnidirectionalSource, StepperConfig,
+    StepperSource,
+};
+use nalgebra::Vector3;
 
 /// How a device behaves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +27,14 @@ pub(crate) struct World {
     pub(crate) rotator: Health,
     pub(crate) vehicle: Health,
     pub(crate) pose: Pose,
+    /// How fast the body turns, in radians per second.
+    pub(crate) rate: f64,
+    /// The share of an ordered rate that it follows with.
+    pub(crate) follows: f64,
+    /// How fast it drifts.
+    pub(crate) drift: Vector3<f64>,
+    /// The rates ordered.
+    pub(crate) spins: Vec<Option<f64>>,
     /// Seconds from a question to its answer.
     pub(crate) latency: f64,
     /// Seconds from an order to standstill.
@@ -31,6 +43,8 @@ pub(crate) struct World {
     pub(crate) stuck_at: Option<f64>,
     /// Every so-manieth question stays without an answer.
     pub(crate) lose_every: usize,
+    /// A beacon that never answers.
+    pub(crate) mute: Option<BeaconId>,
     /// Every so-manieth answer is not a number.
     pub(crate) nan_every: usize,
     /// The angles ordered, and when.
@@ -66,10 +80,15 @@ impl Default for Handle {
             rotator: Health::Good,
             vehicle: Health::Good,
             pose: Pose { heading: 0.7, ..Pose::at(3.0, -2.0, 4.0) },
+            rate: 0.0,
+            follows: 1.0,
+            drift: Vector3::zeros(),
+            spins: Vec::new(),
             latency: 0.01,
             turning: 0.02,
             stuck_at: None,
             lose_every: usize::MAX,
+            mute: None,
             nan_every: usize::MAX,
             orders: Vec::new(),
             questions: Vec::new(),
@@ -86,18 +105,39 @@ impl Handle {
     }
 
     pub(crate) fn wait(&self, seconds: f64) {
-        self.with(|w| w.now += seconds);
+        self.with(|w| {
+            w.now += seconds;
+            w.pose.heading = angle::wrap(w.pose.heading + w.rate * seconds);
+            w.pose.position += w.drift * seconds;
+        });
+    }
+
+    fn clock(&self) -> Clock {
+        let clock = self.clone();
+        Box::new(move || clock.with(|w| w.now))
+    }
+
+    /// A body that turns, with these devices on it.
+    pub(crate) fn body(&self, config: BodyConfig) -> Body {
+        BodySource::new(config, self.clone(), self.clone(), self.clock()).expect("in range")
+    }
+
+    /// A source that does not turn, on these devices.
+    pub(crate) fn omnidirectional(&self, config: OmnidirectionalConfig) -> Omnidirectional {
+        OmnidirectionalSource::new(config, self.clone(), self.clone(), self.clock())
+            .expect("in range")
     }
 
     /// A stepper source on these devices.
     pub(crate) fn source(&self, config: StepperConfig) -> Source {
-        let clock = self.clone();
-        let clock: Box<dyn Fn() -> f64> = Box::new(move || clock.with(|w| w.now));
-        StepperSource::new(config, self.clone(), self.clone(), self.clone(), clock)
+        StepperSource::new(config, self.clone(), self.clone(), self.clone(), self.clock())
     }
 }
 
-pub(crate) type Source = StepperSource<Handle, Handle, Handle, Box<dyn Fn() -> f64>>;
+type Clock = Box<dyn Fn() -> f64>;
+pub(crate) type Source = StepperSource<Handle, Handle, Handle, Clock>;
+pub(crate) type Body = BodySource<Handle, Handle, Clock>;
+pub(crate) type Omnidirectional = OmnidirectionalSource<Handle, Handle, Clock>;
 
 /// What a device of that health makes of its answer.
 fn tell<T>(health: Health, answer: Option<T>) -> Result<Option<T>, Failed> {
@@ -115,7 +155,7 @@ impl Radio for Handle {
         self.with(|w| {
             tell(w.radio, Some(()))?;
             w.questions.push((beacon, w.now));
-            w.pending = w.questions.len() % w.lose_every != 0;
+            w.pending = w.questions.len() % w.lose_every != 0 && w.mute != Some(beacon);
             Ok(())
         })
     }
@@ -162,5 +202,16 @@ impl Vehicle for Handle {
 
     fn go_to(&mut self, _: &Waypoint) -> Result<(), Failed> {
         Ok(())
+    }
+}
+
+impl Spinner for Handle {
+    fn spin(&mut self, rate: Option<f64>) -> Result<(), Failed> {
+        self.with(|w| {
+            tell(w.rotator, Some(()))?;
+            w.spins.push(rate);
+            w.rate = rate.unwrap_or(0.0) * w.follows;
+            Ok(())
+        })
     }
 }

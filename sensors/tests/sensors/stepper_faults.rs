@@ -11,7 +11,7 @@ type Failure = StepperError<Failed, Failed, Failed>;
 /// failures on the way.
 fn turn(handle: &Handle, source: &mut Source) -> (usize, Pose, f64, Vec<Failure>) {
     let (start, mut failures) = (handle.with(|w| w.now), Vec::new());
-    source.begin(BeaconId(0)).expect("a turn can always begin");
+    source.begin(&[BeaconId(0)]).expect("a turn can always begin");
     for _ in 0..20_000 {
         match source.poll() {
             Ok(Some(sweep)) => {
@@ -65,7 +65,7 @@ fn a_dead_motor_ends_in_an_empty_sweep() {
 fn a_motor_that_dies_on_the_way_keeps_what_was_heard() {
     let handle = Handle::default();
     let mut source = handle.source(StepperConfig::pritzl2018());
-    source.begin(BeaconId(0)).expect("a turn can always begin");
+    source.begin(&[BeaconId(0)]).expect("a turn can always begin");
     while handle.with(|w| w.answers) < 60 {
         assert_eq!(source.poll(), Ok(None));
         handle.wait(0.005);
@@ -86,7 +86,7 @@ fn a_motor_that_dies_on_the_way_keeps_what_was_heard() {
 fn a_radio_that_comes_back_is_asked_again() {
     let handle = Handle::default();
     let mut source = handle.source(StepperConfig::pritzl2018());
-    source.begin(BeaconId(0)).expect("a turn can always begin");
+    source.begin(&[BeaconId(0)]).expect("a turn can always begin");
     handle.with(|w| w.turning = 0.0);
     assert_eq!(source.poll(), Ok(None));
     handle.with(|w| w.radio = Health::Broken);
@@ -109,7 +109,7 @@ fn a_radio_that_comes_back_is_asked_again() {
 fn an_answer_waits_for_a_vehicle_that_fails_once() {
     let handle = Handle::default();
     let mut source = handle.source(StepperConfig::pritzl2018());
-    source.begin(BeaconId(0)).expect("a turn can always begin");
+    source.begin(&[BeaconId(0)]).expect("a turn can always begin");
     assert_eq!(source.poll(), Ok(None));
     handle.wait(0.02);
     assert_eq!(source.poll(), Ok(None));
@@ -173,7 +173,7 @@ fn a_stuck_motor_fills_one_position() {
     let handle = Handle::default();
     handle.with(|w| w.stuck_at = Some(1.0));
     let mut source = handle.source(StepperConfig::pritzl2018());
-    source.begin(BeaconId(0)).expect("a turn can always begin");
+    source.begin(&[BeaconId(0)]).expect("a turn can always begin");
     let mut positions = Vec::new();
     while positions.is_empty() {
         handle.wait(0.005);

@@ -9,7 +9,7 @@ use crate::devices::{Handle, Source};
 
 /// Polls every `tick` seconds until the sweep is there: its samples, its receiver, its time.
 fn turn(handle: &Handle, source: &mut Source, tick: f64) -> (Vec<Sample>, Pose, f64) {
-    source.begin(BeaconId(3)).expect("a turn can always begin");
+    source.begin(&[BeaconId(3)]).expect("a turn can always begin");
     for _ in 0..100_000 {
         if let Some(sweep) = source.poll().expect("the devices work") {
             assert_eq!(sweep.beacon, BeaconId(3));
@@ -25,11 +25,11 @@ fn it_keeps_the_laws_of_a_pattern_source() {
     let handle = Handle::default();
     let mut source = handle.source(StepperConfig::pritzl2018());
     for _ in 0..3 {
-        laws::pattern_source(&mut source, BeaconId(1), 20_000, || handle.wait(0.005));
+        laws::pattern_source(&mut source, &[BeaconId(1)], 20_000, || handle.wait(0.005));
     }
     // Lossy radios too; the losses cost time.
     handle.with(|w| (w.lose_every, w.nan_every) = (5, 7));
-    laws::pattern_source(&mut source, BeaconId(2), 20_000, || handle.wait(0.005));
+    laws::pattern_source(&mut source, &[BeaconId(2)], 20_000, || handle.wait(0.005));
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn turns_go_to_and_fro() {
 fn a_poll_without_time_does_nothing_more() {
     let handle = Handle::default();
     let mut source = handle.source(StepperConfig::pritzl2018());
-    source.begin(BeaconId(0)).expect("a turn can always begin");
+    source.begin(&[BeaconId(0)]).expect("a turn can always begin");
     let done = |h: &Handle| h.with(|w| (w.orders.len(), w.questions.len(), w.answers));
     for _ in 0..500 {
         let ended = source.poll().expect("the devices work").is_some();
@@ -100,7 +100,7 @@ fn devices_without_delay_make_a_turn_in_one_poll() {
     let handle = Handle::default();
     handle.with(|w| (w.latency, w.turning) = (0.0, 0.0));
     let mut source = handle.source(StepperConfig::pritzl2018());
-    source.begin(BeaconId(0)).expect("a turn can always begin");
+    source.begin(&[BeaconId(0)]).expect("a turn can always begin");
     let sweep = source.poll().expect("the devices work").expect("nothing to wait for");
     assert_eq!((sweep.samples.len(), sweep.positions), (768, 128));
 }
@@ -158,7 +158,7 @@ fn a_late_position_asks_no_more() {
 fn a_turn_given_up_leaves_nothing_and_the_next_begins_nearby() {
     let handle = Handle::default();
     let mut source = handle.source(StepperConfig::pritzl2018());
-    source.begin(BeaconId(9)).expect("a turn can always begin");
+    source.begin(&[BeaconId(9)]).expect("a turn can always begin");
     while handle.with(|w| w.orders.len()) < 100 {
         assert_eq!(source.poll(), Ok(None));
         handle.wait(0.005);
@@ -171,7 +171,7 @@ fn a_turn_given_up_leaves_nothing_and_the_next_begins_nearby() {
 fn the_receiver_is_the_mean_over_the_turn() {
     let handle = Handle::default();
     let mut source = handle.source(StepperConfig::pritzl2018());
-    source.begin(BeaconId(0)).expect("a turn can always begin");
+    source.begin(&[BeaconId(0)]).expect("a turn can always begin");
     let mut side = 1.0;
     let receiver = loop {
         // The heading swings about π: its linear mean would be 0.
@@ -187,6 +187,61 @@ fn the_receiver_is_the_mean_over_the_turn() {
     assert!(angle::distance(receiver.heading, PI) < 0.05, "heading {}", receiver.heading);
 }
 
+/// Polls to the end of a turn for several beacons: what was heard of each.
+fn shared(handle: &Handle, source: &mut Source, beacons: &[BeaconId]) -> Vec<Vec<Sample>> {
+    source.begin(beacons).expect("a turn can always begin");
+    let mut heard = Vec::new();
+    for _ in 0..100_000 {
+        while let Some(sweep) = source.poll().expect("the devices work") {
+            assert_eq!(sweep.beacon, beacons[heard.len()]);
+            heard.push(sweep.samples.to_vec());
+        }
+        if heard.len() == beacons.len() {
+            return heard;
+        }
+        assert!(heard.is_empty(), "all sweeps are lent when the turn is over");
+        handle.wait(0.005);
+    }
+    panic!("the turn does not end");
+}
+
+#[test]
+fn every_position_asks_every_beacon() {
+    let handle = Handle::default();
+    let mut source = handle.source(StepperConfig::pritzl2018());
+    let beacons = [BeaconId(4), BeaconId(0)];
+    laws::pattern_source(&mut source, &beacons, 20_000, || handle.wait(0.005));
+    handle.with(|w| (w.orders.clear(), w.questions.clear()));
+    for heard in shared(&handle, &mut source, &beacons) {
+        assert_eq!(heard.len(), 768);
+        assert!((0_u16..).zip(&heard).all(|(i, sample)| sample.position == 127 - i / 6));
+    }
+    handle.with(|w| {
+        assert_eq!(w.orders.len(), 128, "one turn serves both");
+        for at_a_position in w.questions.chunks(12) {
+            assert!(at_a_position[..6].iter().all(|q| q.0 == beacons[0]));
+            assert!(at_a_position[6..].iter().all(|q| q.0 == beacons[1]));
+        }
+    });
+}
+
+#[test]
+fn a_beacon_that_is_mute_costs_the_other_time_alone() {
+    for (mute, other) in [(0, 1), (1, 0)] {
+        let handle = Handle::default();
+        handle.with(|w| w.mute = Some(BeaconId(u16::from(mute == 1))));
+        let config = StepperConfig::pritzl2018();
+        let mut source = handle.source(config);
+        let begun = handle.with(|w| w.now);
+        let heard = shared(&handle, &mut source, &[BeaconId(0), BeaconId(1)]);
+        assert_eq!((heard[mute].len(), heard[other].len()), (0, 768));
+        let longest = config.longest_turn(2);
+        assert!((longest - 104.0).abs() < 1e-12, "2 s and 255 times 0.4 s: {longest}");
+        let seconds = handle.with(|w| w.now) - begun;
+        assert!(seconds < longest, "{seconds} s");
+    }
+}
+
 #[test]
 fn settings_are_checked() {
     let config = StepperConfig::pritzl2018();
@@ -195,7 +250,7 @@ fn settings_are_checked() {
     assert!(config.with_timeouts(1.0, f64::NAN).is_err());
     assert!(config.with_mount_offset(f64::INFINITY).is_err());
     // 2 s and 127 times 0.4 s.
-    assert!((config.longest_turn() - 52.8).abs() < 1e-12);
+    assert!((config.longest_turn(1) - 52.8).abs() < 1e-12);
 }
 
 /// Of every five questions one has no answer. It ends its position, so that none has two of them.
@@ -207,7 +262,7 @@ fn questions_without_an_answer_are_told() {
     let mut source = handle.source(config);
     handle.with(|w| w.lose_every = 5);
     for _ in 0..2 {
-        source.begin(BeaconId(0)).expect("a turn can always begin");
+        source.begin(&[BeaconId(0)]).expect("a turn can always begin");
         let (unheard, heard) = loop {
             handle.wait(0.005);
             if let Some(sweep) = source.poll().expect("the devices work") {

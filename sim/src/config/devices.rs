@@ -3,30 +3,6 @@ use serde::{Deserialize, Serialize};
 use super::check::{not_negative, positive};
 use crate::SimError;
 
-/// How every drone flies: straight to its goal at constant speed, its nose where it was.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct VehicleConfig {
-    /// The most it moves over ground, in metres per second.
-    pub speed_mps: f64,
-    /// The most it climbs or sinks, in metres per second.
-    pub climb_mps: f64,
-}
-
-impl Default for VehicleConfig {
-    /// 2 m/s over ground, 1 m/s up and down.
-    fn default() -> Self {
-        Self { speed_mps: 2.0, climb_mps: 1.0 }
-    }
-}
-
-impl VehicleConfig {
-    pub(super) fn check(&self) -> Result<(), SimError> {
-        positive("vehicle.speed_mps", self.speed_mps)?;
-        positive("vehicle.climb_mps", self.climb_mps)
-    }
-}
-
 /// How quick every drone's antenna and radio are.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

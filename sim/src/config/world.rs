@@ -1,7 +1,8 @@
+use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    ChannelConfig, SimStepperConfig, VehicleConfig,
+    BeaconCourse, ChannelConfig, SimStepperConfig, VehicleConfig,
     check::{finite, not_negative},
 };
 use crate::SimError;
@@ -28,8 +29,10 @@ pub struct WorldConfig {
     pub stepper: SimStepperConfig,
 }
 
-/// A transmitter that answers when it is asked, and stays where it is.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A transmitter that answers when it is asked.
+///
+/// By default it is at the origin, without a name, and stays there.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BeaconConfig {
     /// What people call it.
@@ -41,6 +44,19 @@ pub struct BeaconConfig {
     /// Height in metres; 0, on the ground, unless given.
     #[serde(default)]
     pub up_m: f64,
+    /// How it moves; it stays where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub course: Option<BeaconCourse>,
+}
+
+impl BeaconConfig {
+    /// Where it is after `time` seconds: East, North and Up in metres.
+    #[must_use]
+    pub fn place_at(&self, time: f64) -> Vector3<f64> {
+        let start = Vector2::new(self.east_m, self.north_m);
+        let place = self.course.as_ref().map_or(start, |course| course.place_at(start, time));
+        place.push(self.up_m)
+    }
 }
 
 /// A drone at the beginning.
@@ -56,8 +72,8 @@ pub struct DroneConfig {
     /// Height in metres; 0 unless given.
     #[serde(default)]
     pub up_m: f64,
-    /// Where the nose points, in degrees counter-clockwise from East, all the time; 0 unless
-    /// given.
+    /// Where the nose points, in degrees counter-clockwise from East, until it is told to turn; 0
+    /// unless given.
     #[serde(default)]
     pub heading_deg_ccw_from_east: f64,
     /// From this second on its radio hears nothing, and it flies all the same; 0 for a drone that
@@ -72,6 +88,9 @@ impl WorldConfig {
             finite(format_args!("beacons[{i}].east_m"), beacon.east_m)?;
             finite(format_args!("beacons[{i}].north_m"), beacon.north_m)?;
             finite(format_args!("beacons[{i}].up_m"), beacon.up_m)?;
+            if let Some(course) = &beacon.course {
+                course.check(i)?;
+            }
         }
         for (i, drone) in self.drones.iter().enumerate() {
             finite(format_args!("drones[{i}].east_m"), drone.east_m)?;

@@ -15,7 +15,13 @@ pub use vehicle::SimVehicle;
 
 pub(crate) use on_board::OnBoard;
 
-use foxhunt_sensors::StepperSource;
+use foxhunt_sensors::{BodySource, OmnidirectionalSource, StepperSource};
 
 /// A stepped antenna under a simulated drone.
 pub type SimStepper = StepperSource<SimRadio, SimRotator, SimVehicle, SimClock>;
+
+/// A simulated drone that turns as a whole, with its antenna.
+pub type SimBody = BodySource<SimRadio, SimVehicle, SimClock>;
+
+/// A simulated drone whose antenna has no direction.
+pub type SimOmnidirectional = OmnidirectionalSource<SimRadio, SimVehicle, SimClock>;

@@ -1,9 +1,9 @@
-use foxhunt_core::{Pose, Vehicle, Waypoint};
+use foxhunt_core::{Pose, Spinner, Vehicle, Waypoint};
 
 use super::OnBoard;
 use crate::SimError;
 
-/// A simulated drone as a vehicle: straight to its goal at constant speed.
+/// A simulated drone as a vehicle, which can turn while it flies.
 #[derive(Clone, Debug)]
 pub struct SimVehicle(pub(crate) OnBoard);
 
@@ -19,5 +19,14 @@ impl Vehicle for SimVehicle {
     /// [`SimError::Goal`] for a goal that is not finite; the older goal stays then.
     fn go_to(&mut self, goal: &Waypoint) -> Result<(), SimError> {
         self.0.with(|drone, _| drone.body.go_to(goal.position))
+    }
+}
+
+impl Spinner for SimVehicle {
+    /// # Errors
+    ///
+    /// [`SimError::SpinRate`] for a rate that is not finite; it goes on as before then.
+    fn spin(&mut self, rate: Option<f64>) -> Result<(), SimError> {
+        self.0.with(|drone, _| drone.body.spin(rate))
     }
 }

@@ -1,25 +1,39 @@
-use foxhunt_core::Pose;
+use foxhunt_core::{Pose, angle};
 use nalgebra::Vector3;
 
-use crate::{SimError, VehicleConfig};
+use crate::{KinematicConfig, SimError};
 
 /// A body that goes straight to its goal at constant speed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kinematics {
-    limits: VehicleConfig,
+    limits: KinematicConfig,
     pose: Pose,
+    /// Not wrapped.
+    heading: f64,
+    /// How fast it turns, in radians per second.
+    rate: f64,
     goal: Vector3<f64>,
     path_length: f64,
 }
 
 impl Kinematics {
     /// A body that stays at `pose` until it is sent elsewhere.
-    pub(super) fn new(limits: VehicleConfig, pose: Pose) -> Self {
-        Self { limits, pose, goal: pose.position, path_length: 0.0 }
+    pub(super) fn new(limits: KinematicConfig, pose: Pose) -> Self {
+        let (goal, heading) = (pose.position, pose.heading);
+        Self { limits, pose, heading, rate: 0.0, goal, path_length: 0.0 }
     }
 
     pub(crate) fn pose(&self) -> Pose {
         self.pose
+    }
+
+    /// Where its nose points, a turn more being 2π more.
+    pub(super) fn heading(&self) -> f64 {
+        self.heading
+    }
+
+    pub(super) fn spin(&mut self, rate: f64) {
+        self.rate = rate;
     }
 
     /// Metres flown so far.
@@ -38,6 +52,10 @@ impl Kinematics {
 
     /// Moves for `dt` seconds.
     pub(super) fn advance(&mut self, dt: f64) {
+        if self.rate.abs() > 0.0 {
+            self.heading += self.rate * dt;
+            self.pose.heading = angle::wrap(self.heading);
+        }
         if self.pose.position == self.goal {
             return;
         }
@@ -61,7 +79,7 @@ mod tests {
     use super::*;
 
     fn body() -> Kinematics {
-        let limits = VehicleConfig { speed_mps: 2.0, climb_mps: 0.5 };
+        let limits = KinematicConfig { speed_mps: 2.0, climb_mps: 0.5 };
         Kinematics::new(limits, Pose { heading: 0.7, ..Pose::at(1.0, 2.0, 3.0) })
     }
 
@@ -83,6 +101,21 @@ mod tests {
             assert_eq!(body.pose(), Pose::level(goal, 0.7));
             assert!((body.path_length() - (goal - start).norm()).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn it_turns_while_it_flies_and_holds_its_nose_after() {
+        let mut body = body();
+        body.go_to(Vector3::new(5.0, 2.0, 3.0)).expect("a place");
+        body.spin(-2.0);
+        body.advance(1.0);
+        body.advance(1.0);
+        assert!((body.heading() - (0.7 - 4.0)).abs() < 1e-12);
+        assert!((body.pose().heading - angle::wrap(0.7 - 4.0)).abs() < 1e-12);
+        assert_eq!(body.pose().position, Vector3::new(5.0, 2.0, 3.0));
+        body.spin(0.0);
+        body.advance(1.0);
+        assert!((body.heading() - (0.7 - 4.0)).abs() < 1e-12);
     }
 
     #[test]

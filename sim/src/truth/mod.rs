@@ -1,10 +1,13 @@
 //! What is true: the state of a world that its devices share.
 
+mod body;
 mod channel;
 mod course;
 mod drone;
 mod kinematics;
+mod path;
 mod receiver;
+mod shadowing;
 mod streams;
 mod turntable;
 
@@ -12,7 +15,7 @@ pub(crate) use channel::Channel;
 pub(crate) use drone::Drone;
 pub(crate) use streams::Streams;
 
-use nalgebra::Vector3;
+use crate::BeaconConfig;
 
 /// A world's state.
 #[derive(Debug)]
@@ -20,7 +23,7 @@ pub(crate) struct Truth {
     /// Seconds since the beginning.
     pub(crate) time: f64,
     pub(crate) channel: Channel,
-    pub(crate) beacons: Vec<Vector3<f64>>,
+    pub(crate) beacons: Vec<BeaconConfig>,
     pub(crate) drones: Vec<Drone>,
 }
 

@@ -9,6 +9,7 @@ pub(crate) struct Streams {
     pub(super) pattern: Xoshiro256PlusPlus,
     pub(super) sample: Xoshiro256PlusPlus,
     pub(super) loss: Xoshiro256PlusPlus,
+    pub(super) gust: Xoshiro256PlusPlus,
 }
 
 impl Streams {
@@ -16,6 +17,6 @@ impl Streams {
     /// the streams before it as they are.
     pub(crate) fn fork(root: &mut Xoshiro256PlusPlus) -> Self {
         let mut own = root.fork();
-        Self { pattern: own.fork(), sample: own.fork(), loss: own.fork() }
+        Self { pattern: own.fork(), sample: own.fork(), loss: own.fork(), gust: own.fork() }
     }
 }

@@ -1,18 +1,24 @@
-use foxhunt_sensors::{AntennaConfig, GainRow, LogDistance};
+use foxhunt_sensors::{AntennaConfig, GainRow, LogDistance, Polarisation};
 use foxhunt_sim::{
-    ChannelConfig, DroneConfig, SimError, SimStepperConfig, VehicleConfig, World, WorldConfig,
+    BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, KinematicConfig, PathLossConfig,
+    QuadrotorConfig, ShadowingConfig, SimError, SimStepperConfig, TwoRayConfig, VehicleConfig,
+    WindConfig, World, WorldConfig,
 };
 
-use crate::rig::{beacon, config, omnidirectional};
+use crate::rig::{beacon, config, omnidirectional, reflector};
 
 type Change = fn(&mut WorldConfig, f64);
+
+fn kinematic(speed_mps: f64, climb_mps: f64) -> VehicleConfig {
+    VehicleConfig::Kinematic(KinematicConfig { speed_mps, climb_mps })
+}
 
 #[test]
 fn a_number_out_of_range_is_refused_by_name() {
     let anything = [f64::NAN, f64::INFINITY];
     let not_negative = [f64::NAN, f64::INFINITY, -1.0];
     let positive = [f64::NAN, f64::INFINITY, -1.0, 0.0].as_slice();
-    let cases: [(&str, &[f64], Change); 16] = [
+    let cases: [(&str, &[f64], Change); 23] = [
         ("beacons[1].east_m", &anything, |c, v| c.beacons[1].east_m = v),
         ("beacons[1].north_m", &anything, |c, v| c.beacons[1].north_m = v),
         ("beacons[0].up_m", &anything, |c, v| c.beacons[0].up_m = v),
@@ -26,10 +32,31 @@ fn a_number_out_of_range_is_refused_by_name() {
         ("channel.pattern_sigma_db", &not_negative, |c, v| c.channel.pattern_sigma_db = v),
         ("channel.sample_sigma_db", &not_negative, |c, v| c.channel.sample_sigma_db = v),
         ("channel.bearing_sigma_deg", &not_negative, |c, v| c.channel.bearing_sigma_deg = v),
+        ("channel.frequency_mhz", positive, |c, v| c.channel.frequency_mhz = v),
+        ("channel.shadowing.sigma_db", &not_negative, |c, v| {
+            c.channel.shadowing = Some(ShadowingConfig { sigma_db: v, correlation_m: 20.0 });
+        }),
+        ("channel.shadowing.correlation_m", positive, |c, v| {
+            c.channel.shadowing = Some(ShadowingConfig { sigma_db: 4.0, correlation_m: v });
+        }),
+        ("channel.reflectors[1].amplitude", &not_negative, |c, v| {
+            c.channel.reflectors = vec![reflector(0.5), reflector(v)];
+        }),
         ("channel.floor_dbm", &anything, |c, v| c.channel.floor_dbm = Some(v)),
         ("channel.loss_probability", &[f64::NAN, -0.1, 1.1], |c, v| c.channel.loss_probability = v),
-        ("vehicle.speed_mps", positive, |c, v| c.vehicle.speed_mps = v),
-        ("vehicle.climb_mps", positive, |c, v| c.vehicle.climb_mps = v),
+        ("vehicle.speed_mps", positive, |c, v| c.vehicle = kinematic(v, 1.0)),
+        ("vehicle.climb_mps", positive, |c, v| c.vehicle = kinematic(1.0, v)),
+        ("vehicle.drag_per_s", &not_negative, |c, v| {
+            let quadrotor = QuadrotorConfig { drag_per_s: v, ..QuadrotorConfig::default() };
+            c.vehicle = VehicleConfig::Quadrotor(quadrotor);
+        }),
+        ("beacons[1].course.radius_m", positive, |c, v| {
+            c.beacons[1].course = Some(BeaconCourse::Circle { radius_m: v, period_s: 10.0 });
+        }),
+        ("beacons[1].course.places_m", &anything, |c, v| {
+            let places_m = vec![[1.0, 2.0], [3.0, v]];
+            c.beacons[1].course = Some(BeaconCourse::Round { places_m, speed_mps: 1.0 });
+        }),
         ("stepper.rotator_speed_rad_s", positive, |c, v| c.stepper.rotator_speed_rad_s = v),
     ];
     for (name, values, change) in cases {
@@ -57,7 +84,7 @@ fn a_table_that_is_none_is_refused_by_its_row() {
         GainRow { angle_deg: 180.0, gain_db: -9.0 },
     ]);
     let error = World::new(&config, 1).expect_err("a gain is NaN").to_string();
-    assert!(error.starts_with("channel.antenna.table: row 1"), "{error}");
+    assert!(error.starts_with("channel.antenna: row 1"), "{error}");
 }
 
 #[test]
@@ -72,7 +99,10 @@ fn a_world_comes_back_from_a_file_as_it_went() {
             silent_after_s: Some(5.0),
         }],
         channel: ChannelConfig {
-            path_loss: LogDistance::pritzl2018_urban(),
+            path_loss: LogDistance::pritzl2018_urban().into(),
+            frequency_mhz: 868.0,
+            shadowing: Some(ShadowingConfig { sigma_db: 6.0, correlation_m: 20.0 }),
+            reflectors: vec![reflector(0.5)],
             antenna: omnidirectional(),
             pattern_sigma_db: 1.0,
             sample_sigma_db: 0.5,
@@ -81,10 +111,20 @@ fn a_world_comes_back_from_a_file_as_it_went() {
             floor_dbm: Some(-100.0),
             loss_probability: 0.1,
         },
-        vehicle: VehicleConfig { speed_mps: 5.0, climb_mps: 3.0 },
+        vehicle: kinematic(5.0, 3.0),
         stepper: SimStepperConfig { rotator_speed_rad_s: 1.5, radio_latency_s: 0.05 },
     };
-    for config in [full, WorldConfig::default()] {
+    let circle = BeaconCourse::Circle { radius_m: 2.0, period_s: 60.0 };
+    let round = BeaconCourse::Round { places_m: vec![[1.0, 2.0]], speed_mps: 0.5 };
+    let moving = |course| BeaconConfig { course: Some(course), ..beacon(1.0, 2.0, 0.0) };
+    let wind = WindConfig { east_mps: 3.0, gust_sigma_mps: 1.0, ..WindConfig::default() };
+    let quadrotor = QuadrotorConfig { speed_mps: 1.5, wind, ..QuadrotorConfig::default() };
+    let flying = WorldConfig {
+        beacons: vec![moving(circle), moving(round)],
+        vehicle: VehicleConfig::Quadrotor(quadrotor),
+        ..WorldConfig::default()
+    };
+    for config in [full, flying, WorldConfig::default()] {
         let text = serde_json::to_string(&config).expect("plain fields");
         assert_eq!(serde_json::from_str::<WorldConfig>(&text).expect(&text), config);
     }
@@ -122,6 +162,47 @@ fn the_default_channel_is_that_of_the_reference() {
 }
 
 #[test]
+fn every_law_of_propagation_comes_from_a_file() {
+    let read = |text: &str| serde_json::from_str::<PathLossConfig>(text);
+    let two_ray = TwoRayConfig {
+        permittivity: 4.0,
+        polarisation: Polarisation::Horizontal,
+        ..TwoRayConfig::new(13.0)
+    };
+    for (text, law) in [
+        (r#"{"reference_dbm":-30.0,"exponent":2.5}"#, LogDistance::new(-30.0, 2.5).map(Into::into)),
+        (r#"{"law":"friis","power_dbm":13.0}"#, Ok(PathLossConfig::Friis { power_dbm: 13.0 })),
+        (
+            r#"{"law":"two-ray","power_dbm":13.0,"permittivity":4.0,"polarisation":"horizontal","least_height_m":0.1}"#,
+            Ok(PathLossConfig::TwoRay(two_ray)),
+        ),
+    ] {
+        let law = law.expect("in range");
+        assert_eq!(read(text).expect(text), law);
+        assert_eq!(serde_json::to_string(&law).expect("plain fields"), text);
+    }
+    for (text, told) in [
+        (r#"{"exponent":2.5}"#, "reference_dbm is missing for the law log-distance"),
+        (r#"{"law":"two-ray"}"#, "power_dbm is missing for the law two-ray"),
+        (r#"{"law":"friis","power_dbm":1,"exponent":2}"#, "friis does not use exponent"),
+        (r#"{"law":"okumura"}"#, "okumura"),
+        (r#"{"law":"friis","power":1}"#, "`power`"),
+    ] {
+        let error = read(text).expect_err(text).to_string();
+        assert!(error.contains(told), "{error}");
+    }
+    let refused = |path_loss| {
+        let channel = ChannelConfig { path_loss, ..ChannelConfig::default() };
+        World::new(&config(channel), 1).expect_err("out of range").to_string()
+    };
+    let dry = TwoRayConfig { permittivity: 0.5, ..two_ray };
+    assert!(refused(PathLossConfig::TwoRay(dry)).starts_with("channel.path_loss: permittivity"));
+    let flat = TwoRayConfig { least_height_m: -1.0, ..two_ray };
+    assert!(refused(PathLossConfig::TwoRay(flat)).contains("height"));
+    assert!(refused(PathLossConfig::Friis { power_dbm: f64::NAN }).contains("power_dbm"));
+}
+
+#[test]
 fn a_typo_is_named() {
     let whole = r#"{ "beacons": [{ "name": "fox", "east_m": 1, "north_m": 2 }],
         "drones": [{ "east_m": 3, "north_m": 4 }],
@@ -148,4 +229,48 @@ fn a_typo_is_named() {
     let negative = whole.replace("\"exponent\": 2", "\"exponent\": -2");
     let error = serde_json::from_str::<WorldConfig>(&negative).expect_err("negative").to_string();
     assert!(error.contains("exponent is -2"), "{error}");
+}
+
+#[test]
+fn a_vehicle_is_of_the_kind_that_its_file_says() {
+    let read = |text: &str| serde_json::from_str::<VehicleConfig>(text);
+    let told = |text: &str| read(text).expect_err(text).to_string();
+    assert_eq!(read(r#"{ "speed_mps": 3 }"#).expect("as before"), kinematic(3.0, 1.0));
+    let slow = QuadrotorConfig { speed_mps: 0.5, ..QuadrotorConfig::default() };
+    let text = r#"{ "kind": "quadrotor", "speed_mps": 0.5 }"#;
+    assert_eq!(read(text).expect("a quadrotor"), VehicleConfig::Quadrotor(slow));
+    assert!(told(r#"{ "kind": "kinematic", "wind": {} }"#).starts_with("wind is of a vehicle"));
+    assert!(told(r#"{ "kind": "quadrotor", "wnd": {} }"#).contains("wnd"));
+    assert!(told(r#"{ "kind": "balloon" }"#).contains("balloon"));
+}
+
+#[test]
+fn beacons_go_where_their_course_says() {
+    let at = |course: BeaconCourse, time: f64| {
+        let beacon = BeaconConfig { course: Some(course), ..beacon(5.0, 2.0, 1.0) };
+        let mut config = config(ChannelConfig::default());
+        config.beacons = vec![beacon.clone()];
+        let world = World::new(&config, 1).expect("in order");
+        world.advance(time).expect("a step");
+        let place = world.truth(foxhunt_core::BeaconId(0)).expect("it exists");
+        assert_eq!(place, beacon.place_at(time));
+        (place.x, place.y, place.z)
+    };
+    let near = |a: (f64, f64, f64), b: (f64, f64, f64)| {
+        (a.0 - b.0).abs() + (a.1 - b.1).abs() + (a.2 - b.2).abs() < 1e-9
+    };
+    let circle = || BeaconCourse::Circle { radius_m: 3.0, period_s: 40.0 };
+    for (time, place) in [(0.0, (5.0, 2.0)), (10.0, (2.0, 5.0)), (20.0, (-1.0, 2.0))] {
+        assert!(near(at(circle(), time), (place.0, place.1, 1.0)), "after {time} s");
+    }
+    // 6 m, 8 m and 10 m back, at 2 m/s.
+    let round =
+        || BeaconCourse::Round { places_m: vec![[11.0, 2.0], [11.0, 10.0]], speed_mps: 2.0 };
+    for (time, place) in
+        [(1.5, (8.0, 2.0)), (5.0, (11.0, 6.0)), (9.5, (8.0, 6.0)), (13.5, (8.0, 2.0))]
+    {
+        assert!(near(at(round(), time), (place.0, place.1, 1.0)), "after {time} s");
+    }
+    let nowhere = BeaconCourse::Round { places_m: Vec::new(), speed_mps: 2.0 };
+    assert!(near(at(nowhere, 7.0), (5.0, 2.0, 1.0)));
 }

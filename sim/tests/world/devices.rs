@@ -1,5 +1,7 @@
 use foxhunt_core::{BeaconId, Clock, Fleet, Pose, Radio, Rotator, Station, Vehicle, Waypoint};
-use foxhunt_sim::{ChannelConfig, DroneConfig, SimError, VehicleConfig, World, WorldConfig};
+use foxhunt_sim::{
+    ChannelConfig, DroneConfig, KinematicConfig, SimError, VehicleConfig, World, WorldConfig,
+};
 use nalgebra::Vector3;
 
 use crate::rig::{config, omnidirectional, quiet};
@@ -80,7 +82,8 @@ fn the_antenna_takes_its_time() {
 #[test]
 fn the_fleet_arrives_in_the_time_that_distance_and_speed_say() {
     let world = world(|config| {
-        config.vehicle = VehicleConfig { speed_mps: 2.5, climb_mps: 1.0 };
+        config.vehicle =
+            VehicleConfig::Kinematic(KinematicConfig { speed_mps: 2.5, climb_mps: 1.0 });
         config.drones =
             vec![DroneConfig::default(), DroneConfig { east_m: 9.0, ..DroneConfig::default() }];
     });

@@ -4,6 +4,7 @@
 //! channel leaves once in 1.7 million seeds. The seeds are fixed, so a test passes or fails for
 //! good.
 
+mod body;
 mod channel;
 mod config;
 mod devices;

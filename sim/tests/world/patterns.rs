@@ -58,12 +58,15 @@ fn a_turn_that_is_begun_again_is_another_pattern() {
 }
 
 #[test]
-fn another_beacon_is_another_pattern() {
+fn beacons_that_share_a_turn_have_a_pattern_each() {
     let mut rig = rig();
     let before = offset(&mut rig);
     assert!(same(offset(&mut rig), before));
-    rig.hear(1);
-    assert!(!same(offset(&mut rig), before));
+    // The other beacon is 5 m away.
+    let other = |rig: &mut Rig| rig.hear(1) + 29.06 + 27.65 * 5.0_f64.log10();
+    let second = other(&mut rig);
+    assert!(!same(second, before));
+    assert!(same(offset(&mut rig), before) && same(other(&mut rig), second));
 }
 
 #[test]

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use foxhunt_core::{BeaconId, Radio, Rotator, Vehicle, Waypoint};
 use foxhunt_sensors::{AntennaConfig, GainRow};
 use foxhunt_sim::{
-    BeaconConfig, ChannelConfig, DroneConfig, SimRadio, SimRotator, SimStepperConfig, SimVehicle,
-    VehicleConfig, World, WorldConfig,
+    BeaconConfig, ChannelConfig, DroneConfig, KinematicConfig, ReflectorConfig, SimRadio,
+    SimRotator, SimStepperConfig, SimVehicle, VehicleConfig, World, WorldConfig,
 };
 use nalgebra::Vector3;
 
@@ -14,7 +14,7 @@ pub(crate) const POSITIONS: u16 = 128;
 
 /// A beacon at a place.
 pub(crate) fn beacon(east_m: f64, north_m: f64, up_m: f64) -> BeaconConfig {
-    BeaconConfig { name: "fox".to_owned(), east_m, north_m, up_m }
+    BeaconConfig { name: "fox".to_owned(), east_m, north_m, up_m, ..BeaconConfig::default() }
 }
 
 /// A channel in which nothing is random.
@@ -33,6 +33,11 @@ pub(crate) fn omnidirectional() -> AntennaConfig {
     AntennaConfig::Table(vec![row(0.0), row(120.0), row(240.0)])
 }
 
+/// Something 20 m to the West that reflects with this amplitude.
+pub(crate) fn reflector(amplitude: f64) -> ReflectorConfig {
+    ReflectorConfig { east_m: -20.0, north_m: 0.0, up_m: 0.0, amplitude, phase_deg: 180.0 }
+}
+
 /// One drone at the origin, a beacon at (30, 40, 0), and another one elsewhere; devices that take
 /// no time worth mentioning.
 pub(crate) fn config(channel: ChannelConfig) -> WorldConfig {
@@ -40,7 +45,7 @@ pub(crate) fn config(channel: ChannelConfig) -> WorldConfig {
         beacons: vec![beacon(30.0, 40.0, 0.0), beacon(-5.0, 0.0, 0.0)],
         drones: vec![DroneConfig::default()],
         channel,
-        vehicle: VehicleConfig { speed_mps: 1e6, climb_mps: 1e6 },
+        vehicle: VehicleConfig::Kinematic(KinematicConfig { speed_mps: 1e6, climb_mps: 1e6 }),
         stepper: SimStepperConfig { rotator_speed_rad_s: 1e6, radio_latency_s: 0.0 },
     }
 }

@@ -14,7 +14,7 @@ fn world(channel: ChannelConfig) -> World {
 /// Polls every 10 ms until the turn ends; its samples' powers and its duration.
 fn turn(world: &World, source: &mut SimStepper) -> (Vec<f64>, f64) {
     let begin = world.time();
-    source.begin(BeaconId(0)).expect("it begins");
+    source.begin(&[BeaconId(0)]).expect("it begins");
     for _ in 0..10_000 {
         world.advance(0.01).expect("a step");
         if let Some(sweep) = source.poll().expect("nothing fails") {
@@ -30,7 +30,7 @@ fn it_keeps_the_laws_of_a_source() {
     let world = world(ChannelConfig::default());
     let mut source = world.stepper(0, StepperConfig::pritzl2018()).expect("it exists");
     for _ in 0..3 {
-        laws::pattern_source(&mut source, BeaconId(1), 6000, || {
+        laws::pattern_source(&mut source, &[BeaconId(1)], 6000, || {
             world.advance(0.01).expect("a step");
         });
     }
@@ -61,7 +61,7 @@ fn every_turn_is_one_pattern() {
         assert!(heard.iter().all(|rss| (rss - heard[0]).abs() < 1e-9), "the offset changed");
         levels.push(heard[0]);
         // One that is given up half-way.
-        source.begin(BeaconId(0)).expect("it begins");
+        source.begin(&[BeaconId(0)]).expect("it begins");
         for _ in 0..200 {
             world.advance(0.01).expect("a step");
             assert!(source.poll().expect("nothing fails").is_none());
@@ -77,7 +77,7 @@ fn a_silent_drones_turn_ends_by_its_time_outs_with_nothing() {
     config.drones[0].silent_after_s = Some(0.0);
     let world = World::new(&config, 11).expect("the configuration is in order");
     let mut source = world.stepper(0, StepperConfig::pritzl2018()).expect("it exists");
-    let longest = StepperConfig::pritzl2018().longest_turn();
+    let longest = StepperConfig::pritzl2018().longest_turn(1);
     for _ in 0..2 {
         let (heard, duration) = turn(&world, &mut source);
         assert!(heard.is_empty());

@@ -1,0 +1,103 @@
+use core::f64::consts::{FRAC_PI_2, TAU};
+
+use crate::{
+    ParameterError,
+    parameter::{finite, not_negative, positive, require, require_count},
+    questions::Manner,
+};
+
+/// How a body turns an antenna that is fixed to it, and asks beacons all the while.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct BodyConfig {
+    /// How fast it turns, in radians per second; counter-clockwise seen from above where positive.
+    pub rate_rad_s: f64,
+    /// It goes on turning between turns, also while it flies elsewhere; otherwise it holds its
+    /// heading then.
+    pub keeps_turning: bool,
+    /// How many positions the samples are sorted into; each keeps its own boresight, too.
+    pub positions: u16,
+    /// From one question to the next, at least, in seconds.
+    pub spacing_s: f64,
+    /// A question without an answer after this long, in seconds, is given up.
+    pub answer_timeout_s: f64,
+    /// A turn that has not come round after this long, in seconds, ends with what it has.
+    pub turn_timeout_s: f64,
+    /// Where the antenna looks, in radians counter-clockwise of the nose.
+    pub mount_offset_rad: f64,
+    /// When between question (0) and answer (1) the radio measured the power.
+    pub measured_at: f64,
+    /// The receiver's weakest reading in dBm, where that is known.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub floor_dbm: Option<f64>,
+}
+
+/// That of [`isaacs2014`](BodyConfig::isaacs2014).
+impl Default for BodyConfig {
+    fn default() -> Self {
+        Self::isaacs2014()
+    }
+}
+
+impl BodyConfig {
+    /// A steady 90° per second, in flight, too, with a question as soon as the last is settled
+    /// (Isaacs et al. 2014, §III); 128 positions, 50 ms for an answer, 12 s for a turn, which
+    /// takes 4 s; an antenna along the nose; a power that is measured at the question.
+    #[must_use]
+    pub const fn isaacs2014() -> Self {
+        Self {
+            rate_rad_s: FRAC_PI_2,
+            keeps_turning: true,
+            positions: 128,
+            spacing_s: 0.0,
+            answer_timeout_s: 0.05,
+            turn_timeout_s: 12.0,
+            mount_offset_rad: 0.0,
+            measured_at: 0.0,
+            floor_dbm: None,
+        }
+    }
+
+    /// A turn in 12.8 s with a question every 0.2 s, which are 64 headings, sorted into 128
+    /// positions; the heading is held in between (Pritzl 2018, §5.1). 40 s for a turn.
+    #[must_use]
+    pub const fn pritzl2018() -> Self {
+        Self {
+            rate_rad_s: TAU / 12.8,
+            keeps_turning: false,
+            spacing_s: 0.2,
+            answer_timeout_s: 0.15,
+            turn_timeout_s: 40.0,
+            ..Self::isaacs2014()
+        }
+    }
+
+    /// Whether every number can be what it is.
+    ///
+    /// # Errors
+    ///
+    /// [`ParameterError`] names the first that cannot.
+    pub fn check(&self) -> Result<(), ParameterError> {
+        let turns = self.rate_rad_s.is_finite() && self.rate_rad_s.abs() > 0.0;
+        require(turns, "rate_rad_s", self.rate_rad_s, "finite and not zero")?;
+        require_count(self.positions > 0, "positions", self.positions, "at least 1")?;
+        not_negative("spacing_s", self.spacing_s)?;
+        positive("answer_timeout_s", self.answer_timeout_s)?;
+        positive("turn_timeout_s", self.turn_timeout_s)?;
+        finite("mount_offset_rad", self.mount_offset_rad)?;
+        let share = (0.0..=1.0).contains(&self.measured_at);
+        require(share, "measured_at", self.measured_at, "from 0 to 1")?;
+        self.floor_dbm.map_or(Ok(()), |floor| finite("floor_dbm", floor).map(|_| ()))
+    }
+
+    pub(super) fn manner(&self) -> Manner {
+        Manner {
+            spacing: self.spacing_s,
+            answer_timeout: self.answer_timeout_s,
+            measured_at: self.measured_at,
+            mount_offset: self.mount_offset_rad,
+            positions: self.positions,
+        }
+    }
+}

@@ -1,0 +1,21 @@
+/// What went wrong with a turn of the whole body.
+///
+/// The source may be polled again; nothing that it has collected is lost.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BodyError<R, V> {
+    /// The radio failed.
+    #[error("the radio failed: {0}")]
+    Radio(#[source] R),
+    /// The aircraft failed that says where the antenna is, and turns it.
+    #[error("the vehicle failed: {0}")]
+    Vehicle(#[source] V),
+    /// The body did not come round in the turn's time. What was heard is lent all the same.
+    #[error("the body turned by {turned:.3} rad in {seconds:.1} s and not all the way round")]
+    NotAround {
+        /// How far it turned, by its own heading, in radians.
+        turned: f64,
+        /// The time that it had, in seconds.
+        seconds: f64,
+    },
+}

@@ -1,0 +1,207 @@
+use core::f64::consts::TAU;
+
+use foxhunt_core::{BeaconId, Clock, PatternSource, Pose, Radio, Spinner, Sweep, angle};
+
+use super::{BodyConfig, BodyError};
+use crate::{ParameterError, heard_turn::HeardTurn, questions::Questions};
+
+/// A directional antenna that is fixed to an aircraft, which turns as a whole (Pritzl 2018, §5.1;
+/// Isaacs et al. 2014, §III).
+///
+/// Answers come at whatever rate and heading they come, while the body drifts or flies: every
+/// sample has the time, the pose and the boresight that its power was measured at. Several beacons
+/// are asked one after the other, question by question. A turn ends when the *measured* heading
+/// has gone all the way round, or its time is up; it keeps what it has, and tells of a body that
+/// did not [come round](BodyError::NotAround).
+///
+/// Poll it often enough to follow the heading: several times a turn, and as often as samples are
+/// wanted. A device that fails is told of at each poll and tried again at the next; time runs on.
+/// A power or a place that is not finite is [counted](Self::dropped) and not kept.
+#[derive(Debug)]
+pub struct BodySource<R, V, C> {
+    config: BodyConfig,
+    radio: R,
+    vehicle: V,
+    clock: C,
+    turn: Option<Turn>,
+    heard: HeardTurn,
+    questions: Questions,
+    /// It was told to turn, and not to stop since.
+    turning: bool,
+    last_pose: Pose,
+}
+
+/// A turn that is under way.
+#[derive(Clone, Copy, Debug)]
+struct Turn {
+    /// When it was first polled.
+    begun: Option<f64>,
+    /// The heading before, and how far it has turned since the first.
+    heading: Option<f64>,
+    turned: f64,
+    phase: Phase,
+}
+
+/// What the source does next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// Order the body to turn.
+    Spin,
+    /// Ask, and listen.
+    Listen,
+    /// The body has come round, or the time is up: order it to hold its heading, if it shall.
+    Stop,
+    /// Tell of a body that did not come round.
+    Complain,
+}
+
+type Failure<R, V> = BodyError<<R as Radio>::Error, <V as foxhunt_core::Vehicle>::Error>;
+
+impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
+    /// A source made of its devices.
+    ///
+    /// # Errors
+    ///
+    /// [`ParameterError`] names what is out of range in the configuration.
+    pub fn new(config: BodyConfig, radio: R, vehicle: V, clock: C) -> Result<Self, ParameterError> {
+        config.check()?;
+        Ok(Self {
+            config,
+            radio,
+            vehicle,
+            clock,
+            turn: None,
+            heard: HeardTurn::default(),
+            questions: Questions::default(),
+            turning: false,
+            last_pose: Pose::default(),
+        })
+    }
+
+    /// How it goes through a turn.
+    #[must_use]
+    pub fn config(&self) -> &BodyConfig {
+        &self.config
+    }
+
+    /// How many answers of this turn, or of the last one, were dropped because the power or the
+    /// place was not finite; of all its beacons together.
+    #[must_use]
+    pub fn dropped(&self) -> u32 {
+        self.questions.dropped
+    }
+
+    /// Takes every step that can be taken now; true when the turn is complete.
+    fn advance(&mut self, turn: &mut Turn) -> Result<bool, Failure<R, V>> {
+        let now = self.clock.now();
+        let begun = *turn.begun.get_or_insert(now);
+        let late = now >= begun + self.config.turn_timeout_s;
+        if late && matches!(turn.phase, Phase::Spin | Phase::Listen) {
+            self.questions.give_up(&mut self.heard, &self.config.manner());
+            turn.phase = Phase::Stop;
+        }
+        // Time is up whatever the devices say.
+        let overdue = now >= begun + self.config.turn_timeout_s + self.config.answer_timeout_s;
+        let here = match self.vehicle.pose() {
+            Ok(pose) if pose.is_finite() => {
+                turn.follow(pose.heading);
+                self.last_pose = pose;
+                Some(pose)
+            }
+            Err(error) if !late => return Err(BodyError::Vehicle(error)),
+            _ => None,
+        };
+        loop {
+            match turn.phase {
+                Phase::Spin => {
+                    let rate = Some(self.config.rate_rad_s);
+                    self.vehicle.spin(rate).map_err(BodyError::Vehicle)?;
+                    self.turning = true;
+                    turn.phase = Phase::Listen;
+                }
+                Phase::Listen => {
+                    if !self.listen(turn, now, here).map_err(BodyError::Radio)? {
+                        return Ok(false);
+                    }
+                }
+                Phase::Stop => {
+                    match self.stop() {
+                        Err(error) if !overdue => return Err(BodyError::Vehicle(error)),
+                        _ => {}
+                    }
+                    if turn.is_round() {
+                        return Ok(true);
+                    }
+                    turn.phase = Phase::Complain;
+                    let (turned, seconds) = (turn.turned, now - begun);
+                    return Err(BodyError::NotAround { turned, seconds });
+                }
+                Phase::Complain => return Ok(true),
+            }
+        }
+    }
+
+    /// Asks, or takes an answer; false while there is nothing to do but wait.
+    fn listen(&mut self, turn: &mut Turn, now: f64, here: Option<Pose>) -> Result<bool, R::Error> {
+        let (manner, radio, heard) = (self.config.manner(), &mut self.radio, &mut self.heard);
+        if self.questions.is_pending() {
+            return self.questions.listen(radio, heard, &manner, now, here);
+        }
+        if turn.is_round() {
+            turn.phase = Phase::Stop;
+            return Ok(true);
+        }
+        match here {
+            Some(here) => self.questions.ask(radio, heard, &manner, now, here),
+            None => Ok(false),
+        }
+    }
+
+    /// Holds the heading, unless it shall be turned on.
+    fn stop(&mut self) -> Result<(), V::Error> {
+        if self.turning && !self.config.keeps_turning {
+            self.vehicle.spin(None)?;
+            self.turning = false;
+        }
+        Ok(())
+    }
+}
+
+impl Turn {
+    /// Takes the next heading.
+    fn follow(&mut self, heading: f64) {
+        if let Some(before) = self.heading.replace(heading) {
+            self.turned += angle::wrap(heading - before);
+        }
+    }
+
+    /// Whether it has come all the way round, but for rounding.
+    fn is_round(&self) -> bool {
+        self.turned.abs() >= TAU - 1e-9
+    }
+}
+
+impl<R: Radio, V: Spinner, C: Clock> PatternSource for BodySource<R, V, C> {
+    type Error = Failure<R, V>;
+
+    fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Self::Error> {
+        let turn = Turn { begun: None, heading: None, turned: 0.0, phase: Phase::Spin };
+        self.turn = (!beacons.is_empty()).then_some(turn);
+        self.heard = HeardTurn::of(beacons);
+        self.questions = Questions::default();
+        if beacons.is_empty() { self.stop().map_err(BodyError::Vehicle) } else { Ok(()) }
+    }
+
+    fn poll(&mut self) -> Result<Option<Sweep<'_>>, Self::Error> {
+        if let Some(mut turn) = self.turn {
+            let outcome = self.advance(&mut turn);
+            self.turn = Some(turn);
+            if !outcome? {
+                return Ok(None);
+            }
+            self.turn = None;
+            self.heard.end(self.clock.now());
+        }
+        Ok(self.heard.lend(self.config.positions, self.config.floor_dbm, self.last_pose))
+    }
+}

@@ -1,0 +1,112 @@
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use foxhunt_core::{
+    BeaconId, Pose, Sample, Sweep, Unheard,
+    angle::{self, Resultant},
+};
+use nalgebra::Vector3;
+
+/// What a source has heard over a turn for several beacons, and which of it it has lent.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct HeardTurn {
+    beacons: Vec<Heard>,
+    /// When the turn ended, if it is over.
+    ended: Option<f64>,
+    lent: usize,
+}
+
+/// What was heard of one beacon.
+#[derive(Clone, Debug)]
+pub(crate) struct Heard {
+    pub(crate) id: BeaconId,
+    pub(crate) samples: Vec<Sample>,
+    pub(crate) unheard: Vec<Unheard>,
+}
+
+impl HeardTurn {
+    /// A turn that begins to listen for `beacons`.
+    pub(crate) fn of(beacons: &[BeaconId]) -> Self {
+        let nothing = |&id| Heard { id, samples: Vec::new(), unheard: Vec::new() };
+        Self { beacons: beacons.iter().map(nothing).collect(), ended: None, lent: 0 }
+    }
+
+    /// One of the beacons, by its place among those asked for.
+    pub(crate) fn beacon(&mut self, index: usize) -> &mut Heard {
+        &mut self.beacons[index]
+    }
+
+    /// How many there are.
+    pub(crate) fn count(&self) -> usize {
+        self.beacons.len()
+    }
+
+    /// Whether the turn is over.
+    pub(crate) fn has_ended(&self) -> bool {
+        self.ended.is_some()
+    }
+
+    /// All of them.
+    pub(crate) fn beacons_mut(&mut self) -> impl Iterator<Item = &mut Heard> {
+        self.beacons.iter_mut()
+    }
+
+    /// Whether nothing at all was heard.
+    pub(crate) fn is_silent(&self) -> bool {
+        self.beacons.iter().all(|heard| heard.samples.is_empty())
+    }
+
+    /// The turn is over: its sweeps may be lent.
+    pub(crate) fn end(&mut self, time: f64) {
+        self.ended = Some(time);
+    }
+
+    /// The next sweep of a turn that is over, each once; `fallback` is where the receiver was if
+    /// no sample says it.
+    pub(crate) fn lend(
+        &mut self,
+        positions: u16,
+        floor_dbm: Option<f64>,
+        fallback: Pose,
+    ) -> Option<Sweep<'_>> {
+        let time = self.ended?;
+        let heard = self.beacons.get(self.lent)?;
+        self.lent += 1;
+        Some(Sweep {
+            beacon: heard.id,
+            time,
+            receiver: heard.receiver().unwrap_or(fallback),
+            positions,
+            samples: &heard.samples,
+            unheard: &heard.unheard,
+            floor_dbm,
+        })
+    }
+}
+
+impl Heard {
+    /// Where the turn took place: the mean over the samples.
+    pub(crate) fn receiver(&self) -> Option<Pose> {
+        let last = self.samples.last()?;
+        let mut heading = Resultant::default();
+        let mut position = Vector3::zeros();
+        let mut count = 0.0;
+        for sample in &self.samples {
+            heading.add(sample.receiver.heading, 1.0);
+            position += sample.receiver.position;
+            count += 1.0;
+        }
+        // Headings that cancel have no mean; then the last one is as good as any.
+        let heading = heading.direction(1e-9).unwrap_or(last.receiver.heading);
+        Some(Pose::level(position / count, heading))
+    }
+}
+
+/// The position, of so many in a turn, that is nominally nearest to an angle in radians: a motor
+/// that is stuck does not fill positions it has never been to.
+pub(crate) fn nearest(angle: f64, positions: u16) -> u16 {
+    let steps = libm::round(angle::wrap(angle) / TAU * f64::from(positions));
+    #[expect(clippy::cast_possible_truncation, reason = "within a turn of at most u16::MAX steps")]
+    let steps = (steps as i32).rem_euclid(i32::from(positions));
+    u16::try_from(steps).unwrap_or(0)
+}

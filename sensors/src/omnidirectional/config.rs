@@ -1,0 +1,63 @@
+use crate::{
+    ParameterError,
+    parameter::{finite, not_negative, positive, require, require_count},
+    questions::Manner,
+};
+
+/// How many samples an omnidirectional source takes at a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct OmnidirectionalConfig {
+    /// How many questions each beacon is asked.
+    pub questions: u16,
+    /// From one question to the next, at least, in seconds.
+    pub spacing_s: f64,
+    /// A question without an answer after this long, in seconds, is given up.
+    pub answer_timeout_s: f64,
+    /// When between question (0) and answer (1) the radio measured the power.
+    pub measured_at: f64,
+    /// The receiver's weakest reading in dBm, where that is known.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub floor_dbm: Option<f64>,
+}
+
+impl Default for OmnidirectionalConfig {
+    /// 768 questions, as many as a stepped turn of the reference asks, each as soon as the last is
+    /// settled; 50 ms for an answer; a power that is measured at the question.
+    fn default() -> Self {
+        Self {
+            questions: 768,
+            spacing_s: 0.0,
+            answer_timeout_s: 0.05,
+            measured_at: 0.0,
+            floor_dbm: None,
+        }
+    }
+}
+
+impl OmnidirectionalConfig {
+    /// Whether every number can be what it is.
+    ///
+    /// # Errors
+    ///
+    /// [`ParameterError`] names the first that cannot.
+    pub fn check(&self) -> Result<(), ParameterError> {
+        require_count(self.questions > 0, "questions", self.questions, "at least 1")?;
+        not_negative("spacing_s", self.spacing_s)?;
+        positive("answer_timeout_s", self.answer_timeout_s)?;
+        let share = (0.0..=1.0).contains(&self.measured_at);
+        require(share, "measured_at", self.measured_at, "from 0 to 1")?;
+        self.floor_dbm.map_or(Ok(()), |floor| finite("floor_dbm", floor).map(|_| ()))
+    }
+
+    pub(super) fn manner(&self) -> Manner {
+        Manner {
+            spacing: self.spacing_s,
+            answer_timeout: self.answer_timeout_s,
+            measured_at: self.measured_at,
+            mount_offset: 0.0,
+            positions: 1,
+        }
+    }
+}

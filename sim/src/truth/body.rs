@@ -1,0 +1,78 @@
+use foxhunt_core::Pose;
+use nalgebra::Vector3;
+use rand::rngs::Xoshiro256PlusPlus;
+
+use super::kinematics::Kinematics;
+use crate::{Quadrotor, SimError, VehicleConfig};
+
+/// What a drone flies with.
+#[derive(Clone, Debug)]
+pub(crate) enum Body {
+    Kinematic(Kinematics),
+    Quadrotor(Box<Quadrotor>),
+}
+
+impl Body {
+    pub(super) fn new(
+        config: VehicleConfig,
+        pose: Pose,
+        gusts: Xoshiro256PlusPlus,
+    ) -> Result<Self, SimError> {
+        Ok(match config {
+            VehicleConfig::Kinematic(config) => Self::Kinematic(Kinematics::new(config, pose)),
+            VehicleConfig::Quadrotor(config) => {
+                Self::Quadrotor(Box::new(Quadrotor::new(config, pose, gusts)?))
+            }
+        })
+    }
+
+    pub(crate) fn pose(&self) -> Pose {
+        match self {
+            Self::Kinematic(body) => body.pose(),
+            Self::Quadrotor(body) => body.pose(),
+        }
+    }
+
+    /// Where its nose points, a turn more being 2π more.
+    pub(super) fn heading(&self) -> f64 {
+        match self {
+            Self::Kinematic(body) => body.heading(),
+            Self::Quadrotor(body) => body.heading(),
+        }
+    }
+
+    /// Metres flown so far.
+    pub(crate) fn path_length(&self) -> f64 {
+        match self {
+            Self::Kinematic(body) => body.path_length(),
+            Self::Quadrotor(body) => body.path_length(),
+        }
+    }
+
+    pub(crate) fn go_to(&mut self, goal: Vector3<f64>) -> Result<(), SimError> {
+        match self {
+            Self::Kinematic(body) => body.go_to(goal),
+            Self::Quadrotor(body) => body.go_to(goal),
+        }
+    }
+
+    pub(crate) fn spin(&mut self, rate: Option<f64>) -> Result<(), SimError> {
+        if let Some(rate) = rate.filter(|rate| !rate.is_finite()) {
+            return Err(SimError::SpinRate { rate });
+        }
+        match self {
+            Self::Kinematic(body) => {
+                body.spin(rate.unwrap_or(0.0));
+                Ok(())
+            }
+            Self::Quadrotor(body) => body.spin(rate),
+        }
+    }
+
+    pub(super) fn advance(&mut self, dt: f64) {
+        match self {
+            Self::Kinematic(body) => body.advance(dt),
+            Self::Quadrotor(body) => body.advance(dt),
+        }
+    }
+}
