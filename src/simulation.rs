@@ -4,7 +4,7 @@ use foxhunt_core::{
     BeaconId, BearingExtractor, Estimate, Estimator, EstimatorError, FormationPlanner, Observation,
     ObservationError, Reception, Station, Vehicle,
 };
-use foxhunt_sensors::{AntennaError, StepperConfig};
+use foxhunt_sensors::{AntennaError, ParameterError, StepperConfig};
 use foxhunt_sim::{SimError, World};
 use nalgebra::Vector2;
 
@@ -89,8 +89,9 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
         next_beacon += 1;
         estimator.config.build(model.clone(), prior, seed)
     };
+    let bearings = scenario.bearings.unwrap_or_default();
     let mut hunt = Hunt::<_, _, _, _, 2, 2>::new(
-        scenario.extractor.build(),
+        bearings.wrap(scenario.extractor.build()).map_err(SimulationError::Bearings)?,
         scenario.planner.build()?,
         estimators,
         scenario.beacon_names(),
@@ -164,6 +165,9 @@ pub enum SimulationError {
     /// The estimator's law of propagation is out of range.
     #[error("the model of the scenario: {0}")]
     Model(#[from] AntennaError),
+    /// The calibration of bearings is out of range.
+    #[error("the bearings of the scenario: {0}")]
+    Bearings(#[source] ParameterError),
     /// The planner cannot be built.
     #[error("the planner of the scenario: {0}")]
     Planner(#[from] PlannerConfigError),

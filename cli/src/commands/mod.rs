@@ -10,6 +10,8 @@ pub(crate) mod locate;
 pub(crate) mod replay;
 pub(crate) mod scenarios;
 
+mod calibration;
+mod calibration_report;
 mod choice;
 mod fixes;
 mod overrides;
