@@ -30,6 +30,8 @@ pub struct ReplayedFix {
     pub name: String,
     /// What is believed after its last reception.
     pub estimate: Estimate<2>,
+    /// When that was, in seconds.
+    pub time: f64,
     /// How many receptions went through the estimator.
     pub steps: u32,
     /// The normalised innovations squared of those that have one, at 95 %.
@@ -63,7 +65,7 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
     let mut heard = None;
     for event in &log.events {
         match event {
-            Event::BeaconStarted { beacon, name, prior, .. } => {
+            Event::BeaconStarted { time, beacon, name, prior } => {
                 let seed = beacon_seed(log.header.seed, *beacon);
                 let estimator = config
                     .build(model.clone(), prior, seed)
@@ -73,6 +75,7 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
                     beacon: *beacon,
                     name: name.clone(),
                     estimate: *prior,
+                    time: *time,
                     steps: 0,
                     nis: ChiSquaredAverage::default(),
                     whiteness: Whiteness::new(LAGS),
@@ -93,6 +96,7 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
                 }
                 fix.diverged += u32::from(track.alarm().is_some());
                 fix.estimate = track.position();
+                fix.time = fix.time.max(reception.time);
                 fix.steps = track.steps();
             }
             Event::Corrected { estimate, .. } => {

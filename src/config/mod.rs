@@ -7,6 +7,7 @@ mod filter;
 mod model;
 mod named;
 mod planner;
+mod source;
 
 pub use boxed::{BoxedEstimator, CloneEstimator};
 pub(crate) use estimator::with_power;
@@ -17,3 +18,4 @@ pub use filter::{FilterConfig, GateConfig, OutlierConfig};
 pub use model::{ModelConfig, ReceiverModel};
 pub use named::{DEFAULT_ESTIMATOR, NamedEstimator, estimator_named, estimators};
 pub use planner::{PlannerConfig, PlannerConfigError};
+pub use source::{BoxedSource, SourceConfig, SourceError, boxed};
