@@ -8,7 +8,7 @@ use foxhunt::{
     trial::{Trial, trial_campaign},
 };
 
-use super::{calibration::Calibration, choice, overrides::Overrides};
+use super::{antennas, calibration::Calibration, choice, overrides::Overrides};
 use crate::{
     error::CliError,
     output::Output,
@@ -25,13 +25,17 @@ use crate::{
 /// A trial is a scenario without a flight: bearings on a target of known course are drawn from a
 /// stated density, and the errors are told at checkpoints, too. The trials of Isaacs et al. 2014
 /// are scenarios that fly as well: `--flown` tells one from the other.
+///
+/// `antennas` flies the default scenario with an omnidirectional antenna, with a directional one
+/// on a body that turns, and with one on a stepper, and compares the errors run by run.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt campaign --runs 100\n  \
                         foxhunt campaign pritzl-6.1 --runs 1000 --estimator ukf-pritzl2018 \
                         --estimator ekf-pritzl2018\n  \
-                        foxhunt campaign isaacs-static --flown --runs 100")]
+                        foxhunt campaign isaacs-static --flown --runs 100\n  \
+                        foxhunt campaign antennas --runs 200 --estimator grid")]
 pub(crate) struct Args {
-    /// A built-in scenario (`foxhunt scenarios` lists them) or a TOML file
+    /// A built-in scenario (`foxhunt scenarios` lists them), a TOML file, or `antennas`
     #[arg(default_value = DEFAULT_SCENARIO)]
     scenario: String,
     /// How many hunts each estimator flies
@@ -66,10 +70,16 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     {
         return run_trial(args, &trial, jobs, output);
     }
-    let mut scenario = choice::scenario(&args.scenario)?;
+    let mut scenario = match args.scenario.as_str() {
+        antennas::NAME => antennas::scenario()?,
+        name => choice::scenario(name)?,
+    };
     args.calibration.read()?.tell(&mut scenario);
     let estimators: Vec<_> =
         estimators(args, &scenario)?.into_iter().map(|e| args.overrides.apply(e)).collect();
+    if args.scenario == antennas::NAME {
+        return antennas::run(&scenario, &estimators, args.runs, args.seed, jobs, output);
+    }
     let hunts = u64::from(args.runs) * u64::try_from(estimators.len()).unwrap_or(u64::MAX);
     let progress = Progress::new("hunts", hunts);
     let report = campaign(&scenario, &estimators, args.runs, args.seed, jobs, &|| progress.step());

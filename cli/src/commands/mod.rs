@@ -10,6 +10,7 @@ pub(crate) mod locate;
 pub(crate) mod replay;
 pub(crate) mod scenarios;
 
+mod antennas;
 mod calibration;
 mod calibration_report;
 mod choice;

@@ -99,3 +99,40 @@ fn what_does_not_suit_a_trial_is_refused() {
         assert!(ran.stderr.contains(told), "{}", ran.stderr);
     }
 }
+
+#[test]
+fn antennas_are_compared_run_by_run() {
+    let report = foxhunt([
+        "campaign",
+        "antennas",
+        "--json",
+        "--runs",
+        "4",
+        "--estimator",
+        "ekf",
+        "--estimator",
+        "grid",
+    ]);
+    let report = report.json();
+    has(&report, &["scenario", "runs", "seed", "setups", "comparisons"]);
+    let setups = report["setups"].as_array().expect("a list");
+    let names: Vec<_> = setups.iter().map(|setup| setup["setup"].as_str()).collect();
+    assert_eq!(names, [Some("omnidirectional"), Some("rotating-body"), Some("rotating-antenna")]);
+    for setup in setups {
+        let estimators = setup["estimators"].as_array().expect("a list");
+        assert_eq!(estimators.len(), 2);
+        for beacon in estimators.iter().flat_map(|e| e["beacons"].as_array().expect("a list")) {
+            assert_eq!(beacon["failed"], 0, "{}", setup["setup"]);
+        }
+    }
+    // Three pairs of antennas, two beacons, two estimators.
+    let comparisons = report["comparisons"].as_array().expect("a list");
+    assert_eq!(comparisons.len(), 12);
+    for comparison in comparisons {
+        has(comparison, &["estimator", "beacon", "setup", "against", "pairs", "p_value"]);
+        let interval = &comparison["ratio_interval"];
+        let [low, high] = [0, 1].map(|i| interval[i].as_f64().expect("a number"));
+        let ratio = comparison["ratio"].as_f64().expect("a number");
+        assert!(low < ratio && ratio < high && comparison["pairs"] == 4, "{comparison}");
+    }
+}
