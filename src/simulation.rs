@@ -9,7 +9,7 @@ use foxhunt_sim::{SimError, World};
 use nalgebra::Vector2;
 
 use crate::{
-    config::{NamedEstimator, PlannerConfigError, beacon_seed},
+    config::{ExtractorConfigError, NamedEstimator, PlannerConfigError, beacon_seed},
     hunt::{DriveError, Event, Fix, Hunt, HuntError, drive},
     log::{LOG_VERSION, LogHeader, LoggedBeacon},
     scenario::{Scenario, SimulationConfig},
@@ -90,7 +90,7 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
         estimator.config.build(model, prior, seed)
     };
     let mut hunt = Hunt::<_, _, _, _, 2, 2>::new(
-        scenario.extractor.build(),
+        scenario.extractor.build()?,
         scenario.planner.build()?,
         estimators,
         scenario.beacon_names(),
@@ -164,6 +164,9 @@ pub enum SimulationError {
     /// The estimator's law of propagation is out of range.
     #[error("the model of the scenario: {0}")]
     Model(#[from] ParameterError),
+    /// The extractor cannot be built.
+    #[error("the scenario: {0}")]
+    Extractor(#[from] ExtractorConfigError),
     /// The planner cannot be built.
     #[error("the planner of the scenario: {0}")]
     Planner(#[from] PlannerConfigError),

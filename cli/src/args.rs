@@ -1,6 +1,8 @@
 use clap::{Parser, Subcommand};
 
-use crate::commands::{bearing, calibrate, campaign, estimators, hunt, locate, replay, scenarios};
+use crate::commands::{
+    bearing, calibrate, campaign, estimators, extractors, hunt, locate, replay, scenarios,
+};
 
 /// Finds radio transmitters with drones.
 ///
@@ -32,6 +34,7 @@ pub(crate) enum Command {
     Campaign(campaign::Args),
     Scenarios(scenarios::Args),
     Estimators(estimators::Args),
+    Extractors(extractors::Args),
     Replay(replay::Args),
     Calibrate(calibrate::Args),
     Locate(locate::Args),

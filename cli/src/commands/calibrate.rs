@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     }
     let recordings = args.reading.read(std::slice::from_ref(&args.file))?;
     let beacon = args.reading.beacon(&recordings)?;
-    let extractor = ExtractorConfig::default().build();
+    let extractor = ExtractorConfig::default().build().map_err(CliError::input)?;
     for recording in &recordings {
         let truth = match args.truth {
             Some(truth) => {

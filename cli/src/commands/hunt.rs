@@ -14,7 +14,7 @@ use foxhunt::{
     simulation::{Simulated, log_header, simulate},
 };
 
-use super::{choice, fixes, overrides::Overrides};
+use super::{choice, extraction::Extraction, fixes, overrides::Overrides};
 use crate::{
     error::CliError,
     output::{Output, warn},
@@ -40,6 +40,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME", value_parser = choice::estimator_parser())]
     estimator: Option<String>,
     #[command(flatten)]
+    extraction: Extraction,
+    #[command(flatten)]
     overrides: Overrides,
     /// The folder that hunt.jsonl (the log) and hunt.svg (the picture) are written to
     #[arg(long, value_name = "DIR", default_value = "out")]
@@ -47,7 +49,8 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
-    let scenario = choice::scenario(&args.scenario)?;
+    let mut scenario = choice::scenario(&args.scenario)?;
+    scenario.extractor = args.extraction.config(&scenario.extractor)?;
     let estimator = choice::estimator_of(args.estimator.as_deref(), &scenario, &args.scenario)?;
     let estimator = args.overrides.apply(estimator);
     let header = log_header(&scenario, &estimator, args.seed);

@@ -2,7 +2,7 @@ use std::path::PathBuf;
 
 use clap::builder::PossibleValuesParser;
 use foxhunt::{
-    config::{ExtractorConfig, estimators},
+    config::estimators,
     core::{Ellipse, nalgebra::Vector2},
     geodesy::Geodetic,
     locate::{
@@ -16,6 +16,7 @@ use foxhunt::{
 use serde::Serialize;
 
 use super::{
+    extraction::Extraction,
     parameter::Parameter,
     recorded::{LatLon, Reading, no_degrees},
 };
@@ -64,6 +65,8 @@ pub(crate) struct Args {
     /// The seed of estimators that draw random numbers
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
+    #[command(flatten)]
+    extraction: Extraction,
     #[command(flatten)]
     reading: Reading,
 }
@@ -127,7 +130,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let power = power(args)?;
     let recordings = args.reading.read(&args.files)?;
     let beacon = args.reading.beacon(&recordings)?;
-    let extractor = ExtractorConfig::default().build();
+    let extractor = args.extraction.build()?;
     let observe = ObserveConfig {
         positions: args.reading.positions,
         receiver_sigma_m: args.receiver_sigma_m,
