@@ -9,7 +9,7 @@ use foxhunt_sim::{SimError, World};
 use nalgebra::Vector2;
 
 use crate::{
-    config::{NamedEstimator, PlannerConfigError, beacon_seed},
+    config::{ExtractorConfigError, NamedEstimator, PlannerConfigError, beacon_seed},
     hunt::{DriveError, Event, Fix, Hunt, HuntError, drive},
     log::{LOG_VERSION, LogHeader, LoggedBeacon},
     scenario::{Scenario, SimulationConfig},
@@ -93,7 +93,7 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
     };
     let bearings = scenario.bearings.unwrap_or_default();
     let mut hunt = Hunt::<_, _, _, _, 2, 2>::new(
-        bearings.wrap(scenario.extractor.build()).map_err(SimulationError::Bearings)?,
+        bearings.wrap(scenario.extractor.build()?).map_err(SimulationError::Bearings)?,
         scenario.planner.build()?,
         estimators,
         scenario.beacon_names(),
@@ -178,6 +178,9 @@ pub enum SimulationError {
     /// The calibration of bearings is out of range.
     #[error("the bearings of the scenario: {0}")]
     Bearings(#[source] ParameterError),
+    /// The extractor cannot be built.
+    #[error("the scenario: {0}")]
+    Extractor(#[from] ExtractorConfigError),
     /// The planner cannot be built.
     #[error("the planner of the scenario: {0}")]
     Planner(#[from] PlannerConfigError),

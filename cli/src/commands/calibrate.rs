@@ -5,14 +5,15 @@ use foxhunt::{
     config::ExtractorConfig,
     core::BearingExtractor,
     recorded::{
-        CalibrateConfig, RecordedError, StationConfig, calibrate, calibrate_bearings,
-        fit_boresights, station_boresights,
+        CalibrateConfig, StationConfig, calibrate, calibrate_bearings, fit_boresights,
+        station_boresights,
     },
     recording::Recording,
 };
 
 use super::{
     calibration_report::{Report, Skipped, text},
+    extraction::Extraction,
     recorded::{LatLon, Reading, no_degrees},
 };
 use crate::{error::CliError, output::Output};
@@ -50,6 +51,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]
+    extraction: Extraction,
+    #[command(flatten)]
     reading: Reading,
 }
 
@@ -76,7 +79,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         max_exponent: args.max_exponent,
         positions: args.reading.positions,
     };
-    let report = fit(args, &recordings, beacon, &config).map_err(CliError::input)?;
+    let report = fit(args, &recordings, beacon, &config)?;
     output.result(&report, text)?;
     if let Some(out) = &args.out {
         fs::write(out, report.file.to_toml()).map_err(|error| CliError::writing(out, error))?;
@@ -91,9 +94,10 @@ fn fit(
     recordings: &[Recording],
     beacon: Option<String>,
     config: &CalibrateConfig,
-) -> Result<Report, RecordedError> {
-    let extractor_config = ExtractorConfig::default();
-    let mut extractor: Box<dyn BearingExtractor> = extractor_config.build();
+) -> Result<Report, CliError> {
+    let extractor_config = args.extraction.config(&ExtractorConfig::default())?;
+    let mut extractor: Box<dyn BearingExtractor> =
+        extractor_config.build().map_err(CliError::input)?;
     let mut report = Report::new(recordings, beacon.clone());
     let records = || recordings.iter().flat_map(Recording::records);
 
@@ -136,7 +140,7 @@ fn fit(
         Err(error) => {
             let CalibrationFile { bearings, station, .. } = &report.file;
             if bearings.is_none() && station.is_none() {
-                return Err(error);
+                return Err(CliError::input(error));
             }
             report.skipped.insert(0, Skipped { what: "path loss", why: error.to_string() });
         }

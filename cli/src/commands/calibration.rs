@@ -2,7 +2,7 @@
 
 use std::{borrow::Cow, path::PathBuf};
 
-use foxhunt::{calibration::CalibrationFile, core::BearingExtractor};
+use foxhunt::{calibration::CalibrationFile, config::BoxedExtractor};
 
 use crate::{
     error::{CliError, InFile},
@@ -31,15 +31,16 @@ impl Calibration {
         }
     }
 
-    /// What [`read`](Self::read) gave; where no file was given, what comes with the program for
-    /// recordings of this format.
+    /// What [`read`](Self::read) gave; where no file was given and no extractor asked for, what comes
+    /// with the program for recordings of this format.
     pub(super) fn or_shipped<'a>(
         &self,
         read: &'a CalibrationFile,
         format: &str,
+        asked: bool,
     ) -> Cow<'a, CalibrationFile> {
         match CalibrationFile::shipped(format) {
-            Some(shipped) if self.file.is_none() => {
+            Some(shipped) if self.file.is_none() && !asked => {
                 warn(&format!("  calibration: {format}, as it comes with the program"));
                 Cow::Owned(shipped)
             }
@@ -51,8 +52,8 @@ impl Calibration {
 /// The extractor, calibrated.
 pub(super) fn calibrated(
     file: &CalibrationFile,
-    extractor: Box<dyn BearingExtractor>,
-) -> Result<Box<dyn BearingExtractor>, CliError> {
+    extractor: BoxedExtractor,
+) -> Result<BoxedExtractor, CliError> {
     file.extractor(extractor).map_err(|error| {
         CliError::input(InFile { file: "--calibration".to_owned(), source: Box::new(error) })
     })
