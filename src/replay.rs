@@ -7,7 +7,7 @@ use crate::{
 };
 use foxhunt_core::{BeaconId, Estimate, EstimatorError};
 use foxhunt_filters::consistency::{ChiSquaredAverage, Monitored, Whiteness};
-use foxhunt_sensors::ParameterError;
+use foxhunt_sensors::AntennaError;
 
 /// What a replay came to.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,9 +68,9 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
             Event::BeaconStarted { time, beacon, name, prior } => {
                 let seed = beacon_seed(log.header.seed, *beacon);
                 let estimator = config
-                    .build(model, prior, seed)
+                    .build(model.clone(), prior, seed)
                     .map_err(|source| ReplayError::Estimator { beacon: name.clone(), source })?;
-                tracks.push(Track::new(Monitored::new(estimator, model), config.track));
+                tracks.push(Track::new(Monitored::new(estimator, model.clone()), config.track));
                 replay.fixes.push(ReplayedFix {
                     beacon: *beacon,
                     name: name.clone(),
@@ -138,7 +138,7 @@ fn same_bits(a: &Estimate<2>, b: &Estimate<2>) -> bool {
 pub enum ReplayError {
     /// The log's law of propagation is out of range.
     #[error("the model in the log's header: {0}")]
-    Model(#[from] ParameterError),
+    Model(#[from] AntennaError),
     /// An estimator could not be made.
     #[error("no estimator for beacon {beacon}")]
     Estimator {

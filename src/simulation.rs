@@ -4,7 +4,7 @@ use foxhunt_core::{
     BeaconId, BearingExtractor, Estimate, Estimator, EstimatorError, FormationPlanner, Observation,
     ObservationError, PatternSource, Reception, Station, Vehicle,
 };
-use foxhunt_sensors::ParameterError;
+use foxhunt_sensors::{AntennaError, ParameterError};
 use foxhunt_sim::{SimError, World};
 use nalgebra::Vector2;
 
@@ -65,7 +65,7 @@ pub fn log_header(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) ->
         seed,
         estimator_name: estimator.name.to_owned(),
         estimator: estimator.config,
-        model: scenario.model,
+        model: scenario.model.clone(),
         beacons: scenario.world.beacons.iter().map(beacon).collect(),
     }
 }
@@ -89,10 +89,11 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
     let estimators = |prior: &Estimate<2>| {
         let seed = beacon_seed(seed, BeaconId(next_beacon));
         next_beacon += 1;
-        estimator.config.build(model, prior, seed)
+        estimator.config.build(model.clone(), prior, seed)
     };
+    let bearings = scenario.bearings.unwrap_or_default();
     let mut hunt = Hunt::<_, _, _, _, 2, 2>::new(
-        scenario.extractor.build(),
+        bearings.wrap(scenario.extractor.build()).map_err(SimulationError::Bearings)?,
         scenario.planner.build()?,
         estimators,
         scenario.beacon_names(),
@@ -173,7 +174,10 @@ pub enum SimulationError {
     World(#[from] SimError),
     /// The estimator's law of propagation is out of range.
     #[error("the model of the scenario: {0}")]
-    Model(#[from] ParameterError),
+    Model(#[from] AntennaError),
+    /// The calibration of bearings is out of range.
+    #[error("the bearings of the scenario: {0}")]
+    Bearings(#[source] ParameterError),
     /// The planner cannot be built.
     #[error("the planner of the scenario: {0}")]
     Planner(#[from] PlannerConfigError),

@@ -127,7 +127,7 @@ fn tags_at_known_distances_calibrate_the_path_loss() {
     let recording =
         Recording::read(folder.join("vhf_tags.csv"), &ReadOptions::default()).expect("it is read");
     let extractor = ExtractorConfig::default().build();
-    let fit = calibrate(&recording, Some("0"), extractor.as_ref(), &CalibrateConfig::default())
+    let fit = calibrate(&[recording], Some("0"), extractor.as_ref(), &CalibrateConfig::default())
         .expect("847 points")
         .fit;
     assert_eq!(fit.points, 847);

@@ -249,7 +249,12 @@ fn logged(outing: &Outing, config: EstimatorConfig) -> String {
         seed: 5,
         estimator_name: "ukf-pritzl2018".to_owned(),
         estimator: config,
-        model: ModelConfig { reference_dbm: LAW.0, exponent: LAW.1, target_up_m: 0.0 },
+        model: ModelConfig {
+            reference_dbm: LAW.0,
+            exponent: LAW.1,
+            target_up_m: 0.0,
+            antenna: None,
+        },
         beacons: TARGETS
             .iter()
             .map(|truth| LoggedBeacon { name: "b".to_owned(), truth: Some(*truth), course: None })

@@ -65,6 +65,14 @@ pub enum NoBearing {
         /// Their mean resultant length, from 0 (none) to 1 (sharp).
         resultant: f64,
     },
+    /// The antenna's pattern, wherever it is turned, fits no better than the same level all round.
+    #[error("the best fit is off by {residual_db:.1} dB, a flat level by {flat_db:.1} dB")]
+    PoorFit {
+        /// The root mean square of the best fit's residuals, in dB.
+        residual_db: f64,
+        /// That of the readings about their mean, in dB.
+        flat_db: f64,
+    },
     /// The bearing's σ is beyond use.
     #[error("the bearing's standard deviation {sigma:.3} rad is above {limit:.3} rad")]
     TooWide {

@@ -2,15 +2,22 @@
 //!
 //! | what | here |
 //! |-|-|
-//! | how power falls with range | [`Propagation`]: [`LogDistance`], [`Friis`] |
+//! | how power falls with range | [`Propagation`]: [`LogDistance`], [`Friis`], [`TwoRay`] |
 //! | what a receiver expects | [`Rss`], [`BearingOnly`], [`RssBearing`], [`FreePowerRssBearing`], [`FreePathLossRssBearing`] |
+//! | the same through an antenna's vertical pattern | [`WithElevationPattern`] (`alloc`) |
 //! | what two receivers' difference tells | [`DifferentialRss`], [`RangeDifference`] |
 //! | two models at once; what silence tells | [`Stacked`]; [`Censored`] |
 //! | how bearings err | [`BearingMixture`] |
 //! | a turn of the antenna, put in order | [`Pattern`] |
-//! | from a turn to level and bearing | [`Pritzl2018`] |
+//! | from a turn to level and bearing | [`Pritzl2018`]; [`Maximum`], [`FirstHarmonic`], [`MainLobeFit`]; with a known antenna [`CrossCorrelation`], [`MaximumLikelihood`] (`alloc`) |
 //! | what the transmitter's law is | [`fit_log_distance`] |
-//! | an antenna's gain over direction | [`Antenna`]: [`PatternTable`] (`alloc`) |
+//! | a station of fixed antennas | [`StationPattern`], [`fit_station`] (`alloc`) |
+//! | how bearings are off, how honest their σ | [`fit_bearing_offset`], [`fit_sigma`] |
+//! | an antenna's gain over direction | [`Antenna`] (`alloc`): [`Isotropic`], [`Dipole`], [`Cardioid`], [`Patch`], [`Yagi`] |
+//! | the same from a table | [`PatternTable`], [`PatternTable3d`], [`PrincipalCuts`] (`alloc`) |
+//! | the same in a vendor's file | [`MsiFile`] (`alloc`) |
+//! | what it makes of reflections | [`multipath_gain_dbi`] (`alloc`) |
+//! | the pattern of recorded turns | [`learn_pattern`] (`alloc`) |
 //! | an antenna on a stepper | [`StepperSource`] (`alloc`) |
 //! | an antenna on a body that turns | [`BodySource`] (`alloc`) |
 //! | an antenna without a direction | [`OmnidirectionalSource`] (`alloc`) |
@@ -44,13 +51,33 @@ mod questions;
 mod stepper;
 
 #[cfg(feature = "alloc")]
-pub use antenna::{Antenna, PatternTable, PatternTableError};
+pub use antenna::{
+    Antenna, Cardioid, Dipole, ElevationPattern, Isotropic, LearnPatternError, LearnedPattern,
+    MainLobe, MsiFile, MsiUnit, Patch, PatternFileError, PatternFileReason, PatternTable,
+    PatternTable3d, PatternTableError, PrincipalCuts, ReflectedWave, Yagi, learn_pattern,
+    multipath_gain_dbi,
+};
 #[cfg(feature = "std")]
-pub use antenna::{AntennaConfig, GainRow, SharedAntenna};
+pub use antenna::{
+    AntennaConfig, AntennaError, CardioidConfig, GainRow, PatchConfig, SharedAntenna, YagiConfig,
+};
 #[cfg(feature = "alloc")]
 pub use body::{BodyConfig, BodyError, BodySource};
-pub use calibration::{CalibrationError, PathLossFit, fit_log_distance};
+pub use calibration::{
+    BearingError, BearingOffset, BearingOffsetFit, CalibrationError, KnownBearing, OffsetTerms,
+    PathLossFit, SigmaFit, fit_bearing_offset, fit_log_distance, fit_sigma,
+};
+#[cfg(feature = "alloc")]
+pub use calibration::{StationBurst, StationFit, fit_station};
+pub use extractor::{Calibrated, heading_towards};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
+#[cfg(feature = "alloc")]
+pub use extractor::{
+    CrossCorrelation, FirstHarmonic, MainLobeFit, Maximum, MaximumLikelihood, Residuals,
+};
+#[cfg(feature = "alloc")]
+pub use extractor::{StationAntenna, StationPattern};
+pub use models::WithElevationPattern;
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
     FreePowerRssBearing, RangeDifference, Rss, RssBearing, Stacked,
@@ -58,6 +85,6 @@ pub use models::{
 #[cfg(feature = "alloc")]
 pub use omnidirectional::{OmnidirectionalConfig, OmnidirectionalError, OmnidirectionalSource};
 pub use parameter::ParameterError;
-pub use propagation::{Friis, LogDistance, Propagation};
+pub use propagation::{Friis, LogDistance, Polarisation, Propagation, TwoRay};
 #[cfg(feature = "alloc")]
 pub use stepper::{StepperConfig, StepperError, StepperSource};

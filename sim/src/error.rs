@@ -1,4 +1,4 @@
-use foxhunt_sensors::{ParameterError, PatternTableError};
+use foxhunt_sensors::{AntennaError, ParameterError};
 
 /// Why a world, or something asked of it, is refused. What was asked for did not happen.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -14,12 +14,15 @@ pub enum SimError {
         /// What it must be.
         requirement: &'static str,
     },
-    /// The rows of the antenna's table make no pattern.
-    #[error("channel.antenna.table: {0}")]
-    Antenna(#[from] PatternTableError),
+    /// There is no such antenna.
+    #[error("channel.antenna: {0}")]
+    Antenna(#[from] AntennaError),
+    /// The law of propagation is out of its range.
+    #[error("channel.path_loss: {0}")]
+    PathLoss(#[source] ParameterError),
     /// A source cannot be made as it is asked for.
     #[error("the source: {0}")]
-    Source(#[from] ParameterError),
+    Source(#[source] ParameterError),
     /// There is no such drone.
     #[error("there is no drone {drone}; the world has {drones}, counted from 0")]
     Drone {

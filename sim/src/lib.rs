@@ -37,8 +37,8 @@ mod truth;
 mod world;
 
 pub use config::{
-    BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, KinematicConfig, SimStepperConfig,
-    VehicleConfig, WorldConfig,
+    BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, KinematicConfig, PathLossConfig,
+    ReflectorConfig, ShadowingConfig, SimStepperConfig, TwoRayConfig, VehicleConfig, WorldConfig,
 };
 pub use devices::{
     SimBody, SimClock, SimFleet, SimOmnidirectional, SimRadio, SimRotator, SimStepper, SimVehicle,

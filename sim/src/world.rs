@@ -30,14 +30,17 @@ impl World {
     /// # Errors
     ///
     /// [`SimError::Field`] names the field that is out of range, with its value;
-    /// [`SimError::Antenna`] the row of the antenna's table.
+    /// [`SimError::Antenna`] and [`SimError::PathLoss`] what is wrong with these.
     pub fn new(config: &WorldConfig, seed: u64) -> Result<Self, SimError> {
         config.check()?;
-        let channel = Channel::new(&config.channel)?;
+        // What belongs to places has a generator of its own: fields more or less leave the drones'
+        // streams as they are.
+        let mut fields = Xoshiro256PlusPlus::seed_from_u64(!seed);
+        let channel = Channel::new(&config.channel, config.beacons.len(), &mut fields)?;
         let mut root = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut drone = |drone| {
             let streams = Streams::fork(&mut root);
-            Drone::new(drone, config.vehicle, config.stepper, &channel, streams)
+            Drone::new(drone, config.vehicle, config.stepper, streams)
         };
         let drones = config.drones.iter().map(&mut drone).collect::<Result<_, _>>()?;
         let truth = Truth { time: 0.0, channel, beacons: config.beacons.clone(), drones };
@@ -154,7 +157,7 @@ impl World {
         let floor_dbm = config.floor_dbm.or(self.truth.borrow().channel.floor_dbm());
         let config = BodyConfig { floor_dbm, ..config };
         let vehicle = self.vehicle(drone)?;
-        Ok(BodySource::new(config, self.radio(drone)?, vehicle, self.clock())?)
+        BodySource::new(config, self.radio(drone)?, vehicle, self.clock()).map_err(SimError::Source)
     }
 
     /// A source that does not turn, made of a drone's radio at an antenna that hears alike from
@@ -173,7 +176,8 @@ impl World {
         let floor_dbm = config.floor_dbm.or(self.truth.borrow().channel.floor_dbm());
         let config = OmnidirectionalConfig { floor_dbm, ..config };
         let radio = SimRadio { directional: false, ..self.radio(drone)? };
-        Ok(OmnidirectionalSource::new(config, radio, self.vehicle(drone)?, self.clock())?)
+        OmnidirectionalSource::new(config, radio, self.vehicle(drone)?, self.clock())
+            .map_err(SimError::Source)
     }
 
     fn on_board(&self, drone: usize) -> Result<OnBoard, SimError> {

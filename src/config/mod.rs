@@ -15,7 +15,7 @@ pub use estimator::{EstimatorConfig, MovingConfig};
 pub use extractor::ExtractorConfig;
 pub(crate) use filter::beacon_seed;
 pub use filter::{FilterConfig, GateConfig, OutlierConfig};
-pub use model::ModelConfig;
+pub use model::{ModelConfig, ReceiverModel};
 pub use named::{DEFAULT_ESTIMATOR, NamedEstimator, estimator_named, estimators};
 pub use planner::{PlannerConfig, PlannerConfigError};
 pub use source::{BoxedSource, SourceConfig, SourceError, boxed};

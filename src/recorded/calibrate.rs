@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use foxhunt_core::BearingExtractor;
 use foxhunt_sensors::{CalibrationError, PathLossFit, fit_log_distance};
 use nalgebra::Vector2;
@@ -36,7 +38,7 @@ pub struct Calibration {
     pub farthest_m: f64,
 }
 
-/// Fits the log-distance law to a recording whose ranges are known: the mean power of each turn
+/// Fits the log-distance law to recordings whose ranges are known: the mean power of each turn
 /// of a directional antenna, as the reference calibrates it (Pritzl 2018, §7.1), or the power of
 /// each row of an omnidirectional one.
 ///
@@ -45,13 +47,53 @@ pub struct Calibration {
 /// [`RecordedError`] names the file and line where a range is not known, or says why the law
 /// cannot be fitted.
 pub fn calibrate(
-    recording: &Recording,
+    recordings: &[Recording],
     beacon: Option<&str>,
     extractor: &dyn BearingExtractor,
     config: &CalibrateConfig,
 ) -> Result<Calibration, RecordedError> {
-    let file = || recording.file().to_owned();
-    let (mut points, mut lines) = (Vec::new(), Vec::new());
+    let mut points = Vec::new();
+    for recording in recordings {
+        add_points(recording, beacon, extractor, config, &mut points)?;
+    }
+    let pairs = points.iter().map(|point| (point.range, point.rss_dbm));
+    let fit = fit_log_distance(pairs, config.max_exponent).map_err(|source| {
+        let index = match source {
+            CalibrationError::Range { index, .. } | CalibrationError::Rss { index, .. } => index,
+            _ => usize::MAX,
+        };
+        match points.get(index) {
+            Some(point) => {
+                RecordedError::Point { file: point.file.to_owned(), line: point.line, source }
+            }
+            None => {
+                let file = recordings.first().map_or("", Recording::file).to_owned();
+                RecordedError::Calibration { file, source }
+            }
+        }
+    })?;
+    let nearest_m = points.iter().map(|point| point.range).fold(f64::INFINITY, f64::min);
+    let farthest_m = points.iter().map(|point| point.range).fold(0.0, f64::max);
+    Ok(Calibration { fit, nearest_m, farthest_m })
+}
+
+/// A power at a known range, and where it stands.
+struct Point<'a> {
+    range: f64,
+    rss_dbm: f64,
+    file: &'a str,
+    line: u64,
+}
+
+fn add_points<'a>(
+    recording: &'a Recording,
+    beacon: Option<&str>,
+    extractor: &dyn BearingExtractor,
+    config: &CalibrateConfig,
+    points: &mut Vec<Point<'a>>,
+) -> Result<(), RecordedError> {
+    let file = recording.file();
+    let no_truth = |line| RecordedError::NoTruth { file: file.to_owned(), line };
     let chosen = || recording.records().iter().filter(|r| r.beacon.as_deref() == beacon);
     for record in chosen().filter(|r| r.boresight.is_none()) {
         let Some(rss_dbm) = record.rss_dbm else { continue };
@@ -60,34 +102,22 @@ pub fn calibrate(
             record.receiver.map(|r| (t.push(config.target_up_m) - r.position).norm())
         };
         let range = record.range.or_else(|| truth.and_then(to));
-        let line = record.line;
-        let range = range.ok_or_else(|| RecordedError::NoTruth { file: file(), line })?;
-        points.push((range, rss_dbm));
-        lines.push(line);
+        let range = range.ok_or_else(|| no_truth(record.line))?;
+        points.push(Point { range, rss_dbm, file, line: record.line });
     }
     if chosen().any(|r| r.boresight.is_some()) {
+        let truths: BTreeMap<u64, Vector2<f64>> =
+            chosen().filter_map(|record| Some((record.line, record.truth?))).collect();
         for turn in bearings(recording, extractor, config.positions)? {
             if turn.sweep.beacon.as_deref() != beacon {
                 continue;
             }
             let line = turn.sweep.line;
-            let recorded = || chosen().find(|r| r.line == line).and_then(|r| r.truth);
-            let truth = config.truth.or_else(recorded).filter(|_| turn.sweep.located);
-            let truth = truth.ok_or_else(|| RecordedError::NoTruth { file: file(), line })?;
+            let truth = config.truth.or_else(|| truths.get(&line).copied());
+            let truth = truth.filter(|_| turn.sweep.located).ok_or_else(|| no_truth(line))?;
             let way = truth.push(config.target_up_m) - turn.sweep.receiver.position;
-            points.push((way.norm(), turn.reading.rss_dbm));
-            lines.push(line);
+            points.push(Point { range: way.norm(), rss_dbm: turn.reading.rss_dbm, file, line });
         }
     }
-    let fit = fit_log_distance(points.iter().copied(), config.max_exponent).map_err(|source| {
-        let index = match source {
-            CalibrationError::Range { index, .. } | CalibrationError::Rss { index, .. } => index,
-            _ => return RecordedError::Calibration { file: file(), source },
-        };
-        let line = lines.get(index).copied().unwrap_or_default();
-        RecordedError::Point { file: file(), line, source }
-    })?;
-    let nearest_m = points.iter().map(|(range, _)| *range).fold(f64::INFINITY, f64::min);
-    let farthest_m = points.iter().map(|(range, _)| *range).fold(0.0, f64::max);
-    Ok(Calibration { fit, nearest_m, farthest_m })
+    Ok(())
 }

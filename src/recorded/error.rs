@@ -49,6 +49,15 @@ pub enum RecordedError {
         /// The file.
         file: String,
     },
+    /// The recordings are not of a station with several fixed antennas.
+    #[error(
+        "{file}: this is no station of fixed antennas: that has 2 to 16 boresights, each of which comes \
+         again and again"
+    )]
+    NoStation {
+        /// The first file.
+        file: String,
+    },
     /// Several beacons were heard, and it is not said which is meant.
     #[error("the recording holds {}; say which with --beacon", beacons.join(", "))]
     SeveralBeacons {

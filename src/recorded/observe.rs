@@ -4,7 +4,10 @@ use foxhunt_core::{BeaconId, BearingExtractor, Observation, ObservationError, Po
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::{RecordedError, bearings};
-use crate::recording::{Record, Recording};
+use crate::{
+    calibration::BearingCalibration,
+    recording::{Record, Recording},
+};
 
 /// How certain recorded numbers are taken to be where the recording does not say.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,15 +18,23 @@ pub struct ObserveConfig {
     pub bearing_sigma: f64,
     /// How many positions a turn of the antenna has.
     pub positions: u16,
+    /// How ready-made bearings err; an extractor has its own.
+    pub bearings: BearingCalibration,
     /// σ of the receiver's own East, North and Up in metres; its place is known where absent.
     pub receiver_sigma_m: Option<f64>,
 }
 
 impl Default for ObserveConfig {
-    /// 8 dB, 10°, 128 positions, receivers at known places.
+    /// 8 dB, 10°, 128 positions, bearings as they are, receivers at known places.
     fn default() -> Self {
         let bearing_sigma = 10.0_f64.to_radians();
-        Self { rss_sigma_db: 8.0, bearing_sigma, positions: 128, receiver_sigma_m: None }
+        Self {
+            rss_sigma_db: 8.0,
+            bearing_sigma,
+            positions: 128,
+            bearings: BearingCalibration::default(),
+            receiver_sigma_m: None,
+        }
     }
 }
 
@@ -101,8 +112,11 @@ fn observe(
     if record.rss_dbm.is_none() && record.bearing.is_none() {
         return Ok(None);
     }
-    let (angle, sigma) =
-        record.bearing.map_or((0.0, 1.0), |b| (b.angle, b.sigma.unwrap_or(config.bearing_sigma)));
+    let calibration = &config.bearings;
+    let (angle, sigma) = record.bearing.map_or((0.0, 1.0), |b| {
+        let corrected = calibration.offset().correct(b.angle, receiver.heading);
+        (corrected, b.sigma.map_or(config.bearing_sigma, |sigma| calibration.sigma(sigma)))
+    });
     let value = Vector2::new(record.rss_dbm.unwrap_or(0.0), angle);
     let noise = Vector2::new(config.rss_sigma_db, sigma);
     let noise = Matrix2::from_diagonal(&noise.component_mul(&noise));

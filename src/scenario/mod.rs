@@ -12,6 +12,7 @@ use foxhunt_sim::{SimError, World, WorldConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    calibration::BearingCalibration,
     config::{BoxedSource, ExtractorConfig, ModelConfig, PlannerConfig, SourceConfig},
     hunt::HuntConfig,
 };
@@ -32,6 +33,9 @@ pub struct Scenario {
     pub model: ModelConfig,
     /// What makes a level and a bearing of a turn.
     pub extractor: ExtractorConfig,
+    /// How the bearings err and their σ is off, as a calibration has it; as they are unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bearings: Option<BearingCalibration>,
     /// What decides where to listen.
     pub planner: PlannerConfig,
     /// What every drone listens with; the reference's stepper unless given.

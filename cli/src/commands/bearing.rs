@@ -7,7 +7,10 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use super::recorded::Reading;
+use super::{
+    calibration::{Calibration, calibrated},
+    recorded::Reading,
+};
 use crate::{
     error::CliError,
     output::Output,
@@ -21,10 +24,13 @@ use crate::{
 /// bearing of low confidence is not to be relied on.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt bearing sweep.csv\n  \
-                        foxhunt bearing rotation.csv --format uavrt-rotation --beacon 4")]
+                        foxhunt bearing rotation.csv --format uavrt-rotation --beacon 4\n  \
+                        foxhunt bearing sweep.csv --calibration calibration.toml")]
 pub(crate) struct Args {
     /// A recording: CSV with named columns
     file: PathBuf,
+    #[command(flatten)]
+    calibration: Calibration,
     #[command(flatten)]
     reading: Reading,
 }
@@ -81,10 +87,12 @@ impl From<&BearingReading> for Turn {
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+    let own = args.calibration.read()?;
     let files = std::slice::from_ref(&args.file);
     let recordings = args.reading.read(files)?;
-    let extractor = ExtractorConfig::default().build();
     for recording in &recordings {
+        let file = args.calibration.or_shipped(&own, recording.format());
+        let extractor = calibrated(&file, ExtractorConfig::default().build())?;
         let read = bearings(recording, extractor.as_ref(), args.reading.positions)
             .map_err(CliError::input)?;
         let wanted = args.reading.wanted();

@@ -1,31 +1,40 @@
-use std::path::PathBuf;
+use std::{fs, path::PathBuf};
 
 use foxhunt::{
+    calibration::{CalibrationFile, PathLossSection, StationSection},
     config::ExtractorConfig,
-    recorded::{CalibrateConfig, Calibration, calibrate},
+    core::BearingExtractor,
+    recorded::{
+        CalibrateConfig, RecordedError, StationConfig, calibrate, calibrate_bearings,
+        fit_boresights, station_boresights,
+    },
     recording::Recording,
 };
-use serde::Serialize;
 
-use super::recorded::{LatLon, Reading, no_degrees};
-use crate::{
-    error::CliError,
-    output::Output,
-    table::{number, table},
+use super::{
+    calibration_report::{Report, Skipped, text},
+    recorded::{LatLon, Reading, no_degrees},
 };
+use crate::{error::CliError, output::Output};
 
-/// Fit the path loss to a recording with a known transmitter
+/// Calibrate path loss, bearings and a station's antennas
 ///
-/// Fits the log-distance law, P = P₀ − 10 γ log₁₀ d, to what was heard of a transmitter whose
-/// place is known: from --truth, or from the recording's own columns (its place, or the ranges).
-/// What comes out is what `foxhunt locate` takes as --p0-dbm and --exponent.
+/// Fits to recordings of a transmitter whose place is known (from --truth, or from the recording's
+/// own columns) all that they allow: the path loss P = P₀ − 10 γ log₁₀ d with the joint confidence
+/// region of P₀ and γ; by how much bearings are off, and whether that depends on the heading, as a
+/// disturbed compass has it; what makes their σ honest; of a station with fixed antennas, where
+/// these look. What cannot be fitted is told with its reason.
+///
+/// --out writes what `foxhunt locate`, `bearing`, `hunt` and `campaign` take as --calibration.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  \
-                        foxhunt calibrate flight.csv --truth 50.0755,14.4378 --max-exponent 3")]
+#[command(after_help = "Examples:\n  \
+                        foxhunt calibrate flight.csv --truth 50.0755,14.4378 --max-exponent 3\n  \
+                        foxhunt calibrate monday.csv tuesday.csv --out calibration.toml")]
 pub(crate) struct Args {
-    /// A recording: CSV with named columns
-    file: PathBuf,
-    /// Where the transmitter is, in degrees (WGS84); the recording's own truth unless given
+    /// Recordings: CSV with named columns
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Where the transmitter is, in degrees (WGS84); the recordings' own truth unless given
     #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     truth: Option<LatLon>,
     /// How high the transmitter is above the ground, in metres
@@ -34,103 +43,109 @@ pub(crate) struct Args {
     /// The largest exponent that is let through; without it there is no bound
     #[arg(long, value_name = "V")]
     max_exponent: Option<f64>,
+    /// Bursts that a station heard from nearer than this do not count, in metres
+    #[arg(long, value_name = "M", default_value_t = 30.0)]
+    least_range_m: f64,
+    /// The file to write the calibration to
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
     #[command(flatten)]
     reading: Reading,
-}
-
-/// A fitted path loss, as JSON has it.
-#[derive(Debug, Serialize)]
-struct Report {
-    file: String,
-    beacon: Option<String>,
-    /// Whether levels are in dBm, and not about an unknown reference.
-    calibrated: bool,
-    p0_dbm: f64,
-    p0_standard_error_db: f64,
-    exponent: f64,
-    /// Absent where the bound holds the exponent.
-    exponent_standard_error: Option<f64>,
-    at_bound: bool,
-    rmse_db: f64,
-    sigma_db: f64,
-    points: usize,
-    nearest_m: f64,
-    farthest_m: f64,
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     if !args.target_up_m.is_finite() {
         return Err(CliError::input(format!("--target-up-m is {}, no height", args.target_up_m)));
     }
-    let recordings = args.reading.read(std::slice::from_ref(&args.file))?;
+    if !(args.least_range_m >= 0.0 && args.least_range_m.is_finite()) {
+        let message = format!("--least-range-m is {}, no distance", args.least_range_m);
+        return Err(CliError::input(message));
+    }
+    let recordings = args.reading.read(&args.files)?;
     let beacon = args.reading.beacon(&recordings)?;
-    let extractor = ExtractorConfig::default().build();
-    for recording in &recordings {
-        let truth = match args.truth {
-            Some(truth) => {
-                let place = truth.in_frame(recording.frame());
-                Some(place.ok_or_else(|| no_degrees("--truth"))?.into())
-            }
-            None => None,
-        };
-        let config = CalibrateConfig {
-            truth,
-            target_up_m: args.target_up_m,
-            max_exponent: args.max_exponent,
-            positions: args.reading.positions,
-        };
-        let calibration = calibrate(recording, beacon.as_deref(), extractor.as_ref(), &config)
-            .map_err(CliError::input)?;
-        output.result(&Report::new(recording, beacon.clone(), &calibration), fitted)?;
+    let truth = match args.truth {
+        Some(truth) => {
+            let frame = recordings.iter().find_map(Recording::frame);
+            Some(truth.in_frame(frame).ok_or_else(|| no_degrees("--truth"))?.into())
+        }
+        None => None,
+    };
+    let config = CalibrateConfig {
+        truth,
+        target_up_m: args.target_up_m,
+        max_exponent: args.max_exponent,
+        positions: args.reading.positions,
+    };
+    let report = fit(args, &recordings, beacon, &config).map_err(CliError::input)?;
+    output.result(&report, text)?;
+    if let Some(out) = &args.out {
+        fs::write(out, report.file.to_toml()).map_err(|error| CliError::writing(out, error))?;
+        output.note(&format!("calibration: {}", out.display()))?;
     }
     Ok(())
 }
 
-impl Report {
-    fn new(recording: &Recording, beacon: Option<String>, calibration: &Calibration) -> Self {
-        let fit = &calibration.fit;
-        let error = |index: usize| fit.covariance[(index, index)].sqrt();
-        Self {
-            file: recording.file().to_owned(),
-            beacon,
-            calibrated: recording.is_calibrated(),
-            p0_dbm: fit.reference_dbm,
-            p0_standard_error_db: error(0),
-            exponent: fit.exponent,
-            exponent_standard_error: (!fit.at_bound).then(|| error(1)),
-            at_bound: fit.at_bound,
-            rmse_db: fit.rmse_db,
-            sigma_db: fit.sigma_db,
-            points: fit.points,
-            nearest_m: calibration.nearest_m,
-            farthest_m: calibration.farthest_m,
+/// Fits all that the recordings allow; an error where that is nothing.
+fn fit(
+    args: &Args,
+    recordings: &[Recording],
+    beacon: Option<String>,
+    config: &CalibrateConfig,
+) -> Result<Report, RecordedError> {
+    let extractor_config = ExtractorConfig::default();
+    let mut extractor: Box<dyn BearingExtractor> = extractor_config.build();
+    let mut report = Report::new(recordings, beacon.clone());
+    let records = || recordings.iter().flat_map(Recording::records);
+
+    if station_boresights(recordings).is_some() {
+        let station = StationConfig {
+            positions: config.positions,
+            least_range_m: args.least_range_m,
+            truth: config.truth,
+        };
+        match fit_boresights(recordings, beacon.as_deref(), &station) {
+            Ok(fitted) => {
+                extractor = Box::new(fitted.fit.pattern.clone());
+                report.file.station = Some(StationSection::from(&fitted.fit));
+                report.station = Some((&fitted).into());
+            }
+            Err(error) => report.skip("station", error.to_string()),
+        }
+        let why = "the antennas do not turn: their boresights are the station's";
+        report.skip("bearings", why.to_owned());
+    } else if records().any(|record| record.boresight.is_some() || record.bearing.is_some()) {
+        match calibrate_bearings(recordings, beacon.as_deref(), extractor.as_ref(), config) {
+            Ok(fitted) => {
+                let turns = records().any(|record| record.boresight.is_some());
+                let name = if turns { name(&extractor_config) } else { "recorded".to_owned() };
+                report.file.bearings = fitted.section(&name);
+                report.bearings(&fitted);
+            }
+            Err(error) => report.skip("bearings", error.to_string()),
+        }
+    } else {
+        report.skip("bearings", "there is neither a turn of an antenna nor a bearing".to_owned());
+    }
+
+    // Last, for the levels of a station's turns need its pattern.
+    match calibrate(recordings, beacon.as_deref(), extractor.as_ref(), config) {
+        Ok(calibration) => {
+            report.file.path_loss = Some(PathLossSection::from(&calibration.fit));
+            report.path_loss(&calibration);
+        }
+        Err(error) => {
+            let CalibrationFile { bearings, station, .. } = &report.file;
+            if bearings.is_none() && station.is_none() {
+                return Err(error);
+            }
+            report.skipped.insert(0, Skipped { what: "path loss", why: error.to_string() });
         }
     }
+    Ok(report)
 }
 
-fn fitted(report: &Report) -> String {
-    let unit = if report.calibrated { "dBm" } else { "dB" };
-    let mut fitted = table(&["parameter", "value", "standard error"]);
-    fitted.add_row([
-        format!("P₀ {unit}"),
-        number(report.p0_dbm, 2),
-        number(report.p0_standard_error_db, 2),
-    ]);
-    fitted.add_row([
-        "exponent γ".to_owned(),
-        number(report.exponent, 3),
-        number(report.exponent_standard_error, 3),
-    ]);
-    let mut lines = vec![fitted.to_string()];
-    lines.push(format!(
-        "{} points from {:.1} m to {:.1} m; RMSE {:.2} dB, σ {:.2} dB",
-        report.points, report.nearest_m, report.farthest_m, report.rmse_db, report.sigma_db
-    ));
-    if report.at_bound {
-        lines.push("The exponent is held by --max-exponent.".to_owned());
-    }
-    if !report.calibrated {
-        lines.push("The levels are about an unknown reference, and so is P₀.".to_owned());
-    }
-    lines.join("\n")
+/// The extractor's name, as it stands in files.
+fn name(extractor: &ExtractorConfig) -> String {
+    let value = serde_json::to_value(extractor).unwrap_or_default();
+    value["kind"].as_str().unwrap_or_default().to_owned()
 }

@@ -8,7 +8,7 @@ use foxhunt::{
     trial::{Trial, trial_campaign},
 };
 
-use super::{choice, overrides::Overrides};
+use super::{calibration::Calibration, choice, overrides::Overrides};
 use crate::{
     error::CliError,
     output::Output,
@@ -52,6 +52,8 @@ pub(crate) struct Args {
     flown: bool,
     #[command(flatten)]
     overrides: Overrides,
+    #[command(flatten)]
+    calibration: Calibration,
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
@@ -64,7 +66,8 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     {
         return run_trial(args, &trial, jobs, output);
     }
-    let scenario = choice::scenario(&args.scenario)?;
+    let mut scenario = choice::scenario(&args.scenario)?;
+    args.calibration.read()?.tell(&mut scenario);
     let estimators: Vec<_> =
         estimators(args, &scenario)?.into_iter().map(|e| args.overrides.apply(e)).collect();
     let hunts = u64::from(args.runs) * u64::try_from(estimators.len()).unwrap_or(u64::MAX);
@@ -79,8 +82,8 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
 }
 
 fn run_trial(args: &Args, trial: &Trial, jobs: usize, output: Output) -> Result<(), CliError> {
-    if args.overrides.any() {
-        let flags = "--components, --prior-sigma-m, --power-sigma-db and --lag-s";
+    if args.overrides.any() || args.calibration.is_given() {
+        let flags = "--components, --prior-sigma-m, --power-sigma-db, --lag-s and --calibration";
         return Err(CliError::input(format!(
             "{flags} are of flown hunts; {} is a trial",
             trial.name

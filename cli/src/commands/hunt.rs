@@ -14,7 +14,7 @@ use foxhunt::{
     simulation::{Simulated, log_header, simulate},
 };
 
-use super::{choice, fixes, overrides::Overrides};
+use super::{calibration::Calibration, choice, fixes, overrides::Overrides};
 use crate::{
     error::CliError,
     output::{Output, warn},
@@ -41,13 +41,16 @@ pub(crate) struct Args {
     estimator: Option<String>,
     #[command(flatten)]
     overrides: Overrides,
+    #[command(flatten)]
+    calibration: Calibration,
     /// The folder that hunt.jsonl (the log) and hunt.svg (the picture) are written to
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
-    let scenario = choice::scenario(&args.scenario)?;
+    let mut scenario = choice::scenario(&args.scenario)?;
+    args.calibration.read()?.tell(&mut scenario);
     let estimator = choice::estimator_of(args.estimator.as_deref(), &scenario, &args.scenario)?;
     let estimator = args.overrides.apply(estimator);
     let header = log_header(&scenario, &estimator, args.seed);

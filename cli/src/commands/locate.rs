@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use clap::builder::PossibleValuesParser;
 use foxhunt::{
+    calibration::CalibrationFile,
     config::{ExtractorConfig, estimators},
     core::{Ellipse, nalgebra::Vector2},
     geodesy::Geodetic,
@@ -16,6 +17,7 @@ use foxhunt::{
 use serde::Serialize;
 
 use super::{
+    calibration::{Calibration, calibrated},
     parameter::Parameter,
     recorded::{LatLon, Reading, no_degrees},
 };
@@ -29,7 +31,8 @@ use crate::{
 ///
 /// Takes what was heard of one transmitter, in one or several recordings, to its place: turns of
 /// a directional antenna, levels of an omnidirectional one, or ready-made bearings. Without
-/// --p0-dbm and --exponent the transmitter's power is found along with its place.
+/// --p0-dbm and --exponent, or a --calibration that has them, the transmitter's power is found along
+/// with its place.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt locate flight.csv\n  \
                         foxhunt locate uav1.csv uav2.csv --truth 50.0755,14.4378 \
@@ -64,6 +67,8 @@ pub(crate) struct Args {
     /// The seed of estimators that draw random numbers
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
+    #[command(flatten)]
+    calibration: Calibration,
     #[command(flatten)]
     reading: Reading,
 }
@@ -124,12 +129,16 @@ const MUCH_BORDER: f64 = 0.05;
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     check(args)?;
-    let power = power(args)?;
+    let own = args.calibration.read()?;
     let recordings = args.reading.read(&args.files)?;
     let beacon = args.reading.beacon(&recordings)?;
-    let extractor = ExtractorConfig::default().build();
+    let format = recordings.first().map_or("", Recording::format);
+    let calibration = args.calibration.or_shipped(&own, format);
+    let power = power(args, &calibration)?;
+    let extractor = calibrated(&calibration, ExtractorConfig::default().build())?;
     let observe = ObserveConfig {
         positions: args.reading.positions,
+        bearings: calibration.bearing_calibration(),
         receiver_sigma_m: args.receiver_sigma_m,
         ..ObserveConfig::default()
     };
@@ -171,10 +180,15 @@ fn check(args: &Args) -> Result<(), CliError> {
     Ok(())
 }
 
-/// What is known of the transmitter's power.
-fn power(args: &Args) -> Result<Power, CliError> {
+/// What is known of the transmitter's power: what the flags say, or else the calibration.
+fn power(args: &Args, calibration: &CalibrationFile) -> Result<Power, CliError> {
     match (args.p0_dbm, args.exponent) {
-        (Parameter::Free, Parameter::Free) => Ok(Power::Free),
+        (Parameter::Free, Parameter::Free) => {
+            Ok(calibration.path_loss.as_ref().map_or(Power::Free, |law| Power::Known {
+                reference_dbm: law.p0_dbm,
+                exponent: law.exponent,
+            }))
+        }
         (Parameter::Value(reference_dbm), Parameter::Value(exponent)) => {
             Ok(Power::Known { reference_dbm, exponent })
         }

@@ -1,5 +1,6 @@
 //! One file for each subcommand: its arguments, what it does, its table.
 
+pub(crate) mod antenna;
 pub(crate) mod bearing;
 pub(crate) mod calibrate;
 pub(crate) mod campaign;
@@ -9,6 +10,8 @@ pub(crate) mod locate;
 pub(crate) mod replay;
 pub(crate) mod scenarios;
 
+mod calibration;
+mod calibration_report;
 mod choice;
 mod fixes;
 mod overrides;
@@ -28,5 +31,6 @@ pub(crate) fn run(command: Command, output: Output) -> Result<(), CliError> {
         Command::Calibrate(args) => calibrate::run(&args, output),
         Command::Locate(args) => locate::run(&args, output),
         Command::Bearing(args) => bearing::run(&args, output),
+        Command::Antenna(args) => antenna::run(&args, output),
     }
 }

@@ -1,37 +1,40 @@
-/// Why rows make no antenna pattern.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+use std::string::String;
+
+use super::{PatternFileError, PatternTableError};
+use crate::ParameterError;
+
+/// Why there is no antenna.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum PatternTableError {
-    /// A turn cannot be read from so few rows.
-    #[error("the antenna pattern has {rows} rows; it needs at least {needed}")]
-    TooFew {
-        /// How many there are.
-        rows: usize,
-        /// How many are needed.
-        needed: usize,
+pub enum AntennaError {
+    /// A parameter is out of its range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The rows of a table make no pattern.
+    #[error(transparent)]
+    Table(#[from] PatternTableError),
+    /// A file cannot be read.
+    #[error("{file}: {reason}")]
+    Read {
+        /// The file.
+        file: String,
+        /// What the system said.
+        reason: String,
     },
-    /// A number is NaN or infinite.
-    #[error("row {row} of the antenna pattern has the {field} {value}, not a finite number")]
-    NotFinite {
-        /// Which row, from 0.
-        row: usize,
-        /// Which of its fields.
-        field: &'static str,
-        /// What it held.
-        value: f64,
+    /// A file holds no antenna.
+    #[error("{file}, {source}")]
+    File {
+        /// The file.
+        file: String,
+        /// The line, and what is wrong with it.
+        source: PatternFileError,
     },
-    /// The angles do not increase.
-    #[error("the angle {angle} rad in row {row} of the antenna pattern does not exceed the last")]
-    Order {
-        /// Which row, from 0.
-        row: usize,
-        /// Its angle.
-        angle: f64,
-    },
-    /// The angles span a turn or more, so that the last row says again what the first says.
-    #[error("the antenna pattern spans {span} rad; it must stay below a turn")]
-    Span {
-        /// From the first angle to the last, in radians.
-        span: f64,
+    /// A file's extension tells no format.
+    #[error("{file} has the extension {extension:?}; antennas are read from msi, pln and csv")]
+    Extension {
+        /// The file.
+        file: String,
+        /// Its extension, in small letters.
+        extension: String,
     },
 }

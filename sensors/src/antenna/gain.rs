@@ -1,11 +1,16 @@
 use alloc::{boxed::Box, sync::Arc};
 use core::fmt::Debug;
 
-/// An antenna: its gain over direction.
+use super::figures;
+
+/// An antenna: its gain over direction, and what follows from it.
 ///
 /// Directions are the antenna's own: azimuth in radians counter-clockwise of the boresight, seen
-/// from above, and elevation in radians above the plane through the boresight. The gain is finite
-/// in every direction.
+/// from above, and elevation in radians above the plane through the boresight, from −π/2 to π/2.
+///
+/// # Laws
+///
+/// The gain is finite in every direction, and the same after a whole turn of azimuth.
 pub trait Antenna: Debug {
     /// The gain in dBi; of one whose absolute gain is not known, in dB about an unknown level.
     fn gain_dbi(&self, azimuth: f64, elevation: f64) -> f64;
@@ -16,6 +21,49 @@ pub trait Antenna: Debug {
         let gain = |degree: u16| self.gain_dbi(f64::from(degree).to_radians(), elevation);
         (0..360).map(gain).sum::<f64>() / 360.0
     }
+
+    /// The direction of the largest gain: searched in steps of 1°, then refined. Of equal ones that
+    /// nearest to the horizon.
+    fn main_lobe(&self) -> MainLobe {
+        figures::main_lobe(self)
+    }
+
+    /// The angle in radians between the half-power points about the main lobe, in the cut of
+    /// azimuth at its elevation; `None` where the gain never falls by half.
+    fn half_power_beamwidth(&self) -> Option<f64> {
+        figures::azimuth_beamwidth(self)
+    }
+
+    /// The same in the cut of elevation through the main lobe; `None` where the gain does not fall by
+    /// half within a quarter turn up and down.
+    fn elevation_half_power_beamwidth(&self) -> Option<f64> {
+        figures::elevation_beamwidth(self)
+    }
+
+    /// The gain of the main lobe over that straight opposite to it, in dB.
+    fn front_to_back_db(&self) -> f64 {
+        let lobe = self.main_lobe();
+        lobe.gain_dbi - self.gain_dbi(lobe.azimuth + core::f64::consts::PI, -lobe.elevation)
+    }
+
+    /// The power of the main lobe over its mean over the sphere, in dBi (IEEE Std 145-2013): what
+    /// the gain would be without losses.
+    fn directivity_dbi(&self) -> f64 {
+        figures::directivity_dbi(self)
+    }
+}
+
+/// Where an antenna hears best.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct MainLobe {
+    /// In radians counter-clockwise of the boresight.
+    pub azimuth: f64,
+    /// In radians above the plane through the boresight.
+    pub elevation: f64,
+    /// The gain there.
+    pub gain_dbi: f64,
 }
 
 macro_rules! forward {
@@ -28,6 +76,26 @@ macro_rules! forward {
 
             fn mean_gain_db(&self, elevation: f64) -> f64 {
                 (**self).mean_gain_db(elevation)
+            }
+
+            fn main_lobe(&self) -> MainLobe {
+                (**self).main_lobe()
+            }
+
+            fn half_power_beamwidth(&self) -> Option<f64> {
+                (**self).half_power_beamwidth()
+            }
+
+            fn elevation_half_power_beamwidth(&self) -> Option<f64> {
+                (**self).elevation_half_power_beamwidth()
+            }
+
+            fn front_to_back_db(&self) -> f64 {
+                (**self).front_to_back_db()
+            }
+
+            fn directivity_dbi(&self) -> f64 {
+                (**self).directivity_dbi()
             }
         }
     )*};

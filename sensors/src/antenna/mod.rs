@@ -2,13 +2,25 @@
 
 #[cfg(feature = "std")]
 mod config;
+#[cfg(feature = "std")]
 mod error;
+mod figures;
+mod files;
+mod formula;
 mod gain;
-mod pattern_table;
-mod reference_patch;
+mod learn;
+mod multipath;
+mod table;
 
 #[cfg(feature = "std")]
-pub use config::{AntennaConfig, GainRow, SharedAntenna};
-pub use error::PatternTableError;
-pub use gain::Antenna;
-pub use pattern_table::PatternTable;
+pub use config::{AntennaConfig, CardioidConfig, GainRow, PatchConfig, SharedAntenna, YagiConfig};
+#[cfg(feature = "std")]
+pub use error::AntennaError;
+pub use files::{MsiFile, MsiUnit, PatternFileError, PatternFileReason};
+pub use formula::{Cardioid, Dipole, Isotropic, Patch, Yagi};
+pub use gain::{Antenna, MainLobe};
+pub use learn::{LearnPatternError, LearnedPattern, learn_pattern};
+pub use multipath::{ReflectedWave, multipath_gain_dbi};
+pub use table::{ElevationPattern, PatternTable, PatternTable3d, PatternTableError, PrincipalCuts};
+
+use formula::linear;

@@ -1,8 +1,10 @@
-/// Why no law of propagation can be had from the points.
+use crate::ParameterError;
+
+/// Why nothing can be calibrated from the points.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CalibrationError {
-    /// Two parameters and a residual need three points.
+    /// The parameters and a residual need more points.
     #[error("there are {points} points to calibrate from; at least {needed} are needed")]
     TooFew {
         /// How many there are.
@@ -38,4 +40,31 @@ pub enum CalibrationError {
         /// What it was.
         bound: f64,
     },
+    /// A bearing, a heading, an error or a σ is out of its range.
+    #[error("the {field} of point {index} is {value}, not {requirement}")]
+    Field {
+        /// Which point, from 0.
+        index: usize,
+        /// Which of its numbers.
+        field: &'static str,
+        /// What it held.
+        value: f64,
+        /// What it must be.
+        requirement: &'static str,
+    },
+    /// The bearings' errors cancel: they single out no offset.
+    #[error("the bearings' errors single out no offset (resultant length {resultant:.3})")]
+    Scattered {
+        /// Their mean resultant length, from 0 (none) to 1 (sharp).
+        resultant: f64,
+    },
+    /// The headings are too much alike for an offset that depends on them.
+    #[error("the headings span too little of the circle to tell how the offset depends on them")]
+    Headings,
+    /// All errors are 0: there is no scale to find.
+    #[error("every error is 0; a standard deviation has no scale then")]
+    NoError,
+    /// What was fitted is no station.
+    #[error("the station: {0}")]
+    Station(ParameterError),
 }

@@ -1,6 +1,7 @@
-use nalgebra::Matrix2;
+use foxhunt_core::{Ellipse, Estimate};
+use nalgebra::{Matrix2, Vector2};
 
-use super::CalibrationError;
+use super::{CalibrationError, student};
 use crate::{LogDistance, ParameterError};
 
 /// A log-distance law fitted to points of range and power, and how well they fit.
@@ -44,6 +45,60 @@ impl PathLossFit {
     #[must_use]
     pub fn exponent_error(&self) -> f64 {
         libm::sqrt(self.covariance[(1, 1)])
+    }
+
+    /// The interval that holds P₀ in dBm with the given probability, by Student's t; on condition
+    /// of γ where γ is at its bound. `None` when `probability` is not in (0, 1).
+    #[must_use]
+    pub fn reference_interval(&self, probability: f64) -> Option<[f64; 2]> {
+        self.interval(self.reference_dbm, self.reference_error_db(), probability)
+    }
+
+    /// The interval that holds γ with the given probability, by Student's t. `None` where γ is at
+    /// its bound, or `probability` is not in (0, 1).
+    #[must_use]
+    pub fn exponent_interval(&self, probability: f64) -> Option<[f64; 2]> {
+        let free = !self.at_bound;
+        free.then(|| self.interval(self.exponent, self.exponent_error(), probability)).flatten()
+    }
+
+    /// The ellipse that holds P₀ and γ together with the given probability: all (P₀, γ) with
+    /// eᵀ C⁻¹ e ≤ 2 F₂,ₙ₋₂, e their difference from the fit, C the covariance (Draper & Smith 1998,
+    /// §5.4).
+    ///
+    /// Its plane has P₀ in dB along the first axis and γ along the second; that is what the
+    /// lengths and the orientation refer to. `None` where γ is at its bound and only P₀ is
+    /// uncertain, where the points lie on the law, or where `probability` is not in (0, 1).
+    #[must_use]
+    pub fn region(&self, probability: f64) -> Option<Ellipse> {
+        if self.at_bound || !(probability > 0.0 && probability < 1.0) {
+            return None;
+        }
+        // The quantile of F with 2 and m degrees of freedom, twice, is m ((1 − p)^(−2/m) − 1); a
+        // Gaussian's ellipse has −2 ln(1 − p) in its place.
+        let (tail, m) = (-libm::log1p(-probability), self.freedom());
+        let widening = m * libm::expm1(2.0 * tail / m) / (2.0 * tail);
+        let mean = Vector2::new(self.reference_dbm, self.exponent);
+        Estimate { mean, covariance: self.covariance * widening }.ellipse(probability)
+    }
+
+    /// The correlation of P₀ and γ, in [−1, 1]; 0 where γ is at its bound.
+    #[must_use]
+    pub fn correlation(&self) -> f64 {
+        let product = self.reference_error_db() * self.exponent_error();
+        if product > 0.0 { self.covariance[(0, 1)] / product } else { 0.0 }
+    }
+
+    /// The degrees of freedom that are left for the noise.
+    fn freedom(&self) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "points fit into memory many times over")]
+        let points = self.points as f64;
+        if self.at_bound { points - 1.0 } else { points - 2.0 }
+    }
+
+    fn interval(&self, value: f64, error: f64, probability: f64) -> Option<[f64; 2]> {
+        let reach = student::quantile(self.freedom(), probability)? * error;
+        Some([value - reach, value + reach])
     }
 }
 

@@ -1,7 +1,16 @@
-//! From readings at known ranges to the law of propagation.
+//! From readings of a known transmitter to what the models and bearings need.
 
 mod error;
 mod fit;
+mod offset;
+mod sigma;
+#[cfg(feature = "alloc")]
+mod station;
+mod student;
 
 pub use error::CalibrationError;
 pub use fit::{PathLossFit, fit_log_distance};
+pub use offset::{BearingOffset, BearingOffsetFit, KnownBearing, OffsetTerms, fit_bearing_offset};
+pub use sigma::{BearingError, SigmaFit, fit_sigma};
+#[cfg(feature = "alloc")]
+pub use station::{StationBurst, StationFit, fit_station};

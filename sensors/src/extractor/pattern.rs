@@ -128,7 +128,8 @@ fn nominal(i: u16, positions: u16) -> f64 {
     TAU * f64::from(i) / f64::from(positions)
 }
 
-fn check(sweep: &Sweep<'_>) -> Result<(), NoReading> {
+/// Refuses what is no sweep of at most [`Pattern::CAPACITY`] positions.
+pub(super) fn check(sweep: &Sweep<'_>) -> Result<(), NoReading> {
     let positions = sweep.positions;
     if !(1..=Pattern::CAPACITY).contains(&positions) {
         return Err(NoReading::Capacity { positions, capacity: Pattern::CAPACITY });

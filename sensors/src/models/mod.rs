@@ -4,6 +4,8 @@ mod bearing_mixture;
 mod bearing_only;
 mod censored;
 mod differential_rss;
+#[cfg(feature = "alloc")]
+mod elevation;
 mod free_path_loss;
 mod free_power;
 mod kernel;
@@ -17,6 +19,8 @@ pub use bearing_mixture::BearingMixture;
 pub use bearing_only::BearingOnly;
 pub use censored::Censored;
 pub use differential_rss::DifferentialRss;
+#[cfg(feature = "alloc")]
+pub use elevation::WithElevationPattern;
 pub use free_path_loss::FreePathLossRssBearing;
 pub use free_power::FreePowerRssBearing;
 pub use range_difference::RangeDifference;

@@ -3,9 +3,11 @@
 mod friis;
 mod law;
 mod log_distance;
+mod two_ray;
 
 pub use friis::Friis;
 pub use law::Propagation;
 pub use log_distance::LogDistance;
+pub use two_ray::{Polarisation, TwoRay};
 
 pub(crate) use law::clamp;

@@ -71,6 +71,69 @@ fn standard_errors_are_honest() {
     assert!((mean - 38.0 / 36.0).abs() < 0.141, "{mean}");
 }
 
+/// The covariance of the closed form is inverted by Cramer's rule; the rim of the ellipse is where eᵀ C⁻¹ e is twice the F quantile of 2 and 1 degrees of freedom, 199.5 at 95 %
+/// (Abramowitz & Stegun 1964, table 26.9).
+#[test]
+fn the_rim_of_the_region_is_the_quantile_of_f() {
+    let fit = fit_log_distance([(1.0, -30.0), (10.0, -51.0), (100.0, -69.0)], None).expect("a fit");
+    let region = fit.region(0.95).expect("it is uncertain");
+    let (a, b, c) = (fit.covariance[(0, 0)], fit.covariance[(0, 1)], fit.covariance[(1, 1)]);
+    let weigh = |x: f64, y: f64| (c * x * x - 2.0 * b * x * y + a * y * y) / (a * c - b * b);
+    let (sin, cos) = region.orientation.sin_cos();
+    for (x, y) in [
+        (region.semi_major * cos, region.semi_major * sin),
+        (-region.semi_minor * sin, region.semi_minor * cos),
+    ] {
+        assert!((weigh(x, y) / (2.0 * 199.5) - 1.0).abs() < 1e-4, "{}", weigh(x, y));
+    }
+    // Student's t with one degree of freedom at 95 % is 12.706.
+    let [low, high] = fit.exponent_interval(0.95).expect("it is free");
+    assert!((high - 1.95 - 12.706 * fit.exponent_error()).abs() < 1e-3 && low < 1.95);
+    assert!((fit.correlation() - b / (a * c).sqrt()).abs() < 1e-12);
+    let held = fit_log_distance([(1.0, -30.0), (10.0, -51.0), (100.0, -69.0)], Some(1.5));
+    let held = held.expect("a fit");
+    assert!(held.region(0.95).is_none() && held.exponent_interval(0.95).is_none());
+    // Two degrees of freedom: 4.3027.
+    let [low, high] = held.reference_interval(0.95).expect("it is free");
+    assert!((0.5 * (high - low) - 4.3027 * held.reference_error_db()).abs() < 1e-3);
+    assert!(fit.region(1.0).is_none() && fit.reference_interval(0.0).is_none());
+}
+
+/// Few points, so that an ellipse with χ² in place of F would hold 90.5 % only. 4000 calibrations of
+/// 15 points, seed 12: the share of truths inside is binomial, 0.95 ± 4·√(0.95·0.05/4000) = 0.0138
+/// but for 6e-5 of seeds. Each of the two intervals alone holds as many.
+#[test]
+fn the_joint_region_holds_what_it_says() {
+    let truth = LogDistance::pritzl2018_field();
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(12);
+    let noise = Normal::new(0.0, 4.0).expect("a standard deviation");
+    let (mut joint, mut power, mut exponent) = (0_u32, 0_u32, 0_u32);
+    for _ in 0..4000 {
+        let points: Vec<(f64, f64)> = (0..15)
+            .map(|_| {
+                let range: f64 = rng.random_range(5.0..60.0);
+                (range, truth.rss_dbm(range) + noise.sample(&mut rng))
+            })
+            .collect();
+        let fit = fit_log_distance(points, None).expect("a fit");
+        let ellipse = fit.region(0.95).expect("it is uncertain");
+        let (x, y) = (truth.reference_dbm() - fit.reference_dbm, truth.exponent() - fit.exponent);
+        let (sin, cos) = ellipse.orientation.sin_cos();
+        let along = (cos * x + sin * y) / ellipse.semi_major;
+        let across = (cos * y - sin * x) / ellipse.semi_minor;
+        joint += u32::from(along * along + across * across <= 1.0);
+        let within = |interval: Option<[f64; 2]>, value: f64| {
+            interval.is_some_and(|[low, high]| (low..=high).contains(&value))
+        };
+        power += u32::from(within(fit.reference_interval(0.95), truth.reference_dbm()));
+        exponent += u32::from(within(fit.exponent_interval(0.95), truth.exponent()));
+    }
+    for held in [joint, power, exponent] {
+        let share = f64::from(held) / 4000.0;
+        assert!((share - 0.95).abs() < 0.0138, "{share}");
+    }
+}
+
 /// 847 readings of VHF tags: published exponent 2.29 and standard deviation 4.1 dB, to their digits.
 #[test]
 fn real_readings_have_the_published_exponent() {

@@ -45,3 +45,43 @@ fn what_is_out_of_range_or_unknown_is_refused_by_name() {
         assert!(error.contains(names), "{error:?} does not name {names:?}");
     }
 }
+
+#[test]
+fn antennas_are_chosen_by_name() {
+    use foxhunt_sensors::{Antenna, AntennaConfig, CardioidConfig, PatchConfig, YagiConfig};
+    for (text, config, gain) in [
+        (r#""reference-patch""#, AntennaConfig::ReferencePatch, 0.0),
+        (r#""isotropic""#, AntennaConfig::Isotropic, 0.0),
+        (r#""dipole""#, AntennaConfig::Dipole, 2.15),
+        (r#"{"cardioid": {}}"#, AntennaConfig::Cardioid(CardioidConfig::default()), 4.32),
+        (
+            r#"{"patch": {"azimuth_beamwidth_deg": 60}}"#,
+            AntennaConfig::Patch(PatchConfig {
+                azimuth_beamwidth_deg: 60.0,
+                ..PatchConfig::default()
+            }),
+            9.56,
+        ),
+        (
+            r#"{"yagi": {"elements": 3}}"#,
+            AntennaConfig::Yagi(YagiConfig { elements: 3, ..YagiConfig::default() }),
+            8.59,
+        ),
+    ] {
+        let read = read::<AntennaConfig>(text).expect(text);
+        assert_eq!(read, config);
+        comes_back(&config);
+        let lobe = read.build().expect("in range").main_lobe();
+        assert!((lobe.gain_dbi - gain).abs() < 0.1, "{text}: {} dBi", lobe.gain_dbi);
+    }
+    for name in AntennaConfig::NAMES {
+        assert!(AntennaConfig::named(name).expect(name).build().is_ok(), "{name}");
+    }
+    assert_eq!(AntennaConfig::named("horn"), None);
+    let refused = read::<AntennaConfig>(r#"{"yagi": {"element": 3}}"#).expect_err("misspelt");
+    assert!(refused.contains("element"), "{refused}");
+    let config = read::<AntennaConfig>(r#"{"yagi": {"elements": 1}}"#).expect("a number");
+    let error = config.build().expect_err("it is no array").to_string();
+    assert!(error.contains("elements is 1"), "{error}");
+    comes_back(&AntennaConfig::File("panel.msi".into()));
+}

@@ -1,20 +1,34 @@
 use foxhunt_sensors::{AntennaConfig, LogDistance};
 use serde::{Deserialize, Serialize};
 
-use super::check::{finite, not_negative, probability};
+use super::{
+    PathLossConfig, ReflectorConfig, ShadowingConfig,
+    check::{finite, in_range, not_negative, probability},
+};
 use crate::SimError;
 
 /// What lies between a beacon's power and a drone's reading.
 ///
-/// A sample is P₀ − 10 γ log₁₀ d + G(a) − Ḡ + the pattern's offset + the sample's noise, all in dB,
-/// with the antenna's gain G at the angle a off boresight and its mean Ḡ over a turn in dB, so that
-/// the mean over a turn follows the law of propagation. Then come the receiver's rounding, its
-/// floor, and losses.
+/// A sample is P(d) + G − Ḡ + the place's shadowing + the pattern's offset + the sample's noise, all in
+/// dB: the power P by the law of propagation; the antenna's gain G for the direction in which the
+/// beacon lies from the drone's body, in azimuth and elevation, with the waves of the reflectors
+/// added to the direct one in amplitude; and the mean Ḡ of the gain over a level turn, in dB, so that
+/// the mean over such a turn follows the law. Then come the receiver's rounding, its floor, and
+/// losses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ChannelConfig {
     /// The law of propagation, over the slant range.
-    pub path_loss: LogDistance,
+    pub path_loss: PathLossConfig,
+    /// The frequency that beacons send at, in MHz: what reflections and the laws that ask for a
+    /// wavelength are computed with.
+    pub frequency_mhz: f64,
+    /// Shadowing that belongs to places; none where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shadowing: Option<ShadowingConfig>,
+    /// What reflects.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub reflectors: Vec<ReflectorConfig>,
     /// The antenna under every drone.
     pub antenna: AntennaConfig,
     /// σ in dB of the offset that all samples of a pattern share.
@@ -36,10 +50,14 @@ pub struct ChannelConfig {
 impl Default for ChannelConfig {
     /// The simulation of Pritzl 2018, §6.1, its noise read as standard deviations: 4 dB for each
     /// pattern, 2 dB for each sample, 30° for each pattern's direction; the law of the open field
-    /// (−29.06 dBm, 2.765; §7.1); the reference patch; no rounding, no floor, no losses.
+    /// (−29.06 dBm, 2.765; §7.1); the reference patch; 2440 MHz; neither shadowing nor reflectors,
+    /// no rounding, no floor, no losses.
     fn default() -> Self {
         Self {
-            path_loss: LogDistance::pritzl2018_field(),
+            path_loss: LogDistance::pritzl2018_field().into(),
+            frequency_mhz: 2440.0,
+            shadowing: None,
+            reflectors: Vec::new(),
             antenna: AntennaConfig::ReferencePatch,
             pattern_sigma_db: 4.0,
             sample_sigma_db: 2.0,
@@ -54,6 +72,14 @@ impl Default for ChannelConfig {
 impl ChannelConfig {
     /// All but path loss and antenna, which are checked where they are made.
     pub(super) fn check(&self) -> Result<(), SimError> {
+        let requirement = "a positive number, at most 1e6";
+        in_range("channel.frequency_mhz", self.frequency_mhz, 1e-3..=1e6, requirement)?;
+        if let Some(shadowing) = &self.shadowing {
+            shadowing.check()?;
+        }
+        for (index, reflector) in self.reflectors.iter().enumerate() {
+            reflector.check(index)?;
+        }
         not_negative("channel.pattern_sigma_db", self.pattern_sigma_db)?;
         not_negative("channel.sample_sigma_db", self.sample_sigma_db)?;
         not_negative("channel.bearing_sigma_deg", self.bearing_sigma_deg)?;

@@ -4,12 +4,16 @@ mod channel;
 mod check;
 mod course;
 mod devices;
+mod multipath;
+mod path_loss;
 mod vehicle;
 mod world;
 
 pub use channel::ChannelConfig;
 pub use course::BeaconCourse;
 pub use devices::SimStepperConfig;
+pub use multipath::{ReflectorConfig, ShadowingConfig};
+pub use path_loss::{PathLossConfig, TwoRayConfig};
 pub use vehicle::{KinematicConfig, VehicleConfig};
 pub use world::{BeaconConfig, DroneConfig, WorldConfig};
 

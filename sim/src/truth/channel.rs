@@ -1,13 +1,31 @@
-use foxhunt_sensors::{LogDistance, Propagation, SharedAntenna};
+use std::f64::consts::TAU;
 
-use crate::{ChannelConfig, SimError};
+use foxhunt_sensors::{
+    Friis, Isotropic, LogDistance, Propagation, ReflectedWave, SharedAntenna, multipath_gain_dbi,
+};
+use nalgebra::Vector3;
+use rand::rngs::Xoshiro256PlusPlus;
 
-/// What the channel does to every sample; what it draws lies in the receivers.
+use super::shadowing::ShadowingField;
+use crate::{ChannelConfig, PathLossConfig, SimError, TwoRayConfig};
+
+/// In metres per second.
+const SPEED_OF_LIGHT: f64 = 299_792_458.0;
+
+/// What the channel does to every sample; what it draws lies in the receivers, but for the fields of
+/// shadowing.
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
-    law: LogDistance,
+    law: Law,
+    /// In metres.
+    wavelength: f64,
+    /// 2π over the wavelength.
+    pub(super) wave_number: f64,
     antenna: SharedAntenna,
     mean_gain_db: f64,
+    /// One for each beacon; none without shadowing.
+    shadowing: Vec<ShadowingField>,
+    pub(super) reflectors: Vec<Reflector>,
     pub(super) pattern_sigma_db: f64,
     pub(super) sample_sigma_db: f64,
     /// In radians.
@@ -17,14 +35,56 @@ pub(crate) struct Channel {
     pub(super) loss_probability: f64,
 }
 
+#[derive(Clone, Copy, Debug)]
+enum Law {
+    LogDistance(LogDistance),
+    Friis(Friis),
+    TwoRay(TwoRayConfig),
+}
+
+/// A reflector: its phase in radians.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reflector {
+    pub(super) place: Vector3<f64>,
+    pub(super) amplitude: f64,
+    pub(super) phase: f64,
+}
+
 impl Channel {
-    /// The channel of a configuration that was checked but for its antenna.
-    pub(crate) fn new(config: &ChannelConfig) -> Result<Self, SimError> {
+    /// The channel of a configuration that was checked but for its antenna and its law, for so many
+    /// beacons.
+    pub(crate) fn new(
+        config: &ChannelConfig,
+        beacons: usize,
+        rng: &mut Xoshiro256PlusPlus,
+    ) -> Result<Self, SimError> {
         let antenna = config.antenna.build()?;
+        let wavelength = SPEED_OF_LIGHT / (config.frequency_mhz * 1e6);
+        let law = match config.path_loss {
+            PathLossConfig::LogDistance(law) => Law::LogDistance(law),
+            PathLossConfig::Friis { power_dbm } => {
+                Law::Friis(Friis::new(power_dbm, 0.0, 0.0, wavelength).map_err(SimError::PathLoss)?)
+            }
+            PathLossConfig::TwoRay(config) => {
+                // What holds at one height holds at all above it.
+                config.law(wavelength, [0.0; 2]).map_err(SimError::PathLoss)?;
+                Law::TwoRay(config)
+            }
+        };
+        let reflector = |reflector: &crate::ReflectorConfig| Reflector {
+            place: Vector3::new(reflector.east_m, reflector.north_m, reflector.up_m),
+            amplitude: reflector.amplitude,
+            phase: reflector.phase_deg.to_radians(),
+        };
+        let fields = config.shadowing.iter().flat_map(|shadowing| vec![shadowing; beacons]);
         Ok(Self {
-            law: config.path_loss,
+            law,
+            wavelength,
+            wave_number: TAU / wavelength,
             mean_gain_db: antenna.mean_gain_db(0.0),
             antenna,
+            shadowing: fields.map(|shadowing| ShadowingField::draw(shadowing, rng)).collect(),
+            reflectors: config.reflectors.iter().map(reflector).collect(),
             pattern_sigma_db: config.pattern_sigma_db,
             sample_sigma_db: config.sample_sigma_db,
             bearing_sigma: config.bearing_sigma_deg.to_radians(),
@@ -34,15 +94,34 @@ impl Channel {
         })
     }
 
-    /// The mean level over a turn, in dBm, at a slant range in metres.
-    pub(super) fn level_dbm(&self, range: f64) -> f64 {
-        self.law.rss_dbm(range)
+    /// The mean level of a beacon at `to` over a level turn at `from`, in dBm.
+    pub(super) fn level_dbm(&self, beacon: usize, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
+        let range = (to - from).norm();
+        let level = match &self.law {
+            Law::LogDistance(law) => law.rss_dbm(range),
+            Law::Friis(law) => law.rss_dbm(range),
+            Law::TwoRay(config) => config
+                .law(self.wavelength, [to.z, from.z])
+                .expect("it was made at the least height, and vehicles' places are finite")
+                .rss_dbm(range),
+        };
+        level + self.shadowing.get(beacon).map_or(0.0, |field| field.at(from))
     }
 
-    /// The gain over its mean in dB, for a wave from `arrival` radians counter-clockwise of
-    /// boresight.
-    pub(super) fn relative_gain_db(&self, arrival: f64) -> f64 {
-        self.antenna.gain_dbi(arrival, 0.0) - self.mean_gain_db
+    /// The gain over its mean in dB, for a direct wave and reflected ones, of the drones' antenna
+    /// or of one that hears alike from everywhere.
+    pub(super) fn relative_gain_db(
+        &self,
+        azimuth: f64,
+        elevation: f64,
+        reflected: &[ReflectedWave],
+        directional: bool,
+    ) -> f64 {
+        if directional {
+            multipath_gain_dbi(&self.antenna, azimuth, elevation, reflected) - self.mean_gain_db
+        } else {
+            multipath_gain_dbi(&Isotropic, azimuth, elevation, reflected)
+        }
     }
 
     /// What the receiver reads at a power in dBm; `None` below its floor.

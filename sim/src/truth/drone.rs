@@ -25,7 +25,6 @@ impl Drone {
         config: &DroneConfig,
         vehicle: VehicleConfig,
         stepper: SimStepperConfig,
-        channel: &Channel,
         streams: Streams,
     ) -> Result<Self, SimError> {
         let pose = Pose::level(
@@ -35,12 +34,7 @@ impl Drone {
         Ok(Self {
             body: Body::new(vehicle, pose, streams.gust.clone())?,
             motor: Turntable::new(stepper.rotator_speed_rad_s),
-            receiver: Receiver::new(
-                channel,
-                streams,
-                stepper.radio_latency_s,
-                config.silent_after_s,
-            ),
+            receiver: Receiver::new(streams, stepper.radio_latency_s, config.silent_after_s),
             course: Course::at(0.0),
         })
     }
@@ -63,11 +57,10 @@ impl Drone {
         directional: bool,
         now: f64,
     ) {
-        let pose = self.body.pose();
-        let boresight = pose.heading + self.motor.angle(now);
-        let (from, turned) = (pose.position, self.body.heading());
+        let (receiver, turned) = (self.body.pose(), self.motor.angle(now));
+        let spun = self.body.heading();
         let question =
-            Question { time: now, beacon, from, to: place, boresight, turned, directional };
+            Question { time: now, beacon, receiver, to: place, turned, spun, directional };
         self.receiver.ask(channel, &question);
     }
 }

@@ -5,7 +5,9 @@ mod channel;
 mod course;
 mod drone;
 mod kinematics;
+mod path;
 mod receiver;
+mod shadowing;
 mod streams;
 mod turntable;
 

@@ -1,11 +1,11 @@
 use std::f64::consts::TAU;
 
-use foxhunt_core::BeaconId;
+use foxhunt_core::{BeaconId, Pose};
 use nalgebra::Vector3;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
-use super::{Channel, is_due, streams::Streams};
+use super::{Channel, is_due, path::Path, streams::Streams};
 
 /// A drone that moves farther than this begins a new pattern, in metres: fading is another one
 /// there.
@@ -21,8 +21,8 @@ pub(crate) struct Receiver {
     silent_after: f64,
     /// The present ones, of different beacons.
     patterns: Vec<Pattern>,
-    path: Path,
-    look: Look,
+    /// The last ones, of different beacons.
+    ways: Vec<Way>,
     answer: Option<Answer>,
 }
 
@@ -31,12 +31,13 @@ pub(crate) struct Receiver {
 pub(super) struct Question {
     pub(super) time: f64,
     pub(super) beacon: BeaconId,
-    pub(super) from: Vector3<f64>,
+    pub(super) receiver: Pose,
+    /// Where the beacon is.
     pub(super) to: Vector3<f64>,
-    /// In radians counter-clockwise from East.
-    pub(super) boresight: f64,
-    /// How far the body has turned about up since the beginning, in radians.
+    /// How far the antenna is turned from the nose, in radians.
     pub(super) turned: f64,
+    /// How far the body has turned about up since the beginning, in radians.
+    pub(super) spun: f64,
     /// Whether it goes through the antenna; otherwise through one that hears alike from everywhere.
     pub(super) directional: bool,
 }
@@ -47,23 +48,24 @@ struct Pattern {
     beacon: BeaconId,
     place: Vector3<f64>,
     /// How far the body had turned when it began.
-    turned: f64,
+    spun: f64,
     offset_db: f64,
     bearing_error: f64,
 }
 
-/// What does not change while neither drone nor beacon moves.
-#[derive(Clone, Copy, Debug)]
-struct Path {
-    sight: Vector3<f64>,
-    level_dbm: f64,
-    bearing: f64,
+/// The way from a beacon, and how the antenna looks at it.
+#[derive(Clone, Debug)]
+struct Way {
+    path: Path,
+    look: Look,
 }
 
-/// What does not change, besides, while the antenna stands.
+/// What does not change while neither drone, beacon nor antenna moves.
 #[derive(Clone, Copy, Debug)]
 struct Look {
-    arrival: f64,
+    receiver: Pose,
+    turned: f64,
+    directional: bool,
     gain_db: f64,
 }
 
@@ -74,19 +76,13 @@ struct Answer {
 }
 
 impl Receiver {
-    pub(super) fn new(
-        channel: &Channel,
-        streams: Streams,
-        latency: f64,
-        silent_after: Option<f64>,
-    ) -> Self {
+    pub(super) fn new(streams: Streams, latency: f64, silent_after: Option<f64>) -> Self {
         Self {
             streams,
             latency,
             silent_after: silent_after.unwrap_or(f64::INFINITY),
             patterns: Vec::new(),
-            path: Path::new(channel, Vector3::zeros()),
-            look: Look::new(channel, 0.0),
+            ways: Vec::new(),
             answer: None,
         }
     }
@@ -99,19 +95,11 @@ impl Receiver {
     /// Draws the answer; an older one that was not taken is given up.
     pub(super) fn ask(&mut self, channel: &Channel, question: &Question) {
         let pattern = self.pattern_for(channel, question);
-        let sight = question.to - question.from;
-        if self.path.sight != sight {
-            self.path = Path::new(channel, sight);
-        }
         // The pattern's error turns everything that the antenna sees.
-        let arrival = self.path.bearing + pattern.bearing_error - question.boresight;
-        if self.look.arrival.to_bits() != arrival.to_bits() {
-            self.look = Look::new(channel, arrival);
-        }
+        let turned = question.turned - pattern.bearing_error;
+        let (level_dbm, gain_db) = self.heard(channel, question, turned);
         let noise: f64 = self.streams.sample.sample(StandardNormal);
-        let gain_db = if question.directional { self.look.gain_db } else { 0.0 };
-        let power_dbm =
-            self.path.level_dbm + gain_db + pattern.offset_db + channel.sample_sigma_db * noise;
+        let power_dbm = level_dbm + gain_db + pattern.offset_db + channel.sample_sigma_db * noise;
 
         let lost = self.streams.loss.random::<f64>() < channel.loss_probability;
         let time = question.time + self.latency;
@@ -126,13 +114,41 @@ impl Receiver {
         self.answer.take_if(|answer| is_due(answer.time, now)).map(|answer| answer.rss_dbm)
     }
 
+    /// The level over a level turn, and the gain over its mean there. Samples in one place and
+    /// direction have it from the last of them.
+    fn heard(&mut self, channel: &Channel, question: &Question, turned: f64) -> (f64, f64) {
+        let (beacon, from) = (usize::from(question.beacon.0), question.receiver.position);
+        let known = self.ways.iter().position(|way| way.path.beacon() == beacon);
+        let known = known.map(|index| self.ways.swap_remove(index));
+        let way = known.filter(|way| way.path.is_between(&from, &question.to));
+        let (path, look) = match way {
+            Some(way) => (way.path, Some(way.look)),
+            None => (Path::new(channel, beacon, from, question.to), None),
+        };
+        let (receiver, directional) = (question.receiver, question.directional);
+        let same = |look: &Look| {
+            look.receiver == receiver
+                && look.turned.to_bits() == turned.to_bits()
+                && look.directional == directional
+        };
+        let look = look.filter(same).unwrap_or_else(|| Look {
+            receiver,
+            turned,
+            directional,
+            gain_db: path.gain_db(channel, &receiver, turned, directional),
+        });
+        let heard = (path.level_dbm, look.gain_db);
+        self.ways.push(Way { path, look });
+        heard
+    }
+
     fn pattern_for(&mut self, channel: &Channel, question: &Question) -> Pattern {
         let known = self.patterns.iter().position(|p| p.beacon == question.beacon);
         if let Some(index) = known {
             let pattern = self.patterns[index];
             // A body that has been all the way round begins another one, as an antenna does.
-            let round = (question.turned - pattern.turned).abs() > TAU - 1e-9;
-            if (question.from - pattern.place).norm() <= SAME_PLACE && !round {
+            let round = (question.spun - pattern.spun).abs() > TAU - 1e-9;
+            if (question.receiver.position - pattern.place).norm() <= SAME_PLACE && !round {
                 return pattern;
             }
             self.patterns.swap_remove(index);
@@ -141,25 +157,12 @@ impl Receiver {
         let error: f64 = self.streams.pattern.sample(StandardNormal);
         let pattern = Pattern {
             beacon: question.beacon,
-            place: question.from,
-            turned: question.turned,
+            place: question.receiver.position,
+            spun: question.spun,
             offset_db: channel.pattern_sigma_db * offset,
             bearing_error: channel.bearing_sigma * error,
         };
         self.patterns.push(pattern);
         pattern
-    }
-}
-
-impl Path {
-    fn new(channel: &Channel, sight: Vector3<f64>) -> Self {
-        let bearing = libm::atan2(sight.y, sight.x);
-        Self { sight, level_dbm: channel.level_dbm(sight.norm()), bearing }
-    }
-}
-
-impl Look {
-    fn new(channel: &Channel, arrival: f64) -> Self {
-        Self { arrival, gain_db: channel.relative_gain_db(arrival) }
     }
 }

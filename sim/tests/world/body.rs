@@ -81,10 +81,10 @@ fn samples_taken_in_flight_belong_to_where_and_when_they_were_taken() {
         let mean = patch.mean_gain_db(0.0);
         for sample in &heard {
             let sight = Vector3::new(30.0, 40.0, 0.0) - sample.receiver.position;
-            let off = sight.y.atan2(sight.x) - sample.boresight;
+            let body = sample.receiver.to_body(&sight);
+            let off = body.y.atan2(body.x) - (sample.boresight - sample.receiver.heading);
             let expected = -29.06 - 27.65 * sight.norm().log10() + patch.gain_dbi(off, 0.0) - mean;
-            // The tilt of a quadrotor is beyond this test's formula.
-            assert!((sample.rss_dbm - expected).abs() < 0.1, "{} {expected}", sample.rss_dbm);
+            assert!((sample.rss_dbm - expected).abs() < 1e-9, "{} {expected}", sample.rss_dbm);
         }
     }
 }

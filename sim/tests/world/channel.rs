@@ -1,15 +1,22 @@
 use std::f64::consts::TAU;
 
-use foxhunt_core::angle::distance;
-use foxhunt_sensors::{Antenna, AntennaConfig, GainRow, LogDistance, PatternTable};
-use foxhunt_sim::ChannelConfig;
+use foxhunt_core::{MeasurementModel, Vehicle, angle::distance};
+use foxhunt_sensors::{
+    Antenna, AntennaConfig, Dipole, ElevationPattern, GainRow, LogDistance, PatchConfig,
+    PatternTable, Propagation, RssBearing, TwoRay, WithElevationPattern,
+};
+use foxhunt_sim::{
+    ChannelConfig, DroneConfig, PathLossConfig, ShadowingConfig, TwoRayConfig, World,
+};
 
-use crate::rig::{Rig, beacon, config, direction, omnidirectional, quiet};
+use nalgebra::{Vector2, Vector4};
+
+use crate::rig::{Rig, beacon, config, direction, level, omnidirectional, quiet, reflector};
 
 /// What a receiver reads at a power in dBm.
 fn read(power_dbm: f64, channel: &ChannelConfig) -> Option<f64> {
     // A metre away the logarithm is 0, and without directions the power is P₀.
-    let path_loss = LogDistance::new(power_dbm, 2.0).expect("in range");
+    let path_loss = LogDistance::new(power_dbm, 2.0).expect("in range").into();
     let channel = ChannelConfig { path_loss, antenna: omnidirectional(), ..channel.clone() };
     let mut config = config(channel);
     config.beacons = vec![beacon(0.0, 1.0, 0.0)];
@@ -70,18 +77,20 @@ fn the_nose_turns_the_antenna() {
 
 #[test]
 fn an_antenna_that_squints_hears_most_when_it_looks_past_the_beacon() {
-    // Most gain for a wave from 30° counter-clockwise of boresight; a mean of 4 dB.
-    let rows = [(-150.0, 0.0), (30.0, 8.0)];
-    let mut rows = rows.map(|(angle_deg, gain_db)| GainRow { angle_deg, gain_db }).to_vec();
-    rows.insert(1, GainRow { angle_deg: -60.0, gain_db: 4.0 });
+    // Most gain for a wave from 30° counter-clockwise of boresight: 8 dB, over a mean of 3 dB.
+    let rows = [(-150.0, -2.0), (-60.0, 3.0), (30.0, 8.0), (120.0, 3.0)];
+    let rows = rows.map(|(angle_deg, gain_db)| GainRow { angle_deg, gain_db }).to_vec();
     let channel = ChannelConfig { antenna: AntennaConfig::Table(rows), ..quiet() };
     let mut rig = Rig::new(&config(channel), 1);
     let truth = 40.0_f64.atan2(30.0);
-    rig.turn_to(truth - 30.0_f64.to_radians());
     let law = -29.06 - 27.65 * 50.0_f64.log10();
-    assert!((rig.hear(0) - law - 4.0).abs() < 1e-9);
+    for (off, over_mean) in [(30.0_f64, 5.0), (-60.0, 0.0), (-150.0, -5.0)] {
+        rig.turn_to(truth - off.to_radians());
+        assert!((rig.hear(0) - law - over_mean).abs() < 1e-9, "{off}° off");
+    }
     rig.turn_to(truth);
-    assert!((rig.hear(0) - law - 4.0 * 2.0 / 3.0).abs() < 1e-9);
+    let ahead = rig.hear(0) - law;
+    assert!(ahead > 3.0 && ahead < 5.0, "{ahead} dB");
 }
 
 #[test]
@@ -97,4 +106,116 @@ fn every_beacon_has_its_own_power_and_a_drone_above_it_hears_a_number() {
     }
     rig.fly_to(0.0, 0.0, 0.0);
     assert!((rig.hear(1) - near).abs() < 1e-9);
+}
+
+#[test]
+fn a_drone_above_hears_through_the_antennas_vertical_pattern() {
+    let mut rig = Rig::new(&config(ChannelConfig { antenna: AntennaConfig::Dipole, ..quiet() }), 1);
+    rig.fly_to(30.0, 0.0, 40.0);
+    // 40 m up and 40 m away.
+    let law = -29.06 - 27.65 * (40.0 * 2.0_f64.sqrt()).log10();
+    let gain = Dipole.gain_dbi(0.0, TAU / 8.0) - Dipole.gain_dbi(0.0, 0.0);
+    assert!((rig.hear(0) - law - gain).abs() < 1e-9);
+}
+
+/// The mean over a turn in the world is what the model expects of a drone that is near and high.
+#[test]
+fn truth_and_model_agree_on_the_elevation() {
+    let antenna = AntennaConfig::Patch(PatchConfig::default());
+    let pattern = ElevationPattern::of(&antenna.build().expect("in range"));
+    let law = RssBearing::new(LogDistance::pritzl2018_field());
+    let model = WithElevationPattern::new(law, pattern);
+    let mut rig = Rig::new(&config(ChannelConfig { antenna, ..quiet() }), 1);
+    let (mut closest, mut without) = (0.0_f64, 0.0_f64);
+    for (east, north, up) in [(0.0, 0.0, 0.0), (25.0, 30.0, 10.0), (28.0, 40.0, 30.0)] {
+        rig.fly_to(east, north, up);
+        let heard = level(&rig.turn(0, 1));
+        let pose = rig.vehicle.pose().expect("it works");
+        let state = Vector4::new(30.0, 40.0, 0.0, 0.0);
+        let [expected, flat]: [Vector2<f64>; 2] =
+            [model.expected(&state, &pose), law.expected(&state, &pose)];
+        closest = closest.max((heard - expected[0]).abs());
+        without = without.max((heard - flat[0]).abs());
+    }
+    // 128 positions here, 360 directions there, a spline between degrees.
+    assert!(closest < 0.01, "{closest} dB");
+    assert!(without > 3.0, "{without} dB if the vertical pattern is left out");
+}
+
+#[test]
+fn two_ray_knows_the_heights() {
+    let path_loss = PathLossConfig::TwoRay(TwoRayConfig::new(5.0));
+    let quiet = ChannelConfig { path_loss, antenna: omnidirectional(), ..quiet() };
+    let mut rig = Rig::new(&config(quiet), 1);
+    for up in [0.0, 3.0, 60.0] {
+        rig.fly_to(0.0, 0.0, up);
+        let wavelength = 299_792_458.0 / 2.44e9;
+        let law = TwoRay::new(5.0, wavelength, 0.1, up.max(0.1)).expect("in range");
+        let expected = law.rss_dbm(50.0_f64.hypot(up));
+        assert!((rig.hear(0) - expected).abs() < 1e-9, "at {up} m");
+    }
+}
+
+#[test]
+fn shadowing_belongs_to_places_and_beacons() {
+    let shadowing = Some(ShadowingConfig { sigma_db: 6.0, correlation_m: 20.0 });
+    let channel = ChannelConfig { antenna: omnidirectional(), shadowing, ..quiet() };
+    let mut config = config(channel.clone());
+    config.drones.push(DroneConfig::default());
+    let world = World::new(&config, 3).expect("in order");
+    let (mut rig, mut other) = (Rig::on(&world, 0), Rig::on(&world, 1));
+    let (first, second) = (rig.hear(0), rig.hear(1));
+    assert!((other.hear(0) - first).abs() < 1e-12, "another drone at the same place");
+    other.fly_to(100.0, 0.0, 0.0);
+    let law = -29.06 - 27.65 * 70.0_f64.hypot(40.0).log10();
+    let away = other.hear(0) - law;
+    other.fly_to(0.0, 0.0, 0.0);
+    assert!((other.hear(0) - first).abs() < 1e-12, "the same place again");
+    let here = first + 29.06 + 27.65 * 50.0_f64.log10();
+    let of_the_other = second + 29.06 + 27.65 * 5.0_f64.log10();
+    assert!(here.abs() > 1e-3 && (here - away).abs() > 1e-3 && (here - of_the_other).abs() > 1e-3);
+    // Drones' own draws stay what they are.
+    let noisy = ChannelConfig { sample_sigma_db: 2.0, ..channel };
+    let hear = |shadowing| {
+        let channel = ChannelConfig { shadowing, ..noisy.clone() };
+        Rig::new(&crate::rig::config(channel), 3).hear(0)
+    };
+    assert!((hear(shadowing) - hear(None) - here).abs() < 1e-9);
+}
+
+/// From (-20, 0) the way is 20 m and √(50² + 40²) m where the direct one is 50 m.
+#[test]
+fn a_reflection_beats_with_the_direct_wave_and_comes_from_its_own_direction() {
+    let channel = ChannelConfig { reflectors: vec![reflector(0.5)], ..quiet() };
+    let round = ChannelConfig { antenna: omnidirectional(), ..channel.clone() };
+    let phase = |east: f64| {
+        let ways = (20.0 + east) + 50.0_f64.hypot(40.0) - (30.0 - east).hypot(40.0);
+        TAU / 2.0 - TAU / (299_792_458.0 / 2.44e9) * ways
+    };
+    let mut rig = Rig::new(&config(round), 1);
+    let mut beats = Vec::new();
+    for i in 0..40_u8 {
+        let east = f64::from(i) * 0.004;
+        rig.fly_to(east, 0.0, 0.0);
+        let sum = (1.0 + 0.5 * phase(east).cos()).hypot(0.5 * phase(east).sin());
+        let law = -29.06 - 27.65 * (30.0 - east).hypot(40.0).log10();
+        let over = rig.hear(0) - law;
+        assert!((over - 20.0 * sum.log10()).abs() < 1e-6, "{over} dB at {east} m");
+        beats.push(sum);
+    }
+    let most = beats.iter().copied().fold(0.0, f64::max);
+    let least = beats.iter().copied().fold(2.0, f64::min);
+    assert!(most > 1.45 && least < 0.55, "16 cm are more than a wavelength: {least} to {most}");
+    // Seen with the patch, by hand in amplitudes.
+    let patch = PatternTable::reference_patch();
+    let mut rig = Rig::new(&config(channel), 1);
+    let law = -29.06 - 27.65 * 50.0_f64.log10();
+    for (angle, rss) in rig.turn(0, 1) {
+        let amplitude = |arrival: f64| 10.0_f64.powf(0.05 * patch.gain_db(arrival - angle));
+        let (direct, reflected) = (amplitude(40.0_f64.atan2(30.0)), 0.5 * amplitude(TAU / 2.0));
+        let real = direct + reflected * phase(0.0).cos();
+        let sum = 20.0 * real.hypot(reflected * phase(0.0).sin()).log10();
+        let expected = law + sum - patch.mean_gain_db(0.0);
+        assert!((rss - expected).abs() < 1e-6, "{rss}, not {expected} dBm at {angle}");
+    }
 }

@@ -1,10 +1,11 @@
-use foxhunt_sensors::{AntennaConfig, GainRow, LogDistance};
+use foxhunt_sensors::{AntennaConfig, GainRow, LogDistance, Polarisation};
 use foxhunt_sim::{
-    BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, KinematicConfig, QuadrotorConfig,
-    SimError, SimStepperConfig, VehicleConfig, WindConfig, World, WorldConfig,
+    BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, KinematicConfig, PathLossConfig,
+    QuadrotorConfig, ShadowingConfig, SimError, SimStepperConfig, TwoRayConfig, VehicleConfig,
+    WindConfig, World, WorldConfig,
 };
 
-use crate::rig::{beacon, config, omnidirectional};
+use crate::rig::{beacon, config, omnidirectional, reflector};
 
 type Change = fn(&mut WorldConfig, f64);
 
@@ -17,7 +18,7 @@ fn a_number_out_of_range_is_refused_by_name() {
     let anything = [f64::NAN, f64::INFINITY];
     let not_negative = [f64::NAN, f64::INFINITY, -1.0];
     let positive = [f64::NAN, f64::INFINITY, -1.0, 0.0].as_slice();
-    let cases: [(&str, &[f64], Change); 19] = [
+    let cases: [(&str, &[f64], Change); 23] = [
         ("beacons[1].east_m", &anything, |c, v| c.beacons[1].east_m = v),
         ("beacons[1].north_m", &anything, |c, v| c.beacons[1].north_m = v),
         ("beacons[0].up_m", &anything, |c, v| c.beacons[0].up_m = v),
@@ -31,6 +32,16 @@ fn a_number_out_of_range_is_refused_by_name() {
         ("channel.pattern_sigma_db", &not_negative, |c, v| c.channel.pattern_sigma_db = v),
         ("channel.sample_sigma_db", &not_negative, |c, v| c.channel.sample_sigma_db = v),
         ("channel.bearing_sigma_deg", &not_negative, |c, v| c.channel.bearing_sigma_deg = v),
+        ("channel.frequency_mhz", positive, |c, v| c.channel.frequency_mhz = v),
+        ("channel.shadowing.sigma_db", &not_negative, |c, v| {
+            c.channel.shadowing = Some(ShadowingConfig { sigma_db: v, correlation_m: 20.0 });
+        }),
+        ("channel.shadowing.correlation_m", positive, |c, v| {
+            c.channel.shadowing = Some(ShadowingConfig { sigma_db: 4.0, correlation_m: v });
+        }),
+        ("channel.reflectors[1].amplitude", &not_negative, |c, v| {
+            c.channel.reflectors = vec![reflector(0.5), reflector(v)];
+        }),
         ("channel.floor_dbm", &anything, |c, v| c.channel.floor_dbm = Some(v)),
         ("channel.loss_probability", &[f64::NAN, -0.1, 1.1], |c, v| c.channel.loss_probability = v),
         ("vehicle.speed_mps", positive, |c, v| c.vehicle = kinematic(v, 1.0)),
@@ -73,7 +84,7 @@ fn a_table_that_is_none_is_refused_by_its_row() {
         GainRow { angle_deg: 180.0, gain_db: -9.0 },
     ]);
     let error = World::new(&config, 1).expect_err("a gain is NaN").to_string();
-    assert!(error.starts_with("channel.antenna.table: row 1"), "{error}");
+    assert!(error.starts_with("channel.antenna: row 1"), "{error}");
 }
 
 #[test]
@@ -88,7 +99,10 @@ fn a_world_comes_back_from_a_file_as_it_went() {
             silent_after_s: Some(5.0),
         }],
         channel: ChannelConfig {
-            path_loss: LogDistance::pritzl2018_urban(),
+            path_loss: LogDistance::pritzl2018_urban().into(),
+            frequency_mhz: 868.0,
+            shadowing: Some(ShadowingConfig { sigma_db: 6.0, correlation_m: 20.0 }),
+            reflectors: vec![reflector(0.5)],
             antenna: omnidirectional(),
             pattern_sigma_db: 1.0,
             sample_sigma_db: 0.5,
@@ -145,6 +159,47 @@ fn the_default_channel_is_that_of_the_reference() {
     }"#;
     let channel: ChannelConfig = serde_json::from_str(text).expect("all fields are known");
     assert_eq!(ChannelConfig::default(), channel);
+}
+
+#[test]
+fn every_law_of_propagation_comes_from_a_file() {
+    let read = |text: &str| serde_json::from_str::<PathLossConfig>(text);
+    let two_ray = TwoRayConfig {
+        permittivity: 4.0,
+        polarisation: Polarisation::Horizontal,
+        ..TwoRayConfig::new(13.0)
+    };
+    for (text, law) in [
+        (r#"{"reference_dbm":-30.0,"exponent":2.5}"#, LogDistance::new(-30.0, 2.5).map(Into::into)),
+        (r#"{"law":"friis","power_dbm":13.0}"#, Ok(PathLossConfig::Friis { power_dbm: 13.0 })),
+        (
+            r#"{"law":"two-ray","power_dbm":13.0,"permittivity":4.0,"polarisation":"horizontal","least_height_m":0.1}"#,
+            Ok(PathLossConfig::TwoRay(two_ray)),
+        ),
+    ] {
+        let law = law.expect("in range");
+        assert_eq!(read(text).expect(text), law);
+        assert_eq!(serde_json::to_string(&law).expect("plain fields"), text);
+    }
+    for (text, told) in [
+        (r#"{"exponent":2.5}"#, "reference_dbm is missing for the law log-distance"),
+        (r#"{"law":"two-ray"}"#, "power_dbm is missing for the law two-ray"),
+        (r#"{"law":"friis","power_dbm":1,"exponent":2}"#, "friis does not use exponent"),
+        (r#"{"law":"okumura"}"#, "okumura"),
+        (r#"{"law":"friis","power":1}"#, "`power`"),
+    ] {
+        let error = read(text).expect_err(text).to_string();
+        assert!(error.contains(told), "{error}");
+    }
+    let refused = |path_loss| {
+        let channel = ChannelConfig { path_loss, ..ChannelConfig::default() };
+        World::new(&config(channel), 1).expect_err("out of range").to_string()
+    };
+    let dry = TwoRayConfig { permittivity: 0.5, ..two_ray };
+    assert!(refused(PathLossConfig::TwoRay(dry)).starts_with("channel.path_loss: permittivity"));
+    let flat = TwoRayConfig { least_height_m: -1.0, ..two_ray };
+    assert!(refused(PathLossConfig::TwoRay(flat)).contains("height"));
+    assert!(refused(PathLossConfig::Friis { power_dbm: f64::NAN }).contains("power_dbm"));
 }
 
 #[test]

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use foxhunt_core::{BeaconId, Radio, Rotator, Vehicle, Waypoint};
 use foxhunt_sensors::{AntennaConfig, GainRow};
 use foxhunt_sim::{
-    BeaconConfig, ChannelConfig, DroneConfig, KinematicConfig, SimRadio, SimRotator,
-    SimStepperConfig, SimVehicle, VehicleConfig, World, WorldConfig,
+    BeaconConfig, ChannelConfig, DroneConfig, KinematicConfig, ReflectorConfig, SimRadio,
+    SimRotator, SimStepperConfig, SimVehicle, VehicleConfig, World, WorldConfig,
 };
 use nalgebra::Vector3;
 
@@ -31,6 +31,11 @@ pub(crate) fn quiet() -> ChannelConfig {
 pub(crate) fn omnidirectional() -> AntennaConfig {
     let row = |angle_deg| GainRow { angle_deg, gain_db: 5.0 };
     AntennaConfig::Table(vec![row(0.0), row(120.0), row(240.0)])
+}
+
+/// Something 20 m to the West that reflects with this amplitude.
+pub(crate) fn reflector(amplitude: f64) -> ReflectorConfig {
+    ReflectorConfig { east_m: -20.0, north_m: 0.0, up_m: 0.0, amplitude, phase_deg: 180.0 }
 }
 
 /// One drone at the origin, a beacon at (30, 40, 0), and another one elsewhere; devices that take

@@ -1,0 +1,59 @@
+//! The calibration that the commands take.
+
+use std::{borrow::Cow, path::PathBuf};
+
+use foxhunt::{calibration::CalibrationFile, core::BearingExtractor};
+
+use crate::{
+    error::{CliError, InFile},
+    output::warn,
+};
+
+/// What is known from recordings with a known transmitter.
+#[derive(Debug, clap::Args)]
+pub(super) struct Calibration {
+    /// What `foxhunt calibrate --out` wrote: path loss, errors of bearings, a station's antennas
+    #[arg(long = "calibration", value_name = "FILE")]
+    file: Option<PathBuf>,
+}
+
+impl Calibration {
+    /// Whether there is one.
+    pub(super) fn is_given(&self) -> bool {
+        self.file.is_some()
+    }
+
+    /// The file; one that says nothing where there is none.
+    pub(super) fn read(&self) -> Result<CalibrationFile, CliError> {
+        match &self.file {
+            Some(path) => CalibrationFile::read(path).map_err(CliError::input),
+            None => Ok(CalibrationFile::default()),
+        }
+    }
+
+    /// What [`read`](Self::read) gave; where no file was given, what comes with the program for
+    /// recordings of this format.
+    pub(super) fn or_shipped<'a>(
+        &self,
+        read: &'a CalibrationFile,
+        format: &str,
+    ) -> Cow<'a, CalibrationFile> {
+        match CalibrationFile::shipped(format) {
+            Some(shipped) if self.file.is_none() => {
+                warn(&format!("  calibration: {format}, as it comes with the program"));
+                Cow::Owned(shipped)
+            }
+            _ => Cow::Borrowed(read),
+        }
+    }
+}
+
+/// The extractor, calibrated.
+pub(super) fn calibrated(
+    file: &CalibrationFile,
+    extractor: Box<dyn BearingExtractor>,
+) -> Result<Box<dyn BearingExtractor>, CliError> {
+    file.extractor(extractor).map_err(|error| {
+        CliError::input(InFile { file: "--calibration".to_owned(), source: Box::new(error) })
+    })
+}

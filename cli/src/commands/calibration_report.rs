@@ -1,0 +1,361 @@
+//! What `foxhunt calibrate` tells.
+
+use foxhunt::{
+    calibration::{BearingSection, CalibrationFile, StationAntennaSection},
+    core::nalgebra::Vector3,
+    recorded::{BearingsFit, Calibration, StationCalibration},
+    recording::Recording,
+    sensors::{BearingOffsetFit, SigmaFit},
+};
+use serde::Serialize;
+
+use crate::table::{number, table, text as cell};
+
+/// What was fitted, as JSON has it.
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    #[serde(rename = "calibration")]
+    pub(super) file: CalibrationFile,
+    #[serde(rename = "file")]
+    first_file: String,
+    files: Vec<String>,
+    beacon: Option<String>,
+    /// Whether levels are in dBm, and not about an unknown reference.
+    calibrated: bool,
+    #[serde(flatten)]
+    path_loss: Option<PathLoss>,
+    bearings: Option<Bearings>,
+    pub(super) station: Option<Station>,
+    /// What could not be fitted.
+    pub(super) skipped: Vec<Skipped>,
+}
+
+/// Something that could not be fitted.
+#[derive(Debug, Serialize)]
+pub(super) struct Skipped {
+    pub(super) what: &'static str,
+    pub(super) why: String,
+}
+
+/// A fitted path loss.
+#[derive(Debug, Serialize)]
+struct PathLoss {
+    p0_dbm: f64,
+    p0_standard_error_db: f64,
+    p0_interval_95: Option<[f64; 2]>,
+    exponent: f64,
+    /// Absent where the bound holds the exponent, like all that follows but the covariance.
+    exponent_standard_error: Option<f64>,
+    exponent_interval_95: Option<[f64; 2]>,
+    correlation: Option<f64>,
+    covariance: [[f64; 2]; 2],
+    region_95: Option<Region>,
+    at_bound: bool,
+    rmse_db: f64,
+    sigma_db: f64,
+    points: usize,
+    nearest_m: f64,
+    farthest_m: f64,
+}
+
+/// The ellipse that holds P₀ and the exponent together: P₀ in dB along the first axis, the exponent
+/// along the second.
+#[derive(Debug, Serialize)]
+struct Region {
+    semi_major: f64,
+    semi_minor: f64,
+    orientation_deg: f64,
+}
+
+/// How bearings err.
+#[derive(Debug, Serialize)]
+struct Bearings {
+    bearings: usize,
+    refused: usize,
+    offset: Option<Offset>,
+    /// The offset with its first harmonic over the heading, whether it is used or not.
+    heading: Option<Offset>,
+    sigma: Option<Sigma>,
+    used: Option<BearingSection>,
+}
+
+/// A fitted offset, in degrees counter-clockwise.
+#[derive(Debug, Serialize)]
+struct Offset {
+    offset_deg_ccw: f64,
+    sin_heading_deg: f64,
+    cos_heading_deg: f64,
+    standard_errors_deg: [f64; 3],
+    half_intervals_95_deg: Option<[f64; 3]>,
+    rms_deg: f64,
+    /// The probability of such a harmonic by chance.
+    harmonic_p_value: Option<f64>,
+}
+
+/// σ against errors.
+#[derive(Debug, Serialize)]
+pub(super) struct Sigma {
+    scale: f64,
+    scale_interval_95: [f64; 2],
+    floor_deg: f64,
+    floor_interval_95_deg: [f64; 2],
+    rms_ratio: f64,
+    coverage_95: f64,
+    fitted_coverage_95: f64,
+    correlation: Option<f64>,
+    correlation_p_value: Option<f64>,
+}
+
+/// A station's antennas, and how well they do on days that were left out.
+#[derive(Debug, Serialize)]
+pub(super) struct Station {
+    bursts: usize,
+    groups: usize,
+    bearings: usize,
+    refused: usize,
+    median_error_deg: f64,
+    coverage_95: f64,
+    sigma: Sigma,
+}
+
+impl Report {
+    pub(super) fn new(recordings: &[Recording], beacon: Option<String>) -> Self {
+        let files: Vec<String> = recordings.iter().map(|r| r.file().to_owned()).collect();
+        let file = CalibrationFile {
+            recordings: files.clone(),
+            beacon: beacon.clone(),
+            ..CalibrationFile::default()
+        };
+        Self {
+            file,
+            first_file: files.first().cloned().unwrap_or_default(),
+            files,
+            beacon,
+            calibrated: recordings.iter().all(Recording::is_calibrated),
+            path_loss: None,
+            bearings: None,
+            station: None,
+            skipped: Vec::new(),
+        }
+    }
+
+    pub(super) fn skip(&mut self, what: &'static str, why: String) {
+        self.skipped.push(Skipped { what, why });
+    }
+
+    pub(super) fn path_loss(&mut self, calibration: &Calibration) {
+        let fit = &calibration.fit;
+        let c = &fit.covariance;
+        self.path_loss = Some(PathLoss {
+            p0_dbm: fit.reference_dbm,
+            p0_standard_error_db: fit.reference_error_db(),
+            p0_interval_95: fit.reference_interval(0.95),
+            exponent: fit.exponent,
+            exponent_standard_error: (!fit.at_bound).then(|| fit.exponent_error()),
+            exponent_interval_95: fit.exponent_interval(0.95),
+            correlation: (!fit.at_bound).then(|| fit.correlation()),
+            covariance: [[c[(0, 0)], c[(0, 1)]], [c[(1, 0)], c[(1, 1)]]],
+            region_95: fit.region(0.95).map(|ellipse| Region {
+                semi_major: ellipse.semi_major,
+                semi_minor: ellipse.semi_minor,
+                orientation_deg: ellipse.orientation.to_degrees(),
+            }),
+            at_bound: fit.at_bound,
+            rmse_db: fit.rmse_db,
+            sigma_db: fit.sigma_db,
+            points: fit.points,
+            nearest_m: calibration.nearest_m,
+            farthest_m: calibration.farthest_m,
+        });
+    }
+
+    pub(super) fn bearings(&mut self, fit: &BearingsFit) {
+        for (what, error) in [
+            ("offset of bearings", fit.constant.as_ref().err()),
+            ("offset over the heading", fit.heading.as_ref().err()),
+            ("σ of bearings", fit.sigma.as_ref().err()),
+        ] {
+            if let Some(error) = error {
+                self.skip(what, error.to_string());
+            }
+        }
+        self.bearings = Some(Bearings {
+            bearings: fit.bearings,
+            refused: fit.refused,
+            offset: fit.constant.as_ref().ok().map(Offset::from),
+            heading: fit.heading.as_ref().ok().map(Offset::from),
+            sigma: fit.sigma.as_ref().ok().map(Sigma::from),
+            used: self.file.bearings.clone(),
+        });
+    }
+}
+
+impl From<&BearingOffsetFit> for Offset {
+    fn from(fit: &BearingOffsetFit) -> Self {
+        let degrees = |v: Vector3<f64>| v.map(f64::to_degrees).into();
+        Self {
+            offset_deg_ccw: fit.offset.constant.to_degrees(),
+            sin_heading_deg: fit.offset.sin_heading.to_degrees(),
+            cos_heading_deg: fit.offset.cos_heading.to_degrees(),
+            standard_errors_deg: degrees(fit.standard_errors()),
+            half_intervals_95_deg: fit.half_intervals(0.95).map(degrees),
+            rms_deg: fit.rms.to_degrees(),
+            harmonic_p_value: fit.harmonic_p_value(),
+        }
+    }
+}
+
+impl From<&SigmaFit> for Sigma {
+    fn from(fit: &SigmaFit) -> Self {
+        Self {
+            scale: fit.scale,
+            scale_interval_95: fit.scale_interval,
+            floor_deg: fit.floor.to_degrees(),
+            floor_interval_95_deg: fit.floor_interval.map(f64::to_degrees),
+            rms_ratio: fit.rms_ratio,
+            coverage_95: fit.coverage_95,
+            fitted_coverage_95: fit.fitted_coverage_95,
+            correlation: fit.correlation,
+            correlation_p_value: fit.correlation_p_value,
+        }
+    }
+}
+
+impl From<&StationCalibration> for Station {
+    fn from(station: &StationCalibration) -> Self {
+        let unseen = &station.cross_validation;
+        Self {
+            bursts: station.fit.groups.len(),
+            groups: station.groups,
+            bearings: unseen.bearings,
+            refused: unseen.refused,
+            median_error_deg: unseen.median_error.to_degrees(),
+            coverage_95: unseen.coverage_95,
+            sigma: Sigma::from(&unseen.sigma),
+        }
+    }
+}
+
+pub(super) fn text(report: &Report) -> String {
+    let mut lines = Vec::new();
+    lines.extend(report.path_loss.as_ref().map(|fit| path_loss(fit, report.calibrated)));
+    lines.extend(report.bearings.as_ref().map(bearings));
+    if let (Some(station), Some(section)) = (&report.station, &report.file.station) {
+        lines.push(antennas(&section.antennas));
+        lines.push(format!(
+            "beamwidth {:.0}°, front to back {:.1} dB, residual {:.1} dB; {} bursts in {} groups",
+            section.beamwidth_deg,
+            section.front_to_back_db,
+            section.residual_db,
+            station.bursts,
+            station.groups
+        ));
+        lines.push(format!(
+            "With each group left out of the fit: median error {:.1}°, {:.1} % within 1.96 σ, \
+             rms(error/σ) {:.2}; {} bearings, {} refused",
+            station.median_error_deg,
+            100.0 * station.coverage_95,
+            station.sigma.rms_ratio,
+            station.bearings,
+            station.refused
+        ));
+    }
+    let skipped = report.skipped.iter().map(|s| format!("not fitted: {}: {}", s.what, s.why));
+    lines.extend(skipped);
+    lines.join("\n")
+}
+
+fn path_loss(fit: &PathLoss, calibrated: bool) -> String {
+    let unit = if calibrated { "dBm" } else { "dB" };
+    let interval = |at: Option<[f64; 2]>, decimals: usize| {
+        cell(at.map(|[low, high]| format!("{low:.decimals$} to {high:.decimals$}")))
+    };
+    let mut fitted = table(&["parameter", "value", "standard error", "95 %"]);
+    fitted.add_row([
+        format!("P₀ {unit}"),
+        number(fit.p0_dbm, 2),
+        number(fit.p0_standard_error_db, 2),
+        interval(fit.p0_interval_95, 2),
+    ]);
+    fitted.add_row([
+        "exponent γ".to_owned(),
+        number(fit.exponent, 3),
+        number(fit.exponent_standard_error, 3),
+        interval(fit.exponent_interval_95, 3),
+    ]);
+    let mut lines = vec![fitted.to_string()];
+    lines.push(format!(
+        "{} points from {:.1} m to {:.1} m; RMSE {:.2} dB, σ {:.2} dB",
+        fit.points, fit.nearest_m, fit.farthest_m, fit.rmse_db, fit.sigma_db
+    ));
+    if let (Some(region), Some(correlation)) = (&fit.region_95, fit.correlation) {
+        let [[a, b], [_, c]] = fit.covariance;
+        lines.push(format!(
+            "P₀ and γ together, 95 %: an ellipse with semi-axes {:.3} and {:.4}, the longer one {:.2}° \
+             from the P₀ axis;\ncorrelation {correlation:.3}, covariance [{a:.4}, {b:.5}; {b:.5}, {c:.6}]",
+            region.semi_major, region.semi_minor, region.orientation_deg
+        ));
+    }
+    if fit.at_bound {
+        lines.push("The exponent is held by --max-exponent.".to_owned());
+    }
+    if !calibrated {
+        lines.push("The levels are about an unknown reference, and so is P₀.".to_owned());
+    }
+    lines.join("\n")
+}
+
+fn bearings(fit: &Bearings) -> String {
+    let mut errors = table(&["bearings", "offset °", "sin h °", "cos h °", "rms °", "p"]);
+    let of = |value: f64, half: Option<f64>| match half {
+        Some(half) => format!("{value:.2} ± {half:.2}"),
+        None => format!("{value:.2}"),
+    };
+    for (name, offset) in [("constant", &fit.offset), ("over heading", &fit.heading)] {
+        let Some(offset) = offset else { continue };
+        let half = |i: usize| offset.half_intervals_95_deg.map(|half| half[i]);
+        let harmonic = offset.harmonic_p_value.is_some();
+        errors.add_row([
+            name.to_owned(),
+            of(offset.offset_deg_ccw, half(0)),
+            cell(harmonic.then(|| of(offset.sin_heading_deg, half(1)))),
+            cell(harmonic.then(|| of(offset.cos_heading_deg, half(2)))),
+            number(offset.rms_deg, 2),
+            number(offset.harmonic_p_value, 4),
+        ]);
+    }
+    let mut lines = vec![errors.to_string()];
+    lines.push(format!(
+        "{} bearings, {} turns without; measured minus true, counter-clockwise, ± 95 %, h from East",
+        fit.bearings, fit.refused
+    ));
+    if let Some(sigma) = &fit.sigma {
+        let [low, high] = sigma.scale_interval_95;
+        let [floor_low, floor_high] = sigma.floor_interval_95_deg;
+        lines.push(format!(
+            "σ × {:.3} ({low:.3} to {high:.3}), floor {:.2}° ({floor_low:.2} to {floor_high:.2}); \
+             as it was: rms(error/σ) {:.2}, {:.1} % within 1.96 σ",
+            sigma.scale,
+            sigma.floor_deg,
+            sigma.rms_ratio,
+            100.0 * sigma.coverage_95
+        ));
+        if let (Some(r), Some(p)) = (sigma.correlation, sigma.correlation_p_value) {
+            lines.push(format!("correlation of σ and |error| {r:.2}, p = {p:.4}"));
+        }
+    }
+    lines.join("\n")
+}
+
+fn antennas(antennas: &[StationAntennaSection]) -> String {
+    let mut rows = table(&["antenna recorded at °", "looks to ° compass", "± 95 %", "gain dB"]);
+    for antenna in antennas {
+        rows.add_row([
+            number(antenna.recorded_deg_compass, 0),
+            number(antenna.boresight_deg_compass, 1),
+            number(antenna.half_interval_deg, 1),
+            number(antenna.gain_db, 1),
+        ]);
+    }
+    rows.to_string()
+}

@@ -1,0 +1,170 @@
+use std::{fmt::Write as _, fs, path::Path};
+
+use serde_json::Value;
+
+use crate::support::{folder, foxhunt, has};
+
+fn write(folder: &Path, name: &str, text: &str) -> String {
+    let file = folder.join(name);
+    fs::write(&file, text).expect("the folder can be written to");
+    file.to_str().expect("the target folder is UTF-8").to_owned()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().expect("a number")
+}
+
+/// A dozen hovers about a transmitter at the origin, with an antenna that looks 12° counter-clockwise
+/// of where it says; the level follows −30 dBm and an exponent of 2.5 but for a decibel.
+fn hovers() -> String {
+    let mut text = "drone,turn,time_s,east_m,north_m,heading_deg_compass,antenna_deg,rss_dbm,\
+                    truth_east_m,truth_north_m\n"
+        .to_owned();
+    for hover in 0..12_u16 {
+        let angle = f64::from(hover) * 0.55;
+        let range = 8.0 + 7.0 * f64::from(hover);
+        let (east, north) = (range * angle.cos(), range * angle.sin());
+        let towards = (-east).atan2(-north).to_degrees();
+        let heading = f64::from(hover) * 30.0;
+        let odd = if hover % 2 == 0 { 1.0 } else { -1.0 };
+        let level = -30.0 - 25.0 * range.log10() + odd;
+        for position in 0..128_u16 {
+            let antenna = 2.8125 * f64::from(position);
+            let off = (heading + antenna - 12.0 - towards).to_radians().cos();
+            let time = 100.0 * f64::from(hover) + 0.5 * f64::from(position);
+            let rss = level + 12.0 * off;
+            writeln!(text, "uav1,{hover},{time},{east},{north},{heading},{antenna},{rss},0,0")
+                .expect("a text takes it all");
+        }
+    }
+    text
+}
+
+#[test]
+fn a_misaligned_antenna_is_calibrated_and_corrected() {
+    let folder = folder("calibration");
+    let flight = write(&folder, "hovers.csv", &hovers());
+    let file = folder.join("calibration.toml");
+    let file = file.to_str().expect("the target folder is UTF-8");
+    let report = foxhunt(["calibrate", "--json", &flight, "--out", file]).json();
+    has(
+        &report,
+        &["p0_dbm", "exponent", "covariance", "region_95", "bearings", "station", "skipped"],
+    );
+    has(&report["region_95"], &["semi_major", "semi_minor", "orientation_deg"]);
+    let [low, high] = [0, 1].map(|end| number(&report["exponent_interval_95"][end]));
+    assert!(low < 2.5 && 2.5 < high, "{report}");
+    let offset = &report["bearings"]["offset"];
+    // What says it looks to the transmitter's 12° on the right hears it best: measured minus true is
+    // clockwise. Positions are 2.8° apart.
+    let off = number(&offset["offset_deg_ccw"]) + 12.0;
+    assert!(off.abs() <= number(&offset["half_intervals_95_deg"][0]) + 0.5, "{report}");
+    // The 2 dB width overstates the error several times.
+    let sigma = &report["bearings"]["sigma"];
+    assert!(number(&sigma["scale"]) < 0.5 && number(&sigma["rms_ratio"]) < 0.5, "{report}");
+    let table = foxhunt(["calibrate", &flight]);
+    assert!(table.stdout.contains("P₀ and γ together") && table.stdout.contains("constant"));
+
+    let first = |args: &[&str]| {
+        let report = foxhunt(["bearing", "--json", &flight].iter().chain(args)).json();
+        let turn = &report["turns"][0];
+        (number(&turn["bearing_deg_compass"]), number(&turn["bearing_sigma_deg"]))
+    };
+    let (before, wide) = first(&[]);
+    let (after, narrow) = first(&["--calibration", file]);
+    // The first hover is East of the transmitter.
+    assert!((before - 282.0).abs() < 3.0 && (after - 270.0).abs() < 3.0, "{before} {after}");
+    assert!(narrow < 0.5 * wide, "{wide} {narrow}");
+
+    let located = |args: &[&str]| {
+        let report = foxhunt(["locate", "--json", &flight].iter().chain(args)).json();
+        number(&report["error_m"])
+    };
+    let corrected = located(&["--calibration", file]);
+    assert!(corrected < 3.0 && corrected < located(&[]), "{corrected}");
+}
+
+#[test]
+fn ready_made_bearings_are_corrected_too() {
+    let folder = folder("ready_made");
+    let mut text =
+        "east_m,north_m,bearing_deg_compass,bearing_sigma_deg,truth_east_m,truth_north_m\n"
+            .to_owned();
+    for i in 0..16_u16 {
+        let (east, north) = (100.0 * f64::from(i % 4), 70.0 * f64::from(i / 4));
+        let towards = (130.0 - east).atan2(120.0 - north).to_degrees();
+        let odd = if i % 3 == 0 { 2.0 } else { -1.0 };
+        let bearing = (towards + 15.0 + odd).rem_euclid(360.0);
+        writeln!(text, "{east},{north},{bearing},5,130,120").expect("a text takes it all");
+    }
+    let taken = write(&folder, "bearings.csv", &text);
+    let file = folder.join("calibration.toml");
+    let file = file.to_str().expect("the target folder is UTF-8");
+    let report = foxhunt(["calibrate", "--json", &taken, "--out", file]).json();
+    assert_eq!(report["calibration"]["bearings"]["extractor"], "recorded");
+    assert!((number(&report["bearings"]["offset"]["offset_deg_ccw"]) + 15.0).abs() < 2.0);
+    let why = report["skipped"].as_array().expect("a list");
+    // Without headings nothing is known of the compass, and without levels nothing of the power.
+    for what in ["path loss", "offset over the heading"] {
+        assert!(why.iter().any(|skipped| skipped["what"] == what), "{report}");
+    }
+    let error = |args: &[&str]| {
+        let command = ["locate", "--json", &taken, "--estimator", "batch"];
+        number(&foxhunt(command.iter().chain(args)).json()["error_m"])
+    };
+    assert!(error(&["--calibration", file]) < 5.0 && error(&[]) > 15.0);
+}
+
+#[test]
+fn a_hunt_is_told_what_was_calibrated() {
+    let folder = folder("calibrated_hunt");
+    let text = "foxhunt_calibration = 1\n[path_loss]\np0_dbm = -31.25\nexponent = 2.875\n\
+                [bearings.correction]\nsigma_scale = 0.25\n";
+    let file = write(&folder, "calibration.toml", text);
+    let out = folder.to_str().expect("the target folder is UTF-8");
+    let told = foxhunt(["hunt", "pritzl-7.3", "--calibration", &file, "--out", out]);
+    assert_eq!(told.code, 0, "{told:?}");
+    let log = fs::read_to_string(folder.join("hunt.jsonl")).expect("it was written");
+    let header: Value = serde_json::from_str(log.lines().next().expect("a header")).expect("JSON");
+    assert!((number(&header["model"]["reference_dbm"]) + 31.25).abs() < 1e-12, "{header}");
+    assert!((number(&header["model"]["exponent"]) - 2.875).abs() < 1e-12, "{header}");
+    // The first bearing's σ; the places of both hunts are the same until then.
+    let sigma = |log: &str| {
+        let (_, after) = log.split_once("\"sigma\":").expect("a bearing");
+        let number: String = after.chars().take_while(|c| !",}".contains(*c)).collect();
+        number.parse::<f64>().expect("a number")
+    };
+    let calibrated = sigma(&log);
+    assert_eq!(foxhunt(["hunt", "pritzl-7.3", "--out", out]).code, 0);
+    let plain = sigma(&fs::read_to_string(folder.join("hunt.jsonl")).expect("it was written"));
+    assert!((calibrated / plain - 0.25).abs() < 1e-9, "{calibrated} {plain}");
+
+    let campaign = ["campaign", "pritzl-7.3", "--runs", "1", "--calibration", &file];
+    assert_eq!(foxhunt(campaign).code, 0);
+    foxhunt(["campaign", "isaacs-static", "--runs", "1", "--calibration", &file])
+        .failed(2, &["--calibration", "trial"]);
+    let bad = write(&folder, "bad.toml", "foxhunt_calibration = 1\n[path_loss]\np0_dbm = 1\n");
+    for args in [
+        &["hunt"][..],
+        &["campaign", "--runs", "1"],
+        &["locate", "nothing.csv"],
+        &["bearing", "nothing.csv"],
+    ] {
+        foxhunt(args.iter().chain(&["--calibration", &bad])).failed(2, &["bad.toml", "exponent"]);
+    }
+}
+
+#[test]
+fn a_station_has_bearings_without_further_words() {
+    let file =
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/uri_yagi_station/detections.csv");
+    if !Path::new(file).exists() {
+        println!("skipped: no recordings at {file}");
+        return;
+    }
+    let report = foxhunt(["bearing", "--json", file]);
+    assert!(report.stderr.contains("calibration: uri-yagi-station"), "{}", report.stderr);
+    let turns = report.json()["turns"].as_array().expect("a list").clone();
+    let bearings = turns.iter().filter(|turn| turn["bearing_deg_compass"].is_number());
+    assert!(turns.len() == 1078 && bearings.count() > 900);
+}

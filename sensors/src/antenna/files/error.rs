@@ -1,0 +1,107 @@
+use alloc::string::String;
+
+use crate::PatternTableError;
+
+/// Why the text of an antenna file is refused, and in which line.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("line {line}: {reason}")]
+pub struct PatternFileError {
+    /// The line, from 1; the last one for what is missing at the end.
+    pub line: usize,
+    /// What is wrong there.
+    pub reason: PatternFileReason,
+}
+
+/// What is wrong with a line of an antenna file.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PatternFileReason {
+    /// The first line says of no layout that is known.
+    #[error(
+        "the header is {found:?}; a table begins with \"angle_deg,gain_db\", one over azimuth and \
+         elevation with \"elevation_deg\\azimuth_deg,…\""
+    )]
+    Header {
+        /// What it is.
+        found: String,
+    },
+    /// A field holds no finite number.
+    #[error("the {field} is {value:?}, not a finite number")]
+    NotANumber {
+        /// What the field is.
+        field: &'static str,
+        /// What it holds.
+        value: String,
+    },
+    /// A line has too few or too many fields.
+    #[error("there are {found} fields where {expected} are needed")]
+    Fields {
+        /// How many there are.
+        found: usize,
+        /// How many are needed.
+        expected: usize,
+    },
+    /// Angles neither rise nor fall throughout.
+    #[error("the angle {angle}° is out of order")]
+    Order {
+        /// The angle in degrees.
+        angle: f64,
+    },
+    /// Angles go beyond the turn.
+    #[error("the angle {angle}° is beyond the turn")]
+    Turn {
+        /// The angle in degrees.
+        angle: f64,
+    },
+    /// A table closes on a gain that is not its first.
+    #[error("a turn after the first angle the gain is {gain} dB, not {first} dB as there")]
+    Closing {
+        /// The last gain in dB.
+        gain: f64,
+        /// The first one.
+        first: f64,
+    },
+    /// An attenuation is below zero: a gain above the maximum.
+    #[error("the attenuation is {value} dB; it counts down from the maximum and is not negative")]
+    Attenuation {
+        /// The attenuation in dB.
+        value: f64,
+    },
+    /// The gain of an MSI file has no unit that is known.
+    #[error("the gain {value:?} needs a unit, dBi or dBd")]
+    Unit {
+        /// What the field holds.
+        value: String,
+    },
+    /// A field or a section is missing.
+    #[error("{name} is missing")]
+    Missing {
+        /// What it is called.
+        name: &'static str,
+    },
+    /// A field or a section stands there twice.
+    #[error("{name} stands there twice")]
+    Twice {
+        /// What it is called.
+        name: String,
+    },
+    /// A section has another number of rows than it says.
+    #[error("{section} has {found} rows, not {declared} as it says")]
+    Rows {
+        /// The section.
+        section: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many it says.
+        declared: usize,
+    },
+    /// The rows make no pattern.
+    #[error(transparent)]
+    Table(PatternTableError),
+}
+
+impl PatternFileReason {
+    pub(super) fn at(self, line: usize) -> PatternFileError {
+        PatternFileError { line, reason: self }
+    }
+}

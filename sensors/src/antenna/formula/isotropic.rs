@@ -1,0 +1,15 @@
+use super::Antenna;
+
+/// An antenna that hears alike from everywhere: 0 dBi.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Isotropic;
+
+impl Antenna for Isotropic {
+    fn gain_dbi(&self, _azimuth: f64, _elevation: f64) -> f64 {
+        0.0
+    }
+
+    fn mean_gain_db(&self, _elevation: f64) -> f64 {
+        0.0
+    }
+}

@@ -1,0 +1,76 @@
+use crate::extractor::{LOST, normal_cdf};
+
+/// The receivers' floor: where half the bursts are heard, and over how many dB that goes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Floor {
+    pub(super) dbm: f64,
+    pub(super) width_db: f64,
+}
+
+/// What an antenna read, or the power that it should have read and did not.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Chance {
+    Heard(f64),
+    Silent(f64),
+}
+
+impl Floor {
+    /// What was not heard is expected this far below the power that a Gaussian of `sigma_db` about
+    /// `expected` has without a floor.
+    pub(super) fn imputed(&self, expected: f64, sigma_db: f64) -> f64 {
+        let spread = libm::hypot(self.width_db, sigma_db);
+        let x = (self.dbm - expected) / spread;
+        let below = normal_cdf(x);
+        let hazard = if below > 1e-12 {
+            libm::exp(-0.5 * x * x) / (libm::sqrt(core::f64::consts::TAU) * below)
+        } else {
+            -x
+        };
+        // A burst that was far above the floor was lost, and says nothing of its power.
+        let lost = LOST / (LOST + (1.0 - LOST) * below);
+        expected - (1.0 - lost) * sigma_db * sigma_db / spread * hazard
+    }
+
+    /// The floor under which what was and was not heard is most likely (Tobin 1958, with a floor
+    /// that is not sharp).
+    pub(super) fn fitted(
+        self,
+        chances: impl Iterator<Item = Chance> + Clone,
+        sigma_db: f64,
+    ) -> Self {
+        let log_likelihood = |floor: &Self| -> f64 {
+            let one = |chance| match chance {
+                Chance::Heard(reading) => {
+                    libm::log(normal_cdf((reading - floor.dbm) / floor.width_db).max(1e-300))
+                }
+                Chance::Silent(expected) => {
+                    let x = (floor.dbm - expected) / libm::hypot(floor.width_db, sigma_db);
+                    libm::log(LOST + (1.0 - LOST) * normal_cdf(x))
+                }
+            };
+            chances.clone().map(one).sum()
+        };
+        let (mut best, mut value) = (self, log_likelihood(&self));
+        let mut step = 2.0;
+        while step > 0.05 {
+            let (dbm, width_db) = (best.dbm, best.width_db);
+            let tries = [
+                Self { dbm: dbm + step, width_db },
+                Self { dbm: dbm - step, width_db },
+                Self { dbm, width_db: (width_db * (1.0 + 0.5 * step)).min(10.0) },
+                Self { dbm, width_db: (width_db / (1.0 + 0.5 * step)).max(0.3) },
+            ];
+            let mut better = false;
+            for tried in tries {
+                let its = log_likelihood(&tried);
+                if its > value + 1e-9 {
+                    (best, value, better) = (tried, its, true);
+                }
+            }
+            if !better {
+                step *= 0.5;
+            }
+        }
+        best
+    }
+}

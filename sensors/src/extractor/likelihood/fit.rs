@@ -1,0 +1,107 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::Sweep;
+
+use super::{gain_table::GainTable, looks::Looks, posterior::Node, silence::Silence};
+use crate::Antenna;
+
+/// A turn laid against a known antenna: what the ways of judging residuals have in common.
+#[derive(Debug)]
+pub(super) struct Fit<'a, A> {
+    pub(super) antenna: &'a A,
+    pub(super) table: &'a GainTable,
+    pub(super) looks: Looks,
+    /// The variance of each look's mean in dB², without what the pattern does not explain.
+    pub(super) variances: Vec<f64>,
+    /// The variance of a single reading.
+    pub(super) single_variance: f64,
+    pub(super) silence: Option<Silence>,
+}
+
+/// A bearing to every second degree; between them the posterior is interpolated.
+pub(super) const NODES: u16 = 180;
+
+/// The bearing of a node, counted like the looks.
+pub(super) fn node_offset(node: u16) -> f64 {
+    core::f64::consts::TAU * f64::from(node) / f64::from(NODES)
+}
+
+impl<'a, A: Antenna> Fit<'a, A> {
+    pub(super) fn new(
+        antenna: &'a A,
+        table: &'a GainTable,
+        looks: Looks,
+        sweep: &Sweep<'_>,
+        sample_variance: f64,
+        misfit_variance: f64,
+    ) -> Self {
+        let of_mean = |count: f64| sample_variance / count + misfit_variance;
+        let variances = looks.looks.iter().map(|look| of_mean(look.count)).collect();
+        let silence = Silence::new(sweep, &looks);
+        let single_variance = sample_variance + misfit_variance;
+        Self { antenna, table, looks, variances, single_variance, silence }
+    }
+
+    /// The same turn with other variances of its looks.
+    pub(super) fn with_variances(&self, variances: Vec<f64>) -> Self {
+        let (looks, silence) = (self.looks.clone(), self.silence.clone());
+        Self { variances, looks, silence, ..*self }
+    }
+
+    /// The gain about its mean along each look, for a signal from `offset`.
+    pub(super) fn gains(&self, offset: f64, out: &mut Vec<f64>) {
+        out.clear();
+        if self.looks.level {
+            out.extend(self.looks.looks.iter().map(|look| self.table.at(offset - look.offset)));
+        } else {
+            let bearing = self.looks.origin + offset;
+            let tilted = |look| self.table.tilted(self.antenna, look, bearing);
+            out.extend(self.looks.looks.iter().map(tilted));
+        }
+    }
+
+    /// The slope of the gain along each look over the bearing, in dB per radian.
+    pub(super) fn slopes(&self, offset: f64) -> Vec<f64> {
+        const STEP: f64 = 0.0087;
+        let (mut before, mut after) = (Vec::new(), Vec::new());
+        self.gains(offset - STEP, &mut before);
+        self.gains(offset + STEP, &mut after);
+        before.iter().zip(&after).map(|(a, b)| (b - a) / (2.0 * STEP)).collect()
+    }
+
+    /// What is left of each look's mean at a level and a bearing, in dB.
+    pub(super) fn residuals(&self, offset: f64, level: f64) -> Vec<f64> {
+        let mut gains = Vec::new();
+        self.gains(offset, &mut gains);
+        let looks = self.looks.looks.iter();
+        looks.zip(&gains).map(|(look, gain)| look.mean_dbm - gain - level).collect()
+    }
+
+    /// A node from the heard looks' log density at its best level, its information and its
+    /// information-weighted sum, and from the silence.
+    pub(super) fn node(
+        &self,
+        offset: f64,
+        (log_density, information, weighted): (f64, f64, f64),
+        extra_variance: impl Fn(f64) -> f64,
+    ) -> Node {
+        let best = weighted / information;
+        let node = Node { log_density, level: best, level_variance: 1.0 / information };
+        let Some(silence) = &self.silence else { return node };
+        let expected: Vec<(f64, f64)> = silence
+            .offsets
+            .iter()
+            .map(|silent| {
+                let azimuth = offset - silent;
+                (self.table.at(azimuth), self.single_variance + extra_variance(azimuth))
+            })
+            .collect();
+        let settled = silence.settle(information, weighted, &expected);
+        let off = settled.level - best;
+        Node {
+            log_density: log_density - 0.5 * information * off * off + settled.log_likelihood,
+            level: settled.level,
+            ..node
+        }
+    }
+}

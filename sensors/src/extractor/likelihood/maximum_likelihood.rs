@@ -1,0 +1,159 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::{BearingExtractor, NoReading, Reading, Sweep};
+
+use super::{
+    fading::Fading,
+    fit::Fit,
+    gain_table::GainTable,
+    judge::{self, Judged},
+    looks::Looks,
+    read_out::{Limits, read_out},
+    reflection,
+    residuals::Residuals,
+};
+use crate::{
+    Antenna, ParameterError,
+    parameter::{not_negative, positive, require, require_count},
+};
+
+/// The bearing and the level under which the readings are most likely, seen through an antenna
+/// whose gain is known.
+///
+/// A reading is L + G(θ − φ) − Ḡ + noise: the level L that the turn has on average, the gain G over
+/// the angle between the bearing θ and the boresight φ, its mean Ḡ, all in dB. The level is free and
+/// profiled out; the posterior of the bearing under a uniform prior is reckoned over the whole turn
+/// and gives bearing, σ, level, their covariance, and the directions that compete.
+///
+/// Readings are taken along their own boresight and through an antenna tilted like the body; what
+/// was not heard is not filled in. Where the sweep tells of unanswered questions and of the
+/// receiver's floor, each of them was either lost or below it. The noise is estimated from the
+/// scatter along each boresight; readings in whole dB have no less of it than their rounding. σ
+/// grows with the residuals where they exceed that, and with their correlation around the circle.
+///
+/// The confidence is [`resultant_confidence`](crate::resultant_confidence).
+#[derive(Clone, Debug)]
+pub struct MaximumLikelihood<A> {
+    antenna: A,
+    table: GainTable,
+    sample_sigma_db: f64,
+    misfit_sigma_db: f64,
+    limits: Limits,
+    residuals: Residuals,
+    /// Of the amplitude, for waves that add up.
+    amplitude: GainTable,
+    fadings: Vec<Fading>,
+}
+
+/// Strengths of diffuse fading that are weighed: the reflected amplitude over the direct one.
+const RATIOS: [f64; 5] = [0.05, 0.1, 0.2, 0.35, 0.6];
+
+/// The scatter of a turn's readings outweighs the assumed one from so many degrees of freedom on.
+const PRIOR_FREEDOM: f64 = 4.0;
+
+impl<A: Antenna> MaximumLikelihood<A> {
+    /// One for readings with σ of about 2 dB through `antenna`, by beacons on the horizon; a level's
+    /// σ of 7.9 dB for what a path-loss law does not explain, bearings up to 1 rad of σ, from 8
+    /// boresights on.
+    #[must_use]
+    pub fn new(antenna: A) -> Self {
+        let table = GainTable::new(&antenna, 0.0);
+        let limits = Limits::default();
+        let fadings = RATIOS.iter().map(|ratio| Fading::new(&table, *ratio)).collect();
+        let amplitude = reflection::amplitude(&table);
+        Self {
+            antenna,
+            table,
+            sample_sigma_db: 2.0,
+            misfit_sigma_db: 0.0,
+            limits,
+            residuals: Residuals::Gaussian,
+            amplitude,
+            fadings,
+        }
+    }
+
+    /// The same with residuals judged in another way.
+    #[must_use]
+    pub fn with_residuals(self, residuals: Residuals) -> Self {
+        Self { residuals, ..self }
+    }
+
+    /// The same for beacons `elevation` radians above the horizon.
+    ///
+    /// # Errors
+    ///
+    /// When it is not within a quarter of a turn.
+    pub fn with_elevation(self, elevation: f64) -> Result<Self, ParameterError> {
+        let holds = elevation.abs() < core::f64::consts::FRAC_PI_2;
+        let elevation = require(holds, "elevation", elevation, "between −π/2 and π/2")?;
+        Ok(Self { table: GainTable::new(&self.antenna, elevation), ..self })
+    }
+
+    /// The same with another σ of a reading, in dB: it counts like four readings about their mean,
+    /// and alone where no boresight has two readings.
+    ///
+    /// # Errors
+    ///
+    /// When it is not a positive number.
+    pub fn with_sample_sigma_db(self, sigma: f64) -> Result<Self, ParameterError> {
+        Ok(Self { sample_sigma_db: positive("sample_sigma_db", sigma)?, ..self })
+    }
+
+    /// The same with residuals of σ in dB between the antenna's gain and each boresight's mean,
+    /// whatever the number of readings: what multipath does to a handful of fixed antennas.
+    ///
+    /// # Errors
+    ///
+    /// When it is negative or not finite.
+    pub fn with_misfit_sigma_db(self, sigma: f64) -> Result<Self, ParameterError> {
+        Ok(Self { misfit_sigma_db: not_negative("misfit_sigma_db", sigma)?, ..self })
+    }
+
+    /// The same with another σ of the level against a path-loss law, in dB: it is added to that of
+    /// the fit.
+    ///
+    /// # Errors
+    ///
+    /// When it is negative or not finite.
+    pub fn with_rss_sigma_db(mut self, sigma: f64) -> Result<Self, ParameterError> {
+        self.limits.rss_sigma_db = not_negative("rss_sigma_db", sigma)?;
+        Ok(self)
+    }
+
+    /// The same with bearings used up to the standard deviation `sigma`, in radians.
+    ///
+    /// # Errors
+    ///
+    /// When it is not a positive number.
+    pub fn with_max_sigma(mut self, sigma: f64) -> Result<Self, ParameterError> {
+        self.limits.max_sigma = positive("max_sigma", sigma)?;
+        Ok(self)
+    }
+
+    /// The same with bearings only from turns in which at least `positions` were heard.
+    ///
+    /// # Errors
+    ///
+    /// When it is below 3: a level and a bearing leave nothing of two.
+    pub fn with_min_positions(mut self, positions: u16) -> Result<Self, ParameterError> {
+        let valid = positions >= 3;
+        self.limits.min_positions = require_count(valid, "min_positions", positions, "at least 3")?;
+        Ok(self)
+    }
+}
+
+impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {
+    fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
+        let looks = Looks::new(sweep)?;
+        let noise = looks.sample_variance(self.sample_sigma_db, PRIOR_FREEDOM);
+        let misfit = self.misfit_sigma_db * self.misfit_sigma_db;
+        let fit = Fit::new(&self.antenna, &self.table, looks, sweep, noise, misfit);
+        let Judged { posterior, residual_db } = match self.residuals {
+            Residuals::Gaussian => judge::gaussian(&fit),
+            Residuals::StudentT { degrees } => judge::student(&fit, degrees),
+            Residuals::Reflection => judge::reflection(&fit, &self.amplitude, &self.fadings),
+        };
+        Ok(read_out(sweep, &fit, &posterior.modes(), residual_db, &self.limits))
+    }
+}

@@ -1,0 +1,139 @@
+use alloc::{vec, vec::Vec};
+
+use foxhunt_core::{
+    Bearing, BearingExtractor, BearingMode, BearingModes, NoBearing, NoReading, Reading, Sweep,
+    angle,
+};
+
+use super::{StationPattern, pattern::NODES};
+use crate::extractor::{
+    check,
+    likelihood::{Node, Peak, normal_cdf, peaks},
+};
+
+/// Degrees of freedom of the residuals' Student's t.
+pub(crate) const TAIL: f64 = 4.0;
+
+/// The chance that an antenna loses a burst that it could hear.
+pub(crate) const LOST: f64 = 0.03;
+
+/// The level is integrated from so far below the strongest reading to so far above it, in dB: an
+/// antenna's front hears it at its level, its back some 15 dB below. A step is this share of the
+/// residuals' scale.
+const BELOW: f64 = 15.0;
+const ABOVE: f64 = 35.0;
+const STEP: f64 = 0.4;
+
+/// σ of a level along a path-loss law over a wooded site, in dB, as the reference has it in its
+/// field (Pritzl 2018, §7.5).
+const RSS_SIGMA_DB: f64 = 7.9;
+
+impl StationPattern {
+    /// The mean reading of each antenna in dBm, where it heard the burst.
+    fn heard(&self, sweep: &Sweep<'_>) -> Vec<Option<f64>> {
+        let mut sums = vec![(0.0, 0.0); self.antennas.len()];
+        for sample in sweep.samples {
+            if let Some((sum, count)) = sums.get_mut(self.antenna_of(sample.boresight)) {
+                *sum += sample.rss_dbm;
+                *count += 1.0;
+            }
+        }
+        sums.into_iter().map(|(sum, count)| (count > 0.0).then(|| sum / count)).collect()
+    }
+
+    /// The log posterior of the direction, the level integrated out, with the moments of the level.
+    fn nodes(&self, heard: &[Option<f64>]) -> Vec<Node> {
+        let strongest = heard.iter().flatten().fold(f64::NEG_INFINITY, |a, &b| a.max(b));
+        let step = STEP * self.residual_db;
+        #[expect(clippy::cast_possible_truncation, reason = "the scale is bounded from below")]
+        #[expect(clippy::cast_sign_loss, reason = "all three are positive")]
+        let steps = libm::ceil((BELOW + ABOVE) / step) as u32;
+        let node = |node: usize| {
+            let log_likelihood = |off: f64| -> f64 {
+                let one = |(reading, gains): (&Option<f64>, &Vec<f64>)| {
+                    let gain = gains.get(node).copied().unwrap_or_default();
+                    self.log_likelihood(*reading, strongest + off + gain)
+                };
+                heard.iter().zip(&self.gains).map(one).sum()
+            };
+            let (mut best, mut ones, mut sum, mut squares) = (f64::NEG_INFINITY, 0.0, 0.0, 0.0);
+            for k in 0..=steps {
+                let off = f64::from(k) * step - BELOW;
+                let log = log_likelihood(off);
+                if log > best {
+                    let shrink = libm::exp(best - log);
+                    (ones, sum, squares) = (ones * shrink, sum * shrink, squares * shrink);
+                    best = log;
+                }
+                let weight = libm::exp(log - best);
+                ones += weight;
+                sum += weight * off;
+                squares += weight * off * off;
+            }
+            let mean = sum / ones;
+            Node {
+                log_density: best + libm::log(ones),
+                level: strongest + mean,
+                level_variance: (squares / ones - mean * mean).max(0.0),
+            }
+        };
+        (0..usize::from(NODES)).map(node).collect()
+    }
+
+    /// The log likelihood of what an antenna read, or that it read nothing, at an expected power.
+    fn log_likelihood(&self, reading: Option<f64>, expected: f64) -> f64 {
+        match (reading, self.floor) {
+            (Some(reading), _) => {
+                let off = (reading - expected) / self.residual_db;
+                -0.5 * (TAIL + 1.0) * libm::log1p(off * off / TAIL)
+            }
+            (None, Some([floor, width])) => {
+                let x = (floor - expected) / libm::hypot(width, self.residual_db);
+                libm::log(LOST + (1.0 - LOST) * normal_cdf(x))
+            }
+            (None, None) => 0.0,
+        }
+    }
+}
+
+impl BearingExtractor for StationPattern {
+    fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
+        check(sweep)?;
+        let heard = self.heard(sweep);
+        let found = peaks(&self.nodes(&heard));
+        let mut directions = [BearingMode::default(); BearingModes::CAPACITY];
+        let (mut level, mut second, mut square) = (0.0, 0.0, 0.0);
+        let leading = found.first().map_or(0.0, |peak| peak.offset);
+        for (mode, peak) in directions.iter_mut().zip(&found) {
+            let (angle, off) = (angle::wrap(peak.offset), angle::wrap(peak.offset - leading));
+            *mode = BearingMode { weight: peak.weight, angle, sigma: peak.sigma };
+            let mean = peak.level + self.mean_db;
+            level += peak.weight * mean;
+            second += peak.weight * (mean * mean + peak.level_variance);
+            square += peak.weight * (peak.sigma * peak.sigma + off * off);
+        }
+        let product = |peak: &Peak| {
+            let (off, rise) =
+                (angle::wrap(peak.offset - leading), peak.level + self.mean_db - level);
+            peak.weight * (peak.covariance + off * rise)
+        };
+        let level_variance = (second - level * level).max(0.0);
+        let sigma = libm::sqrt(square);
+        // What is left of certainty; of a direction of which nothing is known, hardly any.
+        let confidence = libm::exp(-0.5 * square);
+        let bearing = if sigma > self.max_sigma {
+            Err(NoBearing::TooWide { sigma, limit: self.max_sigma })
+        } else {
+            Ok(Bearing { angle: angle::wrap(leading), sigma, confidence })
+        };
+        let covariance = if bearing.is_ok() { found.iter().map(product).sum() } else { 0.0 };
+        Ok(Reading {
+            rss_dbm: level,
+            rss_sigma_db: libm::hypot(RSS_SIGMA_DB, libm::sqrt(level_variance)),
+            bearing,
+            covariance,
+            modes: BearingModes::new(directions.get(..found.len()).unwrap_or(&[]))
+                .unwrap_or_default(),
+        })
+    }
+}

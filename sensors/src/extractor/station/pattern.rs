@@ -1,0 +1,193 @@
+use alloc::vec::Vec;
+use core::f64::consts::TAU;
+
+use foxhunt_core::angle;
+
+use super::lobe_db;
+use crate::{
+    ParameterError,
+    parameter::{finite, positive, require, require_count},
+};
+
+/// One of a station's fixed antennas.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StationAntenna {
+    /// Where recordings say that it looks, in radians in the world frame: its name, so to say.
+    pub recorded_boresight: f64,
+    /// Where it does look.
+    pub boresight: f64,
+    /// How much more it hears than the others, in dB.
+    pub gain_db: f64,
+    /// What the site does to it, as a Fourier series over the world direction in dB: the
+    /// coefficients of cos θ, sin θ, cos 2θ, sin 2θ, …; none where that is not known.
+    pub site_db: Vec<f64>,
+}
+
+/// A ground station's fixed antennas taken as one coarse pattern: each burst of the transmitter is
+/// heard by all of them at once, and what each reads, or does not, tells the direction.
+///
+/// As an extractor it takes sweeps whose samples name their antenna by its recorded boresight. A
+/// reading is L + g(θ) + a residual with the tails of a Student's t (four degrees of freedom); an
+/// antenna that hears nothing was below the receiver's floor, or lost the burst. The level L is
+/// integrated out under a uniform prior, the posterior of the direction reckoned over the circle.
+/// The residual's scale comes from recordings with truth, so that σ is wide where the site is
+/// treacherous. The level that is told is the mean over a turn of one such antenna.
+///
+/// The bearing is the direction of the posterior's weightiest peak, and its σ the root of the mean
+/// square about that over all of the circle, so that it covers the others; [`Reading::modes`]
+/// has them all. The mean direction of peaks that lie opposite each other would point to neither.
+///
+/// [`Reading::modes`]: foxhunt_core::Reading::modes
+#[derive(Clone, Debug, PartialEq)]
+pub struct StationPattern {
+    pub(super) antennas: Vec<StationAntenna>,
+    pub(super) beamwidth: f64,
+    pub(super) front_to_back_db: f64,
+    pub(super) residual_db: f64,
+    pub(super) floor: Option<[f64; 2]>,
+    pub(super) max_sigma: f64,
+    /// The gain of each antenna at each node, in dB.
+    pub(super) gains: Vec<Vec<f64>>,
+    /// The mean of the lobe over a turn, in dB.
+    pub(super) mean_db: f64,
+}
+
+/// Directions are reckoned at so many equal steps from East.
+pub(super) const NODES: u16 = 180;
+
+impl StationPattern {
+    /// The station with these antennas, 2 to 16 of them, of one half-power beamwidth in radians and
+    /// one front-to-back ratio in dB; a residual of 6 dB, no floor, and bearings up to a σ of
+    /// 1.7 rad unless said otherwise.
+    ///
+    /// # Errors
+    ///
+    /// Names the parameter that is out of its range.
+    pub fn new(
+        antennas: Vec<StationAntenna>,
+        beamwidth: f64,
+        front_to_back_db: f64,
+    ) -> Result<Self, ParameterError> {
+        let count = u16::try_from(antennas.len()).unwrap_or(u16::MAX);
+        require_count((2..=16).contains(&count), "antennas", count, "2 to 16")?;
+        let holds = beamwidth > 0.0 && beamwidth < 0.5 * TAU;
+        require(holds, "beamwidth", beamwidth, "between 0 and π rad")?;
+        positive("front_to_back_db", front_to_back_db)?;
+        for antenna in &antennas {
+            finite("recorded_boresight", antenna.recorded_boresight)?;
+            finite("boresight", antenna.boresight)?;
+            finite("gain_db", antenna.gain_db)?;
+            let harmonics = u16::try_from(antenna.site_db.len()).unwrap_or(u16::MAX);
+            let whole = harmonics.is_multiple_of(2) && harmonics <= 64;
+            require_count(whole, "site_db", harmonics, "pairs, at most 32")?;
+            for value in &antenna.site_db {
+                finite("site_db", *value)?;
+            }
+        }
+        let node = |node: u16| TAU * f64::from(node) / f64::from(NODES);
+        let lobe = |angle: f64| lobe_db(angle, beamwidth, front_to_back_db);
+        let gain = |antenna: &StationAntenna, direction: f64| {
+            antenna.gain_db + lobe(direction - antenna.boresight) + antenna.site(direction)
+        };
+        let gains = antennas
+            .iter()
+            .map(|antenna| (0..NODES).map(|n| gain(antenna, node(n))).collect())
+            .collect();
+        let mean_db = (0..NODES).map(|n| lobe(node(n))).sum::<f64>() / f64::from(NODES);
+        Ok(Self {
+            antennas,
+            beamwidth,
+            front_to_back_db,
+            residual_db: 6.0,
+            floor: None,
+            max_sigma: 1.7,
+            gains,
+            mean_db,
+        })
+    }
+
+    /// The same with residuals of this scale in dB, as other recordings of the station show it.
+    ///
+    /// # Errors
+    ///
+    /// When it is not at least 0.1 dB.
+    pub fn with_residual_db(self, residual_db: f64) -> Result<Self, ParameterError> {
+        let holds = residual_db >= 0.1 && residual_db.is_finite();
+        let residual_db = require(holds, "residual_db", residual_db, "at least 0.1 dB")?;
+        Ok(Self { residual_db, ..self })
+    }
+
+    /// The same with receivers that hear half the bursts at `floor_dbm`, the chance rising over a
+    /// Gaussian of the standard deviation `width_db`.
+    ///
+    /// # Errors
+    ///
+    /// When the floor is not finite or the width not positive.
+    pub fn with_floor(self, floor_dbm: f64, width_db: f64) -> Result<Self, ParameterError> {
+        let floor = [finite("floor_dbm", floor_dbm)?, positive("width_db", width_db)?];
+        Ok(Self { floor: Some(floor), ..self })
+    }
+
+    /// The same with bearings used up to the standard deviation `sigma`, in radians.
+    ///
+    /// # Errors
+    ///
+    /// When it is not a positive number.
+    pub fn with_max_sigma(self, sigma: f64) -> Result<Self, ParameterError> {
+        Ok(Self { max_sigma: positive("max_sigma", sigma)?, ..self })
+    }
+
+    /// The antennas.
+    #[must_use]
+    pub fn antennas(&self) -> &[StationAntenna] {
+        &self.antennas
+    }
+
+    /// The half-power beamwidth of each, in radians.
+    #[must_use]
+    pub fn beamwidth(&self) -> f64 {
+        self.beamwidth
+    }
+
+    /// How much weaker each hears from behind, in dB.
+    #[must_use]
+    pub fn front_to_back_db(&self) -> f64 {
+        self.front_to_back_db
+    }
+
+    /// The scale of the residuals, in dB.
+    #[must_use]
+    pub fn residual_db(&self) -> f64 {
+        self.residual_db
+    }
+
+    /// The receivers' floor in dBm and its width in dB, where it is known.
+    #[must_use]
+    pub fn floor(&self) -> Option<[f64; 2]> {
+        self.floor
+    }
+
+    /// Which antenna recordings mean by a boresight: the one recorded nearest to it.
+    #[must_use]
+    pub fn antenna_of(&self, recorded_boresight: f64) -> usize {
+        let off = |antenna: &StationAntenna| {
+            angle::distance(antenna.recorded_boresight, recorded_boresight)
+        };
+        let indexed = self.antennas.iter().enumerate();
+        indexed.min_by(|a, b| off(a.1).total_cmp(&off(b.1))).map_or(0, |(index, _)| index)
+    }
+}
+
+impl StationAntenna {
+    /// What the site adds in a direction, in dB.
+    pub(crate) fn site(&self, direction: f64) -> f64 {
+        let (mut sum, mut k) = (0.0, 1.0);
+        for pair in self.site_db.chunks(2) {
+            if let [cos, sin] = pair {
+                sum += cos * libm::cos(k * direction) + sin * libm::sin(k * direction);
+            }
+            k += 1.0;
+        }
+        sum
+    }
+}

@@ -1,0 +1,146 @@
+use alloc::sync::Arc;
+
+use foxhunt_core::{
+    Axis, MeasurementModel, Observation, Pose, State, gaussian_log_likelihood,
+    log_likelihoods_one_by_one,
+};
+use nalgebra::{SMatrix, SVector, Vector3};
+
+use crate::{ElevationPattern, ParameterError, parameter};
+
+/// Nearer than this to the body's vertical axis, in metres, an elevation has no slope.
+const OVERHEAD: f64 = 1e-3;
+
+/// A model of a level as heard by an antenna that turns about the body's vertical axis: the mean gain
+/// over the turn depends on the elevation at which the beacon lies, seen from the body.
+///
+/// The model inside expects the level at the horizon in its first component, in dB; to that the
+/// [`ElevationPattern`] is added; without one it is the model inside. The elevation follows from the target's place and height and from the
+/// receiver's place and attitude. The noise is Gaussian; a
+/// [`Censored`](crate::Censored) model goes round this one, not into it.
+///
+/// ```
+/// use foxhunt_core::{MeasurementModel, Pose, nalgebra::{Vector1, Vector2}};
+/// use foxhunt_sensors::{Dipole, ElevationPattern, LogDistance, Rss, WithElevationPattern};
+/// let rss = Rss::new(LogDistance::pritzl2018_field());
+/// let model = WithElevationPattern::new(rss, ElevationPattern::of(&Dipole));
+/// let (drone, below) = (Pose::at(0.0, 0.0, 50.0), Vector2::new(5.0, 0.0));
+/// let [heard, taken]: [Vector1<f64>; 2] =
+///     [model.expected(&below, &drone), rss.expected(&below, &drone)];
+/// assert!(heard[0] < taken[0] - 15.0);
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct WithElevationPattern<H> {
+    model: H,
+    pattern: Option<Arc<ElevationPattern>>,
+    target_up: f64,
+}
+
+impl<H> WithElevationPattern<H> {
+    /// The model for a target on the ground, Up = 0.
+    #[must_use]
+    pub fn new(model: H, pattern: impl Into<Arc<ElevationPattern>>) -> Self {
+        Self { model, pattern: Some(pattern.into()), target_up: 0.0 }
+    }
+
+    /// The model inside.
+    #[must_use]
+    pub fn model(&self) -> &H {
+        &self.model
+    }
+
+    /// Another model inside, with the same pattern and the same target's height.
+    #[must_use]
+    pub fn map<G>(self, change: impl FnOnce(H) -> G) -> WithElevationPattern<G> {
+        let Self { model, pattern, target_up } = self;
+        WithElevationPattern { model: change(model), pattern, target_up }
+    }
+
+    /// The same for a target at another height, in metres: the one that the model inside has.
+    ///
+    /// # Errors
+    ///
+    /// When the height is not finite.
+    pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
+        Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
+    }
+
+    /// The target as the body sees it: forward, left, up.
+    fn sight<const N: usize>(&self, state: &State<N>, receiver: &Pose) -> Vector3<f64> {
+        const { assert!(N >= 2, "a state holds East and North") };
+        let target = Vector3::new(state[0], state[1], self.target_up);
+        receiver.to_body(&(target - receiver.position))
+    }
+}
+
+/// Without a pattern: the level is the same at every elevation.
+impl<H> From<H> for WithElevationPattern<H> {
+    fn from(model: H) -> Self {
+        Self { model, pattern: None, target_up: 0.0 }
+    }
+}
+
+/// The elevation of a sight, and its length over the body's level plane.
+fn elevation(sight: &Vector3<f64>) -> (f64, f64) {
+    let level = libm::hypot(sight.x, sight.y);
+    (libm::atan2(sight.z, level), level)
+}
+
+impl<H, const N: usize, const M: usize> MeasurementModel<N, M> for WithElevationPattern<H>
+where
+    H: MeasurementModel<N, M>,
+{
+    fn axes(&self) -> [Axis; M] {
+        self.model.axes()
+    }
+
+    fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M> {
+        let mut expected = self.model.expected(state, receiver);
+        let Some(pattern) = &self.pattern else { return expected };
+        let (elevation, _) = elevation(&self.sight(state, receiver));
+        // Beyond the largest numbers the sight is none.
+        if elevation.is_finite() {
+            expected[0] += pattern.gain_db(elevation);
+        }
+        expected
+    }
+
+    fn residual(&self, z: &SVector<f64, M>, expected: &SVector<f64, M>) -> SVector<f64, M> {
+        self.model.residual(z, expected)
+    }
+
+    fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
+        let mut jacobian = self.model.jacobian(state, receiver);
+        let Some(pattern) = &self.pattern else { return jacobian };
+        let sight = self.sight(state, receiver);
+        let ((elevation, level), range) = (elevation(&sight), sight.norm());
+        if level >= OVERHEAD && range.is_finite() {
+            let slope = pattern.slope(elevation);
+            // ∂e/∂(forward, left, up), then over East and North.
+            let (rise, run) = (sight.z / range, level / range);
+            let gradient = Vector3::new(
+                -rise * (sight.x / level) / range,
+                -rise * (sight.y / level) / range,
+                run / range,
+            );
+            for (column, axis) in [Vector3::x(), Vector3::y()].iter().enumerate() {
+                jacobian[(0, column)] += slope * gradient.dot(&receiver.to_body(axis));
+            }
+        }
+        jacobian
+    }
+
+    fn log_likelihood(&self, state: &State<N>, observation: &Observation<M>) -> f64 {
+        match &self.pattern {
+            Some(_) => gaussian_log_likelihood(self, state, observation),
+            None => self.model.log_likelihood(state, observation),
+        }
+    }
+
+    fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<M>, out: &mut [f64]) {
+        match &self.pattern {
+            Some(_) => log_likelihoods_one_by_one(self, columns, observation, out),
+            None => self.model.log_likelihoods(columns, observation, out),
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! A misaligned antenna is found out and corrected.
+
+use core::f64::consts::{PI, TAU};
+
+use foxhunt_core::{BearingExtractor, NoBearing, Pose, Sample, Sweep, angle, laws};
+use foxhunt_sensors::{
+    BearingError, BearingOffset, Calibrated, KnownBearing, OffsetTerms, PatternTable, Pritzl2018,
+    fit_bearing_offset, fit_sigma, heading_towards,
+};
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+
+use crate::sweeps::{Conditions, simulate, sweep_of};
+
+/// Mounted 8.6° off, with a compass that is off by up to 6.4°.
+const OFF: BearingOffset = BearingOffset { constant: 0.15, sin_heading: 0.1, cos_heading: -0.05 };
+
+/// A turn towards a random bearing with a random heading; the antenna looks elsewhere than it says.
+fn turn(patch: &PatternTable, rng: &mut Xoshiro256PlusPlus) -> (Vec<Sample>, f64, f64) {
+    let (bearing, heading) = (rng.random_range(-PI..PI), rng.random_range(-PI..PI));
+    let conditions = Conditions { bearing, heading, ..Conditions::default() };
+    let mut samples = simulate(&conditions, patch, rng.random());
+    for sample in &mut samples {
+        sample.boresight = angle::wrap(sample.boresight + OFF.at(heading));
+    }
+    (samples, bearing, heading)
+}
+
+/// 200 calibrations of 12 turns each by the reference extractor, seed 21: intervals that hold 95 %
+/// hold 190 ± 4·√(200·0.95·0.05) = 12.3 of 200, and 2.5 % for their asymptotics.
+#[test]
+fn a_misaligned_antenna_is_recovered_within_its_interval() {
+    let (patch, extractor) = (PatternTable::reference_patch(), Pritzl2018::default());
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(21);
+    let mut held = [0_u32; 3];
+    for _ in 0..200 {
+        let turns = (0..12).map(|_| {
+            let (samples, truth, heading) = turn(&patch, &mut rng);
+            let reading = extractor.extract(&sweep_of(&samples)).expect("a full turn");
+            let measured = reading.bearing.expect("one lobe").angle;
+            assert!(
+                angle::distance(heading_towards(&sweep_of(&samples), measured), heading) < 1e-9
+            );
+            KnownBearing { measured, truth, heading }
+        });
+        let known: Vec<KnownBearing> = turns.collect();
+        let fit = fit_bearing_offset(known, OffsetTerms::Heading).expect("a fit");
+        let reach = fit.half_intervals(0.95).expect("proper");
+        let error = [
+            fit.offset.constant - OFF.constant,
+            fit.offset.sin_heading - OFF.sin_heading,
+            fit.offset.cos_heading - OFF.cos_heading,
+        ];
+        for (held, (error, reach)) in held.iter_mut().zip(error.iter().zip(&reach)) {
+            *held += u32::from(error.abs() <= *reach);
+        }
+    }
+    for held in held {
+        assert!((f64::from(held) - 190.0).abs() < 12.3 + 5.0, "{held} of 200");
+    }
+}
+
+/// Calibrated on 100 turns, seed 22, the reference extractor is honest on 400 others, seed 23: its
+/// rms(error/σ) is 1 ± 4·√(1/(2·400)) = 0.14, and as much again for what 100 turns know.
+#[test]
+fn a_calibrated_extractor_is_right_and_honest() {
+    let (patch, extractor) = (PatternTable::reference_patch(), Pritzl2018::default());
+    let errors = |extractor: &dyn BearingExtractor, count: u32, seed: u64| {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let turns = (0..count).map(|_| {
+            let (samples, truth, heading) = turn(&patch, &mut rng);
+            let reading = extractor.extract(&sweep_of(&samples)).expect("a full turn");
+            let bearing = reading.bearing.expect("one lobe");
+            (KnownBearing { measured: bearing.angle, truth, heading }, bearing.sigma)
+        });
+        turns.collect::<Vec<_>>()
+    };
+    let known = errors(&extractor, 100, 22);
+    let points = known.iter().map(|(point, _)| *point);
+    let offset = fit_bearing_offset(points, OffsetTerms::Heading).expect("a fit").offset;
+    let left = |(point, sigma): &(KnownBearing, f64)| {
+        let error = angle::wrap(offset.correct(point.measured, point.heading) - point.truth);
+        BearingError { error, sigma: *sigma }
+    };
+    let sigma = fit_sigma(known.iter().map(left)).expect("a fit");
+    // The 2 dB width overstates the error of extraction 4 to 16 times.
+    assert!((0.06..0.25).contains(&sigma.rms_ratio), "{sigma:?}");
+    let calibrated = Calibrated::new(extractor)
+        .with_offset(offset)
+        .and_then(|c| c.with_sigma(sigma.scale, sigma.floor))
+        .expect("proper");
+    let after = errors(&calibrated, 400, 23);
+    let rest = |(point, sigma): &(KnownBearing, f64)| BearingError {
+        error: angle::wrap(point.measured - point.truth),
+        sigma: *sigma,
+    };
+    let honest = fit_sigma(after.iter().map(rest)).expect("a fit");
+    assert!((honest.rms_ratio - 1.0).abs() < 0.28, "{honest:?}");
+    let again = fit_bearing_offset(after.iter().map(|(p, _)| *p), OffsetTerms::Heading);
+    let left = again.expect("a fit").offset;
+    // 3.7° over √100, times three terms, four standard errors.
+    for value in [left.constant, left.sin_heading, left.cos_heading] {
+        assert!(value.abs() < 0.04, "{left:?}");
+    }
+}
+
+#[test]
+fn a_calibrated_extractor_keeps_the_laws() {
+    let patch = PatternTable::reference_patch();
+    let calibrated = Calibrated::new(Pritzl2018::default())
+        .with_offset(OFF)
+        .and_then(|c| c.with_sigma(0.2, 0.02))
+        .expect("proper");
+    for seed in 0..20 {
+        let conditions = Conditions { heading: 0.3, lost: 0.2, ..Conditions::default() };
+        let samples = simulate(&conditions, &patch, seed);
+        let mut room = samples.clone();
+        laws::bearing_extractor(&calibrated, &sweep_of(&samples), &mut room);
+    }
+    let samples = simulate(&Conditions::default(), &patch, 1);
+    let plain = Pritzl2018::default().extract(&sweep_of(&samples)).expect("a full turn");
+    assert_eq!(Calibrated::new(Pritzl2018::default()).extract(&sweep_of(&samples)), Ok(plain));
+    let ignorant = Calibrated::new(Pritzl2018::default()).with_sigma(0.0, 2.0).expect("proper");
+    let reading = ignorant.extract(&sweep_of(&samples)).expect("a level");
+    assert!(matches!(reading.bearing, Err(NoBearing::TooWide { .. })), "{reading:?}");
+    for (scale, floor) in [(-1.0, 0.0), (0.0, 0.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
+        assert!(calibrated.with_sigma(scale, floor).is_err(), "{scale} {floor}");
+    }
+    let nowhere = BearingOffset { constant: f64::NAN, ..OFF };
+    assert!(calibrated.with_offset(nowhere).is_err());
+}
+
+/// A body that turns its antenna has another nose for every sample.
+#[test]
+fn the_heading_is_that_of_the_look() {
+    let sample = |i: u16| {
+        let heading = TAU * f64::from(i) / 16.0;
+        let receiver = Pose { heading, ..Pose::default() };
+        Sample { time: 0.0, receiver, boresight: heading + 0.5, position: i, rss_dbm: -60.0 }
+    };
+    let samples: Vec<Sample> = (0..16).map(sample).collect();
+    let sweep = Sweep { positions: 16, ..sweep_of(&samples) };
+    assert!(
+        angle::distance(heading_towards(&sweep, TAU * 5.0 / 16.0 + 0.5), TAU * 5.0 / 16.0) < 1e-9
+    );
+    let empty = Sweep { samples: &[], receiver: Pose { heading: 1.5, ..Pose::default() }, ..sweep };
+    assert!((heading_towards(&empty, 0.0) - 1.5).abs() < 1e-12);
+}

@@ -1,0 +1,112 @@
+use foxhunt_core::Pose;
+use foxhunt_sensors::ReflectedWave;
+use nalgebra::Vector3;
+
+use super::Channel;
+
+/// The way from a beacon to a receiver: what does not change while neither moves.
+#[derive(Clone, Debug)]
+pub(super) struct Path {
+    beacon: usize,
+    from: Vector3<f64>,
+    to: Vector3<f64>,
+    /// The level over a level turn of the antenna.
+    pub(super) level_dbm: f64,
+    /// Of the reflected waves: where from, amplitude and phase over the direct one.
+    reflected: Vec<(Vector3<f64>, f64, f64)>,
+}
+
+impl Path {
+    /// From the receiver at `from` to the beacon at `to`.
+    pub(super) fn new(
+        channel: &Channel,
+        beacon: usize,
+        from: Vector3<f64>,
+        to: Vector3<f64>,
+    ) -> Self {
+        let level_dbm = channel.level_dbm(beacon, &from, &to);
+        let direct = (to - from).norm();
+        let reflected = channel.reflectors.iter().map(|reflector| {
+            let sight = reflector.place - from;
+            let excess = sight.norm() + (to - reflector.place).norm() - direct;
+            (sight, reflector.amplitude, reflector.phase - channel.wave_number * excess)
+        });
+        Self { beacon, from, to, level_dbm, reflected: reflected.collect() }
+    }
+
+    pub(super) fn beacon(&self) -> usize {
+        self.beacon
+    }
+
+    /// Whether receiver and beacon are still there.
+    pub(super) fn is_between(&self, from: &Vector3<f64>, to: &Vector3<f64>) -> bool {
+        self.from == *from && self.to == *to
+    }
+
+    /// The antenna's gain over its mean on this way, in dB; the antenna is turned by `turned` from
+    /// the nose. Of one that is not directional, what reflections add.
+    pub(super) fn gain_db(
+        &self,
+        channel: &Channel,
+        pose: &Pose,
+        turned: f64,
+        directional: bool,
+    ) -> f64 {
+        let arrival = |sight: &Vector3<f64>| {
+            let body = pose.to_body(sight);
+            let azimuth = libm::atan2(body.y, body.x) - turned;
+            (azimuth, libm::atan2(body.z, libm::hypot(body.x, body.y)))
+        };
+        let wave = |(sight, amplitude, phase): &(Vector3<f64>, f64, f64)| {
+            let (azimuth, elevation) = arrival(sight);
+            ReflectedWave { azimuth, elevation, amplitude: *amplitude, phase: *phase }
+        };
+        let reflected: Vec<_> = self.reflected.iter().map(wave).collect();
+        let (azimuth, elevation) = arrival(&(self.to - self.from));
+        channel.relative_gain_db(azimuth, elevation, &reflected, directional)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_sensors::{Antenna, AntennaConfig, Dipole};
+    use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+
+    use super::*;
+    use crate::ChannelConfig;
+
+    fn gain(antenna: AntennaConfig, pose: &Pose, to: Vector3<f64>, turned: f64) -> f64 {
+        let config = ChannelConfig { antenna, ..ChannelConfig::default() };
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
+        let channel = Channel::new(&config, 1, &mut rng).expect("in order");
+        Path::new(&channel, 0, pose.position, to).gain_db(&channel, pose, turned, true)
+    }
+
+    #[test]
+    fn a_body_that_leans_tips_its_antenna() {
+        let far_north = Vector3::new(0.0, 1000.0, 0.0);
+        let level = Pose::level(Vector3::zeros(), std::f64::consts::FRAC_PI_2);
+        let dipole = |pose: &Pose| gain(AntennaConfig::Dipole, pose, far_north, 0.3);
+        assert!(dipole(&level).abs() < 1e-9);
+        // Nose down by 0.4 rad, the beacon ahead is 0.4 rad above the body's own horizon.
+        let leaning = Dipole.gain_dbi(0.0, 0.4) - Dipole.gain_dbi(0.0, 0.0);
+        assert!((dipole(&Pose { pitch: -0.4, ..level }) - leaning).abs() < 1e-9);
+        assert!(dipole(&Pose { roll: 0.4, ..level }).abs() < 1e-9, "about the line of sight");
+        let above = Pose { position: Vector3::new(0.0, 1000.0, 1000.0), ..level };
+        let below = gain(AntennaConfig::Dipole, &above, Vector3::new(1e3, 1e3, 0.0), 0.0);
+        let at_45 = Dipole.gain_dbi(0.0, std::f64::consts::FRAC_PI_4) - Dipole.gain_dbi(0.0, 0.0);
+        assert!((below - at_45).abs() < 1e-9, "{below} dB");
+    }
+
+    #[test]
+    fn heading_and_rotator_turn_it_alike() {
+        let to = Vector3::new(30.0, 40.0, 0.0);
+        let of = |heading: f64, turned: f64| {
+            let pose = Pose { heading, ..Pose::default() };
+            gain(AntennaConfig::ReferencePatch, &pose, to, turned)
+        };
+        assert!((of(0.7, 0.2) - of(0.0, 0.9)).abs() < 1e-9);
+        let best = of(0.5, 40.0_f64.atan2(30.0) - 0.5);
+        assert!(best > of(0.5, 0.0) && best > of(0.5, 1.0));
+    }
+}

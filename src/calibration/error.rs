@@ -1,0 +1,43 @@
+use foxhunt_sensors::ParameterError;
+
+/// Why a file is no calibration.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CalibrationFileError {
+    /// The file cannot be read.
+    #[error("{file}: cannot be read: {source}")]
+    Read {
+        /// The file.
+        file: String,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// The file is no calibration; the source names line, field and value.
+    #[error("{file}: not a calibration: {source}")]
+    Parse {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        source: toml::de::Error,
+    },
+    /// The file is of another version.
+    #[error("{file}: foxhunt_calibration is {version}; this program reads {known}")]
+    Version {
+        /// The file.
+        file: String,
+        /// Its version.
+        version: u32,
+        /// The one that is read.
+        known: u32,
+    },
+    /// A number is out of its range.
+    #[error("{file}: {section}: {source}")]
+    Parameter {
+        /// The file.
+        file: String,
+        /// Which section.
+        section: &'static str,
+        /// Which number, and why not.
+        source: ParameterError,
+    },
+}
