@@ -1,6 +1,23 @@
 use crate::support::{foxhunt, has};
 
 #[test]
+fn a_trial_that_flies_as_well_is_told_to() {
+    let run = |flags: &[&str]| {
+        let fixed = ["--json", "campaign", "isaacs-line", "--runs", "2", "--jobs", "1"];
+        foxhunt([&fixed[..], flags].concat()).json()
+    };
+    let (drawn, flown) = (run(&[]), run(&["--flown"]));
+    let beacon = |report: &serde_json::Value| report["estimators"][0]["beacons"][0].clone();
+    assert_eq!(drawn["estimators"][0]["estimator"], "particle");
+    assert_eq!(flown["estimators"][0]["estimator"], "particle-bearing");
+    assert_eq!(beacon(&drawn)["name"], "target");
+    assert_eq!(beacon(&flown)["name"], "source");
+    // As many turns as the path has places, whatever is heard.
+    assert_eq!(beacon(&flown)["steps"]["mean"], 32.0);
+    assert!(beacon(&flown)["error_m"]["max"].as_f64().expect("a number") < 3.0);
+}
+
+#[test]
 fn a_campaign_is_the_same_for_any_number_of_jobs() {
     let fly = |jobs: &str| {
         let mut args = vec!["campaign", "--json", "--runs", "3", "--jobs", jobs];
