@@ -14,18 +14,18 @@ use crate::{
 pub(super) struct Calibration {
     /// What `foxhunt calibrate --out` wrote: path loss, errors of bearings, a station's antennas
     #[arg(long = "calibration", value_name = "FILE")]
-    file: Option<PathBuf>,
+    calibration: Option<PathBuf>,
 }
 
 impl Calibration {
     /// Whether there is one.
     pub(super) fn is_given(&self) -> bool {
-        self.file.is_some()
+        self.calibration.is_some()
     }
 
     /// The file; one that says nothing where there is none.
     pub(super) fn read(&self) -> Result<CalibrationFile, CliError> {
-        match &self.file {
+        match &self.calibration {
             Some(path) => CalibrationFile::read(path).map_err(CliError::input),
             None => Ok(CalibrationFile::default()),
         }
@@ -39,7 +39,7 @@ impl Calibration {
         format: &str,
     ) -> Cow<'a, CalibrationFile> {
         match CalibrationFile::shipped(format) {
-            Some(shipped) if self.file.is_none() => {
+            Some(shipped) if self.calibration.is_none() => {
                 warn(&format!("  calibration: {format}, as it comes with the program"));
                 Cow::Owned(shipped)
             }
