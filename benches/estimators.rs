@@ -19,12 +19,13 @@ fn heard(turn: u32) -> Observation<2> {
 }
 
 fn updates(criterion: &mut Criterion) {
-    let model = ModelConfig { reference_dbm: -29.06, exponent: 2.765, target_up_m: 0.0 };
+    let model =
+        ModelConfig { reference_dbm: -29.06, exponent: 2.765, target_up_m: 0.0, antenna: None };
     let model = model.build().expect("in range");
     let prior = Estimate::isotropic(Vector2::new(3.0, -2.0), 50.0);
     let mut group = criterion.benchmark_group("predict and update");
     for named in estimators() {
-        let mut estimator = named.config.build(model, &prior, 1).expect("a proper prior");
+        let mut estimator = named.config.build(model.clone(), &prior, 1).expect("a proper prior");
         for turn in 0..12 {
             estimator.predict(30.0).expect("a proper step");
             let _ = estimator.update(&heard(turn)).expect("possible");

@@ -32,7 +32,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         HuntConfig { prior_sigma_m: 70.0_f64.sqrt(), ..HuntConfig::default() },
         TrackConfig::pritzl2018(),
     )?;
-    fly(&mut hunt, &world, SimulationConfig::default(), |event| {
+    let mut sources = scenario.sources(&world)?;
+    fly(&mut hunt, &world, &mut sources, SimulationConfig::default(), |event| {
         if let Event::PhaseChanged { time, phase } = event {
             println!("{time:7.1} s  {phase}");
         }

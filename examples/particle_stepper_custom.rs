@@ -49,7 +49,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         HuntConfig::default(),
         TrackConfig::default(),
     )?;
-    fly(&mut hunt, &world, SimulationConfig::default(), |_event| Ok::<_, Infallible>(()))?;
+    let mut sources = scenario.sources(&world)?;
+    fly(&mut hunt, &world, &mut sources, SimulationConfig::default(), |_event| {
+        Ok::<_, Infallible>(())
+    })?;
 
     for fix in hunt.fixes() {
         let truth = world.truth(fix.beacon).ok_or("the world has this beacon")?.xy();

@@ -7,7 +7,7 @@ use crate::{
 };
 use foxhunt_core::{BeaconId, Estimate, EstimatorError};
 use foxhunt_filters::consistency::{ChiSquaredAverage, Monitored, Whiteness};
-use foxhunt_sensors::ParameterError;
+use foxhunt_sensors::AntennaError;
 
 /// What a replay came to.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +30,8 @@ pub struct ReplayedFix {
     pub name: String,
     /// What is believed after its last reception.
     pub estimate: Estimate<2>,
+    /// When that was, in seconds.
+    pub time: f64,
     /// How many receptions went through the estimator.
     pub steps: u32,
     /// The normalised innovations squared of those that have one, at 95 %.
@@ -63,16 +65,17 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
     let mut heard = None;
     for event in &log.events {
         match event {
-            Event::BeaconStarted { beacon, name, prior, .. } => {
+            Event::BeaconStarted { time, beacon, name, prior } => {
                 let seed = beacon_seed(log.header.seed, *beacon);
                 let estimator = config
-                    .build(model, prior, seed)
+                    .build(model.clone(), prior, seed)
                     .map_err(|source| ReplayError::Estimator { beacon: name.clone(), source })?;
-                tracks.push(Track::new(Monitored::new(estimator, model), config.track));
+                tracks.push(Track::new(Monitored::new(estimator, model.clone()), config.track));
                 replay.fixes.push(ReplayedFix {
                     beacon: *beacon,
                     name: name.clone(),
                     estimate: *prior,
+                    time: *time,
                     steps: 0,
                     nis: ChiSquaredAverage::default(),
                     whiteness: Whiteness::new(LAGS),
@@ -93,6 +96,7 @@ pub fn replay(log: &Log, other: Option<&NamedEstimator>) -> Result<Replay, Repla
                 }
                 fix.diverged += u32::from(track.alarm().is_some());
                 fix.estimate = track.position();
+                fix.time = fix.time.max(reception.time);
                 fix.steps = track.steps();
             }
             Event::Corrected { estimate, .. } => {
@@ -134,7 +138,7 @@ fn same_bits(a: &Estimate<2>, b: &Estimate<2>) -> bool {
 pub enum ReplayError {
     /// The log's law of propagation is out of range.
     #[error("the model in the log's header: {0}")]
-    Model(#[from] ParameterError),
+    Model(#[from] AntennaError),
     /// An estimator could not be made.
     #[error("no estimator for beacon {beacon}")]
     Estimator {

@@ -2,9 +2,9 @@
 
 use foxhunt_core::{
     BeaconId, BearingExtractor, Estimate, Estimator, EstimatorError, FormationPlanner, Observation,
-    ObservationError, Reception, Station, Vehicle,
+    ObservationError, PatternSource, Reception, Station, Vehicle,
 };
-use foxhunt_sensors::{ParameterError, StepperConfig};
+use foxhunt_sensors::{AntennaError, ParameterError};
 use foxhunt_sim::{SimError, World};
 use nalgebra::Vector2;
 
@@ -31,7 +31,8 @@ pub struct Simulated {
 pub struct Found {
     /// The fix.
     pub fix: Fix,
-    /// Where the beacon truly is, East and North in metres.
+    /// Where the beacon truly was when it was last heard, which is when the estimate is of; East
+    /// and North in metres.
     pub truth: Vector2<f64>,
 }
 
@@ -56,6 +57,7 @@ pub fn log_header(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) ->
     let beacon = |b: &foxhunt_sim::BeaconConfig| LoggedBeacon {
         name: b.name.clone(),
         truth: Some(Vector2::new(b.east_m, b.north_m)),
+        course: b.course.clone(),
     };
     LogHeader {
         foxhunt_log: LOG_VERSION,
@@ -63,7 +65,7 @@ pub fn log_header(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) ->
         seed,
         estimator_name: estimator.name.to_owned(),
         estimator: estimator.config,
-        model: scenario.model,
+        model: scenario.model.clone(),
         beacons: scenario.world.beacons.iter().map(beacon).collect(),
     }
 }
@@ -79,7 +81,7 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
     scenario: &Scenario,
     estimator: &NamedEstimator,
     seed: u64,
-    on_event: impl FnMut(&Event) -> Result<(), O>,
+    mut on_event: impl FnMut(&Event) -> Result<(), O>,
 ) -> Result<Simulated, SimulationError> {
     let world = World::new(&scenario.world, seed)?;
     let model = scenario.model.build()?;
@@ -87,7 +89,7 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
     let estimators = |prior: &Estimate<2>| {
         let seed = beacon_seed(seed, BeaconId(next_beacon));
         next_beacon += 1;
-        estimator.config.build(model, prior, seed)
+        estimator.config.build(model.clone(), prior, seed)
     };
     let bearings = scenario.bearings.unwrap_or_default();
     let mut hunt = Hunt::<_, _, _, _, 2, 2>::new(
@@ -98,27 +100,39 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
         scenario.hunt,
         estimator.config.track,
     )?;
-    fly(&mut hunt, &world, scenario.simulation, on_event)?;
+    let mut sources = scenario.sources(&world)?;
+    let beacons = &scenario.world.beacons;
+    let mut heard = vec![0.0; beacons.len()];
+    fly(&mut hunt, &world, &mut sources, scenario.simulation, |event| {
+        if let Event::Received { reception, .. } = event
+            && let Some(last) = heard.get_mut(usize::from(reception.beacon.0))
+        {
+            *last = reception.time.max(*last);
+        }
+        on_event(event)
+    })?;
 
-    let found = hunt
-        .fixes()
-        .iter()
-        .filter_map(|fix| Some(Found { fix: fix.clone(), truth: world.truth(fix.beacon)?.xy() }))
-        .collect();
+    let found = hunt.fixes().iter().filter_map(|fix| {
+        let index = usize::from(fix.beacon.0);
+        let truth = beacons.get(index)?.place_at(*heard.get(index)?).xy();
+        Some(Found { fix: fix.clone(), truth })
+    });
+    let found = found.collect();
     let path_m =
         (0..world.drone_count()).map(|drone| world.path_length(drone)).collect::<Result<_, _>>()?;
     Ok(Simulated { found, duration_s: world.time(), path_m })
 }
 
-/// Flies a hunt of any parts in a simulated world to its end, with a stepper under every drone.
+/// Flies a hunt of any parts in a simulated world to its end, with a source for every drone.
 ///
 /// # Errors
 ///
 /// [`SimulationError`] when the hunt cannot begin or go on, or takes too long; whatever
 /// `on_event` returns ends the hunt, too.
-pub fn fly<X, P, F, E, O, const N: usize, const M: usize>(
+pub fn fly<X, P, F, E, S, O, const N: usize, const M: usize>(
     hunt: &mut Hunt<X, P, F, E, N, M>,
     world: &World,
+    sources: &mut [S],
     config: SimulationConfig,
     mut on_event: impl FnMut(&Event) -> Result<(), O>,
 ) -> Result<(), SimulationError>
@@ -127,21 +141,17 @@ where
     P: FormationPlanner,
     F: FnMut(&Estimate<2>) -> Result<E, EstimatorError>,
     E: Estimator<N, M>,
+    S: PatternSource,
     O: std::error::Error + Send + Sync + 'static,
     Observation<M>: for<'a> TryFrom<&'a Reception, Error = ObservationError>,
 {
-    let drones = 0..world.drone_count();
-    let mut sources = drones
-        .clone()
-        .map(|drone| world.stepper(drone, StepperConfig::pritzl2018()))
-        .collect::<Result<Vec<_>, _>>()?;
-    let stations = drones
+    let stations = (0..world.drone_count())
         .map(|drone| Ok(Station::holding(world.vehicle(drone)?.pose()?)))
         .collect::<Result<_, SimError>>()?;
     let mut fleet = world.fleet();
     hunt.start(world.time(), stations)?;
     loop {
-        drive(hunt, &mut sources, &mut fleet, world.time())?;
+        drive(hunt, sources, &mut fleet, world.time())?;
         while let Some(event) = hunt.poll_event() {
             on_event(&event).map_err(|error| SimulationError::Log(Box::new(error)))?;
         }
@@ -164,7 +174,7 @@ pub enum SimulationError {
     World(#[from] SimError),
     /// The estimator's law of propagation is out of range.
     #[error("the model of the scenario: {0}")]
-    Model(#[from] ParameterError),
+    Model(#[from] AntennaError),
     /// The calibration of bearings is out of range.
     #[error("the bearings of the scenario: {0}")]
     Bearings(#[source] ParameterError),

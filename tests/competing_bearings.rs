@@ -14,7 +14,8 @@ use rand_distr::StandardNormal;
 const PRIOR_SIGMA_M: f64 = 30.0;
 const LEVEL_SIGMA_DB: f64 = 4.0;
 const BEARING_SIGMA: f64 = 0.15;
-const MODEL: ModelConfig = ModelConfig { reference_dbm: -29.06, exponent: 2.765, target_up_m: 0.0 };
+const MODEL: ModelConfig =
+    ModelConfig { reference_dbm: -29.06, exponent: 2.765, target_up_m: 0.0, antenna: None };
 
 /// Four turns from the corners of a square, heard through an antenna that takes front for back in
 /// three of ten: both directions are told with those weights, and either may be the true one.
@@ -34,7 +35,6 @@ fn turns(truth: Vector2<f64>, rng: &mut Xoshiro256PlusPlus) -> Vec<Reception> {
         };
         let modes = [mode(0.7, 0.0), mode(0.3, core::f64::consts::PI)];
         let modes = BearingModes::new(&modes).expect("two proper directions");
-        let (angle, sigma) = modes.moments().expect("two directions");
         Reception {
             beacon: BeaconId(0),
             time,
@@ -42,7 +42,7 @@ fn turns(truth: Vector2<f64>, rng: &mut Xoshiro256PlusPlus) -> Vec<Reception> {
             rss_dbm: MODEL.reference_dbm - 10.0 * MODEL.exponent * way.norm().log10()
                 + LEVEL_SIGMA_DB * level,
             rss_sigma_db: LEVEL_SIGMA_DB,
-            bearing: Some(Bearing { angle, sigma, confidence: 0.7 }),
+            bearing: None,
             covariance: 0.0,
             modes,
             receiver_sigma_m: None,
@@ -69,10 +69,13 @@ fn run(
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(u64::from(run) + 1);
         let mut coordinate = || -> f64 { rng.sample(StandardNormal) };
         let truth = Vector2::new(coordinate(), coordinate()) * PRIOR_SIGMA_M;
-        let estimator = config.build(model, &prior, u64::from(run)).expect("a proper prior");
+        let estimator =
+            config.build(model.clone(), &prior, u64::from(run)).expect("a proper prior");
         let mut track = Track::<_, 2, 2>::new(estimator, config.track);
         for mut reception in turns(truth, &mut rng) {
             if moments_alone {
+                let (angle, sigma) = reception.modes.moments().expect("two directions");
+                reception.bearing = Some(Bearing { angle, sigma, confidence: 0.7 });
                 reception.modes = BearingModes::default();
             }
             let _ = track.hear(&reception, false).expect("a proper reception");

@@ -249,10 +249,15 @@ fn logged(outing: &Outing, config: EstimatorConfig) -> String {
         seed: 5,
         estimator_name: "ukf-pritzl2018".to_owned(),
         estimator: config,
-        model: ModelConfig { reference_dbm: LAW.0, exponent: LAW.1, target_up_m: 0.0 },
+        model: ModelConfig {
+            reference_dbm: LAW.0,
+            exponent: LAW.1,
+            target_up_m: 0.0,
+            antenna: None,
+        },
         beacons: TARGETS
             .iter()
-            .map(|truth| LoggedBeacon { name: "b".to_owned(), truth: Some(*truth) })
+            .map(|truth| LoggedBeacon { name: "b".to_owned(), truth: Some(*truth), course: None })
             .collect(),
     };
     let mut text = Vec::new();
@@ -433,7 +438,7 @@ fn a_torn_log_loses_its_last_line_alone() {
     let error = Log::parse(&broken, path).expect_err("a misspelt event").to_string();
     let line = broken.lines().position(|l| l.contains("recieved")).expect("it is there") + 1;
     assert!(error.contains(&format!("toy.jsonl, line {line}")), "{error}");
-    let newer = text.replacen("\"foxhunt_log\":2", "\"foxhunt_log\":7", 1);
+    let newer = text.replacen("\"foxhunt_log\":3", "\"foxhunt_log\":7", 1);
     let error = Log::parse(&newer, path).expect_err("another version").to_string();
     assert!(error.contains('7'), "{error}");
     // Cut within a character, and with bytes that are no text at all.

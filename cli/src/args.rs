@@ -1,6 +1,8 @@
 use clap::{Parser, Subcommand};
 
-use crate::commands::{bearing, calibrate, campaign, estimators, hunt, locate, replay, scenarios};
+use crate::commands::{
+    antenna, bearing, calibrate, campaign, estimators, hunt, locate, replay, scenarios,
+};
 
 /// Finds radio transmitters with drones.
 ///
@@ -36,4 +38,5 @@ pub(crate) enum Command {
     Calibrate(calibrate::Args),
     Locate(locate::Args),
     Bearing(bearing::Args),
+    Antenna(antenna::Args),
 }

@@ -50,6 +50,13 @@ impl Reception {
 }
 
 impl Reception {
+    /// Whether it tells of a direction: a bearing, or several that compete for one, which may be too
+    /// far apart to have a common one.
+    #[must_use]
+    pub fn has_bearing(&self) -> bool {
+        self.bearing.is_some() || !self.modes.is_empty()
+    }
+
     /// The observation by a receiver that knows its place as well as this one.
     fn placed<const M: usize>(
         &self,
@@ -73,10 +80,10 @@ impl TryFrom<&Reception> for Observation<1> {
         let bearing = r.bearing.unwrap_or(NO_BEARING);
         let variance = SMatrix::<f64, 1, 1>::new(bearing.sigma * bearing.sigma);
         let whole = Self::new(r.time, r.receiver, SVector::<f64, 1>::new(bearing.angle), variance)?;
-        r.placed(if r.bearing.is_none() {
-            whole.without(0)
-        } else {
+        r.placed(if r.has_bearing() {
             whole.with_bearing_modes(0, r.modes)
+        } else {
+            whole.without(0)
         })
     }
 }
@@ -95,10 +102,10 @@ impl TryFrom<&Reception> for Observation<2> {
             bearing.sigma * bearing.sigma,
         );
         let whole = Self::new(r.time, r.receiver, Vector2::new(r.rss_dbm, bearing.angle), noise)?;
-        r.placed(if r.bearing.is_none() {
-            whole.without(1)
-        } else {
+        r.placed(if r.has_bearing() {
             whole.with_bearing_modes(1, r.modes)
+        } else {
+            whole.without(1)
         })
     }
 }

@@ -9,7 +9,7 @@
 //! | two models at once; what silence tells | [`Stacked`]; [`Censored`] |
 //! | how bearings err | [`BearingMixture`] |
 //! | a turn of the antenna, put in order | [`Pattern`] |
-//! | from a turn to level and bearing | [`Pritzl2018`] |
+//! | from a turn to level and bearing | [`Pritzl2018`]; [`Maximum`], [`FirstHarmonic`], [`MainLobeFit`]; with a known antenna [`CrossCorrelation`], [`MaximumLikelihood`] (`alloc`) |
 //! | what the transmitter's law is | [`fit_log_distance`] |
 //! | a station of fixed antennas | [`StationPattern`], [`fit_station`] (`alloc`) |
 //! | how bearings are off, how honest their σ | [`fit_bearing_offset`], [`fit_sigma`] |
@@ -69,10 +69,12 @@ pub use calibration::{
 };
 #[cfg(feature = "alloc")]
 pub use calibration::{StationBurst, StationFit, fit_station};
-#[cfg(feature = "alloc")]
-pub use extractor::MaximumLikelihood;
 pub use extractor::{Calibrated, heading_towards};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
+#[cfg(feature = "alloc")]
+pub use extractor::{
+    CrossCorrelation, FirstHarmonic, MainLobeFit, Maximum, MaximumLikelihood, Residuals,
+};
 #[cfg(feature = "alloc")]
 pub use extractor::{StationAntenna, StationPattern};
 pub use models::WithElevationPattern;

@@ -2,11 +2,11 @@ use foxhunt_core::{
     ConstantVelocity, Estimate, EstimatorError, MeasurementModel, RandomWalk, State,
 };
 use foxhunt_filters::{GridConfig, GridFilter, Handover, Leading, OutOfOrder, RaoBlackwellised};
-use foxhunt_sensors::{FreePowerRssBearing, LogDistance, RssBearing};
+use foxhunt_sensors::FreePowerRssBearing;
 use nalgebra::Vector4;
 use serde::{Deserialize, Serialize};
 
-use super::{BoxedEstimator, FilterConfig, filter::generator};
+use super::{BoxedEstimator, FilterConfig, ReceiverModel, filter::generator};
 use crate::hunt::{TimeStep, TrackConfig};
 
 /// An estimator: a filter, what it takes for known, and how receptions are put to it.
@@ -65,7 +65,7 @@ impl EstimatorConfig {
     /// [`EstimatorError`] when the prior or a parameter does not make one.
     pub fn build(
         &self,
-        model: RssBearing<LogDistance>,
+        model: impl Into<ReceiverModel>,
         prior: &Estimate<2>,
         seed: u64,
     ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
@@ -73,7 +73,7 @@ impl EstimatorConfig {
             Some(sigma) => Estimate::isotropic(prior.mean, positive("prior_sigma_m", sigma)?),
             None => *prior,
         };
-        let estimator = self.build_in_order(model, &prior, seed)?;
+        let estimator = self.build_in_order(model.into(), &prior, seed)?;
         let Some(value) = self.lag_s else { return Ok(estimator) };
         if self.track.time_step == TimeStep::PerReception {
             let (name, requirement) = ("lag_s", "absent where time counts receptions, not seconds");
@@ -85,7 +85,7 @@ impl EstimatorConfig {
     /// The estimator of receptions that come in the order of their time.
     fn build_in_order(
         &self,
-        model: RssBearing<LogDistance>,
+        model: ReceiverModel,
         prior: &Estimate<2>,
         seed: u64,
     ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
@@ -100,8 +100,8 @@ impl EstimatorConfig {
             return self.build_over(model, prior, seed);
         };
         let sigma = positive("power_sigma_db", power_sigma_db)?;
-        let prior = with_power(prior, model.propagation().reference_dbm(), sigma);
-        let model = FreePowerRssBearing::from(model);
+        let prior = with_power(prior, model.model().propagation().reference_dbm(), sigma);
+        let model = model.map(FreePowerRssBearing::from);
         if let FilterConfig::RaoBlackwellised { count } = self.filter {
             let rng = generator(count, seed)?;
             let cloud: RaoBlackwellised<_, _, _, 3, 2, 1> =
@@ -142,7 +142,7 @@ impl EstimatorConfig {
     /// from a grid.
     fn build_moving(
         &self,
-        model: RssBearing<LogDistance>,
+        model: ReceiverModel,
         moving: MovingConfig,
         prior: &Estimate<2>,
         seed: u64,
@@ -150,11 +150,12 @@ impl EstimatorConfig {
         let speed_sigma = positive("speed_sigma", moving.speed_sigma)?;
         let acceleration_density = positive("acceleration_density", moving.acceleration_density)?;
         let (motion, filter) = (ConstantVelocity { acceleration_density }, self.filter);
+        let moved = model.clone();
         let build = move |place: Estimate<2>| {
             let still = Vector4::new(place.mean.x, place.mean.y, 0.0, 0.0);
             let mut prior = Estimate::isotropic(still, speed_sigma);
             prior.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&place.covariance);
-            Ok(Leading::<_, 4>::new(filter.build(motion, model, &prior, seed)?))
+            Ok(Leading::<_, 4>::new(filter.build(motion, moved.clone(), &prior, seed)?))
         };
         let whole = build(*prior)?;
         let Some(observations) = self.start_on_grid else { return Ok(Box::new(whole)) };
@@ -198,6 +199,7 @@ pub(crate) fn with_power(place: &Estimate<2>, reference_dbm: f64, sigma_db: f64)
 
 #[cfg(test)]
 mod tests {
+    use foxhunt_sensors::{LogDistance, RssBearing};
     use nalgebra::Vector2;
 
     use super::*;

@@ -7,6 +7,7 @@ mod filter;
 mod model;
 mod named;
 mod planner;
+mod source;
 
 pub use boxed::{BoxedEstimator, CloneEstimator};
 pub(crate) use estimator::with_power;
@@ -14,6 +15,7 @@ pub use estimator::{EstimatorConfig, MovingConfig};
 pub use extractor::ExtractorConfig;
 pub(crate) use filter::beacon_seed;
 pub use filter::{FilterConfig, GateConfig, OutlierConfig};
-pub use model::ModelConfig;
+pub use model::{ModelConfig, ReceiverModel};
 pub use named::{DEFAULT_ESTIMATOR, NamedEstimator, estimator_named, estimators};
 pub use planner::{PlannerConfig, PlannerConfigError};
+pub use source::{BoxedSource, SourceConfig, SourceError, boxed};

@@ -3,7 +3,7 @@ use std::f64::consts::TAU;
 use foxhunt_filters::Loss;
 
 use super::{EstimatorConfig, FilterConfig, GateConfig, MovingConfig, OutlierConfig};
-use crate::hunt::TrackConfig;
+use crate::hunt::{Components, TimeStep, TrackConfig, WithoutBearing};
 
 /// An estimator that the program knows by name.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,6 +44,15 @@ pub const DEFAULT_ESTIMATOR: &str = "default";
 /// of three drones.
 const START_ON_GRID: u32 = 6;
 
+/// Bearings alone; a turn without one is of no use.
+const BEARING_ONLY: TrackConfig = TrackConfig {
+    time_step: TimeStep::Elapsed,
+    first_position_rss_sigma_db: None,
+    rss_sigma_db: None,
+    without_bearing: WithoutBearing::Discard,
+    components: Components::BearingOnly,
+};
+
 /// Every estimator that has a name.
 #[must_use]
 pub fn estimators() -> Vec<NamedEstimator> {
@@ -77,6 +86,7 @@ pub fn estimators() -> Vec<NamedEstimator> {
         kappa: 1.0,
         iterations: 1,
     };
+    let bearing_cloud = FilterConfig::Particle { count: 2000, adaptive_bin: None };
     vec![
         NamedEstimator {
             name: DEFAULT_ESTIMATOR,
@@ -220,6 +230,22 @@ pub fn estimators() -> Vec<NamedEstimator> {
             config: EstimatorConfig {
                 power_sigma_db: Some(5.0),
                 ..as_read(FilterConfig::RaoBlackwellised { count: 2000 })
+            },
+        },
+        NamedEstimator {
+            name: "particle-bearing",
+            about: "particle filter on bearings alone, 2000 particles",
+            source: "Isaacs et al. 2014, §IV",
+            config: EstimatorConfig { track: BEARING_ONLY, ..as_read(bearing_cloud) },
+        },
+        NamedEstimator {
+            name: "particle-bearing-moving",
+            about: "the same for a target that moves at a nearly constant velocity of some centimetres per second",
+            source: "Isaacs et al. 2014, §IV",
+            config: EstimatorConfig {
+                moving: Some(MovingConfig { acceleration_density: 0.01, speed_sigma: 0.05 }),
+                track: BEARING_ONLY,
+                ..as_read(bearing_cloud)
             },
         },
     ]

@@ -1,3 +1,5 @@
+use std::iter::repeat_n;
+
 use foxhunt_core::{FormationPlanner, PlanError};
 use foxhunt_formation::{
     FollowConfig, FollowConfigError, FollowEstimate, Hold, Polygon, Waypoints,
@@ -28,12 +30,23 @@ pub enum PlannerConfig {
         rotation_deg: f64,
         /// The drones' altitude.
         up_m: f64,
+        /// How many turns each place is worth; 1 unless given.
+        #[serde(default = "once")]
+        turns_at_each: u16,
+        /// How often all places are flown to; 1 unless given.
+        #[serde(default = "once")]
+        rounds: u16,
     },
     /// Everyone stays and listens.
     Hold {
         /// For this many turns.
         turns: u32,
     },
+}
+
+/// The default of `turns_at_each` and `rounds`.
+const fn once() -> u16 {
+    1
 }
 
 impl PlannerConfig {
@@ -45,8 +58,17 @@ impl PlannerConfig {
     pub fn build(&self) -> Result<Box<dyn FormationPlanner>, PlannerConfigError> {
         Ok(match self {
             Self::FollowEstimate { follow } => Box::new(FollowEstimate::new(*follow)?),
-            Self::Waypoints { places_m, circumradius_m, rotation_deg, up_m } => {
-                let places: Vec<_> = places_m.iter().map(|place| Vector2::from(*place)).collect();
+            Self::Waypoints {
+                places_m,
+                circumradius_m,
+                rotation_deg,
+                up_m,
+                turns_at_each,
+                rounds,
+            } => {
+                let each = usize::from(*turns_at_each);
+                let round = places_m.iter().flat_map(|p| repeat_n(Vector2::from(*p), each));
+                let places: Vec<_> = repeat_n(round, usize::from(*rounds)).flatten().collect();
                 let polygon = Polygon { circumradius: *circumradius_m };
                 Box::new(Waypoints::new(places, polygon, rotation_deg.to_radians(), *up_m)?)
             }

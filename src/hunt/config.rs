@@ -6,9 +6,11 @@ use super::HuntError;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HuntConfig {
-    /// σ of each coordinate of a beacon's place before anything was heard, about the centroid of
-    /// the drones.
+    /// σ of each coordinate of a beacon's place before anything was heard.
     pub prior_sigma_m: f64,
+    /// What it is about, East and North; the centroid of the drones where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prior_centre_m: Option<[f64; 2]>,
     /// A drone has arrived when it is this near its goal.
     pub arrival_tolerance_m: f64,
     /// Drones that have not arrived after this long are not waited for.
@@ -30,12 +32,13 @@ pub struct HuntConfig {
 }
 
 impl Default for HuntConfig {
-    /// Prior σ 50 m, as far as a small drone's beacon is looked for; arrival within 0.3 m, 120 s for a move, 90 s for a turn
+    /// Prior σ 50 m about the drones, as far as a small drone's beacon is looked for; arrival within 0.3 m, 120 s for a move, 90 s for a turn
     /// (52.8 s at most: 128 positions of 0.4 s, the first of 2 s), a turn for each beacon as in
     /// the reference, drones that know where they are, 3 attempts.
     fn default() -> Self {
         Self {
             prior_sigma_m: 50.0,
+            prior_centre_m: None,
             arrival_tolerance_m: 0.3,
             move_timeout_s: 120.0,
             turn_timeout_s: 90.0,
@@ -56,6 +59,10 @@ impl HuntConfig {
             ("attempts", f64::from(self.attempts)),
             ("receiver_sigma_m", self.receiver_sigma_m.unwrap_or(1.0)),
         ];
+        let centre = self.prior_centre_m.unwrap_or_default();
+        if let Some(&value) = centre.iter().find(|value| !value.is_finite()) {
+            return Err(HuntError::Config { field: "prior_centre_m", value });
+        }
         match fields.into_iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
             Some((field, value)) => Err(HuntError::Config { field, value }),
             None => Ok(()),

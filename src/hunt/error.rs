@@ -12,7 +12,7 @@ pub enum HuntError {
         missing: &'static str,
     },
     /// A field of the configuration is out of its range.
-    #[error("{field} is {value}; it must be positive")]
+    #[error("{field} is {value}; it must be finite, and positive where it is no place")]
     Config {
         /// Which field.
         field: &'static str,

@@ -1,6 +1,6 @@
 use foxhunt_core::{BeaconId, Correction, Estimate, Outcome, Reception};
 use foxhunt_formation::Phase;
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// One thing that happened in a hunt. Times are seconds, places East, North and Up in metres.
@@ -95,6 +95,16 @@ pub enum Event {
         drone: Option<usize>,
         /// What it said.
         reason: String,
+    },
+    /// What is believed of a beacon when its search ends, of an estimator that holds more than two
+    /// moments: places of equal weight that stand for it. Told before the end.
+    Cloud {
+        /// When.
+        time: f64,
+        /// Of which beacon.
+        beacon: BeaconId,
+        /// East and North in metres.
+        places: Vec<Vector2<f64>>,
     },
     /// The search for a beacon is over.
     BeaconFinished {

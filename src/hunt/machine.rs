@@ -8,7 +8,9 @@ use foxhunt_filters::consistency::NisHealth;
 use foxhunt_formation::{Phase, PhaseError, Phases, Signal};
 use nalgebra::{Vector2, Vector3};
 
-use super::{Command, Event, Fix, Heard, HuntConfig, HuntError, Search, Track, TrackConfig};
+use super::{
+    Command, Event, Fix, Heard, HuntConfig, HuntError, Search, Track, TrackConfig, cloud::cloud,
+};
 
 /// A hunt for one beacon after the other with a formation of drones; where turns are
 /// [shared](HuntConfig::shared_turns), those that have not had their turn yet are listened for all
@@ -264,8 +266,9 @@ where
     }
 
     fn begin_beacon(&mut self, time: f64) -> Result<(), HuntError> {
-        let centroid = centroid(&self.stations);
-        let prior = Estimate::isotropic(centroid, self.config.prior_sigma_m);
+        let centre = self.config.prior_centre_m.map(Vector2::from);
+        let centre = centre.unwrap_or_else(|| centroid(&self.stations));
+        let prior = Estimate::isotropic(centre, self.config.prior_sigma_m);
         let mut begun = Vec::new();
         for beacon in self.asked() {
             let index = usize::from(beacon.0);
@@ -365,6 +368,10 @@ where
             formation_positions: search.measured,
             outcome,
         };
+        let belief = BeliefOf(search.track.estimator());
+        if let Some(places) = cloud(&belief) {
+            self.events.push_back(Event::Cloud { time, beacon: fix.beacon, places });
+        }
         self.events.push_back(Event::BeaconFinished { time, fix: fix.clone() });
         self.fixes.push(fix);
         if self.is_finished() {

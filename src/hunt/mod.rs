@@ -1,5 +1,6 @@
 //! The hunt itself: sweeps go in, corrections and goals come out.
 
+mod cloud;
 mod command;
 mod config;
 mod drive;

@@ -46,7 +46,7 @@ impl TrackConfig {
     #[must_use]
     pub fn degrees_of_freedom(&self, reception: &Reception, first_position: bool) -> usize {
         let seen = self.seen(reception, first_position);
-        usize::from(seen.rss_sigma_db < NO_LEVEL_SIGMA_DB) + usize::from(seen.bearing.is_some())
+        usize::from(seen.rss_sigma_db < NO_LEVEL_SIGMA_DB) + usize::from(seen.has_bearing())
     }
 
     /// The reception as this configuration lets the estimator see it.
@@ -148,7 +148,7 @@ where
     ) -> Result<Heard, TrackError> {
         self.alarm = false;
         // What the turn itself lacks counts, not what `components` strike out.
-        if reception.bearing.is_none() && self.config.without_bearing == WithoutBearing::Discard {
+        if !reception.has_bearing() && self.config.without_bearing == WithoutBearing::Discard {
             return Ok(Heard::Discarded);
         }
         let used = self.config.seen(reception, first_position);

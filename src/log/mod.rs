@@ -8,13 +8,17 @@ mod writer;
 pub use reader::{Log, LogError};
 pub use writer::LogWriter;
 
+use foxhunt_sim::BeaconCourse;
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{EstimatorConfig, ModelConfig};
 
-/// The version of the log that this program writes and reads.
-pub const LOG_VERSION: u32 = 2;
+/// The version of the log that this program writes.
+pub const LOG_VERSION: u32 = 3;
+
+/// The oldest version that it reads: one without clouds, and with beacons that stay.
+pub const OLDEST_LOG_VERSION: u32 = 2;
 
 /// The first line of a log: how the estimates came about.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,6 +46,18 @@ pub struct LogHeader {
 pub struct LoggedBeacon {
     /// Its name.
     pub name: String,
-    /// Where it truly is, East and North in metres, if that is known.
+    /// Where it truly is at the time 0, East and North in metres, if that is known.
     pub truth: Option<Vector2<f64>>,
+    /// How it moves from there; it stays where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub course: Option<BeaconCourse>,
+}
+
+impl LoggedBeacon {
+    /// Where it truly is after `time` seconds, if that is known.
+    #[must_use]
+    pub fn place_at(&self, time: f64) -> Option<Vector2<f64>> {
+        let start = self.truth?;
+        Some(self.course.as_ref().map_or(start, |course| course.place_at(start, time)))
+    }
 }

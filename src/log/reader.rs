@@ -3,7 +3,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::{LOG_VERSION, LogHeader};
+use super::{LOG_VERSION, LogHeader, OLDEST_LOG_VERSION};
 use crate::hunt::Event;
 
 /// A log that was read.
@@ -50,7 +50,7 @@ impl Log {
         let version = serde_json::from_str::<Version>(first)
             .map_err(|source| LogError::NotALog { path: path(), source })?
             .foxhunt_log;
-        if version != LOG_VERSION {
+        if !(OLDEST_LOG_VERSION..=LOG_VERSION).contains(&version) {
             return Err(LogError::Version { path: path(), version });
         }
         let broken =
@@ -103,7 +103,7 @@ pub enum LogError {
         source: serde_json::Error,
     },
     /// The log is of another version.
-    #[error("{}, line 1: foxhunt_log is {version}; this program reads {LOG_VERSION}", path.display())]
+    #[error("{}, line 1: foxhunt_log is {version}; this program reads {OLDEST_LOG_VERSION} to {LOG_VERSION}", path.display())]
     Version {
         /// The file.
         path: PathBuf,

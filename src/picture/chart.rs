@@ -16,6 +16,12 @@ pub(super) fn draw(canvas: &Canvas<'_>, frame: &Frame, scene: &Scene) -> Result<
     rays(canvas, frame, scene)?;
     places(canvas, frame, scene)?;
     for search in &scene.searches {
+        cloud(canvas, frame, search)?;
+    }
+    for course in &scene.courses {
+        clipped(canvas, frame, course, palette::INK.mix(0.45), COURSE_WIDTH)?;
+    }
+    for search in &scene.searches {
         belief(canvas, frame, search)?;
     }
     // The last estimates are smaller than the stars and stand on them: so both are seen.
@@ -103,6 +109,21 @@ fn places(canvas: &Canvas<'_>, frame: &Frame, scene: &Scene) -> Result<(), Pictu
             canvas.dot(at, 5 * UNIT, palette::PAPER.to_rgba())?;
             canvas.dot(at, 4 * UNIT, palette::drone(*drone).mix(0.9))?;
         }
+    }
+    Ok(())
+}
+
+/// How broad the way of a beacon that moves is drawn.
+pub(super) const COURSE_WIDTH: i32 = 2 * UNIT;
+
+/// How large a place of a cloud is drawn.
+pub(super) const CLOUD_DOT: i32 = 2 * UNIT;
+
+fn cloud(canvas: &Canvas<'_>, frame: &Frame, search: &Search) -> Result<(), PictureError> {
+    let (low, high) = frame.corners();
+    let shown = |place: &&Vector2<f64>| **place >= low && **place <= high;
+    for place in search.cloud.iter().filter(shown) {
+        canvas.dot(frame.pixel(place), CLOUD_DOT, palette::CLOUD.mix(0.45))?;
     }
     Ok(())
 }

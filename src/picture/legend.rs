@@ -2,7 +2,7 @@ use plotters::style::Color;
 
 use super::{
     canvas::{Anchor, Canvas, LEGEND, PLOT, PictureError, UNIT},
-    chart::{PATH_WIDTH, shortened},
+    chart::{CLOUD_DOT, COURSE_WIDTH, PATH_WIDTH, shortened},
     frame::Pixel,
     palette,
     scene::{Scene, Search},
@@ -111,8 +111,23 @@ fn marks(rows: &mut Rows<'_, '_>, scene: &Scene) -> Result<(), PictureError> {
         canvas.line(outline, palette::BELIEF.to_rgba(), 6)?;
         canvas.dot(at, 4 * UNIT, palette::BELIEF.to_rgba())
     })?;
+    if scene.searches.iter().any(|search| !search.cloud.is_empty()) {
+        rows.mark("belief in the end, its cloud", |canvas, at| {
+            let places = [(-9, 2), (-4, -4), (0, 3), (3, -1), (6, 4), (10, -3)];
+            places.into_iter().try_for_each(|(x, y)| {
+                let place = (at.0 + x * UNIT, at.1 + y * UNIT);
+                canvas.dot(place, CLOUD_DOT, palette::CLOUD.mix(0.45))
+            })
+        })?;
+    }
+    if !scene.courses.is_empty() {
+        rows.mark("where the beacon went", |canvas, at| {
+            canvas.line(ends(at).to_vec(), palette::INK.mix(0.45), COURSE_WIDTH)
+        })?;
+    }
     if !scene.beacons.is_empty() {
-        rows.mark("beacon, where it truly is", |canvas, at| {
+        let truly = if scene.courses.is_empty() { "is" } else { "was in the end" };
+        rows.mark(&format!("beacon, where it truly {truly}"), |canvas, at| {
             canvas.star(at, 9 * UNIT, palette::INK.to_rgba())
         })?;
     }

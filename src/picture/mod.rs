@@ -1,6 +1,6 @@
-//! The picture of a hunt, as SVG.
+//! The picture of a hunt, and that of an antenna, as SVG.
 //!
-//! East is to the right, North up, and a metre is as long in both directions.
+//! In a hunt's, East is to the right, North up, and a metre is as long in both directions.
 
 mod canvas;
 mod chart;
@@ -8,9 +8,12 @@ mod frame;
 mod label;
 mod legend;
 mod palette;
+mod polar;
 mod scene;
 
 pub use canvas::PictureError;
+
+use foxhunt_sensors::Antenna;
 
 use crate::{hunt::Event, log::LogHeader};
 
@@ -31,6 +34,16 @@ pub fn hunt_svg(header: &LogHeader, events: &[Event]) -> Result<String, PictureE
         chart::draw(canvas, &frame, &scene)?;
         legend::draw(canvas, header, &scene)
     })
+}
+
+/// Draws an antenna: the cuts of azimuth and elevation through its main lobe, 40 dB deep. Returns
+/// the text of an SVG file.
+///
+/// # Errors
+///
+/// [`PictureError`] when the drawing library refuses an element.
+pub fn antenna_svg(name: &str, antenna: &dyn Antenna) -> Result<String, PictureError> {
+    canvas::svg(|canvas| polar::draw(canvas, name, antenna))
 }
 
 #[cfg(test)]

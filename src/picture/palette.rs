@@ -17,6 +17,8 @@ pub(super) fn drone(index: usize) -> RGBColor {
 
 /// What is believed.
 pub(super) const BELIEF: RGBColor = RGBColor(200, 20, 60);
+/// The places that stand for a belief.
+pub(super) const CLOUD: RGBColor = RGBColor(235, 120, 140);
 /// What is true, and text.
 pub(super) const INK: RGBColor = RGBColor(25, 25, 30);
 /// Text of less weight.

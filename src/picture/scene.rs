@@ -6,7 +6,7 @@ use nalgebra::Vector2;
 use super::frame::Extent;
 use crate::{
     hunt::{Event, Fix},
-    log::LogHeader,
+    log::{LogHeader, LoggedBeacon},
 };
 
 /// What there is to draw, in metres East and North, all of it finite.
@@ -18,8 +18,10 @@ pub(super) struct Scene {
     pub(super) rays: Vec<Ray>,
     /// The searches, one for each beacon that was begun with.
     pub(super) searches: Vec<Search>,
-    /// Every beacon whose place is known.
+    /// Every beacon whose place is known: where it was when it was last heard.
     pub(super) beacons: Vec<(String, Vector2<f64>)>,
+    /// The ways that beacons went since the beginning, of those that move.
+    pub(super) courses: Vec<Vec<Vector2<f64>>>,
     /// Whose reception the last one was.
     heard: BeaconId,
 }
@@ -44,12 +46,14 @@ impl Ray {
 }
 
 /// The search for one beacon.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Search {
     pub(super) beacon: BeaconId,
     pub(super) name: String,
     /// The prior's mean, then one estimate for each reception.
     pub(super) track: Vec<Vector2<f64>>,
+    /// Places that stand for the belief in the end, where two moments do not tell it.
+    pub(super) cloud: Vec<Vector2<f64>>,
     /// What is believed in the end.
     pub(super) estimate: Option<Estimate<2>>,
     pub(super) truth: Option<Vector2<f64>>,
@@ -65,13 +69,35 @@ fn drawable(place: &Vector2<f64>) -> bool {
     place.iter().all(|c| c.abs() < FAR)
 }
 
+/// When the beacon of an index was last heard, in seconds.
+fn last_heard(events: &[Event], index: usize) -> f64 {
+    let times = events.iter().filter_map(|event| match event {
+        Event::Received { reception, .. } if usize::from(reception.beacon.0) == index => {
+            Some(reception.time).filter(|time| time.is_finite())
+        }
+        _ => None,
+    });
+    times.fold(0.0, f64::max)
+}
+
+/// The way of a beacon that moves, up to a time.
+fn course(beacon: &LoggedBeacon, until: f64) -> Option<Vec<Vector2<f64>>> {
+    const STEPS: u16 = 400;
+    beacon.course.as_ref()?;
+    let at = |step: u16| beacon.place_at(until * f64::from(step) / f64::from(STEPS));
+    Some((0..=STEPS).filter_map(at).filter(drawable).collect())
+}
+
 impl Scene {
     pub(super) fn new(header: &LogHeader, events: &[Event]) -> Self {
-        let known = |b: &crate::log::LoggedBeacon| Some((b.name.clone(), b.truth?));
-        let mut scene = Self {
-            beacons: header.beacons.iter().filter_map(known).filter(|b| drawable(&b.1)).collect(),
-            ..Self::default()
-        };
+        let mut scene = Self::default();
+        for (index, beacon) in header.beacons.iter().enumerate() {
+            let last = last_heard(events, index);
+            if let Some(place) = beacon.place_at(last).filter(drawable) {
+                scene.beacons.push((beacon.name.clone(), place));
+                scene.courses.extend(course(beacon, last));
+            }
+        }
         for event in events {
             scene.add(event);
         }
@@ -84,8 +110,7 @@ impl Scene {
                 let truth = self.beacons.iter().find(|(known, _)| known == name).map(|b| b.1);
                 let track = Some(prior.mean).filter(drawable).into_iter().collect();
                 let (beacon, name) = (*beacon, name.clone());
-                let search = Search { beacon, name, track, estimate: None, truth, fix: None };
-                self.searches.push(search);
+                self.searches.push(Search { beacon, name, track, truth, ..Search::default() });
             }
             Event::Received { drone, reception, .. } => self.receive(*drone, reception),
             Event::Corrected { drone, correction, estimate, .. } => {
@@ -93,6 +118,11 @@ impl Scene {
                     self.discard(*drone);
                 }
                 self.believe(self.heard, estimate);
+            }
+            Event::Cloud { beacon, places, .. } => {
+                if let Some(search) = self.search(*beacon) {
+                    search.cloud = places.iter().filter(|place| drawable(place)).copied().collect();
+                }
             }
             Event::Refused { drone, .. } => self.discard(*drone),
             Event::BeaconFinished { fix, .. } => {
@@ -148,7 +178,9 @@ impl Scene {
         for place in self.drones.values().chain(tracks).flatten() {
             extent.add(place);
         }
-        for (_, truth) in &self.beacons {
+        for truth in
+            self.beacons.iter().map(|(_, truth)| truth).chain(self.courses.iter().flatten())
+        {
             extent.add(truth);
         }
         let allowed = extent.grown(0.5);
@@ -190,8 +222,7 @@ mod tests {
         let estimate = Estimate { mean: Vector2::new(5.0, -3.0), covariance };
         let name = "fox".to_owned();
         let estimate = Some(estimate);
-        let beacon = BeaconId(0);
-        let search = Search { beacon, name, track: Vec::new(), estimate, truth: None, fix: None };
+        let search = Search { name, estimate, ..Search::default() };
         let outline = search.outline().expect("the covariance is positive definite");
         for corner in outline {
             let nees = search.estimate.and_then(|e| e.nees(&corner)).expect("positive definite");

@@ -17,8 +17,13 @@ fn header(truth: Option<Vector2<f64>>) -> LogHeader {
         seed: 7,
         estimator_name: "ekf".to_owned(),
         estimator: estimator_named("ekf").expect("it is built in").config,
-        model: ModelConfig { reference_dbm: -29.06, exponent: 2.765, target_up_m: 0.0 },
-        beacons: vec![LoggedBeacon { name: "<fox & co>".to_owned(), truth }],
+        model: ModelConfig {
+            reference_dbm: -29.06,
+            exponent: 2.765,
+            target_up_m: 0.0,
+            antenna: None,
+        },
+        beacons: vec![LoggedBeacon { name: "<fox & co>".to_owned(), truth, course: None }],
     }
 }
 

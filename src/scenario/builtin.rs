@@ -4,10 +4,14 @@ use super::Scenario;
 pub const DEFAULT_SCENARIO: &str = "pritzl-6.1";
 
 /// The built-in scenarios' texts, by name.
-const TEXTS: [(&str, &str); 4] = [
+const TEXTS: [(&str, &str); 8] = [
     ("pritzl-6.1", include_str!("../../scenarios/pritzl-6.1.toml")),
     ("pritzl-7.3", include_str!("../../scenarios/pritzl-7.3.toml")),
     ("pritzl-7.4", include_str!("../../scenarios/pritzl-7.4.toml")),
+    ("pritzl-7.5", include_str!("../../scenarios/pritzl-7.5.toml")),
+    ("isaacs-static", include_str!("../../scenarios/isaacs-static-flown.toml")),
+    ("isaacs-line", include_str!("../../scenarios/isaacs-line-flown.toml")),
+    ("isaacs-circle", include_str!("../../scenarios/isaacs-circle-flown.toml")),
     ("rough-field", include_str!("../../scenarios/rough-field.toml")),
 ];
 

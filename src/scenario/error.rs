@@ -40,4 +40,14 @@ pub enum ScenarioError {
         /// The most it may be.
         most: f64,
     },
+    /// There are sources for more drones than there are, or for fewer.
+    #[error("{file}: sources lists {sources} for {drones} drones; list one for each, or none")]
+    Sources {
+        /// The file.
+        file: String,
+        /// How many sources.
+        sources: usize,
+        /// How many drones.
+        drones: usize,
+    },
 }

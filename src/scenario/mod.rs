@@ -8,12 +8,12 @@ pub use error::ScenarioError;
 
 use std::{fs, path::Path};
 
-use foxhunt_sim::WorldConfig;
+use foxhunt_sim::{SimError, World, WorldConfig};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     calibration::BearingCalibration,
-    config::{ExtractorConfig, ModelConfig, PlannerConfig},
+    config::{BoxedSource, ExtractorConfig, ModelConfig, PlannerConfig, SourceConfig},
     hunt::HuntConfig,
 };
 
@@ -38,6 +38,12 @@ pub struct Scenario {
     pub bearings: Option<BearingCalibration>,
     /// What decides where to listen.
     pub planner: PlannerConfig,
+    /// What every drone listens with; the reference's stepper unless given.
+    #[serde(default)]
+    pub source: SourceConfig,
+    /// What each drone listens with, in their order, where they differ.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sources: Vec<SourceConfig>,
     /// Time-outs, tolerances, the prior; the defaults of [`HuntConfig`] unless given.
     #[serde(default)]
     pub hunt: HuntConfig,
@@ -101,7 +107,22 @@ impl Scenario {
                 return Err(ScenarioError::Field { file, field, value, least, most });
             }
         }
+        let (sources, drones) = (scenario.sources.len(), scenario.world.drones.len());
+        if sources > 0 && sources != drones {
+            let file = file.to_owned();
+            return Err(ScenarioError::Sources { file, sources, drones });
+        }
         Ok(scenario)
+    }
+
+    /// What the drones of a world of this scenario listen with, in their order.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError`] when a number is out of its range.
+    pub fn sources(&self, world: &World) -> Result<Vec<BoxedSource>, SimError> {
+        let of = |drone: usize| self.sources.get(drone).unwrap_or(&self.source);
+        (0..world.drone_count()).map(|drone| of(drone).build(world, drone)).collect()
     }
 
     /// The beacons' names, in their order.

@@ -1,9 +1,11 @@
 //! Our own format, there and back.
 
 use foxhunt::{
-    core::{Pose, Sample, Sweep, angle},
+    core::{BeaconId, PatternSource, Pose, Sample, Sweep, angle, laws},
     geodesy::{Geodetic, LocalFrame},
-    recording::{ReadOptions, Recording, RecordingError, SweepWriter},
+    recording::{
+        ReadOptions, RecordedSource, Recording, RecordingEnded, RecordingError, SweepWriter,
+    },
 };
 use nalgebra::Vector3;
 use proptest::prelude::*;
@@ -175,4 +177,39 @@ fn the_example_of_the_documentation_reads() {
     for column in foxhunt::recording::Column::ALL {
         assert!(page.contains(&format!("`{column}`")), "{column} is not documented");
     }
+}
+
+#[test]
+fn a_recording_is_a_pattern_source() {
+    let mut bytes = Vec::new();
+    let mut writer = SweepWriter::new(&mut bytes).expect("memory");
+    let sample = |time: f64, rss_dbm| Sample {
+        time,
+        receiver: Pose::at(1.0, 2.0, 3.0),
+        boresight: 0.5,
+        position: 10,
+        rss_dbm,
+    };
+    for (beacon, time, rss_dbm) in
+        [("fox", 1.0, -61.0), ("hare", 2.0, -62.0), ("owl", 3.0, -63.0), ("fox", 4.0, -64.0)]
+    {
+        writer.write("kite", beacon, &sweep(&[sample(time, rss_dbm)])).expect("memory");
+    }
+    writer.write("crow", "fox", &sweep(&[sample(5.0, -65.0)])).expect("memory");
+    writer.finish().expect("memory");
+    let sweeps = read_back(&bytes).sweeps(128).expect("128 positions");
+    let beacons = ["hare", "fox"].map(str::to_owned);
+    let mut source = RecordedSource::new(sweeps, "kite", &beacons);
+    assert_eq!(source.left(), 3, "nobody asks for the owl, and the crow is another drone");
+    let (hare, fox) = (BeaconId(0), BeaconId(1));
+    laws::pattern_source(&mut source.clone(), &[fox, hare], 2, || {});
+    let mut next = |beacons: &[BeaconId]| {
+        source.begin(beacons).expect("it begins");
+        source.poll().map(|sweep| sweep.map(|s| (s.beacon, s.samples[0].rss_dbm)))
+    };
+    assert_eq!(next(&[fox]), Ok(Some((fox, -61.0))));
+    assert_eq!(next(&[fox, hare]), Ok(Some((fox, -64.0))));
+    assert_eq!(next(&[hare]), Ok(Some((hare, -62.0))));
+    assert_eq!(next(&[fox]), Err(RecordingEnded { beacon: fox }));
+    assert_eq!(next(&[]), Ok(None));
 }

@@ -23,11 +23,13 @@ use crate::{
 /// estimators know how good they are. The result does not depend on the number of jobs.
 ///
 /// A trial is a scenario without a flight: bearings on a target of known course are drawn from a
-/// stated density, and the errors are told at checkpoints, too.
+/// stated density, and the errors are told at checkpoints, too. The trials of Isaacs et al. 2014
+/// are scenarios that fly as well: `--flown` tells one from the other.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt campaign --runs 100\n  \
                         foxhunt campaign pritzl-6.1 --runs 1000 --estimator ukf-pritzl2018 \
-                        --estimator ekf-pritzl2018")]
+                        --estimator ekf-pritzl2018\n  \
+                        foxhunt campaign isaacs-static --flown --runs 100")]
 pub(crate) struct Args {
     /// A built-in scenario (`foxhunt scenarios` lists them) or a TOML file
     #[arg(default_value = DEFAULT_SCENARIO)]
@@ -44,6 +46,10 @@ pub(crate) struct Args {
     /// An estimator, again for each more; the scenario's own unless given
     #[arg(long, value_name = "NAME", value_parser = choice::estimator_parser())]
     estimator: Vec<String>,
+    /// Fly a scenario that is also the name of a trial: with `isaacs-static`, samples are drawn and
+    /// not bearings
+    #[arg(long)]
+    flown: bool,
     #[command(flatten)]
     overrides: Overrides,
     #[command(flatten)]
@@ -55,7 +61,9 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         Some(jobs) => usize::from(jobs),
         None => available_parallelism().map_or(1, usize::from),
     };
-    if let Some(trial) = choice::trial(&args.scenario)? {
+    if !args.flown
+        && let Some(trial) = choice::trial(&args.scenario)?
+    {
         return run_trial(args, &trial, jobs, output);
     }
     let mut scenario = choice::scenario(&args.scenario)?;

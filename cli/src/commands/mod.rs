@@ -1,5 +1,6 @@
 //! One file for each subcommand: its arguments, what it does, its table.
 
+pub(crate) mod antenna;
 pub(crate) mod bearing;
 pub(crate) mod calibrate;
 pub(crate) mod campaign;
@@ -30,5 +31,6 @@ pub(crate) fn run(command: Command, output: Output) -> Result<(), CliError> {
         Command::Calibrate(args) => calibrate::run(&args, output),
         Command::Locate(args) => locate::run(&args, output),
         Command::Bearing(args) => bearing::run(&args, output),
+        Command::Antenna(args) => antenna::run(&args, output),
     }
 }

@@ -120,7 +120,8 @@ impl Report {
 
 impl Replayed {
     fn new(log: &Log, fix: &ReplayedFix) -> Self {
-        let truth = log.header.beacons.get(usize::from(fix.beacon.0)).and_then(|b| b.truth);
+        let beacon = log.header.beacons.get(usize::from(fix.beacon.0));
+        let truth = beacon.and_then(|beacon| beacon.place_at(fix.time));
         let logged = fix.logged.as_ref();
         Self {
             name: fix.name.clone(),

@@ -1,5 +1,6 @@
 //! The program as its users meet it: what it prints, where, and how it ends.
 
+mod antenna;
 mod calibration;
 mod campaign;
 mod exit_codes;

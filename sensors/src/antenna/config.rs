@@ -117,6 +117,24 @@ static REFERENCE_PATCH: LazyLock<SharedAntenna> =
     LazyLock::new(|| Arc::new(PatternTable::reference_patch()));
 
 impl AntennaConfig {
+    /// The antennas that have a name and need no more.
+    pub const NAMES: [&str; 6] =
+        ["reference-patch", "isotropic", "dipole", "cardioid", "patch", "yagi"];
+
+    /// The one of this name, with the usual figures where it has any.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "reference-patch" => Self::ReferencePatch,
+            "isotropic" => Self::Isotropic,
+            "dipole" => Self::Dipole,
+            "cardioid" => Self::Cardioid(CardioidConfig::default()),
+            "patch" => Self::Patch(PatchConfig::default()),
+            "yagi" => Self::Yagi(YagiConfig::default()),
+            _ => return None,
+        })
+    }
+
     /// Builds the antenna; reads its file, if it is one.
     ///
     /// # Errors

@@ -60,11 +60,12 @@ fn over_the_pole(azimuth: f64, elevation: f64) -> (f64, f64) {
     }
 }
 
-/// The angle between the half-power points of a cut about its maximum at 0.
-pub(super) fn beamwidth(cut: impl Fn(f64) -> f64) -> Option<f64> {
+/// The angle between the half-power points of a cut about its maximum at 0, each at most so many
+/// degrees from it.
+fn beamwidth(cut: impl Fn(f64) -> f64, most: i16) -> Option<f64> {
     let level = cut(0.0) - HALF_POWER_DB;
     let crossing = |side: f64| {
-        let mut outside = (1..=180).map(|i| side * degrees(i)).find(|&a| cut(a) < level)?;
+        let mut outside = (1..=most).map(|i| side * degrees(i)).find(|&a| cut(a) < level)?;
         let mut inside = outside - side * STEP;
         for _ in 0..60 {
             let middle = 0.5 * (inside + outside);
@@ -78,19 +79,17 @@ pub(super) fn beamwidth(cut: impl Fn(f64) -> f64) -> Option<f64> {
 /// The cut of azimuth through a direction, at its elevation.
 pub(super) fn azimuth_beamwidth(antenna: &(impl Antenna + ?Sized)) -> Option<f64> {
     let lobe = antenna.main_lobe();
-    beamwidth(|a| antenna.gain_dbi(lobe.azimuth + a, lobe.elevation))
+    beamwidth(|a| antenna.gain_dbi(lobe.azimuth + a, lobe.elevation), 180)
 }
 
-/// The great circle of elevation through a direction, over the poles.
+/// The great circle of elevation through a direction, a quarter turn up and down.
 pub(super) fn elevation_beamwidth(antenna: &(impl Antenna + ?Sized)) -> Option<f64> {
     let lobe = antenna.main_lobe();
-    beamwidth(|up| {
-        let elevation = lobe.elevation + up;
-        // Half a turn up and half a turn down may cross a pole each, never two.
-        let (azimuth, elevation) = over_the_pole(lobe.azimuth, elevation);
-        let (azimuth, elevation) = over_the_pole(azimuth, elevation);
+    let cut = |up: f64| {
+        let (azimuth, elevation) = over_the_pole(lobe.azimuth, lobe.elevation + up);
         antenna.gain_dbi(azimuth, elevation)
-    })
+    };
+    beamwidth(cut, 90)
 }
 
 /// The mean over the sphere of a function of azimuth and elevation: bands of 1°, each weighted by

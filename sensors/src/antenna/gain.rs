@@ -34,7 +34,8 @@ pub trait Antenna: Debug {
         figures::azimuth_beamwidth(self)
     }
 
-    /// The same in the cut of elevation through the main lobe.
+    /// The same in the cut of elevation through the main lobe; `None` where the gain does not fall by
+    /// half within a quarter turn up and down.
     fn elevation_half_power_beamwidth(&self) -> Option<f64> {
         figures::elevation_beamwidth(self)
     }

@@ -5,6 +5,8 @@ mod cell;
 mod confidence;
 mod config;
 #[cfg(feature = "alloc")]
+mod direct;
+#[cfg(feature = "alloc")]
 mod likelihood;
 mod pattern;
 mod pritzl2018;
@@ -16,7 +18,9 @@ pub use calibrated::{Calibrated, heading_towards};
 pub use cell::Cell;
 pub use confidence::resultant_confidence;
 #[cfg(feature = "alloc")]
-pub use likelihood::MaximumLikelihood;
+pub use direct::{FirstHarmonic, MainLobeFit, Maximum};
+#[cfg(feature = "alloc")]
+pub use likelihood::{CrossCorrelation, MaximumLikelihood, Residuals};
 pub use pattern::Pattern;
 pub use pritzl2018::Pritzl2018;
 #[cfg(feature = "alloc")]

@@ -1,6 +1,9 @@
 use alloc::sync::Arc;
 
-use foxhunt_core::{Axis, MeasurementModel, Pose, State};
+use foxhunt_core::{
+    Axis, MeasurementModel, Observation, Pose, State, gaussian_log_likelihood,
+    log_likelihoods_one_by_one,
+};
 use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::{ElevationPattern, ParameterError, parameter};
@@ -12,7 +15,7 @@ const OVERHEAD: f64 = 1e-3;
 /// over the turn depends on the elevation at which the beacon lies, seen from the body.
 ///
 /// The model inside expects the level at the horizon in its first component, in dB; to that the
-/// [`ElevationPattern`] is added. The elevation follows from the target's place and height and from the
+/// [`ElevationPattern`] is added; without one it is the model inside. The elevation follows from the target's place and height and from the
 /// receiver's place and attitude. The noise is Gaussian; a
 /// [`Censored`](crate::Censored) model goes round this one, not into it.
 ///
@@ -29,7 +32,7 @@ const OVERHEAD: f64 = 1e-3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct WithElevationPattern<H> {
     model: H,
-    pattern: Arc<ElevationPattern>,
+    pattern: Option<Arc<ElevationPattern>>,
     target_up: f64,
 }
 
@@ -37,7 +40,20 @@ impl<H> WithElevationPattern<H> {
     /// The model for a target on the ground, Up = 0.
     #[must_use]
     pub fn new(model: H, pattern: impl Into<Arc<ElevationPattern>>) -> Self {
-        Self { model, pattern: pattern.into(), target_up: 0.0 }
+        Self { model, pattern: Some(pattern.into()), target_up: 0.0 }
+    }
+
+    /// The model inside.
+    #[must_use]
+    pub fn model(&self) -> &H {
+        &self.model
+    }
+
+    /// Another model inside, with the same pattern and the same target's height.
+    #[must_use]
+    pub fn map<G>(self, change: impl FnOnce(H) -> G) -> WithElevationPattern<G> {
+        let Self { model, pattern, target_up } = self;
+        WithElevationPattern { model: change(model), pattern, target_up }
     }
 
     /// The same for a target at another height, in metres: the one that the model inside has.
@@ -57,6 +73,13 @@ impl<H> WithElevationPattern<H> {
     }
 }
 
+/// Without a pattern: the level is the same at every elevation.
+impl<H> From<H> for WithElevationPattern<H> {
+    fn from(model: H) -> Self {
+        Self { model, pattern: None, target_up: 0.0 }
+    }
+}
+
 /// The elevation of a sight, and its length over the body's level plane.
 fn elevation(sight: &Vector3<f64>) -> (f64, f64) {
     let level = libm::hypot(sight.x, sight.y);
@@ -73,10 +96,11 @@ where
 
     fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M> {
         let mut expected = self.model.expected(state, receiver);
+        let Some(pattern) = &self.pattern else { return expected };
         let (elevation, _) = elevation(&self.sight(state, receiver));
         // Beyond the largest numbers the sight is none.
         if elevation.is_finite() {
-            expected[0] += self.pattern.gain_db(elevation);
+            expected[0] += pattern.gain_db(elevation);
         }
         expected
     }
@@ -87,10 +111,11 @@ where
 
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
         let mut jacobian = self.model.jacobian(state, receiver);
+        let Some(pattern) = &self.pattern else { return jacobian };
         let sight = self.sight(state, receiver);
         let ((elevation, level), range) = (elevation(&sight), sight.norm());
         if level >= OVERHEAD && range.is_finite() {
-            let slope = self.pattern.slope(elevation);
+            let slope = pattern.slope(elevation);
             // ∂e/∂(forward, left, up), then over East and North.
             let (rise, run) = (sight.z / range, level / range);
             let gradient = Vector3::new(
@@ -103,5 +128,19 @@ where
             }
         }
         jacobian
+    }
+
+    fn log_likelihood(&self, state: &State<N>, observation: &Observation<M>) -> f64 {
+        match &self.pattern {
+            Some(_) => gaussian_log_likelihood(self, state, observation),
+            None => self.model.log_likelihood(state, observation),
+        }
+    }
+
+    fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<M>, out: &mut [f64]) {
+        match &self.pattern {
+            Some(_) => log_likelihoods_one_by_one(self, columns, observation, out),
+            None => self.model.log_likelihoods(columns, observation, out),
+        }
     }
 }

@@ -164,6 +164,7 @@ fn a_table_is_exact_at_its_rows_and_closes_on_itself() {
 fn a_tables_figures_are_those_of_its_rows() {
     let round = PatternTable::equally_spaced(&[2.0; 8]).expect("a table");
     assert_eq!(round.half_power_beamwidth(), None);
+    assert_eq!(table().elevation_half_power_beamwidth(), None, "the same at every elevation");
     assert!(
         (round.mean_gain_db(0.3) - 2.0).abs() < 1e-12 && round.front_to_back_db().abs() < 1e-12
     );

@@ -92,3 +92,18 @@ fn nothing_is_nan_overhead_or_at_the_end_of_the_numbers() {
     let model = WithElevationPattern::new(rss, ElevationPattern::of(&Dipole));
     assert!(model.with_target_up(f64::NAN).is_err());
 }
+
+#[test]
+fn without_a_pattern_it_is_the_model_inside() {
+    let inside = RssBearing::new(law());
+    let model = WithElevationPattern::from(inside);
+    let (pose, state) = (Pose::at(1.0, 2.0, 40.0), Vector2::new(20.0, -3.0));
+    assert_eq!(model.expected(&state, &pose), inside.expected(&state, &pose));
+    assert_eq!(model.jacobian(&state, &pose), inside.jacobian(&state, &pose));
+    let noise = Matrix2::new(36.0, 0.5, 0.5, 0.16);
+    let z = Observation::new(3.0, pose, Vector2::new(-70.0, 0.3), noise).expect("proper");
+    laws::measurement_model::<2, 2>(&model, &state, &z);
+    assert!((model.log_likelihood(&state, &z) - inside.log_likelihood(&state, &z)).abs() < 1e-12);
+    let free = model.map(FreePowerRssBearing::from);
+    assert_eq!(free.model(), &FreePowerRssBearing::from(inside));
+}

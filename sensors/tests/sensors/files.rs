@@ -74,6 +74,10 @@ fn antennas_are_chosen_by_name() {
         let lobe = read.build().expect("in range").main_lobe();
         assert!((lobe.gain_dbi - gain).abs() < 0.1, "{text}: {} dBi", lobe.gain_dbi);
     }
+    for name in AntennaConfig::NAMES {
+        assert!(AntennaConfig::named(name).expect(name).build().is_ok(), "{name}");
+    }
+    assert_eq!(AntennaConfig::named("horn"), None);
     let refused = read::<AntennaConfig>(r#"{"yagi": {"element": 3}}"#).expect_err("misspelt");
     assert!(refused.contains("element"), "{refused}");
     let config = read::<AntennaConfig>(r#"{"yagi": {"elements": 1}}"#).expect("a number");

@@ -11,6 +11,7 @@ mod calibration;
 mod combined_models;
 mod devices;
 mod elevation_models;
+mod every_extractor;
 mod extractor_laws;
 #[cfg(feature = "serde")]
 mod files;

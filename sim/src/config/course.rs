@@ -43,8 +43,9 @@ impl BeaconCourse {
         }
     }
 
-    /// Where it is after `time` seconds if it was at `start`.
-    pub(super) fn place_at(&self, start: Vector2<f64>, time: f64) -> Vector2<f64> {
+    /// Where it is after `time` seconds if it was at `start`, East and North in metres.
+    #[must_use]
+    pub fn place_at(&self, start: Vector2<f64>, time: f64) -> Vector2<f64> {
         match self {
             Self::Circle { radius_m, period_s } => {
                 let angle = TAU * time / period_s;

@@ -42,6 +42,12 @@ impl<'a, A: Antenna> Fit<'a, A> {
         Self { antenna, table, looks, variances, single_variance, silence }
     }
 
+    /// The same turn with other variances of its looks.
+    pub(super) fn with_variances(&self, variances: Vec<f64>) -> Self {
+        let (looks, silence) = (self.looks.clone(), self.silence.clone());
+        Self { variances, looks, silence, ..*self }
+    }
+
     /// The gain about its mean along each look, for a signal from `offset`.
     pub(super) fn gains(&self, offset: f64, out: &mut Vec<f64>) {
         out.clear();

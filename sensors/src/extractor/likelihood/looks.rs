@@ -6,17 +6,17 @@ use crate::extractor::check;
 
 /// What a turn heard along one boresight.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Look {
+pub(in crate::extractor) struct Look {
     /// In radians counter-clockwise of the turn's first boresight.
-    pub(super) offset: f64,
+    pub(in crate::extractor) offset: f64,
     /// Where the body was and how it was tilted.
-    pub(super) receiver: Pose,
+    pub(in crate::extractor) receiver: Pose,
     /// The boresight in radians counter-clockwise of the nose.
-    pub(super) mount: f64,
+    pub(in crate::extractor) mount: f64,
     /// The mean of the readings in dB.
-    pub(super) mean_dbm: f64,
+    pub(in crate::extractor) mean_dbm: f64,
     /// How many there are.
-    pub(super) count: f64,
+    pub(in crate::extractor) count: f64,
 }
 
 /// A turn's readings gathered by boresight, each with its own: bins of a turning body are not all
@@ -25,18 +25,18 @@ pub(super) struct Look {
 /// Angles are counted from the first boresight, so that a sweep that is turned as a whole gives
 /// the same numbers.
 #[derive(Clone, Debug)]
-pub(super) struct Looks {
-    pub(super) looks: Vec<Look>,
+pub(in crate::extractor) struct Looks {
+    pub(in crate::extractor) looks: Vec<Look>,
     /// Where angles are counted from, in the world frame.
-    pub(super) origin: f64,
+    pub(in crate::extractor) origin: f64,
     /// The sum of squares of the readings about their look's mean, in dB².
     scatter: f64,
     /// Its degrees of freedom.
     freedom: f64,
     /// Readings come in whole dB.
-    pub(super) whole_db: bool,
+    pub(in crate::extractor) whole_db: bool,
     /// The antenna is nowhere tilted by more than a degree.
-    pub(super) level: bool,
+    pub(in crate::extractor) level: bool,
 }
 
 /// Readings whose boresights differ by less than this, in radians, are of one look: a quarter of
@@ -51,7 +51,7 @@ const LEVEL: f64 = 0.0175;
 const ROUNDING_VARIANCE: f64 = 1.0 / 12.0;
 
 impl Looks {
-    pub(super) fn new(sweep: &Sweep<'_>) -> Result<Self, NoReading> {
+    pub(in crate::extractor) fn new(sweep: &Sweep<'_>) -> Result<Self, NoReading> {
         check(sweep)?;
         let origin = sweep.samples.first().map_or(0.0, |sample| sample.boresight);
         let mut of_position: Vec<Option<usize>> = Vec::new();
@@ -96,19 +96,19 @@ impl Looks {
 
     /// The variance of a reading about its look's mean: what the turn shows, pooled with a prior
     /// of `sigma_db` that counts for so many degrees of freedom.
-    pub(super) fn sample_variance(&self, sigma_db: f64, prior_freedom: f64) -> f64 {
+    pub(in crate::extractor) fn sample_variance(&self, sigma_db: f64, prior_freedom: f64) -> f64 {
         let pooled =
             (self.scatter + prior_freedom * sigma_db * sigma_db) / (self.freedom + prior_freedom);
         if self.whole_db { pooled.max(ROUNDING_VARIANCE) } else { pooled }
     }
 
     /// How many looks there are, as a number to reckon with.
-    pub(super) fn len(&self) -> f64 {
+    pub(in crate::extractor) fn len(&self) -> f64 {
         self.looks.iter().map(|_| 1.0).sum()
     }
 
     /// The mean over the looks and the root mean square about it, in dB.
-    pub(super) fn spread(&self) -> (f64, f64) {
+    pub(in crate::extractor) fn spread(&self) -> (f64, f64) {
         let mean = self.looks.iter().map(|look| look.mean_dbm).sum::<f64>() / self.len();
         let square = |look: &Look| (look.mean_dbm - mean) * (look.mean_dbm - mean);
         (mean, libm::sqrt(self.looks.iter().map(square).sum::<f64>() / self.len()))

@@ -1,13 +1,16 @@
+use alloc::vec::Vec;
+
 use foxhunt_core::{BearingExtractor, NoReading, Reading, Sweep};
 
 use super::{
+    fading::Fading,
     fit::Fit,
     gain_table::GainTable,
-    gaussian,
+    judge::{self, Judged},
     looks::Looks,
-    misfit::Misfit,
-    posterior::peaks,
     read_out::{Limits, read_out},
+    reflection,
+    residuals::Residuals,
 };
 use crate::{
     Antenna, ParameterError,
@@ -36,10 +39,17 @@ pub struct MaximumLikelihood<A> {
     sample_sigma_db: f64,
     misfit_sigma_db: f64,
     limits: Limits,
+    residuals: Residuals,
+    /// Of the amplitude, for waves that add up.
+    amplitude: GainTable,
+    fadings: Vec<Fading>,
 }
 
+/// Strengths of diffuse fading that are weighed: the reflected amplitude over the direct one.
+const RATIOS: [f64; 5] = [0.05, 0.1, 0.2, 0.35, 0.6];
+
 /// The scatter of a turn's readings outweighs the assumed one from so many degrees of freedom on.
-pub(super) const PRIOR_FREEDOM: f64 = 4.0;
+const PRIOR_FREEDOM: f64 = 4.0;
 
 impl<A: Antenna> MaximumLikelihood<A> {
     /// One for readings with σ of about 2 dB through `antenna`, by beacons on the horizon; a level's
@@ -49,7 +59,24 @@ impl<A: Antenna> MaximumLikelihood<A> {
     pub fn new(antenna: A) -> Self {
         let table = GainTable::new(&antenna, 0.0);
         let limits = Limits::default();
-        Self { antenna, table, sample_sigma_db: 2.0, misfit_sigma_db: 0.0, limits }
+        let fadings = RATIOS.iter().map(|ratio| Fading::new(&table, *ratio)).collect();
+        let amplitude = reflection::amplitude(&table);
+        Self {
+            antenna,
+            table,
+            sample_sigma_db: 2.0,
+            misfit_sigma_db: 0.0,
+            limits,
+            residuals: Residuals::Gaussian,
+            amplitude,
+            fadings,
+        }
+    }
+
+    /// The same with residuals judged in another way.
+    #[must_use]
+    pub fn with_residuals(self, residuals: Residuals) -> Self {
+        Self { residuals, ..self }
     }
 
     /// The same for beacons `elevation` radians above the horizon.
@@ -122,9 +149,11 @@ impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {
         let noise = looks.sample_variance(self.sample_sigma_db, PRIOR_FREEDOM);
         let misfit = self.misfit_sigma_db * self.misfit_sigma_db;
         let fit = Fit::new(&self.antenna, &self.table, looks, sweep, noise, misfit);
-        let first = gaussian::nodes(&fit, 1.0);
-        let misfit = Misfit::of(&fit, &first);
-        let nodes = gaussian::nodes(&fit, misfit.scale * misfit.correlation);
-        Ok(read_out(sweep, &fit, &peaks(&nodes), misfit.residual_db, &self.limits))
+        let Judged { posterior, residual_db } = match self.residuals {
+            Residuals::Gaussian => judge::gaussian(&fit),
+            Residuals::StudentT { degrees } => judge::student(&fit, degrees),
+            Residuals::Reflection => judge::reflection(&fit, &self.amplitude, &self.fadings),
+        };
+        Ok(read_out(sweep, &fit, &posterior.modes(), residual_db, &self.limits))
     }
 }

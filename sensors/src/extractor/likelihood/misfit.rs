@@ -3,10 +3,7 @@ use core::f64::consts::PI;
 
 use foxhunt_core::angle;
 
-use super::{
-    fit::Fit,
-    posterior::{Node, summit},
-};
+use super::fit::Fit;
 use crate::Antenna;
 
 /// How the residuals of a fit compare with what the looks' variances promise.
@@ -24,24 +21,37 @@ pub(super) struct Misfit {
 /// Lags are told apart by 5°.
 const LAGS: usize = 36;
 
+/// Their limits lie where the steps of no usual turn do, so that rounding moves no lag across one.
+const BETWEEN: f64 = 0.37;
+
 /// Fewer looks than this say nothing about correlation.
 const FEWEST: f64 = 16.0;
 
 impl Misfit {
-    /// That at the most likely bearing.
-    pub(super) fn of<A: Antenna>(fit: &Fit<'_, A>, nodes: &[Node]) -> Self {
-        let (offset, level) = summit(nodes);
-        let residuals = fit.residuals(offset, level);
+    /// That of the residuals at a bearing, with so many unknowns fitted.
+    pub(super) fn new<A: Antenna>(
+        fit: &Fit<'_, A>,
+        offset: f64,
+        residuals: &[f64],
+        fitted: f64,
+    ) -> Self {
         let squares = || residuals.iter().map(|r| r * r);
         let weighted: f64 = squares().zip(&fit.variances).map(|(r, v)| r / v).sum();
         let count = fit.looks.len();
-        // Two are fitted. With few looks χ² says little: a promise counts as much as four of them.
-        let scale = (weighted + PROMISED) / (count - 2.0 + PROMISED).max(1.0);
+        // With few looks χ² says little: a promise counts as much as four of them.
+        let scale = (weighted + PROMISED) / (count - fitted + PROMISED).max(1.0);
         Self {
             residual_db: libm::sqrt(squares().sum::<f64>() / count),
             scale: scale.max(1.0),
-            correlation: if count < FEWEST { 1.0 } else { correlated(fit, offset, &residuals) },
+            correlation: if count < FEWEST { 1.0 } else { correlated(fit, offset, residuals) },
         }
+    }
+}
+
+impl Misfit {
+    /// What all variances have to be multiplied by.
+    pub(super) fn inflation(&self) -> f64 {
+        self.scale * self.correlation
     }
 }
 
@@ -56,18 +66,20 @@ fn correlated<A: Antenna>(fit: &Fit<'_, A>, offset: f64, residuals: &[f64]) -> f
     let weight: f64 = fit.variances.iter().map(|v| 1.0 / v).sum();
     let mean = slopes.iter().zip(&fit.variances).map(|(s, v)| s / v).sum::<f64>() / weight;
     let pulls: Vec<f64> = slopes.iter().zip(&fit.variances).map(|(s, v)| (s - mean) / v).collect();
+    let normal: Vec<f64> =
+        residuals.iter().zip(&fit.variances).map(|(r, v)| r / libm::sqrt(*v)).collect();
     let (mut products, mut counts, mut joint) = ([0.0; LAGS], [0.0; LAGS], [0.0; LAGS]);
     let (mut square, mut own, mut count) = (0.0, 0.0, 0.0);
     for (i, look) in fit.looks.looks.iter().enumerate() {
         count += 1.0;
-        square += residuals[i] * residuals[i];
+        square += normal[i] * normal[i];
         own += pulls[i] * pulls[i] * fit.variances[i];
         for (j, other) in fit.looks.looks.iter().enumerate().skip(i + 1) {
             let lag = angle::distance(look.offset, other.offset) / PI;
             #[expect(clippy::cast_possible_truncation, reason = "it lies between 0 and LAGS")]
             #[expect(clippy::cast_sign_loss, reason = "as above")]
-            let lag = ((lag * 36.0) as usize).min(LAGS - 1);
-            products[lag] += residuals[i] * residuals[j];
+            let lag = ((lag * 36.0 + BETWEEN) as usize).min(LAGS - 1);
+            products[lag] += normal[i] * normal[j];
             counts[lag] += 1.0;
             joint[lag] += pulls[i] * pulls[j] * libm::sqrt(fit.variances[i] * fit.variances[j]);
         }

@@ -35,43 +35,86 @@ const APART: f64 = 1.5;
 const NEGLIGIBLE: f64 = 25.0;
 
 /// The bearings that compete, most likely first, from the log density at equal steps over a turn.
-///
-/// Between the nodes the logarithm goes along the cubic through four of them: it is smooth on the
-/// scale of the antenna's lobes, however narrow its exponential is.
 pub(in crate::extractor) fn peaks(nodes: &[Node]) -> Vec<Peak> {
-    let n = nodes.len();
-    let log = |i: usize| nodes[i % n].log_density;
-    let is_peak = |i: &usize| log(*i) >= log(i + n - 1) && log(*i) > log(i + 1);
-    let tops: Vec<usize> = (0..n).filter(is_peak).collect();
-    let best = tops.iter().map(|&top| height(nodes, top)).fold(log(0), f64::max);
-    let sums: Vec<Sums> = if tops.is_empty() {
-        alloc::vec![Sums::over(nodes, 0, n, best)]
-    } else {
-        let valley = |from: usize, to: usize| {
-            let to = if to > from { to } else { to + n };
-            (from..to).fold(from, |low, i| if log(i) < log(low) { i } else { low })
+    Posterior::new(nodes).modes()
+}
+
+/// The bearings that a density says, in the order of their angles.
+#[derive(Clone, Debug)]
+pub(super) struct Posterior {
+    /// The logarithm of its integral, up to the constant of the log densities.
+    log_mass: f64,
+    peaks: Vec<Peak>,
+}
+
+impl Posterior {
+    /// From the log density at equal steps over a turn.
+    ///
+    /// Between the nodes the logarithm goes along the cubic through four of them: it is smooth on the
+    /// scale of the antenna's lobes, however narrow its exponential is.
+    pub(super) fn new(nodes: &[Node]) -> Self {
+        let n = nodes.len();
+        let log = |i: usize| nodes[i % n].log_density;
+        let is_peak = |i: &usize| log(*i) >= log(i + n - 1) && log(*i) > log(i + 1);
+        let tops: Vec<usize> = (0..n).filter(is_peak).collect();
+        let best = tops.iter().map(|&top| height(nodes, top)).fold(log(0), f64::max);
+        let sums: Vec<Sums> = if tops.is_empty() {
+            alloc::vec![Sums::over(nodes, 0, n, best)]
+        } else {
+            let valley = |from: usize, to: usize| {
+                let to = if to > from { to } else { to + n };
+                (from..to).fold(from, |low, i| if log(i) < log(low) { i } else { low })
+            };
+            let next = |k: usize| tops[(k + 1) % tops.len()];
+            let ends: Vec<usize> = (0..tops.len()).map(|k| valley(tops[k], next(k))).collect();
+            (0..tops.len())
+                .map(|k| {
+                    let begin = ends[(k + tops.len() - 1) % tops.len()] % n;
+                    let end = ends[k] % n;
+                    Sums::over(nodes, begin, if end > begin { end } else { end + n }, best)
+                })
+                .collect()
         };
-        let next = |k: usize| tops[(k + 1) % tops.len()];
-        let ends: Vec<usize> = (0..tops.len()).map(|k| valley(tops[k], next(k))).collect();
-        (0..tops.len())
-            .map(|k| {
-                let begin = ends[(k + tops.len() - 1) % tops.len()] % n;
-                let end = ends[k] % n;
-                Sums::over(nodes, begin, if end > begin { end } else { end + n }, best)
-            })
-            .collect()
-    };
-    let total: f64 = sums.iter().map(Sums::weight).sum();
-    let mut peaks: Vec<Peak> = sums.iter().map(|sum| sum.peak(total)).collect();
-    peaks.retain(|peak| peak.weight > LEAST_WEIGHT);
-    merge(&mut peaks);
-    peaks.sort_by(|a, b| b.weight.total_cmp(&a.weight));
-    peaks.truncate(BearingModes::CAPACITY);
-    let kept: f64 = peaks.iter().map(|peak| peak.weight).sum();
-    for peak in &mut peaks {
-        peak.weight /= kept;
+        let total: f64 = sums.iter().map(Sums::weight).sum();
+        let peaks = sums.iter().map(|sum| sum.peak(total)).collect();
+        Self { log_mass: best + libm::log(total), peaks }
     }
-    peaks
+
+    /// This or another, with their masses for weights.
+    pub(super) fn or(mut self, other: Self) -> Self {
+        let best = self.log_mass.max(other.log_mass);
+        let (mine, others) = (libm::exp(self.log_mass - best), libm::exp(other.log_mass - best));
+        let scaled = |peaks: Vec<Peak>, factor: f64| {
+            peaks.into_iter().map(move |peak| Peak { weight: factor * peak.weight, ..peak })
+        };
+        let total = mine + others;
+        self.peaks =
+            scaled(self.peaks, mine / total).chain(scaled(other.peaks, others / total)).collect();
+        self.peaks.sort_by(|a, b| a.offset.total_cmp(&b.offset));
+        Self { log_mass: best + libm::log(total), ..self }
+    }
+
+    /// The same with `sigma` radians of independent error in every direction.
+    pub(super) fn blurred(mut self, sigma: f64) -> Self {
+        for peak in &mut self.peaks {
+            peak.sigma = libm::hypot(peak.sigma, sigma);
+        }
+        self
+    }
+
+    /// The bearings that compete, most likely first, with weights that sum to one.
+    pub(super) fn modes(self) -> Vec<Peak> {
+        let mut peaks = self.peaks;
+        peaks.retain(|peak| peak.weight > LEAST_WEIGHT);
+        merge(&mut peaks);
+        peaks.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+        peaks.truncate(BearingModes::CAPACITY);
+        let kept: f64 = peaks.iter().map(|peak| peak.weight).sum();
+        for peak in &mut peaks {
+            peak.weight /= kept;
+        }
+        peaks
+    }
 }
 
 /// How far the top of the parabola through a peak and its neighbours is from it, in nodes, and its
@@ -201,7 +244,7 @@ impl Sums {
         let (angle, level) = (self.angle / self.one, self.level / self.one);
         Peak {
             weight: self.one / total,
-            offset: self.begin + angle,
+            offset: wrapped(self.begin + angle),
             sigma: libm::sqrt((self.angle_square / self.one - angle * angle).max(0.0)),
             level: self.base_level + level,
             level_variance: self.level_variance / self.one
@@ -209,6 +252,11 @@ impl Sums {
             covariance: self.product / self.one - angle * level,
         }
     }
+}
+
+/// An angle between 0 and a turn.
+fn wrapped(angle: f64) -> f64 {
+    angle - TAU * libm::floor(angle / TAU)
 }
 
 /// The cubic through four equally spaced values, at `t` between the middle two.
@@ -238,7 +286,7 @@ mod tests {
         for kappa in [20.0, 1e3, 1e6] {
             for at in [0.0, 1.234, 6.25] {
                 let read = nodes(|a| kappa * libm::cos(a - at), |a| 3.0 * libm::sin(a - at) - 50.0);
-                let found = peaks(&read);
+                let found = Posterior::new(&read).modes();
                 assert_eq!(found.len(), 1);
                 let peak = found[0];
                 assert!(foxhunt_core::angle::distance(peak.offset, at) < 1e-5, "{peak:?}");
@@ -257,7 +305,7 @@ mod tests {
                     + 0.25 * libm::exp(200.0 * (libm::cos(a - 4.0) - 1.0)),
             )
         };
-        let found = peaks(&nodes(two, |_| 0.0));
+        let found = Posterior::new(&nodes(two, |_| 0.0)).modes();
         assert_eq!(found.len(), 2);
         for (peak, (weight, offset)) in found.iter().zip([(0.75, 1.0), (0.25, 4.0)]) {
             assert!((peak.weight - weight).abs() < 1e-3, "{peak:?}");
@@ -268,7 +316,7 @@ mod tests {
 
     #[test]
     fn a_flat_density_is_one_wide_peak() {
-        let found = peaks(&nodes(|_| -3.0, |_| 0.0));
+        let found = Posterior::new(&nodes(|_| -3.0, |_| 0.0)).modes();
         assert_eq!(found.len(), 1);
         assert!((found[0].sigma - TAU / libm::sqrt(12.0)).abs() < 0.01);
     }

@@ -1,0 +1,199 @@
+//! What holds for every extractor: the exported laws, refusals, errors as large as they say.
+
+use core::f64::consts::{PI, TAU};
+
+use foxhunt_core::{BearingExtractor, NoReading, Pose, Reading, Sample, Sweep, angle, laws};
+use foxhunt_sensors::{
+    Antenna, CrossCorrelation, FirstHarmonic, MainLobeFit, Maximum, MaximumLikelihood,
+    PatternTable, Pritzl2018, Residuals,
+};
+use proptest::prelude::*;
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand_distr::{Distribution, Normal};
+
+use crate::sweeps::{Conditions, simulate, sweep_of};
+
+/// Boxed like the program has them.
+struct Boxed(Box<dyn BearingExtractor>);
+
+impl BearingExtractor for Boxed {
+    fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
+        self.0.extract(sweep)
+    }
+}
+
+fn likelihood(residuals: Residuals) -> MaximumLikelihood<PatternTable> {
+    MaximumLikelihood::new(PatternTable::reference_patch()).with_residuals(residuals)
+}
+
+fn all() -> Vec<(&'static str, Boxed)> {
+    vec![
+        ("pritzl2018", Boxed(Box::new(Pritzl2018::default()))),
+        ("maximum", Boxed(Box::new(Maximum::default()))),
+        ("first harmonic", Boxed(Box::new(FirstHarmonic::default()))),
+        ("first harmonic in dB", Boxed(Box::new(FirstHarmonic::in_decibels()))),
+        ("main lobe", Boxed(Box::new(MainLobeFit::default()))),
+        (
+            "cross-correlation",
+            Boxed(Box::new(CrossCorrelation::new(PatternTable::reference_patch()))),
+        ),
+        ("Gaussian", Boxed(Box::new(likelihood(Residuals::Gaussian)))),
+        ("t", Boxed(Box::new(likelihood(Residuals::StudentT { degrees: 4.0 })))),
+        ("reflection", Boxed(Box::new(likelihood(Residuals::Reflection)))),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn each_keeps_the_laws(
+        bearing in -3.2..3.2, heading in -3.2..3.2, noise_db in 0.0..6.0, lost in 0.0..0.97,
+        whole_db: bool, seed: u64,
+    ) {
+        let conditions = Conditions { bearing, noise_db, lost, whole_db, heading };
+        let samples = simulate(&conditions, &PatternTable::reference_patch(), seed);
+        let mut room = samples.clone();
+        for (_, extractor) in all() {
+            laws::bearing_extractor(&extractor, &sweep_of(&samples), &mut room);
+        }
+    }
+
+    /// Whatever was heard, one reading or a thousand alike: no panic, no NaN, no σ of nothing.
+    #[test]
+    fn nothing_breaks_them(
+        heard in prop::collection::vec((-7.0..7.0f64, 0..24u16, -120..-20i16), 1..60),
+    ) {
+        let samples: Vec<Sample> = heard
+            .into_iter()
+            .map(|(boresight, position, dbm)| Sample {
+                time: 0.0,
+                receiver: Pose { pitch: 0.3 * boresight.sin(), ..Pose::default() },
+                boresight,
+                position,
+                rss_dbm: f64::from(dbm),
+            })
+            .collect();
+        let sweep = Sweep { positions: 24, samples: &samples, ..Sweep::default() };
+        for (name, extractor) in all() {
+            let reading = extractor.extract(&sweep).expect("there are samples");
+            prop_assert!(reading.rss_dbm.is_finite() && reading.rss_sigma_db > 0.0, "{name}");
+            if let Ok(found) = reading.bearing {
+                prop_assert!(found.angle.is_finite() && found.sigma > 0.0, "{name}: {found:?}");
+                let bound = (found.sigma * reading.rss_sigma_db).abs() + 1e-9;
+                prop_assert!(reading.covariance.abs() <= bound, "{name}: no covariance");
+            }
+        }
+    }
+}
+
+/// Errors over some turns.
+struct Errors {
+    rms_deg: f64,
+    /// The root mean square of error over σ.
+    ratio: f64,
+    /// The share within 1.96 σ.
+    inside: f64,
+    refused: u16,
+}
+
+fn errors(
+    extractor: &impl BearingExtractor,
+    turns: u16,
+    mut draw: impl FnMut(&mut Xoshiro256PlusPlus, f64) -> Vec<Sample>,
+) -> Errors {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(20);
+    let (mut squares, mut ratios, mut inside, mut found, mut refused) = (0.0, 0.0, 0.0, 0.0, 0);
+    for _ in 0..turns {
+        let bearing = rng.random_range(-PI..PI);
+        let samples = draw(&mut rng, bearing);
+        match extractor.extract(&sweep_of(&samples)).expect("a turn").bearing {
+            Ok(read) => {
+                let error = angle::wrap(read.angle - bearing);
+                found += 1.0;
+                squares += error * error;
+                ratios += (error / read.sigma).powi(2);
+                inside += f64::from(u8::from(error.abs() < 1.96 * read.sigma));
+            }
+            Err(_) => refused += 1,
+        }
+    }
+    let rms_deg = (squares / found).sqrt().to_degrees();
+    Errors { rms_deg, ratio: (ratios / found).sqrt(), inside: inside / found, refused }
+}
+
+/// 300 clean turns, seed 20. Published are 3.7, 9.1, 0.65 and thrice 0.46; the root mean square of
+/// 300 scatters by 4 %, of the two maxima, whose errors come in steps with long tails, by 6 %. Bands
+/// of 5 of that about what 2000 turns have; σ of all but the reference's is theirs within a fifth, of
+/// the maximum, a rule of thumb, within a half.
+#[test]
+fn clean_turns_cost_what_was_published() {
+    let expected = [3.8, 9.1, 0.75, 0.68, 1.4, 0.47, 0.47, 0.47, 0.48];
+    for ((name, extractor), expected) in all().into_iter().zip(expected) {
+        let read = errors(&extractor, 300, |rng, bearing| {
+            let heading = rng.random_range(0.0..TAU);
+            let conditions = Conditions { bearing, heading, ..Conditions::default() };
+            simulate(&conditions, &PatternTable::reference_patch(), rng.random())
+        });
+        assert_eq!(read.refused, 0, "{name}");
+        let off = (read.rms_deg / expected - 1.0).abs();
+        assert!(off < if expected > 3.0 { 0.3 } else { 0.2 }, "{name}: {}°", read.rms_deg);
+        let band = match name {
+            "pritzl2018" => 0.0..0.3,
+            "maximum" => 0.5..1.5,
+            _ => 0.8..1.25,
+        };
+        assert!(band.contains(&read.ratio), "{name}: error over σ {}", read.ratio);
+    }
+}
+
+/// One reflector at half amplitude, its direction and phase drawn anew for each of 200 turns, seed
+/// 20. A single path errs by 10° and more than it says; two paths by 1.4° rms in 2000 turns, of
+/// which 95 % lie within 1.96 σ. The rms is made by few: it stays below 3°; a share of 0.95 in 200
+/// scatters by 1.5 %, and 5 of that are 87 %.
+#[test]
+fn a_reflection_is_told_from_the_direct_wave() {
+    let antenna = PatternTable::reference_patch();
+    let noise = Normal::new(0.0, 2.0).expect("a standard deviation");
+    let draw = |rng: &mut Xoshiro256PlusPlus, bearing: f64| -> Vec<Sample> {
+        let (from, phase) = (rng.random_range(-PI..PI), rng.random_range(0.0..TAU));
+        let amplitude = |a: f64| 10_f64.powf(antenna.gain_db(a) / 20.0);
+        let mut samples = Vec::new();
+        for position in 0..128_u16 {
+            let boresight = angle::wrap(TAU * f64::from(position) / 128.0);
+            let (direct, other) = (amplitude(bearing - boresight), amplitude(from - boresight));
+            let re: f64 = direct + 0.5 * other * phase.cos();
+            let power = re * re + (0.5 * other * phase.sin()).powi(2);
+            for _ in 0..6 {
+                let rss_dbm = -60.0 + 10.0 * power.log10() + noise.sample(rng);
+                let receiver = Pose::default();
+                samples.push(Sample { time: 0.0, receiver, boresight, position, rss_dbm });
+            }
+        }
+        samples
+    };
+    let single = errors(&likelihood(Residuals::Gaussian), 200, draw);
+    assert!(single.rms_deg > 7.0, "one path: {}°", single.rms_deg);
+    let two = errors(&likelihood(Residuals::Reflection), 200, draw);
+    assert!(two.rms_deg < 3.0 && two.refused < 4, "two paths: {}°", two.rms_deg);
+    assert!(two.inside > 0.87, "{} inside", two.inside);
+}
+
+#[test]
+fn settings_are_checked() {
+    let patch = PatternTable::reference_patch;
+    assert!(Maximum::default().with_rss_sigma_db(0.0).is_err());
+    assert!(FirstHarmonic::default().with_max_sigma(f64::NAN).is_err());
+    assert!(FirstHarmonic::default().with_rss_sigma_db(-1.0).is_err());
+    assert!(MainLobeFit::default().with_half_width(PI).is_err());
+    assert!(MainLobeFit::default().with_max_sigma(0.0).is_err());
+    assert!(CrossCorrelation::new(patch()).with_max_sigma(0.0).is_err());
+    let ml = || MaximumLikelihood::new(patch());
+    assert!(ml().with_elevation(2.0).is_err());
+    assert!(ml().with_sample_sigma_db(0.0).is_err());
+    assert!(ml().with_misfit_sigma_db(-1.0).is_err());
+    assert!(ml().with_min_positions(2).is_err());
+    assert!(ml().with_max_sigma(f64::INFINITY).is_err());
+    assert!(ml().with_rss_sigma_db(-0.1).is_err());
+    assert!(patch().gain_dbi(0.0, 0.0).is_finite());
+}
