@@ -2,7 +2,7 @@
 
 use std::{borrow::Cow, path::PathBuf};
 
-use foxhunt::{calibration::CalibrationFile, core::BearingExtractor};
+use foxhunt::{calibration::CalibrationFile, config::BoxedExtractor};
 
 use crate::{
     error::{CliError, InFile},
@@ -48,11 +48,17 @@ impl Calibration {
     }
 }
 
-/// The extractor, calibrated.
+/// The extractor of this name, calibrated.
 pub(super) fn calibrated(
     file: &CalibrationFile,
-    extractor: Box<dyn BearingExtractor>,
-) -> Result<Box<dyn BearingExtractor>, CliError> {
+    name: &str,
+    extractor: BoxedExtractor,
+) -> Result<BoxedExtractor, CliError> {
+    let whose = file.bearings.as_ref().and_then(|bearings| bearings.extractor.as_deref());
+    let other = |whose: &&str| *whose != name && *whose != "recorded" && file.station.is_none();
+    if let Some(whose) = whose.filter(other) {
+        warn(&format!("  the bearings of {whose} were calibrated, and these are of {name}"));
+    }
     file.extractor(extractor).map_err(|error| {
         CliError::input(InFile { file: "--calibration".to_owned(), source: Box::new(error) })
     })

@@ -2,13 +2,17 @@ use std::thread::available_parallelism;
 
 use clap::value_parser;
 use foxhunt::{
+    bearing_trial::bearing_case_named,
     campaign::{BeaconCampaign, CampaignError, CampaignReport, campaign},
     config::NamedEstimator,
     scenario::{DEFAULT_SCENARIO, Scenario},
     trial::{Trial, trial_campaign},
 };
 
-use super::{calibration::Calibration, choice, overrides::Overrides};
+use super::{
+    bearing_campaign, calibration::Calibration, choice, extraction::Extraction,
+    overrides::Overrides,
+};
 use crate::{
     error::CliError,
     output::Output,
@@ -25,11 +29,15 @@ use crate::{
 /// A trial is a scenario without a flight: bearings on a target of known course are drawn from a
 /// stated density, and the errors are told at checkpoints, too. The trials of Isaacs et al. 2014
 /// are scenarios that fly as well: `--flown` tells one from the other.
+///
+/// bearing-clean, bearing-lost, bearing-reflector, bearing-65 and bearing-block compare the
+/// extractors of bearings on simulated turns of the antenna.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt campaign --runs 100\n  \
                         foxhunt campaign pritzl-6.1 --runs 1000 --estimator ukf-pritzl2018 \
                         --estimator ekf-pritzl2018\n  \
-                        foxhunt campaign isaacs-static --flown --runs 100")]
+                        foxhunt campaign isaacs-static --flown --runs 100\n  \
+                        foxhunt campaign bearing-reflector --runs 2000 --antenna panel.msi")]
 pub(crate) struct Args {
     /// A built-in scenario (`foxhunt scenarios` lists them) or a TOML file
     #[arg(default_value = DEFAULT_SCENARIO)]
@@ -51,6 +59,8 @@ pub(crate) struct Args {
     #[arg(long)]
     flown: bool,
     #[command(flatten)]
+    extraction: Extraction,
+    #[command(flatten)]
     overrides: Overrides,
     #[command(flatten)]
     calibration: Calibration,
@@ -61,6 +71,16 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         Some(jobs) => usize::from(jobs),
         None => available_parallelism().map_or(1, usize::from),
     };
+    if let Some(case) = bearing_case_named(&args.scenario) {
+        if args.overrides.any() || !args.estimator.is_empty() || args.calibration.is_given() {
+            return Err(CliError::input(format!(
+                "{} compares extractors; it takes neither estimators nor what they are told",
+                case.name
+            )));
+        }
+        let draw = (args.runs, args.seed, jobs);
+        return bearing_campaign::run(&case, &args.extraction, draw, output);
+    }
     if !args.flown
         && let Some(trial) = choice::trial(&args.scenario)?
     {
@@ -68,6 +88,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     }
     let mut scenario = choice::scenario(&args.scenario)?;
     args.calibration.read()?.tell(&mut scenario);
+    scenario.extractor = args.extraction.config(&scenario.extractor)?;
     let estimators: Vec<_> =
         estimators(args, &scenario)?.into_iter().map(|e| args.overrides.apply(e)).collect();
     let hunts = u64::from(args.runs) * u64::try_from(estimators.len()).unwrap_or(u64::MAX);
@@ -82,8 +103,9 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
 }
 
 fn run_trial(args: &Args, trial: &Trial, jobs: usize, output: Output) -> Result<(), CliError> {
-    if args.overrides.any() || args.calibration.is_given() {
-        let flags = "--components, --prior-sigma-m, --power-sigma-db, --lag-s and --calibration";
+    if args.overrides.any() || args.extraction.any() || args.calibration.is_given() {
+        let flags = "--components, --prior-sigma-m, --power-sigma-db, --lag-s, --extractor, --antenna \
+                     and --calibration";
         return Err(CliError::input(format!(
             "{flags} are of flown hunts; {} is a trial",
             trial.name
