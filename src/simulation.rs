@@ -175,12 +175,12 @@ pub enum SimulationError {
     /// The estimator's law of propagation is out of range.
     #[error("the model of the scenario: {0}")]
     Model(#[from] AntennaError),
-    /// The calibration of bearings is out of range.
-    #[error("the bearings of the scenario: {0}")]
-    Bearings(#[source] ParameterError),
     /// The extractor cannot be built.
     #[error("the scenario: {0}")]
     Extractor(#[from] ExtractorConfigError),
+    /// The calibration of bearings is out of range.
+    #[error("the bearings of the scenario: {0}")]
+    Bearings(#[source] ParameterError),
     /// The planner cannot be built.
     #[error("the planner of the scenario: {0}")]
     Planner(#[from] PlannerConfigError),

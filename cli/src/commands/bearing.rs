@@ -1,6 +1,8 @@
 use std::path::PathBuf;
 
 use foxhunt::{
+    calibration::CalibrationFile,
+    config::BoxedExtractor,
     core::BearingMode,
     geodesy::radians_to_compass_deg,
     recorded::{BearingReading, LOW_CONFIDENCE, bearings},
@@ -42,9 +44,6 @@ pub(crate) struct Args {
     #[command(flatten)]
     reading: Reading,
 }
-
-/// The extractor unless another one is asked for.
-const REFERENCE: &str = "pritzl2018";
 
 /// The bearings of a recording, as JSON has them.
 #[derive(Debug, Serialize)]
@@ -125,17 +124,9 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let files = std::slice::from_ref(&args.file);
     let recordings = args.reading.read(files)?;
     for recording in &recordings {
-        // What comes with the program is for whoever does not choose.
-        let asked = args.all || args.extraction.any();
-        let file = args.calibration.or_shipped(&own, recording.format(), asked);
-        let extractors = if args.all {
-            args.extraction.all()?
-        } else {
-            vec![(args.extraction.name().unwrap_or(REFERENCE), args.extraction.build()?)]
-        };
+        let file = args.calibration.or_shipped(&own, recording.format());
         let mut read = Vec::new();
-        for (name, extractor) in extractors {
-            let extractor = calibrated(&file, extractor)?;
+        for (name, extractor) in extractors(args, &file)? {
             let turns = bearings(recording, extractor.as_ref(), args.reading.positions)
                 .map_err(CliError::input)?;
             read.extend(turns.into_iter().enumerate().map(|(turn, read)| (turn, name, read)));
@@ -163,6 +154,31 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         output.result(&report, turns)?;
     }
     Ok(())
+}
+
+/// The extractors that were asked for, calibrated. The antennas of a station have one of their own.
+fn extractors(
+    args: &Args,
+    file: &CalibrationFile,
+) -> Result<Vec<(&'static str, BoxedExtractor)>, CliError> {
+    let chosen = if args.all {
+        args.extraction.all()?
+    } else {
+        vec![(args.extraction.built_name(), args.extraction.build()?)]
+    };
+    if file.station.is_none() {
+        let calibrate = |(name, built)| Ok((name, calibrated(file, name, built)?));
+        return chosen.into_iter().map(calibrate).collect();
+    }
+    // A station has an extractor of its own; the others know nothing of it.
+    if args.extraction.any() && !args.all {
+        return Ok(chosen);
+    }
+    let mut station = vec![("station", calibrated(file, "station", args.extraction.build()?)?)];
+    if args.all {
+        station.extend(chosen);
+    }
+    Ok(station)
 }
 
 fn turns(report: &Report) -> String {

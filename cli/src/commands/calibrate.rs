@@ -2,11 +2,10 @@ use std::{fs, path::PathBuf};
 
 use foxhunt::{
     calibration::{CalibrationFile, PathLossSection, StationSection},
-    config::ExtractorConfig,
-    core::BearingExtractor,
+    config::BoxedExtractor,
     recorded::{
-        CalibrateConfig, StationConfig, calibrate, calibrate_bearings, fit_boresights,
-        station_boresights,
+        CalibrateConfig, RecordedError, StationConfig, calibrate, calibrate_bearings,
+        fit_boresights, station_boresights,
     },
     recording::Recording,
 };
@@ -79,7 +78,8 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         max_exponent: args.max_exponent,
         positions: args.reading.positions,
     };
-    let report = fit(args, &recordings, beacon, &config)?;
+    let extractor = args.extraction.build()?;
+    let report = fit(args, &recordings, beacon, extractor, &config).map_err(CliError::input)?;
     output.result(&report, text)?;
     if let Some(out) = &args.out {
         fs::write(out, report.file.to_toml()).map_err(|error| CliError::writing(out, error))?;
@@ -93,11 +93,9 @@ fn fit(
     args: &Args,
     recordings: &[Recording],
     beacon: Option<String>,
+    mut extractor: BoxedExtractor,
     config: &CalibrateConfig,
-) -> Result<Report, CliError> {
-    let extractor_config = args.extraction.config(&ExtractorConfig::default())?;
-    let mut extractor: Box<dyn BearingExtractor> =
-        extractor_config.build().map_err(CliError::input)?;
+) -> Result<Report, RecordedError> {
     let mut report = Report::new(recordings, beacon.clone());
     let records = || recordings.iter().flat_map(Recording::records);
 
@@ -121,8 +119,8 @@ fn fit(
         match calibrate_bearings(recordings, beacon.as_deref(), extractor.as_ref(), config) {
             Ok(fitted) => {
                 let turns = records().any(|record| record.boresight.is_some());
-                let name = if turns { name(&extractor_config) } else { "recorded".to_owned() };
-                report.file.bearings = fitted.section(&name);
+                let name = if turns { args.extraction.built_name() } else { "recorded" };
+                report.file.bearings = fitted.section(name);
                 report.bearings(&fitted);
             }
             Err(error) => report.skip("bearings", error.to_string()),
@@ -140,16 +138,10 @@ fn fit(
         Err(error) => {
             let CalibrationFile { bearings, station, .. } = &report.file;
             if bearings.is_none() && station.is_none() {
-                return Err(CliError::input(error));
+                return Err(error);
             }
             report.skipped.insert(0, Skipped { what: "path loss", why: error.to_string() });
         }
     }
     Ok(report)
-}
-
-/// The extractor's name, as it stands in files.
-fn name(extractor: &ExtractorConfig) -> String {
-    let value = serde_json::to_value(extractor).unwrap_or_default();
-    value["kind"].as_str().unwrap_or_default().to_owned()
 }

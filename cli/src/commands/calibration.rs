@@ -14,33 +14,32 @@ use crate::{
 pub(super) struct Calibration {
     /// What `foxhunt calibrate --out` wrote: path loss, errors of bearings, a station's antennas
     #[arg(long = "calibration", value_name = "FILE")]
-    file: Option<PathBuf>,
+    calibration: Option<PathBuf>,
 }
 
 impl Calibration {
     /// Whether there is one.
     pub(super) fn is_given(&self) -> bool {
-        self.file.is_some()
+        self.calibration.is_some()
     }
 
     /// The file; one that says nothing where there is none.
     pub(super) fn read(&self) -> Result<CalibrationFile, CliError> {
-        match &self.file {
+        match &self.calibration {
             Some(path) => CalibrationFile::read(path).map_err(CliError::input),
             None => Ok(CalibrationFile::default()),
         }
     }
 
-    /// What [`read`](Self::read) gave; where no file was given and no extractor asked for, what comes
-    /// with the program for recordings of this format.
+    /// What [`read`](Self::read) gave; where no file was given, what comes with the program for
+    /// recordings of this format.
     pub(super) fn or_shipped<'a>(
         &self,
         read: &'a CalibrationFile,
         format: &str,
-        asked: bool,
     ) -> Cow<'a, CalibrationFile> {
         match CalibrationFile::shipped(format) {
-            Some(shipped) if self.file.is_none() && !asked => {
+            Some(shipped) if self.calibration.is_none() => {
                 warn(&format!("  calibration: {format}, as it comes with the program"));
                 Cow::Owned(shipped)
             }
@@ -49,11 +48,17 @@ impl Calibration {
     }
 }
 
-/// The extractor, calibrated.
+/// The extractor of this name, calibrated.
 pub(super) fn calibrated(
     file: &CalibrationFile,
+    name: &str,
     extractor: BoxedExtractor,
 ) -> Result<BoxedExtractor, CliError> {
+    let whose = file.bearings.as_ref().and_then(|bearings| bearings.extractor.as_deref());
+    let other = |whose: &&str| *whose != name && *whose != "recorded" && file.station.is_none();
+    if let Some(whose) = whose.filter(other) {
+        warn(&format!("  the bearings of {whose} were calibrated, and these are of {name}"));
+    }
     file.extractor(extractor).map_err(|error| {
         CliError::input(InFile { file: "--calibration".to_owned(), source: Box::new(error) })
     })

@@ -70,6 +70,12 @@ impl Extraction {
         self.extractor.as_deref()
     }
 
+    /// The name of the extractor that [`build`](Self::build) makes.
+    pub(super) fn built_name(&self) -> &'static str {
+        let asked = |known: &NamedExtractor| self.extractor.as_deref() == Some(known.name);
+        extractors().into_iter().find(asked).map_or("pritzl2018", |known| known.name)
+    }
+
     /// The antenna's name that was asked for.
     pub(super) fn antenna(&self) -> Option<&str> {
         self.antenna.as_deref()

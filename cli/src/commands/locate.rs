@@ -136,9 +136,10 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let recordings = args.reading.read(&args.files)?;
     let beacon = args.reading.beacon(&recordings)?;
     let format = recordings.first().map_or("", Recording::format);
-    let calibration = args.calibration.or_shipped(&own, format, args.extraction.any());
+    let calibration = args.calibration.or_shipped(&own, format);
     let power = power(args, &calibration)?;
-    let extractor = calibrated(&calibration, args.extraction.build()?)?;
+    let extractor =
+        calibrated(&calibration, args.extraction.built_name(), args.extraction.build()?)?;
     let observe = ObserveConfig {
         positions: args.reading.positions,
         bearings: calibration.bearing_calibration(),
