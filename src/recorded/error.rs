@@ -1,5 +1,5 @@
 use foxhunt_core::{NoReading, ObservationError};
-use foxhunt_sensors::CalibrationError;
+use foxhunt_sensors::{CalibrationError, LearnPatternError};
 
 use crate::recording::RecordingError;
 
@@ -91,6 +91,14 @@ pub enum RecordedError {
         line: u64,
         /// Why not.
         source: CalibrationError,
+    },
+    /// No pattern can be learned from the turns.
+    #[error("{file}: {source}")]
+    Antenna {
+        /// The files.
+        file: String,
+        /// Why not.
+        source: LearnPatternError,
     },
     /// The law cannot be fitted.
     #[error("{file}: {source}")]

@@ -1,5 +1,7 @@
-//! What is made of recorded flights: bearings of turns, a transmitter's place, its path loss.
+//! What is made of recorded flights: bearings of turns, a transmitter's place, its path loss, an
+//! antenna's pattern.
 
+mod antenna;
 mod bearing;
 mod bearing_errors;
 mod calibrate;
@@ -9,6 +11,7 @@ mod selection;
 mod station;
 mod truth;
 
+pub use antenna::{KnownDirection, learn_antenna};
 pub use bearing::{BearingReading, LOW_CONFIDENCE, bearings};
 pub use bearing_errors::{BearingsFit, calibrate_bearings};
 pub use calibrate::{CalibrateConfig, Calibration, calibrate};

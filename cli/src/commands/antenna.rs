@@ -2,14 +2,19 @@ use std::{
     collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 use foxhunt::{
+    geodesy::compass_deg_to_radians,
     picture::antenna_svg,
-    sensors::{Antenna, AntennaConfig, MsiFile, PatternTable, SharedAntenna},
+    recorded::{KnownDirection, learn_antenna},
+    recording::Recording,
+    sensors::{Antenna, AntennaConfig, LearnedPattern, MsiFile, PatternTable, SharedAntenna},
 };
 use serde::Serialize;
 
+use super::recorded::{LatLon, Reading, no_degrees};
 use crate::{
     error::{CliError, InFile},
     output::Output,
@@ -20,14 +25,30 @@ use crate::{
 ///
 /// Reads an antenna from a file (MSI Planet .msi or .pln, or .csv with one angle or with both), or
 /// takes one by its name, and tells its gain, beamwidths, front-to-back ratio and directivity.
+///
+/// With --learn the antenna is one whose pattern is learned from recorded turns with a transmitter in a
+/// known direction: at --truth, at --bearing-deg, or where the recordings themselves say that it was.
+/// Its gain is about the mean over the turn.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt antenna panel.msi --out panel.svg\n  \
                         foxhunt antenna yagi --write yagi.msi\n  \
-                        foxhunt antenna reference-patch --json")]
+                        foxhunt antenna reference-patch --json\n  \
+                        foxhunt antenna --learn turn.csv --bearing-deg 137 --write mine.csv")]
 pub(crate) struct Args {
     /// A file, or one of isotropic, dipole, cardioid, patch, yagi, reference-patch
-    #[arg(value_name = "FILE|NAME")]
-    antenna: String,
+    #[arg(value_name = "FILE|NAME", required_unless_present = "learn", conflicts_with = "learn")]
+    antenna: Option<String>,
+    /// Learn the pattern from the turns of these recordings
+    #[arg(long, value_name = "RECORDING", num_args = 1..)]
+    learn: Vec<PathBuf>,
+    /// Where the transmitter was, in degrees (WGS84)
+    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true, requires = "learn")]
+    truth: Option<LatLon>,
+    /// The direction in which it was, in compass degrees, the same for all turns
+    #[arg(long, value_name = "DEG", requires = "learn", conflicts_with = "truth")]
+    bearing_deg: Option<f64>,
+    #[command(flatten)]
+    reading: Reading,
     /// Draw both cuts through the main lobe
     #[arg(long, value_name = "SVG")]
     out: Option<PathBuf>,
@@ -53,26 +74,72 @@ struct Report {
     electrical_tilt_deg: Option<f64>,
     /// The header of a vendor's file.
     header: BTreeMap<String, String>,
+    /// How a pattern that was learned was fitted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    learned: Option<Fit>,
+}
+
+/// The fit of a learned pattern.
+#[derive(Debug, Serialize)]
+struct Fit {
+    /// How many positions of turns it was fitted to.
+    directions: usize,
+    harmonics: u16,
+    /// Of the positions' levels about it.
+    sigma_db: f64,
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
-    let config = AntennaConfig::named(&args.antenna)
-        .unwrap_or_else(|| AntennaConfig::File(PathBuf::from(&args.antenna)));
+    let (name, antenna, vendor, learned) = match &args.antenna {
+        Some(name) => {
+            let (antenna, vendor) = known(name)?;
+            (name.as_str(), antenna, vendor, None)
+        }
+        None => {
+            let LearnedPattern { table, harmonics, sigma_db, directions } = learn(args)?;
+            let antenna: SharedAntenna = Arc::new(table);
+            ("learned", antenna, None, Some(Fit { directions, harmonics, sigma_db }))
+        }
+    };
+    if let Some(path) = &args.write {
+        write(path, name, &antenna, vendor.as_ref())?;
+    }
+    if let Some(path) = &args.out {
+        let svg = antenna_svg(name, &antenna).map_err(CliError::failure)?;
+        fs::write(path, svg).map_err(|error| CliError::writing(path, error))?;
+    }
+    let report = Report { learned, ..Report::new(name, &antenna, vendor.as_ref()) };
+    output.result(&report, figures)
+}
+
+/// The antenna of a name or a file, and a vendor's file as such.
+fn known(name: &str) -> Result<(SharedAntenna, Option<MsiFile>), CliError> {
+    let config = AntennaConfig::named(name);
+    let config = config.unwrap_or_else(|| AntennaConfig::File(PathBuf::from(name)));
     let antenna = config.build().map_err(|error| {
         let names = AntennaConfig::NAMES.join(", ");
-        let unknown = Path::new(&args.antenna).extension().is_none();
+        let unknown = Path::new(name).extension().is_none();
         let more = if unknown { format!("; the names are {names}") } else { String::new() };
         CliError::input(format!("{error}{more}"))
     })?;
-    let vendor = vendor_file(&config)?;
-    if let Some(path) = &args.write {
-        write(path, &args.antenna, &antenna, vendor.as_ref())?;
-    }
-    if let Some(path) = &args.out {
-        let svg = antenna_svg(&args.antenna, &antenna).map_err(CliError::failure)?;
-        fs::write(path, svg).map_err(|error| CliError::writing(path, error))?;
-    }
-    output.result(&Report::new(&args.antenna, &antenna, vendor.as_ref()), figures)
+    Ok((antenna, vendor_file(&config)?))
+}
+
+/// The pattern of recorded turns.
+fn learn(args: &Args) -> Result<LearnedPattern, CliError> {
+    let recordings = args.reading.read(&args.learn)?;
+    let beacon = args.reading.beacon(&recordings)?;
+    let known = match (args.truth, args.bearing_deg) {
+        (Some(truth), _) => {
+            let frame = recordings.iter().find_map(Recording::frame);
+            let place = truth.in_frame(frame).ok_or_else(|| no_degrees("--truth"))?;
+            KnownDirection::Place(place.into())
+        }
+        (None, Some(degrees)) => KnownDirection::Bearing(compass_deg_to_radians(degrees)),
+        (None, None) => KnownDirection::Recorded,
+    };
+    learn_antenna(&recordings, beacon.as_deref(), known, args.reading.positions)
+        .map_err(CliError::input)
 }
 
 /// The vendor's file behind an antenna, if there is one: for its header.
@@ -133,6 +200,7 @@ impl Report {
             front_to_back_db: antenna.front_to_back_db(),
             directivity_dbi: antenna.directivity_dbi(),
             electrical_tilt_deg: vendor.and_then(MsiFile::electrical_tilt_deg),
+            learned: None,
             header: vendor.map(|file| file.fields().map(field).collect()).unwrap_or_default(),
         }
     }
@@ -154,6 +222,12 @@ fn figures(report: &Report) -> String {
     let mut lines = vec![figures.to_string()];
     if let Some(tilt) = report.electrical_tilt_deg {
         lines.push(format!("electrical tilt {tilt}° down, in the vertical cut already"));
+    }
+    if let Some(Fit { directions, harmonics, sigma_db }) = &report.learned {
+        lines.push(format!(
+            "learned from {directions} positions: {harmonics} harmonics, σ {sigma_db:.2} dB; the gain \
+             is about the mean over the turn"
+        ));
     }
     lines.extend(report.header.iter().map(|(name, value)| format!("{name}: {value}")));
     lines.join("\n")

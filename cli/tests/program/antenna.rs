@@ -1,4 +1,4 @@
-use std::fs;
+use std::{fmt::Write as _, fs};
 
 use crate::support::{folder, foxhunt, has};
 
@@ -57,4 +57,48 @@ fn what_is_no_antenna_is_wrong_input() {
     let broken = folder.join("broken.msi").display().to_string();
     fs::write(&broken, "NAME x\nGAIN 3\n").expect("a file");
     foxhunt(["antenna", &broken]).failed(2, &["broken.msi", "line 2", "unit"]);
+}
+
+/// A lobe of 15 dB that looks to 120° compass, heard twice from places 30 dB apart in level.
+#[test]
+fn a_pattern_is_learned_from_turns_with_a_known_bearing() {
+    let folder = folder("learned-antenna");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let header =
+        "drone,turn,time_s,east_m,north_m,boresight_deg_compass,rss_dbm,truth_east_m,truth_north_m";
+    let mut text = format!("{header}\n");
+    for turn in 0..2 {
+        for position in 0..128 {
+            let boresight = 2.8125 * f64::from(position);
+            let off = (boresight - 120.0).to_radians().cos();
+            let rss = -60.0 - 30.0 * f64::from(turn) + 7.5 * off;
+            let time = 128 * turn + position;
+            // 120° compass: East by the sine, North by the cosine.
+            writeln!(text, "uav1,{turn},{time},0,0,{boresight},{rss},86.60254,-50")
+                .expect("a text");
+        }
+    }
+    let file = path("turns.csv");
+    fs::write(&file, text).expect("the folder can be written to");
+    let csv = path("learned.csv");
+    let learned = foxhunt(["antenna", "--learn", &file, "--write", &csv, "--json"]).json();
+    assert_eq!(learned["learned"]["directions"], 256);
+    assert_eq!(learned["learned"]["harmonics"], 1);
+    let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+    assert!((number(&learned["gain_dbi"]) - 7.5).abs() < 1e-6);
+    assert!((number(&learned["front_to_back_db"]) - 15.0).abs() < 1e-6);
+    assert!(number(&learned["main_lobe_azimuth_deg"]).abs() < 0.1);
+    let again = foxhunt(["antenna", &csv, "--json"]).json();
+    let widths = [&learned, &again].map(|r| number(&r["azimuth_beamwidth_deg"]));
+    assert!((widths[0] - widths[1]).abs() < 1e-6, "{widths:?}");
+    // Taken for 90° further to the right, the transmitter is heard best on the right.
+    let turned = foxhunt(["antenna", "--learn", &file, "--bearing-deg", "210", "--json"]).json();
+    let lobe = number(&turned["main_lobe_azimuth_deg"]);
+    assert!((lobe + 90.0).abs() < 0.1, "{lobe}");
+    foxhunt(["antenna", "--learn", &file, "--truth", "50,14"]).failed(2, &["--truth"]);
+    let text = fs::read_to_string(&file).expect("it was written");
+    let few: Vec<&str> = text.lines().take(11).collect();
+    fs::write(&file, few.join("\n")).expect("as before");
+    foxhunt(["antenna", "--learn", &file]).failed(2, &["turns.csv", "10 directions"]);
+    foxhunt(["antenna"]).failed(2, &["FILE|NAME"]);
 }
