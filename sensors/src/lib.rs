@@ -77,6 +77,7 @@ pub use extractor::{
 };
 #[cfg(feature = "alloc")]
 pub use extractor::{StationAntenna, StationPattern};
+#[cfg(feature = "alloc")]
 pub use models::WithElevationPattern;
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
