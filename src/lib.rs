@@ -41,6 +41,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod bearing_trial;
 pub mod calibration;
 pub mod campaign;
 pub mod config;

@@ -9,7 +9,7 @@ use foxhunt_sim::{SimError, World};
 use nalgebra::Vector2;
 
 use crate::{
-    config::{NamedEstimator, PlannerConfigError, beacon_seed},
+    config::{ExtractorConfigError, NamedEstimator, PlannerConfigError, beacon_seed},
     hunt::{DriveError, Event, Fix, Hunt, HuntError, drive},
     log::{LOG_VERSION, LogHeader, LoggedBeacon},
     scenario::{Scenario, SimulationConfig},
@@ -93,7 +93,7 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
     };
     let bearings = scenario.bearings.unwrap_or_default();
     let mut hunt = Hunt::<_, _, _, _, 2, 2>::new(
-        bearings.wrap(scenario.extractor.build()).map_err(SimulationError::Bearings)?,
+        bearings.wrap(scenario.extractor.build()?).map_err(SimulationError::Bearings)?,
         scenario.planner.build()?,
         estimators,
         scenario.beacon_names(),
@@ -175,6 +175,9 @@ pub enum SimulationError {
     /// The estimator's law of propagation is out of range.
     #[error("the model of the scenario: {0}")]
     Model(#[from] AntennaError),
+    /// The extractor cannot be built.
+    #[error("the scenario: {0}")]
+    Extractor(#[from] ExtractorConfigError),
     /// The calibration of bearings is out of range.
     #[error("the bearings of the scenario: {0}")]
     Bearings(#[source] ParameterError),

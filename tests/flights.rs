@@ -55,7 +55,7 @@ fn autonomous_flights_are_located() {
             let heard = observations(
                 &[recording],
                 None,
-                ExtractorConfig::default().build().as_ref(),
+                ExtractorConfig::default().build().expect("the default").as_ref(),
                 &ObserveConfig::default(),
             )
             .expect("every row is an observation");
@@ -86,7 +86,7 @@ fn flights_are_not_mixed_by_their_clocks() {
     let Some(folder) = recordings("aerpaw_afar") else { return };
     let paths = [288, 300].map(|team| folder.join(format!("afar_exp{team}_loc1_1hz.csv")));
     let both = Recording::read_all(&paths, &ReadOptions::default()).expect("they are read");
-    let extractor = ExtractorConfig::default().build();
+    let extractor = ExtractorConfig::default().build().expect("the default");
     let heard = observations(&both, None, extractor.as_ref(), &ObserveConfig::default())
         .expect("every row is an observation");
     let first = both[0].records().len();
@@ -107,8 +107,12 @@ fn rotations_in_hover_have_a_bearing_or_say_how_poor_it_is() {
     let main_turn = |file: &str| {
         let recording =
             Recording::read(folder.join(file), &ReadOptions::default()).expect("it is read");
-        let turns = bearings(&recording, ExtractorConfig::default().build().as_ref(), 128)
-            .expect("it is a turn");
+        let turns = bearings(
+            &recording,
+            ExtractorConfig::default().build().expect("the default").as_ref(),
+            128,
+        )
+        .expect("it is a turn");
         turns.into_iter().max_by_key(|turn| turn.sweep.samples.len()).expect("one at least")
     };
     let good = main_turn("rotation_B_2023-06.csv");
@@ -126,7 +130,7 @@ fn tags_at_known_distances_calibrate_the_path_loss() {
     let Some(folder) = recordings("rssi_distance") else { return };
     let recording =
         Recording::read(folder.join("vhf_tags.csv"), &ReadOptions::default()).expect("it is read");
-    let extractor = ExtractorConfig::default().build();
+    let extractor = ExtractorConfig::default().build().expect("the default");
     let fit = calibrate(&[recording], Some("0"), extractor.as_ref(), &CalibrateConfig::default())
         .expect("847 points")
         .fit;
@@ -142,7 +146,7 @@ fn hand_held_bearings() -> Option<(Vec<Observation<2>>, Vector2<f64>)> {
         Recording::read(folder.join("bearings.csv"), &ReadOptions::default()).expect("it is read");
     let truth = foxhunt::recorded::recorded_truth(std::slice::from_ref(&recording))
         .expect("truth.csv is beside it");
-    let extractor = ExtractorConfig::default().build();
+    let extractor = ExtractorConfig::default().build().expect("the default");
     let heard = observations(&[recording], None, extractor.as_ref(), &ObserveConfig::default())
         .expect("every row is an observation");
     assert_eq!(heard.len(), 8);

@@ -1,7 +1,7 @@
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    antenna, bearing, calibrate, campaign, estimators, hunt, locate, replay, scenarios,
+    antenna, bearing, calibrate, campaign, estimators, extractors, hunt, locate, replay, scenarios,
 };
 
 /// Finds radio transmitters with drones.
@@ -34,6 +34,7 @@ pub(crate) enum Command {
     Campaign(campaign::Args),
     Scenarios(scenarios::Args),
     Estimators(estimators::Args),
+    Extractors(extractors::Args),
     Replay(replay::Args),
     Calibrate(calibrate::Args),
     Locate(locate::Args),

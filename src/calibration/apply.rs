@@ -1,8 +1,7 @@
-use foxhunt_core::BearingExtractor;
 use foxhunt_sensors::ParameterError;
 
 use super::{BearingCalibration, CalibrationFile};
-use crate::scenario::Scenario;
+use crate::{config::BoxedExtractor, scenario::Scenario};
 
 impl CalibrationFile {
     /// An extractor with what is known of bearings: that of the station if there is one, else
@@ -11,10 +10,7 @@ impl CalibrationFile {
     /// # Errors
     ///
     /// Names the number that is out of its range.
-    pub fn extractor(
-        &self,
-        extractor: Box<dyn BearingExtractor>,
-    ) -> Result<Box<dyn BearingExtractor>, ParameterError> {
+    pub fn extractor(&self, extractor: BoxedExtractor) -> Result<BoxedExtractor, ParameterError> {
         match (&self.station, &self.bearings) {
             (Some(station), _) => Ok(Box::new(station.build()?)),
             (None, Some(bearings)) => Ok(Box::new(bearings.correction.wrap(extractor)?)),

@@ -1,9 +1,13 @@
 //! Seeded Monte Carlo: the same scenario many times, and what the estimators make of it.
 
+mod antennas;
 mod paired;
 mod run;
 mod statistics;
 
+pub use antennas::{
+    AntennaComparison, AntennaSetup, AntennasReport, SetupCampaign, antennas_campaign,
+};
 pub use paired::Paired;
 pub(crate) use run::Sample;
 pub use run::{

@@ -2,7 +2,7 @@ use std::convert::Infallible;
 
 use foxhunt_core::Outcome;
 use foxhunt_filters::consistency::{ChiSquaredAverage, Coverage, Verdict};
-use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
 use serde::Serialize;
 
 use super::{Spread, StepSpread};
@@ -158,28 +158,64 @@ pub fn campaign(
     jobs: usize,
     progress: &(dyn Fn() + Sync),
 ) -> Result<CampaignReport, CampaignError> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(jobs)
-        .build()
-        .map_err(|error| CampaignError::Threads { jobs, reason: error.to_string() })?;
+    let pool = threads(jobs)?;
     let estimators = estimators
         .iter()
         .map(|estimator| {
-            let fly = |run: u32| {
-                let outcome = fly(scenario, estimator, seed.wrapping_add(u64::from(run)));
-                progress();
-                outcome
-            };
-            let flown = pool.install(|| {
-                (0..runs).into_par_iter().map(fly).collect::<Result<Vec<_>, SimulationError>>()
-            });
-            Ok(EstimatorCampaign {
-                estimator: estimator.name.to_owned(),
-                beacons: summarise(scenario, &flown?),
-            })
+            let flown = fly_all(&pool, scenario, estimator, runs, seed, progress)?;
+            Ok(summarise(scenario, estimator, &flown))
         })
         .collect::<Result<_, CampaignError>>()?;
     Ok(CampaignReport { scenario: scenario.name.clone(), runs, seed, estimators })
+}
+
+/// So many threads.
+pub(super) fn threads(jobs: usize) -> Result<ThreadPool, CampaignError> {
+    ThreadPoolBuilder::new()
+        .num_threads(jobs)
+        .build()
+        .map_err(|error| CampaignError::Threads { jobs, reason: error.to_string() })
+}
+
+/// Every run of one estimator, in the order of their seeds.
+pub(super) fn fly_all(
+    pool: &ThreadPool,
+    scenario: &Scenario,
+    estimator: &NamedEstimator,
+    runs: u32,
+    seed: u64,
+    progress: &(dyn Fn() + Sync),
+) -> Result<Vec<Run>, SimulationError> {
+    let fly = |run: u32| {
+        let outcome = fly(scenario, estimator, seed.wrapping_add(u64::from(run)));
+        progress();
+        outcome
+    };
+    pool.install(|| (0..runs).into_par_iter().map(fly).collect())
+}
+
+/// What one run came to.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Run {
+    /// How long it took, in simulated seconds; 0 for one that could not go on.
+    pub(super) duration_s: f64,
+    /// What it says of each beacon, as far as it came.
+    beacons: Vec<BeaconRun>,
+}
+
+impl Run {
+    /// What it says of a beacon, if that is good for a statistic.
+    pub(super) fn sample(&self, beacon: usize) -> Option<Sample> {
+        let BeaconRun { found, nis } = self.beacons.get(beacon)?;
+        let sample = Sample {
+            error_m: found.error_m(),
+            nees: found.nees()?,
+            steps: found.fix.steps,
+            nis: nis.clone(),
+        };
+        let heard = found.fix.outcome != Outcome::NothingHeard;
+        (heard && sample.nees.is_finite() && sample.error_m.is_finite()).then_some(sample)
+    }
 }
 
 /// What one run says of one beacon.
@@ -190,12 +226,7 @@ struct BeaconRun {
     nis: Vec<(f64, usize)>,
 }
 
-/// One run's beacons, as far as it came.
-fn fly(
-    scenario: &Scenario,
-    estimator: &NamedEstimator,
-    seed: u64,
-) -> Result<Vec<BeaconRun>, SimulationError> {
+fn fly(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) -> Result<Run, SimulationError> {
     let track = &estimator.config.track;
     let mut nis = vec![Vec::new(); scenario.world.beacons.len()];
     let (mut heard, mut components) = (0, 0);
@@ -214,33 +245,30 @@ fn fly(
         }
         Ok::<_, Infallible>(())
     });
-    let found = match flown {
-        Ok(hunt) => hunt.found,
+    let (found, duration_s) = match flown {
+        Ok(hunt) => (hunt.found, hunt.duration_s),
         // The hunt itself could not go on: a failed run. A scenario that cannot be built would
         // fail every run alike and is an error.
-        Err(SimulationError::TooLong { .. } | SimulationError::Drive(_)) => Vec::new(),
+        Err(SimulationError::TooLong { .. } | SimulationError::Drive(_)) => (Vec::new(), 0.0),
         Err(error) => return Err(error),
     };
-    Ok(found.into_iter().zip(nis).map(|(found, nis)| BeaconRun { found, nis }).collect())
+    let beacons = found.into_iter().zip(nis).map(|(found, nis)| BeaconRun { found, nis }).collect();
+    Ok(Run { duration_s, beacons })
 }
 
-fn summarise(scenario: &Scenario, runs: &[Vec<BeaconRun>]) -> Vec<BeaconCampaign> {
-    let sample = |run: &BeaconRun| {
-        let sample = Sample {
-            error_m: run.found.error_m(),
-            nees: run.found.nees()?,
-            steps: run.found.fix.steps,
-            nis: run.nis.clone(),
-        };
-        let heard = run.found.fix.outcome != Outcome::NothingHeard;
-        (heard && sample.nees.is_finite() && sample.error_m.is_finite()).then_some(sample)
-    };
+/// The statistics of an estimator's runs.
+pub(super) fn summarise(
+    scenario: &Scenario,
+    estimator: &NamedEstimator,
+    runs: &[Run],
+) -> EstimatorCampaign {
     let total = u32::try_from(runs.len()).unwrap_or(u32::MAX);
     let beacon = |(index, beacon): (usize, &foxhunt_sim::BeaconConfig)| {
-        let good: Vec<Sample> = runs.iter().filter_map(|run| sample(run.get(index)?)).collect();
+        let good: Vec<Sample> = runs.iter().filter_map(|run| run.sample(index)).collect();
         BeaconCampaign::of(&beacon.name, &good, total)
     };
-    scenario.world.beacons.iter().enumerate().map(beacon).collect()
+    let beacons = scenario.world.beacons.iter().enumerate().map(beacon).collect();
+    EstimatorCampaign { estimator: estimator.name.to_owned(), beacons }
 }
 
 /// Why there is no campaign.

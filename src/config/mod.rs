@@ -6,16 +6,22 @@ mod extractor;
 mod filter;
 mod model;
 mod named;
+mod named_extractor;
 mod planner;
 mod source;
 
 pub use boxed::{BoxedEstimator, CloneEstimator};
 pub(crate) use estimator::with_power;
 pub use estimator::{EstimatorConfig, MovingConfig};
-pub use extractor::ExtractorConfig;
+pub use extractor::{
+    BoxedExtractor, ExtractorConfig, ExtractorConfigError, KnownAntennaConfig, LobeConfig,
+};
 pub(crate) use filter::beacon_seed;
 pub use filter::{FilterConfig, GateConfig, OutlierConfig};
 pub use model::{ModelConfig, ReceiverModel};
 pub use named::{DEFAULT_ESTIMATOR, NamedEstimator, estimator_named, estimators};
+pub use named_extractor::{
+    NamedExtractor, RECOMMENDED_EXTRACTOR, antenna_named, extractor_named, extractors,
+};
 pub use planner::{PlannerConfig, PlannerConfigError};
 pub use source::{BoxedSource, SourceConfig, SourceError, boxed};

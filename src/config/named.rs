@@ -240,12 +240,12 @@ pub fn estimators() -> Vec<NamedEstimator> {
         },
         NamedEstimator {
             name: "particle-bearing-moving",
-            about: "the same for a target that moves at a nearly constant velocity of some centimetres per second",
+            about: "the same, 5000 particles, for a target that moves at some centimetres per second",
             source: "Isaacs et al. 2014, §IV",
             config: EstimatorConfig {
-                moving: Some(MovingConfig { acceleration_density: 0.01, speed_sigma: 0.05 }),
+                moving: Some(MovingConfig { acceleration_density: 0.005, speed_sigma: 0.05 }),
                 track: BEARING_ONLY,
-                ..as_read(bearing_cloud)
+                ..as_read(FilterConfig::Particle { count: 5000, adaptive_bin: None })
             },
         },
     ]

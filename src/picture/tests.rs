@@ -1,6 +1,7 @@
 use foxhunt_core::{
     BeaconId, Bearing, BearingModes, Correction, Estimate, Outcome, Pose, Reception,
 };
+use foxhunt_sim::BeaconCourse;
 use nalgebra::{Matrix2, Vector2};
 
 use super::*;
@@ -172,4 +173,26 @@ fn the_ellipse_keeps_inside_the_field() {
             assert!((0..=canvas::LEGEND.right).contains(&x), "{line}");
         }
     }
+}
+
+#[test]
+fn clouds_and_courses_are_drawn() {
+    let mut events = hunt(believed(1.0), 0.7, Outcome::PathDone);
+    let dots = |svg: &str| svg.matches("<circle").count();
+    let plain = hunt_svg(&header(Some(Vector2::new(3.5, 4.0))), &events).expect("drawn");
+    let beside = |i: u16| Vector2::new(3.0 + 0.01 * f64::from(i), 4.0);
+    let mut places: Vec<_> = (0..200).map(beside).collect();
+    // One that is far outside, and one that is nowhere.
+    places.extend([Vector2::new(900.0, 0.0), Vector2::repeat(f64::NAN)]);
+    let cloud = Event::Cloud { time: 3.0, beacon: BeaconId(0), places };
+    events.insert(5, cloud);
+    let mut header = header(Some(Vector2::new(3.5, 4.0)));
+    header.beacons[0].course = Some(BeaconCourse::Circle { radius_m: 2.0, period_s: 4.0 });
+    let svg = hunt_svg(&header, &events).expect("drawn");
+    // 200 places, and 6 in the legend.
+    assert_eq!(dots(&svg), dots(&plain) + 206);
+    assert!(svg.contains("where the beacon went") && !plain.contains("where the beacon went"));
+    assert!(!svg.contains("NaN") && svg.contains("was in the end"));
+    // It was last heard after half a round of 4 s: 4 m to the West of where it began.
+    assert!(svg.contains("3.50 m off"), "from (3, 4) to (-0.5, 4)");
 }

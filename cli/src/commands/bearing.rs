@@ -1,7 +1,9 @@
 use std::path::PathBuf;
 
 use foxhunt::{
-    config::ExtractorConfig,
+    calibration::CalibrationFile,
+    config::BoxedExtractor,
+    core::BearingMode,
     geodesy::radians_to_compass_deg,
     recorded::{BearingReading, LOW_CONFIDENCE, bearings},
 };
@@ -9,6 +11,7 @@ use serde::Serialize;
 
 use super::{
     calibration::{Calibration, calibrated},
+    extraction::Extraction,
     recorded::Reading,
 };
 use crate::{
@@ -25,10 +28,17 @@ use crate::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt bearing sweep.csv\n  \
                         foxhunt bearing rotation.csv --format uavrt-rotation --beacon 4\n  \
+                        foxhunt bearing rotation.csv --all --antenna yagi\n  \
                         foxhunt bearing sweep.csv --calibration calibration.toml")]
 pub(crate) struct Args {
     /// A recording: CSV with named columns
     file: PathBuf,
+    /// Read each turn with every extractor; those that know the antenna are told the one of
+    /// --antenna, or take it for the reference patch
+    #[arg(long, conflicts_with = "extractor")]
+    all: bool,
+    #[command(flatten)]
+    extraction: Extraction,
     #[command(flatten)]
     calibration: Calibration,
     #[command(flatten)]
@@ -48,6 +58,7 @@ struct Report {
 /// One turn.
 #[derive(Debug, Serialize)]
 struct Turn {
+    extractor: String,
     line: u64,
     drone: String,
     beacon: Option<String>,
@@ -62,13 +73,24 @@ struct Turn {
     low_confidence: Option<bool>,
     /// Why there is no bearing.
     no_bearing: Option<String>,
+    /// The directions that compete, where there are several.
+    modes: Vec<Mode>,
 }
 
-impl From<&BearingReading> for Turn {
-    fn from(read: &BearingReading) -> Self {
+/// One of several directions.
+#[derive(Debug, Serialize)]
+struct Mode {
+    weight: f64,
+    bearing_deg_compass: f64,
+    bearing_sigma_deg: f64,
+}
+
+impl Turn {
+    fn new(extractor: &str, read: &BearingReading) -> Self {
         let (sweep, reading) = (&read.sweep, &read.reading);
         let bearing = reading.bearing.as_ref().ok();
         Self {
+            extractor: extractor.to_owned(),
             line: sweep.line,
             drone: sweep.drone.clone(),
             beacon: sweep.beacon.clone(),
@@ -82,6 +104,17 @@ impl From<&BearingReading> for Turn {
             confidence: bearing.map(|b| b.confidence),
             low_confidence: bearing.map(|_| read.is_low()),
             no_bearing: reading.bearing.as_ref().err().map(ToString::to_string),
+            modes: reading.modes.as_slice().iter().map(Mode::from).collect(),
+        }
+    }
+}
+
+impl From<&BearingMode> for Mode {
+    fn from(mode: &BearingMode) -> Self {
+        Self {
+            weight: mode.weight,
+            bearing_deg_compass: radians_to_compass_deg(mode.angle),
+            bearing_sigma_deg: mode.sigma.to_degrees(),
         }
     }
 }
@@ -92,11 +125,16 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let recordings = args.reading.read(files)?;
     for recording in &recordings {
         let file = args.calibration.or_shipped(&own, recording.format());
-        let extractor = calibrated(&file, ExtractorConfig::default().build())?;
-        let read = bearings(recording, extractor.as_ref(), args.reading.positions)
-            .map_err(CliError::input)?;
+        let mut read = Vec::new();
+        for (name, extractor) in extractors(args, &file)? {
+            let turns = bearings(recording, extractor.as_ref(), args.reading.positions)
+                .map_err(CliError::input)?;
+            read.extend(turns.into_iter().enumerate().map(|(turn, read)| (turn, name, read)));
+        }
+        // Turn by turn; a stable sort leaves the extractors in their order.
+        read.sort_by_key(|(turn, ..)| *turn);
         let wanted = args.reading.wanted();
-        let of_beacon = |read: &&BearingReading| {
+        let of_beacon = |(.., read): &&(usize, &str, BearingReading)| {
             wanted.is_none_or(|name| read.sweep.beacon.as_deref() == Some(name))
         };
         // A name that is nowhere is an error, not an empty table.
@@ -107,16 +145,46 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
             file: recording.file().to_owned(),
             format: recording.format().to_owned(),
             calibrated: recording.is_calibrated(),
-            turns: read.iter().filter(of_beacon).map(Turn::from).collect(),
+            turns: read
+                .iter()
+                .filter(of_beacon)
+                .map(|(_, name, read)| Turn::new(name, read))
+                .collect(),
         };
         output.result(&report, turns)?;
     }
     Ok(())
 }
 
+/// The extractors that were asked for, calibrated. The antennas of a station have one of their own.
+fn extractors(
+    args: &Args,
+    file: &CalibrationFile,
+) -> Result<Vec<(&'static str, BoxedExtractor)>, CliError> {
+    let chosen = if args.all {
+        args.extraction.all()?
+    } else {
+        vec![(args.extraction.built_name(), args.extraction.build()?)]
+    };
+    if file.station.is_none() {
+        let calibrate = |(name, built)| Ok((name, calibrated(file, name, built)?));
+        return chosen.into_iter().map(calibrate).collect();
+    }
+    // A station has an extractor of its own; the others know nothing of it.
+    if args.extraction.any() && !args.all {
+        return Ok(chosen);
+    }
+    let mut station = vec![("station", calibrated(file, "station", args.extraction.build()?)?)];
+    if args.all {
+        station.extend(chosen);
+    }
+    Ok(station)
+}
+
 fn turns(report: &Report) -> String {
     let level = if report.calibrated { "RSS dBm" } else { "RSS dB" };
     let mut turns = table(&[
+        "extractor",
         "drone",
         "beacon",
         "turn",
@@ -132,6 +200,7 @@ fn turns(report: &Report) -> String {
         let low = turn.low_confidence.is_some_and(|low| low).then_some("low confidence");
         let remark = turn.no_bearing.as_deref().map(|_| "no bearing").or(low).unwrap_or("");
         turns.add_row([
+            turn.extractor.clone(),
             turn.drone.clone(),
             text(turn.beacon.as_ref()),
             text(turn.turn),
@@ -147,7 +216,7 @@ fn turns(report: &Report) -> String {
     let mut lines = vec![turns.to_string()];
     for turn in &report.turns {
         if let Some(reason) = &turn.no_bearing {
-            lines.push(format!("no bearing in line {}: {reason}", turn.line));
+            lines.push(format!("no bearing in line {} by {}: {reason}", turn.line, turn.extractor));
         }
     }
     lines.push(format!(

@@ -2,8 +2,7 @@ use std::{fs, path::PathBuf};
 
 use foxhunt::{
     calibration::{CalibrationFile, PathLossSection, StationSection},
-    config::ExtractorConfig,
-    core::BearingExtractor,
+    config::BoxedExtractor,
     recorded::{
         CalibrateConfig, RecordedError, StationConfig, calibrate, calibrate_bearings,
         fit_boresights, station_boresights,
@@ -13,6 +12,7 @@ use foxhunt::{
 
 use super::{
     calibration_report::{Report, Skipped, text},
+    extraction::Extraction,
     recorded::{LatLon, Reading, no_degrees},
 };
 use crate::{error::CliError, output::Output};
@@ -50,6 +50,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     #[command(flatten)]
+    extraction: Extraction,
+    #[command(flatten)]
     reading: Reading,
 }
 
@@ -76,7 +78,8 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         max_exponent: args.max_exponent,
         positions: args.reading.positions,
     };
-    let report = fit(args, &recordings, beacon, &config).map_err(CliError::input)?;
+    let extractor = args.extraction.build()?;
+    let report = fit(args, &recordings, beacon, extractor, &config).map_err(CliError::input)?;
     output.result(&report, text)?;
     if let Some(out) = &args.out {
         fs::write(out, report.file.to_toml()).map_err(|error| CliError::writing(out, error))?;
@@ -90,10 +93,9 @@ fn fit(
     args: &Args,
     recordings: &[Recording],
     beacon: Option<String>,
+    mut extractor: BoxedExtractor,
     config: &CalibrateConfig,
 ) -> Result<Report, RecordedError> {
-    let extractor_config = ExtractorConfig::default();
-    let mut extractor: Box<dyn BearingExtractor> = extractor_config.build();
     let mut report = Report::new(recordings, beacon.clone());
     let records = || recordings.iter().flat_map(Recording::records);
 
@@ -117,8 +119,8 @@ fn fit(
         match calibrate_bearings(recordings, beacon.as_deref(), extractor.as_ref(), config) {
             Ok(fitted) => {
                 let turns = records().any(|record| record.boresight.is_some());
-                let name = if turns { name(&extractor_config) } else { "recorded".to_owned() };
-                report.file.bearings = fitted.section(&name);
+                let name = if turns { args.extraction.built_name() } else { "recorded" };
+                report.file.bearings = fitted.section(name);
                 report.bearings(&fitted);
             }
             Err(error) => report.skip("bearings", error.to_string()),
@@ -142,10 +144,4 @@ fn fit(
         }
     }
     Ok(report)
-}
-
-/// The extractor's name, as it stands in files.
-fn name(extractor: &ExtractorConfig) -> String {
-    let value = serde_json::to_value(extractor).unwrap_or_default();
-    value["kind"].as_str().unwrap_or_default().to_owned()
 }

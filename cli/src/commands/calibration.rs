@@ -2,7 +2,7 @@
 
 use std::{borrow::Cow, path::PathBuf};
 
-use foxhunt::{calibration::CalibrationFile, core::BearingExtractor};
+use foxhunt::{calibration::CalibrationFile, config::BoxedExtractor};
 
 use crate::{
     error::{CliError, InFile},
@@ -14,18 +14,18 @@ use crate::{
 pub(super) struct Calibration {
     /// What `foxhunt calibrate --out` wrote: path loss, errors of bearings, a station's antennas
     #[arg(long = "calibration", value_name = "FILE")]
-    file: Option<PathBuf>,
+    calibration: Option<PathBuf>,
 }
 
 impl Calibration {
     /// Whether there is one.
     pub(super) fn is_given(&self) -> bool {
-        self.file.is_some()
+        self.calibration.is_some()
     }
 
     /// The file; one that says nothing where there is none.
     pub(super) fn read(&self) -> Result<CalibrationFile, CliError> {
-        match &self.file {
+        match &self.calibration {
             Some(path) => CalibrationFile::read(path).map_err(CliError::input),
             None => Ok(CalibrationFile::default()),
         }
@@ -39,7 +39,7 @@ impl Calibration {
         format: &str,
     ) -> Cow<'a, CalibrationFile> {
         match CalibrationFile::shipped(format) {
-            Some(shipped) if self.file.is_none() => {
+            Some(shipped) if self.calibration.is_none() => {
                 warn(&format!("  calibration: {format}, as it comes with the program"));
                 Cow::Owned(shipped)
             }
@@ -48,11 +48,17 @@ impl Calibration {
     }
 }
 
-/// The extractor, calibrated.
+/// The extractor of this name, calibrated.
 pub(super) fn calibrated(
     file: &CalibrationFile,
-    extractor: Box<dyn BearingExtractor>,
-) -> Result<Box<dyn BearingExtractor>, CliError> {
+    name: &str,
+    extractor: BoxedExtractor,
+) -> Result<BoxedExtractor, CliError> {
+    let whose = file.bearings.as_ref().and_then(|bearings| bearings.extractor.as_deref());
+    let other = |whose: &&str| *whose != name && *whose != "recorded" && file.station.is_none();
+    if let Some(whose) = whose.filter(other) {
+        warn(&format!("  the bearings of {whose} were calibrated, and these are of {name}"));
+    }
     file.extractor(extractor).map_err(|error| {
         CliError::input(InFile { file: "--calibration".to_owned(), source: Box::new(error) })
     })

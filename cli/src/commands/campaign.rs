@@ -2,13 +2,17 @@ use std::thread::available_parallelism;
 
 use clap::value_parser;
 use foxhunt::{
+    bearing_trial::bearing_case_named,
     campaign::{BeaconCampaign, CampaignError, CampaignReport, campaign},
     config::NamedEstimator,
     scenario::{DEFAULT_SCENARIO, Scenario},
     trial::{Trial, trial_campaign},
 };
 
-use super::{calibration::Calibration, choice, overrides::Overrides};
+use super::{
+    antennas, bearing_campaign, calibration::Calibration, choice, extraction::Extraction,
+    overrides::Overrides,
+};
 use crate::{
     error::CliError,
     output::Output,
@@ -25,13 +29,21 @@ use crate::{
 /// A trial is a scenario without a flight: bearings on a target of known course are drawn from a
 /// stated density, and the errors are told at checkpoints, too. The trials of Isaacs et al. 2014
 /// are scenarios that fly as well: `--flown` tells one from the other.
+///
+/// `antennas` flies the default scenario with an omnidirectional antenna, with a directional one
+/// on a body that turns, and with one on a stepper, and compares the errors run by run.
+///
+/// bearing-clean, bearing-lost, bearing-reflector, bearing-65 and bearing-block compare the
+/// extractors of bearings on simulated turns of the antenna.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt campaign --runs 100\n  \
                         foxhunt campaign pritzl-6.1 --runs 1000 --estimator ukf-pritzl2018 \
                         --estimator ekf-pritzl2018\n  \
-                        foxhunt campaign isaacs-static --flown --runs 100")]
+                        foxhunt campaign isaacs-static --flown --runs 100\n  \
+                        foxhunt campaign antennas --runs 200 --estimator grid\n  \
+                        foxhunt campaign bearing-reflector --runs 2000 --antenna panel.msi")]
 pub(crate) struct Args {
-    /// A built-in scenario (`foxhunt scenarios` lists them) or a TOML file
+    /// A built-in scenario (`foxhunt scenarios` lists them), a TOML file, or `antennas`
     #[arg(default_value = DEFAULT_SCENARIO)]
     scenario: String,
     /// How many hunts each estimator flies
@@ -51,6 +63,8 @@ pub(crate) struct Args {
     #[arg(long)]
     flown: bool,
     #[command(flatten)]
+    extraction: Extraction,
+    #[command(flatten)]
     overrides: Overrides,
     #[command(flatten)]
     calibration: Calibration,
@@ -61,15 +75,33 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         Some(jobs) => usize::from(jobs),
         None => available_parallelism().map_or(1, usize::from),
     };
+    if let Some(case) = bearing_case_named(&args.scenario) {
+        let others = [args.flown, args.overrides.any(), args.calibration.is_given()];
+        if others.contains(&true) || !args.estimator.is_empty() {
+            return Err(CliError::input(format!(
+                "{} compares extractors; it takes neither estimators nor what they are told",
+                case.name
+            )));
+        }
+        let draw = (args.runs, args.seed, jobs);
+        return bearing_campaign::run(&case, &args.extraction, draw, output);
+    }
     if !args.flown
         && let Some(trial) = choice::trial(&args.scenario)?
     {
         return run_trial(args, &trial, jobs, output);
     }
-    let mut scenario = choice::scenario(&args.scenario)?;
+    let mut scenario = match args.scenario.as_str() {
+        antennas::NAME => antennas::scenario()?,
+        name => choice::scenario(name)?,
+    };
     args.calibration.read()?.tell(&mut scenario);
+    scenario.extractor = args.extraction.config(&scenario.extractor)?;
     let estimators: Vec<_> =
         estimators(args, &scenario)?.into_iter().map(|e| args.overrides.apply(e)).collect();
+    if args.scenario == antennas::NAME {
+        return antennas::run(&scenario, &estimators, args.runs, args.seed, jobs, output);
+    }
     let hunts = u64::from(args.runs) * u64::try_from(estimators.len()).unwrap_or(u64::MAX);
     let progress = Progress::new("hunts", hunts);
     let report = campaign(&scenario, &estimators, args.runs, args.seed, jobs, &|| progress.step());
@@ -82,8 +114,9 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
 }
 
 fn run_trial(args: &Args, trial: &Trial, jobs: usize, output: Output) -> Result<(), CliError> {
-    if args.overrides.any() || args.calibration.is_given() {
-        let flags = "--components, --prior-sigma-m, --power-sigma-db, --lag-s and --calibration";
+    if args.overrides.any() || args.calibration.is_given() || args.extraction.any() {
+        let flags = "--components, --prior-sigma-m, --power-sigma-db, --lag-s, --calibration, \
+                     --extractor and --antenna";
         return Err(CliError::input(format!(
             "{flags} are of flown hunts; {} is a trial",
             trial.name

@@ -14,7 +14,9 @@ use foxhunt::{
     simulation::{Simulated, log_header, simulate},
 };
 
-use super::{calibration::Calibration, choice, fixes, overrides::Overrides};
+use super::{
+    calibration::Calibration, choice, extraction::Extraction, fixes, overrides::Overrides,
+};
 use crate::{
     error::CliError,
     output::{Output, warn},
@@ -40,6 +42,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME", value_parser = choice::estimator_parser())]
     estimator: Option<String>,
     #[command(flatten)]
+    extraction: Extraction,
+    #[command(flatten)]
     overrides: Overrides,
     #[command(flatten)]
     calibration: Calibration,
@@ -51,6 +55,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let mut scenario = choice::scenario(&args.scenario)?;
     args.calibration.read()?.tell(&mut scenario);
+    scenario.extractor = args.extraction.config(&scenario.extractor)?;
     let estimator = choice::estimator_of(args.estimator.as_deref(), &scenario, &args.scenario)?;
     let estimator = args.overrides.apply(estimator);
     let header = log_header(&scenario, &estimator, args.seed);

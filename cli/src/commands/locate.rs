@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use clap::builder::PossibleValuesParser;
 use foxhunt::{
     calibration::CalibrationFile,
-    config::{ExtractorConfig, estimators},
+    config::estimators,
     core::{Ellipse, nalgebra::Vector2},
     geodesy::Geodetic,
     locate::{
@@ -18,6 +18,7 @@ use serde::Serialize;
 
 use super::{
     calibration::{Calibration, calibrated},
+    extraction::Extraction,
     parameter::Parameter,
     recorded::{LatLon, Reading, no_degrees},
 };
@@ -69,6 +70,8 @@ pub(crate) struct Args {
     seed: u64,
     #[command(flatten)]
     calibration: Calibration,
+    #[command(flatten)]
+    extraction: Extraction,
     #[command(flatten)]
     reading: Reading,
 }
@@ -135,7 +138,8 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let format = recordings.first().map_or("", Recording::format);
     let calibration = args.calibration.or_shipped(&own, format);
     let power = power(args, &calibration)?;
-    let extractor = calibrated(&calibration, ExtractorConfig::default().build())?;
+    let extractor =
+        calibrated(&calibration, args.extraction.built_name(), args.extraction.build()?)?;
     let observe = ObserveConfig {
         positions: args.reading.positions,
         bearings: calibration.bearing_calibration(),

@@ -5,14 +5,18 @@ pub(crate) mod bearing;
 pub(crate) mod calibrate;
 pub(crate) mod campaign;
 pub(crate) mod estimators;
+pub(crate) mod extractors;
 pub(crate) mod hunt;
 pub(crate) mod locate;
 pub(crate) mod replay;
 pub(crate) mod scenarios;
 
+mod antennas;
+mod bearing_campaign;
 mod calibration;
 mod calibration_report;
 mod choice;
+mod extraction;
 mod fixes;
 mod overrides;
 mod parameter;
@@ -27,6 +31,7 @@ pub(crate) fn run(command: Command, output: Output) -> Result<(), CliError> {
         Command::Campaign(args) => campaign::run(&args, output),
         Command::Scenarios(args) => scenarios::run(&args, output),
         Command::Estimators(args) => estimators::run(&args, output),
+        Command::Extractors(args) => extractors::run(&args, output),
         Command::Replay(args) => replay::run(&args, output),
         Command::Calibrate(args) => calibrate::run(&args, output),
         Command::Locate(args) => locate::run(&args, output),

@@ -1,6 +1,23 @@
 use crate::support::{foxhunt, has};
 
 #[test]
+fn a_trial_that_flies_as_well_is_told_to() {
+    let run = |flags: &[&str]| {
+        let fixed = ["--json", "campaign", "isaacs-line", "--runs", "2", "--jobs", "1"];
+        foxhunt([&fixed[..], flags].concat()).json()
+    };
+    let (drawn, flown) = (run(&[]), run(&["--flown"]));
+    let beacon = |report: &serde_json::Value| report["estimators"][0]["beacons"][0].clone();
+    assert_eq!(drawn["estimators"][0]["estimator"], "particle");
+    assert_eq!(flown["estimators"][0]["estimator"], "particle-bearing");
+    assert_eq!(beacon(&drawn)["name"], "target");
+    assert_eq!(beacon(&flown)["name"], "source");
+    // As many turns as the path has places, whatever is heard.
+    assert_eq!(beacon(&flown)["steps"]["mean"], 32.0);
+    assert!(beacon(&flown)["error_m"]["max"].as_f64().expect("a number") < 3.0);
+}
+
+#[test]
 fn a_campaign_is_the_same_for_any_number_of_jobs() {
     let fly = |jobs: &str| {
         let mut args = vec!["campaign", "--json", "--runs", "3", "--jobs", jobs];
@@ -97,5 +114,42 @@ fn what_does_not_suit_a_trial_is_refused() {
         let ran = foxhunt(["campaign", scenario, "--runs", "1", "--estimator", estimator]);
         assert_eq!(ran.code, 2, "{ran:?}");
         assert!(ran.stderr.contains(told), "{}", ran.stderr);
+    }
+}
+
+#[test]
+fn antennas_are_compared_run_by_run() {
+    let report = foxhunt([
+        "campaign",
+        "antennas",
+        "--json",
+        "--runs",
+        "4",
+        "--estimator",
+        "ekf",
+        "--estimator",
+        "grid",
+    ]);
+    let report = report.json();
+    has(&report, &["scenario", "runs", "seed", "setups", "comparisons"]);
+    let setups = report["setups"].as_array().expect("a list");
+    let names: Vec<_> = setups.iter().map(|setup| setup["setup"].as_str()).collect();
+    assert_eq!(names, [Some("omnidirectional"), Some("rotating-body"), Some("rotating-antenna")]);
+    for setup in setups {
+        let estimators = setup["estimators"].as_array().expect("a list");
+        assert_eq!(estimators.len(), 2);
+        for beacon in estimators.iter().flat_map(|e| e["beacons"].as_array().expect("a list")) {
+            assert_eq!(beacon["failed"], 0, "{}", setup["setup"]);
+        }
+    }
+    // Three pairs of antennas, two beacons, two estimators.
+    let comparisons = report["comparisons"].as_array().expect("a list");
+    assert_eq!(comparisons.len(), 12);
+    for comparison in comparisons {
+        has(comparison, &["estimator", "beacon", "setup", "against", "pairs", "p_value"]);
+        let interval = &comparison["ratio_interval"];
+        let [low, high] = [0, 1].map(|i| interval[i].as_f64().expect("a number"));
+        let ratio = comparison["ratio"].as_f64().expect("a number");
+        assert!(low < ratio && ratio < high && comparison["pairs"] == 4, "{comparison}");
     }
 }

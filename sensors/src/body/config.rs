@@ -59,15 +59,16 @@ impl BodyConfig {
         }
     }
 
-    /// A turn in 12.8 s with a question every 0.2 s, which are 64 headings, sorted into 128
-    /// positions; the heading is held in between (Pritzl 2018, §5.1). 40 s for a turn.
+    /// A turn in 12.8 s, sorted into 128 positions; the heading is held in between (Pritzl 2018,
+    /// §5.1). Six questions in the 0.2 s from one of its 64 headings to the next, as many as a
+    /// stepper asks at a position; 40 s for a turn.
     #[must_use]
     pub const fn pritzl2018() -> Self {
         Self {
             rate_rad_s: TAU / 12.8,
             keeps_turning: false,
-            spacing_s: 0.2,
-            answer_timeout_s: 0.15,
+            spacing_s: 0.2 / 6.0,
+            answer_timeout_s: 0.2 / 6.0,
             turn_timeout_s: 40.0,
             ..Self::isaacs2014()
         }

@@ -99,16 +99,17 @@ fn a_turn_goes_all_the_way_round_once() {
 }
 
 #[test]
-fn the_references_turn_has_64_headings_and_ends_at_rest() {
+fn the_references_turn_asks_six_times_at_each_heading_and_ends_at_rest() {
     let handle = devices();
     let config = BodyConfig::pritzl2018();
     let mut source = handle.body(config);
     let Turn { samples, seconds, .. } = turn(&handle, &mut source);
-    assert_eq!(samples.len(), 64);
+    // Polled every few milliseconds, a question is late by as much.
+    assert!((350..=384).contains(&samples.len()), "{}", samples.len());
     assert!((seconds - 12.8).abs() < 0.02, "{seconds} s");
     for pair in samples.windows(2) {
         let step = angle::wrap(pair[1].boresight - pair[0].boresight);
-        assert!((step - TAU / 64.0).abs() < 1e-3, "{step}");
+        assert!((TAU / 384.0 - 1e-9..TAU / 340.0).contains(&step), "{step}");
     }
     assert_eq!(handle.with(|w| w.spins.clone()), [Some(config.rate_rad_s), None]);
     // A turn that is given up for good ends at rest, too.

@@ -99,7 +99,7 @@ fn the_rim_of_the_region_is_the_quantile_of_f() {
     assert!(fit.region(1.0).is_none() && fit.reference_interval(0.0).is_none());
 }
 
-/// Few points, so that an ellipse with χ² in place of F would hold 90.5 % only. 4000 calibrations of
+/// Few points, so that an ellipse with χ² in place of F would hold 91.5 % only. 4000 calibrations of
 /// 15 points, seed 12: the share of truths inside is binomial, 0.95 ± 4·√(0.95·0.05/4000) = 0.0138
 /// but for 6e-5 of seeds. Each of the two intervals alone holds as many.
 #[test]
