@@ -1,7 +1,16 @@
 use crate::support::foxhunt;
 
-const SUBCOMMANDS: [&str; 8] =
-    ["hunt", "campaign", "scenarios", "estimators", "replay", "calibrate", "locate", "bearing"];
+const SUBCOMMANDS: [&str; 9] = [
+    "hunt",
+    "campaign",
+    "scenarios",
+    "estimators",
+    "extractors",
+    "replay",
+    "calibrate",
+    "locate",
+    "bearing",
+];
 
 #[test]
 fn every_subcommand_explains_itself() {

@@ -2,6 +2,7 @@
 
 mod campaign;
 mod exit_codes;
+mod extractors;
 mod help;
 mod hunt;
 mod pipes;
