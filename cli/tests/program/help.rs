@@ -5,6 +5,7 @@ const SUBCOMMANDS: [&str; 9] = [
     "campaign",
     "scenarios",
     "estimators",
+    "extractors",
     "replay",
     "calibrate",
     "locate",

@@ -4,6 +4,7 @@ mod antenna;
 mod calibration;
 mod campaign;
 mod exit_codes;
+mod extractors;
 mod help;
 mod hunt;
 mod pipes;

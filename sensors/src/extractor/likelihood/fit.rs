@@ -42,10 +42,15 @@ impl<'a, A: Antenna> Fit<'a, A> {
         Self { antenna, table, looks, variances, single_variance, silence }
     }
 
-    /// The same turn with other variances of its looks.
-    pub(super) fn with_variances(&self, variances: Vec<f64>) -> Self {
-        let (looks, silence) = (self.looks.clone(), self.silence.clone());
-        Self { variances, looks, silence, ..*self }
+    /// The same turn's heard looks with other variances.
+    pub(super) fn heard(&self, variances: Vec<f64>) -> Self {
+        Self { variances, looks: self.looks.clone(), silence: None, ..*self }
+    }
+
+    /// Whether some of the silence may be weakness, for a signal from `offset`.
+    pub(super) fn is_censored(&self, offset: f64, level: f64) -> bool {
+        let gain = |silent: f64| self.table.at(offset - silent);
+        self.silence.as_ref().is_some_and(|s| s.matters(level, self.single_variance, gain))
     }
 
     /// The gain about its mean along each look, for a signal from `offset`.

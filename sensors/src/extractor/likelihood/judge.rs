@@ -54,6 +54,10 @@ const TWO_PATHS: f64 = 5.0;
 /// not asked for a second one: σ of a mean square over a hundred looks is 0.14.
 const FITS: f64 = 1.2;
 
+/// Two paths are laid against the pattern of a level antenna. One that is tilted by more than this,
+/// in radians, is not: 8° move a lobe of 70° up or down by 0.2 dB.
+const STEEP: f64 = 0.14;
+
 /// With fewer looks two paths meet anything.
 const FEWEST: f64 = 16.0;
 
@@ -70,21 +74,25 @@ pub(super) fn reflection<A: Antenna>(
     let single = gaussian::nodes(fit, 1.0);
     let (offset, level) = summit(&single);
     let misfit = Misfit::new(fit, offset, &fit.residuals(offset, level), ONE_PATH);
-    if fit.looks.len() < FEWEST || !fit.looks.level || misfit.inflation() < FITS {
+    let few = fit.looks.len() < FEWEST;
+    let fits = misfit.inflation() < FITS;
+    // Near the floor only the strongest readings are heard: they leave more than noise.
+    if few || fits || fit.looks.tilt > STEEP || fit.is_censored(offset, level) {
         let posterior = Posterior::new(&tempered(fit, single, misfit.inflation()));
         return Judged { posterior, residual_db: misfit.residual_db };
     }
+    let fit = &fit.heard(fit.variances.clone());
     let two = TwoPaths { fit, amplitude };
     let found = two.search(offset, level);
     let Some(best) = found.first() else { return gaussian(fit) };
     let residuals = two.residuals(best);
     match reflection::faded(fit, fadings, best.unknowns[BEARING], &residuals) {
-        None => one_or_two(fit, amplitude, found, Some(single)),
+        None => one_or_two(fit, amplitude, found),
         Some(variances) => {
-            let fit = fit.with_variances(variances);
+            let fit = fit.heard(variances);
             let two = TwoPaths { fit: &fit, amplitude };
             let found = two.search(offset, level);
-            one_or_two(&fit, amplitude, found, None)
+            one_or_two(&fit, amplitude, found)
         }
     }
 }
@@ -93,13 +101,12 @@ fn one_or_two<A: Antenna>(
     fit: &Fit<'_, A>,
     amplitude: &GainTable,
     found: Vec<super::two_paths::Paths>,
-    single: Option<Vec<Node>>,
 ) -> Judged {
     let two = TwoPaths { fit, amplitude };
     let Some(best) = found.first() else { return gaussian(fit) };
     let misfit = Misfit::new(fit, best.unknowns[BEARING], &two.residuals(best), TWO_PATHS);
     let inflation = misfit.inflation();
-    let single = tempered(fit, single.unwrap_or_else(|| gaussian::nodes(fit, 1.0)), inflation);
+    let single = tempered(fit, gaussian::nodes(fit, 1.0), inflation);
     let posterior = reflection::mixture(single, &two.nodes(&found, inflation))
         .blurred(UNRESOLVED * best.ratio());
     Judged { posterior, residual_db: misfit.residual_db }

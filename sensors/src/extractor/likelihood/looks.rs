@@ -37,6 +37,8 @@ pub(in crate::extractor) struct Looks {
     pub(in crate::extractor) whole_db: bool,
     /// The antenna is nowhere tilted by more than a degree.
     pub(in crate::extractor) level: bool,
+    /// The largest pitch or roll, in radians.
+    pub(in crate::extractor) tilt: f64,
 }
 
 /// Readings whose boresights differ by less than this, in radians, are of one look: a quarter of
@@ -57,11 +59,13 @@ impl Looks {
         let mut of_position: Vec<Option<usize>> = Vec::new();
         of_position.resize(usize::from(sweep.positions), None);
         let mut looks: Vec<Look> = Vec::with_capacity(of_position.len());
-        let (mut scatter, mut freedom, mut whole_db, mut level) = (0.0, 0.0, true, true);
+        let tilt = |pose: &Pose| pose.pitch.abs().max(pose.roll.abs());
+        let tilt = sweep.samples.iter().map(|s| tilt(&s.receiver)).fold(0.0, f64::max);
+        let level = tilt < LEVEL;
+        let (mut scatter, mut freedom, mut whole_db) = (0.0, 0.0, true);
         for sample in sweep.samples {
             whole_db &= (sample.rss_dbm - libm::round(sample.rss_dbm)).abs() < 1e-9;
             let Pose { pitch, roll, .. } = sample.receiver;
-            level &= pitch.abs() < LEVEL && roll.abs() < LEVEL;
             let offset = angle::wrap(sample.boresight - origin);
             let same = |look: &Look| {
                 let tilt = |pose: &Pose| (pose.pitch - pitch).abs().max((pose.roll - roll).abs());
@@ -91,7 +95,7 @@ impl Looks {
                 }
             }
         }
-        Ok(Self { looks, origin, scatter, freedom, whole_db, level })
+        Ok(Self { looks, origin, scatter, freedom, whole_db, level, tilt })
     }
 
     /// The variance of a reading about its look's mean: what the turn shows, pooled with a prior

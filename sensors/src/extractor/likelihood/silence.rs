@@ -42,6 +42,13 @@ impl Silence {
         (!offsets.is_empty()).then_some(Self { offsets, threshold_dbm, answered })
     }
 
+    /// Whether a silent boresight's power may have been below the floor, at a level: within three
+    /// σ of it or lower.
+    pub(super) fn matters(&self, level: f64, variance: f64, gain: impl Fn(f64) -> f64) -> bool {
+        let reach = self.threshold_dbm + 3.0 * libm::sqrt(variance);
+        self.offsets.iter().any(|offset| level + gain(*offset) < reach)
+    }
+
     /// The level that the heard readings, in information form, and the silence make together, by
     /// expectation and maximisation over losses and over the powers that were not heard (Dempster,
     /// Laird & Rubin 1977). `expected` tells the gain along each silent boresight and the variance
