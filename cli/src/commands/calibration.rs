@@ -48,16 +48,21 @@ impl Calibration {
     }
 }
 
-/// The extractor of this name, calibrated.
+/// The extractor of this name, calibrated. The σ of another extractor is not its own.
 pub(super) fn calibrated(
     file: &CalibrationFile,
     name: &str,
     extractor: BoxedExtractor,
 ) -> Result<BoxedExtractor, CliError> {
-    let whose = file.bearings.as_ref().and_then(|bearings| bearings.extractor.as_deref());
-    let other = |whose: &&str| *whose != name && *whose != "recorded" && file.station.is_none();
+    let mut file = Cow::Borrowed(file);
+    let whose = file.bearings.as_ref().and_then(|bearings| bearings.extractor.clone());
+    let other = |whose: &String| whose != name && whose != "recorded" && file.station.is_none();
     if let Some(whose) = whose.filter(other) {
-        warn(&format!("  the bearings of {whose} were calibrated, and these are of {name}"));
+        warn(&format!("  the bearings of {whose} were calibrated: the σ of {name} stays as it is"));
+        if let Some(bearings) = &mut file.to_mut().bearings {
+            bearings.correction.sigma_scale = 1.0;
+            bearings.correction.sigma_floor_deg = 0.0;
+        }
     }
     file.extractor(extractor).map_err(|error| {
         CliError::input(InFile { file: "--calibration".to_owned(), source: Box::new(error) })

@@ -76,6 +76,11 @@ fn a_misaligned_antenna_is_calibrated_and_corrected() {
     assert!((before - 282.0).abs() < 3.0 && (after - 270.0).abs() < 3.0, "{before} {after}");
     assert!(narrow < 0.5 * wide, "{wide} {narrow}");
 
+    // The offset is the antenna's; σ is the extractor's.
+    let other = ["bearing", &flight, "--calibration", file, "--extractor", "main-lobe"];
+    let told = foxhunt(other);
+    assert!(told.code == 0 && told.stderr.contains("σ of main-lobe stays"), "{told:?}");
+
     let located = |args: &[&str]| {
         let report = foxhunt(["locate", "--json", &flight].iter().chain(args)).json();
         number(&report["error_m"])

@@ -61,8 +61,8 @@ pub enum CalibrationError {
     /// The headings are too much alike for an offset that depends on them.
     #[error("the headings span too little of the circle to tell how the offset depends on them")]
     Headings,
-    /// All errors are 0: there is no scale to find.
-    #[error("every error is 0; a standard deviation has no scale then")]
+    /// All errors are 0, or rounding beside their σ: there is no scale to find.
+    #[error("the errors are nothing beside their standard deviations, which have no scale then")]
     NoError,
     /// What was fitted is no station.
     #[error("the station: {0}")]

@@ -41,6 +41,9 @@ pub struct SigmaFit {
 /// parameter within its interval lies below the maximum (Wilks 1938).
 const DROP_95: f64 = 0.5 * 3.841_458_820_694_124;
 
+/// Errors of less than a ten-thousandth of their σ, in squares, are rounding and no noise.
+const NO_ERROR: f64 = 1e-8;
+
 /// How many standard deviations hold 95 % of a Gaussian.
 const REACH_95: f64 = 1.959_963_984_540_054;
 
@@ -132,7 +135,7 @@ impl Sums {
         if sums.points < NEEDED {
             return Err(CalibrationError::TooFew { points: sums.points, needed: NEEDED });
         }
-        if sums.squared_error <= f64::MIN_POSITIVE {
+        if sums.squared_error <= NO_ERROR * sums.squared_sigma {
             return Err(CalibrationError::NoError);
         }
         Ok(sums)
