@@ -1,6 +1,6 @@
 use crate::support::foxhunt;
 
-const SUBCOMMANDS: [&str; 9] = [
+const SUBCOMMANDS: [&str; 10] = [
     "hunt",
     "campaign",
     "scenarios",
