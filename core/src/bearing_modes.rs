@@ -1,9 +1,4 @@
-use core::f64::consts::TAU;
-
-use crate::{
-    angle::{self, Resultant},
-    noise::log_add,
-};
+use crate::angle::{self, Resultant};
 
 /// One of several directions that a turn of the antenna may have heard its signal from.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -74,22 +69,33 @@ impl BearingModes {
         }
         let mut total = 0.0;
         for (index, mode) in modes.iter().enumerate() {
+            // Its square counts, too, and the sum of the weights.
             let positive = |value: f64| value > 0.0 && value.is_finite();
             for (field, value, holds, requirement) in [
                 ("weight", mode.weight, positive(mode.weight), "a positive number"),
                 ("angle", mode.angle, mode.angle.is_finite(), "finite"),
-                ("sigma", mode.sigma, positive(mode.sigma), "a positive number"),
+                (
+                    "sigma",
+                    mode.sigma,
+                    mode.sigma > 0.0 && positive(mode.sigma * mode.sigma),
+                    "a positive number",
+                ),
             ] {
                 if !holds {
                     return Err(BearingModesError::Field { index, field, value, requirement });
                 }
             }
             total += mode.weight;
+            if !positive(total) {
+                let (field, value, requirement) = ("weight", mode.weight, "of a finite sum");
+                return Err(BearingModesError::Field { index, field, value, requirement });
+            }
         }
         let mut made = Self::default();
         if count > 1 {
             for (own, mode) in made.modes.iter_mut().zip(modes) {
-                *own = BearingMode { weight: mode.weight / total, ..*mode };
+                let weight = (mode.weight / total).max(f64::MIN_POSITIVE);
+                *own = BearingMode { weight, ..*mode };
             }
             made.count = count;
         }
@@ -131,15 +137,6 @@ impl BearingModes {
     pub(crate) fn with_sigma(mut self, sigma: impl Fn(f64) -> f64) -> Self {
         self.modes.iter_mut().for_each(|mode| mode.sigma = sigma(mode.sigma));
         self
-    }
-
-    /// ln Σ w N(z ⊖ h; 0, σ²), with `residual` giving z ⊖ h for a direction z.
-    pub(crate) fn log_density(&self, residual: impl Fn(f64) -> f64) -> f64 {
-        let each = self.as_slice().iter().map(|mode| {
-            let white = residual(mode.angle) / mode.sigma;
-            libm::log(mode.weight / mode.sigma) - 0.5 * (white * white + libm::log(TAU))
-        });
-        each.fold(f64::NEG_INFINITY, log_add)
     }
 }
 
@@ -195,7 +192,7 @@ mod tests {
     #[test]
     fn what_is_no_mixture_is_refused() {
         let good = mode(1.0, 0.0, 0.1);
-        for bad in [mode(-1.0, 0.0, 0.1), mode(1.0, f64::NAN, 0.1), mode(1.0, 0.0, 0.0)] {
+        for bad in [mode(-1.0, 0.0, 0.1), mode(1.0, f64::NAN, 0.1), mode(1.0, 0.0, 1e-170)] {
             assert!(BearingModes::new(&[good, bad]).is_err(), "{bad:?}");
         }
         assert!(BearingModes::new(&[good; 5]).is_err());

@@ -1,6 +1,6 @@
 use nalgebra::{SMatrix, SVector};
 
-use crate::{Axis, Observation, Pose, State};
+use crate::{Axis, Observation, Pose, State, noise};
 
 /// What a receiver at a known pose measures of a target in a given state.
 ///
@@ -95,16 +95,11 @@ pub fn gaussian_log_likelihood<const N: usize, const M: usize>(
     if observation.is_plain() {
         return observation.log_density(&residual);
     }
-    let observation = absorb_receiver_noise(model, state, observation);
-    let Some((bearing, modes)) = observation.bearing_modes() else {
-        return observation.log_density(&residual);
-    };
-    let of_mode = |angle: f64| {
-        let mut value = *observation.value();
-        value[bearing] = angle;
-        model.residual(&value, &expected)[bearing]
-    };
-    observation.log_density_besides_bearing(&residual) + modes.log_density(of_mode)
+    let each = observation.hypotheses().map(|(weight, one)| {
+        let one = absorb_receiver_noise(model, state, &one);
+        libm::log(weight) + one.log_density(&model.residual(one.value(), &expected))
+    });
+    each.fold(f64::NEG_INFINITY, noise::log_add)
 }
 
 /// The Jacobian of `map` at `x` by central differences; `minus` is ⊖ on its image.

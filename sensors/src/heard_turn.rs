@@ -90,17 +90,25 @@ impl Heard {
         let last = self.samples.last()?;
         let mut heading = Resultant::default();
         let mut position = Vector3::zeros();
-        let mut count = 0.0;
-        for sample in &self.samples {
-            heading.add(sample.receiver.heading, 1.0);
-            position += sample.receiver.position;
-            count += 1.0;
+        let (mut pitch, mut roll, mut count) = (0.0, 0.0, 0.0);
+        for Sample { receiver, .. } in &self.samples {
+            heading.add(receiver.heading, 1.0);
+            position += receiver.position;
+            (pitch, roll, count) = (pitch + receiver.pitch, roll + receiver.roll, count + 1.0);
+        }
+        // The attitude of a body that turned meanwhile is that of no one heading.
+        if heading.length() < HELD {
+            (pitch, roll) = (0.0, 0.0);
         }
         // Headings that cancel have no mean; then the last one is as good as any.
         let heading = heading.direction(1e-9).unwrap_or(last.receiver.heading);
-        Some(Pose::level(position / count, heading))
+        let (pitch, roll) = (pitch / count, roll / count);
+        Some(Pose { pitch, roll, ..Pose::level(position / count, heading) })
     }
 }
+
+/// Headings whose mean resultant is shorter than this, which is a spread of 8°, did not hold.
+const HELD: f64 = 0.99;
 
 /// The position, of so many in a turn, that is nominally nearest to an angle in radians: a motor
 /// that is stuck does not fill positions it has never been to.

@@ -146,6 +146,10 @@ impl ExtractorConfig {
 
 impl KnownAntennaConfig {
     fn likelihood(&self, residuals: Residuals) -> Result<BoxedExtractor, ExtractorConfigError> {
+        if !(self.degrees > 0.0 && self.degrees.is_finite()) {
+            let (name, value, requirement) = ("degrees", self.degrees, "a positive number");
+            return Err(ParameterError::Value { name, value, requirement }.into());
+        }
         let extractor = MaximumLikelihood::new(self.antenna.build()?)
             .with_elevation(self.elevation_deg.to_radians())?
             .with_sample_sigma_db(self.sample_sigma_db)?

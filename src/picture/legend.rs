@@ -126,8 +126,8 @@ fn marks(rows: &mut Rows<'_, '_>, scene: &Scene) -> Result<(), PictureError> {
         })?;
     }
     if !scene.beacons.is_empty() {
-        let truly = if scene.courses.is_empty() { "is" } else { "was in the end" };
-        rows.mark(&format!("beacon, where it truly {truly}"), |canvas, at| {
+        let truly = if scene.courses.is_empty() { "where it truly is" } else { "truly in the end" };
+        rows.mark(&format!("beacon, {truly}"), |canvas, at| {
             canvas.star(at, 9 * UNIT, palette::INK.to_rgba())
         })?;
     }

@@ -4,10 +4,11 @@ use foxhunt::{
     calibration::{CalibrationFile, PathLossSection, StationSection},
     config::BoxedExtractor,
     recorded::{
-        CalibrateConfig, RecordedError, StationConfig, calibrate, calibrate_bearings,
-        fit_boresights, station_boresights,
+        CalibrateConfig, StationConfig, calibrate, calibrate_bearings, fit_boresights,
+        station_boresights,
     },
     recording::Recording,
+    sensors::PathLossFit,
 };
 
 use super::{
@@ -41,7 +42,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true)]
     target_up_m: f64,
     /// The largest exponent that is let through; without it there is no bound
-    #[arg(long, value_name = "V")]
+    #[arg(long, value_name = "V", allow_hyphen_values = true)]
     max_exponent: Option<f64>,
     /// Bursts that a station heard from nearer than this do not count, in metres
     #[arg(long, value_name = "M", default_value_t = 30.0)]
@@ -63,6 +64,9 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         let message = format!("--least-range-m is {}, no distance", args.least_range_m);
         return Err(CliError::input(message));
     }
+    if let Some(most) = args.max_exponent.filter(|most| !(*most > 0.0 && most.is_finite())) {
+        return Err(CliError::input(format!("--max-exponent is {most}; it must be positive")));
+    }
     let recordings = args.reading.read(&args.files)?;
     let beacon = args.reading.beacon(&recordings)?;
     let truth = match args.truth {
@@ -79,7 +83,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         positions: args.reading.positions,
     };
     let extractor = args.extraction.build()?;
-    let report = fit(args, &recordings, beacon, extractor, &config).map_err(CliError::input)?;
+    let report = fit(args, &recordings, beacon, extractor, &config)?;
     output.result(&report, text)?;
     if let Some(out) = &args.out {
         fs::write(out, report.file.to_toml()).map_err(|error| CliError::writing(out, error))?;
@@ -95,7 +99,7 @@ fn fit(
     beacon: Option<String>,
     mut extractor: BoxedExtractor,
     config: &CalibrateConfig,
-) -> Result<Report, RecordedError> {
+) -> Result<Report, CliError> {
     let mut report = Report::new(recordings, beacon.clone());
     let records = || recordings.iter().flat_map(Recording::records);
 
@@ -130,18 +134,30 @@ fn fit(
     }
 
     // Last, for the levels of a station's turns need its pattern.
-    match calibrate(recordings, beacon.as_deref(), extractor.as_ref(), config) {
-        Ok(calibration) => {
+    let why = match calibrate(recordings, beacon.as_deref(), extractor.as_ref(), config) {
+        Ok(calibration) if falls(&calibration.fit) => {
             report.file.path_loss = Some(PathLossSection::from(&calibration.fit));
             report.path_loss(&calibration);
+            return Ok(report);
         }
-        Err(error) => {
-            let CalibrationFile { bearings, station, .. } = &report.file;
-            if bearings.is_none() && station.is_none() {
-                return Err(error);
-            }
-            report.skipped.insert(0, Skipped { what: "path loss", why: error.to_string() });
-        }
+        // A law that may as well rise with range would send a hunt astray.
+        Ok(calibration) => CliError::input(format!("{NO_FALL} (γ {})", calibration.fit.exponent)),
+        Err(error) => CliError::input(error),
+    };
+    let CalibrationFile { bearings, station, .. } = &report.file;
+    if bearings.is_none() && station.is_none() {
+        return Err(why);
     }
+    report.skipped.insert(0, Skipped { what: "path loss", why: why.to_string() });
     Ok(report)
+}
+
+/// Why a path loss that was fitted is not told.
+const NO_FALL: &str = "the levels do not show that power falls with range: the exponent's 95 % \
+     interval reaches 0; points over a wider span of ranges are needed";
+
+/// Whether power falls with range for certain.
+fn falls(fit: &PathLossFit) -> bool {
+    let certain = fit.exponent_interval(0.95).is_none_or(|[low, _]| low > 0.0);
+    fit.exponent > 0.0 && (fit.at_bound || certain)
 }

@@ -43,7 +43,8 @@ use crate::{
                         foxhunt campaign antennas --runs 200 --estimator grid\n  \
                         foxhunt campaign bearing-reflector --runs 2000 --antenna panel.msi")]
 pub(crate) struct Args {
-    /// A built-in scenario (`foxhunt scenarios` lists them), a TOML file, or `antennas`
+    /// A built-in scenario (`foxhunt scenarios` lists them), a TOML file, `antennas`, or one of
+    /// bearing-clean, bearing-lost, bearing-reflector, bearing-65 and bearing-block
     #[arg(default_value = DEFAULT_SCENARIO)]
     scenario: String,
     /// How many hunts each estimator flies
@@ -86,9 +87,12 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         let draw = (args.runs, args.seed, jobs);
         return bearing_campaign::run(&case, &args.extraction, draw, output);
     }
-    if !args.flown
-        && let Some(trial) = choice::trial(&args.scenario)?
-    {
+    let trial = choice::trial(&args.scenario)?;
+    if args.flown && trial.is_none() {
+        let message = format!("--flown is for names of trials; {} is none", args.scenario);
+        return Err(CliError::input(message));
+    }
+    if let Some(trial) = trial.filter(|_| !args.flown) {
         return run_trial(args, &trial, jobs, output);
     }
     let mut scenario = match args.scenario.as_str() {
@@ -96,7 +100,9 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         name => choice::scenario(name)?,
     };
     args.calibration.read()?.tell(&mut scenario);
+    args.overrides.tell(&mut scenario);
     scenario.extractor = args.extraction.config(&scenario.extractor)?;
+    args.overrides.warn_of(&scenario);
     let estimators: Vec<_> =
         estimators(args, &scenario)?.into_iter().map(|e| args.overrides.apply(e)).collect();
     if args.scenario == antennas::NAME {
@@ -115,7 +121,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
 
 fn run_trial(args: &Args, trial: &Trial, jobs: usize, output: Output) -> Result<(), CliError> {
     if args.overrides.any() || args.calibration.is_given() || args.extraction.any() {
-        let flags = "--components, --prior-sigma-m, --power-sigma-db, --lag-s, --calibration, \
+        let flags = "--components, --prior-sigma-m, --power-sigma-db, --bearing-sigma-deg, --lag-s, --calibration, \
                      --extractor and --antenna";
         return Err(CliError::input(format!(
             "{flags} are of flown hunts; {} is a trial",

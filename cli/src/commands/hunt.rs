@@ -55,7 +55,9 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let mut scenario = choice::scenario(&args.scenario)?;
     args.calibration.read()?.tell(&mut scenario);
+    args.overrides.tell(&mut scenario);
     scenario.extractor = args.extraction.config(&scenario.extractor)?;
+    args.overrides.warn_of(&scenario);
     let estimator = choice::estimator_of(args.estimator.as_deref(), &scenario, &args.scenario)?;
     let estimator = args.overrides.apply(estimator);
     let header = log_header(&scenario, &estimator, args.seed);

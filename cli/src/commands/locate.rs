@@ -133,6 +133,8 @@ const MUCH_BORDER: f64 = 0.05;
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     check(args)?;
     let own = args.calibration.read()?;
+    // What the command line itself gets wrong comes before any file.
+    power(args, &own)?;
     let recordings = args.reading.read(&args.files)?;
     let beacon = args.reading.beacon(&recordings)?;
     let format = recordings.first().map_or("", Recording::format);

@@ -1,5 +1,11 @@
 use clap::ValueEnum;
-use foxhunt::{config::NamedEstimator, hunt::Components};
+use foxhunt::{
+    config::{ExtractorConfig, NamedEstimator},
+    hunt::Components,
+    scenario::Scenario,
+};
+
+use crate::output::warn;
 
 /// What of an estimator is set otherwise than its name says.
 #[derive(Debug, clap::Args)]
@@ -15,6 +21,10 @@ pub(super) struct Overrides {
     /// known
     #[arg(long, value_name = "DB")]
     power_sigma_db: Option<f64>,
+    /// Add so much to the σ of each bearing, in squares: errors that no turn shows of itself, as where
+    /// whole patterns are turned
+    #[arg(long, value_name = "DEG")]
+    bearing_sigma_deg: Option<f64>,
     /// Use receptions that come at most so many seconds late at their own time
     #[arg(long, value_name = "S")]
     lag_s: Option<f64>,
@@ -34,8 +44,31 @@ enum Told {
 impl Overrides {
     /// Whether anything was.
     pub(super) fn any(&self) -> bool {
-        let Self { components, prior_sigma_m, power_sigma_db, lag_s } = self;
-        components.is_some() || [prior_sigma_m, power_sigma_db, lag_s].iter().any(|v| v.is_some())
+        let Self { components, prior_sigma_m, power_sigma_db, bearing_sigma_deg, lag_s } = self;
+        let numbers = [prior_sigma_m, power_sigma_db, bearing_sigma_deg, lag_s];
+        components.is_some() || numbers.iter().any(|v| v.is_some())
+    }
+
+    /// Tells a scenario's hunt what was asked for of its bearings.
+    pub(super) fn tell(&self, scenario: &mut Scenario) {
+        if let Some(sigma) = self.bearing_sigma_deg {
+            scenario.bearings.get_or_insert_default().sigma_floor_deg = sigma;
+        }
+    }
+
+    /// Warns of an extractor whose σ is that of the turn alone, in a world that turns patterns as a
+    /// whole.
+    pub(super) fn warn_of(&self, scenario: &Scenario) {
+        let turned = scenario.world.channel.bearing_sigma_deg;
+        let told = scenario.bearings.is_some_and(|bearings| bearings.sigma_floor_deg > 0.0);
+        let reference = matches!(scenario.extractor, ExtractorConfig::Pritzl2018(_));
+        if turned > 0.0 && !told && !reference {
+            warn(&format!(
+                "  {} turns whole patterns by {turned}°, which no turn shows: its bearings are less \
+                 certain than this extractor says; tell it with --bearing-sigma-deg {turned}",
+                scenario.name
+            ));
+        }
     }
 
     /// The estimator with what was asked for set otherwise.

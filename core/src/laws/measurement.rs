@@ -47,6 +47,9 @@ pub fn measurement_model<const N: usize, const M: usize>(
             let modes = BearingModes::new(&modes).expect("two proper directions");
             let several = observation.with_bearing_modes(bearing, modes);
             likelihoods(model, state, &several);
+            let sigma = nalgebra::Vector3::new(0.5, 0.3, 0.2);
+            let several = several.with_receiver_sigma(sigma).expect("a proper place");
+            likelihoods(model, state, &several);
             let told = model.log_likelihood(state, &several);
             let mixture = several
                 .hypotheses()

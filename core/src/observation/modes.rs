@@ -1,7 +1,3 @@
-use core::f64::consts::TAU;
-
-use nalgebra::SVector;
-
 use super::Observation;
 use crate::BearingModes;
 
@@ -69,16 +65,6 @@ impl<const M: usize> Observation<M> {
             self.modes = Some((bearing, modes.with_sigma(sigma)));
         }
         self
-    }
-
-    /// ln N(r; 0, R) over the components present but the bearing that directions compete for,
-    /// which has no part in their noise.
-    pub(crate) fn log_density_besides_bearing(&self, residual: &SVector<f64, M>) -> f64 {
-        let Some((bearing, _)) = self.modes else { return self.log_density(residual) };
-        let mut others = *residual;
-        others[bearing] = 0.0;
-        let variance = self.noise[(bearing, bearing)];
-        self.log_density(&others) + 0.5 * libm::log(TAU * variance)
     }
 }
 

@@ -21,6 +21,9 @@ where
     F: MotionModel<N> + Clone,
     H: MeasurementModel<N, M> + Clone,
 {
+    if observation.bearing_modes().is_none() {
+        return bank.update(observation);
+    }
     let mut fused = Vec::new();
     let mut told = None;
     for (weight, one) in observation.hypotheses() {

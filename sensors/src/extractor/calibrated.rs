@@ -54,11 +54,16 @@ impl<X> Calibrated<X> {
         libm::hypot(self.scale * sigma, self.floor)
     }
 
-    fn modes(&self, modes: &BearingModes, offset: f64) -> BearingModes {
+    /// A direction with its error at the heading towards it taken off.
+    fn angle(&self, sweep: &Sweep<'_>, direction: f64) -> f64 {
+        angle::wrap(direction - self.offset.at(heading_towards(sweep, direction)))
+    }
+
+    fn modes(&self, sweep: &Sweep<'_>, modes: &BearingModes) -> BearingModes {
         let mut corrected = [BearingMode::default(); BearingModes::CAPACITY];
         let own = modes.as_slice();
         for (new, mode) in corrected.iter_mut().zip(own) {
-            let angle = angle::wrap(mode.angle - offset);
+            let angle = self.angle(sweep, mode.angle);
             *new = BearingMode { angle, sigma: self.sigma(mode.sigma), ..*mode };
         }
         BearingModes::new(&corrected[..own.len()]).unwrap_or_default()
@@ -71,18 +76,18 @@ const ANY_DIRECTION: f64 = 1.813_799_364_234_217_8;
 impl<X: BearingExtractor> BearingExtractor for Calibrated<X> {
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
         let reading = self.extractor.extract(sweep)?;
-        let Ok(bearing) = reading.bearing else { return Ok(reading) };
-        let offset = self.offset.at(heading_towards(sweep, bearing.angle));
-        let (angle, sigma) = (angle::wrap(bearing.angle - offset), self.sigma(bearing.sigma));
+        // Directions that compete may be too far apart for a bearing.
+        let modes = self.modes(sweep, &reading.modes);
+        let Ok(bearing) = reading.bearing else { return Ok(Reading { modes, ..reading }) };
+        let (angle, sigma) = (self.angle(sweep, bearing.angle), self.sigma(bearing.sigma));
         if sigma > bearing.sigma.max(ANY_DIRECTION) {
             let too_wide = Err(NoBearing::TooWide { sigma, limit: ANY_DIRECTION });
-            let modes = BearingModes::default();
             return Ok(Reading { bearing: too_wide, covariance: 0.0, modes, ..reading });
         }
         Ok(Reading {
             bearing: Ok(foxhunt_core::Bearing { angle, sigma, ..bearing }),
             covariance: reading.covariance * (sigma / bearing.sigma),
-            modes: self.modes(&reading.modes, offset),
+            modes,
             ..reading
         })
     }

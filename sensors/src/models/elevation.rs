@@ -15,9 +15,9 @@ const OVERHEAD: f64 = 1e-3;
 /// over the turn depends on the elevation at which the beacon lies, seen from the body.
 ///
 /// The model inside expects the level at the horizon in its first component, in dB; to that the
-/// [`ElevationPattern`] is added; without one it is the model inside. The elevation follows from the target's place and height and from the
-/// receiver's place and attitude. The noise is Gaussian; a
-/// [`Censored`](crate::Censored) model goes round this one, not into it.
+/// [`ElevationPattern`] is added; without one it is the model inside. The elevation follows from
+/// the target's place and height and from the receiver's place and attitude. The noise is
+/// Gaussian; a [`Censored`](crate::Censored) model goes round this one, not into it.
 ///
 /// ```
 /// use foxhunt_core::{MeasurementModel, Pose, nalgebra::{Vector1, Vector2}};

@@ -2,7 +2,10 @@
 
 use core::f64::consts::{PI, TAU};
 
-use foxhunt_core::{BearingExtractor, NoBearing, Pose, Sample, Sweep, angle, laws};
+use foxhunt_core::{
+    BearingExtractor, BearingMode, BearingModes, NoBearing, NoReading, Pose, Reading, Sample,
+    Sweep, angle, laws,
+};
 use foxhunt_sensors::{
     BearingError, BearingOffset, Calibrated, KnownBearing, OffsetTerms, PatternTable, Pritzl2018,
     fit_bearing_offset, fit_sigma, heading_towards,
@@ -144,4 +147,42 @@ fn the_heading_is_that_of_the_look() {
     );
     let empty = Sweep { samples: &[], receiver: Pose { heading: 1.5, ..Pose::default() }, ..sweep };
     assert!((heading_towards(&empty, 0.0) - 1.5).abs() < 1e-12);
+}
+
+/// Two opposite directions and no bearing, as of an antenna whose back is its front.
+struct Opposite;
+
+impl BearingExtractor for Opposite {
+    fn extract(&self, _sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
+        let mode = |weight, angle| BearingMode { weight, angle, sigma: 0.1 };
+        let modes = BearingModes::new(&[mode(0.5, 0.3), mode(0.5, 0.3 - PI)]).expect("two");
+        Ok(Reading {
+            rss_dbm: -60.0,
+            rss_sigma_db: 4.0,
+            bearing: Err(NoBearing::Ambiguous { resultant: 0.0 }),
+            covariance: 0.0,
+            modes,
+        })
+    }
+}
+
+#[test]
+fn directions_that_compete_are_corrected_each_for_itself() {
+    // A body that turned: the nose pointed to where the antenna looked.
+    let sample = |heading: f64| Sample {
+        time: 0.0,
+        receiver: Pose::level(nalgebra::Vector3::zeros(), heading),
+        boresight: heading,
+        position: 0,
+        rss_dbm: -60.0,
+    };
+    let samples = [sample(0.3), sample(0.3 - PI)];
+    let extractor = Calibrated::new(Opposite).with_offset(OFF).expect("finite");
+    let extractor = extractor.with_sigma(2.0, 0.0).expect("in range");
+    let reading = extractor.extract(&sweep_of(&samples)).expect("it has a level");
+    for (mode, heading) in reading.modes.as_slice().iter().zip([0.3, 0.3 - PI]) {
+        let error = angle::distance(mode.angle, heading - OFF.at(heading));
+        assert!(error < 1e-12 && (mode.sigma - 0.2).abs() < 1e-12, "{mode:?}");
+    }
+    assert_eq!(reading.modes.as_slice().len(), 2);
 }

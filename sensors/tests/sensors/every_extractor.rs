@@ -4,8 +4,8 @@ use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{BearingExtractor, NoReading, Pose, Reading, Sample, Sweep, angle, laws};
 use foxhunt_sensors::{
-    Antenna, CrossCorrelation, FirstHarmonic, MainLobeFit, Maximum, MaximumLikelihood,
-    PatternTable, Pritzl2018, Residuals,
+    Antenna, CrossCorrelation, FirstHarmonic, Isotropic, MainLobeFit, Maximum, MaximumLikelihood,
+    PatternTable, Pritzl2018, Residuals, Yagi,
 };
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
@@ -196,4 +196,45 @@ fn settings_are_checked() {
     assert!(ml().with_max_sigma(f64::INFINITY).is_err());
     assert!(ml().with_rss_sigma_db(-0.1).is_err());
     assert!(patch().gain_dbi(0.0, 0.0).is_finite());
+}
+
+#[test]
+fn an_antenna_that_is_flat_all_round_tells_no_direction() {
+    let conditions = Conditions { bearing: 1.0, ..Conditions::default() };
+    let samples = simulate(&conditions, &PatternTable::reference_patch(), 5);
+    let sweep = sweep_of(&samples);
+    let flat = |residuals| MaximumLikelihood::new(Isotropic).with_residuals(residuals);
+    let readings = [
+        CrossCorrelation::new(Isotropic).extract(&sweep),
+        flat(Residuals::Gaussian).extract(&sweep),
+        flat(Residuals::StudentT { degrees: 4.0 }).extract(&sweep),
+        flat(Residuals::Reflection).extract(&sweep),
+    ];
+    for reading in readings {
+        let reading = reading.expect("it has a level");
+        assert!(reading.bearing.is_err() && reading.rss_dbm.is_finite(), "{reading:?}");
+    }
+}
+
+/// Through a dipole tilted by its elevation, two paths are laid against the gain at that elevation.
+#[test]
+fn an_elevation_goes_through_all_that_is_made_of_the_antenna() {
+    let yagi = Yagi::new(5, 0.25, 15.0).expect("in range");
+    let bearing = 0.7;
+    let conditions = Conditions { bearing, ..Conditions::default() };
+    let elevation: f64 = -0.7;
+    let mean = yagi.mean_gain_db(elevation);
+    let mut samples = simulate(&conditions, &PatternTable::reference_patch(), 5);
+    for sample in &mut samples {
+        // A reflection at half amplitude, in phase, from 2 rad aside.
+        let field = |at: f64| 10.0_f64.powf(yagi.gain_dbi(at - sample.boresight, elevation) / 20.0);
+        let sum = field(bearing) + 0.5 * field(bearing + 2.0);
+        sample.rss_dbm = -60.0 + 20.0 * sum.log10() - mean;
+    }
+    let extractor = |elevation: f64| {
+        let likelihood = MaximumLikelihood::new(yagi).with_residuals(Residuals::Reflection);
+        likelihood.with_elevation(elevation).expect("in range").extract(&sweep_of(&samples))
+    };
+    let told = extractor(elevation).expect("a full turn").bearing.expect("a main lobe");
+    assert!(angle::distance(told.angle, bearing) < 0.01, "{told:?}");
 }

@@ -100,12 +100,14 @@ impl QuadrotorConfig {
         in_range("vehicle.tilt_limit_deg", self.tilt_limit_deg, 1.0..=60.0, "in 1 … 60")?;
         in_range("vehicle.thrust_limit", self.thrust_limit, 1.2..=10.0, "in 1.2 … 10")?;
         positive("vehicle.yaw_limit_rad_s2", self.yaw_limit_rad_s2)?;
-        not_negative("vehicle.drag_per_s", self.drag_per_s)?;
         in_range("vehicle.rate_hz", self.rate_hz, 100.0..=10_000.0, "in 100 … 10 000")?;
         finite("vehicle.wind.east_mps", self.wind.east_mps)?;
         finite("vehicle.wind.north_mps", self.wind.north_mps)?;
         not_negative("vehicle.wind.gust_sigma_mps", self.wind.gust_sigma_mps)?;
         positive("vehicle.wind.gust_time_s", self.wind.gust_time_s)?;
-        self.gains.check()
+        // What is quicker than half the rate is beyond the integration's stability.
+        let most = 0.5 * self.rate_hz;
+        in_range("vehicle.drag_per_s", self.drag_per_s, 0.0..=most, "below half of rate_hz")?;
+        self.gains.check(most)
     }
 }

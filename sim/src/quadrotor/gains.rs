@@ -2,7 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     SimError,
-    config::{not_negative, positive},
+    config::{in_range, not_negative, positive},
 };
 
 /// The controllers' gains: what acceleration, in m/s² or rad/s², an error of a metre or a radian
@@ -53,7 +53,8 @@ impl Default for Gains {
 }
 
 impl Gains {
-    pub(super) fn check(&self) -> Result<(), SimError> {
+    /// Refuses what is not positive, or quicker than `most` per second.
+    pub(super) fn check(&self, most: f64) -> Result<(), SimError> {
         for (field, value) in [
             ("altitude_p", self.altitude_p),
             ("altitude_d", self.altitude_d),
@@ -64,7 +65,16 @@ impl Gains {
             ("place_p", self.place_p),
             ("place_d", self.place_d),
         ] {
-            positive(format_args!("vehicle.gains.{field}"), value)?;
+            let field = format_args!("vehicle.gains.{field}");
+            positive(field, value)?;
+            // A gain on a place goes with the square of its rate.
+            in_range(field, value, 0.0..=most * most, "below the square of half of rate_hz")?;
+        }
+        for (field, value) in
+            [("altitude_d", self.altitude_d), ("yaw_d", self.yaw_d), ("tilt_d", self.tilt_d)]
+        {
+            let field = format_args!("vehicle.gains.{field}");
+            in_range(field, value, 0.0..=most, "below half of rate_hz")?;
         }
         not_negative("vehicle.gains.yaw_i", self.yaw_i)?;
         not_negative("vehicle.gains.place_i", self.place_i)

@@ -46,7 +46,9 @@ impl Reference {
             self.acceleration = Vector3::zeros();
             return;
         }
-        // The slower of the two sets the pace, so that the line is straight.
+        // The slower of the two sets the pace, so that the line is straight. On the goal, but
+        // still moving, any direction will do, as nothing is wanted along it.
+        let distance = distance.max(f64::MIN_POSITIVE);
         let (over_ground, climb) = (way.xy().norm() / distance, way.z.abs() / distance);
         let pace = (over_ground / config.speed_mps).max(climb / config.climb_mps);
         // Nine tenths of what it may do to slow down leave room to correct the course; near the

@@ -66,8 +66,9 @@ impl Patch {
 
 /// n of ((1 + cos ψ) / 2)ⁿ that is 1/2 at half the beamwidth.
 fn exponent(name: &'static str, beamwidth: f64) -> Result<f64, ParameterError> {
-    let holds = beamwidth > 0.0 && beamwidth < PI;
-    parameter::require(holds, name, beamwidth, "between 0 and π rad")?;
+    // A narrower lobe would fall between the steps of the directivity's integral.
+    let holds = (PI / 180.0..PI).contains(&beamwidth);
+    parameter::require(holds, name, beamwidth, "between 1° and 180°, in radians")?;
     Ok(-LN_2 / libm::log(0.5 * (1.0 + libm::cos(0.5 * beamwidth))))
 }
 

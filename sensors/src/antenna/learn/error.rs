@@ -1,3 +1,5 @@
+use crate::PatternTableError;
+
 /// Why no pattern can be learned from recorded turns.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -33,4 +35,7 @@ pub enum LearnPatternError {
     /// The level does not depend on the direction, as far as the noise lets see.
     #[error("the turns show no direction: a flat pattern explains them best")]
     Flat,
+    /// The levels swing by more than an antenna's can.
+    #[error("the fitted pattern is no antenna's: {0}")]
+    Pattern(#[from] PatternTableError),
 }

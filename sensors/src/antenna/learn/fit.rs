@@ -28,6 +28,9 @@ pub struct LearnedPattern {
 /// Of fewer positions nothing is learned.
 const FEWEST: usize = 16;
 
+/// Nor of fewer in a turn.
+const FEWEST_OF_TURN: usize = 4;
+
 /// At most so many harmonics: finer than 7.5° no stepper's antenna is.
 const MOST_HARMONICS: u16 = 24;
 
@@ -49,7 +52,12 @@ const WIDEST_GAP: f64 = PI / 3.0;
 pub fn learn_pattern(turns: &[(Sweep<'_>, f64)]) -> Result<LearnedPattern, LearnPatternError> {
     let mut directions = Vec::new();
     for (turn, (sweep, bearing)) in turns.iter().enumerate() {
+        let before = directions.len();
         heard(turn, sweep, *bearing, &mut directions)?;
+        // A turn has a level of its own, so that few positions of it tell nothing of the shape.
+        if directions.len() - before < FEWEST_OF_TURN {
+            directions.truncate(before);
+        }
     }
     let count = directions.len();
     if count < FEWEST {
@@ -70,7 +78,7 @@ pub fn learn_pattern(turns: &[(Sweep<'_>, f64)]) -> Result<LearnedPattern, Learn
     let gains: Vec<f64> =
         (0..360_u16).map(|degree| series.at(f64::from(degree).to_radians())).collect();
     Ok(LearnedPattern {
-        table: PatternTable::equally_spaced(&gains).expect("a fit to finite levels is finite"),
+        table: PatternTable::equally_spaced(&gains)?,
         harmonics: series.harmonics,
         sigma_db: series.sigma_db,
         directions: count,

@@ -69,8 +69,10 @@ impl Looks {
             let offset = angle::wrap(sample.boresight - origin);
             let same = |look: &Look| {
                 let tilt = |pose: &Pose| (pose.pitch - pitch).abs().max((pose.roll - roll).abs());
-                angle::distance(look.offset, offset) < SAME_LOOK
-                    && (level || tilt(&look.receiver) < SAME_LOOK)
+                // An antenna without a direction looks everywhere, however its drone turns.
+                sweep.positions == 1
+                    || angle::distance(look.offset, offset) < SAME_LOOK
+                        && (level || tilt(&look.receiver) < SAME_LOOK)
             };
             let last = &mut of_position[usize::from(sample.position)];
             match last.and_then(|index| looks.get_mut(index)).filter(|look| same(look)) {

@@ -58,15 +58,13 @@ impl<A: Antenna> MaximumLikelihood<A> {
     #[must_use]
     pub fn new(antenna: A) -> Self {
         let table = GainTable::new(&antenna, 0.0);
-        let limits = Limits::default();
-        let fadings = RATIOS.iter().map(|ratio| Fading::new(&table, *ratio)).collect();
-        let amplitude = reflection::amplitude(&table);
+        let (amplitude, fadings) = of_table(&table);
         Self {
             antenna,
             table,
             sample_sigma_db: 2.0,
             misfit_sigma_db: 0.0,
-            limits,
+            limits: Limits::default(),
             residuals: Residuals::Gaussian,
             amplitude,
             fadings,
@@ -87,7 +85,9 @@ impl<A: Antenna> MaximumLikelihood<A> {
     pub fn with_elevation(self, elevation: f64) -> Result<Self, ParameterError> {
         let holds = elevation.abs() < core::f64::consts::FRAC_PI_2;
         let elevation = require(holds, "elevation", elevation, "between −π/2 and π/2")?;
-        Ok(Self { table: GainTable::new(&self.antenna, elevation), ..self })
+        let table = GainTable::new(&self.antenna, elevation);
+        let (amplitude, fadings) = of_table(&table);
+        Ok(Self { table, amplitude, fadings, ..self })
     }
 
     /// The same with another σ of a reading, in dB: it counts like four readings about their mean,
@@ -141,6 +141,12 @@ impl<A: Antenna> MaximumLikelihood<A> {
         self.limits.min_positions = require_count(valid, "min_positions", positions, "at least 3")?;
         Ok(self)
     }
+}
+
+/// What two paths and fading make of a gain.
+fn of_table(table: &GainTable) -> (GainTable, Vec<Fading>) {
+    let fadings = RATIOS.iter().map(|ratio| Fading::new(table, *ratio)).collect();
+    (reflection::amplitude(table), fadings)
 }
 
 impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {

@@ -49,6 +49,12 @@ pub(super) fn read_out<A>(
     if heard > 4 && residual_db > spread_db {
         return level_alone(NoBearing::PoorFit { residual_db, flat_db: spread_db });
     }
+    // Neither peaks nor numbers: the antenna or the readings are beyond reckoning.
+    let sound = |peak: &Peak| peak.sigma.is_finite() && peak.offset.is_finite();
+    if peaks.is_empty() || !peaks.iter().all(sound) {
+        let (sigma, limit) = (f64::INFINITY, limits.max_sigma);
+        return level_alone(NoBearing::TooWide { sigma, limit });
+    }
     let mut directions = [BearingMode::default(); BearingModes::CAPACITY];
     let mut count = 0;
     let mut joint = Moments::default();

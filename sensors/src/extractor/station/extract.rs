@@ -118,7 +118,8 @@ impl BearingExtractor for StationPattern {
             peak.weight * (peak.covariance + off * rise)
         };
         let level_variance = (second - level * level).max(0.0);
-        let sigma = libm::sqrt(square);
+        // Without a peak the pattern or the readings are beyond reckoning.
+        let sigma = if found.is_empty() { f64::INFINITY } else { libm::sqrt(square) };
         // What is left of certainty; of a direction of which nothing is known, hardly any.
         let confidence = libm::exp(-0.5 * square);
         let bearing = if sigma > self.max_sigma {
