@@ -110,6 +110,14 @@ pub enum NoReading {
         /// How many positions a turn has.
         positions: u16,
     },
+    /// A sample is of none of the antennas that the extractor knows.
+    #[error("sample {index} was heard towards {boresight} rad, where no antenna looks")]
+    Boresight {
+        /// Which sample.
+        index: usize,
+        /// Where its antenna looks, in radians.
+        boresight: f64,
+    },
     /// The turn has more positions than the extractor has room for.
     #[error("the turn has {positions} positions; the extractor holds 1 to {capacity}")]
     Capacity {

@@ -140,8 +140,11 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let format = recordings.first().map_or("", Recording::format);
     let calibration = args.calibration.or_shipped(&own, format);
     let power = power(args, &calibration)?;
-    let extractor =
-        calibrated(&calibration, args.extraction.built_name(), args.extraction.build()?)?;
+    let mut extractor = args.extraction.build()?;
+    // A station has an extractor of its own, unless another one is asked for.
+    if calibration.station.is_none() || !args.extraction.any() {
+        extractor = calibrated(&calibration, args.extraction.built_name(), extractor)?;
+    }
     let observe = ObserveConfig {
         positions: args.reading.positions,
         bearings: calibration.bearing_calibration(),

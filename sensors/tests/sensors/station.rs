@@ -202,3 +202,11 @@ fn what_is_no_station_is_refused() {
         Err(CalibrationError::Field { index: 0, field: "true bearing", .. })
     ));
 }
+
+#[test]
+fn a_reading_of_no_antenna_is_refused() {
+    let station = station([0.0; 4], 3.0);
+    let samples = [sample(0.0, -60.0), sample(0.5, -70.0)];
+    let refused = station.extract(&sweep_of(&samples));
+    assert_eq!(refused, Err(NoReading::Boresight { index: 1, boresight: 0.5 }));
+}

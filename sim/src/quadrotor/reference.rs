@@ -86,4 +86,17 @@ mod tests {
             assert_eq!((reference.position, reference.velocity), (goal, Vector3::zeros()));
         }
     }
+
+    #[test]
+    fn it_comes_back_to_where_it_is_told_to_stop() {
+        let config = QuadrotorConfig::default();
+        let dt = 1.0 / config.rate_hz;
+        let mut reference = Reference::holding(Vector3::zeros(), 0.0);
+        reference.go_to(Vector3::new(20.0, 0.0, 0.0));
+        (0..800).for_each(|_| reference.advance(&config, dt));
+        let here = reference.position;
+        reference.go_to(here);
+        (0..4000).for_each(|_| reference.advance(&config, dt));
+        assert_eq!((reference.position, reference.velocity), (here, Vector3::zeros()));
+    }
 }

@@ -24,6 +24,9 @@ const BELOW: f64 = 15.0;
 const ABOVE: f64 = 35.0;
 const STEP: f64 = 0.4;
 
+/// A boresight is an antenna's if it is recorded within so many radians of it: a degree.
+const SAME_ANTENNA: f64 = 0.0175;
+
 /// σ of a level along a path-loss law over a wooded site, in dB, as the reference has it in its
 /// field (Pritzl 2018, §7.5).
 const RSS_SIGMA_DB: f64 = 7.9;
@@ -99,6 +102,15 @@ impl StationPattern {
 impl BearingExtractor for StationPattern {
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
         check(sweep)?;
+        for (index, sample) in sweep.samples.iter().enumerate() {
+            let boresight = sample.boresight;
+            let of = self.antennas.get(self.antenna_of(boresight));
+            let off =
+                of.map_or(f64::INFINITY, |a| angle::distance(a.recorded_boresight, boresight));
+            if off > SAME_ANTENNA {
+                return Err(NoReading::Boresight { index, boresight });
+            }
+        }
         let heard = self.heard(sweep);
         let found = peaks(&self.nodes(&heard));
         let mut directions = [BearingMode::default(); BearingModes::CAPACITY];
