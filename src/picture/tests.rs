@@ -192,7 +192,7 @@ fn clouds_and_courses_are_drawn() {
     // 200 places, and 6 in the legend.
     assert_eq!(dots(&svg), dots(&plain) + 206);
     assert!(svg.contains("where the beacon went") && !plain.contains("where the beacon went"));
-    assert!(!svg.contains("NaN") && svg.contains("was in the end"));
+    assert!(!svg.contains("NaN") && svg.contains("truly in the end"));
     // It was last heard after half a round of 4 s: 4 m to the West of where it began.
     assert!(svg.contains("3.50 m off"), "from (3, 4) to (-0.5, 4)");
 }
