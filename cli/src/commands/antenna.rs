@@ -41,11 +41,11 @@ pub(crate) struct Args {
     /// Learn the pattern from the turns of these recordings
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     learn: Vec<PathBuf>,
-    /// Where the transmitter was, in degrees (WGS84)
-    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true, requires = "learn")]
+    /// With --learn, where the transmitter was, in degrees (WGS84)
+    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     truth: Option<LatLon>,
-    /// The direction in which it was, in compass degrees, the same for all turns
-    #[arg(long, value_name = "DEG", requires = "learn", conflicts_with = "truth")]
+    /// With --learn, the direction in which it was, in compass degrees, the same for all turns
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, conflicts_with = "truth")]
     bearing_deg: Option<f64>,
     #[command(flatten)]
     reading: Reading,
@@ -90,6 +90,9 @@ struct Fit {
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+    if args.antenna.is_some() && (args.truth.is_some() || args.bearing_deg.is_some()) {
+        return Err(CliError::input("--truth and --bearing-deg are for --learn"));
+    }
     let (name, antenna, vendor, learned) = match &args.antenna {
         Some(name) => {
             let (antenna, vendor) = known(name)?;

@@ -11,7 +11,7 @@ pub(super) struct Extraction {
     /// The extractor that makes a bearing of a turn (`foxhunt extractors` explains them)
     #[arg(long, value_name = "NAME", value_parser = parser())]
     extractor: Option<String>,
-    /// The antenna that the extractor knows: reference-patch, isotropic, dipole, cardioid, patch,
+    /// The antenna that the extractor knows, in bearing campaigns also the true one: reference-patch, isotropic, dipole, cardioid, patch,
     /// yagi, or a file (msi, pln, csv)
     #[arg(long, value_name = "NAME|FILE")]
     antenna: Option<String>,

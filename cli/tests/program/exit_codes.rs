@@ -21,6 +21,9 @@ fn values_out_of_range_are_wrong_use() {
     foxhunt(["locate", "x.csv", "--exponent", "2"]).failed(2, &["--p0-dbm"]);
     foxhunt(["locate", "x.csv", "--p0-dbm", "loud"]).failed(2, &["--p0-dbm", "loud", "free"]);
     foxhunt(["locate", "x.csv", "--margin-m", "0"]).failed(2, &["--margin-m"]);
+    foxhunt(["calibrate", "x.csv", "--max-exponent", "-3"]).failed(2, &["--max-exponent", "-3"]);
+    foxhunt(["antenna", "yagi", "--bearing-deg", "10"]).failed(2, &["--bearing-deg", "--learn"]);
+    foxhunt(["campaign", "pritzl-6.1", "--runs", "2", "--flown"]).failed(2, &["--flown"]);
 }
 
 #[test]
