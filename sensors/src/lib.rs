@@ -64,8 +64,8 @@ pub use antenna::{
 #[cfg(feature = "alloc")]
 pub use body::{BodyConfig, BodyError, BodySource};
 pub use calibration::{
-    BearingError, BearingOffset, BearingOffsetFit, CalibrationError, KnownBearing, OffsetTerms,
-    PathLossFit, SigmaFit, fit_bearing_offset, fit_log_distance, fit_sigma,
+    BearingError, BearingOffset, BearingOffsetFit, CalibrationError, Correlation, KnownBearing,
+    OffsetTerms, PathLossFit, SigmaFit, fit_bearing_offset, fit_log_distance, fit_sigma,
 };
 #[cfg(feature = "alloc")]
 pub use calibration::{StationBurst, StationFit, fit_station};

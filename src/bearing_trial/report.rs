@@ -1,9 +1,7 @@
 use foxhunt_filters::consistency::Coverage;
+use foxhunt_sensors::Correlation;
 use serde::Serialize;
-use statrs::{
-    distribution::{ContinuousCDF, StudentsT},
-    statistics::{Data, OrderStatistics, Statistics},
-};
+use statrs::statistics::{Data, OrderStatistics, Statistics};
 
 /// What a campaign of bearings came to.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -79,7 +77,7 @@ impl ExtractorReport {
         for one in &found {
             coverage.add(one.error.abs() <= 1.96 * one.sigma);
         }
-        let (correlation, correlation_p) = correlation(&sigmas, &magnitudes).unzip();
+        let correlation = Correlation::of(sigmas.iter().copied().zip(magnitudes.iter().copied()));
         let refused = u32::try_from(turns.len() - found.len()).unwrap_or(u32::MAX);
         Self {
             extractor: name.to_owned(),
@@ -91,32 +89,12 @@ impl ExtractorReport {
             coverage_95_interval: coverage.interval(),
             beyond_4_sigma: count(|f| f.error.abs() > 4.0 * f.sigma),
             ambiguous: count(|f| f.ambiguous),
-            correlation,
-            correlation_p,
+            correlation: correlation.map(|c| c.coefficient),
+            correlation_p: correlation.map(|c| c.p_value),
             level_bias_db: some(column(|f| f.level_error_db).as_slice().mean()),
             refused,
         }
     }
-}
-
-/// Pearson's r with its two-sided probability; `None` where one of the two does not vary.
-fn correlation(a: &[f64], b: &[f64]) -> Option<(f64, f64)> {
-    let (mean_a, mean_b) = (a.mean(), b.mean());
-    let sum = |f: fn(f64, f64) -> f64| -> f64 {
-        a.iter().zip(b).map(|(x, y)| f(x - mean_a, y - mean_b)).sum()
-    };
-    let (square_a, square_b) = (sum(|x, _| x * x), sum(|_, y| y * y));
-    let scale = (square_a * square_b).sqrt();
-    // Rounding makes equal numbers differ by this much of themselves.
-    let constant = |square: f64, mean: f64| square <= 1e-24 * mean * mean;
-    if a.len() < 3 || constant(square_a, mean_a) || constant(square_b, mean_b) {
-        return None;
-    }
-    let r = (sum(|x, y| x * y) / scale).clamp(-1.0, 1.0);
-    let freedom = f64::from(u32::try_from(a.len()).unwrap_or(u32::MAX)) - 2.0;
-    let t = r * (freedom / (1.0 - r * r).max(f64::MIN_POSITIVE)).sqrt();
-    let student = StudentsT::new(0.0, 1.0, freedom).ok()?;
-    Some((r, 2.0 * student.cdf(-t.abs())))
 }
 
 #[cfg(test)]
@@ -138,20 +116,5 @@ mod tests {
         assert_eq!((report.refused, report.beyond_4_sigma), (1, 1));
         assert_eq!(ExtractorReport::of("x", &[None]).rms_deg, None);
         assert_eq!(ExtractorReport::of("x", &[None]).correlation, None);
-    }
-
-    /// Pritzl 2018, §7.2: r = 0.713 on 15 points has p = 0.0028.
-    #[test]
-    fn the_correlation_has_the_published_probability() {
-        let freedom = 13.0_f64;
-        let student = StudentsT::new(0.0, 1.0, freedom).expect("positive");
-        let t = 0.713 * (freedom / (1.0 - 0.713_f64.powi(2))).sqrt();
-        assert!((2.0 * student.cdf(-t) - 0.0028).abs() < 1e-4);
-        let a = [1.0, 2.0, 3.0, 4.0, 5.0];
-        let (r, p) = correlation(&a, &[1.1, 1.9, 3.2, 3.9, 5.1]).expect("they vary");
-        assert!(r > 0.99 && p < 0.001, "{r} {p}");
-        let (r, p) = correlation(&a, &[1.0, -1.0, 0.0, -1.0, 1.0]).expect("they vary");
-        assert!(r.abs() < 1e-12 && (p - 1.0).abs() < 1e-9, "{r} {p}");
-        assert_eq!(correlation(&a, &[0.1; 5]), None);
     }
 }

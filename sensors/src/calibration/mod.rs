@@ -1,5 +1,6 @@
 //! From readings of a known transmitter to what the models and bearings need.
 
+mod correlation;
 mod error;
 mod fit;
 mod offset;
@@ -8,6 +9,7 @@ mod sigma;
 mod station;
 mod student;
 
+pub use correlation::Correlation;
 pub use error::CalibrationError;
 pub use fit::{PathLossFit, fit_log_distance};
 pub use offset::{BearingOffset, BearingOffsetFit, KnownBearing, OffsetTerms, fit_bearing_offset};

@@ -1,4 +1,4 @@
-use super::{CalibrationError, student};
+use super::{CalibrationError, Correlation};
 
 /// The error of a bearing whose truth is known, and the σ that it was given.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,6 +79,7 @@ where
         if separable { interval(of_floor, beta, peak - DROP_95).map(floor) } else { [0.0, 0.0] };
     let variance = |sigma: f64| (alpha * sigma * sigma / unit + beta) * typical;
     let within = |p: &BearingError, sigma: f64| p.error.abs() <= REACH_95 * sigma;
+    let correlation = Correlation::of(points.clone().map(|p| (p.sigma, p.error.abs())));
     let share = |inside: usize| count(inside) / sums.n;
     Ok(SigmaFit {
         scale: scale(alpha),
@@ -91,8 +92,8 @@ where
         fitted_coverage_95: share(
             points.filter(|p| within(p, libm::sqrt(variance(p.sigma)))).count(),
         ),
-        correlation: sums.correlation(),
-        correlation_p_value: sums.correlation_p_value(),
+        correlation: correlation.map(|c| c.coefficient),
+        correlation_p_value: correlation.map(|c| c.p_value),
     })
 }
 
@@ -103,10 +104,8 @@ struct Sums {
     n: f64,
     sigma: f64,
     squared_sigma: f64,
-    error: f64,
     squared_error: f64,
     squared_ratio: f64,
-    product: f64,
 }
 
 impl Sums {
@@ -122,14 +121,11 @@ impl Sums {
                     return Err(CalibrationError::Field { index, field, value, requirement });
                 }
             }
-            let magnitude = error.abs();
             sums.points = index + 1;
             sums.sigma += sigma;
             sums.squared_sigma += sigma * sigma;
-            sums.error += magnitude;
             sums.squared_error += error * error;
             sums.squared_ratio += (error / sigma) * (error / sigma);
-            sums.product += sigma * magnitude;
         }
         sums.n = count(sums.points);
         if sums.points < NEEDED {
@@ -145,22 +141,6 @@ impl Sums {
     fn sigma_variation(&self) -> f64 {
         let mean = self.sigma / self.n;
         libm::sqrt((self.squared_sigma / self.n - mean * mean).max(0.0)) / mean
-    }
-
-    /// Pearson's correlation of σ and |error|.
-    fn correlation(&self) -> Option<f64> {
-        let about = |squares: f64, sum: f64| squares - sum * sum / self.n;
-        let sigma = about(self.squared_sigma, self.sigma);
-        let error = about(self.squared_error, self.error);
-        let varies = sigma > 1e-12 * self.squared_sigma && error > 1e-12 * self.squared_error;
-        let product = self.product - self.sigma * self.error / self.n;
-        varies.then(|| (product / libm::sqrt(sigma * error)).clamp(-1.0, 1.0))
-    }
-
-    fn correlation_p_value(&self) -> Option<f64> {
-        let (r, freedom) = (self.correlation()?, self.n - 2.0);
-        let t = r * libm::sqrt(freedom / (1.0 - r * r).max(f64::MIN_POSITIVE));
-        student::two_sided(freedom, t)
     }
 }
 

@@ -67,11 +67,9 @@ impl Shape {
         })
     }
 
-    /// One step of Gauss and Newton for each antenna's boresight and gain; how far the farthest
-    /// turned.
-    pub(super) fn turn(&mut self, terms: &[Vec<Term>], variance: f64) -> f64 {
+    /// One step of Gauss and Newton for each antenna's boresight and gain.
+    pub(super) fn turn(&mut self, terms: &[Vec<Term>], variance: f64) {
         const H: f64 = 0.01;
-        let mut moved: f64 = 0.0;
         for (index, terms) in terms.iter().enumerate() {
             let (boresight, gain) = (self.antennas[index].boresight, self.antennas[index].gain_db);
             let prior = Vector2::new(
@@ -95,14 +93,11 @@ impl Shape {
             let own = &mut self.antennas[index];
             own.boresight = angle::wrap(boresight + turned);
             own.gain_db += step.y;
-            moved = moved.max(turned.abs());
         }
-        moved
     }
 
-    /// One such step for the beamwidth and the front-to-back ratio that all share; how far they
-    /// moved.
-    pub(super) fn stretch(&mut self, terms: &[Vec<Term>], variance: f64) -> f64 {
+    /// One such step for the beamwidth and the front-to-back ratio that all share.
+    pub(super) fn stretch(&mut self, terms: &[Vec<Term>], variance: f64) {
         const H: f64 = 0.01;
         let prior = Vector2::new(
             variance / (BEAMWIDTH_SIGMA * BEAMWIDTH_SIGMA),
@@ -125,13 +120,12 @@ impl Shape {
                 right += row * (term.weight * left);
             }
         }
-        let Some(factor) = normal.cholesky() else { return 0.0 };
+        let Some(factor) = normal.cholesky() else { return };
         let step = factor.solve(&right);
         let stretched = step.x.clamp(-MOST_STRETCH, MOST_STRETCH);
         let deepened = step.y.clamp(-MOST_DEEPENING_DB, MOST_DEEPENING_DB);
         self.beamwidth = libm::exp(width + stretched).clamp(0.2, 3.0);
         self.front_to_back_db = (depth + deepened).clamp(3.0, 40.0);
-        stretched.abs().max(0.1 * deepened.abs())
     }
 
     /// What each antenna's readings still show over the direction goes into its Fourier series,
