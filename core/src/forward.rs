@@ -5,13 +5,15 @@
     reason = "a provided method left out would lose its override"
 )]
 
+use core::fmt;
+
 use nalgebra::{SMatrix, SVector};
 
 use crate::{
     Axis, BeaconId, BearingExtractor, Belief, Correction, Decision, Estimate, Estimator,
     EstimatorError, Fleet, FormationPlanner, MeasurementModel, MotionModel, NoReading, Observation,
-    PatternSource, PlanError, Pose, Radio, Reading, Rotator, Spinner, State, Station, Sweep,
-    Vehicle, Waypoint,
+    PatternSource, PlanError, Pose, Radio, Reading, Reception, Rotator, Spinner, State, Station,
+    Sweep, Target, Vehicle, Waypoint,
 };
 
 macro_rules! forward {
@@ -57,6 +59,15 @@ macro_rules! forward {
             fn plan(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<Decision, PlanError> {
                 (**self).plan(belief, stations)
             }
+            fn plan_together(&mut self, targets: &[Target<'_>], stations: &mut [Station]) -> Result<Decision, PlanError> {
+                (**self).plan_together(targets, stations)
+            }
+            fn hear(&mut self, reception: &Reception) {
+                (**self).hear(reception);
+            }
+            fn explain(&self, to: &mut dyn fmt::Write) -> fmt::Result {
+                (**self).explain(to)
+            }
         }
 
         impl<T: ?Sized + Vehicle> Vehicle for $pointer {
@@ -66,6 +77,9 @@ macro_rules! forward {
             }
             fn go_to(&mut self, goal: &Waypoint) -> Result<(), T::Error> {
                 (**self).go_to(goal)
+            }
+            fn land(&mut self) -> Result<(), T::Error> {
+                (**self).land()
             }
         }
 
@@ -77,11 +91,14 @@ macro_rules! forward {
 
         impl<T: ?Sized + Fleet> Fleet for $pointer {
             type Error = T::Error;
-            fn locate(&mut self, stations: &mut [Station]) -> Result<(), T::Error> {
-                (**self).locate(stations)
+            fn locate(&mut self, drone: usize) -> Result<Pose, T::Error> {
+                (**self).locate(drone)
             }
-            fn command(&mut self, stations: &[Station]) -> Result<(), T::Error> {
-                (**self).command(stations)
+            fn send(&mut self, drone: usize, goal: &Waypoint) -> Result<(), T::Error> {
+                (**self).send(drone, goal)
+            }
+            fn land(&mut self, drone: usize) -> Result<(), T::Error> {
+                (**self).land(drone)
             }
         }
 

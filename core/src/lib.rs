@@ -64,8 +64,8 @@ pub use motion::{ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk};
 pub use observation::{Observation, ObservationError};
 pub use pattern::{PatternSource, Sample, Sweep, Unheard};
 pub use planner::{
-    Decision, FormationPlanner, Outcome, PlanError, PlannerFn, Stage, Station, planner_fn,
+    Decision, FormationPlanner, Outcome, PlanError, PlannerFn, Stage, Station, Target, planner_fn,
 };
 pub use pose::{BeaconId, Pose, Waypoint};
 pub use reception::Reception;
-pub use vehicle::{Fleet, Spinner, Vehicle};
+pub use vehicle::{Fleet, FleetError, Spinner, Vehicle};

@@ -1,6 +1,6 @@
 use core::fmt;
 
-use crate::{Belief, Pose, Waypoint};
+use crate::{BeaconId, Belief, Pose, Reception, Waypoint};
 
 /// One drone's place in the formation: where it is and where it shall go.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -19,7 +19,28 @@ impl Station {
     }
 }
 
+/// What a planner is told of one of several targets.
+#[derive(Clone, Copy)]
+pub struct Target<'a> {
+    /// Which beacon it is.
+    pub beacon: BeaconId,
+    /// What is believed of its place.
+    pub belief: &'a dyn Belief,
+}
+
+impl fmt::Debug for Target<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let position = self.belief.position();
+        f.debug_struct("Target").field("beacon", &self.beacon).field("position", &position).finish()
+    }
+}
+
 /// Decides where each drone listens next, and when the target is found.
+///
+/// The stations are those of the drones that take part at that moment: their number and their
+/// order may differ from one call to the next, as drones drop out and come back. Which drone flies
+/// to which goal is not the planner's concern: goals are places for the formation, and whoever flies
+/// it may exchange them.
 ///
 /// # Laws
 ///
@@ -61,6 +82,39 @@ pub trait FormationPlanner {
         belief: &dyn Belief,
         stations: &mut [Station],
     ) -> Result<Decision, PlanError>;
+
+    /// The same for several targets that every turn listens for, none of which is done; the first
+    /// of them is the one that [`begin`](Self::begin) or [`resume`](Self::resume) was about.
+    /// [`Decision::Finish`] is about that one. Unless overridden, the others make no difference.
+    ///
+    /// # Errors
+    ///
+    /// [`PlanError::NoPlace`] where there is no target; on any error no goal is changed.
+    fn plan_together(
+        &mut self,
+        targets: &[Target<'_>],
+        stations: &mut [Station],
+    ) -> Result<Decision, PlanError> {
+        let target = targets.first().ok_or(PlanError::NoPlace)?;
+        self.plan(target.belief, stations)
+    }
+
+    /// Takes note of a reception that the belief has just taken in, for planners that go by what
+    /// is heard and where. Unless overridden, they do not.
+    fn hear(&mut self, reception: &Reception) {
+        let _ = reception;
+    }
+
+    /// Writes in a few words why the last decision was taken, for the log. Unless overridden,
+    /// nothing.
+    ///
+    /// # Errors
+    ///
+    /// Those of `to`.
+    fn explain(&self, to: &mut dyn fmt::Write) -> fmt::Result {
+        let _ = to;
+        Ok(())
+    }
 }
 
 /// What a planner wants done next.
@@ -100,6 +154,16 @@ pub enum Outcome {
     NothingHeard,
     /// It was heard, and then no longer; the estimate is of what was heard.
     SignalLost,
+    /// The ellipse that holds it with 95 % is as small as was asked for.
+    EllipseReached,
+    /// Another turn would teach less than is worth its time.
+    LittleToLearn,
+    /// The time or the batteries for the search are used up.
+    BudgetSpent,
+    /// No drone is left that could listen.
+    NoDrones,
+    /// The planner had no plan any more; the log says why.
+    NoPlan,
 }
 
 impl fmt::Display for Outcome {
@@ -110,6 +174,11 @@ impl fmt::Display for Outcome {
             Self::PathDone => "path flown",
             Self::NothingHeard => "nothing heard",
             Self::SignalLost => "signal lost",
+            Self::EllipseReached => "ellipse small enough",
+            Self::LittleToLearn => "little more to learn",
+            Self::BudgetSpent => "budget spent",
+            Self::NoDrones => "no drone left",
+            Self::NoPlan => "no plan",
         })
     }
 }

@@ -1,4 +1,4 @@
-use crate::{Pose, Station, Waypoint};
+use crate::{Pose, Waypoint};
 
 /// One aircraft.
 pub trait Vehicle {
@@ -18,6 +18,18 @@ pub trait Vehicle {
     ///
     /// Whatever the link or the autopilot says.
     fn go_to(&mut self, goal: &Waypoint) -> Result<(), Self::Error>;
+
+    /// Lands it where it is; returns when the order is accepted. Unless overridden, it is sent to
+    /// the ground below, an Up of 0.
+    ///
+    /// # Errors
+    ///
+    /// Whatever the link or the autopilot says.
+    fn land(&mut self) -> Result<(), Self::Error> {
+        let mut position = self.pose()?.position;
+        position.z = 0.0;
+        self.go_to(&Waypoint { position })
+    }
 }
 
 /// An aircraft that can turn about its vertical axis for as long as it is asked to, while it hovers
@@ -33,48 +45,69 @@ pub trait Spinner: Vehicle {
     fn spin(&mut self, rate: Option<f64>) -> Result<(), Self::Error>;
 }
 
-/// All aircraft of a hunt. A slice of vehicles is one; so is a simulated world.
+/// All aircraft of a hunt, counted from 0. A slice of vehicles is one; so is a simulated world.
 ///
-/// A hunt goes on without the aircraft that fail, so both methods serve every aircraft they can
-/// before they tell of the first that failed.
+/// Every aircraft is asked and sent by itself, so that one that fails does not keep the others.
 pub trait Fleet {
-    /// Why the fleet failed.
+    /// Why an aircraft did not do it.
     type Error: core::error::Error + 'static;
 
-    /// Fills in where each aircraft is; the pose of one that does not answer stays as it was.
+    /// Where an aircraft is now.
     ///
     /// # Errors
     ///
-    /// The first aircraft's error, after the others were served.
-    fn locate(&mut self, stations: &mut [Station]) -> Result<(), Self::Error>;
+    /// Whatever its link says, or that there is no such aircraft.
+    fn locate(&mut self, drone: usize) -> Result<Pose, Self::Error>;
 
-    /// Sends each aircraft to its goal.
+    /// Sends an aircraft somewhere; returns when the order is accepted.
     ///
     /// # Errors
     ///
-    /// The first aircraft's error, after the others were served.
-    fn command(&mut self, stations: &[Station]) -> Result<(), Self::Error>;
+    /// Whatever its link or autopilot says, or that there is no such aircraft.
+    fn send(&mut self, drone: usize, goal: &Waypoint) -> Result<(), Self::Error>;
+
+    /// Lands an aircraft where it is; returns when the order is accepted.
+    ///
+    /// # Errors
+    ///
+    /// Whatever its link or autopilot says, or that there is no such aircraft.
+    fn land(&mut self, drone: usize) -> Result<(), Self::Error>;
+}
+
+/// Why an aircraft of several did not do what it was asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FleetError<E> {
+    /// There is no such aircraft.
+    #[error("there is no drone {drone}; there are {drones}, counted from 0")]
+    Drone {
+        /// Which one was asked for.
+        drone: usize,
+        /// How many there are.
+        drones: usize,
+    },
+    /// The aircraft said so.
+    #[error(transparent)]
+    Vehicle(#[from] E),
 }
 
 impl<V: Vehicle> Fleet for [V] {
-    type Error = V::Error;
+    type Error = FleetError<V::Error>;
 
-    fn locate(&mut self, stations: &mut [Station]) -> Result<(), V::Error> {
-        let mut outcome = Ok(());
-        for (vehicle, station) in self.iter_mut().zip(stations) {
-            match vehicle.pose() {
-                Ok(pose) => station.pose = pose,
-                Err(error) => outcome = outcome.and(Err(error)),
-            }
-        }
-        outcome
+    fn locate(&mut self, drone: usize) -> Result<Pose, Self::Error> {
+        Ok(nth(self, drone)?.pose()?)
     }
 
-    fn command(&mut self, stations: &[Station]) -> Result<(), V::Error> {
-        let mut outcome = Ok(());
-        for (vehicle, station) in self.iter_mut().zip(stations) {
-            outcome = outcome.and(vehicle.go_to(&station.goal));
-        }
-        outcome
+    fn send(&mut self, drone: usize, goal: &Waypoint) -> Result<(), Self::Error> {
+        Ok(nth(self, drone)?.go_to(goal)?)
     }
+
+    fn land(&mut self, drone: usize) -> Result<(), Self::Error> {
+        Ok(nth(self, drone)?.land()?)
+    }
+}
+
+fn nth<V: Vehicle>(vehicles: &mut [V], drone: usize) -> Result<&mut V, FleetError<V::Error>> {
+    let drones = vehicles.len();
+    vehicles.get_mut(drone).ok_or(FleetError::Drone { drone, drones })
 }

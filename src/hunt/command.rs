@@ -1,10 +1,15 @@
-use foxhunt_core::BeaconId;
+use foxhunt_core::{BeaconId, Waypoint};
 
 /// What the hunt wants done by those who own the devices.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Command {
-    /// Send every drone to its station's goal.
-    GoTo,
+    /// Send a drone somewhere.
+    GoTo {
+        /// Which drone.
+        drone: usize,
+        /// Where to.
+        goal: Waypoint,
+    },
     /// Turn the antenna of a drone and listen for beacons.
     Listen {
         /// Which drone.

@@ -1,6 +1,6 @@
 use foxhunt_core::{
     BearingExtractor, Estimate, Estimator, EstimatorError, Fleet, FormationPlanner, Observation,
-    ObservationError, PatternSource, Pose, Reception,
+    ObservationError, PatternSource, Reception,
 };
 
 use super::{Command, Hunt, HuntError};
@@ -33,24 +33,22 @@ where
     if sources.len() < hunt.stations().len() {
         return Err(DriveError::Sources { sources: sources.len(), drones: hunt.stations().len() });
     }
-    let before: Vec<Pose> = hunt.stations().iter().map(|station| station.pose).collect();
-    if let Err(error) = fleet.locate(hunt.stations_mut()) {
-        hunt.device_failed(time, None, error.to_string());
-    }
-    for (drone, before) in before.into_iter().enumerate() {
-        let pose = &mut hunt.stations_mut()[drone].pose;
-        if !pose.is_finite() {
-            let reason = format!("its place is not finite: {pose:?}");
-            *pose = before;
-            hunt.device_failed(time, Some(drone), reason);
+    for drone in 0..hunt.stations().len() {
+        match fleet.locate(drone) {
+            Ok(pose) if pose.is_finite() => hunt.stations_mut()[drone].pose = pose,
+            Ok(pose) => {
+                let reason = format!("its place is not finite: {pose:?}");
+                hunt.device_failed(time, Some(drone), reason);
+            }
+            Err(error) => hunt.device_failed(time, Some(drone), error.to_string()),
         }
     }
     hunt.advance(time)?;
     while let Some(command) = hunt.poll_command() {
         match command {
-            Command::GoTo => {
-                if let Err(error) = fleet.command(hunt.stations()) {
-                    hunt.device_failed(time, None, error.to_string());
+            Command::GoTo { drone, goal } => {
+                if let Err(error) = fleet.send(drone, &goal) {
+                    hunt.device_failed(time, Some(drone), error.to_string());
                 }
             }
             Command::Listen { drone, beacons } => {

@@ -309,7 +309,8 @@ where
     fn go(&mut self, time: f64) {
         let goals = self.stations.iter().map(|s| s.goal.position).collect();
         self.events.push_back(Event::GoalsSet { time, goals });
-        self.commands.push_back(Command::GoTo);
+        let go = |(drone, s): (usize, &Station)| Command::GoTo { drone, goal: s.goal };
+        self.commands.extend(self.stations.iter().enumerate().map(go));
     }
 
     fn listen(&mut self, time: f64) {

@@ -1,4 +1,4 @@
-use foxhunt_core::{BeaconId, Clock, Fleet, Pose, Radio, Rotator, Station, Vehicle, Waypoint};
+use foxhunt_core::{BeaconId, Clock, Fleet, Pose, Radio, Rotator, Vehicle, Waypoint};
 use foxhunt_sim::{
     ChannelConfig, DroneConfig, KinematicConfig, SimError, VehicleConfig, World, WorldConfig,
 };
@@ -88,19 +88,17 @@ fn the_fleet_arrives_in_the_time_that_distance_and_speed_say() {
             vec![DroneConfig::default(), DroneConfig { east_m: 9.0, ..DroneConfig::default() }];
     });
     let mut fleet = world.fleet();
-    let mut stations = [Station::default(); 2];
-    fleet.locate(&mut stations).expect("two drones");
-    assert_eq!(stations[1].pose, Pose::at(9.0, 0.0, 0.0));
+    assert_eq!(fleet.locate(1), Ok(Pose::at(9.0, 0.0, 0.0)));
     // 25 m over ground: 10 s. 15 m up: 15 s.
-    stations[0].goal.position = Vector3::new(15.0, 20.0, 4.0);
-    stations[1].goal.position = Vector3::new(9.0, 5.0, 15.0);
-    fleet.command(&stations).expect("places");
+    let goals = [Vector3::new(15.0, 20.0, 4.0), Vector3::new(9.0, 5.0, 15.0)];
+    for (drone, position) in goals.into_iter().enumerate() {
+        fleet.send(drone, &Waypoint { position }).expect("a place");
+    }
     let mut arrived = [None; 2];
     for _ in 0..2000 {
         world.advance(0.01).expect("a step");
-        fleet.locate(&mut stations).expect("two drones");
-        for (station, arrived) in stations.iter().zip(&mut arrived) {
-            if arrived.is_none() && station.pose.position == station.goal.position {
+        for (drone, (goal, arrived)) in goals.iter().zip(&mut arrived).enumerate() {
+            if arrived.is_none() && fleet.locate(drone).expect("it exists").position == *goal {
                 *arrived = Some(world.clock().now());
             }
         }
@@ -115,18 +113,21 @@ fn the_fleet_arrives_in_the_time_that_distance_and_speed_say() {
 }
 
 #[test]
-fn a_fleet_serves_whom_it_can_before_it_complains() {
+fn a_drone_of_the_fleet_that_cannot_do_it_stays_and_the_others_go() {
     let world = world(|config| config.drones = vec![DroneConfig::default(); 2]);
     let mut fleet = world.fleet();
-    let mut stations = [Station::default(); 3];
-    stations[0].goal.position.x = f64::NAN;
-    stations[1].goal.position.x = 3.0;
-    assert!(matches!(fleet.command(&stations), Err(SimError::Goal { .. })));
+    let nowhere = Waypoint { position: Vector3::new(f64::NAN, 0.0, 0.0) };
+    assert!(matches!(fleet.send(0, &nowhere), Err(SimError::Goal { .. })));
+    let missing = SimError::Drone { drone: 2, drones: 2 };
+    assert_eq!(fleet.send(2, &Waypoint::default()), Err(missing.clone()));
+    assert_eq!(fleet.land(2), Err(missing.clone()));
+    assert_eq!(fleet.locate(2), Err(missing));
+    fleet.send(1, &Waypoint { position: Vector3::new(3.0, 0.0, 0.5) }).expect("a place");
+    world.advance(2.0).expect("a step");
+    fleet.land(1).expect("it flies");
     world.advance(1.0).expect("a step");
-    assert_eq!(fleet.locate(&mut stations), Err(SimError::Drone { drone: 2, drones: 2 }));
-    assert_eq!(stations[0].pose, Pose::default());
-    assert_eq!(stations[1].pose, Pose::at(3.0, 0.0, 0.0));
-    assert_eq!(fleet.command(&stations[1..2]), Ok(()));
+    assert_eq!(fleet.locate(0), Ok(Pose::default()));
+    assert_eq!(fleet.locate(1), Ok(Pose::at(3.0, 0.0, 0.0)));
 }
 
 #[test]
