@@ -11,12 +11,19 @@
 
 #![no_std]
 
+#[cfg(feature = "fleet")]
+extern crate std;
+
+#[cfg(feature = "fleet")]
+mod fleet;
 mod follow_estimate;
 mod hold;
 mod phases;
 mod polygon;
 mod waypoints;
 
+#[cfg(feature = "fleet")]
+pub use fleet::*;
 pub use follow_estimate::{FollowConfig, FollowConfigError, FollowEstimate};
 pub use hold::Hold;
 pub use phases::{Phase, PhaseError, Phases, Signal};
