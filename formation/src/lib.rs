@@ -11,7 +11,12 @@
 
 #![no_std]
 
+#[cfg(feature = "fleet")]
+extern crate std;
+
 mod attendance;
+#[cfg(feature = "fleet")]
+mod fleet;
 mod follow_estimate;
 mod hold;
 mod phases;
@@ -20,6 +25,8 @@ mod stop;
 mod waypoints;
 
 pub use attendance::{Attendance, AttendanceConfig, Duty};
+#[cfg(feature = "fleet")]
+pub use fleet::*;
 pub use follow_estimate::{FollowConfig, FollowConfigError, FollowEstimate};
 pub use hold::Hold;
 pub use phases::{Phase, PhaseError, Phases, Signal};
