@@ -11,14 +11,28 @@
 
 #![no_std]
 
+#[cfg(feature = "alloc")]
+extern crate alloc;
+
+mod altitude;
 mod follow_estimate;
 mod hold;
+#[cfg(feature = "alloc")]
+mod information;
 mod phases;
 mod polygon;
+#[cfg(feature = "alloc")]
+mod travel;
 mod waypoints;
 
+pub use altitude::AltitudeRule;
 pub use follow_estimate::{FollowConfig, FollowConfigError, FollowEstimate};
 pub use hold::Hold;
+#[cfg(feature = "alloc")]
+pub use information::{
+    Criterion, ExpectedReading, Information, InformationConfig, InformationConfigError, Objective,
+    RssBearingTurn, TurnFisher, TurnInformation,
+};
 pub use phases::{Phase, PhaseError, Phases, Signal};
 pub use polygon::Polygon;
 pub use waypoints::Waypoints;

@@ -2,7 +2,8 @@ use std::iter::repeat_n;
 
 use foxhunt_core::{FormationPlanner, PlanError};
 use foxhunt_formation::{
-    FollowConfig, FollowConfigError, FollowEstimate, Hold, Polygon, Waypoints,
+    FollowConfig, FollowConfigError, FollowEstimate, Hold, Information, InformationConfig,
+    InformationConfigError, Polygon, Waypoints,
 };
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
@@ -36,6 +37,12 @@ pub enum PlannerConfig {
         /// How often all places are flown to; 1 unless given.
         #[serde(default = "once")]
         rounds: u16,
+    },
+    /// Where the next turns tell most.
+    Information {
+        /// Its parameters; the defaults unless given.
+        #[serde(default)]
+        information: InformationConfig,
     },
     /// Everyone stays and listens.
     Hold {
@@ -72,6 +79,7 @@ impl PlannerConfig {
                 let polygon = Polygon { circumradius: *circumradius_m };
                 Box::new(Waypoints::new(places, polygon, rotation_deg.to_radians(), *up_m)?)
             }
+            Self::Information { information } => Box::new(Information::new(*information)?),
             Self::Hold { turns } => Box::new(Hold::new(*turns)),
         })
     }
@@ -84,6 +92,9 @@ pub enum PlannerConfigError {
     /// A field of the polygon that follows is out of its range.
     #[error(transparent)]
     Follow(#[from] FollowConfigError),
+    /// A field of the information-driven planner is out of its range.
+    #[error("planner.information.{0}")]
+    Information(#[from] InformationConfigError),
     /// The waypoints make no path.
     #[error("planner.places_m: {0}")]
     Path(#[from] PlanError),
