@@ -8,6 +8,12 @@ use foxhunt_sensors::{AntennaError, ParameterError};
 use foxhunt_sim::{SimError, World};
 use nalgebra::Vector2;
 
+mod milestones;
+
+pub use milestones::SearchProgress;
+
+use milestones::Milestones;
+
 use crate::{
     config::{ExtractorConfigError, NamedEstimator, PlannerConfigError, beacon_seed},
     hunt::{DriveError, Event, Fix, Hunt, HuntError, drive},
@@ -34,6 +40,8 @@ pub struct Found {
     /// Where the beacon truly was when it was last heard, which is when the estimate is of; East
     /// and North in metres.
     pub truth: Vector2<f64>,
+    /// How the search came along.
+    pub progress: SearchProgress,
 }
 
 impl Found {
@@ -103,23 +111,26 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
     let mut sources = scenario.sources(&world)?;
     let beacons = &scenario.world.beacons;
     let mut heard = vec![0.0; beacons.len()];
+    let mut milestones = Milestones::new(beacons.len());
+    let drones = 0..world.drone_count();
+    let path = || drones.clone().map(|drone| world.path_length(drone));
     fly(&mut hunt, &world, &mut sources, scenario.simulation, |event| {
         if let Event::Received { reception, .. } = event
             && let Some(last) = heard.get_mut(usize::from(reception.beacon.0))
         {
             *last = reception.time.max(*last);
         }
+        milestones.note(event, || path().filter_map(Result::ok).sum());
         on_event(event)
     })?;
 
     let found = hunt.fixes().iter().filter_map(|fix| {
         let index = usize::from(fix.beacon.0);
         let truth = beacons.get(index)?.place_at(*heard.get(index)?).xy();
-        Some(Found { fix: fix.clone(), truth })
+        Some(Found { fix: fix.clone(), truth, progress: milestones.of(index)? })
     });
     let found = found.collect();
-    let path_m =
-        (0..world.drone_count()).map(|drone| world.path_length(drone)).collect::<Result<_, _>>()?;
+    let path_m = path().collect::<Result<_, _>>()?;
     Ok(Simulated { found, duration_s: world.time(), path_m })
 }
 

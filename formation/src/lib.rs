@@ -4,6 +4,7 @@
 //! |-|-|-|
 //! | [`FollowEstimate`] | a regular polygon about the estimate (Pritzl 2018, §5.2) | when the estimate has settled |
 //! | [`Waypoints`] | a regular polygon over one given place after the other | after the last |
+//! | [`Information`] (feature `alloc`) | where the ellipse is expected to become small soonest | when it is |
 //! | [`Hold`] | nowhere | after a number of turns |
 //!
 //! A planner of one's own is a `foxhunt_core::FormationPlanner`, or a closure through
@@ -13,19 +14,28 @@
 
 #[cfg(feature = "alloc")]
 extern crate alloc;
+#[cfg(feature = "fleet")]
+extern crate std;
 
 mod altitude;
+mod attendance;
+#[cfg(feature = "fleet")]
+mod fleet;
 mod follow_estimate;
 mod hold;
 #[cfg(feature = "alloc")]
 mod information;
 mod phases;
 mod polygon;
+mod stop;
 #[cfg(feature = "alloc")]
 mod travel;
 mod waypoints;
 
 pub use altitude::AltitudeRule;
+pub use attendance::{Attendance, AttendanceConfig, Duty};
+#[cfg(feature = "fleet")]
+pub use fleet::*;
 pub use follow_estimate::{FollowConfig, FollowConfigError, FollowEstimate};
 pub use hold::Hold;
 #[cfg(feature = "alloc")]
@@ -35,4 +45,5 @@ pub use information::{
 };
 pub use phases::{Phase, PhaseError, Phases, Signal};
 pub use polygon::Polygon;
+pub use stop::{Progress, Stop, StopRules, StopWatch};
 pub use waypoints::Waypoints;

@@ -13,4 +13,4 @@ pub(crate) use run::Sample;
 pub use run::{
     BeaconCampaign, CampaignError, CampaignReport, Checkpoint, EstimatorCampaign, campaign,
 };
-pub use statistics::{Spread, StepSpread};
+pub use statistics::{FirstPassage, Spread, StepSpread};

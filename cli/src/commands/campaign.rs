@@ -11,7 +11,7 @@ use foxhunt::{
 
 use super::{
     antennas, bearing_campaign, calibration::Calibration, choice, extraction::Extraction,
-    overrides::Overrides,
+    overrides::Overrides, planning::Planning,
 };
 use crate::{
     error::CliError,
@@ -64,6 +64,8 @@ pub(crate) struct Args {
     #[arg(long)]
     flown: bool,
     #[command(flatten)]
+    planning: Planning,
+    #[command(flatten)]
     extraction: Extraction,
     #[command(flatten)]
     overrides: Overrides,
@@ -77,10 +79,16 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         None => available_parallelism().map_or(1, usize::from),
     };
     if let Some(case) = bearing_case_named(&args.scenario) {
-        let others = [args.flown, args.overrides.any(), args.calibration.is_given()];
+        let others = [
+            args.flown,
+            args.overrides.any(),
+            args.calibration.is_given(),
+            args.planning.is_given(),
+        ];
         if others.contains(&true) || !args.estimator.is_empty() {
             return Err(CliError::input(format!(
-                "{} compares extractors; it takes neither estimators nor what they are told",
+                "{} compares extractors; it takes neither estimators nor what they are told, nor a \
+                 planner",
                 case.name
             )));
         }
@@ -101,6 +109,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     };
     args.calibration.read()?.tell(&mut scenario);
     args.overrides.tell(&mut scenario);
+    args.planning.tell(&mut scenario)?;
     scenario.extractor = args.extraction.config(&scenario.extractor)?;
     args.overrides.warn_of(&scenario);
     let estimators: Vec<_> =
@@ -120,9 +129,15 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
 }
 
 fn run_trial(args: &Args, trial: &Trial, jobs: usize, output: Output) -> Result<(), CliError> {
-    if args.overrides.any() || args.calibration.is_given() || args.extraction.any() {
+    let given = [
+        args.overrides.any(),
+        args.calibration.is_given(),
+        args.extraction.any(),
+        args.planning.is_given(),
+    ];
+    if given.contains(&true) {
         let flags = "--components, --prior-sigma-m, --power-sigma-db, --bearing-sigma-deg, --lag-s, --calibration, \
-                     --extractor and --antenna";
+                     --extractor, --antenna and --planner";
         return Err(CliError::input(format!(
             "{flags} are of flown hunts; {} is a trial",
             trial.name
@@ -165,7 +180,9 @@ fn estimators(args: &Args, scenario: &Scenario) -> Result<Vec<NamedEstimator>, C
 /// What the columns mean, for those who read the tables the first time.
 const LEGEND: &str = "Errors in metres. A consistent estimator's ANEES lies in the interval with \
      95 %, and 95 % of its\nellipses hold the truth; an over-confident one has a larger ANEES and \
-     holds fewer. Too few\nare runs in which a covariance 1.5 times too small would not be noticed.";
+     holds fewer. Too few\nare runs in which a covariance 1.5 times too small would not be \
+     noticed. To 3 m:\nthe median number of steps until the ellipse's semi-major axis is below 3 m, a dash \
+     where more than\nhalf of the runs never get there; path: the median of what all drones flew together.";
 
 /// One table for each beacon.
 fn tables(report: &CampaignReport) -> String {
@@ -182,6 +199,8 @@ fn tables(report: &CampaignReport) -> String {
             "rms",
             "max",
             "steps",
+            "to 3 m",
+            "path m",
             "ANEES",
             "interval",
             "verdict",
@@ -245,6 +264,8 @@ fn row(estimator: &str, beacon: &BeaconCampaign) -> Vec<String> {
         error(|e| e.rms),
         error(|e| e.max),
         number(beacon.steps.map(|steps| steps.mean), 1),
+        number(beacon.steps_to_3m.and_then(|steps| steps.p50), 1),
+        number(beacon.path_m.map(|path| path.p50), 0),
         number(beacon.anees, 2),
         interval(beacon.anees_interval),
         beacon.verdict.to_string(),

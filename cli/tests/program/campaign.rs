@@ -53,6 +53,11 @@ fn a_campaign_is_the_same_for_any_number_of_jobs() {
         );
         has(&beacon["error_m"], &["p10", "p50", "p90", "mean", "rms", "max"]);
         has(&beacon["steps"], &["mean", "p10", "p50", "p90"]);
+        for first_passage in ["steps_to_3m", "time_to_3m_s"] {
+            has(&beacon[first_passage], &["p10", "p50", "p90", "never"]);
+        }
+        assert!(beacon["steps_to_3m"]["never"].as_u64().expect("a number") <= 3);
+        assert!(beacon["path_m"]["p10"].as_f64().expect("a number") > 10.0);
         assert_eq!(beacon["anees_interval"].as_array().map(Vec::len), Some(2));
     }
 }
@@ -61,7 +66,7 @@ fn a_campaign_is_the_same_for_any_number_of_jobs() {
 fn a_campaign_ends_with_a_table_for_each_beacon() {
     let ran = foxhunt(["campaign", "--runs", "2"]);
     assert_eq!(ran.code, 0, "{ran:?}");
-    for text in ["beacon 1", "beacon 2", "default", "p90", "ANEES", "failed"] {
+    for text in ["beacon 1", "beacon 2", "default", "p90", "to 3 m", "path m", "ANEES", "failed"] {
         assert!(ran.stdout.contains(text), "{text} is missing in {}", ran.stdout);
     }
     let row = ran.stdout.lines().find(|line| line.contains("default")).expect("its row");
