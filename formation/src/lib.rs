@@ -7,6 +7,7 @@
 //! | [`Orbit`] | around the estimate | when the estimate has settled, after a round |
 //! | [`Arcs`] | on a spiral towards the estimate, then around it | the same |
 //! | [`SurgeCast`] | along the bearings while the level rises, across them when it falls | the same |
+//! | [`Information`] (feature `alloc`) | where the ellipse is expected to become small soonest | when it is |
 //! | [`Hold`] | nowhere | after a number of turns |
 //!
 //! Shapes are [`Polygon`], [`Line`], [`Offsets`], each of them [`Scaled`], or a closure through
@@ -36,6 +37,8 @@ mod fake;
 mod fleet;
 mod follow_estimate;
 mod hold;
+#[cfg(feature = "alloc")]
+mod information;
 mod orbit;
 mod parameter;
 mod phases;
@@ -44,6 +47,8 @@ mod settling;
 mod shape;
 mod stop;
 mod surge_cast;
+#[cfg(feature = "alloc")]
+mod travel;
 mod waypoints;
 
 pub use altitude::AltitudeRule;
@@ -57,6 +62,11 @@ pub use emulate::Emulate;
 pub use fleet::*;
 pub use follow_estimate::{FollowConfig, FollowEstimate};
 pub use hold::Hold;
+#[cfg(feature = "alloc")]
+pub use information::{
+    Criterion, ExpectedReading, Information, InformationConfig, InformationConfigError, Objective,
+    RssBearingTurn, TurnFisher, TurnInformation,
+};
 pub use orbit::{Orbit, OrbitConfig};
 pub use parameter::ParameterError;
 pub use phases::{Phase, PhaseError, Phases, Signal};
