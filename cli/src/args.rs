@@ -1,7 +1,8 @@
 use clap::{Parser, Subcommand};
 
 use crate::commands::{
-    antenna, bearing, calibrate, campaign, estimators, extractors, hunt, locate, replay, scenarios,
+    antenna, bearing, calibrate, campaign, estimators, extractors, hunt, locate, planners, replay,
+    scenarios,
 };
 
 /// Finds radio transmitters with drones.
@@ -35,6 +36,7 @@ pub(crate) enum Command {
     Scenarios(scenarios::Args),
     Estimators(estimators::Args),
     Extractors(extractors::Args),
+    Planners(planners::Args),
     Replay(replay::Args),
     Calibrate(calibrate::Args),
     Locate(locate::Args),

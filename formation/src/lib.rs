@@ -11,14 +11,25 @@
 
 #![no_std]
 
+#[cfg(feature = "fleet")]
+extern crate std;
+
+mod attendance;
+#[cfg(feature = "fleet")]
+mod fleet;
 mod follow_estimate;
 mod hold;
 mod phases;
 mod polygon;
+mod stop;
 mod waypoints;
 
+pub use attendance::{Attendance, AttendanceConfig, Duty};
+#[cfg(feature = "fleet")]
+pub use fleet::*;
 pub use follow_estimate::{FollowConfig, FollowConfigError, FollowEstimate};
 pub use hold::Hold;
 pub use phases::{Phase, PhaseError, Phases, Signal};
 pub use polygon::Polygon;
+pub use stop::{Progress, Stop, StopRules, StopWatch};
 pub use waypoints::Waypoints;

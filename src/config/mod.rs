@@ -7,6 +7,7 @@ mod filter;
 mod model;
 mod named;
 mod named_extractor;
+mod named_planner;
 mod planner;
 mod source;
 
@@ -23,5 +24,6 @@ pub use named::{DEFAULT_ESTIMATOR, NamedEstimator, estimator_named, estimators};
 pub use named_extractor::{
     NamedExtractor, RECOMMENDED_EXTRACTOR, antenna_named, extractor_named, extractors,
 };
+pub use named_planner::{NamedPlanner, planner_named, planners};
 pub use planner::{PlannerConfig, PlannerConfigError};
 pub use source::{BoxedSource, SourceConfig, SourceError, boxed};

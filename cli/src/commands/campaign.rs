@@ -11,7 +11,7 @@ use foxhunt::{
 
 use super::{
     antennas, bearing_campaign, calibration::Calibration, choice, extraction::Extraction,
-    overrides::Overrides,
+    overrides::Overrides, planning::Planning,
 };
 use crate::{
     error::CliError,
@@ -64,6 +64,8 @@ pub(crate) struct Args {
     #[arg(long)]
     flown: bool,
     #[command(flatten)]
+    planning: Planning,
+    #[command(flatten)]
     extraction: Extraction,
     #[command(flatten)]
     overrides: Overrides,
@@ -77,10 +79,16 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         None => available_parallelism().map_or(1, usize::from),
     };
     if let Some(case) = bearing_case_named(&args.scenario) {
-        let others = [args.flown, args.overrides.any(), args.calibration.is_given()];
+        let others = [
+            args.flown,
+            args.overrides.any(),
+            args.calibration.is_given(),
+            args.planning.is_given(),
+        ];
         if others.contains(&true) || !args.estimator.is_empty() {
             return Err(CliError::input(format!(
-                "{} compares extractors; it takes neither estimators nor what they are told",
+                "{} compares extractors; it takes neither estimators nor what they are told, nor a \
+                 planner",
                 case.name
             )));
         }
@@ -101,6 +109,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     };
     args.calibration.read()?.tell(&mut scenario);
     args.overrides.tell(&mut scenario);
+    args.planning.tell(&mut scenario)?;
     scenario.extractor = args.extraction.config(&scenario.extractor)?;
     args.overrides.warn_of(&scenario);
     let estimators: Vec<_> =
@@ -120,9 +129,15 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
 }
 
 fn run_trial(args: &Args, trial: &Trial, jobs: usize, output: Output) -> Result<(), CliError> {
-    if args.overrides.any() || args.calibration.is_given() || args.extraction.any() {
+    let given = [
+        args.overrides.any(),
+        args.calibration.is_given(),
+        args.extraction.any(),
+        args.planning.is_given(),
+    ];
+    if given.contains(&true) {
         let flags = "--components, --prior-sigma-m, --power-sigma-db, --bearing-sigma-deg, --lag-s, --calibration, \
-                     --extractor and --antenna";
+                     --extractor, --antenna and --planner";
         return Err(CliError::input(format!(
             "{flags} are of flown hunts; {} is a trial",
             trial.name

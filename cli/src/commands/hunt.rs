@@ -16,6 +16,7 @@ use foxhunt::{
 
 use super::{
     calibration::Calibration, choice, extraction::Extraction, fixes, overrides::Overrides,
+    planning::Planning,
 };
 use crate::{
     error::CliError,
@@ -30,6 +31,7 @@ use crate::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt hunt\n  \
                         foxhunt hunt pritzl-6.1 --estimator particle --seed 7 --out hunts/7\n  \
+                        foxhunt hunt --planner waypoints\n  \
                         foxhunt --json hunt my-field.toml > result.json")]
 pub(crate) struct Args {
     /// A built-in scenario (`foxhunt scenarios` lists them) or a TOML file
@@ -41,6 +43,8 @@ pub(crate) struct Args {
     /// The estimator; the scenario's own unless given (`foxhunt estimators` explains them)
     #[arg(long, value_name = "NAME", value_parser = choice::estimator_parser())]
     estimator: Option<String>,
+    #[command(flatten)]
+    planning: Planning,
     #[command(flatten)]
     extraction: Extraction,
     #[command(flatten)]
@@ -56,6 +60,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let mut scenario = choice::scenario(&args.scenario)?;
     args.calibration.read()?.tell(&mut scenario);
     args.overrides.tell(&mut scenario);
+    args.planning.tell(&mut scenario)?;
     scenario.extractor = args.extraction.config(&scenario.extractor)?;
     args.overrides.warn_of(&scenario);
     let estimator = choice::estimator_of(args.estimator.as_deref(), &scenario, &args.scenario)?;

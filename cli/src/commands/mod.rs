@@ -8,6 +8,7 @@ pub(crate) mod estimators;
 pub(crate) mod extractors;
 pub(crate) mod hunt;
 pub(crate) mod locate;
+pub(crate) mod planners;
 pub(crate) mod replay;
 pub(crate) mod scenarios;
 
@@ -20,6 +21,7 @@ mod extraction;
 mod fixes;
 mod overrides;
 mod parameter;
+mod planning;
 mod recorded;
 
 use crate::{args::Command, error::CliError, output::Output};
@@ -32,6 +34,7 @@ pub(crate) fn run(command: Command, output: Output) -> Result<(), CliError> {
         Command::Scenarios(args) => scenarios::run(&args, output),
         Command::Estimators(args) => estimators::run(&args, output),
         Command::Extractors(args) => extractors::run(&args, output),
+        Command::Planners(args) => planners::run(&args, output),
         Command::Replay(args) => replay::run(&args, output),
         Command::Calibrate(args) => calibrate::run(&args, output),
         Command::Locate(args) => locate::run(&args, output),

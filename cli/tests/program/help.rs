@@ -1,11 +1,12 @@
 use crate::support::foxhunt;
 
-const SUBCOMMANDS: [&str; 10] = [
+const SUBCOMMANDS: [&str; 11] = [
     "hunt",
     "campaign",
     "scenarios",
     "estimators",
     "extractors",
+    "planners",
     "replay",
     "calibrate",
     "locate",

@@ -8,6 +8,7 @@ mod extractors;
 mod help;
 mod hunt;
 mod pipes;
+mod planners;
 mod recorded;
 mod replay;
 mod support;

@@ -1,0 +1,37 @@
+use clap::builder::PossibleValuesParser;
+use foxhunt::{
+    config::{planner_named, planners},
+    scenario::Scenario,
+};
+
+use crate::error::CliError;
+
+/// What decides where the drones listen, where it is not the scenario's own planner.
+#[derive(Debug, clap::Args)]
+pub(super) struct Planning {
+    /// The planner; the scenario's own unless given (`foxhunt planners` explains them)
+    #[arg(long, value_name = "NAME", value_parser = planner_parser())]
+    planner: Option<String>,
+}
+
+impl Planning {
+    /// Whether one was asked for.
+    pub(super) fn is_given(&self) -> bool {
+        self.planner.is_some()
+    }
+
+    /// Has the scenario flown by the planner that was asked for.
+    pub(super) fn tell(&self, scenario: &mut Scenario) -> Result<(), CliError> {
+        if let Some(name) = &self.planner {
+            let planner = planner_named(name)
+                .ok_or_else(|| CliError::input(format!("--planner is {name:?}, no planner")))?;
+            scenario.planner = planner.config(scenario);
+        }
+        Ok(())
+    }
+}
+
+/// Takes the name of a planner; what is unknown is refused with the names that are known.
+fn planner_parser() -> PossibleValuesParser {
+    PossibleValuesParser::new(planners().into_iter().map(|known| known.name))
+}
