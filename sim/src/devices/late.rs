@@ -63,8 +63,8 @@ impl<S: PatternSource> PatternSource for LateSource<S> {
         while let Some(sweep) = self.source.poll()? {
             self.under_way.push_back((now + self.delay, KeptSweep::of(&sweep)));
         }
-        let come = self.under_way.pop_front_if(|(time, _)| is_due(*time, now));
-        self.lent = come.map(|(_, sweep)| sweep);
+        let come = self.under_way.front().is_some_and(|(time, _)| is_due(*time, now));
+        self.lent = come.then(|| self.under_way.pop_front()).flatten().map(|(_, sweep)| sweep);
         Ok(self.lent.as_ref().map(KeptSweep::lend))
     }
 }
