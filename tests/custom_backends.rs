@@ -4,7 +4,7 @@
 #[expect(dead_code, reason = "what is broken is for the tests of the hunt")]
 mod support;
 
-use std::{cell::Cell, rc::Rc};
+use std::{cell::Cell, fmt, rc::Rc};
 
 use foxhunt::{
     core::{Axis, EstimatorError, Outcome, PlanError, laws},
@@ -160,6 +160,10 @@ impl FormationPlanner for ShrinkingRing {
         } else {
             Decision::Listen(Stage::Searching)
         })
+    }
+
+    fn explain(&self, to: &mut dyn fmt::Write) -> fmt::Result {
+        to.write_str("a ring as wide as the belief")
     }
 }
 

@@ -1,18 +1,20 @@
-use core::f64::consts::PI;
+use core::{f64::consts::PI, fmt};
 
-use foxhunt_core::{
-    Belief, Decision, FormationPlanner, Outcome, PlanError, Stage, Station, Waypoint, angle,
-};
+use foxhunt_core::{Belief, Decision, FormationPlanner, Outcome, PlanError, Stage, Station, angle};
 use nalgebra::Vector2;
 
-use crate::Polygon;
+use crate::{
+    ParameterError, Polygon, Shape,
+    parameter::{counted, finite, positive},
+    places::{self, centroid},
+};
 
 /// What [`FollowEstimate`] is told. Lengths are metres, angles radians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct FollowConfig {
-    /// From the centre of the formation to each drone.
+    /// From the centre of the formation to each drone, where it is a polygon.
     pub circumradius_m: f64,
     /// The direction of the first drone seen from the centre, at the very start.
     pub rotation_rad: f64,
@@ -60,50 +62,60 @@ impl Default for FollowConfig {
 }
 
 /// The reference's formation control (Pritzl 2018, §5.2): a regular polygon, with three drones a
-/// triangle, whose centre follows the estimate until it settles.
+/// triangle, or any other shape, whose centre follows the estimate until it settles.
 ///
 /// Each target starts around the drones' centroid, or around its estimate if it was heard before,
 /// at the search altitude; the rotation is kept from one target to the next.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FollowEstimate {
+pub struct FollowEstimate<S = Polygon> {
     config: FollowConfig,
+    shape: S,
     centre: Vector2<f64>,
     rotation: f64,
     stage: Stage,
     measured: u32,
     finishing: u32,
+    shift: f64,
 }
 
 impl FollowEstimate {
-    /// A planner that has seen no target yet.
+    /// A planner of polygons that has seen no target yet.
     ///
     /// # Errors
     ///
-    /// [`FollowConfigError`] names the first field that is not finite, or not positive where it
+    /// [`ParameterError`] names the first field that is not finite, or not positive where it
     /// has to be.
-    pub fn new(config: FollowConfig) -> Result<Self, FollowConfigError> {
-        let checks = [
-            ("circumradius_m", config.circumradius_m, config.circumradius_m > 0.0),
-            ("rotation_rad", config.rotation_rad, true),
-            ("search_altitude_m", config.search_altitude_m, true),
-            ("finish_altitude_m", config.finish_altitude_m, true),
-            ("settled_m", config.settled_m, config.settled_m > 0.0),
-            ("finishing_turn_rad", config.finishing_turn_rad, true),
-            ("most_positions", f64::from(config.most_positions), config.most_positions > 0),
-        ];
-        for (field, value, in_range) in checks {
-            if !(in_range && value.is_finite()) {
-                return Err(FollowConfigError { field, value });
-            }
+    pub fn new(config: FollowConfig) -> Result<Self, ParameterError> {
+        positive("circumradius_m", config.circumradius_m)?;
+        for (field, value) in [
+            ("rotation_rad", config.rotation_rad),
+            ("search_altitude_m", config.search_altitude_m),
+            ("finish_altitude_m", config.finish_altitude_m),
+            ("finishing_turn_rad", config.finishing_turn_rad),
+        ] {
+            finite(field, value)?;
         }
+        positive("settled_m", config.settled_m)?;
+        counted("most_positions", config.most_positions)?;
         Ok(Self {
             config,
+            shape: Polygon { circumradius: config.circumradius_m },
             centre: Vector2::zeros(),
             rotation: config.rotation_rad,
             stage: Stage::Searching,
             measured: 0,
             finishing: 0,
+            shift: 0.0,
         })
+    }
+}
+
+impl<S: Shape> FollowEstimate<S> {
+    /// The same with another shape in place of the polygon.
+    #[must_use]
+    pub fn with_shape<T: Shape>(self, shape: T) -> FollowEstimate<T> {
+        let Self { config, centre, rotation, stage, measured, finishing, shift, .. } = self;
+        FollowEstimate { config, shape, centre, rotation, stage, measured, finishing, shift }
     }
 
     /// The centre of the formation, East and North in metres.
@@ -119,15 +131,13 @@ impl FollowEstimate {
     }
 
     fn place(&self, stations: &mut [Station]) {
-        let polygon = Polygon { circumradius: self.config.circumradius_m };
         let altitude = match self.stage {
             Stage::Searching => self.config.search_altitude_m,
             Stage::Finishing => self.config.finish_altitude_m,
         };
         let count = stations.len();
         for (index, station) in stations.iter_mut().enumerate() {
-            let position = polygon.vertex(&self.centre, self.rotation, altitude, index, count);
-            station.goal = Waypoint { position };
+            station.goal = self.shape.goal(&self.centre, self.rotation, altitude, index, count);
         }
     }
 
@@ -136,8 +146,9 @@ impl FollowEstimate {
         centre: Vector2<f64>,
         stations: &mut [Station],
     ) -> Result<(), PlanError> {
-        self.centre = finite(centre)?;
+        self.centre = places::finite(centre)?;
         (self.stage, self.measured, self.finishing) = (Stage::Searching, 0, 0);
+        self.shift = 0.0;
         self.place(stations);
         Ok(())
     }
@@ -148,7 +159,8 @@ impl FollowEstimate {
 
     /// The rule of Pritzl 2018, §5.2, after one more formation position was measured.
     fn decide(&mut self, shift: f64) -> Decision {
-        self.measured += 1;
+        self.measured = self.measured.saturating_add(1);
+        self.shift = shift;
         match self.stage {
             Stage::Finishing => {
                 self.finishing += 1;
@@ -177,14 +189,10 @@ impl FollowEstimate {
     }
 }
 
-impl FormationPlanner for FollowEstimate {
+impl<S: Shape> FormationPlanner for FollowEstimate<S> {
     fn begin(&mut self, stations: &mut [Station]) -> Result<(), PlanError> {
-        let count = u32::try_from(stations.len()).unwrap_or(u32::MAX);
-        if count == 0 {
-            return Err(PlanError::TooFew { needed: 1, have: 0 });
-        }
-        let sum: Vector2<f64> = stations.iter().map(|s| s.pose.position.xy()).sum();
-        self.begin_around(sum / f64::from(count), stations)
+        let centre = centroid(stations)?;
+        self.begin_around(centre, stations)
     }
 
     fn resume(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<(), PlanError> {
@@ -196,31 +204,26 @@ impl FormationPlanner for FollowEstimate {
         belief: &dyn Belief,
         stations: &mut [Station],
     ) -> Result<Decision, PlanError> {
-        let estimate = finite(belief.position().mean)?;
+        let estimate = places::finite(belief.position().mean)?;
         // The centre was moved to the estimate before, so this is how far the estimate moved.
         let decision = self.decide((estimate - self.centre).norm());
         self.centre = estimate;
         self.place(stations);
         Ok(decision)
     }
-}
 
-fn finite(place: Vector2<f64>) -> Result<Vector2<f64>, PlanError> {
-    if place.x.is_finite() && place.y.is_finite() {
-        Ok(place)
-    } else {
-        Err(PlanError::NotFinite { east: place.x, north: place.y })
+    fn explain(&self, to: &mut dyn fmt::Write) -> fmt::Result {
+        let Self { config, shift, measured, finishing, .. } = self;
+        write!(to, "the estimate moved {shift:.2} m, ")?;
+        let all = config.finishing_positions;
+        match self.stage {
+            Stage::Finishing => write!(to, "settled: {finishing} of {all} last positions done"),
+            Stage::Searching if *shift < config.settled_m => {
+                write!(to, "but {measured} of {} positions are too few", config.least_positions)
+            }
+            Stage::Searching => write!(to, "settled is below {:.2} m", config.settled_m),
+        }
     }
-}
-
-/// A field of [`FollowConfig`] that is out of its range.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{field} is {value}; it must be finite, and positive where it is a length or a count")]
-pub struct FollowConfigError {
-    /// Which field.
-    pub field: &'static str,
-    /// What it held.
-    pub value: f64,
 }
 
 #[cfg(test)]
@@ -229,6 +232,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::Line;
 
     fn planner() -> FollowEstimate {
         FollowEstimate::new(FollowConfig::pritzl2018()).expect("the preset is in range")
@@ -301,7 +305,7 @@ mod tests {
         let mut config = FollowConfig::pritzl2018();
         config.circumradius_m = -1.0;
         let error = FollowEstimate::new(config).expect_err("no radius is negative");
-        assert_eq!(error.field, "circumradius_m");
+        assert_eq!((error.field, error.value), ("circumradius_m", -1.0));
 
         let (mut planner, mut stations) = (planner(), stations());
         planner.begin(&mut stations).expect("three drones");
@@ -310,6 +314,18 @@ mod tests {
         assert!(matches!(error, Err(PlanError::NotFinite { .. })));
         assert_eq!((planner.clone(), stations), before);
         assert!(planner.begin(&mut []).is_err());
+    }
+
+    #[test]
+    fn a_line_follows_as_well() {
+        let line = Line::new(10.0).expect("a spacing");
+        let (mut planner, mut stations) = (planner().with_shape(line), stations());
+        planner.begin(&mut stations).expect("three drones");
+        planner.plan(&at(20.0, 5.0), &mut stations).expect("a place");
+        let goals = stations.map(|s| s.goal.position.xy());
+        for (goal, east) in goals.into_iter().zip([30.0, 20.0, 10.0]) {
+            assert!((goal - Vector2::new(east, 5.0)).norm() < 1e-12, "{goal}");
+        }
     }
 
     proptest! {

@@ -1,3 +1,5 @@
+use core::fmt;
+
 use foxhunt_core::{
     Belief, Decision, FormationPlanner, Outcome, PlanError, Stage, Station, Waypoint,
 };
@@ -36,6 +38,10 @@ impl FormationPlanner for Hold {
         } else {
             Decision::Listen(Stage::Searching)
         })
+    }
+
+    fn explain(&self, to: &mut dyn fmt::Write) -> fmt::Result {
+        write!(to, "turn {} of {}", self.done, self.turns.max(1))
     }
 }
 

@@ -1,64 +1,61 @@
-use foxhunt_core::{
-    Belief, Decision, FormationPlanner, Outcome, PlanError, Stage, Station, Waypoint,
-};
+use core::fmt;
+
+use foxhunt_core::{Belief, Decision, FormationPlanner, Outcome, PlanError, Stage, Station};
 use nalgebra::Vector2;
 
-use crate::Polygon;
+use crate::{Polygon, Shape, places};
 
-/// A polygon of drones that visits a list of places in their order, listens at each and has
-/// finished after the last, whatever it heard: the sweep of an area (Pritzl 2018, §7.3 and §7.4).
+/// A formation, a polygon or any other shape, that visits a list of places in their order, listens
+/// at each and has finished after the last, whatever it heard: the sweep of an area (Pritzl 2018,
+/// §7.3 and §7.4).
 ///
-/// The places may be an array, a slice or a `Vec`. One drone flies over the places themselves.
+/// The places may be an array, a slice, a `Vec` or a `Coverage`. One drone flies over the places themselves.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Waypoints<C> {
+pub struct Waypoints<C, S = Polygon> {
     centres: C,
-    polygon: Polygon,
+    shape: S,
     rotation: f64,
     altitude: f64,
     visited: usize,
 }
 
-impl<C: AsRef<[Vector2<f64>]>> Waypoints<C> {
-    /// A sweep over `centres`, East and North in metres, by a polygon at `altitude` metres whose
-    /// first drone is seen at `rotation` radians from its centre.
+impl<C: AsRef<[Vector2<f64>]>, S: Shape> Waypoints<C, S> {
+    /// A sweep over `centres`, East and North in metres, by a shape at `altitude` metres that
+    /// is turned by `rotation` radians.
     ///
     /// # Errors
     ///
-    /// [`PlanError::NotFinite`] for a place, or an altitude, rotation or radius, that is not
+    /// [`PlanError::NotFinite`] for a place, or an altitude, rotation or shape, that is not
     /// finite; [`PlanError::NoPlace`] when there is no place.
-    pub fn new(
-        centres: C,
-        polygon: Polygon,
-        rotation: f64,
-        altitude: f64,
-    ) -> Result<Self, PlanError> {
+    pub fn new(centres: C, shape: S, rotation: f64, altitude: f64) -> Result<Self, PlanError> {
         let places = centres.as_ref();
         if places.is_empty() {
             return Err(PlanError::NoPlace);
         }
-        let finite = |p: &Vector2<f64>| p.x.is_finite() && p.y.is_finite();
-        let shape = Vector2::new(polygon.circumradius, rotation + altitude);
-        if let Some(bad) = places.iter().chain([&shape]).find(|place| !finite(place)) {
-            return Err(PlanError::NotFinite { east: bad.x, north: bad.y });
+        for place in places {
+            places::finite(*place)?;
         }
-        Ok(Self { centres, polygon, rotation, altitude, visited: 0 })
+        places::finite(Vector2::new(rotation, altitude))?;
+        places::finite(shape.offset(0, 2))?;
+        Ok(Self { centres, shape, rotation, altitude, visited: 0 })
     }
 
     fn place(&self, stations: &mut [Station]) {
         let centres = self.centres.as_ref();
         let Some(centre) = centres.get(self.visited.min(centres.len() - 1)) else { return };
-        let count = stations.len();
         // One drone is its formation's centre.
-        let circumradius = if count > 1 { self.polygon.circumradius } else { 0.0 };
-        let polygon = Polygon { circumradius };
+        if let [alone] = stations {
+            alone.goal.position = centre.push(self.altitude);
+            return;
+        }
+        let count = stations.len();
         for (index, station) in stations.iter_mut().enumerate() {
-            let position = polygon.vertex(centre, self.rotation, self.altitude, index, count);
-            station.goal = Waypoint { position };
+            station.goal = self.shape.goal(centre, self.rotation, self.altitude, index, count);
         }
     }
 }
 
-impl<C: AsRef<[Vector2<f64>]>> FormationPlanner for Waypoints<C> {
+impl<C: AsRef<[Vector2<f64>]>, S: Shape> FormationPlanner for Waypoints<C, S> {
     fn begin(&mut self, stations: &mut [Station]) -> Result<(), PlanError> {
         if stations.is_empty() {
             return Err(PlanError::TooFew { needed: 1, have: 0 });
@@ -73,13 +70,18 @@ impl<C: AsRef<[Vector2<f64>]>> FormationPlanner for Waypoints<C> {
         _belief: &dyn Belief,
         stations: &mut [Station],
     ) -> Result<Decision, PlanError> {
-        self.visited += 1;
+        self.visited = self.visited.saturating_add(1);
         self.place(stations);
         Ok(if self.visited >= self.centres.as_ref().len() {
             Decision::Finish(Outcome::PathDone)
         } else {
             Decision::Listen(Stage::Searching)
         })
+    }
+
+    fn explain(&self, to: &mut dyn fmt::Write) -> fmt::Result {
+        let all = self.centres.as_ref().len();
+        write!(to, "{} of {all} places visited", self.visited.min(all))
     }
 }
 

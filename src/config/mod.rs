@@ -9,6 +9,7 @@ mod named;
 mod named_extractor;
 mod named_planner;
 mod planner;
+mod shape;
 mod source;
 
 pub use boxed::{BoxedEstimator, CloneEstimator};
@@ -26,4 +27,5 @@ pub use named_extractor::{
 };
 pub use named_planner::{NamedPlanner, planner_named, planners};
 pub use planner::{PlannerConfig, PlannerConfigError};
+pub use shape::{BoxedShape, ShapeConfig};
 pub use source::{BoxedSource, SourceConfig, SourceError, boxed};

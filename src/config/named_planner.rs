@@ -1,6 +1,10 @@
+use foxhunt_formation::{
+    AltitudeRule, ArcsConfig, CoverageConfig, FollowConfig, OrbitConfig, SettlingRule,
+    SurgeCastConfig,
+};
 use nalgebra::Vector2;
 
-use super::PlannerConfig;
+use super::{PlannerConfig, ShapeConfig};
 use crate::scenario::Scenario;
 
 /// A planner that the program knows by name.
@@ -26,19 +30,16 @@ impl NamedPlanner {
 /// How often `hold` listens.
 const TURNS: u32 = 10;
 
-/// The altitude of the reference's formation while it searches, in metres (Pritzl 2018, §5.2).
-const UP_M: f64 = 4.0;
-
-/// The circumradius of the reference's formation, in metres (Pritzl 2018, §5.2).
-const CIRCUMRADIUS_M: f64 = 6.0;
+/// How many drones `pritzl2018-emulated` emulates, the reference's.
+const VIRTUAL_DRONES: u16 = 3;
 
 /// How many places a side of the area is swept at where the scenario has no path of its own, as
 /// the reference's sweep has it (Pritzl 2018, §7.4).
-const PLACES_A_SIDE: u16 = 4;
+const PLACES_A_SIDE: f64 = 4.0;
 
 /// Half the width of a box that holds a Gaussian of two equal, independent coordinates with 95 %,
 /// in standard deviations: the quantile of (1 + √0.95) / 2.
-const BOX_95: f64 = 2.236_476_644_557_896;
+const BOX_95: f64 = 2.236_476_644_557_789_5;
 
 /// Every planner that has a name.
 #[must_use]
@@ -49,13 +50,46 @@ pub fn planners() -> Vec<NamedPlanner> {
             "pritzl2018",
             "a polygon, with three drones a triangle, that follows the estimate until it has settled",
             "Pritzl 2018, §5.2",
-            |_| PlannerConfig::FollowEstimate { follow: Default::default() },
+            |_| pritzl2018(),
+        ),
+        named(
+            "pritzl2018-emulated",
+            "the same, where there are fewer than three drones flown for three, one place after the other",
+            "Pritzl 2018, §7.2",
+            |_| PlannerConfig::Emulated {
+                virtual_drones: VIRTUAL_DRONES,
+                planner: Box::new(pritzl2018()),
+            },
         ),
         named(
             "waypoints",
-            "the scenario's own path, or else a sweep of the area where the beacon is believed to be",
+            "the scenario's own path, or else the lawn-mower's",
             "Pritzl 2018, §7.3 and §7.4",
             waypoints,
+        ),
+        named(
+            "lawn-mower",
+            "a sweep in rows, back and forth, of the area where the beacon is believed to be",
+            "Pritzl 2018, §7.4; Choset & Pignon 1998",
+            lawn_mower,
+        ),
+        named(
+            "orbit",
+            "a circle about the estimate, drones spread evenly, and one round once it has settled",
+            "Pritzl 2018, §5.2, in steps about one centre",
+            orbit,
+        ),
+        named(
+            "arcs",
+            "a spiral towards the estimate, so that bearings differ on the way in, then a circle",
+            "Pritzl 2018, ch. 8, a logarithmic spiral",
+            arcs,
+        ),
+        named(
+            "surge-cast",
+            "along the bearings while the level rises, across them when it falls, then a circle",
+            "Kennedy & Marsh 1974; Balkovsky & Shraiman 2002",
+            surge_cast,
         ),
         named("hold", "everyone stays and listens", "Isaacs et al. 2014, §V", hold),
     ]
@@ -74,25 +108,102 @@ fn hold(scenario: &Scenario) -> PlannerConfig {
     }
 }
 
+fn pritzl2018() -> PlannerConfig {
+    PlannerConfig::FollowEstimate { follow: FollowConfig::pritzl2018(), shape: None }
+}
+
 fn waypoints(scenario: &Scenario) -> PlannerConfig {
-    if let own @ PlannerConfig::Waypoints { .. } = &scenario.planner {
+    match &scenario.planner {
+        own @ PlannerConfig::Waypoints { .. } => own.clone(),
+        _ => lawn_mower(scenario),
+    }
+}
+
+/// Its area is a box that holds the beacon with 95 %; each place is the middle of its share.
+fn lawn_mower(scenario: &Scenario) -> PlannerConfig {
+    if let own @ PlannerConfig::LawnMower { .. } = &scenario.planner {
         return own.clone();
     }
-    let half = BOX_95 * scenario.hunt.prior_sigma_m;
-    let centre = prior_centre(scenario);
-    // Each place is the middle of its share of the area.
-    let across = |i: u16| half * (f64::from(2 * i + 1) / f64::from(PLACES_A_SIDE) - 1.0);
-    let row = |j: u16| {
-        let along = move |i: u16| if j % 2 == 0 { i } else { PLACES_A_SIDE - 1 - i };
-        (0..PLACES_A_SIDE).map(move |i| [centre.x + across(along(i)), centre.y + across(j)])
-    };
-    PlannerConfig::Waypoints {
-        places_m: (0..PLACES_A_SIDE).flat_map(row).collect(),
-        circumradius_m: CIRCUMRADIUS_M,
-        rotation_deg: 0.0,
-        up_m: UP_M,
-        turns_at_each: 1,
+    let (half, centre) = (BOX_95 * scenario.hunt.prior_sigma_m, prior_centre(scenario));
+    let corner = |east: f64, north: f64| [centre.x + east * half, centre.y + north * half];
+    let spacing = 2.0 * half / PLACES_A_SIDE;
+    let radius = FollowConfig::pritzl2018().circumradius_m.min(0.25 * spacing);
+    PlannerConfig::LawnMower {
+        corners_m: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
+        coverage: CoverageConfig {
+            row_spacing_m: spacing,
+            along_spacing_m: spacing,
+            margin_m: 0.5 * spacing,
+            direction_rad: None,
+        },
+        shape: Some(ShapeConfig::Polygon { circumradius_m: radius }),
+        up_m: altitude(scenario).most_m,
         rounds: 1,
+    }
+}
+
+fn orbit(scenario: &Scenario) -> PlannerConfig {
+    if let own @ PlannerConfig::Orbit(_) = &scenario.planner {
+        return own.clone();
+    }
+    let config = OrbitConfig::default();
+    PlannerConfig::Orbit(OrbitConfig {
+        radius_m: in_area(config.radius_m, scenario),
+        altitude: altitude(scenario),
+        settling: settling(scenario),
+        ..config
+    })
+}
+
+fn arcs(scenario: &Scenario) -> PlannerConfig {
+    if let own @ PlannerConfig::Arcs(_) = &scenario.planner {
+        return own.clone();
+    }
+    let config = ArcsConfig::default();
+    PlannerConfig::Arcs(ArcsConfig {
+        spacing_m: in_area(config.spacing_m, scenario),
+        standoff_m: in_area(config.standoff_m, scenario),
+        altitude: altitude(scenario),
+        settling: settling(scenario),
+        ..config
+    })
+}
+
+fn surge_cast(scenario: &Scenario) -> PlannerConfig {
+    if let own @ PlannerConfig::SurgeCast(_) = &scenario.planner {
+        return own.clone();
+    }
+    let config = SurgeCastConfig::default();
+    PlannerConfig::SurgeCast(SurgeCastConfig {
+        surge_m: in_area(config.surge_m, scenario),
+        cast_m: in_area(config.cast_m, scenario),
+        circumradius_m: in_area(config.circumradius_m, scenario),
+        standoff_m: in_area(config.standoff_m, scenario),
+        altitude: altitude(scenario),
+        settling: settling(scenario),
+        ..config
+    })
+}
+
+/// A length, or the prior's σ where that is shorter: a room is not circled from outside.
+fn in_area(length_m: f64, scenario: &Scenario) -> f64 {
+    length_m.min(scenario.hunt.prior_sigma_m)
+}
+
+/// In a room, an estimate settles within less.
+fn settling(scenario: &Scenario) -> SettlingRule {
+    let rule = SettlingRule::default();
+    SettlingRule { settled_m: rule.settled_m.min(0.1 * scenario.hunt.prior_sigma_m), ..rule }
+}
+
+/// Drones that begin in the air go no higher than the highest of them.
+fn altitude(scenario: &Scenario) -> AltitudeRule {
+    let rule = AltitudeRule::default();
+    let highest = scenario.world.drones.iter().map(|drone| drone.up_m).fold(0.0, f64::max);
+    if highest > 0.0 {
+        AltitudeRule { least_m: rule.least_m.min(highest), most_m: highest, ..rule }
+    } else {
+        rule
     }
 }
 
@@ -106,6 +217,8 @@ fn prior_centre(scenario: &Scenario) -> Vector2<f64> {
 
 #[cfg(test)]
 mod tests {
+    use foxhunt_formation::Coverage;
+
     use super::*;
     use crate::scenario::builtin_scenarios;
 
@@ -141,17 +254,27 @@ mod tests {
         scenario.hunt.prior_centre_m = Some([100.0, -20.0]);
         scenario.hunt.prior_sigma_m = 10.0;
         let waypoints = planner_named("waypoints").expect("it is known");
-        let PlannerConfig::Waypoints { places_m, .. } = waypoints.config(&scenario) else {
-            panic!("waypoints are waypoints");
+        let PlannerConfig::LawnMower { corners_m, coverage, .. } = waypoints.config(&scenario)
+        else {
+            panic!("this scenario has no path of its own");
         };
-        assert_eq!(places_m.len(), 16);
-        let first = [100.0 - 0.75 * 10.0 * BOX_95, -20.0 - 0.75 * 10.0 * BOX_95];
-        let off = (Vector2::from(places_m[0]) - Vector2::from(first)).norm();
-        assert!(off < 1e-12, "{:?}", places_m[0]);
-        let step = 0.5 * 10.0 * BOX_95;
-        for pair in places_m.windows(2) {
-            let moved = (Vector2::from(pair[0]) - Vector2::from(pair[1])).norm();
-            assert!((moved - step).abs() < 1e-9, "back and forth: {moved} m");
+        let corners: Vec<_> = corners_m.into_iter().map(Vector2::from).collect();
+        let coverage = Coverage::new(&corners, &coverage).expect("a square");
+        let places = coverage.places();
+        assert_eq!(places.len(), 16);
+        let first = Vector2::new(100.0, -20.0) - Vector2::repeat(0.75 * 10.0 * BOX_95);
+        assert!((places[0] - first).norm() < 1e-6, "{}", places[0]);
+        for pair in places.windows(2) {
+            let moved = (pair[0] - pair[1]).norm();
+            assert!((moved - 5.0 * BOX_95).abs() < 1e-6, "back and forth: {moved} m");
         }
+    }
+
+    #[test]
+    fn a_room_is_not_circled_from_outside() {
+        let room = scenario("isaacs-line");
+        let named = planner_named("orbit").expect("it is known");
+        let PlannerConfig::Orbit(orbit) = named.config(&room) else { panic!("an orbit") };
+        assert!(orbit.radius_m <= 2.0 && orbit.altitude.most_m <= 1.0, "{orbit:?}");
     }
 }

@@ -1,9 +1,14 @@
+use core::fmt;
+
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use crate::{Estimate, FormationPlanner, Station};
+use crate::{Decision, Estimate, FormationPlanner, PlanError, Pose, Station};
 
-/// A planner's laws for one belief and one set of drones. `fresh` makes the same planner each
-/// time.
+/// The most drones that the laws are tried with.
+const DRONES: usize = 8;
+
+/// A planner's laws for one belief and one set of drones, and for 1 to 8 drones that come and go.
+/// `fresh` makes the same planner each time, one that explains itself.
 ///
 /// # Panics
 ///
@@ -13,11 +18,20 @@ pub fn formation_planner<P: FormationPlanner>(
     belief: &Estimate<2>,
     stations: &mut [Station],
 ) {
-    let finite = |stations: &[Station]| {
-        stations.iter().all(|s| s.goal.position.iter().all(|c| c.is_finite()))
-    };
+    one_by_one(&mut fresh(), belief, stations);
+    drones_come_and_go(&mut fresh(), belief);
+}
+
+fn finite(stations: &[Station]) -> bool {
+    stations.iter().all(|s| s.goal.position.iter().all(|c| c.is_finite()))
+}
+
+fn one_by_one<P: FormationPlanner>(
+    planner: &mut P,
+    belief: &Estimate<2>,
+    stations: &mut [Station],
+) {
     let sum = |stations: &[Station]| stations.iter().map(|s| s.goal.position).sum::<Vector3<f64>>();
-    let mut planner = fresh();
     let before = sum(stations);
     match planner.begin(stations) {
         Ok(()) => assert!(finite(stations), "the first goals are not finite"),
@@ -28,11 +42,68 @@ pub fn formation_planner<P: FormationPlanner>(
         Ok(_) => assert!(finite(stations), "the goals are not finite"),
         Err(error) => assert_eq!(sum(stations), before, "goals were changed despite: {error}"),
     }
+    let before = sum(stations);
+    let none = planner.plan_together(&[], stations);
+    assert_eq!(none, Err(PlanError::NoPlace), "it plans for no target");
+    assert_eq!(sum(stations), before, "goals were changed where there is no target");
     let nowhere =
         Estimate { mean: Vector2::repeat(f64::NAN), covariance: Matrix2::repeat(f64::NAN) };
-    let before = sum(stations);
-    if let Err(error) = planner.plan(&nowhere, stations) {
-        assert_eq!(sum(stations), before, "goals were changed despite: {error}");
+    for resumes in [false, true] {
+        let before = sum(stations);
+        let planned = match resumes {
+            false => planner.plan(&nowhere, stations).map(|_| ()),
+            true => planner.resume(&nowhere, stations),
+        };
+        if let Err(error) = planned {
+            assert_eq!(sum(stations), before, "goals were changed despite: {error}");
+        }
+        assert!(finite(stations), "a belief that is not finite made goals that are not");
     }
-    assert!(finite(stations), "a belief that is not finite made goals that are not");
+}
+
+/// Every number of drones plans after every other one, some of them not where they should be.
+fn drones_come_and_go<P: FormationPlanner>(planner: &mut P, belief: &Estimate<2>) {
+    let mut all: [Station; DRONES] = core::array::from_fn(|drone| {
+        let east = 5.0 * f64::from(u8::try_from(drone).unwrap_or(u8::MAX));
+        Station::holding(Pose::at(east, -0.5 * east, 2.0))
+    });
+    if let Err(error) = planner.begin(&mut all) {
+        panic!("eight drones cannot begin: {error}");
+    }
+    for first in 1..=DRONES {
+        for count in [first, DRONES + 1 - first, 1] {
+            for station in all.iter_mut().step_by(2) {
+                station.pose.position = station.goal.position;
+            }
+            let stations = &mut all[..count];
+            match planner.plan(belief, stations) {
+                Ok(decision) => {
+                    assert!(finite(stations), "the goals of {count} drones are not finite");
+                    explained(planner, &decision);
+                    if let Decision::Finish(_) = decision
+                        && let Err(error) = planner.begin(stations)
+                    {
+                        panic!("{count} drones cannot begin again: {error}");
+                    }
+                }
+                Err(error) => panic!("{count} drones have no plan: {error}"),
+            }
+        }
+    }
+}
+
+/// Whether anything was written.
+struct Written(bool);
+
+impl fmt::Write for Written {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0 |= !text.trim().is_empty();
+        Ok(())
+    }
+}
+
+fn explained<P: FormationPlanner>(planner: &P, decision: &Decision) {
+    let mut written = Written(false);
+    let told = planner.explain(&mut written);
+    assert!(told.is_ok() && written.0, "no reason is given for {decision:?}");
 }

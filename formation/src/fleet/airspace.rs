@@ -1,7 +1,7 @@
 use std::{vec, vec::Vec};
 
 use geo::{
-    BooleanOps, BoundingRect, Buffer, Closest, ClosestPoint, Contains, Distance, Euclidean,
+    Area, BooleanOps, BoundingRect, Buffer, Closest, ClosestPoint, Contains, Distance, Euclidean,
     LineString, MultiPolygon, Orient, Point, Polygon, Validation,
     algorithm::buffer::{BufferStyle, LineJoin},
     coord,
@@ -282,7 +282,7 @@ fn polygon(field: &'static str, corners: &[[f64; 2]]) -> Result<Polygon<f64>, Ai
     }
     let ring: Vec<_> = corners.iter().map(|&[x, y]| coord! { x: x, y: y }).collect();
     let polygon = Polygon::new(LineString(ring), vec![]);
-    if polygon.is_valid() {
+    if polygon.is_valid() && polygon.unsigned_area() > 0.0 {
         Ok(polygon.orient(Direction::Default))
     } else {
         let [east, north] = corners[0];

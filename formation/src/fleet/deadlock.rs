@@ -1,19 +1,22 @@
+use std::vec::Vec;
+
+use geo::{Distance, Euclidean, Point};
 use nalgebra::{Vector2, Vector3};
 
 use super::{
     OrderReason, Traffic,
-    ground::{SLACK, line, ring_about},
+    ground::{SLACK, line, point, ring_about},
 };
 
 /// How far aside a drone flies to let others pass, at most: this often the distance that lines keep.
-const ASIDE: u32 = 6;
+pub(super) const ASIDE: u32 = 6;
 
 /// What is tried when drones wait and none flies.
 impl Traffic {
     /// Has two drones of the formation exchange their goals, if one of them can then set off.
     /// Every pair exchanges once per formation, so this ends.
     pub(super) fn exchange(&mut self) -> bool {
-        let waiting: std::vec::Vec<usize> = self.waiting().collect();
+        let waiting: Vec<usize> = self.waiting().collect();
         let in_formation =
             |t: &Self, d: usize| t.flights[d].wish.filter(|wish| wish.formation).map(|w| w.goal);
         for drone in waiting {
@@ -58,22 +61,23 @@ impl Traffic {
             && self.surroundings(drone, &[]).way(&from.xy(), &goal.xy()).is_some()
     }
 
-    /// Has one drone fly aside, to a place that is in nobody's way. Every drone does so once per
+    /// Has one drone that stands in another's way fly aside, to a place that is in nobody's. Every drone does so once per
     /// wish, so this ends.
     pub(super) fn step_aside(&mut self) -> bool {
-        // Those that stand in somebody's way first.
         let in_the_way = |drone: usize| {
             let here = self.flights[drone].end().xy();
             self.waiting().filter(|&other| other != drone).any(|other| {
-                let Some(goal) = self.goal(other) else { return false };
-                let from = self.flights[other].end();
-                self.line_distance(&from.xy(), &goal.xy(), &here) < self.config.keep()
+                let goal = self.goal(other).map_or(here, |goal| goal.xy());
+                let from = self.flights[other].end().xy();
+                self.airspace.holds(&goal)
+                    && line_distance(&from, &goal, &here) < self.config.keep()
             })
         };
         let able = |&drone: &usize| self.flights[drone].wish.is_some_and(|wish| !wish.aside);
-        let mut drones: std::vec::Vec<usize> = (0..self.flights.len()).filter(able).collect();
-        drones.retain(|&drone| self.flights[drone].waits() || in_the_way(drone));
-        drones.sort_by_key(|&drone| !in_the_way(drone));
+        let drones = (0..self.flights.len()).filter(able).filter(|&drone| in_the_way(drone));
+        // Those that wait themselves first.
+        let mut drones: Vec<usize> = drones.collect();
+        drones.sort_by_key(|&drone| !self.flights[drone].waits());
         for drone in drones {
             if let Some(place) = self.place_aside(drone) {
                 if let Some(wish) = &mut self.flights[drone].wish {
@@ -87,11 +91,6 @@ impl Traffic {
         false
     }
 
-    fn line_distance(&self, from: &Vector2<f64>, to: &Vector2<f64>, place: &Vector2<f64>) -> f64 {
-        use geo::{Distance, Euclidean};
-        Euclidean.distance(&line(from, to), &line(place, place))
-    }
-
     /// The nearest place, straight ahead, that keeps away from all drones, all goals, and best
     /// also from the lines of those that wait.
     fn place_aside(&self, drone: usize) -> Option<Vector2<f64>> {
@@ -99,13 +98,13 @@ impl Traffic {
         let keep = self.config.keep();
         let surroundings = self.surroundings(drone, &[]);
         let others = (0..self.flights.len()).filter(|&other| other != drone);
-        let wishes: std::vec::Vec<_> = others
+        let wishes: Vec<_> = others
             .filter_map(|other| Some((self.flights[other].end().xy(), self.goal(other)?.xy())))
             .collect();
         let free_of = |lines: bool, place: &Vector2<f64>| {
             wishes.iter().all(|(start, goal)| {
                 let start = if lines { start } else { goal };
-                self.line_distance(start, goal, place) >= keep
+                line_distance(start, goal, place) >= keep
             })
         };
         let rings = || {
@@ -115,4 +114,8 @@ impl Traffic {
             rings().find(|place| free_of(lines, place) && surroundings.first_leg(&from, place))
         })
     }
+}
+
+fn line_distance(from: &Vector2<f64>, to: &Vector2<f64>, place: &Vector2<f64>) -> f64 {
+    Euclidean.distance(&Point::from(point(place)), &line(from, to))
 }

@@ -145,9 +145,14 @@ impl Flight {
         }
     }
 
+    /// Whether the leg that it has been told to leave is released when it is next seen.
+    pub(super) fn turning(&self) -> bool {
+        self.former.is_some() && !self.unsent
+    }
+
     /// Takes note of where it is.
     pub(super) fn see(&mut self, place: &Vector3<f64>, tolerance: f64) -> Seen {
-        if !self.unsent {
+        if self.turning() {
             self.former = None;
         }
         let from = self.way[0].xy();

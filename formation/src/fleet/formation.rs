@@ -109,6 +109,26 @@ impl Traffic {
         Ok(self.assigned(drones, places, &found))
     }
 
+    /// Where drones can land that begin at `starts`: the nearest places to these, in their order, that
+    /// are permitted and far enough apart for all drones to rest there, at the altitudes of
+    /// `starts`. Where there is no room, the start itself, though its drone may find it blocked.
+    #[must_use]
+    pub fn homes(&self, starts: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+        let mut surroundings = Surroundings {
+            airspace: &self.airspace,
+            others: vec![],
+            keep: self.config.keep(),
+            void: None,
+        };
+        let home = |start: &Vector3<f64>| {
+            let ground = nearest(&surroundings, &start.xy()).unwrap_or(start.xy());
+            let home = Vector3::new(ground.x, ground.y, start.z);
+            surroundings.others.push(Region::along(&[home]));
+            home
+        };
+        starts.iter().map(home).collect()
+    }
+
     fn reason(
         &self,
         surroundings: &Surroundings<'_>,

@@ -40,9 +40,6 @@ pub(super) fn ring_about(
 pub(super) struct Region(Vec<Line<f64>>);
 
 impl Region {
-    /// # Panics
-    ///
-    /// Never: no places make no lines.
     pub(super) fn along(places: &[Vector3<f64>]) -> Self {
         Self(match places {
             [only] => [line(&only.xy(), &only.xy())].into(),
@@ -56,6 +53,10 @@ impl Region {
 
     pub(super) fn distance(&self, way: &Line<f64>) -> f64 {
         self.0.iter().map(|leg| Euclidean.distance(way, leg)).fold(f64::INFINITY, f64::min)
+    }
+
+    pub(super) fn distance_between(&self, other: &Self) -> f64 {
+        self.0.iter().map(|leg| other.distance(leg)).fold(f64::INFINITY, f64::min)
     }
 
     pub(super) fn distance_to(&self, place: &Vector2<f64>) -> f64 {

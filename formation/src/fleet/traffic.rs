@@ -13,7 +13,7 @@ use super::{
 
 /// A way around others is taken at once if it is at most this many times as long as one without
 /// them; otherwise the drone waits for them as long as any flies.
-const DETOUR: f64 = 1.5;
+const DETOUR: f64 = 1.2;
 
 /// Who flies where, and which lines are reserved.
 ///
@@ -110,6 +110,7 @@ impl Traffic {
         if drone >= self.flights.len() || !position.iter().all(|x| x.is_finite()) {
             return;
         }
+        self.changed |= self.flights[drone].turning();
         match self.flights[drone].see(position, self.config.tolerance_m) {
             Seen::OnLine(released) => self.released += released,
             Seen::AtCorner => self.changed = true,

@@ -1,28 +1,26 @@
-//! Plays random fleets through the traffic and asks the truth: nobody comes too near to another,
-//! leaves the fence, or enters a keep-out, and everyone is there or blocked in the end.
+//! Random fleets in random airspaces, whose drones fly, stray, get stuck and fall silent.
 
 use foxhunt_formation::{Airspace, AirspaceConfig, KeepOut, Order, Traffic, TrafficConfig, Travel};
 use nalgebra::{Vector2, Vector3};
-use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand::{RngExt, rngs::Xoshiro256PlusPlus};
 
-/// Chaos ends after this many steps; everyone has arrived or is blocked after so many more.
-const CHAOS: u32 = 600;
-const PATIENCE: u32 = 20_000;
+/// Seconds between two looks.
+pub(crate) const DT: f64 = 0.05;
 
 /// A drone that flies straight to where it was told, strays, gets stuck, and takes a while to turn.
-struct Drone {
+pub(crate) struct Drone {
     line: Vector3<f64>,
     stray: Vector2<f64>,
     goal: Vector3<f64>,
     /// What it does after it has braked.
     next: Option<(Vector3<f64>, f64)>,
-    speed: f64,
+    pub(crate) speed: f64,
     stuck: u32,
     silent: u32,
 }
 
 impl Drone {
-    fn place(&self) -> Vector3<f64> {
+    pub(crate) fn place(&self) -> Vector3<f64> {
         self.line + Vector3::new(self.stray.x, self.stray.y, 0.0)
     }
 
@@ -53,21 +51,21 @@ impl Drone {
     }
 }
 
-struct World {
-    truth: Airspace,
-    traffic: Traffic,
-    drones: Vec<Drone>,
-    homes: Vec<Vector3<f64>>,
-    extent: f64,
-    separation: f64,
+pub(crate) struct World {
+    pub(crate) truth: Airspace,
+    pub(crate) traffic: Traffic,
+    pub(crate) drones: Vec<Drone>,
+    pub(crate) homes: Vec<Vector3<f64>>,
+    pub(crate) extent: f64,
+    pub(crate) separation: f64,
 }
 
-fn place(rng: &mut Xoshiro256PlusPlus, extent: f64) -> Vector3<f64> {
+pub(crate) fn place(rng: &mut Xoshiro256PlusPlus, extent: f64) -> Vector3<f64> {
     let mut coordinate = || rng.random_range(-extent..extent);
     Vector3::new(coordinate(), coordinate(), rng.random_range(0.0..12.0))
 }
 
-fn airspace(rng: &mut Xoshiro256PlusPlus, extent: f64) -> Option<AirspaceConfig> {
+pub(crate) fn airspace(rng: &mut Xoshiro256PlusPlus, extent: f64) -> AirspaceConfig {
     let corners = rng.random_range(4..10_u32);
     let star = |rng: &mut Xoshiro256PlusPlus| -> Vec<[f64; 2]> {
         let corner = |index: u32| {
@@ -95,13 +93,14 @@ fn airspace(rng: &mut Xoshiro256PlusPlus, extent: f64) -> Option<AirspaceConfig>
     };
     let keep_out = (0..zones).map(zone).collect();
     let altitude_m = rng.random_bool(0.5).then_some([2.0, 10.0]);
-    Some(AirspaceConfig { fence_m, keep_out, altitude_m })
+    AirspaceConfig { fence_m, keep_out, altitude_m }
 }
 
 /// None where the random airspace has no room for the fleet.
-fn world(rng: &mut Xoshiro256PlusPlus) -> Option<World> {
+pub(crate) fn world(rng: &mut Xoshiro256PlusPlus) -> Option<World> {
     let extent = rng.random_range(10.0..80.0);
-    let truth = Airspace::new(&airspace(rng, extent)?).ok()?;
+    let config = airspace(rng, extent);
+    let truth = Airspace::new(&config).ok()?;
     let config = TrafficConfig {
         separation_m: rng.random_range(0.5..4.0),
         tolerance_m: rng.random_range(0.2..1.0),
@@ -135,11 +134,12 @@ fn world(rng: &mut Xoshiro256PlusPlus) -> Option<World> {
     };
     let drones = positions.iter().map(drone).collect();
     let separation = config.separation_m;
-    Some(World { truth, traffic, drones, homes: positions, extent, separation })
+    let homes = traffic.homes(&positions);
+    Some(World { truth, traffic, drones, homes, extent, separation })
 }
 
 impl World {
-    fn wish(&mut self, rng: &mut Xoshiro256PlusPlus) {
+    pub(crate) fn wish(&mut self, rng: &mut Xoshiro256PlusPlus) {
         let all = self.drones.len();
         match rng.random_range(0..10) {
             0..6 => {
@@ -162,19 +162,18 @@ impl World {
         }
     }
 
-    fn advance(&mut self, rng: &mut Xoshiro256PlusPlus, chaos: bool) {
+    pub(crate) fn advance(&mut self, rng: &mut Xoshiro256PlusPlus, chaos: bool) {
         let config = *self.traffic.config();
-        let dt = 0.05;
         for (index, drone) in self.drones.iter_mut().enumerate() {
             // As far as it flies between two looks belongs to the tolerance.
-            drone.speed = drone.speed.min(0.4 * config.tolerance_m / dt);
+            drone.speed = drone.speed.min(0.4 * config.tolerance_m / DT);
             if chaos && rng.random_bool(0.002) {
                 drone.stuck = rng.random_range(1..200);
             }
             if chaos && rng.random_bool(0.002) {
                 drone.silent = rng.random_range(1..200);
             }
-            drone.fly(dt, config.tolerance_m, rng);
+            drone.fly(DT, config.tolerance_m, rng);
             if drone.silent > 0 {
                 drone.silent -= 1;
             } else {
@@ -190,7 +189,7 @@ impl World {
         }
     }
 
-    fn check(&self, seed: u64) {
+    pub(crate) fn check(&self, seed: u64) {
         for (index, drone) in self.drones.iter().enumerate() {
             let here = drone.place();
             let clearance = self.truth.clearance(&here.xy());
@@ -206,63 +205,9 @@ impl World {
         }
     }
 
-    fn settled(&self) -> bool {
+    pub(crate) fn settled(&self) -> bool {
         let states = (0..self.drones.len()).map(|drone| self.traffic.status(drone));
         let mut states = states;
         states.all(|state| matches!(state, Travel::There | Travel::Blocked))
     }
-}
-
-/// How many drones there were and how many ended blocked.
-fn episode(seed: u64) -> Option<(usize, usize)> {
-    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
-    let mut world = world(&mut rng)?;
-    world.wish(&mut rng);
-    for _ in 0..CHAOS {
-        if rng.random_bool(0.01) {
-            world.wish(&mut rng);
-        }
-        world.advance(&mut rng, true);
-        world.check(seed);
-    }
-    for _ in 0..PATIENCE {
-        world.advance(&mut rng, false);
-        world.check(seed);
-        if world.settled() {
-            let all = world.drones.len();
-            let blocked =
-                (0..all).filter(|&drone| world.traffic.status(drone) == Travel::Blocked).count();
-            return Some((all, blocked));
-        }
-    }
-    let states: Vec<_> = (0..world.drones.len()).map(|d| world.traffic.status(d)).collect();
-    panic!("seed {seed}: not settled: {states:?}");
-}
-
-/// How many episodes were played, with how many drones, of which how many ended blocked.
-fn play(seeds: std::ops::Range<u64>) -> [usize; 3] {
-    let (mut played, mut drones, mut blocked) = (0, 0, 0);
-    for seed in seeds {
-        if let Some((all, not_there)) = episode(seed) {
-            played += 1;
-            drones += all;
-            blocked += not_there;
-        }
-    }
-    // Goals that are outside, or walled off by others, are blocked; most are not.
-    assert!(blocked * 5 < drones, "{blocked} of {drones} drones ended blocked");
-    [played, drones, blocked]
-}
-
-#[test]
-fn nobody_comes_too_near_and_everyone_ends() {
-    let [played, ..] = play(0..500);
-    assert!(played > 400, "{played} episodes");
-}
-
-#[test]
-#[ignore = "campaign: 20 000 fleets, some minutes"]
-fn nobody_comes_too_near_in_a_campaign() {
-    let [played, drones, blocked] = play(1000..21_000);
-    println!("{played} episodes, {drones} drones, {blocked} blocked");
 }

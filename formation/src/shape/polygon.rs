@@ -2,6 +2,8 @@ use core::f64::consts::TAU;
 
 use nalgebra::{Vector2, Vector3};
 
+use super::{Shape, number};
+
 /// A regular polygon of drones about a centre, all at one altitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Polygon {
@@ -23,13 +25,30 @@ impl Polygon {
         index: usize,
         count: usize,
     ) -> Vector3<f64> {
-        let share = |i: usize| f64::from(u32::try_from(i).unwrap_or(u32::MAX));
-        let angle = rotation + TAU * share(index) / share(count.max(1));
+        let angle = rotation + TAU * number(index) / number(count.max(1));
         Vector3::new(
             centre.x + self.circumradius * libm::cos(angle),
             centre.y + self.circumradius * libm::sin(angle),
             altitude,
         )
+    }
+}
+
+impl Shape for Polygon {
+    fn offset(&self, index: usize, count: usize) -> Vector2<f64> {
+        self.vertex(&Vector2::zeros(), 0.0, 0.0, index, count).xy()
+    }
+
+    fn vertex(
+        &self,
+        centre: &Vector2<f64>,
+        rotation: f64,
+        altitude: f64,
+        index: usize,
+        count: usize,
+    ) -> Vector3<f64> {
+        // One sine of the sum of the angles is nearer the truth than a rotated offset.
+        Self::vertex(self, centre, rotation, altitude, index, count)
     }
 }
 
@@ -48,6 +67,7 @@ mod tests {
             );
             assert!(((a - b).norm() - libm::sqrt(8.0)).abs() < 1e-12);
             assert!(((a.xy() - centre).norm() - 2.0).abs() < 1e-12);
+            assert_eq!(Shape::vertex(&square, &centre, 0.4, 3.0, i, 4), a);
         }
     }
 }

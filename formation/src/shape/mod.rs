@@ -1,0 +1,12 @@
+mod line;
+mod offsets;
+mod polygon;
+mod scaled;
+mod shaped;
+
+pub use line::Line;
+pub use offsets::Offsets;
+pub use polygon::Polygon;
+pub use scaled::Scaled;
+pub(crate) use shaped::number;
+pub use shaped::{Shape, ShapeFn, shape_fn};

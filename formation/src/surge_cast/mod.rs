@@ -1,0 +1,7 @@
+mod heard;
+mod planner;
+#[cfg(test)]
+mod tests;
+
+use heard::Heard;
+pub use planner::{SurgeCast, SurgeCastConfig};

@@ -1,0 +1,267 @@
+use core::{
+    f64::consts::{FRAC_PI_2, FRAC_PI_6},
+    fmt,
+};
+
+use foxhunt_core::{
+    Belief, Decision, FormationPlanner, PlanError, Reception, Station, Target, angle,
+};
+use nalgebra::Vector2;
+
+use super::Heard;
+use crate::{
+    AltitudeRule, ParameterError, Polygon, SettlingRule, Shape,
+    parameter::{check, counted, finite, not_negative, positive},
+    places::{self, away, centroid, direction, nearest_direction},
+    settling::Settling,
+};
+
+/// What [`SurgeCast`] is told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct SurgeCastConfig {
+    /// How far a surge goes at most, in metres; it never passes the estimate.
+    pub surge_m: f64,
+    /// How far the first cast goes across the surge, in metres.
+    pub cast_m: f64,
+    /// Each further cast is so many times longer, to the other side; at least 1.
+    pub cast_growth: f64,
+    /// After so many casts in a row the formation surges towards the estimate.
+    pub most_casts: u32,
+    /// The level has fallen when it is so many dB below that of the last surge.
+    pub fall_db: f64,
+    /// From the centre of the formation to each of several drones on the way, in metres.
+    pub circumradius_m: f64,
+    /// The distance to the estimate over ground, in metres, at which the drones circle it.
+    pub standoff_m: f64,
+    /// How far they then go round from one formation position to the next, in radians.
+    pub step_rad: f64,
+    /// How high they fly.
+    pub altitude: AltitudeRule,
+    /// When they have finished.
+    pub settling: SettlingRule,
+}
+
+impl Default for SurgeCastConfig {
+    /// Surges of 20 m; casts of 8 m, each 1.5 times the one before, 4 in a row; a fall of 2 dB;
+    /// a formation of 6 m (Pritzl 2018, §5.2); circles at 8 m in steps of 30°; and the defaults of
+    /// [`AltitudeRule`] and [`SettlingRule`].
+    fn default() -> Self {
+        Self {
+            surge_m: 20.0,
+            cast_m: 8.0,
+            cast_growth: 1.5,
+            most_casts: 4,
+            fall_db: 2.0,
+            circumradius_m: 6.0,
+            standoff_m: 8.0,
+            step_rad: FRAC_PI_6,
+            altitude: AltitudeRule::default(),
+            settling: SettlingRule::default(),
+        }
+    }
+}
+
+/// What was done last, for the log.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Move {
+    Begin,
+    Surge { length: f64 },
+    Cast { number: u32, length: f64 },
+    Circle,
+}
+
+/// Surge and cast, as moths fly up a plume: straight on along the bearing while the signal becomes
+/// stronger, and where it is lost, across that course with ever longer legs to either side
+/// (Kennedy & Marsh 1974; counter-turning after the loss, Balkovsky & Shraiman 2002).
+///
+/// It goes by what it [hears](FormationPlanner::hear), the mean level and the resultant of the
+/// bearings at a formation position; the estimate only stands in where there was no bearing, and
+/// for the end: near it the drones circle it until it has settled.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurgeCast {
+    config: SurgeCastConfig,
+    heard: Heard,
+    /// The level where it last rose, and that place.
+    best: Option<(f64, Vector2<f64>)>,
+    /// The present level, if anything was heard.
+    level: Option<f64>,
+    heading: f64,
+    casts: u32,
+    circling: Option<f64>,
+    last: Move,
+    settling: Settling,
+}
+
+impl SurgeCast {
+    /// A planner that has seen no target yet.
+    ///
+    /// # Errors
+    ///
+    /// [`ParameterError`] names the first field that is out of its range.
+    pub fn new(config: SurgeCastConfig) -> Result<Self, ParameterError> {
+        positive("surge_m", config.surge_m)?;
+        positive("cast_m", config.cast_m)?;
+        let growth = config.cast_growth;
+        let grows = (1.0..=10.0).contains(&growth);
+        check("cast_growth", growth, "from 1 to 10", grows)?;
+        counted("most_casts", config.most_casts)?;
+        let few = config.most_casts <= 32;
+        check("most_casts", f64::from(config.most_casts), "at most 32", few)?;
+        not_negative("fall_db", config.fall_db)?;
+        positive("circumradius_m", config.circumradius_m)?;
+        positive("standoff_m", config.standoff_m)?;
+        finite("step_rad", config.step_rad)?;
+        config.altitude.check()?;
+        config.settling.check()?;
+        Ok(Self {
+            config,
+            heard: Heard::default(),
+            best: None,
+            level: None,
+            heading: 0.0,
+            casts: 0,
+            circling: None,
+            last: Move::Begin,
+            settling: Settling::default(),
+        })
+    }
+
+    fn form(&self, centre: &Vector2<f64>, altitude: f64, stations: &mut [Station]) {
+        if let [alone] = stations {
+            alone.goal.position = centre.push(altitude);
+            return;
+        }
+        let polygon = Polygon { circumradius: self.config.circumradius_m };
+        let count = stations.len();
+        for (index, station) in stations.iter_mut().enumerate() {
+            station.goal = polygon.goal(centre, self.heading, altitude, index, count);
+        }
+    }
+
+    fn circle(&mut self, estimate: &Vector2<f64>, stations: &mut [Station]) {
+        let direction = match self.circling {
+            Some(direction) => angle::wrap(direction + self.config.step_rad),
+            None => nearest_direction(estimate, stations),
+        };
+        (self.circling, self.casts, self.last) = (Some(direction), 0, Move::Circle);
+        let ring = Polygon { circumradius: self.config.standoff_m };
+        let altitude = self.config.altitude.altitude(self.config.standoff_m);
+        let count = stations.len();
+        for (index, station) in stations.iter_mut().enumerate() {
+            station.goal = ring.goal(estimate, direction, altitude, index, count);
+        }
+    }
+
+    /// Where the centre of the formation goes next.
+    fn surge_or_cast(
+        &mut self,
+        here: Vector2<f64>,
+        estimate: &Vector2<f64>,
+        bearing: Option<f64>,
+    ) -> Vector2<f64> {
+        let fell = match (self.level, self.best) {
+            (Some(level), Some((best, _))) => level < best - self.config.fall_db,
+            (None, Some(_)) => true,
+            (_, None) => false,
+        };
+        let limit = self.config.most_casts;
+        if let Some((_, place)) = self.best
+            && fell
+            && self.casts < limit
+        {
+            let growth = f64::from(self.casts);
+            let length = self.config.cast_m * libm::pow(self.config.cast_growth, growth);
+            let side = if self.casts.is_multiple_of(2) { FRAC_PI_2 } else { -FRAC_PI_2 };
+            self.casts += 1;
+            self.last = Move::Cast { number: self.casts, length };
+            return away(&place, length, self.heading + side);
+        }
+        let to_estimate = direction(&here, estimate);
+        // What nothing came of before is not followed again.
+        let lost = self.casts >= limit;
+        self.heading = if lost { to_estimate } else { bearing.unwrap_or(to_estimate) };
+        self.best = self.level.map(|level| (level, here));
+        self.casts = 0;
+        let length = self.config.surge_m.min((estimate - here).norm());
+        self.last = Move::Surge { length };
+        away(&here, length, self.heading)
+    }
+
+    /// Starts anew on a target.
+    fn reset(&mut self) {
+        self.heard = Heard::default();
+        (self.best, self.level, self.circling) = (None, None, None);
+        (self.casts, self.last, self.settling) = (0, Move::Begin, Settling::default());
+    }
+}
+
+impl FormationPlanner for SurgeCast {
+    fn begin(&mut self, stations: &mut [Station]) -> Result<(), PlanError> {
+        let centre = centroid(stations)?;
+        self.reset();
+        self.form(&centre, self.config.altitude.most_m, stations);
+        Ok(())
+    }
+
+    fn plan(
+        &mut self,
+        belief: &dyn Belief,
+        stations: &mut [Station],
+    ) -> Result<Decision, PlanError> {
+        let estimate = belief.position();
+        let place = places::finite(estimate.mean)?;
+        let here = centroid(stations)?;
+        let (level, bearing) = self.heard.take();
+        self.level = level;
+        let distance = (place - here).norm();
+        let near = distance <= self.config.standoff_m;
+        // A lone drone on its circle is as far from the estimate as that is wide, or more as the
+        // estimate moves.
+        let circling = self.circling.is_some() && distance <= 2.0 * self.config.standoff_m;
+        let close = near || circling;
+        let SurgeCastConfig { step_rad, settling, .. } = self.config;
+        let decision = self.settling.take(&settling, estimate, step_rad, stations.len(), close);
+        if close {
+            self.circle(&place, stations);
+        } else {
+            self.circling = None;
+            let centre = self.surge_or_cast(here, &place, bearing);
+            let altitude = self.config.altitude.altitude((centre - place).norm());
+            self.form(&centre, altitude, stations);
+        }
+        Ok(decision)
+    }
+
+    fn plan_together(
+        &mut self,
+        targets: &[Target<'_>],
+        stations: &mut [Station],
+    ) -> Result<Decision, PlanError> {
+        let target = targets.first().ok_or(PlanError::NoPlace)?;
+        self.heard.follow(target.beacon);
+        self.plan(target.belief, stations)
+    }
+
+    fn hear(&mut self, reception: &Reception) {
+        self.heard.hear(reception);
+    }
+
+    fn explain(&self, to: &mut dyn fmt::Write) -> fmt::Result {
+        match self.last {
+            Move::Begin => to.write_str("form up")?,
+            Move::Surge { length } => write!(to, "surge {length:.1} m")?,
+            Move::Cast { number, length } => write!(to, "cast {number}, {length:.1} m across")?,
+            Move::Circle => write!(to, "circle at {:.1} m", self.config.standoff_m)?,
+        }
+        match (self.level, self.best) {
+            (Some(level), Some((best, _))) => {
+                write!(to, ", {level:.1} dBm here, {best:.1} dBm at the last surge")?;
+            }
+            (Some(level), None) => write!(to, ", {level:.1} dBm here")?,
+            (None, _) => to.write_str(", nothing heard here")?,
+        }
+        write!(to, ": {}", self.settling)
+    }
+}

@@ -1,0 +1,58 @@
+//! Every planner that has a name, flown to its end.
+
+use std::convert::Infallible;
+
+use foxhunt::{
+    config::{estimator_named, planner_named, planners},
+    core::Outcome,
+    scenario::Scenario,
+    simulation::{Simulated, simulate},
+};
+
+/// The seed of each of these hunts; one hunt for each planner.
+const SEED: u64 = 3;
+
+fn fly(scenario: &Scenario) -> Simulated {
+    let grid = estimator_named("grid").expect("it is known");
+    simulate(scenario, &grid, SEED, |_| Ok::<_, Infallible>(())).expect("a hunt that ends")
+}
+
+/// Whoever moves finds both beacons within 6 m, which the reference planner, at an error of about
+/// 1.5 m rms, misses by chance alone in far less than one hunt in a thousand.
+#[test]
+fn each_finds_the_beacons_of_the_references_simulation() {
+    for planner in planners() {
+        let mut scenario = Scenario::find("pritzl-6.1").expect("a built-in scenario");
+        scenario.planner = planner.config(&scenario);
+        let hunt = fly(&scenario);
+        let outcome = match planner.name {
+            "waypoints" | "lawn-mower" => Outcome::PathDone,
+            "hold" => Outcome::MoveLimit,
+            _ => Outcome::Converged,
+        };
+        assert_eq!(hunt.found.len(), 2, "{}", planner.name);
+        for found in &hunt.found {
+            let (name, fix, miss) = (planner.name, &found.fix, found.error_m());
+            assert_eq!(fix.outcome, outcome, "{name}");
+            let far = if name == "hold" { 15.0 } else { 6.0 };
+            assert!(miss < far, "{name} misses {} by {miss} m", fix.name);
+        }
+    }
+}
+
+/// One drone alone finds them as well, with the planners that search.
+#[test]
+fn one_drone_is_enough_for_those_that_move() {
+    for name in ["pritzl2018", "pritzl2018-emulated", "orbit", "arcs", "surge-cast"] {
+        let mut scenario = Scenario::find("pritzl-6.1").expect("a built-in scenario");
+        scenario.world.drones.truncate(1);
+        scenario.planner = planner_named(name).expect("it is known").config(&scenario);
+        let hunt = fly(&scenario);
+        assert_eq!(hunt.found.len(), 2, "{name}");
+        for found in &hunt.found {
+            let (fix, miss) = (&found.fix, found.error_m());
+            assert_eq!(fix.outcome, Outcome::Converged, "{name}");
+            assert!(miss < 10.0, "{name} misses {} by {miss} m", fix.name);
+        }
+    }
+}
