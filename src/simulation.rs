@@ -2,7 +2,7 @@
 
 use foxhunt_core::{
     BeaconId, BearingExtractor, Estimate, Estimator, EstimatorError, FormationPlanner, Observation,
-    ObservationError, PatternSource, Reception, Station, Vehicle,
+    ObservationError, PatternSource, Reception, Station,
 };
 use foxhunt_sensors::{AntennaError, ParameterError};
 use foxhunt_sim::{SimError, World};
@@ -62,10 +62,10 @@ impl Found {
 /// The header that a log of this hunt begins with.
 #[must_use]
 pub fn log_header(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) -> LogHeader {
-    let beacon = |b: &foxhunt_sim::BeaconConfig| LoggedBeacon {
-        name: b.name.clone(),
+    let beacon = |b: foxhunt_sim::BeaconConfig| LoggedBeacon {
         truth: Some(Vector2::new(b.east_m, b.north_m)),
-        course: b.course.clone(),
+        name: b.name,
+        course: b.course,
     };
     LogHeader {
         foxhunt_log: LOG_VERSION,
@@ -74,7 +74,7 @@ pub fn log_header(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) ->
         estimator_name: estimator.name.to_owned(),
         estimator: estimator.config,
         model: scenario.model.clone(),
-        beacons: scenario.world.beacons.iter().map(beacon).collect(),
+        beacons: scenario.world.drawn_beacons(seed).into_iter().map(beacon).collect(),
     }
 }
 
@@ -109,9 +109,9 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
         estimator.config.track,
     )?;
     let mut sources = scenario.sources(&world)?;
-    let beacons = &scenario.world.beacons;
-    let mut heard = vec![0.0; beacons.len()];
-    let mut milestones = Milestones::new(beacons.len());
+    let beacons = scenario.world.beacons.len();
+    let mut heard = vec![0.0; beacons];
+    let mut milestones = Milestones::new(beacons);
     let drones = 0..world.drone_count();
     let path = || drones.clone().map(|drone| world.path_length(drone));
     fly(&mut hunt, &world, &mut sources, scenario.simulation, |event| {
@@ -126,7 +126,7 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
 
     let found = hunt.fixes().iter().filter_map(|fix| {
         let index = usize::from(fix.beacon.0);
-        let truth = beacons.get(index)?.place_at(*heard.get(index)?).xy();
+        let truth = world.truth_at(fix.beacon, *heard.get(index)?)?.xy();
         Some(Found { fix: fix.clone(), truth, progress: milestones.of(index)? })
     });
     let found = found.collect();
@@ -157,7 +157,7 @@ where
     Observation<M>: for<'a> TryFrom<&'a Reception, Error = ObservationError>,
 {
     let stations = (0..world.drone_count())
-        .map(|drone| Ok(Station::holding(world.vehicle(drone)?.pose()?)))
+        .map(|drone| Ok(Station::holding(world.pose(drone)?)))
         .collect::<Result<_, SimError>>()?;
     let mut fleet = world.fleet();
     hunt.start(world.time(), stations)?;

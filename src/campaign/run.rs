@@ -233,6 +233,11 @@ impl Run {
         (heard && sample.nees.is_finite() && sample.error_m.is_finite()).then_some(sample)
     }
 
+    /// How the search for a beacon ended, if it did.
+    pub(super) fn outcome(&self, beacon: usize) -> Option<Outcome> {
+        Some(self.beacons.get(beacon)?.as_ref()?.found.fix.outcome)
+    }
+
     /// How the search for a beacon came along, if it ended.
     pub(super) fn progress(&self, beacon: usize) -> Option<SearchProgress> {
         Some(self.beacons.get(beacon)?.as_ref()?.found.progress)
@@ -281,6 +286,12 @@ fn fly(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) -> Result<Run
         }
     }
     Ok(Run { duration_s, beacons })
+}
+
+/// How long the runs took that came to an end.
+pub(super) fn durations(runs: &[Run]) -> Option<Spread> {
+    let ended = runs.iter().map(|run| run.duration_s).filter(|duration| *duration > 0.0);
+    Spread::of(&ended.collect::<Vec<_>>())
 }
 
 /// The statistics of an estimator's runs.
