@@ -75,6 +75,13 @@ pub struct HuntedBeacon {
     pub nees: Option<f64>,
     /// How many receptions went through the estimator.
     pub steps: u32,
+    /// After how many of them the semi-major axis of the 95 % ellipse was below 3 m for the first
+    /// time; absent if it never was.
+    pub steps_to_3m: Option<u32>,
+    /// The same in simulated seconds, from when the search for this beacon began.
+    pub time_to_3m_s: Option<f64>,
+    /// How far all drones together flew from the beginning of the search to its end, in metres.
+    pub path_m: f64,
     /// At how many formation positions something was heard.
     pub formation_positions: u32,
     /// How the search ended.
@@ -104,6 +111,9 @@ impl From<&Found> for HuntedBeacon {
             error_m: found.error_m(),
             nees: found.nees(),
             steps: found.fix.steps,
+            steps_to_3m: found.progress.steps_to_3m,
+            time_to_3m_s: found.progress.time_to_3m_s,
+            path_m: found.progress.path_m,
             formation_positions: found.fix.formation_positions,
             outcome: found.fix.outcome,
         }

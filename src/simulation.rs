@@ -2,11 +2,17 @@
 
 use foxhunt_core::{
     BeaconId, BearingExtractor, Estimate, Estimator, EstimatorError, FormationPlanner, Observation,
-    ObservationError, PatternSource, Reception, Station, Vehicle,
+    ObservationError, PatternSource, Reception, Station,
 };
 use foxhunt_sensors::{AntennaError, ParameterError};
 use foxhunt_sim::{SimError, World};
 use nalgebra::Vector2;
+
+mod milestones;
+
+pub use milestones::SearchProgress;
+
+use milestones::Milestones;
 
 use crate::{
     config::{ExtractorConfigError, NamedEstimator, PlannerConfigError, beacon_seed},
@@ -34,6 +40,8 @@ pub struct Found {
     /// Where the beacon truly was when it was last heard, which is when the estimate is of; East
     /// and North in metres.
     pub truth: Vector2<f64>,
+    /// How the search came along.
+    pub progress: SearchProgress,
 }
 
 impl Found {
@@ -54,10 +62,10 @@ impl Found {
 /// The header that a log of this hunt begins with.
 #[must_use]
 pub fn log_header(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) -> LogHeader {
-    let beacon = |b: &foxhunt_sim::BeaconConfig| LoggedBeacon {
-        name: b.name.clone(),
+    let beacon = |b: foxhunt_sim::BeaconConfig| LoggedBeacon {
         truth: Some(Vector2::new(b.east_m, b.north_m)),
-        course: b.course.clone(),
+        name: b.name,
+        course: b.course,
     };
     LogHeader {
         foxhunt_log: LOG_VERSION,
@@ -66,7 +74,7 @@ pub fn log_header(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) ->
         estimator_name: estimator.name.to_owned(),
         estimator: estimator.config,
         model: scenario.model.clone(),
-        beacons: scenario.world.beacons.iter().map(beacon).collect(),
+        beacons: scenario.world.drawn_beacons(seed).into_iter().map(beacon).collect(),
     }
 }
 
@@ -101,25 +109,28 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
         estimator.config.track,
     )?;
     let mut sources = scenario.sources(&world)?;
-    let beacons = &scenario.world.beacons;
-    let mut heard = vec![0.0; beacons.len()];
+    let beacons = scenario.world.beacons.len();
+    let mut heard = vec![0.0; beacons];
+    let mut milestones = Milestones::new(beacons);
+    let drones = 0..world.drone_count();
+    let path = || drones.clone().map(|drone| world.path_length(drone));
     fly(&mut hunt, &world, &mut sources, scenario.simulation, |event| {
         if let Event::Received { reception, .. } = event
             && let Some(last) = heard.get_mut(usize::from(reception.beacon.0))
         {
             *last = reception.time.max(*last);
         }
+        milestones.note(event, || path().filter_map(Result::ok).sum());
         on_event(event)
     })?;
 
     let found = hunt.fixes().iter().filter_map(|fix| {
         let index = usize::from(fix.beacon.0);
-        let truth = beacons.get(index)?.place_at(*heard.get(index)?).xy();
-        Some(Found { fix: fix.clone(), truth })
+        let truth = world.truth_at(fix.beacon, *heard.get(index)?)?.xy();
+        Some(Found { fix: fix.clone(), truth, progress: milestones.of(index)? })
     });
     let found = found.collect();
-    let path_m =
-        (0..world.drone_count()).map(|drone| world.path_length(drone)).collect::<Result<_, _>>()?;
+    let path_m = path().collect::<Result<_, _>>()?;
     Ok(Simulated { found, duration_s: world.time(), path_m })
 }
 
@@ -146,7 +157,7 @@ where
     Observation<M>: for<'a> TryFrom<&'a Reception, Error = ObservationError>,
 {
     let stations = (0..world.drone_count())
-        .map(|drone| Ok(Station::holding(world.vehicle(drone)?.pose()?)))
+        .map(|drone| Ok(Station::holding(world.pose(drone)?)))
         .collect::<Result<_, SimError>>()?;
     let mut fleet = world.fleet();
     hunt.start(world.time(), stations)?;

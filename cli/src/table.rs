@@ -36,6 +36,30 @@ pub(crate) fn list(columns: &[&str]) -> Table {
     table
 }
 
+/// A table in Markdown, its columns as wide as what they hold; the first `names` of them hold
+/// names, the others values to the right.
+pub(crate) fn markdown(columns: &[&str], names: usize, rows: &[Vec<String>]) -> String {
+    let cells = |index: usize| rows.iter().filter_map(move |row| row.get(index));
+    let width = |(index, column): (usize, &&str)| {
+        cells(index).map(|cell| cell.chars().count()).max().unwrap_or(0).max(column.chars().count())
+    };
+    let widths: Vec<usize> = columns.iter().enumerate().map(width).collect();
+    let line = |row: Vec<&str>| {
+        let cell = |(index, (cell, width)): (usize, (&&str, &usize))| {
+            if index < names { format!(" {cell:<width$} |") } else { format!(" {cell:>width$} |") }
+        };
+        let cells: String = row.iter().zip(&widths).enumerate().map(cell).collect();
+        format!("|{cells}")
+    };
+    let rule = widths.iter().enumerate().map(|(index, width)| {
+        let dashes = "-".repeat(*width);
+        if index < names { format!(" {dashes} |") } else { format!(" {dashes}:|") }
+    });
+    let rule = format!("|{}", rule.collect::<String>());
+    let rows = rows.iter().map(|row| line(row.iter().map(String::as_str).collect()));
+    [line(columns.to_vec()), rule].into_iter().chain(rows).collect::<Vec<_>>().join("\n")
+}
+
 /// A number with this many decimals; a dash where there is none, or it is not finite.
 pub(crate) fn number(value: impl Into<Option<f64>>, decimals: usize) -> String {
     match value.into().filter(|v| v.is_finite()) {
@@ -52,6 +76,13 @@ pub(crate) fn text(value: Option<impl ToString>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_markdown_table() {
+        let rows = [["a".to_owned(), "1.5".to_owned()], ["long".to_owned(), "-".to_owned()]];
+        let told = markdown(&["name", "m"], 1, &rows.map(Vec::from));
+        assert_eq!(told, "| name |   m |\n| ---- | ---:|\n| a    | 1.5 |\n| long |   - |");
+    }
 
     #[test]
     fn no_nan_in_a_table() {

@@ -7,6 +7,7 @@
 //! | [`Orbit`] | around the estimate | when the estimate has settled, after a round |
 //! | [`Arcs`] | on a spiral towards the estimate, then around it | the same |
 //! | [`SurgeCast`] | along the bearings while the level rises, across them when it falls | the same |
+//! | [`Information`] (feature `alloc`) | where the ellipse is expected to become small soonest | when it is |
 //! | [`Hold`] | nowhere | after a number of turns |
 //!
 //! Shapes are [`Polygon`], [`Line`], [`Offsets`], each of them [`Scaled`], or a closure through
@@ -20,38 +21,57 @@
 
 #[cfg(feature = "alloc")]
 extern crate alloc;
+#[cfg(feature = "fleet")]
+extern crate std;
 
 mod altitude;
 mod arcs;
+mod attendance;
 #[cfg(feature = "alloc")]
 mod coverage;
 #[cfg(feature = "alloc")]
 mod emulate;
 #[cfg(test)]
 mod fake;
+#[cfg(feature = "fleet")]
+mod fleet;
 mod follow_estimate;
 mod hold;
+#[cfg(feature = "alloc")]
+mod information;
 mod orbit;
 mod parameter;
 mod phases;
 mod places;
 mod settling;
 mod shape;
+mod stop;
 mod surge_cast;
+#[cfg(feature = "alloc")]
+mod travel;
 mod waypoints;
 
 pub use altitude::AltitudeRule;
 pub use arcs::{Arcs, ArcsConfig};
+pub use attendance::{Attendance, AttendanceConfig, Duty};
 #[cfg(feature = "alloc")]
 pub use coverage::{Coverage, CoverageConfig, CoverageError};
 #[cfg(feature = "alloc")]
 pub use emulate::Emulate;
+#[cfg(feature = "fleet")]
+pub use fleet::*;
 pub use follow_estimate::{FollowConfig, FollowEstimate};
 pub use hold::Hold;
+#[cfg(feature = "alloc")]
+pub use information::{
+    Criterion, ExpectedReading, Information, InformationConfig, InformationConfigError, Objective,
+    RssBearingTurn, TurnFisher, TurnInformation,
+};
 pub use orbit::{Orbit, OrbitConfig};
 pub use parameter::ParameterError;
 pub use phases::{Phase, PhaseError, Phases, Signal};
 pub use settling::SettlingRule;
 pub use shape::{Line, Offsets, Polygon, Scaled, Shape, ShapeFn, shape_fn};
+pub use stop::{Progress, Stop, StopRules, StopWatch};
 pub use surge_cast::{SurgeCast, SurgeCastConfig};
 pub use waypoints::Waypoints;

@@ -31,6 +31,12 @@ pub enum SimError {
         /// How many there are.
         drones: usize,
     },
+    /// There is no link to the drone at present.
+    #[error("there is no link to drone {drone}")]
+    Link {
+        /// Which one.
+        drone: usize,
+    },
     /// There is no such beacon.
     #[error("there is no beacon {beacon}; the world has {beacons}, counted from 0")]
     Beacon {

@@ -37,11 +37,13 @@ mod truth;
 mod world;
 
 pub use config::{
-    BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, KinematicConfig, PathLossConfig,
-    ReflectorConfig, ShadowingConfig, SimStepperConfig, TwoRayConfig, VehicleConfig, WorldConfig,
+    BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, Interval, KinematicConfig,
+    PathLossConfig, ReflectorConfig, ShadowingConfig, SimStepperConfig, TwoRayConfig,
+    VehicleConfig, WorldConfig,
 };
 pub use devices::{
-    SimBody, SimClock, SimFleet, SimOmnidirectional, SimRadio, SimRotator, SimStepper, SimVehicle,
+    LateSource, SimBody, SimClock, SimFleet, SimOmnidirectional, SimRadio, SimRotator, SimStepper,
+    SimVehicle,
 };
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};

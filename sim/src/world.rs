@@ -1,6 +1,6 @@
 use std::{cell::RefCell, rc::Rc};
 
-use foxhunt_core::BeaconId;
+use foxhunt_core::{BeaconId, Pose};
 use foxhunt_sensors::{
     BodyConfig, BodySource, OmnidirectionalConfig, OmnidirectionalSource, StepperConfig,
     StepperSource,
@@ -9,8 +9,8 @@ use nalgebra::Vector3;
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use crate::{
-    SimBody, SimClock, SimError, SimFleet, SimOmnidirectional, SimRadio, SimRotator, SimStepper,
-    SimVehicle, WorldConfig,
+    LateSource, SimBody, SimClock, SimError, SimFleet, SimOmnidirectional, SimRadio, SimRotator,
+    SimStepper, SimVehicle, WorldConfig,
     devices::OnBoard,
     truth::{Channel, Drone, Streams, Truth},
 };
@@ -43,7 +43,7 @@ impl World {
             Drone::new(drone, config.vehicle, config.stepper, streams)
         };
         let drones = config.drones.iter().map(&mut drone).collect::<Result<_, _>>()?;
-        let truth = Truth { time: 0.0, channel, beacons: config.beacons.clone(), drones };
+        let truth = Truth { time: 0.0, channel, beacons: config.drawn_beacons(seed), drones };
         Ok(Self { truth: Rc::new(RefCell::new(truth)) })
     }
 
@@ -76,8 +76,30 @@ impl World {
     /// Where a beacon is now: East, North and Up in metres; `None` if there is no such beacon.
     #[must_use]
     pub fn truth(&self, beacon: BeaconId) -> Option<Vector3<f64>> {
+        self.truth_at(beacon, self.time())
+    }
+
+    /// Where a beacon is after `time` seconds, East, North and Up in metres; `None` if there is no
+    /// such beacon.
+    #[must_use]
+    pub fn truth_at(&self, beacon: BeaconId, time: f64) -> Option<Vector3<f64>> {
+        Some(self.truth.borrow().beacons.get(usize::from(beacon.0))?.place_at(time))
+    }
+
+    /// Whether a beacon answers by now; `None` if there is no such beacon.
+    #[must_use]
+    pub fn has_appeared(&self, beacon: BeaconId) -> Option<bool> {
         let truth = self.truth.borrow();
-        Some(truth.beacons.get(usize::from(beacon.0))?.place_at(truth.time))
+        Some(truth.beacons.get(usize::from(beacon.0))?.answers_at(truth.time))
+    }
+
+    /// Where a drone truly is, whether there is a link to it or not.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone.
+    pub fn pose(&self, drone: usize) -> Result<Pose, SimError> {
+        Ok(self.on_board(drone)?.with(|drone, _| drone.body.pose()))
     }
 
     /// How far a drone has flown, in metres.
@@ -178,6 +200,16 @@ impl World {
         let radio = SimRadio { directional: false, ..self.radio(drone)? };
         OmnidirectionalSource::new(config, radio, self.vehicle(drone)?, self.clock())
             .map_err(SimError::Source)
+    }
+
+    /// A source of a drone whose sweeps come as late as its [`late_s`](crate::DroneConfig::late_s)
+    /// says.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone.
+    pub fn late<S>(&self, drone: usize, source: S) -> Result<LateSource<S>, SimError> {
+        Ok(LateSource::new(self.on_board(drone)?, source))
     }
 
     fn on_board(&self, drone: usize) -> Result<OnBoard, SimError> {

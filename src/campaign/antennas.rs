@@ -3,7 +3,7 @@ use serde::Serialize;
 
 use super::{
     CampaignError, EstimatorCampaign, Paired, Spread,
-    run::{Run, fly_all, summarise, threads},
+    run::{Run, durations, fly_all, summarise, threads},
 };
 use crate::{
     config::{NamedEstimator, SourceConfig},
@@ -148,10 +148,4 @@ pub fn antennas_campaign(
         }
     }
     Ok(AntennasReport { scenario: scenario.name.clone(), runs, seed, setups, comparisons })
-}
-
-/// How long the runs took that came to an end.
-fn durations(runs: &[Run]) -> Option<Spread> {
-    let ended = runs.iter().map(|run| run.duration_s).filter(|duration| *duration > 0.0);
-    Spread::of(&ended.collect::<Vec<_>>())
 }

@@ -2,6 +2,7 @@
 
 mod antennas;
 mod paired;
+mod planners;
 mod run;
 mod statistics;
 
@@ -9,8 +10,12 @@ pub use antennas::{
     AntennaComparison, AntennaSetup, AntennasReport, SetupCampaign, antennas_campaign,
 };
 pub use paired::Paired;
+pub use planners::{
+    OutcomeCount, PLANNER_SCENARIOS, PlannedBeacon, PlannerCampaign, PlannerComparison,
+    PlannersReport, planners_campaign,
+};
 pub(crate) use run::Sample;
 pub use run::{
     BeaconCampaign, CampaignError, CampaignReport, Checkpoint, EstimatorCampaign, campaign,
 };
-pub use statistics::{Spread, StepSpread};
+pub use statistics::{FirstPassage, Spread, StepSpread};

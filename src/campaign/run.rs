@@ -1,16 +1,16 @@
-use std::convert::Infallible;
+use std::{convert::Infallible, mem};
 
 use foxhunt_core::Outcome;
 use foxhunt_filters::consistency::{ChiSquaredAverage, Coverage, Verdict};
 use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
 use serde::Serialize;
 
-use super::{Spread, StepSpread};
+use super::{FirstPassage, Spread, StepSpread};
 use crate::{
     config::NamedEstimator,
     hunt::Event,
     scenario::Scenario,
-    simulation::{Found, SimulationError, simulate},
+    simulation::{Found, SearchProgress, SimulationError, simulate},
 };
 
 /// What a campaign came to.
@@ -44,6 +44,18 @@ pub struct BeaconCampaign {
     pub error_m: Option<Spread>,
     /// Receptions that went through the estimator.
     pub steps: Option<StepSpread>,
+    /// After how many steps the semi-major axis of the 95 % ellipse was below 3 m for the first
+    /// time, over all runs; absent where nothing flies. A run that could not go on never got
+    /// there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps_to_3m: Option<FirstPassage>,
+    /// The same in simulated seconds, from when the search for this beacon began.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_to_3m_s: Option<FirstPassage>,
+    /// How far all drones together flew from the beginning of the search to its end, in metres,
+    /// over the runs in which it ended; absent where nothing flies.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path_m: Option<Spread>,
     /// The average normalised estimation error squared; 2 for a consistent estimator.
     pub anees: Option<f64>,
     /// Where a consistent estimator's ANEES lies with 95 %.
@@ -98,7 +110,8 @@ pub(crate) struct Sample {
 }
 
 impl BeaconCampaign {
-    /// The statistics of what the good ones of `total` runs say, without checkpoints and bounds.
+    /// The statistics of what the good ones of `total` runs say, without checkpoints and bounds,
+    /// and without what is of flights alone.
     pub(crate) fn of(name: &str, good: &[Sample], total: u32) -> Self {
         let column = |value: fn(&Sample) -> f64| -> Vec<f64> { good.iter().map(value).collect() };
         let count = u32::try_from(good.len()).unwrap_or(u32::MAX);
@@ -112,6 +125,9 @@ impl BeaconCampaign {
             name: name.to_owned(),
             error_m: Spread::of(&column(|sample| sample.error_m)),
             steps: StepSpread::of(&column(|sample| f64::from(sample.steps))),
+            steps_to_3m: None,
+            time_to_3m_s: None,
+            path_m: None,
             anees: anees.average(),
             anees_interval: anees.interval(),
             verdict: anees.verdict(),
@@ -199,14 +215,14 @@ pub(super) fn fly_all(
 pub(super) struct Run {
     /// How long it took, in simulated seconds; 0 for one that could not go on.
     pub(super) duration_s: f64,
-    /// What it says of each beacon, as far as it came.
-    beacons: Vec<BeaconRun>,
+    /// What it says of each beacon; none for one whose search did not end.
+    beacons: Vec<Option<BeaconRun>>,
 }
 
 impl Run {
     /// What it says of a beacon, if that is good for a statistic.
     pub(super) fn sample(&self, beacon: usize) -> Option<Sample> {
-        let BeaconRun { found, nis } = self.beacons.get(beacon)?;
+        let BeaconRun { found, nis } = self.beacons.get(beacon)?.as_ref()?;
         let sample = Sample {
             error_m: found.error_m(),
             nees: found.nees()?,
@@ -215,6 +231,16 @@ impl Run {
         };
         let heard = found.fix.outcome != Outcome::NothingHeard;
         (heard && sample.nees.is_finite() && sample.error_m.is_finite()).then_some(sample)
+    }
+
+    /// How the search for a beacon ended, if it did.
+    pub(super) fn outcome(&self, beacon: usize) -> Option<Outcome> {
+        Some(self.beacons.get(beacon)?.as_ref()?.found.fix.outcome)
+    }
+
+    /// How the search for a beacon came along, if it ended.
+    pub(super) fn progress(&self, beacon: usize) -> Option<SearchProgress> {
+        Some(self.beacons.get(beacon)?.as_ref()?.found.progress)
     }
 }
 
@@ -252,8 +278,20 @@ fn fly(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) -> Result<Run
         Err(SimulationError::TooLong { .. } | SimulationError::Drive(_)) => (Vec::new(), 0.0),
         Err(error) => return Err(error),
     };
-    let beacons = found.into_iter().zip(nis).map(|(found, nis)| BeaconRun { found, nis }).collect();
+    let mut beacons = vec![None; nis.len()];
+    for found in found {
+        let index = usize::from(found.fix.beacon.0);
+        if let (Some(beacon), Some(nis)) = (beacons.get_mut(index), nis.get_mut(index)) {
+            *beacon = Some(BeaconRun { found, nis: mem::take(nis) });
+        }
+    }
     Ok(Run { duration_s, beacons })
+}
+
+/// How long the runs took that came to an end.
+pub(super) fn durations(runs: &[Run]) -> Option<Spread> {
+    let ended = runs.iter().map(|run| run.duration_s).filter(|duration| *duration > 0.0);
+    Spread::of(&ended.collect::<Vec<_>>())
 }
 
 /// The statistics of an estimator's runs.
@@ -265,7 +303,16 @@ pub(super) fn summarise(
     let total = u32::try_from(runs.len()).unwrap_or(u32::MAX);
     let beacon = |(index, beacon): (usize, &foxhunt_sim::BeaconConfig)| {
         let good: Vec<Sample> = runs.iter().filter_map(|run| run.sample(index)).collect();
-        BeaconCampaign::of(&beacon.name, &good, total)
+        let progress: Vec<_> = runs.iter().map(|run| run.progress(index)).collect();
+        let steps = progress.iter().map(|run| run.and_then(|run| run.steps_to_3m).map(f64::from));
+        let times = progress.iter().map(|run| run.and_then(|run| run.time_to_3m_s));
+        let paths: Vec<f64> = progress.iter().flatten().map(|run| run.path_m).collect();
+        BeaconCampaign {
+            steps_to_3m: FirstPassage::of(steps),
+            time_to_3m_s: FirstPassage::of(times),
+            path_m: Spread::of(&paths),
+            ..BeaconCampaign::of(&beacon.name, &good, total)
+        }
     };
     let beacons = scenario.world.beacons.iter().enumerate().map(beacon).collect();
     EstimatorCampaign { estimator: estimator.name.to_owned(), beacons }

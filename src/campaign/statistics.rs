@@ -56,6 +56,36 @@ impl StepSpread {
     }
 }
 
+/// How a quantity is spread that some runs never reach: how many steps it takes, or how long.
+///
+/// A run that never got there counts as infinite in the quantiles; one that is not finite is
+/// absent.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct FirstPassage {
+    /// A tenth of the runs is below.
+    pub p10: Option<f64>,
+    /// The median.
+    pub p50: Option<f64>,
+    /// A tenth of the runs is above.
+    pub p90: Option<f64>,
+    /// How many runs never got there.
+    pub never: u32,
+}
+
+impl FirstPassage {
+    /// The spread over runs, of which each has a value or never got there; `None` where there is
+    /// no run.
+    #[must_use]
+    pub fn of(runs: impl IntoIterator<Item = Option<f64>>) -> Option<Self> {
+        let values: Vec<f64> = runs.into_iter().map(|run| run.unwrap_or(f64::INFINITY)).collect();
+        let never = values.iter().filter(|value| value.is_infinite()).count();
+        // Between an infinite value and any other one lies no finite one.
+        let [p10, p50, p90] =
+            quantiles(&values)?.map(|value| Some(value).filter(|value| value.is_finite()));
+        Some(Self { p10, p50, p90, never: u32::try_from(never).unwrap_or(u32::MAX) })
+    }
+}
+
 fn quantiles(values: &[f64]) -> Option<[f64; 3]> {
     if values.is_empty() {
         return None;
@@ -81,5 +111,22 @@ mod tests {
         assert_relative_eq!(spread.rms, (338_350.0_f64 / 101.0).sqrt(), epsilon = 1e-12);
         assert!((spread.p90 - 90.0).abs() < 1.0 && (spread.p10 - 10.0).abs() < 1.0);
         assert_eq!(Spread::of(&[]), None);
+    }
+
+    #[test]
+    fn who_never_gets_there_counts_as_infinite() {
+        let runs = |reached: i32| (0..100).map(move |i| (i < reached).then(|| f64::from(i)));
+        let all = FirstPassage::of(runs(100)).expect("there are runs");
+        assert_eq!(all.never, 0);
+        assert_relative_eq!(all.p50.expect("all of them"), 49.5, epsilon = 1e-12);
+        let most = FirstPassage::of(runs(80)).expect("there are runs");
+        assert_eq!((most.never, most.p90), (20, None));
+        // The others are where they were: what is far above does not move them.
+        assert_eq!((most.p10, most.p50), (all.p10, all.p50));
+        let few = FirstPassage::of(runs(20)).expect("there are runs");
+        assert_eq!((few.never, few.p10, few.p50, few.p90), (80, all.p10, None, None));
+        let none = FirstPassage::of(runs(0)).expect("there are runs");
+        assert_eq!((none.never, none.p10, none.p50), (100, None, None));
+        assert_eq!(FirstPassage::of([]), None);
     }
 }

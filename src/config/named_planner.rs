@@ -1,7 +1,8 @@
 use foxhunt_formation::{
-    AltitudeRule, ArcsConfig, CoverageConfig, FollowConfig, OrbitConfig, SettlingRule,
-    SurgeCastConfig,
+    AltitudeRule, ArcsConfig, CoverageConfig, FollowConfig, InformationConfig, OrbitConfig,
+    SettlingRule, SurgeCastConfig,
 };
+use foxhunt_sim::VehicleConfig;
 use nalgebra::Vector2;
 
 use super::{PlannerConfig, ShapeConfig};
@@ -91,6 +92,12 @@ pub fn planners() -> Vec<NamedPlanner> {
             "Kennedy & Marsh 1974; Balkovsky & Shraiman 2002",
             surge_cast,
         ),
+        named(
+            "information",
+            "where the ellipse of what is believed is expected to become small soonest",
+            "Chaloner & Verdinelli 1995; Kolchinsky & Tracey 2017",
+            |scenario| PlannerConfig::Information { information: information(scenario) },
+        ),
         named("hold", "everyone stays and listens", "Isaacs et al. 2014, §V", hold),
     ]
 }
@@ -110,6 +117,27 @@ fn hold(scenario: &Scenario) -> PlannerConfig {
 
 fn pritzl2018() -> PlannerConfig {
     PlannerConfig::FollowEstimate { follow: FollowConfig::pritzl2018(), shape: None }
+}
+
+/// With the exponent that the estimator takes, the vehicles' speed and what is believed before
+/// anything was heard.
+fn information(scenario: &Scenario) -> InformationConfig {
+    let (speed_mps, climb_mps) = match &scenario.world.vehicle {
+        VehicleConfig::Kinematic(vehicle) => (vehicle.speed_mps, vehicle.climb_mps),
+        VehicleConfig::Quadrotor(vehicle) => (vehicle.speed_mps, vehicle.climb_mps),
+        _ => {
+            let default = InformationConfig::default();
+            (default.speed_mps, default.climb_mps)
+        }
+    };
+    InformationConfig {
+        exponent: scenario.model.exponent,
+        speed_mps,
+        climb_mps,
+        prior_sigma_m: scenario.hunt.prior_sigma_m,
+        prior_centre_m: scenario.hunt.prior_centre_m,
+        ..InformationConfig::default()
+    }
 }
 
 fn waypoints(scenario: &Scenario) -> PlannerConfig {

@@ -3,8 +3,8 @@ use std::iter::repeat_n;
 use foxhunt_core::{FormationPlanner, PlanError};
 use foxhunt_formation::{
     Arcs, ArcsConfig, Coverage, CoverageConfig, CoverageError, Emulate, FollowConfig,
-    FollowEstimate, Hold, Orbit, OrbitConfig, ParameterError, SurgeCast, SurgeCastConfig,
-    Waypoints,
+    FollowEstimate, Hold, Information, InformationConfig, InformationConfigError, Orbit,
+    OrbitConfig, ParameterError, SurgeCast, SurgeCastConfig, Waypoints,
 };
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
@@ -63,6 +63,12 @@ pub enum PlannerConfig {
         /// How often the area is swept; 1 unless given.
         #[serde(default = "once")]
         rounds: u16,
+    },
+    /// Where the next turns tell most.
+    Information {
+        /// Its parameters; the defaults unless given.
+        #[serde(default)]
+        information: InformationConfig,
     },
     /// Everyone stays and listens.
     Hold {
@@ -131,6 +137,7 @@ impl PlannerConfig {
                 let shape = shape_or_polygon(shape.as_ref(), reference_circumradius())?;
                 Box::new(Waypoints::new(places, shape, 0.0, *up_m)?)
             }
+            Self::Information { information } => Box::new(Information::new(*information)?),
             Self::Hold { turns } => Box::new(Hold::new(*turns)),
             Self::Orbit(config) => Box::new(Orbit::new(*config)?),
             Self::Arcs(config) => Box::new(Arcs::new(*config)?),
@@ -156,6 +163,9 @@ pub enum PlannerConfigError {
     /// A field is out of its range.
     #[error("planner: {0}")]
     Parameter(#[from] ParameterError),
+    /// A field of the information-driven planner is out of its range.
+    #[error("planner.information.{0}")]
+    Information(#[from] InformationConfigError),
     /// The waypoints make no path.
     #[error("planner.places_m: {0}")]
     Path(#[from] PlanError),

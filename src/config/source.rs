@@ -37,9 +37,11 @@ impl SourceConfig {
     /// [`SimError`] when there is no such drone, or a number is out of its range.
     pub fn build(&self, world: &World, drone: usize) -> Result<BoxedSource, SimError> {
         Ok(match *self {
-            Self::Stepper(config) => boxed(world.stepper(drone, config)?),
-            Self::RotatingBody(config) => boxed(world.body(drone, config)?),
-            Self::Omnidirectional(config) => boxed(world.omnidirectional(drone, config)?),
+            Self::Stepper(config) => boxed(world.late(drone, world.stepper(drone, config)?)?),
+            Self::RotatingBody(config) => boxed(world.late(drone, world.body(drone, config)?)?),
+            Self::Omnidirectional(config) => {
+                boxed(world.late(drone, world.omnidirectional(drone, config)?)?)
+            }
         })
     }
 }

@@ -4,7 +4,7 @@ use super::Scenario;
 pub const DEFAULT_SCENARIO: &str = "pritzl-6.1";
 
 /// The built-in scenarios' texts, by name.
-const TEXTS: [(&str, &str); 8] = [
+const TEXTS: [(&str, &str); 11] = [
     ("pritzl-6.1", include_str!("../../scenarios/pritzl-6.1.toml")),
     ("pritzl-7.3", include_str!("../../scenarios/pritzl-7.3.toml")),
     ("pritzl-7.4", include_str!("../../scenarios/pritzl-7.4.toml")),
@@ -12,6 +12,9 @@ const TEXTS: [(&str, &str); 8] = [
     ("isaacs-static", include_str!("../../scenarios/isaacs-static-flown.toml")),
     ("isaacs-line", include_str!("../../scenarios/isaacs-line-flown.toml")),
     ("isaacs-circle", include_str!("../../scenarios/isaacs-circle-flown.toml")),
+    ("far-start", include_str!("../../scenarios/far-start.toml")),
+    ("three-beacons", include_str!("../../scenarios/three-beacons.toml")),
+    ("one-drone", include_str!("../../scenarios/one-drone.toml")),
     ("rough-field", include_str!("../../scenarios/rough-field.toml")),
 ];
 

@@ -3,7 +3,7 @@ use std::thread::available_parallelism;
 use clap::value_parser;
 use foxhunt::{
     bearing_trial::bearing_case_named,
-    campaign::{BeaconCampaign, CampaignError, CampaignReport, campaign},
+    campaign::{BeaconCampaign, CampaignError, CampaignReport, PLANNER_SCENARIOS, campaign},
     config::NamedEstimator,
     scenario::{DEFAULT_SCENARIO, Scenario},
     trial::{Trial, trial_campaign},
@@ -11,7 +11,7 @@ use foxhunt::{
 
 use super::{
     antennas, bearing_campaign, calibration::Calibration, choice, extraction::Extraction,
-    overrides::Overrides, planning::Planning,
+    overrides::Overrides, planners_campaign as planners, planning::Planning,
 };
 use crate::{
     error::CliError,
@@ -33,6 +33,11 @@ use crate::{
 /// `antennas` flies the default scenario with an omnidirectional antenna, with a directional one
 /// on a body that turns, and with one on a stepper, and compares the errors run by run.
 ///
+/// `planners` flies pritzl-6.1, far-start, three-beacons and one-drone with every planner, and compares
+/// each with the reference's, run by run: how long until the 95 % ellipse's semi-major axis is below
+/// 3 m, how far the drones fly, how large the errors are. `--planner` compares that one alone. The
+/// tables are Markdown.
+///
 /// bearing-clean, bearing-lost, bearing-reflector, bearing-65 and bearing-block compare the
 /// extractors of bearings on simulated turns of the antenna.
 #[derive(Debug, clap::Args)]
@@ -41,9 +46,10 @@ use crate::{
                         --estimator ekf-pritzl2018\n  \
                         foxhunt campaign isaacs-static --flown --runs 100\n  \
                         foxhunt campaign antennas --runs 200 --estimator grid\n  \
+                        foxhunt campaign planners --runs 100 --estimator grid\n  \
                         foxhunt campaign bearing-reflector --runs 2000 --antenna panel.msi")]
 pub(crate) struct Args {
-    /// A built-in scenario (`foxhunt scenarios` lists them), a TOML file, `antennas`, or one of
+    /// A built-in scenario (`foxhunt scenarios` lists them), a TOML file, `antennas`, `planners`, or one of
     /// bearing-clean, bearing-lost, bearing-reflector, bearing-65 and bearing-block
     #[arg(default_value = DEFAULT_SCENARIO)]
     scenario: String,
@@ -103,15 +109,15 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     if let Some(trial) = trial.filter(|_| !args.flown) {
         return run_trial(args, &trial, jobs, output);
     }
+    if args.scenario == planners::NAME {
+        return run_planners(args, jobs, output);
+    }
     let mut scenario = match args.scenario.as_str() {
         antennas::NAME => antennas::scenario()?,
         name => choice::scenario(name)?,
     };
-    args.calibration.read()?.tell(&mut scenario);
-    args.overrides.tell(&mut scenario);
     args.planning.tell(&mut scenario)?;
-    scenario.extractor = args.extraction.config(&scenario.extractor)?;
-    args.overrides.warn_of(&scenario);
+    tell(args, &mut scenario)?;
     let estimators: Vec<_> =
         estimators(args, &scenario)?.into_iter().map(|e| args.overrides.apply(e)).collect();
     if args.scenario == antennas::NAME {
@@ -126,6 +132,31 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         error => CliError::failure(error),
     })?;
     output.result(&report, tables)
+}
+
+/// Tells a scenario what was asked for otherwise, but for its planner.
+fn tell(args: &Args, scenario: &mut Scenario) -> Result<(), CliError> {
+    args.calibration.read()?.tell(scenario);
+    args.overrides.tell(scenario);
+    scenario.extractor = args.extraction.config(&scenario.extractor)?;
+    args.overrides.warn_of(scenario);
+    Ok(())
+}
+
+fn run_planners(args: &Args, jobs: usize, output: Output) -> Result<(), CliError> {
+    if args.estimator.len() > 1 {
+        let message = "planners are compared with one --estimator, or with the scenarios' own";
+        return Err(CliError::input(message));
+    }
+    let mut hunts = Vec::new();
+    for name in PLANNER_SCENARIOS {
+        let mut scenario = choice::scenario(name)?;
+        tell(args, &mut scenario)?;
+        let asked = args.estimator.first().map(String::as_str);
+        let estimator = choice::estimator_of(asked, &scenario, name)?;
+        hunts.push((scenario, args.overrides.apply(estimator)));
+    }
+    planners::run(&hunts, &args.planning.compared(), args.runs, args.seed, jobs, output)
 }
 
 fn run_trial(args: &Args, trial: &Trial, jobs: usize, output: Output) -> Result<(), CliError> {
@@ -180,7 +211,9 @@ fn estimators(args: &Args, scenario: &Scenario) -> Result<Vec<NamedEstimator>, C
 /// What the columns mean, for those who read the tables the first time.
 const LEGEND: &str = "Errors in metres. A consistent estimator's ANEES lies in the interval with \
      95 %, and 95 % of its\nellipses hold the truth; an over-confident one has a larger ANEES and \
-     holds fewer. Too few\nare runs in which a covariance 1.5 times too small would not be noticed.";
+     holds fewer. Too few\nare runs in which a covariance 1.5 times too small would not be \
+     noticed. To 3 m:\nthe median number of steps until the ellipse's semi-major axis is below 3 m, a dash \
+     where more than\nhalf of the runs never get there; path: the median of what all drones flew together.";
 
 /// One table for each beacon.
 fn tables(report: &CampaignReport) -> String {
@@ -197,6 +230,8 @@ fn tables(report: &CampaignReport) -> String {
             "rms",
             "max",
             "steps",
+            "to 3 m",
+            "path m",
             "ANEES",
             "interval",
             "verdict",
@@ -260,6 +295,8 @@ fn row(estimator: &str, beacon: &BeaconCampaign) -> Vec<String> {
         error(|e| e.rms),
         error(|e| e.max),
         number(beacon.steps.map(|steps| steps.mean), 1),
+        number(beacon.steps_to_3m.and_then(|steps| steps.p50), 1),
+        number(beacon.path_m.map(|path| path.p50), 0),
         number(beacon.anees, 2),
         interval(beacon.anees_interval),
         beacon.verdict.to_string(),

@@ -21,6 +21,7 @@ mod extraction;
 mod fixes;
 mod overrides;
 mod parameter;
+mod planners_campaign;
 mod planning;
 mod recorded;
 

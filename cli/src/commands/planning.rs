@@ -1,6 +1,6 @@
 use clap::builder::PossibleValuesParser;
 use foxhunt::{
-    config::{planner_named, planners},
+    config::{NamedPlanner, planner_named, planners},
     scenario::Scenario,
 };
 
@@ -20,6 +20,16 @@ impl Planning {
         self.planner.is_some()
     }
 
+    /// Those to be compared: the reference's and the one that was asked for, or else all.
+    pub(super) fn compared(&self) -> Vec<NamedPlanner> {
+        let mut known = planners();
+        if let Some(asked) = &self.planner {
+            known.retain(|planner| planner.name == asked || planner.name == REFERENCE);
+        }
+        known.sort_by_key(|planner| planner.name != REFERENCE);
+        known
+    }
+
     /// Has the scenario flown by the planner that was asked for.
     pub(super) fn tell(&self, scenario: &mut Scenario) -> Result<(), CliError> {
         if let Some(name) = &self.planner {
@@ -30,6 +40,9 @@ impl Planning {
         Ok(())
     }
 }
+
+/// The planner that others are compared with.
+const REFERENCE: &str = "pritzl2018";
 
 /// Takes the name of a planner; what is unknown is refused with the names that are known.
 fn planner_parser() -> PossibleValuesParser {

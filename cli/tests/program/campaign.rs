@@ -53,6 +53,11 @@ fn a_campaign_is_the_same_for_any_number_of_jobs() {
         );
         has(&beacon["error_m"], &["p10", "p50", "p90", "mean", "rms", "max"]);
         has(&beacon["steps"], &["mean", "p10", "p50", "p90"]);
+        for first_passage in ["steps_to_3m", "time_to_3m_s"] {
+            has(&beacon[first_passage], &["p10", "p50", "p90", "never"]);
+        }
+        assert!(beacon["steps_to_3m"]["never"].as_u64().expect("a number") <= 3);
+        assert!(beacon["path_m"]["p10"].as_f64().expect("a number") > 10.0);
         assert_eq!(beacon["anees_interval"].as_array().map(Vec::len), Some(2));
     }
 }
@@ -61,7 +66,7 @@ fn a_campaign_is_the_same_for_any_number_of_jobs() {
 fn a_campaign_ends_with_a_table_for_each_beacon() {
     let ran = foxhunt(["campaign", "--runs", "2"]);
     assert_eq!(ran.code, 0, "{ran:?}");
-    for text in ["beacon 1", "beacon 2", "default", "p90", "ANEES", "failed"] {
+    for text in ["beacon 1", "beacon 2", "default", "p90", "to 3 m", "path m", "ANEES", "failed"] {
         assert!(ran.stdout.contains(text), "{text} is missing in {}", ran.stdout);
     }
     let row = ran.stdout.lines().find(|line| line.contains("default")).expect("its row");
@@ -152,4 +157,44 @@ fn antennas_are_compared_run_by_run() {
         let ratio = comparison["ratio"].as_f64().expect("a number");
         assert!(low < ratio && ratio < high && comparison["pairs"] == 4, "{comparison}");
     }
+}
+
+#[test]
+fn planners_are_compared_with_the_reference_in_their_scenarios() {
+    let args = ["campaign", "planners", "--runs", "3", "--planner", "hold", "--estimator", "ekf"];
+    let report = foxhunt(["--json"].iter().chain(&args)).json();
+    let scenarios = report.as_array().expect("a list");
+    let names: Vec<_> = scenarios.iter().map(|s| s["scenario"].as_str().expect("text")).collect();
+    assert_eq!(names, ["pritzl-6.1", "far-start", "three-beacons", "one-drone"]);
+    for scenario in scenarios {
+        has(scenario, &["scenario", "estimator", "runs", "seed", "planners", "comparisons"]);
+        assert_eq!(scenario["estimator"], "ekf");
+        let planners = scenario["planners"].as_array().expect("a list");
+        let names: Vec<_> = planners.iter().map(|p| p["planner"].as_str()).collect();
+        assert_eq!(names, [Some("pritzl2018"), Some("hold")]);
+        for planner in planners {
+            for beacon in planner["beacons"].as_array().expect("a list") {
+                has(beacon, &["name", "steps_to_3m", "time_to_3m_s", "path_m", "anees"]);
+                let ends = beacon["outcomes"].as_array().expect("a list").iter();
+                let ended: u64 = ends.map(|end| end["runs"].as_u64().expect("a number")).sum();
+                assert_eq!(ended, 3, "{}: {beacon}", scenario["scenario"]);
+            }
+        }
+        let hold = &planners[1]["beacons"][0];
+        assert_eq!(hold["path_m"]["max"], 0.0);
+        for comparison in scenario["comparisons"].as_array().expect("a list") {
+            assert_eq!(
+                (&comparison["planner"], &comparison["against"]),
+                (&"hold".into(), &"pritzl2018".into())
+            );
+            assert_eq!(comparison["path_m"], serde_json::Value::Null, "0 m have no logarithm");
+            assert!(comparison["error_m"]["ratio"].as_f64().expect("a number") > 0.1);
+        }
+    }
+    let table = foxhunt(args);
+    for text in ["| scenario ", "| far-start ", "3 move limit reached", "against"] {
+        assert!(table.stdout.contains(text), "{text} is missing in {}", table.stdout);
+    }
+    let two = foxhunt([&args[..], &["--estimator", "grid"]].concat());
+    two.failed(2, &["one --estimator"]);
 }

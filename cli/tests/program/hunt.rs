@@ -24,6 +24,9 @@ fn a_hunt_leaves_json_a_log_and_a_picture() {
                 "error_m",
                 "nees",
                 "steps",
+                "steps_to_3m",
+                "time_to_3m_s",
+                "path_m",
                 "formation_positions",
                 "outcome",
             ],
@@ -32,6 +35,8 @@ fn a_hunt_leaves_json_a_log_and_a_picture() {
         has(&beacon["estimate"], &["east_m", "north_m", "covariance_m2"]);
         assert!(beacon["estimate"]["covariance_m2"][1][1].as_f64().expect("a number") > 0.0);
         assert!(beacon["error_m"].as_f64().expect("a number") < 30.0);
+        assert!(beacon["path_m"].as_f64().expect("a number") > 10.0);
+        assert!(beacon["steps_to_3m"].as_u64() <= beacon["steps"].as_u64());
     }
     assert!(first.stderr.contains("looking for beacon 2"), "progress: {}", first.stderr);
 

@@ -2,6 +2,7 @@
 
 mod clock;
 mod fleet;
+mod late;
 mod on_board;
 mod radio;
 mod rotator;
@@ -9,6 +10,7 @@ mod vehicle;
 
 pub use clock::SimClock;
 pub use fleet::SimFleet;
+pub use late::LateSource;
 pub use radio::SimRadio;
 pub use rotator::SimRotator;
 pub use vehicle::SimVehicle;

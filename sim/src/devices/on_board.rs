@@ -28,6 +28,19 @@ impl OnBoard {
         act(&mut truth.drones[self.drone], truth.time)
     }
 
+    /// The drone at the present time, over its link.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Link`] while there is none.
+    pub(super) fn over_link<T>(
+        &self,
+        act: impl FnOnce(&mut Drone, f64) -> T,
+    ) -> Result<T, SimError> {
+        self.with(|drone, now| drone.is_linked(now).then(|| act(drone, now)))
+            .ok_or(SimError::Link { drone: self.drone })
+    }
+
     /// The drone in its world.
     pub(super) fn with_truth<T>(&self, act: impl FnOnce(&mut Truth, usize) -> T) -> T {
         act(&mut self.truth.borrow_mut(), self.drone)

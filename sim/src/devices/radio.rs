@@ -24,9 +24,8 @@ impl Radio for SimRadio {
             let Some(asked) = truth.beacons.get(usize::from(beacon.0)) else {
                 return Err(SimError::Beacon { beacon: beacon.0, beacons: truth.beacons.len() });
             };
-            let place = asked.place_at(truth.time);
             let drone = &mut truth.drones[drone];
-            drone.ask(&truth.channel, beacon, place, directional, truth.time);
+            drone.ask(&truth.channel, beacon, asked, directional, truth.time);
             Ok(())
         })
     }

@@ -3,7 +3,8 @@ use foxhunt_core::{Pose, Spinner, Vehicle, Waypoint};
 use super::OnBoard;
 use crate::SimError;
 
-/// A simulated drone as a vehicle, which can turn while it flies.
+/// A simulated drone as a vehicle, which can turn while it flies. Whatever it is asked or told
+/// fails with [`SimError::Link`] while nobody has a link to it.
 #[derive(Clone, Debug)]
 pub struct SimVehicle(pub(crate) OnBoard);
 
@@ -11,14 +12,14 @@ impl Vehicle for SimVehicle {
     type Error = SimError;
 
     fn pose(&mut self) -> Result<Pose, SimError> {
-        Ok(self.0.with(|drone, _| drone.body.pose()))
+        self.0.over_link(|drone, _| drone.body.pose())
     }
 
     /// # Errors
     ///
     /// [`SimError::Goal`] for a goal that is not finite; the older goal stays then.
     fn go_to(&mut self, goal: &Waypoint) -> Result<(), SimError> {
-        self.0.with(|drone, _| drone.body.go_to(goal.position))
+        self.0.over_link(|drone, now| drone.go_to(goal.position, now))?
     }
 }
 
@@ -27,6 +28,6 @@ impl Spinner for SimVehicle {
     ///
     /// [`SimError::SpinRate`] for a rate that is not finite; it goes on as before then.
     fn spin(&mut self, rate: Option<f64>) -> Result<(), SimError> {
-        self.0.with(|drone, _| drone.body.spin(rate))
+        self.0.over_link(|drone, _| drone.body.spin(rate))?
     }
 }

@@ -9,7 +9,7 @@ use super::{
     streams::Streams,
     turntable::Turntable,
 };
-use crate::{DroneConfig, SimError, SimStepperConfig, VehicleConfig};
+use crate::{BeaconConfig, DroneConfig, SimError, SimStepperConfig, VehicleConfig};
 
 /// A drone: a body, an antenna that turns under it, and a radio at the antenna.
 #[derive(Debug)]
@@ -17,7 +17,12 @@ pub(crate) struct Drone {
     pub(crate) body: Body,
     pub(crate) motor: Turntable,
     pub(crate) receiver: Receiver,
+    pub(crate) failures: DroneConfig,
     course: Course,
+    /// Where it was last sent.
+    order: Option<Vector3<f64>>,
+    /// Whether it hovers where it is instead of going there.
+    held: bool,
 }
 
 impl Drone {
@@ -34,9 +39,49 @@ impl Drone {
         Ok(Self {
             body: Body::new(vehicle, pose, streams.gust.clone())?,
             motor: Turntable::new(stepper.rotator_speed_rad_s),
-            receiver: Receiver::new(streams, stepper.radio_latency_s, config.silent_after_s),
+            receiver: Receiver::new(streams, stepper.radio_latency_s),
+            failures: config.clone(),
             course: Course::at(0.0),
+            order: None,
+            held: false,
         })
+    }
+
+    /// Sends it somewhere; while it is stuck, later.
+    pub(crate) fn go_to(&mut self, goal: Vector3<f64>, now: f64) -> Result<(), SimError> {
+        if self.failures.stuck.iter().any(|stuck| stuck.contains(now)) {
+            // Refused as the body would refuse it.
+            self.body.clone().go_to(goal)?;
+        } else {
+            self.body.go_to(goal)?;
+            self.held = false;
+        }
+        self.order = Some(goal);
+        Ok(())
+    }
+
+    /// Flies for `dt` seconds from `begin` on.
+    pub(super) fn advance(&mut self, begin: f64, dt: f64) {
+        let stuck = self.failures.stuck.iter().any(|stuck| stuck.contains(begin));
+        if stuck != self.held {
+            let here = self.body.pose().position;
+            let goal = if stuck { here } else { self.order.unwrap_or(here) };
+            if self.body.go_to(goal).is_ok() {
+                self.held = stuck;
+            }
+        }
+        self.body.advance(dt);
+    }
+
+    /// Whether anyone has a link to it.
+    pub(crate) fn is_linked(&self, now: f64) -> bool {
+        !self.failures.lost.iter().any(|lost| lost.contains(now))
+    }
+
+    /// Whether its radio hears anything.
+    fn hears(&self, now: f64) -> bool {
+        self.failures.silent_after_s.is_none_or(|silent| now < silent)
+            && !self.failures.silent.iter().any(|silent| silent.contains(now))
     }
 
     /// Orders the antenna to `angle` radians from the nose.
@@ -47,20 +92,23 @@ impl Drone {
         self.motor.order(angle, now);
     }
 
-    /// Asks the beacon at `place` for an answer, through the antenna or through one without a
+    /// Asks the beacon `asked` for an answer, through the antenna or through one without a
     /// direction.
     pub(crate) fn ask(
         &mut self,
         channel: &Channel,
         beacon: BeaconId,
-        place: Vector3<f64>,
+        asked: &BeaconConfig,
         directional: bool,
         now: f64,
     ) {
         let (receiver, turned) = (self.body.pose(), self.motor.angle(now));
         let spun = self.body.heading();
+        let time = now + self.receiver.latency();
+        let answered = asked.answers_at(now) && self.hears(time);
+        let to = asked.place_at(now);
         let question =
-            Question { time: now, beacon, receiver, to: place, turned, spun, directional };
+            Question { time: now, beacon, receiver, to, turned, spun, directional, answered };
         self.receiver.ask(channel, &question);
     }
 }

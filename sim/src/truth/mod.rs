@@ -29,16 +29,17 @@ pub(crate) struct Truth {
 
 /// Whether the moment `at` has come. A nanosecond is forgiven: time is a sum of steps, and its
 /// rounding must not cost a step more.
-fn is_due(at: f64, now: f64) -> bool {
+pub(crate) fn is_due(at: f64, now: f64) -> bool {
     now >= at - 1e-9
 }
 
 impl Truth {
     /// Lets `dt` seconds pass.
     pub(crate) fn advance(&mut self, dt: f64) {
+        let begin = self.time;
         self.time += dt;
         for drone in &mut self.drones {
-            drone.body.advance(dt);
+            drone.advance(begin, dt);
         }
     }
 }

@@ -17,8 +17,6 @@ pub(crate) struct Receiver {
     streams: Streams,
     /// From a question to its answer, in seconds.
     latency: f64,
-    /// No answer comes at this time or later.
-    silent_after: f64,
     /// The present ones, of different beacons.
     patterns: Vec<Pattern>,
     /// The last ones, of different beacons.
@@ -40,6 +38,8 @@ pub(super) struct Question {
     pub(super) spun: f64,
     /// Whether it goes through the antenna; otherwise through one that hears alike from everywhere.
     pub(super) directional: bool,
+    /// Whether anyone answers, and the radio works when the answer comes.
+    pub(super) answered: bool,
 }
 
 /// What the samples of one pattern share.
@@ -76,15 +76,13 @@ struct Answer {
 }
 
 impl Receiver {
-    pub(super) fn new(streams: Streams, latency: f64, silent_after: Option<f64>) -> Self {
-        Self {
-            streams,
-            latency,
-            silent_after: silent_after.unwrap_or(f64::INFINITY),
-            patterns: Vec::new(),
-            ways: Vec::new(),
-            answer: None,
-        }
+    pub(super) fn new(streams: Streams, latency: f64) -> Self {
+        Self { streams, latency, patterns: Vec::new(), ways: Vec::new(), answer: None }
+    }
+
+    /// From a question to its answer, in seconds.
+    pub(super) fn latency(&self) -> f64 {
+        self.latency
     }
 
     /// The next question, whomever it asks, begins a new pattern.
@@ -105,7 +103,7 @@ impl Receiver {
         let time = question.time + self.latency;
         self.answer = channel
             .reading_dbm(power_dbm)
-            .filter(|_| !lost && time < self.silent_after)
+            .filter(|_| !lost && question.answered)
             .map(|rss_dbm| Answer { time, rss_dbm });
     }
 

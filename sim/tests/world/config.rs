@@ -1,8 +1,8 @@
 use foxhunt_sensors::{AntennaConfig, GainRow, LogDistance, Polarisation};
 use foxhunt_sim::{
-    BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, KinematicConfig, PathLossConfig,
-    QuadrotorConfig, ShadowingConfig, SimError, SimStepperConfig, TwoRayConfig, VehicleConfig,
-    WindConfig, World, WorldConfig,
+    BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, Interval, KinematicConfig,
+    PathLossConfig, QuadrotorConfig, ShadowingConfig, SimError, SimStepperConfig, TwoRayConfig,
+    VehicleConfig, WindConfig, World, WorldConfig,
 };
 
 use crate::rig::{beacon, config, omnidirectional, reflector};
@@ -18,7 +18,8 @@ fn a_number_out_of_range_is_refused_by_name() {
     let anything = [f64::NAN, f64::INFINITY];
     let not_negative = [f64::NAN, f64::INFINITY, -1.0];
     let positive = [f64::NAN, f64::INFINITY, -1.0, 0.0].as_slice();
-    let cases: [(&str, &[f64], Change); 23] = [
+    let below_from = [f64::NAN, f64::INFINITY, 4.9];
+    let cases: [(&str, &[f64], Change); 30] = [
         ("beacons[1].east_m", &anything, |c, v| c.beacons[1].east_m = v),
         ("beacons[1].north_m", &anything, |c, v| c.beacons[1].north_m = v),
         ("beacons[0].up_m", &anything, |c, v| c.beacons[0].up_m = v),
@@ -29,6 +30,24 @@ fn a_number_out_of_range_is_refused_by_name() {
             c.drones[0].heading_deg_ccw_from_east = v;
         }),
         ("drones[0].silent_after_s", &not_negative, |c, v| c.drones[0].silent_after_s = Some(v)),
+        ("drones[0].late_s", &not_negative, |c, v| c.drones[0].late_s = v),
+        ("drones[0].silent[0].from_s", &not_negative, |c, v| {
+            c.drones[0].silent = vec![Interval { from_s: v, to_s: None }];
+        }),
+        ("drones[0].stuck[1].to_s", &below_from, |c, v| {
+            let stuck = |to_s| Interval { from_s: 5.0, to_s };
+            c.drones[0].stuck = vec![stuck(None), stuck(Some(v))];
+        }),
+        ("drones[0].lost[0].from_s", &not_negative, |c, v| {
+            c.drones[0].lost = vec![Interval { from_s: v, to_s: None }];
+        }),
+        ("drones[0].lost[0].to_s", &below_from, |c, v| {
+            c.drones[0].lost = vec![Interval { from_s: 5.0, to_s: Some(v) }];
+        }),
+        ("beacons[1].scatter_m", &not_negative, |c, v| c.beacons[1].scatter_m = Some(v)),
+        ("beacons[0].appears_after_s", &not_negative, |c, v| {
+            c.beacons[0].appears_after_s = Some(v);
+        }),
         ("channel.pattern_sigma_db", &not_negative, |c, v| c.channel.pattern_sigma_db = v),
         ("channel.sample_sigma_db", &not_negative, |c, v| c.channel.sample_sigma_db = v),
         ("channel.bearing_sigma_deg", &not_negative, |c, v| c.channel.bearing_sigma_deg = v),
@@ -90,13 +109,21 @@ fn a_table_that_is_none_is_refused_by_its_row() {
 #[test]
 fn a_world_comes_back_from_a_file_as_it_went() {
     let full = WorldConfig {
-        beacons: vec![beacon(1.5, -2.5, 0.25)],
+        beacons: vec![BeaconConfig {
+            scatter_m: Some(3.0),
+            appears_after_s: Some(60.0),
+            ..beacon(1.5, -2.5, 0.25)
+        }],
         drones: vec![DroneConfig {
             east_m: 1.0,
             north_m: 2.0,
             up_m: 3.0,
             heading_deg_ccw_from_east: 4.0,
             silent_after_s: Some(5.0),
+            silent: vec![Interval { from_s: 1.0, to_s: Some(2.0) }],
+            stuck: vec![Interval { from_s: 6.0, to_s: None }],
+            lost: vec![Interval::default(), Interval { from_s: 7.0, to_s: Some(8.0) }],
+            late_s: 9.0,
         }],
         channel: ChannelConfig {
             path_loss: LogDistance::pritzl2018_urban().into(),

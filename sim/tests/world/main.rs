@@ -8,6 +8,7 @@ mod body;
 mod channel;
 mod config;
 mod devices;
+mod failures;
 mod patterns;
 mod rig;
 mod statistics;

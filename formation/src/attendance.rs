@@ -1,0 +1,214 @@
+use core::fmt;
+
+use nalgebra::Vector3;
+
+/// When a drone counts as one that takes part no more.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct AttendanceConfig {
+    /// It is silent after so many turns in a row of which it delivered nothing.
+    pub misses: u32,
+    /// It is lost after its place was not known for so many seconds.
+    pub lost_after_s: f64,
+    /// It stands still after it was under way for so many seconds …
+    pub still_after_s: f64,
+    /// … and came no farther than this, in metres.
+    pub still_m: f64,
+}
+
+impl Default for AttendanceConfig {
+    /// 2 turns, 5 s without a place, 15 s for half a metre.
+    fn default() -> Self {
+        Self { misses: 2, lost_after_s: 5.0, still_after_s: 15.0, still_m: 0.5 }
+    }
+}
+
+/// What a drone does for the formation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+pub enum Duty {
+    /// It takes its place and listens.
+    #[default]
+    Formation,
+    /// It does not move where it is sent; it listens where it is.
+    Still,
+    /// It delivers nothing; it is asked all the same, and not waited for.
+    Silent,
+    /// Its place is not known.
+    Lost,
+    /// It is on its way home.
+    Returning,
+    /// It has landed, or was told to.
+    Landed,
+}
+
+impl fmt::Display for Duty {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Formation => "in the formation",
+            Self::Still => "stands still",
+            Self::Silent => "silent",
+            Self::Lost => "lost",
+            Self::Returning => "returning",
+            Self::Landed => "landed",
+        })
+    }
+}
+
+/// Follows what one drone does, and tells whether the formation can count on it. One that drops out
+/// is left out of the formation; one that comes back is taken in again.
+///
+/// A pure state machine: what happened goes in, a [`Duty`] comes out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Attendance {
+    config: AttendanceConfig,
+    misses: u32,
+    /// When its place was known last.
+    located: f64,
+    lost: bool,
+    /// From where and since when it has not moved on.
+    mark: (Vector3<f64>, f64),
+    still: bool,
+    /// What it was told to do instead of hunting.
+    dismissed: Option<Duty>,
+}
+
+impl Attendance {
+    /// A drone that takes part, at `position` at a time in seconds.
+    #[must_use]
+    pub fn new(config: AttendanceConfig, time: f64, position: Vector3<f64>) -> Self {
+        Self {
+            config,
+            misses: 0,
+            located: time,
+            lost: false,
+            mark: (position, time),
+            still: false,
+            dismissed: None,
+        }
+    }
+
+    /// What it does now.
+    #[must_use]
+    pub fn duty(&self) -> Duty {
+        match self.dismissed {
+            Some(duty) => duty,
+            None if self.lost => Duty::Lost,
+            None if self.misses >= self.config.misses => Duty::Silent,
+            None if self.still => Duty::Still,
+            None => Duty::Formation,
+        }
+    }
+
+    /// Whether it cannot be counted on to fly where it is sent.
+    #[must_use]
+    pub fn is_astray(&self) -> bool {
+        self.lost || self.still
+    }
+
+    /// Its place is known. `under_way` says whether it was sent somewhere else and has not come
+    /// there.
+    pub fn located(&mut self, time: f64, position: Vector3<f64>, under_way: bool) {
+        (self.located, self.lost) = (time, false);
+        let moved = (position - self.mark.0).norm() > self.config.still_m;
+        if moved || !(under_way || self.still) {
+            (self.mark, self.still) = ((position, time), false);
+        } else if under_way && time - self.mark.1 >= self.config.still_after_s {
+            self.still = true;
+        }
+    }
+
+    /// Time has passed, and its place may not be known.
+    pub fn pass(&mut self, time: f64) {
+        self.lost |= time - self.located >= self.config.lost_after_s;
+    }
+
+    /// It delivered a turn.
+    pub fn delivered(&mut self) {
+        self.misses = 0;
+    }
+
+    /// It was waited for, and delivered nothing.
+    pub fn missed(&mut self) {
+        self.misses = self.misses.saturating_add(1);
+    }
+
+    /// It was sent home.
+    pub fn sent_home(&mut self) {
+        self.dismissed = Some(Duty::Returning);
+    }
+
+    /// It was told to land.
+    pub fn landed(&mut self) {
+        self.dismissed = Some(Duty::Landed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(east: f64) -> Vector3<f64> {
+        Vector3::new(east, 0.0, 4.0)
+    }
+
+    fn drone() -> Attendance {
+        Attendance::new(AttendanceConfig::default(), 0.0, at(0.0))
+    }
+
+    #[test]
+    fn one_that_delivers_nothing_is_silent_until_it_delivers() {
+        let mut drone = drone();
+        drone.missed();
+        assert_eq!(drone.duty(), Duty::Formation);
+        drone.missed();
+        assert_eq!(drone.duty(), Duty::Silent);
+        drone.delivered();
+        assert_eq!(drone.duty(), Duty::Formation);
+    }
+
+    #[test]
+    fn one_that_is_not_seen_is_lost_until_it_is_seen() {
+        let mut drone = drone();
+        drone.pass(4.9);
+        assert_eq!(drone.duty(), Duty::Formation);
+        drone.pass(5.1);
+        assert_eq!(drone.duty(), Duty::Lost);
+        assert!(drone.is_astray());
+        drone.located(6.0, at(0.0), false);
+        assert_eq!(drone.duty(), Duty::Formation);
+    }
+
+    #[test]
+    fn one_that_is_sent_and_does_not_go_stands_still_until_it_goes() {
+        let mut drone = drone();
+        drone.located(100.0, at(0.0), false);
+        for tenth in 0..200 {
+            drone.located(100.0 + 0.1 * f64::from(tenth), at(0.1), true);
+        }
+        assert_eq!(drone.duty(), Duty::Still);
+        // Nobody sends it any more, and it is still where it was.
+        drone.located(130.0, at(0.1), false);
+        assert_eq!(drone.duty(), Duty::Still);
+        drone.located(131.0, at(1.0), true);
+        assert_eq!(drone.duty(), Duty::Formation);
+        // Slow, but it goes.
+        for second in 0..60 {
+            drone.located(131.0 + f64::from(second), at(1.0 + 0.1 * f64::from(second)), true);
+            assert_eq!(drone.duty(), Duty::Formation);
+        }
+    }
+
+    #[test]
+    fn one_that_was_sent_home_is_counted_on_no_more() {
+        let mut drone = drone();
+        drone.sent_home();
+        drone.missed();
+        drone.missed();
+        assert_eq!(drone.duty(), Duty::Returning);
+        drone.landed();
+        assert_eq!(drone.duty(), Duty::Landed);
+    }
+}

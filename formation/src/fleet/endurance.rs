@@ -1,0 +1,187 @@
+use core::f64::consts::PI;
+use std::vec::Vec;
+
+use nalgebra::Vector3;
+
+use super::{
+    Formation, Traffic,
+    deadlock::ASIDE,
+    ground::Region,
+    way::{Surroundings, length_over_ground, with_altitudes},
+};
+
+/// What the batteries allow, and how fast the drones fly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct EnduranceConfig {
+    /// How long a drone can stay in the air, in seconds.
+    pub endurance_s: f64,
+    /// How much of it is left when it lands, in seconds.
+    pub reserve_s: f64,
+    /// Its speed over ground, in metres per second; the least that it keeps against the wind.
+    pub speed_mps: f64,
+    /// How fast it climbs and sinks, in metres per second.
+    pub climb_mps: f64,
+}
+
+impl Default for EnduranceConfig {
+    /// 15 minutes in the air, of which 2 are kept; 2 m/s over ground, 1 m/s up and down.
+    fn default() -> Self {
+        Self { endurance_s: 900.0, reserve_s: 120.0, speed_mps: 2.0, climb_mps: 1.0 }
+    }
+}
+
+/// A field of [`EnduranceConfig`] that is out of its range.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{field} is {value}; it must be finite and positive, and the reserve below the endurance")]
+pub struct EnduranceError {
+    /// Which field.
+    pub field: &'static str,
+    /// What it held.
+    pub value: f64,
+}
+
+/// How long flights take at most, and whether there is time for them.
+///
+/// Drones whose ways keep apart fly at the same time; those whose ways come nearer than lines may
+/// are taken to fly one after the other, around one another, each flying aside once. A
+/// drone that is stuck in the air is in no such bound.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Endurance {
+    config: EnduranceConfig,
+}
+
+impl Endurance {
+    /// # Errors
+    ///
+    /// [`EnduranceError`] names the field.
+    pub fn new(config: EnduranceConfig) -> Result<Self, EnduranceError> {
+        let EnduranceConfig { endurance_s, reserve_s, speed_mps, climb_mps } = config;
+        let checks = [
+            ("endurance_s", endurance_s, endurance_s > 0.0),
+            ("reserve_s", reserve_s, (0.0..endurance_s).contains(&reserve_s)),
+            ("speed_mps", speed_mps, speed_mps > 0.0),
+            ("climb_mps", climb_mps, climb_mps > 0.0),
+        ];
+        match checks.into_iter().find(|(_, value, good)| !(*good && value.is_finite())) {
+            Some((field, value, _)) => Err(EnduranceError { field, value }),
+            None => Ok(Self { config }),
+        }
+    }
+
+    /// The configuration.
+    #[must_use]
+    pub fn config(&self) -> &EnduranceConfig {
+        &self.config
+    }
+
+    /// How long a drone may still fly that has been in the air for `flown_s` seconds; negative
+    /// where it eats up its reserve.
+    #[must_use]
+    pub fn left_s(&self, flown_s: f64) -> f64 {
+        self.config.endurance_s - self.config.reserve_s - flown_s
+    }
+
+    /// How long it takes at most until each of `flights`, from one place to another, is over;
+    /// None where there is no permitted way.
+    ///
+    /// Targets need not be kept away from. Drones of the traffic that are not among those that
+    /// fly are flown around.
+    #[must_use]
+    pub fn flights_s(
+        &self,
+        traffic: &Traffic,
+        flights: &[(usize, Vector3<f64>, Vector3<f64>)],
+    ) -> Option<f64> {
+        let keep = traffic.config().keep();
+        let alone =
+            Surroundings { airspace: &traffic.airspace, others: Vec::new(), keep, void: None };
+        let mut groups: Vec<Group> = Vec::new();
+        for (_, from, to) in flights {
+            let way = alone.way(&from.xy(), &to.xy())?;
+            let length = length_over_ground(&from.xy(), &way);
+            let places = with_altitudes(&traffic.airspace, from, to.z, &way);
+            let mut region = Region::along(&[*from]);
+            let (mut climb, mut here) = (0.0, *from);
+            for place in places {
+                region.add(&here.xy(), &place.xy());
+                climb += (place.z - here.z).abs();
+                here = place;
+            }
+            let resting = (0..traffic.drones()).filter(|d| flights.iter().all(|(f, ..)| f != d));
+            let around = resting
+                .filter_map(|drone| traffic.place(drone))
+                .filter(|place| region.distance_to(&place.xy()) < keep);
+            // It stops before it turns, and flies half around every disc in between.
+            let length = length
+                + 2.0 * traffic.config().stopping_m
+                + PI * keep * around.map(|_| 1.0).sum::<f64>();
+            let seconds = length / self.config.speed_mps + climb / self.config.climb_mps;
+            let mut group = Group { members: 1.0, seconds, regions: std::vec![region] };
+            // Whoever comes near to this one flies in turn with it.
+            let (near, far): (Vec<_>, Vec<_>) =
+                groups.into_iter().partition(|other| other.meets(&group, keep));
+            groups = far;
+            near.into_iter().for_each(|other| group.join(other));
+            groups.push(group);
+        }
+        let seconds = |group: &Group| {
+            let others = group.members - 1.0;
+            let aside = if others > 0.0 { 2.0 * f64::from(ASIDE) * keep } else { 0.0 };
+            let detours = group.members * (aside + PI * keep * others);
+            group.seconds + detours / self.config.speed_mps
+        };
+        Some(groups.iter().map(seconds).fold(0.0, f64::max))
+    }
+
+    /// How long it takes at most until the drones named are home from where they are taken to
+    /// be; `homes` holds the home of every drone of the traffic. None where there is no permitted way.
+    #[must_use]
+    pub fn return_s(
+        &self,
+        traffic: &Traffic,
+        drones: &[usize],
+        homes: &[Vector3<f64>],
+    ) -> Option<f64> {
+        let flight = |&drone: &usize| Some((drone, traffic.place(drone)?, *homes.get(drone)?));
+        self.flights_s(traffic, &drones.iter().map(flight).collect::<Option<Vec<_>>>()?)
+    }
+
+    /// How long it takes at most to fly to a formation, to listen there for `turn_s` seconds, and
+    /// to return home from there: what must be left before the formation departs.
+    #[must_use]
+    pub fn round_s(
+        &self,
+        traffic: &Traffic,
+        formation: &Formation,
+        homes: &[Vector3<f64>],
+        turn_s: f64,
+    ) -> Option<f64> {
+        let out = |(drone, goal)| Some((drone, traffic.place(drone)?, goal));
+        let out: Vec<_> = formation.iter().map(out).collect::<Option<_>>()?;
+        let back = |(drone, goal)| Some((drone, goal, *homes.get(drone)?));
+        let back: Vec<_> = formation.iter().map(back).collect::<Option<_>>()?;
+        Some(self.flights_s(traffic, &out)? + turn_s + self.flights_s(traffic, &back)?)
+    }
+}
+
+/// Drones that may have to fly one after the other.
+struct Group {
+    members: f64,
+    /// All their flights together.
+    seconds: f64,
+    regions: Vec<Region>,
+}
+
+impl Group {
+    fn meets(&self, other: &Self, keep: f64) -> bool {
+        self.regions.iter().any(|a| other.regions.iter().any(|b| a.distance_between(b) < keep))
+    }
+
+    fn join(&mut self, other: Self) {
+        self.members += other.members;
+        self.seconds += other.seconds;
+        self.regions.extend(other.regions);
+    }
+}

@@ -1,0 +1,241 @@
+use std::{vec, vec::Vec};
+
+use nalgebra::{Vector2, Vector3};
+
+use super::ground::Region;
+
+/// What a drone is to be told.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Order {
+    /// Which one.
+    pub drone: usize,
+    /// Where it shall fly, straight from where it is; East, North and Up in metres.
+    pub to: Vector3<f64>,
+    /// Why.
+    pub reason: OrderReason,
+}
+
+/// Why a drone is told to fly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+#[non_exhaustive]
+pub enum OrderReason {
+    /// Its way to its goal is straight and free.
+    Straight,
+    /// Its way to its goal goes around something; this is the first corner.
+    Around,
+    /// It has reached a corner of its way; this is the next.
+    Corner,
+    /// It stops: it is held, or its goal has changed and the new way is not free yet.
+    Stop,
+    /// It took the goal of another drone of its formation, to which its way is free.
+    Exchanged {
+        /// Which one, that goes to its former goal instead.
+        with: usize,
+    },
+    /// It flies aside to let others pass, and to its goal afterwards.
+    Aside,
+}
+
+/// How far a drone has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+pub enum Travel {
+    /// It is at its goal, or has none and rests.
+    There,
+    /// It flies.
+    UnderWay,
+    /// It rests until others have made way.
+    Waiting,
+    /// It rests, nobody moves, and there is no permitted way to its goal.
+    Blocked,
+}
+
+/// What a drone is wished to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Wish {
+    pub(super) goal: Vector3<f64>,
+    /// Whether targets need not be kept away from, and the goal may lie below the band.
+    pub(super) home: bool,
+    /// Whether it may exchange its goal with others of the formation.
+    pub(super) formation: bool,
+    /// Whether it has flown aside for others already.
+    pub(super) aside: bool,
+}
+
+/// One drone: where it is, and what is reserved for it.
+#[derive(Clone, Debug)]
+pub(super) struct Flight {
+    /// What is left of its way, at least one place: the first is where it is taken to be, within
+    /// the tolerance; the second is where it was last told to fly.
+    way: Vec<Vector3<f64>>,
+    /// What it may still be flying along until it is seen to have turned.
+    former: Option<[Vector2<f64>; 2]>,
+    /// Its last order was not accepted.
+    unsent: bool,
+    pub(super) wish: Option<Wish>,
+    /// The order that has not been given yet.
+    pub(super) due: Option<OrderReason>,
+    last: OrderReason,
+    pub(super) blocked: bool,
+}
+
+/// What a drone's new place means.
+pub(super) enum Seen {
+    /// It is where it should be, and that many metres of its line are released.
+    OnLine(f64),
+    /// It is at the next corner of its line, or at its end.
+    AtCorner,
+    /// It is elsewhere.
+    Astray,
+}
+
+impl Flight {
+    pub(super) fn resting(place: Vector3<f64>) -> Self {
+        Self {
+            way: vec![place],
+            former: None,
+            unsent: false,
+            wish: None,
+            due: None,
+            last: OrderReason::Stop,
+            blocked: false,
+        }
+    }
+
+    /// Where it is taken to be.
+    pub(super) fn place(&self) -> Vector3<f64> {
+        self.way[0]
+    }
+
+    /// Where its reserved way ends.
+    pub(super) fn end(&self) -> Vector3<f64> {
+        self.way[self.way.len() - 1]
+    }
+
+    pub(super) fn flies(&self) -> bool {
+        self.way.len() > 1
+    }
+
+    pub(super) fn way(&self) -> &[Vector3<f64>] {
+        &self.way
+    }
+
+    pub(super) fn region(&self) -> Region {
+        let mut region = Region::along(&self.way);
+        if let Some([from, to]) = &self.former {
+            region.add(from, to);
+        }
+        region
+    }
+
+    /// Whether it has somewhere to go and is not on its way there.
+    pub(super) fn waits(&self) -> bool {
+        self.wish.is_some_and(|wish| (wish.goal - self.end()).norm() > 1e-9)
+    }
+
+    pub(super) fn travel(&self) -> Travel {
+        match (self.flies(), self.waits()) {
+            (true, _) => Travel::UnderWay,
+            (false, false) => Travel::There,
+            (false, true) if self.blocked => Travel::Blocked,
+            (false, true) => Travel::Waiting,
+        }
+    }
+
+    /// Whether the leg that it has been told to leave is released when it is next seen.
+    pub(super) fn turning(&self) -> bool {
+        self.former.is_some() && !self.unsent
+    }
+
+    /// Takes note of where it is.
+    pub(super) fn see(&mut self, place: &Vector3<f64>, tolerance: f64) -> Seen {
+        if self.turning() {
+            self.former = None;
+        }
+        let from = self.way[0].xy();
+        let Some(to) = self.way.get(1) else {
+            let astray = (place.xy() - from).norm() > tolerance;
+            return if astray { Seen::Astray } else { Seen::OnLine(0.0) };
+        };
+        let leg = to.xy() - from;
+        let length = leg.norm();
+        // Over ground: a drone that climbs early is not farther on its line.
+        let along = if length > 0.0 { leg.dot(&(place.xy() - from)) / length } else { 0.0 };
+        let along = along.clamp(0.0, length);
+        let nearest = if length > 0.0 { from + leg * (along / length) } else { from };
+        if (place.xy() - nearest).norm() > tolerance {
+            return Seen::Astray;
+        }
+        if (place - to).norm() <= tolerance {
+            self.way.remove(0);
+            if self.flies() {
+                self.due = Some(OrderReason::Corner);
+            }
+            return Seen::AtCorner;
+        }
+        let up = if length > 0.0 {
+            self.way[0].z + (to.z - self.way[0].z) * (along / length)
+        } else {
+            place.z
+        };
+        self.way[0] = Vector3::new(nearest.x, nearest.y, up);
+        Seen::OnLine(along)
+    }
+
+    /// Its line now begins at another place.
+    pub(super) fn begin_at(&mut self, place: Vector3<f64>) {
+        self.way[0] = place;
+    }
+
+    /// It rests, or comes to rest, at a place off its line.
+    pub(super) fn rest_at(&mut self, place: Vector3<f64>) {
+        if self.flies() {
+            self.due = Some(OrderReason::Stop);
+        }
+        self.way = vec![place];
+    }
+
+    /// Ends its line as soon as it can stop. The leg that it flies stays reserved until it is
+    /// seen again.
+    pub(super) fn stop(&mut self, stopping: f64) {
+        let Some(to) = self.way.get(1).copied() else { return };
+        let from = self.way[0];
+        let length = (to - from).xy().norm();
+        if self.way.len() == 2 && length <= stopping {
+            return;
+        }
+        self.former.get_or_insert([from.xy(), to.xy()]);
+        let share = if length > stopping { stopping / length } else { 1.0 };
+        self.way = vec![from, from.lerp(&to, share)];
+        if stopping <= 0.0 || length <= 0.0 {
+            self.way = vec![from];
+        }
+        self.due = Some(OrderReason::Stop);
+    }
+
+    /// Flies on from the end of its line.
+    pub(super) fn extend(&mut self, places: &[Vector3<f64>], reason: OrderReason) {
+        if !self.flies() || self.due.is_some() {
+            self.due = Some(reason);
+        }
+        self.way.extend_from_slice(places);
+        self.blocked = false;
+    }
+
+    /// The order that is due, once.
+    pub(super) fn order(&mut self, drone: usize) -> Option<Order> {
+        let reason = self.due.take()?;
+        self.last = reason;
+        self.unsent = false;
+        Some(Order { drone, to: *self.way.get(1).unwrap_or(&self.way[0]), reason })
+    }
+
+    /// The last order did not reach it: it flies on as it did.
+    pub(super) fn repeat(&mut self) {
+        self.unsent = true;
+        self.due.get_or_insert(self.last);
+    }
+}

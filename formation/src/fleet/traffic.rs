@@ -1,0 +1,339 @@
+use std::{vec, vec::Vec};
+
+use foxhunt_core::Belief;
+use nalgebra::{Vector2, Vector3};
+
+use super::{
+    Airspace, Formation, Order, OrderReason, TrafficConfig, TrafficError, Travel,
+    flight::{Flight, Seen, Wish},
+    ground::EXACT,
+    void::Cloud,
+    way::{Surroundings, length_over_ground, with_altitudes},
+};
+
+/// A way around others is taken at once if it is at most this many times as long as one without
+/// them; otherwise the drone waits for them as long as any flies.
+const DETOUR: f64 = 1.2;
+
+/// Who flies where, and which lines are reserved.
+///
+/// Safe by construction, whatever the timing: a drone's *region* is what is left of its reserved
+/// line, a point where it rests. It sets off only if its whole new line keeps the separation and
+/// twice the tolerance from the regions of all others. So no two drones come nearer than the
+/// separation, however slow they are, wherever they get stuck, and whether or not they are heard
+/// of; all that is asked of a drone is that it stays within the tolerance of its line.
+#[derive(Clone, Debug)]
+pub struct Traffic {
+    /// With the tolerance as its margin.
+    pub(super) airspace: Airspace,
+    pub(super) config: TrafficConfig,
+    pub(super) flights: Vec<Flight>,
+    pub(super) clouds: Vec<Cloud>,
+    /// Pairs that have exchanged their goals since the formation set off.
+    pub(super) exchanged: Vec<[usize; 2]>,
+    /// Something happened that may open a way.
+    changed: bool,
+    /// Metres of line released since ways were looked for.
+    released: f64,
+}
+
+impl Traffic {
+    /// The traffic of drones that rest at `positions`.
+    ///
+    /// # Errors
+    ///
+    /// [`TrafficError`] names a field of the configuration, or the drones that begin too near to
+    /// each other or outside the airspace; below the band is allowed.
+    pub fn new(
+        airspace: &Airspace,
+        config: TrafficConfig,
+        positions: &[Vector3<f64>],
+    ) -> Result<Self, TrafficError> {
+        config.check()?;
+        for (drone, place) in positions.iter().enumerate() {
+            check_finite(drone, place)?;
+            let [east, north, up] = [place.x, place.y, place.z];
+            if !airspace.holds(&place.xy()) || airspace.altitude(up) < up {
+                return Err(TrafficError::Outside { drone, east, north, up });
+            }
+            for (second, other) in positions.iter().enumerate().skip(drone + 1) {
+                let distance_m = (place - other).xy().norm();
+                if distance_m < config.separation_m - EXACT {
+                    let separation_m = config.separation_m;
+                    return Err(TrafficError::TooNear {
+                        first: drone,
+                        second,
+                        distance_m,
+                        separation_m,
+                    });
+                }
+            }
+        }
+        Ok(Self {
+            airspace: airspace.with_margin(config.tolerance_m)?,
+            config,
+            flights: positions.iter().copied().map(Flight::resting).collect(),
+            clouds: vec![],
+            exchanged: vec![],
+            changed: false,
+            released: 0.0,
+        })
+    }
+
+    /// How many drones there are.
+    #[must_use]
+    pub fn drones(&self) -> usize {
+        self.flights.len()
+    }
+
+    /// The airspace, with the tolerance as its margin.
+    #[must_use]
+    pub fn airspace(&self) -> &Airspace {
+        &self.airspace
+    }
+
+    /// The configuration.
+    #[must_use]
+    pub fn config(&self) -> &TrafficConfig {
+        &self.config
+    }
+
+    /// Where the targets may be, for the void constraint. It holds for ways that are looked for
+    /// from now on; without it there is none.
+    pub fn believe<'a>(&mut self, targets: impl IntoIterator<Item = &'a dyn Belief>) {
+        self.clouds = targets.into_iter().map(Cloud::of).collect();
+    }
+
+    /// Takes note of where a drone is. What it has flown of its line is released; where it is
+    /// elsewhere, it is taken from there. A place that is not finite is not taken.
+    pub fn locate(&mut self, drone: usize, position: &Vector3<f64>) {
+        if drone >= self.flights.len() || !position.iter().all(|x| x.is_finite()) {
+            return;
+        }
+        self.changed |= self.flights[drone].turning();
+        match self.flights[drone].see(position, self.config.tolerance_m) {
+            Seen::OnLine(released) => self.released += released,
+            Seen::AtCorner => self.changed = true,
+            Seen::Astray => self.catch(drone, *position),
+        }
+    }
+
+    /// A drone that is off its line flies on to its next corner if that is permitted from where it
+    /// is, and stops otherwise.
+    fn catch(&mut self, drone: usize, position: Vector3<f64>) {
+        self.changed = true;
+        if let Some(next) = self.flights[drone].way().get(1).map(|next| next.xy())
+            && self.surroundings(drone, &[]).first_leg(&position.xy(), &next)
+        {
+            self.flights[drone].begin_at(position);
+        } else {
+            self.flights[drone].rest_at(position);
+        }
+    }
+
+    /// Wishes a drone to a place. It sets off when its way is free.
+    ///
+    /// # Errors
+    ///
+    /// [`TrafficError`] where there is no such drone, or the place is not finite.
+    pub fn go(&mut self, drone: usize, goal: &Vector3<f64>) -> Result<(), TrafficError> {
+        self.wish(drone, Wish { goal: *goal, home: false, formation: false, aside: false })
+    }
+
+    /// Wishes a drone home: like [`go`](Self::go), but it need not keep away from targets, and
+    /// the place may lie below the band, on the ground.
+    ///
+    /// # Errors
+    ///
+    /// [`TrafficError`] where there is no such drone, or the place is not finite.
+    pub fn recall(&mut self, drone: usize, home: &Vector3<f64>) -> Result<(), TrafficError> {
+        self.wish(drone, Wish { goal: *home, home: true, formation: false, aside: false })
+    }
+
+    /// Wishes the drones of a formation to their goals. Where they stand in each other's way they
+    /// may exchange them; [`goal`](Self::goal) has the last word on who goes where.
+    ///
+    /// # Errors
+    ///
+    /// [`TrafficError`] where there is no such drone; then none is wished anywhere.
+    pub fn depart(&mut self, formation: &Formation) -> Result<(), TrafficError> {
+        for (drone, goal) in formation.iter() {
+            self.check_drone(drone)?;
+            check_finite(drone, &goal)?;
+        }
+        self.exchanged.clear();
+        for (drone, goal) in formation.iter() {
+            self.wish(drone, Wish { goal, home: false, formation: true, aside: false })?;
+        }
+        Ok(())
+    }
+
+    /// Wishes a drone to stay where it is. One that flies is told to stop.
+    ///
+    /// # Errors
+    ///
+    /// [`TrafficError`] where there is no such drone.
+    pub fn hold(&mut self, drone: usize) -> Result<(), TrafficError> {
+        self.check_drone(drone)?;
+        self.changed = true;
+        let flight = &mut self.flights[drone];
+        flight.wish = None;
+        flight.stop(self.config.stopping_m);
+        Ok(())
+    }
+
+    /// The last order did not reach a drone: it is given again, and the drone may be wherever its
+    /// last but one led it.
+    ///
+    /// # Errors
+    ///
+    /// [`TrafficError`] where there is no such drone.
+    pub fn repeat(&mut self, drone: usize) -> Result<(), TrafficError> {
+        self.check_drone(drone)?;
+        self.flights[drone].repeat();
+        Ok(())
+    }
+
+    /// Which drones are to fly where now. Cheap as long as nothing has changed.
+    pub fn step(&mut self) -> Vec<Order> {
+        if self.changed || self.released > 0.25 * self.config.keep() {
+            let thorough = core::mem::take(&mut self.changed);
+            self.released = 0.0;
+            self.set_off(thorough);
+        }
+        let flights = self.flights.iter_mut().enumerate();
+        flights.filter_map(|(drone, flight)| flight.order(drone)).collect()
+    }
+
+    /// How far a drone has come. One that does not exist is there.
+    #[must_use]
+    pub fn status(&self, drone: usize) -> Travel {
+        self.flights.get(drone).map_or(Travel::There, Flight::travel)
+    }
+
+    /// Where a drone is wished to be; None where it has no goal.
+    #[must_use]
+    pub fn goal(&self, drone: usize) -> Option<Vector3<f64>> {
+        Some(self.flights.get(drone)?.wish?.goal)
+    }
+
+    /// Where a drone is taken to be, within the tolerance.
+    #[must_use]
+    pub fn place(&self, drone: usize) -> Option<Vector3<f64>> {
+        self.flights.get(drone).map(Flight::place)
+    }
+
+    /// What is reserved for a drone: where it is taken to be, and what is left of its way.
+    #[must_use]
+    pub fn reserved(&self, drone: usize) -> &[Vector3<f64>] {
+        self.flights.get(drone).map_or(&[], Flight::way)
+    }
+
+    pub(super) fn check_drone(&self, drone: usize) -> Result<(), TrafficError> {
+        let drones = self.flights.len();
+        if drone < drones { Ok(()) } else { Err(TrafficError::Drone { drone, drones }) }
+    }
+
+    fn wish(&mut self, drone: usize, wish: Wish) -> Result<(), TrafficError> {
+        self.check_drone(drone)?;
+        check_finite(drone, &wish.goal)?;
+        self.changed = true;
+        let flight = &mut self.flights[drone];
+        flight.wish = Some(wish);
+        flight.blocked = false;
+        if flight.waits() {
+            flight.stop(self.config.stopping_m);
+        }
+        Ok(())
+    }
+
+    /// What a drone has to keep away from; without the drones named.
+    pub(super) fn surroundings(&self, drone: usize, without: &[usize]) -> Surroundings<'_> {
+        let others = self.flights.iter().enumerate();
+        let others = others.filter(|(other, _)| *other != drone && !without.contains(other));
+        let home = self.flights[drone].wish.is_some_and(|wish| wish.home);
+        Surroundings {
+            airspace: &self.airspace,
+            others: others.map(|(_, flight)| flight.region()).collect(),
+            keep: self.config.keep(),
+            void: self.config.void.filter(|_| !home).map(|void| (void, self.clouds.as_slice())),
+        }
+    }
+
+    fn set_off(&mut self, thorough: bool) {
+        loop {
+            // Those that have flown aside let the others go first.
+            let aside = |flight: &Flight| flight.wish.is_some_and(|wish| wish.aside);
+            let mut waiting: Vec<usize> = self.waiting().collect();
+            waiting.sort_by_key(|&drone| aside(&self.flights[drone]));
+            for drone in waiting {
+                self.try_set_off(drone, thorough);
+            }
+            if self.flights.iter().any(Flight::flies) || !self.waiting().any(|_| true) {
+                return;
+            }
+            if !self.exchange() {
+                break;
+            }
+        }
+        if !self.step_aside() {
+            for flight in &mut self.flights {
+                flight.blocked = flight.waits();
+            }
+        }
+    }
+
+    pub(super) fn waiting(&self) -> impl Iterator<Item = usize> {
+        (0..self.flights.len()).filter(|&drone| self.flights[drone].waits())
+    }
+
+    /// Reserves a drone's way to its goal if that is free.
+    fn try_set_off(&mut self, drone: usize, thorough: bool) {
+        let Some(Wish { goal, home, .. }) = self.flights[drone].wish else { return };
+        if !home && !self.airspace.permits(&goal) {
+            return;
+        }
+        let (from, to) = (self.flights[drone].end().xy(), goal.xy());
+        let surroundings = self.surroundings(drone, &[]);
+        let (way, reason) = if surroundings.first_leg(&from, &to) {
+            (vec![to], OrderReason::Straight)
+        } else {
+            let others_fly =
+                self.flights.iter().enumerate().any(|(d, flight)| d != drone && flight.flies());
+            if others_fly && !thorough {
+                return;
+            }
+            let Some(way) = surroundings.way(&from, &to) else { return };
+            if others_fly {
+                let everyone: Vec<usize> = (0..self.flights.len()).collect();
+                let alone = self.surroundings(drone, &everyone).way(&from, &to);
+                let alone = alone.map_or(0.0, |way| length_over_ground(&from, &way));
+                if length_over_ground(&from, &way) > DETOUR * alone + self.config.keep() {
+                    return;
+                }
+            }
+            (way, OrderReason::Around)
+        };
+        self.reserve(drone, goal.z, &way, reason);
+    }
+
+    pub(super) fn reserve(
+        &mut self,
+        drone: usize,
+        goal_up: f64,
+        way: &[Vector2<f64>],
+        reason: OrderReason,
+    ) {
+        let places = with_altitudes(&self.airspace, &self.flights[drone].end(), goal_up, way);
+        self.flights[drone].extend(&places, reason);
+    }
+}
+
+pub(super) fn check_finite(drone: usize, place: &Vector3<f64>) -> Result<(), TrafficError> {
+    if place.iter().all(|x| x.is_finite()) {
+        Ok(())
+    } else {
+        let [east, north, up] = [place.x, place.y, place.z];
+        Err(TrafficError::NotFinite { drone, east, north, up })
+    }
+}

@@ -1,0 +1,120 @@
+use super::{AirspaceError, Void};
+
+/// How far drones keep from one another. Lengths are metres over ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
+pub struct TrafficConfig {
+    /// No two drones come nearer to each other than this, whatever their altitudes.
+    pub separation_m: f64,
+    /// How far a drone may stray from its line, its GNSS's error included; within this of a place
+    /// it has arrived. Lines keep `separation_m + 2 tolerance_m` from one another, and
+    /// `tolerance_m` from the fence and the keep-outs.
+    pub tolerance_m: f64,
+    /// How far a drone flies on along its line after it is told to stop or to turn.
+    pub stopping_m: f64,
+    /// How far drones keep from targets; not at all where absent.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub void: Option<Void>,
+}
+
+impl Default for TrafficConfig {
+    /// 2 m of separation, 0.5 m of tolerance, 1 m to stop, no void.
+    fn default() -> Self {
+        Self { separation_m: 2.0, tolerance_m: 0.5, stopping_m: 1.0, void: None }
+    }
+}
+
+impl TrafficConfig {
+    pub(super) fn check(&self) -> Result<(), TrafficError> {
+        let (radius, probability) =
+            self.void.map_or((1.0, 0.0), |void| (void.radius_m, void.probability));
+        let checks = [
+            ("separation_m", self.separation_m, self.separation_m > 0.0),
+            ("tolerance_m", self.tolerance_m, self.tolerance_m > 0.0),
+            ("stopping_m", self.stopping_m, self.stopping_m >= 0.0),
+            ("void.radius_m", radius, radius > 0.0),
+            ("void.probability", probability, (0.0..1.0).contains(&probability)),
+        ];
+        match checks.into_iter().find(|(_, value, good)| !(*good && value.is_finite())) {
+            Some((field, value, _)) => Err(TrafficError::Config { field, value }),
+            None => Ok(()),
+        }
+    }
+
+    /// How far the lines of two drones keep from each other.
+    pub(super) fn keep(&self) -> f64 {
+        self.separation_m + 2.0 * self.tolerance_m
+    }
+}
+
+/// Why the traffic refuses something.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TrafficError {
+    /// A field of the configuration that is out of its range.
+    #[error("{field} is {value}; lengths must be positive, a probability at least 0 and below 1")]
+    Config {
+        /// Which field.
+        field: &'static str,
+        /// What it held.
+        value: f64,
+    },
+    /// The airspace leaves no room for the tolerance.
+    #[error(transparent)]
+    Airspace(#[from] AirspaceError),
+    /// Two drones begin nearer to each other than the separation.
+    #[error(
+        "drones {first} and {second} are {distance_m:.3} m apart; the separation is {separation_m} m"
+    )]
+    TooNear {
+        /// The one.
+        first: usize,
+        /// The other.
+        second: usize,
+        /// How far they are apart over ground, in metres.
+        distance_m: f64,
+        /// How far they have to be.
+        separation_m: f64,
+    },
+    /// A drone begins where it must not be.
+    #[error("drone {drone} begins at ({east}, {north}, {up}) m, outside the airspace")]
+    Outside {
+        /// Which one.
+        drone: usize,
+        /// Its East in metres.
+        east: f64,
+        /// Its North in metres.
+        north: f64,
+        /// Its Up in metres.
+        up: f64,
+    },
+    /// A place that is not finite.
+    #[error("drone {drone}'s place ({east}, {north}, {up}) m is not finite")]
+    NotFinite {
+        /// For which drone.
+        drone: usize,
+        /// Its East.
+        east: f64,
+        /// Its North.
+        north: f64,
+        /// Its Up.
+        up: f64,
+    },
+    /// There is no such drone, or it was named twice.
+    #[error("there is no drone {drone}, or it is named twice; there are {drones}, counted from 0")]
+    Drone {
+        /// Which one was asked for.
+        drone: usize,
+        /// How many there are.
+        drones: usize,
+    },
+    /// Not as many places as drones.
+    #[error("there are {places} places for {drones} drones")]
+    Places {
+        /// How many places.
+        places: usize,
+        /// How many drones.
+        drones: usize,
+    },
+}

@@ -1,0 +1,180 @@
+use alloc::vec::Vec;
+use core::f64::consts::FRAC_PI_3;
+
+use foxhunt_core::{BeaconId, Belief, PlanError, Station};
+use nalgebra::{Matrix2, Vector2, Vector3};
+
+use super::{
+    Criterion, InformationConfig, TurnInformation,
+    cells::Cells,
+    power::{Heard, Power},
+    rollout::Rollout,
+    shapes::{Candidate, Drawing, Form, apart},
+    worth::Left,
+};
+use crate::travel::{assign, farthest};
+
+/// How many of the formations are refined.
+const REFINED: usize = 2;
+
+/// A target that is not done.
+struct Aim {
+    belief: Cells,
+    /// P⁻¹, where its moments say it all.
+    information: Option<Matrix2<f64>>,
+    power: Power,
+}
+
+/// A formation and what is expected of it.
+#[derive(Clone, Debug)]
+pub(super) struct Plan {
+    pub(super) candidate: Candidate,
+    /// Smaller is better.
+    cost: f64,
+    /// What its turn is expected to tell, in nats.
+    pub(super) nats: f64,
+    /// How long the move and the turn take.
+    pub(super) seconds: f64,
+}
+
+/// The choice among formations for one position.
+pub(super) struct Search<'a, S: ?Sized> {
+    turn: &'a S,
+    config: &'a InformationConfig,
+    from: Vec<Vector3<f64>>,
+    aims: Vec<Aim>,
+    rollout: Rollout,
+    left: Left,
+}
+
+impl<'a, S: TurnInformation + ?Sized> Search<'a, S> {
+    pub(super) fn new(
+        turn: &'a S,
+        config: &'a InformationConfig,
+        heard: &Heard,
+        beliefs: &[(Option<BeaconId>, &dyn Belief)],
+        stations: &[Station],
+    ) -> Result<Self, PlanError> {
+        let aim = |(beacon, belief): &(Option<BeaconId>, &dyn Belief)| {
+            aim(turn, config, heard.places(*beacon), *belief)
+        };
+        let aims = beliefs.iter().map(aim).collect::<Result<_, _>>()?;
+        let from = stations.iter().map(|station| station.pose.position).collect();
+        let rollout = Rollout::new(turn, config, stations.len());
+        Ok(Self { turn, config, from, aims, rollout, left: Left::default() })
+    }
+
+    /// The best formation, and what turning again where everyone is would be worth.
+    pub(super) fn best(&mut self) -> (Plan, Plan) {
+        let stay = self.look(Candidate { form: Form::Stay, places: self.from.clone() });
+        let mut candidates = Vec::new();
+        for aim in &self.aims {
+            self.drawing(aim).candidates(&mut candidates);
+        }
+        let mut plans: Vec<Plan> = candidates.into_iter().map(|c| self.look(c)).collect();
+        plans.push(stay.clone());
+        plans.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        plans.truncate(REFINED);
+        let refined = plans.into_iter().map(|plan| self.refine(plan));
+        let best = refined.min_by(|a, b| a.cost.total_cmp(&b.cost)).unwrap_or_else(|| stay.clone());
+        let saving = match self.config.objective {
+            super::Objective::TimeToEllipse => self.config.least_saving_s,
+            super::Objective::InformationRate => 0.0,
+        };
+        if best.cost < stay.cost - saving { (best, stay) } else { (stay.clone(), stay) }
+    }
+
+    fn drawing<'b>(&'b self, aim: &'b Aim) -> Drawing<'b> {
+        let count = self.from.len();
+        let total: Vector2<f64> = self.from.iter().map(|place| place.xy()).sum();
+        Drawing {
+            rule: self.config.altitude,
+            count,
+            from: total / f64::from(u32::try_from(count).unwrap_or(u32::MAX)),
+            separation_m: self.config.separation_m,
+            best_m: self.rollout.best_m(),
+            belief: &aim.belief,
+        }
+    }
+
+    /// What is expected of a formation.
+    fn look(&mut self, candidate: Candidate) -> Plan {
+        let travel = farthest(&self.from, &assign(&self.from, &candidate.places));
+        let moved = (travel.over_ground_m / self.config.speed_mps)
+            .max(travel.height_m / self.config.climb_mps);
+        let seconds = moved + self.config.turn_s;
+        let (mut nats, mut total) = (0.0, super::rollout::Course::default());
+        for aim in &self.aims {
+            let (turn, places) = (self.turn, &candidate.places);
+            match &aim.information {
+                Some(prior) => self.left.by_fisher(turn, &aim.belief, &aim.power, prior, places),
+                None => self.left.by_entropy(turn, &aim.belief, &aim.power, places),
+            }
+            let course = self.rollout.after(&self.left, &aim.belief.cells, &candidate.places);
+            nats += self.left.nats;
+            total.nats += course.nats;
+            total.seconds += course.seconds;
+            total.to_ellipse_s += course.to_ellipse_s;
+        }
+        Plan { candidate, cost: self.rollout.cost(seconds, &total), nats, seconds }
+    }
+
+    /// Moves single drones, and the whole formation, as long as that helps (coordinate ascent).
+    fn refine(&mut self, mut plan: Plan) -> Plan {
+        let moments = self.aims.first().map(|aim| aim.belief.moments);
+        let Some(moments) = moments.filter(|_| plan.candidate.form != Form::Stay) else {
+            return plan;
+        };
+        let sigma = libm::sqrt(0.5 * moments.covariance.trace());
+        let mut step = 0.5 * sigma.max(self.rollout.best_m());
+        for _ in 0..3 {
+            for drone in 0..=self.from.len() {
+                for direction in 0..6_u8 {
+                    let angle = f64::from(direction) * FRAC_PI_3;
+                    let shift = Vector2::new(libm::cos(angle), libm::sin(angle)) * step;
+                    let mut places = plan.candidate.places.clone();
+                    for (index, place) in places.iter_mut().enumerate() {
+                        // One drone, or after the last one all of them.
+                        if index == drone || drone == self.from.len() {
+                            *place = self.raised(&(place.xy() + shift));
+                        }
+                    }
+                    if apart(&places, self.config.separation_m) {
+                        let moved = self.look(Candidate { form: plan.candidate.form, places });
+                        if moved.cost < plan.cost {
+                            plan = moved;
+                        }
+                    }
+                }
+            }
+            step *= 0.5;
+        }
+        plan
+    }
+
+    /// A place at the altitude that the nearest target asks for.
+    fn raised(&self, place: &Vector2<f64>) -> Vector3<f64> {
+        let raised = self.aims.iter().map(|aim| self.drawing(aim).raise(place));
+        raised.min_by(|a, b| a.z.total_cmp(&b.z)).unwrap_or_else(|| place.push(0.0))
+    }
+}
+
+fn aim<S: TurnInformation + ?Sized>(
+    turn: &S,
+    config: &InformationConfig,
+    heard: &[Vector3<f64>],
+    belief: &dyn Belief,
+) -> Result<Aim, PlanError> {
+    let count = usize::try_from(config.places).unwrap_or(usize::MAX);
+    let belief = Cells::of(belief, count)?;
+    let fisher = match config.criterion {
+        Criterion::Automatic => belief.gaussian,
+        Criterion::Fisher => true,
+        Criterion::Entropy => false,
+    };
+    // A belief that is flat or a point has no information matrix; its cells still tell it apart.
+    let factor = belief.moments.covariance.cholesky().filter(|_| fisher);
+    let information = factor.map(|factor| factor.solve(&Matrix2::identity()));
+    let power = Power::of(turn, &belief, heard, config.power_sigma_db);
+    Ok(Aim { belief, information, power })
+}

@@ -1,0 +1,193 @@
+use alloc::vec::Vec;
+use core::f64::consts::PI;
+
+use foxhunt_core::angle;
+use nalgebra::{Matrix2, Vector2, Vector3};
+
+use super::{TurnInformation, cells::Cells, power::Power};
+
+/// A bearing that says nothing is uniform on the circle, whose variance is π²/3.
+const UNIFORM: f64 = PI * PI / 3.0;
+
+/// What a turn is expected to leave of a belief.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Left {
+    /// How much is learned, in nats.
+    pub(super) nats: f64,
+    /// The posterior variances along its principal axes if the target is in a cell, the larger one
+    /// first; for each cell.
+    pub(super) axes: Vec<[f64; 2]>,
+    /// What would be read from each cell: level and bearing of each drone in turn.
+    readings: Vec<Vec<Reading>>,
+}
+
+/// One number that is read, of one cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Reading {
+    value: f64,
+    variance: f64,
+    log_variance: f64,
+}
+
+/// The variances along the principal axes of the inverse of a positive definite matrix.
+fn axes_of_inverse(matrix: &Matrix2<f64>) -> [f64; 2] {
+    let (centre, determinant) = (0.5 * matrix.trace(), matrix.determinant());
+    let half = 0.5 * (matrix[(0, 0)] - matrix[(1, 1)]);
+    let radius = libm::sqrt(half * half + matrix[(0, 1)] * matrix[(0, 1)]);
+    let larger = centre + radius;
+    // The smaller eigenvalue as determinant over the larger one, where a difference would cancel.
+    [larger / determinant, 1.0 / larger]
+}
+
+/// The variances along the principal axes of a covariance.
+pub(super) fn axes(covariance: &Matrix2<f64>) -> [f64; 2] {
+    let half = 0.5 * (covariance[(0, 0)] - covariance[(1, 1)]);
+    let radius = libm::sqrt(half * half + covariance[(0, 1)] * covariance[(0, 1)]);
+    let larger = 0.5 * covariance.trace() + radius;
+    [larger, (covariance.determinant() / larger).max(0.0)]
+}
+
+/// What all drones tell of a target in cell `index`: the bearings', and the levels' with the power
+/// in doubt, which they share. Levels have the covariance σ² I + τ 1 1ᵀ, whose inverse is by
+/// Sherman and Morrison; their gradients are those of the difference to the levels heard before.
+fn told<S: TurnInformation + ?Sized>(
+    turn: &S,
+    belief: &Cells,
+    power: &Power,
+    index: usize,
+    places: &[Vector3<f64>],
+) -> Matrix2<f64> {
+    let cell = &belief.cells[index];
+    let known = power.at(index);
+    let (mut sum, mut weighted, mut information) = (Matrix2::zeros(), Vector2::zeros(), 0.0);
+    for place in places {
+        let fisher = turn.fisher(&cell.mean, place);
+        let gradient = fisher.level_gradient - known.level_gradient;
+        sum += fisher.bearing + gradient * gradient.transpose() * fisher.level_information;
+        weighted += gradient * fisher.level_information;
+        information += fisher.level_information;
+    }
+    let shared = known.variance / (1.0 + known.variance * information);
+    sum - weighted * weighted.transpose() * shared
+}
+
+impl Left {
+    /// By Fisher information: in each cell the posterior information is that of the whole belief,
+    /// taken for Gaussian, and what all drones tell of a target there. What is learned is half the
+    /// expected log-determinant (Chaloner & Verdinelli 1995).
+    pub(super) fn by_fisher<S: TurnInformation + ?Sized>(
+        &mut self,
+        turn: &S,
+        belief: &Cells,
+        power: &Power,
+        information: &Matrix2<f64>,
+        places: &[Vector3<f64>],
+    ) {
+        let prior = libm::log(information.determinant());
+        self.axes.clear();
+        self.nats = 0.0;
+        for (index, cell) in belief.cells.iter().enumerate() {
+            let posterior = information + told(turn, belief, power, index, places);
+            self.nats += 0.5 * cell.weight * (libm::log(posterior.determinant()) - prior);
+            self.axes.push(axes_of_inverse(&posterior));
+        }
+    }
+
+    /// By the mutual information of reading and place: which cell it is, by the pairwise divergences
+    /// D of what would be read, −Σᵢ wᵢ ln Σⱼ wⱼ exp(−Dᵢⱼ) (Kolchinsky & Tracey 2017, with
+    /// the Kullback-Leibler divergence of Gaussians), and where in the cell, by Fisher information. D
+    /// is additive over the drones but for the power in doubt, which they share; the spread of a
+    /// cell adds to the noise of what is read from it.
+    ///
+    /// If the target is in cell i, the other cells keep the weights wⱼ exp(−Dᵢⱼ): with them the
+    /// posterior covariance is that of a mixture.
+    pub(super) fn by_entropy<S: TurnInformation + ?Sized>(
+        &mut self,
+        turn: &S,
+        belief: &Cells,
+        power: &Power,
+        places: &[Vector3<f64>],
+    ) {
+        let cells = &belief.cells;
+        self.read(turn, belief, power, places);
+        self.axes.clear();
+        self.nats = 0.0;
+        let mut within = Vec::with_capacity(cells.len());
+        for (index, cell) in cells.iter().enumerate() {
+            let told = told(turn, belief, power, index, places);
+            let gain = Matrix2::identity() + cell.covariance * told;
+            self.nats += 0.5 * cell.weight * libm::log(gain.determinant().max(1.0));
+            let rest = gain.lu().solve(&cell.covariance).unwrap_or(cell.covariance);
+            within.push(0.5 * (rest + rest.transpose()));
+        }
+        for (i, cell) in cells.iter().enumerate() {
+            let (mut sum, mut first, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
+            for (j, other) in cells.iter().enumerate() {
+                let variance = power.at(j).variance;
+                let divergence = divergence(&self.readings[i], &self.readings[j], variance);
+                let weight = other.weight * libm::exp(-divergence);
+                let off = other.mean - cell.mean;
+                sum += weight;
+                first += off * weight;
+                second += (within[j] + off * off.transpose()) * weight;
+            }
+            self.nats -= cell.weight * libm::log(sum);
+            first /= sum;
+            self.axes.push(axes(&(second / sum - first * first.transpose())));
+        }
+    }
+
+    /// Fills in what would be read from each cell.
+    fn read<S: TurnInformation + ?Sized>(
+        &mut self,
+        turn: &S,
+        belief: &Cells,
+        power: &Power,
+        places: &[Vector3<f64>],
+    ) {
+        self.readings.resize(belief.cells.len(), Vec::new());
+        for (index, (cell, readings)) in belief.cells.iter().zip(&mut self.readings).enumerate() {
+            let known = power.at(index);
+            readings.clear();
+            for place in places {
+                let expected = turn.expected(&cell.mean, place);
+                let mut jacobian = turn.jacobian(&cell.mean, place);
+                let mut level_row = jacobian.row_mut(0);
+                level_row -= known.level_gradient.transpose();
+                let spread = jacobian * cell.covariance * jacobian.transpose();
+                let level = expected.level_sigma_db * expected.level_sigma_db + spread[(0, 0)];
+                let bearing = expected.bearing_sigma * expected.bearing_sigma + spread[(1, 1)];
+                let level_db = expected.level_db - known.level_db;
+                for (value, variance) in
+                    [(level_db, level), (expected.bearing, bearing.min(UNIFORM))]
+                {
+                    let log_variance = libm::log(variance);
+                    readings.push(Reading { value, variance, log_variance });
+                }
+            }
+        }
+    }
+}
+
+/// The Kullback-Leibler divergence of what is read of one cell from what is read of another, of
+/// which the power is in doubt by a variance in dB².
+fn divergence(of: &[Reading], from: &[Reading], power_variance: f64) -> f64 {
+    let (mut twice, mut weighted, mut information) = (0.0, 0.0, 0.0);
+    for (of, from) in of.chunks_exact(2).zip(from.chunks_exact(2)) {
+        let level = of[0].value - from[0].value;
+        let bearing = of[1].value - from[1].value;
+        // Most differences are in range already, and wrapping is slow.
+        let bearing = if bearing.abs() < PI { bearing } else { angle::wrap(bearing) };
+        twice += one(&of[0], &from[0], level) + one(&of[1], &from[1], bearing);
+        weighted += level / from[0].variance;
+        information += 1.0 / from[0].variance;
+    }
+    // Sherman and Morrison again: what all levels have in common may be the power.
+    let shared = power_variance / (1.0 + power_variance * information);
+    0.5 * (twice - weighted * weighted * shared)
+}
+
+/// Twice the divergence of one number.
+fn one(of: &Reading, from: &Reading, off: f64) -> f64 {
+    from.log_variance - of.log_variance + (of.variance + off * off) / from.variance - 1.0
+}

@@ -1,0 +1,384 @@
+//! Scripted flights.
+
+use foxhunt_core::{Belief, Estimate};
+use foxhunt_formation::{
+    Airspace, AirspaceConfig, Formation, KeepOut, Order, OrderReason, Traffic, TrafficConfig,
+    TrafficError, Travel, Void,
+};
+use nalgebra::{Vector2, Vector3};
+
+use crate::airspace::corner;
+
+pub(crate) fn at(east: f64, north: f64) -> Vector3<f64> {
+    Vector3::new(east, north, 4.0)
+}
+
+/// Drones that do as they are told at 2 m/s, at once and exactly.
+pub(crate) struct Flown {
+    pub(crate) traffic: Traffic,
+    pub(crate) places: Vec<Vector3<f64>>,
+    goals: Vec<Vector3<f64>>,
+    pub(crate) orders: Vec<Order>,
+    /// The least that any two were apart.
+    pub(crate) least: f64,
+    pub(crate) seconds: f64,
+}
+
+impl Flown {
+    /// Lines keep 3 m.
+    pub(crate) fn new(airspace: &AirspaceConfig, places: &[Vector3<f64>]) -> Self {
+        Self::with(airspace, TrafficConfig::default(), places)
+    }
+
+    fn with(airspace: &AirspaceConfig, config: TrafficConfig, places: &[Vector3<f64>]) -> Self {
+        Self::over(&Airspace::new(airspace).expect("an airspace"), config, places)
+    }
+
+    pub(crate) fn over(
+        airspace: &Airspace,
+        config: TrafficConfig,
+        places: &[Vector3<f64>],
+    ) -> Self {
+        let traffic = Traffic::new(airspace, config, places).expect("the drones are apart");
+        let (places, goals) = (places.to_vec(), places.to_vec());
+        Self { traffic, places, goals, orders: vec![], least: f64::INFINITY, seconds: 0.0 }
+    }
+
+    /// One step of 50 ms; the drones named are stuck and silent.
+    pub(crate) fn step(&mut self, stuck: &[usize]) {
+        self.seconds += 0.05;
+        for drone in (0..self.places.len()).filter(|drone| !stuck.contains(drone)) {
+            let way = self.goals[drone] - self.places[drone];
+            self.places[drone] += way.cap_magnitude(2.0 * 0.05);
+            self.traffic.locate(drone, &self.places[drone]);
+        }
+        for order in self.traffic.step() {
+            self.goals[order.drone] = order.to;
+            self.orders.push(order);
+        }
+        for (index, one) in self.places.iter().enumerate() {
+            for other in &self.places[..index] {
+                self.least = self.least.min((one - other).xy().norm());
+            }
+        }
+    }
+
+    /// Until everyone is there or blocked.
+    pub(crate) fn settle(&mut self) {
+        for _ in 0..20_000 {
+            self.step(&[]);
+            let ends = |d| matches!(self.traffic.status(d), Travel::There | Travel::Blocked);
+            if (0..self.places.len()).all(ends) {
+                return;
+            }
+        }
+        panic!("it does not end");
+    }
+
+    fn told(&self, drone: usize) -> Vec<OrderReason> {
+        self.orders.iter().filter(|o| o.drone == drone).map(|o| o.reason).collect()
+    }
+}
+
+fn formation(goals: &[Vector3<f64>]) -> Formation {
+    Formation { drones: (0..goals.len()).collect(), goals: goals.to_vec(), moved: vec![] }
+}
+
+#[test]
+fn a_way_leads_around_a_corner() {
+    let mut flown = Flown::new(&corner(), &[at(5.0, 18.0)]);
+    flown.traffic.go(0, &at(18.0, 5.0)).expect("there is one");
+    flown.step(&[]);
+    assert_eq!(flown.traffic.status(0), Travel::UnderWay);
+    let length: f64 =
+        flown.traffic.reserved(0).windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
+    // Around (10, 10) by half a metre: two tangents and a bit of an arc.
+    let shortest = 2.0 * (5.0_f64 * 5.0 + 8.0 * 8.0).sqrt() + 0.3;
+    assert!(length < shortest + 0.2 && length > shortest - 0.6, "{length}, {shortest}");
+    flown.settle();
+    assert!((flown.places[0] - at(18.0, 5.0)).norm() < 0.5);
+    assert_eq!(flown.told(0)[0], OrderReason::Around);
+    assert_eq!(flown.told(0)[1], OrderReason::Corner);
+}
+
+#[test]
+fn crossing_ways_are_flown_in_turn() {
+    let mut flown = Flown::new(&AirspaceConfig::default(), &[at(0.0, 0.0), at(20.0, 0.0)]);
+    flown.traffic.go(0, &at(20.0, 20.0)).expect("there are two");
+    flown.traffic.go(1, &at(0.0, 20.0)).expect("there are two");
+    flown.step(&[]);
+    assert_eq!(flown.traffic.status(0), Travel::UnderWay);
+    assert_eq!(flown.traffic.status(1), Travel::Waiting);
+    // The first gets stuck in the middle, and is silent.
+    for _ in 0..140 {
+        flown.step(&[]);
+    }
+    for _ in 0..2000 {
+        flown.step(&[0]);
+    }
+    assert_eq!(flown.traffic.status(1), Travel::Waiting);
+    flown.settle();
+    assert!((flown.places[1] - at(0.0, 20.0)).norm() < 0.5);
+    assert!(flown.least >= 2.0, "{}", flown.least);
+}
+
+#[test]
+fn resting_drones_are_flown_around() {
+    let mut flown = Flown::new(&AirspaceConfig::default(), &[at(0.0, 0.0), at(10.0, 0.5)]);
+    flown.traffic.go(0, &at(20.0, 0.0)).expect("there are two");
+    flown.settle();
+    assert!((flown.places[0] - at(20.0, 0.0)).norm() < 0.5);
+    assert!((2.0..3.5).contains(&flown.least), "{}", flown.least);
+    assert_eq!(flown.traffic.status(1), Travel::There);
+    assert!(flown.told(1).is_empty());
+}
+
+/// A corridor in which nobody can pass.
+fn corridor() -> AirspaceConfig {
+    AirspaceConfig {
+        fence_m: vec![[0.0, 0.0], [30.0, 0.0], [30.0, 3.0], [0.0, 3.0]],
+        ..AirspaceConfig::default()
+    }
+}
+
+#[test]
+fn a_formation_exchanges_what_is_in_the_way() {
+    let mut flown = Flown::new(&corridor(), &[at(5.0, 1.5), at(12.0, 1.5)]);
+    flown.traffic.depart(&formation(&[at(25.0, 1.5), at(2.0, 1.5)])).expect("there are two");
+    flown.settle();
+    assert!((flown.places[0] - at(2.0, 1.5)).norm() < 0.5);
+    assert!((flown.places[1] - at(25.0, 1.5)).norm() < 0.5);
+    assert_eq!(flown.traffic.goal(0), Some(at(2.0, 1.5)));
+    assert!(flown.orders.iter().any(|o| matches!(o.reason, OrderReason::Exchanged { .. })));
+}
+
+#[test]
+fn goals_of_their_own_are_not_exchanged() {
+    let mut flown = Flown::new(&corridor(), &[at(5.0, 1.5), at(12.0, 1.5)]);
+    flown.traffic.go(0, &at(28.0, 1.5)).expect("there are two");
+    flown.traffic.go(1, &at(2.0, 1.5)).expect("there are two");
+    flown.settle();
+    assert_eq!([0, 1].map(|d| flown.traffic.status(d)), [Travel::Blocked; 2]);
+    assert!(flown.least >= 2.0);
+    // Until somebody wishes something that is possible.
+    flown.traffic.go(0, &at(2.0, 1.5)).expect("there are two");
+    flown.traffic.go(1, &at(28.0, 1.5)).expect("there are two");
+    flown.settle();
+    assert_eq!([0, 1].map(|d| flown.traffic.status(d)), [Travel::There; 2]);
+}
+
+#[test]
+fn a_ring_turns_though_each_stands_in_the_way_of_the_next() {
+    // 8 drones, 3.4 m from one to the next; every goal is 1.7 m from two of them.
+    let ring = |turn: f64| -> Vec<Vector3<f64>> {
+        let place = |index: u32| {
+            let angle = std::f64::consts::TAU / 8.0 * (f64::from(index) + turn);
+            at(4.45 * angle.cos(), 4.45 * angle.sin())
+        };
+        (0..8).map(place).collect()
+    };
+    let mut flown = Flown::new(&AirspaceConfig::default(), &ring(0.0));
+    let drones: Vec<usize> = (0..8).collect();
+    let turned = flown.traffic.form(&drones, &ring(0.5)).expect("there are eight");
+    assert!(turned.moved.is_empty());
+    flown.traffic.depart(&turned).expect("there are eight");
+    flown.settle();
+    assert!(flown.least >= 2.0, "{}", flown.least);
+    assert!(flown.orders.iter().any(|o| o.reason == OrderReason::Aside));
+    for drone in drones {
+        assert_eq!(flown.traffic.status(drone), Travel::There, "drone {drone}");
+    }
+}
+
+#[test]
+fn one_that_is_held_stops_and_others_go_on() {
+    let mut flown = Flown::new(&AirspaceConfig::default(), &[at(0.0, 0.0), at(20.0, 0.0)]);
+    flown.traffic.go(0, &at(40.0, 30.0)).expect("there are two");
+    flown.traffic.go(1, &at(0.0, 30.0)).expect("there are two");
+    for _ in 0..20 {
+        flown.step(&[]);
+    }
+    flown.traffic.hold(0).expect("there are two");
+    flown.step(&[]);
+    assert_eq!(flown.told(0).last(), Some(&OrderReason::Stop));
+    flown.settle();
+    let flown_on = flown.places[0].xy().norm();
+    assert!((2.0..3.2).contains(&flown_on), "a metre to stop, no more: {flown_on}");
+    assert!((flown.places[1] - at(0.0, 30.0)).norm() < 0.5);
+    assert_eq!(flown.traffic.goal(0), None);
+}
+
+#[test]
+fn a_silent_drone_keeps_its_line_though_it_is_held() {
+    let mut flown = Flown::new(&AirspaceConfig::default(), &[at(0.0, 0.0), at(10.0, 10.0)]);
+    flown.traffic.go(0, &at(20.0, 0.0)).expect("there are two");
+    flown.step(&[]);
+    flown.traffic.hold(0).expect("there are two");
+    flown.traffic.go(1, &at(10.0, -10.0)).expect("there are two");
+    for _ in 0..50 {
+        flown.step(&[0]);
+    }
+    // Nobody knows whether it has flown on; the way around is longer than worth it.
+    let around = flown
+        .traffic
+        .reserved(1)
+        .iter()
+        .all(|place| place.x < -2.9 || place.x > 22.9 || place.y > 0.0);
+    assert!(flown.traffic.status(1) != Travel::UnderWay || around);
+    flown.step(&[]);
+    flown.settle();
+    assert!((flown.places[1] - at(10.0, -10.0)).norm() < 0.5);
+}
+
+#[test]
+fn an_order_that_was_not_accepted_is_given_again() {
+    let mut flown = Flown::new(&AirspaceConfig::default(), &[at(0.0, 0.0)]);
+    flown.traffic.go(0, &at(20.0, 0.0)).expect("there is one");
+    let first = flown.traffic.step();
+    assert_eq!(first.len(), 1);
+    assert_eq!(flown.traffic.step(), []);
+    flown.traffic.repeat(0).expect("there is one");
+    assert_eq!(flown.traffic.step(), first);
+    flown.traffic.repeat(0).expect("there is one");
+    flown.settle();
+    assert!((flown.places[0] - at(20.0, 0.0)).norm() < 0.5);
+}
+
+#[test]
+fn one_that_begins_too_near_flies_away_but_not_nearer() {
+    // Lines keep 3 m, the drones begin 2.2 m apart.
+    let mut flown = Flown::new(&AirspaceConfig::default(), &[at(0.0, 0.0), at(2.2, 0.0)]);
+    flown.traffic.go(0, &at(10.0, 0.0)).expect("there are two");
+    flown.traffic.go(1, &at(12.0, 5.0)).expect("there are two");
+    flown.settle();
+    assert!(flown.least >= 2.2 - 1e-9, "{}", flown.least);
+    assert_eq!([0, 1].map(|d| flown.traffic.status(d)), [Travel::There; 2]);
+}
+
+#[test]
+fn one_that_the_wind_moves_is_taken_from_there() {
+    let mut flown = Flown::new(&AirspaceConfig::default(), &[at(0.0, 0.0), at(10.0, 20.0)]);
+    flown.traffic.go(0, &at(20.0, 0.0)).expect("there are two");
+    for _ in 0..100 {
+        flown.step(&[]);
+    }
+    flown.places[0].y = 5.0;
+    flown.step(&[]);
+    assert!((flown.traffic.place(0).expect("it is there").y - 5.0).abs() < 0.1);
+    flown.traffic.go(1, &at(10.0, 4.0)).expect("there are two");
+    flown.settle();
+    assert!((flown.places[0] - at(20.0, 0.0)).norm() < 0.5);
+    assert!((flown.places[1] - at(10.0, 4.0)).norm() < 0.5);
+    assert!(flown.least >= 2.0, "{}", flown.least);
+    // A resting one flies back.
+    flown.places[0].y = -3.0;
+    flown.step(&[]);
+    assert_eq!(flown.traffic.status(0), Travel::UnderWay);
+    flown.settle();
+    assert!((flown.places[0] - at(20.0, 0.0)).norm() < 0.5);
+}
+
+#[test]
+fn the_band_is_entered_and_left_straight_up_and_down() {
+    let config = AirspaceConfig { altitude_m: Some([3.0, 10.0]), ..corner() };
+    let ground = Vector3::new(5.0, 5.0, 0.0);
+    let mut flown = Flown::new(&config, &[ground]);
+    flown.traffic.go(0, &at(15.0, 5.0)).expect("there is one");
+    flown.settle();
+    assert_eq!(flown.orders[0].to, Vector3::new(5.0, 5.0, 3.0));
+    assert!((flown.places[0] - at(15.0, 5.0)).norm() < 0.5);
+    flown.traffic.go(0, &ground).expect("there is one");
+    flown.settle();
+    assert_eq!(flown.traffic.status(0), Travel::Blocked, "below the band");
+    flown.traffic.recall(0, &ground).expect("there is one");
+    flown.settle();
+    assert!((flown.places[0] - ground).norm() < 0.5);
+    let last = flown.orders.iter().rev().take(2).map(|o| o.to).collect::<Vec<_>>();
+    assert_eq!(last, [ground, Vector3::new(5.0, 5.0, 3.0)]);
+}
+
+#[test]
+fn targets_are_flown_around_but_not_on_the_way_home() {
+    let belief = Estimate::isotropic(Vector2::new(20.0, 1.0), 3.0);
+    let void = Void { radius_m: 8.0, probability: 0.1 };
+    let config = TrafficConfig { void: Some(void), ..TrafficConfig::default() };
+    let start = at(0.0, 0.0);
+    let mut flown = Flown::with(&AirspaceConfig::default(), config, &[start]);
+    flown.traffic.believe([&belief as &dyn Belief]);
+    flown.traffic.go(0, &at(40.0, 0.0)).expect("there is one");
+    let nearest = |flown: &Flown| {
+        let mut nearest = f64::INFINITY;
+        belief.visit_positions(&mut |place, weight| {
+            assert!(weight > 0.1, "each of four samples is too much");
+            for leg in flown.traffic.reserved(0).windows(2) {
+                for k in 0..=200 {
+                    let here = leg[0].xy().lerp(&leg[1].xy(), f64::from(k) / 200.0);
+                    nearest = f64::min(nearest, (place - here).norm());
+                }
+            }
+        });
+        nearest
+    };
+    flown.step(&[]);
+    assert!(nearest(&flown) >= 8.0, "{}", nearest(&flown));
+    flown.settle();
+    assert_eq!(flown.traffic.status(0), Travel::There);
+    flown.traffic.recall(0, &start).expect("there is one");
+    flown.step(&[]);
+    assert!(nearest(&flown) < 8.0);
+    flown.settle();
+    // One that is inside already may fly out.
+    let here = Estimate::isotropic(Vector2::new(0.0, 0.5), 3.0);
+    flown.traffic.believe([&here as &dyn Belief]);
+    flown.traffic.go(0, &at(40.0, 0.0)).expect("there is one");
+    flown.settle();
+    assert_eq!(flown.traffic.status(0), Travel::There);
+}
+
+#[test]
+fn a_walled_off_goal_is_blocked() {
+    let wall =
+        KeepOut::Polygon { corners_m: vec![[14.0, -1.0], [16.0, -1.0], [16.0, 4.0], [14.0, 4.0]] };
+    let config = AirspaceConfig { keep_out: vec![wall], ..corridor() };
+    let mut flown = Flown::new(&config, &[at(5.0, 1.5)]);
+    flown.traffic.go(0, &at(25.0, 1.5)).expect("there is one");
+    flown.settle();
+    assert_eq!(flown.traffic.status(0), Travel::Blocked);
+    assert!(flown.orders.is_empty());
+}
+
+#[test]
+fn nonsense_is_refused_by_name() {
+    let airspace = Airspace::new(&corner()).expect("an airspace");
+    let new = |config, places: &[Vector3<f64>]| Traffic::new(&airspace, config, places);
+    let refused = |config, places: &[Vector3<f64>]| new(config, places).expect_err("nonsense");
+    let config = TrafficConfig::default();
+    assert_eq!(
+        refused(config, &[at(1.0, 1.0), at(9.0, 9.0), at(2.5, 1.0)]),
+        TrafficError::TooNear { first: 0, second: 2, distance_m: 1.5, separation_m: 2.0 }
+    );
+    let outside = refused(config, &[at(1.0, 1.0), at(15.0, 15.0)]);
+    assert_eq!(outside, TrafficError::Outside { drone: 1, east: 15.0, north: 15.0, up: 4.0 });
+    let nowhere = refused(config, &[at(1.0, f64::NAN)]);
+    assert!(matches!(nowhere, TrafficError::NotFinite { drone: 0, .. }));
+    let field = |config| match refused(config, &[]) {
+        TrafficError::Config { field, .. } => field,
+        other => panic!("{other}"),
+    };
+    assert_eq!(field(TrafficConfig { separation_m: 0.0, ..config }), "separation_m");
+    assert_eq!(field(TrafficConfig { tolerance_m: f64::NAN, ..config }), "tolerance_m");
+    assert_eq!(field(TrafficConfig { stopping_m: -1.0, ..config }), "stopping_m");
+    let void = Some(Void { radius_m: 3.0, probability: 1.0 });
+    assert_eq!(field(TrafficConfig { void, ..config }), "void.probability");
+    let wide = TrafficConfig { tolerance_m: 6.0, ..config };
+    assert!(matches!(refused(wide, &[at(1.0, 1.0)]), TrafficError::Airspace(_)));
+
+    let mut traffic = new(config, &[at(1.0, 1.0)]).expect("one drone");
+    assert_eq!(traffic.go(1, &at(1.0, 1.0)), Err(TrafficError::Drone { drone: 1, drones: 1 }));
+    assert!(traffic.go(0, &at(f64::INFINITY, 1.0)).is_err());
+    assert!(traffic.hold(1).is_err() && traffic.repeat(1).is_err());
+    traffic.locate(0, &at(f64::NAN, 1.0));
+    traffic.locate(7, &at(5.0, 1.0));
+    assert_eq!(traffic.place(0), Some(at(1.0, 1.0)));
+    assert_eq!((traffic.place(1), traffic.goal(1)), (None, None));
+}
