@@ -7,12 +7,14 @@
 
 use std::{convert::Infallible, error::Error};
 
-use foxhunt::{config::estimator_named, hunt::Event, scenario::Scenario, simulation::simulate};
+use foxhunt::{
+    config::estimator_named, hunt::Event, scenario::Scenario, sim::Interval, simulation::simulate,
+};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut scenario = Scenario::find("pritzl-6.1")?;
     // The second drone neither answers nor obeys for a minute, the third hears nothing any more.
-    scenario.world.drones[1].lost = vec![Interval { from_s: 20.0, to_s: 80.0 }];
+    scenario.world.drones[1].lost = vec![Interval { from_s: 20.0, to_s: Some(80.0) }];
     scenario.world.drones[2].silent_after_s = Some(60.0);
     scenario.hunt.turn_timeout_s = 20.0;
 

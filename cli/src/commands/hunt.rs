@@ -132,6 +132,18 @@ fn tell(event: &Event) {
             };
             warn(&format!("{time:7.0} s  {who}: {reason}"));
         }
+        Event::DutyChanged { time, drone, duty } => {
+            warn(&format!("{time:7.0} s  drone {}: {duty}", drone.saturating_add(1)));
+        }
+        Event::Stopped { time, outcome, reason, .. } => {
+            warn(&format!("{time:7.0} s  {outcome}: {reason}"));
+        }
+        Event::Recalled { time, reason } => {
+            warn(&format!("{time:7.0} s  everyone home: {reason}"));
+        }
+        Event::Landed { time, drone, reason } => {
+            warn(&format!("{time:7.0} s  drone {} lands: {reason}", drone.saturating_add(1)));
+        }
         Event::FilterDiverged { time, average_nis, interval: [_, high], .. } => warn(&format!(
             "{time:7.0} s  the filter has diverged: its NIS is {average_nis:.1} on average, not \
              below {high:.1}"
