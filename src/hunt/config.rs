@@ -92,6 +92,7 @@ impl HuntConfig {
             ("attendance.lost_after_s", self.attendance.lost_after_s),
             ("attendance.still_after_s", self.attendance.still_after_s),
             ("attendance.still_m", self.attendance.still_m),
+            ("attendance.tried_again_after_s", self.attendance.tried_again_after_s),
         ];
         let centre = self.prior_centre_m.unwrap_or_default();
         if let Some(&value) = centre.iter().find(|value| !value.is_finite()) {
