@@ -43,8 +43,10 @@ impl TrafficConfig {
         }
     }
 
-    /// How far the lines of two drones keep from each other.
-    pub(super) fn keep(&self) -> f64 {
+    /// How far the lines of two drones keep from each other, and so their goals: the separation and
+    /// twice the tolerance, in metres.
+    #[must_use]
+    pub fn keep_m(&self) -> f64 {
         self.separation_m + 2.0 * self.tolerance_m
     }
 }
