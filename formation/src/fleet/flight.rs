@@ -185,7 +185,7 @@ impl Flight {
         if (place.xy() - nearest).norm() > tolerance {
             return Seen::Astray;
         }
-        if (place - to).norm() <= tolerance {
+        if (place - to).norm() <= 0.5 * tolerance {
             self.way.remove(0);
             if self.way.len() > 1 {
                 self.due = Some(OrderReason::Corner);
