@@ -105,7 +105,7 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
         scenario.planner.build()?,
         estimators,
         scenario.beacon_names(),
-        scenario.hunt,
+        scenario.hunt.clone(),
         estimator.config.track,
     )?;
     let mut sources = scenario.sources(&world)?;
@@ -124,7 +124,9 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
         on_event(event)
     })?;
 
-    let found = hunt.fixes().iter().filter_map(|fix| {
+    let mut fixes: Vec<&Fix> = hunt.fixes().iter().collect();
+    fixes.sort_by_key(|fix| fix.beacon);
+    let found = fixes.into_iter().filter_map(|fix| {
         let index = usize::from(fix.beacon.0);
         let truth = world.truth_at(fix.beacon, *heard.get(index)?)?.xy();
         Some(Found { fix: fix.clone(), truth, progress: milestones.of(index)? })
@@ -134,7 +136,8 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
     Ok(Simulated { found, duration_s: world.time(), path_m })
 }
 
-/// Flies a hunt of any parts in a simulated world to its end, with a source for every drone.
+/// Flies a hunt of any parts in a simulated world to its end, with a source for every drone. Beacons
+/// of the world that the hunt does not know are taken in when they appear.
 ///
 /// # Errors
 ///
@@ -163,6 +166,7 @@ where
     hunt.start(world.time(), stations)?;
     loop {
         drive(hunt, sources, &mut fleet, world.time())?;
+        take_in_who_appeared(hunt, world)?;
         while let Some(event) = hunt.poll_event() {
             on_event(&event).map_err(|error| SimulationError::Log(Box::new(error)))?;
         }
@@ -174,6 +178,28 @@ where
         }
         world.advance(config.tick_s)?;
     }
+}
+
+/// Tells a hunt that is still on of the beacons that have appeared since.
+fn take_in_who_appeared<X, P, F, E, const N: usize, const M: usize>(
+    hunt: &mut Hunt<X, P, F, E, N, M>,
+    world: &World,
+) -> Result<(), HuntError>
+where
+    X: BearingExtractor,
+    P: FormationPlanner,
+    F: FnMut(&Estimate<2>) -> Result<E, EstimatorError>,
+    E: Estimator<N, M>,
+    Observation<M>: for<'a> TryFrom<&'a Reception, Error = ObservationError>,
+{
+    while let Ok(next) = u16::try_from(hunt.beacon_count()).map(BeaconId)
+        && hunt.fixes().len() < hunt.beacon_count()
+        && world.appears_after_s(next).is_some_and(|appears| appears <= world.time())
+        && let Some(name) = world.beacon_name(next)
+    {
+        hunt.take_in(world.time(), name)?;
+    }
+    Ok(())
 }
 
 /// Why a scenario could not be flown to its end.

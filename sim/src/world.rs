@@ -86,6 +86,18 @@ impl World {
         Some(self.truth.borrow().beacons.get(usize::from(beacon.0))?.place_at(time))
     }
 
+    /// What people call a beacon; `None` if there is no such beacon.
+    #[must_use]
+    pub fn beacon_name(&self, beacon: BeaconId) -> Option<String> {
+        Some(self.truth.borrow().beacons.get(usize::from(beacon.0))?.name.clone())
+    }
+
+    /// From which second on a beacon answers; `None` if there is no such beacon, or it always did.
+    #[must_use]
+    pub fn appears_after_s(&self, beacon: BeaconId) -> Option<f64> {
+        self.truth.borrow().beacons.get(usize::from(beacon.0))?.appears_after_s
+    }
+
     /// Whether a beacon answers by now; `None` if there is no such beacon.
     #[must_use]
     pub fn has_appeared(&self, beacon: BeaconId) -> Option<bool> {

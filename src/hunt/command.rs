@@ -10,6 +10,11 @@ pub enum Command {
         /// Where to.
         goal: Waypoint,
     },
+    /// Land a drone where it is.
+    Land {
+        /// Which drone.
+        drone: usize,
+    },
     /// Turn the antenna of a drone and listen for beacons.
     Listen {
         /// Which drone.

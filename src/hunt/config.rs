@@ -1,9 +1,10 @@
+use foxhunt_formation::{AirspaceConfig, AttendanceConfig, EnduranceConfig, StopRules, Void};
 use serde::{Deserialize, Serialize};
 
 use super::HuntError;
 
 /// What a [`Hunt`](super::Hunt) is told besides its parts.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HuntConfig {
     /// σ of each coordinate of a beacon's place before anything was heard.
@@ -11,16 +12,16 @@ pub struct HuntConfig {
     /// What it is about, East and North; the centroid of the drones where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prior_centre_m: Option<[f64; 2]>,
-    /// A drone has arrived when it is this near its goal.
+    /// A drone has arrived when it is this near its goal, and strays no farther from its way.
     pub arrival_tolerance_m: f64,
     /// Drones that have not arrived after this long are not waited for.
     pub move_timeout_s: f64,
     /// A drone whose turn has not come after this long, for each beacon that the turn asks, is
     /// not waited for.
     pub turn_timeout_s: f64,
-    /// Every turn asks all beacons that are not done yet, and each is believed to be somewhere
-    /// from the start. The drones go where the planner wants them for one beacon after the other.
-    /// Otherwise a beacon is asked and believed in only while it is searched for.
+    /// Every turn asks all beacons that are not done yet, each is believed to be somewhere from
+    /// the start, and the planner sees them all. Otherwise a beacon is asked and believed in only
+    /// while it is searched for.
     pub shared_turns: bool,
     /// σ of a drone's own East, North and Up, in metres, as its GNSS has it; taken for known where
     /// absent.
@@ -29,12 +30,33 @@ pub struct HuntConfig {
     /// A formation position at which nothing was heard is measured this often before the beacon
     /// is given up.
     pub attempts: u32,
+    /// How near two drones may come to each other over ground, in metres.
+    pub separation_m: f64,
+    /// How far one flies on after it was told to stop or to turn, in metres.
+    pub stopping_m: f64,
+    /// Where they may fly.
+    pub airspace: AirspaceConfig,
+    /// How near the beacon they may come; as near as the planner likes where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub void: Option<Void>,
+    /// How long they can stay in the air; for ever where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub endurance: Option<EnduranceConfig>,
+    /// Whether they fly home and land when all beacons are done; they do in any case when their
+    /// endurance asks for it.
+    pub return_home: bool,
+    /// When a drone counts as one that takes part no more.
+    pub attendance: AttendanceConfig,
+    /// When a search is over besides what its planner says.
+    pub stop: StopRules,
 }
 
 impl Default for HuntConfig {
-    /// Prior σ 50 m about the drones, as far as a small drone's beacon is looked for; arrival within 0.3 m, 120 s for a move, 90 s for a turn
-    /// (52.8 s at most: 128 positions of 0.4 s, the first of 2 s), a turn for each beacon as in
-    /// the reference, drones that know where they are, 3 attempts.
+    /// Prior σ 50 m about the drones, as far as a small drone's beacon is looked for; arrival
+    /// within 0.3 m, 120 s for a move, 90 s for a turn (52.8 s at most: 128 positions of 0.4 s, the
+    /// first of 2 s), a turn for each beacon as in the reference, drones that know where they are,
+    /// 3 attempts; 2 m between drones, which stop within 1 m, no fence, no void, no end of the batteries, no way home,
+    /// the [`AttendanceConfig`]'s own, no rule to stop but the planner's.
     fn default() -> Self {
         Self {
             prior_sigma_m: 50.0,
@@ -45,6 +67,14 @@ impl Default for HuntConfig {
             shared_turns: false,
             receiver_sigma_m: None,
             attempts: 3,
+            separation_m: 2.0,
+            stopping_m: 1.0,
+            airspace: AirspaceConfig::default(),
+            void: None,
+            endurance: None,
+            return_home: false,
+            attendance: AttendanceConfig::default(),
+            stop: StopRules::default(),
         }
     }
 }
@@ -58,12 +88,17 @@ impl HuntConfig {
             ("turn_timeout_s", self.turn_timeout_s),
             ("attempts", f64::from(self.attempts)),
             ("receiver_sigma_m", self.receiver_sigma_m.unwrap_or(1.0)),
+            ("attendance.misses", f64::from(self.attendance.misses)),
+            ("attendance.lost_after_s", self.attendance.lost_after_s),
+            ("attendance.still_after_s", self.attendance.still_after_s),
+            ("attendance.still_m", self.attendance.still_m),
         ];
         let centre = self.prior_centre_m.unwrap_or_default();
         if let Some(&value) = centre.iter().find(|value| !value.is_finite()) {
             return Err(HuntError::Config { field: "prior_centre_m", value });
         }
-        match fields.into_iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
+        let bad = fields.into_iter().find(|(_, value)| !(*value > 0.0 && value.is_finite()));
+        match bad.or(self.stop.out_of_range()) {
             Some((field, value)) => Err(HuntError::Config { field, value }),
             None => Ok(()),
         }

@@ -35,7 +35,7 @@ where
     }
     for drone in 0..hunt.stations().len() {
         match fleet.locate(drone) {
-            Ok(pose) if pose.is_finite() => hunt.stations_mut()[drone].pose = pose,
+            Ok(pose) if pose.is_finite() => hunt.located(time, drone, pose),
             Ok(pose) => {
                 let reason = format!("its place is not finite: {pose:?}");
                 hunt.device_failed(time, Some(drone), reason);
@@ -48,6 +48,11 @@ where
         match command {
             Command::GoTo { drone, goal } => {
                 if let Err(error) = fleet.send(drone, &goal) {
+                    hunt.not_sent(time, drone, error.to_string());
+                }
+            }
+            Command::Land { drone } => {
+                if let Err(error) = fleet.land(drone) {
                     hunt.device_failed(time, Some(drone), error.to_string());
                 }
             }

@@ -1,5 +1,5 @@
 use foxhunt_core::{EstimatorError, PlanError};
-use foxhunt_formation::PhaseError;
+use foxhunt_formation::{AirspaceError, EnduranceError, PhaseError, TrafficError};
 
 /// Why a hunt could not begin or go on.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -35,6 +35,15 @@ pub enum HuntError {
         /// Why not.
         source: PlanError,
     },
+    /// The airspace is none.
+    #[error("airspace: {0}")]
+    Airspace(#[from] AirspaceError),
+    /// The drones do not begin as they may, or a distance is out of its range.
+    #[error(transparent)]
+    Traffic(#[from] TrafficError),
+    /// The endurance is out of its range.
+    #[error("endurance.{0}")]
+    Endurance(#[from] EnduranceError),
     /// A signal came in a phase that it does not belong to.
     #[error(transparent)]
     Phase(#[from] PhaseError),

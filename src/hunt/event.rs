@@ -1,5 +1,5 @@
 use foxhunt_core::{BeaconId, Correction, Estimate, Outcome, Reception};
-use foxhunt_formation::Phase;
+use foxhunt_formation::{Duty, MovedReason, OrderReason, Phase};
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -27,6 +27,85 @@ pub enum Event {
         time: f64,
         /// What it does.
         phase: Phase,
+    },
+    /// The planner has decided where to listen next, or that the search is over.
+    Planned {
+        /// When.
+        time: f64,
+        /// For which beacon in the first place.
+        beacon: BeaconId,
+        /// Why, in the planner's words.
+        reason: String,
+    },
+    /// A place that the planner wanted may not be flown to, or is too near another one; the drone
+    /// goes elsewhere.
+    GoalMoved {
+        /// When.
+        time: f64,
+        /// Which drone.
+        drone: usize,
+        /// Where the planner wanted it.
+        wanted: Vector3<f64>,
+        /// Where it goes.
+        goal: Vector3<f64>,
+        /// Why.
+        reason: MovedReason,
+    },
+    /// A drone was sent to its goal, or to a corner of its way there.
+    Sent {
+        /// When.
+        time: f64,
+        /// Which drone.
+        drone: usize,
+        /// Where to.
+        to: Vector3<f64>,
+        /// Why.
+        reason: OrderReason,
+    },
+    /// A drone has to wait for others to pass, or finds no permitted way to its goal.
+    Held {
+        /// When.
+        time: f64,
+        /// Which drone.
+        drone: usize,
+        /// Why.
+        reason: String,
+    },
+    /// A drone drops out of the formation, or comes back to it.
+    DutyChanged {
+        /// When.
+        time: f64,
+        /// Which drone.
+        drone: usize,
+        /// What it does from now on.
+        duty: Duty,
+    },
+    /// A search is over by a rule that is not the planner's.
+    Stopped {
+        /// When.
+        time: f64,
+        /// For which beacon.
+        beacon: BeaconId,
+        /// How it ended.
+        outcome: Outcome,
+        /// Why.
+        reason: String,
+    },
+    /// The drones fly home.
+    Recalled {
+        /// When.
+        time: f64,
+        /// Why.
+        reason: String,
+    },
+    /// A drone was told to land where it is, or was given up.
+    Landed {
+        /// When.
+        time: f64,
+        /// Which drone.
+        drone: usize,
+        /// Why there.
+        reason: String,
     },
     /// The drones were told where to go, in their order.
     GoalsSet {

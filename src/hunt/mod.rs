@@ -6,8 +6,11 @@ mod config;
 mod drive;
 mod error;
 mod event;
+mod flight;
 mod machine;
+mod outbox;
 mod search;
+mod searching;
 mod track;
 
 pub use command::Command;
@@ -18,4 +21,5 @@ pub use event::{Event, Fix};
 pub use machine::Hunt;
 pub use track::{Components, Heard, TimeStep, Track, TrackConfig, TrackError, WithoutBearing};
 
-use search::Search;
+use flight::Flight;
+use outbox::Outbox;

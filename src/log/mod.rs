@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::{EstimatorConfig, ModelConfig};
 
 /// The version of the log that this program writes.
-pub const LOG_VERSION: u32 = 3;
+pub const LOG_VERSION: u32 = 4;
 
 /// The oldest version that it reads: one without clouds, and with beacons that stay.
 pub const OLDEST_LOG_VERSION: u32 = 2;

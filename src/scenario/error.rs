@@ -50,4 +50,10 @@ pub enum ScenarioError {
         /// How many drones.
         drones: usize,
     },
+    /// A beacon that appears later stands before one that appears earlier.
+    #[error("{file}: world.beacons must be in the order in which they appear (appears_after_s)")]
+    Late {
+        /// The file.
+        file: String,
+    },
 }

@@ -112,6 +112,15 @@ impl Scenario {
             let file = file.to_owned();
             return Err(ScenarioError::Sources { file, sources, drones });
         }
+        let appears: Vec<f64> = scenario
+            .world
+            .beacons
+            .iter()
+            .map(|beacon| beacon.appears_after_s.unwrap_or(0.0))
+            .collect();
+        if !appears.is_sorted() {
+            return Err(ScenarioError::Late { file: file.to_owned() });
+        }
         Ok(scenario)
     }
 
@@ -125,9 +134,11 @@ impl Scenario {
         (0..world.drone_count()).map(|drone| of(drone).build(world, drone)).collect()
     }
 
-    /// The beacons' names, in their order.
+    /// The names of the beacons that are there from the beginning, in their order. Those that
+    /// appear later come after them, and are taken in when they do.
     #[must_use]
     pub fn beacon_names(&self) -> Vec<String> {
-        self.world.beacons.iter().map(|beacon| beacon.name.clone()).collect()
+        let present = self.world.beacons.iter().filter(|b| b.appears_after_s.is_none());
+        present.map(|beacon| beacon.name.clone()).collect()
     }
 }

@@ -176,6 +176,7 @@ fn beacons_that_share_turns_are_believed_in_from_the_start() {
 fn a_silent_drone_of_shared_turns_is_waited_for_as_long_as_both_may_take() {
     let config = HuntConfig { shared_turns: true, ..hunt_config() };
     let healths = [Health::Good, Health::Silent, Health::Good];
+    let one = config.turn_timeout_s;
     let outing = fly_with(config, TrackConfig::pritzl2018(), Hold::new(1), healths, false);
     let waited: Vec<f64> = outing
         .events
@@ -185,7 +186,6 @@ fn a_silent_drone_of_shared_turns_is_waited_for_as_long_as_both_may_take() {
             _ => None,
         })
         .collect();
-    let one = config.turn_timeout_s;
     assert_eq!(waited.len(), 2, "one event for a drone and a position");
     assert!((waited[0] - 2.0 * one).abs() < 0.5 && (waited[1] - one).abs() < 0.5, "{waited:?}");
 }
@@ -204,7 +204,7 @@ fn a_torn_log_loses_its_last_line_alone() {
     let error = Log::parse(&broken, path).expect_err("a misspelt event").to_string();
     let line = broken.lines().position(|l| l.contains("recieved")).expect("it is there") + 1;
     assert!(error.contains(&format!("toy.jsonl, line {line}")), "{error}");
-    let newer = text.replacen("\"foxhunt_log\":3", "\"foxhunt_log\":7", 1);
+    let newer = text.replacen("\"foxhunt_log\":4", "\"foxhunt_log\":7", 1);
     let error = Log::parse(&newer, path).expect_err("another version").to_string();
     assert!(error.contains('7'), "{error}");
     // Cut within a character, and with bytes that are no text at all.

@@ -27,8 +27,11 @@ pub enum OrderReason {
     Around,
     /// It has reached a corner of its way; this is the next.
     Corner,
-    /// It stops: it is held, or its goal has changed and the new way is not free yet.
+    /// It stops: it is held, it is off its line, or its goal has changed and the new way is not
+    /// free yet.
     Stop,
+    /// It flies back to where it rested, having been moved away.
+    Return,
     /// It took the goal of another drone of its formation, to which its way is free.
     Exchanged {
         /// Which one, that goes to its former goal instead.
@@ -69,12 +72,16 @@ pub(super) struct Wish {
 #[derive(Clone, Debug)]
 pub(super) struct Flight {
     /// What is left of its way, at least one place: the first is where it is taken to be, within
-    /// the tolerance; the second is where it was last told to fly.
+    /// the tolerance; the second is where it is told to fly next.
     way: Vec<Vector3<f64>>,
-    /// What it may still be flying along until it is seen to have turned.
+    /// Where the last order that it accepted led it, and the one before.
+    told: [Vector3<f64>; 2],
+    /// What it may be flying along instead, until it is seen again.
     former: Option<[Vector2<f64>; 2]>,
     /// Its last order was not accepted.
     unsent: bool,
+    /// It has been seen since.
+    seen: bool,
     pub(super) wish: Option<Wish>,
     /// The order that has not been given yet.
     pub(super) due: Option<OrderReason>,
@@ -96,8 +103,10 @@ impl Flight {
     pub(super) fn resting(place: Vector3<f64>) -> Self {
         Self {
             way: vec![place],
+            told: [place; 2],
             former: None,
             unsent: false,
+            seen: true,
             wish: None,
             due: None,
             last: OrderReason::Stop,
@@ -115,8 +124,15 @@ impl Flight {
         self.way[self.way.len() - 1]
     }
 
+    /// Whether it flies, or may be flying because it has not been seen since it was to stop.
     pub(super) fn flies(&self) -> bool {
-        self.way.len() > 1
+        self.way.len() > 1 || self.former.is_some()
+    }
+
+    /// Whether a way may be added to the end of its line. Not where it was to stop at once and has
+    /// not been seen since: it would fly there from wherever it is.
+    pub(super) fn may_extend(&self) -> bool {
+        self.way.len() > 1 || self.former.is_none()
     }
 
     pub(super) fn way(&self) -> &[Vector3<f64>] {
@@ -146,15 +162,15 @@ impl Flight {
     }
 
     /// Whether the leg that it has been told to leave is released when it is next seen.
-    pub(super) fn turning(&self) -> bool {
-        self.former.is_some() && !self.unsent
+    pub(super) fn turns(&self) -> bool {
+        self.former.is_some() && self.due.is_none()
     }
 
     /// Takes note of where it is.
     pub(super) fn see(&mut self, place: &Vector3<f64>, tolerance: f64) -> Seen {
-        if self.turning() {
-            self.former = None;
-        }
+        self.seen = true;
+        // As long as it has not accepted another order it flies where the last one led it.
+        self.former = self.due.map(|_| [place.xy(), self.told[0].xy()]);
         let from = self.way[0].xy();
         let Some(to) = self.way.get(1) else {
             let astray = (place.xy() - from).norm() > tolerance;
@@ -171,7 +187,7 @@ impl Flight {
         }
         if (place - to).norm() <= tolerance {
             self.way.remove(0);
-            if self.flies() {
+            if self.way.len() > 1 {
                 self.due = Some(OrderReason::Corner);
             }
             return Seen::AtCorner;
@@ -190,11 +206,16 @@ impl Flight {
         self.way[0] = place;
     }
 
-    /// It rests, or comes to rest, at a place off its line.
+    /// It has been moved away from where it rests, and returns.
+    pub(super) fn return_from(&mut self, place: Vector3<f64>) {
+        self.way = vec![place, self.way[0]];
+        self.due = Some(OrderReason::Return);
+    }
+
+    /// It stops at a place off its line.
     pub(super) fn rest_at(&mut self, place: Vector3<f64>) {
-        if self.flies() {
-            self.due = Some(OrderReason::Stop);
-        }
+        self.former = Some([place.xy(), self.told[0].xy()]);
+        self.due = Some(OrderReason::Stop);
         self.way = vec![place];
     }
 
@@ -207,7 +228,7 @@ impl Flight {
         if self.way.len() == 2 && length <= stopping {
             return;
         }
-        self.former.get_or_insert([from.xy(), to.xy()]);
+        self.former.get_or_insert([from.xy(), self.told[0].xy()]);
         let share = if length > stopping { stopping / length } else { 1.0 };
         self.way = vec![from, from.lerp(&to, share)];
         if stopping <= 0.0 || length <= 0.0 {
@@ -218,24 +239,34 @@ impl Flight {
 
     /// Flies on from the end of its line.
     pub(super) fn extend(&mut self, places: &[Vector3<f64>], reason: OrderReason) {
-        if !self.flies() || self.due.is_some() {
+        if self.way.len() == 1 || self.due.is_some() {
             self.due = Some(reason);
         }
         self.way.extend_from_slice(places);
         self.blocked = false;
     }
 
-    /// The order that is due, once.
+    /// The order that is due, once. One that was not accepted is given again when it is known
+    /// where the drone is by then.
     pub(super) fn order(&mut self, drone: usize) -> Option<Order> {
+        if self.unsent && !self.seen {
+            return None;
+        }
         let reason = self.due.take()?;
-        self.last = reason;
-        self.unsent = false;
-        Some(Order { drone, to: *self.way.get(1).unwrap_or(&self.way[0]), reason })
+        let to = *self.way.get(1).unwrap_or(&self.way[0]);
+        self.told = [to, self.told[0]];
+        (self.last, self.unsent) = (reason, false);
+        Some(Order { drone, to, reason })
     }
 
     /// The last order did not reach it: it flies on as it did.
     pub(super) fn repeat(&mut self) {
-        self.unsent = true;
-        self.due.get_or_insert(self.last);
+        if !self.unsent {
+            self.told = [self.told[1]; 2];
+            let from = self.way[0].xy();
+            self.former.get_or_insert([from, self.told[0].xy()]);
+            (self.unsent, self.seen) = (true, false);
+            self.due.get_or_insert(self.last);
+        }
     }
 }

@@ -110,7 +110,7 @@ impl Traffic {
         if drone >= self.flights.len() || !position.iter().all(|x| x.is_finite()) {
             return;
         }
-        self.changed |= self.flights[drone].turning();
+        self.changed |= self.flights[drone].turns();
         match self.flights[drone].see(position, self.config.tolerance_m) {
             Seen::OnLine(released) => self.released += released,
             Seen::AtCorner => self.changed = true,
@@ -118,16 +118,18 @@ impl Traffic {
         }
     }
 
-    /// A drone that is off its line flies on to its next corner if that is permitted from where it
-    /// is, and stops otherwise.
+    /// A drone that is off its line flies on to its next corner, or back to where it rests, if that
+    /// is permitted from where it is, and stops otherwise.
     fn catch(&mut self, drone: usize, position: Vector3<f64>) {
         self.changed = true;
-        if let Some(next) = self.flights[drone].way().get(1).map(|next| next.xy())
-            && self.surroundings(drone, &[]).first_leg(&position.xy(), &next)
-        {
-            self.flights[drone].begin_at(position);
-        } else {
-            self.flights[drone].rest_at(position);
+        let flight = &self.flights[drone];
+        let next = flight.way().get(1).copied().unwrap_or(flight.place());
+        let permitted = self.surroundings(drone, &[]).first_leg(&position.xy(), &next.xy());
+        let flight = &mut self.flights[drone];
+        match (permitted, flight.flies()) {
+            (true, true) => flight.begin_at(position),
+            (true, false) => flight.return_from(position),
+            (false, _) => flight.rest_at(position),
         }
     }
 
@@ -267,7 +269,9 @@ impl Traffic {
             let mut waiting: Vec<usize> = self.waiting().collect();
             waiting.sort_by_key(|&drone| aside(&self.flights[drone]));
             for drone in waiting {
-                self.try_set_off(drone, thorough);
+                if self.flights[drone].may_extend() {
+                    self.try_set_off(drone, thorough);
+                }
             }
             if self.flights.iter().any(Flight::flies) || !self.waiting().any(|_| true) {
                 return;

@@ -238,6 +238,8 @@ fn an_order_that_was_not_accepted_is_given_again() {
     assert_eq!(first.len(), 1);
     assert_eq!(flown.traffic.step(), []);
     flown.traffic.repeat(0).expect("there is one");
+    assert_eq!(flown.traffic.step(), [], "nobody knows where it is by now");
+    flown.traffic.locate(0, &at(0.0, 0.0));
     assert_eq!(flown.traffic.step(), first);
     flown.traffic.repeat(0).expect("there is one");
     flown.settle();

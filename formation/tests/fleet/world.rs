@@ -1,4 +1,4 @@
-//! Random fleets in random airspaces, whose drones fly, stray, get stuck and fall silent.
+//! Random fleets in random airspaces, whose drones fly, stray, get stuck, fall silent, and do not hear.
 
 use foxhunt_formation::{Airspace, AirspaceConfig, KeepOut, Order, Traffic, TrafficConfig, Travel};
 use nalgebra::{Vector2, Vector3};
@@ -17,6 +17,7 @@ pub(crate) struct Drone {
     pub(crate) speed: f64,
     stuck: u32,
     silent: u32,
+    deaf: u32,
 }
 
 impl Drone {
@@ -131,6 +132,7 @@ pub(crate) fn world(rng: &mut Xoshiro256PlusPlus) -> Option<World> {
         speed: rng.random_range(0.5..5.0),
         stuck: 0,
         silent: 0,
+        deaf: 0,
     };
     let drones = positions.iter().map(drone).collect();
     let separation = config.separation_m;
@@ -173,6 +175,10 @@ impl World {
             if chaos && rng.random_bool(0.002) {
                 drone.silent = rng.random_range(1..200);
             }
+            if chaos && rng.random_bool(0.002) {
+                drone.deaf = rng.random_range(1..200);
+            }
+            drone.deaf = drone.deaf.saturating_sub(1);
             drone.fly(DT, config.tolerance_m, rng);
             if drone.silent > 0 {
                 drone.silent -= 1;
@@ -181,7 +187,7 @@ impl World {
             }
         }
         for Order { drone, to, .. } in self.traffic.step() {
-            if chaos && rng.random_bool(0.1) {
+            if self.drones[drone].deaf > 0 {
                 self.traffic.repeat(drone).expect("the drone exists");
             } else {
                 self.drones[drone].told(to, 0.6 * config.stopping_m);

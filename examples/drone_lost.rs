@@ -1,0 +1,37 @@
+//! Three drones of which one is lost and comes back, and one falls silent: the formation closes up
+//! and the hunt goes on.
+//!
+//! `cargo run --example drone_lost`
+
+#![expect(clippy::print_stdout, reason = "an example talks to whoever runs it")]
+
+use std::{convert::Infallible, error::Error};
+
+use foxhunt::{config::estimator_named, hunt::Event, scenario::Scenario, simulation::simulate};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut scenario = Scenario::find("pritzl-6.1")?;
+    // The second drone neither answers nor obeys for a minute, the third hears nothing any more.
+    scenario.world.drones[1].lost = vec![Interval { from_s: 20.0, to_s: 80.0 }];
+    scenario.world.drones[2].silent_after_s = Some(60.0);
+    scenario.hunt.turn_timeout_s = 20.0;
+
+    let estimator = estimator_named("particle").ok_or("it is built in")?;
+    let hunt = simulate(&scenario, &estimator, 1, |event| {
+        match event {
+            Event::DutyChanged { time, drone, duty } => {
+                println!("{time:6.1} s  drone {}: {duty}", drone + 1);
+            }
+            Event::Missing { time, drone, waited_s } => {
+                println!("{time:6.1} s  drone {}: nothing in {waited_s:.0} s", drone + 1);
+            }
+            _ => {}
+        }
+        Ok::<_, Infallible>(())
+    })?;
+    for found in &hunt.found {
+        let (fix, error) = (&found.fix, found.error_m());
+        println!("{}: {error:.2} m off after {} steps, {}", fix.name, fix.steps, fix.outcome);
+    }
+    Ok(())
+}

@@ -1,0 +1,353 @@
+use foxhunt_core::{BeaconId, Outcome, PlanError, Pose, Station, Target, Waypoint};
+use foxhunt_formation::{
+    Airspace, Attendance, Duty, Endurance, Traffic, TrafficConfig, TrafficError, Travel,
+};
+use nalgebra::Vector3;
+
+use super::{Command, Event, HuntConfig, HuntError, Outbox, searching::Recall};
+
+/// The drones of a hunt: where they are, who takes part, and how each gets to its goal.
+#[derive(Debug)]
+pub(super) struct Flight {
+    stations: Vec<Station>,
+    attendance: Vec<Attendance>,
+    /// What was logged of each.
+    told: Vec<Duty>,
+    traffic: Traffic,
+    /// What was logged of the way of each.
+    travel: Vec<Travel>,
+    /// What was logged of the last order of each, and when to repeat one that was not accepted.
+    sent: Vec<(Option<Vector3<f64>>, Option<f64>)>,
+    endurance: Option<Endurance>,
+    /// Why the formation that was planned last is not flown to.
+    unaffordable: Option<String>,
+    /// How long the last turn took, in seconds.
+    turn_s: f64,
+    listening: f64,
+    returns: bool,
+    homes: Vec<Vector3<f64>>,
+    /// When it began, and since when the drones are on their way home.
+    began: f64,
+    recalled: Option<f64>,
+    /// When the way home was measured last.
+    reckoned: f64,
+    move_timeout_s: f64,
+    /// Whose sweeps each drone owes, and whether it is waited for.
+    owed: Vec<(Vec<BeaconId>, bool)>,
+    flown_m: f64,
+}
+
+/// How often the time that a return takes is reckoned, in seconds; the reserve covers what changes
+/// in between.
+const RECKONED_EVERY_S: f64 = 1.0;
+
+/// After how many seconds an order that was not accepted is given again.
+const RETRIED_AFTER_S: f64 = 1.0;
+
+impl Flight {
+    pub(super) fn new(
+        config: &HuntConfig,
+        time: f64,
+        stations: Vec<Station>,
+    ) -> Result<Self, HuntError> {
+        let homes: Vec<Vector3<f64>> = stations.iter().map(|s| s.pose.position).collect();
+        let traffic = TrafficConfig {
+            separation_m: config.separation_m,
+            tolerance_m: config.arrival_tolerance_m,
+            stopping_m: config.stopping_m,
+            void: config.void,
+        };
+        let attendance = |home: &Vector3<f64>| Attendance::new(config.attendance, time, *home);
+        Ok(Self {
+            attendance: homes.iter().map(attendance).collect(),
+            told: vec![Duty::Formation; stations.len()],
+            traffic: Traffic::new(&Airspace::new(&config.airspace)?, traffic, &homes)?,
+            travel: vec![Travel::There; stations.len()],
+            sent: vec![(None, None); stations.len()],
+            endurance: config.endurance.map(Endurance::new).transpose()?,
+            unaffordable: None,
+            turn_s: 0.0,
+            listening: time,
+            returns: config.return_home || config.endurance.is_some(),
+            owed: vec![(Vec::new(), false); stations.len()],
+            stations,
+            homes,
+            began: time,
+            recalled: None,
+            reckoned: time,
+            move_timeout_s: config.move_timeout_s,
+            flown_m: 0.0,
+        })
+    }
+
+    pub(super) fn stations(&self) -> &[Station] {
+        &self.stations
+    }
+
+    /// How far all drones have flown together, in metres, as far as they were seen.
+    pub(super) fn flown_m(&self) -> f64 {
+        self.flown_m
+    }
+
+    /// Whether the drones fly home when all is done.
+    pub(super) fn returns(&self) -> bool {
+        self.returns
+    }
+
+    pub(super) fn located(&mut self, time: f64, drone: usize, pose: Pose) {
+        let Some(station) = self.stations.get_mut(drone) else { return };
+        self.flown_m += (pose.position - station.pose.position).norm();
+        station.pose = pose;
+        self.traffic.locate(drone, &pose.position);
+        let under_way = self.traffic.status(drone) == Travel::UnderWay;
+        self.attendance[drone].located(time, pose.position, under_way);
+    }
+
+    /// Takes note that a drone did not take its order; it is told again in a second.
+    pub(super) fn not_sent(&mut self, time: f64, drone: usize) {
+        if let Some((_, retry)) = self.sent.get_mut(drone) {
+            *retry = Some(time + RETRIED_AFTER_S);
+        }
+    }
+
+    /// Lets time pass: sends whoever may fly on, and tells who drops out and who comes back.
+    pub(super) fn pass(&mut self, time: f64, outbox: &mut Outbox) {
+        for attendance in &mut self.attendance {
+            attendance.pass(time);
+        }
+        if self.recalled.is_some() {
+            self.land_those_at_home(time, outbox);
+        }
+        for (drone, (_, retry)) in self.sent.iter_mut().enumerate() {
+            if retry.take_if(|due| *due <= time).is_some() {
+                // It exists, so it can be told again.
+                let _ = self.traffic.repeat(drone);
+            }
+        }
+        for order in self.traffic.step() {
+            let (drone, to) = (order.drone, order.to);
+            if self.sent[drone].0.replace(to) != Some(to) {
+                outbox.tell(Event::Sent { time, drone, to, reason: order.reason });
+            }
+            outbox.order(Command::GoTo { drone, goal: Waypoint { position: to } });
+        }
+        for drone in 0..self.stations.len() {
+            let duty = self.attendance[drone].duty();
+            if std::mem::replace(&mut self.told[drone], duty) != duty {
+                outbox.tell(Event::DutyChanged { time, drone, duty });
+            }
+            // Drones of a formation may have exchanged their goals.
+            if let Some(position) = self.traffic.goal(drone) {
+                self.stations[drone].goal = Waypoint { position };
+            }
+            let travel = self.traffic.status(drone);
+            let before = std::mem::replace(&mut self.travel[drone], travel);
+            let reason = match travel {
+                Travel::Waiting => "others are in its way",
+                Travel::Blocked => "there is no permitted way to its goal",
+                _ => continue,
+            };
+            if before != travel {
+                outbox.tell(Event::Held { time, drone, reason: reason.to_owned() });
+            }
+        }
+    }
+
+    /// The drones that take a place in the formation: those that can, or else those of which
+    /// anything may still be hoped for.
+    fn placed(&self) -> Vec<usize> {
+        let ranks: [&[Duty]; 3] = [&[Duty::Formation], &[Duty::Still, Duty::Silent], &[Duty::Lost]];
+        let of = |rank: &[Duty]| -> Vec<usize> {
+            let on_duty = |drone: &usize| rank.contains(&self.attendance[*drone].duty());
+            (0..self.stations.len()).filter(on_duty).collect()
+        };
+        ranks.into_iter().map(of).find(|placed| !placed.is_empty()).unwrap_or_default()
+    }
+
+    /// Has `plan` set the goals of those that take part, makes places of them that may be flown to,
+    /// and sends each drone to one of them. On an error nothing changes.
+    pub(super) fn form<T>(
+        &mut self,
+        time: f64,
+        targets: &[Target<'_>],
+        outbox: &mut Outbox,
+        plan: impl FnOnce(&mut [Station], &mut Outbox) -> Result<T, PlanError>,
+    ) -> Result<T, PlanError> {
+        let drones = self.placed();
+        let mut stations: Vec<Station> = drones.iter().map(|drone| self.stations[*drone]).collect();
+        let planned = plan(&mut stations, outbox)?;
+        let places: Vec<Vector3<f64>> = stations.iter().map(|s| s.goal.position).collect();
+        if let Some(bad) = places.iter().find(|place| !place.iter().all(|c| c.is_finite())) {
+            return Err(PlanError::NotFinite { east: bad.x, north: bad.y });
+        }
+        self.traffic.believe(targets.iter().map(|target| target.belief));
+        // Every drone exists and every place is finite.
+        let formation = self.traffic.form(&drones, &places).map_err(no_place)?;
+        let elapsed = time - self.began;
+        self.unaffordable = self.endurance.as_ref().and_then(|endurance| {
+            let left_s = endurance.left_s(elapsed);
+            let needed_s =
+                endurance.round_s(&self.traffic, &formation, &self.homes, self.turn_s)?;
+            (needed_s >= left_s).then(|| {
+                format!(
+                    "the next turn and the way home take up to {needed_s:.0} s, and {left_s:.0} s \
+                     are left"
+                )
+            })
+        });
+        if self.unaffordable.is_some() {
+            return Ok(planned);
+        }
+        self.traffic.depart(&formation).map_err(no_place)?;
+        for (drone, position) in formation.iter() {
+            self.stations[drone].goal = Waypoint { position };
+        }
+        let goals = self.stations.iter().map(|s| s.goal.position).collect();
+        outbox.tell(Event::GoalsSet { time, goals });
+        for moved in formation.moved {
+            let (drone, wanted, goal, reason) =
+                (moved.drone, moved.wanted, moved.goal, moved.reason);
+            outbox.tell(Event::GoalMoved { time, drone, wanted, goal, reason });
+        }
+        Ok(planned)
+    }
+
+    /// Whether every drone is where it is to listen, as far as it will get there.
+    pub(super) fn is_formed(&self) -> bool {
+        let settled = |drone: usize| {
+            self.attendance[drone].is_astray()
+                || matches!(self.traffic.status(drone), Travel::There | Travel::Blocked)
+        };
+        (0..self.stations.len()).all(settled)
+    }
+
+    /// Has every drone in the air turn its antenna, those that deliver nothing included.
+    pub(super) fn listen(&mut self, time: f64, beacons: &[BeaconId], outbox: &mut Outbox) {
+        self.listening = time;
+        let duties: Vec<Duty> = self.attendance.iter().map(Attendance::duty).collect();
+        let counts = |duty: &Duty| matches!(duty, Duty::Formation | Duty::Still);
+        let some_count = duties.iter().any(counts);
+        for (drone, duty) in duties.into_iter().enumerate() {
+            if matches!(duty, Duty::Returning | Duty::Landed) {
+                continue;
+            }
+            self.owed[drone] = (beacons.to_vec(), counts(&duty) || !some_count);
+            outbox.order(Command::Listen { drone, beacons: beacons.to_vec() });
+        }
+    }
+
+    /// Takes note that a drone has delivered; false where there is no such drone.
+    pub(super) fn delivered(&mut self, time: f64, drone: usize, beacon: BeaconId) -> bool {
+        let Some((owed, _)) = self.owed.get_mut(drone) else { return false };
+        owed.retain(|other| *other != beacon);
+        self.attendance[drone].delivered();
+        self.turn_s = time - self.listening;
+        true
+    }
+
+    /// Whether a drone still owes a sweep, awaited or late.
+    pub(super) fn owes(&self, drone: usize) -> bool {
+        self.owed.get(drone).is_some_and(|(owed, _)| !owed.is_empty())
+    }
+
+    /// Whether a sweep is waited for.
+    pub(super) fn is_waiting(&self) -> bool {
+        self.owed.iter().any(|(owed, awaited)| *awaited && !owed.is_empty())
+    }
+
+    /// Waits no longer for the sweeps that are owed; those that come late are welcome.
+    pub(super) fn give_up_turns(&mut self, time: f64, waited_s: f64, outbox: &mut Outbox) {
+        for (drone, (owed, awaited)) in self.owed.iter_mut().enumerate() {
+            if std::mem::take(awaited) && !owed.is_empty() {
+                self.attendance[drone].missed();
+                outbox.tell(Event::Missing { time, drone, waited_s });
+            }
+        }
+    }
+
+    /// Why the drones have to fly home now, if they have to.
+    pub(super) fn must_return(&mut self, time: f64) -> Option<Recall> {
+        if self.placed().is_empty() {
+            let reason = "no drone is left in the air".to_owned();
+            return Some(Recall { outcome: Outcome::NoDrones, reason });
+        }
+        if time - self.reckoned < RECKONED_EVERY_S {
+            return None;
+        }
+        self.reckoned = time;
+        let endurance = self.endurance.as_ref()?;
+        let sound = |drone: &usize| !self.attendance[*drone].is_astray();
+        let drones: Vec<usize> = self.airborne().into_iter().filter(sound).collect();
+        let left_s = endurance.left_s(time - self.began);
+        let reason = match endurance.return_s(&self.traffic, &drones, &self.homes) {
+            Some(needed_s) if needed_s + RECKONED_EVERY_S < left_s => return None,
+            Some(needed_s) => {
+                format!("the way home takes up to {needed_s:.0} s, and {left_s:.0} s are left")
+            }
+            None => "a drone has no permitted way home".to_owned(),
+        };
+        Some(Recall { outcome: Outcome::BudgetSpent, reason })
+    }
+
+    /// Why the formation that was just planned cannot be flown to, if it cannot; told once.
+    pub(super) fn cannot_afford(&mut self) -> Option<Recall> {
+        let reason = self.unaffordable.take()?;
+        Some(Recall { outcome: Outcome::BudgetSpent, reason })
+    }
+
+    /// The drones that are neither on the ground nor given up.
+    fn airborne(&self) -> Vec<usize> {
+        let flies = |drone: &usize| self.attendance[*drone].duty() != Duty::Landed;
+        (0..self.stations.len()).filter(flies).collect()
+    }
+
+    /// Sends everyone home.
+    pub(super) fn go_home(&mut self, time: f64, reason: String, outbox: &mut Outbox) {
+        outbox.tell(Event::Recalled { time, reason });
+        self.recalled = Some(time);
+        for drone in self.airborne() {
+            let home = self.homes[drone];
+            self.stations[drone].goal = Waypoint { position: home };
+            self.attendance[drone].sent_home();
+            // Its home is a finite place.
+            let _ = self.traffic.recall(drone, &home);
+        }
+    }
+
+    /// Whether nobody is on the way home any more.
+    pub(super) fn is_over(&self) -> bool {
+        self.recalled.is_none() && !self.returns || self.airborne().is_empty()
+    }
+
+    fn land_those_at_home(&mut self, time: f64, outbox: &mut Outbox) {
+        let Some(recalled) = self.recalled else { return };
+        let elapsed = time - self.began;
+        for drone in self.airborne() {
+            let height = self.stations[drone].pose.position.z;
+            let empty = self.endurance.as_ref().is_some_and(|endurance| {
+                let config = endurance.config();
+                elapsed + height.max(0.0) / config.climb_mps >= config.endurance_s
+            });
+            let reason = match self.traffic.status(drone) {
+                Travel::There => "it is at home",
+                Travel::Blocked => "there is no permitted way home",
+                _ if empty => "its endurance is over",
+                _ if self.attendance[drone].is_astray()
+                    && time - recalled >= self.move_timeout_s =>
+                {
+                    "it does not come home"
+                }
+                _ => continue,
+            };
+            self.attendance[drone].landed();
+            let _ = self.traffic.hold(drone);
+            outbox.tell(Event::Landed { time, drone, reason: reason.to_owned() });
+            outbox.order(Command::Land { drone });
+        }
+    }
+}
+
+/// A formation that cannot be flown: its places are none.
+fn no_place(_: TrafficError) -> PlanError {
+    PlanError::NoPlace
+}

@@ -1,0 +1,253 @@
+//! Drones that drop out and come back, rules that end a search, and the way home.
+
+use foxhunt::formation::{Duty, EnduranceConfig, StopRules};
+use foxhunt::hunt::{Command, Fix};
+use nalgebra::Vector3;
+
+use super::*;
+
+/// What a test does to its devices while the hunt is on.
+type Meddle<'a> = dyn FnMut(f64, &mut [Teleport], &mut [Cardioid]) + 'a;
+
+/// Flies the toy world to its end, `meddle` having its say before every look at the devices.
+fn fly_while(
+    config: HuntConfig,
+    planner: impl FormationPlanner,
+    meddle: &mut Meddle<'_>,
+) -> (Vec<Event>, f64) {
+    let model = RssBearing::new(LogDistance::new(LAW.0, LAW.1).expect("in range"));
+    let time: support::Time = Rc::new(Cell::new(0.0));
+    let mut vehicles = [(0.0, 0.0), (5.0, 0.0), (0.0, 5.0)].map(|(e, n)| Teleport::at(e, n));
+    let source = |vehicle| Cardioid::new(&time, vehicle, &TARGETS, Health::Good);
+    let mut sources: Vec<Cardioid> = vehicles.iter().map(source).collect();
+    let mut hunt = Hunt::new(
+        Pritzl2018::default(),
+        planner,
+        |prior: &Estimate<2>| Ukf::pritzl2018(model, *prior),
+        vec!["first".to_owned()],
+        config,
+        TrackConfig::pritzl2018(),
+    )
+    .expect("a beacon");
+    let stations = vehicles.iter().map(|v| Station::holding(v.place.get())).collect();
+    hunt.start(0.0, stations).expect("three drones");
+    let mut events = Vec::new();
+    while !hunt.is_finished() {
+        meddle(time.get(), &mut vehicles, &mut sources);
+        drive(&mut hunt, &mut sources, &mut vehicles[..], time.get()).expect("the hunt goes on");
+        events.extend(std::iter::from_fn(|| hunt.poll_event()));
+        time.set(time.get() + 0.25);
+        assert!(time.get() < 100_000.0, "the hunt does not end");
+    }
+    (events, time.get())
+}
+
+fn duties(events: &[Event], of: usize) -> Vec<Duty> {
+    let duty = |event: &Event| match event {
+        Event::DutyChanged { drone, duty, .. } if *drone == of => Some(*duty),
+        _ => None,
+    };
+    events.iter().filter_map(duty).collect()
+}
+
+fn fix(events: &[Event]) -> &Fix {
+    let fixes = events.iter().filter_map(|event| match event {
+        Event::BeaconFinished { fix, .. } => Some(fix),
+        _ => None,
+    });
+    let all: Vec<&Fix> = fixes.collect();
+    assert_eq!(all.len(), 1);
+    all[0]
+}
+
+fn goals(events: &[Event]) -> Vec<&Vec<Vector3<f64>>> {
+    let goals = events.iter().filter_map(|event| match event {
+        Event::GoalsSet { goals, .. } => Some(goals),
+        _ => None,
+    });
+    goals.collect()
+}
+
+#[test]
+fn a_drone_that_falls_silent_is_left_out_and_taken_in_again() {
+    let (events, duration) = fly_while(hunt_config(), Hold::new(8), &mut |time, _, sources| {
+        // Silent for the first four positions: two of 90 s, and two without waiting for it.
+        let silent = time < 182.5;
+        sources[1].health = if silent { Health::Silent } else { Health::Good };
+    });
+    assert_eq!(duties(&events, 1), [Duty::Silent, Duty::Formation]);
+    assert!(duration < 2.0 * 90.0 + 6.0 * 3.0, "nobody waits for it: {duration} s");
+    let heard = events.iter().filter(|e| matches!(e, Event::Received { drone: 1, .. })).count();
+    assert!((4..8).contains(&heard), "{heard}");
+    assert_eq!(fix(&events).formation_positions, 8);
+}
+
+#[test]
+fn the_formation_closes_up_around_one_that_stands_still() {
+    let (events, _) = fly_while(hunt_config(), triangle(), &mut |time, vehicles, _| {
+        vehicles[2].stuck = time > 2.0;
+    });
+    assert_eq!(duties(&events, 2)[0], Duty::Still);
+    assert_eq!(fix(&events).outcome, Outcome::Converged);
+    // Two drones stand opposite each other, 6 m from the centre, and not on top of the third.
+    let last = goals(&events).last().copied().expect("there were goals").clone();
+    assert!(((last[0] - last[1]).xy().norm() - 12.0).abs() < 1.0, "{last:?}");
+    let near = |a: usize, b: usize| (last[a] - last[b]).xy().norm();
+    assert!(near(0, 2) > 2.0 && near(1, 2) > 2.0, "{last:?}");
+    // It listens where it is.
+    let heard = events.iter().filter(|e| matches!(e, Event::Received { drone: 2, .. })).count();
+    assert_eq!(heard, usize::try_from(fix(&events).formation_positions).expect("few"));
+}
+
+#[test]
+fn one_that_is_not_seen_is_lost_and_found() {
+    let place = Cell::new(Pose::default());
+    let (events, _) = fly_while(hunt_config(), triangle(), &mut |time, vehicles, _| {
+        let gone = (2.0..20.0).contains(&time);
+        if gone && vehicles[0].place.get().is_finite() {
+            place.set(vehicles[0].place.get());
+            vehicles[0].stuck = true;
+            vehicles[0].place.set(Pose::at(f64::NAN, 0.0, 4.0));
+        } else if !gone && !vehicles[0].place.get().is_finite() {
+            vehicles[0].stuck = false;
+            vehicles[0].place.set(place.get());
+        }
+    });
+    assert_eq!(duties(&events, 0)[..1], [Duty::Lost]);
+    assert_eq!(fix(&events).outcome, Outcome::Converged);
+}
+
+#[test]
+fn rules_end_a_search_and_say_why() {
+    let rules = |stop| HuntConfig { stop, ..hunt_config() };
+    let none = StopRules::default();
+    let cases = [
+        (StopRules { ellipse_95_m: Some(8.0), ..none }, Outcome::EllipseReached),
+        (StopRules { positions: Some(2), ..none }, Outcome::MoveLimit),
+        (StopRules { time_s: Some(2.0), ..none }, Outcome::BudgetSpent),
+        (StopRules { path_m: Some(1.0), ..none }, Outcome::BudgetSpent),
+        (StopRules { settled_m: Some(5.0), ..none }, Outcome::Converged),
+        (StopRules { least_gain_nats_per_s: Some(10.0), ..none }, Outcome::LittleToLearn),
+    ];
+    for (stop, outcome) in cases {
+        let (events, _) = fly_while(rules(stop), triangle(), &mut |_, _, _| {});
+        assert_eq!(fix(&events).outcome, outcome, "{stop:?}");
+        let told = events.iter().filter(|event| match event {
+            Event::Stopped { outcome: told, reason, .. } => *told == outcome && !reason.is_empty(),
+            _ => false,
+        });
+        assert_eq!(told.count(), 1, "{stop:?}");
+    }
+    let error = Hunt::<_, _, _, Ukf<RandomWalk<2>, RssBearing<LogDistance>, 2, 2>, 2, 2>::new(
+        Pritzl2018::default(),
+        triangle(),
+        |_: &Estimate<2>| unreachable!("it does not begin"),
+        vec!["first".to_owned()],
+        rules(StopRules { time_s: Some(-1.0), ..none }),
+        TrackConfig::default(),
+    );
+    let error = error.err().expect("a time before the beginning").to_string();
+    assert!(error.contains("stop.time_s") && error.contains("-1"), "{error}");
+}
+
+#[test]
+fn everyone_is_home_before_the_batteries_are_empty() {
+    let endurance = EnduranceConfig { endurance_s: 60.0, reserve_s: 10.0, ..Default::default() };
+    let config = HuntConfig { endurance: Some(endurance), ..hunt_config() };
+    let places = Rc::new(Cell::new([Vector3::zeros(); 3]));
+    let (events, duration) = fly_while(config, Hold::new(1000), &mut |_, vehicles, _| {
+        places.set([0, 1, 2].map(|drone| vehicles[drone].place.get().position));
+    });
+    assert_eq!(fix(&events).outcome, Outcome::BudgetSpent);
+    assert!(duration < 60.0, "{duration} s");
+    let homes = [(0.0, 0.0), (5.0, 0.0), (0.0, 5.0)];
+    for (place, (east, north)) in places.get().iter().zip(homes) {
+        assert!((place.xy() - Vector2::new(east, north)).norm() < 0.31, "{place}");
+    }
+    let landed = events.iter().filter(|e| matches!(e, Event::Landed { .. })).count();
+    assert_eq!(landed, 3);
+    assert_eq!(events.iter().filter(|e| matches!(e, Event::Recalled { .. })).count(), 1);
+}
+
+#[test]
+fn a_planner_that_gives_up_ends_its_search_and_not_the_hunt() {
+    let mut turns = 0;
+    let planner = foxhunt::core::planner_fn(|_: &dyn Belief, _: &mut [Station]| {
+        turns += 1;
+        if turns > 3 {
+            return Err(foxhunt::core::PlanError::TooFew { needed: 4, have: 3 });
+        }
+        Ok(Decision::Listen(Stage::Searching))
+    });
+    let (events, _) = fly_while(hunt_config(), planner, &mut |_, _, _| {});
+    let fix = fix(&events);
+    assert_eq!((fix.outcome, fix.formation_positions), (Outcome::NoPlan, 4));
+    assert!(events.iter().any(|event| match event {
+        Event::Stopped { reason, .. } => reason.contains("needs 4 drones and has 3"),
+        _ => false,
+    }));
+}
+
+#[test]
+fn a_start_that_breaks_the_rules_is_refused_and_changes_nothing() {
+    let model = RssBearing::new(LogDistance::new(LAW.0, LAW.1).expect("in range"));
+    let mut hunt = Hunt::<_, _, _, _, 2, 2>::new(
+        Pritzl2018::default(),
+        triangle(),
+        |prior: &Estimate<2>| Ukf::pritzl2018(model, *prior),
+        vec!["first".to_owned()],
+        hunt_config(),
+        TrackConfig::default(),
+    )
+    .expect("one beacon");
+    let at = |east| Station::holding(Pose::at(east, 0.0, 4.0));
+    let error = hunt.start(0.0, vec![at(0.0), at(1.0)]).expect_err("1 m is too near");
+    assert!(error.to_string().contains('1'), "{error}");
+    assert!(hunt.poll_event().is_none() && hunt.stations().is_empty());
+    hunt.start(0.0, vec![at(0.0), at(10.0)]).expect("10 m is not");
+    hunt.advance(0.0).expect("it goes on");
+    assert!(matches!(hunt.poll_command(), Some(Command::GoTo { .. })));
+}
+
+#[test]
+fn beacons_that_show_up_later_are_taken_in() {
+    for shared_turns in [false, true] {
+        let config = HuntConfig { shared_turns, ..hunt_config() };
+        let model = RssBearing::new(LogDistance::new(LAW.0, LAW.1).expect("in range"));
+        let time: support::Time = Rc::new(Cell::new(0.0));
+        let mut vehicles = [(0.0, 0.0), (5.0, 0.0), (0.0, 5.0)].map(|(e, n)| Teleport::at(e, n));
+        let source = |vehicle| Cardioid::new(&time, vehicle, &TARGETS, Health::Good);
+        let mut sources: Vec<Cardioid> = vehicles.iter().map(source).collect();
+        let mut hunt = Hunt::new(
+            Pritzl2018::default(),
+            triangle(),
+            |prior: &Estimate<2>| Ukf::pritzl2018(model, *prior),
+            vec!["first".to_owned()],
+            config,
+            TrackConfig::pritzl2018(),
+        )
+        .expect("a beacon");
+        let stations = vehicles.iter().map(|v| Station::holding(v.place.get())).collect();
+        hunt.start(0.0, stations).expect("three drones");
+        let mut late = false;
+        while !hunt.is_finished() {
+            if time.get() > 3.0 && !std::mem::replace(&mut late, true) {
+                let beacon = hunt.take_in(time.get(), "second".to_owned());
+                assert_eq!(beacon, Ok(BeaconId(1)));
+            }
+            drive(&mut hunt, &mut sources, &mut vehicles[..], time.get()).expect("it goes on");
+            time.set(time.get() + 0.25);
+            assert!(time.get() < 100_000.0, "the hunt does not end");
+        }
+        assert_eq!(hunt.fixes().len(), 2, "shared turns: {shared_turns}");
+        for (fix, truth) in hunt.fixes().iter().zip(TARGETS) {
+            assert!(
+                (fix.estimate.mean - truth).norm() < 1.5,
+                "{} at {}",
+                fix.name,
+                fix.estimate.mean
+            );
+        }
+        assert!(hunt.take_in(time.get(), "third".to_owned()).is_err(), "it is over");
+    }
+}
