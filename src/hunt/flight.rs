@@ -50,7 +50,8 @@ impl Flight {
         let starts: Vec<Vector3<f64>> = stations.iter().map(|s| s.pose.position).collect();
         let traffic = TrafficConfig {
             separation_m: config.separation_m,
-            tolerance_m: config.arrival_tolerance_m,
+            // Half of it is for arriving.
+            tolerance_m: 2.0 * config.arrival_tolerance_m,
             stopping_m: config.stopping_m,
             void: config.void,
         };
