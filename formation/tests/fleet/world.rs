@@ -28,6 +28,7 @@ impl Drone {
 
     fn told(&mut self, to: Vector3<f64>, braking: f64) {
         let flies = (self.goal - self.line).norm() > 1e-9;
+        let braking = self.next.map_or(braking, |(_, left)| left);
         self.next = flies.then_some((to, braking));
         if !flies {
             self.goal = to;
@@ -39,6 +40,10 @@ impl Drone {
         self.stray = (self.stray + wander * 0.05 * tolerance).cap_magnitude(0.3 * tolerance);
         if self.stuck > 0 {
             self.stuck -= 1;
+            // One that stands still does not have to brake.
+            if let Some((to, _)) = self.next.take() {
+                self.goal = to;
+            }
             return;
         }
         let step = (self.goal - self.line).cap_magnitude(self.speed * dt);
