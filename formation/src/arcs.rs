@@ -37,14 +37,14 @@ pub struct ArcsConfig {
 }
 
 impl Default for ArcsConfig {
-    /// 0.6 times the distance and 45° for each move, drones 40 m apart, down to 8 m, and the
+    /// 0.6 times the distance and 45° for each move, drones 40 m apart, down to 6 m, and the
     /// defaults of [`AltitudeRule`] and [`SettlingRule`].
     fn default() -> Self {
         Self {
             shrink: 0.6,
             turn_rad: FRAC_PI_4,
             spacing_m: 40.0,
-            standoff_m: 8.0,
+            standoff_m: 6.0,
             altitude: AltitudeRule::default(),
             settling: SettlingRule::default(),
         }
@@ -185,7 +185,7 @@ mod tests {
             arrive(&mut drone);
             sigma *= 0.9;
             arcs.plan(&target(sigma), &mut drone).expect("a place");
-            (distance, seen) = (f64::max(0.6 * distance, 8.0), seen + FRAC_PI_4);
+            (distance, seen) = (f64::max(0.6 * distance, 6.0), seen + FRAC_PI_4);
             let expected = away(&Vector2::new(100.0, 0.0), distance, seen);
             assert!((drone[0].goal.position.xy() - expected).norm() < 1e-9);
         }
@@ -204,7 +204,7 @@ mod tests {
             }
         });
         assert_eq!(end.outcome, Outcome::Converged);
-        assert!(nearest > 13.0, "two goals are {nearest} m apart");
+        assert!(nearest > 10.0, "two goals are {nearest} m apart");
         assert!((35.0..40.0).contains(&farthest), "two neighbours are {farthest} m apart");
         let sum: Vector2<f64> = drones.iter().map(|d| d.goal.position.xy() - truth).sum();
         assert!(sum.norm() < 1.0, "they do not stand around it: {sum}");

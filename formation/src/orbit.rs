@@ -27,10 +27,10 @@ pub struct OrbitConfig {
 }
 
 impl Default for OrbitConfig {
-    /// 10 m, steps of 30°, and the defaults of [`AltitudeRule`] and [`SettlingRule`].
+    /// The reference's circumradius, 6 m, steps of 30°, and the defaults of [`AltitudeRule`] and [`SettlingRule`].
     fn default() -> Self {
         Self {
-            radius_m: 10.0,
+            radius_m: 6.0,
             step_rad: FRAC_PI_6,
             altitude: AltitudeRule::default(),
             settling: SettlingRule::default(),
@@ -127,7 +127,8 @@ mod tests {
     use crate::fake::{Shrinking, stations};
 
     fn orbit() -> Orbit {
-        Orbit::new(OrbitConfig::default()).expect("the defaults are in range")
+        let config = OrbitConfig { radius_m: 10.0, ..OrbitConfig::default() };
+        Orbit::new(config).expect("the values are in range")
     }
 
     #[test]

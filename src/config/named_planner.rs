@@ -6,7 +6,7 @@ use foxhunt_sim::VehicleConfig;
 use nalgebra::Vector2;
 
 use super::{PlannerConfig, ShapeConfig};
-use crate::scenario::Scenario;
+use crate::{hunt::HuntConfig, scenario::Scenario};
 
 /// A planner that the program knows by name.
 #[derive(Clone, Copy, Debug)]
@@ -217,9 +217,11 @@ fn surge_cast(scenario: &Scenario) -> PlannerConfig {
         return own.clone();
     }
     let config = SurgeCastConfig::default();
+    // Its legs are for a prior as wide as the hunt's default.
+    let wider = scenario.hunt.prior_sigma_m / HuntConfig::default().prior_sigma_m;
     PlannerConfig::SurgeCast(SurgeCastConfig {
-        surge_m: in_area(config.surge_m, scenario),
-        cast_m: in_area(config.cast_m, scenario),
+        surge_m: config.surge_m * wider,
+        cast_m: config.cast_m * wider,
         circumradius_m: in_area(config.circumradius_m, scenario),
         standoff_m: in_area(config.standoff_m, scenario),
         altitude: altitude(scenario),

@@ -31,7 +31,10 @@ impl Ran {
     /// The one JSON value that is all of standard output.
     pub(crate) fn json(&self) -> Value {
         assert_eq!(self.code, 0, "{self:?}");
-        assert!(!self.stdout.contains("NaN") && !self.stdout.contains("inf"), "{}", self.stdout);
+        // A word may begin with it.
+        for number in ["NaN", "\"inf\"", "\"-inf\""] {
+            assert!(!self.stdout.contains(number), "{number} in {}", self.stdout);
+        }
         serde_json::from_str(&self.stdout).expect("standard output is one JSON value")
     }
 

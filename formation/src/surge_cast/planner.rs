@@ -45,7 +45,7 @@ pub struct SurgeCastConfig {
 
 impl Default for SurgeCastConfig {
     /// Surges of 20 m; casts of 8 m, each 1.5 times the one before, 4 in a row; a fall of 2 dB;
-    /// a formation of 6 m (Pritzl 2018, §5.2); circles at 8 m in steps of 30°; and the defaults of
+    /// a formation of 6 m (Pritzl 2018, §5.2); circles at 6 m in steps of 30°; and the defaults of
     /// [`AltitudeRule`] and [`SettlingRule`].
     fn default() -> Self {
         Self {
@@ -55,7 +55,7 @@ impl Default for SurgeCastConfig {
             most_casts: 4,
             fall_db: 2.0,
             circumradius_m: 6.0,
-            standoff_m: 8.0,
+            standoff_m: 6.0,
             step_rad: FRAC_PI_6,
             altitude: AltitudeRule::default(),
             settling: SettlingRule::default(),
