@@ -30,7 +30,7 @@ pub struct BayesianOptimisationConfig {
 
 impl Default for BayesianOptimisationConfig {
     /// A reach of 60 m, 32 places a side, the reference's 4 m up (Pritzl 2018, §5.2), 3 m between
-    /// drones; the search ends at 1.6 m or after 60 positions.
+    /// drones; the search ends at 1.6 m or after 30 positions.
     fn default() -> Self {
         Self {
             reach_m: 60.0,
@@ -38,7 +38,7 @@ impl Default for BayesianOptimisationConfig {
             up_m: 4.0,
             separation_m: 3.0,
             ellipse_m: 1.6,
-            most_positions: 60,
+            most_positions: 30,
         }
     }
 }
@@ -316,7 +316,7 @@ mod tests {
         let end = planner.plan(&small, &mut stations);
         assert_eq!(end, Ok(Decision::Finish(Outcome::EllipseReached)));
         planner.begin(&mut stations).expect("there are drones");
-        for _ in 1..60 {
+        for _ in 1..30 {
             assert!(matches!(planner.plan(&belief, &mut stations), Ok(Decision::Listen(_))));
         }
         let end = planner.plan(&belief, &mut stations);

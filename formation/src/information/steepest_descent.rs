@@ -52,7 +52,7 @@ pub struct SteepestDescentConfig {
 impl Default for SteepestDescentConfig {
     /// The open field's exponent 2.765, 4 dB and 30° (Pritzl 2018, §6.1 and §7.1), the altitudes
     /// of [`AltitudeRule`], steps of at most 30 m, 3 m between drones; the search ends at 1.6 m or
-    /// after 60 positions.
+    /// after 30 positions.
     fn default() -> Self {
         Self {
             exponent: 2.765,
@@ -62,7 +62,7 @@ impl Default for SteepestDescentConfig {
             step_m: 30.0,
             separation_m: 3.0,
             ellipse_m: 1.6,
-            most_positions: 60,
+            most_positions: 30,
         }
     }
 }
@@ -82,9 +82,9 @@ impl SteepestDescentConfig {
 }
 
 /// Each drone flies down the gradient of the posterior bound: the log-determinant of the inverse
-/// of prior and Fisher information, averaged over the belief, with the next turn in it (Ucinski
-/// 2004, §4; Martínez & Bullo 2006 move sensors so). It looks one turn ahead and weighs no time: a
-/// baseline for [`Information`](super::Information).
+/// of prior and Fisher information, averaged over the belief, with the next turn in it (Uciński
+/// 2004; Martínez & Bullo 2006 move sensors so). It looks one turn ahead, weighs no time and
+/// stays in the nearest optimum: a baseline for [`Information`](super::Information).
 ///
 /// It ends with [`Outcome::EllipseReached`], with [`Outcome::LittleToLearn`] where no step makes
 /// the bound smaller and the turn before had changed nothing, or with [`Outcome::MoveLimit`].
