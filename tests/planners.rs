@@ -18,27 +18,25 @@ fn fly(scenario: &Scenario) -> Simulated {
     simulate(scenario, &grid, SEED, |_| Ok::<_, Infallible>(())).expect("a hunt that ends")
 }
 
-/// Whoever moves finds both beacons within 6 m, which the reference planner, at an error of about
-/// 1.5 m rms, misses by chance alone in far less than one hunt in a thousand.
+/// Whoever moves finds both beacons within 6 m, four times the rms error of the reference planner with
+/// this estimator; one hunt each, so this tells a planner that is broken, not one that is poor.
 #[test]
 fn each_finds_the_beacons_of_the_references_simulation() {
     for planner in planners() {
         let mut scenario = Scenario::find("pritzl-6.1").expect("a built-in scenario");
         scenario.planner = planner.config(&scenario);
         let hunt = fly(&scenario);
-        let outcome = match planner.name {
-            "waypoints" | "lawn-mower" => Outcome::PathDone,
-            "hold" => Outcome::MoveLimit,
-            "information" => Outcome::EllipseReached,
-            // Baselines that may stay in an optimum of their own until their cap.
-            "steepest-descent" | "bayesian-optimisation" => Outcome::MoveLimit,
-            _ => Outcome::Converged,
+        let outcomes: &[Outcome] = match planner.name {
+            "waypoints" | "lawn-mower" => &[Outcome::PathDone],
+            "hold" => &[Outcome::MoveLimit],
+            "information" => &[Outcome::EllipseReached, Outcome::LittleToLearn],
+            _ => &[Outcome::Converged, Outcome::EllipseReached, Outcome::MoveLimit],
         };
         assert_eq!(hunt.found.len(), 2, "{}", planner.name);
         for found in &hunt.found {
             let (name, fix, miss) = (planner.name, &found.fix, found.error_m());
-            let reached = outcome == Outcome::MoveLimit && fix.outcome == Outcome::EllipseReached;
-            assert!(fix.outcome == outcome || reached, "{name}: {}", fix.outcome);
+            let outcome = fix.outcome;
+            assert!(outcomes.contains(&outcome), "{name}: {outcome}");
             let far = if name == "hold" { 15.0 } else { 6.0 };
             assert!(miss < far, "{name} misses {} by {miss} m", fix.name);
         }

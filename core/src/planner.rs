@@ -45,7 +45,8 @@ impl fmt::Debug for Target<'_> {
 /// # Laws
 ///
 /// Checked by `laws::formation_planner`, feature `laws`: goals are finite; on an error no goal
-/// is changed.
+/// is changed; one to eight drones may come and go between calls; without a target there is
+/// [`PlanError::NoPlace`]; every decision is explained.
 pub trait FormationPlanner {
     /// Starts on a new target: sets the goals from where the drones are now. Unless overridden,
     /// everyone listens where it is.

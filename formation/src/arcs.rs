@@ -196,13 +196,16 @@ mod tests {
         let mut drones = stations::<3>();
         let mut target = Shrinking::towards(300.0, 100.0);
         let truth = Vector2::new(300.0, 100.0);
-        let mut nearest = f64::INFINITY;
+        let (mut nearest, mut farthest) = (f64::INFINITY, 0.0_f64);
         let end = target.search(&mut arcs(), &mut drones, |_, drones| {
             let goal = |drone: usize| drones[drone].goal.position.xy();
-            nearest = nearest.min((goal(0) - goal(1)).norm()).min((goal(1) - goal(2)).norm());
+            for apart in [(goal(0) - goal(1)).norm(), (goal(1) - goal(2)).norm()] {
+                (nearest, farthest) = (nearest.min(apart), farthest.max(apart));
+            }
         });
         assert_eq!(end.outcome, Outcome::Converged);
         assert!(nearest > 13.0, "two goals are {nearest} m apart");
+        assert!((35.0..40.0).contains(&farthest), "two neighbours are {farthest} m apart");
         let sum: Vector2<f64> = drones.iter().map(|d| d.goal.position.xy() - truth).sum();
         assert!(sum.norm() < 1.0, "they do not stand around it: {sum}");
     }

@@ -15,12 +15,21 @@ pub struct AttendanceConfig {
     pub still_after_s: f64,
     /// … and came no farther than this, in metres.
     pub still_m: f64,
+    /// After so many seconds it gets another chance to move; after twice as many the next time, and
+    /// so on.
+    pub tried_again_after_s: f64,
 }
 
 impl Default for AttendanceConfig {
-    /// 2 turns, 5 s without a place, 15 s for half a metre.
+    /// 2 turns, 5 s without a place, 15 s for half a metre, another chance after a minute.
     fn default() -> Self {
-        Self { misses: 2, lost_after_s: 5.0, still_after_s: 15.0, still_m: 0.5 }
+        Self {
+            misses: 2,
+            lost_after_s: 5.0,
+            still_after_s: 15.0,
+            still_m: 0.5,
+            tried_again_after_s: 60.0,
+        }
     }
 }
 
@@ -71,6 +80,8 @@ pub struct Attendance {
     /// From where and since when it has not moved on.
     mark: (Vector3<f64>, f64),
     still: bool,
+    /// How long it has to wait for another chance.
+    patience_s: f64,
     /// What it was told to do instead of hunting.
     dismissed: Option<Duty>,
 }
@@ -86,6 +97,7 @@ impl Attendance {
             lost: false,
             mark: (position, time),
             still: false,
+            patience_s: config.tried_again_after_s,
             dismissed: None,
         }
     }
@@ -113,10 +125,22 @@ impl Attendance {
     pub fn located(&mut self, time: f64, position: Vector3<f64>, under_way: bool) {
         (self.located, self.lost) = (time, false);
         let moved = (position - self.mark.0).norm() > self.config.still_m;
-        if moved || !(under_way || self.still) {
+        if moved {
             (self.mark, self.still) = ((position, time), false);
+            self.patience_s = self.config.tried_again_after_s;
+        } else if !(under_way || self.still) {
+            self.mark.1 = time;
         } else if under_way && time - self.mark.1 >= self.config.still_after_s {
             self.still = true;
+        }
+    }
+
+    /// If it has stood still for long enough, it may take a place in the formation again, and has
+    /// to move then.
+    pub fn give_another_chance(&mut self, time: f64) {
+        if self.still && time - self.mark.1 >= self.config.still_after_s + self.patience_s {
+            (self.still, self.mark.1) = (false, time);
+            self.patience_s *= 2.0;
         }
     }
 
@@ -199,6 +223,25 @@ mod tests {
             drone.located(131.0 + f64::from(second), at(1.0 + 0.1 * f64::from(second)), true);
             assert_eq!(drone.duty(), Duty::Formation);
         }
+    }
+
+    #[test]
+    fn one_that_stands_still_gets_another_chance_later_and_later() {
+        let mut drone = drone();
+        let mut sent = 0.0;
+        for patience in [60.0, 120.0, 240.0] {
+            drone.located(sent + 15.0, at(0.0), true);
+            assert_eq!(drone.duty(), Duty::Still);
+            drone.give_another_chance(sent + 14.0 + patience);
+            assert_eq!(drone.duty(), Duty::Still);
+            sent += 15.0 + patience;
+            drone.give_another_chance(sent);
+            assert_eq!(drone.duty(), Duty::Formation);
+        }
+        drone.located(sent + 1.0, at(1.0), true);
+        drone.located(sent + 17.0, at(1.0), true);
+        drone.give_another_chance(sent + 80.0);
+        assert_eq!(drone.duty(), Duty::Formation, "it had moved");
     }
 
     #[test]

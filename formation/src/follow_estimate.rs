@@ -269,6 +269,8 @@ mod tests {
             assert_eq!(decision, Ok(Decision::Listen(Stage::Finishing)));
             assert!((planner.rotation() - f64::from(turned) * PI / 6.0).abs() < 1e-12);
             assert!((stations[1].goal.position.z - 3.0).abs() < 1e-12);
+            let seen = places::direction(planner.centre(), &stations[0].goal.position.xy());
+            assert!((seen - planner.rotation()).abs() < 1e-9);
         }
         let decision = planner.plan(&at(3.2, 1.0), &mut stations);
         assert_eq!(decision, Ok(Decision::Finish(Outcome::Converged)));

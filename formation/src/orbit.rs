@@ -167,6 +167,9 @@ mod tests {
         let mut orbit = orbit();
         orbit.resume(&known, &mut drone).expect("a place");
         assert!((drone[0].goal.position.xy() - Vector2::new(30.0, 0.0)).norm() < 1e-9);
+        orbit.plan(&known, &mut drone).expect("a place");
+        let next = places::away(&known.mean, 10.0, core::f64::consts::PI + FRAC_PI_6);
+        assert!((drone[0].goal.position.xy() - next).norm() < 1e-9);
         laws::formation_planner(self::orbit, &known, &mut stations::<3>());
     }
 

@@ -164,27 +164,42 @@ fn waypoints(scenario: &Scenario) -> PlannerConfig {
     }
 }
 
-/// Its area is a box that holds the beacon with 95 %; each place is the middle of its share.
+/// Its area is the fence, or else a box that holds the beacon with 95 %.
 fn lawn_mower(scenario: &Scenario) -> PlannerConfig {
     if let own @ PlannerConfig::LawnMower { .. } = &scenario.planner {
         return own.clone();
     }
-    let (half, centre) = (BOX_95 * scenario.hunt.prior_sigma_m, prior_centre(scenario));
-    let corner = |east: f64, north: f64| [centre.x + east * half, centre.y + north * half];
-    let spacing = 2.0 * half / PLACES_A_SIDE;
-    let radius = FollowConfig::pritzl2018().circumradius_m.min(0.25 * spacing);
+    let fence = &scenario.hunt.airspace.fence_m;
+    let (corners_m, spacing, inside) = if fence.is_empty() {
+        let (half, centre) = (BOX_95 * scenario.hunt.prior_sigma_m, prior_centre(scenario));
+        let corner = |east: f64, north: f64| [centre.x + east * half, centre.y + north * half];
+        let square = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+        (square.to_vec(), 2.0 * half / PLACES_A_SIDE, false)
+    } else {
+        (fence.clone(), area_m2(fence).sqrt() / PLACES_A_SIDE, true)
+    };
+    let circumradius_m = FollowConfig::pritzl2018().circumradius_m.min(0.25 * spacing);
+    // Each place is the middle of its share of the box; inside a fence, the drones are.
+    let margin_m = if inside { circumradius_m } else { 0.5 * spacing };
     PlannerConfig::LawnMower {
-        corners_m: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
+        corners_m,
         coverage: CoverageConfig {
             row_spacing_m: spacing,
             along_spacing_m: spacing,
-            margin_m: 0.5 * spacing,
+            margin_m,
             direction_rad: None,
         },
-        shape: Some(ShapeConfig::Polygon { circumradius_m: radius }),
+        shape: Some(ShapeConfig::Polygon { circumradius_m }),
         up_m: altitude(scenario).most_m,
         rounds: 1,
     }
+}
+
+/// The area of a simple polygon in square metres (the shoelace formula).
+fn area_m2(corners: &[[f64; 2]]) -> f64 {
+    let next = corners.iter().cycle().skip(1);
+    let doubled = corners.iter().zip(next).map(|([e, n], [to_e, to_n])| e * to_n - to_e * n);
+    0.5 * doubled.sum::<f64>().abs()
 }
 
 fn orbit(scenario: &Scenario) -> PlannerConfig {
@@ -241,15 +256,19 @@ fn settling(scenario: &Scenario) -> SettlingRule {
     SettlingRule { settled_m: rule.settled_m.min(0.1 * scenario.hunt.prior_sigma_m), ..rule }
 }
 
-/// Drones that begin in the air go no higher than the highest of them.
+/// Drones that begin in the air go no higher than the highest of them, and nobody leaves the
+/// altitudes that the hunt permits.
 fn altitude(scenario: &Scenario) -> AltitudeRule {
-    let rule = AltitudeRule::default();
+    let mut rule = AltitudeRule::default();
     let highest = scenario.world.drones.iter().map(|drone| drone.up_m).fold(0.0, f64::max);
     if highest > 0.0 {
-        AltitudeRule { least_m: rule.least_m.min(highest), most_m: highest, ..rule }
-    } else {
-        rule
+        (rule.least_m, rule.most_m) = (rule.least_m.min(highest), highest);
     }
+    if let Some([low, high]) = scenario.hunt.airspace.altitude_m {
+        let within = |up: f64| up.min(high).max(low);
+        (rule.least_m, rule.most_m) = (within(rule.least_m), within(rule.most_m));
+    }
+    rule
 }
 
 /// What a beacon is believed to be about before anything was heard, as the hunt has it.
@@ -313,6 +332,25 @@ mod tests {
             let moved = (pair[0] - pair[1]).norm();
             assert!((moved - 5.0 * BOX_95).abs() < 1e-6, "back and forth: {moved} m");
         }
+    }
+
+    #[test]
+    fn a_fence_is_swept_from_inside() {
+        let mut scenario = scenario("pritzl-6.1");
+        let fence =
+            vec![[0.0, 0.0], [90.0, 0.0], [90.0, 30.0], [40.0, 30.0], [40.0, 80.0], [0.0, 80.0]];
+        scenario.hunt.airspace.fence_m = fence.clone();
+        scenario.hunt.airspace.altitude_m = Some([10.0, 20.0]);
+        let named = planner_named("waypoints").expect("it is known");
+        let config = named.config(&scenario);
+        let PlannerConfig::LawnMower { corners_m, coverage, shape, up_m, .. } = &config else {
+            panic!("this scenario has no path of its own");
+        };
+        assert!((area_m2(&fence) - 4700.0).abs() < 1e-9);
+        assert_eq!((corners_m, *up_m), (&fence, 10.0));
+        let circumradius_m = coverage.margin_m;
+        assert_eq!(*shape, Some(ShapeConfig::Polygon { circumradius_m }));
+        assert!(config.build().is_ok());
     }
 
     #[test]

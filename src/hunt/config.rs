@@ -12,7 +12,8 @@ pub struct HuntConfig {
     /// What it is about, East and North; the centroid of the drones where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prior_centre_m: Option<[f64; 2]>,
-    /// A drone has arrived when it is this near its goal, and strays no farther from its way.
+    /// A drone has arrived when it is this near its goal, and strays no farther from its way, which
+    /// ends as far from the last one's end.
     pub arrival_tolerance_m: f64,
     /// Drones that have not arrived after this long are not waited for.
     pub move_timeout_s: f64,
@@ -92,6 +93,7 @@ impl HuntConfig {
             ("attendance.lost_after_s", self.attendance.lost_after_s),
             ("attendance.still_after_s", self.attendance.still_after_s),
             ("attendance.still_m", self.attendance.still_m),
+            ("attendance.tried_again_after_s", self.attendance.tried_again_after_s),
         ];
         let centre = self.prior_centre_m.unwrap_or_default();
         if let Some(&value) = centre.iter().find(|value| !value.is_finite()) {

@@ -16,8 +16,8 @@ pub(super) struct Flight {
     traffic: Traffic,
     /// What was logged of the way of each.
     travel: Vec<Travel>,
-    /// What was logged of the last order of each, and when to repeat one that was not accepted.
-    sent: Vec<(Option<Vector3<f64>>, Option<f64>)>,
+    /// What was logged of the last order of each.
+    sent: Vec<Option<Vector3<f64>>>,
     endurance: Option<Endurance>,
     /// Why the formation that was planned last is not flown to.
     unaffordable: Option<String>,
@@ -41,29 +41,29 @@ pub(super) struct Flight {
 /// in between.
 const RECKONED_EVERY_S: f64 = 1.0;
 
-/// After how many seconds an order that was not accepted is given again.
-const RETRIED_AFTER_S: f64 = 1.0;
-
 impl Flight {
     pub(super) fn new(
         config: &HuntConfig,
         time: f64,
         stations: Vec<Station>,
     ) -> Result<Self, HuntError> {
-        let homes: Vec<Vector3<f64>> = stations.iter().map(|s| s.pose.position).collect();
+        let starts: Vec<Vector3<f64>> = stations.iter().map(|s| s.pose.position).collect();
         let traffic = TrafficConfig {
             separation_m: config.separation_m,
-            tolerance_m: config.arrival_tolerance_m,
+            // Half of it is for arriving.
+            tolerance_m: 2.0 * config.arrival_tolerance_m,
             stopping_m: config.stopping_m,
             void: config.void,
         };
-        let attendance = |home: &Vector3<f64>| Attendance::new(config.attendance, time, *home);
+        let traffic = Traffic::new(&Airspace::new(&config.airspace)?, traffic, &starts)?;
+        let attendance = |start: &Vector3<f64>| Attendance::new(config.attendance, time, *start);
         Ok(Self {
-            attendance: homes.iter().map(attendance).collect(),
+            attendance: starts.iter().map(attendance).collect(),
             told: vec![Duty::Formation; stations.len()],
-            traffic: Traffic::new(&Airspace::new(&config.airspace)?, traffic, &homes)?,
+            homes: traffic.homes(&starts),
+            traffic,
             travel: vec![Travel::There; stations.len()],
-            sent: vec![(None, None); stations.len()],
+            sent: vec![None; stations.len()],
             endurance: config.endurance.map(Endurance::new).transpose()?,
             unaffordable: None,
             turn_s: 0.0,
@@ -71,7 +71,6 @@ impl Flight {
             returns: config.return_home || config.endurance.is_some(),
             owed: vec![(Vec::new(), false); stations.len()],
             stations,
-            homes,
             began: time,
             recalled: None,
             reckoned: time,
@@ -103,11 +102,10 @@ impl Flight {
         self.attendance[drone].located(time, pose.position, under_way);
     }
 
-    /// Takes note that a drone did not take its order; it is told again in a second.
-    pub(super) fn not_sent(&mut self, time: f64, drone: usize) {
-        if let Some((_, retry)) = self.sent.get_mut(drone) {
-            *retry = Some(time + RETRIED_AFTER_S);
-        }
+    /// Takes note that a drone did not take its order; it is told again.
+    pub(super) fn not_sent(&mut self, drone: usize) {
+        // Only a drone that does not exist is an error, and that has no order.
+        let _ = self.traffic.repeat(drone);
     }
 
     /// Lets time pass: sends whoever may fly on, and tells who drops out and who comes back.
@@ -118,15 +116,9 @@ impl Flight {
         if self.recalled.is_some() {
             self.land_those_at_home(time, outbox);
         }
-        for (drone, (_, retry)) in self.sent.iter_mut().enumerate() {
-            if retry.take_if(|due| *due <= time).is_some() {
-                // It exists, so it can be told again.
-                let _ = self.traffic.repeat(drone);
-            }
-        }
         for order in self.traffic.step() {
             let (drone, to) = (order.drone, order.to);
-            if self.sent[drone].0.replace(to) != Some(to) {
+            if self.sent[drone].replace(to) != Some(to) {
                 outbox.tell(Event::Sent { time, drone, to, reason: order.reason });
             }
             outbox.order(Command::GoTo { drone, goal: Waypoint { position: to } });
@@ -135,6 +127,10 @@ impl Flight {
             let duty = self.attendance[drone].duty();
             if std::mem::replace(&mut self.told[drone], duty) != duty {
                 outbox.tell(Event::DutyChanged { time, drone, duty });
+                if duty == Duty::Still {
+                    // Nobody waits for it to make way any longer.
+                    let _ = self.traffic.hold(drone);
+                }
             }
             // Drones of a formation may have exchanged their goals.
             if let Some(position) = self.traffic.goal(drone) {
@@ -173,6 +169,9 @@ impl Flight {
         outbox: &mut Outbox,
         plan: impl FnOnce(&mut [Station], &mut Outbox) -> Result<T, PlanError>,
     ) -> Result<T, PlanError> {
+        for attendance in &mut self.attendance {
+            attendance.give_another_chance(time);
+        }
         let drones = self.placed();
         let mut stations: Vec<Station> = drones.iter().map(|drone| self.stations[*drone]).collect();
         let planned = plan(&mut stations, outbox)?;

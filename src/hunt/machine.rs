@@ -206,7 +206,7 @@ where
     /// Notes that a drone did not take its order to fly somewhere; it is told again.
     pub fn not_sent(&mut self, time: f64, drone: usize, reason: String) {
         if let Some(flight) = &mut self.flight {
-            flight.not_sent(time, drone);
+            flight.not_sent(drone);
         }
         self.device_failed(time, Some(drone), reason);
     }

@@ -15,6 +15,16 @@ fn fly_while(
     planner: impl FormationPlanner,
     meddle: &mut Meddle<'_>,
 ) -> (Vec<Event>, f64) {
+    fly_with_another(config, planner, f64::INFINITY, meddle)
+}
+
+/// The same, the second beacon showing up after so many seconds.
+fn fly_with_another(
+    config: HuntConfig,
+    planner: impl FormationPlanner,
+    appears: f64,
+    meddle: &mut Meddle<'_>,
+) -> (Vec<Event>, f64) {
     let model = RssBearing::new(LogDistance::new(LAW.0, LAW.1).expect("in range"));
     let time: support::Time = Rc::new(Cell::new(0.0));
     let mut vehicles = [(0.0, 0.0), (5.0, 0.0), (0.0, 5.0)].map(|(e, n)| Teleport::at(e, n));
@@ -33,12 +43,17 @@ fn fly_while(
     hunt.start(0.0, stations).expect("three drones");
     let mut events = Vec::new();
     while !hunt.is_finished() {
+        if time.get() > appears && hunt.beacon_count() == 1 {
+            let beacon = hunt.take_in(time.get(), "second".to_owned());
+            assert_eq!(beacon, Ok(BeaconId(1)));
+        }
         meddle(time.get(), &mut vehicles, &mut sources);
         drive(&mut hunt, &mut sources, &mut vehicles[..], time.get()).expect("the hunt goes on");
         events.extend(std::iter::from_fn(|| hunt.poll_event()));
         time.set(time.get() + 0.25);
         assert!(time.get() < 100_000.0, "the hunt does not end");
     }
+    assert!(hunt.take_in(time.get(), "third".to_owned()).is_err(), "it is over");
     (events, time.get())
 }
 
@@ -50,12 +65,17 @@ fn duties(events: &[Event], of: usize) -> Vec<Duty> {
     events.iter().filter_map(duty).collect()
 }
 
-fn fix(events: &[Event]) -> &Fix {
+fn fixes(events: &[Event]) -> Vec<&Fix> {
     let fixes = events.iter().filter_map(|event| match event {
         Event::BeaconFinished { fix, .. } => Some(fix),
         _ => None,
     });
-    let all: Vec<&Fix> = fixes.collect();
+    fixes.collect()
+}
+
+/// The fix of a hunt for one beacon.
+fn fix(events: &[Event]) -> &Fix {
+    let all = fixes(events);
     assert_eq!(all.len(), 1);
     all[0]
 }
@@ -213,41 +233,12 @@ fn a_start_that_breaks_the_rules_is_refused_and_changes_nothing() {
 fn beacons_that_show_up_later_are_taken_in() {
     for shared_turns in [false, true] {
         let config = HuntConfig { shared_turns, ..hunt_config() };
-        let model = RssBearing::new(LogDistance::new(LAW.0, LAW.1).expect("in range"));
-        let time: support::Time = Rc::new(Cell::new(0.0));
-        let mut vehicles = [(0.0, 0.0), (5.0, 0.0), (0.0, 5.0)].map(|(e, n)| Teleport::at(e, n));
-        let source = |vehicle| Cardioid::new(&time, vehicle, &TARGETS, Health::Good);
-        let mut sources: Vec<Cardioid> = vehicles.iter().map(source).collect();
-        let mut hunt = Hunt::new(
-            Pritzl2018::default(),
-            triangle(),
-            |prior: &Estimate<2>| Ukf::pritzl2018(model, *prior),
-            vec!["first".to_owned()],
-            config,
-            TrackConfig::pritzl2018(),
-        )
-        .expect("a beacon");
-        let stations = vehicles.iter().map(|v| Station::holding(v.place.get())).collect();
-        hunt.start(0.0, stations).expect("three drones");
-        let mut late = false;
-        while !hunt.is_finished() {
-            if time.get() > 3.0 && !std::mem::replace(&mut late, true) {
-                let beacon = hunt.take_in(time.get(), "second".to_owned());
-                assert_eq!(beacon, Ok(BeaconId(1)));
-            }
-            drive(&mut hunt, &mut sources, &mut vehicles[..], time.get()).expect("it goes on");
-            time.set(time.get() + 0.25);
-            assert!(time.get() < 100_000.0, "the hunt does not end");
+        let (events, _) = fly_with_another(config, triangle(), 3.0, &mut |_, _, _| {});
+        let fixes = fixes(&events);
+        assert_eq!(fixes.len(), 2, "shared turns: {shared_turns}");
+        for (fix, truth) in fixes.into_iter().zip(TARGETS) {
+            let miss = (fix.estimate.mean - truth).norm();
+            assert!(miss < 1.5, "{} is {miss} m off", fix.name);
         }
-        assert_eq!(hunt.fixes().len(), 2, "shared turns: {shared_turns}");
-        for (fix, truth) in hunt.fixes().iter().zip(TARGETS) {
-            assert!(
-                (fix.estimate.mean - truth).norm() < 1.5,
-                "{} at {}",
-                fix.name,
-                fix.estimate.mean
-            );
-        }
-        assert!(hunt.take_in(time.get(), "third".to_owned()).is_err(), "it is over");
     }
 }

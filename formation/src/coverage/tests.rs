@@ -49,6 +49,25 @@ fn the_references_sixteen_places() {
     }
 }
 
+/// Rows along North, from South to North at first, whichever way the sides are listed.
+#[test]
+fn rows_run_along_the_longest_side() {
+    let mut tall = corners(&[(0.0, 0.0), (50.0, 0.0), (50.0, 65.0), (0.0, 65.0)]);
+    for _ in 0..2 {
+        for start in 0..4 {
+            tall.rotate_left(1);
+            let coverage = Coverage::new(&tall, &CoverageConfig::default()).expect("a field");
+            let places = coverage.places();
+            assert_eq!(places.len(), 16);
+            let rows = [Vector2::new(44.0, 6.0), Vector2::new(44.0, 59.0)];
+            for (place, expected) in [places[0], places[3]].iter().zip(rows) {
+                assert!((place - expected).norm() < 1e-6, "start {start}: {place}");
+            }
+        }
+        tall.reverse();
+    }
+}
+
 /// A U whose arms are swept one after the other, with no place between them.
 #[test]
 fn an_area_that_is_not_convex_is_cut_into_cells() {

@@ -70,7 +70,7 @@ impl Traffic {
                 let goal = self.goal(other).map_or(here, |goal| goal.xy());
                 let from = self.flights[other].end().xy();
                 self.airspace.holds(&goal)
-                    && line_distance(&from, &goal, &here) < self.config.keep()
+                    && line_distance(&from, &goal, &here) < self.config.keep_m()
             })
         };
         let able = |&drone: &usize| self.flights[drone].wish.is_some_and(|wish| !wish.aside);
@@ -95,7 +95,7 @@ impl Traffic {
     /// also from the lines of those that wait.
     fn place_aside(&self, drone: usize) -> Option<Vector2<f64>> {
         let from = self.flights[drone].end().xy();
-        let keep = self.config.keep();
+        let keep = self.config.keep_m();
         let surroundings = self.surroundings(drone, &[]);
         let others = (0..self.flights.len()).filter(|&other| other != drone);
         let wishes: Vec<_> = others

@@ -94,7 +94,7 @@ impl Endurance {
         traffic: &Traffic,
         flights: &[(usize, Vector3<f64>, Vector3<f64>)],
     ) -> Option<f64> {
-        let keep = traffic.config().keep();
+        let keep = traffic.config().keep_m();
         let alone =
             Surroundings { airspace: &traffic.airspace, others: Vec::new(), keep, void: None };
         let mut groups: Vec<Group> = Vec::new();

@@ -182,10 +182,12 @@ impl Flight {
         let along = if length > 0.0 { leg.dot(&(place.xy() - from)) / length } else { 0.0 };
         let along = along.clamp(0.0, length);
         let nearest = if length > 0.0 { from + leg * (along / length) } else { from };
-        if (place.xy() - nearest).norm() > tolerance {
+        // Before it turns it may be no farther off than where it arrives: it strays afterwards.
+        let limit = if self.due.is_some() { 0.5 * tolerance } else { tolerance };
+        if (place.xy() - nearest).norm() > limit {
             return Seen::Astray;
         }
-        if (place - to).norm() <= tolerance {
+        if (place - to).norm() <= 0.5 * tolerance {
             self.way.remove(0);
             if self.way.len() > 1 {
                 self.due = Some(OrderReason::Corner);

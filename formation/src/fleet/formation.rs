@@ -92,7 +92,7 @@ impl Traffic {
         let mut surroundings = Surroundings {
             airspace: &self.airspace,
             others: others.map(|drone| self.flights[drone].region()).collect(),
-            keep: self.config.keep(),
+            keep: self.config.keep_m(),
             void: self.config.void.map(|void| (void, self.clouds.as_slice())),
         };
         let resting = surroundings.others.len();
@@ -117,7 +117,7 @@ impl Traffic {
         let mut surroundings = Surroundings {
             airspace: &self.airspace,
             others: vec![],
-            keep: self.config.keep(),
+            keep: self.config.keep_m(),
             void: None,
         };
         let home = |start: &Vector3<f64>| {
@@ -137,7 +137,7 @@ impl Traffic {
     ) -> Option<MovedReason> {
         let ground = wanted.xy();
         let near = |others: &[Region]| {
-            others.iter().any(|other| other.distance_to(&ground) < self.config.keep() - 1e-9)
+            others.iter().any(|other| other.distance_to(&ground) < self.config.keep_m() - 1e-9)
         };
         if !self.airspace.holds(&ground) {
             Some(MovedReason::Airspace)
@@ -163,7 +163,7 @@ impl Traffic {
         let alone = Surroundings {
             airspace: &self.airspace,
             others: vec![],
-            keep: self.config.keep(),
+            keep: self.config.keep_m(),
             void: None,
         };
         let places_of = assign_by(drones.len(), found.len(), |drone, place| {

@@ -198,7 +198,7 @@ impl Traffic {
 
     /// Which drones are to fly where now. Cheap as long as nothing has changed.
     pub fn step(&mut self) -> Vec<Order> {
-        if self.changed || self.released > 0.25 * self.config.keep() {
+        if self.changed || self.released > 0.25 * self.config.keep_m() {
             let thorough = core::mem::take(&mut self.changed);
             self.released = 0.0;
             self.set_off(thorough);
@@ -257,7 +257,7 @@ impl Traffic {
         Surroundings {
             airspace: &self.airspace,
             others: others.map(|(_, flight)| flight.region()).collect(),
-            keep: self.config.keep(),
+            keep: self.config.keep_m(),
             void: self.config.void.filter(|_| !home).map(|void| (void, self.clouds.as_slice())),
         }
     }
@@ -312,7 +312,7 @@ impl Traffic {
                 let everyone: Vec<usize> = (0..self.flights.len()).collect();
                 let alone = self.surroundings(drone, &everyone).way(&from, &to);
                 let alone = alone.map_or(0.0, |way| length_over_ground(&from, &way));
-                if length_over_ground(&from, &way) > DETOUR * alone + self.config.keep() {
+                if length_over_ground(&from, &way) > DETOUR * alone + self.config.keep_m() {
                     return;
                 }
             }

@@ -7,8 +7,9 @@ use super::{AirspaceError, Void};
 pub struct TrafficConfig {
     /// No two drones come nearer to each other than this, whatever their altitudes.
     pub separation_m: f64,
-    /// How far a drone may stray from its line, its GNSS's error included; within this of a place
-    /// it has arrived. Lines keep `separation_m + 2 tolerance_m` from one another, and
+    /// How far a drone may be from its line: half of it for where it arrives, since it is at a
+    /// place when it is within half of this, and half for how it strays from its straight flight, its
+    /// GNSS's error included. Lines keep `separation_m + 2 tolerance_m` from one another, and
     /// `tolerance_m` from the fence and the keep-outs.
     pub tolerance_m: f64,
     /// How far a drone flies on along its line after it is told to stop or to turn.
@@ -42,8 +43,10 @@ impl TrafficConfig {
         }
     }
 
-    /// How far the lines of two drones keep from each other.
-    pub(super) fn keep(&self) -> f64 {
+    /// How far the lines of two drones keep from each other, and so their goals: the separation and
+    /// twice the tolerance, in metres.
+    #[must_use]
+    pub fn keep_m(&self) -> f64 {
         self.separation_m + 2.0 * self.tolerance_m
     }
 }

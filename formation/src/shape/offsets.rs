@@ -71,6 +71,9 @@ mod tests {
         for (index, place) in given.iter().enumerate() {
             assert_eq!(shape.offset(index, 12), *place);
         }
+        for (index, east) in [(3, 7.0), (6, -7.0), (9, 14.0)] {
+            assert!((shape.offset(index, 12) - Vector2::new(east, 0.0)).norm() < 1e-12);
+        }
         for a in 0..12 {
             for b in 0..a {
                 let apart = (shape.offset(a, 12) - shape.offset(b, 12)).norm();

@@ -75,9 +75,26 @@ fn where_nothing_is_heard_any_more_it_turns_to_the_estimate() {
     }
     arrive(&mut drone);
     let here = drone[0].pose.position;
+    // A bearing that comes with so low a level is not followed.
+    planner.hear(&heard(0, -95.0, Some(FRAC_PI_2)));
     planner.plan(&far(70.0), &mut drone).expect("a place");
     let moved: Vector3<f64> = drone[0].goal.position - here;
     assert!((moved.x - 20.0).abs() < 1e-3 && moved.y.abs() < 1.0, "{moved}");
+}
+
+#[test]
+fn a_sure_bearing_counts_for_more() {
+    let mut drone = [Station::holding(Pose::at(0.0, 0.0, 4.0))];
+    let mut planner = planner();
+    planner.begin(&mut drone).expect("a drone");
+    let mut sure = heard(0, -80.0, Some(FRAC_PI_2));
+    sure.bearing = Some(Bearing { angle: FRAC_PI_2, sigma: 0.1, confidence: 1.0 });
+    planner.hear(&sure);
+    planner.hear(&heard(0, -80.0, Some(0.0)));
+    planner.plan(&far(90.0), &mut drone).expect("a place");
+    // Four times the weight of the one to the East.
+    let to = drone[0].goal.position;
+    assert!((to.y - 4.0 * to.x).abs() < 1e-9, "{to}");
 }
 
 #[test]

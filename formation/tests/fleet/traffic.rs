@@ -384,3 +384,20 @@ fn nonsense_is_refused_by_name() {
     assert_eq!(traffic.place(0), Some(at(1.0, 1.0)));
     assert_eq!((traffic.place(1), traffic.goal(1)), (None, None));
 }
+
+#[cfg(feature = "serde")]
+#[test]
+fn files_say_what_is_meant() {
+    use foxhunt_formation::EnduranceConfig;
+
+    let text = r#"{ "separation_m": 3, "void": { "radius_m": 10, "probability": 0.05 } }"#;
+    let config: TrafficConfig = serde_json::from_str(text).expect("it is written so");
+    let void = Some(Void { radius_m: 10.0, probability: 0.05 });
+    assert_eq!(config, TrafficConfig { separation_m: 3.0, void, ..TrafficConfig::default() });
+    assert!((config.keep_m() - 4.0).abs() < 1e-12);
+    assert!(serde_json::from_str::<TrafficConfig>(r#"{ "separation": 3 }"#).is_err());
+    assert!(serde_json::from_str::<TrafficConfig>(r#"{ "void": { "radius_m": 3 } }"#).is_err());
+    let config: EnduranceConfig = serde_json::from_str(r#"{ "reserve_s": 60 }"#).expect("so");
+    assert_eq!(config, EnduranceConfig { reserve_s: 60.0, ..EnduranceConfig::default() });
+    assert!(serde_json::from_str::<EnduranceConfig>(r#"{ "reserve": 60 }"#).is_err());
+}

@@ -7,7 +7,8 @@ use rand::{RngExt, rngs::Xoshiro256PlusPlus};
 /// Seconds between two looks.
 pub(crate) const DT: f64 = 0.05;
 
-/// A drone that flies straight to where it was told, strays, gets stuck, and takes a while to turn.
+/// A drone that flies straight to where it was told, gets stuck, and takes a while to turn. Where it
+/// truly is it strays from where it says that it is.
 pub(crate) struct Drone {
     line: Vector3<f64>,
     stray: Vector2<f64>,
@@ -27,6 +28,7 @@ impl Drone {
 
     fn told(&mut self, to: Vector3<f64>, braking: f64) {
         let flies = (self.goal - self.line).norm() > 1e-9;
+        let braking = self.next.map_or(braking, |(_, left)| left);
         self.next = flies.then_some((to, braking));
         if !flies {
             self.goal = to;
@@ -35,9 +37,13 @@ impl Drone {
 
     fn fly(&mut self, dt: f64, tolerance: f64, rng: &mut Xoshiro256PlusPlus) {
         let wander = Vector2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0));
-        self.stray = (self.stray + wander * 0.05 * tolerance).cap_magnitude(0.45 * tolerance);
+        self.stray = (self.stray + wander * 0.05 * tolerance).cap_magnitude(0.3 * tolerance);
         if self.stuck > 0 {
             self.stuck -= 1;
+            // One that stands still does not have to brake.
+            if let Some((to, _)) = self.next.take() {
+                self.goal = to;
+            }
             return;
         }
         let step = (self.goal - self.line).cap_magnitude(self.speed * dt);
@@ -168,7 +174,7 @@ impl World {
         let config = *self.traffic.config();
         for (index, drone) in self.drones.iter_mut().enumerate() {
             // As far as it flies between two looks belongs to the tolerance.
-            drone.speed = drone.speed.min(0.4 * config.tolerance_m / DT);
+            drone.speed = drone.speed.min(0.2 * config.tolerance_m / DT);
             if chaos && rng.random_bool(0.002) {
                 drone.stuck = rng.random_range(1..200);
             }
@@ -183,7 +189,7 @@ impl World {
             if drone.silent > 0 {
                 drone.silent -= 1;
             } else {
-                self.traffic.locate(index, &drone.place());
+                self.traffic.locate(index, &drone.line);
             }
         }
         for Order { drone, to, .. } in self.traffic.step() {
