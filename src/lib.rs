@@ -50,6 +50,7 @@ pub mod hunt;
 pub mod locate;
 pub mod log;
 pub mod picture;
+pub mod planners;
 pub mod recorded;
 pub mod recording;
 pub mod replay;

@@ -8,6 +8,7 @@
 //! | [`Arcs`] | on a spiral towards the estimate, then around it | the same |
 //! | [`SurgeCast`] | along the bearings while the level rises, across them when it falls | the same |
 //! | [`Information`] (feature `alloc`) | where the ellipse is expected to become small soonest | when it is |
+//! | [`SteepestDescent`] (feature `alloc`) | each drone down the gradient of the posterior bound | when its ellipse is small enough |
 //! | [`Hold`] | nowhere | after a number of turns |
 //!
 //! Shapes are [`Polygon`], [`Line`], [`Offsets`], each of them [`Scaled`], or a closure through
@@ -64,8 +65,8 @@ pub use follow_estimate::{FollowConfig, FollowEstimate};
 pub use hold::Hold;
 #[cfg(feature = "alloc")]
 pub use information::{
-    Criterion, ExpectedReading, Information, InformationConfig, InformationConfigError, Objective,
-    RssBearingTurn, TurnFisher, TurnInformation,
+    Criterion, ExpectedReading, Information, InformationConfig, Objective, RssBearingTurn,
+    SteepestDescent, SteepestDescentConfig, TurnFisher, TurnInformation,
 };
 pub use orbit::{Orbit, OrbitConfig};
 pub use parameter::ParameterError;

@@ -1,6 +1,6 @@
 use foxhunt_formation::{
     AltitudeRule, ArcsConfig, CoverageConfig, FollowConfig, InformationConfig, OrbitConfig,
-    SettlingRule, SurgeCastConfig,
+    SettlingRule, SteepestDescentConfig, SurgeCastConfig,
 };
 use foxhunt_sim::VehicleConfig;
 use nalgebra::Vector2;
@@ -98,6 +98,18 @@ pub fn planners() -> Vec<NamedPlanner> {
             "Chaloner & Verdinelli 1995; Kolchinsky & Tracey 2017",
             |scenario| PlannerConfig::Information { information: information(scenario) },
         ),
+        named(
+            "steepest-descent",
+            "each drone down the gradient of the posterior bound, one turn ahead",
+            "Uciński 2004; Martínez & Bullo 2006",
+            steepest_descent,
+        ),
+        named(
+            "bayesian-optimisation",
+            "to where the level is expected to improve most, by a Gaussian process of levels",
+            "Močkus 1975; Jones, Schonlau & Welch 1998",
+            |_| PlannerConfig::BayesianOptimisation(Default::default()),
+        ),
         named("hold", "everyone stays and listens", "Isaacs et al. 2014, §V", hold),
     ]
 }
@@ -117,6 +129,11 @@ fn hold(scenario: &Scenario) -> PlannerConfig {
 
 fn pritzl2018() -> PlannerConfig {
     PlannerConfig::FollowEstimate { follow: FollowConfig::pritzl2018(), shape: None }
+}
+
+fn steepest_descent(scenario: &Scenario) -> PlannerConfig {
+    let exponent = scenario.model.exponent;
+    PlannerConfig::SteepestDescent(SteepestDescentConfig { exponent, ..Default::default() })
 }
 
 /// With the exponent that the estimator takes, the vehicles' speed and what is believed before

@@ -3,13 +3,14 @@ use std::iter::repeat_n;
 use foxhunt_core::{FormationPlanner, PlanError};
 use foxhunt_formation::{
     Arcs, ArcsConfig, Coverage, CoverageConfig, CoverageError, Emulate, FollowConfig,
-    FollowEstimate, Hold, Information, InformationConfig, InformationConfigError, Orbit,
-    OrbitConfig, ParameterError, SurgeCast, SurgeCastConfig, Waypoints,
+    FollowEstimate, Hold, Information, InformationConfig, Orbit, OrbitConfig, ParameterError,
+    SteepestDescent, SteepestDescentConfig, SurgeCast, SurgeCastConfig, Waypoints,
 };
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
 use super::{BoxedShape, ShapeConfig};
+use crate::planners::{BayesianOptimisation, BayesianOptimisationConfig};
 
 /// A planner chosen at run time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -70,6 +71,10 @@ pub enum PlannerConfig {
         #[serde(default)]
         information: InformationConfig,
     },
+    /// Each drone down the gradient of the posterior bound.
+    SteepestDescent(SteepestDescentConfig),
+    /// To where the level is expected to be highest, by a Gaussian process of levels.
+    BayesianOptimisation(BayesianOptimisationConfig),
     /// Everyone stays and listens.
     Hold {
         /// For this many turns.
@@ -138,6 +143,8 @@ impl PlannerConfig {
                 Box::new(Waypoints::new(places, shape, 0.0, *up_m)?)
             }
             Self::Information { information } => Box::new(Information::new(*information)?),
+            Self::SteepestDescent(config) => Box::new(SteepestDescent::new(*config)?),
+            Self::BayesianOptimisation(config) => Box::new(BayesianOptimisation::new(*config)?),
             Self::Hold { turns } => Box::new(Hold::new(*turns)),
             Self::Orbit(config) => Box::new(Orbit::new(*config)?),
             Self::Arcs(config) => Box::new(Arcs::new(*config)?),
@@ -163,9 +170,6 @@ pub enum PlannerConfigError {
     /// A field is out of its range.
     #[error("planner: {0}")]
     Parameter(#[from] ParameterError),
-    /// A field of the information-driven planner is out of its range.
-    #[error("planner.information.{0}")]
-    Information(#[from] InformationConfigError),
     /// The waypoints make no path.
     #[error("planner.places_m: {0}")]
     Path(#[from] PlanError),
@@ -212,6 +216,9 @@ mod tests {
             "kind = \"orbit\"\nradius_m = 12\naltitude = { elevation_limit_rad = 0.4 }",
             "kind = \"arcs\"\nshrink = 0.5\nsettling = { laps = 2 }",
             "kind = \"surge-cast\"\ncast_m = 5",
+            "kind = \"information\"\ninformation = { horizon = 2, criterion = \"entropy\" }",
+            "kind = \"steepest-descent\"\nstep_m = 10",
+            "kind = \"bayesian-optimisation\"\nreach_m = 40",
             "kind = \"emulated\"\nvirtual_drones = 3\nplanner = { kind = \"follow-estimate\" }",
         ] {
             let config = parse(text);
@@ -233,6 +240,9 @@ mod tests {
             ("kind = \"orbit\"\naltitude = { most_m = 1 }", "most_m is 1;"),
             ("kind = \"arcs\"\nshrink = 1.5", "shrink is 1.5;"),
             ("kind = \"surge-cast\"\nmost_casts = 0", "most_casts is 0;"),
+            ("kind = \"information\"\ninformation = { turn_s = 0 }", "turn_s is 0;"),
+            ("kind = \"information\"\ninformation = { places = 4 }", "places is 4;"),
+            ("kind = \"steepest-descent\"\nstep_m = -3", "step_m is -3;"),
             (
                 "kind = \"emulated\"\nvirtual_drones = 0\nplanner = { kind = \"orbit\" }",
                 "virtual_drones is 0;",

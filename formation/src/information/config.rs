@@ -1,6 +1,10 @@
-use crate::AltitudeRule;
+use core::f64::consts::FRAC_PI_6;
 
 use super::RssBearingTurn;
+use crate::{
+    AltitudeRule, ParameterError,
+    parameter::{check, counted, finite, not_negative, positive},
+};
 
 /// How the worth of a turn is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -83,8 +87,9 @@ pub struct InformationConfig {
 }
 
 impl Default for InformationConfig {
-    /// The open field's exponent 2.765, 4 dB and 30° (Pritzl 2018, §6.1 and §7.1), a power in doubt by 5 dB, 2 m/s over ground and 1 m/s up, turns of 45 s,
-    /// 3 m between drones; a horizon of 3 turns, 64 places; the search ends at 1.6 m, below
+    /// The open field's exponent 2.765, 4 dB and 30° (Pritzl 2018, §6.1 and §7.1), a
+    /// power in doubt by 5 dB, 2 to 4 m up and 30° at most, 2 m/s over ground and 1 m/s up, turns of 45 s,
+    /// 3 m between drones; a horizon of 5 turns, 64 places; the search ends at 1.6 m, below
     /// 0.001 nats per second or after 60 positions; nothing is believed beforehand.
     fn default() -> Self {
         Self {
@@ -92,16 +97,12 @@ impl Default for InformationConfig {
             level_sigma_db: 4.0,
             bearing_sigma_deg: 30.0,
             power_sigma_db: 5.0,
-            altitude: AltitudeRule {
-                elevation_limit: 35.0_f64.to_radians(),
-                least_m: 2.0,
-                most_m: 4.0,
-            },
+            altitude: AltitudeRule { elevation_limit: FRAC_PI_6, least_m: 2.0, most_m: 4.0 },
             speed_mps: 2.0,
             climb_mps: 1.0,
             turn_s: 45.0,
             separation_m: 3.0,
-            horizon: 3,
+            horizon: 5,
             objective: Objective::default(),
             criterion: Criterion::default(),
             places: 64,
@@ -120,60 +121,35 @@ impl InformationConfig {
     ///
     /// # Errors
     ///
-    /// [`InformationConfigError`] names what is out of its range.
-    pub fn turn(&self) -> Result<RssBearingTurn, InformationConfigError> {
+    /// [`ParameterError`] names what is out of its range.
+    pub fn turn(&self) -> Result<RssBearingTurn, ParameterError> {
         self.check()?;
         let (bearing_sigma, limit) =
             (self.bearing_sigma_deg.to_radians(), self.altitude.elevation_limit);
         RssBearingTurn::new(self.exponent, self.level_sigma_db, bearing_sigma, limit)
     }
 
-    pub(super) fn check(&self) -> Result<(), InformationConfigError> {
-        self.altitude.check().map_err(|error| {
-            let field = match error.field {
-                "elevation_limit_rad" => "altitude.elevation_limit_rad",
-                "least_m" => "altitude.least_m",
-                _ => "altitude.most_m",
-            };
-            InformationConfigError { field, value: error.value }
-        })?;
-        let centre = self.prior_centre_m.unwrap_or_default();
-        let positive = |value: f64| value > 0.0;
-        let not_negative = |value: f64| value >= 0.0;
-        let checks = [
-            ("exponent", self.exponent, positive(self.exponent)),
-            ("level_sigma_db", self.level_sigma_db, positive(self.level_sigma_db)),
-            ("bearing_sigma_deg", self.bearing_sigma_deg, positive(self.bearing_sigma_deg)),
-            ("power_sigma_db", self.power_sigma_db, not_negative(self.power_sigma_db)),
-            ("speed_mps", self.speed_mps, positive(self.speed_mps)),
-            ("climb_mps", self.climb_mps, positive(self.climb_mps)),
-            ("turn_s", self.turn_s, positive(self.turn_s)),
-            ("separation_m", self.separation_m, not_negative(self.separation_m)),
-            ("horizon", f64::from(self.horizon), (1..=10).contains(&self.horizon)),
-            ("places", f64::from(self.places), (8..=1024).contains(&self.places)),
-            ("least_saving_s", self.least_saving_s, not_negative(self.least_saving_s)),
-            ("ellipse_m", self.ellipse_m, positive(self.ellipse_m)),
-            ("least_nats_per_s", self.least_nats_per_s, not_negative(self.least_nats_per_s)),
-            ("most_positions", f64::from(self.most_positions), self.most_positions > 0),
-            ("prior_sigma_m", self.prior_sigma_m, not_negative(self.prior_sigma_m)),
-            ("prior_centre_m", centre[0], true),
-            ("prior_centre_m", centre[1], true),
-        ];
-        match checks.into_iter().find(|(_, value, in_range)| !(*in_range && value.is_finite())) {
-            Some((field, value, _)) => Err(InformationConfigError { field, value }),
-            None => Ok(()),
-        }
+    /// Whether every field is in its range.
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        self.altitude.check()?;
+        positive("exponent", self.exponent)?;
+        positive("level_sigma_db", self.level_sigma_db)?;
+        positive("bearing_sigma_deg", self.bearing_sigma_deg)?;
+        not_negative("power_sigma_db", self.power_sigma_db)?;
+        positive("speed_mps", self.speed_mps)?;
+        positive("climb_mps", self.climb_mps)?;
+        positive("turn_s", self.turn_s)?;
+        not_negative("separation_m", self.separation_m)?;
+        let (horizon, places) = (self.horizon, self.places);
+        check("horizon", f64::from(horizon), "from 1 to 10", (1..=10).contains(&horizon))?;
+        check("places", f64::from(places), "from 8 to 256", (8..=256).contains(&places))?;
+        not_negative("least_saving_s", self.least_saving_s)?;
+        positive("ellipse_m", self.ellipse_m)?;
+        not_negative("least_nats_per_s", self.least_nats_per_s)?;
+        counted("most_positions", self.most_positions)?;
+        not_negative("prior_sigma_m", self.prior_sigma_m)?;
+        let [east, north] = self.prior_centre_m.unwrap_or_default();
+        finite("prior_centre_m", east)?;
+        finite("prior_centre_m", north)
     }
-}
-
-/// A field of [`InformationConfig`] that is out of its range.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "{field} is {value}; it must be finite, positive where it is a σ, a length, a time or a speed, a horizon of 1 to 10 and 8 to 1024 places"
-)]
-pub struct InformationConfigError {
-    /// Which field.
-    pub field: &'static str,
-    /// What it held.
-    pub value: f64,
 }

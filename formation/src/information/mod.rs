@@ -7,9 +7,11 @@ mod power;
 mod rollout;
 mod search;
 mod shapes;
+mod steepest_descent;
 mod turn;
 mod worth;
 
-pub use config::{Criterion, InformationConfig, InformationConfigError, Objective};
+pub use config::{Criterion, InformationConfig, Objective};
 pub use planner::Information;
+pub use steepest_descent::{SteepestDescent, SteepestDescentConfig};
 pub use turn::{ExpectedReading, RssBearingTurn, TurnFisher, TurnInformation};

@@ -9,12 +9,16 @@ use foxhunt_core::{
 use nalgebra::Vector2;
 
 use super::{
-    InformationConfig, InformationConfigError, RssBearingTurn, TurnInformation,
+    InformationConfig, RssBearingTurn, TurnInformation,
     power::Heard,
     search::{Plan, Search},
     shapes::Form,
 };
-use crate::travel::{assign, farthest};
+use crate::{
+    ParameterError,
+    places::centroid,
+    travel::{assign, farthest},
+};
 
 /// The information-driven planner: listens where the ellipse of what is believed is expected to
 /// become small soonest.
@@ -78,8 +82,8 @@ impl Information {
     ///
     /// # Errors
     ///
-    /// [`InformationConfigError`] names the first field that is out of its range.
-    pub fn new(config: InformationConfig) -> Result<Self, InformationConfigError> {
+    /// [`ParameterError`] names the first field that is out of its range.
+    pub fn new(config: InformationConfig) -> Result<Self, ParameterError> {
         let turn = config.turn()?;
         Self::with_turn(config, turn)
     }
@@ -91,8 +95,8 @@ impl<S: TurnInformation> Information<S> {
     ///
     /// # Errors
     ///
-    /// [`InformationConfigError`] names the first field that is out of its range.
-    pub fn with_turn(config: InformationConfig, turn: S) -> Result<Self, InformationConfigError> {
+    /// [`ParameterError`] names the first field that is out of its range.
+    pub fn with_turn(config: InformationConfig, turn: S) -> Result<Self, ParameterError> {
         config.check()?;
         Ok(Self { config, turn, heard: Heard::default(), measured: 0, account: Account::None })
     }
@@ -124,7 +128,7 @@ impl<S: TurnInformation> Information<S> {
         beliefs: &[Seen<'_>],
         stations: &mut [Station],
     ) -> Result<Decision, PlanError> {
-        some(stations)?;
+        flyable(stations)?;
         let first = beliefs.first().ok_or(PlanError::NoPlace)?.1.position();
         let ellipse_m = semi_major(&first)?;
         let positions = self.measured.saturating_add(1);
@@ -163,11 +167,10 @@ impl<S: TurnInformation> Information<S> {
 
 impl<S: TurnInformation> FormationPlanner for Information<S> {
     fn begin(&mut self, stations: &mut [Station]) -> Result<(), PlanError> {
-        some(stations)?;
+        flyable(stations)?;
         if self.config.prior_sigma_m > 0.0 {
-            let total: Vector2<f64> = stations.iter().map(|s| s.pose.position.xy()).sum();
-            let count = f64::from(u32::try_from(stations.len()).unwrap_or(u32::MAX));
-            let centre = self.config.prior_centre_m.map_or(total / count, Vector2::from);
+            let middle = centroid(stations)?;
+            let centre = self.config.prior_centre_m.map_or(middle, Vector2::from);
             let prior = Estimate::isotropic(centre, self.config.prior_sigma_m);
             self.go(&[(None, &prior)], stations)?;
         } else {
@@ -182,7 +185,7 @@ impl<S: TurnInformation> FormationPlanner for Information<S> {
     }
 
     fn resume(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<(), PlanError> {
-        some(stations)?;
+        flyable(stations)?;
         self.go(&[(None, belief)], stations)?;
         self.heard.begin();
         self.measured = 0;
@@ -230,7 +233,8 @@ impl<S: TurnInformation> FormationPlanner for Information<S> {
     }
 }
 
-fn some(stations: &[Station]) -> Result<(), PlanError> {
+/// Whether there is a drone and every drone is somewhere.
+pub(super) fn flyable(stations: &[Station]) -> Result<(), PlanError> {
     if stations.is_empty() {
         return Err(PlanError::TooFew { needed: 1, have: 0 });
     }
@@ -241,7 +245,7 @@ fn some(stations: &[Station]) -> Result<(), PlanError> {
 }
 
 /// The semi-major axis of the 95 % ellipse; 0 for a belief that is a point.
-fn semi_major(position: &Estimate<2>) -> Result<f64, PlanError> {
+pub(super) fn semi_major(position: &Estimate<2>) -> Result<f64, PlanError> {
     let numbers = position.mean.iter().chain(position.covariance.iter());
     if !numbers.copied().all(f64::is_finite) {
         return Err(PlanError::NotFinite { east: position.mean.x, north: position.mean.y });

@@ -2,7 +2,8 @@ use alloc::vec::Vec;
 
 use nalgebra::{Vector2, Vector3};
 
-use super::{InformationConfig, Objective, TurnInformation, worth::Left};
+use super::{InformationConfig, Objective, TurnInformation, cells::Cell, worth::Left};
+use crate::shape::number;
 
 /// χ²₂ at 95 %.
 pub(super) const CHI_SQUARED_95: f64 = 5.991_464_547_107_979;
@@ -59,8 +60,7 @@ impl Rollout {
             range *= STEP;
         }
         let wanted = config.ellipse_m * config.ellipse_m / CHI_SQUARED_95;
-        let drones = f64::from(u32::try_from(drones).unwrap_or(u32::MAX));
-        Self { config: *config, drones, worth, best_m: best.1, wanted }
+        Self { config: *config, drones: number(drones), worth, best_m: best.1, wanted }
     }
 
     /// The distance on the ground at which a drone hears a target best, in metres.
@@ -79,7 +79,7 @@ impl Rollout {
         )]
         let index = (steps.max(0.0) as usize).min(last);
         let (here, next) = (self.worth[index], self.worth[(index + 1).min(last)]);
-        let share = steps - f64::from(u32::try_from(index).unwrap_or(u32::MAX));
+        let share = steps - number(index);
         if share > 1.0 {
             // Beyond the table information falls with the square of the range.
             here * libm::exp(-2.0 * (share - 1.0) * LN_STEP)
@@ -95,7 +95,7 @@ impl Rollout {
         let mut travel = (distance - self.best_m).max(0.0);
         let mut turn = 1;
         while large > self.wanted {
-            let range2 = self.best_m * self.best_m + 0.5 * (large + small);
+            let range2 = self.best_m * self.best_m + large + small;
             let worth = self.drones * self.worth(range2);
             let gain = [libm::log1p(large * worth), libm::log1p(small * worth)];
             let lacking = libm::log(large / self.wanted);
@@ -124,12 +124,7 @@ impl Rollout {
     }
 
     /// What follows a turn at `places` that leaves this of a belief of these cells, on average.
-    pub(super) fn after(
-        &self,
-        left: &Left,
-        cells: &[super::cells::Cell],
-        places: &[Vector3<f64>],
-    ) -> Course {
+    pub(super) fn after(&self, left: &Left, cells: &[Cell], places: &[Vector3<f64>]) -> Course {
         let mut mean = Course { nats: left.nats, ..Course::default() };
         for (cell, axes) in cells.iter().zip(&left.axes) {
             let square = |place: &Vector3<f64>| (place.xy() - cell.mean).norm_squared();

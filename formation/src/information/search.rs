@@ -5,14 +5,17 @@ use foxhunt_core::{BeaconId, Belief, PlanError, Station};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::{
-    Criterion, InformationConfig, TurnInformation,
+    Criterion, InformationConfig, Objective, TurnInformation,
     cells::Cells,
     power::{Heard, Power},
-    rollout::Rollout,
+    rollout::{Course, Rollout},
     shapes::{Candidate, Drawing, Form, apart},
     worth::Left,
 };
-use crate::travel::{assign, farthest};
+use crate::{
+    shape::number,
+    travel::{assign, farthest},
+};
 
 /// How many of the formations are refined.
 const REFINED: usize = 2;
@@ -78,19 +81,17 @@ impl<'a, S: TurnInformation + ?Sized> Search<'a, S> {
         let refined = plans.into_iter().map(|plan| self.refine(plan));
         let best = refined.min_by(|a, b| a.cost.total_cmp(&b.cost)).unwrap_or_else(|| stay.clone());
         let saving = match self.config.objective {
-            super::Objective::TimeToEllipse => self.config.least_saving_s,
-            super::Objective::InformationRate => 0.0,
+            Objective::TimeToEllipse => self.config.least_saving_s,
+            Objective::InformationRate => 0.0,
         };
         if best.cost < stay.cost - saving { (best, stay) } else { (stay.clone(), stay) }
     }
 
     fn drawing<'b>(&'b self, aim: &'b Aim) -> Drawing<'b> {
-        let count = self.from.len();
-        let total: Vector2<f64> = self.from.iter().map(|place| place.xy()).sum();
         Drawing {
             rule: self.config.altitude,
-            count,
-            from: total / f64::from(u32::try_from(count).unwrap_or(u32::MAX)),
+            count: self.from.len(),
+            from: middle(&self.from),
             separation_m: self.config.separation_m,
             best_m: self.rollout.best_m(),
             belief: &aim.belief,
@@ -103,7 +104,7 @@ impl<'a, S: TurnInformation + ?Sized> Search<'a, S> {
         let moved = (travel.over_ground_m / self.config.speed_mps)
             .max(travel.height_m / self.config.climb_mps);
         let seconds = moved + self.config.turn_s;
-        let (mut nats, mut total) = (0.0, super::rollout::Course::default());
+        let (mut nats, mut total) = (0.0, Course::default());
         for aim in &self.aims {
             let (turn, places) = (self.turn, &candidate.places);
             match &aim.information {
@@ -127,7 +128,7 @@ impl<'a, S: TurnInformation + ?Sized> Search<'a, S> {
         };
         let sigma = libm::sqrt(0.5 * moments.covariance.trace());
         let mut step = 0.5 * sigma.max(self.rollout.best_m());
-        for _ in 0..3 {
+        for _ in 0..HALVINGS {
             for drone in 0..=self.from.len() {
                 for direction in 0..6_u8 {
                     let angle = f64::from(direction) * FRAC_PI_3;
@@ -139,17 +140,28 @@ impl<'a, S: TurnInformation + ?Sized> Search<'a, S> {
                             *place = self.raised(&(place.xy() + shift));
                         }
                     }
-                    if apart(&places, self.config.separation_m) {
-                        let moved = self.look(Candidate { form: plan.candidate.form, places });
-                        if moved.cost < plan.cost {
-                            plan = moved;
-                        }
-                    }
+                    self.improve(&mut plan, places);
                 }
+            }
+            for scale in [1.4, 0.7] {
+                let centre = middle(&plan.candidate.places);
+                let scaled = |p: &Vector3<f64>| self.raised(&(centre + (p.xy() - centre) * scale));
+                let places = plan.candidate.places.iter().map(scaled).collect();
+                self.improve(&mut plan, places);
             }
             step *= 0.5;
         }
         plan
+    }
+
+    /// Takes other places for the plan's where they are allowed and better.
+    fn improve(&mut self, plan: &mut Plan, places: Vec<Vector3<f64>>) {
+        if apart(&places, self.config.separation_m) {
+            let moved = self.look(Candidate { form: plan.candidate.form, places });
+            if moved.cost < plan.cost {
+                *plan = moved;
+            }
+        }
     }
 
     /// A place at the altitude that the nearest target asks for.
@@ -158,6 +170,14 @@ impl<'a, S: TurnInformation + ?Sized> Search<'a, S> {
         raised.min_by(|a, b| a.z.total_cmp(&b.z)).unwrap_or_else(|| place.push(0.0))
     }
 }
+
+/// The middle of places over ground.
+fn middle(places: &[Vector3<f64>]) -> Vector2<f64> {
+    places.iter().map(|place| place.xy()).sum::<Vector2<f64>>() / number(places.len())
+}
+
+/// How often the steps of a refinement are halved.
+const HALVINGS: u8 = 4;
 
 fn aim<S: TurnInformation + ?Sized>(
     turn: &S,

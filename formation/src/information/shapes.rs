@@ -4,10 +4,15 @@ use core::{
     fmt,
 };
 
+use foxhunt_core::Estimate;
 use nalgebra::{Vector2, Vector3};
 
 use super::cells::{Cell, Cells};
-use crate::{AltitudeRule, Polygon};
+use crate::{AltitudeRule, Polygon, shape::number};
+
+/// The distance that a target at a Gaussian place about the drone is within with 10 %, over the root
+/// mean square distance: √(−ln 0.9).
+const NEAR: f64 = 0.324_592_845_974_501_2;
 
 /// What a formation looks like.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,16 +60,10 @@ pub(super) struct Drawing<'a> {
     pub(super) belief: &'a Cells,
 }
 
-fn number(count: usize) -> f64 {
-    f64::from(u32::try_from(count).unwrap_or(u32::MAX))
-}
-
 impl Drawing<'_> {
-    /// The altitude over a place: that of the typical distance to the target.
+    /// A place at the altitude for a target that is near.
     pub(super) fn raise(&self, place: &Vector2<f64>) -> Vector3<f64> {
-        let moments = &self.belief.moments;
-        let square = (place - moments.mean).norm_squared() + moments.covariance.trace();
-        place.push(self.rule.altitude(libm::sqrt(square)))
+        low_over(&self.rule, &self.belief.moments, place)
     }
 
     /// Every formation that is worth a look, over the belief of one target.
@@ -107,6 +106,18 @@ impl Drawing<'_> {
             self.arc(&mean, bearing, radius.max(self.best_m), all);
         }
         self.scattered(all);
+        // Abreast on the way, and as wide triangles the other way round.
+        for share in [0.5, 0.65, 0.8, 0.9] {
+            let centre = self.from + (mean - self.from) * share;
+            for length in [sigma, 2.0 * sigma, 3.0 * sigma] {
+                self.line(&centre, bearing + FRAC_PI_2, length, all);
+            }
+        }
+        for radius in [sigma, 1.5 * sigma] {
+            for rotation in [bearing + FRAC_PI_2, bearing + PI] {
+                self.polygon(&mean, radius, rotation, all);
+            }
+        }
     }
 
     /// The mean, places about it along the major axis, on the way to it, and modes.
@@ -194,6 +205,16 @@ impl Drawing<'_> {
             self.push(Form::Scattered, places, all);
         }
     }
+}
+
+/// A place at the altitude for a target that is near.
+pub(super) fn low_over(
+    rule: &AltitudeRule,
+    belief: &Estimate<2>,
+    place: &Vector2<f64>,
+) -> Vector3<f64> {
+    let square = (place - belief.mean).norm_squared() + belief.covariance.trace();
+    place.push(rule.altitude(NEAR * libm::sqrt(square)))
 }
 
 /// Whether no two places are nearer to each other over ground than the separation.

@@ -3,7 +3,7 @@ use core::f64::consts::{FRAC_PI_2, LN_10};
 use foxhunt_core::{Reception, angle};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use super::InformationConfigError;
+use crate::parameter::{ParameterError, check, positive};
 
 /// What one turn of an antenna is expected to read of a target.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -100,7 +100,7 @@ impl<F: Fn(&Vector2<f64>, &Vector3<f64>) -> ExpectedReading> TurnInformation for
 pub struct RssBearingTurn {
     /// 10 γ / ln 10: the level's change over the logarithm of range, in dB.
     slope: f64,
-    level: Sigma,
+    level_variance: f64,
     bearing: Sigma,
     /// tan² of the limit.
     steep: f64,
@@ -113,29 +113,22 @@ impl RssBearingTurn {
     ///
     /// # Errors
     ///
-    /// [`InformationConfigError`] names the value that is not positive, or the limit that is not
-    /// below π/2.
+    /// [`ParameterError`] names the value that is not positive, or the limit that is not below π/2.
     pub fn new(
         exponent: f64,
         level_sigma_db: f64,
         bearing_sigma: f64,
         elevation_limit: f64,
-    ) -> Result<Self, InformationConfigError> {
-        let checks = [
-            ("exponent", exponent, f64::MAX),
-            ("level_sigma_db", level_sigma_db, f64::MAX),
-            ("bearing_sigma", bearing_sigma, f64::MAX),
-            ("elevation_limit", elevation_limit, FRAC_PI_2),
-        ];
-        if let Some((field, value, _)) =
-            checks.into_iter().find(|(_, value, most)| !(*value > 0.0 && value < most))
-        {
-            return Err(InformationConfigError { field, value });
-        }
+    ) -> Result<Self, ParameterError> {
+        positive("exponent", exponent)?;
+        positive("level_sigma_db", level_sigma_db)?;
+        positive("bearing_sigma", bearing_sigma)?;
+        let in_range = elevation_limit > 0.0 && elevation_limit < FRAC_PI_2;
+        check("elevation_limit", elevation_limit, "above 0 and below π/2", in_range)?;
         let tan = libm::tan(elevation_limit);
         Ok(Self {
             slope: 10.0 * exponent / LN_10,
-            level: Sigma::assumed(level_sigma_db),
+            level_variance: level_sigma_db * level_sigma_db,
             bearing: Sigma::assumed(bearing_sigma),
             steep: tan * tan,
         })
@@ -158,7 +151,7 @@ impl TurnInformation for RssBearingTurn {
         let range2 = (ground2 + height2).max(f64::MIN_POSITIVE);
         ExpectedReading {
             level_db: -0.5 * self.slope * libm::log(range2),
-            level_sigma_db: libm::sqrt(self.level.variance()),
+            level_sigma_db: libm::sqrt(self.level_variance),
             bearing: libm::atan2(offset.y, offset.x),
             bearing_sigma: libm::sqrt(self.bearing_variance(ground2, height2)),
         }
@@ -181,15 +174,15 @@ impl TurnInformation for RssBearingTurn {
         let (x, y) = (offset.x, offset.y);
         TurnFisher {
             level_gradient: offset * level,
-            level_information: 1.0 / self.level.variance(),
+            level_information: 1.0 / self.level_variance,
             bearing: Matrix2::new(y * y, -x * y, -x * y, x * x) * across,
         }
     }
 
-    /// The σ of level and bearing become those of the receptions heard so far, what was assumed
-    /// counting as three of them.
+    /// The bearing's σ becomes that of the bearings heard so far, what was assumed counting as three
+    /// of them. The level's is left: extractors tell one that covers laws of propagation that do
+    /// not hold, which estimators find out.
     fn learn(&mut self, reception: &Reception) {
-        self.level.hear(reception.rss_sigma_db);
         if let Some(bearing) = reception.bearing {
             self.bearing.hear(bearing.sigma);
         }

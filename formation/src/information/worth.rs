@@ -191,3 +191,161 @@ fn divergence(of: &[Reading], from: &[Reading], power_variance: f64) -> f64 {
 fn one(of: &Reading, from: &Reading, off: f64) -> f64 {
     from.log_variance - of.log_variance + (of.variance + off * off) / from.variance - 1.0
 }
+
+#[cfg(test)]
+mod tests {
+    use alloc::vec;
+    use core::f64::consts::TAU;
+
+    use foxhunt_core::Estimate;
+    use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+
+    use super::*;
+    use crate::information::{RssBearingTurn, cells::Cell};
+
+    /// Points of equal weight.
+    fn points(places: &[[f64; 2]]) -> Cells {
+        let weight = 1.0 / crate::shape::number(places.len());
+        let cell = |place: &[f64; 2]| Cell {
+            mean: Vector2::from(*place),
+            covariance: Matrix2::zeros(),
+            weight,
+        };
+        let moments = Estimate::isotropic(Vector2::zeros(), 1.0);
+        Cells { moments, cells: places.iter().map(cell).collect(), gaussian: false }
+    }
+
+    fn normal(rng: &mut Xoshiro256PlusPlus) -> f64 {
+        let (u, v): (f64, f64) = (rng.random(), rng.random());
+        libm::sqrt(-2.0 * libm::log1p(-u)) * libm::cos(TAU * v)
+    }
+
+    /// The mutual information of which point it is and what is read, by drawing readings: the mean
+    /// of ln p(z | i) − ln p(z).
+    fn brute_force(
+        turn: &RssBearingTurn,
+        points: &Cells,
+        places: &[Vector3<f64>],
+        power: f64,
+    ) -> f64 {
+        const DRAWS: u32 = 40_000;
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);
+        let log_density = |cell: &Cell, read: &[[f64; 2]]| {
+            let (mut square, mut sum, mut known) = (0.0, 0.0, 0.0);
+            for (place, [level, bearing]) in places.iter().zip(read) {
+                let e = turn.expected(&cell.mean, place);
+                let (off, way) = (level - e.level_db, angle::wrap(bearing - e.bearing));
+                square += (way / e.bearing_sigma) * (way / e.bearing_sigma)
+                    + 2.0 * libm::log(e.bearing_sigma);
+                let variance = e.level_sigma_db * e.level_sigma_db;
+                square += off * off / variance;
+                sum += off / variance;
+                known += 1.0 / variance;
+            }
+            // The power has a prior of this variance: integrated out.
+            -0.5 * (square - sum * sum * power / (1.0 + power * known))
+        };
+        let mut total = 0.0;
+        for draw in 0..DRAWS {
+            let of = usize::try_from(draw).expect("few") % points.cells.len();
+            let shared = normal(&mut rng) * libm::sqrt(power);
+            let read: Vec<_> = places
+                .iter()
+                .map(|place| {
+                    let e = turn.expected(&points.cells[of].mean, place);
+                    [
+                        e.level_db + shared + e.level_sigma_db * normal(&mut rng),
+                        e.bearing + e.bearing_sigma * normal(&mut rng),
+                    ]
+                })
+                .collect();
+            let own = log_density(&points.cells[of], &read);
+            let all: f64 = points
+                .cells
+                .iter()
+                .map(|cell| cell.weight * libm::exp(log_density(cell, &read) - own))
+                .sum();
+            total -= libm::log(all);
+        }
+        total / f64::from(DRAWS)
+    }
+
+    /// The pairwise divergences bound the mutual information from above (Kolchinsky & Tracey 2017,
+    /// Theorem 2) and meet it where the points read alike or quite differently. Seed 7, 40 000
+    /// draws: the standard error is below 0.01 nats; between these ends the bound's excess is at most half a
+    /// nat for each number that is read.
+    #[test]
+    fn entropy_is_brute_forces() {
+        let turn = RssBearingTurn::new(2.765, 4.0, 0.4, 0.6).expect("in range");
+        let drone = |e, n| Vector3::new(e, n, 3.0);
+        for (spread, power, places) in [
+            (0.3, 0.0, vec![drone(0.0, -20.0)]),
+            (4.0, 0.0, vec![drone(0.0, -20.0)]),
+            (8.0, 25.0, vec![drone(-15.0, -20.0), drone(25.0, 5.0)]),
+            // Across ±π.
+            (6.0, 25.0, vec![drone(30.0, 0.0)]),
+            (500.0, 25.0, vec![drone(0.0, -20.0), drone(25.0, 5.0), drone(-300.0, 10.0)]),
+        ] {
+            let of = [[0.0, 0.0], [1.0, 0.4], [-0.2, 1.0], [-1.0, -0.9]];
+            let points = points(&of.map(|[e, n]| [e * spread, n * spread]));
+            let known = Power::of(&turn, &points, &[], libm::sqrt(power));
+            let mut left = Left::default();
+            left.by_entropy(&turn, &points, &known, &places);
+            let truth = brute_force(&turn, &points, &places, power);
+            let excess = left.nats - truth;
+            assert!((-0.03..0.5).contains(&excess), "{spread}: {} for {truth}", left.nats);
+            if !(1.0..400.0).contains(&spread) {
+                assert!(excess.abs() < 0.05, "{spread}: {} for {truth}", left.nats);
+            }
+        }
+    }
+
+    /// One wide Gaussian cell: both ways say what a Kalman filter would.
+    #[test]
+    fn both_ways_agree_on_a_gaussian() {
+        let turn = RssBearingTurn::new(2.765, 4.0, 0.4, 0.6).expect("in range");
+        let covariance = Matrix2::new(9.0, 2.0, 2.0, 4.0);
+        let moments = Estimate { mean: Vector2::new(3.0, 1.0), covariance };
+        let cell = Cell { mean: moments.mean, covariance, weight: 1.0 };
+        let belief = Cells { moments, cells: vec![cell], gaussian: true };
+        let places = [Vector3::new(-9.0, 4.0, 3.0), Vector3::new(5.0, 20.0, 2.0)];
+        let power = Power::of(&turn, &belief, &[Vector3::new(40.0, 0.0, 4.0)], 5.0);
+        let (mut fisher, mut entropy) = (Left::default(), Left::default());
+        let prior = covariance.cholesky().expect("definite").solve(&Matrix2::identity());
+        fisher.by_fisher(&turn, &belief, &power, &prior, &places);
+        entropy.by_entropy(&turn, &belief, &power, &places);
+        assert!((fisher.nats - entropy.nats).abs() < 1e-9);
+        for (a, b) in fisher.axes[0].iter().zip(entropy.axes[0]) {
+            assert!((a - b).abs() < 1e-9);
+        }
+        // The power as a third unknown, of which a level heard before tells as well.
+        let mut whole = nalgebra::Matrix3::zeros();
+        whole.fixed_view_mut::<2, 2>(0, 0).copy_from(&prior);
+        whole[(2, 2)] = 1.0 / 25.0;
+        let before = turn.fisher(&moments.mean, &Vector3::new(40.0, 0.0, 4.0));
+        let mut add = |level: Vector2<f64>, information: f64, bearing: &Matrix2<f64>| {
+            let row = nalgebra::Vector3::new(level.x, level.y, 1.0);
+            whole += row * row.transpose() * information;
+            let mut view = whole.fixed_view_mut::<2, 2>(0, 0);
+            view += bearing;
+        };
+        add(before.level_gradient, before.level_information, &Matrix2::zeros());
+        for place in &places {
+            let told = turn.fisher(&moments.mean, place);
+            add(told.level_gradient, told.level_information, &told.bearing);
+        }
+        // What the level before says of place and power together is in the belief already.
+        let mut earlier = nalgebra::Matrix3::zeros();
+        earlier.fixed_view_mut::<2, 2>(0, 0).copy_from(&prior);
+        earlier[(2, 2)] = 1.0 / 25.0;
+        let row = before.level_gradient.push(1.0);
+        earlier += row * row.transpose() * before.level_information;
+        let place_of = |all: &nalgebra::Matrix3<f64>| {
+            let cross = all.fixed_view::<2, 1>(0, 2);
+            all.fixed_view::<2, 2>(0, 0) - cross * cross.transpose() / all[(2, 2)]
+        };
+        let expected = prior + place_of(&whole) - place_of(&earlier);
+        let axes = axes_of_inverse(&expected);
+        assert!((fisher.axes[0][0] - axes[0]).abs() < 1e-9, "{:?} {axes:?}", fisher.axes);
+    }
+}

@@ -1,0 +1,110 @@
+//! One plan for eight drones from a belief of 2000 particles, against steepest descent and an
+//! exhaustive search for the next turn alone.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use foxhunt::{
+    formation::{
+        Information, InformationConfig, Polygon, SteepestDescent, SteepestDescentConfig,
+        TurnInformation,
+    },
+    prelude::*,
+};
+use nalgebra::{Matrix2, Vector2, Vector3};
+use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand_distr::{Distribution, StandardNormal};
+
+/// Particles of equal weight.
+struct Cloud {
+    places: Vec<Vector2<f64>>,
+    moments: Estimate<2>,
+}
+
+impl Cloud {
+    /// 2000 particles in equal parts about the middles.
+    fn about(middles: &[[f64; 2]], sigma: f64) -> Self {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let places: Vec<_> = (0..2000)
+            .map(|i| {
+                Vector2::from(middles[i % middles.len()]) + Vector2::new(normal(), normal()) * sigma
+            })
+            .collect();
+        let mean = places.iter().sum::<Vector2<f64>>() / 2000.0;
+        let square = |place: &Vector2<f64>| (place - mean) * (place - mean).transpose();
+        let covariance = places.iter().map(square).sum::<Matrix2<f64>>() / 2000.0;
+        Self { places, moments: Estimate { mean, covariance } }
+    }
+}
+
+impl Belief for Cloud {
+    fn position(&self) -> Estimate<2> {
+        self.moments
+    }
+
+    fn visit_positions(&self, visit: &mut dyn FnMut(&Vector2<f64>, f64)) {
+        self.places.iter().for_each(|place| visit(place, 1.0 / 2000.0));
+    }
+}
+
+/// The best polygon of 21 × 21 centres, 8 radii and 3 rotations by the expected log-determinant of
+/// the next turn, over the first 64 particles.
+fn exhaustive(turn: &impl TurnInformation, belief: &Cloud, drones: usize) -> (f64, Vector2<f64>) {
+    let prior = belief.moments.covariance.try_inverse().expect("it is definite");
+    let sigma = (0.5 * belief.moments.covariance.trace()).sqrt();
+    let mut best = (f64::NEG_INFINITY, Vector2::zeros());
+    for cell in 0..21 * 21_u32 {
+        let grid = Vector2::new(f64::from(cell % 21) - 10.0, f64::from(cell / 21) - 10.0);
+        let centre = belief.moments.mean + grid * (0.2 * sigma);
+        for (radius, turned) in
+            (1..=8).flat_map(|r| (0..3).map(move |t| (f64::from(r), f64::from(t))))
+        {
+            let polygon = Polygon { circumradius: 0.25 * sigma * radius };
+            let places: Vec<Vector3<f64>> = (0..drones)
+                .map(|i| polygon.vertex(&centre, 0.26 * turned, 3.0, i, drones))
+                .collect();
+            let nats: f64 = belief.places[..64]
+                .iter()
+                .map(|target| {
+                    let told: Matrix2<f64> =
+                        places.iter().map(|place| turn.fisher(target, place).total()).sum();
+                    (prior + told).determinant().ln()
+                })
+                .sum();
+            if nats > best.0 {
+                best = (nats, centre);
+            }
+        }
+    }
+    best
+}
+
+fn planning(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("one plan for 8 drones");
+    group.sample_size(20);
+    let drones: Vec<Station> =
+        (0..8).map(|i| Station::holding(Pose::at(4.0 * f64::from(i), -50.0, 4.0))).collect();
+    let config = InformationConfig { horizon: 3, ..InformationConfig::default() };
+    for (name, belief) in [
+        ("one mode", Cloud::about(&[[20.0, 30.0]], 15.0)),
+        ("two modes", Cloud::about(&[[-40.0, 30.0], [60.0, 10.0]], 8.0)),
+    ] {
+        let mut information = Information::new(config).expect("in range");
+        group.bench_function(format!("information, horizon 3, {name}"), |bencher| {
+            bencher.iter(|| information.plan(black_box(&belief), &mut drones.clone()));
+        });
+        let descent = SteepestDescent::new(SteepestDescentConfig::default()).expect("in range");
+        group.bench_function(format!("steepest descent, {name}"), |bencher| {
+            bencher.iter(|| descent.clone().plan(black_box(&belief), &mut drones.clone()));
+        });
+        let turn = config.turn().expect("in range");
+        group.bench_function(format!("exhaustive, one turn, {name}"), |bencher| {
+            bencher.iter(|| exhaustive(&turn, black_box(&belief), drones.len()));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, planning);
+criterion_main!(benches);
