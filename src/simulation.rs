@@ -89,7 +89,22 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
     scenario: &Scenario,
     estimator: &NamedEstimator,
     seed: u64,
+    on_event: impl FnMut(&Event) -> Result<(), O>,
+) -> Result<Simulated, SimulationError> {
+    simulate_watched(scenario, estimator, seed, on_event, |_| ())
+}
+
+/// The same, and `watch` looks at the world at every tick, as it truly is.
+///
+/// # Errors
+///
+/// Those of [`simulate`].
+pub fn simulate_watched<O: std::error::Error + Send + Sync + 'static>(
+    scenario: &Scenario,
+    estimator: &NamedEstimator,
+    seed: u64,
     mut on_event: impl FnMut(&Event) -> Result<(), O>,
+    watch: impl FnMut(&World),
 ) -> Result<Simulated, SimulationError> {
     let world = World::new(&scenario.world, seed)?;
     let model = scenario.model.build()?;
@@ -114,7 +129,7 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
     let mut milestones = Milestones::new(beacons);
     let drones = 0..world.drone_count();
     let path = || drones.clone().map(|drone| world.path_length(drone));
-    fly(&mut hunt, &world, &mut sources, scenario.simulation, |event| {
+    let keep = |event: &Event| {
         if let Event::Received { reception, .. } = event
             && let Some(last) = heard.get_mut(usize::from(reception.beacon.0))
         {
@@ -122,7 +137,8 @@ pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
         }
         milestones.note(event, || path().filter_map(Result::ok).sum());
         on_event(event)
-    })?;
+    };
+    fly_watched(&mut hunt, &world, &mut sources, scenario.simulation, keep, watch)?;
 
     let mut fixes: Vec<&Fix> = hunt.fixes().iter().collect();
     fixes.sort_by_key(|fix| fix.beacon);
@@ -148,7 +164,28 @@ pub fn fly<X, P, F, E, S, O, const N: usize, const M: usize>(
     world: &World,
     sources: &mut [S],
     config: SimulationConfig,
+    on_event: impl FnMut(&Event) -> Result<(), O>,
+) -> Result<(), SimulationError>
+where
+    X: BearingExtractor,
+    P: FormationPlanner,
+    F: FnMut(&Estimate<2>) -> Result<E, EstimatorError>,
+    E: Estimator<N, M>,
+    S: PatternSource,
+    O: std::error::Error + Send + Sync + 'static,
+    Observation<M>: for<'a> TryFrom<&'a Reception, Error = ObservationError>,
+{
+    fly_watched(hunt, world, sources, config, on_event, |_| ())
+}
+
+/// The same, and `watch` looks at the world at every tick.
+fn fly_watched<X, P, F, E, S, O, const N: usize, const M: usize>(
+    hunt: &mut Hunt<X, P, F, E, N, M>,
+    world: &World,
+    sources: &mut [S],
+    config: SimulationConfig,
     mut on_event: impl FnMut(&Event) -> Result<(), O>,
+    mut watch: impl FnMut(&World),
 ) -> Result<(), SimulationError>
 where
     X: BearingExtractor,
@@ -165,6 +202,7 @@ where
     let mut fleet = world.fleet();
     hunt.start(world.time(), stations)?;
     loop {
+        watch(world);
         drive(hunt, sources, &mut fleet, world.time())?;
         take_in_who_appeared(hunt, world)?;
         while let Some(event) = hunt.poll_event() {

@@ -1,6 +1,8 @@
 //! Seeded Monte Carlo: the same scenario many times, and what the estimators make of it.
 
 mod antennas;
+mod fleet_watch;
+mod fleets;
 mod paired;
 mod planners;
 mod run;
@@ -9,6 +11,8 @@ mod statistics;
 pub use antennas::{
     AntennaComparison, AntennaSetup, AntennasReport, SetupCampaign, antennas_campaign,
 };
+pub use fleet_watch::{Breach, Violation};
+pub use fleets::{ErrorCount, FleetsReport, fleets_campaign};
 pub use paired::Paired;
 pub use planners::{
     OutcomeCount, PLANNER_SCENARIOS, PlannedBeacon, PlannerCampaign, PlannerComparison,

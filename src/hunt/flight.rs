@@ -320,7 +320,11 @@ impl Flight {
 
     fn land_those_at_home(&mut self, time: f64, outbox: &mut Outbox) {
         let Some(recalled) = self.recalled else { return };
-        let elapsed = time - self.began;
+        // Orders are given now and then, so a little early.
+        let elapsed = time - self.began + RECKONED_EVERY_S;
+        // Who waits for one that was given up would wait for ever. Drones may fly one by one.
+        let drones = f64::from(u32::try_from(self.stations.len()).unwrap_or(u32::MAX));
+        let in_vain = time - recalled >= drones * self.move_timeout_s;
         for drone in self.airborne() {
             let height = self.stations[drone].pose.position.z;
             let empty = self.endurance.as_ref().is_some_and(|endurance| {
@@ -336,6 +340,7 @@ impl Flight {
                 {
                     "it does not come home"
                 }
+                _ if in_vain => "others are in its way home",
                 _ => continue,
             };
             self.attendance[drone].landed();

@@ -2,9 +2,11 @@
 
 mod builtin;
 mod error;
+mod random_fleet;
 
 pub use builtin::{DEFAULT_SCENARIO, builtin_scenarios};
 pub use error::ScenarioError;
+pub use random_fleet::random_fleet;
 
 use std::{fs, path::Path};
 
@@ -70,7 +72,7 @@ impl Default for SimulationConfig {
 }
 
 impl Scenario {
-    /// The scenario of a built-in name, or else of a TOML file.
+    /// The scenario of a built-in name or of a [`random_fleet`], or else of a TOML file.
     ///
     /// # Errors
     ///
@@ -78,6 +80,9 @@ impl Scenario {
     pub fn find(name_or_path: &str) -> Result<Self, ScenarioError> {
         if let Some(text) = builtin::text_of(name_or_path) {
             return Self::parse(text, name_or_path);
+        }
+        if let Some(seed) = random_fleet::seed_in(name_or_path) {
+            return Ok(random_fleet(seed));
         }
         let path = Path::new(name_or_path);
         if !path.exists() {

@@ -11,7 +11,8 @@ use foxhunt::{
 
 use super::{
     antennas, bearing_campaign, calibration::Calibration, choice, extraction::Extraction,
-    overrides::Overrides, planners_campaign as planners, planning::Planning,
+    fleets_campaign as fleets, overrides::Overrides, planners_campaign as planners,
+    planning::Planning,
 };
 use crate::{
     error::CliError,
@@ -38,6 +39,11 @@ use crate::{
 /// 3 m, how far the drones fly, how large the errors are. `--planner` compares that one alone. The
 /// tables are Markdown.
 ///
+/// `fleets` flies fleets of one to eight drones in which everything is random that may go wrong, and
+/// tells whether drones ever came too near to each other, left the fence or the band of altitudes,
+/// or were in the air with empty batteries, and how hunts ended. `fleet-` and a seed is the
+/// scenario of one of them.
+///
 /// bearing-clean, bearing-lost, bearing-reflector, bearing-65 and bearing-block compare the
 /// extractors of bearings on simulated turns of the antenna.
 #[derive(Debug, clap::Args)]
@@ -47,9 +53,10 @@ use crate::{
                         foxhunt campaign isaacs-static --flown --runs 100\n  \
                         foxhunt campaign antennas --runs 200 --estimator grid\n  \
                         foxhunt campaign planners --runs 100 --estimator grid\n  \
+                        foxhunt campaign fleets --runs 10000\n  \
                         foxhunt campaign bearing-reflector --runs 2000 --antenna panel.msi")]
 pub(crate) struct Args {
-    /// A built-in scenario (`foxhunt scenarios` lists them), a TOML file, `antennas`, `planners`, or one of
+    /// A built-in scenario (`foxhunt scenarios` lists them), a TOML file, `antennas`, `planners`, `fleets`, or one of
     /// bearing-clean, bearing-lost, bearing-reflector, bearing-65 and bearing-block
     #[arg(default_value = DEFAULT_SCENARIO)]
     scenario: String,
@@ -109,6 +116,9 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     if let Some(trial) = trial.filter(|_| !args.flown) {
         return run_trial(args, &trial, jobs, output);
     }
+    if args.scenario == fleets::NAME {
+        return run_fleets(args, jobs, output);
+    }
     if args.scenario == planners::NAME {
         return run_planners(args, jobs, output);
     }
@@ -141,6 +151,18 @@ fn tell(args: &Args, scenario: &mut Scenario) -> Result<(), CliError> {
     scenario.extractor = args.extraction.config(&scenario.extractor)?;
     args.overrides.warn_of(scenario);
     Ok(())
+}
+
+fn run_fleets(args: &Args, jobs: usize, output: Output) -> Result<(), CliError> {
+    let others = [args.overrides.any(), args.calibration.is_given(), args.extraction.any()];
+    if others.contains(&true) || args.estimator.len() > 1 {
+        let message = "fleets are drawn at random; of a hunt they are told one --planner and one \
+                       --estimator at most";
+        return Err(CliError::input(message));
+    }
+    let estimator = args.estimator.first().map(|name| choice::estimator(name, "--estimator"));
+    let (planner, estimator) = (args.planning.named(), estimator.transpose()?);
+    fleets::run(planner.as_ref(), estimator.as_ref(), args.runs, args.seed, jobs, output)
 }
 
 fn run_planners(args: &Args, jobs: usize, output: Output) -> Result<(), CliError> {

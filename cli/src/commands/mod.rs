@@ -19,6 +19,7 @@ mod calibration_report;
 mod choice;
 mod extraction;
 mod fixes;
+mod fleets_campaign;
 mod overrides;
 mod parameter;
 mod planners_campaign;

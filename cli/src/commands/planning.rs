@@ -30,6 +30,11 @@ impl Planning {
         known
     }
 
+    /// The one that was asked for.
+    pub(super) fn named(&self) -> Option<NamedPlanner> {
+        self.planner.as_deref().and_then(planner_named)
+    }
+
     /// Has the scenario flown by the planner that was asked for.
     pub(super) fn tell(&self, scenario: &mut Scenario) -> Result<(), CliError> {
         if let Some(name) = &self.planner {

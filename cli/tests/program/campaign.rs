@@ -198,3 +198,25 @@ fn planners_are_compared_with_the_reference_in_their_scenarios() {
     let two = foxhunt([&args[..], &["--estimator", "grid"]].concat());
     two.failed(2, &["one --estimator"]);
 }
+
+#[test]
+fn random_fleets_are_held_against_what_they_must_keep() {
+    let args = ["campaign", "fleets", "--runs", "4", "--seed", "3"];
+    let report = foxhunt(["--json"].iter().chain(&args)).json();
+    has(&report, &["runs", "seed", "outcomes", "errors", "duration_s", "stranded", "violations"]);
+    has(&report, &["spare_separation_m", "spare_airspace_m", "spare_endurance_s"]);
+    assert_eq!((&report["runs"], &report["seed"]), (&4.into(), &3.into()));
+    assert_eq!(report["violations"], serde_json::json!([]));
+    let ends = report["outcomes"].as_array().expect("a list").iter();
+    assert!(ends.map(|end| end["runs"].as_u64().expect("a number")).sum::<u64>() >= 4);
+    let told = foxhunt(args);
+    for text in ["4 random fleets, seeds from 3", "separation", "how it ended", "No violation."] {
+        assert!(told.stdout.contains(text), "{text} is missing in {}", told.stdout);
+    }
+    foxhunt([&args[..], &["--prior-sigma-m", "3"]].concat()).failed(2, &["drawn at random"]);
+    // Each of them is a scenario of its own.
+    let out = crate::support::folder("fleet");
+    let out = out.to_str().expect("UTF-8");
+    let hunt = foxhunt(["--json", "hunt", "fleet-4", "--seed", "4", "--out", out]).json();
+    has(&hunt, &["seed", "beacons"]);
+}

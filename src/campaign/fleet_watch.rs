@@ -1,0 +1,294 @@
+use foxhunt_formation::{Airspace, AirspaceError};
+use foxhunt_sim::{DroneConfig, World};
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use crate::{
+    hunt::{Event, HuntConfig},
+    scenario::Scenario,
+};
+
+/// What must never happen to a fleet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Breach {
+    /// Two drones nearer to each other over ground than the separation.
+    Separation,
+    /// A drone outside the fence or in a zone to keep out of.
+    Airspace,
+    /// A drone above the band of altitudes.
+    Altitude,
+    /// A drone in the air when its batteries are empty, or left there by a hunt that is over without
+    /// an order to land in time, though it could have flown home.
+    Endurance,
+    /// A hunt that is not over in time, or over without a word on a beacon.
+    NoEnd,
+}
+
+impl Breach {
+    /// Its name.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Separation => "separation",
+            Self::Airspace => "airspace",
+            Self::Altitude => "altitude",
+            Self::Endurance => "endurance",
+            Self::NoEnd => "no end",
+        }
+    }
+}
+
+/// Something that must not happen and did.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Violation {
+    /// The seed of the hunt: `fleet-` and this is its scenario.
+    pub seed: u64,
+    /// What.
+    pub breach: Breach,
+    /// When for the first time, in simulated seconds.
+    pub time_s: f64,
+    /// Which drones, counted from 0.
+    pub drones: Vec<usize>,
+    /// How much then: metres between drones, metres inside the fence or above the band, seconds in
+    /// the air.
+    pub value: f64,
+    /// How much it may be.
+    pub limit: f64,
+}
+
+/// Rounding that is no breach, in metres and seconds.
+const ROUNDING: f64 = 1e-6;
+
+/// A drone that is not higher than this has landed, in metres.
+const LANDED_M: f64 = 0.05;
+
+/// Looks at where the drones of a hunt truly are.
+#[derive(Debug)]
+pub(super) struct FleetWatch<'a> {
+    seed: u64,
+    config: &'a HuntConfig,
+    drones: &'a [DroneConfig],
+    airspace: Airspace,
+    /// When they were called home.
+    recalled: Option<f64>,
+    /// Which drones were told to land.
+    landing: Vec<usize>,
+    places: Vec<Vector3<f64>>,
+    pub(super) seen: Seen,
+}
+
+/// What a watch has seen.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Seen {
+    /// The least distance over ground beyond the separation.
+    pub(super) spare_separation_m: f64,
+    /// The least distance inside the fence and outside the zones.
+    pub(super) spare_airspace_m: f64,
+    /// The least time in the air that was left, of drones that could fly home.
+    pub(super) spare_endurance_s: f64,
+    /// Drones whose batteries ran out in the air because they could not be moved.
+    pub(super) stranded: u32,
+    /// The first one of each kind.
+    pub(super) violations: Vec<Violation>,
+}
+
+impl<'a> FleetWatch<'a> {
+    pub(super) fn new(scenario: &'a Scenario, seed: u64) -> Result<Self, AirspaceError> {
+        Ok(Self {
+            seed,
+            config: &scenario.hunt,
+            drones: &scenario.world.drones,
+            airspace: Airspace::new(&scenario.hunt.airspace)?,
+            recalled: None,
+            landing: Vec::new(),
+            places: Vec::new(),
+            seen: Seen {
+                spare_separation_m: f64::INFINITY,
+                spare_airspace_m: f64::INFINITY,
+                spare_endurance_s: f64::INFINITY,
+                stranded: 0,
+                violations: Vec::new(),
+            },
+        })
+    }
+
+    pub(super) fn note(&mut self, event: &Event) {
+        match event {
+            Event::Recalled { time, .. } => {
+                self.recalled.get_or_insert(*time);
+            }
+            Event::Landed { drone, .. } => self.landing.push(*drone),
+            _ => {}
+        }
+    }
+
+    /// Looks at every drone.
+    pub(super) fn look(&mut self, world: &World) {
+        let time = world.time();
+        let places = (0..world.drone_count()).filter_map(|drone| world.pose(drone).ok());
+        self.places.clear();
+        self.places.extend(places.map(|pose| pose.position));
+        for drone in 0..self.places.len() {
+            self.look_at(drone, time);
+        }
+    }
+
+    fn look_at(&mut self, drone: usize, time: f64) {
+        let (place, separation) = (self.places[drone], self.config.separation_m);
+        for other in 0..drone {
+            let apart = (place - self.places[other]).xy().norm();
+            let seen = &mut self.seen;
+            seen.spare_separation_m = seen.spare_separation_m.min(apart - separation);
+            if apart < separation - ROUNDING {
+                self.breach(Breach::Separation, time, &[other, drone], apart, separation);
+            }
+        }
+        let inside = self.airspace.clearance(&place.xy());
+        self.seen.spare_airspace_m = self.seen.spare_airspace_m.min(inside);
+        if inside.is_nan() || inside < -ROUNDING {
+            self.breach(Breach::Airspace, time, &[drone], inside, 0.0);
+        }
+        let above = place.z - self.airspace.altitude(place.z);
+        if above > ROUNDING {
+            self.breach(Breach::Altitude, time, &[drone], above, 0.0);
+        }
+        if let Some(endurance) = self.config.endurance
+            && place.z > LANDED_M
+            && !self.is_helpless(drone, time)
+        {
+            let spare = endurance.endurance_s - time;
+            self.seen.spare_endurance_s = self.seen.spare_endurance_s.min(spare);
+            if spare < -ROUNDING {
+                self.breach(Breach::Endurance, time, &[drone], time, endurance.endurance_s);
+            }
+        }
+    }
+
+    /// Whether it was stuck or without a link at any time since the drones were called home, so
+    /// that no hunt could have brought it there.
+    fn is_helpless(&self, drone: usize, time: f64) -> bool {
+        let (Some(recalled), Some(drone)) = (self.recalled, self.drones.get(drone)) else {
+            return false;
+        };
+        let mut failures = drone.stuck.iter().chain(&drone.lost);
+        failures
+            .any(|failure| failure.from_s <= time && failure.to_s.is_none_or(|end| end > recalled))
+    }
+
+    /// The hunt is over at `time`; `silent` tells that it left a beacon without a word.
+    pub(super) fn end(mut self, time: f64, silent: bool) -> Seen {
+        if silent {
+            self.breach(Breach::NoEnd, time, &[], time, 0.0);
+        }
+        if let Some(endurance) = self.config.endurance {
+            for drone in 0..self.places.len() {
+                // An order to land is carried out after the hunt.
+                let down = time + self.places[drone].z / endurance.climb_mps;
+                let lands = self.landing.contains(&drone) && down <= endurance.endurance_s;
+                if self.places[drone].z > LANDED_M && self.is_helpless(drone, time) {
+                    self.seen.stranded += 1;
+                } else if self.places[drone].z > LANDED_M && !lands {
+                    self.breach(Breach::Endurance, time, &[drone], time, endurance.endurance_s);
+                }
+            }
+        }
+        self.seen
+    }
+
+    fn breach(&mut self, breach: Breach, time_s: f64, drones: &[usize], value: f64, limit: f64) {
+        if self.seen.violations.iter().all(|known| known.breach != breach) {
+            let (seed, drones) = (self.seed, drones.to_vec());
+            self.seen.violations.push(Violation { seed, breach, time_s, drones, value, limit });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_formation::{AirspaceConfig, EnduranceConfig};
+    use foxhunt_sim::Interval;
+
+    use super::*;
+    use crate::scenario::random_fleet;
+
+    /// Two drones at rest, 5 m apart and 4 m up, for 20 s in the air; they have to keep what
+    /// `change` says.
+    fn seen(change: impl FnOnce(&mut Scenario), events: &[Event]) -> Seen {
+        let mut scenario = random_fleet(1);
+        let drone = |east_m| DroneConfig { east_m, up_m: 4.0, ..DroneConfig::default() };
+        scenario.world.drones = vec![drone(0.0), drone(5.0)];
+        scenario.hunt = HuntConfig { separation_m: 4.0, ..HuntConfig::default() };
+        change(&mut scenario);
+        let world = World::new(&scenario.world, 1).expect("in order");
+        let mut watch = FleetWatch::new(&scenario, 1).expect("in order");
+        events.iter().for_each(|event| watch.note(event));
+        for _ in 0..=20 {
+            watch.look(&world);
+            world.advance(1.0).expect("a step");
+        }
+        watch.end(20.0, false)
+    }
+
+    fn breaches(seen: &Seen) -> Vec<(Breach, f64, &[usize])> {
+        seen.violations.iter().map(|v| (v.breach, v.time_s, &v.drones[..])).collect()
+    }
+
+    fn recalled(time: f64) -> Event {
+        Event::Recalled { time, reason: String::new() }
+    }
+
+    fn landed(drone: usize) -> Event {
+        Event::Landed { time: 15.0, drone, reason: String::new() }
+    }
+
+    fn batteries(scenario: &mut Scenario, endurance_s: f64) {
+        let endurance = EnduranceConfig { endurance_s, ..EnduranceConfig::default() };
+        scenario.hunt.endurance = Some(endurance);
+    }
+
+    #[test]
+    fn who_keeps_everything_breaks_nothing() {
+        let seen = seen(|_| (), &[]);
+        assert_eq!(seen.violations, []);
+        assert!((seen.spare_separation_m - 1.0).abs() < 1e-12);
+        assert!(seen.spare_endurance_s.is_infinite() && seen.stranded == 0);
+    }
+
+    #[test]
+    fn each_breach_is_found_once_and_at_its_time() {
+        let near = seen(|s| s.hunt.separation_m = 5.1, &[]);
+        assert_eq!(breaches(&near), [(Breach::Separation, 0.0, &[0, 1][..])]);
+        let fence_m = vec![[-9.0, -9.0], [4.0, -9.0], [4.0, 9.0], [-9.0, 9.0]];
+        let outside = |s: &mut Scenario| {
+            s.hunt.airspace = AirspaceConfig { fence_m, ..AirspaceConfig::default() };
+        };
+        assert_eq!(breaches(&seen(outside, &[])), [(Breach::Airspace, 0.0, &[1][..])]);
+        let high = seen(|s| s.hunt.airspace.altitude_m = Some([1.0, 3.9]), &[]);
+        assert_eq!(breaches(&high), [(Breach::Altitude, 0.0, &[0][..])]);
+        let empty = seen(|s| batteries(s, 9.5), &[recalled(5.0)]);
+        assert_eq!(breaches(&empty), [(Breach::Endurance, 10.0, &[0][..])]);
+    }
+
+    #[test]
+    fn who_is_told_to_land_in_time_or_cannot_be_told_breaks_nothing() {
+        // 4 m down at 1 m/s.
+        let told = [recalled(5.0), landed(0), landed(1)];
+        assert_eq!(seen(|s| batteries(s, 24.0), &told).violations, []);
+        assert_eq!(breaches(&seen(|s| batteries(s, 23.9), &told)).len(), 1);
+        let one = seen(|s| batteries(s, 24.0), &told[..2]);
+        assert_eq!(breaches(&one), [(Breach::Endurance, 20.0, &[1][..])]);
+        // Lost until after the recall: nobody could bring it down. Lost before it: one could.
+        let lost = |until: f64| {
+            let lost = vec![Interval { from_s: 0.0, to_s: Some(until) }];
+            move |s: &mut Scenario| {
+                batteries(s, 24.0);
+                s.world.drones[1].lost = lost;
+            }
+        };
+        let after = seen(lost(6.0), &told[..2]);
+        assert_eq!((breaches(&after).len(), after.stranded), (0, 1));
+        assert_eq!(breaches(&seen(lost(4.0), &told[..2])).len(), 1);
+    }
+}

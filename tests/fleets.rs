@@ -1,0 +1,71 @@
+//! Fleets in which everything is random that may go wrong.
+
+use foxhunt::{
+    campaign::{FleetsReport, fleets_campaign},
+    scenario::{Scenario, random_fleet},
+};
+
+fn fly(runs: u32, seed: u64, jobs: usize) -> FleetsReport {
+    fleets_campaign(None, None, runs, seed, jobs, &|| ()).expect("they can be built")
+}
+
+fn assert_safe(report: &FleetsReport) {
+    assert_eq!(report.violations, [], "`foxhunt hunt fleet-SEED --seed SEED` flies one again");
+    assert!(report.spare_separation_m.expect("there are pairs") >= 0.0);
+    assert!(report.spare_airspace_m.expect("there are fences") >= 0.0);
+    assert!(report.spare_endurance_s.expect("there are batteries") >= 0.0);
+}
+
+#[test]
+fn sixty_random_fleets_keep_what_they_must() {
+    let report = fly(60, 1, 2);
+    assert_safe(&report);
+    // What may go wrong does, and hunts end in more than one way.
+    assert!(report.outcomes.len() >= 4, "{:?}", report.outcomes);
+}
+
+#[test]
+fn a_fleet_is_that_of_its_seed_on_any_number_of_threads() {
+    assert_eq!(fly(4, 100, 1), fly(4, 100, 2));
+    assert_eq!(Scenario::find("fleet-7").expect("it has a seed"), random_fleet(7));
+    assert_ne!(random_fleet(7).world, random_fleet(8).world);
+    assert!(Scenario::find("fleet-").is_err() && Scenario::find("fleet-+7").is_err());
+}
+
+/// The scenarios hold what they promise: all sizes, fences, zones, batteries and failures.
+#[test]
+fn everything_that_may_go_wrong_is_drawn() {
+    let fleets: Vec<Scenario> = (0..300).map(random_fleet).collect();
+    for size in 1..=8 {
+        assert!(fleets.iter().any(|s| s.world.drones.len() == size), "{size} drones");
+    }
+    let drones = || fleets.iter().flat_map(|s| &s.world.drones);
+    let share = |count: usize, of: usize| count * 100 / of;
+    let failing = [
+        drones().filter(|d| !d.stuck.is_empty()).count(),
+        drones().filter(|d| !d.lost.is_empty()).count(),
+        drones().filter(|d| !d.silent.is_empty()).count(),
+        drones().filter(|d| d.late_s > 0.0).count(),
+    ];
+    for count in failing {
+        assert!((5..20).contains(&share(count, drones().count())), "{failing:?}");
+    }
+    let some = [
+        fleets.iter().filter(|s| !s.hunt.airspace.fence_m.is_empty()).count(),
+        fleets.iter().filter(|s| !s.hunt.airspace.keep_out.is_empty()).count(),
+        fleets.iter().filter(|s| s.hunt.endurance.is_some()).count(),
+        fleets.iter().filter(|s| s.hunt.shared_turns).count(),
+        fleets.iter().filter(|s| s.world.beacons.len() == 2).count(),
+    ];
+    assert!(some.iter().all(|count| (20..95).contains(&share(*count, 300))), "{some:?}");
+    // A file of such a scenario reads back as it was.
+    let text = toml::to_string(&fleets[0]).expect("plain fields");
+    assert_eq!(Scenario::parse(&text, "fleet").expect("in order").world, fleets[0].world);
+}
+
+/// Ten thousand fleets.
+#[test]
+#[ignore = "campaign: ten thousand hunts, half an hour in release"]
+fn ten_thousand_random_fleets_keep_what_they_must() {
+    assert_safe(&fly(10_000, 1, 2));
+}
