@@ -89,7 +89,7 @@ pub struct InformationConfig {
 impl Default for InformationConfig {
     /// The open field's exponent 2.765, 4 dB and 30° (Pritzl 2018, §6.1 and §7.1), a
     /// power in doubt by 5 dB, 2 to 4 m up and 30° at most, 2 m/s over ground and 1 m/s up, turns of 45 s,
-    /// 3 m between drones; a horizon of 5 turns, 64 places; the search ends at 1.6 m, below
+    /// 3 m between drones; a horizon of 8 turns, 64 places; the search ends at 1.6 m, below
     /// 0.001 nats per second or after 60 positions; nothing is believed beforehand.
     fn default() -> Self {
         Self {
@@ -102,7 +102,7 @@ impl Default for InformationConfig {
             climb_mps: 1.0,
             turn_s: 45.0,
             separation_m: 3.0,
-            horizon: 5,
+            horizon: 8,
             objective: Objective::default(),
             criterion: Criterion::default(),
             places: 64,
