@@ -136,8 +136,8 @@ fn steepest_descent(scenario: &Scenario) -> PlannerConfig {
     PlannerConfig::SteepestDescent(SteepestDescentConfig { exponent, ..Default::default() })
 }
 
-/// With the exponent that the estimator takes, the vehicles' speed and what is believed before
-/// anything was heard.
+/// With the exponent that the estimator takes, the vehicles' speed, the time that the slowest turn
+/// takes and what is believed before anything was heard.
 fn information(scenario: &Scenario) -> InformationConfig {
     let (speed_mps, climb_mps) = match &scenario.world.vehicle {
         VehicleConfig::Kinematic(vehicle) => (vehicle.speed_mps, vehicle.climb_mps),
@@ -147,10 +147,19 @@ fn information(scenario: &Scenario) -> InformationConfig {
             (default.speed_mps, default.climb_mps)
         }
     };
+    let asked = if scenario.hunt.shared_turns { scenario.world.beacons.len() } else { 1 };
+    let asked = u16::try_from(asked).unwrap_or(u16::MAX);
+    let quickness = &scenario.world.stepper;
+    let sources = match scenario.sources.as_slice() {
+        [] => std::slice::from_ref(&scenario.source),
+        sources => sources,
+    };
+    let turn_s = sources.iter().map(|source| source.turn_s(quickness, asked)).fold(0.1, f64::max);
     InformationConfig {
         exponent: scenario.model.exponent,
         speed_mps,
         climb_mps,
+        turn_s,
         prior_sigma_m: scenario.hunt.prior_sigma_m,
         prior_centre_m: scenario.hunt.prior_centre_m,
         ..InformationConfig::default()

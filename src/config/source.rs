@@ -1,8 +1,8 @@
-use std::{error::Error, fmt};
+use std::{error::Error, f64::consts::TAU, fmt};
 
 use foxhunt_core::{BeaconId, PatternSource, Sweep};
 use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig, StepperConfig};
-use foxhunt_sim::{SimError, World};
+use foxhunt_sim::{SimError, SimStepperConfig, World};
 use serde::{Deserialize, Serialize};
 
 /// What a drone listens with, chosen at run time.
@@ -43,6 +43,27 @@ impl SourceConfig {
                 boxed(world.late(drone, world.omnidirectional(drone, config)?)?)
             }
         })
+    }
+}
+
+impl SourceConfig {
+    /// About how long a turn takes in a simulated world that asks so many beacons, in seconds, where
+    /// every question is answered.
+    #[must_use]
+    pub fn turn_s(&self, quickness: &SimStepperConfig, beacons: u16) -> f64 {
+        let answer_s = quickness.radio_latency_s;
+        let per_question = |spacing_s: f64| f64::from(beacons) * spacing_s.max(answer_s);
+        match self {
+            Self::Stepper(config) => {
+                let questions =
+                    f64::from(config.positions()) * f64::from(config.samples_per_position());
+                questions * per_question(0.0) + TAU / quickness.rotator_speed_rad_s
+            }
+            Self::RotatingBody(config) => TAU / config.rate_rad_s.abs(),
+            Self::Omnidirectional(config) => {
+                f64::from(config.questions) * per_question(config.spacing_s)
+            }
+        }
     }
 }
 
