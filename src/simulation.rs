@@ -204,7 +204,7 @@ where
     loop {
         watch(world);
         drive(hunt, sources, &mut fleet, world.time())?;
-        take_in_who_appeared(hunt, world)?;
+        take_in_who_appeared(hunt, world).map_err(DriveError::Hunt)?;
         while let Some(event) = hunt.poll_event() {
             on_event(&event).map_err(|error| SimulationError::Log(Box::new(error)))?;
         }

@@ -100,8 +100,9 @@ pub trait FormationPlanner {
         self.plan(target.belief, stations)
     }
 
-    /// Takes note of a reception that the belief has just taken in, for planners that go by what
-    /// is heard and where. Unless overridden, they do not.
+    /// Takes note of a reception that a belief has just taken in, for planners that go by what is
+    /// heard and where. It may be of any beacon that the turn asked, the reception says which.
+    /// Unless overridden, they do not.
     fn hear(&mut self, reception: &Reception) {
         let _ = reception;
     }
@@ -163,7 +164,7 @@ pub enum Outcome {
     BudgetSpent,
     /// No drone is left that could listen.
     NoDrones,
-    /// The planner had no plan any more; the log says why.
+    /// There was no plan any more, or no permitted way home; the log says why.
     NoPlan,
 }
 

@@ -120,6 +120,12 @@ impl Attendance {
         self.lost || self.still
     }
 
+    /// For how many seconds its place has not been known.
+    #[must_use]
+    pub fn unseen_s(&self, time: f64) -> f64 {
+        time - self.located
+    }
+
     /// Its place is known. `under_way` says whether it was sent somewhere else and has not come
     /// there.
     pub fn located(&mut self, time: f64, position: Vector3<f64>, under_way: bool) {

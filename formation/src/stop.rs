@@ -108,24 +108,29 @@ impl StopWatch {
                 return Some(Stop { outcome: Outcome::Converged, value, limit, rule });
             }
         }
-        let budgets = [
-            (rules.time_s, time_s, Outcome::BudgetSpent, "seconds since the search began"),
-            (rules.path_m, path_m, Outcome::BudgetSpent, "metres flown since the search began"),
-            (
-                rules.positions.map(f64::from),
-                f64::from(positions),
-                Outcome::MoveLimit,
-                "formation positions",
-            ),
-        ];
-        budgets.into_iter().find_map(|(limit, value, outcome, rule)| {
-            let limit = limit.filter(|limit| value >= *limit)?;
-            Some(Stop { outcome, value, limit, rule })
-        })
+        let limit = rules.positions.map(f64::from);
+        if let Some(limit) = limit.filter(|limit| f64::from(positions) >= *limit) {
+            let (value, rule) = (f64::from(positions), "formation positions");
+            return Some(Stop { outcome: Outcome::MoveLimit, value, limit, rule });
+        }
+        rules.budget(time_s, path_m)
     }
 }
 
 impl StopRules {
+    /// Why a search is over that has taken so many seconds and metres, whatever it has found.
+    #[must_use]
+    pub fn budget(&self, time_s: f64, path_m: f64) -> Option<Stop> {
+        let budgets = [
+            (self.time_s, time_s, "seconds since the search began"),
+            (self.path_m, path_m, "metres flown since the search began"),
+        ];
+        budgets.into_iter().find_map(|(limit, value, rule)| {
+            let limit = limit.filter(|limit| value >= *limit)?;
+            Some(Stop { outcome: Outcome::BudgetSpent, value, limit, rule })
+        })
+    }
+
     /// The first rule whose figure is not a positive number, with that figure.
     #[must_use]
     pub fn out_of_range(&self) -> Option<(&'static str, f64)> {

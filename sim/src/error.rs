@@ -32,7 +32,7 @@ pub enum SimError {
         drones: usize,
     },
     /// There is no link to the drone at present.
-    #[error("there is no link to drone {drone}")]
+    #[error("there is no link")]
     Link {
         /// Which one.
         drone: usize,

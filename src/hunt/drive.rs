@@ -53,7 +53,7 @@ where
             }
             Command::Land { drone } => {
                 if let Err(error) = fleet.land(drone) {
-                    hunt.device_failed(time, Some(drone), error.to_string());
+                    hunt.not_landed(time, drone, error.to_string());
                 }
             }
             Command::Listen { drone, beacons } => {
@@ -64,8 +64,12 @@ where
         }
     }
     for (drone, source) in sources.iter_mut().enumerate() {
-        // A turn that is over lends a sweep for each beacon.
-        while hunt.awaits(drone) {
+        // A turn that is over lends a sweep for each beacon; a source that lends without end is
+        // not asked for more.
+        for _ in 0..hunt.beacon_count() {
+            if !hunt.awaits(drone) {
+                break;
+            }
             match source.poll() {
                 Ok(Some(sweep)) => hunt.sweep(time, drone, &sweep),
                 Ok(None) => break,

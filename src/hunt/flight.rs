@@ -1,4 +1,4 @@
-use foxhunt_core::{BeaconId, Outcome, PlanError, Pose, Station, Target, Waypoint};
+use foxhunt_core::{BeaconId, Outcome, PlanError, Pose, Station, Sweep, Target, Waypoint};
 use foxhunt_formation::{
     Airspace, Attendance, Duty, Endurance, Traffic, TrafficConfig, TrafficError, Travel,
 };
@@ -35,11 +35,16 @@ pub(super) struct Flight {
     /// Whose sweeps each drone owes, and whether it is waited for.
     owed: Vec<(Vec<BeaconId>, bool)>,
     flown_m: f64,
+    /// Since when each drone does not take its order to land, and when it is told again.
+    unlanded: Vec<Option<(f64, f64)>>,
 }
 
 /// How often the time that a return takes is reckoned, in seconds; the reserve covers what changes
 /// in between.
 const RECKONED_EVERY_S: f64 = 1.0;
+
+/// After how many seconds a drone is told again to land.
+const LANDED_AGAIN_AFTER_S: f64 = 5.0;
 
 impl Flight {
     pub(super) fn new(
@@ -76,6 +81,7 @@ impl Flight {
             reckoned: time,
             move_timeout_s: config.move_timeout_s,
             flown_m: 0.0,
+            unlanded: vec![None; starts.len()],
         })
     }
 
@@ -161,7 +167,7 @@ impl Flight {
     }
 
     /// Has `plan` set the goals of those that take part, makes places of them that may be flown to,
-    /// and sends each drone to one of them. On an error nothing changes.
+    /// and sends each drone to one of them. On an error the drones' goals stay.
     pub(super) fn form<T>(
         &mut self,
         time: f64,
@@ -185,6 +191,8 @@ impl Flight {
         let elapsed = time - self.began;
         self.unaffordable = self.endurance.as_ref().and_then(|endurance| {
             let left_s = endurance.left_s(elapsed);
+            // Where there is no way for one of them it will stay, and the way home of all is reckoned
+            // again and again.
             let needed_s =
                 endurance.round_s(&self.traffic, &formation, &self.homes, self.turn_s)?;
             (needed_s >= left_s).then(|| {
@@ -235,13 +243,20 @@ impl Flight {
         }
     }
 
-    /// Takes note that a drone has delivered; false where there is no such drone.
-    pub(super) fn delivered(&mut self, time: f64, drone: usize, beacon: BeaconId) -> bool {
-        let Some((owed, _)) = self.owed.get_mut(drone) else { return false };
-        owed.retain(|other| *other != beacon);
-        self.attendance[drone].delivered();
-        self.turn_s = time - self.listening;
-        true
+    /// Takes note of a sweep that a drone has delivered, and says whether it is of the last turn and
+    /// not of an earlier one; `None` where there is no such drone.
+    pub(super) fn delivered(&mut self, time: f64, drone: usize, sweep: &Sweep<'_>) -> Option<bool> {
+        let (owed, _) = self.owed.get_mut(drone)?;
+        // One without a time is of no use and will not come again.
+        let late = sweep.time < self.listening;
+        if !late {
+            owed.retain(|other| *other != sweep.beacon);
+            self.turn_s = time - self.listening;
+        }
+        if sweep.time.is_finite() {
+            self.attendance[drone].delivered();
+        }
+        Some(!late)
     }
 
     /// Whether a drone still owes a sweep, awaited or late.
@@ -266,8 +281,10 @@ impl Flight {
 
     /// Why the drones have to fly home now, if they have to.
     pub(super) fn must_return(&mut self, time: f64) -> Option<Recall> {
-        if self.placed().is_empty() {
-            let reason = "no drone is left in the air".to_owned();
+        let unseen_s = |attendance: &Attendance| attendance.unseen_s(time);
+        let unseen_s = self.attendance.iter().map(unseen_s).fold(f64::INFINITY, f64::min);
+        if unseen_s >= self.move_timeout_s {
+            let reason = format!("no drone was seen for {unseen_s:.0} s");
             return Some(Recall { outcome: Outcome::NoDrones, reason });
         }
         if time - self.reckoned < RECKONED_EVERY_S {
@@ -278,14 +295,15 @@ impl Flight {
         let sound = |drone: &usize| !self.attendance[*drone].is_astray();
         let drones: Vec<usize> = self.airborne().into_iter().filter(sound).collect();
         let left_s = endurance.left_s(time - self.began);
-        let reason = match endurance.return_s(&self.traffic, &drones, &self.homes) {
+        let (outcome, reason) = match endurance.return_s(&self.traffic, &drones, &self.homes) {
             Some(needed_s) if needed_s + RECKONED_EVERY_S < left_s => return None,
-            Some(needed_s) => {
-                format!("the way home takes up to {needed_s:.0} s, and {left_s:.0} s are left")
-            }
-            None => "a drone has no permitted way home".to_owned(),
+            Some(needed_s) => (
+                Outcome::BudgetSpent,
+                format!("the way home takes up to {needed_s:.0} s, and {left_s:.0} s are left"),
+            ),
+            None => (Outcome::NoPlan, "a drone has no permitted way home".to_owned()),
         };
-        Some(Recall { outcome: Outcome::BudgetSpent, reason })
+        Some(Recall { outcome, reason })
     }
 
     /// Why the formation that was just planned cannot be flown to, if it cannot; told once.
@@ -331,9 +349,14 @@ impl Flight {
                 let config = endurance.config();
                 elapsed + height.max(0.0) / config.climb_mps >= config.endurance_s
             });
-            let reason = match self.traffic.status(drone) {
-                Travel::There => "it is at home",
-                Travel::Blocked => "there is no permitted way home",
+            let reason = match (self.unlanded[drone], self.traffic.status(drone)) {
+                (Some((since, _)), _) if time - since >= self.move_timeout_s => {
+                    "it takes no order to land and is given up"
+                }
+                (Some((_, again)), _) if time < again => continue,
+                (Some(_), _) => "it is told again",
+                (None, Travel::There) => "it is at home",
+                (None, Travel::Blocked) => "there is no permitted way home",
                 _ if empty => "its endurance is over",
                 _ if self.attendance[drone].is_astray()
                     && time - recalled >= self.move_timeout_s =>
@@ -347,6 +370,17 @@ impl Flight {
             let _ = self.traffic.hold(drone);
             outbox.tell(Event::Landed { time, drone, reason: reason.to_owned() });
             outbox.order(Command::Land { drone });
+        }
+    }
+
+    /// Takes note that a drone did not take its order to land; it is told again every few seconds,
+    /// until it is given up.
+    pub(super) fn not_landed(&mut self, time: f64, drone: usize) {
+        let Some(unlanded) = self.unlanded.get_mut(drone) else { return };
+        let since = unlanded.map_or(time, |(since, _)| since);
+        *unlanded = Some((since, time + LANDED_AGAIN_AFTER_S));
+        if time - since < self.move_timeout_s {
+            self.attendance[drone].sent_home();
         }
     }
 }

@@ -102,8 +102,9 @@ where
         }
         self.flight = Some(Flight::new(&self.config, time, stations)?);
         self.begin_beacon(time).inspect_err(|_| {
-            self.flight = None;
-            self.outbox = Outbox::default();
+            (self.flight, self.outbox) = (None, Outbox::default());
+            (self.phases, self.since, self.current) = (Phases::default(), 0.0, 0);
+            self.fixes.clear();
             self.beacons.iter_mut().for_each(Quarry::reset);
         })
     }
@@ -130,6 +131,8 @@ where
         if !all_found && let Some(reason) = flight.must_return(time) {
             return self.recall(time, reason);
         }
+        self.stop_by_budget(time)?;
+        let Some(flight) = &mut self.flight else { return Ok(()) };
         let waited_s = time - self.since;
         match self.phases.phase() {
             Phase::Start | Phase::Moving(_) => {
@@ -154,9 +157,8 @@ where
     /// late, when it is no longer awaited, is used as long as its beacon is still searched for.
     pub fn sweep(&mut self, time: f64, drone: usize, sweep: &Sweep<'_>) {
         let Some(flight) = &mut self.flight else { return };
-        if !flight.delivered(time, drone, sweep.beacon) {
-            return;
-        }
+        let listening = matches!(self.phases.phase(), Phase::Measuring(_));
+        let Some(in_time) = flight.delivered(time, drone, sweep) else { return };
         let index = usize::from(sweep.beacon.0);
         let Some(search) = self.beacons.get_mut(index).and_then(Quarry::search_mut) else { return };
         if !(sweep.time.is_finite() && sweep.receiver.is_finite()) {
@@ -177,7 +179,9 @@ where
         self.outbox.tell(Event::Received { time, drone, first_position, reception });
         let reason = match search.track.hear(&reception, first_position) {
             Ok(Heard::Corrected(correction)) => {
-                search.heard += u32::from(correction != Correction::Empty);
+                // A late sweep tells of the place where it was made, and not of this position.
+                let counts = in_time && listening && correction != Correction::Empty;
+                search.heard += u32::from(counts);
                 let estimate = search.track.position();
                 self.outbox.tell(Event::Corrected { time, drone, correction, estimate });
                 if let Some(NisHealth::Diverged { average, interval }) = search.track.alarm() {
@@ -185,9 +189,7 @@ where
                     let event = Event::FilterDiverged { time, beacon, average_nis, interval };
                     self.outbox.tell(event);
                 }
-                if index == self.current {
-                    self.planner.hear(&reception);
-                }
+                self.planner.hear(&reception);
                 return;
             }
             Ok(Heard::Discarded) => {
@@ -207,6 +209,14 @@ where
     pub fn not_sent(&mut self, time: f64, drone: usize, reason: String) {
         if let Some(flight) = &mut self.flight {
             flight.not_sent(drone);
+        }
+        self.device_failed(time, Some(drone), reason);
+    }
+
+    /// Notes that a drone did not take its order to land; it is told again for a while.
+    pub fn not_landed(&mut self, time: f64, drone: usize, reason: String) {
+        if let Some(flight) = &mut self.flight {
+            flight.not_landed(time, drone);
         }
         self.device_failed(time, Some(drone), reason);
     }

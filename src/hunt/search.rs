@@ -28,6 +28,8 @@ pub(super) struct Search<E, const N: usize, const M: usize> {
     pub(super) measured: u32,
     /// Receptions used at the present position.
     pub(super) heard: u32,
+    /// How often it was not heard where others were.
+    pub(super) put_off: u32,
     pub(super) watch: StopWatch,
     /// When the search began, in seconds, and how far all drones had flown by then, in metres.
     pub(super) began: (f64, f64),

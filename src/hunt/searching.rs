@@ -94,6 +94,7 @@ where
             track: Track::new(estimator, self.track_config),
             measured: 0,
             heard: 0,
+            put_off: 0,
             watch: StopWatch::new(self.config.stop),
             began: (time, self.flight.as_ref().map_or(0.0, Flight::flown_m)),
         }));
@@ -105,37 +106,19 @@ where
     pub(super) fn position_done(&mut self, time: f64) -> Result<(), HuntError> {
         let heard_now = |quarry: &Quarry<E, N, M>| quarry.search().is_some_and(|s| s.heard > 0);
         let heard: Vec<bool> = self.beacons.iter().map(heard_now).collect();
-        let any = heard.contains(&true);
-        if !any {
-            // The planner would take an estimate that did not move for one that has settled.
-            self.attempts += 1;
-            if self.attempts < self.config.attempts {
-                self.listen(time);
-                return Ok(());
-            }
-        }
         for search in self.beacons.iter_mut().filter_map(Quarry::search_mut) {
             search.measured += u32::from(std::mem::take(&mut search.heard) > 0);
-        }
-        if !any {
-            let before = self.beacons[self.current].search().is_some_and(|s| s.measured > 0);
-            let outcome = if before { Outcome::SignalLost } else { Outcome::NothingHeard };
-            let reason = format!("it was listened for {} times in vain", self.attempts);
-            return self.give_up(time, outcome, reason);
         }
         self.stop_by_rule(time, &heard)?;
         if self.beacons[self.current].is_done() {
             return self.next_beacon(time);
         }
         if !heard[self.current] {
-            // The others have told something: go on with one of them, and come back to this one.
-            self.current = heard.iter().position(|heard| *heard).unwrap_or(self.current);
-            let decided = self.plan(time, |planner, targets, stations| match targets {
-                [] => Err(PlanError::NoPlace),
-                [target, ..] => planner.resume(target.belief, stations),
-            });
-            let decided = decided.map(|()| Decision::Listen(Stage::Searching));
-            return self.decided(time, decided);
+            let open = |index: &usize| heard[*index] && !self.beacons[*index].is_done();
+            return match (0..heard.len()).find(open) {
+                Some(other) => self.put_off(time, other),
+                None => self.heard_nothing(time),
+            };
         }
         let decided = self.plan(time, |planner, targets, stations| match targets {
             [] => Err(PlanError::NoPlace),
@@ -143,6 +126,59 @@ where
             several => planner.plan_together(several, stations),
         });
         self.decided(time, decided)
+    }
+
+    /// Listens once more where nothing was heard, or gives the present beacon up: the planner would
+    /// take an estimate that did not move for one that has settled.
+    fn heard_nothing(&mut self, time: f64) -> Result<(), HuntError> {
+        self.attempts += 1;
+        if self.attempts < self.config.attempts {
+            self.listen(time);
+            return Ok(());
+        }
+        let reason = format!("it was listened for {} times in vain", self.attempts);
+        self.give_up_unheard(time, reason)
+    }
+
+    /// Goes on with another beacon that was heard where the present one was not, and comes back to
+    /// this one; it is given up when that has happened too often, so that every hunt ends.
+    fn put_off(&mut self, time: f64, other: usize) -> Result<(), HuntError> {
+        if let Some(search) = self.beacons[self.current].search_mut() {
+            search.put_off += 1;
+            if search.put_off >= self.config.attempts {
+                let reason = format!("others were heard without it {} times", search.put_off);
+                return self.give_up_unheard(time, reason);
+            }
+        }
+        self.current = other;
+        let decided = self.plan(time, |planner, targets, stations| match targets {
+            [] => Err(PlanError::NoPlace),
+            [target, ..] => planner.resume(target.belief, stations),
+        });
+        self.decided(time, decided.map(|()| Decision::Listen(Stage::Searching)))
+    }
+
+    fn give_up_unheard(&mut self, time: f64, reason: String) -> Result<(), HuntError> {
+        let before = self.beacons[self.current].search().is_some_and(|s| s.measured > 0);
+        let outcome = if before { Outcome::SignalLost } else { Outcome::NothingHeard };
+        self.give_up(time, outcome, reason)
+    }
+
+    /// Ends the searches whose time or path is used up, wherever the drones are.
+    pub(super) fn stop_by_budget(&mut self, time: f64) -> Result<(), HuntError> {
+        let flown_m = self.flight.as_ref().map_or(0.0, Flight::flown_m);
+        for index in 0..self.beacons.len() {
+            let Some(search) = self.beacons[index].search() else { continue };
+            let (time_s, path_m) = (time - search.began.0, flown_m - search.began.1);
+            let Some(stop) = self.config.stop.budget(time_s, path_m) else { continue };
+            if index == self.current {
+                return self.give_up(time, stop.outcome, stop.to_string());
+            }
+            let (beacon, outcome, reason) = (beacon_id(index), stop.outcome, stop.to_string());
+            self.outbox.tell(Event::Stopped { time, beacon, outcome, reason });
+            self.close(time, index, outcome);
+        }
+        Ok(())
     }
 
     /// Ends the searches that a rule of the configuration ends, among those that were heard.
@@ -234,14 +270,16 @@ where
         if !matches!(self.phases.phase(), Phase::Idle | Phase::Finished(_)) {
             self.signal(time, Signal::GivenUp(outcome))?;
         }
+        if let Some(flight) = &mut self.flight {
+            flight.go_home(time, reason.clone(), &mut self.outbox);
+        }
         for index in 0..self.beacons.len() {
             if !self.beacons[index].is_done() {
                 self.begin_search(time, index)?;
+                let (beacon, reason) = (beacon_id(index), reason.clone());
+                self.outbox.tell(Event::Stopped { time, beacon, outcome, reason });
                 self.close(time, index, outcome);
             }
-        }
-        if let Some(flight) = &mut self.flight {
-            flight.go_home(time, reason, &mut self.outbox);
         }
         Ok(())
     }

@@ -242,3 +242,51 @@ fn beacons_that_show_up_later_are_taken_in() {
         }
     }
 }
+
+#[test]
+fn budgets_end_a_search_wherever_the_drones_are() {
+    // Every turn times out, so that no formation position is ever done before the budget is.
+    let stop = StopRules { time_s: Some(30.0), ..StopRules::default() };
+    let (events, duration) =
+        fly_while(HuntConfig { stop, ..hunt_config() }, triangle(), &mut |_, _, sources| {
+            sources.iter_mut().for_each(|source| source.health = Health::Silent);
+        });
+    assert_eq!(fix(&events).outcome, Outcome::BudgetSpent);
+    assert!((30.0..31.0).contains(&duration), "{duration} s");
+}
+
+#[test]
+fn drones_that_nobody_sees_any_more_end_the_hunt() {
+    let config = HuntConfig { return_home: true, ..hunt_config() };
+    let (events, duration) = fly_while(config, triangle(), &mut |time, vehicles, sources| {
+        if time > 2.0 {
+            for (vehicle, source) in vehicles.iter_mut().zip(sources) {
+                vehicle.stuck = true;
+                vehicle.place.set(Pose::at(f64::NAN, 0.0, 4.0));
+                source.health = Health::Silent;
+            }
+        }
+    });
+    assert_eq!(fix(&events).outcome, Outcome::NoDrones);
+    let timeout = HuntConfig::default().move_timeout_s;
+    assert!(duration < 3.0 * timeout + 30.0, "{duration} s");
+}
+
+#[test]
+fn a_beacon_that_falls_silent_is_put_off_and_then_given_up() {
+    // The first is heard of at the start alone; a rule ends the second while the first is sought.
+    for ellipse_95_m in [None, Some(6.0)] {
+        let stop = StopRules { ellipse_95_m, ..StopRules::default() };
+        let config = HuntConfig { shared_turns: true, stop, ..hunt_config() };
+        let (events, _) = fly_with_another(config, Hold::new(9), 0.1, &mut |time, _, sources| {
+            for source in sources {
+                source.deaf_to = (time > 2.5).then_some(BeaconId(0));
+            }
+        });
+        let fixes = fixes(&events);
+        let outcomes: Vec<Outcome> = fixes.iter().map(|fix| fix.outcome).collect();
+        assert!(outcomes.contains(&Outcome::SignalLost), "{outcomes:?}");
+        assert!(!outcomes.contains(&Outcome::NoPlan), "{outcomes:?}");
+        assert_eq!(fixes.len(), 2);
+    }
+}

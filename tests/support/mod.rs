@@ -69,6 +69,8 @@ pub(crate) struct Cardioid {
     pub(crate) place: Rc<Cell<Pose>>,
     pub(crate) targets: Vec<Vector2<f64>>,
     pub(crate) health: Health,
+    /// A beacon of which it hears nothing.
+    pub(crate) deaf_to: Option<BeaconId>,
     /// Who was asked, and when the turn is over.
     ready: (Vec<BeaconId>, f64),
     samples: Vec<Sample>,
@@ -88,6 +90,7 @@ impl Cardioid {
             place: vehicle.place.clone(),
             targets: targets.to_vec(),
             health,
+            deaf_to: None,
             ready: (Vec::new(), 0.0),
             samples: Vec::new(),
         }
@@ -114,6 +117,13 @@ impl PatternSource for Cardioid {
             return Ok(None);
         }
         let beacon = asked.remove(0);
+        if self.deaf_to == Some(beacon) {
+            let positions = POSITIONS;
+            let (receiver, samples) = (self.place.get(), &[][..]);
+            let sweep =
+                Sweep { beacon, time: due, receiver, positions, samples, ..Sweep::default() };
+            return Ok(Some(sweep));
+        }
         let receiver = self.place.get();
         let law = LogDistance::new(LAW.0, LAW.1).expect("in range");
         let sight = self.targets[usize::from(beacon.0)].push(0.0) - receiver.position;

@@ -25,8 +25,8 @@ use crate::{
 
 /// Fly one simulated hunt
 ///
-/// Flies the drones of a scenario through a simulated hunt for each of its beacons, one after the
-/// other. Ends with a table of fixes against the truth, and leaves a log and a picture behind.
+/// Flies the drones of a scenario through a simulated hunt for its beacons, one after the other or,
+/// where turns are shared, all at once. Ends with a table of fixes against the truth, and leaves a log and a picture behind.
 /// The same scenario, estimator and seed fly the same hunt.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt hunt\n  \
@@ -135,8 +135,9 @@ fn tell(event: &Event) {
         Event::DutyChanged { time, drone, duty } => {
             warn(&format!("{time:7.0} s  drone {}: {duty}", drone.saturating_add(1)));
         }
-        Event::Stopped { time, outcome, reason, .. } => {
-            warn(&format!("{time:7.0} s  {outcome}: {reason}"));
+        Event::Stopped { time, beacon, outcome, reason } => {
+            let number = beacon.0.saturating_add(1);
+            warn(&format!("{time:7.0} s  number {number}: {outcome}, {reason}"));
         }
         Event::Recalled { time, reason } => {
             warn(&format!("{time:7.0} s  everyone home: {reason}"));
