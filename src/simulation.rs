@@ -74,6 +74,7 @@ pub fn log_header(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) ->
         estimator_name: estimator.name.to_owned(),
         estimator: estimator.config,
         model: scenario.model.clone(),
+        planner: Some(scenario.planner.clone()),
         beacons: scenario.world.drawn_beacons(seed).into_iter().map(beacon).collect(),
     }
 }

@@ -12,7 +12,7 @@ use foxhunt_sim::BeaconCourse;
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{EstimatorConfig, ModelConfig};
+use crate::config::{EstimatorConfig, ModelConfig, PlannerConfig};
 
 /// The version of the log that this program writes.
 pub const LOG_VERSION: u32 = 4;
@@ -36,6 +36,9 @@ pub struct LogHeader {
     pub estimator: EstimatorConfig,
     /// What the estimator took for the law of propagation.
     pub model: ModelConfig,
+    /// What decided where to listen; absent in logs before version 4.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub planner: Option<PlannerConfig>,
     /// The beacons, in their order.
     pub beacons: Vec<LoggedBeacon>,
 }

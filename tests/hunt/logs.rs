@@ -15,6 +15,7 @@ fn logged(outing: &Outing, config: EstimatorConfig) -> String {
             target_up_m: 0.0,
             antenna: None,
         },
+        planner: None,
         beacons: TARGETS
             .iter()
             .map(|truth| LoggedBeacon { name: "b".to_owned(), truth: Some(*truth), course: None })
