@@ -3,7 +3,9 @@
 mod airspace;
 mod assignment;
 mod endurance;
+mod flown;
 mod formation;
 mod play;
 mod traffic;
+mod void;
 mod world;
