@@ -2,6 +2,7 @@
 
 mod airspace;
 mod assignment;
+mod edge;
 mod endurance;
 mod flown;
 mod formation;
