@@ -4,7 +4,7 @@ use std::vec::Vec;
 use nalgebra::Vector3;
 
 use super::{
-    Formation, Traffic,
+    Formation, Traffic, Void,
     deadlock::ASIDE,
     ground::Region,
     way::{Surroundings, length_over_ground, with_altitudes},
@@ -94,12 +94,28 @@ impl Endurance {
         traffic: &Traffic,
         flights: &[(usize, Vector3<f64>, Vector3<f64>)],
     ) -> Option<f64> {
+        self.longest_s(traffic, flights, None)
+    }
+
+    /// The same where targets are kept away from. A flight that they leave no way for takes at most
+    /// what it takes without them: its drone stays.
+    fn longest_s(
+        &self,
+        traffic: &Traffic,
+        flights: &[(usize, Vector3<f64>, Vector3<f64>)],
+        void: Option<Void>,
+    ) -> Option<f64> {
         let keep = traffic.config().keep_m();
-        let alone =
-            Surroundings { airspace: &traffic.airspace, others: Vec::new(), keep, void: None };
+        let alone = |void: Option<Void>| Surroundings {
+            airspace: &traffic.airspace,
+            others: Vec::new(),
+            keep,
+            void: void.map(|void| (void, traffic.clouds.as_slice())),
+        };
         let mut groups: Vec<Group> = Vec::new();
         for (_, from, to) in flights {
-            let way = alone.way(&from.xy(), &to.xy())?;
+            let way = |void| alone(void).way(&from.xy(), &to.xy());
+            let way = way(void).or_else(|| way(None))?;
             let length = length_over_ground(&from.xy(), &way);
             let places = with_altitudes(&traffic.airspace, from, to.z, &way);
             let mut region = Region::along(&[*from]);
@@ -149,7 +165,8 @@ impl Endurance {
     }
 
     /// How long it takes at most to fly to a formation, to listen there for `turn_s` seconds, and
-    /// to return home from there: what must be left before the formation departs.
+    /// to return home from there: what must be left before the formation departs. On the way out
+    /// targets are kept away from as [`Traffic::depart`] does, on the way home they are not.
     #[must_use]
     pub fn round_s(
         &self,
@@ -162,7 +179,8 @@ impl Endurance {
         let out: Vec<_> = formation.iter().map(out).collect::<Option<_>>()?;
         let back = |(drone, goal)| Some((drone, goal, *homes.get(drone)?));
         let back: Vec<_> = formation.iter().map(back).collect::<Option<_>>()?;
-        Some(self.flights_s(traffic, &out)? + turn_s + self.flights_s(traffic, &back)?)
+        let out_s = self.longest_s(traffic, &out, traffic.config().void)?;
+        Some(out_s + turn_s + self.flights_s(traffic, &back)?)
     }
 }
 

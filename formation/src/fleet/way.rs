@@ -46,9 +46,15 @@ impl Surroundings<'_> {
             .iter()
             .all(|other| other.distance(&way) >= self.keep.min(other.distance_to(from)) - EXACT);
         let inside = || {
-            let margin = self.airspace.clearance(from).min(self.airspace.margin());
-            if margin >= 0.0 {
-                self.airspace.clear_by(from, to, margin)
+            let clearance = self.airspace.clearance(from);
+            if clearance > EXACT {
+                self.airspace.clear_by(from, to, clearance.min(self.airspace.margin()))
+            } else if clearance >= -EXACT {
+                // On an edge every leg touches it: the rest of the leg tells which side it takes.
+                let off = from + (to - from).cap_magnitude(SLACK);
+                let clearance = self.airspace.clearance(&off);
+                clearance > EXACT
+                    && self.airspace.clear_by(&off, to, clearance.min(self.airspace.margin()))
             } else {
                 // Outside: the shortest way in.
                 self.airspace

@@ -4,7 +4,7 @@ use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use crate::{
     airspace::corner,
-    traffic::{Flown, at},
+    flown::{Flown, at},
     world,
 };
 

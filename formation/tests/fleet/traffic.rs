@@ -1,88 +1,15 @@
 //! Scripted flights.
 
-use foxhunt_core::{Belief, Estimate};
 use foxhunt_formation::{
-    Airspace, AirspaceConfig, Formation, KeepOut, Order, OrderReason, Traffic, TrafficConfig,
-    TrafficError, Travel, Void,
+    Airspace, AirspaceConfig, KeepOut, OrderReason, Traffic, TrafficConfig, TrafficError, Travel,
+    Void,
 };
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 
-use crate::airspace::corner;
-
-pub(crate) fn at(east: f64, north: f64) -> Vector3<f64> {
-    Vector3::new(east, north, 4.0)
-}
-
-/// Drones that do as they are told at 2 m/s, at once and exactly.
-pub(crate) struct Flown {
-    pub(crate) traffic: Traffic,
-    pub(crate) places: Vec<Vector3<f64>>,
-    goals: Vec<Vector3<f64>>,
-    pub(crate) orders: Vec<Order>,
-    /// The least that any two were apart.
-    pub(crate) least: f64,
-    pub(crate) seconds: f64,
-}
-
-impl Flown {
-    /// Lines keep 3 m.
-    pub(crate) fn new(airspace: &AirspaceConfig, places: &[Vector3<f64>]) -> Self {
-        Self::with(airspace, TrafficConfig::default(), places)
-    }
-
-    fn with(airspace: &AirspaceConfig, config: TrafficConfig, places: &[Vector3<f64>]) -> Self {
-        Self::over(&Airspace::new(airspace).expect("an airspace"), config, places)
-    }
-
-    pub(crate) fn over(
-        airspace: &Airspace,
-        config: TrafficConfig,
-        places: &[Vector3<f64>],
-    ) -> Self {
-        let traffic = Traffic::new(airspace, config, places).expect("the drones are apart");
-        let (places, goals) = (places.to_vec(), places.to_vec());
-        Self { traffic, places, goals, orders: vec![], least: f64::INFINITY, seconds: 0.0 }
-    }
-
-    /// One step of 50 ms; the drones named are stuck and silent.
-    pub(crate) fn step(&mut self, stuck: &[usize]) {
-        self.seconds += 0.05;
-        for drone in (0..self.places.len()).filter(|drone| !stuck.contains(drone)) {
-            let way = self.goals[drone] - self.places[drone];
-            self.places[drone] += way.cap_magnitude(2.0 * 0.05);
-            self.traffic.locate(drone, &self.places[drone]);
-        }
-        for order in self.traffic.step() {
-            self.goals[order.drone] = order.to;
-            self.orders.push(order);
-        }
-        for (index, one) in self.places.iter().enumerate() {
-            for other in &self.places[..index] {
-                self.least = self.least.min((one - other).xy().norm());
-            }
-        }
-    }
-
-    /// Until everyone is there or blocked.
-    pub(crate) fn settle(&mut self) {
-        for _ in 0..20_000 {
-            self.step(&[]);
-            let ends = |d| matches!(self.traffic.status(d), Travel::There | Travel::Blocked);
-            if (0..self.places.len()).all(ends) {
-                return;
-            }
-        }
-        panic!("it does not end");
-    }
-
-    fn told(&self, drone: usize) -> Vec<OrderReason> {
-        self.orders.iter().filter(|o| o.drone == drone).map(|o| o.reason).collect()
-    }
-}
-
-fn formation(goals: &[Vector3<f64>]) -> Formation {
-    Formation { drones: (0..goals.len()).collect(), goals: goals.to_vec(), moved: vec![] }
-}
+use crate::{
+    airspace::corner,
+    flown::{Flown, at, formation},
+};
 
 #[test]
 fn a_way_leads_around_a_corner() {
@@ -297,44 +224,6 @@ fn the_band_is_entered_and_left_straight_up_and_down() {
     assert!((flown.places[0] - ground).norm() < 0.5);
     let last = flown.orders.iter().rev().take(2).map(|o| o.to).collect::<Vec<_>>();
     assert_eq!(last, [ground, Vector3::new(5.0, 5.0, 3.0)]);
-}
-
-#[test]
-fn targets_are_flown_around_but_not_on_the_way_home() {
-    let belief = Estimate::isotropic(Vector2::new(20.0, 1.0), 3.0);
-    let void = Void { radius_m: 8.0, probability: 0.1 };
-    let config = TrafficConfig { void: Some(void), ..TrafficConfig::default() };
-    let start = at(0.0, 0.0);
-    let mut flown = Flown::with(&AirspaceConfig::default(), config, &[start]);
-    flown.traffic.believe([&belief as &dyn Belief]);
-    flown.traffic.go(0, &at(40.0, 0.0)).expect("there is one");
-    let nearest = |flown: &Flown| {
-        let mut nearest = f64::INFINITY;
-        belief.visit_positions(&mut |place, weight| {
-            assert!(weight > 0.1, "each of four samples is too much");
-            for leg in flown.traffic.reserved(0).windows(2) {
-                for k in 0..=200 {
-                    let here = leg[0].xy().lerp(&leg[1].xy(), f64::from(k) / 200.0);
-                    nearest = f64::min(nearest, (place - here).norm());
-                }
-            }
-        });
-        nearest
-    };
-    flown.step(&[]);
-    assert!(nearest(&flown) >= 8.0, "{}", nearest(&flown));
-    flown.settle();
-    assert_eq!(flown.traffic.status(0), Travel::There);
-    flown.traffic.recall(0, &start).expect("there is one");
-    flown.step(&[]);
-    assert!(nearest(&flown) < 8.0);
-    flown.settle();
-    // One that is inside already may fly out.
-    let here = Estimate::isotropic(Vector2::new(0.0, 0.5), 3.0);
-    flown.traffic.believe([&here as &dyn Belief]);
-    flown.traffic.go(0, &at(40.0, 0.0)).expect("there is one");
-    flown.settle();
-    assert_eq!(flown.traffic.status(0), Travel::There);
 }
 
 #[test]
