@@ -10,9 +10,9 @@ use nalgebra::Vector2;
 
 use crate::{
     AltitudeRule, ParameterError, SettlingRule,
-    parameter::{check, finite, positive},
+    parameter::{check, positive},
     places::{self, away, centroid, direction, nearest_direction},
-    settling::Settling,
+    settling::{Settling, at_radius, mean_distance, turning},
     shape::number,
 };
 
@@ -23,7 +23,7 @@ use crate::{
 pub struct ArcsConfig {
     /// Each move makes the distance to the estimate so many times itself; above 0 and below 1.
     pub shrink: f64,
-    /// How far each move goes round the estimate, in radians counter-clockwise.
+    /// How far each move goes round the estimate, in radians counter-clockwise; not 0.
     pub turn_rad: f64,
     /// How far neighbours are apart along their circle about the estimate, in metres, where the
     /// circle has room for that; else they stand evenly around it.
@@ -55,9 +55,6 @@ impl Default for ArcsConfig {
 /// it.
 const ON_A_SIDE: f64 = 0.3;
 
-/// The drones are at their standoff within this factor.
-const NEAR: f64 = 1.5;
-
 /// An approach on a logarithmic spiral about the estimate, so that the bearings differ on the way
 /// in, and then a circle: what Pritzl 2018 wishes for in place of the straight way.
 ///
@@ -81,7 +78,7 @@ impl Arcs {
     pub fn new(config: ArcsConfig) -> Result<Self, ParameterError> {
         let shrink = config.shrink;
         check("shrink", shrink, "above 0 and below 1", shrink > 0.0 && shrink < 1.0)?;
-        finite("turn_rad", config.turn_rad)?;
+        turning("turn_rad", config.turn_rad)?;
         positive("spacing_m", config.spacing_m)?;
         positive("standoff_m", config.standoff_m)?;
         config.altitude.check()?;
@@ -115,12 +112,6 @@ impl Arcs {
     }
 }
 
-/// How far the drones are from a place over ground, on average, in metres.
-fn mean_distance(place: &Vector2<f64>, stations: &[Station]) -> f64 {
-    let sum: f64 = stations.iter().map(|s| (s.pose.position.xy() - place).norm()).sum();
-    sum / number(stations.len().max(1))
-}
-
 impl FormationPlanner for Arcs {
     fn begin(&mut self, stations: &mut [Station]) -> Result<(), PlanError> {
         centroid(stations)?;
@@ -151,7 +142,7 @@ impl FormationPlanner for Arcs {
         centroid(stations)?;
         let ArcsConfig { turn_rad, standoff_m, settling, .. } = self.config;
         let distance = mean_distance(&place, stations);
-        let near = distance <= NEAR * standoff_m;
+        let near = at_radius(distance, standoff_m);
         let decision = self.settling.take(&settling, estimate, turn_rad, stations.len(), near);
         self.approach(&place, distance, stations);
         Ok(decision)
@@ -229,6 +220,7 @@ mod tests {
         laws::formation_planner(arcs, &belief, &mut stations::<2>());
         for (bad, field) in [
             (ArcsConfig { shrink: 1.0, ..Default::default() }, "shrink"),
+            (ArcsConfig { turn_rad: 0.0, ..Default::default() }, "turn_rad"),
             (ArcsConfig { spacing_m: 0.0, ..Default::default() }, "spacing_m"),
             (ArcsConfig { standoff_m: f64::INFINITY, ..Default::default() }, "standoff_m"),
         ] {

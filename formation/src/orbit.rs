@@ -5,9 +5,9 @@ use nalgebra::Vector2;
 
 use crate::{
     AltitudeRule, ParameterError, Polygon, SettlingRule, Shape,
-    parameter::{finite, positive},
+    parameter::positive,
     places::{self, centroid, nearest_direction},
-    settling::Settling,
+    settling::{Settling, at_radius, mean_distance, turning},
 };
 
 /// What [`Orbit`] is told.
@@ -18,7 +18,7 @@ pub struct OrbitConfig {
     /// From the estimate to each drone over ground, in metres.
     pub radius_m: f64,
     /// How far the drones go round from one formation position to the next, in radians
-    /// counter-clockwise.
+    /// counter-clockwise; not 0.
     pub step_rad: f64,
     /// How high they fly.
     pub altitude: AltitudeRule,
@@ -58,7 +58,7 @@ impl Orbit {
     /// [`ParameterError`] names the first field that is out of its range.
     pub fn new(config: OrbitConfig) -> Result<Self, ParameterError> {
         positive("radius_m", config.radius_m)?;
-        finite("step_rad", config.step_rad)?;
+        turning("step_rad", config.step_rad)?;
         config.altitude.check()?;
         config.settling.check()?;
         Ok(Self { config, direction: None, settling: Settling::default() })
@@ -103,8 +103,9 @@ impl FormationPlanner for Orbit {
         let estimate = belief.position();
         let centre = places::finite(estimate.mean)?;
         centroid(stations)?;
-        let OrbitConfig { step_rad, settling, .. } = &self.config;
-        let decision = self.settling.take(settling, estimate, *step_rad, stations.len(), true);
+        let OrbitConfig { radius_m, step_rad, settling, .. } = self.config;
+        let near = at_radius(mean_distance(&centre, stations), radius_m);
+        let decision = self.settling.take(&settling, estimate, step_rad, stations.len(), near);
         let direction = match self.direction {
             Some(direction) => angle::wrap(direction + step_rad),
             None => nearest_direction(&centre, stations),
@@ -162,6 +163,19 @@ mod tests {
     }
 
     #[test]
+    fn drones_that_never_get_there_meet_the_cap() {
+        let mut still = stations::<3>();
+        let mut orbit = orbit();
+        orbit.begin(&mut still).expect("drones");
+        let mut target = Shrinking::towards(90.0, 0.0);
+        let last = (0..60).map(|_| {
+            target.listen();
+            orbit.plan(target.estimate(), &mut still).expect("a place")
+        });
+        assert_eq!(last.last(), Some(Decision::Finish(Outcome::MoveLimit)));
+    }
+
+    #[test]
     fn a_target_that_is_known_is_circled_at_once() {
         let mut drone = [Station::holding(Pose::at(0.0, 0.0, 4.0))];
         let known = Estimate::isotropic(Vector2::new(40.0, 0.0), 3.0);
@@ -179,6 +193,7 @@ mod tests {
         for (bad, field) in [
             (OrbitConfig { radius_m: 0.0, ..Default::default() }, "radius_m"),
             (OrbitConfig { step_rad: f64::NAN, ..Default::default() }, "step_rad"),
+            (OrbitConfig { step_rad: 0.0, ..Default::default() }, "step_rad"),
         ] {
             assert_eq!(Orbit::new(bad).map_err(|error| error.field), Err(field));
         }

@@ -1,9 +1,10 @@
 use core::{f64::consts::TAU, fmt};
 
-use foxhunt_core::{Decision, Estimate, Outcome, Stage};
+use foxhunt_core::{Decision, Estimate, Outcome, Stage, Station};
+use nalgebra::Vector2;
 
 use crate::{
-    parameter::{ParameterError, counted, positive},
+    parameter::{ParameterError, check, counted, positive},
     shape::number,
 };
 
@@ -45,6 +46,25 @@ impl SettlingRule {
     }
 }
 
+/// The drones are on their circle within this factor.
+const NEAR: f64 = 1.5;
+
+/// Whether drones at this mean distance to the estimate are on a circle about it, in metres.
+pub(crate) fn at_radius(mean_distance: f64, radius: f64) -> bool {
+    mean_distance <= NEAR * radius
+}
+
+/// How far the drones are from a place over ground, on average, in metres.
+pub(crate) fn mean_distance(place: &Vector2<f64>, stations: &[Station]) -> f64 {
+    let sum: f64 = stations.iter().map(|s| (s.pose.position.xy() - place).norm()).sum();
+    sum / number(stations.len().max(1))
+}
+
+/// A step around the estimate: finite and not 0, of either sense.
+pub(crate) fn turning(field: &'static str, step_rad: f64) -> Result<(), ParameterError> {
+    check(field, step_rad, "finite and not 0", step_rad.is_finite() && step_rad.abs() > 0.0)
+}
+
 /// How far a search is under a [`SettlingRule`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Settling {
@@ -58,7 +78,8 @@ pub(crate) struct Settling {
 
 impl Settling {
     /// Takes the estimate after one more formation position of `count` drones, who turn by `step`
-    /// radians from one to the next. The estimate can settle only where they are `near`.
+    /// radians from one to the next. The estimate can settle, and a step of the round be done, only
+    /// where they are `near`.
     ///
     /// A position after which the belief is what it was, to the bit, told nothing: it counts
     /// towards the cap alone.
@@ -78,7 +99,7 @@ impl Settling {
             self.told = self.told.saturating_add(1);
             let settled = self.shift.is_some_and(|shift| shift < rule.settled_m);
             match self.stage {
-                Stage::Finishing => {
+                Stage::Finishing if near => {
                     self.turned += step.abs();
                     // Steps that divide the circle must not miss its end by rounding.
                     let round = f64::from(rule.laps) * TAU / number(count.max(1)) - 1e-9;
@@ -92,7 +113,7 @@ impl Settling {
                     }
                     self.stage = Stage::Finishing;
                 }
-                Stage::Searching => {}
+                Stage::Finishing | Stage::Searching => {}
             }
         }
         if self.measured >= rule.most_positions {
@@ -121,8 +142,6 @@ impl fmt::Display for Settling {
 mod tests {
     use core::f64::consts::FRAC_PI_6;
 
-    use nalgebra::Vector2;
-
     use super::*;
 
     fn at(east: f64, sigma: f64) -> Estimate<2> {
@@ -142,6 +161,20 @@ mod tests {
             assert_eq!(take(at(2.1, sigma), true), Decision::Listen(Stage::Finishing));
         }
         assert_eq!(take(at(2.1, 1.6), true), Decision::Finish(Outcome::Converged));
+    }
+
+    #[test]
+    fn a_round_is_done_near_the_estimate_only() {
+        let (rule, mut settling) = (SettlingRule::default(), Settling::default());
+        let mut take = |sigma, near| settling.take(&rule, at(0.0, sigma), FRAC_PI_6, 6, near);
+        take(5.0, true);
+        take(4.0, true);
+        assert_eq!(take(3.0, true), Decision::Listen(Stage::Finishing));
+        for sigma in [2.9, 2.8, 2.7] {
+            assert_eq!(take(sigma, false), Decision::Listen(Stage::Finishing));
+        }
+        assert_eq!(take(2.6, true), Decision::Listen(Stage::Finishing));
+        assert_eq!(take(2.5, true), Decision::Finish(Outcome::Converged));
     }
 
     #[test]

@@ -90,6 +90,7 @@ proptest! {
 
 #[test]
 fn goals_are_apart_low_and_near_a_narrow_belief() {
+    let mut refined = 0;
     for count in 1..=8_u8 {
         let mut stations: Vec<_> = (0..count)
             .map(|i| Station::holding(Pose::at(5.0 * f64::from(i), -40.0, 4.0)))
@@ -106,8 +107,11 @@ fn goals_are_apart_low_and_near_a_narrow_belief() {
             assert!(goals[..index].iter().all(|b| (a.xy() - b.xy()).norm() > 3.0 - 1e-6));
         }
         let told = explained(&planner);
+        refined += u32::from(told.contains(", refined: "));
         assert!(told.contains("move ") && told.contains("turning again"), "{told}");
     }
+    // Now and then a regular formation is best as it is.
+    assert!((1..=8).contains(&refined), "{refined}");
 }
 
 #[test]
@@ -252,6 +256,16 @@ fn descent_steps_towards_the_target_and_ends() {
     let small = Estimate::isotropic(Vector2::zeros(), 0.5);
     let end = planner.plan(&small, &mut stations);
     assert_eq!(end, Ok(Decision::Finish(Outcome::EllipseReached)));
+    // A point and a line have no information matrix.
+    let point = Estimate { mean: Vector2::new(5.0, 5.0), covariance: Matrix2::zeros() };
+    let end = planner.plan(&point, &mut stations);
+    assert_eq!(end, Ok(Decision::Finish(Outcome::EllipseReached)));
+    let line = Estimate { covariance: Matrix2::new(90.0, 0.0, 0.0, 0.0), ..point };
+    assert_eq!(descent().plan(&line, &mut stations), Err(PlanError::NoPlace));
+    let config = SteepestDescentConfig { most_positions: 1, ..SteepestDescentConfig::default() };
+    let mut capped = SteepestDescent::new(config).expect("in range");
+    let end = capped.plan(&line, &mut stations);
+    assert_eq!(end, Ok(Decision::Finish(Outcome::MoveLimit)));
     let config = SteepestDescentConfig { step_m: 0.0, ..SteepestDescentConfig::default() };
     assert_eq!(SteepestDescent::new(config).map_err(|e| e.field).err(), Some("step_m"));
 }

@@ -54,7 +54,7 @@ type Seen<'a> = (Option<BeaconId>, &'a dyn Belief);
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Account {
     None,
-    Listen { moved_m: f64, form: Form, best: Worth, again: Worth },
+    Listen { moved_m: f64, form: Form, refined: bool, best: Worth, again: Worth },
     Finish { outcome: Outcome, ellipse_m: f64, best: Option<Worth>, positions: u32 },
 }
 
@@ -114,6 +114,7 @@ impl<S: TurnInformation> Information<S> {
         self.account = Account::Listen {
             moved_m: farthest(&from, &goals).over_ground_m,
             form: best.candidate.form,
+            refined: best.refined,
             best: Worth::from(&best),
             again: Worth::from(&again),
         };
@@ -219,8 +220,9 @@ impl<S: TurnInformation> FormationPlanner for Information<S> {
         match self.account {
             Account::None => write!(to, "listen here, nothing is believed yet"),
             Account::Listen { form: Form::Stay, best, .. } => write!(to, "turn again: {best}"),
-            Account::Listen { moved_m, form, best, again } => {
-                write!(to, "move {moved_m:.0} m, {form}: {best}; turning again {again}")
+            Account::Listen { moved_m, form, refined, best, again } => {
+                let refined = if refined { ", refined" } else { "" };
+                write!(to, "move {moved_m:.0} m, {form}{refined}: {best}; turning again {again}")
             }
             Account::Finish { outcome, ellipse_m, best, positions } => {
                 write!(to, "{outcome}: ellipse {ellipse_m:.2} m after {positions} positions")?;

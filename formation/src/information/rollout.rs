@@ -80,9 +80,9 @@ impl Rollout {
         let index = (steps.max(0.0) as usize).min(last);
         let (here, next) = (self.worth[index], self.worth[(index + 1).min(last)]);
         let share = steps - number(index);
-        if share > 1.0 {
+        if index == last {
             // Beyond the table information falls with the square of the range.
-            here * libm::exp(-2.0 * (share - 1.0) * LN_STEP)
+            here * libm::exp(-2.0 * share * LN_STEP)
         } else {
             here + (next - here) * share.max(0.0)
         }
@@ -91,6 +91,10 @@ impl Rollout {
     /// What follows once the posterior has these variances, the larger first, and the drones that
     /// are farthest have to fly `distance` metres to the estimate.
     fn follow(&self, [mut large, mut small]: [f64; 2], distance: f64) -> Course {
+        // What is not known to become small never does.
+        if !(large.is_finite() && small.is_finite()) {
+            return Course { to_ellipse_s: f64::INFINITY, nats: f64::NEG_INFINITY, seconds: 0.0 };
+        }
         let mut course = Course::default();
         let mut travel = (distance - self.best_m).max(0.0);
         let mut turn = 1;
@@ -137,11 +141,50 @@ impl Rollout {
         mean
     }
 
-    /// How good a plan is that begins with so many seconds and goes on so; smaller is better.
+    /// How good a plan is that begins with so many seconds and goes on so; smaller is better, and
+    /// what is no finite number is worst.
     pub(super) fn cost(&self, seconds: f64, course: &Course) -> f64 {
-        match self.config.objective {
+        let cost = match self.config.objective {
             Objective::TimeToEllipse => seconds + course.to_ellipse_s,
             Objective::InformationRate => -course.nats / (seconds + course.seconds),
+        };
+        if cost.is_finite() { cost } else { f64::INFINITY }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_is_the_information_and_beyond_it_as_well() {
+        let config = InformationConfig::default();
+        let turn = config.turn().expect("in range");
+        let rollout = Rollout::new(&turn, &config, 3);
+        for range in [3.0, 10.0, 40.0, 250.0, 280.0, 300.0, 400.0, 2000.0] {
+            let place = Vector3::new(range, 0.0, config.altitude.altitude(range));
+            let truth = 0.5 * turn.fisher(&Vector2::zeros(), &place).total().trace();
+            let ratio = rollout.worth(range * range) / truth;
+            assert!((ratio - 1.0).abs() < 0.02, "{ratio} at {range} m");
+        }
+    }
+
+    #[test]
+    fn what_is_not_finite_costs_most() {
+        for objective in [Objective::TimeToEllipse, Objective::InformationRate] {
+            let config = InformationConfig { objective, ..InformationConfig::default() };
+            let turn = config.turn().expect("in range");
+            let rollout = Rollout::new(&turn, &config, 3);
+            for axes in [[f64::NAN, 1.0], [f64::INFINITY; 2], [4.0, f64::NAN]] {
+                let cost = rollout.cost(45.0, &rollout.follow(axes, 10.0));
+                assert!(cost.is_infinite() && cost > 0.0, "{axes:?}: {cost}");
+            }
+            for nats in [f64::NAN, f64::INFINITY] {
+                let course = Course { nats, to_ellipse_s: nats, seconds: 1.0 };
+                assert!(rollout.cost(45.0, &course) > f64::MAX);
+            }
+            let fine = rollout.cost(45.0, &rollout.follow([4.0, 1.0], 10.0));
+            assert!(fine.is_finite());
         }
     }
 }

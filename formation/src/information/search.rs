@@ -32,6 +32,8 @@ struct Aim {
 #[derive(Clone, Debug)]
 pub(super) struct Plan {
     pub(super) candidate: Candidate,
+    /// Whether drones were moved from where its form has them.
+    pub(super) refined: bool,
     /// Smaller is better.
     cost: f64,
     /// What its turn is expected to tell, in nats.
@@ -114,10 +116,12 @@ impl<'a, S: TurnInformation + ?Sized> Search<'a, S> {
             let course = self.rollout.after(&self.left, &aim.belief.cells, &candidate.places);
             nats += self.left.nats;
             total.nats += course.nats;
-            total.seconds += course.seconds;
+            // One turn serves all targets.
+            total.seconds = total.seconds.max(course.seconds);
             total.to_ellipse_s += course.to_ellipse_s;
         }
-        Plan { candidate, cost: self.rollout.cost(seconds, &total), nats, seconds }
+        let refined = false;
+        Plan { candidate, refined, cost: self.rollout.cost(seconds, &total), nats, seconds }
     }
 
     /// Moves single drones, and the whole formation, as long as that helps (coordinate ascent).
@@ -159,7 +163,7 @@ impl<'a, S: TurnInformation + ?Sized> Search<'a, S> {
         if apart(&places, self.config.separation_m) {
             let moved = self.look(Candidate { form: plan.candidate.form, places });
             if moved.cost < plan.cost {
-                *plan = moved;
+                *plan = Plan { refined: true, ..moved };
             }
         }
     }
@@ -197,4 +201,32 @@ fn aim<S: TurnInformation + ?Sized>(
     let information = factor.map(|factor| factor.solve(&Matrix2::identity()));
     let power = Power::of(turn, &belief, heard, config.power_sigma_db);
     Ok(Aim { belief, information, power })
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_core::{Estimate, Pose};
+
+    use super::*;
+
+    /// Two targets at one place: every turn tells twice as much, in the same time.
+    #[test]
+    fn a_turn_serves_all_targets_at_once() {
+        let config = InformationConfig {
+            objective: Objective::InformationRate,
+            ..InformationConfig::default()
+        };
+        let turn = config.turn().expect("in range");
+        let belief = Estimate::isotropic(Vector2::new(40.0, 10.0), 12.0);
+        let stations = [0.0, 5.0, 10.0].map(|e| Station::holding(Pose::at(e, 0.0, 4.0)));
+        let cost = |beliefs: &[(Option<BeaconId>, &dyn Belief)]| {
+            let heard = Heard::default();
+            let mut search =
+                Search::new(&turn, &config, &heard, beliefs, &stations).expect("a belief");
+            let places = search.from.clone();
+            search.look(Candidate { form: Form::Stay, places }).cost
+        };
+        let (one, two) = (cost(&[(None, &belief)]), cost(&[(None, &belief), (None, &belief)]));
+        assert!(one < 0.0 && (two - 2.0 * one).abs() < 1e-12, "{one} and {two}");
+    }
 }

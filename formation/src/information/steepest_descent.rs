@@ -87,7 +87,12 @@ impl SteepestDescentConfig {
 /// stays in the nearest optimum: a baseline for [`Information`](super::Information).
 ///
 /// It ends with [`Outcome::EllipseReached`], with [`Outcome::LittleToLearn`] where no step makes
-/// the bound smaller and the turn before had changed nothing, or with [`Outcome::MoveLimit`].
+/// the bound smaller and another turn from here tells next to nothing, or with
+/// [`Outcome::MoveLimit`].
+///
+/// Compare the two with this in mind: it takes the transmitter's power for known, so a level counts
+/// for more than it does with [`Information`](super::Information), and, unless told otherwise,
+/// flies 3 to 4 m up and not 2 to 4 m, and stops after 30 positions and not 60.
 #[derive(Clone, Debug)]
 pub struct SteepestDescent<S = RssBearingTurn> {
     config: SteepestDescentConfig,
@@ -194,25 +199,34 @@ impl<S: TurnInformation> FormationPlanner for SteepestDescent<S> {
     ) -> Result<Decision, PlanError> {
         flyable(stations)?;
         let ellipse_m = semi_major(&belief.position())?;
-        let step = self.step(belief, stations)?;
-        self.measured = self.measured.saturating_add(1);
+        let positions = self.measured.saturating_add(1);
+        // A belief that is a point has no gradient, and is found all the same.
+        let step = if ellipse_m <= self.config.ellipse_m {
+            Err(Outcome::EllipseReached)
+        } else if positions >= self.config.most_positions {
+            Err(Outcome::MoveLimit)
+        } else {
+            let step = self.step(belief, stations)?;
+            let stuck = step.length_m <= 0.0 && step.nats < LITTLE_NATS;
+            if stuck { Err(Outcome::LittleToLearn) } else { Ok(step) }
+        };
+        (self.measured, self.ended) = (positions, step.as_ref().err().copied());
+        let step = match step {
+            Ok(step) => step,
+            Err(outcome) => {
+                for station in stations {
+                    station.goal = Waypoint { position: station.pose.position };
+                }
+                return Ok(Decision::Finish(outcome));
+            }
+        };
         self.last = Some((step.length_m, step.nats));
-        let reached = ellipse_m <= self.config.ellipse_m;
-        let stuck = step.length_m <= 0.0 && step.nats < LITTLE_NATS;
-        self.ended = [
-            (reached, Outcome::EllipseReached),
-            (stuck, Outcome::LittleToLearn),
-            (self.measured >= self.config.most_positions, Outcome::MoveLimit),
-        ]
-        .into_iter()
-        .find_map(|(ends, outcome)| ends.then_some(outcome));
         for (station, position) in stations.iter_mut().zip(step.places) {
-            let position = if self.ended.is_some() { station.pose.position } else { position };
             station.goal = Waypoint { position };
         }
         let near = ellipse_m <= 2.0 * self.config.ellipse_m;
         let stage = if near { Stage::Finishing } else { Stage::Searching };
-        Ok(self.ended.map_or(Decision::Listen(stage), Decision::Finish))
+        Ok(Decision::Listen(stage))
     }
 
     fn hear(&mut self, reception: &Reception) {

@@ -11,9 +11,9 @@ use nalgebra::Vector2;
 use super::Heard;
 use crate::{
     AltitudeRule, ParameterError, Polygon, SettlingRule, Shape,
-    parameter::{check, counted, finite, not_negative, positive},
+    parameter::{check, counted, not_negative, positive},
     places::{self, away, centroid, direction, nearest_direction},
-    settling::Settling,
+    settling::{Settling, at_radius, mean_distance, turning},
 };
 
 /// What [`SurgeCast`] is told.
@@ -35,7 +35,7 @@ pub struct SurgeCastConfig {
     pub circumradius_m: f64,
     /// The distance to the estimate over ground, in metres, at which the drones circle it.
     pub standoff_m: f64,
-    /// How far they then go round from one formation position to the next, in radians.
+    /// How far they then go round from one formation position to the next, in radians; not 0.
     pub step_rad: f64,
     /// How high they fly.
     pub altitude: AltitudeRule,
@@ -112,7 +112,7 @@ impl SurgeCast {
         not_negative("fall_db", config.fall_db)?;
         positive("circumradius_m", config.circumradius_m)?;
         positive("standoff_m", config.standoff_m)?;
-        finite("step_rad", config.step_rad)?;
+        turning("step_rad", config.step_rad)?;
         config.altitude.check()?;
         config.settling.check()?;
         Ok(Self {
@@ -180,7 +180,7 @@ impl SurgeCast {
         }
         let to_estimate = direction(&here, estimate);
         // What nothing came of before is not followed again.
-        let lost = self.casts >= limit;
+        let lost = fell && self.casts >= limit;
         self.heading = if lost { to_estimate } else { bearing.unwrap_or(to_estimate) };
         self.best = self.level.map(|level| (level, here));
         self.casts = 0;
@@ -221,8 +221,9 @@ impl FormationPlanner for SurgeCast {
         // estimate moves.
         let circling = self.circling.is_some() && distance <= 2.0 * self.config.standoff_m;
         let close = near || circling;
-        let SurgeCastConfig { step_rad, settling, .. } = self.config;
-        let decision = self.settling.take(&settling, estimate, step_rad, stations.len(), close);
+        let SurgeCastConfig { standoff_m, step_rad, settling, .. } = self.config;
+        let around = close && at_radius(mean_distance(&place, stations), standoff_m);
+        let decision = self.settling.take(&settling, estimate, step_rad, stations.len(), around);
         if close {
             self.circle(&place, stations);
         } else {

@@ -83,6 +83,25 @@ fn where_nothing_is_heard_any_more_it_turns_to_the_estimate() {
 }
 
 #[test]
+fn after_the_last_cast_a_level_that_is_high_again_is_followed() {
+    let mut drone = [Station::holding(Pose::at(0.0, 0.0, 4.0))];
+    let mut planner = planner();
+    planner.begin(&mut drone).expect("a drone");
+    planner.hear(&heard(0, -80.0, Some(FRAC_PI_2)));
+    planner.plan(&far(90.0), &mut drone).expect("a place");
+    for cast in 0..4 {
+        arrive(&mut drone);
+        planner.plan(&far(80.0 - f64::from(cast)), &mut drone).expect("a place");
+    }
+    arrive(&mut drone);
+    let here = drone[0].pose.position;
+    planner.hear(&heard(0, -75.0, Some(FRAC_PI_2)));
+    planner.plan(&far(70.0), &mut drone).expect("a place");
+    let moved: Vector3<f64> = drone[0].goal.position - here;
+    assert!((moved.y - 20.0).abs() < 1e-9 && moved.x.abs() < 1e-9, "{moved}");
+}
+
+#[test]
 fn a_sure_bearing_counts_for_more() {
     let mut drone = [Station::holding(Pose::at(0.0, 0.0, 4.0))];
     let mut planner = planner();
@@ -144,6 +163,7 @@ fn it_keeps_the_laws_and_refuses_bad_values() {
         (SurgeCastConfig { cast_growth: 0.5, ..good }, "cast_growth"),
         (SurgeCastConfig { most_casts: 0, ..good }, "most_casts"),
         (SurgeCastConfig { most_casts: 33, ..good }, "most_casts"),
+        (SurgeCastConfig { step_rad: 0.0, ..good }, "step_rad"),
         (SurgeCastConfig { fall_db: f64::NAN, ..good }, "fall_db"),
     ] {
         assert_eq!(SurgeCast::new(bad).map_err(|error| error.field), Err(field));
