@@ -10,6 +10,7 @@ fn fly(runs: u32, seed: u64, jobs: usize) -> FleetsReport {
 }
 
 fn assert_safe(report: &FleetsReport) {
+    assert_eq!(report.errors, [], "every hunt comes to an end");
     assert_eq!(report.violations, [], "`foxhunt hunt fleet-SEED --seed SEED` flies one again");
     assert!(report.spare_separation_m.expect("there are pairs") >= 0.0);
     assert!(report.spare_airspace_m.expect("there are fences") >= 0.0);

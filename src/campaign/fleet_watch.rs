@@ -1,6 +1,6 @@
-use foxhunt_formation::{Airspace, AirspaceError};
+use foxhunt_formation::{Airspace, AirspaceError, EnduranceConfig};
 use foxhunt_sim::{DroneConfig, World};
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
 
 use crate::{
@@ -64,6 +64,10 @@ const ROUNDING: f64 = 1e-6;
 /// A drone that is not higher than this has landed, in metres.
 const LANDED_M: f64 = 0.05;
 
+/// What a drone whose failure is over has beyond the time of its straight way home, in seconds: it
+/// has to be noticed, told, and let past others.
+const ROOM_S: f64 = 30.0;
+
 /// Looks at where the drones of a hunt truly are.
 #[derive(Debug)]
 pub(super) struct FleetWatch<'a> {
@@ -76,7 +80,11 @@ pub(super) struct FleetWatch<'a> {
     /// Which drones were told to land.
     landing: Vec<usize>,
     places: Vec<Vector3<f64>>,
-    pub(super) seen: Seen,
+    /// Until when each could not be at home, by its failures since they were called there.
+    helpless_until: Vec<f64>,
+    /// When they were looked at last.
+    time_s: f64,
+    seen: Seen,
 }
 
 /// What a watch has seen.
@@ -94,6 +102,18 @@ pub(super) struct Seen {
     pub(super) violations: Vec<Violation>,
 }
 
+impl Default for Seen {
+    fn default() -> Self {
+        Self {
+            spare_separation_m: f64::INFINITY,
+            spare_airspace_m: f64::INFINITY,
+            spare_endurance_s: f64::INFINITY,
+            stranded: 0,
+            violations: Vec::new(),
+        }
+    }
+}
+
 impl<'a> FleetWatch<'a> {
     pub(super) fn new(scenario: &'a Scenario, seed: u64) -> Result<Self, AirspaceError> {
         Ok(Self {
@@ -104,14 +124,15 @@ impl<'a> FleetWatch<'a> {
             recalled: None,
             landing: Vec::new(),
             places: Vec::new(),
-            seen: Seen {
-                spare_separation_m: f64::INFINITY,
-                spare_airspace_m: f64::INFINITY,
-                spare_endurance_s: f64::INFINITY,
-                stranded: 0,
-                violations: Vec::new(),
-            },
+            helpless_until: vec![f64::NEG_INFINITY; scenario.world.drones.len()],
+            time_s: 0.0,
+            seen: Seen::default(),
         })
+    }
+
+    /// When the drones were looked at last, in simulated seconds.
+    pub(super) fn looked_at_s(&self) -> f64 {
+        self.time_s
     }
 
     pub(super) fn note(&mut self, event: &Event) {
@@ -127,6 +148,7 @@ impl<'a> FleetWatch<'a> {
     /// Looks at every drone.
     pub(super) fn look(&mut self, world: &World) {
         let time = world.time();
+        self.time_s = time;
         let places = (0..world.drone_count()).filter_map(|drone| world.pose(drone).ok());
         self.places.clear();
         self.places.extend(places.map(|pose| pose.position));
@@ -154,10 +176,9 @@ impl<'a> FleetWatch<'a> {
         if above > ROUNDING {
             self.breach(Breach::Altitude, time, &[drone], above, 0.0);
         }
-        if let Some(endurance) = self.config.endurance
-            && place.z > LANDED_M
-            && !self.is_helpless(drone, time)
-        {
+        let Some(endurance) = self.config.endurance else { return };
+        self.look_for_failures(drone, time, &endurance);
+        if place.z > LANDED_M && !self.is_helpless(drone, time) {
             let spare = endurance.endurance_s - time;
             self.seen.spare_endurance_s = self.seen.spare_endurance_s.min(spare);
             if spare < -ROUNDING {
@@ -166,15 +187,24 @@ impl<'a> FleetWatch<'a> {
         }
     }
 
-    /// Whether it was stuck or without a link at any time since the drones were called home, so
-    /// that no hunt could have brought it there.
+    /// A drone that fails after all were called home could not be there before the end of the
+    /// straight way from where it is, at the speed and climb that the hunt is told, and [`ROOM_S`].
+    fn look_for_failures(&mut self, drone: usize, time: f64, endurance: &EnduranceConfig) {
+        let config = &self.drones[drone];
+        let mut failures = config.stuck.iter().chain(&config.lost);
+        let fails = failures
+            .any(|failure| failure.from_s <= time && failure.to_s.is_none_or(|end| end > time));
+        if fails && self.recalled.is_some_and(|recalled| time >= recalled) {
+            let place = self.places[drone];
+            let way_m = (place.xy() - Vector2::new(config.east_m, config.north_m)).norm();
+            let home_s = way_m / endurance.speed_mps + place.z / endurance.climb_mps;
+            self.helpless_until[drone] = time + home_s + ROOM_S;
+        }
+    }
+
+    /// Whether no hunt could have brought it home by now.
     fn is_helpless(&self, drone: usize, time: f64) -> bool {
-        let (Some(recalled), Some(drone)) = (self.recalled, self.drones.get(drone)) else {
-            return false;
-        };
-        let mut failures = drone.stuck.iter().chain(&drone.lost);
-        failures
-            .any(|failure| failure.from_s <= time && failure.to_s.is_none_or(|end| end > recalled))
+        time <= self.helpless_until[drone]
     }
 
     /// The hunt is over at `time`; `silent` tells that it left a beacon without a word.
@@ -207,7 +237,7 @@ impl<'a> FleetWatch<'a> {
 
 #[cfg(test)]
 mod tests {
-    use foxhunt_formation::{AirspaceConfig, EnduranceConfig};
+    use foxhunt_formation::AirspaceConfig;
     use foxhunt_sim::Interval;
 
     use super::*;
@@ -216,6 +246,11 @@ mod tests {
     /// Two drones at rest, 5 m apart and 4 m up, for 20 s in the air; they have to keep what
     /// `change` says.
     fn seen(change: impl FnOnce(&mut Scenario), events: &[Event]) -> Seen {
+        seen_for(20, change, events)
+    }
+
+    /// The same for so many seconds.
+    fn seen_for(seconds: u32, change: impl FnOnce(&mut Scenario), events: &[Event]) -> Seen {
         let mut scenario = random_fleet(1);
         let drone = |east_m| DroneConfig { east_m, up_m: 4.0, ..DroneConfig::default() };
         scenario.world.drones = vec![drone(0.0), drone(5.0)];
@@ -224,11 +259,11 @@ mod tests {
         let world = World::new(&scenario.world, 1).expect("in order");
         let mut watch = FleetWatch::new(&scenario, 1).expect("in order");
         events.iter().for_each(|event| watch.note(event));
-        for _ in 0..=20 {
+        for _ in 0..=seconds {
             watch.look(&world);
             world.advance(1.0).expect("a step");
         }
-        watch.end(20.0, false)
+        watch.end(f64::from(seconds), false)
     }
 
     fn breaches(seen: &Seen) -> Vec<(Breach, f64, &[usize])> {
@@ -290,5 +325,12 @@ mod tests {
         let after = seen(lost(6.0), &told[..2]);
         assert_eq!((breaches(&after).len(), after.stranded), (0, 1));
         assert_eq!(breaches(&seen(lost(4.0), &told[..2])).len(), 1);
+        // The last second without a link is the 5th; home is 4 m down, and it has 30 s more.
+        let late = |s: &mut Scenario| {
+            lost(6.0)(s);
+            s.world.drones[0].lost = vec![Interval { from_s: 0.0, to_s: None }];
+        };
+        let late = seen_for(60, late, &told[..1]);
+        assert_eq!(breaches(&late), [(Breach::Endurance, 40.0, &[1][..])]);
     }
 }

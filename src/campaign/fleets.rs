@@ -1,4 +1,4 @@
-use std::convert::Infallible;
+use std::{cell::RefCell, convert::Infallible};
 
 use foxhunt_core::Outcome;
 use rayon::prelude::*;
@@ -11,7 +11,6 @@ use super::{
 };
 use crate::{
     config::{NamedEstimator, NamedPlanner, estimator_named},
-    hunt::DriveError,
     scenario::{Scenario, random_fleet},
     simulation::{SimulationError, simulate_watched},
 };
@@ -25,8 +24,8 @@ pub struct FleetsReport {
     pub seed: u64,
     /// How the searches ended, the most frequent end first.
     pub outcomes: Vec<OutcomeCount>,
-    /// Why hunts could not begin or go on, the most frequent reason first.
-    pub errors: Vec<ErrorCount>,
+    /// The hunts that could not begin or go on, and why.
+    pub errors: Vec<FailedRun>,
     /// How long a hunt took, in simulated seconds; absent where none came to an end.
     pub duration_s: Option<Spread>,
     /// The least distance of two drones over ground beyond their separation, in metres; absent
@@ -45,19 +44,19 @@ pub struct FleetsReport {
     pub violations: Vec<Violation>,
 }
 
-/// In how many hunts something was the reason.
+/// A hunt that could not begin or go on.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct ErrorCount {
-    /// What.
+pub struct FailedRun {
+    /// The seed of the hunt: `fleet-` and this is its scenario.
+    pub seed: u64,
+    /// Why.
     pub reason: String,
-    /// In how many.
-    pub runs: u32,
 }
 
 /// What one hunt came to.
 struct FleetRun {
     outcomes: Vec<Outcome>,
-    error: Option<String>,
+    error: Option<FailedRun>,
     duration_s: Option<f64>,
     seen: Seen,
 }
@@ -71,7 +70,8 @@ struct FleetRun {
 ///
 /// # Errors
 ///
-/// [`CampaignError`] when a hunt cannot be built.
+/// [`CampaignError`] when the threads cannot be started. A hunt that cannot begin or go on is one of
+/// [`FleetsReport::errors`], and the others are flown.
 pub fn fleets_campaign(
     planner: Option<&NamedPlanner>,
     estimator: Option<&NamedEstimator>,
@@ -91,8 +91,7 @@ pub fn fleets_campaign(
         progress();
         flown
     };
-    let flown: Vec<FleetRun> =
-        pool.install(|| (0..runs).into_par_iter().map(one).collect::<Result<_, _>>())?;
+    let flown: Vec<FleetRun> = pool.install(|| (0..runs).into_par_iter().map(one).collect());
     let durations: Vec<f64> = flown.iter().filter_map(|run| run.duration_s).collect();
     let least = |spare: fn(&Seen) -> f64| {
         let least = flown.iter().map(|run| spare(&run.seen)).fold(f64::INFINITY, f64::min);
@@ -102,7 +101,7 @@ pub fn fleets_campaign(
         runs,
         seed,
         outcomes: OutcomeCount::of(flown.iter().flat_map(|run| run.outcomes.iter().copied())),
-        errors: errors(&flown),
+        errors: flown.iter().filter_map(|run| run.error.clone()).collect(),
         duration_s: Spread::of(&durations),
         spare_separation_m: least(|seen| seen.spare_separation_m),
         spare_airspace_m: least(|seen| seen.spare_airspace_m),
@@ -112,26 +111,16 @@ pub fn fleets_campaign(
     })
 }
 
-fn errors(flown: &[FleetRun]) -> Vec<ErrorCount> {
-    let mut counts: Vec<ErrorCount> = Vec::new();
-    for reason in flown.iter().filter_map(|run| run.error.as_ref()) {
-        match counts.iter_mut().find(|count| count.reason == *reason) {
-            Some(count) => count.runs += 1,
-            None => counts.push(ErrorCount { reason: reason.clone(), runs: 1 }),
-        }
-    }
-    counts.sort_by_key(|count| std::cmp::Reverse(count.runs));
-    counts
-}
-
-fn fly(
-    scenario: &Scenario,
-    estimator: Option<&NamedEstimator>,
-    seed: u64,
-) -> Result<FleetRun, SimulationError> {
+fn fly(scenario: &Scenario, estimator: Option<&NamedEstimator>, seed: u64) -> FleetRun {
     let own = estimator_named(&scenario.estimator).expect("a random fleet names a known one");
-    let watch = FleetWatch::new(scenario, seed).map_err(|error| DriveError::Hunt(error.into()))?;
-    let watch = std::cell::RefCell::new(watch);
+    let failed = |reason: String| Some(FailedRun { seed, reason });
+    let watch = match FleetWatch::new(scenario, seed) {
+        Ok(watch) => RefCell::new(watch),
+        Err(error) => {
+            let (error, seen) = (failed(error.to_string()), Seen::default());
+            return FleetRun { outcomes: Vec::new(), error, duration_s: None, seen };
+        }
+    };
     let flown = simulate_watched(
         scenario,
         estimator.unwrap_or(&own),
@@ -148,16 +137,16 @@ fn fly(
             let outcomes: Vec<Outcome> = hunt.found.iter().map(|f| f.fix.outcome).collect();
             let silent = outcomes.len() < scenario.world.beacons.len();
             let (error, duration_s) = (None, Some(hunt.duration_s));
-            Ok(FleetRun { outcomes, error, duration_s, seen: watch.end(hunt.duration_s, silent) })
+            FleetRun { outcomes, error, duration_s, seen: watch.end(hunt.duration_s, silent) }
         }
         Err(SimulationError::TooLong { limit_s }) => {
             let (outcomes, error, duration_s) = (Vec::new(), None, None);
-            Ok(FleetRun { outcomes, error, duration_s, seen: watch.end(limit_s, true) })
+            FleetRun { outcomes, error, duration_s, seen: watch.end(limit_s, true) }
         }
-        Err(SimulationError::Drive(error)) => {
-            let (outcomes, error, duration_s) = (Vec::new(), Some(error.to_string()), None);
-            Ok(FleetRun { outcomes, error, duration_s, seen: watch.seen })
+        Err(error) => {
+            // Who was in the air then is held against the rules all the same.
+            let (error, at) = (failed(error.to_string()), watch.looked_at_s());
+            FleetRun { outcomes: Vec::new(), error, duration_s: None, seen: watch.end(at, false) }
         }
-        Err(error) => Err(error),
     }
 }

@@ -12,7 +12,7 @@ pub use antennas::{
     AntennaComparison, AntennaSetup, AntennasReport, SetupCampaign, antennas_campaign,
 };
 pub use fleet_watch::{Breach, Violation};
-pub use fleets::{ErrorCount, FleetsReport, fleets_campaign};
+pub use fleets::{FailedRun, FleetsReport, fleets_campaign};
 pub use paired::Paired;
 pub use planners::{
     OutcomeCount, PLANNER_SCENARIOS, PlannedBeacon, PlannerCampaign, PlannerComparison,

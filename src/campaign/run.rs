@@ -70,7 +70,7 @@ pub struct BeaconCampaign {
     pub anis: Option<f64>,
     /// Where a consistent estimator's ANIS lies with 95 %.
     pub anis_interval: Option<[f64; 2]>,
-    /// Runs without a fix: nothing heard, not over in time, or an estimate without a positive
+    /// Runs without a fix: nothing heard before the search ended, however it did, not over in time, or an estimate without a positive
     /// definite covariance.
     pub failed: u32,
     /// The root mean square of a bound on the error of any estimator, such as the posterior
@@ -213,8 +213,8 @@ pub(super) fn fly_all(
 /// What one run came to.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Run {
-    /// How long it took, in simulated seconds; 0 for one that could not go on.
-    pub(super) duration_s: f64,
+    /// How long it took, in simulated seconds; none for one that could not go on.
+    pub(super) duration_s: Option<f64>,
     /// What it says of each beacon; none for one whose search did not end.
     beacons: Vec<Option<BeaconRun>>,
 }
@@ -229,7 +229,8 @@ impl Run {
             steps: found.fix.steps,
             nis: nis.clone(),
         };
-        let heard = found.fix.outcome != Outcome::NothingHeard;
+        // Whatever the search ended with: without a reception the estimate is the prior.
+        let heard = found.fix.steps > 0;
         (heard && sample.nees.is_finite() && sample.error_m.is_finite()).then_some(sample)
     }
 
@@ -272,10 +273,10 @@ fn fly(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) -> Result<Run
         Ok::<_, Infallible>(())
     });
     let (found, duration_s) = match flown {
-        Ok(hunt) => (hunt.found, hunt.duration_s),
+        Ok(hunt) => (hunt.found, Some(hunt.duration_s)),
         // The hunt itself could not go on: a failed run. A scenario that cannot be built would
         // fail every run alike and is an error.
-        Err(SimulationError::TooLong { .. } | SimulationError::Drive(_)) => (Vec::new(), 0.0),
+        Err(SimulationError::TooLong { .. } | SimulationError::Drive(_)) => (Vec::new(), None),
         Err(error) => return Err(error),
     };
     let mut beacons = vec![None; nis.len()];
@@ -290,8 +291,7 @@ fn fly(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) -> Result<Run
 
 /// How long the runs took that came to an end.
 pub(super) fn durations(runs: &[Run]) -> Option<Spread> {
-    let ended = runs.iter().map(|run| run.duration_s).filter(|duration| *duration > 0.0);
-    Spread::of(&ended.collect::<Vec<_>>())
+    Spread::of(&runs.iter().filter_map(|run| run.duration_s).collect::<Vec<_>>())
 }
 
 /// The statistics of an estimator's runs.

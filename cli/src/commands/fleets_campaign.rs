@@ -14,7 +14,7 @@ use crate::{
 /// What `foxhunt campaign` calls hunts of random fleets.
 pub(super) const NAME: &str = "fleets";
 
-/// How many violations the table holds; JSON has all.
+/// How many violations and failed hunts the tables hold; JSON has all.
 const TOLD: usize = 20;
 
 /// Flies random fleets and tells what they did that they must not.
@@ -56,11 +56,11 @@ fn tables(report: &FleetsReport) -> String {
         figures.to_string(),
     ];
     if !report.errors.is_empty() {
-        let mut errors = list(&["could not go on", "hunts"]);
-        for count in &report.errors {
-            errors.add_row([count.reason.clone(), count.runs.to_string()]);
+        let mut errors = list(&["seed", "could not begin or go on"]);
+        for failed in report.errors.iter().take(TOLD) {
+            errors.add_row([failed.seed.to_string(), failed.reason.clone()]);
         }
-        lines.push(errors.to_string());
+        lines.push(format!("{} hunts failed.\n{errors}", report.errors.len()));
     }
     if let Some(duration) = report.duration_s {
         lines.push(format!(
