@@ -138,14 +138,16 @@ fn steepest_descent(scenario: &Scenario) -> PlannerConfig {
 
 /// With the exponent that the estimator takes, the vehicles' speed, the time that the slowest turn
 /// takes and what is believed before anything was heard.
+///
+/// A turn is not taken for shorter than the planner's own 45 s: told the simulated stepper's 11 s, it
+/// stops more often on the way, and is sure to 3 m later (from the far start after 365 s and not
+/// 313 s, medians of 200 hunts).
 fn information(scenario: &Scenario) -> InformationConfig {
+    let default = InformationConfig::default();
     let (speed_mps, climb_mps) = match &scenario.world.vehicle {
         VehicleConfig::Kinematic(vehicle) => (vehicle.speed_mps, vehicle.climb_mps),
         VehicleConfig::Quadrotor(vehicle) => (vehicle.speed_mps, vehicle.climb_mps),
-        _ => {
-            let default = InformationConfig::default();
-            (default.speed_mps, default.climb_mps)
-        }
+        _ => (default.speed_mps, default.climb_mps),
     };
     let asked = if scenario.hunt.shared_turns { scenario.world.beacons.len() } else { 1 };
     let asked = u16::try_from(asked).unwrap_or(u16::MAX);
@@ -154,7 +156,8 @@ fn information(scenario: &Scenario) -> InformationConfig {
         [] => std::slice::from_ref(&scenario.source),
         sources => sources,
     };
-    let turn_s = sources.iter().map(|source| source.turn_s(quickness, asked)).fold(0.1, f64::max);
+    let turn_s =
+        sources.iter().map(|source| source.turn_s(quickness, asked)).fold(default.turn_s, f64::max);
     InformationConfig {
         exponent: scenario.model.exponent,
         speed_mps,
@@ -162,7 +165,7 @@ fn information(scenario: &Scenario) -> InformationConfig {
         turn_s,
         prior_sigma_m: scenario.hunt.prior_sigma_m,
         prior_centre_m: scenario.hunt.prior_centre_m,
-        ..InformationConfig::default()
+        ..default
     }
 }
 
