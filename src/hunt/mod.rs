@@ -7,6 +7,7 @@ mod drive;
 mod error;
 mod event;
 mod flight;
+mod homeward;
 mod machine;
 mod outbox;
 mod search;
