@@ -3,10 +3,10 @@
 
 use std::hint::black_box;
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use foxhunt::{
     formation::{
-        Information, InformationConfig, Polygon, SteepestDescent, SteepestDescentConfig,
+        self, Information, InformationConfig, Polygon, SteepestDescent, SteepestDescentConfig,
         TurnInformation,
     },
     prelude::*,
@@ -80,23 +80,47 @@ fn exhaustive(turn: &impl TurnInformation, belief: &Cloud, drones: usize) -> (f6
     best
 }
 
+/// One plan, which must be one: a search that is over returns at once.
+fn listens(planner: &mut impl FormationPlanner, belief: &Cloud, stations: &mut [Station]) {
+    let decision = planner.plan(black_box(belief), stations);
+    assert!(matches!(decision, Ok(Decision::Listen(_))), "{decision:?}");
+}
+
 fn planning(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("one plan for 8 drones");
     group.sample_size(20);
     let drones: Vec<Station> =
         (0..8).map(|i| Station::holding(Pose::at(4.0 * f64::from(i), -50.0, 4.0))).collect();
-    let config = InformationConfig { horizon: 3, ..InformationConfig::default() };
+    let config = InformationConfig::default();
     for (name, belief) in [
         ("one mode", Cloud::about(&[[20.0, 30.0]], 15.0)),
         ("two modes", Cloud::about(&[[-40.0, 30.0], [60.0, 10.0]], 8.0)),
     ] {
-        let mut information = Information::new(config).expect("in range");
-        group.bench_function(format!("information, horizon 3, {name}"), |bencher| {
-            bencher.iter(|| information.plan(black_box(&belief), &mut drones.clone()));
-        });
+        for (criterion, horizon) in [
+            (formation::Criterion::Automatic, 3),
+            (formation::Criterion::Automatic, 8),
+            (formation::Criterion::Entropy, 3),
+            (formation::Criterion::Entropy, 8),
+        ] {
+            let config = InformationConfig { criterion, horizon, ..config };
+            let information = Information::new(config).expect("in range");
+            let name = format!("information, {criterion:?}, horizon {horizon}, {name}");
+            group.bench_function(name, |bencher| {
+                // A new search each time: one that goes on meets its cap, and plans nothing more.
+                bencher.iter_batched(
+                    || (information.clone(), drones.clone()),
+                    |(mut planner, mut stations)| listens(&mut planner, &belief, &mut stations),
+                    BatchSize::SmallInput,
+                );
+            });
+        }
         let descent = SteepestDescent::new(SteepestDescentConfig::default()).expect("in range");
         group.bench_function(format!("steepest descent, {name}"), |bencher| {
-            bencher.iter(|| descent.clone().plan(black_box(&belief), &mut drones.clone()));
+            bencher.iter_batched(
+                || (descent.clone(), drones.clone()),
+                |(mut planner, mut stations)| listens(&mut planner, &belief, &mut stations),
+                BatchSize::SmallInput,
+            );
         });
         let turn = config.turn().expect("in range");
         group.bench_function(format!("exhaustive, one turn, {name}"), |bencher| {

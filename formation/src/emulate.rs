@@ -14,7 +14,8 @@ const MOST: usize = 64;
 /// other; the planner is asked again when all were visited (Pritzl 2018, §7.2).
 ///
 /// Each drone takes the nearest of the places that are left; one for which none is left stays
-/// where it is. Where there are drones enough, the planner is asked as if there were nothing in
+/// where it is. The planner is told where a place was really listened from; one whose drone dropped
+/// out on the way is flown to again. Where there are drones enough, the planner is asked as if there were nothing in
 /// between.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Emulate<P> {
@@ -23,6 +24,8 @@ pub struct Emulate<P> {
     stations: Vec<Station>,
     /// Which of them were listened from, or are being listened from.
     visited: Vec<bool>,
+    /// Those that real drones have been sent to last.
+    under_way: Vec<usize>,
     wanted: usize,
     stage: Stage,
 }
@@ -40,6 +43,7 @@ impl<P: FormationPlanner> Emulate<P> {
             planner,
             stations: Vec::new(),
             visited: Vec::new(),
+            under_way: Vec::new(),
             wanted: drones,
             stage: Stage::default(),
         })
@@ -51,33 +55,61 @@ impl<P: FormationPlanner> Emulate<P> {
         &self.planner
     }
 
-    /// Lets the planner set goals for the virtual drones, and sends the real ones to the first.
+    /// Lets the planner set goals for the virtual drones, who are at `places`, and sends the real
+    /// ones to the first.
     fn ask<T>(
         &mut self,
+        mut places: Vec<Station>,
         stations: &mut [Station],
         ask: impl FnOnce(&mut P, &mut [Station]) -> Result<T, PlanError>,
     ) -> Result<T, PlanError> {
-        centroid(stations)?;
         if stations.len() >= self.wanted {
             let answer = ask(&mut self.planner, stations)?;
-            self.stations.clear();
-            self.visited.clear();
+            self.clear();
             return Ok(answer);
         }
         // A virtual drone is where it was listened from, or else where a real one is.
-        let mut planned = self.stations.clone();
-        for index in planned.len()..self.wanted {
-            planned.push(Station::holding(stations[index % stations.len()].pose));
+        for index in places.len()..self.wanted {
+            places.push(Station::holding(stations[index % stations.len()].pose));
         }
-        let answer = ask(&mut self.planner, &mut planned)?;
-        self.stations = planned;
+        let answer = ask(&mut self.planner, &mut places)?;
+        self.stations = places;
         self.visited = vec![false; self.wanted];
         self.go(stations);
         Ok(answer)
     }
 
+    /// The virtual drones after the real ones have listened, and which of them have been visited.
+    /// The drones may have exchanged their goals: each place goes to the nearest of them.
+    fn listened(&self, stations: &[Station]) -> (Vec<Station>, Vec<bool>) {
+        let (mut places, mut visited) = (self.stations.clone(), self.visited.clone());
+        let mut under_way = self.under_way.clone();
+        let mut there: Vec<usize> = (0..stations.len()).collect();
+        let distance = |&(place, drone): &(usize, usize)| {
+            let goal = self.stations[under_way[place]].goal.position;
+            (goal - stations[drone].pose.position).norm()
+        };
+        let mut pairs: Vec<(f64, usize, usize)> = (0..under_way.len())
+            .flat_map(|place| (0..stations.len()).map(move |drone| (place, drone)))
+            .map(|pair| (distance(&pair), under_way[pair.0], pair.1))
+            .collect();
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (_, place, drone) in pairs {
+            if under_way.contains(&place) && there.contains(&drone) {
+                places[place].pose = stations[drone].pose;
+                under_way.retain(|&left| left != place);
+                there.retain(|&left| left != drone);
+            }
+        }
+        for place in under_way {
+            visited[place] = false;
+        }
+        (places, visited)
+    }
+
     /// Sends each real drone to the nearest place that is left.
     fn go(&mut self, stations: &mut [Station]) {
+        self.under_way.clear();
         for station in stations {
             let here = station.pose.position;
             let distance = |index: usize| (self.stations[index].goal.position - here).norm();
@@ -86,8 +118,7 @@ impl<P: FormationPlanner> Emulate<P> {
             station.goal = match nearest {
                 Some(index) => {
                     self.visited[index] = true;
-                    // Where it flies to is where the virtual drone has listened by then.
-                    self.stations[index].pose.position = self.stations[index].goal.position;
+                    self.under_way.push(index);
                     self.stations[index].goal
                 }
                 None => Waypoint { position: here },
@@ -95,16 +126,33 @@ impl<P: FormationPlanner> Emulate<P> {
         }
     }
 
-    /// Goes on to the places that are left, if there are any.
-    fn next(&mut self, stations: &mut [Station]) -> Option<Result<Decision, PlanError>> {
-        let left = self.visited.contains(&false);
-        if !left || stations.len() >= self.wanted {
-            return None;
-        }
-        Some(centroid(stations).map(|_| {
+    /// Goes on to the places that are left; where there are none, asks for the next ones.
+    fn next(
+        &mut self,
+        stations: &mut [Station],
+        ask: impl FnOnce(&mut P, &mut [Station]) -> Result<Decision, PlanError>,
+    ) -> Result<Decision, PlanError> {
+        centroid(stations)?;
+        let (places, visited) = self.listened(stations);
+        if visited.contains(&false) && stations.len() < self.wanted {
+            (self.stations, self.visited) = (places, visited);
             self.go(stations);
-            Decision::Listen(self.stage)
-        }))
+            return Ok(Decision::Listen(self.stage));
+        }
+        let decision = self.ask(places, stations, ask)?;
+        Ok(self.decided(decision))
+    }
+
+    /// Starts anew.
+    fn start(
+        &mut self,
+        stations: &mut [Station],
+        ask: impl FnOnce(&mut P, &mut [Station]) -> Result<(), PlanError>,
+    ) -> Result<(), PlanError> {
+        centroid(stations)?;
+        self.ask(Vec::new(), stations, ask)?;
+        self.stage = Stage::default();
+        Ok(())
     }
 
     fn decided(&mut self, decision: Decision) -> Decision {
@@ -114,24 +162,20 @@ impl<P: FormationPlanner> Emulate<P> {
         decision
     }
 
-    fn reset(&mut self) {
+    fn clear(&mut self) {
         self.stations.clear();
         self.visited.clear();
-        self.stage = Stage::default();
+        self.under_way.clear();
     }
 }
 
 impl<P: FormationPlanner> FormationPlanner for Emulate<P> {
     fn begin(&mut self, stations: &mut [Station]) -> Result<(), PlanError> {
-        centroid(stations)?;
-        self.reset();
-        self.ask(stations, |planner, virtual_ones| planner.begin(virtual_ones))
+        self.start(stations, |planner, all| planner.begin(all))
     }
 
     fn resume(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<(), PlanError> {
-        centroid(stations)?;
-        self.reset();
-        self.ask(stations, |planner, virtual_ones| planner.resume(belief, virtual_ones))
+        self.start(stations, |planner, all| planner.resume(belief, all))
     }
 
     fn plan(
@@ -139,11 +183,7 @@ impl<P: FormationPlanner> FormationPlanner for Emulate<P> {
         belief: &dyn Belief,
         stations: &mut [Station],
     ) -> Result<Decision, PlanError> {
-        if let Some(next) = self.next(stations) {
-            return next;
-        }
-        let decision = self.ask(stations, |planner, all| planner.plan(belief, all))?;
-        Ok(self.decided(decision))
+        self.next(stations, |planner, all| planner.plan(belief, all))
     }
 
     fn plan_together(
@@ -154,11 +194,7 @@ impl<P: FormationPlanner> FormationPlanner for Emulate<P> {
         if targets.is_empty() {
             return Err(PlanError::NoPlace);
         }
-        if let Some(next) = self.next(stations) {
-            return next;
-        }
-        let decision = self.ask(stations, |planner, all| planner.plan_together(targets, all))?;
-        Ok(self.decided(decision))
+        self.next(stations, |planner, all| planner.plan_together(targets, all))
     }
 
     fn hear(&mut self, reception: &Reception) {
@@ -178,8 +214,8 @@ impl<P: FormationPlanner> FormationPlanner for Emulate<P> {
 mod tests {
     use alloc::string::String;
 
-    use foxhunt_core::{Estimate, Outcome, laws};
-    use nalgebra::Vector2;
+    use foxhunt_core::{Estimate, Outcome, Pose, laws};
+    use nalgebra::{Vector2, Vector3};
 
     use super::*;
     use crate::{
@@ -258,6 +294,70 @@ mod tests {
         arrive(&mut left);
         planner.plan(&belief, &mut left).expect("a place");
         assert!(apart(&left) > 10.0);
+    }
+
+    /// What the virtual drones are said to be at.
+    #[derive(Clone, Debug, Default, PartialEq)]
+    struct Told(Vec<Vector3<f64>>);
+
+    impl FormationPlanner for Told {
+        fn begin(&mut self, stations: &mut [Station]) -> Result<(), PlanError> {
+            for (index, station) in stations.iter_mut().enumerate() {
+                let east = 10.0 * crate::shape::number(index);
+                station.goal.position = Vector3::new(east, 0.0, 2.0);
+            }
+            Ok(())
+        }
+
+        fn plan(
+            &mut self,
+            belief: &dyn Belief,
+            stations: &mut [Station],
+        ) -> Result<Decision, PlanError> {
+            if !belief.position().mean.x.is_finite() {
+                return Err(PlanError::NoPlace);
+            }
+            self.0 = stations.iter().map(|station| station.pose.position).collect();
+            self.begin(stations)?;
+            Ok(Decision::Listen(Stage::Searching))
+        }
+
+        fn resume(&mut self, belief: &dyn Belief, all: &mut [Station]) -> Result<(), PlanError> {
+            self.plan(belief, all).map(|_| ())
+        }
+    }
+
+    #[test]
+    fn the_planner_is_told_where_they_really_listened() {
+        let belief = Estimate::isotropic(Vector2::zeros(), 9.0);
+        let mut planner = Emulate::new(Told::default(), 3).expect("three drones");
+        let mut pair = [10.0, 1.0].map(|e| Station::holding(Pose::at(e, 0.0, 2.0)));
+        planner.begin(&mut pair).expect("drones");
+        let goals: Vec<f64> = pair.iter().map(|station| station.goal.position.x).collect();
+        assert_eq!(goals, [10.0, 0.0]);
+        // They exchange their goals, and both stop short of them.
+        pair[0].pose.position = Vector3::new(0.5, 1.0, 2.0);
+        pair[1].pose.position = Vector3::new(9.0, 1.0, 2.0);
+        planner.plan(&belief, &mut pair).expect("a place is left");
+        assert!(planner.planner().0.is_empty(), "asked too early");
+        // Nobody gets to the third one.
+        planner.plan(&belief, &mut pair).expect("a place");
+        let told: Vec<f64> = planner.planner().0.iter().map(|place| place.x).collect();
+        assert_eq!(told, [0.5, 9.0, 9.0]);
+        // One drops out on the way: its place is flown to again.
+        let mut alone = [Station { pose: Pose::at(9.0, 0.0, 2.0), ..pair[1] }];
+        planner.plan(&belief, &mut alone).expect("a place");
+        planner.plan(&belief, &mut alone).expect("a place");
+        let before = planner.clone();
+        let nowhere = Estimate::isotropic(Vector2::repeat(f64::NAN), 1.0);
+        assert!(planner.resume(&nowhere, &mut alone).is_err());
+        assert_eq!(planner, before);
+        arrive(&mut alone);
+        let (at, again) = (alone, planner.clone());
+        assert!(planner.plan(&nowhere, &mut alone).is_err());
+        assert_eq!((planner.clone(), alone), (again, at));
+        planner.plan(&belief, &mut alone).expect("a place");
+        assert_eq!(planner.planner().0[2], alone[0].pose.position);
     }
 
     #[test]

@@ -7,12 +7,15 @@ use crate::{Decision, Estimate, FormationPlanner, PlanError, Pose, Station};
 /// The most drones that the laws are tried with.
 const DRONES: usize = 8;
 
+/// The most that may be given.
+const MOST: usize = 64;
+
 /// A planner's laws for one belief and one set of drones, and for 1 to 8 drones that come and go.
 /// `fresh` makes the same planner each time, one that explains itself.
 ///
 /// # Panics
 ///
-/// On a breach.
+/// On a breach, or for more than 64 stations.
 pub fn formation_planner<P: FormationPlanner>(
     fresh: impl Fn() -> P,
     belief: &Estimate<2>,
@@ -20,6 +23,14 @@ pub fn formation_planner<P: FormationPlanner>(
 ) {
     one_by_one(&mut fresh(), belief, stations);
     drones_come_and_go(&mut fresh(), belief);
+}
+
+/// The goal of each drone; those of drones that there are not are zero.
+fn goals(stations: &[Station]) -> [Vector3<f64>; MOST] {
+    assert!(stations.len() <= MOST, "{} stations are more than {MOST}", stations.len());
+    core::array::from_fn(|drone| {
+        stations.get(drone).map_or_else(Vector3::zeros, |s| s.goal.position)
+    })
 }
 
 fn finite(stations: &[Station]) -> bool {
@@ -31,31 +42,30 @@ fn one_by_one<P: FormationPlanner>(
     belief: &Estimate<2>,
     stations: &mut [Station],
 ) {
-    let sum = |stations: &[Station]| stations.iter().map(|s| s.goal.position).sum::<Vector3<f64>>();
-    let before = sum(stations);
+    let before = goals(stations);
     match planner.begin(stations) {
         Ok(()) => assert!(finite(stations), "the first goals are not finite"),
-        Err(error) => assert_eq!(sum(stations), before, "goals were changed despite: {error}"),
+        Err(error) => assert_eq!(goals(stations), before, "goals were changed despite: {error}"),
     }
-    let before = sum(stations);
+    let before = goals(stations);
     match planner.plan(belief, stations) {
         Ok(_) => assert!(finite(stations), "the goals are not finite"),
-        Err(error) => assert_eq!(sum(stations), before, "goals were changed despite: {error}"),
+        Err(error) => assert_eq!(goals(stations), before, "goals were changed despite: {error}"),
     }
-    let before = sum(stations);
+    let before = goals(stations);
     let none = planner.plan_together(&[], stations);
     assert_eq!(none, Err(PlanError::NoPlace), "it plans for no target");
-    assert_eq!(sum(stations), before, "goals were changed where there is no target");
+    assert_eq!(goals(stations), before, "goals were changed where there is no target");
     let nowhere =
         Estimate { mean: Vector2::repeat(f64::NAN), covariance: Matrix2::repeat(f64::NAN) };
     for resumes in [false, true] {
-        let before = sum(stations);
+        let before = goals(stations);
         let planned = match resumes {
             false => planner.plan(&nowhere, stations).map(|_| ()),
             true => planner.resume(&nowhere, stations),
         };
         if let Err(error) = planned {
-            assert_eq!(sum(stations), before, "goals were changed despite: {error}");
+            assert_eq!(goals(stations), before, "goals were changed despite: {error}");
         }
         assert!(finite(stations), "a belief that is not finite made goals that are not");
     }

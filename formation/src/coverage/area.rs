@@ -13,8 +13,13 @@ pub(super) struct Area {
 pub(super) type Interval = (f64, f64);
 
 impl Area {
-    /// Takes a polygon that has three corners at least and does not meet itself.
+    /// Takes a polygon that has three corners at least and does not meet itself. The first corner may
+    /// come again at the end.
     pub(super) fn new(corners: &[Vector2<f64>]) -> Result<Self, CoverageError> {
+        let corners = match corners {
+            [first, open @ .., last] if first == last => &corners[..=open.len()],
+            _ => corners,
+        };
         if corners.len() < 3 {
             return Err(CoverageError::Corners { corners: corners.len() });
         }
@@ -39,7 +44,8 @@ impl Area {
         self.corners.iter().zip(self.corners.iter().cycle().skip(1))
     }
 
-    /// The direction of its longest side, which is as well its opposite, eastward.
+    /// The direction of its longest side in radians counter-clockwise from East: of its two senses
+    /// the eastward one.
     pub(super) fn longest_side(&self) -> f64 {
         let length = |(a, b): &(&Vector2<f64>, &Vector2<f64>)| (*b - *a).norm();
         // The first of several that are equally long.

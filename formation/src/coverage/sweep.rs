@@ -63,7 +63,8 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    /// A sweep over the polygon with these corners, East and North in metres, in either sense.
+    /// A sweep over the polygon with these corners, East and North in metres, in either sense;
+    /// the first one may come again at the end, as in GeoJSON.
     ///
     /// # Errors
     ///

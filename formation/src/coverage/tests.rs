@@ -49,6 +49,16 @@ fn the_references_sixteen_places() {
     }
 }
 
+#[test]
+fn the_first_corner_may_come_again_at_the_end() {
+    let config = CoverageConfig::default();
+    let field = corners(&[(0.0, 0.0), (65.0, 0.0), (65.0, 50.0), (0.0, 50.0)]);
+    let closed = corners(&[(0.0, 0.0), (65.0, 0.0), (65.0, 50.0), (0.0, 50.0), (0.0, 0.0)]);
+    assert_eq!(Coverage::new(&closed, &config), Coverage::new(&field, &config));
+    let two = corners(&[(0.0, 0.0), (65.0, 0.0), (0.0, 0.0)]);
+    assert_eq!(Coverage::new(&two, &config), Err(CoverageError::Corners { corners: 2 }));
+}
+
 /// Rows along North, from South to North at first, whichever way the sides are listed.
 #[test]
 fn rows_run_along_the_longest_side() {

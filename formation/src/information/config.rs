@@ -68,7 +68,8 @@ pub struct InformationConfig {
     pub objective: Objective,
     /// How the worth of a turn is computed.
     pub criterion: Criterion,
-    /// How many places stand for the belief.
+    /// How many places stand for the belief; half as many where their pairs are compared
+    /// ([`Criterion::Entropy`]).
     pub places: u32,
     /// Another plan has to save this many seconds over turning again to be worth a move.
     pub least_saving_s: f64,

@@ -129,6 +129,21 @@ impl<S: TurnInformation> Information<S> {
         beliefs: &[Seen<'_>],
         stations: &mut [Station],
     ) -> Result<Decision, PlanError> {
+        let before = self.heard.clone();
+        let targets: Vec<_> = beliefs.iter().map(|(b, told)| (*b, told.position().mean)).collect();
+        self.heard.search(&targets);
+        let decision = self.choose(beliefs, stations);
+        if decision.is_err() {
+            self.heard = before;
+        }
+        decision
+    }
+
+    fn choose(
+        &mut self,
+        beliefs: &[Seen<'_>],
+        stations: &mut [Station],
+    ) -> Result<Decision, PlanError> {
         flyable(stations)?;
         let first = beliefs.first().ok_or(PlanError::NoPlace)?.1.position();
         let ellipse_m = semi_major(&first)?;
@@ -187,8 +202,9 @@ impl<S: TurnInformation> FormationPlanner for Information<S> {
 
     fn resume(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<(), PlanError> {
         flyable(stations)?;
-        self.go(&[(None, belief)], stations)?;
-        self.heard.begin();
+        let beacon = self.heard.resumed(&belief.position().mean);
+        self.go(&[(beacon, belief)], stations)?;
+        self.heard.resume(beacon);
         self.measured = 0;
         Ok(())
     }
@@ -198,7 +214,7 @@ impl<S: TurnInformation> FormationPlanner for Information<S> {
         belief: &dyn Belief,
         stations: &mut [Station],
     ) -> Result<Decision, PlanError> {
-        self.decide(&[(self.heard.first, belief)], stations)
+        self.decide(&[(self.heard.first(), belief)], stations)
     }
 
     fn plan_together(
@@ -211,6 +227,8 @@ impl<S: TurnInformation> FormationPlanner for Information<S> {
         self.decide(&beliefs, stations)
     }
 
+    /// Of any beacon: what is known of each one's power comes from its own levels, and how sure
+    /// bearings are from all of them.
     fn hear(&mut self, reception: &Reception) {
         self.turn.learn(reception);
         self.heard.hear(reception);

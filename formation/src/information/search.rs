@@ -190,12 +190,17 @@ fn aim<S: TurnInformation + ?Sized>(
     belief: &dyn Belief,
 ) -> Result<Aim, PlanError> {
     let count = usize::try_from(config.places).unwrap_or(usize::MAX);
-    let belief = Cells::of(belief, count)?;
+    let mut cells = Cells::of(belief, count)?;
     let fisher = match config.criterion {
-        Criterion::Automatic => belief.gaussian,
+        Criterion::Automatic => cells.gaussian,
         Criterion::Fisher => true,
         Criterion::Entropy => false,
     };
+    if !fisher {
+        // Every pair of cells counts: twice as many take four times as long.
+        cells = Cells::of(belief, count.div_ceil(2))?;
+    }
+    let belief = cells;
     // A belief that is flat or a point has no information matrix; its cells still tell it apart.
     let factor = belief.moments.covariance.cholesky().filter(|_| fisher);
     let information = factor.map(|factor| factor.solve(&Matrix2::identity()));

@@ -191,7 +191,7 @@ impl SurgeCast {
 
     /// Starts anew on a target.
     fn reset(&mut self) {
-        self.heard = Heard::default();
+        self.heard.begin();
         (self.best, self.level, self.circling) = (None, None, None);
         (self.casts, self.last, self.settling) = (0, Move::Begin, Settling::default());
     }
@@ -241,10 +241,18 @@ impl FormationPlanner for SurgeCast {
         stations: &mut [Station],
     ) -> Result<Decision, PlanError> {
         let target = targets.first().ok_or(PlanError::NoPlace)?;
-        self.heard.follow(target.beacon);
+        // Nothing is changed where there is no plan.
+        places::finite(target.belief.position().mean)?;
+        centroid(stations)?;
+        if self.heard.follow(target.beacon) {
+            // Levels of another one are no measure of its own.
+            (self.best, self.casts) = (None, 0);
+        }
         self.plan(target.belief, stations)
     }
 
+    /// Of any beacon: only the one that it follows counts, which is the first target of a plan, or
+    /// where no plan says so, the one that was heard first since the beginning.
     fn hear(&mut self, reception: &Reception) {
         self.heard.hear(reception);
     }

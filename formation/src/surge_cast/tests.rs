@@ -135,6 +135,33 @@ fn it_goes_by_its_own_target_alone() {
 }
 
 #[test]
+fn it_learns_which_beacon_it_follows() {
+    let moved = |drone: &[Station; 1]| drone[0].goal.position - drone[0].pose.position;
+    let north = |to: Vector3<f64>| (to.y - 20.0).abs() < 1e-9 && to.x.abs() < 1e-9;
+    let mut drone = [Station::holding(Pose::at(0.0, 0.0, 4.0))];
+    let belief = far(90.0);
+    // Another one was heard first, before it is told which one it is.
+    let mut planner = planner();
+    planner.begin(&mut drone).expect("a drone");
+    planner.hear(&heard(0, -40.0, Some(PI)));
+    planner.hear(&heard(1, -80.0, Some(FRAC_PI_2)));
+    let target = Target { beacon: BeaconId(1), belief: &belief };
+    planner.plan_together(&[target], &mut drone).expect("a target");
+    assert!(north(moved(&drone)), "{}", moved(&drone));
+    // A new search that nobody names a beacon for: not that of the one before, which is still heard.
+    planner.begin(&mut drone).expect("a drone");
+    planner.hear(&heard(1, -40.0, Some(PI)));
+    planner.hear(&heard(2, -80.0, Some(FRAC_PI_2)));
+    planner.plan(&belief, &mut drone).expect("a target");
+    assert!(north(moved(&drone)), "{}", moved(&drone));
+    // The same one again, alone.
+    planner.begin(&mut drone).expect("a drone");
+    planner.hear(&heard(2, -80.0, Some(FRAC_PI_2)));
+    planner.plan(&belief, &mut drone).expect("a target");
+    assert!(north(moved(&drone)), "{}", moved(&drone));
+}
+
+#[test]
 fn it_finds_a_target_with_one_drone_and_with_several() {
     for result in [
         Shrinking::towards(120.0, 40.0).search(&mut planner(), &mut stations::<1>(), |_, _| {}),
