@@ -87,6 +87,8 @@ pub(super) struct Flight {
     pub(super) due: Option<OrderReason>,
     last: OrderReason,
     pub(super) blocked: bool,
+    /// Nobody counts on it any more.
+    given_up: bool,
 }
 
 /// What a drone's new place means.
@@ -111,6 +113,7 @@ impl Flight {
             due: None,
             last: OrderReason::Stop,
             blocked: false,
+            given_up: false,
         }
     }
 
@@ -124,9 +127,34 @@ impl Flight {
         self.way[self.way.len() - 1]
     }
 
-    /// Whether it flies, or may be flying because it has not been seen since it was to stop.
+    /// Whether it flies, or may be flying because it has not been seen since it was to stop. One that
+    /// was given up does not count.
     pub(super) fn flies(&self) -> bool {
-        self.way.len() > 1 || self.former.is_some()
+        !self.given_up && (self.way.len() > 1 || self.former.is_some())
+    }
+
+    pub(super) fn is_given_up(&self) -> bool {
+        self.given_up
+    }
+
+    /// Is wished to a place, which it is counted on to reach.
+    pub(super) fn wish_to(&mut self, wish: Wish) {
+        (self.wish, self.blocked, self.given_up) = (Some(wish), false, false);
+    }
+
+    /// Keeps the leg that it was told to fly, and is told nothing more but to stop.
+    pub(super) fn give_up(&mut self) {
+        (self.wish, self.given_up) = (None, true);
+        match self.due {
+            Some(OrderReason::Stop) => {}
+            None => self.way.truncate(2),
+            Some(_) => {
+                // It flies on as the last order had it.
+                self.due = None;
+                self.way = vec![self.way[0], self.told[0]];
+                self.way.dedup();
+            }
+        }
     }
 
     /// Whether a way may be added to the end of its line. Not where it was to stop at once and has
@@ -252,6 +280,9 @@ impl Flight {
     /// where the drone is by then.
     pub(super) fn order(&mut self, drone: usize) -> Option<Order> {
         if self.unsent && !self.seen {
+            return None;
+        }
+        if self.given_up && self.due != Some(OrderReason::Stop) {
             return None;
         }
         let reason = self.due.take()?;

@@ -122,6 +122,10 @@ impl Traffic {
     /// is permitted from where it is, and stops otherwise.
     fn catch(&mut self, drone: usize, position: Vector3<f64>) {
         self.changed = true;
+        if self.flights[drone].is_given_up() {
+            self.flights[drone].begin_at(position);
+            return;
+        }
         let flight = &self.flights[drone];
         let next = flight.way().get(1).copied().unwrap_or(flight.place());
         let permitted = self.surroundings(drone, &[]).first_leg(&position.xy(), &next.xy());
@@ -184,6 +188,22 @@ impl Traffic {
         Ok(())
     }
 
+    /// Counts on a drone no more: it has landed, is stuck in the air, or is lost. What is reserved for
+    /// it stays so up to where it was last told to fly, less what it is seen to fly of that; but
+    /// it counts as resting, so that others fly around it, or are blocked, and do not wait for it. It has
+    /// no goal and is told nothing more, but for the stop if it is [held](Self::hold). To wish it
+    /// somewhere takes it back.
+    ///
+    /// # Errors
+    ///
+    /// [`TrafficError`] where there is no such drone.
+    pub fn give_up(&mut self, drone: usize) -> Result<(), TrafficError> {
+        self.check_drone(drone)?;
+        self.changed = true;
+        self.flights[drone].give_up();
+        Ok(())
+    }
+
     /// The last order did not reach a drone: it is given again, and the drone may be wherever its
     /// last but one led it.
     ///
@@ -241,8 +261,7 @@ impl Traffic {
         check_finite(drone, &wish.goal)?;
         self.changed = true;
         let flight = &mut self.flights[drone];
-        flight.wish = Some(wish);
-        flight.blocked = false;
+        flight.wish_to(wish);
         if flight.waits() {
             flight.stop(self.config.stopping_m);
         }

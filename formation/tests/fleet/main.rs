@@ -6,6 +6,7 @@ mod edge;
 mod endurance;
 mod flown;
 mod formation;
+mod given_up;
 mod play;
 mod traffic;
 mod void;

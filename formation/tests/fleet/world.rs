@@ -157,7 +157,15 @@ impl World {
                 let formation = self.traffic.form(&taking_part, &places).expect("drones exist");
                 self.traffic.depart(&formation).expect("drones exist");
             }
-            6 => self.traffic.hold(rng.random_range(0..all)).expect("the drone exists"),
+            6 => {
+                let drone = rng.random_range(0..all);
+                if rng.random_bool(0.5) {
+                    self.traffic.hold(drone).expect("the drone exists");
+                }
+                if rng.random_bool(0.5) {
+                    self.traffic.give_up(drone).expect("the drone exists");
+                }
+            }
             7 => {
                 let goal = place(rng, self.extent);
                 self.traffic.go(rng.random_range(0..all), &goal).expect("the drone exists");
