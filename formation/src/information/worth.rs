@@ -26,6 +26,8 @@ pub(super) struct Left {
 struct Reading {
     value: f64,
     variance: f64,
+    /// 1 / variance and ln variance: every pair of cells wants them.
+    precision: f64,
     log_variance: f64,
 }
 
@@ -166,7 +168,8 @@ impl Left {
                     [(level_db, level), (expected.bearing, bearing.min(UNIFORM))]
                 {
                     let log_variance = libm::log(variance);
-                    readings.push(Reading { value, variance, log_variance });
+                    let precision = 1.0 / variance;
+                    readings.push(Reading { value, variance, precision, log_variance });
                 }
             }
         }
@@ -184,8 +187,8 @@ fn divergence(of: &[Reading], from: &[Reading], power_variance: f64) -> f64 {
         // Most differences are in range already, and wrapping is slow.
         let bearing = if bearing.abs() < PI { bearing } else { angle::wrap(bearing) };
         twice += one(&of[0], &from[0], level) + one(&of[1], &from[1], bearing);
-        weighted += level / from[0].variance;
-        information += 1.0 / from[0].variance;
+        weighted += level * from[0].precision;
+        information += from[0].precision;
     }
     // Sherman and Morrison again: what all levels have in common may be the power.
     let shared = power_variance / (1.0 + power_variance * information);
@@ -194,7 +197,7 @@ fn divergence(of: &[Reading], from: &[Reading], power_variance: f64) -> f64 {
 
 /// Twice the divergence of one number.
 fn one(of: &Reading, from: &Reading, off: f64) -> f64 {
-    from.log_variance - of.log_variance + (of.variance + off * off) / from.variance - 1.0
+    from.log_variance - of.log_variance + (of.variance + off * off) * from.precision - 1.0
 }
 
 #[cfg(test)]
