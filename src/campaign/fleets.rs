@@ -135,7 +135,11 @@ fn fly(scenario: &Scenario, estimator: Option<&NamedEstimator>, seed: u64) -> Fl
     match flown {
         Ok(hunt) => {
             let outcomes: Vec<Outcome> = hunt.found.iter().map(|f| f.fix.outcome).collect();
-            let silent = outcomes.len() < scenario.world.beacons.len();
+            // A beacon that appears when the search is over is nobody's.
+            let there = |appears: f64| appears + scenario.simulation.tick_s < watch.found_last_s();
+            let beacons = &scenario.world.beacons;
+            let owed = beacons.iter().filter(|b| b.appears_after_s.is_none_or(there)).count();
+            let silent = outcomes.len() < owed;
             let (error, duration_s) = (None, Some(hunt.duration_s));
             FleetRun { outcomes, error, duration_s, seen: watch.end(hunt.duration_s, silent) }
         }
