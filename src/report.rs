@@ -52,6 +52,8 @@ pub struct HuntReport {
     pub seed: u64,
     /// The estimator's name.
     pub estimator: String,
+    /// The planner's name, or that it is the scenario's own.
+    pub planner: String,
     /// How long it took, in simulated seconds.
     pub duration_s: f64,
     /// The beacons, in their order.
@@ -91,10 +93,11 @@ pub struct HuntedBeacon {
 impl HuntReport {
     /// The report of a simulated hunt.
     #[must_use]
-    pub fn new(seed: u64, estimator: &str, hunt: &Simulated) -> Self {
+    pub fn new(seed: u64, estimator: &str, planner: &str, hunt: &Simulated) -> Self {
         Self {
             seed,
             estimator: estimator.to_owned(),
+            planner: planner.to_owned(),
             duration_s: hunt.duration_s,
             beacons: hunt.found.iter().map(HuntedBeacon::from).collect(),
         }

@@ -2,6 +2,7 @@
 
 use foxhunt::{
     campaign::{FleetsReport, fleets_campaign},
+    config::PlannerConfig,
     scenario::{Scenario, random_fleet},
 };
 
@@ -59,9 +60,56 @@ fn everything_that_may_go_wrong_is_drawn() {
         fleets.iter().filter(|s| s.world.beacons.len() == 2).count(),
     ];
     assert!(some.iter().all(|count| (20..95).contains(&share(*count, 300))), "{some:?}");
+    let seldom = [
+        fleets.iter().filter(|s| s.hunt.void.is_some()).count(),
+        fleets.iter().filter(|s| s.hunt.stop.least_gain_nats_per_s.is_some()).count(),
+        fleets.iter().filter(|s| s.hunt.stop.settled_m.is_some()).count(),
+        fleets.iter().filter(|s| appears_late(s)).count(),
+    ];
+    assert!(seldom.iter().all(|count| (5..40).contains(&share(*count, 300))), "{seldom:?}");
     // A file of such a scenario reads back as it was.
     let text = toml::to_string(&fleets[0]).expect("plain fields");
     assert_eq!(Scenario::parse(&text, "fleet").expect("in order").world, fleets[0].world);
+}
+
+fn appears_late(fleet: &Scenario) -> bool {
+    let late: Vec<bool> =
+        fleet.world.beacons.iter().map(|beacon| beacon.appears_after_s.is_some()).collect();
+    let (last, others) = late.split_last().expect("there is a beacon");
+    assert!(!others.contains(&true), "only the last beacon may be late");
+    *last
+}
+
+/// Planners and shapes in 2000 fleets: the slow planner has a share of 1/250 in them, so that one
+/// set of fleets in 3000 would be without it.
+#[test]
+fn every_planner_and_every_shape_is_drawn() {
+    let planners: Vec<PlannerConfig> = (0..2000).map(|seed| random_fleet(seed).planner).collect();
+    let count = |text: &str| {
+        planners.iter().filter(|p| toml::to_string(p).expect("plain fields").contains(text)).count()
+    };
+    for kind in [
+        "follow-estimate",
+        "waypoints",
+        "lawn-mower",
+        "orbit",
+        "arcs",
+        "surge-cast",
+        "information",
+        "steepest-descent",
+        "bayesian-optimisation",
+        "hold",
+        "emulated",
+        "polygon",
+        "line",
+        "offsets",
+        "scaled",
+    ] {
+        assert!(count(&format!("kind = \"{kind}\"")) > 0, "{kind}");
+    }
+    assert!(count("bayesian-optimisation") < 40);
+    let built = planners.iter().find_map(|planner| planner.build().err());
+    assert_eq!(built, None);
 }
 
 /// Ten thousand fleets.

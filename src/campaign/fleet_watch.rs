@@ -79,6 +79,8 @@ pub(super) struct FleetWatch<'a> {
     recalled: Option<f64>,
     /// Which drones were told to land.
     landing: Vec<usize>,
+    /// When the last search was over.
+    found_last_s: f64,
     places: Vec<Vector3<f64>>,
     /// Until when each could not be at home, by its failures since they were called there.
     helpless_until: Vec<f64>,
@@ -123,6 +125,7 @@ impl<'a> FleetWatch<'a> {
             airspace: Airspace::new(&scenario.hunt.airspace)?,
             recalled: None,
             landing: Vec::new(),
+            found_last_s: 0.0,
             places: Vec::new(),
             helpless_until: vec![f64::NEG_INFINITY; scenario.world.drones.len()],
             time_s: 0.0,
@@ -135,12 +138,18 @@ impl<'a> FleetWatch<'a> {
         self.time_s
     }
 
+    /// When the last search was over.
+    pub(super) fn found_last_s(&self) -> f64 {
+        self.found_last_s
+    }
+
     pub(super) fn note(&mut self, event: &Event) {
         match event {
             Event::Recalled { time, .. } => {
                 self.recalled.get_or_insert(*time);
             }
             Event::Landed { drone, .. } => self.landing.push(*drone),
+            Event::BeaconFinished { time, .. } => self.found_last_s = *time,
             _ => {}
         }
     }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{
-    CampaignError, OutcomeCount, Spread, Violation,
+    CampaignError, OWN, OutcomeCount, Spread, Violation,
     fleet_watch::{FleetWatch, Seen},
     run::threads,
 };
@@ -22,6 +22,10 @@ pub struct FleetsReport {
     pub runs: u32,
     /// The seed of the first one; run i has this plus i.
     pub seed: u64,
+    /// The planner, or [`OWN`].
+    pub planner: String,
+    /// The estimator, or [`OWN`].
+    pub estimator: String,
     /// How the searches ended, the most frequent end first.
     pub outcomes: Vec<OutcomeCount>,
     /// The hunts that could not begin or go on, and why.
@@ -100,6 +104,8 @@ pub fn fleets_campaign(
     Ok(FleetsReport {
         runs,
         seed,
+        planner: planner.map_or(OWN, |planner| planner.name).to_owned(),
+        estimator: estimator.map_or(OWN, |estimator| estimator.name).to_owned(),
         outcomes: OutcomeCount::of(flown.iter().flat_map(|run| run.outcomes.iter().copied())),
         errors: flown.iter().filter_map(|run| run.error.clone()).collect(),
         duration_s: Spread::of(&durations),
@@ -135,7 +141,11 @@ fn fly(scenario: &Scenario, estimator: Option<&NamedEstimator>, seed: u64) -> Fl
     match flown {
         Ok(hunt) => {
             let outcomes: Vec<Outcome> = hunt.found.iter().map(|f| f.fix.outcome).collect();
-            let silent = outcomes.len() < scenario.world.beacons.len();
+            // A beacon that appears when the search is over is nobody's.
+            let there = |appears: f64| appears + scenario.simulation.tick_s < watch.found_last_s();
+            let beacons = &scenario.world.beacons;
+            let owed = beacons.iter().filter(|b| b.appears_after_s.is_none_or(there)).count();
+            let silent = outcomes.len() < owed;
             let (error, duration_s) = (None, Some(hunt.duration_s));
             FleetRun { outcomes, error, duration_s, seen: watch.end(hunt.duration_s, silent) }
         }

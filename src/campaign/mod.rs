@@ -20,6 +20,6 @@ pub use planners::{
 };
 pub(crate) use run::Sample;
 pub use run::{
-    BeaconCampaign, CampaignError, CampaignReport, Checkpoint, EstimatorCampaign, campaign,
+    BeaconCampaign, CampaignError, CampaignReport, Checkpoint, EstimatorCampaign, OWN, campaign,
 };
 pub use statistics::{FirstPassage, Spread, StepSpread};

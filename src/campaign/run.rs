@@ -13,11 +13,18 @@ use crate::{
     simulation::{Found, SearchProgress, SimulationError, simulate},
 };
 
+/// What a report calls a planner or an estimator that is the scenario's own.
+pub const OWN: &str = "scenario's own";
+
 /// What a campaign came to.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CampaignReport {
     /// The scenario's name.
     pub scenario: String,
+    /// The planner: the scenario's own, [`OWN`], until whoever asks for another one says its name;
+    /// absent where nothing flies.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub planner: Option<String>,
     /// How many hunts each estimator flew.
     pub runs: u32,
     /// The seed of the first run; run i has this plus i.
@@ -182,7 +189,8 @@ pub fn campaign(
             Ok(summarise(scenario, estimator, &flown))
         })
         .collect::<Result<_, CampaignError>>()?;
-    Ok(CampaignReport { scenario: scenario.name.clone(), runs, seed, estimators })
+    let planner = Some(OWN.to_owned());
+    Ok(CampaignReport { scenario: scenario.name.clone(), planner, runs, seed, estimators })
 }
 
 /// So many threads.

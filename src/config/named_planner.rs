@@ -1,3 +1,5 @@
+use std::mem::discriminant;
+
 use foxhunt_formation::{
     AltitudeRule, ArcsConfig, CoverageConfig, FollowConfig, InformationConfig, OrbitConfig,
     SettlingRule, SteepestDescentConfig, SurgeCastConfig,
@@ -22,11 +24,19 @@ pub struct NamedPlanner {
 
 impl NamedPlanner {
     /// What it is made of in a scenario, which tells it what the area and the signal are like.
+    /// Where the scenario's own planner is of this kind, it is the scenario's own, but for
+    /// `pritzl2018` and `pritzl2018-emulated`: these are the reference's whatever the scenario
+    /// says.
     #[must_use]
     pub fn config(&self, scenario: &Scenario) -> PlannerConfig {
-        (self.config)(scenario)
+        let (named, own) = ((self.config)(scenario), &scenario.planner);
+        let fixed = self.name.starts_with(REFERENCE);
+        if discriminant(&named) == discriminant(own) && !fixed { own.clone() } else { named }
     }
 }
+
+/// What names of planners begin with that are the reference's.
+const REFERENCE: &str = "pritzl2018";
 
 /// How often `hold` listens.
 const TURNS: u32 = 10;
@@ -110,7 +120,9 @@ pub fn planners() -> Vec<NamedPlanner> {
             "Močkus 1975; Jones, Schonlau & Welch 1998",
             |_| PlannerConfig::BayesianOptimisation(Default::default()),
         ),
-        named("hold", "everyone stays and listens", "Isaacs et al. 2014, §V", hold),
+        named("hold", "everyone stays and listens", "Isaacs et al. 2014, §V", |_| {
+            PlannerConfig::Hold { turns: TURNS }
+        }),
     ]
 }
 
@@ -118,13 +130,6 @@ pub fn planners() -> Vec<NamedPlanner> {
 #[must_use]
 pub fn planner_named(name: &str) -> Option<NamedPlanner> {
     planners().into_iter().find(|known| known.name == name)
-}
-
-fn hold(scenario: &Scenario) -> PlannerConfig {
-    match &scenario.planner {
-        own @ PlannerConfig::Hold { .. } => own.clone(),
-        _ => PlannerConfig::Hold { turns: TURNS },
-    }
 }
 
 fn pritzl2018() -> PlannerConfig {
@@ -169,18 +174,16 @@ fn information(scenario: &Scenario) -> InformationConfig {
     }
 }
 
+/// A path of the scenario's own is of another kind than the lawn-mower's that stands in for it.
 fn waypoints(scenario: &Scenario) -> PlannerConfig {
     match &scenario.planner {
-        own @ PlannerConfig::Waypoints { .. } => own.clone(),
+        own @ (PlannerConfig::Waypoints { .. } | PlannerConfig::LawnMower { .. }) => own.clone(),
         _ => lawn_mower(scenario),
     }
 }
 
 /// Its area is the fence, or else a box that holds the beacon with 95 %.
 fn lawn_mower(scenario: &Scenario) -> PlannerConfig {
-    if let own @ PlannerConfig::LawnMower { .. } = &scenario.planner {
-        return own.clone();
-    }
     let fence = &scenario.hunt.airspace.fence_m;
     let (corners_m, spacing, inside) = if fence.is_empty() {
         let (half, centre) = (BOX_95 * scenario.hunt.prior_sigma_m, prior_centre(scenario));
@@ -215,9 +218,6 @@ fn area_m2(corners: &[[f64; 2]]) -> f64 {
 }
 
 fn orbit(scenario: &Scenario) -> PlannerConfig {
-    if let own @ PlannerConfig::Orbit(_) = &scenario.planner {
-        return own.clone();
-    }
     let config = OrbitConfig::default();
     PlannerConfig::Orbit(OrbitConfig {
         radius_m: in_area(config.radius_m, scenario),
@@ -228,9 +228,6 @@ fn orbit(scenario: &Scenario) -> PlannerConfig {
 }
 
 fn arcs(scenario: &Scenario) -> PlannerConfig {
-    if let own @ PlannerConfig::Arcs(_) = &scenario.planner {
-        return own.clone();
-    }
     let config = ArcsConfig::default();
     PlannerConfig::Arcs(ArcsConfig {
         spacing_m: in_area(config.spacing_m, scenario),
@@ -242,9 +239,6 @@ fn arcs(scenario: &Scenario) -> PlannerConfig {
 }
 
 fn surge_cast(scenario: &Scenario) -> PlannerConfig {
-    if let own @ PlannerConfig::SurgeCast(_) = &scenario.planner {
-        return own.clone();
-    }
     let config = SurgeCastConfig::default();
     // Its legs are for a prior as wide as the hunt's default.
     let wider = scenario.hunt.prior_sigma_m / HuntConfig::default().prior_sigma_m;
@@ -324,6 +318,26 @@ mod tests {
             let named = planner_named(planner).expect("it is known");
             assert_eq!(named.config(&scenario), scenario.planner, "{name}");
         }
+    }
+
+    #[test]
+    fn a_scenarios_own_settings_stay_with_the_name_of_their_kind() {
+        let mut scenario = scenario("pritzl-6.1");
+        for (name, text) in [
+            ("information", "kind = \"information\"\ninformation = { horizon = 2 }"),
+            ("steepest-descent", "kind = \"steepest-descent\"\nstep_m = 11"),
+            ("bayesian-optimisation", "kind = \"bayesian-optimisation\"\nreach_m = 41"),
+            ("orbit", "kind = \"orbit\"\nradius_m = 13"),
+            ("hold", "kind = \"hold\"\nturns = 77"),
+        ] {
+            scenario.planner = toml::from_str(text).expect("a planner");
+            let named = planner_named(name).expect("it is known");
+            assert_eq!(named.config(&scenario), scenario.planner, "{name}");
+        }
+        let follow = FollowConfig { circumradius_m: 9.0, ..FollowConfig::pritzl2018() };
+        scenario.planner = PlannerConfig::FollowEstimate { follow, shape: None };
+        let named = planner_named("pritzl2018").expect("it is known");
+        assert_eq!(named.config(&scenario), pritzl2018());
     }
 
     #[test]

@@ -130,6 +130,8 @@ impl PlannerConfig {
                 rounds,
             } => {
                 let each = usize::from(*turns_at_each);
+                let path = "places_m, turns_at_each and rounds in all";
+                bounded(path, [places_m.len(), each, usize::from(*rounds)])?;
                 let round = places_m.iter().flat_map(|p| repeat_n(Vector2::from(*p), each));
                 let places: Vec<_> = repeat_n(round, usize::from(*rounds)).flatten().collect();
                 let shape = shape_or_polygon(shape.as_ref(), *circumradius_m)?;
@@ -137,8 +139,12 @@ impl PlannerConfig {
             }
             Self::LawnMower { corners_m, coverage, shape, up_m, rounds } => {
                 let corners: Vec<_> = corners_m.iter().map(|p| Vector2::from(*p)).collect();
-                let places =
-                    Coverage::new(&corners, coverage)?.places().repeat(usize::from(*rounds));
+                let (sweep, rounds) = (Coverage::new(&corners, coverage)?, usize::from(*rounds));
+                bounded(
+                    "the places of the sweep and rounds in all",
+                    [sweep.places().len(), rounds, 1],
+                )?;
+                let places = sweep.places().repeat(rounds);
                 let shape = shape_or_polygon(shape.as_ref(), reference_circumradius())?;
                 Box::new(Waypoints::new(places, shape, 0.0, *up_m)?)
             }
@@ -154,6 +160,19 @@ impl PlannerConfig {
             }
         })
     }
+}
+
+/// A path holds this many places at most.
+const MOST_PLACES: usize = 10_000;
+
+/// Refuses a path of too many places before it is made.
+fn bounded(field: &'static str, counts: [usize; 3]) -> Result<(), ParameterError> {
+    let places = counts.into_iter().fold(1, usize::saturating_mul);
+    if places <= MOST_PLACES {
+        return Ok(());
+    }
+    let value = u32::try_from(places).map_or(f64::INFINITY, f64::from);
+    Err(ParameterError { field, value, must: "at most 10000 places" })
 }
 
 fn shape_or_polygon(
@@ -235,6 +254,15 @@ mod tests {
             (
                 "kind = \"follow-estimate\"\nshape = { kind = \"line\", spacing_m = 0 }",
                 "spacing_m is 0;",
+            ),
+            (
+                "kind = \"waypoints\"\nplaces_m = [[0, 0], [9, 0]]\nup_m = 4\nturns_at_each = 100\nrounds = 51",
+                "rounds in all is 10200;",
+            ),
+            (
+                "kind = \"lawn-mower\"\ncorners_m = [[0, 0], [9, 0], [9, 9], [0, 9]]\nup_m = 4\n\
+                 coverage = { row_spacing_m = 1, along_spacing_m = 1, margin_m = 0 }\nrounds = 65535",
+                "rounds in all is ",
             ),
             ("kind = \"orbit\"\nradius_m = -7", "radius_m is -7;"),
             ("kind = \"orbit\"\naltitude = { most_m = 1 }", "most_m is 1;"),

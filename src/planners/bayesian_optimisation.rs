@@ -43,6 +43,10 @@ impl Default for BayesianOptimisationConfig {
     }
 }
 
+/// So many readings of a beacon are kept, the most recent: the field is fitted anew at every
+/// decision, which takes the cube of their number.
+const MOST_READINGS: usize = 200;
+
 /// Bayesian optimisation of the level (Močkus 1975; Jones, Schonlau & Welch 1998): the levels heard
 /// make a Gaussian process over places, and the drones listen where the largest level so far is
 /// expected to be improved most. For each further drone the level expected at the goals before is
@@ -55,7 +59,8 @@ pub struct BayesianOptimisation {
     config: BayesianOptimisationConfig,
     standard: Normal,
     heard: Vec<(BeaconId, Pose, f64)>,
-    /// Whose search it is: who was heard first since it began.
+    /// Whose search it is: who the last decision was about, or else who was heard first since it
+    /// began.
     beacon: Option<BeaconId>,
     measured: u32,
     said: String,
@@ -220,6 +225,10 @@ impl FormationPlanner for BayesianOptimisation {
         for station in stations {
             *station = Station::holding(station.pose);
         }
+        if self.measured > 0 {
+            // Its search is over.
+            self.heard.retain(|(of, ..)| Some(*of) != self.beacon);
+        }
         (self.measured, self.beacon) = (0, None);
         "listen here, nothing was heard yet".clone_into(&mut self.said);
         Ok(())
@@ -239,11 +248,19 @@ impl FormationPlanner for BayesianOptimisation {
         stations: &mut [Station],
     ) -> Result<Decision, PlanError> {
         let target = targets.first().ok_or(PlanError::NoPlace)?;
-        self.decide(Some(target.beacon), target.belief, stations)
+        // Turns that all share are heard of every beacon; this is about the first.
+        self.beacon = Some(target.beacon);
+        self.decide(self.beacon, target.belief, stations)
     }
 
     fn hear(&mut self, reception: &Reception) {
         self.beacon.get_or_insert(reception.beacon);
+        let own = |(of, ..): &(BeaconId, Pose, f64)| *of == reception.beacon;
+        if self.heard.iter().filter(|reading| own(reading)).count() >= MOST_READINGS
+            && let Some(oldest) = self.heard.iter().position(own)
+        {
+            self.heard.remove(oldest);
+        }
         self.heard.push((reception.beacon, reception.receiver, reception.rss_dbm));
     }
 
@@ -303,6 +320,34 @@ mod tests {
         let loudest = planner.heard.iter().max_by(|a, b| a.2.total_cmp(&b.2)).expect("12 turns");
         let miss = (loudest.1.position.xy() - Vector2::new(70.0, 20.0)).norm();
         assert!(miss < 8.0, "the loudest place is {miss} m off");
+    }
+
+    #[test]
+    fn it_keeps_the_latest_readings_of_each_beacon_until_its_search_is_over() {
+        let (mut planner, mut stations) = (planner(), [Station::default(); 2]);
+        let of = |beacon, east| Reception { beacon: BeaconId(beacon), ..heard(east, 0.0) };
+        let known = |planner: &BayesianOptimisation, beacon| {
+            planner.heard.iter().filter(|(of, ..)| *of == BeaconId(beacon)).count()
+        };
+        planner.begin(&mut stations).expect("there are drones");
+        // The other one is heard first, as in turns that all share.
+        planner.hear(&of(1, 0.0));
+        for index in 0..250_u8 {
+            planner.hear(&of(0, f64::from(index)));
+        }
+        assert_eq!((known(&planner, 0), known(&planner, 1)), (MOST_READINGS, 1));
+        let oldest = planner.heard.iter().find(|(of, ..)| *of == BeaconId(0)).expect("200");
+        assert!((oldest.1.position.x - 50.0).abs() < 1e-12);
+        let belief = Estimate::isotropic(Vector2::zeros(), 20.0);
+        let target = |beacon| Target { beacon: BeaconId(beacon), belief: &belief };
+        let small = Estimate::isotropic(Vector2::zeros(), 0.5);
+        let first = Target { beacon: BeaconId(0), belief: &small };
+        let end = planner.plan_together(&[first, target(1)], &mut stations);
+        assert_eq!(end, Ok(Decision::Finish(Outcome::EllipseReached)));
+        planner.resume(&belief, &mut stations).expect("there are drones");
+        assert_eq!((known(&planner, 0), known(&planner, 1)), (0, 1));
+        assert!(planner.plan_together(&[target(1)], &mut stations).is_ok());
+        assert_eq!(planner.beacon, Some(BeaconId(1)));
     }
 
     #[test]

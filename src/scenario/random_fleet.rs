@@ -1,7 +1,7 @@
 use std::f64::consts::TAU;
 
 use foxhunt_formation::{
-    Airspace, AirspaceConfig, EnduranceConfig, FollowConfig, KeepOut, StopRules,
+    Airspace, AirspaceConfig, EnduranceConfig, FollowConfig, KeepOut, StopRules, Void,
 };
 use foxhunt_sensors::StepperConfig;
 use foxhunt_sim::{
@@ -12,7 +12,10 @@ use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use super::{Scenario, SimulationConfig};
 use crate::{
-    config::{ExtractorConfig, LobeConfig, ModelConfig, PlannerConfig, SourceConfig, planners},
+    config::{
+        ExtractorConfig, LobeConfig, ModelConfig, PlannerConfig, ShapeConfig, SourceConfig,
+        planners,
+    },
     hunt::HuntConfig,
 };
 
@@ -28,6 +31,9 @@ const ROOM_M: f64 = 1.0;
 /// Failures begin before this second: most hunts are over after some minutes.
 const HORIZON_S: f64 = 200.0;
 
+/// The planner that takes longest to decide; drawn seldom.
+const SLOW: &str = "bayesian-optimisation";
+
 /// The seed in the name of a random scenario.
 pub(super) fn seed_in(name: &str) -> Option<u64> {
     let digits = name.strip_prefix(PREFIX)?;
@@ -35,8 +41,9 @@ pub(super) fn seed_in(name: &str) -> Option<u64> {
 }
 
 /// A hunt in which everything is drawn at random that may go wrong: one to eight drones, among them
-/// some that get stuck, are lost, hear nothing or answer late, for a while or for good; a prior, a
-/// fence, zones to keep out of, a separation, batteries, rules to stop; a planner and its shape.
+/// some that get stuck, are lost, hear nothing or answer late, for a while or for good; a beacon that
+/// is switched on late, a prior, a fence, zones and a void to keep out of, a separation, batteries,
+/// rules to stop; a planner and its shape.
 /// `fleet-` and the seed is its name, by which [`Scenario::find`] has it, too.
 ///
 /// Turns are short and coarse (16 positions, one sample at each): who flies where is what matters.
@@ -64,11 +71,21 @@ pub fn random_fleet(seed: u64) -> Scenario {
         north_m: draw.between(-50.0, 50.0),
         ..BeaconConfig::default()
     });
-    let beacons: Vec<BeaconConfig> = beacons.collect();
+    let mut beacons: Vec<BeaconConfig> = beacons.collect();
     let centre = draw.chance(0.5).then(|| {
         let shift = draw.between(-20.0, 20.0);
         [beacons[0].east_m + shift, beacons[0].north_m - shift]
     });
+    // One that is switched on later is the last one.
+    if beacons.len() > 1
+        && draw.chance(0.3)
+        && let Some(last) = beacons.last_mut()
+    {
+        last.appears_after_s = Some(draw.between(5.0, HORIZON_S));
+    }
+    let void = draw
+        .chance(0.25)
+        .then(|| Void { radius_m: draw.between(2.0, 5.0), probability: draw.between(0.05, 0.3) });
     let endurance = draw.chance(0.6).then(|| EnduranceConfig {
         endurance_s: draw.between(150.0, 900.0),
         reserve_s: draw.between(20.0, 60.0),
@@ -89,6 +106,7 @@ pub fn random_fleet(seed: u64) -> Scenario {
         separation_m,
         stopping_m: 1.0,
         airspace,
+        void,
         endurance,
         return_home: draw.chance(0.5),
         stop: draw.stop(),
@@ -221,6 +239,8 @@ impl Draw {
     fn stop(&mut self) -> StopRules {
         StopRules {
             ellipse_95_m: self.chance(0.3).then(|| self.between(2.0, 8.0)),
+            least_gain_nats_per_s: self.chance(0.2).then(|| self.between(0.001, 0.02)),
+            settled_m: self.chance(0.2).then(|| self.between(0.5, 3.0)),
             time_s: self.chance(0.3).then(|| self.between(60.0, 1500.0)),
             path_m: self.chance(0.2).then(|| self.between(50.0, 3000.0)),
             positions: Some(self.whole(5, 40)),
@@ -228,19 +248,62 @@ impl Draw {
         }
     }
 
-    /// Any named planner; the reference's with a random shape more often.
+    /// Any named planner, the slow one seldom; or a shape of any kind that follows the estimate or
+    /// flies from place to place.
     fn planner(&mut self, scenario: &Scenario) -> PlannerConfig {
+        if self.chance(0.5) {
+            let mut known = planners();
+            known.retain(|planner| planner.name != SLOW || self.chance(0.1));
+            let index = self.0.random_range(0..known.len());
+            return known[index].config(scenario);
+        }
+        let shape = self.chance(0.8).then(|| self.shape());
+        if self.chance(0.3) {
+            return self.waypoints(shape);
+        }
         let follow = FollowConfig {
             circumradius_m: self.between(2.0, 15.0),
             rotation_rad: self.between(0.0, TAU),
             search_altitude_m: self.between(2.0, 10.0),
             ..FollowConfig::default()
         };
-        let known = planners();
-        let index = self.0.random_range(0..2 * known.len());
-        match known.get(index) {
-            Some(planner) => planner.config(scenario),
-            None => PlannerConfig::FollowEstimate { follow, shape: None },
+        PlannerConfig::FollowEstimate { follow, shape }
+    }
+
+    fn waypoints(&mut self, shape: Option<ShapeConfig>) -> PlannerConfig {
+        let place = |draw: &mut Self| [draw.between(-50.0, 50.0), draw.between(-50.0, 50.0)];
+        PlannerConfig::Waypoints {
+            places_m: (0..self.whole(2, 8)).map(|_| place(self)).collect(),
+            circumradius_m: self.between(2.0, 15.0),
+            shape,
+            rotation_deg: self.between(0.0, 360.0),
+            up_m: self.between(2.0, 10.0),
+            turns_at_each: 1,
+            rounds: 1,
+        }
+    }
+
+    /// Any kind of shape; what is scaled is one of the others.
+    fn shape(&mut self) -> ShapeConfig {
+        match self.whole(0, 3) {
+            0 => {
+                let (scale, shape) = (self.between(0.5, 2.0), Box::new(self.plain_shape()));
+                ShapeConfig::Scaled { scale, shape }
+            }
+            _ => self.plain_shape(),
+        }
+    }
+
+    fn plain_shape(&mut self) -> ShapeConfig {
+        match self.whole(0, 2) {
+            0 => ShapeConfig::Polygon { circumradius_m: self.between(2.0, 15.0) },
+            1 => ShapeConfig::Line { spacing_m: self.between(2.0, 12.0) },
+            _ => {
+                let place =
+                    |draw: &mut Self| [draw.between(-15.0, 15.0), draw.between(-15.0, 15.0)];
+                let offsets_m = (0..self.whole(2, 5)).map(|_| place(self)).collect();
+                ShapeConfig::Offsets { offsets_m }
+            }
         }
     }
 }

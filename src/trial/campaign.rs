@@ -41,7 +41,7 @@ pub fn trial_campaign(
             Ok(EstimatorCampaign { estimator: estimator.name.to_owned(), beacons })
         })
         .collect::<Result<_, TrialError>>()?;
-    Ok(CampaignReport { scenario: trial.name.clone(), runs, seed, estimators })
+    Ok(CampaignReport { scenario: trial.name.clone(), planner: None, runs, seed, estimators })
 }
 
 fn summarise(

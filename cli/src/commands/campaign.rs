@@ -42,7 +42,7 @@ use crate::{
 /// `fleets` flies fleets of one to eight drones in which everything is random that may go wrong, and
 /// tells whether drones ever came too near to each other, left the fence or the band of altitudes,
 /// or were in the air with empty batteries, and how hunts ended. `fleet-` and a seed is the
-/// scenario of one of them.
+/// scenario of one of them. The exit code is 1 where that happened, or where a hunt failed.
 ///
 /// bearing-clean, bearing-lost, bearing-reflector, bearing-65 and bearing-block compare the
 /// extractors of bearings on simulated turns of the antenna.
@@ -137,10 +137,11 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let progress = Progress::new("hunts", hunts);
     let report = campaign(&scenario, &estimators, args.runs, args.seed, jobs, &|| progress.step());
     progress.finish();
-    let report = report.map_err(|error| match error {
+    let mut report = report.map_err(|error| match error {
         CampaignError::Simulation(error) => choice::simulation_error(error, &args.scenario),
         error => CliError::failure(error),
     })?;
+    report.planner = Some(args.planning.name().to_owned());
     output.result(&report, tables)
 }
 

@@ -1,5 +1,5 @@
 use foxhunt::{
-    campaign::{CampaignError, FleetsReport, Violation, fleets_campaign},
+    campaign::{CampaignError, FleetsReport, OWN, Violation, fleets_campaign},
     config::{NamedEstimator, NamedPlanner},
 };
 
@@ -33,7 +33,21 @@ pub(super) fn run(
         CampaignError::Simulation(error) => choice::simulation_error(error, NAME),
         error => CliError::failure(error),
     })?;
-    output.result(&report, tables)
+    output.result(&report, tables)?;
+    let (violations, errors) = (report.violations.len(), report.errors.len());
+    if violations + errors > 0 {
+        let told = format!("{violations} violations, and {errors} hunts that could not go on");
+        return Err(CliError::failure(told));
+    }
+    Ok(())
+}
+
+/// The command that flies one of the hunts again.
+fn again(report: &FleetsReport) -> String {
+    let given = [("--planner", &report.planner), ("--estimator", &report.estimator)];
+    let given = given.into_iter().filter(|(_, name)| *name != OWN);
+    let flags: String = given.map(|(flag, name)| format!(" {flag} {name}")).collect();
+    format!("`foxhunt hunt fleet-SEED --seed SEED{flags}` flies one of them again.")
 }
 
 fn tables(report: &FleetsReport) -> String {
@@ -60,7 +74,7 @@ fn tables(report: &FleetsReport) -> String {
         for failed in report.errors.iter().take(TOLD) {
             errors.add_row([failed.seed.to_string(), failed.reason.clone()]);
         }
-        lines.push(format!("{} hunts failed.\n{errors}", report.errors.len()));
+        lines.push(format!("{} hunts failed. {}\n{errors}", report.errors.len(), again(report)));
     }
     if let Some(duration) = report.duration_s {
         lines.push(format!(
@@ -72,11 +86,12 @@ fn tables(report: &FleetsReport) -> String {
         "{} drones were stuck or out of reach when they had to fly home.",
         report.stranded
     ));
-    lines.push(violations(&report.violations));
+    lines.push(violations(report));
     lines.join("\n")
 }
 
-fn violations(violations: &[Violation]) -> String {
+fn violations(report: &FleetsReport) -> String {
+    let violations: &[Violation] = &report.violations;
     if violations.is_empty() {
         return "No violation.".to_owned();
     }
@@ -93,8 +108,30 @@ fn violations(violations: &[Violation]) -> String {
             number(violation.limit, 3),
         ]);
     }
-    format!(
-        "{} violations. `foxhunt hunt fleet-SEED --seed SEED` flies one of them again.\n{told}",
-        violations.len()
-    )
+    format!("{} violations. {}\n{told}", violations.len(), again(report))
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt::{campaign::Breach, config::planner_named};
+
+    use super::*;
+
+    #[test]
+    fn the_advice_flies_the_same_hunt() {
+        let orbit = planner_named("orbit");
+        let report = fleets_campaign(orbit.as_ref(), None, 0, 1, 1, &|| ());
+        let mut report = report.expect("no hunt at all");
+        let violation = Violation {
+            seed: 7,
+            breach: Breach::Airspace,
+            time_s: 1.0,
+            drones: vec![0],
+            value: -1.0,
+            limit: 0.0,
+        };
+        report.violations.push(violation);
+        let told = tables(&report);
+        assert!(told.contains("`foxhunt hunt fleet-SEED --seed SEED --planner orbit`"), "{told}");
+    }
 }

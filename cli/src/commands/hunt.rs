@@ -75,7 +75,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let svg = hunt_svg(&header, &events).map_err(CliError::failure)?;
     fs::write(&picture, svg).map_err(|error| CliError::writing(&picture, error))?;
 
-    let report = HuntReport::new(args.seed, estimator.name, &hunt);
+    let report = HuntReport::new(args.seed, estimator.name, args.planning.name(), &hunt);
     output.result(&report, text)?;
     output.note(&format!("log: {}\npicture: {}", log.display(), picture.display()))
 }

@@ -1,5 +1,6 @@
 use clap::builder::PossibleValuesParser;
 use foxhunt::{
+    campaign::OWN,
     config::{NamedPlanner, planner_named, planners},
     scenario::Scenario,
 };
@@ -33,6 +34,11 @@ impl Planning {
     /// The one that was asked for.
     pub(super) fn named(&self) -> Option<NamedPlanner> {
         self.planner.as_deref().and_then(planner_named)
+    }
+
+    /// Its name, or that it is the scenario's own.
+    pub(super) fn name(&self) -> &str {
+        self.planner.as_deref().unwrap_or(OWN)
     }
 
     /// Has the scenario flown by the planner that was asked for.
