@@ -1,7 +1,7 @@
 //! Fleets in which everything is random that may go wrong.
 
 use foxhunt::{
-    campaign::{FleetsReport, fleets_campaign},
+    campaign::{FleetsReport, OWN, fleets_campaign},
     config::PlannerConfig,
     scenario::{Scenario, random_fleet},
 };
@@ -28,7 +28,9 @@ fn sixty_random_fleets_keep_what_they_must() {
 
 #[test]
 fn a_fleet_is_that_of_its_seed_on_any_number_of_threads() {
-    assert_eq!(fly(4, 100, 1), fly(4, 100, 2));
+    let report = fly(4, 100, 1);
+    assert_eq!(report, fly(4, 100, 2));
+    assert_eq!((&report.planner[..], &report.estimator[..]), (OWN, OWN));
     assert_eq!(Scenario::find("fleet-7").expect("it has a seed"), random_fleet(7));
     assert_ne!(random_fleet(7).world, random_fleet(8).world);
     assert!(Scenario::find("fleet-").is_err() && Scenario::find("fleet-+7").is_err());

@@ -34,12 +34,17 @@ pub(super) fn run(
         error => CliError::failure(error),
     })?;
     output.result(&report, tables)?;
-    let (violations, errors) = (report.violations.len(), report.errors.len());
-    if violations + errors > 0 {
-        let told = format!("{violations} violations, and {errors} hunts that could not go on");
-        return Err(CliError::failure(told));
+    judge(&report)
+}
+
+/// A failure where something happened that must not.
+fn judge(report: &FleetsReport) -> Result<(), CliError> {
+    match (report.violations.len(), report.errors.len()) {
+        (0, 0) => Ok(()),
+        (violations, errors) => Err(CliError::failure(format!(
+            "{violations} violations, and {errors} hunts that could not go on"
+        ))),
     }
-    Ok(())
 }
 
 /// The command that flies one of the hunts again.
@@ -118,10 +123,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_advice_flies_the_same_hunt() {
+    fn a_violation_is_a_failure_and_the_advice_flies_the_same_hunt() {
         let orbit = planner_named("orbit");
         let report = fleets_campaign(orbit.as_ref(), None, 0, 1, 1, &|| ());
         let mut report = report.expect("no hunt at all");
+        assert!(judge(&report).is_ok());
         let violation = Violation {
             seed: 7,
             breach: Breach::Airspace,
@@ -132,6 +138,7 @@ mod tests {
         };
         report.violations.push(violation);
         let told = tables(&report);
+        assert!(matches!(judge(&report), Err(CliError::Failure(_))));
         assert!(told.contains("`foxhunt hunt fleet-SEED --seed SEED --planner orbit`"), "{told}");
     }
 }
