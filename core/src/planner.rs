@@ -84,8 +84,9 @@ pub trait FormationPlanner {
         stations: &mut [Station],
     ) -> Result<Decision, PlanError>;
 
-    /// The same for several targets that every turn listens for, none of which is done; the first
-    /// of them is the one that [`begin`](Self::begin) or [`resume`](Self::resume) was about.
+    /// The same for all targets that every turn listens for, one or several, none of which is done;
+    /// the first of them is the one that [`begin`](Self::begin) or [`resume`](Self::resume) was
+    /// about. A hunt asks this way.
     /// [`Decision::Finish`] is about that one. Unless overridden, the others make no difference.
     ///
     /// # Errors

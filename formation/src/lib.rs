@@ -46,6 +46,8 @@ mod phases;
 mod places;
 mod settling;
 mod shape;
+#[cfg(any(feature = "alloc", feature = "fleet"))]
+mod spiral;
 mod stop;
 mod surge_cast;
 #[cfg(feature = "alloc")]

@@ -126,9 +126,10 @@ impl Flight {
             let duty = self.attendance[drone].duty();
             if std::mem::replace(&mut self.told[drone], duty) != duty {
                 outbox.tell(Event::DutyChanged { time, drone, duty });
-                if duty == Duty::Still {
+                if matches!(duty, Duty::Still | Duty::Lost) {
                     // Nobody waits for it to make way any longer.
                     let _ = self.traffic.hold(drone);
+                    let _ = self.traffic.give_up(drone);
                 }
             }
             // Drones of a formation may have exchanged their goals.

@@ -101,7 +101,7 @@ impl Flight {
                 _ => continue,
             };
             self.attendance[drone].landed();
-            let _ = self.traffic.hold(drone);
+            let _ = self.traffic.give_up(drone);
             outbox.tell(Event::Landed { time, drone, reason: reason.to_owned() });
             outbox.order(Command::Land { drone });
         }

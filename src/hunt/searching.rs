@@ -120,11 +120,8 @@ where
                 None => self.heard_nothing(time),
             };
         }
-        let decided = self.plan(time, |planner, targets, stations| match targets {
-            [] => Err(PlanError::NoPlace),
-            [target] => planner.plan(target.belief, stations),
-            several => planner.plan_together(several, stations),
-        });
+        let decided =
+            self.plan(time, |planner, targets, stations| planner.plan_together(targets, stations));
         self.decided(time, decided)
     }
 

@@ -1,11 +1,11 @@
-use core::f64::consts::PI;
 use std::vec::Vec;
 
 use foxhunt_core::Belief;
 use geo::{Distance, Euclidean, Line, Point};
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::Vector2;
 
 use super::ground::{SLACK, line, point, ring_about};
+use crate::spiral::spiral;
 
 /// Fewer places than this tell a belief's moments and not where the target may be; then the
 /// Gaussian of these moments stands for it.
@@ -45,7 +45,9 @@ impl Cloud {
         if places.len() < FEWEST_PLACES
             && let Some(factor) = moments.covariance.cholesky()
         {
-            places = spiral(&moments.mean, &factor.unpack()).collect();
+            let weight = 1.0 / f64::from(GAUSSIAN_PLACES);
+            let spiral = spiral(moments.mean, factor.unpack(), GAUSSIAN_PLACES);
+            places = spiral.map(|place| (place, weight)).collect();
         }
         let far =
             |reach: f64, (place, _): &(Vector2<f64>, f64)| reach.max((place - moments.mean).norm());
@@ -95,19 +97,6 @@ impl Cloud {
         }
         (first, most)
     }
-}
-
-/// Places of equal weight that lie as a Gaussian has them, on a spiral whose turns are golden
-/// angles (Vogel 1979); `factor` is the Cholesky factor of its covariance.
-fn spiral(mean: &Vector2<f64>, factor: &Matrix2<f64>) -> impl Iterator<Item = (Vector2<f64>, f64)> {
-    let golden = PI * (3.0 - libm::sqrt(5.0));
-    (0..GAUSSIAN_PLACES).map(move |index| {
-        let index = f64::from(index);
-        let share = (index + 0.5) / f64::from(GAUSSIAN_PLACES);
-        let radius = libm::sqrt(-2.0 * libm::log1p(-share));
-        let unit = Vector2::new(libm::cos(golden * index), libm::sin(golden * index));
-        (mean + factor * unit * radius, 1.0 / f64::from(GAUSSIAN_PLACES))
-    })
 }
 
 impl Void {

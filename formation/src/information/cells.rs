@@ -1,14 +1,15 @@
 use alloc::vec::Vec;
-use core::f64::consts::PI;
 
 use foxhunt_core::{Belief, Estimate, PlanError};
 use nalgebra::{Matrix2, Vector2};
+
+use crate::spiral::spiral;
 
 /// Fewer places than this tell a belief's moments and not its shape.
 const FEWEST_PLACES: usize = 16;
 
 /// How many places are drawn for a belief that only tells its moments.
-const DRAWN_PLACES: u16 = 512;
+const DRAWN_PLACES: u32 = 512;
 
 /// How far kurtosis and skewness of a nearly Gaussian belief may be from 8 and from 0. Mardia's
 /// standard errors for 2000 particles are 0.2 and below 0.1; two separate modes have 6.
@@ -65,18 +66,11 @@ impl Cells {
     }
 }
 
-/// Places that lie as a Gaussian has them, on a spiral whose turns are golden angles (Vogel 1979).
+/// Places that lie as a Gaussian has them.
 fn draw(moments: &Estimate<2>, places: &mut Vec<(Vector2<f64>, f64)>) {
     let factor = moments.covariance.cholesky().map(|factor| factor.unpack());
     let factor = factor.unwrap_or_else(Matrix2::zeros);
-    let golden = PI * (3.0 - libm::sqrt(5.0));
-    for index in 0..DRAWN_PLACES {
-        let share = (f64::from(index) + 0.5) / f64::from(DRAWN_PLACES);
-        let radius = libm::sqrt(-2.0 * libm::log1p(-share));
-        let angle = golden * f64::from(index);
-        let unit = Vector2::new(libm::cos(angle), libm::sin(angle)) * radius;
-        places.push((moments.mean + factor * unit, 1.0));
-    }
+    places.extend(spiral(moments.mean, factor, DRAWN_PLACES).map(|place| (place, 1.0)));
 }
 
 /// Mean and covariance of places whose weights sum to 1.
