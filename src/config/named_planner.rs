@@ -163,11 +163,15 @@ fn information(scenario: &Scenario) -> InformationConfig {
     };
     let turn_s =
         sources.iter().map(|source| source.turn_s(quickness, asked)).fold(default.turn_s, f64::max);
+    // What the traffic keeps between two goals: the separation, and twice its tolerance, which is
+    // twice what a drone may be from its goal.
+    let kept_m = scenario.hunt.separation_m + 4.0 * scenario.hunt.arrival_tolerance_m;
     InformationConfig {
         exponent: scenario.model.exponent,
         speed_mps,
         climb_mps,
         turn_s,
+        separation_m: default.separation_m.max(kept_m),
         prior_sigma_m: scenario.hunt.prior_sigma_m,
         prior_centre_m: scenario.hunt.prior_centre_m,
         ..default
