@@ -27,8 +27,14 @@ fn a_hunt_flies_with_the_planner_that_is_asked_for() {
     let held = hunt(&["--planner", "hold"]);
     assert_eq!(held["beacons"][0]["outcome"], "move_limit");
     assert_eq!(hunt(&["--planner", "waypoints"])["beacons"][0]["outcome"], "path_done");
+    assert_eq!(held["planner"], "hold");
     // What pritzl-6.1 flies with is the reference's planner.
-    assert_eq!(hunt(&[]), hunt(&["--planner", "pritzl2018"]));
+    let (own, named) = (hunt(&[]), hunt(&["--planner", "pritzl2018"]));
+    assert_eq!(own["beacons"], named["beacons"]);
+    assert_eq!(
+        (&own["planner"], &named["planner"]),
+        (&"scenario's own".into(), &"pritzl2018".into())
+    );
 }
 
 #[test]
