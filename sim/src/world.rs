@@ -98,13 +98,6 @@ impl World {
         self.truth.borrow().beacons.get(usize::from(beacon.0))?.appears_after_s
     }
 
-    /// Whether a beacon answers by now; `None` if there is no such beacon.
-    #[must_use]
-    pub fn has_appeared(&self, beacon: BeaconId) -> Option<bool> {
-        let truth = self.truth.borrow();
-        Some(truth.beacons.get(usize::from(beacon.0))?.answers_at(truth.time))
-    }
-
     /// Where a drone truly is, whether there is a link to it or not.
     ///
     /// # Errors
