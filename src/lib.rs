@@ -45,7 +45,8 @@ pub mod bearing_trial;
 pub mod calibration;
 pub mod campaign;
 pub mod config;
-pub mod geodesy;
+#[cfg(feature = "hardware")]
+pub mod fly;
 pub mod hunt;
 pub mod locate;
 pub mod log;
@@ -62,8 +63,13 @@ pub mod trial;
 pub use foxhunt_core as core;
 pub use foxhunt_filters as filters;
 pub use foxhunt_formation as formation;
+#[cfg(feature = "hardware")]
+pub use foxhunt_hardware as hardware;
 pub use foxhunt_sensors as sensors;
 pub use foxhunt_sim as sim;
+#[cfg(feature = "hardware")]
+pub use foxhunt_wire as wire;
+pub use foxhunt_wire::geodesy;
 
 /// The traits and the types that nearly every user names.
 pub mod prelude {

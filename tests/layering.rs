@@ -4,13 +4,14 @@
 use std::{collections::BTreeSet, fs, path::Path};
 
 /// Each package's folder and the foxhunt packages that its normal dependencies may name.
-const MAY_IMPORT: [(&str, &[&str]); 8] = [
+const MAY_IMPORT: [(&str, &[&str]); 9] = [
     ("core", &[]),
     ("filters", &["foxhunt-core"]),
     ("sensors", &["foxhunt-core"]),
     ("formation", &["foxhunt-core"]),
-    ("hardware", &["foxhunt-core"]),
-    ("sim", &["foxhunt-core", "foxhunt-sensors"]),
+    ("wire", &["foxhunt-core"]),
+    ("hardware", &["foxhunt-core", "foxhunt-wire"]),
+    ("sim", &["foxhunt-core", "foxhunt-sensors", "foxhunt-wire"]),
     (
         "",
         &[
@@ -20,6 +21,7 @@ const MAY_IMPORT: [(&str, &[&str]); 8] = [
             "foxhunt-formation",
             "foxhunt-hardware",
             "foxhunt-sim",
+            "foxhunt-wire",
         ],
     ),
     ("cli", &["foxhunt"]),

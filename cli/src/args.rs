@@ -1,5 +1,7 @@
 use clap::{Parser, Subcommand};
 
+#[cfg(feature = "hardware")]
+use crate::commands::emulate;
 use crate::commands::{
     antenna, bearing, calibrate, campaign, estimators, extractors, hunt, locate, planners, replay,
     scenarios,
@@ -42,4 +44,6 @@ pub(crate) enum Command {
     Locate(locate::Args),
     Bearing(bearing::Args),
     Antenna(antenna::Args),
+    #[cfg(feature = "hardware")]
+    Emulate(emulate::Args),
 }

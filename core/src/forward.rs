@@ -7,7 +7,7 @@
 
 use core::fmt;
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::{
     Axis, BeaconId, BearingExtractor, Belief, Correction, Decision, Estimate, Estimator,
@@ -74,6 +74,9 @@ macro_rules! forward {
             type Error = T::Error;
             fn pose(&mut self) -> Result<Pose, T::Error> {
                 (**self).pose()
+            }
+            fn position_sigma(&self) -> Option<Vector3<f64>> {
+                (**self).position_sigma()
             }
             fn go_to(&mut self, goal: &Waypoint) -> Result<(), T::Error> {
                 (**self).go_to(goal)

@@ -1,3 +1,5 @@
+use nalgebra::Vector3;
+
 use crate::{BeaconId, Pose};
 
 /// One power reading along one boresight.
@@ -46,6 +48,9 @@ pub struct Sweep<'a> {
     /// The weakest reading that the receiver tells, in dBm, where that is known: then an answer
     /// that did not come may have been weaker.
     pub floor_dbm: Option<f64>,
+    /// How uncertain the receiver's place was, at worst: σ of East, North and Up in metres; `None`
+    /// where the source does not know.
+    pub receiver_sigma_m: Option<Vector3<f64>>,
 }
 
 /// Something that turns an antenna: a stepper under the drone, or the whole airframe.

@@ -31,8 +31,7 @@ pub struct Reception {
 }
 
 impl Reception {
-    /// What a sweep said according to an extractor's reading of it, by a receiver at a known
-    /// place.
+    /// What a sweep said according to an extractor's reading of it.
     #[must_use]
     pub fn new(sweep: &Sweep<'_>, reading: &Reading) -> Self {
         Self {
@@ -44,7 +43,7 @@ impl Reception {
             bearing: reading.bearing.ok(),
             covariance: reading.covariance,
             modes: reading.modes,
-            receiver_sigma_m: None,
+            receiver_sigma_m: sweep.receiver_sigma_m,
         }
     }
 }

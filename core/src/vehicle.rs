@@ -1,3 +1,5 @@
+use nalgebra::Vector3;
+
 use crate::{Pose, Waypoint};
 
 /// One aircraft.
@@ -11,6 +13,12 @@ pub trait Vehicle {
     ///
     /// Whatever the link says.
     fn pose(&mut self) -> Result<Pose, Self::Error>;
+
+    /// How uncertain its place is: σ of East, North and Up in metres, as of the last
+    /// [`pose`](Self::pose); `None`, unless overridden, where it does not say.
+    fn position_sigma(&self) -> Option<Vector3<f64>> {
+        None
+    }
 
     /// Sends it somewhere; returns when the order is accepted, not when it is there.
     ///

@@ -1,6 +1,15 @@
 //! Drivers that implement the device traits of `foxhunt_core`, one feature each.
 //!
-//! There are none yet. What a driver has to implement is `Radio`, `Rotator` and `Vehicle`, or a
-//! whole `PatternSource`; the simulated devices of `foxhunt-sim` show how each behaves.
+//! A driver is made of a codec of `foxhunt_wire`, any [`ByteStream`](foxhunt_wire::ByteStream) and a clock.
+//! None of them blocks, prints or starts a thread that it does not end. The same drivers run over memory,
+//! pseudo-terminals and cables.
 
-#![no_std]
+mod aircraft;
+mod clock;
+mod finding;
+mod reconnecting;
+
+pub use aircraft::{Aircraft, AircraftState, Shared};
+pub use clock::SystemClock;
+pub use finding::Finding;
+pub use reconnecting::Reconnecting;

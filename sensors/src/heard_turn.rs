@@ -14,6 +14,8 @@ pub(crate) struct HeardTurn {
     /// When the turn ended, if it is over.
     ended: Option<f64>,
     lent: usize,
+    /// The worst σ of the vehicle's places so far, each coordinate by itself.
+    place_sigma: Option<Vector3<f64>>,
 }
 
 /// What was heard of one beacon.
@@ -28,7 +30,7 @@ impl HeardTurn {
     /// A turn that begins to listen for `beacons`.
     pub(crate) fn of(beacons: &[BeaconId]) -> Self {
         let nothing = |&id| Heard { id, samples: Vec::new(), unheard: Vec::new() };
-        Self { beacons: beacons.iter().map(nothing).collect(), ended: None, lent: 0 }
+        Self { beacons: beacons.iter().map(nothing).collect(), ..Self::default() }
     }
 
     /// One of the beacons, by its place among those asked for.
@@ -39,6 +41,12 @@ impl HeardTurn {
     /// How many there are.
     pub(crate) fn count(&self) -> usize {
         self.beacons.len()
+    }
+
+    /// The vehicle told its place, with this σ.
+    pub(crate) fn placed(&mut self, sigma: Option<Vector3<f64>>) {
+        let worst = |sigma: Vector3<f64>| self.place_sigma.map_or(sigma, |worst| worst.sup(&sigma));
+        self.place_sigma = sigma.map(worst).or(self.place_sigma);
     }
 
     /// Whether the turn is over.
@@ -80,6 +88,7 @@ impl HeardTurn {
             samples: &heard.samples,
             unheard: &heard.unheard,
             floor_dbm,
+            receiver_sigma_m: self.place_sigma,
         })
     }
 }

@@ -31,6 +31,8 @@
 
 mod config;
 mod devices;
+#[cfg(feature = "emulators")]
+mod emulate;
 mod error;
 mod quadrotor;
 mod truth;
@@ -45,6 +47,8 @@ pub use devices::{
     LateSource, SimBody, SimClock, SimFleet, SimOmnidirectional, SimRadio, SimRotator, SimStepper,
     SimVehicle,
 };
+#[cfg(feature = "emulators")]
+pub use emulate::Emulator;
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;

@@ -24,8 +24,8 @@ pub struct HuntConfig {
     /// the start, and the planner sees them all. Otherwise a beacon is asked and believed in only
     /// while it is searched for.
     pub shared_turns: bool,
-    /// σ of a drone's own East, North and Up, in metres, as its GNSS has it; taken for known where
-    /// absent.
+    /// σ of a drone's own East, North and Up, in metres, for drones that do not tell it; taken for
+    /// known where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub receiver_sigma_m: Option<f64>,
     /// A formation position at which nothing was heard is measured this often before the beacon

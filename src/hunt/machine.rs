@@ -173,8 +173,9 @@ where
                 return self.outbox.tell(Event::Refused { time, drone, reason });
             }
         };
-        let receiver_sigma_m = self.config.receiver_sigma_m.map(Vector3::repeat);
-        let reception = Reception { receiver_sigma_m, ..Reception::new(sweep, &reading) };
+        let mut reception = Reception::new(sweep, &reading);
+        let assumed = self.config.receiver_sigma_m.map(Vector3::repeat);
+        reception.receiver_sigma_m = reception.receiver_sigma_m.or(assumed);
         let first_position = search.measured == 0;
         self.outbox.tell(Event::Received { time, drone, first_position, reception });
         let reason = match search.track.hear(&reception, first_position) {

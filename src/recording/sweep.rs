@@ -42,6 +42,7 @@ impl OwnedSweep {
             samples: &self.samples,
             unheard: &self.unheard,
             floor_dbm: None,
+            ..Sweep::default()
         }
     }
 }

@@ -4,6 +4,8 @@ pub(crate) mod antenna;
 pub(crate) mod bearing;
 pub(crate) mod calibrate;
 pub(crate) mod campaign;
+#[cfg(feature = "hardware")]
+pub(crate) mod emulate;
 pub(crate) mod estimators;
 pub(crate) mod extractors;
 pub(crate) mod hunt;
@@ -42,5 +44,7 @@ pub(crate) fn run(command: Command, output: Output) -> Result<(), CliError> {
         Command::Locate(args) => locate::run(&args, output),
         Command::Bearing(args) => bearing::run(&args, output),
         Command::Antenna(args) => antenna::run(&args, output),
+        #[cfg(feature = "hardware")]
+        Command::Emulate(args) => emulate::run(&args, output),
     }
 }

@@ -104,6 +104,7 @@ impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
         let overdue = now >= begun + self.config.turn_timeout_s + self.config.answer_timeout_s;
         let here = match self.vehicle.pose() {
             Ok(pose) if pose.is_finite() => {
+                self.heard.placed(self.vehicle.position_sigma());
                 turn.follow(pose.heading);
                 self.last_pose = pose;
                 Some(pose)

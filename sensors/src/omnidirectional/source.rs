@@ -72,6 +72,7 @@ impl<R: Radio, V: Vehicle, C: Clock> OmnidirectionalSource<R, V, C> {
         }
         let here = match self.vehicle.pose() {
             Ok(pose) if pose.is_finite() => {
+                self.heard.placed(self.vehicle.position_sigma());
                 self.last_pose = pose;
                 Some(pose)
             }

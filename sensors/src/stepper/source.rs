@@ -137,6 +137,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             }
             Phase::Locate { angle, answers, rss_dbm, time } => {
                 let receiver = self.vehicle.pose().map_err(StepperError::Vehicle)?;
+                self.heard.placed(self.vehicle.position_sigma());
                 if receiver.is_finite() {
                     let boresight = receiver.heading + angle + self.config.mount_offset();
                     let boresight = angle::wrap(boresight);
@@ -160,7 +161,10 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             // A vehicle that does not answer holds the turn up for one more time-out at most.
             let late = turn.deadline.is_some_and(|deadline| self.clock.now() >= deadline);
             match self.vehicle.pose() {
-                Ok(pose) if pose.is_finite() => self.last_pose = pose,
+                Ok(pose) if pose.is_finite() => {
+                    self.heard.placed(self.vehicle.position_sigma());
+                    self.last_pose = pose;
+                }
                 Err(error) if !late => return Err(StepperError::Vehicle(error)),
                 _ => {}
             }

@@ -2,6 +2,8 @@ use std::{collections::VecDeque, fmt};
 
 use foxhunt_core::{BeaconId, PatternSource, Pose, Sample, Sweep, Unheard};
 
+use nalgebra::Vector3;
+
 use super::OnBoard;
 use crate::truth::is_due;
 
@@ -28,6 +30,7 @@ struct KeptSweep {
     samples: Vec<Sample>,
     unheard: Vec<Unheard>,
     floor_dbm: Option<f64>,
+    receiver_sigma_m: Option<Vector3<f64>>,
 }
 
 impl<S: fmt::Debug> fmt::Debug for LateSource<S> {
@@ -79,6 +82,7 @@ impl KeptSweep {
             samples: sweep.samples.to_vec(),
             unheard: sweep.unheard.to_vec(),
             floor_dbm: sweep.floor_dbm,
+            receiver_sigma_m: sweep.receiver_sigma_m,
         }
     }
 
@@ -91,6 +95,7 @@ impl KeptSweep {
             samples: &self.samples,
             unheard: &self.unheard,
             floor_dbm: self.floor_dbm,
+            receiver_sigma_m: self.receiver_sigma_m,
         }
     }
 }

@@ -1,0 +1,45 @@
+# Sourced by the scripts beside it: installs what a peer needs, and says so when it cannot.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+root=$PWD
+peers=${CARGO_TARGET_DIR:-$root/target}/peers
+mkdir -p "$peers"
+
+fail() { echo "peer: $*" >&2; exit 1; }
+
+# Debian packages, those that are missing.
+debian() {
+    local missing=()
+    for package in "$@"; do
+        dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q "ok installed" || missing+=("$package")
+    done
+    [ ${#missing[@]} -eq 0 ] && return
+    command -v apt-get >/dev/null || fail "needs ${missing[*]}, and there is no apt-get"
+    local sudo=; [ "$(id -u)" -eq 0 ] || sudo=sudo
+    $sudo apt-get update -qq
+    DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null ||
+        fail "cannot install ${missing[*]}"
+}
+
+# A Python with these packages; sets $python.
+python_env() {
+    python=$peers/python/bin/python
+    if ! [ -x "$python" ]; then
+        debian python3-venv
+        python3 -m venv "$peers/python" || fail "cannot make a Python environment"
+    fi
+    "$python" -m pip install --quiet --disable-pip-version-check "$@" || fail "cannot install $*"
+}
+
+# Node packages; sets $node_modules.
+npm_env() {
+    command -v npm >/dev/null || debian npm
+    node_modules=$peers/node/node_modules
+    npm install --silent --no-fund --no-audit --prefix "$peers/node" "$@" >/dev/null || fail "cannot install $*"
+}
+
+# The program, built; sets $foxhunt.
+foxhunt_program() {
+    cargo build --quiet --locked --package foxhunt-cli "$@" || fail "the program does not build"
+    foxhunt=${CARGO_TARGET_DIR:-$root/target}/debug/foxhunt
+}

@@ -1,0 +1,9 @@
+//! Emulated devices as programs: what a driver, ours or another's, meets instead of a real one.
+
+mod bench;
+mod gnss;
+mod stepper;
+mod vehicle;
+mod xbee;
+
+pub(crate) use bench::{Args, run};

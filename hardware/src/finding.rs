@@ -1,0 +1,40 @@
+use std::fmt;
+
+/// What was found about one thing when a device was looked at, and how to mend it.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Finding {
+    /// What was looked at, such as `firmware` or `RSSI now`.
+    pub subject: String,
+    /// What it said, or what is wrong.
+    pub text: String,
+    /// What to do about it; absent where nothing is wrong.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub remedy: Option<String>,
+}
+
+impl Finding {
+    /// Something that is as it should be.
+    #[must_use]
+    pub fn good(subject: &str, text: impl fmt::Display) -> Self {
+        Self { subject: subject.into(), text: text.to_string(), remedy: None }
+    }
+
+    /// Something that is wrong, with what mends it.
+    #[must_use]
+    pub fn bad(subject: &str, text: impl fmt::Display, remedy: &str) -> Self {
+        Self { subject: subject.into(), text: text.to_string(), remedy: Some(remedy.into()) }
+    }
+
+    /// Whether it is as it should be.
+    #[must_use]
+    pub fn is_good(&self) -> bool {
+        self.remedy.is_none()
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.subject, self.text)?;
+        self.remedy.as_ref().map_or(Ok(()), |remedy| write!(f, " ({remedy})"))
+    }
+}

@@ -1,0 +1,1 @@
+//! The hunt on real devices, or on the same devices emulated.

@@ -1,0 +1,2 @@
+//! Drivers against emulated devices of a simulated world, in its own time.
+#![cfg(feature = "hardware")]

@@ -1,0 +1,151 @@
+use std::{fmt, io, str::FromStr};
+
+use serde::{Deserialize, Serialize};
+
+use super::{ByteStream, SerialStream, TcpStream, UdpStream};
+
+/// Where a device is reached, as it stands in configurations: `serial:/dev/ttyUSB0:57600`,
+/// `tcp:127.0.0.1:5760`, `udpin:0.0.0.0:14550` (answer whoever speaks) or
+/// `udpout:192.168.1.1:5556`.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+#[non_exhaustive]
+pub enum Endpoint {
+    /// A serial port.
+    Serial {
+        /// What the system calls it.
+        port: String,
+        /// Bits per second.
+        baud: u32,
+    },
+    /// A server.
+    Tcp {
+        /// Host and port.
+        address: String,
+    },
+    /// A port of this machine that others speak to.
+    UdpIn {
+        /// Address and port.
+        address: String,
+    },
+    /// A peer that this machine speaks to.
+    UdpOut {
+        /// Host and port.
+        address: String,
+    },
+}
+
+impl Endpoint {
+    /// Opens it.
+    ///
+    /// # Errors
+    ///
+    /// Whatever the system says, with the name of the port or address.
+    pub fn open(&self) -> io::Result<Box<dyn ByteStream>> {
+        Ok(match self {
+            Self::Serial { port, baud } => Box::new(SerialStream::open(port, *baud)?),
+            Self::Tcp { address } => Box::new(TcpStream::connect(address)?),
+            Self::UdpIn { address } => Box::new(UdpStream::listen(address)?),
+            Self::UdpOut { address } => Box::new(UdpStream::to(address)?),
+        })
+    }
+}
+
+/// Why a text names no endpoint.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{text:?} is no endpoint: serial:PORT:BAUD, tcp:HOST:PORT, udpin:ADDRESS:PORT or \
+     udpout:HOST:PORT"
+)]
+pub struct EndpointError {
+    text: String,
+}
+
+impl FromStr for Endpoint {
+    type Err = EndpointError;
+
+    fn from_str(text: &str) -> Result<Self, EndpointError> {
+        let wrong = || EndpointError { text: text.to_owned() };
+        let (kind, rest) = text.split_once(':').ok_or_else(wrong)?;
+        // A Windows port has no colon either.
+        let (name, number) = rest.rsplit_once(':').ok_or_else(wrong)?;
+        if name.is_empty() {
+            return Err(wrong());
+        }
+        if kind == "serial" {
+            let baud = number.parse().ok().filter(|baud| *baud > 0).ok_or_else(wrong)?;
+            return Ok(Self::Serial { port: name.to_owned(), baud });
+        }
+        let _port: u16 = number.parse().map_err(|_| wrong())?;
+        let address = rest.to_owned();
+        match kind {
+            "tcp" => Ok(Self::Tcp { address }),
+            "udpin" => Ok(Self::UdpIn { address }),
+            "udpout" => Ok(Self::UdpOut { address }),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+impl fmt::Display for Endpoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Serial { port, baud } => write!(f, "serial:{port}:{baud}"),
+            Self::Tcp { address } => write!(f, "tcp:{address}"),
+            Self::UdpIn { address } => write!(f, "udpin:{address}"),
+            Self::UdpOut { address } => write!(f, "udpout:{address}"),
+        }
+    }
+}
+
+impl TryFrom<String> for Endpoint {
+    type Error = EndpointError;
+
+    fn try_from(text: String) -> Result<Self, EndpointError> {
+        text.parse()
+    }
+}
+
+impl From<Endpoint> for String {
+    fn from(endpoint: Endpoint) -> Self {
+        endpoint.to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn endpoints_are_read_as_they_are_written() {
+        for text in [
+            "serial:/dev/ttyUSB0:57600",
+            "serial:COM3:115200",
+            "tcp:127.0.0.1:5760",
+            "udpin:0.0.0.0:14550",
+            "udpout:[::1]:5556",
+        ] {
+            let endpoint: Endpoint = text.parse().unwrap();
+            assert_eq!(endpoint.to_string(), text);
+        }
+        for text in [
+            "",
+            "/dev/ttyUSB0",
+            "serial:/dev/ttyUSB0",
+            "serial::9600",
+            "serial:/dev/x:0",
+            "tcp:host",
+            "tcp:host:70000",
+            "udp:host:1",
+        ] {
+            let error = text.parse::<Endpoint>().unwrap_err().to_string();
+            assert!(error.contains(&format!("{text:?}")), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_port_that_is_not_there_is_named() {
+        let error = "serial:/dev/no-such-port:9600".parse::<Endpoint>().unwrap().open().err();
+        assert!(error.unwrap().to_string().contains("/dev/no-such-port"));
+    }
+}

@@ -1,0 +1,19 @@
+//! Streams of bytes that never block.
+
+mod byte_stream;
+mod endpoint;
+mod memory;
+#[cfg(unix)]
+mod pty;
+mod serial;
+mod tcp;
+mod udp;
+
+pub use byte_stream::ByteStream;
+pub use endpoint::{Endpoint, EndpointError};
+pub use memory::{MemoryStream, memory_pair};
+#[cfg(unix)]
+pub use pty::PtyStream;
+pub use serial::SerialStream;
+pub use tcp::TcpStream;
+pub use udp::UdpStream;
