@@ -7,9 +7,19 @@
 mod aircraft;
 mod clock;
 mod finding;
+#[cfg(feature = "gnss")]
+mod gnss;
 mod reconnecting;
 
 pub use aircraft::{Aircraft, AircraftState, Shared};
 pub use clock::SystemClock;
 pub use finding::Finding;
+#[cfg(feature = "gnss")]
+pub use foxhunt_wire::FixQuality;
+#[cfg(feature = "gnss")]
+pub use gnss::{
+    GnssConfig, GnssConfigError, GnssDecoder, GnssError, GnssFix, GnssFloors, GnssKind,
+    GnssPosition, GnssReceiver, GpsdDecoder, NmeaDecoder, Placed, PlacedError, Positioning,
+    StillVehicle, UbloxDecoder,
+};
 pub use reconnecting::Reconnecting;
