@@ -13,6 +13,6 @@ mod stream;
 pub use fix_quality::FixQuality;
 #[cfg(feature = "stream")]
 pub use stream::{
-    ByteStream, Endpoint, EndpointError, MemoryStream, PtyStream, SerialStream, TcpStream,
-    UdpStream, memory_pair,
+    ByteStream, Endpoint, EndpointError, MemoryStream, PtyStream, SerialStream, TcpServerStream,
+    TcpStream, UdpStream, memory_pair,
 };
