@@ -1,5 +1,7 @@
 //! The devices of a world as the bytes that they speak, over any [`ByteStream`](foxhunt_wire::ByteStream).
 
 mod emulator;
+mod gnss;
 
 pub use emulator::Emulator;
+pub use gnss::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};
