@@ -8,6 +8,8 @@
 pub mod geodesy;
 #[cfg(feature = "stream")]
 mod stream;
+#[cfg(feature = "xbee")]
+pub mod xbee;
 
 #[cfg(feature = "stream")]
 pub use stream::{
