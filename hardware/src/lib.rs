@@ -8,8 +8,15 @@ mod aircraft;
 mod clock;
 mod finding;
 mod reconnecting;
+#[cfg(feature = "xbee")]
+mod xbee;
 
 pub use aircraft::{Aircraft, AircraftState, Shared};
 pub use clock::SystemClock;
 pub use finding::Finding;
 pub use reconnecting::Reconnecting;
+#[cfg(feature = "xbee")]
+pub use xbee::{
+    XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeProtocol, XbeeQuestion,
+    XbeeRadio,
+};

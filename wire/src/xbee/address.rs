@@ -98,11 +98,11 @@ mod tests {
     #[test]
     fn addresses_are_read_as_they_are_written() {
         for text in ["0013A20040AABBCC", "5001", "FFFE", "000000000000FFFF"] {
-            assert_eq!(text.parse::<Address>().unwrap().to_string(), text);
+            assert_eq!(text.parse::<Address>().expect("an address").to_string(), text);
         }
         assert_eq!("abcd".parse(), Ok(Address::Short(Address16(0xABCD))));
         for text in ["", "13A20040AABBCC", "0013A20040AABBCX", "+001", "0x5001", "ß01"] {
-            let error = text.parse::<Address>().unwrap_err().to_string();
+            let error = text.parse::<Address>().expect_err("no address").to_string();
             assert!(error.contains(&format!("{text:?}")), "{error}");
         }
     }
