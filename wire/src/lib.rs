@@ -5,12 +5,14 @@
 //! blocks. The drivers of `foxhunt-hardware` and the emulated devices of `foxhunt-sim` are made of the
 //! same codecs; what keeps both honest are vectors and programs of others.
 
+mod fix_quality;
 pub mod geodesy;
 #[cfg(feature = "stream")]
 mod stream;
 #[cfg(feature = "xbee")]
 pub mod xbee;
 
+pub use fix_quality::FixQuality;
 #[cfg(feature = "stream")]
 pub use stream::{
     ByteStream, Endpoint, EndpointError, MemoryStream, PtyStream, SerialStream, TcpStream,
