@@ -5,6 +5,8 @@
 //! blocks. The drivers of `foxhunt-hardware` and the emulated devices of `foxhunt-sim` are made of the
 //! same codecs; what keeps both honest are vectors and programs of others.
 
+#[cfg(feature = "firmata")]
+pub mod firmata;
 pub mod geodesy;
 #[cfg(feature = "stream")]
 mod stream;
