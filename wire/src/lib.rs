@@ -6,6 +6,8 @@
 //! same codecs; what keeps both honest are vectors and programs of others.
 
 mod fix_quality;
+#[cfg(feature = "firmata")]
+pub mod firmata;
 pub mod geodesy;
 #[cfg(feature = "stream")]
 mod stream;
