@@ -6,6 +6,8 @@
 //! same codecs; what keeps both honest are vectors and programs of others.
 
 pub mod geodesy;
+#[cfg(feature = "mavlink")]
+pub mod mavlink;
 #[cfg(feature = "stream")]
 mod stream;
 
