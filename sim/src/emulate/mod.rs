@@ -1,5 +1,7 @@
 //! The devices of a world as the bytes that they speak, over any [`ByteStream`](foxhunt_wire::ByteStream).
 
+mod cable;
 mod emulator;
 
+pub use cable::{CableFaults, Cabled};
 pub use emulator::Emulator;
