@@ -9,6 +9,8 @@ mod fix_quality;
 #[cfg(feature = "firmata")]
 pub mod firmata;
 pub mod geodesy;
+#[cfg(feature = "mavlink")]
+pub mod mavlink;
 #[cfg(feature = "stream")]
 mod stream;
 #[cfg(feature = "xbee")]
