@@ -10,6 +10,8 @@ mod finding;
 #[cfg(feature = "gnss")]
 mod gnss;
 mod reconnecting;
+#[cfg(feature = "xbee")]
+mod xbee;
 
 pub use aircraft::{Aircraft, AircraftState, Shared};
 pub use clock::SystemClock;
@@ -23,3 +25,8 @@ pub use gnss::{
     StillVehicle, UbloxDecoder,
 };
 pub use reconnecting::Reconnecting;
+#[cfg(feature = "xbee")]
+pub use xbee::{
+    XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeProtocol, XbeeQuestion,
+    XbeeRadio,
+};

@@ -6,9 +6,15 @@
 //! same codecs; what keeps both honest are vectors and programs of others.
 
 mod fix_quality;
+#[cfg(feature = "firmata")]
+pub mod firmata;
 pub mod geodesy;
+#[cfg(feature = "mavlink")]
+pub mod mavlink;
 #[cfg(feature = "stream")]
 mod stream;
+#[cfg(feature = "xbee")]
+pub mod xbee;
 
 pub use fix_quality::FixQuality;
 #[cfg(feature = "stream")]
