@@ -1,7 +1,7 @@
 use clap::{Parser, Subcommand};
 
 #[cfg(feature = "hardware")]
-use crate::commands::emulate;
+use crate::commands::{devices, emulate, fly};
 use crate::commands::{
     antenna, bearing, calibrate, campaign, estimators, extractors, hunt, locate, planners, replay,
     scenarios,
@@ -44,6 +44,10 @@ pub(crate) enum Command {
     Locate(locate::Args),
     Bearing(bearing::Args),
     Antenna(antenna::Args),
+    #[cfg(feature = "hardware")]
+    Fly(fly::Args),
+    #[cfg(feature = "hardware")]
+    Devices(devices::Args),
     #[cfg(feature = "hardware")]
     Emulate(emulate::Args),
 }

@@ -237,6 +237,18 @@ pub enum FlightStage {
     Over,
 }
 
+impl std::fmt::Display for FlightStage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::Preparing => "preparing",
+            Self::Climbing => "taking off",
+            Self::Hunting => "hunting",
+            Self::Leaving => "leaving",
+            Self::Over => "over",
+        })
+    }
+}
+
 /// What a search found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

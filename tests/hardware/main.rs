@@ -1,2 +1,4 @@
 //! Drivers against emulated devices of a simulated world, in its own time.
 #![cfg(feature = "hardware")]
+
+mod mission;
