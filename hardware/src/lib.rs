@@ -17,6 +17,5 @@ pub use finding::Finding;
 pub use reconnecting::Reconnecting;
 #[cfg(feature = "xbee")]
 pub use xbee::{
-    XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeProtocol, XbeeQuestion,
-    XbeeRadio,
+    XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeQuestion, XbeeRadio,
 };

@@ -48,7 +48,7 @@ pub use devices::{
     SimVehicle,
 };
 #[cfg(feature = "emulators")]
-pub use emulate::{CableFaults, Cabled, Emulator};
+pub use emulate::{CableFaults, Cabled, EmulatedXbee, EmulatedXbeeConfig, Emulator, xbee_address};
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;

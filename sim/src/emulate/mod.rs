@@ -2,6 +2,8 @@
 
 mod cable;
 mod emulator;
+mod xbee;
 
 pub use cable::{CableFaults, Cabled};
 pub use emulator::Emulator;
+pub use xbee::{EmulatedXbee, EmulatedXbeeConfig, xbee_address};
