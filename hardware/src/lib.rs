@@ -7,6 +7,8 @@
 mod aircraft;
 mod clock;
 mod finding;
+#[cfg(feature = "gnss")]
+mod gnss;
 mod reconnecting;
 #[cfg(feature = "xbee")]
 mod xbee;
@@ -14,6 +16,14 @@ mod xbee;
 pub use aircraft::{Aircraft, AircraftState, Shared};
 pub use clock::SystemClock;
 pub use finding::Finding;
+#[cfg(feature = "gnss")]
+pub use foxhunt_wire::FixQuality;
+#[cfg(feature = "gnss")]
+pub use gnss::{
+    GnssConfig, GnssConfigError, GnssDecoder, GnssError, GnssFix, GnssFloors, GnssKind,
+    GnssPosition, GnssReceiver, GpsdDecoder, NmeaDecoder, Placed, PlacedError, Positioning,
+    StillVehicle, UbloxDecoder,
+};
 pub use reconnecting::Reconnecting;
 #[cfg(feature = "xbee")]
 pub use xbee::{

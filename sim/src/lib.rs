@@ -48,7 +48,10 @@ pub use devices::{
     SimVehicle,
 };
 #[cfg(feature = "emulators")]
-pub use emulate::{CableFaults, Cabled, EmulatedXbee, EmulatedXbeeConfig, Emulator, xbee_address};
+pub use emulate::{
+    CableFaults, Cabled, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedXbee,
+    EmulatedXbeeConfig, Emulator, xbee_address,
+};
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;

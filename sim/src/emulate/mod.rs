@@ -2,8 +2,10 @@
 
 mod cable;
 mod emulator;
+mod gnss;
 mod xbee;
 
 pub use cable::{CableFaults, Cabled};
 pub use emulator::Emulator;
+pub use gnss::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};
 pub use xbee::{EmulatedXbee, EmulatedXbeeConfig, xbee_address};
