@@ -27,6 +27,5 @@ pub use gnss::{
 pub use reconnecting::Reconnecting;
 #[cfg(feature = "xbee")]
 pub use xbee::{
-    XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeProtocol, XbeeQuestion,
-    XbeeRadio,
+    XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeQuestion, XbeeRadio,
 };

@@ -49,7 +49,8 @@ pub use devices::{
 };
 #[cfg(feature = "emulators")]
 pub use emulate::{
-    CableFaults, Cabled, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, Emulator,
+    CableFaults, Cabled, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedXbee,
+    EmulatedXbeeConfig, Emulator, xbee_address,
 };
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};

@@ -2,3 +2,5 @@
 #![cfg(feature = "hardware")]
 
 mod mission;
+mod xbee;
+mod xbee_protocol;

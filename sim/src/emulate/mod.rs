@@ -3,7 +3,9 @@
 mod cable;
 mod emulator;
 mod gnss;
+mod xbee;
 
 pub use cable::{CableFaults, Cabled};
 pub use emulator::Emulator;
 pub use gnss::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};
+pub use xbee::{EmulatedXbee, EmulatedXbeeConfig, xbee_address};
