@@ -8,8 +8,15 @@ mod aircraft;
 mod clock;
 mod finding;
 mod reconnecting;
+#[cfg(feature = "firmata")]
+mod stepper;
 
 pub use aircraft::{Aircraft, AircraftState, Shared};
 pub use clock::SystemClock;
 pub use finding::Finding;
 pub use reconnecting::Reconnecting;
+#[cfg(feature = "firmata")]
+pub use stepper::{
+    Approach, BeyondCable, FirmataConfig, FirmataConfigError, FirmataStepper, FirmataStepperError,
+    Homing, LostPosition,
+};
