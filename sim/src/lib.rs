@@ -48,7 +48,7 @@ pub use devices::{
     SimVehicle,
 };
 #[cfg(feature = "emulators")]
-pub use emulate::Emulator;
+pub use emulate::{EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch, Emulator};
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;
