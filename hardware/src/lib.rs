@@ -10,6 +10,8 @@ mod finding;
 #[cfg(feature = "gnss")]
 mod gnss;
 mod reconnecting;
+#[cfg(feature = "firmata")]
+mod stepper;
 #[cfg(feature = "xbee")]
 mod xbee;
 
@@ -25,6 +27,11 @@ pub use gnss::{
     StillVehicle, UbloxDecoder,
 };
 pub use reconnecting::Reconnecting;
+#[cfg(feature = "firmata")]
+pub use stepper::{
+    Approach, BeyondCable, FirmataConfig, FirmataConfigError, FirmataStepper, FirmataStepperError,
+    Homing, LostPosition,
+};
 #[cfg(feature = "xbee")]
 pub use xbee::{
     XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeQuestion, XbeeRadio,

@@ -4,8 +4,10 @@ mod cable;
 mod emulator;
 mod gnss;
 mod xbee;
+mod stepper;
 
 pub use cable::{CableFaults, Cabled};
 pub use emulator::Emulator;
 pub use gnss::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};
 pub use xbee::{EmulatedXbee, EmulatedXbeeConfig, xbee_address};
+pub use stepper::{EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch};
