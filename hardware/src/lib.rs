@@ -7,9 +7,16 @@
 mod aircraft;
 mod clock;
 mod finding;
+#[cfg(feature = "mavlink")]
+mod mavlink;
 mod reconnecting;
 
 pub use aircraft::{Aircraft, AircraftState, Shared};
 pub use clock::SystemClock;
 pub use finding::Finding;
+#[cfg(feature = "mavlink")]
+pub use mavlink::{
+    FlightLimits, MavlinkConfig, MavlinkError, MavlinkOrigin, MavlinkSigning, MavlinkVehicle,
+    PositionRequirements, RadioStatus,
+};
 pub use reconnecting::Reconnecting;
