@@ -48,7 +48,9 @@ pub use devices::{
     SimVehicle,
 };
 #[cfg(feature = "emulators")]
-pub use emulate::{CableFaults, Cabled, Emulator};
+pub use emulate::{
+    CableFaults, Cabled, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, Emulator,
+};
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;

@@ -2,6 +2,8 @@
 
 mod cable;
 mod emulator;
+mod gnss;
 
 pub use cable::{CableFaults, Cabled};
 pub use emulator::Emulator;
+pub use gnss::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};
