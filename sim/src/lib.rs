@@ -49,7 +49,8 @@ pub use devices::{
 };
 #[cfg(feature = "emulators")]
 pub use emulate::{
-    CableFaults, Cabled, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, Emulator,
+    AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedAutopilot, EmulatedGnss,
+    EmulatedGnssConfig, EmulatedGnssKind, Emulator, PilotOrder,
 };
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
