@@ -9,6 +9,8 @@ mod clock;
 mod finding;
 #[cfg(feature = "gnss")]
 mod gnss;
+#[cfg(feature = "mavlink")]
+mod mavlink;
 mod reconnecting;
 #[cfg(feature = "firmata")]
 mod stepper;
@@ -25,6 +27,11 @@ pub use gnss::{
     GnssConfig, GnssConfigError, GnssDecoder, GnssError, GnssFix, GnssFloors, GnssKind,
     GnssPosition, GnssReceiver, GpsdDecoder, NmeaDecoder, Placed, PlacedError, Positioning,
     StillVehicle, UbloxDecoder,
+};
+#[cfg(feature = "mavlink")]
+pub use mavlink::{
+    FlightLimits, MavlinkConfig, MavlinkError, MavlinkOrigin, MavlinkSigning, MavlinkVehicle,
+    PositionRequirements, RadioStatus,
 };
 pub use reconnecting::Reconnecting;
 #[cfg(feature = "firmata")]
