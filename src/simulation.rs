@@ -8,14 +8,16 @@ use foxhunt_sensors::{AntennaError, ParameterError};
 use foxhunt_sim::{SimError, World};
 use nalgebra::Vector2;
 
+mod hunted;
 mod milestones;
 
+pub use hunted::{ScenarioExtractor, scenario_extractor, scenario_hunt};
 pub use milestones::SearchProgress;
 
 use milestones::Milestones;
 
 use crate::{
-    config::{ExtractorConfigError, NamedEstimator, PlannerConfigError, beacon_seed},
+    config::{ExtractorConfigError, NamedEstimator, PlannerConfigError},
     hunt::{DriveError, Event, Fix, Hunt, HuntError, drive},
     log::{LOG_VERSION, LogHeader, LoggedBeacon},
     scenario::{Scenario, SimulationConfig},
@@ -76,6 +78,8 @@ pub fn log_header(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) ->
         model: scenario.model.clone(),
         planner: Some(scenario.planner.clone()),
         beacons: scenario.world.drawn_beacons(seed).into_iter().map(beacon).collect(),
+        epoch_unix_s: None,
+        homes: Vec::new(),
     }
 }
 
@@ -108,22 +112,7 @@ pub fn simulate_watched<O: std::error::Error + Send + Sync + 'static>(
     watch: impl FnMut(&World),
 ) -> Result<Simulated, SimulationError> {
     let world = World::new(&scenario.world, seed)?;
-    let model = scenario.model.build()?;
-    let mut next_beacon = 0;
-    let estimators = |prior: &Estimate<2>| {
-        let seed = beacon_seed(seed, BeaconId(next_beacon));
-        next_beacon += 1;
-        estimator.config.build(model.clone(), prior, seed)
-    };
-    let bearings = scenario.bearings.unwrap_or_default();
-    let mut hunt = Hunt::<_, _, _, _, 2, 2>::new(
-        bearings.wrap(scenario.extractor.build()?).map_err(SimulationError::Bearings)?,
-        scenario.planner.build()?,
-        estimators,
-        scenario.beacon_names(),
-        scenario.hunt.clone(),
-        estimator.config.track,
-    )?;
+    let mut hunt = scenario_hunt(scenario, estimator, seed)?;
     let mut sources = scenario.sources(&world)?;
     let beacons = scenario.world.beacons.len();
     let mut heard = vec![0.0; beacons];
