@@ -7,6 +7,7 @@
 mod aircraft;
 mod clock;
 mod finding;
+pub mod link;
 mod reconnecting;
 
 pub use aircraft::{Aircraft, AircraftState, Shared};
