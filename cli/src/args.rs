@@ -1,11 +1,11 @@
 use clap::{Parser, Subcommand};
 
-#[cfg(feature = "hardware")]
-use crate::commands::emulate;
 use crate::commands::{
     antenna, bearing, calibrate, campaign, estimators, extractors, hunt, locate, planners, replay,
     scenarios,
 };
+#[cfg(feature = "hardware")]
+use crate::commands::{emulate, node};
 
 /// Finds radio transmitters with drones.
 ///
@@ -46,4 +46,6 @@ pub(crate) enum Command {
     Antenna(antenna::Args),
     #[cfg(feature = "hardware")]
     Emulate(emulate::Args),
+    #[cfg(feature = "hardware")]
+    Node(node::Args),
 }

@@ -7,6 +7,7 @@
 
 mod config;
 mod deliveries;
+mod draws;
 mod drone;
 mod error;
 mod fusion;
@@ -14,6 +15,7 @@ mod remote;
 mod show;
 
 pub use config::{DroneNodeConfig, FusionNodeConfig};
+pub use draws::uniform_draws;
 pub use drone::DroneNode;
 pub use error::NetworkError;
 pub use fusion::{FusionNode, Past};

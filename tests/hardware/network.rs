@@ -12,7 +12,7 @@ use foxhunt::{
     },
     hunt::{Event, Fix, Track},
     log::{Log, LogWriter},
-    network::{DroneNode, DroneNodeConfig, FusionNode, FusionNodeConfig, Past},
+    network::{DroneNode, DroneNodeConfig, FusionNode, FusionNodeConfig, Past, uniform_draws},
     replay::replay,
     scenario::Scenario,
     sim::{SimClock, SimVehicle, World},
@@ -21,16 +21,6 @@ use foxhunt::{
 
 /// When the hunt's time is 0.
 const EPOCH: UnixTime = UnixTime::whole(1_760_000_000);
-
-/// Numbers in [0, 1), the same for the same seed (Steele et al. 2014, SplitMix64).
-fn draws(mut state: u64) -> impl FnMut() -> f64 {
-    move || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        f64::from(u32::try_from((z ^ (z >> 31)) >> 32).expect("32 bits")) / 4_294_967_296.0
-    }
-}
 
 /// What came to the side that fuses, whatever became of it.
 type Delivered = Rc<RefCell<Vec<(usize, Delivery)>>>;
@@ -79,7 +69,7 @@ impl Field {
     }
 
     fn draws(&self, of: u64) -> Draws {
-        Box::new(draws(self.seed.wrapping_mul(1000) + of))
+        Box::new(uniform_draws(self.seed.wrapping_mul(1000) + of))
     }
 
     /// The node of a drone, as it is after its computer was switched on.

@@ -116,7 +116,7 @@ struct NotLogged {
 }
 
 /// Says how far the hunt has come.
-fn tell(event: &Event) {
+pub(super) fn tell(event: &Event) {
     match event {
         Event::BeaconStarted { time, name, .. } => {
             warn(&format!("{time:7.0} s  looking for {name}"))
@@ -132,6 +132,7 @@ fn tell(event: &Event) {
             };
             warn(&format!("{time:7.0} s  {who}: {reason}"));
         }
+        Event::Resumed { time } => warn(&format!("{time:7.0} s  goes on from its log")),
         Event::DutyChanged { time, drone, duty } => {
             warn(&format!("{time:7.0} s  drone {}: {duty}", drone.saturating_add(1)));
         }

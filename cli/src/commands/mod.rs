@@ -10,6 +10,8 @@ pub(crate) mod estimators;
 pub(crate) mod extractors;
 pub(crate) mod hunt;
 pub(crate) mod locate;
+#[cfg(feature = "hardware")]
+pub(crate) mod node;
 pub(crate) mod planners;
 pub(crate) mod replay;
 pub(crate) mod scenarios;
@@ -46,5 +48,7 @@ pub(crate) fn run(command: Command, output: Output) -> Result<(), CliError> {
         Command::Antenna(args) => antenna::run(&args, output),
         #[cfg(feature = "hardware")]
         Command::Emulate(args) => emulate::run(&args, output),
+        #[cfg(feature = "hardware")]
+        Command::Node(args) => node::run(&args, output),
     }
 }

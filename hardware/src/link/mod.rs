@@ -13,6 +13,8 @@ mod order;
 mod report;
 #[cfg(any(feature = "ros1", feature = "ros2"))]
 mod ros;
+#[cfg(feature = "ros1")]
+mod ros1;
 #[cfg(feature = "ros2")]
 mod ros2;
 mod unix_time;
@@ -25,6 +27,8 @@ pub use impaired::{Impaired, Impairment};
 pub use memory::{MemoryDrone, MemoryFusion, memory_network};
 pub use order::{Order, Taken, Turn};
 pub use report::{Delivery, Report};
+#[cfg(feature = "ros1")]
+pub use ros1::{Ros1Config, Ros1Drone, Ros1Fusion};
 #[cfg(feature = "ros2")]
 pub use ros2::{Ros2Config, Ros2Drone, Ros2Fusion};
 pub use unix_time::UnixTime;

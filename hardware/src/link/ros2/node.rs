@@ -1,6 +1,6 @@
 use ros2_client::{
     Context, ContextOptions, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher,
-    QosProfile, Subscription, Topic, WriteError,
+    QosProfile, Subscription, WriteError,
     qos::{Durability, History, WhenFull},
 };
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -66,35 +66,17 @@ impl Opened {
         joined().map_err(cannot(&format!("the node {name}")))
     }
 
-    fn topic(&mut self, topic: &str, kind: (&str, &str), kept: Kept) -> Result<Topic, Reason> {
-        let (space, base) = topic.rsplit_once('/').unwrap_or(("", topic));
-        let space = if space.is_empty() { "/" } else { space };
-        let qos = QosProfile::publisher_default()
-            // What does not go out now is said again.
-            .reliability_reliable(WhenFull::Fail);
-        let qos = match kept {
-            Kept::Nothing(depth) => {
-                qos.durability(Durability::Volatile).history(History::KeepLast { depth })
-            }
-            Kept::Last => {
-                qos.durability(Durability::TransientLocal).history(History::KeepLast { depth: 1 })
-            }
-        };
-        let kind = MessageTypeName::new(kind.0, kind.1);
-        Ok(self.node.create_topic(&Name::new(space, base)?, kind, &qos)?)
-    }
-
     pub(super) fn speaker<M: Serialize>(
         &mut self,
         topic: &str,
         kind: (&str, &str),
         kept: Kept,
     ) -> Result<Speaker<M>, LinkError> {
-        let made = self
-            .topic(topic, kind, kept)
-            .and_then(|made| Ok(self.node.create_publisher(&made, None)?))
-            .map_err(cannot(topic))?;
-        Ok(Speaker(made, topic.to_owned()))
+        let mut make = || -> Result<_, Reason> {
+            let made = self.node.create_topic(&name(topic)?, kind_of(kind), &quality(kept))?;
+            Ok(self.node.create_publisher(&made, None)?)
+        };
+        Ok(Speaker(make().map_err(cannot(topic))?, topic.to_owned()))
     }
 
     pub(super) fn listener<M: DeserializeOwned + 'static>(
@@ -103,11 +85,34 @@ impl Opened {
         kind: (&str, &str),
         depth: usize,
     ) -> Result<Listener<M>, LinkError> {
-        let made = self
-            .topic(topic, kind, Kept::Nothing(depth))
-            .and_then(|made| Ok(self.node.create_subscription(&made, None)?))
-            .map_err(cannot(topic))?;
-        Ok(Listener(made, topic.to_owned()))
+        let mut make = || -> Result<_, Reason> {
+            let quality = quality(Kept::Nothing(depth));
+            let made = self.node.create_topic(&name(topic)?, kind_of(kind), &quality)?;
+            Ok(self.node.create_subscription(&made, None)?)
+        };
+        Ok(Listener(make().map_err(cannot(topic))?, topic.to_owned()))
+    }
+}
+
+fn name(topic: &str) -> Result<Name, Reason> {
+    let (space, base) = topic.rsplit_once('/').unwrap_or(("", topic));
+    Ok(Name::new(if space.is_empty() { "/" } else { space }, base)?)
+}
+
+fn kind_of((package, message): (&str, &str)) -> MessageTypeName {
+    MessageTypeName::new(package, message)
+}
+
+fn quality(kept: Kept) -> QosProfile {
+    // What does not go out now is said again.
+    let qos = QosProfile::publisher_default().reliability_reliable(WhenFull::Fail);
+    match kept {
+        Kept::Nothing(depth) => {
+            qos.durability(Durability::Volatile).history(History::KeepLast { depth })
+        }
+        Kept::Last => {
+            qos.durability(Durability::TransientLocal).history(History::KeepLast { depth: 1 })
+        }
     }
 }
 
