@@ -1,11 +1,13 @@
 use clap::{Parser, Subcommand};
 
 #[cfg(feature = "hardware")]
-use crate::commands::{devices, emulate, fly};
+use crate::commands::{devices, emulate, fly, node};
 use crate::commands::{
     antenna, bearing, calibrate, campaign, estimators, extractors, hunt, locate, planners, replay,
     scenarios,
 };
+#[cfg(feature = "hardware")]
+use crate::commands::{emulate, node};
 
 /// Finds radio transmitters with drones.
 ///
@@ -50,4 +52,6 @@ pub(crate) enum Command {
     Devices(devices::Args),
     #[cfg(feature = "hardware")]
     Emulate(emulate::Args),
+    #[cfg(feature = "hardware")]
+    Node(node::Args),
 }

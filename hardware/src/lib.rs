@@ -11,6 +11,7 @@ mod finding;
 mod gnss;
 #[cfg(feature = "mavlink")]
 mod mavlink;
+pub mod link;
 mod reconnecting;
 #[cfg(feature = "firmata")]
 mod stepper;

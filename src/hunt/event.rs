@@ -21,6 +21,11 @@ pub enum Event {
         /// What is believed before anything was heard.
         prior: Estimate<2>,
     },
+    /// A hunt that was broken off goes on from its log.
+    Resumed {
+        /// When.
+        time: f64,
+    },
     /// The formation does something else now.
     PhaseChanged {
         /// When.

@@ -4,3 +4,4 @@
 mod mission;
 mod xbee;
 mod xbee_protocol;
+mod network;

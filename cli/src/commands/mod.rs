@@ -14,6 +14,8 @@ pub(crate) mod extractors;
 pub(crate) mod fly;
 pub(crate) mod hunt;
 pub(crate) mod locate;
+#[cfg(feature = "hardware")]
+pub(crate) mod node;
 pub(crate) mod planners;
 pub(crate) mod replay;
 pub(crate) mod scenarios;
@@ -57,5 +59,7 @@ pub(crate) fn run(command: Command, output: Output) -> Result<(), CliError> {
         Command::Devices(args) => devices::run(&args, output),
         #[cfg(feature = "hardware")]
         Command::Emulate(args) => emulate::run(&args, output),
+        #[cfg(feature = "hardware")]
+        Command::Node(args) => node::run(&args, output),
     }
 }

@@ -21,6 +21,7 @@ pub(super) fn tell(event: &Event) {
             };
             warn(&format!("{time:7.0} s  {who}: {reason}"));
         }
+        Event::Resumed { time } => warn(&format!("{time:7.0} s  goes on from its log")),
         Event::DutyChanged { time, drone, duty } => {
             warn(&format!("{time:7.0} s  drone {}: {duty}", drone.saturating_add(1)));
         }
