@@ -9,9 +9,9 @@ mod clock;
 mod finding;
 #[cfg(feature = "gnss")]
 mod gnss;
+pub mod link;
 #[cfg(feature = "mavlink")]
 mod mavlink;
-pub mod link;
 mod reconnecting;
 #[cfg(feature = "firmata")]
 mod stepper;

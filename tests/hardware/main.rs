@@ -2,6 +2,6 @@
 #![cfg(feature = "hardware")]
 
 mod mission;
+mod network;
 mod xbee;
 mod xbee_protocol;
-mod network;

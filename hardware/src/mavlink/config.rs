@@ -131,7 +131,7 @@ pub struct MavlinkSigning {
 
 impl MavlinkConfig {
     /// Refuses what cannot be flown with.
-    pub(super) fn check(&self) -> Result<(), MavlinkError> {
+    pub fn check(&self) -> Result<(), MavlinkError> {
         let positive = [
             ("take_off_tolerance_m", self.take_off_tolerance_m),
             ("take_off_timeout_s", self.take_off_timeout_s),
