@@ -4,7 +4,6 @@ use foxhunt_core::{
     BeaconId, BearingExtractor, Estimate, Estimator, EstimatorError, FormationPlanner, Observation,
     ObservationError, PatternSource, Reception, Station,
 };
-use foxhunt_sensors::{AntennaError, ParameterError};
 use foxhunt_sim::{SimError, World};
 use nalgebra::Vector2;
 
@@ -15,8 +14,8 @@ pub use milestones::SearchProgress;
 use milestones::Milestones;
 
 use crate::{
-    config::{ExtractorConfigError, NamedEstimator, PlannerConfigError, beacon_seed},
-    hunt::{DriveError, Event, Fix, Hunt, HuntError, drive},
+    config::NamedEstimator,
+    hunt::{DriveError, Event, Fix, Hunt, HuntError, PartsError, drive},
     log::{LOG_VERSION, LogHeader, LoggedBeacon},
     scenario::{Scenario, SimulationConfig},
 };
@@ -108,22 +107,7 @@ pub fn simulate_watched<O: std::error::Error + Send + Sync + 'static>(
     watch: impl FnMut(&World),
 ) -> Result<Simulated, SimulationError> {
     let world = World::new(&scenario.world, seed)?;
-    let model = scenario.model.build()?;
-    let mut next_beacon = 0;
-    let estimators = |prior: &Estimate<2>| {
-        let seed = beacon_seed(seed, BeaconId(next_beacon));
-        next_beacon += 1;
-        estimator.config.build(model.clone(), prior, seed)
-    };
-    let bearings = scenario.bearings.unwrap_or_default();
-    let mut hunt = Hunt::<_, _, _, _, 2, 2>::new(
-        bearings.wrap(scenario.extractor.build()?).map_err(SimulationError::Bearings)?,
-        scenario.planner.build()?,
-        estimators,
-        scenario.beacon_names(),
-        scenario.hunt.clone(),
-        estimator.config.track,
-    )?;
+    let mut hunt = scenario.parts(&estimator.config, seed).build()?;
     let mut sources = scenario.sources(&world)?;
     let beacons = scenario.world.beacons.len();
     let mut heard = vec![0.0; beacons];
@@ -248,19 +232,10 @@ pub enum SimulationError {
     /// The world cannot be built.
     #[error("the world of the scenario: {0}")]
     World(#[from] SimError),
-    /// The estimator's law of propagation is out of range.
-    #[error("the model of the scenario: {0}")]
-    Model(#[from] AntennaError),
-    /// The extractor cannot be built.
+    /// The hunt cannot be put together.
     #[error("the scenario: {0}")]
-    Extractor(#[from] ExtractorConfigError),
-    /// The calibration of bearings is out of range.
-    #[error("the bearings of the scenario: {0}")]
-    Bearings(#[source] ParameterError),
-    /// The planner cannot be built.
-    #[error("the planner of the scenario: {0}")]
-    Planner(#[from] PlannerConfigError),
-    /// The hunt cannot be built.
+    Parts(#[from] PartsError),
+    /// The hunt cannot begin.
     #[error(transparent)]
     Hunt(#[from] HuntError),
     /// The hunt could not go on.

@@ -7,16 +7,16 @@
 mod aircraft;
 mod clock;
 mod finding;
+#[cfg(feature = "gnss")]
+mod gnss;
 mod reconnecting;
-#[cfg(feature = "firmata")]
-mod stepper;
-
-pub use aircraft::{Aircraft, AircraftState, Shared};
-pub use clock::SystemClock;
-pub use finding::Finding;
-pub use reconnecting::Reconnecting;
 #[cfg(feature = "firmata")]
 pub use stepper::{
     Approach, BeyondCable, FirmataConfig, FirmataConfigError, FirmataStepper, FirmataStepperError,
     Homing, LostPosition,
+};
+#[cfg(feature = "xbee")]
+pub use xbee::{
+    XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeProtocol, XbeeQuestion,
+    XbeeRadio,
 };

@@ -48,7 +48,10 @@ pub use devices::{
     SimVehicle,
 };
 #[cfg(feature = "emulators")]
-pub use emulate::{EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch, Emulator};
+pub use emulate::{
+    CableFaults, Cabled, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedStepper,
+    EmulatedStepperConfig, EmulatedSwitch, Emulator,
+};
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;

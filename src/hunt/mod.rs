@@ -10,6 +10,7 @@ mod flight;
 mod homeward;
 mod machine;
 mod outbox;
+mod parts;
 mod search;
 mod searching;
 mod track;
@@ -18,8 +19,9 @@ pub use command::Command;
 pub use config::HuntConfig;
 pub use drive::{DriveError, drive};
 pub use error::HuntError;
-pub use event::{Event, Fix};
+pub use event::{Event, Fix, FlightStage};
 pub use machine::Hunt;
+pub use parts::{BoxedHunt, HuntParts, PartsError};
 pub use track::{Components, Heard, TimeStep, Track, TrackConfig, TrackError, WithoutBearing};
 
 use flight::Flight;

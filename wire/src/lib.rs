@@ -7,12 +7,18 @@
 
 #[cfg(feature = "firmata")]
 pub mod firmata;
+mod fix_quality;
 pub mod geodesy;
+#[cfg(feature = "mavlink")]
+pub mod mavlink;
 #[cfg(feature = "stream")]
 mod stream;
+#[cfg(feature = "xbee")]
+pub mod xbee;
 
+pub use fix_quality::FixQuality;
 #[cfg(feature = "stream")]
 pub use stream::{
-    ByteStream, Endpoint, EndpointError, MemoryStream, PtyStream, SerialStream, TcpStream,
-    UdpStream, memory_pair,
+    ByteStream, Endpoint, EndpointError, MemoryStream, PtyStream, SerialStream, TcpServerStream,
+    TcpStream, UdpStream, memory_pair,
 };

@@ -1,7 +1,11 @@
 //! The devices of a world as the bytes that they speak, over any [`ByteStream`](foxhunt_wire::ByteStream).
 
+mod cable;
 mod emulator;
+mod gnss;
 mod stepper;
 
+pub use cable::{CableFaults, Cabled};
 pub use emulator::Emulator;
+pub use gnss::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};
 pub use stepper::{EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch};
