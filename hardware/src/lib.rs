@@ -9,7 +9,32 @@ mod clock;
 mod finding;
 #[cfg(feature = "gnss")]
 mod gnss;
+#[cfg(feature = "mavlink")]
+mod mavlink;
+pub mod link;
 mod reconnecting;
+#[cfg(feature = "firmata")]
+mod stepper;
+#[cfg(feature = "xbee")]
+mod xbee;
+
+pub use aircraft::{Aircraft, AircraftState, Shared};
+pub use clock::SystemClock;
+pub use finding::Finding;
+#[cfg(feature = "gnss")]
+pub use foxhunt_wire::FixQuality;
+#[cfg(feature = "gnss")]
+pub use gnss::{
+    GnssConfig, GnssConfigError, GnssDecoder, GnssError, GnssFix, GnssFloors, GnssKind,
+    GnssPosition, GnssReceiver, GpsdDecoder, NmeaDecoder, Placed, PlacedError, Positioning,
+    StillVehicle, UbloxDecoder,
+};
+#[cfg(feature = "mavlink")]
+pub use mavlink::{
+    FlightLimits, MavlinkConfig, MavlinkError, MavlinkOrigin, MavlinkSigning, MavlinkVehicle,
+    PositionRequirements, RadioStatus,
+};
+pub use reconnecting::Reconnecting;
 #[cfg(feature = "firmata")]
 pub use stepper::{
     Approach, BeyondCable, FirmataConfig, FirmataConfigError, FirmataStepper, FirmataStepperError,
@@ -17,6 +42,5 @@ pub use stepper::{
 };
 #[cfg(feature = "xbee")]
 pub use xbee::{
-    XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeProtocol, XbeeQuestion,
-    XbeeRadio,
+    XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeQuestion, XbeeRadio,
 };
