@@ -5,6 +5,8 @@
 //! blocks. The drivers of `foxhunt-hardware` and the emulated devices of `foxhunt-sim` are made of the
 //! same codecs; what keeps both honest are vectors and programs of others.
 
+#[cfg(feature = "ardrone")]
+pub mod ardrone;
 #[cfg(feature = "firmata")]
 pub mod firmata;
 mod fix_quality;

@@ -131,6 +131,10 @@ pub struct MavlinkSigning {
 
 impl MavlinkConfig {
     /// Refuses what cannot be flown with.
+    ///
+    /// # Errors
+    ///
+    /// [`MavlinkError::Config`] names the field, with its value.
     pub fn check(&self) -> Result<(), MavlinkError> {
         let positive = [
             ("take_off_tolerance_m", self.take_off_tolerance_m),
