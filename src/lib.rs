@@ -50,6 +50,8 @@ pub mod fly;
 pub mod hunt;
 pub mod locate;
 pub mod log;
+#[cfg(feature = "hardware")]
+pub mod network;
 pub mod picture;
 pub mod planners;
 pub mod recorded;

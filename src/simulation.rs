@@ -75,6 +75,8 @@ pub fn log_header(scenario: &Scenario, estimator: &NamedEstimator, seed: u64) ->
         model: scenario.model.clone(),
         planner: Some(scenario.planner.clone()),
         beacons: scenario.world.drawn_beacons(seed).into_iter().map(beacon).collect(),
+        epoch_unix_s: None,
+        homes: Vec::new(),
     }
 }
 

@@ -1,11 +1,13 @@
 use clap::{Parser, Subcommand};
 
 #[cfg(feature = "hardware")]
-use crate::commands::emulate;
+use crate::commands::{devices, emulate, fly, node};
 use crate::commands::{
     antenna, bearing, calibrate, campaign, estimators, extractors, hunt, locate, planners, replay,
     scenarios,
 };
+#[cfg(feature = "hardware")]
+use crate::commands::{emulate, node};
 
 /// Finds radio transmitters with drones.
 ///
@@ -45,5 +47,11 @@ pub(crate) enum Command {
     Bearing(bearing::Args),
     Antenna(antenna::Args),
     #[cfg(feature = "hardware")]
+    Fly(fly::Args),
+    #[cfg(feature = "hardware")]
+    Devices(devices::Args),
+    #[cfg(feature = "hardware")]
     Emulate(emulate::Args),
+    #[cfg(feature = "hardware")]
+    Node(node::Args),
 }

@@ -9,7 +9,12 @@ mod clock;
 mod finding;
 #[cfg(feature = "gnss")]
 mod gnss;
+#[cfg(feature = "mavlink")]
+mod mavlink;
+pub mod link;
 mod reconnecting;
+#[cfg(feature = "firmata")]
+mod stepper;
 #[cfg(feature = "xbee")]
 mod xbee;
 
@@ -24,9 +29,18 @@ pub use gnss::{
     GnssPosition, GnssReceiver, GpsdDecoder, NmeaDecoder, Placed, PlacedError, Positioning,
     StillVehicle, UbloxDecoder,
 };
+#[cfg(feature = "mavlink")]
+pub use mavlink::{
+    FlightLimits, MavlinkConfig, MavlinkError, MavlinkOrigin, MavlinkSigning, MavlinkVehicle,
+    PositionRequirements, RadioStatus,
+};
 pub use reconnecting::Reconnecting;
+#[cfg(feature = "firmata")]
+pub use stepper::{
+    Approach, BeyondCable, FirmataConfig, FirmataConfigError, FirmataStepper, FirmataStepperError,
+    Homing, LostPosition,
+};
 #[cfg(feature = "xbee")]
 pub use xbee::{
-    XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeProtocol, XbeeQuestion,
-    XbeeRadio,
+    XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeQuestion, XbeeRadio,
 };

@@ -49,7 +49,9 @@ pub use devices::{
 };
 #[cfg(feature = "emulators")]
 pub use emulate::{
-    CableFaults, Cabled, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, Emulator,
+    AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedAutopilot, EmulatedGnss,
+    EmulatedGnssConfig, EmulatedGnssKind, EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch,
+    EmulatedXbee, EmulatedXbeeConfig, Emulator, PilotOrder, xbee_address,
 };
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};

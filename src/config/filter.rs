@@ -320,7 +320,7 @@ pub(super) fn generator(count: usize, seed: u64) -> Result<Xoshiro256PlusPlus, E
 
 /// One seed for each beacon of a run, so that their filters do not draw the same numbers.
 #[must_use]
-pub(crate) fn beacon_seed(run: u64, beacon: BeaconId) -> u64 {
+pub fn beacon_seed(run: u64, beacon: BeaconId) -> u64 {
     // The odd constant is 2⁶⁴ over the golden ratio (Steele et al. 2014, SplitMix).
     run ^ 0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(u64::from(beacon.0) + 1)
 }

@@ -18,8 +18,7 @@ pub use estimator::{EstimatorConfig, MovingConfig};
 pub use extractor::{
     BoxedExtractor, ExtractorConfig, ExtractorConfigError, KnownAntennaConfig, LobeConfig,
 };
-pub(crate) use filter::beacon_seed;
-pub use filter::{FilterConfig, GateConfig, OutlierConfig};
+pub use filter::{FilterConfig, GateConfig, OutlierConfig, beacon_seed};
 pub use model::{ModelConfig, ReceiverModel};
 pub use named::{DEFAULT_ESTIMATOR, NamedEstimator, estimator_named, estimators};
 pub use named_extractor::{

@@ -38,6 +38,16 @@ pub enum Ending {
     Hold,
 }
 
+impl fmt::Display for Ending {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Return => "they return and land",
+            Self::Land => "they land where they are",
+            Self::Hold => "they stay where they are",
+        })
+    }
+}
+
 impl Default for FlightRules {
     /// 4 m as in the reference, return in either case, 180 s to get ready (a GNSS receiver that
     /// starts cold), 60 s to climb, 300 s to come back.
@@ -68,6 +78,17 @@ impl FlightRules {
     }
 }
 
+/// A drone that is flown.
+#[derive(Debug)]
+pub struct FlownDrone<A, S> {
+    /// What people call it.
+    pub name: String,
+    /// What flies.
+    pub aircraft: A,
+    /// What it listens with.
+    pub source: S,
+}
+
 /// A flight of real aircraft from the ground to the ground, with a hunt in the middle.
 ///
 /// No aircraft is armed before all of them are ready; an aircraft that the pilot takes is not told
@@ -76,6 +97,7 @@ impl FlightRules {
 pub struct Mission<A, S> {
     rules: FlightRules,
     hunt: BoxedHunt,
+    names: Vec<String>,
     aircraft: Vec<A>,
     sources: Vec<S>,
     /// What was told of each last.
@@ -85,6 +107,9 @@ pub struct Mission<A, S> {
     /// By which rule the aircraft leave, and when they were told last.
     ending: Ending,
     ordered: Vec<f64>,
+    /// Whether take-off waits for a word, and has it.
+    waits: bool,
+    ready: bool,
     /// Why the flight ended before its time.
     failure: Option<String>,
     events: VecDeque<Event>,
@@ -109,36 +134,60 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
     ///
     /// # Errors
     ///
-    /// [`MissionError`] when there is none, their numbers differ, or a rule is out of its range.
+    /// [`MissionError`] when there is none, or a rule is out of its range.
     pub fn new(
         rules: FlightRules,
         hunt: BoxedHunt,
-        aircraft: Vec<A>,
-        sources: Vec<S>,
+        drones: Vec<FlownDrone<A, S>>,
         time: f64,
     ) -> Result<Self, MissionError> {
         if let Some((field, value)) = rules.out_of_range() {
             return Err(MissionError::Field { field, value });
         }
-        let (drones, listening) = (aircraft.len(), sources.len());
-        if drones == 0 || drones != listening {
-            return Err(MissionError::Drones { drones, sources: listening });
+        if drones.is_empty() {
+            return Err(MissionError::Nobody);
+        }
+        let (mut names, mut aircraft, mut sources) = (Vec::new(), Vec::new(), Vec::new());
+        for drone in drones {
+            names.push(drone.name);
+            aircraft.push(drone.aircraft);
+            sources.push(drone.source);
         }
         let mut mission = Self {
             rules,
             hunt,
-            told: vec![None; drones],
-            ordered: vec![f64::NEG_INFINITY; drones],
+            told: vec![None; names.len()],
+            ordered: vec![f64::NEG_INFINITY; names.len()],
+            names,
             aircraft,
             sources,
             stage: FlightStage::Preparing,
             since: time,
             ending: rules.at_end,
+            waits: false,
+            ready: false,
             failure: None,
             events: VecDeque::new(),
         };
         mission.enter(time, FlightStage::Preparing, "the log begins".into());
         Ok(mission)
+    }
+
+    /// Whether drones that are ready wait for a [word](Self::go) before they take off; they do not
+    /// unless told here.
+    pub fn wait_for_go(&mut self, waits: bool) {
+        self.waits = waits;
+    }
+
+    /// Lets them take off.
+    pub fn go(&mut self) {
+        self.waits = false;
+    }
+
+    /// Whether all drones are ready, and wait for the word to take off.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.stage == FlightStage::Preparing && self.ready && self.waits
     }
 
     /// Does what can be done now.
@@ -250,10 +299,12 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
                     }
                     Some(state) => state.hindrance.clone(),
                 };
-                Some(format!("drone {drone} is not ready: {why}"))
+                Some(format!("{} is not ready: {why}", self.names[drone]))
             },
         );
+        self.ready = unready.is_none();
         match unready {
+            None if self.waits => self.since = time,
             None => self.enter(time, FlightStage::Climbing, "all are ready".into()),
             Some(why) if time - self.since >= self.rules.ready_timeout_s => self.abort(time, &why),
             Some(_) => {}
@@ -269,11 +320,11 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
                 continue;
             }
             let why = state.as_ref().map_or("its link has failed", |s| s.hindrance.as_str());
-            let mut why = format!("drone {drone} is not up: {why}");
+            let mut why = format!("{} is not up: {why}", self.names[drone]);
             if time - self.ordered[drone] >= ORDER_AGAIN_S {
                 self.ordered[drone] = time;
                 if let Err(error) = self.aircraft[drone].take_off(self.rules.takeoff_up_m) {
-                    why = format!("drone {drone} does not take off: {error}");
+                    why = format!("{} does not take off: {error}", self.names[drone]);
                     self.hunt.device_failed(time, Some(drone), why.clone());
                 }
             }
@@ -330,12 +381,12 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
                     self.hunt.device_failed(time, Some(drone), error.to_string());
                 }
             }
-            in_the_air.push(drone);
+            in_the_air.push(self.names[drone].as_str());
         }
         if in_the_air.is_empty() {
             self.enter(time, FlightStage::Over, "nobody is left to be brought down".into());
         } else if time - self.since >= self.rules.leaving_timeout_s {
-            let why = format!("drones {in_the_air:?} are still in the air");
+            let why = format!("still in the air: {}", in_the_air.join(", "));
             self.failure.get_or_insert_with(|| why.clone());
             self.enter(time, FlightStage::Over, why);
         }
@@ -357,14 +408,9 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MissionError {
-    /// There is nobody to fly, or not every drone has something to listen with.
-    #[error("a flight needs drones that listen: there are {drones} drones and {sources} sources")]
-    Drones {
-        /// How many drones.
-        drones: usize,
-        /// How many sources.
-        sources: usize,
-    },
+    /// There is nobody to fly.
+    #[error("a flight needs at least one drone")]
+    Nobody,
     /// A rule is out of its range.
     #[error("flight.{field} is {value}; it must be a positive number")]
     Field {

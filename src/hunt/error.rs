@@ -44,6 +44,16 @@ pub enum HuntError {
     /// The endurance is out of its range.
     #[error("endurance.{0}")]
     Endurance(#[from] EnduranceError),
+    /// The log to go on from is another hunt's.
+    #[error("the log is another hunt's: number {} is {logged:?} in it, and here {expected:?}", .beacon + 1)]
+    OtherHunt {
+        /// Which beacon, counted from 0.
+        beacon: usize,
+        /// Its name in the log.
+        logged: String,
+        /// Its name in this hunt; empty where there is none of that number.
+        expected: String,
+    },
     /// A signal came in a phase that it does not belong to.
     #[error(transparent)]
     Phase(#[from] PhaseError),

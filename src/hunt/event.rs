@@ -21,6 +21,11 @@ pub enum Event {
         /// What is believed before anything was heard.
         prior: Estimate<2>,
     },
+    /// A hunt that was broken off goes on from its log.
+    Resumed {
+        /// When.
+        time: f64,
+    },
     /// The formation does something else now.
     PhaseChanged {
         /// When.
@@ -235,6 +240,18 @@ pub enum FlightStage {
     Leaving,
     /// All are down, or in the pilot's hands.
     Over,
+}
+
+impl std::fmt::Display for FlightStage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::Preparing => "preparing",
+            Self::Climbing => "taking off",
+            Self::Hunting => "hunting",
+            Self::Leaving => "leaving",
+            Self::Over => "over",
+        })
+    }
 }
 
 /// What a search found.

@@ -1,4 +1,4 @@
-use foxhunt_core::{BeaconId, PlanError, Pose, Station, Sweep, Target, Waypoint};
+use foxhunt_core::{BeaconId, PlanError, Pose, Station, Target, Waypoint};
 use foxhunt_formation::{
     Airspace, Attendance, Duty, Endurance, Traffic, TrafficConfig, TrafficError, Travel,
 };
@@ -237,17 +237,23 @@ impl Flight {
         }
     }
 
-    /// Takes note of a sweep that a drone has delivered, and says whether it is of the last turn and
-    /// not of an earlier one; `None` where there is no such drone.
-    pub(super) fn delivered(&mut self, time: f64, drone: usize, sweep: &Sweep<'_>) -> Option<bool> {
+    /// Takes note of what a drone has delivered of a turn that ended at `ended`, and says whether it
+    /// is of the last turn and not of an earlier one; `None` where there is no such drone.
+    pub(super) fn delivered(
+        &mut self,
+        time: f64,
+        drone: usize,
+        beacon: BeaconId,
+        ended: f64,
+    ) -> Option<bool> {
         let (owed, _) = self.owed.get_mut(drone)?;
         // One without a time is of no use and will not come again.
-        let late = sweep.time < self.listening;
+        let late = ended < self.listening;
         if !late {
-            owed.retain(|other| *other != sweep.beacon);
+            owed.retain(|other| *other != beacon);
             self.turn_s = time - self.listening;
         }
-        if sweep.time.is_finite() {
+        if ended.is_finite() {
             self.attendance[drone].delivered();
         }
         Some(!late)
@@ -255,7 +261,12 @@ impl Flight {
 
     /// Whether a drone still owes a sweep, awaited or late.
     pub(super) fn owes(&self, drone: usize) -> bool {
-        self.owed.get(drone).is_some_and(|(owed, _)| !owed.is_empty())
+        !self.owed_by(drone).is_empty()
+    }
+
+    /// Whose sweeps a drone still owes.
+    pub(super) fn owed_by(&self, drone: usize) -> &[BeaconId] {
+        self.owed.get(drone).map_or(&[], |(owed, _)| owed)
     }
 
     /// Whether a sweep is waited for.

@@ -1,13 +1,14 @@
+use std::collections::BTreeSet;
+
 use foxhunt_core::{
-    BeaconId, BearingExtractor, Correction, Estimate, Estimator, EstimatorError, FormationPlanner,
-    Observation, ObservationError, Pose, Reception, Station, Sweep,
+    BeaconId, BearingExtractor, Estimate, Estimator, EstimatorError, FormationPlanner, Observation,
+    ObservationError, Pose, Reception, Station,
 };
-use foxhunt_filters::consistency::NisHealth;
 use foxhunt_formation::{Phase, PhaseError, Phases, Signal};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector2;
 
 use super::{
-    Command, Event, Fix, Flight, Heard, HuntConfig, HuntError, Outbox, TrackConfig, search::Quarry,
+    Command, Event, Fix, Flight, HuntConfig, HuntError, Outbox, TrackConfig, search::Quarry,
 };
 
 /// A hunt for one beacon after the other with a formation of drones; where turns are
@@ -15,14 +16,16 @@ use super::{
 /// the same, and the planner may weigh them.
 ///
 /// It does no I/O and reads no clock: [`start`](Self::start), [`located`](Self::located),
-/// [`advance`](Self::advance) and [`sweep`](Self::sweep) take what happened,
+/// [`advance`](Self::advance) and [`sweep`](Self::sweep) take what happened, or
+/// [`reception`](Self::reception) where the drones make their own of their sweeps;
 /// [`poll_command`](Self::poll_command) and [`poll_event`](Self::poll_event) give what is to be done
 /// and what is to be logged. So the same code runs simulated, replayed and flown;
 /// `foxhunt::hunt::drive` moves data between it and devices. Each part is any implementor of its
 /// trait, `Box<dyn …>` included; `estimators` makes an estimator for a beacon from its prior.
 ///
 /// A drone that delivers nothing, does not move or is not seen drops out of the formation and never
-/// stops the hunt; one that comes back is taken in again.
+/// stops the hunt; one that comes back is taken in again. A hunt that was broken off
+/// [goes on](Self::resume) from its log.
 #[derive(Debug)]
 pub struct Hunt<X, P, F, E, const N: usize, const M: usize> {
     pub(super) extractor: X,
@@ -41,6 +44,8 @@ pub struct Hunt<X, P, F, E, const N: usize, const M: usize> {
     pub(super) attempts: u32,
     pub(super) fixes: Vec<Fix>,
     pub(super) outbox: Outbox,
+    /// Which receptions were taken in: drone, beacon, and the bits of the time.
+    pub(super) taken: BTreeSet<(usize, BeaconId, u64)>,
 }
 
 impl<X, P, F, E, const N: usize, const M: usize> Hunt<X, P, F, E, N, M>
@@ -82,6 +87,7 @@ where
             attempts: 0,
             fixes: Vec::new(),
             outbox: Outbox::default(),
+            taken: BTreeSet::new(),
         })
     }
 
@@ -101,12 +107,16 @@ where
             return Err(PhaseError { phase, signal: Signal::Begin }.into());
         }
         self.flight = Some(Flight::new(&self.config, time, stations)?);
-        self.begin_beacon(time).inspect_err(|_| {
-            (self.flight, self.outbox) = (None, Outbox::default());
-            (self.phases, self.since, self.current) = (Phases::default(), 0.0, 0);
-            self.fixes.clear();
-            self.beacons.iter_mut().for_each(Quarry::reset);
-        })
+        self.begin_beacon(time).inspect_err(|_| self.reset())
+    }
+
+    /// As if it had not begun.
+    pub(super) fn reset(&mut self) {
+        (self.flight, self.outbox) = (None, Outbox::default());
+        (self.phases, self.since, self.current) = (Phases::default(), 0.0, 0);
+        self.fixes.clear();
+        self.taken.clear();
+        self.beacons.iter_mut().for_each(Quarry::reset);
     }
 
     /// Takes note of where a drone is; to be told as often as it is known. One that is not located
@@ -153,54 +163,6 @@ where
         }
     }
 
-    /// Takes a drone's sweep. One that cannot be used is an event, never an error; one that comes
-    /// late, when it is no longer awaited, is used as long as its beacon is still searched for.
-    pub fn sweep(&mut self, time: f64, drone: usize, sweep: &Sweep<'_>) {
-        let Some(flight) = &mut self.flight else { return };
-        let listening = matches!(self.phases.phase(), Phase::Measuring(_));
-        let Some(in_time) = flight.delivered(time, drone, sweep) else { return };
-        let index = usize::from(sweep.beacon.0);
-        let Some(search) = self.beacons.get_mut(index).and_then(Quarry::search_mut) else { return };
-        if !(sweep.time.is_finite() && sweep.receiver.is_finite()) {
-            let reason =
-                format!("its end, {} s, or {:?} is not finite", sweep.time, sweep.receiver);
-            return self.outbox.tell(Event::Refused { time, drone, reason });
-        }
-        let reading = match self.extractor.extract(sweep) {
-            Ok(reading) => reading,
-            Err(error) => {
-                let reason = error.to_string();
-                return self.outbox.tell(Event::Refused { time, drone, reason });
-            }
-        };
-        let mut reception = Reception::new(sweep, &reading);
-        let assumed = self.config.receiver_sigma_m.map(Vector3::repeat);
-        reception.receiver_sigma_m = reception.receiver_sigma_m.or(assumed);
-        let first_position = search.measured == 0;
-        self.outbox.tell(Event::Received { time, drone, first_position, reception });
-        let reason = match search.track.hear(&reception, first_position) {
-            Ok(Heard::Corrected(correction)) => {
-                // A late sweep tells of the place where it was made, and not of this position.
-                let counts = in_time && listening && correction != Correction::Empty;
-                search.heard += u32::from(counts);
-                let estimate = search.track.position();
-                self.outbox.tell(Event::Corrected { time, drone, correction, estimate });
-                if let Some(NisHealth::Diverged { average, interval }) = search.track.alarm() {
-                    let (beacon, average_nis) = (sweep.beacon, average);
-                    let event = Event::FilterDiverged { time, beacon, average_nis, interval };
-                    self.outbox.tell(event);
-                }
-                self.planner.hear(&reception);
-                return;
-            }
-            Ok(Heard::Discarded) => {
-                reading.bearing.err().map_or_else(String::new, |error| error.to_string())
-            }
-            Err(error) => error.to_string(),
-        };
-        self.outbox.tell(Event::Refused { time, drone, reason });
-    }
-
     /// Notes that a device failed; the hunt goes on. The same failure is one event in each phase.
     pub fn device_failed(&mut self, time: f64, drone: Option<usize>, reason: String) {
         self.outbox.failed(time, drone, reason);
@@ -238,6 +200,12 @@ where
         self.flight.as_ref().is_some_and(|flight| flight.owes(drone))
     }
 
+    /// Of which beacons a drone still owes a sweep.
+    #[must_use]
+    pub fn owed_by(&self, drone: usize) -> &[BeaconId] {
+        self.flight.as_ref().map_or(&[], |flight| flight.owed_by(drone))
+    }
+
     /// Where the drones are and shall go; nobody before the start.
     #[must_use]
     pub fn stations(&self) -> &[Station] {
@@ -271,6 +239,19 @@ where
     /// What is believed of the beacon that is searched for now.
     pub fn estimate(&self) -> Option<Estimate<N>> {
         Some(self.beacons.get(self.current)?.search()?.track.estimator().estimate())
+    }
+
+    /// What is believed of every beacon that is searched for, and was found of those that are done.
+    pub fn believed(&self) -> Vec<Believed<'_>> {
+        let mut told = Vec::new();
+        for (index, quarry) in self.beacons.iter().enumerate() {
+            let beacon = beacon_id(index);
+            let fix = || self.fixes.iter().find(|fix| fix.beacon == beacon).map(|fix| fix.estimate);
+            let estimate = quarry.search().map(|search| search.track.position()).or_else(fix);
+            let name = &quarry.name;
+            told.extend(estimate.map(|estimate| Believed { beacon, name, estimate }));
+        }
+        told
     }
 
     /// Whether there is a fix of every beacon.
@@ -311,6 +292,17 @@ where
         let centre = centre.unwrap_or_else(|| centroid(self.stations()));
         Estimate::isotropic(centre, self.config.prior_sigma_m)
     }
+}
+
+/// What is believed of one of a hunt's beacons.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Believed<'a> {
+    /// Which beacon.
+    pub beacon: BeaconId,
+    /// Its name.
+    pub name: &'a str,
+    /// Where it is believed to be.
+    pub estimate: Estimate<2>,
 }
 
 /// Beacons are counted in sixteen bits, which `new` and `take_in` see to.

@@ -10,9 +10,12 @@ use crate::{
     },
 };
 
+/// An extractor that was chosen at run time, with the calibration of its bearings.
+pub type HuntExtractor = Calibrated<BoxedExtractor>;
+
 /// A hunt whose parts were chosen at run time.
 pub type BoxedHunt = Hunt<
-    Calibrated<BoxedExtractor>,
+    HuntExtractor,
     Box<dyn FormationPlanner>,
     Box<dyn FnMut(&Estimate<2>) -> Result<BoxedEstimator<2, 2>, EstimatorError>>,
     BoxedEstimator<2, 2>,
@@ -56,9 +59,8 @@ impl HuntParts<'_> {
             next_beacon += 1;
             estimator.build(model.clone(), prior, seed)
         };
-        let bearings = self.bearings.unwrap_or_default();
         Ok(Hunt::new(
-            bearings.wrap(self.extractor.build()?).map_err(PartsError::Bearings)?,
+            hunt_extractor(self.extractor, self.bearings)?,
             self.planner.build()?,
             Box::new(estimators) as _,
             self.beacons,
@@ -66,6 +68,18 @@ impl HuntParts<'_> {
             estimator.track,
         )?)
     }
+}
+
+/// The extractor alone: for a drone that makes receptions of its own sweeps.
+///
+/// # Errors
+///
+/// [`PartsError`] names what is out of range.
+pub fn hunt_extractor(
+    extractor: &ExtractorConfig,
+    bearings: Option<BearingCalibration>,
+) -> Result<HuntExtractor, PartsError> {
+    bearings.unwrap_or_default().wrap(extractor.build()?).map_err(PartsError::Bearings)
 }
 
 /// Why a hunt could not be put together.

@@ -9,15 +9,16 @@ pub use reader::{Log, LogError};
 pub use writer::LogWriter;
 
 use foxhunt_sim::BeaconCourse;
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{EstimatorConfig, ModelConfig, PlannerConfig};
 
 /// The version of the log that this program writes.
-pub const LOG_VERSION: u32 = 4;
+pub const LOG_VERSION: u32 = 5;
 
-/// The oldest version that it reads: one without clouds, and with beacons that stay.
+/// The oldest version that it reads: one without clouds, and with beacons that stay. Version 5 has
+/// hunts that go on from their log.
 pub const OLDEST_LOG_VERSION: u32 = 2;
 
 /// The first line of a log: how the estimates came about.
@@ -41,6 +42,13 @@ pub struct LogHeader {
     pub planner: Option<PlannerConfig>,
     /// The beacons, in their order.
     pub beacons: Vec<LoggedBeacon>,
+    /// When the hunt's time was 0, in whole seconds of UNIX time, if it was flown by real clocks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub epoch_unix_s: Option<i64>,
+    /// Where the drones stood when the hunt began, East, North and Up in metres, if a hunt may have
+    /// to go on from this log.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub homes: Vec<Vector3<f64>>,
 }
 
 /// A beacon of a logged hunt.

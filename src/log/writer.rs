@@ -1,4 +1,8 @@
-use std::io::{self, Write};
+use std::{
+    fs::{File, OpenOptions},
+    io::{self, Read, Seek, SeekFrom, Write},
+    path::Path,
+};
 
 use super::LogHeader;
 use crate::hunt::Event;
@@ -36,5 +40,31 @@ impl<W: Write> LogWriter<W> {
         line.push(b'\n');
         self.out.write_all(&line)?;
         self.out.flush()
+    }
+}
+
+impl LogWriter<File> {
+    /// Goes on behind the last whole line of a log file; what [`Log::read`](super::Log::read) calls
+    /// torn is cut off, and nothing else.
+    ///
+    /// # Errors
+    ///
+    /// Whatever the file says.
+    pub fn append(path: &Path) -> io::Result<Self> {
+        let mut out = OpenOptions::new().read(true).write(true).open(path)?;
+        let mut text = Vec::new();
+        out.read_to_end(&mut text)?;
+        let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
+        let rest = &text[whole..];
+        if serde_json::from_slice::<Event>(rest).is_ok() {
+            // All of the last line but its end was written.
+            out.seek(SeekFrom::End(0))?;
+            out.write_all(b"\n")?;
+        } else {
+            let whole = u64::try_from(whole).map_err(io::Error::other)?;
+            out.set_len(whole)?;
+            out.seek(SeekFrom::Start(whole))?;
+        }
+        Ok(Self { out })
     }
 }

@@ -26,6 +26,8 @@ fn header(truth: Option<Vector2<f64>>) -> LogHeader {
         },
         planner: None,
         beacons: vec![LoggedBeacon { name: "<fox & co>".to_owned(), truth, course: None }],
+        epoch_unix_s: None,
+        homes: Vec::new(),
     }
 }
 

@@ -3,3 +3,7 @@
 
 mod gnss;
 mod gnss_peer;
+mod mission;
+mod xbee;
+mod xbee_protocol;
+mod network;

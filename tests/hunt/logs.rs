@@ -20,6 +20,8 @@ fn logged(outing: &Outing, config: EstimatorConfig) -> String {
             .iter()
             .map(|truth| LoggedBeacon { name: "b".to_owned(), truth: Some(*truth), course: None })
             .collect(),
+        epoch_unix_s: None,
+        homes: Vec::new(),
     };
     let mut text = Vec::new();
     let mut writer = LogWriter::new(&mut text, &header).expect("memory takes everything");
@@ -205,7 +207,7 @@ fn a_torn_log_loses_its_last_line_alone() {
     let error = Log::parse(&broken, path).expect_err("a misspelt event").to_string();
     let line = broken.lines().position(|l| l.contains("recieved")).expect("it is there") + 1;
     assert!(error.contains(&format!("toy.jsonl, line {line}")), "{error}");
-    let newer = text.replacen("\"foxhunt_log\":4", "\"foxhunt_log\":7", 1);
+    let newer = text.replacen("\"foxhunt_log\":5", "\"foxhunt_log\":7", 1);
     let error = Log::parse(&newer, path).expect_err("another version").to_string();
     assert!(error.contains('7'), "{error}");
     // Cut within a character, and with bytes that are no text at all.

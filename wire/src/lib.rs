@@ -5,9 +5,9 @@
 //! blocks. The drivers of `foxhunt-hardware` and the emulated devices of `foxhunt-sim` are made of the
 //! same codecs; what keeps both honest are vectors and programs of others.
 
-mod fix_quality;
 #[cfg(feature = "firmata")]
 pub mod firmata;
+mod fix_quality;
 pub mod geodesy;
 #[cfg(feature = "mavlink")]
 pub mod mavlink;

@@ -5,11 +5,17 @@ pub(crate) mod bearing;
 pub(crate) mod calibrate;
 pub(crate) mod campaign;
 #[cfg(feature = "hardware")]
+pub(crate) mod devices;
+#[cfg(feature = "hardware")]
 pub(crate) mod emulate;
 pub(crate) mod estimators;
 pub(crate) mod extractors;
+#[cfg(feature = "hardware")]
+pub(crate) mod fly;
 pub(crate) mod hunt;
 pub(crate) mod locate;
+#[cfg(feature = "hardware")]
+pub(crate) mod node;
 pub(crate) mod planners;
 pub(crate) mod replay;
 pub(crate) mod scenarios;
@@ -21,12 +27,15 @@ mod calibration_report;
 mod choice;
 mod extraction;
 mod fixes;
+#[cfg(feature = "hardware")]
+mod flight_plan;
 mod fleets_campaign;
 mod overrides;
 mod parameter;
 mod planners_campaign;
 mod planning;
 mod recorded;
+mod telling;
 
 use crate::{args::Command, error::CliError, output::Output};
 
@@ -45,6 +54,12 @@ pub(crate) fn run(command: Command, output: Output) -> Result<(), CliError> {
         Command::Bearing(args) => bearing::run(&args, output),
         Command::Antenna(args) => antenna::run(&args, output),
         #[cfg(feature = "hardware")]
+        Command::Fly(args) => fly::run(&args, output),
+        #[cfg(feature = "hardware")]
+        Command::Devices(args) => devices::run(&args, output),
+        #[cfg(feature = "hardware")]
         Command::Emulate(args) => emulate::run(&args, output),
+        #[cfg(feature = "hardware")]
+        Command::Node(args) => node::run(&args, output),
     }
 }

@@ -25,7 +25,7 @@ pub struct XbeeConfig {
 
 /// What a beacon is asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum XbeeQuestion {
     /// [`ReceivedRssi`](Self::ReceivedRssi) with an 802.15.4 firmware, otherwise
@@ -143,7 +143,7 @@ mod tests {
 
     #[test]
     fn a_file_names_what_differs_from_the_default() {
-        let text = r#"{"beacons": ["0013a20040aabbcc", "5001"], "question": "remote_db"}"#;
+        let text = r#"{"beacons": ["0013a20040aabbcc", "5001"], "question": "remote-db"}"#;
         let config: XbeeConfig = serde_json::from_str(text).expect("it is in order");
         assert_eq!(config.question, XbeeQuestion::RemoteDb);
         assert_eq!(config.beacons[0].to_string(), "0013A20040AABBCC");

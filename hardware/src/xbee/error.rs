@@ -1,8 +1,8 @@
 use std::io;
 
-use foxhunt_wire::xbee::{Address, AtCommand, AtStatus};
+use foxhunt_wire::xbee::{Address, AtCommand, AtStatus, Protocol};
 
-use super::{XbeeProtocol, XbeeQuestion};
+use super::XbeeQuestion;
 
 /// Why an XBee does not do what it is asked for. It may be asked again.
 #[derive(Debug, thiserror::Error)]
@@ -38,7 +38,7 @@ pub enum XbeeError {
     #[error("an XBee with {protocol} firmware cannot be used with question {question:?}")]
     Question {
         /// What its firmware speaks.
-        protocol: XbeeProtocol,
+        protocol: Protocol,
         /// How it was to ask.
         question: XbeeQuestion,
     },

@@ -55,7 +55,7 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
                 subject,
                 "RSSI now: no answer",
                 "its radio takes the question, so run the program that answers at the beacon, \
-                 or set question to \"remote_db\"",
+                 or set question to \"remote-db\"",
             ),
             (0, _) => Finding::bad(
                 subject,
@@ -115,7 +115,7 @@ fn unusable(error: Option<&XbeeError>) -> Finding {
     let remedy = match error {
         XbeeError::Stream(_) => "plug it in, check the port's name, and that you may open it",
         XbeeError::Mode { .. } => "set AP to 1 with XCTU, and write it",
-        XbeeError::Question { .. } => "take question \"auto\" or \"remote_db\"",
+        XbeeError::Question { .. } => "take question \"auto\" or \"remote-db\"",
         XbeeError::Address { .. } => "give the beacon's SH and SL",
         XbeeError::NotSent { .. } => "check that radio and beacon are in one network (ID, CH)",
         XbeeError::RemoteRefused { .. } => "take question \"auto\"",

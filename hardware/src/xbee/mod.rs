@@ -3,7 +3,7 @@
 mod config;
 mod error;
 mod examine;
-mod firmware;
+mod identity;
 mod link;
 mod question;
 mod radio;
@@ -11,5 +11,5 @@ mod setup;
 
 pub use config::{XbeeConfig, XbeeConfigError, XbeeQuestion};
 pub use error::XbeeError;
-pub use firmware::{XbeeIdentity, XbeeProtocol};
+pub use identity::XbeeIdentity;
 pub use radio::{XbeeCounts, XbeeRadio};

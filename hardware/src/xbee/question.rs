@@ -1,7 +1,7 @@
 use foxhunt_core::BeaconId;
-use foxhunt_wire::xbee::{Address, Address16, Address64, AtCommand, Frame};
+use foxhunt_wire::xbee::{Address, Address16, Address64, AtCommand, Frame, Protocol};
 
-use super::{XbeeConfig, XbeeError, XbeeProtocol, XbeeQuestion};
+use super::{XbeeConfig, XbeeError, XbeeQuestion};
 
 /// The one question that is outstanding.
 #[derive(Clone, Debug)]
@@ -23,12 +23,9 @@ pub(super) enum Stage {
 }
 
 /// How a radio with this firmware asks.
-pub(super) fn manner(
-    config: &XbeeConfig,
-    protocol: XbeeProtocol,
-) -> Result<XbeeQuestion, XbeeError> {
-    let frames_tell = protocol == XbeeProtocol::Ieee802154;
-    if protocol == XbeeProtocol::DigiMesh {
+pub(super) fn manner(config: &XbeeConfig, protocol: Protocol) -> Result<XbeeQuestion, XbeeError> {
+    let frames_tell = protocol == Protocol::Ieee802154;
+    if protocol == Protocol::DigiMesh {
         let short = config.beacons.iter().find(|address| matches!(address, Address::Short(_)));
         if let Some(address) = short {
             return Err(XbeeError::Address { address: *address });
@@ -47,7 +44,7 @@ pub(super) fn manner(
 /// The frame that asks, and what its answer begins with.
 pub(super) fn ask(
     config: &XbeeConfig,
-    protocol: XbeeProtocol,
+    protocol: Protocol,
     manner: XbeeQuestion,
     address: Address,
     id: u8,
@@ -69,10 +66,8 @@ pub(super) fn ask(
         token.clone_from(&data);
     }
     let frame = match (protocol, address) {
-        (XbeeProtocol::Ieee802154, Address::Long(to)) => {
-            Frame::Transmit64 { id, to, options: 0, data }
-        }
-        (XbeeProtocol::Ieee802154, Address::Short(to)) => {
+        (Protocol::Ieee802154, Address::Long(to)) => Frame::Transmit64 { id, to, options: 0, data },
+        (Protocol::Ieee802154, Address::Short(to)) => {
             Frame::Transmit16 { id, to, options: 0, data }
         }
         _ => Frame::Transmit { id, to64, to16, broadcast_radius: 0, options: 0, data },

@@ -1,9 +1,9 @@
 use foxhunt_wire::{
     ByteStream,
-    xbee::{Address64, ApiMode, AtCommand, AtStatus, Frame},
+    xbee::{Address64, ApiMode, AtCommand, AtStatus, Frame, Protocol},
 };
 
-use super::{XbeeError, XbeeIdentity, XbeeProtocol, link::Link};
+use super::{XbeeError, XbeeIdentity, link::Link};
 
 /// How often the radio is asked for one thing.
 const ATTEMPTS: u8 = 3;
@@ -175,7 +175,7 @@ impl Setup {
             mode: self.mode,
             firmware: short(firmware),
             hardware: short(hardware),
-            protocol: XbeeProtocol::of(kind, short(firmware)),
+            protocol: Protocol::of(kind, short(firmware)),
             address: Address64(u64::from(high) << 32 | u64::from(low)),
         }
     }

@@ -12,6 +12,7 @@ mod fields;
 mod frame;
 mod packet;
 mod parse;
+mod protocol;
 mod status;
 
 pub use address::{Address, Address16, Address64, AddressError};
@@ -20,4 +21,5 @@ pub use decoder::Decoder;
 pub use error::FrameError;
 pub use frame::Frame;
 pub use packet::{ApiMode, LONGEST_DATA};
+pub use protocol::Protocol;
 pub use status::{AtStatus, DeliveryStatus, ModemStatus, TransmitStatus};

@@ -17,7 +17,7 @@ pub(super) const HEAD: usize = 3;
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
 )]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "kebab-case")]
 pub enum ApiMode {
     /// `AP` 1: as they are.
     #[default]

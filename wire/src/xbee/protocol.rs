@@ -1,20 +1,23 @@
 use std::fmt;
 
-use foxhunt_wire::xbee::{Address64, ApiMode};
+use serde::{Deserialize, Serialize};
 
 /// What a firmware speaks on the air, which decides which frames there are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 #[non_exhaustive]
-pub enum XbeeProtocol {
+pub enum Protocol {
     /// Plain 802.15.4: the power stands in every received frame.
+    #[serde(rename = "802.15.4")]
     Ieee802154,
     /// Zigbee.
+    #[default]
     Zigbee,
     /// `DigiMesh`.
     DigiMesh,
 }
 
-impl fmt::Display for XbeeProtocol {
+impl fmt::Display for Protocol {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Ieee802154 => "802.15.4",
@@ -29,7 +32,7 @@ const SERIES_1: [u8; 2] = [0x17, 0x18];
 const SERIES_2: [u8; 3] = [0x19, 0x1A, 0x1E];
 const S2C_P5: u8 = 0x53;
 
-impl XbeeProtocol {
+impl Protocol {
     /// What a module of kind `hardware` (the first byte of `HV`) speaks with `firmware` (`VR`):
     /// the first digit of the firmware's version, whose meaning depends on the module (Digi,
     /// "Firmware variants"; as in digi-xbee).
@@ -49,32 +52,6 @@ impl XbeeProtocol {
     }
 }
 
-/// What a radio said of itself when it was set up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct XbeeIdentity {
-    /// Its API mode.
-    pub mode: ApiMode,
-    /// The firmware's version, `VR`.
-    pub firmware: u16,
-    /// The hardware's version, `HV`.
-    pub hardware: u16,
-    /// What the firmware speaks.
-    pub protocol: XbeeProtocol,
-    /// Its address, `SH` and `SL`.
-    pub address: Address64,
-}
-
-impl fmt::Display for XbeeIdentity {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ap = match self.mode {
-            ApiMode::Plain => 1,
-            ApiMode::Escaped => 2,
-        };
-        let Self { firmware, hardware, protocol, address, .. } = self;
-        write!(f, "{protocol} firmware {firmware:04X}, hardware {hardware:04X}, AP {ap}, {address}")
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -82,17 +59,17 @@ mod tests {
     #[test]
     fn firmwares_are_told_apart() {
         for (hardware, firmware, protocol) in [
-            (0x22, 0x4060, XbeeProtocol::Zigbee),
-            (0x2E, 0x2003, XbeeProtocol::Ieee802154),
-            (0x2D, 0x9002, XbeeProtocol::DigiMesh),
-            (0x17, 0x10EC, XbeeProtocol::Ieee802154),
-            (0x17, 0x8064, XbeeProtocol::DigiMesh),
-            (0x19, 0x21A7, XbeeProtocol::Zigbee),
-            (0x42, 0x1010, XbeeProtocol::Zigbee),
-            (0x42, 0x200D, XbeeProtocol::Ieee802154),
-            (0x42, 0x300D, XbeeProtocol::DigiMesh),
+            (0x22, 0x4060, Protocol::Zigbee),
+            (0x2E, 0x2003, Protocol::Ieee802154),
+            (0x2D, 0x9002, Protocol::DigiMesh),
+            (0x17, 0x10EC, Protocol::Ieee802154),
+            (0x17, 0x8064, Protocol::DigiMesh),
+            (0x19, 0x21A7, Protocol::Zigbee),
+            (0x42, 0x1010, Protocol::Zigbee),
+            (0x42, 0x200D, Protocol::Ieee802154),
+            (0x42, 0x300D, Protocol::DigiMesh),
         ] {
-            assert_eq!(XbeeProtocol::of(hardware, firmware), protocol, "{hardware:x} {firmware:x}");
+            assert_eq!(Protocol::of(hardware, firmware), protocol, "{hardware:x} {firmware:x}");
         }
     }
 }

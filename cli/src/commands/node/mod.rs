@@ -1,0 +1,58 @@
+//! The nodes of a hunt on several computers, as programs.
+
+#[cfg(any(feature = "ros1", feature = "ros2"))]
+mod drone;
+#[cfg(any(feature = "ros1", feature = "ros2"))]
+mod fusion;
+#[cfg(any(feature = "ros1", feature = "ros2"))]
+mod log;
+#[cfg(any(feature = "ros1", feature = "ros2"))]
+mod over;
+
+use crate::{error::CliError, output::Output};
+
+/// Run one computer's part of a hunt over ROS 1 or ROS 2
+///
+/// Every drone's computer runs a drone node, and one computer the fusion node. Messages may be lost,
+/// late or doubled, and every node may be stopped and started again.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: three simulated drones and the fusion node, each in a terminal\n  \
+                        foxhunt node drone --simulate pritzl-6.1 --drone 0 --over ros2\n  \
+                        foxhunt node fusion pritzl-6.1 --over ros2 --log out/net.jsonl --resume"
+)]
+pub(crate) struct Args {
+    #[cfg(any(feature = "ros1", feature = "ros2"))]
+    #[command(subcommand)]
+    node: Node,
+    /// What a program with a middleware would be told
+    #[cfg(not(any(feature = "ros1", feature = "ros2")))]
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
+    told: Vec<String>,
+}
+
+/// Which part.
+#[cfg(any(feature = "ros1", feature = "ros2"))]
+#[derive(Debug, clap::Subcommand)]
+enum Node {
+    Drone(drone::Args),
+    Fusion(fusion::Args),
+}
+
+#[cfg(any(feature = "ros1", feature = "ros2"))]
+pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+    match &args.node {
+        Node::Drone(args) => drone::run(args),
+        Node::Fusion(args) => fusion::run(args, output),
+    }
+}
+
+#[cfg(not(any(feature = "ros1", feature = "ros2")))]
+pub(crate) fn run(args: &Args, _: Output) -> Result<(), CliError> {
+    Err(CliError::input(format!(
+        "`foxhunt node {}` needs ROS, and this foxhunt was built without: build it with `cargo \
+         build --release --package foxhunt-cli --features ros1,ros2`, or with the one of them that \
+         is wanted",
+        args.told.join(" ")
+    )))
+}

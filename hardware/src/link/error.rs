@@ -1,0 +1,41 @@
+/// Why a link did not carry something.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LinkError {
+    /// It could not be set up.
+    #[error("{over}: {what} cannot be set up: {reason}")]
+    Open {
+        /// By what it goes.
+        over: &'static str,
+        /// What could not, such as a topic.
+        what: String,
+        /// What was said.
+        reason: String,
+    },
+    /// A message could not be sent, or one that came could not be read.
+    #[error("{over}: {what}: {reason}")]
+    Message {
+        /// By what it goes.
+        over: &'static str,
+        /// Which topic.
+        what: String,
+        /// What was said.
+        reason: String,
+    },
+    /// There is no such drone.
+    #[error("there is no drone {drone}; there are {drones}, counted from 0")]
+    Drone {
+        /// Which one was asked for.
+        drone: usize,
+        /// How many there are.
+        drones: usize,
+    },
+    /// A number cannot be told this way.
+    #[error("{field} is {value}, which cannot be told")]
+    Value {
+        /// Which number.
+        field: &'static str,
+        /// What it is.
+        value: String,
+    },
+}

@@ -1,0 +1,49 @@
+use foxhunt_core::{BeaconId, Pose, Reception};
+use serde::{Deserialize, Serialize};
+
+use super::{Taken, UnixTime};
+
+/// What a drone says.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Report {
+    /// Where it is; several times a second.
+    Pose {
+        /// When.
+        at: UnixTime,
+        /// Where, in the hunt's own frame.
+        pose: Pose,
+    },
+    /// How it is; several times a second.
+    Status {
+        /// When.
+        at: UnixTime,
+        /// The [`number`](super::Order::number) of the order that it follows; 0 for none.
+        order: u64,
+        /// What keeps it from following, or broke since; empty where nothing did.
+        failure: String,
+    },
+    /// What came of a turn; until it is taken in.
+    Delivery(Box<Delivery>),
+}
+
+/// What came of a turn for one beacon.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Delivery {
+    /// Of which beacon.
+    pub beacon: BeaconId,
+    /// When the turn ended. A reception's own time is not told: it is this one, in seconds of
+    /// whoever reads it.
+    pub ended: UnixTime,
+    /// What was heard, or why nothing was.
+    pub heard: Result<Reception, String>,
+}
+
+impl Delivery {
+    /// Which one it is: no two of a drone have the same beacon and the same time.
+    #[must_use]
+    pub fn name(&self) -> Taken {
+        Taken { beacon: self.beacon, ended: self.ended }
+    }
+}

@@ -1,0 +1,151 @@
+//! Messages as they lie in the stream, in the order of their fields: `geometry_msgs`, `nav_msgs`,
+//! `diagnostic_msgs`, and `foxhunt_msgs` of `hardware/ros`.
+
+use std::fmt::Debug;
+
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+
+use crate::link::{LinkError, UnixTime};
+
+/// `std_msgs/Header`, of ROS 1 or ROS 2.
+pub(in crate::link) trait RosHeader:
+    Clone + Debug + Default + Serialize + DeserializeOwned + Send + Sync + 'static
+{
+    /// The header of something that was so at a moment, in the hunt's frame.
+    ///
+    /// # Errors
+    ///
+    /// For a moment that its seconds do not hold.
+    fn at(moment: UnixTime) -> Result<Self, LinkError>;
+
+    /// The moment.
+    fn moment(&self) -> UnixTime;
+}
+
+/// The hunt's frame: East, North and Up.
+pub(in crate::link) const FRAME: &str = "map";
+
+/// `geometry_msgs/Point`: East, North and Up in metres.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(in crate::link) struct Point {
+    pub(in crate::link) x: f64,
+    pub(in crate::link) y: f64,
+    pub(in crate::link) z: f64,
+}
+
+/// `geometry_msgs/Quaternion`: of the axes forward, left and up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(in crate::link) struct Quaternion {
+    pub(in crate::link) x: f64,
+    pub(in crate::link) y: f64,
+    pub(in crate::link) z: f64,
+    pub(in crate::link) w: f64,
+}
+
+/// `geometry_msgs/Pose`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(in crate::link) struct Pose {
+    pub(in crate::link) position: Point,
+    pub(in crate::link) orientation: Quaternion,
+}
+
+/// `geometry_msgs/PoseStamped`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(in crate::link) struct PoseStamped<H> {
+    pub(in crate::link) header: H,
+    pub(in crate::link) pose: Pose,
+}
+
+/// `geometry_msgs/PoseWithCovariance`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(in crate::link) struct PoseWithCovariance {
+    pub(in crate::link) pose: Pose,
+    /// Rows of East, North, Up and three rotations.
+    pub(in crate::link) covariance: [[f64; 6]; 6],
+}
+
+/// `geometry_msgs/PoseWithCovarianceStamped`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(in crate::link) struct PoseWithCovarianceStamped<H> {
+    pub(in crate::link) header: H,
+    pub(in crate::link) pose: PoseWithCovariance,
+}
+
+/// `nav_msgs/Path`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(in crate::link) struct Path<H> {
+    pub(in crate::link) header: H,
+    pub(in crate::link) poses: Vec<PoseStamped<H>>,
+}
+
+/// `diagnostic_msgs/KeyValue`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(in crate::link) struct KeyValue {
+    pub(in crate::link) key: String,
+    pub(in crate::link) value: String,
+}
+
+/// `diagnostic_msgs/DiagnosticStatus`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(in crate::link) struct DiagnosticStatus {
+    /// 0 sound, 1 a warning.
+    pub(in crate::link) level: u8,
+    pub(in crate::link) name: String,
+    pub(in crate::link) message: String,
+    pub(in crate::link) hardware_id: String,
+    pub(in crate::link) values: Vec<KeyValue>,
+}
+
+/// `diagnostic_msgs/DiagnosticArray`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(in crate::link) struct DiagnosticArray<H> {
+    pub(in crate::link) header: H,
+    pub(in crate::link) status: Vec<DiagnosticStatus>,
+}
+
+/// `foxhunt_msgs/Reception`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(in crate::link) struct Reception<H> {
+    pub(in crate::link) header: H,
+    pub(in crate::link) beacon: u16,
+    pub(in crate::link) heard: bool,
+    pub(in crate::link) reason: String,
+    pub(in crate::link) position: Point,
+    pub(in crate::link) heading: f64,
+    pub(in crate::link) pitch: f64,
+    pub(in crate::link) roll: f64,
+    pub(in crate::link) position_sigma: Vec<f64>,
+    pub(in crate::link) rss_dbm: f64,
+    pub(in crate::link) rss_sigma_db: f64,
+    pub(in crate::link) has_bearing: bool,
+    pub(in crate::link) bearing: f64,
+    pub(in crate::link) bearing_sigma: f64,
+    pub(in crate::link) bearing_confidence: f64,
+    pub(in crate::link) covariance: f64,
+    pub(in crate::link) mode_weights: Vec<f64>,
+    pub(in crate::link) mode_bearings: Vec<f64>,
+    pub(in crate::link) mode_sigmas: Vec<f64>,
+}
+
+/// `foxhunt_msgs/Order`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(in crate::link) struct Order<H> {
+    pub(in crate::link) header: H,
+    pub(in crate::link) number: u64,
+    pub(in crate::link) has_goal: bool,
+    pub(in crate::link) goal: Point,
+    pub(in crate::link) land: bool,
+    pub(in crate::link) turn: u64,
+    pub(in crate::link) beacons: Vec<u16>,
+    pub(in crate::link) taken_beacons: Vec<u16>,
+    pub(in crate::link) taken_sec: Vec<i64>,
+    pub(in crate::link) taken_nanosec: Vec<u32>,
+}
+
+/// `foxhunt_msgs/Status`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(in crate::link) struct Status<H> {
+    pub(in crate::link) header: H,
+    pub(in crate::link) order: u64,
+    pub(in crate::link) failure: String,
+}

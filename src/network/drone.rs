@@ -1,0 +1,200 @@
+use foxhunt_core::{BearingExtractor, PatternSource, Reception, Sweep, Vehicle, Waypoint};
+use foxhunt_hardware::link::{Delivery, DroneLink, Order, Report, UnixTime};
+
+use super::{DroneNodeConfig, NetworkError, deliveries::Deliveries};
+
+/// A drone's part of a hunt on several computers: flies and listens as it is told, makes receptions
+/// of what it hears, and reports until they are taken in.
+///
+/// It does no I/O of its own, reads no clock and never waits: [`step`](Self::step) is called in a
+/// loop with the time. It keeps nothing that a new one would miss: after a restart the next order
+/// tells all. Without orders it goes on with the last one.
+#[derive(Debug)]
+pub struct DroneNode<S, V, X, L> {
+    source: S,
+    vehicle: V,
+    extractor: X,
+    link: L,
+    epoch: UnixTime,
+    config: DroneNodeConfig,
+    order: Order,
+    /// Where it was sent last, and whether it was told to land.
+    sent: Option<Waypoint>,
+    landed: bool,
+    /// The last turn that was begun.
+    begun: u64,
+    deliveries: Deliveries,
+    /// Why a device did not take what the order says.
+    refusal: String,
+    /// What broke since the last report.
+    fault: String,
+    /// Before this nothing that failed is tried again.
+    retry_at: f64,
+    report_at: f64,
+}
+
+impl<S, V, X, L> DroneNode<S, V, X, L>
+where
+    S: PatternSource,
+    V: Vehicle,
+    X: BearingExtractor,
+    L: DroneLink,
+{
+    /// A drone that nobody has told anything yet; `epoch` is when its clock was at 0.
+    ///
+    /// # Errors
+    ///
+    /// [`NetworkError::Config`] names the field that is out of its range.
+    pub fn new(
+        source: S,
+        vehicle: V,
+        extractor: X,
+        link: L,
+        epoch: UnixTime,
+        config: DroneNodeConfig,
+    ) -> Result<Self, NetworkError> {
+        config.check()?;
+        Ok(Self {
+            source,
+            vehicle,
+            extractor,
+            link,
+            epoch,
+            config,
+            order: Order::default(),
+            sent: None,
+            landed: false,
+            begun: 0,
+            deliveries: Deliveries::default(),
+            refusal: String::new(),
+            fault: String::new(),
+            retry_at: f64::NEG_INFINITY,
+            report_at: f64::NEG_INFINITY,
+        })
+    }
+
+    /// Moves on at a time in seconds of its own clock: takes orders, follows them, listens and
+    /// reports.
+    ///
+    /// A device that fails is reported and tried again.
+    ///
+    /// # Errors
+    ///
+    /// [`NetworkError::Link`] when the link failed, and [`NetworkError::Time`]; it may be called
+    /// again.
+    pub fn step(&mut self, time: f64) -> Result<(), NetworkError> {
+        let now = self.epoch.after(time).ok_or(NetworkError::Time { time })?;
+        let heard = self.take_orders();
+        if time >= self.retry_at && !self.follow() {
+            self.retry_at = time + self.config.retry_after_s;
+        }
+        self.listen(time);
+        heard?;
+        self.report(time, now)
+    }
+
+    /// The order that it follows.
+    pub fn order(&self) -> &Order {
+        &self.order
+    }
+
+    /// How many deliveries were given up because nobody took them in for too long.
+    pub fn given_up(&self) -> u64 {
+        self.deliveries.given_up()
+    }
+
+    fn take_orders(&mut self) -> Result<(), NetworkError> {
+        while let Some(order) = self.link.receive()? {
+            // True of an old order, too.
+            self.deliveries.taken(&order.taken);
+            if order.number >= self.order.number {
+                self.order = order;
+            }
+        }
+        Ok(())
+    }
+
+    /// Does what the order says and was not done; `false` where a device did not take it.
+    fn follow(&mut self) -> bool {
+        let mut failure = String::new();
+        if self.order.land && !self.landed {
+            match self.vehicle.land() {
+                Ok(()) => self.landed = true,
+                Err(error) => failure = format!("landing: {error}"),
+            }
+        } else if let Some(goal) = self.order.goal.filter(|_| !self.order.land)
+            && self.sent != Some(goal)
+        {
+            match self.vehicle.go_to(&goal) {
+                Ok(()) => self.sent = Some(goal),
+                Err(error) => failure = format!("flying: {error}"),
+            }
+        }
+        let turn = &self.order.turn;
+        if turn.number > self.begun && !turn.beacons.is_empty() && !self.order.land {
+            match self.source.begin(&turn.beacons) {
+                Ok(()) => self.begun = turn.number,
+                Err(error) => failure = format!("listening: {error}"),
+            }
+        }
+        let followed = failure.is_empty();
+        self.refusal = failure;
+        followed
+    }
+
+    /// Takes the sweeps that are ready.
+    fn listen(&mut self, time: f64) {
+        // A source that lends without end is not asked for more.
+        for _ in 0..=self.order.turn.beacons.len() {
+            match self.source.poll() {
+                Ok(Some(sweep)) => {
+                    if let Some(delivery) = deliver(&self.extractor, self.epoch, &sweep) {
+                        self.deliveries.put(time, delivery, self.config.most_kept);
+                    } else {
+                        self.fault = format!("a turn ended at {} s, which is no time", sweep.time);
+                    }
+                }
+                Ok(None) => break,
+                Err(error) => {
+                    self.fault = format!("listening: {error}");
+                    break;
+                }
+            }
+        }
+    }
+
+    fn report(&mut self, time: f64, now: UnixTime) -> Result<(), NetworkError> {
+        if time >= self.report_at {
+            self.report_at = time + self.config.report_every_s;
+            match self.vehicle.pose() {
+                Ok(pose) if pose.is_finite() => self.link.send(&Report::Pose { at: now, pose })?,
+                Ok(pose) => self.fault = format!("its place is not finite: {pose:?}"),
+                Err(error) => self.fault = format!("where it is: {error}"),
+            }
+            let fault = std::mem::take(&mut self.fault);
+            let failure = if self.refusal.is_empty() { fault } else { self.refusal.clone() };
+            let order = self.order.number;
+            self.link.send(&Report::Status { at: now, order, failure })?;
+        }
+        for delivery in self.deliveries.due(time, self.config.repeat_every_s) {
+            self.link.send(&Report::Delivery(Box::new(delivery.clone())))?;
+        }
+        Ok(())
+    }
+}
+
+/// What a sweep tells, on board; `None` where its time is none.
+fn deliver(
+    extractor: &impl BearingExtractor,
+    epoch: UnixTime,
+    sweep: &Sweep<'_>,
+) -> Option<Delivery> {
+    let ended = epoch.after(sweep.time)?;
+    let heard = if sweep.receiver.is_finite() {
+        extractor.extract(sweep).map_err(|error| error.to_string())
+    } else {
+        Err(format!("{:?} is not finite", sweep.receiver))
+    };
+    let heard = heard.map(|reading| Reception::new(sweep, &reading));
+    Some(Delivery { beacon: sweep.beacon, ended, heard })
+}

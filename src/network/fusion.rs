@@ -1,0 +1,323 @@
+use foxhunt_core::{
+    BearingExtractor, Estimate, Estimator, EstimatorError, FormationPlanner, Observation,
+    ObservationError, Pose, Reception, Station,
+};
+use foxhunt_hardware::link::{Delivery, FusionLink, Report, UnixTime};
+use nalgebra::Vector3;
+
+use super::{FusionNodeConfig, NetworkError, remote::Remote, show::view};
+use crate::hunt::{Command, Event, Hunt, HuntError};
+
+/// What the log of a hunt that was broken off holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Past {
+    /// Where the drones began, East, North and Up in metres.
+    pub homes: Vec<Vector3<f64>>,
+    /// What happened.
+    pub events: Vec<Event>,
+}
+
+/// How many reports are taken at one step, so that a flood does not stop the hunt.
+const MOST_REPORTS: usize = 10_000;
+
+/// The part of a hunt on several computers that fuses: runs the [`Hunt`] on what the drones report, and
+/// tells each what to do.
+///
+/// It does no I/O of its own, reads no clock and never waits: [`step`](Self::step) is called in a loop
+/// with the time. What was taken in is told to be so only when all events were
+/// [polled](Self::poll_event), so that what a drone forgets is in the log.
+#[derive(Debug)]
+pub struct FusionNode<X, P, F, E, L, const N: usize, const M: usize> {
+    hunt: Hunt<X, P, F, E, N, M>,
+    link: L,
+    epoch: UnixTime,
+    config: FusionNodeConfig,
+    drones: Vec<Remote>,
+    past: Option<Past>,
+    homes: Vec<Vector3<f64>>,
+    /// When a drone showed up first.
+    assembling: Option<f64>,
+    hindrance: Option<String>,
+    number: u64,
+    order_at: f64,
+    show_at: f64,
+}
+
+impl<X, P, F, E, L, const N: usize, const M: usize> FusionNode<X, P, F, E, L, N, M>
+where
+    X: BearingExtractor,
+    P: FormationPlanner,
+    F: FnMut(&Estimate<2>) -> Result<E, EstimatorError>,
+    E: Estimator<N, M>,
+    L: FusionLink,
+    Observation<M>: for<'a> TryFrom<&'a Reception, Error = ObservationError>,
+{
+    /// Fuses for `drones` drones with a hunt that has not begun; it begins when all of them have
+    /// shown up, or goes on from a `past`. `epoch` is when the clock was at 0, the same as in the
+    /// past.
+    ///
+    /// # Errors
+    ///
+    /// [`NetworkError::Config`] names the field that is out of its range;
+    /// [`NetworkError::NoDrone`].
+    pub fn new(
+        hunt: Hunt<X, P, F, E, N, M>,
+        drones: usize,
+        link: L,
+        epoch: UnixTime,
+        past: Option<Past>,
+        config: FusionNodeConfig,
+    ) -> Result<Self, NetworkError> {
+        config.check()?;
+        if drones == 0 {
+            return Err(NetworkError::NoDrone);
+        }
+        Ok(Self {
+            hunt,
+            link,
+            epoch,
+            config,
+            drones: std::iter::repeat_with(Remote::default).take(drones).collect(),
+            past,
+            homes: Vec::new(),
+            assembling: None,
+            hindrance: None,
+            number: 0,
+            order_at: f64::NEG_INFINITY,
+            show_at: f64::NEG_INFINITY,
+        })
+    }
+
+    /// Moves on at a time in seconds of its own clock: takes reports, runs the hunt, gives orders.
+    ///
+    /// # Errors
+    ///
+    /// [`NetworkError::Link`] when the link failed: it may be called again. [`NetworkError::Hunt`]
+    /// when the hunt cannot begin or go on.
+    pub fn step(&mut self, time: f64) -> Result<(), NetworkError> {
+        let now = self.epoch.after(time).ok_or(NetworkError::Time { time })?;
+        let taken = self.take_reports(time);
+        if !self.has_begun() {
+            self.assemble(time)?;
+        }
+        if self.has_begun() {
+            self.hunt.advance(time)?;
+            self.give_orders(now);
+            taken?;
+            self.say_orders(time, now)?;
+        } else {
+            taken?;
+        }
+        self.show(time, now)
+    }
+
+    /// The next thing to be logged, each once, in the order in which it happened. Poll until there
+    /// is none after every step.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        let event = self.hunt.poll_event();
+        if event.is_none() {
+            self.drones.iter_mut().for_each(Remote::logged);
+        }
+        event
+    }
+
+    /// The hunt.
+    pub fn hunt(&self) -> &Hunt<X, P, F, E, N, M> {
+        &self.hunt
+    }
+
+    /// Where the drones began, East, North and Up in metres; nobody before the hunt has begun.
+    pub fn homes(&self) -> &[Vector3<f64>] {
+        &self.homes
+    }
+
+    /// Why the hunt has not begun though all drones are there, if something is in the way.
+    pub fn hindrance(&self) -> Option<&str> {
+        self.hindrance.as_deref()
+    }
+
+    /// The drones that have not shown up, or are silent.
+    pub fn silent(&self, time: f64) -> Vec<usize> {
+        let drones = self.drones.iter().enumerate();
+        drones.filter(|(_, drone)| !self.is_heard(drone, time)).map(|(drone, _)| drone).collect()
+    }
+
+    /// Whether the hunt is over, and every drone that can be heard has taken its last order.
+    pub fn is_finished(&self, time: f64) -> bool {
+        let done =
+            |drone: &Remote| drone.follows >= drone.order.number || !self.is_heard(drone, time);
+        self.has_begun() && self.hunt.is_finished() && self.drones.iter().all(done)
+    }
+
+    fn has_begun(&self) -> bool {
+        !self.hunt.stations().is_empty()
+    }
+
+    fn is_heard(&self, drone: &Remote, time: f64) -> bool {
+        drone.heard_at.is_some_and(|heard| time - heard < self.config.silent_after_s)
+    }
+
+    fn take_reports(&mut self, time: f64) -> Result<(), NetworkError> {
+        for _ in 0..MOST_REPORTS {
+            let Some((index, report)) = self.link.receive()? else { break };
+            let Some(drone) = self.drones.get_mut(index) else { continue };
+            match report {
+                Report::Pose { at, pose } if pose.is_finite() => {
+                    if drone.place(at, pose, self.config.path_places) {
+                        drone.heard_at = Some(time);
+                        drone.behind_s = time - at.since(self.epoch);
+                        self.assembling.get_or_insert(time);
+                        self.hunt.located(time, index, pose);
+                    }
+                }
+                Report::Pose { pose, .. } => {
+                    let reason = format!("its place is not finite: {pose:?}");
+                    self.hunt.device_failed(time, Some(index), reason);
+                }
+                Report::Status { order, failure, .. } => {
+                    drone.heard_at = Some(time);
+                    drone.follows = order;
+                    if !failure.is_empty() && drone.failure != failure {
+                        self.hunt.device_failed(time, Some(index), failure.clone());
+                    }
+                    drone.failure = failure;
+                }
+                Report::Delivery(delivery) => self.take(time, index, *delivery),
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes a delivery in, unless it was before, or is of a beacon whose search has not begun: that
+    /// one will come again.
+    fn take(&mut self, time: f64, index: usize, delivery: Delivery) {
+        let (name, ended) = (delivery.name(), delivery.ended.since(self.epoch));
+        let beacon = delivery.beacon;
+        if !self.has_begun() || self.hunt.is_yet_to_come(beacon) {
+            return;
+        }
+        let drone = &mut self.drones[index];
+        let heard = delivery.heard.map(|heard| Reception { beacon, time: ended, ..heard });
+        let known = match &heard {
+            Ok(reception) => self.hunt.has_taken(index, reception),
+            Err(_) => false,
+        };
+        if known || drone.knows(&name) {
+            drone.doubled += 1;
+        } else {
+            drone.delivered += 1;
+            let ahead_s = ended - time;
+            match heard {
+                Ok(_) if ahead_s > self.config.clock_tolerance_s => {
+                    let reason =
+                        format!("it comes from {ahead_s:.1} s in the future: set the clocks");
+                    self.hunt.heard_none(time, index, beacon, ended, reason);
+                }
+                Ok(reception) => self.hunt.reception(time, index, &reception),
+                Err(reason) => self.hunt.heard_none(time, index, beacon, ended, reason),
+            }
+        }
+        drone.dealt_with(name);
+    }
+
+    /// Begins, or goes on from the past, when the drones are there.
+    fn assemble(&mut self, time: f64) -> Result<(), NetworkError> {
+        let absent = |drone: &Remote| drone.place.is_none() || !self.is_heard(drone, time);
+        let missing = self.drones.iter().any(absent);
+        let patient = |since: f64| time - since < self.config.assemble_s;
+        let wait = self.past.is_none() || self.assembling.is_none_or(patient);
+        if missing && wait {
+            return Ok(());
+        }
+        let homes = self.past.as_ref().map_or(&[][..], |past| &past.homes);
+        let place = |(index, drone): (usize, &Remote)| {
+            let home = || homes.get(index).map(|home| Pose::level(*home, 0.0));
+            drone.place.map(|(_, pose)| pose).or_else(home).map(Station::holding)
+        };
+        let stations: Option<Vec<Station>> = self.drones.iter().enumerate().map(place).collect();
+        let Some(stations) = stations else { return Ok(()) };
+        let here: Vec<_> = stations.iter().map(|station| station.pose.position).collect();
+        let Some(past) = &self.past else {
+            self.hunt.start(time, stations)?;
+            self.homes = here;
+            return Ok(());
+        };
+        match self.hunt.resume(time, stations, &past.homes, &past.events) {
+            Ok(()) => {
+                let known = past.homes.len() == here.len();
+                self.homes = if known { past.homes.clone() } else { here };
+                (self.past, self.hindrance) = (None, None);
+                Ok(())
+            }
+            // They are in the air, and will come apart.
+            Err(error @ HuntError::Traffic(_)) => {
+                self.hindrance = Some(error.to_string());
+                Ok(())
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Puts the hunt's commands into orders.
+    fn give_orders(&mut self, now: UnixTime) {
+        while let Some(command) = self.hunt.poll_command() {
+            let number = self.next_number(now);
+            let (Command::GoTo { drone, .. }
+            | Command::Land { drone }
+            | Command::Listen { drone, .. }) = command;
+            let Some(drone) = self.drones.get_mut(drone) else { continue };
+            match command {
+                Command::GoTo { goal, .. } => drone.go_to(number, goal),
+                Command::Land { .. } => drone.land(number),
+                Command::Listen { beacons, .. } => drone.listen(number, beacons),
+            }
+        }
+        for index in 0..self.drones.len() {
+            // Its orders are newer than ours: the clock went back since they were given.
+            if self.drones[index].follows > self.drones[index].order.number {
+                self.number = self.number.max(self.drones[index].follows);
+                let number = self.next_number(now);
+                let order = &mut self.drones[index].order;
+                order.number = number;
+                if order.turn.number > 0 {
+                    order.turn.number = number;
+                }
+            }
+            self.drones[index].owes(self.hunt.owed_by(index));
+        }
+    }
+
+    /// Larger than every number before, those before a restart included.
+    fn next_number(&mut self, now: UnixTime) -> u64 {
+        self.number = now.nanoseconds().max(self.number.saturating_add(1));
+        self.number
+    }
+
+    /// Says what is new at once, and everything now and then.
+    fn say_orders(&mut self, time: f64, now: UnixTime) -> Result<(), NetworkError> {
+        let again = time >= self.order_at;
+        if again {
+            self.order_at = time + self.config.order_every_s;
+        }
+        for (index, drone) in self.drones.iter_mut().enumerate() {
+            if drone.order.number > 0 && (again || !drone.told) {
+                drone.order.at = now;
+                self.link.send(index, &drone.order)?;
+                drone.told = true;
+            }
+        }
+        Ok(())
+    }
+
+    fn show(&mut self, time: f64, now: UnixTime) -> Result<(), NetworkError> {
+        if time < self.show_at {
+            return Ok(());
+        }
+        self.show_at = time + self.config.show_every_s;
+        let silent = self.silent(time);
+        let hindrance = self.hindrance.as_deref();
+        let view =
+            view(now, &self.hunt, &self.drones, &silent, hindrance, self.config.clock_tolerance_s);
+        Ok(self.link.show(&view)?)
+    }
+}
