@@ -9,6 +9,8 @@ mod clock;
 mod finding;
 #[cfg(feature = "gnss")]
 mod gnss;
+#[cfg(feature = "receivers")]
+mod receivers;
 mod reconnecting;
 #[cfg(feature = "xbee")]
 mod xbee;
@@ -23,6 +25,11 @@ pub use gnss::{
     GnssConfig, GnssConfigError, GnssDecoder, GnssError, GnssFix, GnssFloors, GnssKind,
     GnssPosition, GnssReceiver, GpsdDecoder, NmeaDecoder, Placed, PlacedError, Positioning,
     StillVehicle, UbloxDecoder,
+};
+#[cfg(feature = "receivers")]
+pub use receivers::{
+    KrakenConfig, KrakenSource, KrakenSourceError, ReceiverConfigError, RtlTcpConfig, RtlTcpRadio,
+    RtlTcpRadioError, SikError, SikFeed, SikRadio,
 };
 pub use reconnecting::Reconnecting;
 #[cfg(feature = "xbee")]

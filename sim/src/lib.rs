@@ -49,8 +49,9 @@ pub use devices::{
 };
 #[cfg(feature = "emulators")]
 pub use emulate::{
-    CableFaults, Cabled, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedXbee,
-    EmulatedXbeeConfig, Emulator, xbee_address,
+    CableFaults, Cabled, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken,
+    EmulatedKrakenConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig, EmulatedXbee, EmulatedXbeeConfig,
+    Emulator, xbee_address,
 };
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
