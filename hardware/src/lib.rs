@@ -14,6 +14,8 @@ mod gnss;
 pub mod link;
 #[cfg(feature = "mavlink")]
 mod mavlink;
+#[cfg(feature = "receivers")]
+mod receivers;
 mod reconnecting;
 #[cfg(feature = "firmata")]
 mod stepper;
@@ -37,6 +39,11 @@ pub use gnss::{
 pub use mavlink::{
     FlightLimits, MavlinkConfig, MavlinkError, MavlinkOrigin, MavlinkSigning, MavlinkVehicle,
     PositionRequirements, RadioStatus,
+};
+#[cfg(feature = "receivers")]
+pub use receivers::{
+    KrakenConfig, KrakenSource, KrakenSourceError, ReceiverConfigError, RtlTcpConfig, RtlTcpRadio,
+    RtlTcpRadioError, SikError, SikFeed, SikRadio,
 };
 pub use reconnecting::Reconnecting;
 #[cfg(feature = "firmata")]

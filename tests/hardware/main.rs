@@ -6,5 +6,6 @@ mod gnss;
 mod gnss_peer;
 mod mission;
 mod network;
+mod receivers;
 mod xbee;
 mod xbee_protocol;
