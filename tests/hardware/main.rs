@@ -1,7 +1,9 @@
 //! Drivers against emulated devices of a simulated world, in its own time.
 #![cfg(feature = "hardware")]
 
+mod firmware;
 mod mission;
+mod network;
+mod stepper;
 mod xbee;
 mod xbee_protocol;
-mod network;
