@@ -5,13 +5,15 @@
 //! pseudo-terminals and cables.
 
 mod aircraft;
+#[cfg(feature = "ardrone")]
+mod ardrone;
 mod clock;
 mod finding;
 #[cfg(feature = "gnss")]
 mod gnss;
+pub mod link;
 #[cfg(feature = "mavlink")]
 mod mavlink;
-pub mod link;
 mod reconnecting;
 #[cfg(feature = "firmata")]
 mod stepper;
@@ -19,6 +21,8 @@ mod stepper;
 mod xbee;
 
 pub use aircraft::{Aircraft, AircraftState, Shared};
+#[cfg(feature = "ardrone")]
+pub use ardrone::{ArDrone, ArDroneConfig, ArDroneError};
 pub use clock::SystemClock;
 pub use finding::Finding;
 #[cfg(feature = "gnss")]

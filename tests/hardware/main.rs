@@ -2,6 +2,8 @@
 #![cfg(feature = "hardware")]
 
 mod firmware;
+mod gnss;
+mod gnss_peer;
 mod mission;
 mod network;
 mod stepper;
