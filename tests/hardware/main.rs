@@ -1,11 +1,13 @@
 //! Drivers against emulated devices of a simulated world, in its own time.
 #![cfg(feature = "hardware")]
 
+mod firmware;
 mod flown;
 mod gnss;
 mod gnss_peer;
 mod mission;
 mod network;
 mod receivers;
+mod stepper;
 mod xbee;
 mod xbee_protocol;
