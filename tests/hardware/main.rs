@@ -2,9 +2,11 @@
 #![cfg(feature = "hardware")]
 
 mod ardrone;
+mod gnss;
+mod gnss_peer;
 mod mavlink;
 mod mission;
-mod xbee;
-mod xbee_protocol;
 mod network;
 mod peers;
+mod xbee;
+mod xbee_protocol;

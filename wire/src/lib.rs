@@ -13,6 +13,8 @@ mod fix_quality;
 pub mod geodesy;
 #[cfg(feature = "mavlink")]
 pub mod mavlink;
+#[cfg(feature = "receivers")]
+pub mod receivers;
 #[cfg(feature = "stream")]
 mod stream;
 #[cfg(feature = "xbee")]
