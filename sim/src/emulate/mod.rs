@@ -1,5 +1,6 @@
 //! The devices of a world as the bytes that they speak, over any [`ByteStream`](foxhunt_wire::ByteStream).
 
+mod ardrone;
 mod autopilot;
 mod cable;
 mod emulator;
@@ -8,6 +9,7 @@ mod receivers;
 mod stepper;
 mod xbee;
 
+pub use ardrone::EmulatedArDrone;
 pub use autopilot::{AutopilotConfig, AutopilotFaults, EmulatedAutopilot, PilotOrder};
 pub use cable::{CableFaults, Cabled};
 pub use emulator::Emulator;
