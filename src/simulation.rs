@@ -4,21 +4,18 @@ use foxhunt_core::{
     BeaconId, BearingExtractor, Estimate, Estimator, EstimatorError, FormationPlanner, Observation,
     ObservationError, PatternSource, Reception, Station,
 };
-use foxhunt_sensors::{AntennaError, ParameterError};
 use foxhunt_sim::{SimError, World};
 use nalgebra::Vector2;
 
-mod hunted;
 mod milestones;
 
-pub use hunted::{ScenarioExtractor, scenario_extractor, scenario_hunt};
 pub use milestones::SearchProgress;
 
 use milestones::Milestones;
 
 use crate::{
-    config::{ExtractorConfigError, NamedEstimator, PlannerConfigError},
-    hunt::{DriveError, Event, Fix, Hunt, HuntError, drive},
+    config::NamedEstimator,
+    hunt::{DriveError, Event, Fix, Hunt, HuntError, PartsError, drive},
     log::{LOG_VERSION, LogHeader, LoggedBeacon},
     scenario::{Scenario, SimulationConfig},
 };
@@ -112,7 +109,7 @@ pub fn simulate_watched<O: std::error::Error + Send + Sync + 'static>(
     watch: impl FnMut(&World),
 ) -> Result<Simulated, SimulationError> {
     let world = World::new(&scenario.world, seed)?;
-    let mut hunt = scenario_hunt(scenario, estimator, seed)?;
+    let mut hunt = scenario.parts(&estimator.config, seed).build()?;
     let mut sources = scenario.sources(&world)?;
     let beacons = scenario.world.beacons.len();
     let mut heard = vec![0.0; beacons];
@@ -237,19 +234,10 @@ pub enum SimulationError {
     /// The world cannot be built.
     #[error("the world of the scenario: {0}")]
     World(#[from] SimError),
-    /// The estimator's law of propagation is out of range.
-    #[error("the model of the scenario: {0}")]
-    Model(#[from] AntennaError),
-    /// The extractor cannot be built.
+    /// The hunt cannot be put together.
     #[error("the scenario: {0}")]
-    Extractor(#[from] ExtractorConfigError),
-    /// The calibration of bearings is out of range.
-    #[error("the bearings of the scenario: {0}")]
-    Bearings(#[source] ParameterError),
-    /// The planner cannot be built.
-    #[error("the planner of the scenario: {0}")]
-    Planner(#[from] PlannerConfigError),
-    /// The hunt cannot be built.
+    Parts(#[from] PartsError),
+    /// The hunt cannot begin.
     #[error(transparent)]
     Hunt(#[from] HuntError),
     /// The hunt could not go on.

@@ -5,6 +5,8 @@ use crate::commands::{
     scenarios,
 };
 #[cfg(feature = "hardware")]
+use crate::commands::{devices, emulate, fly, node};
+#[cfg(feature = "hardware")]
 use crate::commands::{emulate, node};
 
 /// Finds radio transmitters with drones.
@@ -44,6 +46,10 @@ pub(crate) enum Command {
     Locate(locate::Args),
     Bearing(bearing::Args),
     Antenna(antenna::Args),
+    #[cfg(feature = "hardware")]
+    Fly(fly::Args),
+    #[cfg(feature = "hardware")]
+    Devices(devices::Args),
     #[cfg(feature = "hardware")]
     Emulate(emulate::Args),
     #[cfg(feature = "hardware")]

@@ -5,12 +5,46 @@
 //! pseudo-terminals and cables.
 
 mod aircraft;
+#[cfg(feature = "ardrone")]
+mod ardrone;
 mod clock;
 mod finding;
+#[cfg(feature = "gnss")]
+mod gnss;
 pub mod link;
+#[cfg(feature = "mavlink")]
+mod mavlink;
 mod reconnecting;
+#[cfg(feature = "firmata")]
+mod stepper;
+#[cfg(feature = "xbee")]
+mod xbee;
 
 pub use aircraft::{Aircraft, AircraftState, Shared};
+#[cfg(feature = "ardrone")]
+pub use ardrone::{ArDrone, ArDroneConfig, ArDroneError};
 pub use clock::SystemClock;
 pub use finding::Finding;
+#[cfg(feature = "gnss")]
+pub use foxhunt_wire::FixQuality;
+#[cfg(feature = "gnss")]
+pub use gnss::{
+    GnssConfig, GnssConfigError, GnssDecoder, GnssError, GnssFix, GnssFloors, GnssKind,
+    GnssPosition, GnssReceiver, GpsdDecoder, NmeaDecoder, Placed, PlacedError, Positioning,
+    StillVehicle, UbloxDecoder,
+};
+#[cfg(feature = "mavlink")]
+pub use mavlink::{
+    FlightLimits, MavlinkConfig, MavlinkError, MavlinkOrigin, MavlinkSigning, MavlinkVehicle,
+    PositionRequirements, RadioStatus,
+};
 pub use reconnecting::Reconnecting;
+#[cfg(feature = "firmata")]
+pub use stepper::{
+    Approach, BeyondCable, FirmataConfig, FirmataConfigError, FirmataStepper, FirmataStepperError,
+    Homing, LostPosition,
+};
+#[cfg(feature = "xbee")]
+pub use xbee::{
+    XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeQuestion, XbeeRadio,
+};

@@ -31,6 +31,17 @@ pub enum SimError {
         /// How many there are.
         drones: usize,
     },
+    /// A place on Earth that is none.
+    #[cfg(feature = "emulators")]
+    #[error("the origin: {0}")]
+    Place(#[from] foxhunt_wire::geodesy::GeodesyError),
+    /// The autopilot has no such mode.
+    #[cfg(feature = "emulators")]
+    #[error("there is no mode {mode:?}")]
+    FlightMode {
+        /// What it was called.
+        mode: String,
+    },
     /// There is no link to the drone at present.
     #[error("there is no link")]
     Link {

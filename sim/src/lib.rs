@@ -48,7 +48,11 @@ pub use devices::{
     SimVehicle,
 };
 #[cfg(feature = "emulators")]
-pub use emulate::Emulator;
+pub use emulate::{
+    AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedAutopilot, EmulatedGnss,
+    EmulatedGnssConfig, EmulatedGnssKind, EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch,
+    EmulatedXbee, EmulatedXbeeConfig, Emulator, PilotOrder, xbee_address,
+};
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;

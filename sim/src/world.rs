@@ -217,7 +217,7 @@ impl World {
         Ok(LateSource::new(self.on_board(drone)?, source))
     }
 
-    fn on_board(&self, drone: usize) -> Result<OnBoard, SimError> {
+    pub(crate) fn on_board(&self, drone: usize) -> Result<OnBoard, SimError> {
         OnBoard::new(&self.truth, drone)
     }
 }

@@ -171,6 +171,32 @@ pub enum Event {
         /// How long it was waited for, in seconds.
         waited_s: f64,
     },
+    /// The flight of real aircraft, of which the hunt is the middle, has come to another stage.
+    FlightStage {
+        /// When.
+        time: f64,
+        /// Which.
+        stage: FlightStage,
+        /// Why.
+        reason: String,
+    },
+    /// An aircraft does something else now.
+    Aircraft {
+        /// When.
+        time: f64,
+        /// Which drone.
+        drone: usize,
+        /// What it calls its mode.
+        mode: String,
+        /// Whether its motors run.
+        armed: bool,
+        /// Whether it is in the air.
+        airborne: bool,
+        /// Whether it takes our orders.
+        commanded: bool,
+        /// Why it takes none, or what keeps it on the ground.
+        hindrance: String,
+    },
     /// A device reported a failure; the hunt goes on.
     DeviceFailed {
         /// When.
@@ -197,6 +223,35 @@ pub enum Event {
         /// What came of it.
         fix: Fix,
     },
+}
+
+/// What a flight of real aircraft is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum FlightStage {
+    /// The aircraft are on the ground; those that are not ready are waited for.
+    Preparing,
+    /// They take off.
+    Climbing,
+    /// The hunt.
+    Hunting,
+    /// They come back by the pilot's rules.
+    Leaving,
+    /// All are down, or in the pilot's hands.
+    Over,
+}
+
+impl std::fmt::Display for FlightStage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
+            Self::Preparing => "preparing",
+            Self::Climbing => "taking off",
+            Self::Hunting => "hunting",
+            Self::Leaving => "leaving",
+            Self::Over => "over",
+        })
+    }
 }
 
 /// What a search found.

@@ -11,6 +11,7 @@ mod hearing;
 mod homeward;
 mod machine;
 mod outbox;
+mod parts;
 mod resume;
 mod search;
 mod searching;
@@ -20,8 +21,9 @@ pub use command::Command;
 pub use config::HuntConfig;
 pub use drive::{DriveError, drive};
 pub use error::HuntError;
-pub use event::{Event, Fix};
+pub use event::{Event, Fix, FlightStage};
 pub use machine::{Believed, Hunt};
+pub use parts::{BoxedHunt, HuntExtractor, HuntParts, PartsError, hunt_extractor};
 pub use track::{Components, Heard, TimeStep, Track, TrackConfig, TrackError, WithoutBearing};
 
 use flight::Flight;

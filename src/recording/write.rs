@@ -83,7 +83,8 @@ impl<W: Write> SweepWriter<W> {
             self.csv.write_record(cells).map_err(failed)?;
         }
         self.turns += 1;
-        Ok(())
+        // A crash loses no turn before it.
+        self.csv.flush().map_err(|source| RecordingError::Write { source })
     }
 
     /// Writes what is still in the buffer.

@@ -15,8 +15,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     calibration::BearingCalibration,
-    config::{BoxedSource, ExtractorConfig, ModelConfig, PlannerConfig, SourceConfig},
-    hunt::HuntConfig,
+    config::{
+        BoxedSource, EstimatorConfig, ExtractorConfig, ModelConfig, PlannerConfig, SourceConfig,
+    },
+    hunt::{HuntConfig, HuntParts},
 };
 
 /// A simulated hunt.
@@ -137,6 +139,21 @@ impl Scenario {
     pub fn sources(&self, world: &World) -> Result<Vec<BoxedSource>, SimError> {
         let of = |drone: usize| self.sources.get(drone).unwrap_or(&self.source);
         (0..world.drone_count()).map(|drone| of(drone).build(world, drone)).collect()
+    }
+
+    /// What its hunt is made of with an estimator and a seed.
+    #[must_use]
+    pub fn parts(&self, estimator: &EstimatorConfig, seed: u64) -> HuntParts<'_> {
+        HuntParts {
+            extractor: &self.extractor,
+            bearings: self.bearings,
+            planner: &self.planner,
+            model: &self.model,
+            estimator: *estimator,
+            hunt: &self.hunt,
+            beacons: self.beacon_names(),
+            seed,
+        }
     }
 
     /// The names of the beacons that are there from the beginning, in their order. Those that

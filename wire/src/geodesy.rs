@@ -126,7 +126,7 @@ impl LocalFrame {
 /// Degrees clockwise from North to radians counter-clockwise from East, in [−π, π).
 ///
 /// ```
-/// use foxhunt::geodesy::compass_deg_to_radians;
+/// use foxhunt_wire::geodesy::compass_deg_to_radians;
 /// let north = compass_deg_to_radians(0.0);
 /// assert!((north - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
 /// ```

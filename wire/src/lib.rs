@@ -5,12 +5,24 @@
 //! blocks. The drivers of `foxhunt-hardware` and the emulated devices of `foxhunt-sim` are made of the
 //! same codecs; what keeps both honest are vectors and programs of others.
 
+#[cfg(feature = "ardrone")]
+pub mod ardrone;
+#[cfg(feature = "firmata")]
+pub mod firmata;
+mod fix_quality;
 pub mod geodesy;
+#[cfg(feature = "mavlink")]
+pub mod mavlink;
+#[cfg(feature = "receivers")]
+pub mod receivers;
 #[cfg(feature = "stream")]
 mod stream;
+#[cfg(feature = "xbee")]
+pub mod xbee;
 
+pub use fix_quality::FixQuality;
 #[cfg(feature = "stream")]
 pub use stream::{
-    ByteStream, Endpoint, EndpointError, MemoryStream, PtyStream, SerialStream, TcpStream,
-    UdpStream, memory_pair,
+    ByteStream, Endpoint, EndpointError, MemoryStream, PtyStream, SerialStream, TcpServerStream,
+    TcpStream, UdpStream, memory_pair,
 };

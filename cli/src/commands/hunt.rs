@@ -16,12 +16,9 @@ use foxhunt::{
 
 use super::{
     calibration::Calibration, choice, extraction::Extraction, fixes, overrides::Overrides,
-    planning::Planning,
+    planning::Planning, telling::tell,
 };
-use crate::{
-    error::CliError,
-    output::{Output, warn},
-};
+use crate::{error::CliError, output::Output};
 
 /// Fly one simulated hunt
 ///
@@ -113,48 +110,6 @@ fn fly(
 struct NotLogged {
     path: PathBuf,
     source: io::Error,
-}
-
-/// Says how far the hunt has come.
-pub(super) fn tell(event: &Event) {
-    match event {
-        Event::BeaconStarted { time, name, .. } => {
-            warn(&format!("{time:7.0} s  looking for {name}"))
-        }
-        Event::Missing { time, drone, waited_s } => {
-            let drone = drone.saturating_add(1);
-            warn(&format!("{time:7.0} s  drone {drone} delivered nothing in {waited_s:.0} s"));
-        }
-        Event::DeviceFailed { time, drone, reason } => {
-            let who = match drone {
-                Some(drone) => format!("drone {}", drone.saturating_add(1)),
-                None => "the fleet".to_owned(),
-            };
-            warn(&format!("{time:7.0} s  {who}: {reason}"));
-        }
-        Event::Resumed { time } => warn(&format!("{time:7.0} s  goes on from its log")),
-        Event::DutyChanged { time, drone, duty } => {
-            warn(&format!("{time:7.0} s  drone {}: {duty}", drone.saturating_add(1)));
-        }
-        Event::Stopped { time, beacon, outcome, reason } => {
-            let number = beacon.0.saturating_add(1);
-            warn(&format!("{time:7.0} s  number {number}: {outcome}, {reason}"));
-        }
-        Event::Recalled { time, reason } => {
-            warn(&format!("{time:7.0} s  everyone home: {reason}"));
-        }
-        Event::Landed { time, drone, reason } => {
-            warn(&format!("{time:7.0} s  drone {} lands: {reason}", drone.saturating_add(1)));
-        }
-        Event::FilterDiverged { time, average_nis, interval: [_, high], .. } => warn(&format!(
-            "{time:7.0} s  the filter has diverged: its NIS is {average_nis:.1} on average, not \
-             below {high:.1}"
-        )),
-        Event::BeaconFinished { time, fix } => {
-            warn(&format!("{time:7.0} s  {}: {} after {} steps", fix.name, fix.outcome, fix.steps));
-        }
-        _ => {}
-    }
 }
 
 fn text(report: &HuntReport) -> String {

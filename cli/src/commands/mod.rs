@@ -5,9 +5,13 @@ pub(crate) mod bearing;
 pub(crate) mod calibrate;
 pub(crate) mod campaign;
 #[cfg(feature = "hardware")]
+pub(crate) mod devices;
+#[cfg(feature = "hardware")]
 pub(crate) mod emulate;
 pub(crate) mod estimators;
 pub(crate) mod extractors;
+#[cfg(feature = "hardware")]
+pub(crate) mod fly;
 pub(crate) mod hunt;
 pub(crate) mod locate;
 #[cfg(feature = "hardware")]
@@ -24,11 +28,14 @@ mod choice;
 mod extraction;
 mod fixes;
 mod fleets_campaign;
+#[cfg(feature = "hardware")]
+mod flight_plan;
 mod overrides;
 mod parameter;
 mod planners_campaign;
 mod planning;
 mod recorded;
+mod telling;
 
 use crate::{args::Command, error::CliError, output::Output};
 
@@ -46,6 +53,10 @@ pub(crate) fn run(command: Command, output: Output) -> Result<(), CliError> {
         Command::Locate(args) => locate::run(&args, output),
         Command::Bearing(args) => bearing::run(&args, output),
         Command::Antenna(args) => antenna::run(&args, output),
+        #[cfg(feature = "hardware")]
+        Command::Fly(args) => fly::run(&args, output),
+        #[cfg(feature = "hardware")]
+        Command::Devices(args) => devices::run(&args, output),
         #[cfg(feature = "hardware")]
         Command::Emulate(args) => emulate::run(&args, output),
         #[cfg(feature = "hardware")]

@@ -1,5 +1,15 @@
 //! The devices of a world as the bytes that they speak, over any [`ByteStream`](foxhunt_wire::ByteStream).
 
+mod autopilot;
+mod cable;
 mod emulator;
+mod gnss;
+mod stepper;
+mod xbee;
 
+pub use autopilot::{AutopilotConfig, AutopilotFaults, EmulatedAutopilot, PilotOrder};
+pub use cable::{CableFaults, Cabled};
 pub use emulator::Emulator;
+pub use gnss::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};
+pub use stepper::{EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch};
+pub use xbee::{EmulatedXbee, EmulatedXbeeConfig, xbee_address};

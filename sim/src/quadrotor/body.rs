@@ -36,6 +36,8 @@ pub struct Quadrotor {
     /// The time that has passed since the last step.
     since: f64,
     path_length: f64,
+    /// How fast it is told to fly over ground, in metres per second.
+    cruise: f64,
 }
 
 impl Quadrotor {
@@ -60,6 +62,7 @@ impl Quadrotor {
             wind: Wind::new(&config.wind, 1.0 / config.rate_hz, gusts),
             since: 0.0,
             path_length: 0.0,
+            cruise: config.speed_mps,
         };
         quadrotor.go_to(pose.position)?;
         Ok(quadrotor)
@@ -130,6 +133,23 @@ impl Quadrotor {
         Ok(())
     }
 
+    /// Puts it on the ground below, an Up of 0, level and at rest.
+    #[cfg(feature = "emulators")]
+    pub(crate) fn put_down(&mut self) {
+        let (mut position, heading) = (self.state.position, self.state.attitude.x);
+        position.z = 0.0;
+        let attitude = Vector3::new(heading, 0.0, 0.0);
+        self.state = State { position, attitude, ..State::default() };
+        self.reference = Reference::holding(position, heading);
+        self.controller = Controller::default();
+    }
+
+    /// Has it fly over ground at `speed` m/s, or as fast as it is configured to.
+    #[cfg(feature = "emulators")]
+    pub(crate) fn cruise(&mut self, speed: f64) {
+        self.cruise = speed.min(self.config.speed_mps);
+    }
+
     /// Lets `dt` seconds pass; a step that is negative or not finite passes no time.
     pub fn advance(&mut self, dt: f64) {
         let step = 1.0 / self.config.rate_hz;
@@ -144,7 +164,8 @@ impl Quadrotor {
     fn step(&mut self, dt: f64) {
         let mut inputs = self.controller.command(&self.config, &self.reference, &self.state, dt);
         inputs.wind = self.wind.next();
-        self.reference.advance(&self.config, dt);
+        let config = QuadrotorConfig { speed_mps: self.cruise, ..self.config };
+        self.reference.advance(&config, dt);
         let before = self.state.position;
         self.state = self.state.step(&inputs, dt);
         self.path_length += (self.state.position - before).norm();

@@ -69,6 +69,24 @@ impl Body {
         }
     }
 
+    /// Puts it on the ground below, an Up of 0, where it stays.
+    #[cfg(feature = "emulators")]
+    pub(crate) fn put_down(&mut self) {
+        match self {
+            Self::Kinematic(body) => body.put_down(),
+            Self::Quadrotor(body) => body.put_down(),
+        }
+    }
+
+    /// Has it fly over ground at `speed` m/s, or as fast as it can.
+    #[cfg(feature = "emulators")]
+    pub(crate) fn cruise(&mut self, speed: f64) {
+        match self {
+            Self::Kinematic(body) => body.cruise(speed),
+            Self::Quadrotor(body) => body.cruise(speed),
+        }
+    }
+
     pub(super) fn advance(&mut self, dt: f64) {
         match self {
             Self::Kinematic(body) => body.advance(dt),

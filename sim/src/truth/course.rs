@@ -15,13 +15,18 @@ impl Course {
         Self { start: angle, last: angle, forwards: None }
     }
 
+    /// Whether an order to `angle` leads nowhere.
+    pub(super) fn stays(&self, angle: f64) -> bool {
+        angle.to_bits() == self.last.to_bits()
+    }
+
     /// Takes an order; false when a new pattern begins with it: the antenna stays, goes back, or
     /// has been all the way round.
     ///
     /// The first order of a pattern says nothing of its direction, which may be the approach to
     /// the end that a turn starts from.
     pub(super) fn follow(&mut self, angle: f64) -> bool {
-        let stays = angle.to_bits() == self.last.to_bits();
+        let stays = self.stays(angle);
         let forwards = angle > self.last;
         let turns_back = self.forwards.is_some_and(|before| before != forwards);
         // The last of many equal steps may fall short of a turn by rounding.

@@ -23,6 +23,8 @@ pub(crate) struct Drone {
     order: Option<Vector3<f64>>,
     /// Whether it hovers where it is instead of going there.
     held: bool,
+    /// Where the antenna was turned by something else than orders, until a question is asked there.
+    turned_to: Option<f64>,
 }
 
 impl Drone {
@@ -44,6 +46,7 @@ impl Drone {
             course: Course::at(0.0),
             order: None,
             held: false,
+            turned_to: None,
         })
     }
 
@@ -92,6 +95,14 @@ impl Drone {
         self.motor.order(angle, now);
     }
 
+    /// Turns the antenna to `angle` radians from the nose, at once. On the way of a pattern are those angles
+    /// at which questions are asked.
+    #[cfg(feature = "emulators")]
+    pub(crate) fn hold_antenna_at(&mut self, angle: f64, now: f64) {
+        self.motor.hold_at(angle, now);
+        self.turned_to = Some(angle);
+    }
+
     /// Asks the beacon `asked` for an answer, through the antenna or through one without a
     /// direction.
     pub(crate) fn ask(
@@ -102,6 +113,12 @@ impl Drone {
         directional: bool,
         now: f64,
     ) {
+        // One that stays is asked again, and begins nothing new.
+        if let Some(angle) = self.turned_to.take_if(|angle| !self.course.stays(*angle))
+            && !self.course.follow(angle)
+        {
+            self.receiver.end_patterns();
+        }
         let (receiver, turned) = (self.body.pose(), self.motor.angle(now));
         let spun = self.body.heading();
         let time = now + self.receiver.latency();

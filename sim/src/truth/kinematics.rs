@@ -7,6 +7,8 @@ use crate::{KinematicConfig, SimError};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kinematics {
     limits: KinematicConfig,
+    /// How fast it is told to fly over ground, in metres per second.
+    cruise: f64,
     pose: Pose,
     /// Not wrapped.
     heading: f64,
@@ -20,7 +22,7 @@ impl Kinematics {
     /// A body that stays at `pose` until it is sent elsewhere.
     pub(super) fn new(limits: KinematicConfig, pose: Pose) -> Self {
         let (goal, heading) = (pose.position, pose.heading);
-        Self { limits, pose, heading, rate: 0.0, goal, path_length: 0.0 }
+        Self { limits, cruise: limits.speed_mps, pose, heading, rate: 0.0, goal, path_length: 0.0 }
     }
 
     pub(crate) fn pose(&self) -> Pose {
@@ -50,6 +52,17 @@ impl Kinematics {
         Ok(())
     }
 
+    #[cfg(feature = "emulators")]
+    pub(super) fn put_down(&mut self) {
+        self.pose.position.z = 0.0;
+        self.goal = self.pose.position;
+    }
+
+    #[cfg(feature = "emulators")]
+    pub(super) fn cruise(&mut self, speed: f64) {
+        self.cruise = speed.min(self.limits.speed_mps);
+    }
+
     /// Moves for `dt` seconds.
     pub(super) fn advance(&mut self, dt: f64) {
         if self.rate.abs() > 0.0 {
@@ -62,7 +75,7 @@ impl Kinematics {
         let way = self.goal - self.pose.position;
         let (over_ground, climb) = (way.xy().norm(), way.z.abs());
         // The slower of the two sets the pace, so that the line is straight.
-        let needed = (over_ground / self.limits.speed_mps).max(climb / self.limits.climb_mps);
+        let needed = (over_ground / self.cruise).max(climb / self.limits.climb_mps);
         if needed <= dt {
             self.pose.position = self.goal;
             self.path_length += way.norm();

@@ -25,6 +25,12 @@ impl Turntable {
         self.arrival = now + (self.to - self.from).abs() / self.speed;
     }
 
+    /// Stands at `angle` radians from now on: something else turns it.
+    #[cfg(feature = "emulators")]
+    pub(super) fn hold_at(&mut self, angle: f64, now: f64) {
+        (self.from, self.to, self.departure, self.arrival) = (angle, angle, now, now);
+    }
+
     /// Where it is, in radians.
     pub(super) fn angle(&self, now: f64) -> f64 {
         self.standing(now).unwrap_or_else(|| {

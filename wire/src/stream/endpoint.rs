@@ -125,7 +125,7 @@ mod tests {
             "udpin:0.0.0.0:14550",
             "udpout:[::1]:5556",
         ] {
-            let endpoint: Endpoint = text.parse().unwrap();
+            let endpoint: Endpoint = text.parse().expect("it works");
             assert_eq!(endpoint.to_string(), text);
         }
         for text in [
@@ -138,14 +138,15 @@ mod tests {
             "tcp:host:70000",
             "udp:host:1",
         ] {
-            let error = text.parse::<Endpoint>().unwrap_err().to_string();
+            let error = text.parse::<Endpoint>().expect_err("it is refused").to_string();
             assert!(error.contains(&format!("{text:?}")), "{error}");
         }
     }
 
     #[test]
     fn a_port_that_is_not_there_is_named() {
-        let error = "serial:/dev/no-such-port:9600".parse::<Endpoint>().unwrap().open().err();
-        assert!(error.unwrap().to_string().contains("/dev/no-such-port"));
+        let error =
+            "serial:/dev/no-such-port:9600".parse::<Endpoint>().expect("it works").open().err();
+        assert!(error.expect("it is refused").to_string().contains("/dev/no-such-port"));
     }
 }

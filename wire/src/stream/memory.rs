@@ -51,14 +51,21 @@ mod tests {
     fn what_is_sent_is_received_once_and_a_pulled_end_is_told() {
         let (mut here, mut there) = memory_pair();
         let mut into = [0; 2];
-        assert_eq!(there.receive(&mut into).unwrap(), 0);
-        here.send(&[1, 2, 3]).unwrap();
-        assert_eq!((there.receive(&mut into).unwrap(), into), (2, [1, 2]));
-        assert_eq!((there.receive(&mut into).unwrap(), into[0]), (1, 3));
-        here.send(&[4]).unwrap();
+        assert_eq!(there.receive(&mut into).expect("it works"), 0);
+        here.send(&[1, 2, 3]).expect("it works");
+        assert_eq!((there.receive(&mut into).expect("it works"), into), (2, [1, 2]));
+        assert_eq!((there.receive(&mut into).expect("it works"), into[0]), (1, 3));
+        here.send(&[4]).expect("it works");
         drop(here);
-        assert_eq!((there.receive(&mut into).unwrap(), into[0]), (1, 4), "it was delivered");
-        assert_eq!(there.receive(&mut into).unwrap_err().kind(), io::ErrorKind::UnexpectedEof);
+        assert_eq!(
+            (there.receive(&mut into).expect("it works"), into[0]),
+            (1, 4),
+            "it was delivered"
+        );
+        assert_eq!(
+            there.receive(&mut into).expect_err("it is refused").kind(),
+            io::ErrorKind::UnexpectedEof
+        );
         assert!(there.send(&[5]).is_err());
     }
 }

@@ -7,6 +7,7 @@ mod memory;
 mod pty;
 mod serial;
 mod tcp;
+mod tcp_server;
 mod udp;
 
 pub use byte_stream::ByteStream;
@@ -16,4 +17,5 @@ pub use memory::{MemoryStream, memory_pair};
 pub use pty::PtyStream;
 pub use serial::SerialStream;
 pub use tcp::TcpStream;
+pub use tcp_server::TcpServerStream;
 pub use udp::UdpStream;

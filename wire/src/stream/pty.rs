@@ -78,15 +78,15 @@ mod tests {
 
     #[test]
     fn it_passes_for_a_serial_port_and_a_dropped_one_for_a_pulled_cable() {
-        let mut device = PtyStream::open().unwrap();
-        let path = device.path().to_str().unwrap().to_owned();
-        let mut port = SerialStream::open(&path, 57_600).unwrap();
+        let mut device = PtyStream::open().expect("it works");
+        let path = device.path().to_str().expect("it works").to_owned();
+        let mut port = SerialStream::open(&path, 57_600).expect("it works");
         // Every byte, those that terminals take for commands included.
         let all: Vec<u8> = (0..=255).collect();
         for (from, to) in [(&mut device as &mut dyn ByteStream, &mut port as &mut dyn ByteStream)] {
-            from.send(&all).unwrap();
+            from.send(&all).expect("it works");
             assert_eq!(all_of(to, 256), all);
-            to.send(&all).unwrap();
+            to.send(&all).expect("it works");
             assert_eq!(all_of(from, 256), all);
         }
         drop(device);
@@ -103,7 +103,7 @@ mod tests {
     fn all_of(stream: &mut dyn ByteStream, count: usize) -> Vec<u8> {
         let (mut all, mut into) = (Vec::new(), [0; 64]);
         for _ in 0..5000 {
-            let taken = stream.receive(&mut into).unwrap();
+            let taken = stream.receive(&mut into).expect("it works");
             all.extend_from_slice(&into[..taken]);
             if all.len() >= count {
                 break;

@@ -91,20 +91,25 @@ mod tests {
 
     #[test]
     fn a_listener_answers_whoever_spoke_last() {
-        let mut server = UdpStream::listen("127.0.0.1:0").unwrap();
-        assert_eq!(server.send(&[1]).unwrap_err().kind(), io::ErrorKind::NotConnected);
-        let address = server.local_address().unwrap().to_string();
-        let (mut first, mut second) =
-            (UdpStream::to(&address).unwrap(), UdpStream::to(&address).unwrap());
+        let mut server = UdpStream::listen("127.0.0.1:0").expect("it works");
+        assert_eq!(
+            server.send(&[1]).expect_err("it is refused").kind(),
+            io::ErrorKind::NotConnected
+        );
+        let address = server.local_address().expect("it works").to_string();
+        let (mut first, mut second) = (
+            UdpStream::to(&address).expect("it works"),
+            UdpStream::to(&address).expect("it works"),
+        );
         let mut into = [0; 8];
         for (client, word) in [(&mut first, b"one"), (&mut second, b"two")] {
-            client.send(word).unwrap();
-            assert_eq!(server.receive(&mut into).unwrap(), 3);
-            server.send(&into[..3]).unwrap();
+            client.send(word).expect("it works");
+            assert_eq!(server.receive(&mut into).expect("it works"), 3);
+            server.send(&into[..3]).expect("it works");
             let mut back = [0; 8];
-            assert_eq!((client.receive(&mut back).unwrap(), &back[..3]), (3, &word[..]));
+            assert_eq!((client.receive(&mut back).expect("it works"), &back[..3]), (3, &word[..]));
         }
-        assert_eq!(first.receive(&mut into).unwrap(), 0, "nothing more");
+        assert_eq!(first.receive(&mut into).expect("it works"), 0, "nothing more");
         assert!(UdpStream::to("nowhere").is_err());
     }
 }

@@ -55,7 +55,7 @@ pub(super) struct Field {
     pub(super) drone: usize,
     /// The seed of everything that is drawn at random
     #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
+    pub(super) seed: u64,
     /// How much faster than the clock on the wall the field's time runs
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = positive)]
     speed: f64,

@@ -1,19 +1,104 @@
-use foxhunt::{scenario::Scenario, sim::World};
+use std::time::{SystemTime, UNIX_EPOCH};
 
-use super::bench::{Field, Placed};
+use clap::ValueEnum;
+use foxhunt::{
+    geodesy::Geodetic,
+    scenario::Scenario,
+    sim::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, Emulator, World},
+    wire::{ByteStream, FixQuality, PtyStream, TcpServerStream},
+};
+
+use super::bench::{Field, Placed, linked};
 use crate::error::CliError;
 
-/// An GNSS receiver
+/// A GNSS receiver
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(flatten)]
     pub(super) field: Field,
+    /// What it speaks
+    #[arg(long, value_enum, default_value_t = Kind::Nmea)]
+    kind: Kind,
+    /// Where gpsd listens
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:2947")]
+    listen: String,
+    /// Where the field's zero is on Earth: degrees North, degrees East, metres above the ellipsoid
+    #[arg(long, value_name = "LAT,LON,ALT", value_parser = place_on_earth,
+        allow_hyphen_values = true, default_value = "50.1,14.5,250")]
+    origin: Geodetic,
+    /// What its fix rests on; its errors are as large as that has them
+    #[arg(long, value_enum, default_value_t = Quality::Autonomous)]
+    quality: Quality,
+    /// How often it tells where it is, per second
+    #[arg(long, value_name = "HZ", default_value_t = 5.0)]
+    rate: f64,
 }
 
-pub(super) fn place(
-    _args: &Args,
-    _scenario: &Scenario,
-    _world: &World,
-) -> Result<Placed, CliError> {
-    Err(CliError::failure("there is no emulated gnss yet"))
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Kind {
+    /// NMEA 0183 on a serial port: RMC, GGA, GSA, GST
+    Nmea,
+    /// A receiver by u-blox on a serial port: NMEA, and NAV-PVT once it is asked for
+    Ublox,
+    /// gpsd at a TCP port
+    Gpsd,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Quality {
+    None,
+    Estimated,
+    Autonomous,
+    Differential,
+    RtkFloat,
+    RtkFixed,
+}
+
+pub(super) fn place(args: &Args, _scenario: &Scenario, world: &World) -> Result<Placed, CliError> {
+    let kind = match args.kind {
+        Kind::Nmea => EmulatedGnssKind::Nmea,
+        Kind::Ublox => EmulatedGnssKind::Ublox,
+        Kind::Gpsd => EmulatedGnssKind::Gpsd,
+    };
+    let quality = match args.quality {
+        Quality::None => FixQuality::None,
+        Quality::Estimated => FixQuality::Estimated,
+        Quality::Autonomous => FixQuality::Autonomous,
+        Quality::Differential => FixQuality::Differential,
+        Quality::RtkFloat => FixQuality::RtkFloat,
+        Quality::RtkFixed => FixQuality::RtkFixed,
+    };
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_err(CliError::failure)?;
+    let config = EmulatedGnssConfig {
+        kind,
+        origin: args.origin,
+        rate_hz: args.rate,
+        utc_start_s: now.as_secs_f64(),
+        ..EmulatedGnssConfig::default().with_quality(quality)
+    };
+    let link = args.field.link.as_deref();
+    let (stream, endpoint): (Box<dyn ByteStream>, _) = match args.kind {
+        Kind::Gpsd => {
+            let server = TcpServerStream::listen(&args.listen).map_err(CliError::failure)?;
+            let address = server.local_address().map_err(CliError::failure)?;
+            (Box::new(server), format!("tcp:{address}"))
+        }
+        Kind::Nmea | Kind::Ublox => {
+            let port = PtyStream::open().map_err(CliError::failure)?;
+            let name = linked(port.path(), link)?;
+            (Box::new(port), format!("serial:{name}:115200"))
+        }
+    };
+    let Field { drone, seed, .. } = args.field;
+    let emulator: Box<dyn Emulator> =
+        Box::new(EmulatedGnss::new(world, drone, config, seed, stream).map_err(CliError::input)?);
+    Ok(Placed { device: "gnss", endpoint, emulator })
+}
+
+fn place_on_earth(text: &str) -> Result<Geodetic, String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    match numbers.as_deref() {
+        Ok([lat, lon, alt]) => Geodetic::new(*lat, *lon, *alt).map_err(|error| error.to_string()),
+        _ => Err("not three numbers, such as 50.1,14.5,250".into()),
+    }
 }

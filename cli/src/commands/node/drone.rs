@@ -1,8 +1,8 @@
 use foxhunt::{
     hardware::link::{DroneLink, Impaired, Impairment},
+    hunt::hunt_extractor,
     network::{DroneNode, DroneNodeConfig, uniform_draws},
     sim::World,
-    simulation::scenario_extractor,
 };
 
 use super::over::{Failures, Shared, Stop};
@@ -36,8 +36,8 @@ pub(super) fn run(args: &Args) -> Result<(), CliError> {
     let sources = scenario.sources(&world).map_err(CliError::input)?;
     let source = sources.into_iter().nth(args.drone);
     let source = source.ok_or_else(|| CliError::input("the drone has no source"))?;
-    let extractor = scenario_extractor(&scenario)
-        .map_err(|error| choice::simulation_error(error, &args.simulate))?;
+    let extractor = hunt_extractor(&scenario.extractor, scenario.bearings)
+        .map_err(|error| choice::simulation_error(error.into(), &args.simulate))?;
     let impairment = Impairment { loss: args.drop, ..Impairment::default() };
     let link: Box<dyn DroneLink> = Box::new(
         Impaired::new(

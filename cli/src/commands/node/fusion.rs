@@ -8,7 +8,7 @@ use foxhunt::{
     network::{FusionNode, FusionNodeConfig, Past},
     picture::hunt_svg,
     scenario::Scenario,
-    simulation::{log_header, scenario_hunt},
+    simulation::log_header,
 };
 use serde::Serialize;
 
@@ -17,7 +17,7 @@ use super::{
     over::{Failures, Shared, Stop},
 };
 use crate::{
-    commands::{choice, fixes, hunt},
+    commands::{choice, fixes, telling},
     error::CliError,
     output::{Output, warn},
 };
@@ -63,8 +63,9 @@ pub(super) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     };
     let epoch = UnixTime::whole(log.header.epoch_unix_s.unwrap_or_default());
     let drones = scenario.world.drones.len();
-    let hunt = scenario_hunt(&scenario, &estimator, log.header.seed)
-        .map_err(|error| choice::simulation_error(error, &args.scenario))?;
+    let parts = scenario.parts(&estimator.config, log.header.seed);
+    let hunt =
+        parts.build().map_err(|error| choice::simulation_error(error.into(), &args.scenario))?;
     let link = args.shared.fusion(drones)?;
     let mut node = FusionNode::new(hunt, drones, link, epoch, past, FusionNodeConfig::default())
         .map_err(CliError::failure)?;
@@ -82,7 +83,7 @@ pub(super) fn run(args: &Args, output: Output) -> Result<(), CliError> {
             log.header.homes = node.homes().to_vec();
         }
         while let Some(event) = node.poll_event() {
-            hunt::tell(&event);
+            telling::tell(&event);
             log.event(event)?;
         }
         if node.is_finished(time) {

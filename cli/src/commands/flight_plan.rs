@@ -1,0 +1,62 @@
+//! The plan of a flight, as `fly --dry-run` prints it.
+
+use foxhunt::{
+    fly::{FlightConfig, FlightPlan, FlyError},
+    hunt::BoxedHunt,
+};
+
+use crate::{
+    error::CliError,
+    output::Output,
+    table::{list, text},
+};
+
+pub(super) fn print(
+    config: &FlightConfig,
+    hunt: BoxedHunt,
+    output: Output,
+) -> Result<(), CliError> {
+    let plan = config.plan(hunt).map_err(|error: FlyError| CliError::input(error))?;
+    output.result(&plan, describe)
+}
+
+fn describe(plan: &FlightPlan) -> String {
+    let mut drones = list(&["drone", "stands at m", "goes first to m", "device", "reached at"]);
+    for drone in &plan.drones {
+        let launch = drone.launch_m.map(|[east, north]| format!("{east:.1}, {north:.1}"));
+        let goal = drone.first_goal_m.map(|[e, n, u]| format!("{e:.1}, {n:.1}, {u:.1}"));
+        for (index, (device, endpoint)) in drone.devices.iter().enumerate() {
+            // The drone is named once.
+            let first = |cell: String| if index == 0 { cell } else { String::new() };
+            drones.add_row([
+                first(drone.name.clone()),
+                first(text(launch.clone())),
+                first(text(goal.clone())),
+                (*device).to_owned(),
+                endpoint.clone(),
+            ]);
+        }
+    }
+    let (site, rules, hunt) = (&plan.site, &plan.rules, &plan.hunt);
+    let mut said = format!(
+        "{}: East and North from {:.7}, {:.7}\nlooking for {}\n{drones}\n\
+         take-off to {} m; at the end {}, if it is broken off {}\n\
+         {} m between drones; a move takes at most {:.0} s, a turn {:.0} s\n",
+        plan.name,
+        site.lat_deg,
+        site.lon_deg,
+        plan.beacons.join(", "),
+        rules.takeoff_up_m,
+        rules.at_end,
+        rules.on_abort,
+        hunt.separation_m,
+        hunt.move_timeout_s,
+        hunt.turn_timeout_s,
+    );
+    for remark in &plan.remarks {
+        said.push_str("note: ");
+        said.push_str(remark);
+        said.push('\n');
+    }
+    said
+}

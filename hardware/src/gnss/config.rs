@@ -1,0 +1,201 @@
+use std::f64::consts::SQRT_2;
+
+use foxhunt_wire::FixQuality;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::{GnssConfigError, GnssDecoder, GnssFix, GpsdDecoder, NmeaDecoder, UbloxDecoder};
+
+/// What a receiver speaks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GnssKind {
+    /// NMEA 0183: nearly every receiver.
+    #[default]
+    Nmea,
+    /// UBX: receivers by u-blox, which then also tell how uncertain they are.
+    Ublox,
+    /// The JSON of gpsd, usually at port 2947.
+    Gpsd,
+}
+
+/// How a GNSS receiver is read. Where it is reached, an endpoint, is given apart.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GnssConfig {
+    /// What it speaks.
+    pub kind: GnssKind,
+    /// How far its antenna is in front of the vehicle's middle, in metres.
+    pub antenna_forward_m: f64,
+    /// How far its antenna is to the left of the vehicle's middle, in metres.
+    pub antenna_left_m: f64,
+    /// How far its antenna is above the vehicle's middle, in metres.
+    pub antenna_up_m: f64,
+    /// The most that the vehicle moves while fixes stay away, in metres per second: σ² grows by the
+    /// square of this times the age of the fix.
+    pub speed_mps: f64,
+    /// How old a fix may be, in seconds.
+    pub stale_s: f64,
+    /// After how much silence the receiver is set up again, in seconds.
+    pub silent_s: f64,
+    /// σ is never taken for less than this.
+    pub floors: GnssFloors,
+    /// How much larger than the horizontal floor that of Up is.
+    pub up_factor: f64,
+    /// Where a receiver does not tell σ, it is the floor times this times the horizontal dilution
+    /// of precision.
+    pub untold_factor: f64,
+    /// σ of Up in metres where a fix has no height of its own.
+    pub flat_up_sigma_m: f64,
+}
+
+/// The least σ of East and of North in metres, by what a fix rests on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GnssFloors {
+    /// Dead reckoning.
+    pub estimated_m: f64,
+    /// The satellites alone.
+    pub autonomous_m: f64,
+    /// SBAS or DGNSS.
+    pub differential_m: f64,
+    /// The carrier's ambiguities open.
+    pub rtk_float_m: f64,
+    /// The carrier's ambiguities resolved.
+    pub rtk_fixed_m: f64,
+}
+
+impl Default for GnssFloors {
+    /// 10 m estimated, 1.3 m autonomous, 0.85 m differential, 0.2 m float, 0.01 m fixed. In the open a
+    /// two-band receiver has circular errors probable of 1.5 m, 1.0 m with SBAS and 0.01 m with RTK
+    /// (u-blox ZED-F9P data sheet), and σ = CEP / 1.177. Float and estimated are cautious guesses.
+    fn default() -> Self {
+        Self {
+            estimated_m: 10.0,
+            autonomous_m: 1.3,
+            differential_m: 0.85,
+            rtk_float_m: 0.2,
+            rtk_fixed_m: 0.01,
+        }
+    }
+}
+
+impl GnssFloors {
+    /// That of a quality; `None` where there is no position.
+    #[must_use]
+    pub fn of(&self, quality: FixQuality) -> Option<f64> {
+        match quality {
+            FixQuality::None => None,
+            FixQuality::Estimated => Some(self.estimated_m),
+            FixQuality::Autonomous => Some(self.autonomous_m),
+            FixQuality::Differential => Some(self.differential_m),
+            FixQuality::RtkFloat => Some(self.rtk_float_m),
+            FixQuality::RtkFixed => Some(self.rtk_fixed_m),
+        }
+    }
+}
+
+impl Default for GnssConfig {
+    /// NMEA, the antenna in the vehicle's middle, 2 m/s, fixes of at most 5 s, set up again after 3 s of
+    /// silence, the default floors, twice that for Up, twice the floor times HDOP where σ is not told,
+    /// 50 m for a height that is not known.
+    fn default() -> Self {
+        Self {
+            kind: GnssKind::Nmea,
+            antenna_forward_m: 0.0,
+            antenna_left_m: 0.0,
+            antenna_up_m: 0.0,
+            speed_mps: 2.0,
+            stale_s: 5.0,
+            silent_s: 3.0,
+            floors: GnssFloors::default(),
+            up_factor: 2.0,
+            untold_factor: 2.0,
+            flat_up_sigma_m: 50.0,
+        }
+    }
+}
+
+/// What the dilution of precision is taken for where it is not told.
+const UNTOLD_HDOP: f64 = 2.0;
+
+impl GnssConfig {
+    /// What reads the receiver.
+    #[must_use]
+    pub fn decoder(&self) -> Box<dyn GnssDecoder> {
+        match self.kind {
+            GnssKind::Nmea => Box::new(NmeaDecoder::new()),
+            GnssKind::Ublox => Box::new(UbloxDecoder::new()),
+            GnssKind::Gpsd => Box::new(GpsdDecoder::new()),
+        }
+    }
+
+    /// Where the antenna is from the vehicle's middle: forward, left and up in metres.
+    #[must_use]
+    pub fn antenna(&self) -> Vector3<f64> {
+        Vector3::new(self.antenna_forward_m, self.antenna_left_m, self.antenna_up_m)
+    }
+
+    /// σ of East, North and Up in metres of a fix when it comes: what the receiver tells, but not less
+    /// than the floor; `None` where there is no place.
+    #[must_use]
+    pub fn sigma(&self, fix: &GnssFix) -> Option<Vector3<f64>> {
+        fix.place?;
+        let floor = self.floors.of(fix.quality)?;
+        let floors = Vector3::new(floor, floor, floor * self.up_factor);
+        let untold = || floors * self.untold_factor * fix.hdop.unwrap_or(UNTOLD_HDOP);
+        let mut sigma = fix.sigma_m.unwrap_or_else(untold).sup(&floors);
+        if fix.flat {
+            sigma.z = sigma.z.max(self.flat_up_sigma_m);
+        }
+        Some(sigma)
+    }
+
+    /// Refuses what cannot be.
+    ///
+    /// # Errors
+    ///
+    /// [`GnssConfigError`] names the field and its value.
+    pub fn check(&self) -> Result<(), GnssConfigError> {
+        let floors = &self.floors;
+        for (field, value) in [
+            ("antenna_forward_m", self.antenna_forward_m),
+            ("antenna_left_m", self.antenna_left_m),
+            ("antenna_up_m", self.antenna_up_m),
+        ] {
+            require(value.is_finite(), field, value, "finite")?;
+        }
+        let not_negative = "zero or a positive number";
+        let speed = self.speed_mps;
+        require(speed >= 0.0 && speed.is_finite(), "speed_mps", speed, not_negative)?;
+        for (field, value) in [
+            ("stale_s", self.stale_s),
+            ("silent_s", self.silent_s),
+            ("floors.estimated_m", floors.estimated_m),
+            ("floors.autonomous_m", floors.autonomous_m),
+            ("floors.differential_m", floors.differential_m),
+            ("floors.rtk_float_m", floors.rtk_float_m),
+            ("floors.rtk_fixed_m", floors.rtk_fixed_m),
+            ("up_factor", self.up_factor),
+            ("untold_factor", self.untold_factor),
+            ("flat_up_sigma_m", self.flat_up_sigma_m),
+        ] {
+            require(value > 0.0 && value.is_finite(), field, value, "a positive number")?;
+        }
+        Ok(())
+    }
+}
+
+fn require(
+    holds: bool,
+    field: &'static str,
+    value: f64,
+    requirement: &'static str,
+) -> Result<(), GnssConfigError> {
+    if holds { Ok(()) } else { Err(GnssConfigError { field, value, requirement }) }
+}
+
+/// σ of one axis where a horizontal accuracy is √(σ_E² + σ_N²), both alike.
+pub(super) fn axis_of(horizontal: f64) -> f64 {
+    horizontal / SQRT_2
+}

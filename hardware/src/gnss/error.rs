@@ -1,0 +1,36 @@
+use std::io;
+
+/// Why a GNSS receiver does not say where it is.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum GnssError {
+    /// The stream failed, and the last fix is too old by now, if there ever was one.
+    #[error("the GNSS receiver: {0}")]
+    Stream(#[from] io::Error),
+    /// It has had no fix until now.
+    #[error("the GNSS receiver has no fix yet{}", satellites.map_or(String::new(), |n| format!("; it uses {n} satellites")))]
+    NoFix {
+        /// How many satellites it uses, where it says so.
+        satellites: Option<u32>,
+    },
+    /// The last fix is too old.
+    #[error("the last GNSS fix is {age_s:.1} s old; at most {limit_s} s are allowed")]
+    Stale {
+        /// How old it is, in seconds.
+        age_s: f64,
+        /// How old it may be, in seconds.
+        limit_s: f64,
+    },
+}
+
+/// Why a configuration is refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("gnss.{field} is {value}; it must be {requirement}")]
+pub struct GnssConfigError {
+    /// Which field.
+    pub field: &'static str,
+    /// What it held.
+    pub value: f64,
+    /// What it must be.
+    pub requirement: &'static str,
+}

@@ -1,0 +1,41 @@
+use foxhunt_wire::{FixQuality, geodesy::Geodetic};
+use nalgebra::Vector3;
+
+/// What a receiver said of one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GnssFix {
+    /// When, in seconds of UNIX time as the receiver has it; `None` while it does not know the date.
+    pub utc_s: Option<f64>,
+    /// Where its antenna is; `None` where there is no fix. The height of a [`flat`](Self::flat) fix is
+    /// that of the last one that had a height.
+    pub place: Option<Geodetic>,
+    /// Whether it has no height of its own: a 2D fix.
+    pub flat: bool,
+    /// What it rests on.
+    pub quality: FixQuality,
+    /// σ of East, North and Up in metres, as the receiver says; `None` where it does not.
+    pub sigma_m: Option<Vector3<f64>>,
+    /// How many satellites it uses, where it says so.
+    pub satellites: Option<u32>,
+    /// The horizontal dilution of precision, where it says so.
+    pub hdop: Option<f64>,
+}
+
+/// A number that can be a standard deviation or a dilution.
+pub(super) fn sane(value: f64) -> Option<f64> {
+    (value.is_finite() && value > 0.0).then_some(value)
+}
+
+/// σ of East, North and Up, where all three can be.
+pub(super) fn sane_sigma(east: f64, north: f64, up: f64) -> Option<Vector3<f64>> {
+    Some(Vector3::new(sane(east)?, sane(north)?, sane(up)?))
+}
+
+/// Milliseconds as seconds.
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "dates of this age have less than 2^53 milliseconds"
+)]
+pub(super) fn seconds(milliseconds: i64) -> f64 {
+    milliseconds as f64 / 1000.0
+}

@@ -1,0 +1,186 @@
+use chrono::DateTime;
+use foxhunt_wire::{FixQuality, geodesy::Geodetic};
+use serde::Deserialize;
+
+use super::{
+    GnssDecoder, GnssFix,
+    config::axis_of,
+    fix::{sane, sane_sigma, seconds},
+    line::Line,
+};
+
+/// The longest report that is read, in bytes; a sky of 150 satellites has 15 000.
+const LONGEST: usize = 32_768;
+
+/// Reads the JSON reports of gpsd (`gpsd_json(5)`): TPV, and SKY for satellites and dilution.
+///
+/// Its `epx`, `epy` and `epv` come with "certainty unknown" and are taken for one σ.
+#[derive(Clone, Debug)]
+pub struct GpsdDecoder {
+    line: Line,
+    seen: Seen,
+}
+
+/// What was reported until now.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    satellites: Option<u32>,
+    hdop: Option<f64>,
+    alt_m: Option<f64>,
+    messages: u64,
+    refused: u64,
+}
+
+#[derive(Deserialize)]
+#[serde(tag = "class")]
+enum Report {
+    #[serde(rename = "TPV")]
+    Tpv(Tpv),
+    #[serde(rename = "SKY")]
+    Sky(Sky),
+    #[serde(other)]
+    Other,
+}
+
+#[derive(Deserialize)]
+struct Tpv {
+    #[serde(default)]
+    mode: u8,
+    status: Option<u8>,
+    time: Option<String>,
+    lat: Option<f64>,
+    lon: Option<f64>,
+    #[serde(rename = "altHAE")]
+    alt_hae: Option<f64>,
+    #[serde(rename = "altMSL")]
+    alt_msl: Option<f64>,
+    /// What old versions call the height above the sea.
+    alt: Option<f64>,
+    #[serde(rename = "geoidSep")]
+    geoid_separation: Option<f64>,
+    epx: Option<f64>,
+    epy: Option<f64>,
+    epv: Option<f64>,
+    eph: Option<f64>,
+}
+
+#[derive(Deserialize)]
+struct Sky {
+    hdop: Option<f64>,
+    #[serde(rename = "uSat")]
+    used: Option<u32>,
+    #[serde(default)]
+    satellites: Vec<Satellite>,
+}
+
+#[derive(Deserialize)]
+struct Satellite {
+    #[serde(default)]
+    used: bool,
+}
+
+impl Default for GpsdDecoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl GpsdDecoder {
+    /// One that has seen nothing.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { line: Line::new(LONGEST, None), seen: Seen::default() }
+    }
+}
+
+impl GnssDecoder for GpsdDecoder {
+    fn name(&self) -> &'static str {
+        "gpsd"
+    }
+
+    fn set_up(&self) -> Vec<u8> {
+        b"?WATCH={\"enable\":true,\"json\":true};\n".to_vec()
+    }
+
+    fn decode(&mut self, bytes: &[u8], told: &mut dyn FnMut(GnssFix)) {
+        let Self { line, seen } = self;
+        for &byte in bytes {
+            if let Some(fix) = line.push(byte, |text| seen.report(text)).flatten() {
+                told(fix);
+            }
+        }
+    }
+
+    fn reset(&mut self) {
+        self.line.clear();
+        let Seen { messages, refused, .. } = self.seen;
+        self.seen = Seen { messages, refused, ..Seen::default() };
+    }
+
+    fn messages(&self) -> u64 {
+        self.seen.messages
+    }
+
+    fn refused(&self) -> u64 {
+        self.seen.refused
+    }
+}
+
+impl Seen {
+    fn report(&mut self, text: &str) -> Option<GnssFix> {
+        let Ok(report) = serde_json::from_str(text) else {
+            self.refused += 1;
+            return None;
+        };
+        self.messages += 1;
+        match report {
+            Report::Tpv(tpv) => Some(self.fix(&tpv)),
+            Report::Sky(sky) => {
+                let counted = sky.satellites.iter().filter(|satellite| satellite.used).count();
+                // A part of the sky tells no satellites: those known stay.
+                let counted = u32::try_from(counted).ok().filter(|_| !sky.satellites.is_empty());
+                self.satellites = sky.used.or(counted).or(self.satellites);
+                self.hdop = sky.hdop.and_then(sane).or(self.hdop);
+                None
+            }
+            Report::Other => None,
+        }
+    }
+
+    fn fix(&mut self, tpv: &Tpv) -> GnssFix {
+        let utc = tpv.time.as_deref().and_then(|time| DateTime::parse_from_rfc3339(time).ok());
+        let above_sea = tpv.alt_msl.or(tpv.alt);
+        let told = tpv.alt_hae.or_else(|| Some(above_sea? + tpv.geoid_separation.unwrap_or(0.0)));
+        let flat = tpv.mode < 3 || told.is_none();
+        if !flat {
+            self.alt_m = told;
+        }
+        let placed =
+            (tpv.mode >= 2).then(|| Geodetic::new(tpv.lat?, tpv.lon?, self.alt_m.or(told)?).ok());
+        let place = placed.flatten();
+        let horizontal = tpv.eph.map(axis_of);
+        let (east, north) = (tpv.epx.or(horizontal), tpv.epy.or(horizontal));
+        let up = tpv.epv.or(if flat { east } else { None });
+        GnssFix {
+            utc_s: utc.map(|utc| seconds(utc.timestamp_millis())),
+            place,
+            flat,
+            quality: place.map_or(FixQuality::None, |_| quality(tpv.status)),
+            sigma_m: east.zip(north).zip(up).and_then(|((e, n), u)| sane_sigma(e, n, u)),
+            satellites: self.satellites,
+            hdop: self.hdop,
+        }
+    }
+}
+
+/// What a status means, in gpsd 3.20 and later; a position without one rests on the satellites alone.
+fn quality(status: Option<u8>) -> FixQuality {
+    match status {
+        Some(2) => FixQuality::Differential,
+        Some(3) => FixQuality::RtkFixed,
+        Some(4) => FixQuality::RtkFloat,
+        // Dead reckoning, with and without satellites, and simulated.
+        Some(5 | 6 | 8) => FixQuality::Estimated,
+        _ => FixQuality::Autonomous,
+    }
+}

@@ -1,0 +1,221 @@
+use chrono::{NaiveTime, Timelike};
+use foxhunt_wire::{FixQuality, geodesy::Geodetic};
+use nalgebra::Vector3;
+use nmea::{
+    SentenceType, parse_nmea_sentence,
+    sentences::{FixType, GgaData, GstData, RmcData, parse_gga, parse_gst, parse_rmc},
+};
+
+use super::{
+    GnssDecoder, GnssFix,
+    fix::{sane, sane_sigma, seconds},
+    line::Line,
+};
+
+/// The longest sentence that is read, in bytes: what the crate takes.
+const LONGEST: usize = nmea::SENTENCE_MAX_LEN;
+
+/// How much older than its fix a GST may be, in seconds: the last one, at 1 Hz.
+const GST_AGE_S: f64 = 2.0;
+
+const DAY_S: f64 = 86_400.0;
+
+/// Reads GGA for the place and its quality, GST for σ, RMC for the date, of any talker (NMEA 0183). A
+/// sentence without the right checksum is dropped.
+///
+/// A GGA is a fix at once, with the σ of the GST before it where that is not older than 2 s; when the
+/// GST of the same moment comes after it, the fix is told once more. A receiver that does not
+/// tell the geoid's height is taken to tell heights above the ellipsoid.
+#[derive(Clone, Debug)]
+pub struct NmeaDecoder {
+    line: Line,
+    seen: Seen,
+}
+
+/// What was said until now.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    /// When the day of the last date began, in seconds of UNIX time, and the time of that day.
+    date: Option<(f64, f64)>,
+    /// Of which time of the day, and what σ.
+    gst: Option<(f64, Vector3<f64>)>,
+    /// Of which time of the day, and what fix.
+    gga: Option<(f64, GnssFix)>,
+    alt_m: Option<f64>,
+    messages: u64,
+    refused: u64,
+}
+
+impl Default for NmeaDecoder {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl NmeaDecoder {
+    /// One that has seen nothing.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { line: Line::new(LONGEST, Some(b'$')), seen: Seen::default() }
+    }
+}
+
+impl GnssDecoder for NmeaDecoder {
+    fn name(&self) -> &'static str {
+        "NMEA"
+    }
+
+    fn set_up(&self) -> Vec<u8> {
+        Vec::new()
+    }
+
+    fn decode(&mut self, bytes: &[u8], told: &mut dyn FnMut(GnssFix)) {
+        let Self { line, seen } = self;
+        for &byte in bytes {
+            if let Some(fix) = line.push(byte, |text| seen.sentence(text)).flatten() {
+                told(fix);
+            }
+        }
+    }
+
+    fn reset(&mut self) {
+        self.line.clear();
+        let Seen { messages, refused, .. } = self.seen;
+        self.seen = Seen { messages, refused, ..Seen::default() };
+    }
+
+    fn messages(&self) -> u64 {
+        self.seen.messages
+    }
+
+    fn refused(&self) -> u64 {
+        self.seen.refused
+    }
+}
+
+impl Seen {
+    fn sentence(&mut self, text: &str) -> Option<GnssFix> {
+        let read = self.read(text);
+        if read.is_none() {
+            self.refused += 1;
+        } else {
+            self.messages += 1;
+        }
+        read.flatten()
+    }
+
+    /// `None` where it is no proper sentence; otherwise the fix that it completes, if any.
+    fn read(&mut self, text: &str) -> Option<Option<GnssFix>> {
+        if !text.is_ascii() {
+            return None;
+        }
+        let mut sentence = match parse_nmea_sentence(text) {
+            Ok(sentence) if sentence.calc_checksum() == sentence.checksum => sentence,
+            Ok(_) => return None,
+            // Sentences of a maker's own, and those that the crate does not know.
+            Err(_) => return is_whole(text).then_some(None),
+        };
+        match sentence.message_id {
+            SentenceType::GGA => parse_gga(sentence).ok().map(|gga| self.gga(&gga)),
+            SentenceType::GST => parse_gst(sentence).ok().map(|gst| self.gst(&gst)),
+            SentenceType::RMC => {
+                let mended = without_variation(sentence.data);
+                sentence.data = &mended;
+                let rmc = parse_rmc(sentence).ok();
+                rmc.map(|rmc| {
+                    self.rmc(&rmc);
+                    None
+                })
+            }
+            _ => Some(None),
+        }
+    }
+
+    fn rmc(&mut self, rmc: &RmcData) {
+        if let (Some(date), Some(time)) = (rmc.fix_date, rmc.fix_time) {
+            let midnight = date.and_time(NaiveTime::MIN).and_utc().timestamp_millis();
+            self.date = Some((seconds(midnight), of_day(time)));
+        }
+    }
+
+    fn gga(&mut self, gga: &GgaData) -> Option<GnssFix> {
+        let height = gga.altitude.map(f64::from).filter(|alt| alt.is_finite());
+        let geoid = gga.geoid_separation.map(f64::from).filter(|alt| alt.is_finite());
+        let flat = height.is_none();
+        let quality = gga.fix_type.map_or(FixQuality::None, quality);
+        if quality > FixQuality::None && !flat {
+            self.alt_m = height.map(|height| height + geoid.unwrap_or(0.0));
+        }
+        let placed = (quality > FixQuality::None)
+            .then(|| Geodetic::new(gga.latitude?, gga.longitude?, self.alt_m?).ok());
+        let place = placed.flatten();
+        let time = gga.fix_time.map(of_day);
+        let fix = GnssFix {
+            utc_s: time.and_then(|time| self.utc(time)),
+            place,
+            flat,
+            quality: place.map_or(FixQuality::None, |_| quality),
+            sigma_m: time.and_then(|time| self.sigma_at(time)),
+            satellites: gga.fix_satellites,
+            hdop: gga.hdop.map(f64::from).and_then(sane),
+        };
+        self.gga = time.map(|time| (time, fix));
+        Some(fix)
+    }
+
+    fn gst(&mut self, gst: &GstData) -> Option<GnssFix> {
+        let time = of_day(gst.time?);
+        let [east, north, up] = [gst.long_sd, gst.lat_sd, gst.alt_sd].map(|sd| sd.map(f64::from));
+        let sigma = sane_sigma(east?, north?, up?)?;
+        self.gst = Some((time, sigma));
+        let (of, fix) = self.gga?;
+        let same = (of - time).abs() < 1e-3 && fix.sigma_m != Some(sigma);
+        (same && fix.place.is_some()).then_some(GnssFix { sigma_m: Some(sigma), ..fix })
+    }
+
+    /// σ as the last GST has it, at a time of the day, unless it is too old then.
+    fn sigma_at(&self, time: f64) -> Option<Vector3<f64>> {
+        let (of, sigma) = self.gst?;
+        let age = (time - of).rem_euclid(DAY_S);
+        (age <= GST_AGE_S).then_some(sigma)
+    }
+
+    /// UNIX time of a time of the day, on the day that brings it next to the last date.
+    fn utc(&self, time: f64) -> Option<f64> {
+        let (midnight, dated) = self.date?;
+        let days = ((dated - time) / DAY_S).round();
+        Some(midnight + time + days * DAY_S)
+    }
+}
+
+/// Whether it is a sentence by its checksum, whatever it says.
+fn is_whole(text: &str) -> bool {
+    let Some((said, told)) = text.strip_prefix('$').and_then(|rest| rest.split_once('*')) else {
+        return false;
+    };
+    let sum = said.bytes().fold(0, |sum, byte| sum ^ byte);
+    told.get(..2).and_then(|told| u8::from_str_radix(told, 16).ok()) == Some(sum)
+}
+
+/// An RMC without its magnetic variation: it is not needed, and the crate refuses one that has no
+/// direction.
+fn without_variation(data: &str) -> String {
+    let keep = |(at, field)| if matches!(at, 9 | 10) { "" } else { field };
+    data.split(',').enumerate().map(keep).collect::<Vec<_>>().join(",")
+}
+
+/// Seconds since midnight.
+fn of_day(time: NaiveTime) -> f64 {
+    f64::from(time.num_seconds_from_midnight()) + f64::from(time.nanosecond()) * 1e-9
+}
+
+fn quality(told: FixType) -> FixQuality {
+    match told {
+        FixType::Invalid => FixQuality::None,
+        FixType::Gps | FixType::Pps => FixQuality::Autonomous,
+        FixType::DGps => FixQuality::Differential,
+        FixType::Rtk => FixQuality::RtkFixed,
+        FixType::FloatRtk => FixQuality::RtkFloat,
+        FixType::Estimated | FixType::Manual | FixType::Simulation => FixQuality::Estimated,
+    }
+}

@@ -1,0 +1,186 @@
+use foxhunt_wire::mavlink::{Autopilot, SigningKey};
+use serde::{Deserialize, Serialize};
+
+use super::{FlightLimits, MavlinkError};
+
+/// How an autopilot is spoken to, and what it may be asked for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MavlinkConfig {
+    /// Whose firmware it is; where absent, what its heartbeat says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub autopilot: Option<Autopilot>,
+    /// Its system number (SYSID_THISMAV, MAV_SYS_ID); where absent, that of the first autopilot heard.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub system_id: Option<u8>,
+    /// Our own (SYSID_MYGCS).
+    pub ground_system_id: u8,
+    /// The origin of the East-North-Up frame that all drones of a hunt share. Where absent, the place
+    /// where this drone first has a good position: for a drone that flies alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin: Option<MavlinkOrigin>,
+    /// How fast it is told to fly over ground, in metres per second; as it is set up where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cruise_speed_mps: Option<f64>,
+    /// How close to the height of take-off it takes goals, in metres.
+    pub take_off_tolerance_m: f64,
+    /// How long a take-off may take from the order to climb on, in seconds.
+    pub take_off_timeout_s: f64,
+    /// How long a good position is waited for before take-off, in seconds.
+    pub position_timeout_s: f64,
+    /// How often it is asked to tell where it is and how it is turned, per second.
+    pub pose_rate_hz: f64,
+    /// How often everything else, per second.
+    pub status_rate_hz: f64,
+    /// How often set-points are repeated where they have to be: to PX4, and while it turns; per second.
+    pub setpoint_rate_hz: f64,
+    /// Without a heartbeat for so long the link is lost, in seconds.
+    pub link_timeout_s: f64,
+    /// An older place or attitude is an error, in seconds.
+    pub pose_timeout_s: f64,
+    /// How long an answer to an order is waited for, in seconds.
+    pub ack_timeout_s: f64,
+    /// How often an order is given before it counts as refused.
+    pub attempts: u32,
+    /// The fastest turn that may be ordered, in degrees per second.
+    pub spin_limit_deg_s: f64,
+    /// How fast it turns to a heading, in degrees per second.
+    pub turn_rate_deg_s: f64,
+    /// How close to an ordered heading it has turned, in degrees.
+    pub heading_tolerance_deg: f64,
+    /// Where it may be sent.
+    pub limits: FlightLimits,
+    /// How good its position must be for a take-off.
+    pub position: PositionRequirements,
+    /// The key of a signed link; unsigned messages are refused then.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub signing: Option<MavlinkSigning>,
+}
+
+impl Default for MavlinkConfig {
+    /// Whatever autopilot speaks, we being 255; its launch place the origin; take-off to within 0.5 m
+    /// in 60 s after up to 120 s for a position; pose 10 Hz, status 2 Hz, set-points 5 Hz; the link lost
+    /// after 3.5 s, a pose old after 1 s; 5 attempts a second apart; turns up to 90 °/s, to headings at
+    /// 30 °/s within 5°; no signing.
+    fn default() -> Self {
+        Self {
+            autopilot: None,
+            system_id: None,
+            ground_system_id: 255,
+            origin: None,
+            cruise_speed_mps: None,
+            take_off_tolerance_m: 0.5,
+            take_off_timeout_s: 60.0,
+            position_timeout_s: 120.0,
+            pose_rate_hz: 10.0,
+            status_rate_hz: 2.0,
+            setpoint_rate_hz: 5.0,
+            link_timeout_s: 3.5,
+            pose_timeout_s: 1.0,
+            ack_timeout_s: 1.0,
+            attempts: 5,
+            spin_limit_deg_s: 90.0,
+            turn_rate_deg_s: 30.0,
+            heading_tolerance_deg: 5.0,
+            limits: FlightLimits::default(),
+            position: PositionRequirements::default(),
+            signing: None,
+        }
+    }
+}
+
+/// Where the common frame has its zero.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MavlinkOrigin {
+    /// Latitude in degrees, North positive.
+    pub lat_deg: f64,
+    /// Longitude in degrees, East positive.
+    pub lon_deg: f64,
+}
+
+/// How good a position must be for a take-off, besides what the autopilot's estimator says.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PositionRequirements {
+    /// The least fix: 3 in space, 4 differential, 5 RTK float, 6 RTK fixed.
+    pub fix_type: u8,
+    /// The fewest satellites.
+    pub satellites: u8,
+    /// The most uncertain place over ground, in metres, where the receiver tells.
+    pub horizontal_accuracy_m: f64,
+}
+
+impl Default for PositionRequirements {
+    /// A fix in space from 6 satellites, good to 5 m.
+    fn default() -> Self {
+        Self { fix_type: 3, satellites: 6, horizontal_accuracy_m: 5.0 }
+    }
+}
+
+/// The key of a signed link (<https://mavlink.io/en/guide/message_signing.html>).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MavlinkSigning {
+    /// 64 hexadecimal digits: the SHA-256 of the passphrase that other programs ask for.
+    pub key: SigningKey,
+    /// Which of several links this is; each program has another one.
+    #[serde(default)]
+    pub link_id: u8,
+}
+
+impl MavlinkConfig {
+    /// Refuses what cannot be flown with.
+    ///
+    /// # Errors
+    ///
+    /// [`MavlinkError::Config`] names the field, with its value.
+    pub fn check(&self) -> Result<(), MavlinkError> {
+        let positive = [
+            ("take_off_tolerance_m", self.take_off_tolerance_m),
+            ("take_off_timeout_s", self.take_off_timeout_s),
+            ("position_timeout_s", self.position_timeout_s),
+            ("status_rate_hz", self.status_rate_hz),
+            ("pose_timeout_s", self.pose_timeout_s),
+            ("ack_timeout_s", self.ack_timeout_s),
+            ("turn_rate_deg_s", self.turn_rate_deg_s),
+            ("heading_tolerance_deg", self.heading_tolerance_deg),
+            ("spin_limit_deg_s", self.spin_limit_deg_s),
+            ("cruise_speed_mps", self.cruise_speed_mps.unwrap_or(1.0)),
+            ("position.horizontal_accuracy_m", self.position.horizontal_accuracy_m),
+        ];
+        for (field, value) in positive {
+            require(value > 0.0 && value.is_finite(), field, value, "a positive number")?;
+        }
+        let rate = self.pose_rate_hz;
+        require((1.0..=100.0).contains(&rate), "pose_rate_hz", rate, "in 1 … 100")?;
+        let rate = self.setpoint_rate_hz;
+        // PX4 leaves OFFBOARD below 2 Hz.
+        require((2.5..=50.0).contains(&rate), "setpoint_rate_hz", rate, "in 2.5 … 50")?;
+        let timeout = self.link_timeout_s;
+        let requirement = "at least 2, as heartbeats come once a second";
+        require((2.0..=60.0).contains(&timeout), "link_timeout_s", timeout, requirement)?;
+        let attempts = f64::from(self.attempts);
+        require(self.attempts > 0, "attempts", attempts, "at least 1")?;
+        for (field, id) in [
+            ("ground_system_id", self.ground_system_id),
+            ("system_id", self.system_id.unwrap_or(1)),
+        ] {
+            require(id > 0, field, f64::from(id), "in 1 … 255")?;
+        }
+        self.limits.check()
+    }
+}
+
+pub(super) fn require(
+    holds: bool,
+    field: &str,
+    value: f64,
+    requirement: &'static str,
+) -> Result<(), MavlinkError> {
+    if holds {
+        Ok(())
+    } else {
+        Err(MavlinkError::Config { field: field.into(), value, requirement })
+    }
+}

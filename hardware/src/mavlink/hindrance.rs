@@ -1,0 +1,77 @@
+use foxhunt_core::Clock;
+use foxhunt_wire::{
+    ByteStream,
+    mavlink::{Autopilot, dialect::MavSysStatusSensor},
+};
+
+use super::{
+    MavlinkVehicle,
+    phase::{Phase, Stage},
+    quality,
+};
+
+impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
+    /// Why it takes no orders, or what keeps it on the ground.
+    pub(super) fn hindrance(&self, now: f64) -> String {
+        if self.heard.who.is_none() {
+            return "no heartbeat of an autopilot yet".into();
+        }
+        if self.heard.without_heartbeat(now) > self.config.link_timeout_s {
+            return "its heartbeats stopped".into();
+        }
+        match &self.phase {
+            Phase::Taken { why, .. } => return why.clone(),
+            Phase::Landing => return "it lands".into(),
+            Phase::Returning => return "it returns to its launch place".into(),
+            Phase::TakingOver => return "it is asked for its mode".into(),
+            Phase::Flying => {
+                let lost = self.goal.filter(|goal| !goal.confirmed);
+                let late = lost.is_some_and(|goal| goal.times > self.config.attempts);
+                let ardupilot = self.heard.autopilot() == Autopilot::ArduPilot;
+                return match late && ardupilot {
+                    true => "it does not confirm where it was sent".into(),
+                    false => self.failure.clone(),
+                };
+            }
+            Phase::Idle | Phase::TakingOff { .. } => {}
+        }
+        if !self.failure.is_empty() {
+            return self.failure.clone();
+        }
+        if let Err(why) = quality::for_take_off(&self.heard, &self.config.position, now) {
+            return why;
+        }
+        if let Phase::TakingOff { stage, .. } = self.phase {
+            return match stage {
+                Stage::Position => "it waits for a good position",
+                Stage::Mode => "it is asked for its mode",
+                Stage::Arm => "it is being armed",
+                Stage::Climb => "it climbs",
+                Stage::Command => "it is asked to take our orders",
+            }
+            .into();
+        }
+        if self.heard.airborne() {
+            return "it is in the air already, and was not taken over".into();
+        }
+        self.unready(now)
+    }
+
+    /// What its own checks before arming say.
+    pub(super) fn unready(&self, now: f64) -> String {
+        let check = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
+        let failed = self.heard.status.as_ref().is_some_and(|status| {
+            status.value.onboard_control_sensors_enabled.contains(check)
+                && !status.value.onboard_control_sensors_health.contains(check)
+        });
+        if !failed || self.heard.armed() {
+            return String::new();
+        }
+        // They are told every half minute.
+        let complaints: Vec<_> = self.heard.complaints(now - 40.0).take(3).collect();
+        match complaints.is_empty() {
+            true => "its checks before arming fail".into(),
+            false => complaints.join("; "),
+        }
+    }
+}

@@ -1,0 +1,173 @@
+use nalgebra::{Vector2, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::{MavlinkError, config::require};
+
+/// Where an aircraft may be sent, whatever its own fence says.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FlightLimits {
+    /// The highest goal, in metres above its launch place.
+    pub max_up_m: f64,
+    /// The lowest.
+    pub min_up_m: f64,
+    /// The farthest goal over ground from its launch place, in metres.
+    pub fence_radius_m: f64,
+    /// Corners of an area, East and North in metres of the common frame, which neither a goal nor the
+    /// straight way to it leaves; no such area where there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub fence: Vec<[f64; 2]>,
+}
+
+impl Default for FlightLimits {
+    /// 2 to 50 m up, 300 m from the launch place.
+    fn default() -> Self {
+        Self { max_up_m: 50.0, min_up_m: 2.0, fence_radius_m: 300.0, fence: Vec::new() }
+    }
+}
+
+impl FlightLimits {
+    pub(super) fn check(&self) -> Result<(), MavlinkError> {
+        let (most, least) = (self.max_up_m, self.min_up_m);
+        require(most.is_finite() && most > 0.0, "limits.max_up_m", most, "a positive number")?;
+        require(
+            least.is_finite() && least < most,
+            "limits.min_up_m",
+            least,
+            "a number below max_up_m",
+        )?;
+        let radius = self.fence_radius_m;
+        require(radius > 0.0, "limits.fence_radius_m", radius, "a positive number")?;
+        for (i, corner) in self.fence.iter().enumerate() {
+            for value in corner {
+                require(value.is_finite(), &format!("limits.fence[{i}]"), *value, "finite")?;
+            }
+        }
+        #[expect(clippy::cast_precision_loss, reason = "nobody writes so many corners")]
+        let corners = self.fence.len() as f64;
+        require(
+            self.fence.is_empty() || self.fence.len() > 2,
+            "limits.fence",
+            corners,
+            "at least 3 corners",
+        )
+    }
+
+    /// Refuses a height.
+    pub(super) fn check_up(&self, up_m: f64) -> Result<(), MavlinkError> {
+        if (self.min_up_m..=self.max_up_m).contains(&up_m) {
+            return Ok(());
+        }
+        Err(MavlinkError::UpLimit { up_m, min_up_m: self.min_up_m, max_up_m: self.max_up_m })
+    }
+
+    /// Refuses a goal for an aircraft that is `from` somewhere and was launched at `launch`.
+    pub(super) fn check_goal(
+        &self,
+        goal: &Vector3<f64>,
+        from: Option<&Vector3<f64>>,
+        launch: Option<&Vector3<f64>>,
+    ) -> Result<(), MavlinkError> {
+        let [east_m, north_m, up_m] = (*goal).into();
+        if !goal.iter().all(|value| value.is_finite()) {
+            return Err(MavlinkError::Goal { east_m, north_m, up_m });
+        }
+        self.check_up(up_m)?;
+        let distance_m = launch.map_or(0.0, |launch| (goal - launch).xy().norm());
+        if distance_m > self.fence_radius_m {
+            let fence_radius_m = self.fence_radius_m;
+            return Err(MavlinkError::Radius { east_m, north_m, distance_m, fence_radius_m });
+        }
+        if self.fence.is_empty() {
+            return Ok(());
+        }
+        let outside =
+            |what| Err(MavlinkError::Fence { what, east_m, north_m, corners: self.fence.len() });
+        if !self.contains(goal.xy()) {
+            return outside("goal");
+        }
+        // One that is already outside may come back in on any way.
+        match from.map(|from| from.xy()).filter(|from| self.contains(*from)) {
+            Some(from) if self.edges().any(|edge| crosses(from, goal.xy(), edge)) => {
+                outside("way to")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn edges(&self) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> {
+        let corners = self.fence.iter().map(|[east, north]| Vector2::new(*east, *north));
+        corners.clone().zip(corners.cycle().skip(1))
+    }
+
+    /// Whether a ray to the East leaves an odd number of times.
+    fn contains(&self, place: Vector2<f64>) -> bool {
+        let crossed = self.edges().filter(|(a, b)| {
+            let spans = (a.y > place.y) != (b.y > place.y);
+            spans && place.x < a.x + (place.y - a.y) / (b.y - a.y) * (b.x - a.x)
+        });
+        crossed.count() % 2 == 1
+    }
+}
+
+/// Whether the way from `a` to `b` crosses an edge.
+fn crosses(a: Vector2<f64>, b: Vector2<f64>, edge: (Vector2<f64>, Vector2<f64>)) -> bool {
+    let side = |p: Vector2<f64>, q: Vector2<f64>, r: Vector2<f64>| (q - p).perp(&(r - p)) > 0.0;
+    let (c, d) = edge;
+    side(a, b, c) != side(a, b, d) && side(c, d, a) != side(c, d, b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn goals_and_ways_stay_inside() {
+        // A square with a notch from the North.
+        let fence = vec![
+            [0.0, 0.0],
+            [40.0, 0.0],
+            [40.0, 40.0],
+            [25.0, 40.0],
+            [20.0, 10.0],
+            [15.0, 40.0],
+            [0.0, 40.0],
+        ];
+        let limits = FlightLimits { fence, fence_radius_m: 60.0, ..FlightLimits::default() };
+        limits.check().expect("a fence");
+        let launch = Vector3::new(5.0, 5.0, 0.0);
+        let at = |east, north, up| Vector3::new(east, north, up);
+        let check = |goal: Vector3<f64>, from: Vector3<f64>| {
+            limits.check_goal(&goal, Some(&from), Some(&launch)).map_err(|error| error.to_string())
+        };
+        let left = at(10.0, 30.0, 10.0);
+        assert_eq!(check(at(5.0, 35.0, 10.0), left), Ok(()));
+        assert_eq!(check(at(30.0, 5.0, 10.0), launch), Ok(()));
+        assert!(
+            check(at(30.0, 30.0, 10.0), left).expect_err("outside").contains("way to (30, 30)")
+        );
+        assert!(check(at(20.0, 30.0, 10.0), left).expect_err("outside").contains("goal (20, 30)"));
+        assert!(check(at(-1.0, 5.0, 10.0), left).expect_err("outside").contains("7 corners"));
+        // Back in from the notch.
+        assert_eq!(check(at(10.0, 30.0, 10.0), at(20.0, 30.0, 10.0)), Ok(()));
+        assert!(check(at(10.0, 30.0, 51.0), left).expect_err("outside").contains("2 to 50 m"));
+        assert!(check(at(10.0, 30.0, 1.9), left).expect_err("outside").contains("1.9"));
+        assert!(check(at(10.0, f64::NAN, 10.0), left).is_err());
+        let radius = FlightLimits { fence_radius_m: 10.0, ..FlightLimits::default() };
+        let error = radius.check_goal(&left, None, Some(&launch)).expect_err("outside").to_string();
+        assert!(error.contains("25.5 m") && error.contains("fence_radius_m is 10"), "{error}");
+    }
+
+    #[test]
+    fn impossible_limits_are_named() {
+        for (limits, field) in [
+            (FlightLimits { max_up_m: 0.0, ..FlightLimits::default() }, "limits.max_up_m"),
+            (FlightLimits { min_up_m: 60.0, ..FlightLimits::default() }, "limits.min_up_m"),
+            (FlightLimits { fence_radius_m: -1.0, ..FlightLimits::default() }, "fence_radius_m"),
+            (FlightLimits { fence: vec![[0.0; 2]; 2], ..FlightLimits::default() }, "limits.fence"),
+        ] {
+            let error = limits.check().expect_err("outside").to_string();
+            assert!(error.contains(field), "{error}");
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! ArduPilot and PX4 over MAVLink 2.
+
+mod config;
+mod error;
+mod examine;
+mod flight;
+mod goal;
+mod heard;
+mod hindrance;
+mod limits;
+mod link;
+mod orders;
+mod phase;
+mod quality;
+mod setpoint;
+mod streams;
+mod take_off;
+mod vehicle;
+
+pub use config::{MavlinkConfig, MavlinkOrigin, MavlinkSigning, PositionRequirements};
+pub use error::MavlinkError;
+pub use heard::RadioStatus;
+pub use limits::FlightLimits;
+pub use vehicle::MavlinkVehicle;

@@ -1,0 +1,69 @@
+use nalgebra::Vector3;
+
+/// What was ordered of an aircraft, and how far that is.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Phase {
+    /// Nothing yet, or it is down again.
+    Idle,
+    /// On its way up to so many metres; at this stage since then.
+    TakingOff { up: f64, stage: Stage, since: f64 },
+    /// In the mode of our orders, going where it is sent.
+    Flying,
+    /// It is asked for the mode of our orders again.
+    TakingOver,
+    /// Landing where it is.
+    Landing,
+    /// Coming back by its own rules.
+    Returning,
+    /// Out of our hands, and why.
+    Taken { why: String, by_pilot: bool },
+}
+
+/// The stages of a take-off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Stage {
+    /// Until the position is good.
+    Position,
+    /// Until it is in the mode in which it is armed.
+    Mode,
+    /// Until its motors run.
+    Arm,
+    /// Until it is up.
+    Climb,
+    /// Until it is in the mode of our orders: PX4 alone climbs in another one.
+    Command,
+}
+
+/// Where it is sent and how its nose is meant to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Goal {
+    /// In metres of the common frame.
+    pub(super) place: Vector3<f64>,
+    pub(super) nose: Nose,
+    /// Whether the autopilot has shown that it knows.
+    pub(super) confirmed: bool,
+    /// When it was said last.
+    pub(super) sent: f64,
+    /// How often it was said.
+    pub(super) times: u32,
+}
+
+/// What the nose does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Nose {
+    /// Points there, in radians counter-clockwise from East.
+    Holds(f64),
+    /// Turns at so many radians per second, counter-clockwise.
+    Turns(f64),
+}
+
+impl Goal {
+    pub(super) fn new(place: Vector3<f64>, nose: Nose) -> Self {
+        Self { place, nose, confirmed: false, sent: f64::NEG_INFINITY, times: 0 }
+    }
+
+    /// Whether it was never said in this form.
+    pub(super) fn is_new(&self) -> bool {
+        self.times == 0
+    }
+}

@@ -1,0 +1,108 @@
+use foxhunt_wire::mavlink::{Autopilot, dialect::GpsFixType};
+use nalgebra::Vector3;
+
+use super::{PositionRequirements, heard::Heard};
+
+/// Attitude, velocities and both horizontal positions of the estimator.
+const GOOD: u16 = 0x1F;
+
+/// It only guesses that it stands still; it was never healthy, or its GPS jumps.
+const BAD: u16 = 0x480;
+
+/// How old what is judged may be, in seconds.
+const OLD_S: f64 = 5.0;
+
+/// Whether the autopilot's estimator knows where it is; else what it says.
+pub(super) fn estimator(heard: &Heard, now: f64) -> Result<(), String> {
+    match heard.estimator.filter(|flags| now - flags.at < OLD_S) {
+        Some(flags) if flags.value & BAD != 0 || flags.value & GOOD != GOOD => {
+            Err(format!("the estimator's flags are {:#06x}", flags.value))
+        }
+        Some(_) => Ok(()),
+        // Not every PX4 link has its estimator's status; the position alone has to do.
+        None if heard.autopilot() == Autopilot::Px4 => Ok(()),
+        None => Err("nothing was heard of the estimator yet".into()),
+    }
+}
+
+/// Whether the position is good enough for a take-off; else what is not.
+pub(super) fn for_take_off(
+    heard: &Heard,
+    wanted: &PositionRequirements,
+    now: f64,
+) -> Result<(), String> {
+    estimator(heard, now)?;
+    let fresh = heard.gps.as_ref().filter(|gps| now - gps.at < OLD_S);
+    let gps = &fresh.ok_or("nothing was heard of the GPS yet")?.value;
+    if (gps.fix_type as u32) < u32::from(wanted.fix_type) {
+        return Err(format!(
+            "the fix is {} ({}); position.fix_type is {}",
+            fix_name(gps.fix_type),
+            gps.fix_type as u32,
+            wanted.fix_type
+        ));
+    }
+    if gps.satellites_visible != u8::MAX && gps.satellites_visible < wanted.satellites {
+        return Err(format!(
+            "{} satellites; position.satellites is {}",
+            gps.satellites_visible, wanted.satellites
+        ));
+    }
+    let accuracy = accuracy_m(gps.h_acc);
+    if let Some(accuracy) = accuracy.filter(|accuracy| *accuracy > wanted.horizontal_accuracy_m) {
+        return Err(format!(
+            "the GPS is good to {accuracy:.1} m; position.horizontal_accuracy_m is {}",
+            wanted.horizontal_accuracy_m
+        ));
+    }
+    if heard.position.as_ref().is_none_or(|position| now - position.at > OLD_S) {
+        return Err("nothing was heard of its place yet".into());
+    }
+    Ok(())
+}
+
+/// What a fix is called.
+pub(super) fn fix_name(fix: GpsFixType) -> &'static str {
+    match fix {
+        GpsFixType::GPS_FIX_TYPE_NO_GPS => "no GPS",
+        GpsFixType::GPS_FIX_TYPE_NO_FIX => "no fix",
+        GpsFixType::GPS_FIX_TYPE_2D_FIX => "2D",
+        GpsFixType::GPS_FIX_TYPE_3D_FIX => "3D",
+        GpsFixType::GPS_FIX_TYPE_DGPS => "differential",
+        GpsFixType::GPS_FIX_TYPE_RTK_FLOAT => "RTK float",
+        GpsFixType::GPS_FIX_TYPE_RTK_FIXED => "RTK fixed",
+        GpsFixType::GPS_FIX_TYPE_STATIC => "static",
+        GpsFixType::GPS_FIX_TYPE_PPP => "PPP",
+    }
+}
+
+/// An accuracy in metres, where one is told.
+fn accuracy_m(mm: u32) -> Option<f64> {
+    (mm > 0 && mm < u32::MAX).then(|| f64::from(mm) * 1e-3)
+}
+
+/// σ of a range to a satellite, in metres, by which a dilution of precision is multiplied: what single
+/// frequency receivers have in the open (Kaplan & Hegarty 2017, §10).
+const RANGE_SIGMA_M: f64 = 2.5;
+
+/// σ of East, North and Up in metres, as the GPS has them; `None` where it says nothing.
+///
+/// An accuracy that the receiver tells is taken for each axis. Without one, dilution of precision
+/// times σ of a range, which RTK makes smaller. Without a fix in space everything is ten times worse.
+pub(super) fn position_sigma(heard: &Heard) -> Option<Vector3<f64>> {
+    let gps = &heard.gps.as_ref()?.value;
+    let (range, poor) = match gps.fix_type {
+        GpsFixType::GPS_FIX_TYPE_RTK_FIXED => (0.02, 1.0),
+        GpsFixType::GPS_FIX_TYPE_RTK_FLOAT => (0.4, 1.0),
+        GpsFixType::GPS_FIX_TYPE_DGPS | GpsFixType::GPS_FIX_TYPE_PPP => (1.0, 1.0),
+        GpsFixType::GPS_FIX_TYPE_3D_FIX | GpsFixType::GPS_FIX_TYPE_STATIC => (RANGE_SIGMA_M, 1.0),
+        _ => (RANGE_SIGMA_M, 10.0),
+    };
+    // Unknown dilutions are 65535; a clear sky has about 1.
+    let dilution = |hundredths: u16, usual: f64| {
+        if hundredths == u16::MAX || hundredths == 0 { usual } else { f64::from(hundredths) * 0.01 }
+    };
+    let over_ground = accuracy_m(gps.h_acc).unwrap_or_else(|| range * dilution(gps.eph, 1.5));
+    let up = accuracy_m(gps.v_acc).unwrap_or_else(|| range * dilution(gps.epv, 2.5));
+    Some(Vector3::new(over_ground, over_ground, up) * poor)
+}

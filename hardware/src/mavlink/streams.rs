@@ -1,0 +1,100 @@
+use foxhunt_wire::mavlink::{
+    Autopilot, Message, MessageData,
+    dialect::{
+        ATTITUDE_DATA, EKF_STATUS_REPORT_DATA, ESTIMATOR_STATUS_DATA, EXTENDED_SYS_STATE_DATA,
+        GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HOME_POSITION_DATA, MavCmd, MavMessage,
+        POSITION_TARGET_GLOBAL_INT_DATA, SYS_STATUS_DATA,
+    },
+};
+
+use super::{MavlinkConfig, orders::Order};
+
+/// What the autopilot is asked to tell regularly, and asked for again when it stops.
+#[derive(Debug)]
+pub(super) struct Streams {
+    wanted: Vec<Wanted>,
+}
+
+#[derive(Debug)]
+struct Wanted {
+    message: u32,
+    period_s: f64,
+    heard: f64,
+    asked: f64,
+    /// How often in vain.
+    vain: u32,
+}
+
+/// Home moves seldom.
+const HOME_PERIOD_S: f64 = 2.0;
+
+/// What does not come after so many questions is asked for less often.
+const PATIENCE: u32 = 5;
+
+impl Streams {
+    pub(super) fn new(config: &MavlinkConfig, autopilot: Autopilot) -> Self {
+        let (pose, status) = (1.0 / config.pose_rate_hz, 1.0 / config.status_rate_hz);
+        let estimator = match autopilot {
+            Autopilot::ArduPilot => EKF_STATUS_REPORT_DATA::ID,
+            Autopilot::Px4 => ESTIMATOR_STATUS_DATA::ID,
+        };
+        let wanted = [
+            (GLOBAL_POSITION_INT_DATA::ID, pose),
+            (ATTITUDE_DATA::ID, pose),
+            (GPS_RAW_INT_DATA::ID, status),
+            (estimator, status),
+            (SYS_STATUS_DATA::ID, status),
+            (EXTENDED_SYS_STATE_DATA::ID, status),
+            (POSITION_TARGET_GLOBAL_INT_DATA::ID, status),
+            (HOME_POSITION_DATA::ID, HOME_PERIOD_S),
+        ];
+        let never = f64::NEG_INFINITY;
+        let wanted = wanted
+            .into_iter()
+            .map(|(message, period_s)| Wanted {
+                message,
+                period_s,
+                heard: never,
+                asked: never,
+                vain: 0,
+            })
+            .collect();
+        Self { wanted }
+    }
+
+    pub(super) fn heard(&mut self, now: f64, message: &MavMessage) {
+        let id = message.message_id();
+        if let Some(wanted) = self.wanted.iter_mut().find(|wanted| wanted.message == id) {
+            (wanted.heard, wanted.vain) = (now, 0);
+        }
+    }
+
+    /// The autopilot may have been reset: everything is asked for again at once.
+    pub(super) fn restart(&mut self) {
+        for wanted in &mut self.wanted {
+            (wanted.heard, wanted.asked, wanted.vain) = (f64::NEG_INFINITY, f64::NEG_INFINITY, 0);
+        }
+    }
+
+    /// The orders that are due for what does not come.
+    pub(super) fn due(&mut self, now: f64) -> Vec<Order> {
+        let mut orders = Vec::new();
+        for wanted in &mut self.wanted {
+            let missing = now - wanted.heard > 3.0 * wanted.period_s + 1.0;
+            let patience = if wanted.vain < PATIENCE { 1.0 } else { 10.0 };
+            if missing && now - wanted.asked > patience + wanted.period_s {
+                wanted.asked = now;
+                wanted.vain = wanted.vain.saturating_add(1);
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_precision_loss,
+                    reason = "message numbers are below 2^24; a period needs no more digits"
+                )]
+                let [id, period_us] = [wanted.message as f32, (wanted.period_s * 1e6) as f32];
+                let parameters = [id, period_us, 0.0, 0.0, 0.0, 0.0, 0.0];
+                orders.push(Order::new(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, parameters));
+            }
+        }
+        orders
+    }
+}

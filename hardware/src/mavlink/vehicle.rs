@@ -1,0 +1,352 @@
+use foxhunt_core::{Clock, Pose, Spinner, Vehicle, Waypoint, angle};
+use foxhunt_wire::{
+    ByteStream,
+    geodesy::Geodetic,
+    mavlink::{CommonFrame, FrameCounts, degrees_of_e7, dialect::MavMessage},
+};
+use nalgebra::Vector3;
+
+use super::{
+    MavlinkConfig, MavlinkError, RadioStatus,
+    heard::Heard,
+    link::Link,
+    orders::Order,
+    phase::{Goal, Nose, Phase, Stage},
+    quality, setpoint,
+    streams::Streams,
+};
+use crate::{Aircraft, AircraftState};
+
+/// An ArduCopter or a PX4 multicopter behind any stream of bytes.
+///
+/// It is served whenever it is asked for anything, which is to be several times a second. East and
+/// North count from the common origin, Up from its own launch place.
+///
+/// **Who flies.** It is ours from the end of a [`take_off`](Aircraft::take_off) until it is landed or
+/// returned, until its link is lost, or until its mode is one that we did not order: the pilot's, or a
+/// failsafe's. From that moment nothing is sent but heartbeats and questions, and orders are errors. It is
+/// ours again when the pilot has given the mode back (GUIDED, or with PX4 HOLD) *and*
+/// [`take_over`](Self::take_over) is called; it then stays where it is until it is sent somewhere.
+#[derive(Debug)]
+pub struct MavlinkVehicle<S, C> {
+    pub(super) config: MavlinkConfig,
+    pub(super) link: Link<S>,
+    pub(super) clock: C,
+    pub(super) heard: Heard,
+    pub(super) streams: Option<Streams>,
+    pub(super) frame: Option<CommonFrame>,
+    /// Where it stood at take-off, where it does not tell its home.
+    pub(super) launch: Option<Vector3<f64>>,
+    pub(super) phase: Phase,
+    pub(super) goal: Option<Goal>,
+    /// The order that the phase waits for.
+    pub(super) order: Option<Order>,
+    /// A heading that it was ordered to, and the order.
+    pub(super) turning: Option<Order>,
+    /// Why a take-off or an order was given up.
+    pub(super) failure: String,
+    pub(super) version_asked: f64,
+}
+
+impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
+    /// An autopilot at the other end of `stream`.
+    ///
+    /// # Errors
+    ///
+    /// [`MavlinkError::Config`] and [`MavlinkError::Origin`] name what is out of range.
+    pub fn new(config: MavlinkConfig, stream: S, clock: C) -> Result<Self, MavlinkError> {
+        config.check()?;
+        let frame = match config.origin {
+            Some(origin) => Some(CommonFrame::new(origin.lat_deg, origin.lon_deg)?),
+            None => None,
+        };
+        Ok(Self {
+            link: Link::new(&config, stream),
+            config,
+            clock,
+            heard: Heard::default(),
+            streams: None,
+            frame,
+            launch: None,
+            phase: Phase::Idle,
+            goal: None,
+            order: None,
+            turning: None,
+            failure: String::new(),
+            version_asked: f64::NEG_INFINITY,
+        })
+    }
+
+    /// Tells when the clock was 0, in seconds of UNIX time
+    /// ([`SystemClock::started_unix_s`](crate::SystemClock::started_unix_s)): signatures carry the time,
+    /// and autopilots refuse those that are a minute old.
+    #[must_use]
+    pub fn with_clock_origin(mut self, unix_s: f64) -> Self {
+        self.link.clock_origin_unix_s = unix_s;
+        self
+    }
+
+    /// Asks for it again after the pilot or a lost link had it. It stays where it is until it is sent
+    /// somewhere, or until it is told to take off. Without effect while it is ours.
+    ///
+    /// # Errors
+    ///
+    /// [`MavlinkError::NotCommanded`] while the pilot has not given the mode back; the link, where that
+    /// fails.
+    pub fn take_over(&mut self) -> Result<(), MavlinkError> {
+        let now = self.serve()?;
+        if matches!(self.phase, Phase::Flying | Phase::TakingOver | Phase::TakingOff { .. }) {
+            return Ok(());
+        }
+        self.check_link(now)?;
+        let refused = |why: String| Err(MavlinkError::NotCommanded { why });
+        let autopilot = self.heard.autopilot();
+        let given_back = [autopilot.commanded(), autopilot.before_take_off()];
+        let mode = self.heard.mode();
+        if !mode.is_some_and(|mode| given_back.contains(&mode)) {
+            return refused(format!(
+                "the pilot has it in {}, and gives it back by {}",
+                self.mode_name(),
+                autopilot.before_take_off()
+            ));
+        }
+        if !self.heard.airborne() {
+            self.enter(Phase::Idle);
+            return Ok(());
+        }
+        let pose = self.fresh_pose(now)?;
+        self.goal = Some(Goal::new(pose.position, Nose::Holds(pose.heading)));
+        (self.order, self.turning) = (None, None);
+        self.failure.clear();
+        self.enter(Phase::TakingOver);
+        self.advance(now)
+    }
+
+    /// Turns the nose to a heading, in radians counter-clockwise from East, the short way; returns
+    /// when the order is on its way. It is repeated until the attitude shows that it was obeyed.
+    ///
+    /// # Errors
+    ///
+    /// As [`go_to`](Vehicle::go_to), and [`MavlinkError::Heading`] for a heading that is not finite.
+    pub fn turn_to(&mut self, heading: f64) -> Result<(), MavlinkError> {
+        if !heading.is_finite() {
+            return Err(MavlinkError::Heading { heading });
+        }
+        let now = self.serve()?;
+        let goal = self.commanded_goal(now)?;
+        self.goal = Some(Goal { nose: Nose::Holds(angle::wrap(heading)), ..goal });
+        self.turning = Some(self.turn_order(heading));
+        self.advance(now)
+    }
+
+    /// Whether the nose is where it was ordered to, within the configured tolerance; `false` while it
+    /// turns at a rate.
+    ///
+    /// # Errors
+    ///
+    /// As [`pose`](Vehicle::pose).
+    pub fn is_turned(&mut self) -> Result<bool, MavlinkError> {
+        let heading = self.pose()?.heading;
+        Ok(self.is_at_heading(heading))
+    }
+
+    pub(super) fn is_at_heading(&self, heading: f64) -> bool {
+        let tolerance = self.config.heading_tolerance_deg.to_radians();
+        self.goal.is_some_and(|goal| match goal.nose {
+            Nose::Holds(wanted) => angle::distance(wanted, heading) <= tolerance,
+            Nose::Turns(_) => false,
+        })
+    }
+
+    /// The origin of the common frame, once it is known.
+    #[must_use]
+    pub fn origin(&self) -> Option<Geodetic> {
+        self.frame.map(|frame| frame.origin())
+    }
+
+    /// What a telemetry radio on the link said last, where there is one.
+    #[must_use]
+    pub fn radio_status(&self) -> Option<RadioStatus> {
+        self.heard.radio
+    }
+
+    /// What the autopilot wrote last, the newest first.
+    pub fn texts(&self) -> impl Iterator<Item = &str> {
+        self.heard.texts.iter().rev().map(|text| text.value.1.as_str())
+    }
+
+    /// What came over the link, and what was lost of it.
+    #[must_use]
+    pub fn link_counts(&self) -> FrameCounts {
+        self.link.counts()
+    }
+
+    /// Moves data over the link and goes on with what was begun.
+    pub(super) fn serve(&mut self) -> Result<f64, MavlinkError> {
+        let now = self.clock.now();
+        let Self { heard, streams, config, link, .. } = self;
+        let received = link.receive(now, |frame| {
+            heard.take(now, config, &frame);
+            if let Some(streams) = streams {
+                streams.heard(now, &frame.message);
+            }
+        });
+        if let Ok(true) = received {
+            // What is there now may be another one, or the same after a reset.
+            if let Some(streams) = &mut self.streams {
+                streams.restart();
+            }
+        }
+        // Whoever has taken it over in the meantime is noticed even while the port fails.
+        self.watch(now);
+        received?;
+        self.link.beat(now)?;
+        self.advance(now)?;
+        Ok(now)
+    }
+
+    pub(super) fn send(&mut self, now: f64, message: &MavMessage) -> Result<(), MavlinkError> {
+        Ok(self.link.send(now, message)?)
+    }
+
+    pub(super) fn mode_name(&self) -> String {
+        self.heard.mode().map_or_else(|| "an unknown mode".into(), |mode| mode.to_string())
+    }
+
+    fn check_link(&self, now: f64) -> Result<(), MavlinkError> {
+        let (silent_s, limit_s) = (self.heard.without_heartbeat(now), self.config.link_timeout_s);
+        if silent_s > limit_s { Err(MavlinkError::Silent { silent_s, limit_s }) } else { Ok(()) }
+    }
+
+    /// Where it is, unless that is old or bad.
+    pub(super) fn fresh_pose(&self, now: f64) -> Result<Pose, MavlinkError> {
+        self.check_link(now)?;
+        let limit_s = self.config.pose_timeout_s;
+        let position = self.heard.position.as_ref().map(|message| message.at);
+        let attitude = self.heard.attitude.as_ref().map(|message| message.at);
+        for (what, at) in [("position", position), ("attitude", attitude)] {
+            let age_s = at.map_or(f64::INFINITY, |at| now - at);
+            if age_s > limit_s {
+                return Err(MavlinkError::Stale { what, age_s, limit_s });
+            }
+        }
+        quality::estimator(&self.heard, now).map_err(|why| MavlinkError::Position { why })?;
+        let nowhere = || MavlinkError::Position { why: "it has no place yet".into() };
+        let frame = self.frame.ok_or_else(nowhere)?;
+        setpoint::pose(&frame, &self.heard, now).ok_or_else(nowhere)
+    }
+
+    /// The present goal, where it is ours to set another one.
+    fn commanded_goal(&self, now: f64) -> Result<Goal, MavlinkError> {
+        self.check_link(now)?;
+        match (&self.phase, self.goal) {
+            (Phase::Flying, Some(goal)) => Ok(goal),
+            _ => Err(MavlinkError::NotCommanded { why: self.hindrance(now) }),
+        }
+    }
+
+    /// Its launch place in the common frame: what it calls home, or where it stood.
+    pub(super) fn launch_place(&self) -> Option<Vector3<f64>> {
+        let home = self.heard.home.as_ref().map(|home| &home.value);
+        let told = home.zip(self.frame).map(|(home, frame)| {
+            frame.to_local(degrees_of_e7(home.latitude), degrees_of_e7(home.longitude), 0.0)
+        });
+        told.or(self.launch)
+    }
+}
+
+/// Poses are errors while the link is lost, while what was heard is older than the configuration
+/// allows, and while the autopilot's estimator does not know its place.
+impl<S: ByteStream, C: Clock> Vehicle for MavlinkVehicle<S, C> {
+    type Error = MavlinkError;
+
+    fn pose(&mut self) -> Result<Pose, MavlinkError> {
+        let now = self.serve()?;
+        self.fresh_pose(now)
+    }
+
+    fn position_sigma(&self) -> Option<Vector3<f64>> {
+        quality::position_sigma(&self.heard)
+    }
+
+    /// # Errors
+    ///
+    /// [`MavlinkError::NotCommanded`] while it is not ours; the limit that the goal breaks; the link,
+    /// where that fails. The older goal stays then.
+    fn go_to(&mut self, goal: &Waypoint) -> Result<(), MavlinkError> {
+        let now = self.serve()?;
+        let older = self.commanded_goal(now)?;
+        let here = self.fresh_pose(now)?.position;
+        let launch = self.launch_place();
+        self.config.limits.check_goal(&goal.position, Some(&here), launch.as_ref())?;
+        self.goal = Some(Goal::new(goal.position, older.nose));
+        self.advance(now)
+    }
+
+    /// Lands it where it is. After a lost link that may be ordered as well; not while a pilot has it.
+    fn land(&mut self) -> Result<(), MavlinkError> {
+        self.come_down(Phase::Landing)
+    }
+}
+
+impl<S: ByteStream, C: Clock> Spinner for MavlinkVehicle<S, C> {
+    /// # Errors
+    ///
+    /// As [`go_to`](Vehicle::go_to); [`MavlinkError::SpinRate`] beyond `spin_limit_deg_s`.
+    fn spin(&mut self, rate: Option<f64>) -> Result<(), MavlinkError> {
+        let (rate_deg_s, limit_deg_s) =
+            (rate.unwrap_or(0.0).to_degrees(), self.config.spin_limit_deg_s);
+        // NaN is refused, too.
+        if rate_deg_s.is_nan() || rate_deg_s.abs() > limit_deg_s {
+            return Err(MavlinkError::SpinRate { rate_deg_s, limit_deg_s });
+        }
+        let now = self.serve()?;
+        let goal = self.commanded_goal(now)?;
+        let nose = match (rate, goal.nose) {
+            (Some(rate), _) => Nose::Turns(rate),
+            // Where it already holds its heading, that one.
+            (None, holds @ Nose::Holds(_)) => holds,
+            (None, Nose::Turns(_)) => Nose::Holds(self.fresh_pose(now)?.heading),
+        };
+        self.turning = None;
+        if nose != goal.nose {
+            self.goal = Some(Goal::new(goal.place, nose));
+        }
+        self.advance(now)
+    }
+}
+
+impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
+    fn state(&mut self) -> Result<AircraftState, MavlinkError> {
+        let now = self.serve()?;
+        Ok(AircraftState {
+            silent_s: self.heard.last.map_or(f64::INFINITY, |last| now - last),
+            mode: self.heard.mode().map_or_else(String::new, |mode| mode.to_string()),
+            armed: self.heard.armed(),
+            airborne: self.heard.airborne(),
+            commanded: self.phase == Phase::Flying && self.check_link(now).is_ok(),
+            hindrance: self.hindrance(now),
+            battery: self.heard.battery(),
+        })
+    }
+
+    fn take_off(&mut self, up_m: f64) -> Result<(), MavlinkError> {
+        let now = self.serve()?;
+        self.config.limits.check_up(up_m)?;
+        if self.heard.airborne() || matches!(self.phase, Phase::TakingOff { .. }) {
+            return Ok(());
+        }
+        self.check_link(now)?;
+        if matches!(self.phase, Phase::Taken { by_pilot: true, .. }) {
+            return Err(MavlinkError::NotCommanded { why: self.hindrance(now) });
+        }
+        self.failure.clear();
+        (self.order, self.turning, self.goal) = (None, None, None);
+        self.enter(Phase::TakingOff { up: up_m, stage: Stage::Position, since: now });
+        self.advance(now)
+    }
+
+    fn return_to_launch(&mut self) -> Result<(), MavlinkError> {
+        self.come_down(Phase::Returning)
+    }
+}

@@ -1,0 +1,184 @@
+use serde::{Deserialize, Serialize};
+
+use super::{FirmataConfigError, gearing::Gearing};
+
+/// An antenna on a stepper behind Firmata.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FirmataConfig {
+    /// The stepper's number on its Arduino, from 0 to 9.
+    pub device: u8,
+    /// The Arduino's pins that lead to IN1, IN2, IN3 and IN4 of the motor's driver.
+    pub pins: [u8; 4],
+    /// Half steps of the motor in a turn of the antenna, as numerator and denominator.
+    pub half_steps_per_turn: [u32; 2],
+    /// Whether steps forwards turn the antenna clockwise, seen from above.
+    pub clockwise: bool,
+    /// How fast it turns, in half steps per second.
+    pub speed_half_steps_per_s: f64,
+    /// How fast its speed changes, in half steps per second squared; 0 is at once.
+    pub acceleration_half_steps_per_s2: f64,
+    /// How it comes to an angle in spite of the gear's play.
+    pub approach: Approach,
+    /// The play of the gear in degrees, rather too much for an approach from one side.
+    pub backlash_deg: f64,
+    /// How many turns the cable allows to either side of 0; `inf` for a slip ring.
+    pub cable_turns: f64,
+    /// What is done with an order beyond that.
+    pub beyond_cable: BeyondCable,
+    /// How it is known where the antenna looks at the beginning.
+    pub homing: Homing,
+    /// Whether the antenna is taken to look where it did after the Arduino was reset while it stood: true
+    /// as long as nobody turned it meanwhile.
+    pub trust_after_reset: bool,
+    /// How long the antenna swings after a move, in seconds.
+    pub settle_s: f64,
+    /// How long the Arduino may take to answer, in seconds; with its start after the port is opened.
+    pub answer_timeout_s: f64,
+}
+
+/// How the antenna comes to an angle in spite of the gear's play.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Approach {
+    /// Always from below: an order backwards goes beyond its target by the play, and comes back.
+    OneSided,
+    /// From either side; what is ordered backwards goes on by exactly the play. Quicker, and as good as the
+    /// configured play is.
+    Compensated,
+}
+
+/// What is done with an order beyond what the cable allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum BeyondCable {
+    /// The cable is unwound: the antenna goes to the same direction within half a turn of 0.
+    Unwind,
+    /// It is an error.
+    Refuse,
+}
+
+/// How it is known where the antenna looks.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[non_exhaustive]
+pub enum Homing {
+    /// Somebody has turned it there by hand.
+    Declared {
+        /// Where it looks, in degrees counter-clockwise from the nose.
+        at_deg: f64,
+    },
+    /// It turns until a switch closes, and forwards again until it opens.
+    Switch {
+        /// The Arduino's pin of the switch, which connects it to ground.
+        pin: u8,
+        /// Where it looks when the switch opens, in degrees counter-clockwise from the nose.
+        at_deg: f64,
+    },
+}
+
+impl Default for FirmataConfig {
+    /// A 28BYJ-48 at pins 8 to 11, 64 · (31·32·26·22)/(9·11·10·9) half steps a turn (4075.77), 600 of
+    /// them a second at once; an approach from one side over 6°; one turn of cable to either side, which
+    /// is unwound; an antenna that was turned to the nose by hand, and must be again after a reset; 30 ms to
+    /// settle, 5 s to answer.
+    fn default() -> Self {
+        Self {
+            device: 0,
+            pins: [8, 9, 10, 11],
+            half_steps_per_turn: [64 * 31 * 32 * 26 * 22, 9 * 11 * 10 * 9],
+            clockwise: false,
+            speed_half_steps_per_s: 600.0,
+            acceleration_half_steps_per_s2: 0.0,
+            approach: Approach::OneSided,
+            backlash_deg: 6.0,
+            cable_turns: 1.0,
+            beyond_cable: BeyondCable::Unwind,
+            homing: Homing::Declared { at_deg: 0.0 },
+            trust_after_reset: false,
+            settle_s: 0.03,
+            answer_timeout_s: 5.0,
+        }
+    }
+}
+
+impl FirmataConfig {
+    /// Whether every value is one that the stepper can have.
+    ///
+    /// # Errors
+    ///
+    /// [`FirmataConfigError`] names the first field that cannot be, with its value.
+    pub fn check(&self) -> Result<(), FirmataConfigError> {
+        let fine = |holds: bool, field, value: &dyn std::fmt::Debug, requirement| {
+            let error = || FirmataConfigError { field, value: format!("{value:?}"), requirement };
+            holds.then_some(()).ok_or_else(error)
+        };
+        fine(self.device <= 9, "device", &self.device, "at most 9")?;
+        let [a, b, c, d] = self.pins;
+        let pins = self.pins.iter().all(|pin| *pin < 0x7F)
+            && a != b
+            && a != c
+            && a != d
+            && b != c
+            && b != d
+            && c != d;
+        fine(pins, "pins", &self.pins, "four different pins below 127")?;
+        let gearing = self.gearing();
+        let turn = gearing.denominator > 0 && (8.0..1e7).contains(&gearing.per_turn());
+        let field = "half_steps_per_turn";
+        fine(turn, field, &self.half_steps_per_turn, "a fraction between 8 and 10 million")?;
+        let speed = self.speed_half_steps_per_s;
+        let within = (0.1..=80_000.0).contains(&speed);
+        fine(within, "speed_half_steps_per_s", &speed, "between 0.1 and 80000")?;
+        let acceleration = self.acceleration_half_steps_per_s2;
+        let within = (0.0..=1e9).contains(&acceleration);
+        fine(within, "acceleration_half_steps_per_s2", &acceleration, "between 0 and 10⁹")?;
+        let play = self.backlash_deg;
+        fine((0.0..=90.0).contains(&play), "backlash_deg", &play, "between 0 and 90")?;
+        // An order may lie anywhere within half a turn of 0.
+        fine(self.cable_turns >= 0.5, "cable_turns", &self.cable_turns, "at least 0.5")?;
+        let (Homing::Declared { at_deg } | Homing::Switch { at_deg, .. }) = self.homing;
+        fine(at_deg.abs() <= 360.0, "homing.at_deg", &at_deg, "within 360 of 0")?;
+        if let Homing::Switch { pin, .. } = self.homing {
+            let free = pin < 0x7F && !self.pins.contains(&pin);
+            fine(free, "homing.pin", &pin, "below 127, and none of the motor's")?;
+        }
+        let settle = self.settle_s;
+        fine((0.0..=60.0).contains(&settle), "settle_s", &settle, "between 0 and 60")?;
+        let answer = self.answer_timeout_s;
+        fine((0.05..=600.0).contains(&answer), "answer_timeout_s", &answer, "between 0.05 and 600")
+    }
+
+    pub(super) fn gearing(&self) -> Gearing {
+        let [numerator, denominator] = self.half_steps_per_turn;
+        Gearing { numerator, denominator }
+    }
+
+    /// Where the antenna looks at home, in radians.
+    pub(super) fn home_angle(&self) -> f64 {
+        let (Homing::Declared { at_deg } | Homing::Switch { at_deg, .. }) = self.homing;
+        at_deg.to_radians()
+    }
+
+    /// The pin of the home switch.
+    pub(super) fn switch(&self) -> Option<u8> {
+        match self.homing {
+            Homing::Switch { pin, .. } => Some(pin),
+            Homing::Declared { .. } => None,
+        }
+    }
+
+    /// How long a move of so many steps takes at least, in seconds.
+    pub(super) fn duration_s(&self, steps: u64) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "a duration")]
+        let cruise = steps as f64 / self.speed_half_steps_per_s;
+        let ramp = if self.acceleration_half_steps_per_s2 > 0.0 {
+            self.speed_half_steps_per_s / self.acceleration_half_steps_per_s2
+        } else {
+            0.0
+        };
+        cruise + ramp
+    }
+}

@@ -1,0 +1,279 @@
+use foxhunt_core::{Clock, Rotator};
+use foxhunt_wire::{ByteStream, firmata::Reply};
+
+use super::{
+    BeyondCable, FirmataConfig, FirmataConfigError, FirmataStepperError, LostPosition,
+    gearing::Gearing,
+    homing::HomeFailure,
+    link::Link,
+    phase::{Arrangement, Phase, Side, Stage, Wait},
+};
+
+/// An antenna on a stepper motor behind Firmata: ConfigurableFirmata's AccelStepper, or the firmware in
+/// `hardware/firmware`.
+///
+/// It sets its Arduino up by itself, again whenever that was reset or plugged in anew, and then goes where
+/// it was last ordered. Targets are exact fractions of a turn, rounded once, so that turns do not add up
+/// to a drift. Messages that were lost on the way are made good by asking.
+#[derive(Debug)]
+pub struct FirmataStepper<S, C> {
+    pub(super) config: FirmataConfig,
+    pub(super) gearing: Gearing,
+    pub(super) link: Link<S>,
+    pub(super) clock: C,
+    pub(super) phase: Phase,
+    /// Where the Arduino's own 0 is, in steps from the antenna's 0.
+    pub(super) base: i64,
+    /// Where the motor last stood, in steps.
+    pub(super) motor: i64,
+    pub(super) side: Side,
+    /// Why it is not known where the antenna looks, if so.
+    pub(super) lost: Option<LostPosition>,
+    pub(super) home_failure: Option<HomeFailure>,
+    /// Where the antenna was last ordered, in steps, until it is there.
+    pub(super) wanted: Option<i64>,
+    /// What the firmware calls itself.
+    pub(super) firmware: Option<String>,
+    pub(super) switch_closed: Option<bool>,
+    /// Whether the version came, unasked, and nothing since.
+    booting: bool,
+    /// Whether the link failed since it was last heard.
+    broken: bool,
+}
+
+impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
+    /// The stepper at the other end of `stream`. It is set up by the first calls of its methods.
+    ///
+    /// # Errors
+    ///
+    /// [`FirmataConfigError`] names the first field that it cannot have.
+    pub fn new(config: FirmataConfig, stream: S, clock: C) -> Result<Self, FirmataConfigError> {
+        config.check()?;
+        let (gearing, now) = (config.gearing(), clock.now());
+        let lost = config.switch().map(|_| LostPosition::NotHomed);
+        let link = Link::new(stream, config.device);
+        let mut stepper = Self {
+            config,
+            gearing,
+            link,
+            clock,
+            phase: Phase::Greeting(Wait::new(now)),
+            base: 0,
+            motor: 0,
+            side: Side::Unknown,
+            lost,
+            home_failure: None,
+            wanted: None,
+            firmware: None,
+            switch_closed: None,
+            booting: false,
+            broken: false,
+        };
+        stepper.motor = stepper.home();
+        Ok(stepper)
+    }
+
+    /// How it is configured.
+    #[must_use]
+    pub fn config(&self) -> &FirmataConfig {
+        &self.config
+    }
+
+    /// What its firmware calls itself, with the version, once it has said so.
+    #[must_use]
+    pub fn firmware(&self) -> Option<&str> {
+        self.firmware.as_deref()
+    }
+
+    /// Declares that the antenna looks where [`Homing`](super::Homing) says, now: somebody has turned
+    /// it there by hand. An order that it has not followed yet is forgotten.
+    ///
+    /// # Errors
+    ///
+    /// [`FirmataStepperError::Busy`] while it turns; whatever the link says.
+    pub fn zero(&mut self) -> Result<(), FirmataStepperError> {
+        let now = self.clock.now();
+        self.phase = match self.phase {
+            Phase::Standing { .. } => {
+                Phase::Arranging { wait: Wait::new(now), how: Arrangement::Zero }
+            }
+            still @ (Phase::Greeting(_) | Phase::Arranging { .. }) => still,
+            _ => return Err(FirmataStepperError::Busy),
+        };
+        (self.motor, self.side) = (self.home(), Side::Unknown);
+        (self.lost, self.home_failure, self.wanted) = (None, None, None);
+        self.advance()
+    }
+
+    /// Unwinds the cable: turns the antenna to the same direction within half a turn of 0.
+    ///
+    /// # Errors
+    ///
+    /// As for [`turn_to`](Rotator::turn_to).
+    pub fn unwind(&mut self) -> Result<(), FirmataStepperError> {
+        let angle = self.angle(self.wanted.unwrap_or_else(|| self.antenna()));
+        self.turn_to(foxhunt_core::angle::wrap(angle))
+    }
+
+    /// Takes what has come, and does what is due.
+    pub(super) fn advance(&mut self) -> Result<(), FirmataStepperError> {
+        let outcome = self.served();
+        if matches!(outcome, Err(FirmataStepperError::Link(_))) {
+            self.broken = true;
+        }
+        outcome
+    }
+
+    fn served(&mut self) -> Result<(), FirmataStepperError> {
+        let now = self.clock.now();
+        let replies = self.link.receive()?;
+        let was_broken = std::mem::take(&mut self.broken);
+        if self.link.was_reopened() {
+            self.was_reset(now);
+        } else if was_broken {
+            self.check(now);
+        }
+        for reply in replies {
+            self.hear(&reply, now)?;
+        }
+        self.act(now)
+    }
+
+    fn hear(&mut self, reply: &Reply, now: f64) -> Result<(), FirmataStepperError> {
+        // Nothing here asks for the version: an Arduino that says it, and its firmware next, has
+        // just begun.
+        let booted = std::mem::replace(&mut self.booting, matches!(reply, Reply::Version { .. }));
+        match reply {
+            Reply::Firmware { major, minor, name } => {
+                if booted {
+                    self.was_reset(now);
+                }
+                if let Phase::Greeting(_) = self.phase {
+                    self.firmware = Some(format!("{name} {major}.{minor}"));
+                    self.phase = Phase::Arranging { wait: Wait::new(now), how: Arrangement::Setup };
+                }
+            }
+            Reply::Digital { port, levels } => return self.switched(*port, *levels, now),
+            Reply::Position { device, position } if *device == self.config.device => {
+                return self.located(*position, false, now);
+            }
+            Reply::Done { device, position } if *device == self.config.device => {
+                return self.located(*position, true, now);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Takes where the Arduino says that its motor is.
+    fn located(&mut self, at: i32, done: bool, now: f64) -> Result<(), FirmataStepperError> {
+        let at = i64::from(at);
+        match &mut self.phase {
+            // It stands where it stood; its own count is another one.
+            Phase::Arranging { .. } if !done => {
+                self.base = self.motor - at;
+                self.stand(now);
+                self.go_on(now)
+            }
+            Phase::Checking { turning: true, .. } => self.halt(now),
+            Phase::Checking { turning: false, .. } => {
+                if self.base + at != self.motor {
+                    // Something else has turned it, by a known way.
+                    (self.motor, self.side) = (self.base + at, Side::Unknown);
+                }
+                self.stand(now);
+                self.go_on(now)
+            }
+            Phase::Moving { leg, then, side } => {
+                if !leg.heard(self.base + at, done) {
+                    return Ok(());
+                }
+                let (then, side) = (*then, *side);
+                self.motor = self.base + at;
+                self.moved(then, side, now)
+            }
+            Phase::Homing(stage) => match stage {
+                Stage::Seeking(leg) | Stage::Stopping(leg) | Stage::Leaving(leg, _) => {
+                    if !leg.heard(self.base + at, done) {
+                        return Ok(());
+                    }
+                    self.motor = self.base + at;
+                    self.sought(now)
+                }
+                Stage::Level(_) | Stage::Looking(..) => Ok(()),
+            },
+            Phase::Greeting(_) | Phase::Arranging { .. } | Phase::Standing { .. } => Ok(()),
+        }
+    }
+
+    /// Where the antenna looks, in steps.
+    pub(super) fn antenna(&self) -> i64 {
+        if self.side == Side::Above { self.motor + self.play() } else { self.motor }
+    }
+
+    /// The angle of a step, from the nose.
+    pub(super) fn angle(&self, steps: i64) -> f64 {
+        self.gearing.angle(if self.config.clockwise { -steps } else { steps })
+    }
+
+    /// The step next to an angle from the nose.
+    pub(super) fn steps(&self, angle: f64) -> Option<i64> {
+        self.gearing.steps(if self.config.clockwise { -angle } else { angle })
+    }
+
+    /// Where the antenna looks at home, in steps.
+    pub(super) fn home(&self) -> i64 {
+        self.steps(self.config.home_angle()).unwrap_or(0)
+    }
+}
+
+impl<S: ByteStream, C: Clock> Rotator for FirmataStepper<S, C> {
+    type Error = FirmataStepperError;
+
+    /// Takes an order, to be followed once the stepper is set up and homed.
+    ///
+    /// # Errors
+    ///
+    /// [`FirmataStepperError::Angle`] and [`FirmataStepperError::Cable`] for an order that cannot be
+    /// followed; the older one stays then. Whatever keeps the antenna from turning.
+    fn turn_to(&mut self, angle: f64) -> Result<(), FirmataStepperError> {
+        let turns = angle / std::f64::consts::TAU;
+        let most = self.config.cable_turns;
+        // What is rounding at the limit is not beyond it.
+        let angle = match self.config.beyond_cable {
+            _ if turns.abs() <= most + 1e-9 => angle,
+            BeyondCable::Unwind if turns.is_finite() => {
+                angle - turns.round() * std::f64::consts::TAU
+            }
+            BeyondCable::Refuse if turns.is_finite() => {
+                return Err(FirmataStepperError::Cable { turns, most });
+            }
+            _ => angle,
+        };
+        let target = self.steps(angle).ok_or(FirmataStepperError::Angle { angle })?;
+        self.advance()?;
+        let now = self.clock.now();
+        self.hindrance(now)?;
+        self.reachable(target)?;
+        self.wanted = Some(target);
+        let outcome = match self.phase {
+            Phase::Standing { .. } => self.go_on(now),
+            Phase::Moving { .. } => self.turn_aside(target, now),
+            _ => Ok(()),
+        };
+        self.broken |= outcome.is_err();
+        outcome
+    }
+
+    fn poll(&mut self) -> Result<Option<f64>, FirmataStepperError> {
+        self.advance()?;
+        let now = self.clock.now();
+        self.hindrance(now)?;
+        let stands = match self.phase {
+            // A sum of steps of time may fall short by its rounding.
+            Phase::Standing { settled } => self.wanted.is_none() && now >= settled - 1e-9,
+            _ => false,
+        };
+        Ok(stands.then(|| self.angle(self.antenna())))
+    }
+}

@@ -1,0 +1,110 @@
+use std::{fmt, io};
+
+/// A value of the stepper's configuration that it cannot have.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{field} is {value}; it must be {requirement}")]
+pub struct FirmataConfigError {
+    /// Where it stands.
+    pub field: &'static str,
+    /// What it held.
+    pub value: String,
+    /// What it must be.
+    pub requirement: &'static str,
+}
+
+/// Why the antenna does not turn.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FirmataStepperError {
+    /// The link to the Arduino.
+    #[error("the link to the stepper: {0}")]
+    Link(#[from] io::Error),
+    /// Nobody says which firmware there is.
+    #[error("no Firmata answers for {seconds:.1} s: is it the right port, at 57600 baud?")]
+    NoAnswer {
+        /// How long it was asked.
+        seconds: f64,
+    },
+    /// There is Firmata, and it knows no steppers.
+    #[error("the firmware {firmware:?} does not answer messages of a stepper")]
+    NoStepper {
+        /// What it calls itself.
+        firmware: String,
+    },
+    /// Nobody knows where the antenna looks.
+    #[error(
+        "nobody knows where the antenna looks, since {why}: home it, or turn it by hand to where it begins and declare that"
+    )]
+    PositionLost {
+        /// Since when.
+        why: LostPosition,
+    },
+    /// A move did not end.
+    #[error("a move of {steps} steps did not end within {seconds:.1} s")]
+    MoveTimeout {
+        /// How far it was.
+        steps: u64,
+        /// How long it was waited for.
+        seconds: f64,
+    },
+    /// An order to no angle.
+    #[error(
+        "the antenna was ordered to {angle} rad; it must be finite, and within a million turns"
+    )]
+    Angle {
+        /// The order in radians.
+        angle: f64,
+    },
+    /// The Arduino cannot count so many steps.
+    #[error("a move of {steps} steps is more than the 2²⁷ that the stepper counts at once")]
+    TooFar {
+        /// How far it would be.
+        steps: u64,
+    },
+    /// The cable is too short.
+    #[error("{turns:.2} turns are more than the {most} that the cable has to either side")]
+    Cable {
+        /// The order in turns.
+        turns: f64,
+        /// What the cable allows.
+        most: f64,
+    },
+    /// It is to be homed and has no switch.
+    #[error("there is no home switch in the configuration")]
+    NoSwitch,
+    /// It was turned and the switch did not close, or it did not open again.
+    #[error("the home switch at pin {pin} did not {expected} within {turns} turns")]
+    NoHome {
+        /// Where the switch should be.
+        pin: u8,
+        /// What it should have done.
+        expected: &'static str,
+        /// How far the antenna was turned.
+        turns: f64,
+    },
+    /// It turns, or is being set up.
+    #[error("the antenna does not stand still yet")]
+    Busy,
+}
+
+/// Why nobody knows where the antenna looks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LostPosition {
+    /// It has not been homed.
+    NotHomed,
+    /// The Arduino was reset, or its cable was pulled.
+    Reset,
+    /// The Arduino fell silent while it turned.
+    Silent,
+}
+
+impl fmt::Display for LostPosition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotHomed => "it has not been homed",
+            Self::Reset => "the Arduino was reset",
+            Self::Silent => "the Arduino fell silent while it turned",
+        })
+    }
+}

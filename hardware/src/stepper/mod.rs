@@ -1,0 +1,17 @@
+//! The antenna's stepper behind Firmata.
+
+mod config;
+mod driver;
+mod error;
+mod examine;
+mod gearing;
+mod homing;
+mod leg;
+mod link;
+mod moving;
+mod phase;
+mod setup;
+
+pub use config::{Approach, BeyondCable, FirmataConfig, Homing};
+pub use driver::FirmataStepper;
+pub use error::{FirmataConfigError, FirmataStepperError, LostPosition};

@@ -1,0 +1,153 @@
+use foxhunt_wire::xbee::{Address, Address16, Address64};
+use serde::{Deserialize, Serialize};
+
+/// How beacons are asked through an XBee.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct XbeeConfig {
+    /// The beacons' addresses, in the order of the hunt's beacons: 16 hexadecimal digits (`SH`, then
+    /// `SL`), or 4 (`MY`).
+    pub beacons: Vec<Address>,
+    /// What a beacon is asked, and where the power of its answer stands.
+    pub question: XbeeQuestion,
+    /// What is sent to a beacon that a program answers for.
+    pub payload: String,
+    /// Such an answer begins with what was sent, so that two bytes of number behind the payload tell a
+    /// late answer from a new one. Where it does not, a beacon that left a question without an answer
+    /// is not asked again before another time-out has passed.
+    pub echoed: bool,
+    /// How long a beacon's answer is waited for, in seconds.
+    pub answer_timeout_s: f64,
+    /// How long the radio's own answer is waited for while it is set up, in seconds; it is asked
+    /// three times.
+    pub setup_timeout_s: f64,
+}
+
+/// What a beacon is asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum XbeeQuestion {
+    /// [`ReceivedRssi`](Self::ReceivedRssi) with an 802.15.4 firmware, otherwise
+    /// [`TransmitDb`](Self::TransmitDb).
+    #[default]
+    Auto,
+    /// A packet, which the beacon's program answers; the power stands in the frame that brings the
+    /// answer. 802.15.4 firmware.
+    ReceivedRssi,
+    /// A packet, which the beacon's program answers; then the radio is asked for the power of the last
+    /// packet (`DB`). A sample is dropped if another packet came in between.
+    TransmitDb,
+    /// The beacon's radio is asked for the power of the question as it heard it (remote `DB`): no
+    /// program is needed at the beacon.
+    RemoteDb,
+}
+
+/// No beacons, whose addresses a file has to name; the question by the firmware; `ASK`, echoed; 0.4 s
+/// for an answer, 0.5 s for the radio's own.
+impl Default for XbeeConfig {
+    fn default() -> Self {
+        Self {
+            beacons: Vec::new(),
+            question: XbeeQuestion::Auto,
+            payload: "ASK".into(),
+            echoed: true,
+            answer_timeout_s: 0.4,
+            setup_timeout_s: 0.5,
+        }
+    }
+}
+
+/// What is wrong in an [`XbeeConfig`].
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{field} is {value}; it must be {requirement}")]
+pub struct XbeeConfigError {
+    /// Which field.
+    pub field: String,
+    /// What it holds.
+    pub value: String,
+    /// What it must be.
+    pub requirement: &'static str,
+}
+
+/// The longest payload: with number and head it fits every firmware's packet, encrypted or not.
+const LONGEST_PAYLOAD: usize = 60;
+
+impl XbeeConfig {
+    /// Whether everything in it can be what it is.
+    ///
+    /// # Errors
+    ///
+    /// [`XbeeConfigError`] names the first field that cannot.
+    pub fn check(&self) -> Result<(), XbeeConfigError> {
+        let wrong = |field: &str, value: String, requirement| {
+            Err(XbeeConfigError { field: field.into(), value, requirement })
+        };
+        if self.beacons.is_empty() {
+            return wrong("beacons", "empty".into(), "the address of at least one beacon");
+        }
+        for (index, beacon) in self.beacons.iter().enumerate() {
+            let field = format!("beacons[{index}]");
+            let everyone = [
+                Address::Long(Address64::BROADCAST),
+                Address::Long(Address64::UNKNOWN),
+                Address::Short(Address16(u16::MAX)),
+                Address::Short(Address16::UNKNOWN),
+            ];
+            if everyone.contains(beacon) {
+                return wrong(&field, beacon.to_string(), "the address of one radio");
+            }
+            if self.beacons.iter().take(index).any(|other| other == beacon) {
+                return wrong(&field, beacon.to_string(), "unlike those before it");
+            }
+        }
+        let length = self.payload.len();
+        if !(1..=LONGEST_PAYLOAD).contains(&length) {
+            return wrong("payload", format!("{length} bytes long"), "1 to 60 bytes long");
+        }
+        let timeouts = [
+            ("answer_timeout_s", self.answer_timeout_s),
+            ("setup_timeout_s", self.setup_timeout_s),
+        ];
+        for (field, value) in timeouts {
+            if !(value > 0.0 && value.is_finite()) {
+                return wrong(field, value.to_string(), "a positive number");
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_value() {
+        let beacons = |list: &[&str]| list.iter().map(|a| a.parse().expect("an address")).collect();
+        let good = XbeeConfig { beacons: beacons(&["0013A20040AABBCC"]), ..XbeeConfig::default() };
+        assert_eq!(good.check(), Ok(()));
+        let cases = [
+            (XbeeConfig::default(), "beacons is empty"),
+            (XbeeConfig { beacons: beacons(&["0001", "FFFE"]), ..good.clone() }, "[1] is FFFE"),
+            (XbeeConfig { beacons: beacons(&["0001", "0001"]), ..good.clone() }, "[1] is 0001"),
+            (XbeeConfig { payload: String::new(), ..good.clone() }, "payload is 0 bytes"),
+            (XbeeConfig { answer_timeout_s: -1.0, ..good.clone() }, "answer_timeout_s is -1"),
+            (XbeeConfig { setup_timeout_s: f64::NAN, ..good }, "setup_timeout_s is NaN"),
+        ];
+        for (config, text) in cases {
+            let error = config.check().expect_err("it is wrong").to_string();
+            assert!(error.contains(text), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_file_names_what_differs_from_the_default() {
+        let text = r#"{"beacons": ["0013a20040aabbcc", "5001"], "question": "remote-db"}"#;
+        let config: XbeeConfig = serde_json::from_str(text).expect("it is in order");
+        assert_eq!(config.question, XbeeQuestion::RemoteDb);
+        assert_eq!(config.beacons[0].to_string(), "0013A20040AABBCC");
+        assert!(serde_json::from_str::<XbeeConfig>(r#"{"beacon": []}"#).is_err());
+        assert!(serde_json::from_str::<XbeeConfig>(r#"{"beacons": ["x"]}"#).is_err());
+    }
+}

@@ -1,0 +1,77 @@
+use std::io;
+
+use foxhunt_wire::xbee::{Address, AtCommand, AtStatus, Protocol};
+
+use super::XbeeQuestion;
+
+/// Why an XBee does not do what it is asked for. It may be asked again.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum XbeeError {
+    /// The port failed.
+    #[error("the XBee's port: {0}")]
+    Stream(#[source] io::Error),
+    /// It says nothing at all.
+    #[error(
+        "the XBee does not answer: check its power, the port and its speed (BD, which must be the \
+         port's baud rate)"
+    )]
+    NotAnswering,
+    /// It is not in an API mode.
+    #[error(
+        "the XBee's AP is {ap}, and it must be 1 or 2: set it with XCTU (API without or with \
+         escapes), or with +++, ATAP 1, ATWR in a terminal"
+    )]
+    Mode {
+        /// Its mode.
+        ap: u8,
+    },
+    /// It refuses a question about itself.
+    #[error("the XBee refuses {command}: {status}")]
+    Refused {
+        /// Which one.
+        command: AtCommand,
+        /// Why.
+        status: AtStatus,
+    },
+    /// Its firmware cannot ask so.
+    #[error("an XBee with {protocol} firmware cannot be used with question {question:?}")]
+    Question {
+        /// What its firmware speaks.
+        protocol: Protocol,
+        /// How it was to ask.
+        question: XbeeQuestion,
+    },
+    /// Its firmware knows no such addresses.
+    #[error(
+        "beacon address {address} is of 16 bits, which DigiMesh firmware does not have: use SH and SL"
+    )]
+    Address {
+        /// Which one.
+        address: Address,
+    },
+    /// There is no such beacon.
+    #[error("there is no address of beacon {beacon}; there are {beacons}, counted from 0")]
+    Beacon {
+        /// Which one was asked for.
+        beacon: u16,
+        /// How many there are.
+        beacons: usize,
+    },
+    /// The question did not go out.
+    #[error("the question to {address} did not go out: {reason}")]
+    NotSent {
+        /// To whom.
+        address: Address,
+        /// What the radio says.
+        reason: String,
+    },
+    /// The beacon's radio does not tell its `DB`.
+    #[error("{address} refuses DB: {status}")]
+    RemoteRefused {
+        /// Who.
+        address: Address,
+        /// Why.
+        status: AtStatus,
+    },
+}

@@ -1,0 +1,112 @@
+use std::io;
+
+use foxhunt_wire::{
+    ByteStream,
+    xbee::{ApiMode, Decoder, Frame},
+};
+
+use super::XbeeError;
+
+/// A frame that stops in the middle for so long, in seconds, was cut.
+const QUIET_S: f64 = 0.1;
+/// What is read at once, and how often at most: a poll ends.
+const CHUNK: usize = 512;
+const CHUNKS: usize = 32;
+
+/// The radio's end of the serial line.
+#[derive(Debug)]
+pub(super) struct Link<S> {
+    pub(super) stream: S,
+    decoder: Decoder,
+    connections: u32,
+    heard_at: f64,
+    last_id: u8,
+    /// Frames that were wrong, and bytes that were in none, on decoders before this one.
+    pub(super) bad_frames: u64,
+    skipped_before: u64,
+}
+
+impl<S: ByteStream> Link<S> {
+    pub(super) fn new(stream: S) -> Self {
+        let connections = stream.connections();
+        let decoder = Decoder::new(ApiMode::Escaped);
+        Self {
+            stream,
+            decoder,
+            connections,
+            heard_at: 0.0,
+            last_id: 1,
+            bad_frames: 0,
+            skipped_before: 0,
+        }
+    }
+
+    /// Whether the stream was opened anew since this was asked last.
+    pub(super) fn reopened(&mut self) -> bool {
+        let connections = self.stream.connections();
+        let reopened = connections != self.connections;
+        self.connections = connections;
+        reopened
+    }
+
+    /// Reads and writes frames in another way from now on.
+    pub(super) fn set_mode(&mut self, mode: ApiMode) {
+        self.skipped_before = self.skipped();
+        self.decoder = Decoder::new(mode);
+    }
+
+    pub(super) fn mode(&self) -> ApiMode {
+        self.decoder.mode()
+    }
+
+    /// How many bytes belonged to no frame.
+    pub(super) fn skipped(&self) -> u64 {
+        self.skipped_before + self.decoder.skipped()
+    }
+
+    /// What has come. A failure after some bytes is told the next time.
+    pub(super) fn read(&mut self) -> Result<Vec<u8>, XbeeError> {
+        let mut bytes = Vec::new();
+        let mut chunk = [0; CHUNK];
+        for _ in 0..CHUNKS {
+            match self.stream.receive(&mut chunk) {
+                Ok(0) => break,
+                Ok(count) => bytes.extend(chunk.iter().take(count)),
+                Err(_) if !bytes.is_empty() => break,
+                Err(error) => return Err(XbeeError::Stream(error)),
+            }
+        }
+        Ok(bytes)
+    }
+
+    /// The frames that are complete with these bytes.
+    pub(super) fn frames(&mut self, bytes: &[u8], now: f64) -> Vec<Frame> {
+        let mut told = Vec::new();
+        if bytes.is_empty() {
+            if self.decoder.is_waiting() && now - self.heard_at > QUIET_S {
+                told = self.decoder.give_up();
+            }
+        } else {
+            self.heard_at = now;
+            told = self.decoder.push(bytes);
+        }
+        let wrong = told.iter().filter(|outcome| outcome.is_err()).count();
+        self.bad_frames += u64::try_from(wrong).unwrap_or(u64::MAX);
+        told.into_iter().flatten().collect()
+    }
+
+    /// Writes a frame.
+    pub(super) fn send(&mut self, frame: &Frame) -> Result<(), XbeeError> {
+        let bytes = frame
+            .encode(self.decoder.mode())
+            .map_err(|error| io::Error::new(io::ErrorKind::InvalidInput, error));
+        bytes.and_then(|bytes| self.stream.send(&bytes)).map_err(XbeeError::Stream)
+    }
+
+    /// A number for a question, unlike the last 254; 0 would ask for no answer, and 1 belongs to the
+    /// first question of all.
+    pub(super) fn id(&mut self) -> u8 {
+        self.last_id = if self.last_id == u8::MAX { 2 } else { self.last_id + 1 };
+        self.last_id
+    }
+}

@@ -1,0 +1,15 @@
+//! XBee radios: the beacon's counterpart under the drone.
+
+mod config;
+mod error;
+mod examine;
+mod identity;
+mod link;
+mod question;
+mod radio;
+mod setup;
+
+pub use config::{XbeeConfig, XbeeConfigError, XbeeQuestion};
+pub use error::XbeeError;
+pub use identity::XbeeIdentity;
+pub use radio::{XbeeCounts, XbeeRadio};

@@ -1,0 +1,360 @@
+use foxhunt_core::{BeaconId, Clock, Radio};
+use foxhunt_wire::{
+    ByteStream,
+    xbee::{AtCommand, AtStatus, Frame},
+};
+
+use super::{
+    XbeeConfig, XbeeConfigError, XbeeError, XbeeIdentity, XbeeQuestion,
+    link::Link,
+    question::{Outstanding, Packet, Stage, ask, manner},
+    setup::Setup,
+};
+
+/// A drone's XBee, which asks beacons and tells the power of their answers.
+///
+/// It asks the radio how it speaks when it is used first, after a reset, and after its port was opened
+/// anew; a question that is asked meanwhile goes out when that is known. It sets nothing in the radio.
+/// One question is outstanding: the answer's sender is checked, an answer to an older question is not
+/// told, and a power that may be another packet's is dropped and asked for again. A beacon that does
+/// not answer is no failure: nothing is told of it.
+#[derive(Debug)]
+pub struct XbeeRadio<S, C> {
+    pub(super) config: XbeeConfig,
+    pub(super) link: Link<S>,
+    pub(super) clock: C,
+    state: State,
+    question: Option<Outstanding>,
+    /// For each beacon: an answer that comes before then may be to an older question.
+    late_until: Vec<f64>,
+    /// Of the last question.
+    number: u16,
+    level_dbm: Option<f64>,
+    counts: XbeeCounts,
+}
+
+#[derive(Debug)]
+enum State {
+    SettingUp(Setup),
+    Ready(XbeeIdentity, XbeeQuestion),
+}
+
+/// What became of the questions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct XbeeCounts {
+    /// Questions that went out.
+    pub asked: u64,
+    /// Those whose answer's power was told.
+    pub answered: u64,
+    /// Those whose time passed.
+    pub silent: u64,
+    /// Those that the beacon's radio did not acknowledge.
+    pub undelivered: u64,
+    /// Powers that were dropped because another packet had come in between.
+    pub crossed: u64,
+    /// Packets from others, or to older questions.
+    pub foreign: u64,
+}
+
+impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
+    /// A radio on a stream.
+    ///
+    /// # Errors
+    ///
+    /// [`XbeeConfigError`] names what is wrong in `config`.
+    pub fn new(config: XbeeConfig, stream: S, clock: C) -> Result<Self, XbeeConfigError> {
+        config.check()?;
+        Ok(Self {
+            late_until: vec![f64::NEG_INFINITY; config.beacons.len()],
+            state: State::SettingUp(Setup::new(config.setup_timeout_s)),
+            config,
+            link: Link::new(stream),
+            clock,
+            question: None,
+            number: 0,
+            level_dbm: None,
+            counts: XbeeCounts::default(),
+        })
+    }
+
+    /// What the radio said of itself; `None` while it is not set up.
+    #[must_use]
+    pub fn identity(&self) -> Option<XbeeIdentity> {
+        match self.state {
+            State::Ready(identity, _) => Some(identity),
+            State::SettingUp(_) => None,
+        }
+    }
+
+    /// What became of the questions since the beginning.
+    #[must_use]
+    pub fn counts(&self) -> XbeeCounts {
+        self.counts
+    }
+
+    /// The port.
+    pub fn stream_mut(&mut self) -> &mut S {
+        &mut self.link.stream
+    }
+
+    /// The power that waits to be told.
+    pub(super) fn level_dbm_taken(&mut self) -> Option<f64> {
+        self.level_dbm.take()
+    }
+
+    /// Takes what has come and does what is to be done now.
+    pub(super) fn serve(&mut self) -> Result<(), XbeeError> {
+        let now = self.clock.now();
+        let bytes = self.link.read();
+        if self.link.reopened() {
+            self.set_up_again();
+        }
+        let bytes = bytes?;
+        if let State::SettingUp(setup) = &mut self.state {
+            setup.hear(&bytes);
+        }
+        let mut outcome = Ok(());
+        for frame in self.link.frames(&bytes, now) {
+            outcome = outcome.and(self.hear(&frame, now));
+        }
+        outcome.and(self.advance(now))
+    }
+
+    fn set_up_again(&mut self) {
+        self.state = State::SettingUp(Setup::new(self.config.setup_timeout_s));
+        if let Some(question) = &mut self.question {
+            question.stage = Stage::Queued { from: f64::NEG_INFINITY };
+        }
+    }
+
+    fn advance(&mut self, now: f64) -> Result<(), XbeeError> {
+        if let State::SettingUp(setup) = &mut self.state {
+            let Some(identity) = setup.advance(&mut self.link, now)? else { return Ok(()) };
+            let manner = manner(&self.config, identity.protocol)?;
+            self.state = State::Ready(identity, manner);
+        }
+        let State::Ready(identity, manner) = self.state else { return Ok(()) };
+        let Some(question) = &mut self.question else { return Ok(()) };
+        match question.stage {
+            Stage::Queued { from } if now >= from => {
+                let id = self.link.id();
+                self.number = self.number.wrapping_add(1);
+                let protocol = identity.protocol;
+                let (frame, token) =
+                    ask(&self.config, protocol, manner, question.address, id, self.number);
+                self.link.send(&frame)?;
+                self.counts.asked += 1;
+                let until = now + self.config.answer_timeout_s;
+                question.stage = Stage::Sent { id, token, until };
+            }
+            Stage::Sent { until, .. } | Stage::Answered { until, .. } if now >= until => {
+                self.counts.silent += 1;
+                self.give_up(now);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Forgets the question. Its answer may come yet, and would look like that to the next.
+    fn give_up(&mut self, now: f64) {
+        let Some(Outstanding { beacon, stage, .. }) = self.question.take() else { return };
+        let packets =
+            matches!(self.state, State::Ready(_, manner) if manner != XbeeQuestion::RemoteDb);
+        if packets
+            && !self.config.echoed
+            && matches!(stage, Stage::Sent { .. })
+            && let Some(late) = self.late_until.get_mut(usize::from(beacon.0))
+        {
+            *late = now + self.config.answer_timeout_s;
+        }
+    }
+
+    fn hear(&mut self, frame: &Frame, now: f64) -> Result<(), XbeeError> {
+        if matches!(frame, Frame::ModemStatus { status } if status.is_reset()) {
+            self.set_up_again();
+            return Ok(());
+        }
+        let manner = match &mut self.state {
+            State::SettingUp(setup) => {
+                setup.answered(frame, now);
+                return Ok(());
+            }
+            State::Ready(_, manner) => *manner,
+        };
+        match frame {
+            Frame::AtResponse { id, command, status, value } => {
+                self.told(*id, *command, *status, value, now)
+            }
+            Frame::RemoteAtResponse { id, command, status, value, .. } if self.is_sent(*id) => {
+                self.told_remotely(frame, *command, *status, value)
+            }
+            Frame::DeliveryStatus { id, delivery, .. } if self.is_sent(*id) => {
+                self.sent(delivery.0 == 0, delivery.is_silence(), delivery)
+            }
+            Frame::TransmitStatus { id, status } if self.is_sent(*id) => {
+                self.sent(status.0 == 0, status.is_silence(), status)
+            }
+            frame => match Packet::of(frame) {
+                Some(packet) => self.received(&packet, manner, now),
+                None => Ok(()),
+            },
+        }
+    }
+
+    /// Whether this is the number of the question that waits for an answer.
+    fn is_sent(&self, number: u8) -> bool {
+        matches!(&self.question, Some(Outstanding { stage: Stage::Sent { id, .. }, .. }) if *id == number)
+    }
+
+    /// What the radio says of the packet that asked.
+    fn sent(
+        &mut self,
+        delivered: bool,
+        silence: bool,
+        status: impl std::fmt::Display,
+    ) -> Result<(), XbeeError> {
+        if delivered {
+            return Ok(());
+        }
+        // Silence is not a failure, and an acknowledgement can be lost where the answer is not.
+        if silence {
+            self.counts.undelivered += 1;
+            return Ok(());
+        }
+        let Some(question) = self.question.take() else { return Ok(()) };
+        Err(XbeeError::NotSent { address: question.address, reason: status.to_string() })
+    }
+
+    /// A packet came over the air.
+    fn received(
+        &mut self,
+        packet: &Packet<'_>,
+        manner: XbeeQuestion,
+        now: f64,
+    ) -> Result<(), XbeeError> {
+        let Some(question) = &mut self.question else {
+            self.counts.foreign += 1;
+            return Ok(());
+        };
+        match &question.stage {
+            Stage::Answered { .. } => {
+                // The power that is asked for may be this packet's.
+                self.counts.crossed += 1;
+                question.stage = Stage::Queued { from: now };
+            }
+            Stage::Sent { token, until, .. }
+                if manner != XbeeQuestion::RemoteDb
+                    && packet.is_from(question.address)
+                    && packet.data.starts_with(token) =>
+            {
+                if let (XbeeQuestion::ReceivedRssi, Some(level)) = (manner, packet.rssi_neg_dbm) {
+                    self.tell(level);
+                } else {
+                    let (id, until) = (self.link.id(), *until);
+                    question.stage = Stage::Answered { id, until };
+                    return self.link.send(&Frame::at(id, AtCommand::DB));
+                }
+            }
+            _ => self.counts.foreign += 1,
+        }
+        Ok(())
+    }
+
+    /// The radio answers, which concerns the question only if it is the power that was asked for.
+    fn told(
+        &mut self,
+        number: u8,
+        command: AtCommand,
+        status: AtStatus,
+        value: &[u8],
+        now: f64,
+    ) -> Result<(), XbeeError> {
+        let Some(question) = &mut self.question else { return Ok(()) };
+        if !matches!(question.stage, Stage::Answered { id, .. } if id == number)
+            || command != AtCommand::DB
+        {
+            return Ok(());
+        }
+        match (status, value) {
+            (AtStatus::OK, [.., level]) if *level > 0 => self.tell(*level),
+            // Nothing was received, it says.
+            (AtStatus::OK, _) => question.stage = Stage::Queued { from: now },
+            _ => {
+                self.question = None;
+                return Err(XbeeError::Refused { command, status });
+            }
+        }
+        Ok(())
+    }
+
+    /// A beacon's radio answers the question.
+    fn told_remotely(
+        &mut self,
+        frame: &Frame,
+        command: AtCommand,
+        status: AtStatus,
+        value: &[u8],
+    ) -> Result<(), XbeeError> {
+        let Some(question) = &self.question else { return Ok(()) };
+        let address = question.address;
+        let is_theirs = Packet::of(frame).is_some_and(|packet| packet.is_from(address));
+        match (status, value) {
+            // Nobody answered, so the radio itself says so, and not always in whose name.
+            (AtStatus::NO_ANSWER, _) => self.counts.undelivered += 1,
+            _ if !is_theirs || command != AtCommand::DB => self.counts.foreign += 1,
+            (AtStatus::OK, [.., level]) if *level > 0 => self.tell(*level),
+            (AtStatus::OK, _) => {}
+            _ => {
+                self.question = None;
+                return Err(XbeeError::RemoteRefused { address, status });
+            }
+        }
+        Ok(())
+    }
+
+    fn tell(&mut self, neg_dbm: u8) {
+        self.question = None;
+        self.counts.answered += 1;
+        self.level_dbm = Some(-f64::from(neg_dbm));
+    }
+}
+
+impl<S: ByteStream, C: Clock> Radio for XbeeRadio<S, C> {
+    type Error = XbeeError;
+
+    /// # Errors
+    ///
+    /// [`XbeeError::Beacon`] if there is no address of it; an older question stays then. Whatever
+    /// keeps the radio from being set up, or from sending.
+    fn request(&mut self, beacon: BeaconId) -> Result<(), XbeeError> {
+        let index = usize::from(beacon.0);
+        let beacons = self.config.beacons.len();
+        let address = *self
+            .config
+            .beacons
+            .get(index)
+            .ok_or(XbeeError::Beacon { beacon: beacon.0, beacons })?;
+        let now = self.clock.now();
+        // What has come until now belongs to older questions.
+        let before = self.serve();
+        self.give_up(now);
+        self.level_dbm = None;
+        before?;
+        let from = self.late_until.get(index).copied().unwrap_or(f64::NEG_INFINITY);
+        self.question = Some(Outstanding { beacon, address, stage: Stage::Queued { from } });
+        let sent = self.advance(now);
+        if sent.is_err() {
+            self.question = None;
+        }
+        sent
+    }
+
+    fn poll(&mut self) -> Result<Option<f64>, XbeeError> {
+        let served = self.serve();
+        match self.level_dbm.take() {
+            Some(level) => Ok(Some(level)),
+            None => served.map(|()| None),
+        }
+    }
+}

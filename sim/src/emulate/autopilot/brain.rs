@@ -1,0 +1,226 @@
+use foxhunt_core::Pose;
+use foxhunt_wire::mavlink::{
+    CharArray, CommonFrame, FlightMode, Frame,
+    dialect::{
+        COMMAND_LONG_DATA, MISSION_COUNT_DATA, MavMessage, MavSeverity, MavType, STATUSTEXT_DATA,
+        TIMESYNC_DATA,
+    },
+};
+use nalgebra::Vector3;
+
+use super::{AutopilotConfig, flight::Flight, params::Params, streams::Streams};
+use crate::devices::OnBoard;
+
+/// Everything of the autopilot but its cable.
+#[derive(Debug)]
+pub(super) struct Brain {
+    pub(super) config: AutopilotConfig,
+    pub(super) frame: CommonFrame,
+    pub(super) on_board: OnBoard,
+    pub(super) flight: Flight,
+    pub(super) streams: Streams,
+    pub(super) params: Params,
+    /// Where it stood when it was put on the ground.
+    pub(super) home: Vector3<f64>,
+    /// What it truly is at the time of the last step.
+    pub(super) pose: Pose,
+    pub(super) now: f64,
+    /// East, North and Up in metres per second; radians per second.
+    pub(super) velocity: Vector3<f64>,
+    pub(super) turning: f64,
+    /// Seconds with motors running.
+    pub(super) used_s: f64,
+    /// When a ground station's heartbeat came last.
+    pub(super) ground_heard: Option<f64>,
+    /// How many of the pilot's orders are done.
+    piloted: usize,
+    pub(super) outbox: Vec<MavMessage>,
+}
+
+impl Brain {
+    pub(super) fn new(config: AutopilotConfig, frame: CommonFrame, on_board: OnBoard) -> Self {
+        let (pose, now) = on_board.with(|drone, now| {
+            drone.body.put_down();
+            (drone.body.pose(), now)
+        });
+        Self {
+            flight: Flight::new(config.autopilot.at_boot(), &pose, now),
+            streams: Streams::new(config.autopilot, now),
+            params: Params::new(&config),
+            config,
+            frame,
+            on_board,
+            home: pose.position,
+            pose,
+            now,
+            velocity: Vector3::zeros(),
+            turning: 0.0,
+            used_s: 0.0,
+            ground_heard: None,
+            piloted: 0,
+            outbox: Vec::new(),
+        }
+    }
+
+    pub(super) fn unix_s(&self) -> f64 {
+        self.config.clock_origin_unix_s + self.now
+    }
+
+    /// Whether anybody has a link to it.
+    pub(super) fn is_reachable(&self) -> bool {
+        self.on_board.with(|drone, now| drone.is_linked(now))
+            && !self.config.faults.silent.iter().any(|silent| silent.contains(self.now))
+    }
+
+    /// Whether its estimator knows where it is.
+    pub(super) fn is_placed(&self) -> bool {
+        self.now >= self.config.position_good_after_s
+    }
+
+    /// Goes on flying at the world's present time.
+    pub(super) fn step(&mut self) {
+        let (pose, now) = self.on_board.with(|drone, now| (drone.body.pose(), now));
+        let dt = now - self.now;
+        if dt > 0.0 {
+            self.velocity = (pose.position - self.pose.position) / dt;
+            self.turning = foxhunt_core::angle::wrap(pose.heading - self.pose.heading) / dt;
+            self.used_s += if self.flight.armed { dt } else { 0.0 };
+        }
+        (self.pose, self.now) = (pose, now);
+        while let Some(order) = self.config.faults.pilot.get(self.piloted) {
+            if order.at_s > now {
+                break;
+            }
+            self.piloted += 1;
+            if let Some(mode) = FlightMode::named(self.config.autopilot, &order.mode) {
+                self.change_mode(mode);
+            }
+        }
+        self.fail_safe();
+        let order = self.flight.step(&pose, self.home, now, dt);
+        for text in std::mem::take(&mut self.flight.texts) {
+            self.tell(MavSeverity::MAV_SEVERITY_WARNING, text);
+        }
+        self.on_board.with(|drone, now| {
+            // A goal of the world's own size is a place.
+            let _ = drone.go_to(order.goal, now);
+            let _ = drone.body.spin(Some(order.turn_rate));
+        });
+    }
+
+    fn fail_safe(&mut self) {
+        let autopilot = self.config.autopilot;
+        let limit = self.config.ground_failsafe_s;
+        let Some((heard, limit)) = self.ground_heard.zip(limit) else { return };
+        let ours = self.flight.mode == autopilot.commanded();
+        if self.now - heard > limit && self.flight.armed && ours {
+            self.ground_heard = None;
+            self.tell(MavSeverity::MAV_SEVERITY_CRITICAL, "GCS Failsafe - RTL");
+            self.change_mode(autopilot.return_to_launch());
+        }
+    }
+
+    pub(super) fn change_mode(&mut self, mode: FlightMode) {
+        self.flight.change_mode(mode, &self.pose);
+    }
+
+    /// Writes something to the ground station.
+    pub(super) fn tell(&mut self, severity: MavSeverity, text: &str) {
+        let text = CharArray::from(text);
+        let data = STATUSTEXT_DATA { severity, text, ..STATUSTEXT_DATA::default() };
+        self.outbox.push(MavMessage::STATUSTEXT(data));
+    }
+
+    /// Whether a message is meant for it.
+    pub(super) fn is_meant(&self, system: u8) -> bool {
+        system == 0 || system == self.config.system_id
+    }
+
+    pub(super) fn take(&mut self, frame: &Frame) {
+        match &frame.message {
+            MavMessage::HEARTBEAT(beat) if beat.mavtype == MavType::MAV_TYPE_GCS => {
+                self.ground_heard = Some(self.now);
+            }
+            MavMessage::COMMAND_LONG(command) if self.is_meant(command.target_system) => {
+                self.command(command, None, &frame.header);
+            }
+            MavMessage::COMMAND_INT(command) if self.is_meant(command.target_system) => {
+                let long = COMMAND_LONG_DATA {
+                    param1: command.param1,
+                    param2: command.param2,
+                    param3: command.param3,
+                    param4: command.param4,
+                    param7: command.z,
+                    command: command.command,
+                    target_system: command.target_system,
+                    target_component: command.target_component,
+                    ..COMMAND_LONG_DATA::default()
+                };
+                let place = (command.x, command.y, command.frame);
+                self.command(&long, Some(place), &frame.header);
+            }
+            MavMessage::SET_POSITION_TARGET_GLOBAL_INT(target)
+                if self.is_meant(target.target_system) =>
+            {
+                self.set_global(target);
+            }
+            MavMessage::SET_POSITION_TARGET_LOCAL_NED(target)
+                if self.is_meant(target.target_system) =>
+            {
+                self.set_local(target);
+            }
+            MavMessage::PARAM_REQUEST_LIST(ask) if self.is_meant(ask.target_system) => {
+                self.outbox.extend(self.params.all());
+            }
+            MavMessage::PARAM_REQUEST_READ(ask) if self.is_meant(ask.target_system) => {
+                self.outbox.extend(self.params.read(ask));
+            }
+            MavMessage::PARAM_SET(set) if self.is_meant(set.target_system) => {
+                self.outbox.extend(self.params.set(set));
+            }
+            MavMessage::MISSION_REQUEST_LIST(ask) if self.is_meant(ask.target_system) => {
+                self.outbox.push(MavMessage::MISSION_COUNT(MISSION_COUNT_DATA {
+                    target_system: u8::try_from(frame.header.system_id).unwrap_or(0),
+                    target_component: frame.header.component_id,
+                    mission_type: ask.mission_type,
+                    ..MISSION_COUNT_DATA::default()
+                }));
+            }
+            MavMessage::TIMESYNC(sync) if sync.tc1 == 0 => {
+                let nanoseconds = i64::from(self.boot_ms()) * 1_000_000;
+                self.outbox.push(MavMessage::TIMESYNC(TIMESYNC_DATA {
+                    tc1: nanoseconds,
+                    ts1: sync.ts1,
+                    ..TIMESYNC_DATA::default()
+                }));
+            }
+            _ => {}
+        }
+    }
+
+    /// What it has to say now.
+    pub(super) fn say(&mut self) -> Vec<MavMessage> {
+        for id in self.streams.due(self.now) {
+            self.outbox.extend(self.message(id));
+        }
+        let said = std::mem::take(&mut self.outbox);
+        if self.is_reachable() { said } else { Vec::new() }
+    }
+
+    /// Why its motors may not be started.
+    pub(super) fn is_armable(&self) -> Result<(), &'static str> {
+        use foxhunt_wire::mavlink::Autopilot::{ArduPilot, Px4};
+        let mode = self.flight.mode;
+        match mode.autopilot {
+            ArduPilot
+                if mode == mode.autopilot.land() || mode == mode.autopilot.return_to_launch() =>
+            {
+                Err("Arm: Mode not armable")
+            }
+            // Modes that are flown by hand need no place.
+            _ if mode == mode.autopilot.at_boot() || self.is_placed() => Ok(()),
+            ArduPilot => Err("Arm: Need Position Estimate"),
+            Px4 => Err("Preflight Fail: no global position"),
+        }
+    }
+}

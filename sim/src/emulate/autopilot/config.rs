@@ -1,0 +1,99 @@
+use foxhunt_wire::{
+    geodesy::Geodetic,
+    mavlink::{Autopilot, FlightMode, SigningKey},
+};
+
+use crate::{
+    Interval, SimError,
+    config::{finite, not_negative, positive},
+};
+
+/// What an emulated autopilot is like.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AutopilotConfig {
+    /// Whose behaviour it has.
+    pub autopilot: Autopilot,
+    /// Its system number.
+    pub system_id: u8,
+    /// Where the world's East, North and Up are 0, heights above sea level.
+    pub origin: Geodetic,
+    /// From which second of the world's time on it knows where it is.
+    pub position_good_after_s: f64,
+    /// What its GPS says of its error over ground, in metres. The places that it tells are exact.
+    pub horizontal_accuracy_m: f64,
+    /// The same upwards.
+    pub vertical_accuracy_m: f64,
+    /// How high it comes back at least, in metres above the ground.
+    pub return_up_m: f64,
+    /// How long its battery lasts, in seconds with motors running.
+    pub endurance_s: f64,
+    /// Without a ground station's heartbeat for so long it comes back; never where absent.
+    pub ground_failsafe_s: Option<f64>,
+    /// The key of its link.
+    pub signing: Option<SigningKey>,
+    /// UNIX time at the beginning of the world's: signatures carry the time.
+    pub clock_origin_unix_s: f64,
+    /// What happens to it.
+    pub faults: AutopilotFaults,
+}
+
+impl Default for AutopilotConfig {
+    /// An ArduCopter, system 1, at the place of ArduPilot's own simulator; a position after 3 s, good
+    /// to 0.5 m and 0.8 m; returns at 15 m; 20 minutes of battery; comes back 5 s after the last
+    /// heartbeat of a ground station; no signing, no faults.
+    fn default() -> Self {
+        Self {
+            autopilot: Autopilot::ArduPilot,
+            system_id: 1,
+            origin: Geodetic { lat_deg: -35.363_262, lon_deg: 149.165_237, alt_m: 584.0 },
+            position_good_after_s: 3.0,
+            horizontal_accuracy_m: 0.5,
+            vertical_accuracy_m: 0.8,
+            return_up_m: 15.0,
+            endurance_s: 1200.0,
+            ground_failsafe_s: Some(5.0),
+            signing: None,
+            clock_origin_unix_s: 0.0,
+            faults: AutopilotFaults::default(),
+        }
+    }
+}
+
+/// What happens to an emulated autopilot, and when, in seconds of the world's time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AutopilotFaults {
+    /// Nothing is heard of it, and it hears nothing. The world's own `lost` intervals have the same
+    /// effect.
+    pub silent: Vec<Interval>,
+    /// When the pilot chooses a mode on his remote control.
+    pub pilot: Vec<PilotOrder>,
+}
+
+/// A mode that the pilot chooses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PilotOrder {
+    /// When.
+    pub at_s: f64,
+    /// Its name, such as `LOITER`.
+    pub mode: String,
+}
+
+impl AutopilotConfig {
+    pub(super) fn check(&self) -> Result<(), SimError> {
+        positive("autopilot.system_id", f64::from(self.system_id))?;
+        not_negative("autopilot.position_good_after_s", self.position_good_after_s)?;
+        positive("autopilot.horizontal_accuracy_m", self.horizontal_accuracy_m)?;
+        positive("autopilot.vertical_accuracy_m", self.vertical_accuracy_m)?;
+        positive("autopilot.return_up_m", self.return_up_m)?;
+        positive("autopilot.endurance_s", self.endurance_s)?;
+        positive("autopilot.ground_failsafe_s", self.ground_failsafe_s.unwrap_or(1.0))?;
+        finite("autopilot.clock_origin_unix_s", self.clock_origin_unix_s)?;
+        for order in &self.faults.pilot {
+            not_negative("autopilot.faults.pilot.at_s", order.at_s)?;
+            if FlightMode::named(self.autopilot, &order.mode).is_none() {
+                return Err(SimError::FlightMode { mode: order.mode.clone() });
+            }
+        }
+        Ok(())
+    }
+}

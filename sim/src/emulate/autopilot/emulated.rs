@@ -1,0 +1,91 @@
+use std::io;
+
+use foxhunt_wire::{
+    ByteStream,
+    mavlink::{Codec, CommonFrame, Signing},
+};
+
+use super::{AutopilotConfig, brain::Brain};
+use crate::{Emulator, SimError, World};
+
+/// An autopilot on a drone of a world, behind a stream of bytes.
+///
+/// What is imitated of ArduCopter: it tells nothing but heartbeats until it is asked; a take-off is
+/// refused unless it is armed in GUIDED and knows where it is; it can be armed in STABILIZE without
+/// knowing; motors that do not take off stop after 10 s; a relative CONDITION_YAW counts from the
+/// heading that it is slewing to; a set-point without yaw turns the nose to the goal; it stops its
+/// motors on the ground after landing; it comes back when the ground station falls silent. Of PX4: its
+/// modes, heights of take-off above sea level, telemetry unasked, and OFFBOARD, which needs set-points
+/// at 2 Hz and ends without them.
+///
+/// A drone of a world begins in the air; one with an emulated autopilot begins on the ground below, at an
+/// Up of 0.
+#[derive(Debug)]
+pub struct EmulatedAutopilot<S> {
+    stream: S,
+    codec: Codec,
+    connections: u32,
+    brain: Brain,
+}
+
+/// MAV_COMP_ID_AUTOPILOT1.
+const COMPONENT: u8 = 1;
+
+impl<S: ByteStream> EmulatedAutopilot<S> {
+    /// Puts an autopilot on a drone and the drone on the ground.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`], [`SimError::Place`] and
+    /// [`SimError::FlightMode`] name what is wrong in `config`.
+    pub fn new(
+        config: AutopilotConfig,
+        world: &World,
+        drone: usize,
+        stream: S,
+    ) -> Result<Self, SimError> {
+        config.check()?;
+        let frame = CommonFrame::new(config.origin.lat_deg, config.origin.lon_deg)?;
+        let codec = Codec::new(config.system_id, COMPONENT);
+        let codec = match config.signing {
+            Some(key) => codec.with_signing(Signing::new(key, 0)),
+            None => codec,
+        };
+        let connections = stream.connections();
+        let brain = Brain::new(config, frame, world.on_board(drone)?);
+        Ok(Self { stream, codec, connections, brain })
+    }
+}
+
+impl<S: ByteStream> Emulator for EmulatedAutopilot<S> {
+    fn serve(&mut self) -> io::Result<()> {
+        self.brain.step();
+        let reachable = self.brain.is_reachable();
+        let unix_s = self.brain.unix_s();
+        let mut into = [0; 2048];
+        loop {
+            let count = self.stream.receive(&mut into)?;
+            let Some(bytes) = into.get(..count).filter(|bytes| !bytes.is_empty()) else { break };
+            // What was sent in the meantime is gone.
+            if reachable {
+                self.codec.push(bytes);
+            }
+            while let Some(frame) = self.codec.next_frame(unix_s) {
+                self.brain.take(&frame);
+            }
+        }
+        if self.stream.connections() != self.connections {
+            self.connections = self.stream.connections();
+            self.codec.restart();
+        }
+        for message in self.brain.say() {
+            let bytes = self.codec.encode(&message, unix_s);
+            match self.stream.send(&bytes) {
+                // Nobody is there yet.
+                Err(error) if error.kind() == io::ErrorKind::NotConnected => {}
+                other => other?,
+            }
+        }
+        Ok(())
+    }
+}

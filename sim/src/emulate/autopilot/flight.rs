@@ -1,0 +1,187 @@
+use foxhunt_core::Pose;
+use foxhunt_wire::mavlink::{Autopilot, FlightMode, dialect::MavLandedState};
+use nalgebra::Vector3;
+
+use super::yaw::Yaw;
+
+/// How it flies: its mode and what that makes of its orders.
+#[derive(Debug)]
+pub(super) struct Flight {
+    pub(super) mode: FlightMode,
+    pub(super) armed: bool,
+    pub(super) landed: MavLandedState,
+    pub(super) yaw: Yaw,
+    /// Where the mode has it go.
+    pub(super) goal: Vector3<f64>,
+    /// How high it comes back.
+    pub(super) return_up: f64,
+    /// How high a take-off goes, while there is one.
+    pub(super) climb_to: Option<f64>,
+    /// When a set-point came last.
+    pub(super) setpoint_at: f64,
+    /// Whether they come often enough for OFFBOARD.
+    pub(super) setpoints_flow: bool,
+    armed_at: f64,
+    /// When it touched the ground.
+    down_at: Option<f64>,
+    /// It is above home, or comes there.
+    over_home: bool,
+    pub(super) texts: Vec<&'static str>,
+}
+
+/// What the body is to do.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BodyOrder {
+    pub(super) goal: Vector3<f64>,
+    pub(super) turn_rate: f64,
+}
+
+/// Motors that do not take off stop after so many seconds.
+const IDLE_S: f64 = 10.0;
+
+/// Motors stop so long after touching the ground, in seconds.
+const STOP_S: f64 = 1.0;
+
+/// Set-points farther apart than that do not flow, in seconds: 2 Hz.
+const FLOW_S: f64 = 0.5;
+
+/// OFFBOARD ends so long after the last set-point, in seconds (COM_OF_LOSS_T).
+const OFFBOARD_LOSS_S: f64 = 1.0;
+
+/// How close is there, in metres.
+const THERE_M: f64 = 0.3;
+
+impl Flight {
+    pub(super) fn new(mode: FlightMode, pose: &Pose, now: f64) -> Self {
+        Self {
+            mode,
+            armed: false,
+            landed: MavLandedState::MAV_LANDED_STATE_ON_GROUND,
+            yaw: Yaw::new(pose.heading),
+            goal: pose.position,
+            return_up: 0.0,
+            climb_to: None,
+            setpoint_at: f64::NEG_INFINITY,
+            setpoints_flow: false,
+            armed_at: now,
+            down_at: None,
+            over_home: false,
+            texts: Vec::new(),
+        }
+    }
+
+    pub(super) fn is_airborne(&self) -> bool {
+        self.landed != MavLandedState::MAV_LANDED_STATE_ON_GROUND
+    }
+
+    pub(super) fn arm(&mut self, pose: &Pose, now: f64) {
+        if !self.armed {
+            (self.armed, self.armed_at, self.goal) = (true, now, pose.position);
+            self.yaw.hold(pose.heading);
+        }
+    }
+
+    pub(super) fn disarm(&mut self) {
+        (self.armed, self.climb_to, self.down_at) = (false, None, None);
+        self.landed = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
+    }
+
+    /// Every mode begins where it is.
+    pub(super) fn change_mode(&mut self, mode: FlightMode, pose: &Pose) {
+        if mode == self.mode {
+            return;
+        }
+        self.mode = mode;
+        self.goal = pose.position;
+        self.yaw.hold(pose.heading);
+        (self.over_home, self.down_at) = (false, None);
+        if mode != mode.autopilot.take_off() {
+            self.climb_to = None;
+        }
+    }
+
+    /// A set-point came; whether it is obeyed.
+    pub(super) fn takes_setpoint(&mut self, now: f64) -> bool {
+        self.setpoints_flow = now - self.setpoint_at <= FLOW_S;
+        self.setpoint_at = now;
+        let flying = self.mode == self.mode.autopilot.commanded() && self.armed;
+        // ArduCopter stays on the ground until it is told to take off.
+        let climbing = self.climb_to.is_some();
+        flying && !climbing && (self.is_airborne() || self.mode.autopilot == Autopilot::Px4)
+    }
+
+    /// Whether set-points come often enough for OFFBOARD now.
+    pub(super) fn is_fed(&self, now: f64) -> bool {
+        self.setpoints_flow && now - self.setpoint_at <= FLOW_S
+    }
+
+    /// Goes on with the mode.
+    pub(super) fn step(&mut self, pose: &Pose, home: Vector3<f64>, now: f64, dt: f64) -> BodyOrder {
+        let at = pose.position;
+        let autopilot = self.mode.autopilot;
+        if !self.armed {
+            let ground = Vector3::new(at.x, at.y, 0.0);
+            (self.goal, self.landed) = (ground, MavLandedState::MAV_LANDED_STATE_ON_GROUND);
+            return BodyOrder { goal: ground, turn_rate: 0.0 };
+        }
+        let offboard = autopilot == Autopilot::Px4 && self.mode == autopilot.commanded();
+        if offboard && now - self.setpoint_at > OFFBOARD_LOSS_S {
+            self.texts.push("Offboard control lost");
+            self.change_mode(autopilot.by_hand(), pose);
+        }
+        if let Some(up) = self.climb_to {
+            self.goal.z = up;
+            self.landed = MavLandedState::MAV_LANDED_STATE_TAKEOFF;
+            if (at.z - up).abs() < THERE_M {
+                self.climb_to = None;
+                self.landed = MavLandedState::MAV_LANDED_STATE_IN_AIR;
+                if autopilot == Autopilot::Px4 {
+                    self.change_mode(autopilot.hold(), pose);
+                    self.goal.z = up;
+                }
+            }
+        } else if self.mode == autopilot.land() && self.is_airborne() {
+            self.descend(at, now);
+        } else if self.mode == autopilot.return_to_launch() && self.is_airborne() {
+            self.come_back(at, home, now);
+        } else if self.is_airborne() {
+            self.landed = MavLandedState::MAV_LANDED_STATE_IN_AIR;
+        } else if self.goal.z > at.z + THERE_M {
+            // PX4 takes off by a set-point, too.
+            self.landed = MavLandedState::MAV_LANDED_STATE_TAKEOFF;
+        } else {
+            self.goal = at;
+            if now - self.armed_at > IDLE_S {
+                self.texts.push("Disarming motors");
+                self.disarm();
+            }
+        }
+        BodyOrder { goal: self.goal, turn_rate: self.yaw.step(pose.heading, dt) }
+    }
+
+    fn descend(&mut self, at: Vector3<f64>, now: f64) {
+        self.landed = MavLandedState::MAV_LANDED_STATE_LANDING;
+        self.goal = Vector3::new(self.goal.x, self.goal.y, 0.0);
+        if at.z > 0.05 {
+            self.down_at = None;
+        } else if now - *self.down_at.get_or_insert(now) >= STOP_S {
+            self.disarm();
+        }
+    }
+
+    /// Up, home, down.
+    fn come_back(&mut self, at: Vector3<f64>, home: Vector3<f64>, now: f64) {
+        let up = self.return_up.max(self.goal.z);
+        if self.over_home && (at - home).xy().norm() < THERE_M {
+            self.goal = home;
+            return self.descend(at, now);
+        }
+        self.landed = MavLandedState::MAV_LANDED_STATE_IN_AIR;
+        if self.over_home || (at.z - up).abs() < THERE_M {
+            self.over_home = true;
+            self.goal = Vector3::new(home.x, home.y, up);
+        } else {
+            self.goal.z = up;
+        }
+    }
+}

@@ -1,0 +1,82 @@
+use foxhunt_wire::mavlink::{
+    Autopilot, CharArray,
+    dialect::{
+        MavMessage, MavParamType, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA,
+    },
+};
+
+use super::AutopilotConfig;
+
+/// The few parameters that ground stations ask for. All are single precision numbers.
+#[derive(Debug)]
+pub(super) struct Params {
+    all: Vec<(&'static str, f32)>,
+}
+
+impl Params {
+    pub(super) fn new(config: &AutopilotConfig) -> Self {
+        #[expect(clippy::cast_possible_truncation, reason = "parameters have no more digits")]
+        let return_up = config.return_up_m as f32;
+        let system = f32::from(config.system_id);
+        let failsafe = f32::from(u8::from(config.ground_failsafe_s.is_some()));
+        let all = match config.autopilot {
+            Autopilot::ArduPilot => vec![
+                ("SYSID_THISMAV", system),
+                ("SYSID_MYGCS", 255.0),
+                ("RTL_ALT", return_up * 100.0),
+                ("FS_GCS_ENABLE", failsafe),
+                ("DISARM_DELAY", 10.0),
+            ],
+            Autopilot::Px4 => vec![
+                ("MAV_SYS_ID", system),
+                ("MIS_TAKEOFF_ALT", 2.5),
+                ("RTL_RETURN_ALT", return_up),
+                ("COM_OF_LOSS_T", 1.0),
+                ("CAL_GYRO0_ID", 1.0),
+                ("CAL_ACC0_ID", 1.0),
+                ("CAL_MAG0_ID", 1.0),
+            ],
+        };
+        Self { all }
+    }
+
+    pub(super) fn value(&self, name: &str) -> Option<f32> {
+        self.all.iter().find(|(known, _)| *known == name).map(|(_, value)| *value)
+    }
+
+    pub(super) fn all(&self) -> Vec<MavMessage> {
+        (0..self.all.len()).filter_map(|index| self.message(index)).collect()
+    }
+
+    pub(super) fn read(&self, ask: &PARAM_REQUEST_READ_DATA) -> Option<MavMessage> {
+        match usize::try_from(ask.param_index) {
+            Ok(index) => self.message(index),
+            Err(_) => self.message(self.position(&ask.param_id)?),
+        }
+    }
+
+    /// Sets one, and says what it is now.
+    pub(super) fn set(&mut self, set: &PARAM_SET_DATA) -> Option<MavMessage> {
+        let index = self.position(&set.param_id)?;
+        if let Some((_, value)) = self.all.get_mut(index).filter(|_| set.param_value.is_finite()) {
+            *value = set.param_value;
+        }
+        self.message(index)
+    }
+
+    fn position(&self, name: &CharArray<16>) -> Option<usize> {
+        let name = name.to_str().ok()?;
+        self.all.iter().position(|(known, _)| *known == name)
+    }
+
+    fn message(&self, index: usize) -> Option<MavMessage> {
+        let (name, param_value) = *self.all.get(index)?;
+        Some(MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
+            param_value,
+            param_count: u16::try_from(self.all.len()).ok()?,
+            param_index: u16::try_from(index).ok()?,
+            param_id: CharArray::from(name),
+            param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+        }))
+    }
+}

@@ -1,0 +1,81 @@
+use foxhunt_wire::mavlink::{
+    Autopilot, MessageData,
+    dialect::{
+        ATTITUDE_DATA, EKF_STATUS_REPORT_DATA, ESTIMATOR_STATUS_DATA, EXTENDED_SYS_STATE_DATA,
+        GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA, HOME_POSITION_DATA,
+        LOCAL_POSITION_NED_DATA, POSITION_TARGET_GLOBAL_INT_DATA, SYS_STATUS_DATA,
+        SYSTEM_TIME_DATA, VFR_HUD_DATA,
+    },
+};
+
+/// Which messages it says how often.
+#[derive(Debug)]
+pub(super) struct Streams {
+    all: Vec<Stream>,
+}
+
+#[derive(Debug)]
+struct Stream {
+    id: u32,
+    /// In seconds; infinite where it was not asked for.
+    period: f64,
+    due: f64,
+}
+
+/// What may be asked for, and how often PX4 says it unasked, per second.
+const KNOWN: [(u32, f64); 12] = [
+    (ATTITUDE_DATA::ID, 10.0),
+    (GLOBAL_POSITION_INT_DATA::ID, 5.0),
+    (LOCAL_POSITION_NED_DATA::ID, 2.0),
+    (GPS_RAW_INT_DATA::ID, 1.0),
+    (SYS_STATUS_DATA::ID, 1.0),
+    (EXTENDED_SYS_STATE_DATA::ID, 1.0),
+    (HOME_POSITION_DATA::ID, 0.5),
+    (VFR_HUD_DATA::ID, 2.0),
+    (SYSTEM_TIME_DATA::ID, 1.0),
+    (POSITION_TARGET_GLOBAL_INT_DATA::ID, 1.0),
+    (ESTIMATOR_STATUS_DATA::ID, 1.0),
+    (EKF_STATUS_REPORT_DATA::ID, 0.0),
+];
+
+impl Streams {
+    pub(super) fn new(autopilot: Autopilot, now: f64) -> Self {
+        let foreign = match autopilot {
+            Autopilot::ArduPilot => ESTIMATOR_STATUS_DATA::ID,
+            Autopilot::Px4 => EKF_STATUS_REPORT_DATA::ID,
+        };
+        let known = KNOWN.iter().filter(|(id, _)| *id != foreign).map(|(id, rate)| {
+            let unasked = autopilot == Autopilot::Px4;
+            Stream { id: *id, period: if unasked { 1.0 / rate } else { f64::INFINITY }, due: now }
+        });
+        let beat = Stream { id: HEARTBEAT_DATA::ID, period: 1.0, due: now };
+        Self { all: std::iter::once(beat).chain(known).collect() }
+    }
+
+    /// Whether a message may be asked for; it comes every `period` seconds from now on.
+    pub(super) fn ask(&mut self, id: u32, period: f64, now: f64) -> bool {
+        let Some(stream) = self.all.iter_mut().find(|stream| stream.id == id) else {
+            return false;
+        };
+        // Serial ports and processors have an end.
+        (stream.period, stream.due) = (period.max(0.01), now);
+        true
+    }
+
+    /// What is due now.
+    pub(super) fn due(&mut self, now: f64) -> Vec<u32> {
+        let mut due = Vec::new();
+        for stream in &mut self.all {
+            // A nanosecond is forgiven: time is a sum of steps.
+            if stream.period.is_finite() && now >= stream.due - 1e-9 {
+                due.push(stream.id);
+                // In step with itself, and never a burst after a pause.
+                stream.due = (stream.due + stream.period).max(now - stream.period);
+                if stream.due <= now {
+                    stream.due = now + stream.period;
+                }
+            }
+        }
+        due
+    }
+}

@@ -1,0 +1,250 @@
+use foxhunt_wire::mavlink::{
+    Autopilot, MessageData, dialect::*, e7_of_degrees, ned_of_enu, whole, yaw_of_heading,
+};
+
+use super::brain::Brain;
+
+/// All that the estimator can say good of itself, and of itself alone: attitude without a place.
+const PLACED: u16 = 0x33F;
+const UNPLACED: u16 = 0x081;
+
+/// ArduCopter 4.5.7 and PX4 1.15.4, both released.
+const ARDUCOPTER_VERSION: u32 = 0x0405_07FF;
+const PX4_VERSION: u32 = 0x010F_04FF;
+
+#[expect(clippy::cast_possible_truncation, reason = "the messages have no more digits")]
+fn single(value: f64) -> f32 {
+    value as f32
+}
+
+/// A value in hundredths, as far as sixteen bits hold it.
+fn hundredths(value: f64) -> i16 {
+    i16::try_from(whole(value * 100.0).clamp(-32_767, 32_767)).unwrap_or(0)
+}
+
+fn positive(value: f64) -> u16 {
+    u16::try_from(whole(value).clamp(0, 65_535)).unwrap_or(0)
+}
+
+impl Brain {
+    pub(super) fn boot_ms(&self) -> u32 {
+        whole(self.now * 1e3).unsigned_abs()
+    }
+
+    fn usec(&self) -> u64 {
+        u64::from(self.boot_ms()) * 1000
+    }
+
+    /// Latitude and longitude as messages have them; zero while it does not know them.
+    fn lat_lon(&self, place: &nalgebra::Vector3<f64>) -> (i32, i32) {
+        if !self.is_placed() {
+            return (0, 0);
+        }
+        let (lat, lon) = self.frame.to_degrees(place);
+        (e7_of_degrees(lat), e7_of_degrees(lon))
+    }
+
+    fn alt_mm(&self, up: f64) -> i32 {
+        whole((self.config.origin.alt_m + up) * 1e3)
+    }
+
+    /// The message of a number, as of now; `None` where it has none of that kind.
+    pub(super) fn message(&self, id: u32) -> Option<MavMessage> {
+        let position = &self.pose.position;
+        let (lat, lon) = self.lat_lon(position);
+        let ned = ned_of_enu(&self.velocity);
+        let time_boot_ms = self.boot_ms();
+        let compass_deg = yaw_of_heading(self.pose.heading).to_degrees().rem_euclid(360.0);
+        Some(match id {
+            HEARTBEAT_DATA::ID => MavMessage::HEARTBEAT(self.heartbeat()),
+            ATTITUDE_DATA::ID => MavMessage::ATTITUDE(ATTITUDE_DATA {
+                time_boot_ms,
+                roll: single(self.pose.roll),
+                pitch: single(self.pose.pitch),
+                yaw: single(yaw_of_heading(self.pose.heading)),
+                yawspeed: single(-self.turning),
+                ..ATTITUDE_DATA::default()
+            }),
+            GLOBAL_POSITION_INT_DATA::ID => {
+                MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
+                    time_boot_ms,
+                    lat,
+                    lon,
+                    alt: self.alt_mm(position.z),
+                    relative_alt: whole(position.z * 1e3),
+                    vx: hundredths(ned.x),
+                    vy: hundredths(ned.y),
+                    vz: hundredths(ned.z),
+                    hdg: positive(compass_deg * 100.0),
+                })
+            }
+            LOCAL_POSITION_NED_DATA::ID => {
+                let place = ned_of_enu(&(position - self.home));
+                MavMessage::LOCAL_POSITION_NED(LOCAL_POSITION_NED_DATA {
+                    time_boot_ms,
+                    x: single(place.x),
+                    y: single(place.y),
+                    z: single(place.z),
+                    vx: single(ned.x),
+                    vy: single(ned.y),
+                    vz: single(ned.z),
+                })
+            }
+            GPS_RAW_INT_DATA::ID => MavMessage::GPS_RAW_INT(self.gps(lat, lon)),
+            SYS_STATUS_DATA::ID => MavMessage::SYS_STATUS(self.status()),
+            EXTENDED_SYS_STATE_DATA::ID => {
+                MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA {
+                    vtol_state: MavVtolState::MAV_VTOL_STATE_UNDEFINED,
+                    landed_state: self.flight.landed,
+                })
+            }
+            HOME_POSITION_DATA::ID if self.is_placed() => {
+                let (latitude, longitude) = self.lat_lon(&self.home);
+                MavMessage::HOME_POSITION(HOME_POSITION_DATA {
+                    latitude,
+                    longitude,
+                    altitude: self.alt_mm(0.0),
+                    q: [1.0, 0.0, 0.0, 0.0],
+                    ..HOME_POSITION_DATA::default()
+                })
+            }
+            VFR_HUD_DATA::ID => MavMessage::VFR_HUD(VFR_HUD_DATA {
+                groundspeed: single(self.velocity.xy().norm()),
+                alt: single(self.config.origin.alt_m + position.z),
+                climb: single(self.velocity.z),
+                heading: i16::try_from(whole(compass_deg)).unwrap_or(0),
+                throttle: if self.flight.is_airborne() { 50 } else { 0 },
+                ..VFR_HUD_DATA::default()
+            }),
+            SYSTEM_TIME_DATA::ID => MavMessage::SYSTEM_TIME(SYSTEM_TIME_DATA {
+                time_unix_usec: self.usec(),
+                time_boot_ms,
+            }),
+            POSITION_TARGET_GLOBAL_INT_DATA::ID
+                if self.flight.mode == self.config.autopilot.commanded() =>
+            {
+                let (lat_int, lon_int) = self.lat_lon(&self.flight.goal);
+                MavMessage::POSITION_TARGET_GLOBAL_INT(POSITION_TARGET_GLOBAL_INT_DATA {
+                    time_boot_ms,
+                    lat_int,
+                    lon_int,
+                    alt: single(self.config.origin.alt_m + self.flight.goal.z),
+                    coordinate_frame: MavFrame::MAV_FRAME_GLOBAL,
+                    ..POSITION_TARGET_GLOBAL_INT_DATA::default()
+                })
+            }
+            ESTIMATOR_STATUS_DATA::ID if self.config.autopilot == Autopilot::Px4 => {
+                MavMessage::ESTIMATOR_STATUS(ESTIMATOR_STATUS_DATA {
+                    time_usec: self.usec(),
+                    pos_horiz_accuracy: single(self.config.horizontal_accuracy_m),
+                    pos_vert_accuracy: single(self.config.vertical_accuracy_m),
+                    flags: EstimatorStatusFlags::from_bits_retain(self.estimator()),
+                    ..ESTIMATOR_STATUS_DATA::default()
+                })
+            }
+            EKF_STATUS_REPORT_DATA::ID if self.config.autopilot == Autopilot::ArduPilot => {
+                MavMessage::EKF_STATUS_REPORT(EKF_STATUS_REPORT_DATA {
+                    flags: EkfStatusFlags::from_bits_retain(self.estimator()),
+                    ..EKF_STATUS_REPORT_DATA::default()
+                })
+            }
+            AUTOPILOT_VERSION_DATA::ID => MavMessage::AUTOPILOT_VERSION(self.version()),
+            _ => return None,
+        })
+    }
+
+    fn estimator(&self) -> u16 {
+        if self.is_placed() { PLACED } else { UNPLACED }
+    }
+
+    fn heartbeat(&self) -> HEARTBEAT_DATA {
+        let custom = MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED;
+        let armed = MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED;
+        HEARTBEAT_DATA {
+            custom_mode: self.flight.mode.custom,
+            mavtype: MavType::MAV_TYPE_QUADROTOR,
+            autopilot: match self.config.autopilot {
+                Autopilot::ArduPilot => MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+                Autopilot::Px4 => MavAutopilot::MAV_AUTOPILOT_PX4,
+            },
+            base_mode: if self.flight.armed { custom | armed } else { custom },
+            system_status: if self.flight.is_airborne() {
+                MavState::MAV_STATE_ACTIVE
+            } else {
+                MavState::MAV_STATE_STANDBY
+            },
+            mavlink_version: 3,
+        }
+    }
+
+    fn gps(&self, lat: i32, lon: i32) -> GPS_RAW_INT_DATA {
+        let millimetres = |metres: f64| whole(metres * 1e3).unsigned_abs();
+        let placed = self.is_placed();
+        GPS_RAW_INT_DATA {
+            time_usec: self.usec(),
+            lat,
+            lon,
+            alt: self.alt_mm(self.pose.position.z),
+            eph: if placed { 70 } else { u16::MAX },
+            epv: if placed { 120 } else { u16::MAX },
+            vel: positive(self.velocity.xy().norm() * 100.0),
+            cog: u16::MAX,
+            fix_type: if placed {
+                GpsFixType::GPS_FIX_TYPE_3D_FIX
+            } else {
+                GpsFixType::GPS_FIX_TYPE_NO_FIX
+            },
+            satellites_visible: if placed { 14 } else { 3 },
+            h_acc: if placed { millimetres(self.config.horizontal_accuracy_m) } else { 0 },
+            v_acc: if placed { millimetres(self.config.vertical_accuracy_m) } else { 0 },
+            ..GPS_RAW_INT_DATA::default()
+        }
+    }
+
+    fn status(&self) -> SYS_STATUS_DATA {
+        use MavSysStatusSensor as S;
+        let present = S::MAV_SYS_STATUS_SENSOR_3D_GYRO
+            | S::MAV_SYS_STATUS_SENSOR_3D_ACCEL
+            | S::MAV_SYS_STATUS_SENSOR_3D_MAG
+            | S::MAV_SYS_STATUS_SENSOR_ABSOLUTE_PRESSURE
+            | S::MAV_SYS_STATUS_SENSOR_GPS
+            | S::MAV_SYS_STATUS_AHRS
+            | S::MAV_SYS_STATUS_SENSOR_BATTERY
+            | S::MAV_SYS_STATUS_PREARM_CHECK;
+        let unplaced = S::MAV_SYS_STATUS_SENSOR_GPS | S::MAV_SYS_STATUS_PREARM_CHECK;
+        let left = (1.0 - self.used_s / self.config.endurance_s).clamp(0.0, 1.0);
+        SYS_STATUS_DATA {
+            onboard_control_sensors_present: present,
+            onboard_control_sensors_enabled: present,
+            onboard_control_sensors_health: if self.is_placed() {
+                present
+            } else {
+                present.difference(unplaced)
+            },
+            load: 200,
+            // Three cells, from full to empty.
+            voltage_battery: positive(9_900.0 + 2_700.0 * left),
+            current_battery: if self.flight.armed { 1_500 } else { 50 },
+            battery_remaining: i8::try_from(whole(left * 100.0)).unwrap_or(-1),
+            ..SYS_STATUS_DATA::default()
+        }
+    }
+
+    fn version(&self) -> AUTOPILOT_VERSION_DATA {
+        use MavProtocolCapability as C;
+        AUTOPILOT_VERSION_DATA {
+            capabilities: C::MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+                | C::MAV_PROTOCOL_CAPABILITY_MISSION_INT
+                | C::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
+                | C::MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+                | C::MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+                | C::MAV_PROTOCOL_CAPABILITY_MAVLINK2,
+            uid: u64::from(self.config.system_id),
+            flight_sw_version: match self.config.autopilot {
+                Autopilot::ArduPilot => ARDUCOPTER_VERSION,
+                Autopilot::Px4 => PX4_VERSION,
+            },
+            ..AUTOPILOT_VERSION_DATA::default()
+        }
+    }
+}

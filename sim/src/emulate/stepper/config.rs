@@ -1,0 +1,67 @@
+use serde::{Deserialize, Serialize};
+
+use crate::SimError;
+
+/// What hangs on an emulated Arduino.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EmulatedStepperConfig {
+    /// The pins that lead to IN1, IN2, IN3 and IN4 of the motor's driver.
+    pub pins: [u8; 4],
+    /// Half steps of the motor in a turn of the antenna, as numerator and denominator.
+    pub half_steps_per_turn: [u32; 2],
+    /// The play of the gear in degrees.
+    pub backlash_deg: f64,
+    /// Where the antenna looks at the beginning, in degrees counter-clockwise from the nose; the gear is
+    /// then pushed forwards.
+    pub start_deg: f64,
+    /// A switch that the antenna closes.
+    pub switch: Option<EmulatedSwitch>,
+}
+
+/// A switch to ground that the antenna closes between two angles.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EmulatedSwitch {
+    /// The pin that it connects to ground.
+    pub pin: u8,
+    /// From where on, counter-clockwise, it is open again, in degrees from the nose.
+    pub opens_at_deg: f64,
+    /// How far before that it closes, in degrees.
+    pub width_deg: f64,
+}
+
+impl Default for EmulatedStepperConfig {
+    /// A 28BYJ-48 at pins 8 to 11, 64 · (31·32·26·22)/(9·11·10·9) half steps a turn, 3° of play; an antenna
+    /// along the nose, without a switch.
+    fn default() -> Self {
+        Self {
+            pins: [8, 9, 10, 11],
+            half_steps_per_turn: [64 * 31 * 32 * 26 * 22, 9 * 11 * 10 * 9],
+            backlash_deg: 3.0,
+            start_deg: 0.0,
+            switch: None,
+        }
+    }
+}
+
+impl EmulatedStepperConfig {
+    pub(super) fn check(&self) -> Result<(), SimError> {
+        let fine = |holds: bool, field: &str, value: f64, requirement| {
+            let error = || SimError::Field { field: field.to_owned(), value, requirement };
+            holds.then_some(()).ok_or_else(error)
+        };
+        let [numerator, denominator] = self.half_steps_per_turn.map(f64::from);
+        let field = "half_steps_per_turn";
+        fine(numerator > 0.0 && denominator > 0.0, field, numerator, "a positive fraction")?;
+        let play = self.backlash_deg;
+        fine((0.0..=90.0).contains(&play), "backlash_deg", play, "between 0 and 90")?;
+        fine(self.start_deg.is_finite(), "start_deg", self.start_deg, "finite")?;
+        let Some(EmulatedSwitch { opens_at_deg, width_deg, .. }) = self.switch else {
+            return Ok(());
+        };
+        fine(opens_at_deg.is_finite(), "switch.opens_at_deg", opens_at_deg, "finite")?;
+        let narrow = (0.0..360.0).contains(&width_deg);
+        fine(narrow, "switch.width_deg", width_deg, "between 0 and 360")
+    }
+}

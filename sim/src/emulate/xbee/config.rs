@@ -1,0 +1,51 @@
+use foxhunt_core::BeaconId;
+use foxhunt_wire::xbee::{Address16, Address64, Protocol};
+use serde::{Deserialize, Serialize};
+
+use crate::SimError;
+
+/// What kind of XBee is emulated.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EmulatedXbeeConfig {
+    /// What its firmware speaks.
+    pub firmware: Protocol,
+    /// `AP`: 0 transparent, 1 plain frames, 2 escaped frames.
+    pub ap: u8,
+    /// How long after a question to a beacon that does not answer it says so, in seconds.
+    pub no_answer_s: f64,
+}
+
+/// Zigbee, plain frames, 0.2 s.
+impl Default for EmulatedXbeeConfig {
+    fn default() -> Self {
+        Self { firmware: Protocol::Zigbee, ap: 1, no_answer_s: 0.2 }
+    }
+}
+
+impl EmulatedXbeeConfig {
+    pub(super) fn check(&self) -> Result<(), SimError> {
+        let field = |name: &str, value, requirement| {
+            Err(SimError::Field { field: name.into(), value, requirement })
+        };
+        if self.ap > 2 {
+            return field("ap", f64::from(self.ap), "0, 1 or 2");
+        }
+        if !(self.no_answer_s > 0.0 && self.no_answer_s.is_finite()) {
+            return field("no_answer_s", self.no_answer_s, "a positive number");
+        }
+        Ok(())
+    }
+}
+
+/// The addresses of a beacon in an emulated network, of 64 bits and of 16.
+#[must_use]
+pub fn xbee_address(beacon: BeaconId) -> (Address64, Address16) {
+    let number = beacon.0;
+    (Address64(0x0013_A200_4B00_0000 | u64::from(number)), Address16(0x5000 ^ number))
+}
+
+/// The address of the radio of a drone.
+pub(super) fn drone_address(drone: usize) -> Address64 {
+    Address64(0x0013_A200_4D00_0000 | u64::try_from(drone & 0xFFFF).unwrap_or(0))
+}

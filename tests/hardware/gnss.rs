@@ -1,0 +1,363 @@
+//! GNSS drivers against an emulated receiver on a simulated drone.
+
+use std::{cell::RefCell, collections::VecDeque, io, rc::Rc};
+
+use foxhunt::{
+    filters::Ukf,
+    geodesy::LocalFrame,
+    hardware::{
+        FixQuality, GnssConfig, GnssDecoder, GnssError, GnssKind, GnssReceiver, Placed,
+        Positioning, StillVehicle,
+    },
+    prelude::*,
+    sensors::{
+        LogDistance, MaximumLikelihood, PatternTable, RssBearing, StepperConfig, StepperSource,
+    },
+    sim::{
+        BeaconConfig, ChannelConfig, DroneConfig, EmulatedGnss, EmulatedGnssConfig,
+        EmulatedGnssKind, Emulator, Interval, SimClock, World, WorldConfig,
+    },
+    wire::{ByteStream, MemoryStream, memory_pair},
+};
+use nalgebra::Vector3;
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+const KINDS: [(EmulatedGnssKind, GnssKind); 3] = [
+    (EmulatedGnssKind::Nmea, GnssKind::Nmea),
+    (EmulatedGnssKind::Ublox, GnssKind::Ublox),
+    (EmulatedGnssKind::Gpsd, GnssKind::Gpsd),
+];
+
+/// One drone 30 m up at (40, −25) m, and a beacon.
+fn world() -> World {
+    let beacon = BeaconConfig { name: "fox".into(), east_m: 60.0, ..BeaconConfig::default() };
+    let drone = DroneConfig { east_m: 40.0, north_m: -25.0, up_m: 30.0, ..DroneConfig::default() };
+    // The radio's noise is small, so that it does not hide that of the place.
+    let channel = ChannelConfig {
+        pattern_sigma_db: 0.0,
+        sample_sigma_db: 1.0,
+        bearing_sigma_deg: 0.0,
+        ..ChannelConfig::default()
+    };
+    let (beacons, drones) = (vec![beacon], vec![drone]);
+    let config = WorldConfig { beacons, drones, channel, ..WorldConfig::default() };
+    World::new(&config, 7).expect("a proper world")
+}
+
+fn frame() -> LocalFrame {
+    LocalFrame::new(EmulatedGnssConfig::default().origin).expect("on Earth")
+}
+
+type Receiver<S = MemoryStream> = GnssReceiver<S, SimClock, Box<dyn GnssDecoder>>;
+
+/// An emulated receiver and what reads it, over memory.
+fn pair(
+    world: &World,
+    kind: usize,
+    emulated: EmulatedGnssConfig,
+) -> (EmulatedGnss<MemoryStream>, Receiver) {
+    let (near, far) = memory_pair();
+    let (far_kind, near_kind) = KINDS[kind];
+    let emulated = EmulatedGnssConfig { kind: far_kind, ..emulated };
+    let emulator = EmulatedGnss::new(world, 0, emulated, 3, far).expect("a proper receiver");
+    let config = GnssConfig { kind: near_kind, ..GnssConfig::default() };
+    (emulator, GnssReceiver::new(config, near, world.clock()).expect("in range"))
+}
+
+/// Lets time pass for the emulator and the driver.
+fn run<S: ByteStream, T: ByteStream>(
+    world: &World,
+    emulator: &mut EmulatedGnss<S>,
+    receiver: &mut Receiver<T>,
+    seconds: f64,
+) {
+    let end = world.time() + seconds;
+    while world.time() < end - 1e-9 {
+        world.advance(0.1).expect("a step");
+        emulator.serve().expect("memory");
+        receiver.poll().expect("memory");
+    }
+}
+
+#[test]
+fn every_kind_tells_every_quality_where_the_drone_is() {
+    use FixQuality::{Autonomous, Differential, Estimated, RtkFixed, RtkFloat};
+    for kind in 0..3 {
+        for quality in [Estimated, Autonomous, Differential, RtkFloat, RtkFixed] {
+            let world = world();
+            let emulated = EmulatedGnssConfig::default().with_quality(quality);
+            let sigma = emulated.sigma_m;
+            let (mut emulator, mut receiver) = pair(&world, kind, emulated);
+            run(&world, &mut emulator, &mut receiver, 3.0);
+            let position = receiver.position().expect("a fix");
+            assert_eq!(position.quality, quality, "{kind}");
+            let error =
+                frame().to_local(&position.place) - world.pose(0).expect("there is one").position;
+            // Five sigma, and the last digit of UBX: 1.1 cm.
+            let bound = 5.0 * sigma + Vector3::repeat(0.012);
+            assert!(
+                error.abs().iter().zip(&bound).all(|(e, b)| e < b),
+                "{kind} {quality:?}: {error}"
+            );
+            let last = receiver.last().expect("it spoke");
+            assert_eq!(last.satellites, Some(14));
+            let told = last.sigma_m.expect("each of them tells it");
+            assert!((told - sigma).norm() < 2e-3, "{kind} {quality:?}: {told}");
+            let utc = last.utc_s.expect("dated");
+            assert!((utc - 1_767_225_603.0).abs() < 0.011, "{kind}: {utc}");
+        }
+    }
+}
+
+/// Normalised errors squared of independent fixes are chi-squared: one false alarm in a thousand runs of
+/// each kind, for the seed 3.
+#[test]
+fn the_told_sigma_is_honest() {
+    const SAMPLES: u32 = 400;
+    let chi = ChiSquared::new(f64::from(3 * SAMPLES)).expect("positive");
+    let band = chi.inverse_cdf(0.0005)..chi.inverse_cdf(0.9995);
+    for kind in 0..3 {
+        let world = world();
+        // The correlation after 8 s is exp(−8).
+        let emulated = EmulatedGnssConfig { correlation_s: 1.0, ..EmulatedGnssConfig::default() };
+        let (mut emulator, mut receiver) = pair(&world, kind, emulated);
+        let truth = world.pose(0).expect("there is one").position;
+        let mut sum = 0.0;
+        for _ in 0..SAMPLES {
+            run(&world, &mut emulator, &mut receiver, 8.0);
+            let last = receiver.last().expect("it spoke");
+            let error = frame().to_local(&last.place.expect("a fix")) - truth;
+            sum += error.component_div(&last.sigma_m.expect("told")).norm_squared();
+        }
+        assert!(band.contains(&sum), "{kind}: {sum} is not within {band:?}");
+    }
+}
+
+/// Errors do wander: correlated from fix to fix as their time constant says.
+#[test]
+fn errors_are_correlated_in_time() {
+    let world = world();
+    let emulated = EmulatedGnssConfig { correlation_s: 10.0, ..EmulatedGnssConfig::default() };
+    let (mut emulator, mut receiver) = pair(&world, 0, emulated);
+    let truth = world.pose(0).expect("there is one").position;
+    let mut errors = Vec::new();
+    for _ in 0..2000 {
+        run(&world, &mut emulator, &mut receiver, 1.0);
+        let place = receiver.last().and_then(|fix| fix.place).expect("a fix");
+        errors.push((frame().to_local(&place) - truth).x);
+    }
+    let lagged = |lag: usize| {
+        let products: f64 = errors.iter().zip(&errors[lag..]).map(|(a, b)| a * b).sum();
+        products / errors.iter().map(|e| e * e).sum::<f64>()
+    };
+    // Of 200 time constants: within three times √(2 τ / T) of exp(−0.1) and exp(−5).
+    assert!((lagged(1) - 0.905).abs() < 0.05, "{}", lagged(1));
+    assert!(lagged(50).abs() < 0.3, "{}", lagged(50));
+}
+
+#[test]
+fn an_outage_inflates_sigma_then_is_an_error_and_passes() {
+    for kind in 0..3 {
+        let world = world();
+        let outages = vec![Interval { from_s: 10.0, to_s: Some(20.0) }];
+        let emulated = EmulatedGnssConfig { outages, ..EmulatedGnssConfig::default() };
+        let (mut emulator, mut receiver) = pair(&world, kind, emulated);
+        run(&world, &mut emulator, &mut receiver, 9.8);
+        let mut before = receiver.position().expect("a fix").sigma_m.x;
+        for _ in 0..4 {
+            run(&world, &mut emulator, &mut receiver, 1.0);
+            let now = receiver.position().expect("not too old yet").sigma_m.x;
+            assert!(now > before + 0.3, "{kind}: from {before} m to {now} m");
+            before = now;
+        }
+        run(&world, &mut emulator, &mut receiver, 2.0);
+        assert!(matches!(receiver.position(), Err(GnssError::Stale { .. })), "{kind}");
+        assert_eq!(receiver.last().map(|fix| fix.quality), Some(FixQuality::None));
+        run(&world, &mut emulator, &mut receiver, 6.0);
+        assert!(receiver.position().is_ok(), "{kind}: it is back");
+    }
+}
+
+#[test]
+fn a_receiver_that_was_reset_is_set_up_again() {
+    let world = world();
+    let (near, mut far) = memory_pair();
+    let emulated =
+        EmulatedGnssConfig { kind: EmulatedGnssKind::Ublox, ..EmulatedGnssConfig::default() };
+    let config = GnssConfig { kind: GnssKind::Ublox, ..GnssConfig::default() };
+    let mut receiver = GnssReceiver::new(config, near, world.clock()).expect("in range");
+    for seed in 1..=2 {
+        // The second one has forgotten that NAV-PVT was turned on.
+        let mut emulator =
+            EmulatedGnss::new(&world, 0, emulated.clone(), seed, &mut far).expect("proper");
+        run(&world, &mut emulator, &mut receiver, 5.0);
+        let age = receiver.position().expect("a fix").age_s;
+        assert!(age < 0.5, "receiver {seed}: {age} s old");
+    }
+}
+
+/// A line that loses, cuts and adds bytes.
+struct Noisy<S> {
+    stream: S,
+    kept: VecDeque<u8>,
+    chance: Xoshiro256PlusPlus,
+}
+
+impl<S: ByteStream> ByteStream for Noisy<S> {
+    fn receive(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let mut piece = [0; 64];
+        let count = self.stream.receive(&mut piece)?;
+        let drawn: f64 = self.chance.random();
+        if drawn < 0.15 {
+            let length = self.chance.random_range(1..40);
+            self.kept.extend((0..length).map(|_| self.chance.random::<u8>()));
+        }
+        let lost = if drawn > 0.93 { self.chance.random_range(0..=count) } else { 0 };
+        self.kept.extend(&piece[lost..count]);
+        let given = self.kept.len().min(into.len());
+        for (to, from) in into.iter_mut().zip(self.kept.drain(..given)) {
+            *to = from;
+        }
+        Ok(given)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.stream.send(bytes)
+    }
+}
+
+#[test]
+fn garbage_and_cut_messages_cost_fixes_and_nothing_else() {
+    for kind in 0..3 {
+        let world = world();
+        let (near, far) = memory_pair();
+        let (far_kind, near_kind) = KINDS[kind];
+        let emulated = EmulatedGnssConfig { kind: far_kind, ..EmulatedGnssConfig::default() };
+        let mut emulator = EmulatedGnss::new(&world, 0, emulated, 3, far).expect("proper");
+        let chance = Xoshiro256PlusPlus::seed_from_u64(11);
+        let line = Noisy { stream: near, kept: VecDeque::new(), chance };
+        let config = GnssConfig { kind: near_kind, ..GnssConfig::default() };
+        let mut receiver = GnssReceiver::new(config, line, world.clock()).expect("in range");
+        let truth = world.pose(0).expect("there is one").position;
+        let (mut fresh, mut wrong) = (0, 0);
+        for _ in 0..600 {
+            run(&world, &mut emulator, &mut receiver, 0.2);
+            let Ok(position) = receiver.position() else { continue };
+            fresh += i32::from(position.age_s < 0.1);
+            let error = frame().to_local(&position.place) - truth;
+            wrong += i32::from(error.norm() > 20.0);
+        }
+        // An epoch of gpsd is eight pieces long, each of which is spoiled with a chance of 0.22.
+        let wanted = if kind == 2 { 150 } else { 300 };
+        assert!(fresh > wanted, "{kind}: {fresh} fresh fixes of 600");
+        assert_eq!(wrong, 0, "{kind}");
+        assert!(receiver.decoder().refused() > 0, "{kind}: the line was damaged");
+    }
+}
+
+/// What one turn of an antenna gives when its place comes from this receiver, and what a filter
+/// makes of it.
+fn heard(quality: FixQuality) -> (Reception, Estimate<2>) {
+    let world = world();
+    let (near, far) = memory_pair();
+    let emulated = EmulatedGnssConfig {
+        kind: EmulatedGnssKind::Ublox,
+        ..EmulatedGnssConfig::default().with_quality(quality)
+    };
+    let mut emulator = EmulatedGnss::new(&world, 0, emulated, 3, far).expect("proper");
+    // On a tripod, as it were: what a fix tells holds until the next one.
+    let config = GnssConfig { kind: GnssKind::Ublox, speed_mps: 0.0, ..GnssConfig::default() };
+    let mut receiver = GnssReceiver::new(config, near, world.clock()).expect("in range");
+    run(&world, &mut emulator, &mut receiver, 2.0);
+    let vehicle = world.vehicle(0).expect("there is one");
+    let placed = Placed::new(vehicle, receiver, frame(), config.antenna());
+    let (radio, rotator) = (world.radio(0).expect("one"), world.rotator(0).expect("one"));
+    let stepper = StepperConfig::pritzl2018();
+    let mut source = StepperSource::new(stepper, radio, rotator, placed, world.clock());
+    source.begin(&[BeaconId(0)]).expect("simulated");
+    let extractor = MaximumLikelihood::new(PatternTable::reference_patch());
+    let reception = loop {
+        world.advance(0.02).expect("a step");
+        emulator.serve().expect("memory");
+        if let Some(sweep) = source.poll().expect("a fix at every moment") {
+            break Reception::new(&sweep, &extractor.extract(&sweep).expect("it was heard"));
+        }
+    };
+    let prior = Estimate::isotropic(nalgebra::Vector2::new(55.0, 5.0), 10.0);
+    let law = LogDistance::new(-29.06, 2.765).expect("in range");
+    let mut filter =
+        Ukf::new(RandomWalk::uniform(0.0), RssBearing::new(law), prior).expect("a proper prior");
+    let observation = Observation::<2>::try_from(&reception).expect("a proper reception");
+    assert!(!filter.update(&observation).expect("it can be fused").is_rejected());
+    (reception, filter.estimate())
+}
+
+#[test]
+fn a_poor_fix_makes_an_estimator_learn_less() {
+    let (rtk, precise) = heard(FixQuality::RtkFixed);
+    let (alone, vague) = heard(FixQuality::Estimated);
+    let sigma = |reception: &Reception| reception.receiver_sigma_m.expect("it was told");
+    assert!((sigma(&rtk) - Vector3::new(0.012, 0.012, 0.02)).norm() < 2e-3, "{}", sigma(&rtk));
+    // The floor of dead reckoning is above what the receiver claims.
+    assert_eq!(sigma(&alone), Vector3::new(10.0, 10.0, 20.0));
+    let area = |estimate: &Estimate<2>| estimate.covariance.determinant();
+    assert!(area(&vague) > 2.0 * area(&precise), "{} and {}", area(&vague), area(&precise));
+    // The same noise of the radio: without the σ there would be next to no difference.
+    assert!((rtk.rss_dbm - alone.rss_dbm).abs() < 1e-9);
+}
+
+#[test]
+fn a_walker_is_a_vehicle() {
+    let world = world();
+    let (mut emulator, mut receiver) =
+        pair(&world, 2, EmulatedGnssConfig::default().with_quality(FixQuality::RtkFixed));
+    run(&world, &mut emulator, &mut receiver, 1.0);
+    let mut walker = StillVehicle::new(receiver, frame()).with_heading(0.5);
+    let pose = walker.pose().expect("a fix");
+    assert!((pose.position - world.pose(0).expect("one").position).norm() < 0.1);
+    assert!((pose.heading - 0.5).abs() < 1e-12);
+    let goal = Waypoint { position: Vector3::new(1.0, 2.0, 0.0) };
+    walker.go_to(&goal).expect("kept for the person");
+    assert_eq!(walker.goal(), Some(goal));
+    assert!(walker.position_sigma().is_some_and(|sigma| sigma.x < 1.0));
+}
+
+/// What is found about a receiver: `emulated` behind a driver of another or the same kind.
+fn examined(emulated: EmulatedGnssConfig, kind: GnssKind) -> String {
+    let world = world();
+    let (near, far) = memory_pair();
+    let emulator = EmulatedGnss::new(&world, 0, emulated, 3, far).expect("proper");
+    let emulator = Rc::new(RefCell::new(emulator));
+    let config = GnssConfig { kind, ..GnssConfig::default() };
+    let mut receiver = GnssReceiver::new(config, near, world.clock()).expect("in range");
+    let findings = receiver.examine(&mut || {
+        world.advance(0.05).expect("a step");
+        emulator.borrow_mut().serve().expect("memory");
+    });
+    assert!(world.time() < 11.0, "it is patient for ten seconds");
+    findings.iter().map(|finding| format!("{finding}\n")).collect()
+}
+
+#[test]
+fn what_is_wrong_is_found_with_its_remedy() {
+    let emulated = EmulatedGnssConfig::default;
+    let good = examined(emulated(), GnssKind::Nmea);
+    for part in
+        ["receiver: NMEA", "fix: autonomous, 14 satellites, HDOP 0.8", "σ East 1.50", "age: 0"]
+    {
+        assert!(good.contains(part), "{part} in {good}");
+    }
+    assert!(!good.contains('('), "nothing is wrong: {good}");
+    let wrong = examined(emulated(), GnssKind::Gpsd);
+    assert!(wrong.contains("none of them are gpsd") && wrong.contains("the kind"), "{wrong}");
+    let silent =
+        examined(EmulatedGnssConfig { kind: EmulatedGnssKind::Gpsd, ..emulated() }, GnssKind::Nmea);
+    assert!(silent.contains("none of them are NMEA"), "gpsd greets: {silent}");
+    let outages = vec![Interval::default()];
+    let blind = examined(EmulatedGnssConfig { outages, ..emulated() }, GnssKind::Nmea);
+    assert!(blind.contains("fix: none, 2 satellites") && blind.contains("free sky"), "{blind}");
+    let poor = EmulatedGnssConfig { sigma_m: Vector3::new(9.0, 9.0, 9.0), ..emulated() };
+    let poor = examined(poor, GnssKind::Nmea);
+    assert!(poor.contains("σ East 9.00") && poor.contains("away from walls"), "{poor}");
+}

@@ -1,0 +1,193 @@
+//! A flight from the ground to the ground, with aircraft that do as they are told, or do not.
+
+use std::{cell::RefCell, rc::Rc};
+
+use foxhunt::{
+    config::{BoxedSource, estimator_named},
+    core::{Pose, Spinner, Vehicle, Waypoint},
+    fly::{Ending, FlightRules, FlownDrone, Mission},
+    hardware::{Aircraft, AircraftState, Shared},
+    hunt::{Event, FlightStage},
+    scenario::Scenario,
+    sim::{SimError, SimVehicle, World},
+};
+
+/// A simulated drone that stands until it takes off, with a pilot who may take it.
+#[derive(Debug)]
+struct Lifted {
+    vehicle: SimVehicle,
+    doings: Rc<RefCell<Doings>>,
+}
+
+#[derive(Debug, Default)]
+struct Doings {
+    hindrance: String,
+    airborne: bool,
+    pilot: bool,
+    orders: Vec<&'static str>,
+}
+
+impl Vehicle for Lifted {
+    type Error = SimError;
+
+    fn pose(&mut self) -> Result<Pose, SimError> {
+        self.vehicle.pose()
+    }
+
+    fn go_to(&mut self, goal: &Waypoint) -> Result<(), SimError> {
+        self.doings.borrow_mut().orders.push("go to");
+        self.vehicle.go_to(goal)
+    }
+
+    fn land(&mut self) -> Result<(), SimError> {
+        let mut doings = self.doings.borrow_mut();
+        doings.orders.push("land");
+        doings.airborne = false;
+        Ok(())
+    }
+}
+
+impl Spinner for Lifted {
+    fn spin(&mut self, rate: Option<f64>) -> Result<(), SimError> {
+        self.vehicle.spin(rate)
+    }
+}
+
+impl Aircraft for Lifted {
+    fn state(&mut self) -> Result<AircraftState, SimError> {
+        let doings = self.doings.borrow();
+        Ok(AircraftState {
+            mode: if doings.pilot { "LOITER" } else { "GUIDED" }.into(),
+            armed: doings.airborne,
+            airborne: doings.airborne,
+            commanded: doings.airborne && !doings.pilot,
+            hindrance: doings.hindrance.clone(),
+            ..AircraftState::default()
+        })
+    }
+
+    fn take_off(&mut self, _up_m: f64) -> Result<(), SimError> {
+        let mut doings = self.doings.borrow_mut();
+        doings.orders.push("take off");
+        doings.airborne = true;
+        Ok(())
+    }
+
+    fn return_to_launch(&mut self) -> Result<(), SimError> {
+        let mut doings = self.doings.borrow_mut();
+        doings.orders.push("return");
+        doings.airborne = false;
+        Ok(())
+    }
+}
+
+struct Field {
+    world: World,
+    mission: Mission<Shared<Lifted>, BoxedSource>,
+    doings: Vec<Rc<RefCell<Doings>>>,
+    events: Vec<Event>,
+}
+
+impl Field {
+    fn new(rules: FlightRules) -> Self {
+        let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
+        let estimator = estimator_named("ekf").expect("it is known").config;
+        let world = World::new(&scenario.world, 1).expect("a world");
+        let sources = scenario.sources(&world).expect("sources");
+        let doings: Vec<Rc<RefCell<Doings>>> = sources.iter().map(|_| Rc::default()).collect();
+        let drones = sources.into_iter().enumerate().map(|(drone, source)| {
+            let vehicle = world.vehicle(drone).expect("there is one");
+            let aircraft = Shared::new(Lifted { vehicle, doings: doings[drone].clone() });
+            FlownDrone { name: format!("drone {drone}"), aircraft, source }
+        });
+        let hunt = scenario.parts(&estimator, 1).build().expect("a hunt");
+        let mission = Mission::new(rules, hunt, drones.collect(), 0.0).expect("a flight");
+        Self { world, mission, doings, events: Vec::new() }
+    }
+
+    /// Lets time pass, at most `seconds`, until `done`.
+    fn run(&mut self, seconds: f64, mut done: impl FnMut(&Self) -> bool) {
+        let until = self.world.time() + seconds;
+        while self.world.time() < until && !done(self) {
+            self.world.advance(0.02).expect("time passes");
+            self.mission.step(self.world.time());
+            while let Some(event) = self.mission.poll_event() {
+                self.events.push(event);
+            }
+        }
+    }
+
+    fn stages(&self) -> Vec<FlightStage> {
+        let stage = |event: &Event| match event {
+            Event::FlightStage { stage, .. } => Some(*stage),
+            _ => None,
+        };
+        self.events.iter().filter_map(stage).collect()
+    }
+}
+
+#[test]
+fn a_flight_goes_from_the_ground_to_the_ground() {
+    let mut field = Field::new(FlightRules { at_end: Ending::Land, ..FlightRules::default() });
+    field.run(2000.0, |field| field.mission.is_over());
+    use FlightStage::{Climbing, Hunting, Leaving, Over, Preparing};
+    assert_eq!(field.stages(), [Preparing, Climbing, Hunting, Leaving, Over]);
+    assert_eq!(field.mission.failure(), None);
+    assert_eq!(field.mission.hunt().fixes().len(), 2);
+    for doings in &field.doings {
+        let orders = &doings.borrow().orders;
+        assert_eq!((orders[0], orders[orders.len() - 1]), ("take off", "land"), "{orders:?}");
+    }
+}
+
+#[test]
+fn nobody_leaves_the_ground_before_all_are_ready() {
+    let rules = FlightRules { ready_timeout_s: 20.0, ..FlightRules::default() };
+    let mut field = Field::new(rules);
+    field.doings[1].borrow_mut().hindrance = "no position yet".into();
+    field.run(19.0, |_| false);
+    assert_eq!(field.stages(), [FlightStage::Preparing]);
+    assert!(field.doings.iter().all(|doings| doings.borrow().orders.is_empty()));
+    field.run(5.0, |_| false);
+    assert!(field.mission.is_over());
+    assert_eq!(field.mission.failure(), Some("drone 1 is not ready: no position yet"));
+    assert!(field.doings.iter().all(|doings| doings.borrow().orders.is_empty()));
+}
+
+#[test]
+fn they_wait_for_the_word() {
+    let mut field = Field::new(FlightRules::default());
+    field.mission.wait_for_go(true);
+    field.run(400.0, |_| false);
+    assert!(field.mission.is_ready(), "whoever waits for the word is not given up");
+    field.mission.go();
+    field.run(1.0, |_| false);
+    assert_eq!(field.mission.stage(), FlightStage::Hunting);
+}
+
+#[test]
+fn breaking_off_brings_down_all_but_the_pilots_own() {
+    let rules = FlightRules { at_end: Ending::Land, ..FlightRules::default() };
+    let mut field = Field::new(rules);
+    field.run(30.0, |_| false);
+    assert_eq!(field.mission.stage(), FlightStage::Hunting);
+    field.doings[2].borrow_mut().pilot = true;
+    field.mission.abort(field.world.time(), "enough");
+    field.run(1.0, |_| false);
+    for (doings, last) in field.doings.iter().zip(["return", "return", "take off"]) {
+        let doings = doings.borrow();
+        let orders: Vec<_> = doings.orders.iter().filter(|order| **order != "go to").collect();
+        assert_eq!(*orders[orders.len() - 1], last);
+    }
+    assert_eq!(field.mission.stage(), FlightStage::Leaving, "the pilot's own is still up");
+    field.doings[2].borrow_mut().airborne = false;
+    field.run(1.0, |_| false);
+    assert!(field.mission.is_over());
+    assert_eq!(field.mission.failure(), Some("enough"));
+}
+
+#[test]
+fn a_rule_that_cannot_be_is_named() {
+    let rules = FlightRules { takeoff_up_m: f64::NAN, ..FlightRules::default() };
+    assert!(matches!(rules.out_of_range(), Some(("takeoff_up_m", up)) if up.is_nan()));
+}

@@ -1,0 +1,181 @@
+use super::{
+    FirmataError, Message,
+    error::at_most,
+    message::{
+        ANALOG_MAPPING, CAPABILITIES, DIGITAL, DONE, FIRMWARE, REPORT, STEPPER, TEXT, VERSION,
+        sysex,
+    },
+    seven_bit::{decode_i32, decode_text, encode_i32, encode_text},
+};
+
+/// What a device sends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Reply {
+    /// The version of the protocol. A device that was reset says it unasked, and its firmware next.
+    Version {
+        /// The first number.
+        major: u8,
+        /// The second number.
+        minor: u8,
+    },
+    /// The firmware.
+    Firmware {
+        /// The first number of its version.
+        major: u8,
+        /// The second number of its version.
+        minor: u8,
+        /// What it is called.
+        name: String,
+    },
+    /// Something to be read by people.
+    Text(String),
+    /// What each pin can do, from pin 0 on.
+    Capabilities(Vec<Vec<PinCapability>>),
+    /// Which analog input each pin is, from pin 0 on.
+    AnalogMapping(Vec<Option<u8>>),
+    /// The levels of a port of eight pins.
+    Digital {
+        /// The port: pins 8 · port to 8 · port + 7.
+        port: u8,
+        /// Bit by bit.
+        levels: u8,
+    },
+    /// Where a stepper is, in steps.
+    Position {
+        /// Its number.
+        device: u8,
+        /// Where it is.
+        position: i32,
+    },
+    /// A stepper's move is complete.
+    Done {
+        /// Its number.
+        device: u8,
+        /// Where it is.
+        position: i32,
+    },
+}
+
+/// Something that a pin can do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PinCapability {
+    /// The code of a [`PinMode`](super::PinMode), or of one that is not listed there.
+    pub mode: u8,
+    /// With how many bits.
+    pub resolution: u8,
+}
+
+/// What stands for nothing in lists of pins.
+const NONE: u8 = 0x7F;
+
+impl Message for Reply {
+    fn data_length(status: u8) -> Option<usize> {
+        (status == VERSION || status & 0xF0 == DIGITAL).then_some(2)
+    }
+
+    fn from_short(status: u8, [first, second]: [u8; 2]) -> Option<Self> {
+        if status == VERSION {
+            return Some(Self::Version { major: first, minor: second });
+        }
+        // The bits above the eighth are no pins.
+        let levels = first | (second & 1) << 7;
+        (status & 0xF0 == DIGITAL).then_some(Self::Digital { port: status & 0x0F, levels })
+    }
+
+    fn from_sysex(payload: &[u8]) -> Option<Self> {
+        match payload {
+            [FIRMWARE, major, minor, name @ ..] => {
+                let (major, minor) = (*major, *minor);
+                Some(Self::Firmware { major, minor, name: decode_text(name)? })
+            }
+            [TEXT, text @ ..] => Some(Self::Text(decode_text(text)?)),
+            [CAPABILITIES, pins @ ..] => capabilities(pins).map(Self::Capabilities),
+            [ANALOG_MAPPING, channels @ ..] => {
+                let channel = |code: &u8| (*code != NONE).then_some(*code);
+                Some(Self::AnalogMapping(channels.iter().map(channel).collect()))
+            }
+            [STEPPER, kind, device, position @ ..] => {
+                let (device, position) = (*device, decode_i32(position.try_into().ok()?)?);
+                match *kind {
+                    REPORT => Some(Self::Position { device, position }),
+                    DONE => Some(Self::Done { device, position }),
+                    _ => None,
+                }
+            }
+            _ => None,
+        }
+    }
+
+    fn encode(&self, into: &mut Vec<u8>) -> Result<(), FirmataError> {
+        let mut payload = Vec::new();
+        match self {
+            Self::Version { major, minor } => {
+                let (major, minor) =
+                    (at_most("major", *major, 0x7F)?, at_most("minor", *minor, 0x7F)?);
+                into.extend([VERSION, major, minor]);
+                return Ok(());
+            }
+            Self::Digital { port, levels } => {
+                into.extend([DIGITAL | at_most("port", *port, 0x0F)?, levels & 0x7F, levels >> 7]);
+                return Ok(());
+            }
+            Self::Firmware { major, minor, name } => {
+                payload.push(FIRMWARE);
+                payload.push(at_most("major", *major, 0x7F)?);
+                payload.push(at_most("minor", *minor, 0x7F)?);
+                encode_text(name, &mut payload);
+            }
+            Self::Text(text) => {
+                payload.push(TEXT);
+                encode_text(text, &mut payload);
+            }
+            Self::Capabilities(pins) => {
+                payload.push(CAPABILITIES);
+                for pin in pins {
+                    for capability in pin {
+                        payload.push(at_most("mode", capability.mode, NONE - 1)?);
+                        payload.push(at_most("resolution", capability.resolution, 0x7F)?);
+                    }
+                    payload.push(NONE);
+                }
+            }
+            Self::AnalogMapping(channels) => {
+                payload.push(ANALOG_MAPPING);
+                for channel in channels {
+                    let code = channel.map_or(Ok(NONE), |code| at_most("channel", code, NONE - 1));
+                    payload.push(code?);
+                }
+            }
+            Self::Position { device, position } => {
+                payload.extend([STEPPER, REPORT, at_most("device", *device, 0x7F)?]);
+                payload.extend(encode_i32("position", *position)?);
+            }
+            Self::Done { device, position } => {
+                payload.extend([STEPPER, DONE, at_most("device", *device, 0x7F)?]);
+                payload.extend(encode_i32("position", *position)?);
+            }
+        }
+        sysex(&payload, into);
+        Ok(())
+    }
+}
+
+/// What stands for each pin, each ended by 7F.
+fn capabilities(mut bytes: &[u8]) -> Option<Vec<Vec<PinCapability>>> {
+    let (mut pins, mut pin) = (Vec::new(), Vec::new());
+    loop {
+        match bytes {
+            [] => return pin.is_empty().then_some(pins),
+            [NONE, rest @ ..] => {
+                pins.push(std::mem::take(&mut pin));
+                bytes = rest;
+            }
+            [mode, resolution, rest @ ..] => {
+                pin.push(PinCapability { mode: *mode, resolution: *resolution });
+                bytes = rest;
+            }
+            [_] => return None,
+        }
+    }
+}

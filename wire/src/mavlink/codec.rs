@@ -1,0 +1,189 @@
+use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, dialects::ardupilotmega::MavMessage};
+
+use super::{Frame, FrameCounts, Signing, reader::FrameReader};
+
+/// One end of a link: bytes to messages and messages to frames of MAVLink 2, signed where there is a
+/// key. Frames of MAVLink 1 are understood where there is none.
+#[derive(Clone, Debug)]
+pub struct Codec {
+    reader: FrameReader,
+    signing: Option<Signing>,
+    system_id: u8,
+    component_id: u8,
+    sequence: u8,
+}
+
+impl Codec {
+    /// An end that says it is this system and component.
+    #[must_use]
+    pub fn new(system_id: u8, component_id: u8) -> Self {
+        Self { reader: FrameReader::default(), signing: None, system_id, component_id, sequence: 0 }
+    }
+
+    /// Signs all that is sent, and takes nothing that is not signed with the same key.
+    #[must_use]
+    pub fn with_signing(mut self, signing: Signing) -> Self {
+        self.signing = Some(signing);
+        self
+    }
+
+    /// Takes bytes as they came: cut anywhere, several messages at once. What is not asked for by
+    /// [`next_frame`](Self::next_frame) is dropped beyond 16 KiB, the oldest first.
+    pub fn push(&mut self, bytes: &[u8]) {
+        self.reader.push(bytes);
+    }
+
+    /// The next message of what was pushed, at the UNIX time `unix_s`, which signatures need.
+    pub fn next_frame(&mut self, unix_s: f64) -> Option<Frame> {
+        self.reader.next(self.signing.as_mut(), unix_s)
+    }
+
+    /// The bytes that say `message`, at the UNIX time `unix_s`.
+    #[must_use]
+    pub fn encode(&mut self, message: &MavMessage, unix_s: f64) -> Vec<u8> {
+        let header = MavHeader {
+            system_id: u32::from(self.system_id),
+            component_id: self.component_id,
+            sequence: self.sequence,
+        };
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut raw = MAVLinkV2MessageRaw::new();
+        if let Some(signing) = &mut self.signing {
+            raw.serialize_message_for_signing(header, message);
+            signing.sign(&mut raw, unix_s);
+        } else {
+            raw.serialize_message(header, message);
+        }
+        raw.raw_bytes().to_vec()
+    }
+
+    /// Forgets a frame that was begun, because the stream was opened anew.
+    pub fn restart(&mut self) {
+        self.reader.restart();
+    }
+
+    /// What has come so far.
+    #[must_use]
+    pub fn counts(&self) -> FrameCounts {
+        self.reader.counts()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ::mavlink::dialects::ardupilotmega::{ATTITUDE_DATA, HEARTBEAT_DATA};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::mavlink::SigningKey;
+
+    const NOW: f64 = 1.8e9;
+
+    fn messages(codec: &mut Codec) -> Vec<MavMessage> {
+        std::iter::from_fn(|| codec.next_frame(NOW)).map(|frame| frame.message).collect()
+    }
+
+    fn attitude(yaw: f32) -> MavMessage {
+        MavMessage::ATTITUDE(ATTITUDE_DATA { yaw, ..ATTITUDE_DATA::default() })
+    }
+
+    fn signed(byte: u8) -> Codec {
+        Codec::new(1, 1).with_signing(Signing::new(SigningKey::new([byte; 32]), 3))
+    }
+
+    #[test]
+    fn frames_are_those_of_pymavlink() {
+        // MAVLink_heartbeat_message(6, 8, 192, 0, 4, 3).pack of a MAVLink 2 sender 255/190, and the
+        // same signed by the key 0x42… with the timestamp 1 on link 7.
+        let message = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+            custom_mode: 0,
+            mavtype: ::mavlink::dialects::ardupilotmega::MavType::MAV_TYPE_GCS,
+            autopilot: ::mavlink::dialects::ardupilotmega::MavAutopilot::MAV_AUTOPILOT_INVALID,
+            base_mode: ::mavlink::dialects::ardupilotmega::MavModeFlag::from_bits_retain(192),
+            system_status: ::mavlink::dialects::ardupilotmega::MavState::MAV_STATE_ACTIVE,
+            mavlink_version: 3,
+        });
+        let bytes = Codec::new(255, 190).encode(&message, 0.0);
+        assert_eq!(bytes.len(), 21);
+        assert_eq!(&bytes[..10], &[0xfd, 9, 0, 0, 0, 255, 190, 0, 0, 0]);
+        let mut codec = Codec::new(1, 1);
+        codec.push(&bytes);
+        assert_eq!(messages(&mut codec), [message]);
+    }
+
+    #[test]
+    fn a_key_refuses_what_is_not_signed_with_it_or_comes_twice() {
+        let (mut ours, mut theirs, mut plain) = (signed(1), signed(2), Codec::new(1, 1));
+        let good = ours.encode(&attitude(1.0), NOW);
+        let mut reader = signed(1);
+        reader.push(&theirs.encode(&attitude(2.0), NOW));
+        reader.push(&plain.encode(&attitude(3.0), NOW));
+        reader.push(&good);
+        assert_eq!(messages(&mut reader), [attitude(1.0)]);
+        assert_eq!(reader.counts().refused, 2);
+        reader.push(&good);
+        assert_eq!(messages(&mut reader), [], "a recording is played back");
+        let mut late = signed(1);
+        late.push(&signed(1).encode(&attitude(4.0), NOW - 100.0));
+        assert_eq!(messages(&mut late), [], "an old recording");
+        // Whoever has no key understands signed frames, too.
+        plain.push(&good);
+        assert_eq!(messages(&mut plain), [attitude(1.0)]);
+    }
+
+    #[test]
+    fn losses_garbage_and_overflow_are_counted() {
+        let (mut sender, mut reader) = (Codec::new(9, 1), Codec::new(255, 190));
+        let frames: Vec<_> = (0..6).map(|_| sender.encode(&attitude(0.5), NOW)).collect();
+        for frame in [&frames[0], &frames[1], &frames[4]] {
+            reader.push(frame);
+        }
+        reader.push(&[0xfd; 5]);
+        reader.push(&frames[5]);
+        assert_eq!(messages(&mut reader).len(), 4);
+        let counts = reader.counts();
+        assert_eq!((counts.messages, counts.lost, counts.garbage_bytes), (4, 2, 5));
+        for _ in 0..100 {
+            reader.push(&[0x55; 1000]);
+        }
+        assert!(reader.counts().garbage_bytes >= 100_000 - 16 * 1024);
+        assert_eq!(messages(&mut reader), []);
+    }
+
+    proptest! {
+        #[test]
+        fn messages_come_through_garbage_and_cuts(
+            yaws in prop::collection::vec(-10.0f32..10.0, 1..8),
+            noise in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..40), 8),
+            cut in 1usize..60,
+            key in any::<bool>(),
+        ) {
+            let (mut sender, mut reader) =
+                if key { (signed(7), signed(7)) } else { (Codec::new(1, 1), Codec::new(1, 1)) };
+            let mut bytes = Vec::new();
+            for (yaw, noise) in yaws.iter().zip(&noise) {
+                // No frame may begin in the noise: it would take the true one for its payload
+                // until that has come whole.
+                bytes.extend(noise.iter().map(|byte| if *byte >= 0xfd { 0 } else { *byte }));
+                bytes.extend(sender.encode(&attitude(*yaw), NOW));
+            }
+            let mut seen = Vec::new();
+            for piece in bytes.chunks(cut) {
+                reader.push(piece);
+                seen.extend(messages(&mut reader));
+            }
+            let sent: Vec<_> = yaws.iter().map(|yaw| attitude(*yaw)).collect();
+            prop_assert_eq!(seen, sent);
+        }
+
+        #[test]
+        fn nothing_that_comes_is_too_much(bytes in prop::collection::vec(any::<u8>(), 0..2000)) {
+            let mut reader = Codec::new(1, 1);
+            reader.push(&bytes);
+            // Frames of any message with a right checksum are found after it.
+            reader.push(&[0; 600]);
+            reader.push(&Codec::new(2, 1).encode(&attitude(1.5), NOW));
+            prop_assert_eq!(messages(&mut reader).pop(), Some(attitude(1.5)));
+        }
+    }
+}

@@ -1,0 +1,169 @@
+use super::{
+    ApiMode, Frame, FrameError, LONGEST_DATA,
+    packet::{DELIMITER, ESCAPE, FLIP, HEAD, checked},
+};
+
+/// Finds frames in what comes over a serial line, however it is divided.
+///
+/// What is not part of a frame is [skipped](Self::skipped). A frame that turns out wrong costs its
+/// delimiter alone: the next one is looked for in what came after it. In [`ApiMode::Escaped`] a
+/// delimiter is nothing else, so a frame that was cut ends where the next begins. In
+/// [`ApiMode::Plain`] it may be data, so a cut frame is known only when as many bytes have come as it
+/// announced; until then, the frames behind it wait. [`give_up`](Self::give_up) ends that when the
+/// line has been quiet.
+///
+/// It keeps at most one frame of the longest length.
+///
+/// ```
+/// use foxhunt_wire::xbee::{ApiMode, AtCommand, Decoder, Frame};
+/// let mut decoder = Decoder::new(ApiMode::Plain);
+/// let told = decoder.push(&[0x00, 0x7E, 0x00, 0x04, 0x08, 0x01, 0x44, 0x42, 0x70]);
+/// assert_eq!(told, [Ok(Frame::at(1, AtCommand::DB))]);
+/// assert_eq!(decoder.skipped(), 1);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Decoder {
+    mode: ApiMode,
+    /// From a delimiter on, unescaped; shorter than the frame that it announces.
+    begun: Vec<u8>,
+    /// The last byte was an escape.
+    escaped: bool,
+    skipped: u64,
+}
+
+impl Decoder {
+    /// One that has not heard anything yet.
+    #[must_use]
+    pub fn new(mode: ApiMode) -> Self {
+        Self { mode, begun: Vec::new(), escaped: false, skipped: 0 }
+    }
+
+    /// How frames are written.
+    #[must_use]
+    pub fn mode(&self) -> ApiMode {
+        self.mode
+    }
+
+    /// How many bytes belonged to no frame.
+    #[must_use]
+    pub fn skipped(&self) -> u64 {
+        self.skipped
+    }
+
+    /// Whether a frame has begun and is not complete.
+    #[must_use]
+    pub fn is_waiting(&self) -> bool {
+        !self.begun.is_empty()
+    }
+
+    /// Takes what has come; the frames that are complete with it, and what is wrong with those that
+    /// are none, in their order.
+    pub fn push(&mut self, bytes: &[u8]) -> Vec<Result<Frame, FrameError>> {
+        let mut told = Vec::new();
+        for byte in bytes {
+            match self.mode {
+                ApiMode::Plain => self.begun.push(*byte),
+                ApiMode::Escaped => self.unescape(*byte, &mut told),
+            }
+            self.find(&mut told);
+        }
+        told
+    }
+
+    /// The line has been quiet for long enough to know that a frame which has begun was cut; the frames
+    /// that had come behind it.
+    pub fn give_up(&mut self) -> Vec<Result<Frame, FrameError>> {
+        let mut told = Vec::new();
+        while self.is_waiting() {
+            told.push(Err(FrameError::Cut { bytes: self.begun.len() }));
+            self.drop_delimiter();
+            self.find(&mut told);
+        }
+        self.escaped = false;
+        told
+    }
+
+    fn unescape(&mut self, byte: u8, told: &mut Vec<Result<Frame, FrameError>>) {
+        match byte {
+            DELIMITER => {
+                if self.is_waiting() {
+                    told.push(Err(FrameError::Cut { bytes: self.begun.len() }));
+                    self.skip(self.begun.len());
+                }
+                self.escaped = false;
+                self.begun.push(byte);
+            }
+            ESCAPE if self.is_waiting() && !self.escaped => self.escaped = true,
+            _ if self.is_waiting() => {
+                self.begun.push(if self.escaped { byte ^ FLIP } else { byte });
+                self.escaped = false;
+            }
+            _ => self.skipped += 1,
+        }
+    }
+
+    /// Takes out all frames that are complete, and leaves what begins one that is not.
+    fn find(&mut self, told: &mut Vec<Result<Frame, FrameError>>) {
+        loop {
+            let before = self.begun.iter().position(|byte| *byte == DELIMITER);
+            self.skip(before.unwrap_or(self.begun.len()));
+            let Some(&[_, high, low]) = self.begun.first_chunk() else { return };
+            let length = usize::from(u16::from_be_bytes([high, low]));
+            if !(1..=LONGEST_DATA).contains(&length) {
+                told.push(Err(FrameError::NoSuchLength { length }));
+                self.drop_delimiter();
+                continue;
+            }
+            let Some(body) = self.begun.get(HEAD..=HEAD + length) else { return };
+            let Some((last, data)) = body.split_last() else { return };
+            let outcome = checked(data, *last);
+            if matches!(outcome, Err(FrameError::Checksum { .. })) {
+                self.drop_delimiter();
+            } else {
+                self.begun.drain(..=HEAD + length);
+            }
+            told.push(outcome);
+        }
+    }
+
+    /// What began a frame did not. Escaped, the bytes after it were of this frame alone.
+    fn drop_delimiter(&mut self) {
+        match self.mode {
+            ApiMode::Plain => self.skip(1),
+            ApiMode::Escaped => self.skip(self.begun.len()),
+        }
+    }
+
+    fn skip(&mut self, count: usize) {
+        self.begun.drain(..count);
+        self.skipped += u64::try_from(count).unwrap_or(u64::MAX);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn whatever_comes_it_keeps_less_than_one_frame(
+            bytes in prop::collection::vec(
+                prop_oneof![Just(0x7E_u8), Just(0x7D), Just(0x00), Just(0x01), any::<u8>()],
+                0..4000,
+            ),
+            escaped in any::<bool>(),
+        ) {
+            let mode = if escaped { ApiMode::Escaped } else { ApiMode::Plain };
+            let mut decoder = Decoder::new(mode);
+            for chunk in bytes.chunks(97) {
+                decoder.push(chunk);
+                prop_assert!(decoder.begun.len() < LONGEST_DATA + HEAD + 1);
+            }
+            prop_assert!(decoder.begun.capacity() <= 2 * (LONGEST_DATA + HEAD + 1));
+            decoder.give_up();
+            prop_assert!(!decoder.is_waiting());
+        }
+    }
+}

@@ -1,0 +1,105 @@
+use super::{Frame, FrameError};
+
+/// The longest data of a frame that is sent or accepted: more than any 2.4 GHz radio of the family
+/// carries. A length beyond it is taken for garbage.
+pub const LONGEST_DATA: usize = 512;
+
+/// What a frame begins with.
+pub(super) const DELIMITER: u8 = 0x7E;
+/// What announces an escaped byte.
+pub(super) const ESCAPE: u8 = 0x7D;
+/// What an escaped byte is changed by.
+pub(super) const FLIP: u8 = 0x20;
+/// Delimiter and length before the data.
+pub(super) const HEAD: usize = 3;
+
+/// How frames are written on the serial line: the radio's parameter `AP`.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum ApiMode {
+    /// `AP` 1: as they are.
+    #[default]
+    Plain,
+    /// `AP` 2: what begins a frame, and what serial lines take for commands, is escaped.
+    Escaped,
+}
+
+impl Frame {
+    /// Its bytes on the line.
+    ///
+    /// # Errors
+    ///
+    /// [`FrameError::NoSuchLength`] if it is longer than [`LONGEST_DATA`].
+    pub fn encode(&self, mode: ApiMode) -> Result<Vec<u8>, FrameError> {
+        let data = self.data();
+        let length = data.len();
+        let short = u16::try_from(length).ok().filter(|_| length <= LONGEST_DATA);
+        let told = short.ok_or(FrameError::NoSuchLength { length })?;
+        let mut out = Vec::with_capacity(length + HEAD + 1);
+        out.push(DELIMITER);
+        let checksum = checksum(&data);
+        for byte in told.to_be_bytes().into_iter().chain(data).chain([checksum]) {
+            if mode == ApiMode::Escaped && matches!(byte, DELIMITER | ESCAPE | 0x11 | 0x13) {
+                out.extend([ESCAPE, byte ^ FLIP]);
+            } else {
+                out.push(byte);
+            }
+        }
+        Ok(out)
+    }
+
+    /// The frame that these bytes are, no more and no less.
+    ///
+    /// # Errors
+    ///
+    /// [`FrameError`] says what is wrong with them.
+    pub fn decode(bytes: &[u8], mode: ApiMode) -> Result<Self, FrameError> {
+        let found = *bytes.first().ok_or(FrameError::Cut { bytes: 0 })?;
+        if found != DELIMITER {
+            return Err(FrameError::Delimiter { found });
+        }
+        let bytes = match mode {
+            ApiMode::Plain => bytes.to_vec(),
+            ApiMode::Escaped => unescaped(bytes),
+        };
+        let [_, high, low, rest @ ..] = bytes.as_slice() else {
+            return Err(FrameError::Cut { bytes: bytes.len() });
+        };
+        let told = usize::from(u16::from_be_bytes([*high, *low]));
+        let (last, data) = rest.split_last().ok_or(FrameError::Cut { bytes: bytes.len() })?;
+        if told != data.len() {
+            return Err(FrameError::Length { told, actual: data.len() });
+        }
+        checked(data, *last)
+    }
+}
+
+/// 0xFF less the sum of the data.
+fn checksum(data: &[u8]) -> u8 {
+    !data.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte))
+}
+
+/// The frame with these data, if they are what the checksum says.
+pub(super) fn checked(data: &[u8], told: u8) -> Result<Frame, FrameError> {
+    let computed = checksum(data);
+    if told != computed {
+        return Err(FrameError::Checksum { told, computed });
+    }
+    Frame::from_data(data)
+}
+
+fn unescaped(bytes: &[u8]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(bytes.len());
+    let mut escaped = false;
+    for byte in bytes {
+        if *byte == ESCAPE && !escaped {
+            escaped = true;
+            continue;
+        }
+        out.push(if escaped { *byte ^ FLIP } else { *byte });
+        escaped = false;
+    }
+    out
+}
