@@ -16,7 +16,6 @@ use foxhunt::{
     prelude::*,
     scenario::Scenario,
     sensors::Pritzl2018,
-    simulation::scenario_hunt,
 };
 use nalgebra::Vector3;
 
@@ -155,7 +154,7 @@ fn a_reception_is_taken_once_logged_first_and_not_before_or_after_its_time() {
     let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
     let named = estimator_named("ekf-pritzl2018").expect("it has a name");
     let (mut drones, fusion) = memory_network(3);
-    let hunt = scenario_hunt(&scenario, &named, 1).expect("a proper hunt");
+    let hunt = scenario.parts(&named.config, 1).build().expect("a proper hunt");
     let config = FusionNodeConfig::default();
     let mut node = FusionNode::new(hunt, 3, fusion, EPOCH, None, config).expect("in range");
     // One that comes before the hunt has begun is not named as taken.
@@ -213,7 +212,7 @@ fn what_is_out_of_range_is_named() {
 
     let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
     let named = estimator_named("ekf-pritzl2018").expect("it has a name");
-    let hunt = || scenario_hunt(&scenario, &named, 1).expect("a proper hunt");
+    let hunt = || scenario.parts(&named.config, 1).build().expect("a proper hunt");
     let config = FusionNodeConfig { assemble_s: f64::NAN, ..FusionNodeConfig::default() };
     let refused = FusionNode::new(hunt(), 1, fusion.clone(), EPOCH, None, config);
     let error = refused.err().expect("no time").to_string();
