@@ -9,6 +9,7 @@ mod gnss_peer;
 mod mavlink;
 mod mission;
 mod network;
+mod nodes;
 mod peers;
 mod receivers;
 mod stepper;
