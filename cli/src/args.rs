@@ -1,11 +1,11 @@
 use clap::{Parser, Subcommand};
 
-#[cfg(feature = "hardware")]
-use crate::commands::{devices, emulate, fly, node};
 use crate::commands::{
     antenna, bearing, calibrate, campaign, estimators, extractors, hunt, locate, planners, replay,
     scenarios,
 };
+#[cfg(feature = "hardware")]
+use crate::commands::{devices, emulate, fly, node};
 #[cfg(feature = "hardware")]
 use crate::commands::{emulate, node};
 

@@ -103,6 +103,20 @@ impl<V: Spinner> Spinner for Shared<V> {
     }
 }
 
+impl<V: ?Sized + Aircraft> Aircraft for Box<V> {
+    fn state(&mut self) -> Result<AircraftState, V::Error> {
+        (**self).state()
+    }
+
+    fn take_off(&mut self, up_m: f64) -> Result<(), V::Error> {
+        (**self).take_off(up_m)
+    }
+
+    fn return_to_launch(&mut self) -> Result<(), V::Error> {
+        (**self).return_to_launch()
+    }
+}
+
 impl<V: Aircraft> Aircraft for Shared<V> {
     fn state(&mut self) -> Result<AircraftState, V::Error> {
         self.0.borrow_mut().state()

@@ -29,6 +29,8 @@
 //! ```
 
 mod aircraft;
+#[cfg(feature = "ardrone")]
+mod ardrone;
 mod clock;
 mod finding;
 #[cfg(feature = "gnss")]
@@ -43,6 +45,8 @@ mod stepper;
 mod xbee;
 
 pub use aircraft::{Aircraft, AircraftState, Shared};
+#[cfg(feature = "ardrone")]
+pub use ardrone::{ArDrone, ArDroneConfig, ArDroneError};
 pub use clock::SystemClock;
 pub use finding::Finding;
 #[cfg(feature = "gnss")]

@@ -5,9 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{DroneConfig, FlightRules, FlyError};
 use crate::{
     calibration::BearingCalibration,
-    config::{
-        DEFAULT_ESTIMATOR, EstimatorConfig, ExtractorConfig, ModelConfig, PlannerConfig,
-    },
+    config::{DEFAULT_ESTIMATOR, EstimatorConfig, ExtractorConfig, ModelConfig, PlannerConfig},
     geodesy::{Geodetic, LocalFrame},
     hunt::{HuntConfig, HuntParts},
     log::{LOG_VERSION, LogHeader, LoggedBeacon},
@@ -154,9 +152,15 @@ impl FlightConfig {
         }
     }
 
-    /// The header that a log of this flight begins with.
+    /// The header that a log of this flight begins with, whose time 0 is `epoch_unix_s` in whole
+    /// seconds of UNIX time.
     #[must_use]
-    pub fn log_header(&self, estimator: &EstimatorConfig, seed: u64) -> LogHeader {
+    pub fn log_header(
+        &self,
+        estimator: &EstimatorConfig,
+        seed: u64,
+        epoch_unix_s: Option<i64>,
+    ) -> LogHeader {
         let beacon =
             |b: &FlownBeacon| LoggedBeacon { name: b.name.clone(), truth: None, course: None };
         LogHeader {
@@ -168,6 +172,8 @@ impl FlightConfig {
             model: self.model.clone(),
             planner: Some(self.planner.clone()),
             beacons: self.beacons.iter().map(beacon).collect(),
+            epoch_unix_s,
+            homes: Vec::new(),
         }
     }
 }

@@ -1,7 +1,7 @@
 use foxhunt_core::Clock;
 use foxhunt_hardware::{
-    Aircraft, FirmataConfig, FirmataStepper, GnssConfig, GnssReceiver, MavlinkConfig,
-    MavlinkOrigin, MavlinkVehicle, Placed, Reconnecting, Shared, XbeeConfig, XbeeRadio,
+    Finding, FirmataConfig, FirmataStepper, GnssConfig, GnssReceiver, MavlinkConfig, MavlinkOrigin,
+    MavlinkVehicle, Placed, Reconnecting, Shared, XbeeConfig, XbeeRadio,
 };
 use foxhunt_sensors::{
     BodyConfig, BodySource, OmnidirectionalConfig, OmnidirectionalSource, StepperConfig,
@@ -11,8 +11,9 @@ use foxhunt_wire::Endpoint;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BoxedAircraft, BoxedRadio, FlownBeacon, FlownDrone, FlyError, Tap, Tapped, config::Site,
-    erased::Erased,
+    BoxedAircraft, BoxedRadio, BoxedRotator, Examine, FlownBeacon, FlownDrone, FlyError, Site, Tap,
+    Tapped,
+    erased::{Erased, ExaminedAircraft},
 };
 use crate::config::{BoxedSource, boxed};
 
@@ -148,9 +149,10 @@ impl DroneConfig {
         let VehicleDevice::Mavlink { endpoint: vehicle, .. } = &self.vehicle;
         let RadioDevice::Xbee { endpoint: radio, .. } = &self.radio;
         let gnss = self.gnss.as_ref().map(|gnss| ("gnss", &gnss.endpoint));
-        let rotator = self.rotator.as_ref().map(|RotatorDevice::Firmata { endpoint, .. }| {
-            ("rotator", endpoint)
-        });
+        let rotator = self
+            .rotator
+            .as_ref()
+            .map(|RotatorDevice::Firmata { endpoint, .. }| ("rotator", endpoint));
         [Some(("vehicle", vehicle)), gnss, Some(("radio", radio)), rotator].into_iter().flatten()
     }
 
@@ -202,6 +204,39 @@ impl DroneConfig {
         Ok(Box::new(Erased(radio.map_err(self.wrong("radio.settings"))?)))
     }
 
+    fn open_rotator<C: Clock + Clone + 'static>(
+        &self,
+        rotator: &RotatorDevice,
+        clock: &C,
+    ) -> Result<BoxedRotator, FlyError> {
+        let RotatorDevice::Firmata { endpoint, settings } = rotator;
+        let stream = self.stream("rotator", endpoint, clock)?;
+        let rotator = FirmataStepper::new(settings.clone(), stream, clock.clone());
+        Ok(Box::new(Erased(rotator.map_err(self.wrong("rotator.settings"))?)))
+    }
+
+    /// Looks at each of its devices, and tells what was found of it as soon as it is known. `pause` is
+    /// called while a device is waited for.
+    pub fn examine<C: Clock + Clone + 'static>(
+        &self,
+        site: &Site,
+        beacons: &[FlownBeacon],
+        clock: &C,
+        pause: &mut dyn FnMut(),
+        tell: &mut dyn FnMut(&'static str, Vec<Finding>),
+    ) {
+        let mut look = |device, open: Result<Box<dyn Examine>, FlyError>| {
+            let findings = open
+                .map_or_else(|error| vec![unopened(&error)], |mut device| device.examine(pause));
+            tell(device, findings);
+        };
+        look("vehicle", self.open_aircraft(site, clock).map(|device| Box::new(device) as _));
+        look("radio", self.open_radio(beacons, clock).map(|device| Box::new(device) as _));
+        if let Some(rotator) = &self.rotator {
+            look("rotator", self.open_rotator(rotator, clock).map(|device| Box::new(device) as _));
+        }
+    }
+
     fn open_source<C: Clock + Clone + 'static>(
         &self,
         radio: BoxedRadio,
@@ -210,10 +245,8 @@ impl DroneConfig {
     ) -> Result<BoxedSource, FlyError> {
         let clock = clock.clone();
         Ok(match (self.source, &self.rotator) {
-            (ListenConfig::Stepper(config), Some(RotatorDevice::Firmata { endpoint, settings })) => {
-                let stream = self.stream("rotator", endpoint, &clock)?;
-                let rotator = FirmataStepper::new(settings.clone(), stream, clock.clone());
-                let rotator = Erased(rotator.map_err(self.wrong("rotator.settings"))?);
+            (ListenConfig::Stepper(config), Some(rotator)) => {
+                let rotator = self.open_rotator(rotator, &clock)?;
                 boxed(StepperSource::new(config, radio, rotator, aircraft, clock))
             }
             (ListenConfig::Stepper(_), None) => {
@@ -236,8 +269,11 @@ impl DroneConfig {
         endpoint: &Endpoint,
         clock: &C,
     ) -> Result<Reconnecting<C>, FlyError> {
-        Reconnecting::open(endpoint.clone(), clock.clone())
-            .map_err(|source| FlyError::Open { drone: self.name.clone(), device, source })
+        Reconnecting::open(endpoint.clone(), clock.clone()).map_err(|source| FlyError::Open {
+            drone: self.name.clone(),
+            device,
+            source,
+        })
     }
 
     fn wrong<E: ToString>(&self, place: &str) -> impl FnOnce(E) -> FlyError {
@@ -270,7 +306,21 @@ impl super::FlightConfig {
     }
 }
 
-fn boxed_aircraft<A: Aircraft + 'static>(aircraft: A) -> BoxedAircraft {
+/// What is found of a device whose port cannot be opened.
+fn unopened(error: &FlyError) -> Finding {
+    let remedy = match error {
+        FlyError::Open { source, .. } if source.kind() == std::io::ErrorKind::PermissionDenied => {
+            "allow yourself the port: add your user to the group dialout, and log in again"
+        }
+        FlyError::Open { .. } => {
+            "plug it in and switch it on; without a file this command lists the ports that there are"
+        }
+        _ => "correct the file",
+    };
+    Finding::bad("port", error, remedy)
+}
+
+fn boxed_aircraft<A: ExaminedAircraft + 'static>(aircraft: A) -> BoxedAircraft {
     Box::new(Erased(aircraft))
 }
 

@@ -1,7 +1,11 @@
 use std::{error::Error, fmt};
 
-use foxhunt_core::{BeaconId, Pose, Radio, Rotator, Spinner, Vehicle, Waypoint};
-use foxhunt_hardware::{Aircraft, AircraftState};
+use foxhunt_core::{BeaconId, Clock, Pose, Radio, Rotator, Spinner, Vehicle, Waypoint};
+use foxhunt_hardware::{
+    Aircraft, AircraftState, Finding, FirmataStepper, GnssDecoder, GnssReceiver, MavlinkVehicle,
+    Placed, XbeeRadio,
+};
+use foxhunt_wire::ByteStream;
 use nalgebra::Vector3;
 
 /// What went wrong with a device of any kind.
@@ -20,11 +24,75 @@ impl Error for DeviceError {
     }
 }
 
+/// A device that can be asked how it is.
+pub trait Examine {
+    /// Looks at it for some seconds at most; `pause` is called while it waits.
+    fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding>;
+}
+
+/// An aircraft that can be asked how it is.
+pub trait ExaminedAircraft: Aircraft + Examine {}
+
+impl<D: Aircraft + Examine> ExaminedAircraft for D {}
+
+/// A radio that can be asked how it is.
+pub trait ExaminedRadio: Radio + Examine {}
+
+impl<D: Radio + Examine> ExaminedRadio for D {}
+
+/// A rotator that can be asked how it is.
+pub trait ExaminedRotator: Rotator + Examine {}
+
+impl<D: Rotator + Examine> ExaminedRotator for D {}
+
 /// An aircraft that was chosen at run time.
-pub type BoxedAircraft = Box<dyn Aircraft<Error = DeviceError>>;
+pub type BoxedAircraft = Box<dyn ExaminedAircraft<Error = DeviceError>>;
 
 /// A radio that was chosen at run time.
-pub type BoxedRadio = Box<dyn Radio<Error = DeviceError>>;
+pub type BoxedRadio = Box<dyn ExaminedRadio<Error = DeviceError>>;
+
+/// A rotator that was chosen at run time.
+pub type BoxedRotator = Box<dyn ExaminedRotator<Error = DeviceError>>;
+
+macro_rules! examine {
+    ($($driver:ident),+) => {$(
+        impl<S: ByteStream, C: Clock> Examine for $driver<S, C> {
+            fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
+                $driver::examine(self, pause)
+            }
+        }
+    )+};
+}
+
+examine!(FirmataStepper, MavlinkVehicle, XbeeRadio);
+
+impl<S: ByteStream, C: Clock, D: GnssDecoder> Examine for GnssReceiver<S, C, D> {
+    fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
+        GnssReceiver::examine(self, pause)
+    }
+}
+
+impl<V: Examine, S: ByteStream, C: Clock, D: GnssDecoder> Examine
+    for Placed<V, GnssReceiver<S, C, D>>
+{
+    fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
+        let mut findings = self.vehicle().examine(pause);
+        findings.extend(self.gnss().examine(pause));
+        findings
+    }
+}
+
+impl<D: ?Sized + Examine> Examine for Box<D> {
+    fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
+        (**self).examine(pause)
+    }
+}
+
+impl<D: Examine> Examine for Erased<D> {
+    fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
+        self.0.examine(pause)
+    }
+}
 
 /// A device that does not tell its kind.
 #[derive(Debug)]

@@ -1,6 +1,9 @@
 use std::io;
 
-use crate::{geodesy::GeodesyError, hunt::{HuntError, PartsError}};
+use crate::{
+    geodesy::GeodesyError,
+    hunt::{HuntError, PartsError},
+};
 
 use super::MissionError;
 

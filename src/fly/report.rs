@@ -55,7 +55,7 @@ impl From<&Fix> for FlownFix {
         Self {
             name: fix.name.clone(),
             estimate: (&fix.estimate).into(),
-            ellipse_95: fix.estimate.ellipse(0.95).ok(),
+            ellipse_95: fix.estimate.ellipse(0.95),
             steps: fix.steps,
             outcome: fix.outcome,
         }

@@ -9,6 +9,9 @@ const MOST_TAKEN: usize = 64;
 /// How far apart places of a path are, in metres.
 const PATH_STEP_M: f64 = 0.25;
 
+/// A place that is older than the last one by more seconds than this was not late on the way.
+const CLOCK_SET_BACK_S: f64 = 30.0;
+
 /// A drone as the one that fuses knows it.
 #[derive(Debug, Default)]
 pub(super) struct Remote {
@@ -33,9 +36,12 @@ pub(super) struct Remote {
 }
 
 impl Remote {
-    /// Takes note of where it is; `false` for a place that is no newer than the last one.
+    /// Takes note of where it is; `false` for a place that is no newer than the last one, unless its
+    /// clock was set back.
     pub(super) fn place(&mut self, at: UnixTime, pose: Pose, most: usize) -> bool {
-        if self.place.is_some_and(|(before, _)| at <= before) {
+        let late =
+            |(before, _): (UnixTime, Pose)| at <= before && before.since(at) < CLOCK_SET_BACK_S;
+        if self.place.is_some_and(late) {
             return false;
         }
         self.place = Some((at, pose));

@@ -4,6 +4,6 @@
 mod gnss;
 mod gnss_peer;
 mod mission;
+mod network;
 mod xbee;
 mod xbee_protocol;
-mod network;

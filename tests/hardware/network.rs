@@ -80,7 +80,8 @@ impl Field {
         let draws = self.draws(u64::try_from(drone).expect("few"));
         let link = Impaired::new(link, self.impairment, clock, draws).expect("in range");
         let vehicle = self.world.vehicle(drone).expect("it is there");
-        let extractor = hunt_extractor(&self.scenario.extractor, self.scenario.bearings).expect("in range");
+        let extractor =
+            hunt_extractor(&self.scenario.extractor, self.scenario.bearings).expect("in range");
         let config = DroneNodeConfig::default();
         DroneNode::new(source, vehicle, extractor, link, EPOCH, config).expect("in range")
     }
@@ -93,7 +94,8 @@ impl Field {
             let clock = self.world.clock();
             let link = Impaired::new(self.links.1.clone(), self.impairment, clock, self.draws(99));
             let link = Tapped(link.expect("in range"), self.delivered.clone());
-            let hunt = self.scenario.parts(&named.config, self.seed).build().expect("a proper hunt");
+            let hunt =
+                self.scenario.parts(&named.config, self.seed).build().expect("a proper hunt");
             let config = FusionNodeConfig::default();
             FusionNode::new(hunt, 3, link, EPOCH, past, config).expect("in range")
         };

@@ -223,6 +223,26 @@ fn a_torn_log_loses_its_last_line_alone() {
 }
 
 #[test]
+fn a_log_goes_on_behind_its_last_whole_line() {
+    let outing = fly(Hold::new(1), [Health::Good; 3], false);
+    let text = logged(&outing, estimator_named("ukf-pritzl2018").expect("it has a name").config);
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("appended.jsonl");
+    let more = Event::Resumed { time: 7.5 };
+    // Whole, without the end of its last line, and torn.
+    for (cut, kept) in [(0, 0), (1, 0), (9, 1)] {
+        fs::write(&file, &text[..text.len() - cut]).expect("it can be written");
+        let there = Log::read(&file).expect("a log").events;
+        assert_eq!(there.len(), outing.events.len() - kept);
+        let mut writer = LogWriter::append(&file).expect("it can be written");
+        writer.event(&more).expect("it can be written");
+        let log = Log::read(&file).expect("a log");
+        assert!(!log.torn);
+        assert_eq!(log.events[..there.len()], there);
+        assert_eq!(log.events[there.len()..], [more.clone()], "cut by {cut}");
+    }
+}
+
+#[test]
 fn two_beacons_of_one_name_and_an_endless_cloud() {
     let outing = fly(Hold::new(2), [Health::Good; 3], false);
     let config = estimator_named("ukf-pritzl2018").expect("it has a name").config;

@@ -2,6 +2,7 @@
 
 mod fleets;
 mod logs;
+mod resumed;
 #[path = "../support/mod.rs"]
 mod support;
 

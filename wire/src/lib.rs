@@ -5,12 +5,16 @@
 //! blocks. The drivers of `foxhunt-hardware` and the emulated devices of `foxhunt-sim` are made of the
 //! same codecs; what keeps both honest are vectors and programs of others.
 
+#[cfg(feature = "ardrone")]
+pub mod ardrone;
 #[cfg(feature = "firmata")]
 pub mod firmata;
 mod fix_quality;
 pub mod geodesy;
 #[cfg(feature = "mavlink")]
 pub mod mavlink;
+#[cfg(feature = "receivers")]
+pub mod receivers;
 #[cfg(feature = "stream")]
 mod stream;
 #[cfg(feature = "xbee")]

@@ -15,7 +15,7 @@ use std::{
 
 use foxhunt::{
     core::{Clock, Sweep},
-    fly::{FlightConfig, FlightReport, FlyError, Mission},
+    fly::{FlightConfig, FlightReport, FlyError, Mission, Tap},
     hardware::SystemClock,
     hunt::Event,
     log::LogWriter,
@@ -67,7 +67,9 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         return flight_plan::print(&config, hunt, output);
     }
     if !args.yes && !io::stdin().is_terminal() {
-        return Err(CliError::input("nobody can be asked before take-off; --yes takes off at once"));
+        return Err(CliError::input(
+            "nobody can be asked before take-off; --yes takes off at once",
+        ));
     }
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
     let files = Files::free_in(&args.out)?;
@@ -81,8 +83,9 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     }));
     let (pilot, clock) = (Pilot::listen()?, SystemClock::start());
     let kept = Rc::clone(&samples);
-    let tap = move |drone: usize, sweep: &Sweep<'_>| kept.borrow_mut().keep(drone, sweep);
-    let drones = config.open(clock, Some(Rc::new(RefCell::new(tap)))).map_err(open_error)?;
+    let keep = move |drone: usize, sweep: &Sweep<'_>| kept.borrow_mut().keep(drone, sweep);
+    let tap: Tap = Rc::new(RefCell::new(keep));
+    let drones = config.open(&clock, Some(&tap)).map_err(open_error)?;
     let mut mission =
         Mission::new(config.flight, hunt, drones, clock.now()).map_err(CliError::input)?;
     mission.wait_for_go(!args.yes);

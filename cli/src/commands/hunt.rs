@@ -18,10 +18,7 @@ use super::{
     calibration::Calibration, choice, extraction::Extraction, fixes, overrides::Overrides,
     planning::Planning, telling::tell,
 };
-use crate::{
-    error::CliError,
-    output::Output,
-};
+use crate::{error::CliError, output::Output};
 
 /// Fly one simulated hunt
 ///

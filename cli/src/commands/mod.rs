@@ -27,9 +27,9 @@ mod calibration_report;
 mod choice;
 mod extraction;
 mod fixes;
+mod fleets_campaign;
 #[cfg(feature = "hardware")]
 mod flight_plan;
-mod fleets_campaign;
 mod overrides;
 mod parameter;
 mod planners_campaign;

@@ -27,6 +27,14 @@ fn values_out_of_range_are_wrong_use() {
 }
 
 #[test]
+#[cfg(not(any(feature = "ros1", feature = "ros2")))]
+fn a_node_without_a_middleware_says_how_to_get_one() {
+    for args in [&["node"][..], &["node", "drone", "--drone", "0", "--over", "ros2"]] {
+        foxhunt(args).failed(2, &[&args.join(" "), "--features ros1,ros2"]);
+    }
+}
+
+#[test]
 fn missing_files_are_named() {
     for subcommand in ["replay", "calibrate", "locate", "bearing"] {
         foxhunt([subcommand, "not-there.csv"]).failed(2, &["not-there.csv", "No such file"]);

@@ -1,6 +1,6 @@
 use crate::support::foxhunt;
 
-const SUBCOMMANDS: [&str; 11] = [
+const SUBCOMMANDS: [&str; 12] = [
     "hunt",
     "campaign",
     "scenarios",
@@ -12,6 +12,7 @@ const SUBCOMMANDS: [&str; 11] = [
     "locate",
     "bearing",
     "antenna",
+    "node",
 ];
 
 #[test]

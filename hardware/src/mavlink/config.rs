@@ -131,7 +131,11 @@ pub struct MavlinkSigning {
 
 impl MavlinkConfig {
     /// Refuses what cannot be flown with.
-    pub(super) fn check(&self) -> Result<(), MavlinkError> {
+    ///
+    /// # Errors
+    ///
+    /// [`MavlinkError::Config`] names the field, with its value.
+    pub fn check(&self) -> Result<(), MavlinkError> {
         let positive = [
             ("take_off_tolerance_m", self.take_off_tolerance_m),
             ("take_off_timeout_s", self.take_off_timeout_s),

@@ -4,12 +4,12 @@ mod autopilot;
 mod cable;
 mod emulator;
 mod gnss;
-mod xbee;
 mod stepper;
+mod xbee;
 
 pub use autopilot::{AutopilotConfig, AutopilotFaults, EmulatedAutopilot, PilotOrder};
 pub use cable::{CableFaults, Cabled};
 pub use emulator::Emulator;
 pub use gnss::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};
-pub use xbee::{EmulatedXbee, EmulatedXbeeConfig, xbee_address};
 pub use stepper::{EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch};
+pub use xbee::{EmulatedXbee, EmulatedXbeeConfig, xbee_address};

@@ -1,8 +1,8 @@
 use foxhunt::{
     hardware::link::{DroneLink, Impaired, Impairment},
+    hunt::hunt_extractor,
     network::{DroneNode, DroneNodeConfig, uniform_draws},
     sim::World,
-    hunt::hunt_extractor,
 };
 
 use super::over::{Failures, Shared, Stop};

@@ -64,7 +64,8 @@ pub(super) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let epoch = UnixTime::whole(log.header.epoch_unix_s.unwrap_or_default());
     let drones = scenario.world.drones.len();
     let parts = scenario.parts(&estimator.config, log.header.seed);
-    let hunt = parts.build().map_err(|error| choice::simulation_error(error.into(), &args.scenario))?;
+    let hunt =
+        parts.build().map_err(|error| choice::simulation_error(error.into(), &args.scenario))?;
     let link = args.shared.fusion(drones)?;
     let mut node = FusionNode::new(hunt, drones, link, epoch, past, FusionNodeConfig::default())
         .map_err(CliError::failure)?;

@@ -177,3 +177,151 @@ pub(in crate::link) fn order<H: RosHeader>(message: &ros::Order<H>) -> Order {
         taken: taken.collect(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use serde::{Deserialize, Serialize};
+
+    use super::*;
+
+    /// A header that holds every time.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    struct Stamp(i64, u32);
+
+    impl RosHeader for Stamp {
+        fn at(moment: UnixTime) -> Result<Self, LinkError> {
+            Ok(Self(moment.sec, moment.nanosec))
+        }
+
+        fn moment(&self) -> UnixTime {
+            UnixTime { sec: self.0, nanosec: self.1 }
+        }
+    }
+
+    fn number() -> impl Strategy<Value = f64> {
+        -1e4..1e4
+    }
+
+    fn vector() -> impl Strategy<Value = Vector3<f64>> {
+        [number(), number(), number()].prop_map(Vector3::from)
+    }
+
+    fn moment() -> impl Strategy<Value = UnixTime> {
+        (0_i64..4_000_000_000, 0_u32..1_000_000_000)
+            .prop_map(|(sec, nanosec)| UnixTime { sec, nanosec })
+    }
+
+    fn attitude() -> impl Strategy<Value = Pose> {
+        (vector(), -3.1..3.1, -1.5..1.5, -3.1..3.1)
+            .prop_map(|(position, heading, pitch, roll)| Pose { position, heading, pitch, roll })
+    }
+
+    fn bearing() -> impl Strategy<Value = Option<Bearing>> {
+        let bearing = (number(), number(), 0.0..1.0)
+            .prop_map(|(angle, sigma, confidence)| Bearing { angle, sigma, confidence });
+        proptest::option::of(bearing)
+    }
+
+    /// Two directions, whose weights are exact.
+    fn modes() -> impl Strategy<Value = BearingModes> {
+        let two = [(number(), 0.1..2.0), (number(), 0.1..2.0)].prop_map(|two| {
+            let modes = two.map(|(angle, sigma)| BearingMode { weight: 0.5, angle, sigma });
+            BearingModes::new(&modes).expect("in range")
+        });
+        proptest::option::of(two).prop_map(Option::unwrap_or_default)
+    }
+
+    proptest! {
+        #[test]
+        fn a_reception_comes_as_it_was_sent(
+            (ended, receiver, sigma) in (moment(), attitude(), proptest::option::of(vector())),
+            (rss_dbm, rss_sigma_db, covariance) in (number(), number(), number()),
+            (bearing, modes, beacon) in (bearing(), modes(), any::<u16>()),
+        ) {
+            let beacon = BeaconId(beacon);
+            let heard = Reception {
+                beacon, time: 0.0, receiver, rss_dbm, rss_sigma_db, bearing, covariance, modes,
+                receiver_sigma_m: sigma,
+            };
+            let sent = Delivery { beacon, ended, heard: Ok(heard) };
+            let message = reception_message::<Stamp>(&sent)?;
+            prop_assert_eq!(delivery(message), sent);
+        }
+
+        #[test]
+        fn an_order_comes_as_it_was_sent(
+            (at, goal, land) in (moment(), proptest::option::of(vector()), any::<bool>()),
+            (number, turn, beacons) in (
+                any::<u64>(), any::<u64>(), proptest::collection::vec(any::<u16>(), 0..9)),
+            taken in proptest::collection::vec((any::<u16>(), moment()), 0..9),
+        ) {
+            let sent = Order {
+                at,
+                number,
+                goal: goal.map(|position| Waypoint { position }),
+                land,
+                turn: Turn { number: turn, beacons: beacons.into_iter().map(BeaconId).collect() },
+                taken: taken
+                    .into_iter()
+                    .map(|(beacon, ended)| Taken { beacon: BeaconId(beacon), ended })
+                    .collect(),
+            };
+            prop_assert_eq!(order(&order_message::<Stamp>(&sent)?), sent);
+        }
+
+        /// A quaternion turns the axes of the body as core's angles do.
+        #[test]
+        fn a_pose_keeps_its_axes(at in moment(), told in attitude()) {
+            let message = pose_message::<Stamp>(at, &told)?;
+            let ros::Quaternion { x, y, z, w } = message.pose.orientation;
+            let turn = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
+            let Report::Pose { at: when, pose } = report_of_pose(&message) else {
+                panic!("no pose")
+            };
+            prop_assert_eq!((when, pose.position), (at, told.position));
+            for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+                prop_assert!((told.to_body(&(turn * axis)) - axis).norm() < 1e-9);
+                prop_assert!((pose.to_body(&(turn * axis)) - axis).norm() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_reception_says_why() {
+        let nothing = Delivery {
+            beacon: BeaconId(3),
+            ended: UnixTime::whole(5),
+            heard: Err("too weak".to_owned()),
+        };
+        let message = reception_message::<Stamp>(&nothing).expect("any time");
+        assert_eq!(delivery(message), nothing);
+        for (message, why) in [
+            (ros::Reception { position_sigma: vec![1.0], ..heard() }, "position_sigma has 1"),
+            (ros::Reception { mode_weights: vec![1.0], ..heard() }, "1 mode_weights, 0"),
+            (
+                ros::Reception {
+                    mode_weights: vec![0.5, f64::NAN],
+                    mode_bearings: vec![0.0; 2],
+                    mode_sigmas: vec![1.0; 2],
+                    ..heard()
+                },
+                "NaN",
+            ),
+        ] {
+            let reason = delivery(message).heard.expect_err("it is none");
+            assert!(reason.contains(why), "{reason}");
+        }
+        // Nobody knows its attitude.
+        let zeros = ros::PoseStamped { header: Stamp::default(), pose: ros::Pose::default() };
+        let level = Report::Pose { at: UnixTime::default(), pose: Pose::default() };
+        assert_eq!(report_of_pose(&zeros), level);
+        let nowhere = ros::Point { x: f64::NAN, ..ros::Point::default() };
+        let message = ros::Order::<Stamp> { has_goal: true, goal: nowhere, ..Default::default() };
+        assert_eq!(order(&message).goal, None);
+    }
+
+    fn heard() -> ros::Reception<Stamp> {
+        ros::Reception { heard: true, ..ros::Reception::default() }
+    }
+}

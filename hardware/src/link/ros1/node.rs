@@ -6,7 +6,7 @@ use std::{
 
 use roslibrust::{
     RosMessageType,
-    ros1::{NodeHandle, Publisher, PublisherError, Subscriber, SubscriberError},
+    ros1::{NodeHandle, Publisher, Subscriber},
 };
 use serde::{Deserialize, Serialize};
 use tokio::runtime::{Builder, Runtime};
@@ -114,25 +114,19 @@ fn failed(topic: &str, reason: impl std::fmt::Display) -> LinkError {
 
 impl<M: RosMessageType> Speaker<M> {
     pub(super) fn say(&self, message: &M) -> Result<(), LinkError> {
-        match now(self.0.publish(message)) {
-            // Nobody listens any more.
-            None | Some(Ok(()) | Err(PublisherError::StreamClosed)) => Ok(()),
-            Some(Err(error)) => Err(failed(&self.1, error)),
-        }
+        // It is put into a queue, or nobody listens.
+        now(self.0.publish(message)).map_or(Ok(()), |said| said.map_err(|e| failed(&self.1, e)))
     }
 }
 
 impl<M: RosMessageType> Listener<M> {
     pub(super) fn hear(&mut self) -> Result<Option<M>, LinkError> {
-        loop {
-            match now(self.0.next()) {
-                None => return Ok(None),
-                Some(Some(Ok(message))) => return Ok(Some(message)),
-                // Some were lost, and will be said again.
-                Some(Some(Err(SubscriberError::Lagged(_)))) => {}
-                Some(Some(Err(error))) => return Err(failed(&self.1, error)),
-                Some(None) => return Err(failed(&self.1, "the node has left")),
-            }
+        match now(self.0.next()) {
+            None => Ok(None),
+            Some(Some(Ok(message))) => Ok(Some(message)),
+            // Among them: some were lost because nobody asked, and will be said again.
+            Some(Some(Err(error))) => Err(failed(&self.1, error)),
+            Some(None) => Err(failed(&self.1, "the node has left")),
         }
     }
 }

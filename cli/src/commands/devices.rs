@@ -1,0 +1,97 @@
+use std::{path::PathBuf, thread, time::Duration};
+
+use foxhunt::{
+    fly::{FlightConfig, identify},
+    hardware::{Finding, SystemClock},
+    wire::{Endpoint, SerialStream},
+};
+use serde::Serialize;
+
+use crate::{
+    error::CliError,
+    output::{Output, warn},
+    table::list,
+};
+
+/// Look at the devices that are plugged in, and say how to mend what is wrong
+///
+/// With a flight's file: every device of every drone, one after the other. Without: every serial port,
+/// and what is behind it. Motors turn by a step, nothing takes off. Exit code 1 where something is
+/// wrong.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  foxhunt devices\n  foxhunt devices meadow.toml\n  \
+                        foxhunt devices --at serial:/dev/ttyUSB0:57600 --at udpin:0.0.0.0:14550")]
+pub(crate) struct Args {
+    /// The flight: a TOML file (docs/flying.md)
+    config: Option<PathBuf>,
+    /// Look at this endpoint instead of the serial ports; may be repeated
+    #[arg(long, value_name = "ENDPOINT", conflicts_with = "config")]
+    at: Vec<Endpoint>,
+}
+
+/// What was found of a device.
+#[derive(Serialize)]
+struct Examined {
+    /// Of which drone; none without a file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    drone: Option<String>,
+    device: String,
+    findings: Vec<Finding>,
+}
+
+pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+    let clock = SystemClock::start();
+    let mut pause = || thread::sleep(Duration::from_millis(1));
+    let mut examined = Vec::new();
+    if let Some(path) = &args.config {
+        let config = FlightConfig::read(path).map_err(CliError::input)?;
+        for drone in &config.drones {
+            let mut tell = |device: &'static str, findings| {
+                warn(&format!("{}: {device}", drone.name));
+                let drone = Some(drone.name.clone());
+                examined.push(Examined { drone, device: device.to_owned(), findings });
+            };
+            drone.examine(&config.site, &config.beacons, &clock, &mut pause, &mut tell);
+        }
+    } else {
+        let endpoints = if args.at.is_empty() { serial_ports()? } else { args.at.clone() };
+        for endpoint in endpoints {
+            warn(&format!("looking at {endpoint}"));
+            let (device, findings) = identify(&endpoint, &clock, &mut pause);
+            let device = format!("{device} at {endpoint}");
+            examined.push(Examined { drone: None, device, findings });
+        }
+    }
+    output.result(&examined, |examined| describe(examined))?;
+    let wrong = examined.iter().flat_map(|e| &e.findings).filter(|f| !f.is_good()).count();
+    match wrong {
+        0 => Ok(()),
+        1 => Err(CliError::failure("one thing is not as it should be")),
+        wrong => Err(CliError::failure(format!("{wrong} things are not as they should be"))),
+    }
+}
+
+fn serial_ports() -> Result<Vec<Endpoint>, CliError> {
+    let ports = SerialStream::available().map_err(CliError::failure)?;
+    // The rate is found out.
+    Ok(ports.into_iter().map(|port| Endpoint::Serial { port, baud: 57_600 }).collect())
+}
+
+fn describe(examined: &[Examined]) -> String {
+    if examined.is_empty() {
+        return "no serial port has a device; plug one in, or name an endpoint with --at".into();
+    }
+    let mut rows = list(&["device", "", "found", "what to do"]);
+    for Examined { drone, device, findings } in examined {
+        let device = drone.as_ref().map_or_else(|| device.clone(), |d| format!("{d}: {device}"));
+        for (index, finding) in findings.iter().enumerate() {
+            rows.add_row([
+                if index == 0 { device.clone() } else { String::new() },
+                finding.subject.clone(),
+                finding.text.clone(),
+                finding.remedy.clone().unwrap_or_default(),
+            ]);
+        }
+    }
+    rows.to_string()
+}

@@ -1,0 +1,9 @@
+/* The part of Firmata 2.6 that a host of a stepper meets. */
+#pragma once
+#include <stdint.h>
+
+/* Says the version and the firmware, as after a reset. */
+void firmata_begin(void);
+void firmata_receive(uint8_t byte);
+/* Says what has happened: a move that ended, a switch that changed. */
+void firmata_report(void);

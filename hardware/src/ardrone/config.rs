@@ -1,0 +1,156 @@
+use std::io;
+
+use serde::{Deserialize, Serialize};
+
+/// How an AR.Drone is flown, and where it stands at the beginning.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ArDroneConfig {
+    /// Where it stands when the driver starts: its East in metres.
+    pub east_m: f64,
+    /// Its North in metres.
+    pub north_m: f64,
+    /// Where its nose points when it is switched on, in degrees counter-clockwise from East: it
+    /// counts its own yaw from there.
+    pub heading_deg_ccw_from_east: f64,
+    /// How well that place is known, σ in metres.
+    pub start_sigma_m: f64,
+    /// How much of the way its own odometry is off, as a share of the way.
+    pub drift_share: f64,
+    /// How fast it is flown, in metres per second.
+    pub speed_mps: f64,
+    /// How fast it flies over ground with the most tilt that is ordered, in metres per second.
+    pub full_tilt_mps: f64,
+    /// The fastest climb that is ordered, in metres per second (`control:control_vz_max`).
+    pub climb_mps: f64,
+    /// The fastest turn that is ordered, in degrees per second (`control:control_yaw`).
+    pub yaw_rate_deg_s: f64,
+    /// The highest goal, in metres.
+    pub max_up_m: f64,
+    /// The lowest.
+    pub min_up_m: f64,
+    /// The farthest goal over ground from where it started, in metres.
+    pub fence_radius_m: f64,
+    /// Orders in a second. It hovers by itself without them.
+    pub rate_hz: f64,
+    /// Without navdata for so long the link is lost, in seconds.
+    pub link_timeout_s: f64,
+}
+
+impl Default for ArDroneConfig {
+    /// At the origin, its nose to the East, known to 0.3 m, off by a tenth of the way; 1 m/s, with at
+    /// most the tilt of 4 m/s, 0.7 m/s up, turns of 100 °/s; 0.5 to 6 m up and 40 m away; 20 orders
+    /// a second; the link lost after 2 s.
+    fn default() -> Self {
+        Self {
+            east_m: 0.0,
+            north_m: 0.0,
+            heading_deg_ccw_from_east: 0.0,
+            start_sigma_m: 0.3,
+            drift_share: 0.1,
+            speed_mps: 1.0,
+            full_tilt_mps: 4.0,
+            climb_mps: 0.7,
+            yaw_rate_deg_s: 100.0,
+            max_up_m: 6.0,
+            min_up_m: 0.5,
+            fence_radius_m: 40.0,
+            rate_hz: 20.0,
+            link_timeout_s: 2.0,
+        }
+    }
+}
+
+/// Why an AR.Drone did not do it, or was not asked to.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ArDroneError {
+    /// A port failed.
+    #[error("the link: {0}")]
+    Link(#[from] io::Error),
+    /// It says nothing.
+    #[error("no navdata for {silent_s:.1} s; the limit is {limit_s} s")]
+    Silent {
+        /// Since when, in seconds; infinite where there never were any.
+        silent_s: f64,
+        /// The configured limit.
+        limit_s: f64,
+    },
+    /// It does not take our orders now.
+    #[error("it takes no orders from us: {why}")]
+    NotCommanded {
+        /// What is in the way.
+        why: String,
+    },
+    /// A goal is out of the limits.
+    #[error("{what} of {value} is not within {least} to {most}")]
+    Limit {
+        /// Which number of it.
+        what: &'static str,
+        /// What it is.
+        value: f64,
+        /// The limit below.
+        least: f64,
+        /// The limit above.
+        most: f64,
+    },
+    /// A number of the configuration is out of its range.
+    #[error("{field} is {value}; it must be {requirement}")]
+    Config {
+        /// Where it stands.
+        field: &'static str,
+        /// What it holds.
+        value: f64,
+        /// What it must be.
+        requirement: &'static str,
+    },
+}
+
+impl ArDroneConfig {
+    /// Refuses what cannot be flown with.
+    ///
+    /// # Errors
+    ///
+    /// [`ArDroneError::Config`] names the field, with its value.
+    pub fn check(&self) -> Result<(), ArDroneError> {
+        let require = |holds: bool, field, value, requirement| {
+            if holds { Ok(()) } else { Err(ArDroneError::Config { field, value, requirement }) }
+        };
+        for (field, value) in [
+            ("east_m", self.east_m),
+            ("north_m", self.north_m),
+            ("heading_deg_ccw_from_east", self.heading_deg_ccw_from_east),
+        ] {
+            require(value.is_finite(), field, value, "finite")?;
+        }
+        for (field, value) in [
+            ("start_sigma_m", self.start_sigma_m),
+            ("drift_share", self.drift_share),
+            ("speed_mps", self.speed_mps),
+            ("full_tilt_mps", self.full_tilt_mps),
+            ("climb_mps", self.climb_mps),
+            ("yaw_rate_deg_s", self.yaw_rate_deg_s),
+            ("max_up_m", self.max_up_m),
+            ("fence_radius_m", self.fence_radius_m),
+            ("link_timeout_s", self.link_timeout_s),
+        ] {
+            require(value > 0.0 && value.is_finite(), field, value, "a positive number")?;
+        }
+        let least = self.min_up_m;
+        require(least < self.max_up_m, "min_up_m", least, "a number below max_up_m")?;
+        require((5.0..=100.0).contains(&self.rate_hz), "rate_hz", self.rate_hz, "in 5 … 100")
+    }
+
+    /// Refuses a number of a goal.
+    pub(super) fn limit(
+        what: &'static str,
+        value: f64,
+        least: f64,
+        most: f64,
+    ) -> Result<(), ArDroneError> {
+        if (least..=most).contains(&value) {
+            return Ok(());
+        }
+        Err(ArDroneError::Limit { what, value, least, most })
+    }
+}

@@ -1,0 +1,8 @@
+//! The Parrot AR.Drone 2.0.
+
+mod config;
+mod control;
+mod vehicle;
+
+pub use config::{ArDroneConfig, ArDroneError};
+pub use vehicle::ArDrone;

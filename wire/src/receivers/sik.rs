@@ -1,0 +1,31 @@
+/// What a SiK telemetry radio says of its link: the fields of MAVLink's `RADIO_STATUS` (109).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SikStatus {
+    /// How strong the other radio is heard here.
+    pub rssi: u8,
+    /// How strong the other radio hears this one.
+    pub remrssi: u8,
+    /// The noise here.
+    pub noise: u8,
+    /// The noise at the other radio.
+    pub remnoise: u8,
+}
+
+/// The power in dBm of a SiK radio's number: a step is 1/1.9 dB above −127 dBm (`SiLabs` Si1000,
+/// as in `ArduPilot`'s documentation); `None` for 255, which says that there is none.
+#[must_use]
+pub fn sik_dbm(number: u8) -> Option<f64> {
+    (number < u8::MAX).then(|| f64::from(number) / 1.9 - 127.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_powers() {
+        assert!((sik_dbm(0).expect("a power") + 127.0).abs() < 1e-12);
+        assert!((sik_dbm(190).expect("a power") + 27.0).abs() < 1e-12);
+        assert_eq!(sik_dbm(255), None);
+    }
+}
