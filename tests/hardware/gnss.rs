@@ -117,7 +117,7 @@ fn the_told_sigma_is_honest() {
     const SAMPLES: u32 = 400;
     let chi = ChiSquared::new(f64::from(3 * SAMPLES)).expect("positive");
     let band = chi.inverse_cdf(0.0005)..chi.inverse_cdf(0.9995);
-    for kind in 0..3 {
+    for (far_kind, near_kind) in KINDS {
         let world = world();
         // The correlation after 8 s is exp(−8).
         let emulated = EmulatedGnssConfig { correlation_s: 1.0, ..EmulatedGnssConfig::default() };
@@ -232,7 +232,6 @@ fn garbage_and_cut_messages_cost_fixes_and_nothing_else() {
     for kind in 0..3 {
         let world = world();
         let (near, far) = memory_pair();
-        let (far_kind, near_kind) = KINDS[kind];
         let emulated = EmulatedGnssConfig { kind: far_kind, ..EmulatedGnssConfig::default() };
         let mut emulator = EmulatedGnss::new(&world, 0, emulated, 3, far).expect("proper");
         let chance = Xoshiro256PlusPlus::seed_from_u64(11);
