@@ -48,7 +48,7 @@ impl ByteStream for Plug {
         let mut kept = 0;
         for i in 0..count {
             cable.count += 1;
-            if cable.count % every != 0 {
+            if !cable.count.is_multiple_of(every) {
                 into[kept] = into[i];
                 kept += 1;
             }
