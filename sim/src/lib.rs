@@ -49,8 +49,9 @@ pub use devices::{
 };
 #[cfg(feature = "emulators")]
 pub use emulate::{
-    AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedAutopilot, EmulatedGnss,
-    EmulatedGnssConfig, EmulatedGnssKind, EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch,
+    AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedArDrone, EmulatedAutopilot,
+    EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken, EmulatedKrakenConfig,
+    EmulatedRtlTcp, EmulatedRtlTcpConfig, EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch,
     EmulatedXbee, EmulatedXbeeConfig, Emulator, PilotOrder, xbee_address,
 };
 pub use error::SimError;

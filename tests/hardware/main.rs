@@ -1,11 +1,17 @@
 //! Drivers against emulated devices of a simulated world, in its own time.
 #![cfg(feature = "hardware")]
 
+mod ardrone;
 mod firmware;
+mod flown;
 mod gnss;
 mod gnss_peer;
+mod mavlink;
 mod mission;
 mod network;
+mod nodes;
+mod peers;
+mod receivers;
 mod stepper;
 mod xbee;
 mod xbee_protocol;

@@ -71,7 +71,9 @@ impl Codec {
 
 #[cfg(test)]
 mod tests {
-    use ::mavlink::dialects::ardupilotmega::{ATTITUDE_DATA, HEARTBEAT_DATA};
+    use ::mavlink::dialects::ardupilotmega::{
+        ATTITUDE_DATA, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType,
+    };
     use proptest::prelude::*;
 
     use super::*;
@@ -93,22 +95,34 @@ mod tests {
 
     #[test]
     fn frames_are_those_of_pymavlink() {
-        // MAVLink_heartbeat_message(6, 8, 192, 0, 4, 3).pack of a MAVLink 2 sender 255/190, and the
-        // same signed by the key 0x42… with the timestamp 1 on link 7.
+        // heartbeat_encode(6, 8, 192, 0, 4, 3) of system 255, component 190; and the same signed with
+        // the key 0x42… on link 7 at the timestamp 1 000 001.
+        const PLAIN: [u8; 21] = [
+            0xfd, 0x09, 0x00, 0x00, 0x00, 0xff, 0xbe, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00,
+            0x06, 0x08, 0xc0, 0x04, 0x03, 0xe4, 0x73,
+        ];
+        const SIGNED: [u8; 34] = [
+            0xfd, 0x09, 0x01, 0x00, 0x00, 0xff, 0xbe, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00,
+            0x06, 0x08, 0xc0, 0x04, 0x03, 0x03, 0x8b, 0x07, 0x41, 0x42, 0x0f, 0x00, 0x00, 0x00,
+            0x88, 0xee, 0x40, 0x32, 0x8b, 0x19,
+        ];
+        const UNIX_S: f64 = 1_420_070_410.000_015;
         let message = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
             custom_mode: 0,
-            mavtype: ::mavlink::dialects::ardupilotmega::MavType::MAV_TYPE_GCS,
-            autopilot: ::mavlink::dialects::ardupilotmega::MavAutopilot::MAV_AUTOPILOT_INVALID,
-            base_mode: ::mavlink::dialects::ardupilotmega::MavModeFlag::from_bits_retain(192),
-            system_status: ::mavlink::dialects::ardupilotmega::MavState::MAV_STATE_ACTIVE,
+            mavtype: MavType::MAV_TYPE_GCS,
+            autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
+            base_mode: MavModeFlag::from_bits_retain(192),
+            system_status: MavState::MAV_STATE_ACTIVE,
             mavlink_version: 3,
         });
-        let bytes = Codec::new(255, 190).encode(&message, 0.0);
-        assert_eq!(bytes.len(), 21);
-        assert_eq!(&bytes[..10], &[0xfd, 9, 0, 0, 0, 255, 190, 0, 0, 0]);
-        let mut codec = Codec::new(1, 1);
-        codec.push(&bytes);
-        assert_eq!(messages(&mut codec), [message]);
+        let ours = || Codec::new(255, 190);
+        let key = || Signing::new(SigningKey::new([0x42; 32]), 7);
+        assert_eq!(ours().encode(&message, UNIX_S), PLAIN);
+        assert_eq!(ours().with_signing(key()).encode(&message, UNIX_S), SIGNED);
+        let mut reader = Codec::new(1, 1).with_signing(key());
+        reader.push(&SIGNED);
+        let header = reader.next_frame(UNIX_S).expect("a frame").header;
+        assert_eq!((header.system_id, header.component_id, header.sequence), (255, 190, 0));
     }
 
     #[test]

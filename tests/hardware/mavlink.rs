@@ -1,0 +1,428 @@
+//! The MAVLink driver flies emulated autopilots over memory, in the world's own time.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use foxhunt::{
+    hardware::{
+        Aircraft, AircraftState, FlightLimits, MavlinkConfig, MavlinkError, MavlinkOrigin,
+        MavlinkSigning, MavlinkVehicle,
+    },
+    sim::{
+        AutopilotConfig, AutopilotFaults, DroneConfig, EmulatedAutopilot, Emulator, Interval,
+        PilotOrder, SimClock, World, WorldConfig,
+    },
+    wire::{
+        ByteStream, MemoryStream,
+        mavlink::{Autopilot, SigningKey},
+        memory_pair,
+    },
+};
+use foxhunt_core::{Clock, Spinner, Vehicle, Waypoint, angle};
+use nalgebra::Vector3;
+
+type Driver = MavlinkVehicle<MemoryStream, SimClock>;
+
+struct Field {
+    world: World,
+    emulated: EmulatedAutopilot<MemoryStream>,
+    driver: Driver,
+}
+
+/// Seconds of the world from one serving to the next.
+const TICK: f64 = 0.02;
+
+const BOTH: [Autopilot; 2] = [Autopilot::ArduPilot, Autopilot::Px4];
+
+fn place(world: &World) -> Vector3<f64> {
+    world.pose(0).expect("a drone").position
+}
+
+impl Field {
+    fn new(emulated: AutopilotConfig, driver: MavlinkConfig) -> Self {
+        let drone = DroneConfig {
+            east_m: 3.0,
+            north_m: -2.0,
+            up_m: 10.0,
+            heading_deg_ccw_from_east: 120.0,
+            ..DroneConfig::default()
+        };
+        let config = WorldConfig { drones: vec![drone], ..WorldConfig::default() };
+        let world = World::new(&config, 1).expect("a world");
+        let (near, far) = memory_pair();
+        let origin = emulated.origin;
+        let emulated = EmulatedAutopilot::new(emulated, &world, 0, far).expect("an autopilot");
+        let origin = Some(MavlinkOrigin { lat_deg: origin.lat_deg, lon_deg: origin.lon_deg });
+        let config = MavlinkConfig { origin, ..driver };
+        let driver = MavlinkVehicle::new(config, near, world.clock()).expect("a driver");
+        Self { world, emulated, driver }
+    }
+
+    fn of(autopilot: Autopilot) -> Self {
+        let emulated = AutopilotConfig { autopilot, ..AutopilotConfig::default() };
+        Self::new(emulated, MavlinkConfig::default())
+    }
+
+    fn tick(&mut self) -> AircraftState {
+        self.world.advance(TICK).expect("time passes");
+        self.emulated.serve().expect("a cable");
+        self.driver.state().expect("a cable")
+    }
+
+    /// Until something holds; the time may not pass `limit` seconds more.
+    fn until(&mut self, what: &str, limit: f64, holds: impl Fn(&AircraftState, &World) -> bool) {
+        let end = self.world.time() + limit;
+        loop {
+            let state = self.tick();
+            if holds(&state, &self.world) {
+                return;
+            }
+            assert!(self.world.time() < end, "{what}: {state:?} at {}", place(&self.world));
+        }
+    }
+
+    fn run(&mut self, seconds: f64) -> AircraftState {
+        let end = self.world.time() + seconds;
+        loop {
+            let state = self.tick();
+            if self.world.time() >= end {
+                return state;
+            }
+        }
+    }
+
+    fn fly(&mut self, up: f64) {
+        self.until("ready", 10.0, |state, _| state.hindrance.is_empty());
+        self.driver.take_off(up).expect("accepted");
+        self.until("up", 60.0, |state, _| state.commanded);
+    }
+
+    fn go(&mut self, east: f64, north: f64, up: f64) {
+        let goal = Waypoint { position: Vector3::new(east, north, up) };
+        self.driver.go_to(&goal).expect("accepted");
+        self.until("there", 60.0, |_, world| (place(world) - goal.position).norm() < 0.1);
+    }
+}
+
+#[test]
+fn a_flight_from_the_ground_to_the_ground() {
+    for autopilot in BOTH {
+        let mut field = Field::of(autopilot);
+        assert!(place(&field.world).z.abs() < 1e-12, "it begins on the ground");
+        field.fly(8.0);
+        assert!((place(&field.world) - Vector3::new(3.0, -2.0, 8.0)).norm() < 0.6);
+        field.go(20.0, 15.0, 12.0);
+        field.run(0.5);
+        let (told, true_pose) =
+            (field.driver.pose().expect("a pose"), field.world.pose(0).expect("a drone"));
+        assert!((told.position - true_pose.position).norm() < 0.05, "{autopilot}: {told:?}");
+        assert!(angle::distance(told.heading, 120_f64.to_radians()) < 0.02, "its nose was held");
+        let sigma = field.driver.position_sigma().expect("it tells");
+        assert!((sigma - Vector3::new(0.5, 0.5, 0.8)).norm() < 1e-9);
+
+        // A whole turn while it flies, at 45 °/s.
+        field.driver.spin(Some(45_f64.to_radians())).expect("accepted");
+        field.driver.go_to(&Waypoint { position: Vector3::new(0.0, 15.0, 12.0) }).expect("a goal");
+        field.run(1.0);
+        let mut turned = 0.0;
+        let mut last = field.world.pose(0).expect("a drone").heading;
+        let mut worst: f64 = 0.0;
+        for _ in 0..400 {
+            field.tick();
+            let told = field.driver.pose().expect("a pose").heading;
+            let heading = field.world.pose(0).expect("a drone").heading;
+            turned += angle::wrap(heading - last);
+            last = heading;
+            worst = worst.max(angle::distance(told, heading));
+        }
+        assert!((turned - TAU).abs() < 0.05, "{autopilot}: {turned} rad in 8 s");
+        assert!(worst < 2_f64.to_radians(), "{autopilot}: the heading is off by {worst} rad");
+        field.driver.spin(None).expect("accepted");
+        field.run(3.0);
+        let before = field.world.pose(0).expect("a drone").heading;
+        field.run(2.0);
+        let after = field.world.pose(0).expect("a drone").heading;
+        assert!(angle::distance(before, after) < 0.01, "{autopilot}: its heading is held");
+
+        // To headings across both wraps.
+        for heading in [FRAC_PI_2, -PI + 0.1, -0.5, 3.0] {
+            field.driver.turn_to(heading).expect("accepted");
+            let begun = field.world.time();
+            while !field.driver.is_turned().expect("a pose") {
+                assert!(field.world.time() < begun + 20.0, "{autopilot}: never at {heading}");
+                field.tick();
+            }
+            field.run(2.0);
+            let nose = field.world.pose(0).expect("a drone").heading;
+            assert!(angle::distance(nose, heading) < 0.05, "{autopilot}: {nose} for {heading}");
+        }
+
+        field.driver.land().expect("accepted");
+        field.until("down", 60.0, |state, _| !state.armed && !state.airborne);
+        assert!((place(&field.world) - Vector3::new(0.0, 15.0, 0.0)).norm() < 0.2);
+        assert!(field.driver.go_to(&Waypoint::default()).is_err(), "it is on the ground");
+        // And once more, back home by its own rules.
+        field.fly(5.0);
+        field.go(10.0, 15.0, 5.0);
+        field.driver.return_to_launch().expect("accepted");
+        let state = field.run(3.0);
+        assert!(!state.commanded && state.hindrance.contains("returns"), "{state:?}");
+        field.until("home", 90.0, |state, _| !state.armed);
+        assert!((place(&field.world) - Vector3::new(0.0, 15.0, 0.0)).norm() < 0.4);
+    }
+}
+
+#[test]
+fn orders_end_when_the_pilot_takes_it() {
+    for (autopilot, by_hand, back) in
+        [(Autopilot::ArduPilot, "LOITER", "GUIDED"), (Autopilot::Px4, "POSITION", "HOLD")]
+    {
+        let order = |at_s, mode: &str| PilotOrder { at_s, mode: mode.into() };
+        let faults = AutopilotFaults {
+            pilot: vec![order(30.0, by_hand), order(40.0, back)],
+            ..AutopilotFaults::default()
+        };
+        let config = AutopilotConfig { autopilot, faults, ..AutopilotConfig::default() };
+        let mut field = Field::new(config, MavlinkConfig::default());
+        field.fly(6.0);
+        let goal = Waypoint { position: Vector3::new(150.0, 0.0, 6.0) };
+        field.driver.go_to(&goal).expect("accepted");
+        field.until("the pilot", 40.0, |state, _| !state.commanded);
+        assert!(field.world.time() < 31.5, "noticed with the next heartbeat");
+        let taken_at = place(&field.world);
+        let error = field.driver.go_to(&goal).expect_err("the pilot has it").to_string();
+        assert!(error.contains(by_hand), "{error}");
+        for refused in [
+            field.driver.spin(Some(0.1)),
+            field.driver.land(),
+            field.driver.return_to_launch(),
+            field.driver.take_over(),
+        ] {
+            let refused = refused.expect_err("the pilot has it");
+            assert!(matches!(refused, MavlinkError::NotCommanded { .. }), "{refused}");
+        }
+        // He gives it back: nothing happens before it is asked for.
+        let state = field.run(45.0 - field.world.time());
+        assert!(!state.commanded, "{state:?}");
+        assert!(field.driver.spin(None).is_err());
+        assert!((place(&field.world) - taken_at).norm() < 3.0, "nobody sends it on");
+        field.driver.take_over().expect("it was given back");
+        field.until("ours again", 5.0, |state, _| state.commanded);
+        let here = field.run(2.0);
+        assert!(here.commanded && (place(&field.world) - taken_at).norm() < 3.0, "it stays");
+        field.go(taken_at.x + 5.0, 0.0, 6.0);
+    }
+}
+
+#[test]
+fn orders_end_with_the_link() {
+    for autopilot in BOTH {
+        let silent = vec![Interval { from_s: 30.0, to_s: Some(38.0) }];
+        let faults = AutopilotFaults { silent, ..AutopilotFaults::default() };
+        let config = AutopilotConfig {
+            autopilot,
+            faults,
+            ground_failsafe_s: None,
+            ..AutopilotConfig::default()
+        };
+        let mut field = Field::new(config, MavlinkConfig::default());
+        field.fly(6.0);
+        field.run(32.0 - field.world.time());
+        assert!(matches!(field.driver.pose(), Err(MavlinkError::Stale { .. })), "an old pose");
+        let state = field.run(36.0 - field.world.time());
+        assert!(!state.commanded && state.silent_s > 5.0, "{state:?}");
+        assert!(matches!(field.driver.pose(), Err(MavlinkError::Silent { .. })));
+        assert!(matches!(field.driver.spin(None), Err(MavlinkError::Silent { .. })));
+        let state = field.run(42.0 - field.world.time());
+        assert!(!state.commanded && !state.hindrance.is_empty(), "{state:?}");
+        assert!(field.driver.pose().is_ok(), "{autopilot}: it tells its place again");
+        assert!(matches!(field.driver.spin(None), Err(MavlinkError::NotCommanded { .. })));
+        if autopilot == Autopilot::Px4 {
+            // Without set-points it left OFFBOARD: that is the pilot's now.
+            assert_eq!(state.mode, "POSITION");
+            assert!(field.driver.take_over().is_err());
+            continue;
+        }
+        field.driver.take_over().expect("the link is back");
+        field.until("ours again", 5.0, |state, _| state.commanded);
+        field.go(5.0, 5.0, 6.0);
+    }
+}
+
+#[test]
+fn a_ground_station_that_falls_silent_has_it_come_back() {
+    let mut field = Field::of(Autopilot::ArduPilot);
+    field.fly(6.0);
+    field.go(20.0, 0.0, 6.0);
+    // Nobody serves the driver any more.
+    for _ in 0..4000 {
+        field.world.advance(TICK).expect("time passes");
+        field.emulated.serve().expect("a cable");
+    }
+    assert!((place(&field.world) - Vector3::new(3.0, -2.0, 0.0)).norm() < 0.4);
+    let state = field.tick();
+    assert!(!state.armed && !state.commanded, "{state:?}");
+}
+
+#[test]
+fn early_orders_are_refused_with_a_reason() {
+    let late = AutopilotConfig { position_good_after_s: 1e9, ..AutopilotConfig::default() };
+    let config = MavlinkConfig { position_timeout_s: 20.0, ..MavlinkConfig::default() };
+    let mut field = Field::new(late, config);
+    let state = field.tick();
+    assert!(state.silent_s < 1.0 && !state.armed && state.mode == "STABILIZE", "{state:?}");
+    let state = field.run(5.0);
+    assert!(state.hindrance.contains("0x0081"), "{state:?}");
+    assert!(matches!(field.driver.pose(), Err(MavlinkError::Position { .. })));
+    field.driver.take_off(5.0).expect("it waits for a position");
+    let state = field.run(10.0);
+    assert!(!state.armed && !state.airborne, "{state:?}");
+    let state = field.run(15.0);
+    assert!(!state.armed && state.hindrance.contains("given up"), "{state:?}");
+    let goal = field.driver.go_to(&Waypoint::default()).expect_err("on the ground");
+    assert!(goal.to_string().contains("given up"), "{goal}");
+}
+
+#[test]
+fn limits_are_refused_on_our_side() {
+    let limits = FlightLimits {
+        max_up_m: 20.0,
+        min_up_m: 3.0,
+        fence_radius_m: 40.0,
+        fence: vec![[-30.0, -30.0], [50.0, -30.0], [50.0, 30.0], [-30.0, 30.0]],
+    };
+    let config = MavlinkConfig { limits, spin_limit_deg_s: 60.0, ..MavlinkConfig::default() };
+    let mut field = Field::new(AutopilotConfig::default(), config);
+    field.run(5.0);
+    assert!(matches!(field.driver.take_off(25.0), Err(MavlinkError::UpLimit { .. })));
+    field.fly(5.0);
+    let before = place(&field.world);
+    for (goal, words) in [
+        (Vector3::new(0.0, 0.0, 21.0), "21 m is not within the limits of 3 to 20"),
+        (Vector3::new(0.0, 0.0, 1.0), "1 m is not within"),
+        (Vector3::new(44.0, -2.0, 5.0), "41.0 m from the launch place"),
+        (Vector3::new(0.0, 31.0, 5.0), "outside the fence of 4 corners"),
+        (Vector3::new(f64::NAN, 0.0, 5.0), "not finite"),
+    ] {
+        let error = field.driver.go_to(&Waypoint { position: goal }).expect_err("a limit");
+        assert!(error.to_string().contains(words), "{error}");
+    }
+    let error = field.driver.spin(Some(1.2)).expect_err("too fast").to_string();
+    assert!(error.contains("68.7") && error.contains("60"), "{error}");
+    field.run(5.0);
+    assert!((place(&field.world) - before).norm() < 0.5, "none of it was sent");
+}
+
+#[test]
+fn only_the_same_key_is_obeyed() {
+    let key = |byte| SigningKey::new([byte; 32]);
+    let signing = |byte| Some(MavlinkSigning { key: key(byte), link_id: 2 });
+    for (theirs, ours, agrees) in [
+        (Some(key(1)), signing(1), true),
+        (Some(key(1)), signing(2), false),
+        (Some(key(1)), None, false),
+        (None, signing(1), false),
+    ] {
+        let emulated = AutopilotConfig { signing: theirs, ..AutopilotConfig::default() };
+        let driver = MavlinkConfig { signing: ours, ..MavlinkConfig::default() };
+        let mut field = Field::new(emulated, driver);
+        let state = field.run(8.0);
+        if agrees {
+            field.fly(5.0);
+            continue;
+        }
+        // Without our signature nothing is asked for; without theirs nothing is heard.
+        assert!(!state.hindrance.is_empty(), "{state:?}");
+        let refused = field.driver.link_counts().refused;
+        assert_eq!(refused > 0, ours.is_some(), "{refused} messages refused");
+        assert!(field.driver.pose().is_err());
+    }
+}
+
+/// A cable that adds garbage and cuts everything into pieces.
+struct Noisy {
+    stream: MemoryStream,
+    seed: u32,
+}
+
+impl ByteStream for Noisy {
+    fn receive(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        self.seed = self.seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let [.., noise] = self.seed.to_be_bytes();
+        if noise < 5 {
+            into[..3].copy_from_slice(&[0xfd, noise, noise]);
+            return Ok(3);
+        }
+        let most = usize::from(noise % 13) + 1;
+        self.stream.receive(&mut into[..most])
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> std::io::Result<()> {
+        bytes.chunks(7).try_for_each(|piece| self.stream.send(piece))
+    }
+}
+
+#[test]
+fn garbage_on_the_cable_is_survived() {
+    let config = WorldConfig { drones: vec![DroneConfig::default()], ..WorldConfig::default() };
+    let world = World::new(&config, 1).expect("a world");
+    let (near, far) = memory_pair();
+    let autopilot = AutopilotConfig::default();
+    let mut emulated = EmulatedAutopilot::new(autopilot, &world, 0, far).expect("an autopilot");
+    let noisy = Noisy { stream: near, seed: 7 };
+    let config = MavlinkConfig { pose_timeout_s: 3.0, ..MavlinkConfig::default() };
+    let mut driver = MavlinkVehicle::new(config, noisy, world.clock()).expect("a driver");
+    let mut up = false;
+    for _ in 0..4000 {
+        world.advance(TICK).expect("time passes");
+        emulated.serve().expect("a cable");
+        let state = driver.state().expect("a cable");
+        if !up && state.hindrance.is_empty() {
+            driver.take_off(5.0).expect("accepted");
+            up = true;
+        }
+        if state.commanded {
+            break;
+        }
+    }
+    assert!(driver.state().expect("a cable").commanded, "it flies all the same");
+    let counts = driver.link_counts();
+    assert!(counts.garbage_bytes > 100 && counts.messages > 200, "{counts:?}");
+    assert!(driver.origin().is_some(), "its launch place became the origin");
+    // The other end is pulled out: an error at every call, and no panic.
+    drop(emulated);
+    let failed = (0..100_000).any(|_| driver.state().is_err());
+    assert!(
+        failed && matches!(driver.pose(), Err(MavlinkError::Link(_) | MavlinkError::Stale { .. }))
+    );
+}
+
+#[test]
+fn what_examine_finds() {
+    let mut field = Field::of(Autopilot::ArduPilot);
+    field.run(4.0);
+    let Field { world, emulated, driver } = &mut field;
+    let mut pause = || {
+        world.advance(TICK).expect("time passes");
+        emulated.serve().expect("a cable");
+    };
+    let findings = driver.examine(&mut pause);
+    let text: Vec<String> = findings.iter().map(ToString::to_string).collect();
+    assert!(findings.iter().all(foxhunt::hardware::Finding::is_good), "{text:#?}");
+    for wanted in [
+        "autopilot: ArduPilot, system 1",
+        "firmware: 4.5.7",
+        "mode: STABILIZE",
+        "position: 3D, 14 satellites, good to 0.50 m",
+        "battery: 100 % left",
+    ] {
+        assert!(text.iter().any(|line| line == wanted), "no {wanted:?} in {text:#?}");
+    }
+    // Nobody at the other end: it ends, and says what to look at.
+    let (near, _far) = memory_pair();
+    let config = MavlinkConfig::default();
+    let mut alone = MavlinkVehicle::new(config, near, world.clock()).expect("a driver");
+    let before = world.clock().now();
+    let findings = alone.examine(&mut || world.advance(0.1).expect("time passes"));
+    assert!(world.clock().now() - before < 7.0);
+    assert!(findings.iter().any(|finding| finding.text == "nothing was heard"), "{findings:?}");
+}
