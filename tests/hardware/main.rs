@@ -5,6 +5,7 @@ mod ardrone;
 mod gnss;
 mod gnss_peer;
 mod mavlink;
+mod mavlink_link;
 mod mission;
 mod network;
 mod peers;
