@@ -6,8 +6,6 @@ use crate::commands::{
 };
 #[cfg(feature = "hardware")]
 use crate::commands::{devices, emulate, fly, node};
-#[cfg(feature = "hardware")]
-use crate::commands::{emulate, node};
 
 /// Finds radio transmitters with drones.
 ///

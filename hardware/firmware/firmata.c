@@ -2,6 +2,7 @@
 
 #include <avr/io.h>
 #include <stdbool.h>
+#include <util/atomic.h>
 
 #include "motor.h"
 #include "uart.h"
@@ -214,12 +215,15 @@ static void pin_mode(uint8_t pin, uint8_t mode) {
     if (pin < FIRST_PIN || pin > LAST_PIN || (mode != MODE_INPUT && mode != MODE_PULLUP))
         return;
     uint8_t bit = _BV(pin & 7);
-    if (pin < 8) {
-        DDRD &= ~bit;
-        PORTD = mode == MODE_PULLUP ? PORTD | bit : PORTD & ~bit;
-    } else {
-        DDRB &= ~bit;
-        PORTB = mode == MODE_PULLUP ? PORTB | bit : PORTB & ~bit;
+    /* A step between reading a port and writing it would be undone. */
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
+        if (pin < 8) {
+            DDRD &= ~bit;
+            PORTD = mode == MODE_PULLUP ? PORTD | bit : PORTD & ~bit;
+        } else {
+            DDRB &= ~bit;
+            PORTB = mode == MODE_PULLUP ? PORTB | bit : PORTB & ~bit;
+        }
     }
     inputs[pin >> 3] |= bit;
 }

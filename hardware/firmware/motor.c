@@ -36,8 +36,11 @@ static volatile int32_t ramp, ramp_most;
 static float speed_now = 1, acceleration_now;
 
 static void energise(void) {
-    PORTB = (PORTB & ~mask_b) | coils_b[phase];
-    PORTD = (PORTD & ~mask_d) | coils_d[phase];
+    /* A port without coils is not ours. */
+    if (mask_b)
+        PORTB = (PORTB & ~mask_b) | coils_b[phase];
+    if (mask_d)
+        PORTD = (PORTD & ~mask_d) | coils_d[phase];
 }
 
 static void wait(uint32_t ticks) {
@@ -147,8 +150,7 @@ void motor_configure(const uint8_t pins[4], uint8_t half_steps) {
         }
     }
     half_steps_per_step = half_steps;
-    PORTB &= ~mask_b;
-    PORTD &= ~mask_d;
+    motor_enable(false);
     DDRB |= mask_b;
     DDRD |= mask_d;
     position = target = 0;

@@ -3,6 +3,30 @@
 //! A driver is made of a codec of `foxhunt_wire`, any [`ByteStream`](foxhunt_wire::ByteStream) and a clock.
 //! None of them blocks, prints or starts a thread that it does not end. The same drivers run over memory,
 //! pseudo-terminals and cables.
+//!
+//! A person with a GNSS receiver, here one in memory that says a single sentence, is a vehicle:
+//!
+//! ```
+//! # #[cfg(feature = "gnss")]
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use foxhunt_core::Vehicle;
+//! use foxhunt_hardware::{GnssConfig, GnssReceiver, StillVehicle, SystemClock};
+//! use foxhunt_wire::{ByteStream, geodesy::{Geodetic, LocalFrame}, memory_pair};
+//!
+//! let (port, mut device) = memory_pair();
+//! let gnss = GnssReceiver::new(GnssConfig::default(), port, SystemClock::start())?;
+//! let frame = LocalFrame::new(Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 300.0 })?;
+//! let mut walker = StillVehicle::new(gnss, frame);
+//!
+//! device.send(b"$GPGGA,120000.00,5000.0100,N,01400.0000,E,4,17,0.7,255.0,M,45.0,M,,*69\r\n")?;
+//! let place = walker.pose()?.position;
+//! assert!((place.y - 18.5).abs() < 0.1, "a hundredth of a minute to the North: {place}");
+//! assert!(walker.position_sigma().is_some_and(|sigma| sigma.x < 0.1), "by an RTK fix");
+//! # Ok(())
+//! # }
+//! # #[cfg(not(feature = "gnss"))]
+//! # fn main() {}
+//! ```
 
 mod aircraft;
 #[cfg(feature = "ardrone")]
@@ -14,6 +38,8 @@ mod gnss;
 pub mod link;
 #[cfg(feature = "mavlink")]
 mod mavlink;
+#[cfg(feature = "receivers")]
+mod receivers;
 mod reconnecting;
 #[cfg(feature = "firmata")]
 mod stepper;
@@ -37,6 +63,11 @@ pub use gnss::{
 pub use mavlink::{
     FlightLimits, MavlinkConfig, MavlinkError, MavlinkOrigin, MavlinkSigning, MavlinkVehicle,
     PositionRequirements, RadioStatus,
+};
+#[cfg(feature = "receivers")]
+pub use receivers::{
+    KrakenConfig, KrakenSource, KrakenSourceError, ReceiverConfigError, RtlTcpConfig, RtlTcpRadio,
+    RtlTcpRadioError, SikError, SikFeed, SikRadio,
 };
 pub use reconnecting::Reconnecting;
 #[cfg(feature = "firmata")]

@@ -50,8 +50,9 @@ pub use devices::{
 #[cfg(feature = "emulators")]
 pub use emulate::{
     AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedArDrone, EmulatedAutopilot,
-    EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedStepper, EmulatedStepperConfig,
-    EmulatedSwitch, EmulatedXbee, EmulatedXbeeConfig, Emulator, PilotOrder, xbee_address,
+    EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken, EmulatedKrakenConfig,
+    EmulatedRtlTcp, EmulatedRtlTcpConfig, EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch,
+    EmulatedXbee, EmulatedXbeeConfig, Emulator, PilotOrder, xbee_address,
 };
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};

@@ -2,8 +2,11 @@
 
 mod config;
 mod drone;
+#[cfg(unix)]
+mod emulated;
 mod erased;
 mod error;
+mod identify;
 mod mission;
 mod plan;
 mod report;
@@ -13,8 +16,14 @@ pub use config::{FlightConfig, FlownBeacon, Site};
 pub use drone::{
     DroneConfig, GnssDevice, ListenConfig, OpenDrone, RadioDevice, RotatorDevice, VehicleDevice,
 };
-pub use erased::{BoxedAircraft, BoxedRadio, DeviceError};
+#[cfg(unix)]
+pub use emulated::{DroneFaults, EmulatedField, EmulatedFieldConfig, FieldError};
+pub use erased::{
+    BoxedAircraft, BoxedRadio, BoxedRotator, DeviceError, Examine, ExaminedAircraft, ExaminedRadio,
+    ExaminedRotator,
+};
 pub use error::FlyError;
+pub use identify::identify;
 pub use mission::{Ending, FlightRules, FlownDrone, Mission, MissionError};
 pub use plan::{FlightPlan, PlannedDrone};
 pub use report::{FlightReport, FlownFix};

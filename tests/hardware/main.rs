@@ -2,12 +2,17 @@
 #![cfg(feature = "hardware")]
 
 mod ardrone;
+mod firmware;
+mod flown;
 mod gnss;
 mod gnss_peer;
 mod mavlink;
 mod mavlink_link;
 mod mission;
 mod network;
+mod nodes;
 mod peers;
+mod receivers;
+mod stepper;
 mod xbee;
 mod xbee_protocol;

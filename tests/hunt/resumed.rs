@@ -16,9 +16,11 @@ fn fresh(
     FollowEstimate,
     impl FnMut(
         &Estimate<2>,
-    )
-        -> Result<Ukf<RandomWalk, RssBearing<LogDistance>, 2, 2>, foxhunt::core::EstimatorError>,
-    Ukf<RandomWalk, RssBearing<LogDistance>, 2, 2>,
+    ) -> Result<
+        Ukf<RandomWalk<2>, RssBearing<LogDistance>, 2, 2>,
+        foxhunt::core::EstimatorError,
+    >,
+    Ukf<RandomWalk<2>, RssBearing<LogDistance>, 2, 2>,
     2,
     2,
 > {

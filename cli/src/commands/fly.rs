@@ -17,7 +17,6 @@ use foxhunt::{
     core::{Clock, Sweep},
     fly::{FlightConfig, FlightReport, FlyError, Mission, Tap},
     hardware::SystemClock,
-    hunt::Event,
     log::LogWriter,
     picture::hunt_svg,
     recording::{RecordingError, SweepWriter},
@@ -73,7 +72,10 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     }
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
     let files = Files::free_in(&args.out)?;
-    let header = config.log_header(&estimator, args.seed);
+    let clock = SystemClock::start();
+    #[expect(clippy::cast_possible_truncation, reason = "whole seconds until the year 292 billion")]
+    let epoch = clock.started_unix_s() as i64;
+    let header = config.log_header(&estimator, args.seed, Some(epoch));
     let mut log = LogWriter::new(files.create(&files.log)?, &header)
         .map_err(|error| CliError::writing(&files.log, error))?;
     let samples = Rc::new(RefCell::new(Samples {
@@ -81,7 +83,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         config: config.clone(),
         failure: None,
     }));
-    let (pilot, clock) = (Pilot::listen()?, SystemClock::start());
+    let pilot = Pilot::listen()?;
     let kept = Rc::clone(&samples);
     let keep = move |drone: usize, sweep: &Sweep<'_>| kept.borrow_mut().keep(drone, sweep);
     let tap: Tap = Rc::new(RefCell::new(keep));

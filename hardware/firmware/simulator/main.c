@@ -44,6 +44,14 @@ static int half_step(unsigned coils) {
     return coils ? -1 : -2;
 }
 
+/* Connects the switch to ground or not, against the pull-up. */
+static void set_switch(void) {
+    int level = !(position >= CLOSES_AT && position < OPENS_AT);
+    avr_ioport_external_t outside = {.name = 'D', .mask = 1 << 2, .value = level << 2};
+    avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL('D'), &outside);
+    avr_raise_irq(switch_pin, level);
+}
+
 static void coils_changed(avr_irq_t *irq, uint32_t value, void *param) {
     int next = half_step(value & 0x0F);
     if (next == -2 || next == phase)
@@ -61,7 +69,7 @@ static void coils_changed(avr_irq_t *irq, uint32_t value, void *param) {
     if (stepped && (!fastest || since < fastest))
         fastest = since;
     stepped = avr->cycle;
-    avr_raise_irq(switch_pin, !(position >= CLOSES_AT && position < OPENS_AT));
+    set_switch();
 }
 
 static void sent(avr_irq_t *irq, uint32_t value, void *param) {
@@ -115,7 +123,7 @@ int main(int argc, char **argv) {
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XOFF), no_room, NULL);
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('B'), IOPORT_IRQ_REG_PORT), coils_changed, NULL);
     switch_pin = avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('D'), 2);
-    avr_raise_irq(switch_pin, 1);
+    set_switch();
 
     /* The port is looked at a thousand times a second of the firmware's time. */
     avr_cycle_count_t look = 0;

@@ -1,5 +1,6 @@
 use chrono::DateTime;
 use foxhunt_wire::{FixQuality, geodesy::Geodetic};
+use nalgebra::Vector3;
 use serde::Deserialize;
 
 use super::{
@@ -12,9 +13,13 @@ use super::{
 /// The longest report that is read, in bytes; a sky of 150 satellites has 15 000.
 const LONGEST: usize = 32_768;
 
-/// Reads the JSON reports of gpsd (`gpsd_json(5)`): TPV, and SKY for satellites and dilution.
+/// How much older than its fix a GST may be, in seconds.
+const GST_AGE_S: f64 = 2.0;
+
+/// Reads the JSON reports of gpsd (`gpsd_json(5)`): TPV, GST for σ, and SKY for satellites and dilution.
 ///
-/// Its `epx`, `epy` and `epv` come with "certainty unknown" and are taken for one σ.
+/// Without a GST of the same time or up to 2 s before, σ is `epx`, `epy` and `epv`. These come with
+/// "certainty unknown", are often no more than dilutions times a constant, and are taken for one σ.
 #[derive(Clone, Debug)]
 pub struct GpsdDecoder {
     line: Line,
@@ -27,6 +32,8 @@ struct Seen {
     satellites: Option<u32>,
     hdop: Option<f64>,
     alt_m: Option<f64>,
+    /// When, and what σ.
+    gst: Option<(f64, Vector3<f64>)>,
     messages: u64,
     refused: u64,
 }
@@ -38,6 +45,8 @@ enum Report {
     Tpv(Tpv),
     #[serde(rename = "SKY")]
     Sky(Sky),
+    #[serde(rename = "GST")]
+    Gst(Gst),
     #[serde(other)]
     Other,
 }
@@ -62,6 +71,15 @@ struct Tpv {
     epy: Option<f64>,
     epv: Option<f64>,
     eph: Option<f64>,
+}
+
+/// Standard deviations in metres.
+#[derive(Deserialize)]
+struct Gst {
+    time: Option<String>,
+    lat: Option<f64>,
+    lon: Option<f64>,
+    alt: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -143,12 +161,20 @@ impl Seen {
                 self.hdop = sky.hdop.and_then(sane).or(self.hdop);
                 None
             }
+            Report::Gst(gst) => {
+                let sigma = |gst: &Gst| sane_sigma(gst.lon?, gst.lat?, gst.alt?);
+                self.gst = utc(gst.time.as_deref()).zip(sigma(&gst));
+                None
+            }
             Report::Other => None,
         }
     }
 
     fn fix(&mut self, tpv: &Tpv) -> GnssFix {
-        let utc = tpv.time.as_deref().and_then(|time| DateTime::parse_from_rfc3339(time).ok());
+        let utc_s = utc(tpv.time.as_deref());
+        let of_gst = self.gst.zip(utc_s).and_then(|((of, sigma), now)| {
+            (-1e-3..=GST_AGE_S).contains(&(now - of)).then_some(sigma)
+        });
         let above_sea = tpv.alt_msl.or(tpv.alt);
         let told = tpv.alt_hae.or_else(|| Some(above_sea? + tpv.geoid_separation.unwrap_or(0.0)));
         let flat = tpv.mode < 3 || told.is_none();
@@ -162,15 +188,21 @@ impl Seen {
         let (east, north) = (tpv.epx.or(horizontal), tpv.epy.or(horizontal));
         let up = tpv.epv.or(if flat { east } else { None });
         GnssFix {
-            utc_s: utc.map(|utc| seconds(utc.timestamp_millis())),
+            utc_s,
             place,
             flat,
             quality: place.map_or(FixQuality::None, |_| quality(tpv.status)),
-            sigma_m: east.zip(north).zip(up).and_then(|((e, n), u)| sane_sigma(e, n, u)),
+            sigma_m: of_gst.or_else(|| sane_sigma(east?, north?, up?)),
             satellites: self.satellites,
             hdop: self.hdop,
         }
     }
+}
+
+/// UNIX time of an ISO 8601 text, in seconds.
+fn utc(text: Option<&str>) -> Option<f64> {
+    let time = DateTime::parse_from_rfc3339(text?).ok()?;
+    Some(seconds(time.timestamp_millis()))
 }
 
 /// What a status means, in gpsd 3.20 and later; a position without one rests on the satellites alone.

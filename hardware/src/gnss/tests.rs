@@ -188,6 +188,15 @@ fn gpsd_reports_are_read() {
         let text = TPV.replace("\"status\":3", &format!("\"status\":{status}")) + "\n";
         assert_eq!(decoded(&mut decoder, text.as_bytes())[0].quality, quality);
     }
+    // What gpsd 3.22 says of an NMEA receiver: an eph that is HDOP times 19 m, and GST by itself.
+    let bare = TPV.split(",\"epx\"").next().expect("its head").to_owned() + ",\"eph\":11.4}\n";
+    assert_eq!(decoded(&mut decoder, bare.as_bytes())[0].sigma_m, None);
+    let gst =
+        r#"{"class":"GST","time":"2026-03-01T12:34:56.000Z","lat":0.014,"lon":0.011,"alt":0.03}"#;
+    let told = decoded(&mut decoder, format!("{gst}\n{bare}").as_bytes());
+    assert_eq!(told[0].sigma_m, Some(Vector3::new(0.011, 0.014, 0.03)));
+    let later = bare.replace("12:34:56.500", "12:34:59.000");
+    assert_eq!(decoded(&mut decoder, later.as_bytes())[0].sigma_m, None, "it is too old");
     let flat = TPV.replace("\"mode\":3", "\"mode\":2").replace(",\"epv\":0.03", "") + "\n";
     assert!(decoded(&mut decoder, flat.as_bytes())[0].flat);
     let [none] = decoded(&mut decoder, b"{\"class\":\"TPV\",\"mode\":1}\n")[..] else { panic!() };

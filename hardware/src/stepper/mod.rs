@@ -11,6 +11,8 @@ mod link;
 mod moving;
 mod phase;
 mod setup;
+#[cfg(test)]
+mod tests;
 
 pub use config::{Approach, BeyondCable, FirmataConfig, Homing};
 pub use driver::FirmataStepper;

@@ -3,11 +3,13 @@ use std::io;
 use foxhunt_core::Clock;
 use foxhunt_wire::ByteStream;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use serde::{Deserialize, Serialize};
 
 use crate::{Interval, SimClock};
 
 /// What is wrong with a cable, and when, in seconds of the world's time.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct CableFaults {
     /// It is pulled: nothing goes through, and a [port](Cabled::with_port) that can be seen from outside
     /// is gone.

@@ -5,6 +5,7 @@ mod autopilot;
 mod cable;
 mod emulator;
 mod gnss;
+mod receivers;
 mod stepper;
 mod xbee;
 
@@ -13,5 +14,6 @@ pub use autopilot::{AutopilotConfig, AutopilotFaults, EmulatedAutopilot, PilotOr
 pub use cable::{CableFaults, Cabled};
 pub use emulator::Emulator;
 pub use gnss::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};
+pub use receivers::{EmulatedKraken, EmulatedKrakenConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig};
 pub use stepper::{EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch};
 pub use xbee::{EmulatedXbee, EmulatedXbeeConfig, xbee_address};

@@ -15,7 +15,7 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use super::{gnss, stepper, vehicle, xbee};
+use super::{field, gnss, stepper, vehicle, xbee};
 use crate::{
     commands::choice,
     error::CliError,
@@ -42,6 +42,7 @@ enum Device {
     Stepper(stepper::Args),
     Vehicle(vehicle::Args),
     Gnss(gnss::Args),
+    Field(field::Args),
 }
 
 /// What all emulated devices are told.
@@ -89,6 +90,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         Device::Stepper(args) => &args.field,
         Device::Vehicle(args) => &args.field,
         Device::Gnss(args) => &args.field,
+        Device::Field(args) => &args.field,
     };
     let scenario = choice::scenario(&field.scenario)?;
     let world = World::new(&scenario.world, field.seed).map_err(CliError::input)?;
@@ -97,6 +99,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         Device::Stepper(args) => stepper::place(args, &scenario, &world),
         Device::Vehicle(args) => vehicle::place(args, &scenario, &world),
         Device::Gnss(args) => gnss::place(args, &scenario, &world),
+        Device::Field(args) => field::place(args, &scenario, &world),
     }?;
     serve(field, &scenario, &world, vec![placed], output)
 }

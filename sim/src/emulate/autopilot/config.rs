@@ -3,6 +3,8 @@ use foxhunt_wire::{
     mavlink::{Autopilot, FlightMode, SigningKey},
 };
 
+use serde::{Deserialize, Serialize};
+
 use crate::{
     Interval, SimError,
     config::{finite, not_negative, positive},
@@ -60,7 +62,8 @@ impl Default for AutopilotConfig {
 }
 
 /// What happens to an emulated autopilot, and when, in seconds of the world's time.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct AutopilotFaults {
     /// Nothing is heard of it, and it hears nothing. The world's own `lost` intervals have the same
     /// effect.
@@ -70,7 +73,8 @@ pub struct AutopilotFaults {
 }
 
 /// A mode that the pilot chooses.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct PilotOrder {
     /// When.
     pub at_s: f64,

@@ -83,7 +83,7 @@ impl Motor {
         let change = 2.0 * self.acceleration;
         let to_stop = self.squared.abs() / change;
         let away = self.squared * left < 0.0;
-        if self.squared != 0.0 && (away || to_stop > left.abs()) {
+        if self.squared != 0.0 && (away || to_stop >= left.abs()) {
             let slower = self.squared.abs() - change;
             if slower > 0.0 {
                 return slower.copysign(self.squared);

@@ -1,0 +1,220 @@
+use serde::{Deserialize, Serialize};
+
+/// How the power of beacons is measured with an RTL-SDR behind rtl_tcp.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RtlTcpConfig {
+    /// What the beacons send at, in Hz, in the order of the hunt's beacons.
+    pub frequencies_hz: Vec<u32>,
+    /// Samples per second.
+    pub sample_rate_hz: u32,
+    /// The tuner's gain in dB. It is never left to the tuner, which would hide the power.
+    pub gain_db: f64,
+    /// How far off the oscillator is, in parts per million.
+    pub correction_ppm: i32,
+    /// How far below a beacon it is tuned, in Hz: away from the receiver's own spike in the middle.
+    pub beside_hz: u32,
+    /// The width of the band in which power is measured, in Hz: the beacon's, and what the oscillators
+    /// drift.
+    pub bandwidth_hz: f64,
+    /// What comes in this long after a question is left out, in seconds: it was on the way, or the tuner
+    /// was not there yet. A server hands on 131072 samples at a time.
+    pub settling_s: f64,
+    /// How long power is gathered, in seconds: at least a period of a pulsed beacon.
+    pub window_s: f64,
+    /// The share of the window's powers that lie below what is told: the pulses of a pulsed beacon, not
+    /// the pauses. 1 is the peak.
+    pub quantile: f64,
+    /// The power of a tone at full scale, in dBm, at this gain: from a measurement.
+    pub full_scale_dbm: f64,
+    /// A power below this, in dBm, is noise, and not told; absent, everything is told.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub floor_dbm: Option<f64>,
+    /// A server that sends nothing for this long, in seconds, has failed.
+    pub silence_s: f64,
+}
+
+/// No frequencies, which a file has to name; 2.048 MS/s, 28 dB, 100 kHz beside, a band of 5 kHz, 0.1 s
+/// to settle, 0.1 s of which the upper tenth counts; −30 dBm at full scale; no floor; 2 s.
+impl Default for RtlTcpConfig {
+    fn default() -> Self {
+        Self {
+            frequencies_hz: Vec::new(),
+            sample_rate_hz: 2_048_000,
+            gain_db: 28.0,
+            correction_ppm: 0,
+            beside_hz: 100_000,
+            bandwidth_hz: 5_000.0,
+            settling_s: 0.1,
+            window_s: 0.1,
+            quantile: 0.9,
+            full_scale_dbm: -30.0,
+            floor_dbm: None,
+            silence_s: 2.0,
+        }
+    }
+}
+
+/// How bearings are taken from a `KrakenSDR`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct KrakenConfig {
+    /// What the beacons send at, in Hz, in the order of the hunt's beacons.
+    pub frequencies_hz: Vec<f64>,
+    /// How far a channel's frequency may be from a beacon's, in Hz.
+    pub tolerance_hz: f64,
+    /// The name of the host, as its server wants to be called.
+    pub host: String,
+    /// The page.
+    pub path: String,
+    /// Where the array's front looks, in radians counter-clockwise of the nose.
+    pub mount_offset_rad: f64,
+    /// A line whose confidence is less is not taken.
+    pub least_confidence: f64,
+    /// What is added to its powers in dB to make them dBm.
+    pub calibration_db: f64,
+    /// From one question for the page to the next, in seconds.
+    pub spacing_s: f64,
+    /// A page that has not come after this long, in seconds, has failed.
+    pub page_timeout_s: f64,
+    /// A beacon without a new line after this long, in seconds, was not heard.
+    pub turn_timeout_s: f64,
+}
+
+/// No frequencies, which a file has to name; 5 kHz, `krakensdr` and its page, the front along the nose,
+/// any confidence, no calibration; the page every 0.25 s, 2 s for it, 5 s for a turn.
+impl Default for KrakenConfig {
+    fn default() -> Self {
+        Self {
+            frequencies_hz: Vec::new(),
+            tolerance_hz: 5_000.0,
+            host: "krakensdr".into(),
+            path: "/DOA_value.html".into(),
+            mount_offset_rad: 0.0,
+            least_confidence: 0.0,
+            calibration_db: 0.0,
+            spacing_s: 0.25,
+            page_timeout_s: 2.0,
+            turn_timeout_s: 5.0,
+        }
+    }
+}
+
+/// What is wrong in a receiver's configuration.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{field} is {value}; it must be {requirement}")]
+pub struct ReceiverConfigError {
+    /// Which field.
+    pub field: &'static str,
+    /// What it holds.
+    pub value: String,
+    /// What it must be.
+    pub requirement: &'static str,
+}
+
+fn require(
+    holds: bool,
+    field: &'static str,
+    value: impl ToString,
+    requirement: &'static str,
+) -> Result<(), ReceiverConfigError> {
+    if holds {
+        Ok(())
+    } else {
+        Err(ReceiverConfigError { field, value: value.to_string(), requirement })
+    }
+}
+
+fn positive(field: &'static str, value: f64) -> Result<(), ReceiverConfigError> {
+    require(value > 0.0 && value.is_finite(), field, value, "a positive number")
+}
+
+fn finite(field: &'static str, value: f64) -> Result<(), ReceiverConfigError> {
+    require(value.is_finite(), field, value, "finite")
+}
+
+impl RtlTcpConfig {
+    /// Whether everything in it can be what it is.
+    ///
+    /// # Errors
+    ///
+    /// [`ReceiverConfigError`] names the first field that cannot.
+    pub fn check(&self) -> Result<(), ReceiverConfigError> {
+        require(!self.frequencies_hz.is_empty(), "frequencies_hz", "empty", "at least one")?;
+        let lowest = self.frequencies_hz.iter().min().copied().unwrap_or(0);
+        require(lowest > self.beside_hz, "frequencies_hz", lowest, "above beside_hz")?;
+        let rate = self.sample_rate_hz;
+        require((1..=10_000_000).contains(&rate), "sample_rate_hz", rate, "at most 10 MHz")?;
+        let beside = self.beside_hz;
+        require(beside <= rate / 2, "beside_hz", beside, "at most half of sample_rate_hz")?;
+        let wide = self.bandwidth_hz <= f64::from(rate);
+        require(wide, "bandwidth_hz", self.bandwidth_hz, "at most sample_rate_hz")?;
+        positive("bandwidth_hz", self.bandwidth_hz)?;
+        let window = self.window_s * self.bandwidth_hz;
+        require(window >= 1.0, "window_s", self.window_s, "at least 1 / bandwidth_hz")?;
+        require(self.window_s <= 10.0, "window_s", self.window_s, "at most 10")?;
+        let settles = (0.0..=10.0).contains(&self.settling_s);
+        require(settles, "settling_s", self.settling_s, "from 0 to 10")?;
+        let share = (0.0..=1.0).contains(&self.quantile);
+        require(share, "quantile", self.quantile, "from 0 to 1")?;
+        require(self.gain_db.abs() <= 100.0, "gain_db", self.gain_db, "at most 100")?;
+        finite("full_scale_dbm", self.full_scale_dbm)?;
+        finite("floor_dbm", self.floor_dbm.unwrap_or(0.0))?;
+        positive("silence_s", self.silence_s)
+    }
+}
+
+impl KrakenConfig {
+    /// Whether everything in it can be what it is.
+    ///
+    /// # Errors
+    ///
+    /// [`ReceiverConfigError`] names the first field that cannot.
+    pub fn check(&self) -> Result<(), ReceiverConfigError> {
+        require(!self.frequencies_hz.is_empty(), "frequencies_hz", "empty", "at least one")?;
+        for frequency in &self.frequencies_hz {
+            positive("frequencies_hz", *frequency)?;
+        }
+        positive("tolerance_hz", self.tolerance_hz)?;
+        let word = |text: &str| !text.contains(|c: char| c.is_whitespace() || c.is_control());
+        require(word(&self.host), "host", &self.host, "one word")?;
+        let path = word(&self.path) && self.path.starts_with('/');
+        require(path, "path", &self.path, "one word that begins with /")?;
+        finite("mount_offset_rad", self.mount_offset_rad)?;
+        finite("least_confidence", self.least_confidence)?;
+        finite("calibration_db", self.calibration_db)?;
+        positive("spacing_s", self.spacing_s)?;
+        positive("page_timeout_s", self.page_timeout_s)?;
+        positive("turn_timeout_s", self.turn_timeout_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_value() {
+        let good = RtlTcpConfig { frequencies_hz: vec![433_920_000], ..RtlTcpConfig::default() };
+        assert_eq!(good.check(), Ok(()));
+        for (config, text) in [
+            (RtlTcpConfig::default(), "frequencies_hz is empty"),
+            (RtlTcpConfig { bandwidth_hz: f64::NAN, ..good.clone() }, "bandwidth_hz is NaN"),
+            (RtlTcpConfig { window_s: 1e-4, ..good.clone() }, "window_s is 0.0001"),
+            (RtlTcpConfig { quantile: 1.5, ..good }, "quantile is 1.5"),
+        ] {
+            let error = config.check().expect_err("it is wrong").to_string();
+            assert!(error.contains(text), "{error}");
+        }
+        let good = KrakenConfig { frequencies_hz: vec![433.92e6], ..KrakenConfig::default() };
+        assert_eq!(good.check(), Ok(()));
+        for (config, text) in [
+            (KrakenConfig::default(), "frequencies_hz is empty"),
+            (KrakenConfig { path: "/a b".into(), ..good.clone() }, "path is /a b"),
+            (KrakenConfig { spacing_s: 0.0, ..good }, "spacing_s is 0"),
+        ] {
+            let error = config.check().expect_err("it is wrong").to_string();
+            assert!(error.contains(text), "{error}");
+        }
+    }
+}

@@ -1,0 +1,61 @@
+use std::io;
+
+use foxhunt_wire::receivers::{HttpError, RtlTcpError};
+
+/// Why an RTL-SDR behind rtl_tcp tells no power. It may be asked again.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RtlTcpRadioError {
+    /// The connection failed.
+    #[error("rtl_tcp: {0}")]
+    Stream(#[source] io::Error),
+    /// The server is another one.
+    #[error("rtl_tcp: {0}")]
+    Server(#[source] RtlTcpError),
+    /// It sends nothing.
+    #[error(
+        "rtl_tcp has sent nothing for {seconds:.1} s: it serves one client at a time, and stops when \
+         its receiver is unplugged"
+    )]
+    Silent {
+        /// For how long.
+        seconds: f64,
+    },
+    /// There is no such beacon.
+    #[error("there is no frequency of beacon {beacon}; there are {beacons}, counted from 0")]
+    Beacon {
+        /// Which one was asked for.
+        beacon: u16,
+        /// How many there are.
+        beacons: usize,
+    },
+}
+
+/// Why a `KrakenSDR` tells no bearings. It may be polled again.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum KrakenSourceError<V> {
+    /// The connection failed.
+    #[error("KrakenSDR: {0}")]
+    Stream(#[source] io::Error),
+    /// Its server does not send the page.
+    #[error("KrakenSDR: {0}")]
+    Http(#[source] HttpError),
+    /// The page did not come in time.
+    #[error("KrakenSDR: the page did not come in {seconds} s")]
+    Timeout {
+        /// The time that it had.
+        seconds: f64,
+    },
+    /// The aircraft failed that says where the array is.
+    #[error("the vehicle failed: {0}")]
+    Vehicle(#[source] V),
+    /// There is no such beacon.
+    #[error("there is no frequency of beacon {beacon}; there are {beacons}, counted from 0")]
+    Beacon {
+        /// Which one was asked for.
+        beacon: u16,
+        /// How many there are.
+        beacons: usize,
+    },
+}

@@ -1,0 +1,220 @@
+use std::{f64::consts::TAU, io};
+
+use foxhunt_core::{BeaconId, Clock, PatternSource, Pose, Sample, Sweep, Vehicle, angle};
+use foxhunt_wire::{ByteStream, receivers::KrakenDoa};
+use nalgebra::Vector3;
+
+use super::{
+    KrakenConfig, KrakenSourceError, ReceiverConfigError,
+    page::{Page, PageError},
+};
+
+/// How many positions a pseudo-spectrum has.
+const POSITIONS: u16 = 360;
+
+/// A `KrakenSDR` as a source of turns that take no turning: its pseudo-spectrum is the pattern, one
+/// sample for each of 360 directions, whose highest has the power that it measured.
+///
+/// The page is fetched again and again over connections that `open` makes. What stands in it when a
+/// turn begins was measured before; a beacon's first new line is its turn. A line that is torn is left
+/// out. Pose and time are those at which the line was read.
+#[derive(Debug)]
+pub struct KrakenSource<S, O, V, C> {
+    pub(super) config: KrakenConfig,
+    open: O,
+    vehicle: V,
+    pub(super) clock: C,
+    page: Option<Page<S>>,
+    asked_at: f64,
+    begun_at: f64,
+    beacons: Vec<Heard>,
+    /// How many of these were lent.
+    lent: usize,
+    /// A sweep is lent from here on.
+    complete: bool,
+    last_pose: Pose,
+}
+
+/// What is known of one beacon in this turn.
+#[derive(Clone, Debug)]
+struct Heard {
+    beacon: BeaconId,
+    frequency_hz: f64,
+    /// The line that stood there before.
+    before_ms: Option<u64>,
+    time: f64,
+    receiver: Option<Pose>,
+    sigma: Option<Vector3<f64>>,
+    samples: Vec<Sample>,
+}
+
+impl<S, O, V, C> KrakenSource<S, O, V, C>
+where
+    S: ByteStream,
+    O: FnMut() -> io::Result<S>,
+    V: Vehicle,
+    C: Clock,
+{
+    /// A source whose page is fetched over what `open` connects to.
+    ///
+    /// # Errors
+    ///
+    /// [`ReceiverConfigError`] names what is wrong in `config`.
+    pub fn new(
+        config: KrakenConfig,
+        open: O,
+        vehicle: V,
+        clock: C,
+    ) -> Result<Self, ReceiverConfigError> {
+        config.check()?;
+        Ok(Self {
+            config,
+            open,
+            vehicle,
+            clock,
+            page: None,
+            asked_at: f64::NEG_INFINITY,
+            begun_at: 0.0,
+            beacons: Vec::new(),
+            lent: 0,
+            complete: false,
+            last_pose: Pose::default(),
+        })
+    }
+
+    /// Fetches the page; its text, once.
+    pub(super) fn fetch(
+        &mut self,
+        now: f64,
+    ) -> Result<Option<String>, KrakenSourceError<V::Error>> {
+        if self.page.is_none() {
+            if now < self.asked_at + self.config.spacing_s {
+                return Ok(None);
+            }
+            self.asked_at = now;
+            let stream = (self.open)().map_err(KrakenSourceError::Stream)?;
+            let page = Page::ask(stream, &self.config.host, &self.config.path, now);
+            self.page = Some(page.map_err(KrakenSourceError::Stream)?);
+        }
+        let Some(page) = &mut self.page else { return Ok(None) };
+        let late = now > page.asked_at + self.config.page_timeout_s;
+        match page.poll() {
+            Ok(None) if late => {
+                self.page = None;
+                Err(KrakenSourceError::Timeout { seconds: self.config.page_timeout_s })
+            }
+            Ok(None) => Ok(None),
+            Ok(Some(body)) => {
+                self.page = None;
+                Ok(Some(String::from_utf8_lossy(&body).into_owned()))
+            }
+            Err(error) => {
+                self.page = None;
+                Err(match error {
+                    PageError::Stream(error) => KrakenSourceError::Stream(error),
+                    PageError::Http(error) => KrakenSourceError::Http(error),
+                })
+            }
+        }
+    }
+
+    /// Takes a line for the beacon whose channel it is.
+    fn take(&mut self, line: &KrakenDoa, now: f64) -> Result<(), KrakenSourceError<V::Error>> {
+        let tolerance = self.config.tolerance_hz;
+        let theirs = |heard: &&mut Heard| {
+            heard.receiver.is_none() && (heard.frequency_hz - line.frequency_hz).abs() <= tolerance
+        };
+        let Some(heard) = self.beacons.iter_mut().find(theirs) else { return Ok(()) };
+        let before = *heard.before_ms.get_or_insert(line.unix_ms);
+        if line.unix_ms <= before || line.confidence < self.config.least_confidence {
+            return Ok(());
+        }
+        let receiver = self.vehicle.pose().map_err(KrakenSourceError::Vehicle)?;
+        if !receiver.is_finite() {
+            return Ok(());
+        }
+        let level = line.power_db + self.config.calibration_db;
+        let front = receiver.heading + self.config.mount_offset_rad;
+        let sample = |(position, value): (u16, &f64)| {
+            let aside = TAU * f64::from(position) / f64::from(POSITIONS);
+            let boresight = angle::wrap(front + aside);
+            Sample { time: now, receiver, boresight, position, rss_dbm: level + value }
+        };
+        heard.samples = (0..POSITIONS).zip(&line.spectrum_db).map(sample).collect();
+        (heard.time, heard.receiver) = (now, Some(receiver));
+        heard.sigma = self.vehicle.position_sigma();
+        self.last_pose = receiver;
+        Ok(())
+    }
+}
+
+impl<S, O, V, C> PatternSource for KrakenSource<S, O, V, C>
+where
+    S: ByteStream,
+    O: FnMut() -> io::Result<S>,
+    V: Vehicle,
+    C: Clock,
+{
+    type Error = KrakenSourceError<V::Error>;
+
+    fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Self::Error> {
+        let frequencies = &self.config.frequencies_hz;
+        let heard = |beacon: &BeaconId| {
+            let missing =
+                KrakenSourceError::Beacon { beacon: beacon.0, beacons: frequencies.len() };
+            let frequency_hz = *frequencies.get(usize::from(beacon.0)).ok_or(missing)?;
+            Ok(Heard {
+                beacon: *beacon,
+                frequency_hz,
+                before_ms: None,
+                time: 0.0,
+                receiver: None,
+                sigma: None,
+                samples: Vec::new(),
+            })
+        };
+        self.beacons = beacons.iter().map(heard).collect::<Result<_, Self::Error>>()?;
+        (self.lent, self.complete, self.begun_at) = (0, false, self.clock.now());
+        // A page that is on its way was measured before.
+        self.page = None;
+        Ok(())
+    }
+
+    fn poll(&mut self) -> Result<Option<Sweep<'_>>, Self::Error> {
+        if self.lent >= self.beacons.len() {
+            return Ok(None);
+        }
+        let now = self.clock.now();
+        if !self.complete {
+            let late = now >= self.begun_at + self.config.turn_timeout_s;
+            let fetched = self.fetch(now);
+            if let Ok(Some(text)) = &fetched {
+                for line in KrakenDoa::page(text).into_iter().flatten() {
+                    self.take(&line, now)?;
+                }
+            }
+            self.complete = late || self.beacons.iter().all(|heard| heard.receiver.is_some());
+            if !self.complete {
+                return fetched.map(|_| None);
+            }
+            // Only the vehicle says where it was that nothing was heard.
+            if self.beacons.iter().any(|heard| heard.receiver.is_none())
+                && let Ok(pose) = self.vehicle.pose()
+                && pose.is_finite()
+            {
+                self.last_pose = pose;
+            }
+        }
+        let Some(heard) = self.beacons.get(self.lent) else { return Ok(None) };
+        self.lent += 1;
+        Ok(Some(Sweep {
+            beacon: heard.beacon,
+            time: if heard.receiver.is_some() { heard.time } else { now },
+            receiver: heard.receiver.unwrap_or(self.last_pose),
+            positions: POSITIONS,
+            samples: &heard.samples,
+            receiver_sigma_m: heard.sigma,
+            ..Sweep::default()
+        }))
+    }
+}

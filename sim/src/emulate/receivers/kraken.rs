@@ -1,0 +1,194 @@
+use std::io;
+
+use foxhunt_core::{BeaconId, Clock, Radio, angle};
+use foxhunt_wire::{ByteStream, receivers::KrakenDoa};
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand_distr::StandardNormal;
+use serde::{Deserialize, Serialize};
+
+use crate::{Emulator, SimClock, SimError, SimRadio, World};
+
+/// What an emulated `KrakenSDR` is like.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EmulatedKrakenConfig {
+    /// What each beacon of the world sends at, in Hz; those without a frequency send nothing.
+    pub frequencies_hz: Vec<f64>,
+    /// From one measurement of a channel to the next, in seconds.
+    pub period_s: f64,
+    /// σ of a measurement's direction, in degrees.
+    pub sigma_deg: f64,
+    /// The share of pages that are torn: read while they are written.
+    pub torn: f64,
+    /// The seed of errors and torn pages.
+    pub seed: u64,
+}
+
+/// 433.92 MHz and a channel of 50 kHz more for every other beacon up to four; 0.4 s, 3°, one page of ten
+/// torn.
+impl Default for EmulatedKrakenConfig {
+    fn default() -> Self {
+        Self {
+            frequencies_hz: vec![433.92e6, 433.97e6, 434.02e6, 434.07e6],
+            period_s: 0.4,
+            sigma_deg: 3.0,
+            torn: 0.1,
+            seed: 1,
+        }
+    }
+}
+
+/// The server of a `KrakenSDR` on a simulated drone, its front along the nose: answers every question for
+/// the page with what was measured last.
+///
+/// It has no antenna to turn: powers are those of one that hears alike from everywhere, directions those
+/// of the world, with an error.
+#[derive(Debug)]
+pub struct EmulatedKraken<S> {
+    stream: S,
+    world: World,
+    drone: usize,
+    clock: SimClock,
+    radio: SimRadio,
+    config: EmulatedKrakenConfig,
+    random: Xoshiro256PlusPlus,
+    /// The last line of each beacon that was heard.
+    lines: Vec<Option<KrakenDoa>>,
+    /// Who is measured next, and who is being measured until when.
+    next: u16,
+    measuring: Option<(BeaconId, f64)>,
+    heard: Vec<u8>,
+    met: u32,
+}
+
+/// The width of the pseudo-spectrum's lobe: it is 3 dB down so far aside, in degrees.
+const LOBE_DEG: f64 = 12.0;
+/// A measurement's time by its own clock, of the beginning, in milliseconds.
+const EPOCH_MS: u64 = 1_700_000_000_000;
+
+impl<S: ByteStream> EmulatedKraken<S> {
+    /// A server whose questions come over `stream`.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`] names what is out of range in
+    /// `config`.
+    pub fn new(
+        world: &World,
+        drone: usize,
+        config: EmulatedKrakenConfig,
+        stream: S,
+    ) -> Result<Self, SimError> {
+        let checks = [
+            ("period_s", config.period_s, 1e-3..=1e3),
+            ("sigma_deg", config.sigma_deg, 0.0..=180.0),
+            ("torn", config.torn, 0.0..=1.0),
+        ];
+        for (name, value, range) in checks {
+            if !range.contains(&value) {
+                let requirement = "from 0.001 to 1000 s, 0 to 180 degrees, 0 to 1";
+                return Err(SimError::Field { field: name.into(), value, requirement });
+            }
+        }
+        let lines = config.frequencies_hz.iter().map(|_| None).collect();
+        Ok(Self {
+            stream,
+            world: world.clone(),
+            drone,
+            clock: world.clock(),
+            radio: SimRadio { directional: false, ..world.radio(drone)? },
+            random: Xoshiro256PlusPlus::seed_from_u64(config.seed),
+            config,
+            lines,
+            next: 0,
+            measuring: None,
+            heard: Vec::new(),
+            met: 0,
+        })
+    }
+
+    /// Measures one channel after the other, all within a period.
+    fn measure(&mut self, now: f64) {
+        let channels = u16::try_from(self.lines.len()).unwrap_or(u16::MAX);
+        let Some(last) = channels.checked_sub(1) else { return };
+        match self.measuring {
+            None => {
+                let beacon = BeaconId(self.next);
+                self.next = if self.next < last { self.next + 1 } else { 0 };
+                // A channel without a beacon stays silent.
+                let _ = self.radio.request(beacon);
+                let until = now + self.config.period_s / f64::from(channels);
+                self.measuring = Some((beacon, until));
+            }
+            Some((beacon, until)) if now >= until => {
+                self.measuring = None;
+                let level = self.radio.poll().ok().flatten();
+                let line = level.and_then(|level| self.line(beacon, level, now));
+                if let (Some(line), Some(slot)) = (line, self.lines.get_mut(usize::from(beacon.0)))
+                {
+                    *slot = Some(line);
+                }
+            }
+            Some(_) => {}
+        }
+    }
+
+    fn line(&mut self, beacon: BeaconId, level: f64, now: f64) -> Option<KrakenDoa> {
+        let pose = self.world.pose(self.drone).ok()?;
+        let to = self.world.truth(beacon)? - pose.position;
+        let error: f64 = self.random.sample(StandardNormal);
+        let error = self.config.sigma_deg.to_radians() * error;
+        let direction = angle::wrap(to.y.atan2(to.x) - pose.heading + error);
+        let spectrum = (0..360).map(|degree| {
+            let aside = angle::distance(f64::from(degree).to_radians(), direction).to_degrees();
+            (-3.0 * (aside / LOBE_DEG).powi(2)).max(-100.0)
+        });
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "time passes")]
+        let unix_ms = EPOCH_MS + (now * 1e3) as u64;
+        Some(KrakenDoa {
+            unix_ms,
+            confidence: 9.0,
+            power_db: level,
+            frequency_hz: *self.config.frequencies_hz.get(usize::from(beacon.0))?,
+            spectrum_db: spectrum.collect(),
+        })
+    }
+
+    /// The answer to a question.
+    fn answer(&mut self, question: &[u8]) -> Vec<u8> {
+        if !question.starts_with(b"GET /DOA_value.html ") {
+            return b"HTTP/1.0 404 Not Found\r\nContent-Length: 0\r\n\r\n".to_vec();
+        }
+        let mut body: String = self.lines.iter().flatten().map(KrakenDoa::write).collect();
+        if self.random.random::<f64>() < self.config.torn {
+            let half = body.len() / 2;
+            body.truncate(half);
+        }
+        let length = body.len();
+        format!("HTTP/1.0 200 OK\r\nContent-Length: {length}\r\n\r\n{body}").into_bytes()
+    }
+}
+
+impl<S: ByteStream> Emulator for EmulatedKraken<S> {
+    fn serve(&mut self) -> io::Result<()> {
+        self.measure(self.clock.now());
+        let mut bytes = [0; 1024];
+        let count = self.stream.receive(&mut bytes)?;
+        let connections = self.stream.connections();
+        if connections != self.met {
+            self.met = connections;
+            self.heard.clear();
+        }
+        self.heard.extend(bytes.get(..count).unwrap_or_default());
+        while let Some(end) = self.heard.windows(4).position(|four| four == b"\r\n\r\n") {
+            let question: Vec<u8> = self.heard.drain(..end + 4).collect();
+            let answer = self.answer(&question);
+            self.stream.send(&answer)?;
+        }
+        // What never ends is no question.
+        if self.heard.len() > 8192 {
+            self.heard.clear();
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,229 @@
+//! The nodes of a hunt on several computers, each against a link in the test's own hands.
+
+use std::{cell::Cell, fmt, rc::Rc};
+
+use foxhunt::{
+    config::estimator_named,
+    core::{BearingModes, Vehicle},
+    hardware::link::{
+        Delivery, DroneLink, FusionLink, Impaired, Impairment, LinkError, Order, Report, Turn,
+        UnixTime, memory_network,
+    },
+    hunt::Event,
+    network::{
+        DroneNode, DroneNodeConfig, FusionNode, FusionNodeConfig, NetworkError, uniform_draws,
+    },
+    prelude::*,
+    scenario::Scenario,
+    sensors::Pritzl2018,
+};
+use nalgebra::Vector3;
+
+const EPOCH: UnixTime = UnixTime::whole(1_760_000_000);
+
+fn at(seconds: f64) -> UnixTime {
+    EPOCH.after(seconds).expect("some seconds")
+}
+
+/// What a device says while its cable is out.
+#[derive(Debug)]
+struct Unplugged;
+
+impl fmt::Display for Unplugged {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the cable is out")
+    }
+}
+
+impl std::error::Error for Unplugged {}
+
+/// A drone's devices, which note what they are told.
+#[derive(Clone, Default)]
+struct Devices {
+    unplugged: Rc<Cell<bool>>,
+    sent: Rc<Cell<u32>>,
+    landed: Rc<Cell<u32>>,
+    begun: Rc<Cell<u32>>,
+}
+
+impl Devices {
+    fn told(&self, counter: &Cell<u32>) -> Result<(), Unplugged> {
+        if self.unplugged.get() {
+            return Err(Unplugged);
+        }
+        counter.set(counter.get() + 1);
+        Ok(())
+    }
+}
+
+impl Vehicle for Devices {
+    type Error = Unplugged;
+
+    fn pose(&mut self) -> Result<Pose, Unplugged> {
+        Ok(Pose::at(1.0, 2.0, 3.0))
+    }
+
+    fn go_to(&mut self, _: &Waypoint) -> Result<(), Unplugged> {
+        self.told(&self.sent)
+    }
+
+    fn land(&mut self) -> Result<(), Unplugged> {
+        self.told(&self.landed)
+    }
+}
+
+impl PatternSource for Devices {
+    type Error = Unplugged;
+
+    fn begin(&mut self, _: &[BeaconId]) -> Result<(), Unplugged> {
+        self.told(&self.begun)
+    }
+
+    fn poll(&mut self) -> Result<Option<Sweep<'_>>, Unplugged> {
+        Ok(None)
+    }
+}
+
+/// The last failure that a drone has reported.
+fn failure(fusion: &mut impl FusionLink) -> String {
+    let mut last = String::new();
+    while let Some((_, report)) = fusion.receive().expect("memory") {
+        if let Report::Status { failure, .. } = report {
+            last = failure;
+        }
+    }
+    last
+}
+
+#[test]
+fn a_drone_does_each_thing_once_and_what_fails_again() {
+    let (drones, mut fusion) = memory_network(1);
+    let devices = Devices::default();
+    let (source, vehicle) = (devices.clone(), devices.clone());
+    let (link, config) = (drones[0].clone(), DroneNodeConfig::default());
+    let extractor = Pritzl2018::default();
+    let mut node =
+        DroneNode::new(source, vehicle, extractor, link, EPOCH, config).expect("in range");
+    let goal = Some(Waypoint { position: Vector3::new(5.0, 6.0, 7.0) });
+    let turn = Turn { number: 10, beacons: vec![BeaconId(0)] };
+    let order = Order { number: 10, goal, turn, ..Order::default() };
+    devices.unplugged.set(true);
+    fusion.send(0, &order).expect("memory");
+    node.step(0.0).expect("memory");
+    assert!(failure(&mut fusion).contains("the cable is out"));
+    devices.unplugged.set(false);
+    node.step(0.5).expect("memory");
+    assert_eq!(devices.sent.get(), 0, "it is tried again after a second");
+    // Said again, and one that is older.
+    let old = Order { number: 9, land: true, ..Order::default() };
+    for order in [&order, &old, &order] {
+        fusion.send(0, order).expect("memory");
+    }
+    for tenth in 11..30 {
+        node.step(0.1 * f64::from(tenth)).expect("memory");
+    }
+    assert_eq!((devices.sent.get(), devices.begun.get(), devices.landed.get()), (1, 1, 0));
+    assert_eq!(failure(&mut fusion), "");
+    let land = Order { number: 11, land: true, ..order };
+    for _ in 0..3 {
+        fusion.send(0, &land).expect("memory");
+        node.step(4.0).expect("memory");
+    }
+    assert_eq!((devices.sent.get(), devices.begun.get(), devices.landed.get()), (1, 1, 1));
+    assert!(matches!(node.step(f64::NAN), Err(NetworkError::Time { .. })));
+}
+
+fn heard(beacon: u16, ended: UnixTime) -> Report {
+    let beacon = BeaconId(beacon);
+    let heard = Reception {
+        beacon,
+        time: 0.0,
+        receiver: Pose::at(1.0, 2.0, 3.0),
+        rss_dbm: -60.0,
+        rss_sigma_db: 6.0,
+        bearing: Some(Bearing { angle: 1.0, sigma: 0.5, confidence: 1.0 }),
+        covariance: 0.0,
+        modes: BearingModes::default(),
+        receiver_sigma_m: None,
+    };
+    Report::Delivery(Box::new(Delivery { beacon, ended, heard: Ok(heard) }))
+}
+
+#[test]
+fn a_reception_is_taken_once_logged_first_and_not_before_or_after_its_time() {
+    let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
+    let named = estimator_named("ekf-pritzl2018").expect("it has a name");
+    let (mut drones, fusion) = memory_network(3);
+    let hunt = scenario.parts(&named.config, 1).build().expect("a proper hunt");
+    let config = FusionNodeConfig::default();
+    let mut node = FusionNode::new(hunt, 3, fusion, EPOCH, None, config).expect("in range");
+    // One that comes before the hunt has begun is not named as taken.
+    drones[0].send(&heard(0, at(0.0))).expect("memory");
+    node.step(0.0).expect("memory");
+    assert_eq!((node.silent(0.0), node.homes().len()), (vec![0, 1, 2], 0));
+    let places = scenario.world.drones.iter();
+    for (link, place) in drones.iter_mut().zip(places) {
+        let pose = Pose::at(place.east_m, place.north_m, place.up_m);
+        link.send(&Report::Pose { at: at(0.9), pose }).expect("memory");
+    }
+    node.step(1.0).expect("memory");
+    assert_eq!((node.silent(1.0).len(), node.homes().len()), (0, 3));
+    while node.poll_event().is_some() {}
+    // Of the future, of a beacon whose turn has not come, and of now, twice.
+    for (beacon, ended) in [(0, 9.0), (1, 1.0), (0, 1.0), (0, 1.0)] {
+        drones[1].send(&heard(beacon, at(ended))).expect("memory");
+    }
+    node.step(2.0).expect("memory");
+    let taken = |link: &mut dyn DroneLink| {
+        let mut taken = Vec::new();
+        while let Some(order) = link.receive().expect("memory") {
+            taken = order.taken;
+        }
+        taken.iter().map(|taken| (taken.beacon.0, taken.ended)).collect::<Vec<_>>()
+    };
+    assert_eq!(taken(&mut drones[1]), [], "they are not logged");
+    let (mut received, mut refused) = (0, Vec::new());
+    while let Some(event) = node.poll_event() {
+        match event {
+            Event::Received { drone, .. } => {
+                assert_eq!(drone, 1);
+                received += 1;
+            }
+            Event::Refused { reason, .. } => refused.push(reason),
+            _ => {}
+        }
+    }
+    assert_eq!(received, 1);
+    assert!(refused.len() == 1 && refused[0].contains("set the clocks"), "{refused:?}");
+    node.step(2.1).expect("memory");
+    assert_eq!(taken(&mut drones[1]), [(0, at(9.0)), (0, at(1.0))]);
+}
+
+#[test]
+fn what_is_out_of_range_is_named() {
+    let (drones, fusion) = memory_network(1);
+    let devices = Devices::default();
+    let config = DroneNodeConfig { repeat_every_s: 0.0, ..DroneNodeConfig::default() };
+    let (source, vehicle, extractor) = (devices.clone(), devices, Pritzl2018::default());
+    let link = drones[0].clone();
+    let refused = DroneNode::new(source, vehicle, extractor, link, EPOCH, config);
+    let error = refused.err().expect("no repetition").to_string();
+    assert!(error.contains("repeat_every_s is 0"), "{error}");
+
+    let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
+    let named = estimator_named("ekf-pritzl2018").expect("it has a name");
+    let hunt = || scenario.parts(&named.config, 1).build().expect("a proper hunt");
+    let config = FusionNodeConfig { assemble_s: f64::NAN, ..FusionNodeConfig::default() };
+    let refused = FusionNode::new(hunt(), 1, fusion.clone(), EPOCH, None, config);
+    let error = refused.err().expect("no time").to_string();
+    assert!(error.contains("assemble_s is NaN"), "{error}");
+    let config = FusionNodeConfig::default();
+    let nobody = FusionNode::new(hunt(), 0, fusion.clone(), EPOCH, None, config);
+    assert_eq!(nobody.err(), Some(NetworkError::NoDrone));
+    let mut fusion = fusion;
+    assert_eq!(fusion.send(7, &Order::default()), Err(LinkError::Drone { drone: 7, drones: 1 }));
+    let impairment = Impairment { loss: 1.5, ..Impairment::default() };
+    let impaired =
+        Impaired::<_, _, _, Report>::new(drones[0].clone(), impairment, || 0.0, uniform_draws(1));
+    assert!(impaired.err().expect("too much").to_string().contains("loss is 1.5"));
+}

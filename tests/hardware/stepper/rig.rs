@@ -1,0 +1,135 @@
+use std::{cell::RefCell, f64::consts::TAU, io, rc::Rc};
+
+use foxhunt::{
+    core::{Clock, Rotator},
+    hardware::{FirmataConfig, FirmataStepper, FirmataStepperError},
+    sim::{
+        EmulatedStepper, EmulatedStepperConfig, Emulator, SimClock, SimRotator, World, WorldConfig,
+    },
+    wire::{ByteStream, MemoryStream, memory_pair},
+};
+
+/// A cable with a plug: what is spoiled on the way, and whether it is in.
+#[derive(Debug, Default)]
+pub(crate) struct Cable {
+    pub(crate) pulled: bool,
+    pub(crate) connections: u32,
+    /// Bytes that the host reads before anything else.
+    pub(crate) noise: Vec<u8>,
+    /// Every so many-th byte from the device is lost.
+    pub(crate) loses_every: Option<u32>,
+    pub(crate) count: u32,
+}
+
+/// The host's end of a cable.
+#[derive(Debug)]
+pub(crate) struct Plug {
+    stream: MemoryStream,
+    pub(crate) cable: Rc<RefCell<Cable>>,
+}
+
+impl ByteStream for Plug {
+    fn receive(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let mut cable = self.cable.borrow_mut();
+        if cable.pulled {
+            // What comes meanwhile is lost.
+            while self.stream.receive(into)? > 0 {}
+            return Err(io::Error::new(io::ErrorKind::NotConnected, "it is pulled"));
+        }
+        if !cable.noise.is_empty() {
+            let count = cable.noise.len().min(into.len());
+            for (to, from) in into.iter_mut().zip(cable.noise.drain(..count)) {
+                *to = from;
+            }
+            return Ok(count);
+        }
+        let count = self.stream.receive(into)?;
+        let Some(every) = cable.loses_every else { return Ok(count) };
+        let mut kept = 0;
+        for i in 0..count {
+            cable.count += 1;
+            if cable.count % every != 0 {
+                into[kept] = into[i];
+                kept += 1;
+            }
+        }
+        // Nothing kept is not nothing left.
+        if kept == 0 && count > 0 {
+            drop(cable);
+            self.receive(into)
+        } else {
+            Ok(kept)
+        }
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        if self.cable.borrow().pulled {
+            return Err(io::Error::new(io::ErrorKind::NotConnected, "it is pulled"));
+        }
+        self.stream.send(bytes)
+    }
+
+    fn connections(&self) -> u32 {
+        self.cable.borrow().connections
+    }
+}
+
+/// A driver, and the device that it drives.
+pub(crate) struct Rig {
+    pub(crate) world: World,
+    pub(crate) driver: FirmataStepper<Plug, SimClock>,
+    pub(crate) device: EmulatedStepper<MemoryStream>,
+    pub(crate) cable: Rc<RefCell<Cable>>,
+    truth: SimRotator,
+    pub(crate) tick_s: f64,
+}
+
+impl Rig {
+    pub(crate) fn new(config: FirmataConfig, emulated: EmulatedStepperConfig) -> Self {
+        let drones = vec![foxhunt::sim::DroneConfig::default()];
+        let config_of_world = WorldConfig { drones, ..WorldConfig::default() };
+        let world = World::new(&config_of_world, 1).expect("it is in order");
+        let (here, there) = memory_pair();
+        let cable = Rc::new(RefCell::new(Cable { connections: 1, ..Cable::default() }));
+        let plug = Plug { stream: here, cable: Rc::clone(&cable) };
+        let driver = FirmataStepper::new(config, plug, world.clock()).expect("it is in order");
+        let device = EmulatedStepper::new(&world, 0, emulated, there).expect("it is in order");
+        let truth = world.rotator(0).expect("there is a drone");
+        Self { world, driver, device, cable, truth, tick_s: 0.01 }
+    }
+
+    /// Lets time pass; what the driver says then.
+    pub(crate) fn tick(&mut self) -> Result<Option<f64>, FirmataStepperError> {
+        self.world.advance(self.tick_s).expect("a step");
+        self.device.serve().expect("the device's end holds");
+        self.driver.poll()
+    }
+
+    /// Waits until the antenna stands, at most so long; where it says that it looks.
+    pub(crate) fn wait(&mut self, seconds: f64) -> Result<f64, FirmataStepperError> {
+        let until = self.world.clock().now() + seconds;
+        while self.world.clock().now() < until {
+            if let Some(angle) = self.tick()? {
+                return Ok(angle);
+            }
+        }
+        panic!("it does not stand after {seconds} s: {:?}", self.driver);
+    }
+
+    /// Turns the antenna, and waits; where it says that it looks, and where it does.
+    pub(crate) fn turn(&mut self, angle: f64) -> (f64, f64) {
+        self.driver.turn_to(angle).expect("the order is accepted");
+        let told = self.wait(60.0).expect("it comes there");
+        (told, self.truth())
+    }
+
+    /// Where the antenna really looks.
+    pub(crate) fn truth(&mut self) -> f64 {
+        self.truth.poll().expect("it works").expect("it is held")
+    }
+}
+
+/// A half step of a 28BYJ-48, in radians.
+pub(crate) fn half_step() -> f64 {
+    TAU * 4455.0 / (64.0 * 283_712.0)
+}
