@@ -7,11 +7,8 @@ use libfuzzer_sys::fuzz_target;
 fuzz_target!(|input: (u8, bool, &[u8])| {
     let (piece, signed, bytes) = input;
     let codec = Codec::new(255, 190);
-    let mut codec = if signed {
-        codec.with_signing(Signing::new(SigningKey::new([7; 32]), 1))
-    } else {
-        codec
-    };
+    let mut codec =
+        if signed { codec.with_signing(Signing::new(SigningKey::new([7; 32]), 1)) } else { codec };
     for some in bytes.chunks(usize::from(piece).max(1)) {
         codec.push(some);
         while let Some(frame) = codec.next_frame(1.8e9) {
