@@ -26,6 +26,14 @@ pub trait Aircraft: Spinner {
     /// Whatever the link or the autopilot says, and what is in the way.
     fn take_off(&mut self, up_m: f64) -> Result<(), Self::Error>;
 
+    /// Has it take our orders again, after a lost link or after the pilot had it and gave it back. It
+    /// stays where it is until it is sent somewhere. Without effect while it takes them.
+    ///
+    /// # Errors
+    ///
+    /// While the pilot has it, or nothing is heard of it.
+    fn take_over(&mut self) -> Result<(), Self::Error>;
+
     /// Has it come back and land by its autopilot's own rules.
     ///
     /// # Errors
@@ -112,6 +120,10 @@ impl<V: ?Sized + Aircraft> Aircraft for Box<V> {
         (**self).take_off(up_m)
     }
 
+    fn take_over(&mut self) -> Result<(), V::Error> {
+        (**self).take_over()
+    }
+
     fn return_to_launch(&mut self) -> Result<(), V::Error> {
         (**self).return_to_launch()
     }
@@ -124,6 +136,10 @@ impl<V: Aircraft> Aircraft for Shared<V> {
 
     fn take_off(&mut self, up_m: f64) -> Result<(), V::Error> {
         self.0.borrow_mut().take_off(up_m)
+    }
+
+    fn take_over(&mut self) -> Result<(), V::Error> {
+        self.0.borrow_mut().take_over()
     }
 
     fn return_to_launch(&mut self) -> Result<(), V::Error> {

@@ -52,7 +52,7 @@ pub use emulate::{
     AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedArDrone, EmulatedAutopilot,
     EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken, EmulatedKrakenConfig,
     EmulatedRtlTcp, EmulatedRtlTcpConfig, EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch,
-    EmulatedXbee, EmulatedXbeeConfig, Emulator, PilotOrder, xbee_address,
+    EmulatedXbee, EmulatedXbeeConfig, Emulator, PilotOrder, Port, xbee_address,
 };
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};

@@ -9,7 +9,7 @@ use foxhunt_core::BeaconId;
 use foxhunt_hardware::{FirmataConfig, MavlinkConfig, XbeeConfig};
 use foxhunt_sim::{
     AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedAutopilot, EmulatedStepper,
-    EmulatedStepperConfig, EmulatedXbee, EmulatedXbeeConfig, Emulator, SimError, World,
+    EmulatedStepperConfig, EmulatedXbee, EmulatedXbeeConfig, Emulator, Port, SimError, World,
     xbee_address,
 };
 use foxhunt_wire::{Endpoint, PtyStream, UdpStream};
@@ -20,6 +20,13 @@ use super::{
     Site, VehicleDevice,
 };
 use crate::{config::SourceConfig, geodesy::Geodetic, scenario::Scenario};
+
+/// How long a position and the first one of a turn may take with a real motor, in seconds.
+const STEP_S: f64 = 1.0;
+const FIRST_STEP_S: f64 = 10.0;
+
+/// How long a turn may take then, in seconds.
+const TURN_S: f64 = 150.0;
 
 /// How a field is emulated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -105,6 +112,8 @@ impl EmulatedField {
                 drones: Vec::new(),
             },
         };
+        let turn_s = &mut field.flight.hunt.turn_timeout_s;
+        *turn_s = turn_s.max(TURN_S);
         // Beacons that appear later are no part of a flight's list.
         field.flight.beacons.truncate(scenario.beacon_names().len());
         for (drone, placed) in scenario.world.drones.iter().enumerate() {
@@ -150,7 +159,9 @@ impl EmulatedField {
                 self.keep(&name, "rotator", device);
                 let settings = FirmataConfig::default();
                 rotator = Some(RotatorDevice::Firmata { endpoint, settings });
-                ListenConfig::Stepper(*config)
+                // A step backwards goes beyond its place and comes back, before six questions.
+                let config = config.with_timeouts(STEP_S, FIRST_STEP_S);
+                ListenConfig::Stepper(config.expect("they are positive"))
             }
             SourceConfig::RotatingBody(config) => ListenConfig::RotatingBody(*config),
             SourceConfig::Omnidirectional(config) => ListenConfig::Omnidirectional(*config),
@@ -201,19 +212,37 @@ fn cable(
         .bytes()
         .chain(device.bytes())
         .fold(0, |seed: u64, byte| seed.wrapping_mul(31).wrapping_add(u64::from(byte)));
-    let stream = plugged(&link)?;
-    let cabled = Cabled::new(stream, world.clock(), faults, seed);
-    Ok((cabled.with_port(move || plugged(&link)), endpoint))
+    let mut port = LinkedPty { link };
+    let cabled = Cabled::new(port.open()?, world.clock(), faults, seed);
+    Ok((cabled.with_port(port), endpoint))
 }
 
 /// A pseudo-terminal behind a link.
-fn plugged(link: &PathBuf) -> io::Result<PtyStream> {
-    let stream = PtyStream::open()?;
-    if fs::symlink_metadata(link).is_ok_and(|there| there.is_symlink()) {
-        fs::remove_file(link)?;
+struct LinkedPty {
+    link: PathBuf,
+}
+
+impl Port<PtyStream> for LinkedPty {
+    fn open(&mut self) -> io::Result<PtyStream> {
+        let stream = PtyStream::open()?;
+        self.close()?;
+        symlink(stream.path(), &self.link)?;
+        Ok(stream)
     }
-    symlink(stream.path(), link)?;
-    Ok(stream)
+
+    fn close(&mut self) -> io::Result<()> {
+        if fs::symlink_metadata(&self.link).is_ok_and(|there| there.is_symlink()) {
+            fs::remove_file(&self.link)?;
+        }
+        Ok(())
+    }
+}
+
+impl Drop for LinkedPty {
+    fn drop(&mut self) {
+        // Another field may have put its own there; that is no concern of ours any more.
+        let _ = self.close();
+    }
 }
 
 /// The port of a drone's autopilot.

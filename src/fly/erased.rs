@@ -185,6 +185,10 @@ impl<D: Aircraft> Aircraft for Erased<D> {
         self.0.take_off(up_m).map_err(erased)
     }
 
+    fn take_over(&mut self) -> Result<(), DeviceError> {
+        self.0.take_over().map_err(erased)
+    }
+
     fn return_to_launch(&mut self) -> Result<(), DeviceError> {
         self.0.return_to_launch().map_err(erased)
     }

@@ -100,8 +100,9 @@ pub struct Mission<A, S> {
     names: Vec<String>,
     aircraft: Vec<A>,
     sources: Vec<S>,
-    /// What was told of each last.
+    /// What was told of each last, and the mode in which each took our orders last.
     told: Vec<Option<AircraftState>>,
+    ours: Vec<String>,
     stage: FlightStage,
     since: f64,
     /// By which rule the aircraft leave, and when they were told last.
@@ -157,6 +158,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             rules,
             hunt,
             told: vec![None; names.len()],
+            ours: vec![String::new(); names.len()],
             ordered: vec![f64::NEG_INFINITY; names.len()],
             names,
             aircraft,
@@ -196,7 +198,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         match self.stage {
             FlightStage::Preparing => self.prepare(time, &states),
             FlightStage::Climbing => self.climb(time, &states),
-            FlightStage::Hunting => self.fly(time),
+            FlightStage::Hunting => self.fly(time, &states),
             FlightStage::Leaving => self.leave(time, &states),
             FlightStage::Over => {}
         }
@@ -351,7 +353,22 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         }
     }
 
-    fn fly(&mut self, time: f64) {
+    /// Lets the hunt go on. An aircraft that has stopped taking our orders is asked to take them again
+    /// when it is in the mode in which it took them: its link is back, or the pilot has given it back.
+    /// A mode that the pilot has chosen is never changed.
+    fn fly(&mut self, time: f64, states: &[Option<AircraftState>]) {
+        for (drone, state) in states.iter().enumerate() {
+            let Some(state) = state else { continue };
+            if state.commanded {
+                self.ours[drone].clone_from(&state.mode);
+            }
+            let lost = state.airborne && !state.commanded && state.mode == self.ours[drone];
+            if lost && time - self.ordered[drone] >= ORDER_AGAIN_S {
+                self.ordered[drone] = time;
+                // What is in the way stands in its state, which was told.
+                let _ = self.aircraft[drone].take_over();
+            }
+        }
         let driven = drive(&mut self.hunt, &mut self.sources, self.aircraft.as_mut_slice(), time);
         if let Err(error) = driven {
             self.abort(time, &error.to_string());

@@ -24,6 +24,8 @@ struct Doings {
     hindrance: String,
     airborne: bool,
     pilot: bool,
+    /// It takes no orders since its link was lost, in the mode in which it was.
+    dropped: bool,
     orders: Vec<&'static str>,
 }
 
@@ -60,7 +62,7 @@ impl Aircraft for Lifted {
             mode: if doings.pilot { "LOITER" } else { "GUIDED" }.into(),
             armed: doings.airborne,
             airborne: doings.airborne,
-            commanded: doings.airborne && !doings.pilot,
+            commanded: doings.airborne && !doings.pilot && !doings.dropped,
             hindrance: doings.hindrance.clone(),
             ..AircraftState::default()
         })
@@ -70,6 +72,11 @@ impl Aircraft for Lifted {
         let mut doings = self.doings.borrow_mut();
         doings.orders.push("take off");
         doings.airborne = true;
+        Ok(())
+    }
+
+    fn take_over(&mut self) -> Result<(), SimError> {
+        self.doings.borrow_mut().orders.push("take over");
         Ok(())
     }
 
@@ -184,6 +191,20 @@ fn breaking_off_brings_down_all_but_the_pilots_own() {
     field.run(1.0, |_| false);
     assert!(field.mission.is_over());
     assert_eq!(field.mission.failure(), Some("enough"));
+}
+
+#[test]
+fn an_aircraft_is_taken_again_in_the_mode_in_which_it_was_ours() {
+    let mut field = Field::new(FlightRules::default());
+    field.run(30.0, |_| false);
+    field.doings[0].borrow_mut().pilot = true;
+    field.doings[1].borrow_mut().dropped = true;
+    field.run(5.0, |_| false);
+    let asked = |drone: usize| {
+        field.doings[drone].borrow().orders.iter().filter(|order| **order == "take over").count()
+    };
+    assert_eq!([asked(0), asked(2)], [0, 0], "the pilot has chosen another mode");
+    assert!((2..=3).contains(&asked(1)), "its link is back: {}", asked(1));
 }
 
 #[test]

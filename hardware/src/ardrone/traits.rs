@@ -82,6 +82,10 @@ impl<A: ByteStream, N: ByteStream, C: Clock> Aircraft for ArDrone<A, N, C> {
         Ok(self.say(now)?)
     }
 
+    fn take_over(&mut self) -> Result<(), ArDroneError> {
+        Self::take_over(self)
+    }
+
     fn return_to_launch(&mut self) -> Result<(), ArDroneError> {
         self.come_down(Phase::Returning)
     }

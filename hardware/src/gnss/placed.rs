@@ -88,6 +88,10 @@ impl<V: Aircraft, G: Positioning> Aircraft for Placed<V, G> {
         self.vehicle.take_off(up_m).map_err(PlacedError::Vehicle)
     }
 
+    fn take_over(&mut self) -> Result<(), Self::Error> {
+        self.vehicle.take_over().map_err(PlacedError::Vehicle)
+    }
+
     fn return_to_launch(&mut self) -> Result<(), Self::Error> {
         self.vehicle.return_to_launch().map_err(PlacedError::Vehicle)
     }

@@ -354,6 +354,10 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
         self.advance(now)
     }
 
+    fn take_over(&mut self) -> Result<(), MavlinkError> {
+        Self::take_over(self)
+    }
+
     fn return_to_launch(&mut self) -> Result<(), MavlinkError> {
         self.come_down(Phase::Returning)
     }

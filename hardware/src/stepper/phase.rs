@@ -31,7 +31,8 @@ pub(super) enum Phase {
     },
 }
 
-/// Since when something is waited for, and when it was last asked for.
+/// Since when something is waited for, which is when it was first asked for, and when it was last
+/// asked for.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wait {
     pub(super) since: f64,
@@ -50,6 +51,9 @@ impl Wait {
     pub(super) fn ask(&mut self, now: f64) -> bool {
         let due = self.asked.is_none_or(|asked| now >= asked + ASK_S);
         if due {
+            if self.asked.is_none() {
+                self.since = now;
+            }
             self.asked = Some(now);
         }
         due

@@ -18,13 +18,28 @@ pub struct CableFaults {
     pub garbage: Vec<Interval>,
 }
 
-/// Opens a port anew, after its cable was put back.
-type Port<S> = Box<dyn FnMut() -> io::Result<S>>;
+/// A port that can be seen from outside.
+pub trait Port<S> {
+    /// Opens it anew, after its cable was put back.
+    ///
+    /// # Errors
+    ///
+    /// Whatever the system says; it is tried again.
+    fn open(&mut self) -> io::Result<S>;
+
+    /// Takes its name away, after its cable was pulled: the system may give the same port to another
+    /// device.
+    ///
+    /// # Errors
+    ///
+    /// Whatever the system says.
+    fn close(&mut self) -> io::Result<()>;
+}
 
 /// A device's end of a cable that has faults.
 pub struct Cabled<S> {
     stream: Option<S>,
-    port: Option<Port<S>>,
+    port: Option<Box<dyn Port<S>>>,
     clock: SimClock,
     faults: CableFaults,
     random: Xoshiro256PlusPlus,
@@ -50,10 +65,10 @@ impl<S: ByteStream> Cabled<S> {
         Self { stream: Some(stream), port: None, clock, faults, random }
     }
 
-    /// While the cable is pulled the stream is closed, and `open` makes the next one.
+    /// While the cable is pulled the stream is closed, and `port` opens the next one.
     #[must_use]
-    pub fn with_port(mut self, open: impl FnMut() -> io::Result<S> + 'static) -> Self {
-        self.port = Some(Box::new(open));
+    pub fn with_port(mut self, port: impl Port<S> + 'static) -> Self {
+        self.port = Some(Box::new(port));
         self
     }
 
@@ -64,13 +79,15 @@ impl<S: ByteStream> Cabled<S> {
     /// The stream, if the cable is in.
     fn plugged(&mut self) -> io::Result<Option<&mut S>> {
         if self.is(&self.faults.pulled) {
-            if self.port.is_some() {
-                self.stream = None;
+            if let Some(port) = &mut self.port
+                && self.stream.take().is_some()
+            {
+                port.close()?;
             }
             return Ok(None);
         }
-        if let (None, Some(open)) = (&self.stream, &mut self.port) {
-            self.stream = Some(open()?);
+        if let (None, Some(port)) = (&self.stream, &mut self.port) {
+            self.stream = Some(port.open()?);
         }
         Ok(self.stream.as_mut())
     }
