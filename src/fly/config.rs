@@ -133,7 +133,7 @@ impl FlightConfig {
         }
         self.drones.iter().try_for_each(|drone| {
             let named = |reason| FlyError::Drone { drone: drone.name.clone(), reason };
-            drone.check(&self.beacons).map_err(named)
+            drone.check(&self.site, &self.beacons).map_err(named)
         })
     }
 

@@ -159,7 +159,7 @@ impl EmulatedField {
             endpoint: Endpoint::UdpIn { address },
             settings: MavlinkConfig::default(),
         };
-        let radio = RadioDevice::Xbee { endpoint: radio, settings: XbeeConfig::default() };
+        let radio = Some(RadioDevice::Xbee { endpoint: radio, settings: XbeeConfig::default() });
         let launch_m = Some(launch_m);
         let drone = DroneConfig { name, launch_m, vehicle, gnss: None, radio, rotator, source };
         self.flight.drones.push(drone);

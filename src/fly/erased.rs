@@ -1,9 +1,9 @@
-use std::{error::Error, fmt};
+use std::{error::Error, fmt, io};
 
 use foxhunt_core::{BeaconId, Clock, Pose, Radio, Rotator, Spinner, Vehicle, Waypoint};
 use foxhunt_hardware::{
-    Aircraft, AircraftState, Finding, FirmataStepper, GnssDecoder, GnssReceiver, MavlinkVehicle,
-    Placed, XbeeRadio,
+    Aircraft, AircraftState, ArDrone, Finding, FirmataStepper, GnssDecoder, GnssReceiver,
+    KrakenSource, MavlinkVehicle, Placed, RtlTcpRadio, SikRadio, XbeeRadio,
 };
 use foxhunt_wire::ByteStream;
 use nalgebra::Vector3;
@@ -64,7 +64,31 @@ macro_rules! examine {
     )+};
 }
 
-examine!(FirmataStepper, MavlinkVehicle, XbeeRadio);
+examine!(FirmataStepper, MavlinkVehicle, RtlTcpRadio, XbeeRadio);
+
+impl<A: ByteStream, N: ByteStream, C: Clock> Examine for ArDrone<A, N, C> {
+    fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
+        ArDrone::examine(self, pause)
+    }
+}
+
+impl Examine for SikRadio {
+    fn examine(&mut self, _pause: &mut dyn FnMut()) -> Vec<Finding> {
+        SikRadio::examine(self)
+    }
+}
+
+impl<S, O, V, C> Examine for KrakenSource<S, O, V, C>
+where
+    S: ByteStream,
+    O: FnMut() -> io::Result<S>,
+    V: Vehicle,
+    C: Clock,
+{
+    fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
+        KrakenSource::examine(self, pause)
+    }
+}
 
 impl<S: ByteStream, C: Clock, D: GnssDecoder> Examine for GnssReceiver<S, C, D> {
     fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {

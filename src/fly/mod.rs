@@ -1,6 +1,7 @@
 //! The hunt on real devices, or on the same devices emulated.
 
 mod config;
+mod device;
 mod drone;
 #[cfg(unix)]
 mod emulated;
@@ -8,14 +9,14 @@ mod erased;
 mod error;
 mod identify;
 mod mission;
+mod open;
 mod plan;
 mod report;
 mod tapped;
 
 pub use config::{FlightConfig, FlownBeacon, Site};
-pub use drone::{
-    DroneConfig, GnssDevice, ListenConfig, OpenDrone, RadioDevice, RotatorDevice, VehicleDevice,
-};
+pub use device::{GnssDevice, ListenConfig, RadioDevice, RotatorDevice, VehicleDevice};
+pub use drone::DroneConfig;
 #[cfg(unix)]
 pub use emulated::{DroneFaults, EmulatedField, EmulatedFieldConfig, FieldError};
 pub use erased::{
@@ -25,6 +26,7 @@ pub use erased::{
 pub use error::FlyError;
 pub use identify::identify;
 pub use mission::{Ending, FlightRules, FlownDrone, Mission, MissionError};
+pub use open::OpenDrone;
 pub use plan::{FlightPlan, PlannedDrone};
 pub use report::{FlightReport, FlownFix};
 pub use tapped::{Tap, Tapped};

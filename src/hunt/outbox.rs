@@ -7,7 +7,8 @@ use super::{Command, Event};
 pub(super) struct Outbox {
     pub(super) commands: VecDeque<Command>,
     pub(super) events: VecDeque<Event>,
-    /// What failed since the last change of phase, so that one fault makes one event.
+    /// What failed since the last change of phase, its numbers left out, so that one fault makes one
+    /// event however old it gets.
     failures: Vec<(Option<usize>, String)>,
 }
 
@@ -24,9 +25,14 @@ impl Outbox {
     }
 
     pub(super) fn failed(&mut self, time: f64, drone: Option<usize>, reason: String) {
-        if !self.failures.iter().any(|known| known.0 == drone && known.1 == reason) {
-            self.failures.push((drone, reason.clone()));
+        let fault = (drone, without_numbers(&reason));
+        if !self.failures.contains(&fault) {
+            self.failures.push(fault);
             self.tell(Event::DeviceFailed { time, drone, reason });
         }
     }
+}
+
+fn without_numbers(text: &str) -> String {
+    text.chars().filter(|letter| !letter.is_ascii_digit()).collect()
 }

@@ -57,7 +57,7 @@ fn fly(scenario: &Scenario, seed: u64, faults: Vec<DroneFaults>, name: &str) -> 
     flight.flight.at_end = Ending::Land;
     let estimator = estimator_named(&flight.estimator).expect("it is known").config;
     let hunt = flight.parts(&estimator, seed).build().expect("a hunt");
-    let drones = flight.open(&world.clock(), None).expect("devices");
+    let drones = flight.open(&world.clock(), 0.0, None).expect("devices");
     let mut mission: Mission<Shared<BoxedAircraft>, BoxedSource> =
         Mission::new(flight.flight, hunt, drones, world.time()).expect("a flight");
     let mut events = Vec::new();

@@ -7,6 +7,7 @@ mod flown;
 mod gnss;
 mod gnss_peer;
 mod mavlink;
+mod mavlink_link;
 mod mission;
 mod network;
 mod nodes;

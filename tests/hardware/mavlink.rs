@@ -5,31 +5,27 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use foxhunt::{
     hardware::{
         Aircraft, AircraftState, FlightLimits, MavlinkConfig, MavlinkError, MavlinkOrigin,
-        MavlinkSigning, MavlinkVehicle,
+        MavlinkVehicle,
     },
     sim::{
         AutopilotConfig, AutopilotFaults, DroneConfig, EmulatedAutopilot, Emulator, Interval,
         PilotOrder, SimClock, World, WorldConfig,
     },
-    wire::{
-        ByteStream, MemoryStream,
-        mavlink::{Autopilot, SigningKey},
-        memory_pair,
-    },
+    wire::{MemoryStream, mavlink::Autopilot, memory_pair},
 };
-use foxhunt_core::{Clock, Spinner, Vehicle, Waypoint, angle};
+use foxhunt_core::{Spinner, Vehicle, Waypoint, angle};
 use nalgebra::Vector3;
 
-type Driver = MavlinkVehicle<MemoryStream, SimClock>;
+pub(super) type Driver = MavlinkVehicle<MemoryStream, SimClock>;
 
-struct Field {
-    world: World,
-    emulated: EmulatedAutopilot<MemoryStream>,
-    driver: Driver,
+pub(super) struct Field {
+    pub(super) world: World,
+    pub(super) emulated: EmulatedAutopilot<MemoryStream>,
+    pub(super) driver: Driver,
 }
 
 /// Seconds of the world from one serving to the next.
-const TICK: f64 = 0.02;
+pub(super) const TICK: f64 = 0.02;
 
 const BOTH: [Autopilot; 2] = [Autopilot::ArduPilot, Autopilot::Px4];
 
@@ -38,7 +34,7 @@ fn place(world: &World) -> Vector3<f64> {
 }
 
 impl Field {
-    fn new(emulated: AutopilotConfig, driver: MavlinkConfig) -> Self {
+    pub(super) fn new(emulated: AutopilotConfig, driver: MavlinkConfig) -> Self {
         let drone = DroneConfig {
             east_m: 3.0,
             north_m: -2.0,
@@ -57,19 +53,24 @@ impl Field {
         Self { world, emulated, driver }
     }
 
-    fn of(autopilot: Autopilot) -> Self {
+    pub(super) fn of(autopilot: Autopilot) -> Self {
         let emulated = AutopilotConfig { autopilot, ..AutopilotConfig::default() };
         Self::new(emulated, MavlinkConfig::default())
     }
 
-    fn tick(&mut self) -> AircraftState {
+    pub(super) fn tick(&mut self) -> AircraftState {
         self.world.advance(TICK).expect("time passes");
         self.emulated.serve().expect("a cable");
         self.driver.state().expect("a cable")
     }
 
     /// Until something holds; the time may not pass `limit` seconds more.
-    fn until(&mut self, what: &str, limit: f64, holds: impl Fn(&AircraftState, &World) -> bool) {
+    pub(super) fn until(
+        &mut self,
+        what: &str,
+        limit: f64,
+        holds: impl Fn(&AircraftState, &World) -> bool,
+    ) {
         let end = self.world.time() + limit;
         loop {
             let state = self.tick();
@@ -80,7 +81,7 @@ impl Field {
         }
     }
 
-    fn run(&mut self, seconds: f64) -> AircraftState {
+    pub(super) fn run(&mut self, seconds: f64) -> AircraftState {
         let end = self.world.time() + seconds;
         loop {
             let state = self.tick();
@@ -90,13 +91,13 @@ impl Field {
         }
     }
 
-    fn fly(&mut self, up: f64) {
+    pub(super) fn fly(&mut self, up: f64) {
         self.until("ready", 10.0, |state, _| state.hindrance.is_empty());
         self.driver.take_off(up).expect("accepted");
         self.until("up", 60.0, |state, _| state.commanded);
     }
 
-    fn go(&mut self, east: f64, north: f64, up: f64) {
+    pub(super) fn go(&mut self, east: f64, north: f64, up: f64) {
         let goal = Waypoint { position: Vector3::new(east, north, up) };
         self.driver.go_to(&goal).expect("accepted");
         self.until("there", 60.0, |_, world| (place(world) - goal.position).norm() < 0.1);
@@ -310,119 +311,4 @@ fn limits_are_refused_on_our_side() {
     assert!(error.contains("68.7") && error.contains("60"), "{error}");
     field.run(5.0);
     assert!((place(&field.world) - before).norm() < 0.5, "none of it was sent");
-}
-
-#[test]
-fn only_the_same_key_is_obeyed() {
-    let key = |byte| SigningKey::new([byte; 32]);
-    let signing = |byte| Some(MavlinkSigning { key: key(byte), link_id: 2 });
-    for (theirs, ours, agrees) in [
-        (Some(key(1)), signing(1), true),
-        (Some(key(1)), signing(2), false),
-        (Some(key(1)), None, false),
-        (None, signing(1), false),
-    ] {
-        let emulated = AutopilotConfig { signing: theirs, ..AutopilotConfig::default() };
-        let driver = MavlinkConfig { signing: ours, ..MavlinkConfig::default() };
-        let mut field = Field::new(emulated, driver);
-        let state = field.run(8.0);
-        if agrees {
-            field.fly(5.0);
-            continue;
-        }
-        // Without our signature nothing is asked for; without theirs nothing is heard.
-        assert!(!state.hindrance.is_empty(), "{state:?}");
-        let refused = field.driver.link_counts().refused;
-        assert_eq!(refused > 0, ours.is_some(), "{refused} messages refused");
-        assert!(field.driver.pose().is_err());
-    }
-}
-
-/// A cable that adds garbage and cuts everything into pieces.
-struct Noisy {
-    stream: MemoryStream,
-    seed: u32,
-}
-
-impl ByteStream for Noisy {
-    fn receive(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
-        self.seed = self.seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        let [.., noise] = self.seed.to_be_bytes();
-        if noise < 5 {
-            into[..3].copy_from_slice(&[0xfd, noise, noise]);
-            return Ok(3);
-        }
-        let most = usize::from(noise % 13) + 1;
-        self.stream.receive(&mut into[..most])
-    }
-
-    fn send(&mut self, bytes: &[u8]) -> std::io::Result<()> {
-        bytes.chunks(7).try_for_each(|piece| self.stream.send(piece))
-    }
-}
-
-#[test]
-fn garbage_on_the_cable_is_survived() {
-    let config = WorldConfig { drones: vec![DroneConfig::default()], ..WorldConfig::default() };
-    let world = World::new(&config, 1).expect("a world");
-    let (near, far) = memory_pair();
-    let autopilot = AutopilotConfig::default();
-    let mut emulated = EmulatedAutopilot::new(autopilot, &world, 0, far).expect("an autopilot");
-    let noisy = Noisy { stream: near, seed: 7 };
-    let config = MavlinkConfig { pose_timeout_s: 3.0, ..MavlinkConfig::default() };
-    let mut driver = MavlinkVehicle::new(config, noisy, world.clock()).expect("a driver");
-    let mut up = false;
-    for _ in 0..4000 {
-        world.advance(TICK).expect("time passes");
-        emulated.serve().expect("a cable");
-        let state = driver.state().expect("a cable");
-        if !up && state.hindrance.is_empty() {
-            driver.take_off(5.0).expect("accepted");
-            up = true;
-        }
-        if state.commanded {
-            break;
-        }
-    }
-    assert!(driver.state().expect("a cable").commanded, "it flies all the same");
-    let counts = driver.link_counts();
-    assert!(counts.garbage_bytes > 100 && counts.messages > 200, "{counts:?}");
-    assert!(driver.origin().is_some(), "its launch place became the origin");
-    // The other end is pulled out: an error at every call, and no panic.
-    drop(emulated);
-    let failed = (0..100_000).any(|_| driver.state().is_err());
-    assert!(
-        failed && matches!(driver.pose(), Err(MavlinkError::Link(_) | MavlinkError::Stale { .. }))
-    );
-}
-
-#[test]
-fn what_examine_finds() {
-    let mut field = Field::of(Autopilot::ArduPilot);
-    field.run(4.0);
-    let Field { world, emulated, driver } = &mut field;
-    let mut pause = || {
-        world.advance(TICK).expect("time passes");
-        emulated.serve().expect("a cable");
-    };
-    let findings = driver.examine(&mut pause);
-    let text: Vec<String> = findings.iter().map(ToString::to_string).collect();
-    assert!(findings.iter().all(foxhunt::hardware::Finding::is_good), "{text:#?}");
-    for wanted in [
-        "autopilot: ArduPilot, system 1",
-        "firmware: 4.5.7",
-        "mode: STABILIZE",
-        "position: 3D, 14 satellites, good to 0.50 m",
-        "battery: 100 % left",
-    ] {
-        assert!(text.iter().any(|line| line == wanted), "no {wanted:?} in {text:#?}");
-    }
-    // Nobody at the other end: it ends, and says what to look at.
-    let (near, _far) = memory_pair();
-    let config = MavlinkConfig::default();
-    let mut alone = MavlinkVehicle::new(config, near, world.clock()).expect("a driver");
-    let before = world.clock().now();
-    let findings = alone.examine(&mut || world.advance(0.1).expect("time passes"));
-    assert!(world.clock().now() - before < 7.0);
-    assert!(findings.iter().any(|finding| finding.text == "nothing was heard"), "{findings:?}");
 }

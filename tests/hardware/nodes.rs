@@ -225,5 +225,5 @@ fn what_is_out_of_range_is_named() {
     let impairment = Impairment { loss: 1.5, ..Impairment::default() };
     let impaired =
         Impaired::<_, _, _, Report>::new(drones[0].clone(), impairment, || 0.0, uniform_draws(1));
-    assert!(impaired.err().expect("too much").to_string().contains("loss is 1.5"));
+    assert!(impaired.map(|_| ()).expect_err("too much").to_string().contains("loss is 1.5"));
 }

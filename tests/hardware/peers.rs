@@ -30,22 +30,21 @@ fn an_autopilot_of_mavsdk_is_flown() {
     };
     let stream = endpoint("FOXHUNT_PEER_MAVLINK").open().expect("a port");
     let mut vehicle = MavlinkVehicle::new(config, stream, clock).expect("a driver");
-    let mut until =
-        |vehicle: &mut MavlinkVehicle<_, _>,
-         what: &str,
-         holds: &dyn Fn(&AircraftState, Option<Vector3<f64>>) -> bool| {
-            let begun = clock.now();
-            loop {
-                let state = vehicle.state().expect("a link");
-                let place = vehicle.pose().ok().map(|pose| pose.position);
-                if holds(&state, place) {
-                    return;
-                }
-                let texts: Vec<_> = vehicle.texts().collect();
-                assert!(clock.now() - begun < 60.0, "{what}: {state:?} at {place:?}, {texts:?}");
-                thread::sleep(Duration::from_millis(20));
+    let until = |vehicle: &mut MavlinkVehicle<_, _>,
+                 what: &str,
+                 holds: &dyn Fn(&AircraftState, Option<Vector3<f64>>) -> bool| {
+        let begun = clock.now();
+        loop {
+            let state = vehicle.state().expect("a link");
+            let place = vehicle.pose().ok().map(|pose| pose.position);
+            if holds(&state, place) {
+                return;
             }
-        };
+            let texts: Vec<_> = vehicle.texts().collect();
+            assert!(clock.now() - begun < 60.0, "{what}: {state:?} at {place:?}, {texts:?}");
+            thread::sleep(Duration::from_millis(20));
+        }
+    };
     until(&mut vehicle, "ready", &|state, _| state.silent_s < 1.0 && state.hindrance.is_empty());
     vehicle.take_off(6.0).expect("accepted");
     until(&mut vehicle, "up", &|state, place| {

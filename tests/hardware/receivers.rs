@@ -131,6 +131,7 @@ impl ByteStream for Served {
     }
 }
 
+#[expect(clippy::type_complexity, reason = "the connection's maker has no name")]
 fn kraken(
     world: &World,
     torn: f64,

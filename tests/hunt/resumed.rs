@@ -9,6 +9,7 @@ fn names(names: [&str; 2]) -> Vec<String> {
 }
 
 /// A hunt as `fly` flies it, that has not begun.
+#[expect(clippy::type_complexity, reason = "the closure has no name")]
 fn fresh(
     beacons: Vec<String>,
 ) -> Hunt<
@@ -38,6 +39,7 @@ fn stations() -> Vec<Station> {
 }
 
 /// What the log says last of every beacon, and whose receptions it has.
+#[expect(clippy::type_complexity, reason = "three lists")]
 fn told(
     events: &[Event],
 ) -> (Vec<(BeaconId, Estimate<2>)>, Vec<(usize, Reception)>, Vec<BeaconId>) {

@@ -51,7 +51,9 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
                 let drone = Some(drone.name.clone());
                 examined.push(Examined { drone, device: device.to_owned(), findings });
             };
-            drone.examine(&config.site, &config.beacons, &clock, &mut pause, &mut tell);
+            let origin = clock.started_unix_s();
+            let (site, beacons) = (&config.site, &config.beacons);
+            drone.examine(site, beacons, &clock, origin, &mut pause, &mut tell);
         }
     } else {
         let endpoints = if args.at.is_empty() { serial_ports()? } else { args.at.clone() };

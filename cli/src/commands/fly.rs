@@ -87,7 +87,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let kept = Rc::clone(&samples);
     let keep = move |drone: usize, sweep: &Sweep<'_>| kept.borrow_mut().keep(drone, sweep);
     let tap: Tap = Rc::new(RefCell::new(keep));
-    let drones = config.open(&clock, Some(&tap)).map_err(open_error)?;
+    let drones = config.open(&clock, clock.started_unix_s(), Some(&tap)).map_err(open_error)?;
     let mut mission =
         Mission::new(config.flight, hunt, drones, clock.now()).map_err(CliError::input)?;
     mission.wait_for_go(!args.yes);

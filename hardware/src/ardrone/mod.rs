@@ -2,6 +2,9 @@
 
 mod config;
 mod control;
+mod examine;
+mod serve;
+mod traits;
 mod vehicle;
 
 pub use config::{ArDroneConfig, ArDroneError};

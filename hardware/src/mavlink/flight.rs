@@ -169,16 +169,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             self.enter(next);
             return Ok(());
         }
-        let order = || {
-            let (main, sub) = mode.main_and_sub();
-            let [mode, sub] = match mode.autopilot {
-                Autopilot::ArduPilot => [f64::from(mode.custom), 0.0],
-                Autopilot::Px4 => [f64::from(main), f64::from(sub)],
-            };
-            let parameters = [1.0, single(mode), single(sub), 0.0, 0.0, 0.0, 0.0];
-            Order::new(MavCmd::MAV_CMD_DO_SET_MODE, parameters)
-        };
-        self.order.get_or_insert_with(order);
+        self.order.get_or_insert_with(|| mode_order(mode));
         if let Some(why) = self.give(now)? {
             let what = format!("the mode {mode}");
             let then = if self.heard.airborne() {
@@ -221,18 +212,24 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
         (self.order, self.turning) = (None, None);
         self.failure.clear();
-        self.order = Some(Order::new(
-            if phase == Phase::Landing {
-                MavCmd::MAV_CMD_NAV_LAND
-            } else {
-                MavCmd::MAV_CMD_NAV_RETURN_TO_LAUNCH
-            },
-            match self.heard.autopilot() {
-                Autopilot::ArduPilot => [0.0; 7],
-                Autopilot::Px4 => [0.0, 0.0, 0.0, f32::NAN, f32::NAN, f32::NAN, 0.0],
-            },
-        ));
+        let autopilot = self.heard.autopilot();
+        self.order = Some(mode_order(match phase {
+            Phase::Landing => autopilot.land(),
+            _ => autopilot.return_to_launch(),
+        }));
         self.enter(phase);
         self.advance(now)
     }
+}
+
+/// The order to go into a mode.
+fn mode_order(mode: FlightMode) -> Order {
+    let (main, sub) = mode.main_and_sub();
+    let [mode, sub] = match mode.autopilot {
+        Autopilot::ArduPilot => [f64::from(mode.custom), 0.0],
+        Autopilot::Px4 => [f64::from(main), f64::from(sub)],
+    };
+    // 1: the modes are the autopilot's own.
+    let parameters = [1.0, single(mode), single(sub), 0.0, 0.0, 0.0, 0.0];
+    Order::new(MavCmd::MAV_CMD_DO_SET_MODE, parameters)
 }

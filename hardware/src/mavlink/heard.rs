@@ -8,6 +8,8 @@ use foxhunt_wire::mavlink::{
         MavResult, MavSeverity, MavType, POSITION_TARGET_GLOBAL_INT_DATA, SYS_STATUS_DATA,
     },
 };
+#[cfg(feature = "receivers")]
+use foxhunt_wire::receivers::SikStatus;
 
 use super::MavlinkConfig;
 
@@ -52,6 +54,9 @@ pub(super) struct Heard {
     pub(super) landed: Option<Timed<MavLandedState>>,
     pub(super) version: Option<AUTOPILOT_VERSION_DATA>,
     pub(super) radio: Option<RadioStatus>,
+    /// Who else wants to know that.
+    #[cfg(feature = "receivers")]
+    pub(super) feed: Option<crate::SikFeed>,
     /// The last texts, the newest last.
     pub(super) texts: VecDeque<Timed<(MavSeverity, String)>>,
     /// Answers to orders that nobody has looked at yet: the order's number and what was answered.
@@ -68,6 +73,11 @@ impl Heard {
             let (rssi, remote_rssi) = (radio.rssi, radio.remrssi);
             let (noise, remote_noise) = (radio.noise, radio.remnoise);
             self.radio = Some(RadioStatus { time: now, rssi, remote_rssi, noise, remote_noise });
+            #[cfg(feature = "receivers")]
+            if let Some(feed) = &self.feed {
+                let (remrssi, remnoise) = (remote_rssi, remote_noise);
+                feed.tell(SikStatus { rssi, remrssi, noise, remnoise });
+            }
             return;
         }
         let Ok(system) = u8::try_from(frame.header.system_id) else { return };

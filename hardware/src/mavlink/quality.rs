@@ -106,3 +106,65 @@ pub(super) fn position_sigma(heard: &Heard) -> Option<Vector3<f64>> {
     let up = accuracy_m(gps.v_acc).unwrap_or_else(|| range * dilution(gps.epv, 2.5));
     Some(Vector3::new(over_ground, over_ground, up) * poor)
 }
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_wire::mavlink::dialect::GPS_RAW_INT_DATA;
+
+    use super::*;
+    use crate::mavlink::heard::Timed;
+
+    fn heard(fix_type: GpsFixType, h_acc: u32, eph: u16) -> Heard {
+        let value = GPS_RAW_INT_DATA {
+            fix_type,
+            h_acc,
+            eph,
+            epv: u16::MAX,
+            satellites_visible: 9,
+            ..GPS_RAW_INT_DATA::default()
+        };
+        Heard { gps: Some(Timed { at: 1.0, value }), ..Heard::default() }
+    }
+
+    #[test]
+    fn a_poor_fix_is_told_by_its_sigma() {
+        let sigma = |fix, h_acc, eph| {
+            let sigma = position_sigma(&heard(fix, h_acc, eph)).expect("a GPS");
+            [sigma.x, sigma.y, sigma.z]
+        };
+        let close = |a: [f64; 3], b: [f64; 3]| a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-12);
+        assert!(position_sigma(&Heard::default()).is_none());
+        let in_space = GpsFixType::GPS_FIX_TYPE_3D_FIX;
+        assert!(close(sigma(in_space, 800, 90), [0.8, 0.8, 6.25]));
+        assert!(close(sigma(in_space, 0, 90), [2.25, 2.25, 6.25]), "dilution times 2.5 m");
+        assert!(close(sigma(in_space, u32::MAX, u16::MAX), [3.75, 3.75, 6.25]), "nothing told");
+        let fixed = GpsFixType::GPS_FIX_TYPE_RTK_FIXED;
+        assert!(close(sigma(fixed, 0, 100), [0.02, 0.02, 0.05]));
+        let flat = GpsFixType::GPS_FIX_TYPE_2D_FIX;
+        assert!(close(sigma(flat, 800, 90), [8.0, 8.0, 62.5]), "ten times worse");
+    }
+
+    #[test]
+    fn flags_say_what_hardware_says_they_do() {
+        let mut heard = heard(GpsFixType::GPS_FIX_TYPE_3D_FIX, 800, 90);
+        for (flags, good) in [
+            (0x33F, true),
+            (0x01F, true),
+            (0x00F, false),
+            (0x09F, false),
+            (0x41F, false),
+            (0x000, false),
+        ] {
+            heard.estimator = Some(Timed { at: 10.0, value: flags });
+            assert_eq!(estimator(&heard, 11.0).is_ok(), good, "{flags:#x}");
+        }
+        heard.estimator = Some(Timed { at: 10.0, value: 0x33F });
+        assert!(estimator(&heard, 16.0).is_err(), "an old word");
+        let wanted = PositionRequirements::default();
+        let why = for_take_off(&heard, &wanted, 11.0).expect_err("the GPS is old");
+        assert!(why.contains("GPS"), "{why}");
+        let few = PositionRequirements { satellites: 12, ..wanted };
+        let why = for_take_off(&heard, &few, 5.5).expect_err("too few");
+        assert_eq!(why, "9 satellites; position.satellites is 12");
+    }
+}

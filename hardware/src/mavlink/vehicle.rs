@@ -86,6 +86,14 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self
     }
 
+    /// Hands what the SiK radio of the link says of itself on to a [`SikRadio`](crate::SikRadio).
+    #[cfg(feature = "receivers")]
+    #[must_use]
+    pub fn with_radio_reports(mut self, feed: crate::SikFeed) -> Self {
+        self.heard.feed = Some(feed);
+        self
+    }
+
     /// Asks for it again after the pilot or a lost link had it. It stays where it is until it is sent
     /// somewhere, or until it is told to take off. Without effect while it is ours.
     ///

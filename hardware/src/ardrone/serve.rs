@@ -1,0 +1,168 @@
+use std::io;
+
+use foxhunt_core::{Clock, angle};
+use foxhunt_wire::{
+    ByteStream,
+    ardrone::{ArDroneCommand, ArDroneNavdata, FlightState, encode_commands},
+};
+use nalgebra::Vector2;
+
+use super::{
+    ArDrone, ArDroneError,
+    control::{self, Goal},
+    vehicle::Phase,
+};
+
+/// After so long without navdata they are asked for again, in seconds.
+const ASK_S: f64 = 0.5;
+
+/// How close is there, in metres.
+const THERE_M: f64 = 0.4;
+
+/// What goes on by itself between one call and the next.
+impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
+    /// Takes navdata and counts the way on.
+    pub(super) fn listen(&mut self, now: f64) -> io::Result<()> {
+        let mut into = [0; 4096];
+        for _ in 0..256 {
+            let count = self.navdata.receive(&mut into)?;
+            let Some(datagram) = into.get(..count).filter(|bytes| !bytes.is_empty()) else { break };
+            let Ok(navdata) = ArDroneNavdata::parse(datagram) else { continue };
+            // Late ones and doubled ones; a number that begins again is a drone that did.
+            let before = self.heard;
+            let late = before.is_some_and(|(at, last)| {
+                navdata.sequence <= last.sequence && navdata.sequence > 1 && now - at < 1.0
+            });
+            if late {
+                continue;
+            }
+            self.heard = Some((now, navdata));
+            if let Some(demo) = navdata.demo {
+                let dt = before.map_or(0.0, |(at, _)| (now - at).clamp(0.0, 0.5));
+                let (sin, cos) = self.heading().sin_cos();
+                let (forward, left) = (demo.forward_mps, -demo.right_mps);
+                self.velocity =
+                    Vector2::new(forward * cos - left * sin, forward * sin + left * cos);
+                self.position.x += self.velocity.x * dt;
+                self.position.y += self.velocity.y * dt;
+                self.position.z = demo.altitude_m;
+                self.flown += self.velocity.norm() * dt;
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn serve(&mut self) -> Result<f64, ArDroneError> {
+        let now = self.clock.now();
+        let heard = self.listen(now);
+        let flying = self.is_flying();
+        let silent = self.silent_s(now) > self.config.link_timeout_s;
+        match self.phase {
+            _ if silent && !matches!(self.phase, Phase::Idle | Phase::Stopping) => {
+                (self.phase, self.goal) = (Phase::Lost, None);
+            }
+            Phase::TakingOff(up) => {
+                let up_there = self.demo().is_some_and(|demo| demo.flight == FlightState::Flying);
+                if self.goal.is_none() && up_there {
+                    self.stay();
+                }
+                if let Some(goal) = &mut self.goal {
+                    goal.place.z = up;
+                    if (self.position.z - up).abs() < THERE_M {
+                        self.phase = Phase::Flying;
+                    }
+                }
+            }
+            Phase::Returning => {
+                let there = |goal: Goal| (goal.place - self.position).xy().norm() < THERE_M;
+                if self.goal.is_none_or(there) {
+                    (self.phase, self.goal) = (Phase::Landing, None);
+                }
+            }
+            Phase::Landing if !flying => self.phase = Phase::Idle,
+            Phase::Flying if !flying => (self.phase, self.goal) = (Phase::Idle, None),
+            Phase::Stopping if self.state_is(|state| state.is_emergency()) => {
+                self.phase = Phase::Idle;
+            }
+            _ => {}
+        }
+        heard?;
+        self.say(now)?;
+        Ok(now)
+    }
+
+    /// Says what is due.
+    pub(super) fn say(&mut self, now: f64) -> io::Result<()> {
+        let bare = self.heard.is_none_or(|(at, navdata)| {
+            now - at > ASK_S || navdata.demo.is_none() || navdata.state.is_in_bootstrap()
+        });
+        if bare && now - self.asked >= ASK_S {
+            self.asked = now;
+            // Anything at that port has them sent back here.
+            send(&mut self.navdata, &[1, 0, 0, 0])?;
+            let value =
+                |key: &str, value: String| ArDroneCommand::Config { key: key.into(), value };
+            let turn = self.config.yaw_rate_deg_s.to_radians();
+            let climb = self.config.climb_mps * 1e3;
+            let bytes = encode_commands(
+                &[
+                    value("general:navdata_demo", "TRUE".into()),
+                    value("control:control_yaw", format!("{turn:.3}")),
+                    value("control:control_vz_max", format!("{climb:.0}")),
+                    ArDroneCommand::Control { mode: 5, argument: 0 },
+                ],
+                &mut self.sequence,
+            );
+            send(&mut self.orders, &bytes)?;
+        }
+        let period = 1.0 / self.config.rate_hz;
+        if now - self.sent < period - 1e-3 {
+            return Ok(());
+        }
+        let dt = (now - self.sent).min(0.5);
+        self.sent = now;
+        let emergency = self.state_is(|state| state.is_emergency());
+        let reference = |fly, emergency| ArDroneCommand::Reference { fly, emergency };
+        let mut commands = match self.phase {
+            // By itself it hovers.
+            Phase::Lost => return Ok(()),
+            Phase::Idle | Phase::Landing => vec![reference(false, false), ArDroneCommand::hover()],
+            Phase::Stopping => vec![reference(false, true)],
+            // The bit ends an emergency, where there is one, before it flies.
+            Phase::TakingOff(_) if emergency => vec![reference(false, true)],
+            Phase::TakingOff(_) | Phase::Flying | Phase::Returning => {
+                let pose = self.known_pose();
+                let moving = self.goal.as_mut().map(|goal| {
+                    goal.heading = angle::wrap(goal.heading + goal.rate * dt);
+                    control::order(&self.config, goal, &pose, &self.velocity)
+                });
+                vec![reference(true, false), moving.unwrap_or_else(ArDroneCommand::hover)]
+            }
+        };
+        commands.push(ArDroneCommand::Watchdog);
+        let bytes = encode_commands(&commands, &mut self.sequence);
+        send(&mut self.orders, &bytes)
+    }
+
+    pub(super) fn come_down(&mut self, phase: Phase) -> Result<(), ArDroneError> {
+        let now = self.serve()?;
+        self.check_link(now)?;
+        if !self.is_flying() {
+            return Err(ArDroneError::NotCommanded { why: "it is on the ground".into() });
+        }
+        self.stay();
+        if let (Phase::Returning, Some(goal)) = (phase, &mut self.goal) {
+            (goal.place.x, goal.place.y) = (self.config.east_m, self.config.north_m);
+        }
+        self.phase = phase;
+        Ok(self.say(now)?)
+    }
+}
+
+/// Says something to whoever is there.
+pub(super) fn send(stream: &mut impl ByteStream, bytes: &[u8]) -> io::Result<()> {
+    match stream.send(bytes) {
+        Err(error) if error.kind() == io::ErrorKind::NotConnected => Ok(()),
+        other => other,
+    }
+}

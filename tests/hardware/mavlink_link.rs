@@ -1,0 +1,129 @@
+//! The MAVLink driver's link: keys, garbage, and what is found when it is looked at.
+
+use foxhunt::{
+    hardware::{Aircraft, MavlinkConfig, MavlinkError, MavlinkSigning, MavlinkVehicle},
+    sim::{AutopilotConfig, DroneConfig, EmulatedAutopilot, Emulator, World, WorldConfig},
+    wire::{
+        ByteStream, MemoryStream,
+        mavlink::{Autopilot, SigningKey},
+        memory_pair,
+    },
+};
+use foxhunt_core::{Clock, Vehicle};
+
+use super::mavlink::{Field, TICK};
+
+#[test]
+fn only_the_same_key_is_obeyed() {
+    let key = |byte| SigningKey::new([byte; 32]);
+    let signing = |byte| Some(MavlinkSigning { key: key(byte), link_id: 2 });
+    for (theirs, ours, agrees) in [
+        (Some(key(1)), signing(1), true),
+        (Some(key(1)), signing(2), false),
+        (Some(key(1)), None, false),
+        (None, signing(1), false),
+    ] {
+        let emulated = AutopilotConfig { signing: theirs, ..AutopilotConfig::default() };
+        let driver = MavlinkConfig { signing: ours, ..MavlinkConfig::default() };
+        let mut field = Field::new(emulated, driver);
+        let state = field.run(8.0);
+        if agrees {
+            field.fly(5.0);
+            continue;
+        }
+        // Without our signature nothing is asked for; without theirs nothing is heard.
+        assert!(!state.hindrance.is_empty(), "{state:?}");
+        let refused = field.driver.link_counts().refused;
+        assert_eq!(refused > 0, ours.is_some(), "{refused} messages refused");
+        assert!(field.driver.pose().is_err());
+    }
+}
+
+/// A cable that adds garbage and cuts everything into pieces.
+struct Noisy {
+    stream: MemoryStream,
+    seed: u32,
+}
+
+impl ByteStream for Noisy {
+    fn receive(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        self.seed = self.seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let [.., noise] = self.seed.to_be_bytes();
+        if noise < 5 {
+            into[..3].copy_from_slice(&[0xfd, noise, noise]);
+            return Ok(3);
+        }
+        let most = usize::from(noise % 13) + 1;
+        self.stream.receive(&mut into[..most])
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> std::io::Result<()> {
+        bytes.chunks(7).try_for_each(|piece| self.stream.send(piece))
+    }
+}
+
+#[test]
+fn garbage_on_the_cable_is_survived() {
+    let config = WorldConfig { drones: vec![DroneConfig::default()], ..WorldConfig::default() };
+    let world = World::new(&config, 1).expect("a world");
+    let (near, far) = memory_pair();
+    let autopilot = AutopilotConfig::default();
+    let mut emulated = EmulatedAutopilot::new(autopilot, &world, 0, far).expect("an autopilot");
+    let noisy = Noisy { stream: near, seed: 7 };
+    let config = MavlinkConfig { pose_timeout_s: 3.0, ..MavlinkConfig::default() };
+    let mut driver = MavlinkVehicle::new(config, noisy, world.clock()).expect("a driver");
+    let mut up = false;
+    for _ in 0..4000 {
+        world.advance(TICK).expect("time passes");
+        emulated.serve().expect("a cable");
+        let state = driver.state().expect("a cable");
+        if !up && state.hindrance.is_empty() {
+            driver.take_off(5.0).expect("accepted");
+            up = true;
+        }
+        if state.commanded {
+            break;
+        }
+    }
+    assert!(driver.state().expect("a cable").commanded, "it flies all the same");
+    let counts = driver.link_counts();
+    assert!(counts.garbage_bytes > 100 && counts.messages > 200, "{counts:?}");
+    assert!(driver.origin().is_some(), "its launch place became the origin");
+    // The other end is pulled out: an error at every call, and no panic.
+    drop(emulated);
+    let failed = (0..100_000).any(|_| driver.state().is_err());
+    assert!(
+        failed && matches!(driver.pose(), Err(MavlinkError::Link(_) | MavlinkError::Stale { .. }))
+    );
+}
+
+#[test]
+fn what_examine_finds() {
+    let mut field = Field::of(Autopilot::ArduPilot);
+    field.run(4.0);
+    let Field { world, emulated, driver } = &mut field;
+    let mut pause = || {
+        world.advance(TICK).expect("time passes");
+        emulated.serve().expect("a cable");
+    };
+    let findings = driver.examine(&mut pause);
+    let text: Vec<String> = findings.iter().map(ToString::to_string).collect();
+    assert!(findings.iter().all(foxhunt::hardware::Finding::is_good), "{text:#?}");
+    for wanted in [
+        "autopilot: ArduPilot, system 1",
+        "firmware: 4.5.7",
+        "mode: STABILIZE",
+        "position: 3D, 14 satellites, good to 0.50 m",
+        "battery: 100 % left",
+    ] {
+        assert!(text.iter().any(|line| line == wanted), "no {wanted:?} in {text:#?}");
+    }
+    // Nobody at the other end: it ends, and says what to look at.
+    let (near, _far) = memory_pair();
+    let config = MavlinkConfig::default();
+    let mut alone = MavlinkVehicle::new(config, near, world.clock()).expect("a driver");
+    let before = world.clock().now();
+    let findings = alone.examine(&mut || world.advance(0.1).expect("time passes"));
+    assert!(world.clock().now() - before < 7.0);
+    assert!(findings.iter().any(|finding| finding.text == "nothing was heard"), "{findings:?}");
+}
