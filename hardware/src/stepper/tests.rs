@@ -104,6 +104,8 @@ fn an_angle_is_come_to_from_below() {
     // 6° are 68 half steps, a quarter of a turn 1019.
     let made = orders(Approach::OneSided, &[quarter, 2.0 * quarter, quarter, quarter, 0.0]);
     assert_eq!(made, [1019, 2038, 951, 1019, -68, 0]);
+    // From the start the play may be anywhere: 32 half steps do not take it up.
+    assert_eq!(orders(Approach::OneSided, &[0.05]), [-36, 32]);
     // Once the play is taken up, each side is known.
     let made = orders(Approach::Compensated, &[quarter, 2.0 * quarter, quarter, 0.0, quarter]);
     assert_eq!(made, [1019, 2038, 951, -68, 1019]);

@@ -120,6 +120,17 @@ fn garbage_and_lost_bytes_are_made_good() {
 }
 
 #[test]
+fn a_lost_order_is_repeated() {
+    let mut rig = Rig::new(FirmataConfig::default(), EmulatedStepperConfig::default());
+    rig.turn(0.0);
+    rig.cable.borrow_mut().swallows = 1;
+    rig.driver.turn_to(0.5).expect("it is accepted");
+    // 325 half steps are 0.54 s; asked twice after that, and ordered again.
+    let told = rig.wait(3.0).expect("it comes there in time");
+    assert!((told - 0.5).abs() < half_step() && (rig.truth() - told).abs() < 1e-9);
+}
+
+#[test]
 fn silence_and_a_foreign_firmware_are_told() {
     let config = FirmataConfig::default();
     let mut rig = Rig::new(config.clone(), EmulatedStepperConfig::default());

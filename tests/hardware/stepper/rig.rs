@@ -19,6 +19,8 @@ pub(crate) struct Cable {
     /// Every so many-th byte from the device is lost.
     pub(crate) loses_every: Option<u32>,
     pub(crate) count: u32,
+    /// So many messages to the device are lost.
+    pub(crate) swallows: u32,
 }
 
 /// The host's end of a cable.
@@ -63,9 +65,15 @@ impl ByteStream for Plug {
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        if self.cable.borrow().pulled {
+        let mut cable = self.cable.borrow_mut();
+        if cable.pulled {
             return Err(io::Error::new(io::ErrorKind::NotConnected, "it is pulled"));
         }
+        if cable.swallows > 0 {
+            cable.swallows -= 1;
+            return Ok(());
+        }
+        drop(cable);
         self.stream.send(bytes)
     }
 
