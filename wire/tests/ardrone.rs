@@ -62,7 +62,8 @@ fn what_is_no_order_is_named() {
         "PCMD\r",
     ] {
         let error = parse_commands(text.as_bytes()).expect_err(text).to_string();
-        assert!(error.contains(text.trim_end()), "{error}");
+        let line = format!("{:?}", text.trim_end());
+        assert!(error.contains(&line), "{error}");
     }
     assert!(parse_commands(&[0xFF]).is_err());
     assert!(parse_commands(&[b'A'; 1025]).is_err());
