@@ -1,4 +1,8 @@
-use std::io;
+use std::{
+    io,
+    sync::mpsc::{self, Receiver, TryRecvError},
+    thread,
+};
 
 use foxhunt_core::Clock;
 use foxhunt_wire::{ByteStream, Endpoint};
@@ -6,11 +10,17 @@ use foxhunt_wire::{ByteStream, Endpoint};
 /// How long after a failure an endpoint is opened again, in seconds.
 const RETRY_S: f64 = 1.0;
 
+type Opened = io::Result<Box<dyn ByteStream + Send>>;
+
 /// An endpoint that is opened again when it failed: a cable that was pulled and put back.
+///
+/// It is opened again by a thread of its own, which ends when the system has answered: a host that is
+/// switched off keeps nobody waiting.
 pub struct Reconnecting<C> {
     endpoint: Endpoint,
     clock: C,
-    stream: Option<Box<dyn ByteStream>>,
+    stream: Option<Box<dyn ByteStream + Send>>,
+    opening: Option<Receiver<Opened>>,
     connections: u32,
     /// When it is tried again.
     retry_at: f64,
@@ -37,25 +47,15 @@ impl<C: Clock> Reconnecting<C> {
     pub fn open(endpoint: Endpoint, clock: C) -> io::Result<Self> {
         let stream = Some(endpoint.open()?);
         let failure = String::new();
-        Ok(Self { endpoint, clock, stream, connections: 1, retry_at: 0.0, failure })
+        Ok(Self { endpoint, clock, stream, opening: None, connections: 1, retry_at: 0.0, failure })
     }
 
     fn with<T>(&mut self, act: impl FnOnce(&mut dyn ByteStream) -> io::Result<T>) -> io::Result<T> {
         let now = self.clock.now();
         if self.stream.is_none() {
-            if now < self.retry_at {
-                let text = format!("{} is gone: {}", self.endpoint, self.failure);
-                return Err(io::Error::new(io::ErrorKind::NotConnected, text));
-            }
-            match self.endpoint.open() {
-                Ok(stream) => {
-                    self.stream = Some(stream);
-                    self.connections = self.connections.saturating_add(1);
-                }
-                Err(error) => return Err(self.failed(now, error)),
-            }
+            self.reopen(now)?;
         }
-        let Some(stream) = &mut self.stream else { unreachable!("it was opened above") };
+        let Some(stream) = &mut self.stream else { return Err(self.gone()) };
         match act(stream.as_mut()) {
             // Nobody there yet, or no room now, is no reason to open it again.
             Err(error)
@@ -69,6 +69,38 @@ impl<C: Clock> Reconnecting<C> {
             }
             other => other,
         }
+    }
+
+    /// Goes on with opening it again; an error where that has failed.
+    fn reopen(&mut self, now: f64) -> io::Result<()> {
+        let Some(opening) = &self.opening else {
+            if now >= self.retry_at {
+                let (endpoint, (told, opening)) = (self.endpoint.clone(), mpsc::channel());
+                // Whoever waited for it may be gone by the time it is open.
+                thread::spawn(move || told.send(endpoint.open()));
+                self.opening = Some(opening);
+            }
+            return Ok(());
+        };
+        let opened = match opening.try_recv() {
+            Err(TryRecvError::Empty) => return Ok(()),
+            Err(TryRecvError::Disconnected) => Err(io::Error::other("it could not be opened")),
+            Ok(opened) => opened,
+        };
+        self.opening = None;
+        match opened {
+            Ok(stream) => {
+                self.stream = Some(stream);
+                self.connections = self.connections.saturating_add(1);
+                Ok(())
+            }
+            Err(error) => Err(self.failed(now, error)),
+        }
+    }
+
+    fn gone(&self) -> io::Error {
+        let text = format!("{} is gone: {}", self.endpoint, self.failure);
+        io::Error::new(io::ErrorKind::NotConnected, text)
     }
 
     fn failed(&mut self, now: f64, error: io::Error) -> io::Error {

@@ -52,10 +52,10 @@ pub struct Site {
     pub lat_deg: f64,
     /// Longitude in degrees, WGS84, East positive.
     pub lon_deg: f64,
-    /// Height of the ground above the ellipsoid, in metres: what Up is counted from where a receiver
-    /// tells heights above the ellipsoid.
-    #[serde(default)]
-    pub ground_alt_m: f64,
+    /// Height of the ground where the drones stand above the ellipsoid, in metres: what Up is counted from
+    /// where a GNSS receiver of its own tells where a drone is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground_alt_m: Option<f64>,
 }
 
 /// A beacon that is looked for.
@@ -83,7 +83,11 @@ impl Site {
     ///
     /// [`FlyError::Site`] when there is no such place.
     pub fn frame(&self) -> Result<LocalFrame, FlyError> {
-        Ok(LocalFrame::new(Geodetic::new(self.lat_deg, self.lon_deg, self.ground_alt_m)?)?)
+        Ok(LocalFrame::new(Geodetic::new(
+            self.lat_deg,
+            self.lon_deg,
+            self.ground_alt_m.unwrap_or(0.0),
+        )?)?)
     }
 }
 
@@ -133,7 +137,7 @@ impl FlightConfig {
         }
         self.drones.iter().try_for_each(|drone| {
             let named = |reason| FlyError::Drone { drone: drone.name.clone(), reason };
-            drone.check(&self.site, &self.beacons).map_err(named)
+            drone.check(&self.site, &self.beacons, self.flight.takeoff_up_m).map_err(named)
         })
     }
 

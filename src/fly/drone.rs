@@ -35,7 +35,23 @@ pub struct DroneConfig {
 
 impl DroneConfig {
     /// What is wrong, as far as no device is asked.
-    pub(super) fn check(&self, site: &Site, beacons: &[FlownBeacon]) -> Result<(), String> {
+    pub(super) fn check(
+        &self,
+        site: &Site,
+        beacons: &[FlownBeacon],
+        takeoff_up_m: f64,
+    ) -> Result<(), String> {
+        let (least, most) = match &self.vehicle {
+            VehicleDevice::Mavlink { settings, .. } => {
+                (settings.limits.min_up_m, settings.limits.max_up_m)
+            }
+            VehicleDevice::ArDrone { settings, .. } => (settings.min_up_m, settings.max_up_m),
+        };
+        if !(least..=most).contains(&takeoff_up_m) {
+            return Err(format!(
+                "flight.takeoff_up_m is {takeoff_up_m}; vehicle.settings allow {least} to {most} m"
+            ));
+        }
         match &self.vehicle {
             VehicleDevice::Mavlink { settings, .. } => {
                 let settings = with_origin(settings, site)?;
@@ -47,6 +63,11 @@ impl DroneConfig {
             }
         }
         if let Some(gnss) = &self.gnss {
+            if site.ground_alt_m.is_none() {
+                return Err(
+                    "a gnss of its own needs site.ground_alt_m, to tell heights from".into()
+                );
+            }
             gnss.settings.check().map_err(|error| format!("gnss.settings.{error}"))?;
         }
         match &self.radio {
@@ -88,6 +109,29 @@ impl DroneConfig {
                 config.check().map_err(|error| format!("source: {error}"))
             }
             _ => Ok(()),
+        }
+    }
+
+    /// What its driver lets it be sent to, in words.
+    pub(super) fn limits(&self) -> String {
+        match &self.vehicle {
+            VehicleDevice::Mavlink { settings, .. } => {
+                let limits = &settings.limits;
+                format!(
+                    "{} to {} m up, {} m from where it stands, without a link after {} s",
+                    limits.min_up_m,
+                    limits.max_up_m,
+                    limits.fence_radius_m,
+                    settings.link_timeout_s
+                )
+            }
+            VehicleDevice::ArDrone { settings, .. } => format!(
+                "{} to {} m up, {} m from where it stands, without a link after {} s",
+                settings.min_up_m,
+                settings.max_up_m,
+                settings.fence_radius_m,
+                settings.link_timeout_s
+            ),
         }
     }
 

@@ -58,7 +58,7 @@ pub struct DroneFaults {
 /// A field in the middle of Europe, on free ports, without faults.
 impl Default for EmulatedFieldConfig {
     fn default() -> Self {
-        let site = Site { lat_deg: 50.0755, lon_deg: 14.4378, ground_alt_m: 0.0 };
+        let site = Site { lat_deg: 50.0755, lon_deg: 14.4378, ground_alt_m: None };
         Self { site, first_port: None, faults: Vec::new() }
     }
 }
@@ -137,7 +137,7 @@ impl EmulatedField {
         let faults = config.faults.get(drone).cloned().unwrap_or_default();
         let site = config.site;
         let autopilot = AutopilotConfig {
-            origin: Geodetic::new(site.lat_deg, site.lon_deg, site.ground_alt_m)?,
+            origin: Geodetic::new(site.lat_deg, site.lon_deg, site.ground_alt_m.unwrap_or(0.0))?,
             faults: faults.vehicle,
             ..AutopilotConfig::default()
         };

@@ -1,82 +1,9 @@
 use std::{collections::VecDeque, fmt};
 
-use foxhunt_core::{PatternSource, Station};
-use foxhunt_hardware::{Aircraft, AircraftState};
-use serde::{Deserialize, Serialize};
-
+use super::{Ending, FlightRules};
 use crate::hunt::{BoxedHunt, Event, FlightStage, drive};
-
-/// When a flight begins, and how it ends: the pilot's rules.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct FlightRules {
-    /// How high the drones climb at take-off, in metres above where each stands.
-    pub takeoff_up_m: f64,
-    /// When all is found.
-    pub at_end: Ending,
-    /// When the pilot breaks off, or something goes wrong.
-    pub on_abort: Ending,
-    /// Aircraft that are not ready after this long end the flight on the ground.
-    pub ready_timeout_s: f64,
-    /// Aircraft that are not up after this long end the flight.
-    pub climb_timeout_s: f64,
-    /// Aircraft that are not down after this long are not waited for.
-    pub leaving_timeout_s: f64,
-}
-
-/// What aircraft that are still in the air do when a flight ends.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum Ending {
-    /// They come back and land by their autopilots' own rules.
-    #[default]
-    Return,
-    /// They land where they are.
-    Land,
-    /// They stay where they are, for the pilot to take.
-    Hold,
-}
-
-impl fmt::Display for Ending {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Return => "they return and land",
-            Self::Land => "they land where they are",
-            Self::Hold => "they stay where they are",
-        })
-    }
-}
-
-impl Default for FlightRules {
-    /// 4 m as in the reference, return in either case, 180 s to get ready (a GNSS receiver that
-    /// starts cold), 60 s to climb, 300 s to come back.
-    fn default() -> Self {
-        Self {
-            takeoff_up_m: 4.0,
-            at_end: Ending::Return,
-            on_abort: Ending::Return,
-            ready_timeout_s: 180.0,
-            climb_timeout_s: 60.0,
-            leaving_timeout_s: 300.0,
-        }
-    }
-}
-
-impl FlightRules {
-    /// The first field that is out of its range, with its value.
-    #[must_use]
-    pub fn out_of_range(&self) -> Option<(&'static str, f64)> {
-        [
-            ("takeoff_up_m", self.takeoff_up_m),
-            ("ready_timeout_s", self.ready_timeout_s),
-            ("climb_timeout_s", self.climb_timeout_s),
-            ("leaving_timeout_s", self.leaving_timeout_s),
-        ]
-        .into_iter()
-        .find(|(_, value)| !(*value > 0.0 && value.is_finite()))
-    }
-}
+use foxhunt_core::{PatternSource, Station, Waypoint};
+use foxhunt_hardware::{Aircraft, AircraftState};
 
 /// A drone that is flown.
 #[derive(Debug)]
@@ -108,6 +35,8 @@ pub struct Mission<A, S> {
     /// By which rule the aircraft leave, and when they were told last.
     ending: Ending,
     ordered: Vec<f64>,
+    /// Which have taken the order to leave.
+    told_to_leave: Vec<bool>,
     /// Whether take-off waits for a word, and has it.
     waits: bool,
     ready: bool,
@@ -160,6 +89,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             told: vec![None; names.len()],
             ours: vec![String::new(); names.len()],
             ordered: vec![f64::NEG_INFINITY; names.len()],
+            told_to_leave: vec![false; names.len()],
             names,
             aircraft,
             sources,
@@ -285,6 +215,9 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
                 });
                 self.told[drone] = Some(state.clone());
             }
+            if state.commanded {
+                self.ours[drone].clone_from(&state.mode);
+            }
             states.push(Some(state));
         }
         states
@@ -325,7 +258,14 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             let mut why = format!("{} is not up: {why}", self.names[drone]);
             if time - self.ordered[drone] >= ORDER_AGAIN_S {
                 self.ordered[drone] = time;
-                if let Err(error) = self.aircraft[drone].take_off(self.rules.takeoff_up_m) {
+                let aircraft = &mut self.aircraft[drone];
+                // One that is up already, from a flight that was cut short, is taken as it is.
+                let taken = if state.as_ref().is_some_and(|state| state.airborne) {
+                    aircraft.take_over()
+                } else {
+                    aircraft.take_off(self.rules.takeoff_up_m)
+                };
+                if let Err(error) = taken {
                     why = format!("{} does not take off: {error}", self.names[drone]);
                     self.hunt.device_failed(time, Some(drone), why.clone());
                 }
@@ -359,9 +299,6 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
     fn fly(&mut self, time: f64, states: &[Option<AircraftState>]) {
         for (drone, state) in states.iter().enumerate() {
             let Some(state) = state else { continue };
-            if state.commanded {
-                self.ours[drone].clone_from(&state.mode);
-            }
             let lost = state.airborne && !state.commanded && state.mode == self.ours[drone];
             if lost && time - self.ordered[drone] >= ORDER_AGAIN_S {
                 self.ordered[drone] = time;
@@ -377,41 +314,64 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         }
     }
 
-    /// Tells those that are in the air and in our hands how to come down, until all are.
+    /// Tells all that are in our hands how to come down, until they are: those in the air, and those that
+    /// are about to leave the ground. One that does not say what it does is told all the same.
     fn leave(&mut self, time: f64, states: &[Option<AircraftState>]) {
-        let mut in_the_air = Vec::new();
+        let mut waited_for = Vec::new();
         for (drone, state) in states.iter().enumerate() {
-            // One without a link follows its own autopilot's rules.
-            let Some(state) = state else { continue };
-            if !state.airborne || (self.ending == Ending::Hold) {
+            let down = state.as_ref().is_some_and(|state| !state.airborne && !state.armed);
+            let ours = state.as_ref().is_none_or(|state| self.is_ours(drone, state));
+            if self.ending == Ending::Hold && !ours {
                 continue;
             }
-            if state.commanded && time - self.ordered[drone] >= ORDER_AGAIN_S {
-                self.ordered[drone] = time;
-                let aircraft = &mut self.aircraft[drone];
-                let taken = match self.ending {
-                    Ending::Return => aircraft.return_to_launch(),
-                    Ending::Land => aircraft.land(),
-                    Ending::Hold => Ok(()),
-                };
-                if let Err(error) = taken {
-                    self.hunt.device_failed(time, Some(drone), error.to_string());
-                }
+            if (!down || !self.told_to_leave[drone]) && ours {
+                self.order_down(time, drone);
             }
-            in_the_air.push(self.names[drone].as_str());
+            if !down {
+                waited_for.push(self.names[drone].clone());
+            }
         }
-        if in_the_air.is_empty() {
+        if waited_for.is_empty() {
             self.enter(time, FlightStage::Over, "nobody is left to be brought down".into());
         } else if time - self.since >= self.rules.leaving_timeout_s {
-            let why = format!("still in the air: {}", in_the_air.join(", "));
+            let why = format!("not known to be down: {}", waited_for.join(", "));
             self.failure.get_or_insert_with(|| why.clone());
             self.enter(time, FlightStage::Over, why);
+        }
+    }
+
+    /// Whether an aircraft is in our hands: it takes our orders, or is in the mode in which it took them
+    /// last, or has never been anybody else's. One that is coming down by our order has another mode.
+    fn is_ours(&self, drone: usize, state: &AircraftState) -> bool {
+        let mode = &self.ours[drone];
+        state.commanded || !state.airborne || mode.is_empty() || *mode == state.mode
+    }
+
+    fn order_down(&mut self, time: f64, drone: usize) {
+        if time - self.ordered[drone] < ORDER_AGAIN_S {
+            return;
+        }
+        self.ordered[drone] = time;
+        let aircraft = &mut self.aircraft[drone];
+        let taken = match self.ending {
+            Ending::Return => aircraft.return_to_launch(),
+            Ending::Land => aircraft.land(),
+            Ending::Hold if self.told_to_leave[drone] => Ok(()),
+            Ending::Hold => aircraft.spin(None).and_then(|()| {
+                let position = aircraft.pose()?.position;
+                aircraft.go_to(&Waypoint { position })
+            }),
+        };
+        match taken {
+            Ok(()) => self.told_to_leave[drone] = true,
+            Err(error) => self.hunt.device_failed(time, Some(drone), error.to_string()),
         }
     }
 
     fn end(&mut self, time: f64, ending: Ending, reason: String) {
         self.ending = ending;
         self.ordered.fill(f64::NEG_INFINITY);
+        self.told_to_leave.fill(false);
         self.enter(time, FlightStage::Leaving, reason);
     }
 

@@ -12,6 +12,7 @@ mod mission;
 mod open;
 mod plan;
 mod report;
+mod rules;
 mod tapped;
 
 pub use config::{FlightConfig, FlownBeacon, Site};
@@ -25,8 +26,9 @@ pub use erased::{
 };
 pub use error::FlyError;
 pub use identify::identify;
-pub use mission::{Ending, FlightRules, FlownDrone, Mission, MissionError};
+pub use mission::{FlownDrone, Mission, MissionError};
 pub use open::OpenDrone;
 pub use plan::{FlightPlan, PlannedDrone};
 pub use report::{FlightReport, FlownFix};
+pub use rules::{Ending, FlightRules};
 pub use tapped::{Tap, Tapped};

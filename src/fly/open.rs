@@ -215,8 +215,8 @@ impl DroneConfig {
         clock: &C,
     ) -> Result<
         KrakenSource<
-            Box<dyn foxhunt_wire::ByteStream>,
-            impl FnMut() -> std::io::Result<Box<dyn foxhunt_wire::ByteStream>> + use<C>,
+            Box<dyn foxhunt_wire::ByteStream + Send>,
+            impl FnMut() -> std::io::Result<Box<dyn foxhunt_wire::ByteStream + Send>> + use<C>,
             Shared<BoxedAircraft>,
             C,
         >,

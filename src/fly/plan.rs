@@ -32,6 +32,8 @@ pub struct PlannedDrone {
     pub launch_m: Option<[f64; 2]>,
     /// Where it goes first, East, North and Up in metres.
     pub first_goal_m: Option<[f64; 3]>,
+    /// What its driver lets it be sent to.
+    pub limits: String,
     /// Its devices, each with where it is reached.
     pub devices: Vec<(&'static str, String)>,
 }
@@ -96,6 +98,7 @@ impl PlannedDrone {
             name: drone.name.clone(),
             launch_m: drone.launch_m,
             first_goal_m: None,
+            limits: drone.limits(),
             devices: endpoints.map(|(device, endpoint)| (device, endpoint.to_string())).collect(),
         }
     }

@@ -74,6 +74,11 @@ where
             let reason = format!("its end, {ended} s, or {receiver:?} is not finite");
             return self.outbox.tell(Event::Refused { time, drone, reason });
         }
+        // What no observation can be made of, a NaN from another computer, must not stand in the log:
+        // it could not be read back.
+        if let Err(error) = Observation::<2>::try_from(reception) {
+            return self.outbox.tell(Event::Refused { time, drone, reason: error.to_string() });
+        }
         let mut reception = *reception;
         let assumed = self.config.receiver_sigma_m.map(Vector3::repeat);
         reception.receiver_sigma_m = reception.receiver_sigma_m.or(assumed);

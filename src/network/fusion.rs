@@ -299,14 +299,18 @@ where
         if again {
             self.order_at = time + self.config.order_every_s;
         }
+        // A drone that cannot be reached keeps no other one from its orders.
+        let mut failure = Ok(());
         for (index, drone) in self.drones.iter_mut().enumerate() {
             if drone.order.number > 0 && (again || !drone.told) {
                 drone.order.at = now;
-                self.link.send(index, &drone.order)?;
-                drone.told = true;
+                match self.link.send(index, &drone.order) {
+                    Ok(()) => drone.told = true,
+                    Err(error) => failure = failure.and(Err(error.into())),
+                }
             }
         }
-        Ok(())
+        failure
     }
 
     fn show(&mut self, time: f64, now: UnixTime) -> Result<(), NetworkError> {

@@ -135,8 +135,10 @@ fn a_hunt_through_wires_finds_what_the_simulation_finds() {
 #[test]
 fn a_hunt_survives_its_faults() {
     let mut scenario = scenario();
-    // The second beacon is not to be heard for a while.
-    scenario.world.drones[0].silent = vec![Interval { from_s: 150.0, to_s: Some(190.0) }];
+    // Nobody hears anything for a while: the beacon is silent.
+    for drone in &mut scenario.world.drones {
+        drone.silent = vec![Interval { from_s: 150.0, to_s: Some(190.0) }];
+    }
     let during = |from_s, to_s| vec![Interval { from_s, to_s: Some(to_s) }];
     let faults = vec![
         DroneFaults {
@@ -153,18 +155,20 @@ fn a_hunt_survives_its_faults() {
         },
     ];
     let flown = fly(&scenario, 2, faults, "faults");
-    assert_eq!(flown.fixes.len(), 2, "{:?}", flown.failure);
-    let mut told: Vec<String> = Vec::new();
-    for event in &flown.events {
-        if let Event::DeviceFailed { drone: Some(drone), reason, .. } = event {
-            told.push(format!("{drone}: {reason}"));
-        }
-    }
-    println!("{told:#?}");
-    for drone in 0..3 {
-        let of_it = |text: &&String| text.starts_with(&format!("{drone}: "));
-        assert!(told.iter().any(|text| of_it(&text)), "drone {drone} failed and nobody said so");
-    }
+    assert_eq!((flown.fixes.len(), &flown.failure), (2, &None));
+    use FlightStage::{Climbing, Hunting, Leaving, Over, Preparing};
+    assert_eq!(stages(&flown), [Preparing, Climbing, Hunting, Leaving, Over]);
+    let told = |drone: usize, within: std::ops::Range<f64>, words: &str| {
+        flown.events.iter().any(|event| match event {
+            Event::DeviceFailed { time, drone: Some(of), reason } => {
+                *of == drone && within.contains(time) && reason.contains(words)
+            }
+            _ => false,
+        })
+    };
+    assert!(told(0, 60.0..75.0, "the radio failed"), "the pulled cable of the radio");
+    assert!(told(1, 90.0..100.0, "the rotator failed"), "the pulled cable of the motor");
+    assert!(told(2, 80.0..95.0, "heartbeat"), "the autopilot that fell silent");
     for (fix, truth) in flown.fixes.iter().zip(truths(&scenario)) {
         let (nees, error) = off(&fix.estimate, truth);
         println!("{}: {error:.2} m off, NEES {nees:.2}, {} steps", fix.name, fix.steps);

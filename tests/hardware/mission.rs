@@ -26,6 +26,8 @@ struct Doings {
     pilot: bool,
     /// It takes no orders since its link was lost, in the mode in which it was.
     dropped: bool,
+    /// It does not leave the ground.
+    refuses: bool,
     orders: Vec<&'static str>,
 }
 
@@ -71,7 +73,7 @@ impl Aircraft for Lifted {
     fn take_off(&mut self, _up_m: f64) -> Result<(), SimError> {
         let mut doings = self.doings.borrow_mut();
         doings.orders.push("take off");
-        doings.airborne = true;
+        doings.airborne = !doings.refuses;
         Ok(())
     }
 
@@ -205,6 +207,47 @@ fn an_aircraft_is_taken_again_in_the_mode_in_which_it_was_ours() {
     };
     assert_eq!([asked(0), asked(2)], [0, 0], "the pilot has chosen another mode");
     assert!((2..=3).contains(&asked(1)), "its link is back: {}", asked(1));
+}
+
+#[test]
+fn a_take_off_that_is_broken_off_ends_for_all() {
+    let mut field = Field::new(FlightRules { on_abort: Ending::Land, ..FlightRules::default() });
+    field.doings[1].borrow_mut().refuses = true;
+    field.run(3.0, |_| false);
+    assert_eq!(field.mission.stage(), FlightStage::Climbing, "one does not leave the ground");
+    field.mission.abort(field.world.time(), "not today");
+    field.run(1.0, |_| false);
+    for doings in &field.doings {
+        let orders = &doings.borrow().orders;
+        assert_eq!(orders.last(), Some(&"land"), "on the ground or not: {orders:?}");
+    }
+    assert!(field.mission.is_over());
+}
+
+#[test]
+fn a_drone_whose_link_was_lost_is_brought_down_with_the_others() {
+    let mut field = Field::new(FlightRules::default());
+    field.run(30.0, |_| false);
+    field.doings[1].borrow_mut().dropped = true;
+    field.mission.abort(field.world.time(), "enough");
+    field.run(1.0, |_| false);
+    assert_eq!(field.doings[1].borrow().orders.last(), Some(&"return"));
+    assert!(field.mission.is_over());
+}
+
+#[test]
+fn holding_is_an_order_and_lasts_until_the_pilot_has_them() {
+    let mut field = Field::new(FlightRules { on_abort: Ending::Hold, ..FlightRules::default() });
+    field.run(30.0, |_| false);
+    field.mission.abort(field.world.time(), "hold it");
+    field.run(20.0, |_| false);
+    assert_eq!(field.mission.stage(), FlightStage::Leaving, "they are served until then");
+    for doings in &field.doings {
+        assert_eq!(doings.borrow().orders.last(), Some(&"go to"), "to where they are");
+        doings.borrow_mut().pilot = true;
+    }
+    field.run(1.0, |_| false);
+    assert!(field.mission.is_over());
 }
 
 #[test]

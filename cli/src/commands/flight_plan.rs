@@ -53,6 +53,22 @@ fn describe(plan: &FlightPlan) -> String {
         hunt.move_timeout_s,
         hunt.turn_timeout_s,
     );
+    let airspace = &hunt.airspace;
+    if !airspace.fence_m.is_empty() {
+        said.push_str(&format!("fence: {:?}\n", airspace.fence_m));
+    }
+    if let Some([least, most]) = airspace.altitude_m {
+        said.push_str(&format!("between {least} and {most} m up\n"));
+    }
+    if let Some(endurance) = &hunt.endurance {
+        said.push_str(&format!(
+            "{:.0} s in the air, {:.0} s of them kept\n",
+            endurance.endurance_s, endurance.reserve_s
+        ));
+    }
+    for drone in &plan.drones {
+        said.push_str(&format!("{}: {}\n", drone.name, drone.limits));
+    }
     for remark in &plan.remarks {
         said.push_str("note: ");
         said.push_str(remark);

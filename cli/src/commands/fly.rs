@@ -72,9 +72,13 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     }
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
     let files = Files::free_in(&args.out)?;
-    let clock = SystemClock::start();
-    #[expect(clippy::cast_possible_truncation, reason = "whole seconds until the year 292 billion")]
-    let epoch = clock.started_unix_s() as i64;
+    let system = SystemClock::start();
+    // Time 0 is the whole second before.
+    let epoch_s = system.started_unix_s().floor();
+    let fraction = system.started_unix_s() - epoch_s;
+    let clock = move || system.now() + fraction;
+    #[expect(clippy::cast_possible_truncation, reason = "a whole number of seconds")]
+    let epoch = epoch_s as i64;
     let header = config.log_header(&estimator, args.seed, Some(epoch));
     let mut log = LogWriter::new(files.create(&files.log)?, &header)
         .map_err(|error| CliError::writing(&files.log, error))?;
@@ -87,7 +91,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let kept = Rc::clone(&samples);
     let keep = move |drone: usize, sweep: &Sweep<'_>| kept.borrow_mut().keep(drone, sweep);
     let tap: Tap = Rc::new(RefCell::new(keep));
-    let drones = config.open(&clock, clock.started_unix_s(), Some(&tap)).map_err(open_error)?;
+    let drones = config.open(&clock, epoch_s, Some(&tap)).map_err(open_error)?;
     let mut mission =
         Mission::new(config.flight, hunt, drones, clock.now()).map_err(CliError::input)?;
     mission.wait_for_go(!args.yes);

@@ -44,6 +44,9 @@ pub enum KrakenError {
     },
 }
 
+/// Numbers are smaller than this; a frequency in Hz is the largest.
+const LARGEST: f64 = 1e12;
+
 impl KrakenDoa {
     /// The lines of a page; tags around them are left out.
     #[must_use]
@@ -73,7 +76,7 @@ impl KrakenDoa {
         // Counted from 1, as everybody does.
         let number = |field: usize| {
             let value = texts.get(field - 1).and_then(|text| text.parse().ok());
-            value.filter(|value: &f64| value.is_finite()).ok_or_else(|| wrong(field))
+            value.filter(|value: &f64| value.abs() < LARGEST).ok_or_else(|| wrong(field))
         };
         let unix_ms = texts.first().and_then(|text| text.parse().ok()).ok_or_else(|| wrong(1))?;
         let spectrum = (BEFORE + 1..=FIELDS).map(number).collect::<Result<Vec<_>, _>>()?;

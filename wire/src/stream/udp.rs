@@ -48,6 +48,9 @@ impl UdpStream {
     }
 }
 
+/// How many datagrams of others are thrown away at once.
+const STRANGERS: usize = 64;
+
 fn bound(address: &str) -> io::Result<UdpSocket> {
     let named = |error: io::Error| io::Error::new(error.kind(), format!("{address}: {error}"));
     let socket = UdpSocket::bind(address).map_err(named)?;
@@ -58,7 +61,8 @@ fn bound(address: &str) -> io::Result<UdpSocket> {
 impl ByteStream for UdpStream {
     fn receive(&mut self, into: &mut [u8]) -> io::Result<usize> {
         use io::ErrorKind::{ConnectionRefused, ConnectionReset, Interrupted, WouldBlock};
-        loop {
+        // A stranger that floods the port keeps nobody here.
+        for _ in 0..STRANGERS {
             match self.socket.recv_from(into) {
                 Ok((count, from)) if self.learns => {
                     self.peer = Some(from);
@@ -72,6 +76,7 @@ impl ByteStream for UdpStream {
                 Err(error) => return Err(error),
             }
         }
+        Ok(0)
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {

@@ -121,6 +121,7 @@ fn serve(
     let stopped = Arc::clone(&stop);
     ctrlc::set_handler(move || stopped.store(true, Ordering::Relaxed))
         .map_err(CliError::failure)?;
+    let target = field.link.as_ref().and_then(|link| fs::read_link(link).ok());
     let begun = Instant::now();
     while !stop.load(Ordering::Relaxed) {
         let due = begun.elapsed().as_secs_f64() * field.speed;
@@ -138,8 +139,9 @@ fn serve(
         }
         thread::sleep(Duration::from_millis(1));
     }
-    if let Some(link) = &field.link {
-        // It may have been replaced by another program's meanwhile.
+    // It may have been replaced by another program's meanwhile, or be none of ours.
+    let ours = |link: &PathBuf| fs::read_link(link).ok().is_some_and(|to| Some(to) == target);
+    if let Some(link) = field.link.as_ref().filter(|link| ours(link)) {
         let _ = fs::remove_file(link);
     }
     Ok(())
