@@ -38,8 +38,23 @@ npm_env() {
     npm install --silent --no-fund --no-audit --prefix "$peers/node" "$@" >/dev/null || fail "cannot install $*"
 }
 
-# The program, built; sets $foxhunt.
+# The tests of the drivers, built as the whole suite builds them, so that nothing is built twice.
+driver_tests() {
+    cargo test --quiet --locked --workspace --test hardware --no-run || fail "the tests do not build"
+}
+
+# Runs one of them that is ignored otherwise, by its full name, and sees that it did run.
+driver_test() {
+    local said
+    said=$(timeout 600 cargo test --quiet --locked --workspace --test hardware -- \
+        --ignored --exact "$1" --nocapture 2>&1) || { echo "$said"; return 1; }
+    echo "$said"
+    grep -q "1 passed" <<<"$said"
+}
+
+# The program, built with more features if they are given, such as `--features foxhunt-cli/ros2`; sets
+# $foxhunt.
 foxhunt_program() {
-    cargo build --quiet --locked --package foxhunt-cli "$@" || fail "the program does not build"
+    cargo build --quiet --locked --workspace --bins "$@" || fail "the program does not build"
     foxhunt=${CARGO_TARGET_DIR:-$root/target}/debug/foxhunt
 }
