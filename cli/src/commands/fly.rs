@@ -16,7 +16,7 @@ use std::{
 use foxhunt::{
     core::{Clock, Sweep},
     fly::{FlightConfig, FlightReport, FlyError, Mission, Tap},
-    hardware::SystemClock,
+    hardware::{Finding, SystemClock},
     log::LogWriter,
     picture::hunt_svg,
     recording::{RecordingError, SweepWriter},
@@ -30,7 +30,7 @@ use crate::{
 
 /// Fly a hunt on real devices
 ///
-/// Opens the devices that the file names, waits until every drone is ready, and asks before anything
+/// Looks at the devices that the file names, waits until every drone is ready, and asks before anything
 /// turns. Then all take off, hunt, and come back. Enter or Ctrl-C breaks off at any time: the drones
 /// then do what the file says under flight.on_abort. Everything is logged from the first second.
 #[derive(Debug, clap::Args)]
@@ -91,6 +91,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let kept = Rc::clone(&samples);
     let keep = move |drone: usize, sweep: &Sweep<'_>| kept.borrow_mut().keep(drone, sweep);
     let tap: Tap = Rc::new(RefCell::new(keep));
+    look_at_devices(&config, &clock, epoch_s);
     let drones = config.open(&clock, epoch_s, Some(&tap)).map_err(open_error)?;
     let mut mission =
         Mission::new(config.flight, hunt, drones, clock.now()).map_err(CliError::input)?;
@@ -142,6 +143,21 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     match mission.failure() {
         Some(why) => Err(CliError::failure(why)),
         None => Ok(()),
+    }
+}
+
+/// Says what is wrong with the devices before anybody flies; whether that matters is the pilot's to say:
+/// a beacon may be too far to be heard from here.
+fn look_at_devices(config: &FlightConfig, clock: &(impl Clock + Clone + 'static), epoch_s: f64) {
+    let mut pause = || thread::sleep(Duration::from_millis(1));
+    for drone in &config.drones {
+        let mut tell = |device: &'static str, findings: Vec<Finding>| {
+            for finding in findings.iter().filter(|finding| !finding.is_good()) {
+                warn(&format!("{}, {device}: {finding}", drone.name));
+            }
+        };
+        let (site, beacons) = (&config.site, &config.beacons);
+        drone.examine(site, beacons, clock, epoch_s, &mut pause, &mut tell);
     }
 }
 
