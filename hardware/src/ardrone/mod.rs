@@ -3,6 +3,8 @@
 mod config;
 mod control;
 mod examine;
+#[cfg(test)]
+mod safety;
 mod serve;
 mod traits;
 mod vehicle;

@@ -16,6 +16,12 @@ use super::{
 /// After so long without navdata they are asked for again, in seconds.
 const ASK_S: f64 = 0.5;
 
+/// How long a take-off may take besides twice the time of the climb, in seconds.
+const TAKE_OFF_S: f64 = 10.0;
+
+/// How long after its order a take-off may begin, in seconds.
+const UNDER_WAY_S: f64 = 2.0;
+
 /// How close is there, in metres.
 const THERE_M: f64 = 0.4;
 
@@ -56,12 +62,27 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
         let now = self.clock.now();
         let heard = self.listen(now);
         let flying = self.is_flying();
+        let emergency = self.state_is(|state| state.is_emergency());
         let silent = self.silent_s(now) > self.config.link_timeout_s;
         match self.phase {
-            _ if silent && !matches!(self.phase, Phase::Idle | Phase::Stopping) => {
+            // The order to land stands.
+            _ if silent
+                && !matches!(self.phase, Phase::Idle | Phase::Stopping | Phase::Landing) =>
+            {
                 (self.phase, self.goal) = (Phase::Lost, None);
             }
-            Phase::TakingOff(up) => {
+            Phase::TakingOff { calm, .. } if emergency && (calm || flying) => {
+                (self.phase, self.goal) = (Phase::Idle, None);
+                self.failure = "the take-off was given up: an emergency stopped its motors".into();
+            }
+            Phase::TakingOff { up, since, .. } if now - since > self.patience(up) => {
+                self.failure =
+                    format!("the take-off was given up: it is not up after {:.0} s", now - since);
+                self.end_take_off(now);
+            }
+            Phase::TakingOff { up, since, calm } => {
+                let calm = calm || (!emergency && self.heard.is_some_and(|(at, _)| at > since));
+                self.phase = Phase::TakingOff { up, since, calm };
                 let up_there = self.demo().is_some_and(|demo| demo.flight == FlightState::Flying);
                 if self.goal.is_none() && up_there {
                     self.stay();
@@ -79,7 +100,9 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
                     (self.phase, self.goal) = (Phase::Landing, None);
                 }
             }
-            Phase::Landing if !flying => self.phase = Phase::Idle,
+            Phase::Landing if !flying && !silent && now >= self.land_until => {
+                self.phase = Phase::Idle
+            }
             Phase::Flying if !flying => (self.phase, self.goal) = (Phase::Idle, None),
             Phase::Stopping if self.state_is(|state| state.is_emergency()) => {
                 self.phase = Phase::Idle;
@@ -126,11 +149,13 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
         let mut commands = match self.phase {
             // By itself it hovers.
             Phase::Lost => return Ok(()),
+            // Whoever has it in the air is not made to land by us.
+            Phase::Idle if self.is_flying() || self.check_link(now).is_err() => Vec::new(),
             Phase::Idle | Phase::Landing => vec![reference(false, false), ArDroneCommand::hover()],
             Phase::Stopping => vec![reference(false, true)],
             // The bit ends an emergency, where there is one, before it flies.
-            Phase::TakingOff(_) if emergency => vec![reference(false, true)],
-            Phase::TakingOff(_) | Phase::Flying | Phase::Returning => {
+            Phase::TakingOff { calm: false, .. } if emergency => vec![reference(false, true)],
+            Phase::TakingOff { .. } | Phase::Flying | Phase::Returning => {
                 let pose = self.known_pose();
                 let moving = self.goal.as_mut().map(|goal| {
                     goal.heading = angle::wrap(goal.heading + goal.rate * dt);
@@ -146,7 +171,17 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
 
     pub(super) fn come_down(&mut self, phase: Phase) -> Result<(), ArDroneError> {
         let now = self.serve()?;
-        self.check_link(now)?;
+        if self.phase == phase {
+            return Ok(());
+        }
+        if let (Phase::TakingOff { .. }, false) = (self.phase, self.is_flying()) {
+            self.end_take_off(now);
+            return Ok(self.say(now)?);
+        }
+        if phase == Phase::Returning {
+            // Its place is counted from what it says.
+            self.check_link(now)?;
+        }
         if !self.is_flying() {
             return Err(ArDroneError::NotCommanded { why: "it is on the ground".into() });
         }
@@ -154,8 +189,18 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
         if let (Phase::Returning, Some(goal)) = (phase, &mut self.goal) {
             (goal.place.x, goal.place.y) = (self.config.east_m, self.config.north_m);
         }
-        self.phase = phase;
+        (self.phase, self.land_until) = (phase, now);
         Ok(self.say(now)?)
+    }
+
+    /// Has it land, and goes on with that until its take-off cannot be on its way any more.
+    fn end_take_off(&mut self, now: f64) {
+        (self.phase, self.goal, self.land_until) = (Phase::Landing, None, now + UNDER_WAY_S);
+    }
+
+    /// How long it may take up to there, in seconds.
+    fn patience(&self, up: f64) -> f64 {
+        TAKE_OFF_S + 2.0 * up / self.config.climb_mps
     }
 }
 

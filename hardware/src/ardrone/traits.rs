@@ -71,14 +71,18 @@ impl<A: ByteStream, N: ByteStream, C: Clock> Aircraft for ArDrone<A, N, C> {
     fn take_off(&mut self, up_m: f64) -> Result<(), ArDroneError> {
         let now = self.serve()?;
         ArDroneConfig::limit("an Up", up_m, self.config.min_up_m, self.config.max_up_m)?;
-        if self.is_flying() || matches!(self.phase, Phase::TakingOff(_)) {
+        if self.is_flying() || matches!(self.phase, Phase::TakingOff { .. }) {
             return Ok(());
         }
         self.check_link(now)?;
+        if self.phase == Phase::Landing {
+            return Err(ArDroneError::NotCommanded { why: self.hindrance(now) });
+        }
+        self.failure.clear();
         // It stands level now.
         let bytes = encode_commands(&[ArDroneCommand::FlatTrim], &mut self.sequence);
         send(&mut self.orders, &bytes)?;
-        (self.phase, self.goal) = (Phase::TakingOff(up_m), None);
+        (self.phase, self.goal) = (Phase::TakingOff { up: up_m, since: now, calm: false }, None);
         Ok(self.say(now)?)
     }
 

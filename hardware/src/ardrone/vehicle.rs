@@ -29,6 +29,10 @@ pub struct ArDrone<A, N, C> {
     pub(super) flown: f64,
     pub(super) sigma: f64,
     pub(super) phase: Phase,
+    /// It is told to land until then, even if it does not seem to fly: its take-off may be on its way.
+    pub(super) land_until: f64,
+    /// Why a take-off was given up.
+    pub(super) failure: String,
     pub(super) goal: Option<Goal>,
     pub(super) sent: f64,
     pub(super) asked: f64,
@@ -38,8 +42,13 @@ pub struct ArDrone<A, N, C> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Phase {
     Idle,
-    /// Up to so many metres.
-    TakingOff(f64),
+    /// Up to so many metres, begun at that time. An emergency from before it is ended by it; none that
+    /// comes when it was `calm`.
+    TakingOff {
+        up: f64,
+        since: f64,
+        calm: bool,
+    },
     Flying,
     Returning,
     Landing,
@@ -72,6 +81,8 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
             flown: 0.0,
             sigma: config.start_sigma_m,
             phase: Phase::Idle,
+            land_until: f64::NEG_INFINITY,
+            failure: String::new(),
             goal: None,
             sent: f64::NEG_INFINITY,
             asked: f64::NEG_INFINITY,
@@ -162,12 +173,13 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
             Phase::Lost => "its link was lost",
             _ if self.check_link(now).is_err() => "no navdata",
             Phase::Flying => "",
-            Phase::TakingOff(_) => "it climbs",
+            Phase::TakingOff { .. } => "it climbs",
             Phase::Returning => "it returns to where it started",
             Phase::Landing => "it lands",
             Phase::Stopping => "its motors are being stopped",
             // The next take-off ends an emergency.
             Phase::Idle if self.state_is(|state| state.is_battery_low()) => "its battery is empty",
+            Phase::Idle if !self.failure.is_empty() => &self.failure,
             Phase::Idle if self.is_flying() => "it is in the air, and not by our order",
             Phase::Idle => "",
         };

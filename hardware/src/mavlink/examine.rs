@@ -1,4 +1,4 @@
-use foxhunt_core::Clock;
+use foxhunt_core::{Clock, Vehicle};
 use foxhunt_wire::ByteStream;
 
 use super::{MavlinkVehicle, quality};
@@ -149,7 +149,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         let Some(gps) = &self.heard.gps else { return "no word of the GPS".into() };
         let fix = quality::fix_name(gps.value.fix_type);
         let satellites = gps.value.satellites_visible;
-        match quality::position_sigma(&self.heard) {
+        match Vehicle::position_sigma(self) {
             Some(sigma) => format!("{fix}, {satellites} satellites, good to {:.2} m", sigma.x),
             None => format!("{fix}, {satellites} satellites"),
         }

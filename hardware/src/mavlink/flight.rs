@@ -10,7 +10,7 @@ use foxhunt_wire::{
 use super::{
     MavlinkError, MavlinkVehicle,
     orders::{Order, Step, single},
-    phase::{Phase, Stage},
+    phase::{Goal, Nose, Ordered, Phase, Stage},
     quality,
     streams::Streams,
 };
@@ -31,6 +31,22 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         let (commanded, hold) = (autopilot.commanded(), autopilot.hold());
         let (before, climb) = (autopilot.before_take_off(), autopilot.take_off());
         let (land, home) = (autopilot.land(), autopilot.return_to_launch());
+        let leaving = self.leaving.unwrap_or(mode);
+        let lands = matches!(self.phase, Phase::Landing | Phase::Returning);
+        if lands && mode == if self.phase == Phase::Landing { land } else { home } {
+            self.leaving = None;
+        }
+        // PX4 alone holds when it has landed: LOITER of ArduPilot is the pilot's.
+        let landed = if autopilot == Autopilot::Px4 { hold } else { land };
+        // Any of them may be on its way when it is told to come down.
+        let ours = [before, climb, commanded, land, home];
+        let ordered = [before, climb, commanded, land, home, leaving];
+        if matches!(self.phase, Phase::TakingOff { .. })
+            && self.ordered == Ordered::Nothing
+            && (self.heard.armed() || self.heard.airborne(now))
+        {
+            return self.lose("its motors run, which we did not order".into(), true);
+        }
         let expected: &[FlightMode] = match &self.phase {
             // Nobody has it who stands on the ground after a lost link.
             Phase::Taken { by_pilot: false, .. }
@@ -39,18 +55,32 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 self.phase = Phase::Idle;
                 return;
             }
+            // Whoever flies it after a lost link is the pilot, unless it comes home by its own rules.
+            Phase::Taken { by_pilot: false, .. }
+                if !ours.contains(&mode)
+                    && self.heard.without_heartbeat(now) <= self.config.link_timeout_s =>
+            {
+                &ours
+            }
             Phase::Idle | Phase::Taken { .. } => return,
-            Phase::TakingOff { stage: Stage::Position | Stage::Mode, .. } => &[mode],
+            Phase::TakingOff { stage: Stage::Position | Stage::Mode, .. } => {
+                &[leaving, before, commanded]
+            }
             Phase::TakingOff { stage: Stage::Arm, .. } => &[before],
             Phase::TakingOff { stage: Stage::Climb, .. } => &[before, climb],
             Phase::TakingOff { stage: Stage::Command, .. } => &[before, climb, commanded],
             Phase::TakingOver => &[before, commanded],
             Phase::Flying => &[commanded],
-            Phase::Landing => &[commanded, land, hold],
-            Phase::Returning => &[commanded, home, land, hold],
+            Phase::Landing | Phase::Returning if self.leaving.is_some() => &ordered,
+            Phase::Landing => &[land, landed],
+            Phase::Returning => &[home, land, landed],
         };
         let expected = expected.contains(&mode);
         if self.heard.without_heartbeat(now) > self.config.link_timeout_s {
+            // The order to come down stands, for when it is heard again.
+            if lands {
+                return;
+            }
             self.lose("the link was lost".into(), false);
         } else if !expected {
             let mut why = format!("its mode became {mode}, which we did not order");
@@ -61,26 +91,25 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         } else if matches!(self.phase, Phase::Flying | Phase::Landing | Phase::Returning)
             && !self.heard.armed()
         {
-            self.goal = None;
-            (self.order, self.turning) = (None, None);
+            (self.goal, self.order, self.turning) = (None, None, None);
+            (self.ordered, self.leaving) = (Ordered::Nothing, None);
             self.enter(Phase::Idle);
         }
     }
 
     fn lose(&mut self, why: String, by_pilot: bool) {
         (self.goal, self.order, self.turning) = (None, None, None);
+        (self.leaving, self.strayed) = (None, None);
         self.enter(Phase::Taken { why, by_pilot });
     }
 
-    /// Gives up a take-off or an order.
-    pub(super) fn fail(&mut self, what: &str, why: &str, then: Phase) {
-        let complaint = self.heard.complaints(self.clock.now() - COMPLAINT_S).next();
+    /// Tells why something was given up.
+    pub(super) fn explain(&mut self, now: f64, what: &str, why: &str) {
+        let complaint = self.heard.complaints(now - COMPLAINT_S).next();
         self.failure = match complaint {
             Some(text) => format!("{what} was given up: {why} ({text})"),
             None => format!("{what} was given up: {why}"),
         };
-        self.order = None;
-        self.enter(then);
     }
 
     /// Sends what is due.
@@ -107,13 +136,15 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             }
         }
         match self.phase.clone() {
-            Phase::Idle | Phase::Taken { .. } => Ok(()),
+            Phase::Idle => self.disarm_further(now),
+            Phase::Taken { .. } => Ok(()),
             Phase::TakingOff { up, stage, .. } => self.take_off_further(now, autopilot, up, stage),
             Phase::TakingOver => {
                 self.say_goal(now, (system, component))?;
                 self.ask_mode(now, autopilot.commanded(), Phase::Flying)
             }
             Phase::Flying => {
+                self.keep_inside(now);
                 self.turn_further(now)?;
                 self.say_goal(now, (system, component))
             }
@@ -172,32 +203,60 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.order.get_or_insert_with(|| mode_order(mode));
         if let Some(why) = self.give(now)? {
             let what = format!("the mode {mode}");
-            let then = if self.heard.airborne() {
-                Phase::Taken { why: format!("it does not take the mode {mode}"), by_pilot: false }
+            if matches!(self.phase, Phase::TakingOff { .. }) {
+                self.give_up(now, &what, &why);
             } else {
-                Phase::Idle
-            };
-            self.fail(&what, &why, then);
+                self.explain(now, &what, &why);
+                self.lose(self.failure.clone(), false);
+            }
         }
         Ok(())
     }
 
+    /// Sends it back once when it has left the limits.
+    fn keep_inside(&mut self, now: f64) {
+        let Ok(pose) = self.fresh_pose(now) else { return };
+        let launch = self.launch_place();
+        let strayed = self.config.limits.strayed(&pose.position, launch.as_ref());
+        if let (None, Some((place, _))) = (&self.strayed, &strayed) {
+            let nose = self.goal.map_or(Nose::Holds(pose.heading), |goal| goal.nose);
+            self.goal = Some(Goal::new(*place, nose));
+        }
+        self.strayed = strayed.map(|(_, why)| why);
+    }
+
     /// Gives the order to come down until its mode shows that it does it.
     fn come_down_further(&mut self, now: f64, mode: FlightMode) -> Result<(), MavlinkError> {
-        let (at, ours) = (self.heard.mode(), mode.autopilot.commanded());
-        // A mode that came after it is as good: PX4 holds when it has landed.
-        if at == Some(mode) || at != Some(ours) {
-            self.order = None;
+        if self.leaving.is_none() {
+            (self.order, self.goal) = (None, None);
             return Ok(());
         }
-        // Until it is in its own hands, it is to stay in ours.
-        if let Some((system, component, _)) = self.heard.who {
+        // PX4 leaves OFFBOARD for the pilot's modes without set-points: it stays in place until it has
+        // taken the order.
+        if let (Some((system, component, _)), true) =
+            (self.heard.who, self.heard.mode() == Some(mode.autopilot.commanded()))
+        {
             self.say_goal(now, (system, component))?;
         }
+        self.order.get_or_insert_with(|| mode_order(mode));
         if let Some(why) = self.give(now)? {
-            self.fail(&format!("the order to {mode}"), &why, Phase::Flying);
+            self.explain(now, &format!("the order to {mode}"), &why);
+            // It is asked again, to land at least.
+            self.order = None;
+            self.enter(Phase::Landing);
         }
         Ok(())
+    }
+
+    pub(super) fn begin_coming_down(&mut self, phase: Phase) {
+        let now = self.clock.now();
+        let here = self.fresh_pose(now).ok();
+        let px4 = self.heard.autopilot() == Autopilot::Px4;
+        self.goal =
+            here.filter(|_| px4).map(|pose| Goal::new(pose.position, Nose::Holds(pose.heading)));
+        (self.order, self.turning, self.strayed) = (None, None, None);
+        self.leaving = self.heard.mode();
+        self.enter(phase);
     }
 
     pub(super) fn come_down(&mut self, phase: Phase) -> Result<(), MavlinkError> {
@@ -205,20 +264,45 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         if self.phase == phase {
             return Ok(());
         }
-        let by_pilot = matches!(self.phase, Phase::Taken { by_pilot: true, .. });
-        if by_pilot || !self.heard.airborne() {
-            let why = if by_pilot { self.hindrance(now) } else { "it is on the ground".into() };
-            return Err(MavlinkError::NotCommanded { why });
+        let refused = |why: String| Err(MavlinkError::NotCommanded { why });
+        let pending = self.ordered != Ordered::Nothing;
+        let taking_off = matches!(self.phase, Phase::TakingOff { .. });
+        match self.phase {
+            Phase::Taken { by_pilot: true, .. } => return refused(self.hindrance(now)),
+            Phase::Idle if self.heard.airborne(now) && self.is_flown_by_others() => {
+                return refused(format!("it is flown in {}, not by us", self.mode_name()));
+            }
+            Phase::Idle | Phase::Taken { .. } if !pending && !self.heard.airborne(now) => {
+                return refused("it is on the ground".into());
+            }
+            // The motors are being stopped.
+            Phase::Idle if self.order.is_some() => return Ok(()),
+            _ => {}
         }
-        (self.order, self.turning) = (None, None);
         self.failure.clear();
-        let autopilot = self.heard.autopilot();
-        self.order = Some(mode_order(match phase {
-            Phase::Landing => autopilot.land(),
-            _ => autopilot.return_to_launch(),
-        }));
-        self.enter(phase);
+        let in_our_hands = matches!(
+            self.phase,
+            Phase::Flying | Phase::TakingOver | Phase::Landing | Phase::Returning
+        );
+        if taking_off || !in_our_hands && !self.heard.airborne(now) {
+            self.end_take_off(now, phase);
+        } else {
+            self.begin_coming_down(phase);
+        }
         self.advance(now)
+    }
+
+    fn is_flown_by_others(&self) -> bool {
+        let Some(mode) = self.heard.mode() else { return false };
+        let autopilot = mode.autopilot;
+        ![
+            autopilot.commanded(),
+            autopilot.before_take_off(),
+            autopilot.take_off(),
+            autopilot.land(),
+            autopilot.return_to_launch(),
+        ]
+        .contains(&mode)
     }
 }
 

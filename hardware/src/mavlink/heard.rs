@@ -63,6 +63,9 @@ pub(super) struct Heard {
     pub(super) acks: VecDeque<(u32, MavResult)>,
 }
 
+/// How old its word on whether it is on the ground may be, in seconds.
+const LANDED_S: f64 = 3.0;
+
 /// How many texts and answers are kept.
 const KEPT: usize = 16;
 
@@ -157,9 +160,10 @@ impl Heard {
         self.heartbeat.as_ref().map_or(f64::INFINITY, |beat| now - beat.at)
     }
 
-    /// Whether it is in the air.
-    pub(super) fn airborne(&self) -> bool {
-        match self.landed.map(|landed| landed.value) {
+    /// Whether it is in the air, as far as it has said so lately.
+    pub(super) fn airborne(&self, now: f64) -> bool {
+        let landed = self.landed.filter(|landed| now - landed.at <= LANDED_S);
+        match landed.map(|landed| landed.value) {
             Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND) => false,
             Some(MavLandedState::MAV_LANDED_STATE_UNDEFINED) | None => {
                 self.armed() && self.up().is_some_and(|up| up > 0.5)

@@ -21,10 +21,13 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
         match &self.phase {
             Phase::Taken { why, .. } => return why.clone(),
-            Phase::Landing => return "it lands".into(),
-            Phase::Returning => return "it returns to its launch place".into(),
+            Phase::Landing => return self.after_failure("it lands"),
+            Phase::Returning => return self.after_failure("it returns to its launch place"),
             Phase::TakingOver => return "it is asked for its mode".into(),
             Phase::Flying => {
+                if let Some(why) = &self.strayed {
+                    return format!("{why}; it is brought back");
+                }
                 let lost = self.goal.filter(|goal| !goal.confirmed);
                 let late = lost.is_some_and(|goal| goal.times > self.config.attempts);
                 let ardupilot = self.heard.autopilot() == Autopilot::ArduPilot;
@@ -51,10 +54,17 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             }
             .into();
         }
-        if self.heard.airborne() {
+        if self.heard.airborne(now) {
             return "it is in the air already, and was not taken over".into();
         }
         self.unready(now)
+    }
+
+    fn after_failure(&self, what: &str) -> String {
+        match self.failure.is_empty() {
+            true => what.into(),
+            false => format!("{what}; {}", self.failure),
+        }
     }
 
     /// What its own checks before arming say.

@@ -3,6 +3,12 @@ use serde::{Deserialize, Serialize};
 
 use super::{MavlinkError, config::require};
 
+/// How far outside the fence an aircraft may be before it is brought back, in metres over ground.
+const STRAYED_M: f64 = 2.0;
+
+/// How far beyond the limits of height, in metres.
+const STRAYED_UP_M: f64 = 1.0;
+
 /// Where an aircraft may be sent, whatever its own fence says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -95,6 +101,43 @@ impl FlightLimits {
         }
     }
 
+    /// The nearest place that is permitted, and what is wrong with this one, for an aircraft that is
+    /// farther outside than it may be by the wind and by what its position is good to.
+    pub(super) fn strayed(
+        &self,
+        place: &Vector3<f64>,
+        launch: Option<&Vector3<f64>>,
+    ) -> Option<(Vector3<f64>, String)> {
+        let mut inside = *place;
+        inside.z = inside.z.clamp(self.min_up_m, self.max_up_m);
+        if let Some(launch) = launch.map(|launch| launch.xy()) {
+            let way = (place.xy() - launch).cap_magnitude(self.fence_radius_m);
+            (inside.x, inside.y) = (launch.x + way.x, launch.y + way.y);
+        }
+        if !self.fence.is_empty() && !self.contains(inside.xy()) {
+            let within = |at: &Vector2<f64>| {
+                launch.is_none_or(|launch| (at - launch.xy()).norm() <= self.fence_radius_m)
+            };
+            let away = |at: &Vector2<f64>| (at - place.xy()).norm();
+            let nearest = self
+                .edges()
+                .map(|edge| nearest_on(edge, place.xy()))
+                .filter(within)
+                .min_by(|a, b| away(a).total_cmp(&away(b)))
+                .or(launch.map(|launch| launch.xy()))?;
+            (inside.x, inside.y) = (nearest.x, nearest.y);
+        }
+        let (over_ground, up) = ((place - inside).xy().norm(), (place.z - inside.z).abs());
+        if over_ground > STRAYED_M {
+            return Some((inside, format!("it is {over_ground:.1} m outside the fence")));
+        }
+        let why = format!(
+            "it is {:.1} m up, and the limits are {} to {} m",
+            place.z, self.min_up_m, self.max_up_m
+        );
+        (up > STRAYED_UP_M).then_some((inside, why))
+    }
+
     fn edges(&self) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> {
         let corners = self.fence.iter().map(|[east, north]| Vector2::new(*east, *north));
         corners.clone().zip(corners.cycle().skip(1))
@@ -108,6 +151,13 @@ impl FlightLimits {
         });
         crossed.count() % 2 == 1
     }
+}
+
+/// The place of an edge that is nearest to another one.
+fn nearest_on((a, b): (Vector2<f64>, Vector2<f64>), place: Vector2<f64>) -> Vector2<f64> {
+    let edge = b - a;
+    let share = (place - a).dot(&edge) / edge.norm_squared().max(f64::MIN_POSITIVE);
+    a + edge * share.clamp(0.0, 1.0)
 }
 
 /// Whether the way from `a` to `b` crosses an edge.
@@ -156,6 +206,24 @@ mod tests {
         let radius = FlightLimits { fence_radius_m: 10.0, ..FlightLimits::default() };
         let error = radius.check_goal(&left, None, Some(&launch)).expect_err("outside").to_string();
         assert!(error.contains("25.5 m") && error.contains("fence_radius_m is 10"), "{error}");
+    }
+
+    #[test]
+    fn who_strays_is_brought_to_the_nearest_permitted_place() {
+        let fence = vec![[0.0, 0.0], [40.0, 0.0], [40.0, 40.0], [0.0, 40.0]];
+        let limits = FlightLimits { fence_radius_m: 30.0, fence, ..FlightLimits::default() };
+        let launch = Vector3::new(5.0, 5.0, 0.0);
+        let back = |east, north, up| limits.strayed(&Vector3::new(east, north, up), Some(&launch));
+        let close = |a: Vector3<f64>, b: [f64; 3]| (a - Vector3::from(b)).norm() < 1e-9;
+        assert_eq!(back(10.0, 10.0, 10.0), None);
+        assert_eq!(back(-1.9, 10.0, 10.0), None, "within the margin");
+        assert_eq!(back(10.0, 10.0, 50.9), None, "within the margin");
+        let (place, why) = back(-2.5, 10.0, 10.0).expect("outside");
+        assert!(close(place, [0.0, 10.0, 10.0]) && why.contains("2.5 m outside"), "{place} {why}");
+        let (place, _) = back(38.0, 5.0, 60.0).expect("beyond the radius");
+        assert!(close(place, [35.0, 5.0, 50.0]), "{place}");
+        let (place, why) = back(10.0, 10.0, 0.5).expect("too low");
+        assert!(close(place, [10.0, 10.0, 2.0]) && why.contains("0.5 m up"), "{place} {why}");
     }
 
     #[test]

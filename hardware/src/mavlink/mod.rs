@@ -12,6 +12,8 @@ mod link;
 mod orders;
 mod phase;
 mod quality;
+#[cfg(test)]
+mod safety;
 mod setpoint;
 mod streams;
 mod take_off;

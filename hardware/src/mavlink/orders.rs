@@ -54,6 +54,10 @@ impl Order {
         )
     }
 
+    pub(super) fn refused(&self) -> bool {
+        self.answer.is_some() && !self.accepted()
+    }
+
     /// What to do while its effect is not seen.
     pub(super) fn advance(&mut self, now: f64, timeout: f64, attempts: u32) -> Step {
         if self.answer == Some(MavResult::MAV_RESULT_UNSUPPORTED) {

@@ -19,6 +19,17 @@ pub(super) enum Phase {
     Taken { why: String, by_pilot: bool },
 }
 
+/// The farthest that was ordered of a take-off since it stood on the ground, its motors at rest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Ordered {
+    #[default]
+    Nothing,
+    /// Its motors were to run.
+    Arm,
+    /// It was to climb, and may do so.
+    Climb,
+}
+
 /// The stages of a take-off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stage {

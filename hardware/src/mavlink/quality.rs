@@ -85,12 +85,18 @@ fn accuracy_m(mm: u32) -> Option<f64> {
 /// frequency receivers have in the open (Kaplan & Hegarty 2017, §10).
 const RANGE_SIGMA_M: f64 = 2.5;
 
+/// How fast a place is forgotten that nothing was heard of, in metres per second.
+const DRIFT_MPS: f64 = 2.0;
+
 /// σ of East, North and Up in metres, as the GPS has them; `None` where it says nothing.
 ///
 /// An accuracy that the receiver tells is taken for each axis. Without one, dilution of precision
 /// times σ of a range, which RTK makes smaller. Without a fix in space everything is ten times worse.
-pub(super) fn position_sigma(heard: &Heard) -> Option<Vector3<f64>> {
-    let gps = &heard.gps.as_ref()?.value;
+/// What is older than `old_s` counts for less the older it is.
+pub(super) fn position_sigma(heard: &Heard, now: f64, old_s: f64) -> Option<Vector3<f64>> {
+    let message = heard.gps.as_ref()?;
+    let (gps, age) = (&message.value, now - message.at);
+    let drift = if age > old_s { DRIFT_MPS * age } else { 0.0 };
     let (range, poor) = match gps.fix_type {
         GpsFixType::GPS_FIX_TYPE_RTK_FIXED => (0.02, 1.0),
         GpsFixType::GPS_FIX_TYPE_RTK_FLOAT => (0.4, 1.0),
@@ -104,7 +110,7 @@ pub(super) fn position_sigma(heard: &Heard) -> Option<Vector3<f64>> {
     };
     let over_ground = accuracy_m(gps.h_acc).unwrap_or_else(|| range * dilution(gps.eph, 1.5));
     let up = accuracy_m(gps.v_acc).unwrap_or_else(|| range * dilution(gps.epv, 2.5));
-    Some(Vector3::new(over_ground, over_ground, up) * poor)
+    Some((Vector3::new(over_ground, over_ground, up) * poor).map(|sigma| sigma.hypot(drift)))
 }
 
 #[cfg(test)]
@@ -129,12 +135,14 @@ mod tests {
     #[test]
     fn a_poor_fix_is_told_by_its_sigma() {
         let sigma = |fix, h_acc, eph| {
-            let sigma = position_sigma(&heard(fix, h_acc, eph)).expect("a GPS");
+            let sigma = position_sigma(&heard(fix, h_acc, eph), 1.4, 1.0).expect("a GPS");
             [sigma.x, sigma.y, sigma.z]
         };
         let close = |a: [f64; 3], b: [f64; 3]| a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-12);
-        assert!(position_sigma(&Heard::default()).is_none());
+        assert!(position_sigma(&Heard::default(), 1.0, 1.0).is_none());
         let in_space = GpsFixType::GPS_FIX_TYPE_3D_FIX;
+        let old = position_sigma(&heard(in_space, 800, 90), 11.0, 1.0).expect("a GPS");
+        assert!((old.x - 20.0_f64.hypot(0.8)).abs() < 1e-9, "ten seconds old: {old}");
         assert!(close(sigma(in_space, 800, 90), [0.8, 0.8, 6.25]));
         assert!(close(sigma(in_space, 0, 90), [2.25, 2.25, 6.25]), "dilution times 2.5 m");
         assert!(close(sigma(in_space, u32::MAX, u16::MAX), [3.75, 3.75, 6.25]), "nothing told");

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::{
     MavlinkError, MavlinkVehicle,
     orders::{Order, single},
-    phase::{Goal, Nose, Phase, Stage},
+    phase::{Goal, Nose, Ordered, Phase, Stage},
     quality, setpoint,
 };
 
@@ -25,19 +25,17 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     ) -> Result<(), MavlinkError> {
         let Phase::TakingOff { since, .. } = self.phase else { return Ok(()) };
         let late = |limit: f64| now - since > limit;
-        const WHAT: &str = "the take-off";
         match stage {
             Stage::Position => {
                 match quality::for_take_off(&self.heard, &self.config.position, now) {
                     Err(why) if late(self.config.position_timeout_s) => {
-                        self.fail(WHAT, &why, Phase::Idle);
+                        self.give_up(now, "the take-off", &why);
                     }
                     Err(_) => {}
                     Ok(()) => {
-                        if let Ok(pose) = self.fresh_pose(now) {
-                            self.launch = Some(pose.position);
-                            let place = pose.position + Vector3::z() * up;
-                            self.goal = Some(Goal::new(place, Nose::Holds(pose.heading)));
+                        if let Err(why) = self.first_goal(now, up) {
+                            self.give_up(now, "the take-off", &why.to_string());
+                        } else if self.goal.is_some() {
                             self.stage(now, up, Stage::Mode);
                         }
                     }
@@ -49,7 +47,11 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 self.ask_mode(now, autopilot.before_take_off(), next)
             }
             Stage::Arm if self.heard.armed() => {
-                self.stage(now, up, Stage::Climb);
+                // Its home is where it was armed.
+                match self.first_goal(now, up) {
+                    Ok(()) => self.stage(now, up, Stage::Climb),
+                    Err(why) => self.give_up(now, "the take-off", &why.to_string()),
+                }
                 Ok(())
             }
             Stage::Arm => {
@@ -58,14 +60,16 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                     Order::new(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, parameters)
                 };
                 self.order.get_or_insert_with(arm);
+                self.ordered = Ordered::Arm;
                 if let Some(why) = self.give(now)? {
-                    self.fail("arming", &why, Phase::Idle);
+                    self.give_up(now, "arming", &why);
                 }
                 Ok(())
             }
             Stage::Climb => {
                 if !self.heard.armed() {
-                    self.fail(WHAT, "the motors were stopped", Phase::Idle);
+                    self.ordered = Ordered::Nothing;
+                    self.give_up(now, "the take-off", "the motors were stopped");
                 } else if self
                     .heard
                     .up()
@@ -77,7 +81,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                     }
                 } else if late(self.config.take_off_timeout_s) {
                     let why = format!("it is not up after {} s", self.config.take_off_timeout_s);
-                    self.fail(WHAT, &why, Phase::Idle);
+                    self.give_up(now, "the take-off", &why);
                 } else if !self.order.as_ref().is_some_and(Order::accepted) {
                     // PX4 wants the height above sea level.
                     let height = match autopilot {
@@ -97,8 +101,12 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                         ),
                     };
                     self.order.get_or_insert_with(climb);
+                    self.ordered = Ordered::Climb;
                     if let Some(why) = self.give(now)? {
-                        self.fail(WHAT, &why, Phase::Idle);
+                        if self.order.as_ref().is_some_and(Order::refused) {
+                            self.ordered = Ordered::Arm;
+                        }
+                        self.give_up(now, "the take-off", &why);
                     }
                 }
                 Ok(())
@@ -112,6 +120,61 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 self.ask_mode(now, autopilot.commanded(), Phase::Flying)
             }
         }
+    }
+
+    /// Where it is to be after the climb: above where it stands. Left as it is while no fresh pose is
+    /// heard.
+    fn first_goal(&mut self, now: f64, up: f64) -> Result<(), MavlinkError> {
+        let Ok(pose) = self.fresh_pose(now) else { return Ok(()) };
+        let [east, north] = pose.position.xy().into();
+        let (launch, place) = (Vector3::new(east, north, 0.0), Vector3::new(east, north, up));
+        self.config.limits.check_goal(&place, None, Some(&launch))?;
+        self.launch = Some(launch);
+        self.goal = Some(Goal::new(place, Nose::Holds(pose.heading)));
+        Ok(())
+    }
+
+    /// Ends a take-off for good: lands what climbs, and stops the motors of what stands on the ground.
+    pub(super) fn give_up(&mut self, now: f64, what: &str, why: &str) {
+        self.explain(now, what, why);
+        self.end_take_off(now, Phase::Landing);
+    }
+
+    /// Whether it is in the air, or may climb by our order before it says so.
+    pub(super) fn may_climb(&self, now: f64) -> bool {
+        self.heard.airborne(now) || (self.ordered == Ordered::Climb && self.heard.armed())
+    }
+
+    /// Has it come down if it may be in the air, and its motors stopped if we may have started them.
+    pub(super) fn end_take_off(&mut self, now: f64, phase: Phase) {
+        (self.goal, self.turning, self.order) = (None, None, None);
+        if self.heard.airborne(now) {
+            self.begin_coming_down(phase);
+        } else if self.may_climb(now) {
+            // Coming back would climb first.
+            self.begin_coming_down(Phase::Landing);
+        } else {
+            if self.ordered != Ordered::Nothing {
+                let disarm = [0.0; 7];
+                self.order = Some(Order::new(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, disarm));
+            }
+            self.enter(Phase::Idle);
+        }
+    }
+
+    /// Stops the motors after a take-off that was ended on the ground.
+    pub(super) fn disarm_further(&mut self, now: f64) -> Result<(), MavlinkError> {
+        let Some(order) = &self.order else { return Ok(()) };
+        if self.heard.airborne(now) {
+            // It has climbed before it was told.
+            self.begin_coming_down(Phase::Landing);
+        } else if order.accepted() && !self.heard.armed() {
+            (self.order, self.ordered) = (None, Ordered::Nothing);
+        } else if let Some(why) = self.give(now)? {
+            self.explain(now, "stopping its motors", &why);
+            self.order = None;
+        }
+        Ok(())
     }
 
     /// It has climbed: it is ours.

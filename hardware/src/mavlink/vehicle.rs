@@ -2,7 +2,7 @@ use foxhunt_core::{Clock, Pose, Spinner, Vehicle, Waypoint, angle};
 use foxhunt_wire::{
     ByteStream,
     geodesy::Geodetic,
-    mavlink::{CommonFrame, FrameCounts, degrees_of_e7, dialect::MavMessage},
+    mavlink::{CommonFrame, FlightMode, FrameCounts, degrees_of_e7, dialect::MavMessage},
 };
 use nalgebra::Vector3;
 
@@ -11,7 +11,7 @@ use super::{
     heard::Heard,
     link::Link,
     orders::Order,
-    phase::{Goal, Nose, Phase, Stage},
+    phase::{Goal, Nose, Ordered, Phase, Stage},
     quality, setpoint,
     streams::Streams,
 };
@@ -38,6 +38,12 @@ pub struct MavlinkVehicle<S, C> {
     /// Where it stood at take-off, where it does not tell its home.
     pub(super) launch: Option<Vector3<f64>>,
     pub(super) phase: Phase,
+    pub(super) ordered: Ordered,
+    /// The mode in which a take-off began, or in which it was ordered to come down until it was seen
+    /// to.
+    pub(super) leaving: Option<FlightMode>,
+    /// How it is outside the limits while it is.
+    pub(super) strayed: Option<String>,
     pub(super) goal: Option<Goal>,
     /// The order that the phase waits for.
     pub(super) order: Option<Order>,
@@ -69,6 +75,9 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             frame,
             launch: None,
             phase: Phase::Idle,
+            ordered: Ordered::Nothing,
+            leaving: None,
+            strayed: None,
             goal: None,
             order: None,
             turning: None,
@@ -95,7 +104,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     /// Asks for it again after the pilot or a lost link had it. It stays where it is until it is sent
-    /// somewhere, or until it is told to take off. Without effect while it is ours.
+    /// somewhere, or until it is told to take off. Without effect while it is ours, and while it comes
+    /// down by our order.
     ///
     /// # Errors
     ///
@@ -103,7 +113,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     /// fails.
     pub fn take_over(&mut self) -> Result<(), MavlinkError> {
         let now = self.serve()?;
-        if matches!(self.phase, Phase::Flying | Phase::TakingOver | Phase::TakingOff { .. }) {
+        if !matches!(self.phase, Phase::Idle | Phase::Taken { .. }) {
             return Ok(());
         }
         self.check_link(now)?;
@@ -118,7 +128,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 autopilot.before_take_off()
             ));
         }
-        if !self.heard.airborne() {
+        if !self.heard.airborne(now) {
             self.enter(Phase::Idle);
             return Ok(());
         }
@@ -241,7 +251,12 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         quality::estimator(&self.heard, now).map_err(|why| MavlinkError::Position { why })?;
         let nowhere = || MavlinkError::Position { why: "it has no place yet".into() };
         let frame = self.frame.ok_or_else(nowhere)?;
-        setpoint::pose(&frame, &self.heard, now).ok_or_else(nowhere)
+        let pose = setpoint::pose(&frame, &self.heard, now).ok_or_else(nowhere)?;
+        let angles = [pose.heading, pose.pitch, pose.roll];
+        if pose.position.iter().chain(&angles).all(|value| value.is_finite()) {
+            return Ok(pose);
+        }
+        Err(MavlinkError::Position { why: "its place or attitude is no number".into() })
     }
 
     /// The present goal, where it is ours to set another one.
@@ -274,7 +289,8 @@ impl<S: ByteStream, C: Clock> Vehicle for MavlinkVehicle<S, C> {
     }
 
     fn position_sigma(&self) -> Option<Vector3<f64>> {
-        quality::position_sigma(&self.heard)
+        let old_s = (2.0 / self.config.status_rate_hz).max(1.0);
+        quality::position_sigma(&self.heard, self.clock.now(), old_s)
     }
 
     /// # Errors
@@ -286,12 +302,17 @@ impl<S: ByteStream, C: Clock> Vehicle for MavlinkVehicle<S, C> {
         let older = self.commanded_goal(now)?;
         let here = self.fresh_pose(now)?.position;
         let launch = self.launch_place();
+        if launch.is_none() && self.config.limits.fence_radius_m.is_finite() {
+            let why = "its launch place is unknown, from which limits.fence_radius_m counts".into();
+            return Err(MavlinkError::Position { why });
+        }
         self.config.limits.check_goal(&goal.position, Some(&here), launch.as_ref())?;
         self.goal = Some(Goal::new(goal.position, older.nose));
         self.advance(now)
     }
 
-    /// Lands it where it is. After a lost link that may be ordered as well; not while a pilot has it.
+    /// Lands it where it is, and ends a take-off for good. After and during a lost link that may be
+    /// ordered as well: it is repeated until it is obeyed. Not while a pilot has it.
     fn land(&mut self) -> Result<(), MavlinkError> {
         self.come_down(Phase::Landing)
     }
@@ -331,7 +352,7 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
             silent_s: self.heard.last.map_or(f64::INFINITY, |last| now - last),
             mode: self.heard.mode().map_or_else(String::new, |mode| mode.to_string()),
             armed: self.heard.armed(),
-            airborne: self.heard.airborne(),
+            airborne: self.heard.airborne(now),
             commanded: self.phase == Phase::Flying && self.check_link(now).is_ok(),
             hindrance: self.hindrance(now),
             battery: self.heard.battery(),
@@ -341,14 +362,20 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
     fn take_off(&mut self, up_m: f64) -> Result<(), MavlinkError> {
         let now = self.serve()?;
         self.config.limits.check_up(up_m)?;
-        if self.heard.airborne() || matches!(self.phase, Phase::TakingOff { .. }) {
+        if self.heard.airborne(now) || matches!(self.phase, Phase::TakingOff { .. }) {
             return Ok(());
         }
         self.check_link(now)?;
-        if matches!(self.phase, Phase::Taken { by_pilot: true, .. }) {
+        let coming_down = matches!(self.phase, Phase::Landing | Phase::Returning);
+        if coming_down || matches!(self.phase, Phase::Taken { by_pilot: true, .. }) {
             return Err(MavlinkError::NotCommanded { why: self.hindrance(now) });
         }
+        if self.heard.armed() {
+            let why = "its motors run already, and not by this take-off".into();
+            return Err(MavlinkError::NotCommanded { why });
+        }
         self.failure.clear();
+        (self.ordered, self.leaving) = (Ordered::Nothing, self.heard.mode());
         (self.order, self.turning, self.goal) = (None, None, None);
         self.enter(Phase::TakingOff { up: up_m, stage: Stage::Position, since: now });
         self.advance(now)

@@ -20,7 +20,8 @@ impl Codec {
         Self { reader: FrameReader::default(), signing: None, system_id, component_id, sequence: 0 }
     }
 
-    /// Signs all that is sent, and takes nothing that is not signed with the same key.
+    /// Signs all that is sent, and takes nothing that is not signed with the same key, but what a
+    /// telemetry radio on the way says of itself (RADIO_STATUS): radios have no keys.
     #[must_use]
     pub fn with_signing(mut self, signing: Signing) -> Self {
         self.signing = Some(signing);
@@ -73,6 +74,7 @@ impl Codec {
 mod tests {
     use ::mavlink::dialects::ardupilotmega::{
         ATTITUDE_DATA, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavState, MavType,
+        RADIO_STATUS_DATA,
     };
     use proptest::prelude::*;
 
@@ -143,6 +145,25 @@ mod tests {
         // Whoever has no key understands signed frames, too.
         plain.push(&good);
         assert_eq!(messages(&mut plain), [attitude(1.0)]);
+    }
+
+    #[test]
+    fn a_signed_link_hears_its_radio() {
+        // SiK radios speak MAVLink 1 as well.
+        const OLD: [u8; 17] = [
+            0xfe, 0x09, 0x01, 0x33, 0x44, 0x6d, 0x00, 0x00, 0x00, 0x00, 0xc9, 0x00, 0x00, 0x00,
+            0x00, 0xfa, 0x85,
+        ];
+        let report =
+            |rssi| MavMessage::RADIO_STATUS(RADIO_STATUS_DATA { rssi, ..Default::default() });
+        let mut radio = Codec::new(51, 68);
+        let mut reader = signed(1);
+        reader.push(&radio.encode(&report(200), NOW));
+        reader.push(&OLD);
+        reader.push(&signed(2).encode(&report(9), NOW));
+        reader.push(&radio.encode(&attitude(1.0), NOW));
+        assert_eq!(messages(&mut reader), [report(200), report(201)]);
+        assert_eq!(reader.counts().refused, 2, "signed with another key; no radio's");
     }
 
     #[test]

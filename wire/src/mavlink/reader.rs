@@ -50,6 +50,9 @@ const MOST_SENDERS: usize = 32;
 const SIGNED: u8 = 1;
 const WIDE_SYSTEM: u8 = 2;
 
+/// What a telemetry radio says of itself. It has no key, and nothing is flown by it.
+const RADIO_STATUS: u32 = 109;
+
 /// What may be a frame at the beginning of some bytes.
 enum Candidate {
     Unfinished,
@@ -103,7 +106,9 @@ impl FrameReader {
             let (header, id) = match version {
                 MavlinkVersion::V2 => {
                     let raw = MAVLinkV2MessageRaw::from_bytes_unparsed(raw);
-                    if signing.as_mut().is_some_and(|signing| !signing.accepts(&raw, unix_s)) {
+                    let radio = raw.message_id() == RADIO_STATUS && !is_signed(&raw);
+                    let refuses = |signing: &mut &mut Signing| !signing.accepts(&raw, unix_s);
+                    if !radio && signing.as_mut().is_some_and(refuses) {
                         self.counts.refused += 1;
                         continue;
                     }
@@ -113,11 +118,11 @@ impl FrameReader {
                     )
                 }
                 MavlinkVersion::V1 => {
-                    if signing.is_some() {
+                    let [_, _, sequence, system, component, id, ..] = raw;
+                    if signing.is_some() && u32::from(id) != RADIO_STATUS {
                         self.counts.refused += 1;
                         continue;
                     }
-                    let [_, _, sequence, system, component, id, ..] = raw;
                     (header_of(u32::from(system), component, sequence), u32::from(id))
                 }
             };
@@ -149,6 +154,10 @@ impl FrameReader {
             None => {}
         }
     }
+}
+
+fn is_signed(frame: &MAVLinkV2MessageRaw) -> bool {
+    frame.incompatibility_flags() & SIGNED != 0
 }
 
 fn header_of(system_id: u32, component_id: u8, sequence: u8) -> MavHeader {

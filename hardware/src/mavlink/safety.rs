@@ -1,0 +1,400 @@
+//! What an aircraft does that is called down, taken, or heard badly, against an ArduCopter that does
+//! as it is told.
+
+use std::{cell::Cell, rc::Rc};
+
+use foxhunt_core::{Vehicle, Waypoint};
+use foxhunt_wire::{
+    ByteStream, MemoryStream,
+    mavlink::{
+        Codec, SigningKey,
+        dialect::{
+            ATTITUDE_DATA, COMMAND_ACK_DATA, EKF_STATUS_REPORT_DATA, EXTENDED_SYS_STATE_DATA,
+            EkfStatusFlags, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA,
+            MavAutopilot, MavCmd, MavLandedState, MavMessage, MavModeFlag, MavResult, MavState,
+            MavType, RADIO_STATUS_DATA,
+        },
+    },
+    memory_pair,
+};
+use nalgebra::Vector3;
+
+use super::{FlightLimits, MavlinkConfig, MavlinkError, MavlinkSigning, MavlinkVehicle};
+use crate::{Aircraft, AircraftState};
+
+type Time = Box<dyn Fn() -> f64>;
+
+const GUIDED: u32 = 4;
+const LOITER: u32 = 5;
+const RTL: u32 = 6;
+const LAND: u32 = 9;
+
+struct Copter {
+    driver: MavlinkVehicle<MemoryStream, Time>,
+    now: Rc<Cell<f64>>,
+    stream: MemoryStream,
+    codec: Codec,
+    mode: u32,
+    armed: bool,
+    airborne: bool,
+    up: f64,
+    north_m: f64,
+    yaw: f32,
+    speaks: bool,
+    refuses: Option<MavCmd>,
+    /// The orders that came, with their first two parameters.
+    orders: Vec<(MavCmd, u32, u32)>,
+    goals: usize,
+}
+
+impl Copter {
+    fn new(limits: FlightLimits) -> Self {
+        Self::of(MavlinkConfig { limits, ..MavlinkConfig::default() })
+    }
+
+    fn of(config: MavlinkConfig) -> Self {
+        let (near, stream) = memory_pair();
+        let now = Rc::new(Cell::new(0.0));
+        let time = Rc::clone(&now);
+        let time: Time = Box::new(move || time.get());
+        let mut copter = Self {
+            driver: MavlinkVehicle::new(config, near, time).expect("a driver"),
+            now,
+            stream,
+            codec: Codec::new(1, 1),
+            mode: 0,
+            armed: false,
+            airborne: false,
+            up: 0.0,
+            north_m: 0.0,
+            yaw: 0.0,
+            speaks: true,
+            refuses: None,
+            orders: Vec::new(),
+            goals: 0,
+        };
+        copter.run(1.0);
+        copter
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "the messages have no more digits")]
+    fn speak(&mut self) {
+        let armed = if self.armed { 128 } else { 0 };
+        let landed_state = if self.airborne {
+            MavLandedState::MAV_LANDED_STATE_IN_AIR
+        } else {
+            MavLandedState::MAV_LANDED_STATE_ON_GROUND
+        };
+        let told = [
+            MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+                custom_mode: self.mode,
+                mavtype: MavType::MAV_TYPE_QUADROTOR,
+                autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+                base_mode: MavModeFlag::from_bits_retain(armed | 1),
+                system_status: MavState::MAV_STATE_ACTIVE,
+                mavlink_version: 3,
+            }),
+            MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
+                lat: 480_000_000 + (self.north_m / 111_320.0 * 1e7) as i32,
+                lon: 110_000_000,
+                relative_alt: (self.up * 1e3) as i32,
+                ..Default::default()
+            }),
+            MavMessage::ATTITUDE(ATTITUDE_DATA { yaw: self.yaw, ..Default::default() }),
+            MavMessage::GPS_RAW_INT(GPS_RAW_INT_DATA {
+                fix_type: GpsFixType::GPS_FIX_TYPE_3D_FIX,
+                satellites_visible: 12,
+                h_acc: 800,
+                ..Default::default()
+            }),
+            MavMessage::EKF_STATUS_REPORT(EKF_STATUS_REPORT_DATA {
+                flags: EkfStatusFlags::from_bits_retain(0x33F),
+                ..Default::default()
+            }),
+            MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA {
+                landed_state,
+                ..Default::default()
+            }),
+        ];
+        for message in told {
+            self.say(&message);
+        }
+    }
+
+    fn say(&mut self, message: &MavMessage) {
+        let bytes = self.codec.encode(message, self.now.get());
+        self.stream.send(&bytes).expect("memory");
+    }
+
+    fn obey(&mut self) {
+        let mut into = [0; 4096];
+        loop {
+            let count = self.stream.receive(&mut into).expect("memory");
+            let Some(bytes) = into.get(..count).filter(|bytes| !bytes.is_empty()) else { break };
+            self.codec.push(bytes);
+        }
+        while let Some(frame) = self.codec.next_frame(self.now.get()) {
+            let order = match frame.message {
+                MavMessage::COMMAND_LONG(order) => order,
+                MavMessage::SET_POSITION_TARGET_GLOBAL_INT(_) => {
+                    self.goals += 1;
+                    continue;
+                }
+                _ => continue,
+            };
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "small whole numbers"
+            )]
+            let (first, second) = (order.param1 as u32, order.param2 as u32);
+            self.orders.push((order.command, first, second));
+            if !self.speaks {
+                continue;
+            }
+            let refused = self.refuses == Some(order.command);
+            match order.command {
+                _ if refused => {}
+                MavCmd::MAV_CMD_DO_SET_MODE => self.mode = second,
+                MavCmd::MAV_CMD_COMPONENT_ARM_DISARM => self.armed = first == 1,
+                _ => {}
+            }
+            let result =
+                if refused { MavResult::MAV_RESULT_DENIED } else { MavResult::MAV_RESULT_ACCEPTED };
+            let command = order.command;
+            self.say(&MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+                command,
+                result,
+                ..Default::default()
+            }));
+        }
+    }
+
+    fn tick(&mut self) -> AircraftState {
+        self.now.set(self.now.get() + 0.1);
+        if self.speaks {
+            self.speak();
+        }
+        let state = self.driver.state().expect("memory");
+        self.obey();
+        state
+    }
+
+    fn run(&mut self, seconds: f64) -> AircraftState {
+        let end = self.now.get() + seconds;
+        loop {
+            let state = self.tick();
+            if self.now.get() >= end {
+                return state;
+            }
+        }
+    }
+
+    fn count(&self, order: MavCmd, first: u32) -> usize {
+        self.orders
+            .iter()
+            .filter(|(command, value, _)| (*command, *value) == (order, first))
+            .count()
+    }
+
+    /// Runs until an order has come.
+    fn until(&mut self, order: MavCmd) {
+        while !self.orders.iter().any(|(command, ..)| *command == order) {
+            assert!(self.now.get() < 60.0, "no {order:?}");
+            self.tick();
+        }
+    }
+
+    fn fly(&mut self) {
+        self.driver.take_off(10.0).expect("accepted");
+        self.until(MavCmd::MAV_CMD_NAV_TAKEOFF);
+        (self.airborne, self.up) = (true, 10.0);
+        assert!(self.run(1.0).commanded);
+    }
+}
+
+fn copter() -> Copter {
+    Copter::new(FlightLimits::default())
+}
+
+const ARM: MavCmd = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
+const CLIMB: MavCmd = MavCmd::MAV_CMD_NAV_TAKEOFF;
+
+#[test]
+fn a_take_off_is_called_off_at_every_stage() {
+    // Before anything was armed.
+    let mut field = copter();
+    field.driver.take_off(10.0).expect("accepted");
+    field.driver.land().expect("it ends the take-off");
+    field.run(20.0);
+    assert!(!field.armed && field.count(ARM, 1) == 0, "{:?}", field.orders);
+    assert!(field.driver.land().is_err(), "it is on the ground");
+    // While it is armed.
+    for back in [false, true] {
+        let mut field = copter();
+        field.driver.take_off(10.0).expect("accepted");
+        field.until(ARM);
+        if back { field.driver.return_to_launch() } else { field.driver.land() }.expect("ends it");
+        field.run(20.0);
+        assert!(!field.armed && field.count(ARM, 0) >= 1 && field.count(CLIMB, 0) == 0);
+    }
+    // When the climb was ordered, and it has not said that it climbs: no way up to come back.
+    let mut field = copter();
+    field.driver.take_off(10.0).expect("accepted");
+    field.until(CLIMB);
+    field.driver.return_to_launch().expect("ends it");
+    field.run(5.0);
+    assert_eq!(field.mode, LAND);
+    field.armed = false;
+    assert!(!field.run(5.0).commanded && field.goals == 0);
+    // On its way up.
+    for (back, mode) in [(false, LAND), (true, RTL)] {
+        let mut field = copter();
+        field.driver.take_off(10.0).expect("accepted");
+        field.until(CLIMB);
+        (field.airborne, field.up) = (true, 4.0);
+        field.tick();
+        if back { field.driver.return_to_launch() } else { field.driver.land() }.expect("ends it");
+        field.up = 10.0;
+        let state = field.run(5.0);
+        assert!(field.mode == mode && !state.commanded && field.goals == 0, "{state:?}");
+        // Taking over does not end the landing, either.
+        field.driver.take_over().expect("without effect");
+        assert!(!field.run(2.0).commanded && field.mode == mode);
+    }
+}
+
+#[test]
+fn a_failed_take_off_lands_in_the_air_and_disarms_on_the_ground() {
+    let mut field = copter();
+    field.refuses = Some(CLIMB);
+    field.driver.take_off(10.0).expect("accepted");
+    let state = field.run(20.0);
+    assert!(!field.armed && field.count(ARM, 0) == 1, "{:?}", field.orders);
+    assert!(state.hindrance.contains("given up") && state.hindrance.contains("denied"));
+    let mut field = copter();
+    field.driver.take_off(10.0).expect("accepted");
+    field.until(CLIMB);
+    (field.airborne, field.up) = (true, 3.0);
+    let state = field.run(70.0);
+    assert!(field.mode == LAND && state.hindrance.contains("not up after 60 s"), "{state:?}");
+}
+
+#[test]
+fn a_landing_outlasts_a_lost_link_and_refusals() {
+    let mut field = copter();
+    field.fly();
+    field.speaks = false;
+    assert!(!field.run(6.0).commanded);
+    field.driver.land().expect("it is repeated until it is heard");
+    field.run(10.0);
+    field.speaks = true;
+    field.run(3.0);
+    assert_eq!(field.mode, LAND);
+    let mut field = copter();
+    field.fly();
+    field.refuses = Some(MavCmd::MAV_CMD_DO_SET_MODE);
+    field.driver.return_to_launch().expect("accepted");
+    let state = field.run(8.0);
+    assert!(state.hindrance.contains("RTL was given up"), "{state:?}");
+    field.refuses = None;
+    field.run(5.0);
+    assert_eq!(field.mode, LAND, "it lands at least");
+}
+
+#[test]
+fn whatever_we_did_not_order_is_the_pilots() {
+    // During the first stages of a take-off.
+    let taken = |change: fn(&mut Copter)| {
+        let mut field = copter();
+        field.driver.take_off(10.0).expect("accepted");
+        change(&mut field);
+        field.run(5.0);
+        assert_eq!(field.count(ARM, 1), 0, "{:?}", field.orders);
+        assert!(matches!(field.driver.land(), Err(MavlinkError::NotCommanded { .. })));
+        field.mode
+    };
+    assert_eq!(taken(|field| field.mode = LOITER), LOITER);
+    taken(|field| field.armed = true);
+    // While it lands.
+    let mut field = copter();
+    field.fly();
+    field.driver.land().expect("accepted");
+    field.run(2.0);
+    assert_eq!(field.mode, LAND);
+    let said = field.goals;
+    for mode in [LOITER, GUIDED] {
+        field.mode = mode;
+        field.run(3.0);
+        assert!(field.mode == mode && field.goals == said, "nothing is sent to the pilot's");
+        assert!(field.driver.return_to_launch().is_err());
+    }
+    // After a lost link.
+    let mut field = copter();
+    field.fly();
+    field.speaks = false;
+    field.run(6.0);
+    (field.speaks, field.mode) = (true, LOITER);
+    field.run(1.0);
+    assert!(field.driver.land().is_err(), "he flies it");
+}
+
+#[test]
+fn it_is_kept_inside_and_its_take_off_too() {
+    let fence = vec![[-20.0, -20.0], [20.0, -20.0], [20.0, 20.0], [-20.0, 20.0]];
+    let mut field = Copter::new(FlightLimits { fence, ..FlightLimits::default() });
+    assert!(matches!(field.driver.take_off(1.0), Err(MavlinkError::UpLimit { .. })));
+    // Its height counts from where it is armed, whatever it said before.
+    field.up = -3.0;
+    field.fly();
+    assert!((field.driver.goal.expect("a goal").place.z - 10.0).abs() < 1e-9);
+    field.north_m = 25.0;
+    let state = field.run(0.5);
+    assert!(state.commanded && state.hindrance.contains("outside the fence"), "{state:?}");
+    let place = field.driver.goal.expect("a goal").place;
+    assert!((place - Vector3::new(0.0, 20.0, 10.0)).norm() < 0.1, "{place}");
+    field.north_m = 10.0;
+    assert_eq!(field.run(0.5).hindrance, "");
+    // Without a launch place no distance from it is known.
+    field.driver.launch = None;
+    let goal = Waypoint { position: Vector3::new(1.0, 1.0, 10.0) };
+    let error = field.driver.go_to(&goal).expect_err("refused").to_string();
+    assert!(error.contains("fence_radius_m"), "{error}");
+}
+
+#[test]
+fn old_words_and_no_numbers_do_not_count() {
+    let mut field = copter();
+    field.fly();
+    let heard = &field.driver.heard;
+    let now = field.now.get();
+    assert!(heard.airborne(now));
+    field.driver.heard.landed.as_mut().expect("told").value =
+        MavLandedState::MAV_LANDED_STATE_ON_GROUND;
+    assert!(!field.driver.heard.airborne(now + 2.9), "its word");
+    assert!(field.driver.heard.airborne(now + 3.1), "armed and 10 m up");
+    field.yaw = f32::NAN;
+    field.tick();
+    let error = field.driver.pose().expect_err("no number").to_string();
+    assert!(error.contains("no number"), "{error}");
+}
+
+#[test]
+fn a_signed_link_hears_its_radio() {
+    // RADIO_STATUS of MAVLink 1 with an RSSI of 201, as SiK radios say it.
+    const OLD: [u8; 17] = [
+        0xfe, 0x09, 0x01, 0x33, 0x44, 0x6d, 0x00, 0x00, 0x00, 0x00, 0xc9, 0x00, 0x00, 0x00, 0x00,
+        0xfa, 0x85,
+    ];
+    let key = SigningKey::new([1; 32]);
+    let signing = Some(MavlinkSigning { key, link_id: 0 });
+    let mut field = Copter::of(MavlinkConfig { signing, ..MavlinkConfig::default() });
+    assert!(field.driver.heard.who.is_none(), "nothing unsigned of an autopilot counts");
+    field.say(&MavMessage::RADIO_STATUS(RADIO_STATUS_DATA { rssi: 200, ..Default::default() }));
+    field.tick();
+    assert_eq!(field.driver.radio_status().map(|radio| radio.rssi), Some(200));
+    field.stream.send(&OLD).expect("memory");
+    field.tick();
+    assert_eq!(field.driver.radio_status().map(|radio| radio.rssi), Some(201));
+    assert!(field.driver.heard.who.is_none());
+}
