@@ -89,8 +89,8 @@ where
             self.retry_at = time + self.config.retry_after_s;
         }
         self.listen(time);
-        heard?;
-        self.report(time, now)
+        let reported = self.report(time, now);
+        heard.and(reported)
     }
 
     /// The order that it follows.

@@ -2,7 +2,7 @@ use foxhunt_core::{
     BearingExtractor, Estimate, Estimator, EstimatorError, FormationPlanner, Observation,
     ObservationError, Pose, Reception, Station,
 };
-use foxhunt_hardware::link::{Delivery, FusionLink, Report, UnixTime};
+use foxhunt_hardware::link::{Delivery, FusionLink, LinkError, Report, UnixTime};
 use nalgebra::Vector3;
 
 use super::{FusionNodeConfig, NetworkError, remote::Remote, show::view};
@@ -20,6 +20,13 @@ pub struct Past {
 /// How many reports are taken at one step, so that a flood does not stop the hunt.
 const MOST_REPORTS: usize = 10_000;
 
+/// How many reports may be lost at one step before the rest waits for the next one, so that a link
+/// that is broken does not stop the hunt.
+const MOST_LOST: usize = 100;
+
+/// A step so many seconds after the last one comes late: its computer was busy with something else.
+const STOOD_STILL_S: f64 = 1.0;
+
 /// The part of a hunt on several computers that fuses: runs the [`Hunt`] on what the drones report, and
 /// tells each what to do.
 ///
@@ -33,6 +40,9 @@ pub struct FusionNode<X, P, F, E, L, const N: usize, const M: usize> {
     epoch: UnixTime,
     config: FusionNodeConfig,
     drones: Vec<Remote>,
+    /// What seemed to come from the future, and may have come since the step's time was read.
+    early: Vec<(usize, Delivery)>,
+    stepped_at: Option<f64>,
     past: Option<Past>,
     homes: Vec<Vector3<f64>>,
     /// When a drone showed up first.
@@ -78,6 +88,8 @@ where
             epoch,
             config,
             drones: std::iter::repeat_with(Remote::default).take(drones).collect(),
+            early: Vec::new(),
+            stepped_at: None,
             past,
             homes: Vec::new(),
             assembling: None,
@@ -92,23 +104,27 @@ where
     ///
     /// # Errors
     ///
-    /// [`NetworkError::Link`] when the link failed: it may be called again. [`NetworkError::Hunt`]
+    /// [`NetworkError::Link`] when the link failed, with the first of its errors; whatever did not fail
+    /// was done all the same, and it may be called again. [`NetworkError::Hunt`]
     /// when the hunt cannot begin or go on.
     pub fn step(&mut self, time: f64) -> Result<(), NetworkError> {
         let now = self.epoch.after(time).ok_or(NetworkError::Time { time })?;
+        self.excuse(time);
+        for (index, delivery) in std::mem::take(&mut self.early) {
+            self.take(time, index, delivery, true);
+        }
         let taken = self.take_reports(time);
         if !self.has_begun() {
             self.assemble(time)?;
         }
+        let mut said = Ok(());
         if self.has_begun() {
             self.hunt.advance(time)?;
             self.give_orders(now);
-            taken?;
-            self.say_orders(time, now)?;
-        } else {
-            taken?;
+            said = self.say_orders(time, now);
         }
-        self.show(time, now)
+        let shown = self.show(time, now);
+        Ok(taken.and(said).and(shown)?)
     }
 
     /// The next thing to be logged, each once, in the order in which it happened. Poll until there
@@ -157,10 +173,41 @@ where
         drone.heard_at.is_some_and(|heard| time - heard < self.config.silent_after_s)
     }
 
-    fn take_reports(&mut self, time: f64) -> Result<(), NetworkError> {
+    /// Who was heard before this node stood still is not silent only because nobody listened.
+    fn excuse(&mut self, time: f64) {
+        let Some(before) = self.stepped_at.replace(time) else { return };
+        if time - before <= STOOD_STILL_S {
+            return;
+        }
+        for (index, drone) in self.drones.iter().enumerate() {
+            if let Some((_, pose)) = drone.place
+                && self.is_heard(drone, before)
+            {
+                self.hunt.located(time, index, pose);
+            }
+        }
+    }
+
+    /// Takes what has come. Those that are lost do not keep it from the others: a drone that reports is
+    /// not silent.
+    fn take_reports(&mut self, time: f64) -> Result<(), LinkError> {
+        let (mut first, mut lost) = (Ok(()), 0);
         for _ in 0..MOST_REPORTS {
-            let Some((index, report)) = self.link.receive()? else { break };
-            let Some(drone) = self.drones.get_mut(index) else { continue };
+            let (index, report) = match self.link.receive() {
+                Ok(Some(report)) => report,
+                Ok(None) => break,
+                Err(error) => {
+                    first = first.and(Err(error));
+                    lost += 1;
+                    if lost == MOST_LOST {
+                        break;
+                    }
+                    continue;
+                }
+            };
+            let Some(drone) = self.drones.get_mut(index) else {
+                continue;
+            };
             match report {
                 Report::Pose { at, pose } if pose.is_finite() => {
                     if drone.place(at, pose, self.config.path_places) {
@@ -182,18 +229,23 @@ where
                     }
                     drone.failure = failure;
                 }
-                Report::Delivery(delivery) => self.take(time, index, *delivery),
+                Report::Delivery(delivery) => self.take(time, index, *delivery, false),
             }
         }
-        Ok(())
+        first
     }
 
     /// Takes a delivery in, unless it was before, or is of a beacon whose search has not begun: that
-    /// one will come again.
-    fn take(&mut self, time: f64, index: usize, delivery: Delivery) {
+    /// one will come again. One from the future is refused when it still is at the next step.
+    fn take(&mut self, time: f64, index: usize, delivery: Delivery, waited: bool) {
         let (name, ended) = (delivery.name(), delivery.ended.since(self.epoch));
         let beacon = delivery.beacon;
         if !self.has_begun() || self.hunt.is_yet_to_come(beacon) {
+            return;
+        }
+        let ahead_s = ended - time;
+        if ahead_s > self.config.clock_tolerance_s && !waited {
+            self.early.push((index, delivery));
             return;
         }
         let drone = &mut self.drones[index];
@@ -206,7 +258,6 @@ where
             drone.doubled += 1;
         } else {
             drone.delivered += 1;
-            let ahead_s = ended - time;
             match heard {
                 Ok(_) if ahead_s > self.config.clock_tolerance_s => {
                     let reason =
@@ -235,7 +286,9 @@ where
             drone.place.map(|(_, pose)| pose).or_else(home).map(Station::holding)
         };
         let stations: Option<Vec<Station>> = self.drones.iter().enumerate().map(place).collect();
-        let Some(stations) = stations else { return Ok(()) };
+        let Some(stations) = stations else {
+            return Ok(());
+        };
         let here: Vec<_> = stations.iter().map(|station| station.pose.position).collect();
         let Some(past) = &self.past else {
             self.hunt.start(time, stations)?;
@@ -265,7 +318,9 @@ where
             let (Command::GoTo { drone, .. }
             | Command::Land { drone }
             | Command::Listen { drone, .. }) = command;
-            let Some(drone) = self.drones.get_mut(drone) else { continue };
+            let Some(drone) = self.drones.get_mut(drone) else {
+                continue;
+            };
             match command {
                 Command::GoTo { goal, .. } => drone.go_to(number, goal),
                 Command::Land { .. } => drone.land(number),
@@ -294,26 +349,24 @@ where
     }
 
     /// Says what is new at once, and everything now and then.
-    fn say_orders(&mut self, time: f64, now: UnixTime) -> Result<(), NetworkError> {
+    fn say_orders(&mut self, time: f64, now: UnixTime) -> Result<(), LinkError> {
         let again = time >= self.order_at;
         if again {
             self.order_at = time + self.config.order_every_s;
         }
-        // A drone that cannot be reached keeps no other one from its orders.
-        let mut failure = Ok(());
+        let mut said = Ok(());
         for (index, drone) in self.drones.iter_mut().enumerate() {
             if drone.order.number > 0 && (again || !drone.told) {
                 drone.order.at = now;
-                match self.link.send(index, &drone.order) {
-                    Ok(()) => drone.told = true,
-                    Err(error) => failure = failure.and(Err(error.into())),
-                }
+                let sent = self.link.send(index, &drone.order);
+                drone.told |= sent.is_ok();
+                said = said.and(sent);
             }
         }
-        failure
+        said
     }
 
-    fn show(&mut self, time: f64, now: UnixTime) -> Result<(), NetworkError> {
+    fn show(&mut self, time: f64, now: UnixTime) -> Result<(), LinkError> {
         if time < self.show_at {
             return Ok(());
         }
@@ -322,6 +375,6 @@ where
         let hindrance = self.hindrance.as_deref();
         let view =
             view(now, &self.hunt, &self.drones, &silent, hindrance, self.config.clock_tolerance_s);
-        Ok(self.link.show(&view)?)
+        self.link.show(&view)
     }
 }

@@ -6,8 +6,8 @@ use foxhunt::{
     config::estimator_named,
     core::{BearingModes, Vehicle},
     hardware::link::{
-        Delivery, DroneLink, FusionLink, Impaired, Impairment, LinkError, Order, Report, Turn,
-        UnixTime, memory_network,
+        Delivery, DroneLink, FusionLink, Impaired, Impairment, LinkError, MemoryFusion, Order,
+        Report, Turn, UnixTime, memory_network,
     },
     hunt::Event,
     network::{
@@ -174,6 +174,8 @@ fn a_reception_is_taken_once_logged_first_and_not_before_or_after_its_time() {
         drones[1].send(&heard(beacon, at(ended))).expect("memory");
     }
     node.step(2.0).expect("memory");
+    // What comes from the future may have come during that step; at the next it is judged.
+    node.step(2.05).expect("memory");
     let taken = |link: &mut dyn DroneLink| {
         let mut taken = Vec::new();
         while let Some(order) = link.receive().expect("memory") {
@@ -196,7 +198,71 @@ fn a_reception_is_taken_once_logged_first_and_not_before_or_after_its_time() {
     assert_eq!(received, 1);
     assert!(refused.len() == 1 && refused[0].contains("set the clocks"), "{refused:?}");
     node.step(2.1).expect("memory");
-    assert_eq!(taken(&mut drones[1]), [(0, at(9.0)), (0, at(1.0))]);
+    assert_eq!(taken(&mut drones[1]), [(0, at(1.0)), (0, at(9.0))]);
+    // One that came while a long step ran is of its past at the next.
+    drones[1].send(&heard(0, at(6.0))).expect("memory");
+    node.step(2.2).expect("memory");
+    node.step(6.1).expect("memory");
+    let events: Vec<Event> = std::iter::from_fn(|| node.poll_event()).collect();
+    assert!(!events.iter().any(|event| matches!(event, Event::Refused { .. })), "{events:?}");
+    node.step(6.2).expect("memory");
+    assert!(taken(&mut drones[1]).contains(&(0, at(6.0))));
+}
+
+/// A link that loses so many reports before it hands out the others, as a queue that ran over does.
+struct Overrun {
+    link: MemoryFusion,
+    lost: Rc<Cell<u32>>,
+}
+
+impl FusionLink for Overrun {
+    fn send(&mut self, drone: usize, order: &Order) -> Result<(), LinkError> {
+        self.link.send(drone, order)
+    }
+
+    fn receive(&mut self) -> Result<Option<(usize, Report)>, LinkError> {
+        let lost = self.lost.get();
+        if lost == 0 {
+            return self.link.receive();
+        }
+        self.lost.set(lost - 1);
+        let reason = format!("{lost} are lost");
+        Err(LinkError::Message { over: "a test", what: "poses".to_owned(), reason })
+    }
+}
+
+#[test]
+fn a_hunt_that_stood_still_goes_on_with_what_has_come_since() {
+    let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
+    let named = estimator_named("ekf-pritzl2018").expect("it has a name");
+    let (mut drones, link) = memory_network(3);
+    let hunt = scenario.parts(&named.config, 1).build().expect("a proper hunt");
+    let lost = Rc::new(Cell::new(0));
+    let link = Overrun { link, lost: Rc::clone(&lost) };
+    let config = FusionNodeConfig::default();
+    let mut node = FusionNode::new(hunt, 3, link, EPOCH, None, config).expect("in range");
+    let mut report = |time: f64| {
+        for (link, place) in drones.iter_mut().zip(&scenario.world.drones) {
+            while link.receive().expect("memory").is_some() {}
+            let pose = Pose::at(place.east_m, place.north_m, place.up_m);
+            link.send(&Report::Pose { at: at(time), pose }).expect("memory");
+        }
+    };
+    report(1.0);
+    node.step(1.0).expect("memory");
+    while node.poll_event().is_some() {}
+    // The computer was busy for long, and the link kept only the last that was said.
+    report(301.0);
+    lost.set(5);
+    let told = node.step(301.0).expect_err("some were lost").to_string();
+    assert!(told.contains("5 are lost"), "{told}");
+    assert_eq!((lost.get(), node.silent(301.0)), (0, vec![]));
+    while let Some(event) = node.poll_event() {
+        let missed = matches!(event, Event::DutyChanged { .. } | Event::Recalled { .. });
+        assert!(!missed, "{event:?}");
+    }
+    let order = drones[0].receive().expect("memory").expect("it was given though some were lost");
+    assert_eq!(order.at, at(301.0));
 }
 
 #[test]

@@ -1,13 +1,16 @@
-use std::{collections::BTreeMap, fmt};
+use std::{
+    collections::{BTreeMap, btree_map::Entry},
+    fmt,
+};
 
-use super::{Header, Joined, Listener, Ros1Config, Speaker};
+use super::{Announced, Header, Joined, Listener, Ros1Config, Speaker};
 use crate::link::{FusionLink, LinkError, Order, Report, View, ros};
 
 /// The fusing end of a link over ROS 1: the drones' topics the other way round, and for viewers each
 /// drone's `goal` and `path`, `/foxhunt/beacon_<n>/estimate` and `/diagnostics`.
 pub struct Ros1Fusion {
     drones: Vec<Drone>,
-    estimates: BTreeMap<u16, Speaker<ros::PoseWithCovarianceStamped<Header>>>,
+    estimates: BTreeMap<u16, Announced<ros::PoseWithCovarianceStamped<Header>>>,
     diagnostics: Speaker<ros::DiagnosticArray<Header>>,
     /// Who is asked first, so that none is heard more than others.
     turn: usize,
@@ -31,8 +34,8 @@ impl fmt::Debug for Ros1Fusion {
 }
 
 impl Ros1Fusion {
-    /// Joins the network as the one that fuses for so many drones; waits for the master's answers, as
-    /// it does later when a beacon is shown for the first time.
+    /// Joins the network as the one that fuses for so many drones; waits for the master's answers.
+    /// Nothing waits later: a beacon's topic is shown on as soon as the master knows of it.
     ///
     /// # Errors
     ///
@@ -88,13 +91,18 @@ impl FusionLink for Ros1Fusion {
     fn show(&mut self, view: &View) -> Result<(), LinkError> {
         let at = view.at;
         for beacon in &view.beacons {
-            if !self.estimates.contains_key(&beacon.number) {
-                let topic = ros::beacon_topic(beacon.number, "estimate");
-                self.estimates.insert(beacon.number, self.node.speaker(&topic, true)?);
+            let message = ros::estimate(at, &beacon.estimate)?;
+            let said = match self.estimates.entry(beacon.number) {
+                Entry::Occupied(known) => known.into_mut().say(&message),
+                Entry::Vacant(new) => {
+                    let topic = ros::beacon_topic(beacon.number, "estimate");
+                    new.insert(self.node.announce(&topic)?).say(&message)
+                }
+            };
+            if matches!(said, Err(LinkError::Open { .. })) {
+                self.estimates.remove(&beacon.number);
             }
-            if let Some(speaker) = self.estimates.get(&beacon.number) {
-                speaker.say(&ros::estimate(at, &beacon.estimate)?)?;
-            }
+            said?;
         }
         for (drone, shown) in self.drones.iter().zip(&view.drones) {
             if let Some(goal) = &shown.goal {

@@ -6,10 +6,13 @@ use std::{
 
 use roslibrust::{
     RosMessageType,
-    ros1::{NodeHandle, Publisher, Subscriber},
+    ros1::{NodeError, NodeHandle, Publisher, Subscriber},
 };
 use serde::{Deserialize, Serialize};
-use tokio::runtime::{Builder, Runtime};
+use tokio::{
+    runtime::{Builder, Runtime},
+    task::JoinHandle,
+};
 
 use crate::link::LinkError;
 
@@ -44,6 +47,12 @@ pub(super) struct Joined {
 
 /// A topic that is spoken on, with its name for errors.
 pub(super) struct Speaker<M>(Publisher<M>, String);
+
+/// A topic that is to be spoken on as soon as the master has answered, with its name for errors.
+pub(super) enum Announced<M> {
+    Asked(JoinHandle<Result<Publisher<M>, NodeError>>, String),
+    Open(Speaker<M>),
+}
 
 /// A topic that is listened to, with its name for errors.
 pub(super) struct Listener<M>(Subscriber<M>, String);
@@ -81,6 +90,17 @@ impl Joined {
         Ok(Speaker(made.map_err(|error| open(topic, error))?, topic.to_owned()))
     }
 
+    /// Announces a topic, latched, without waiting for the master: that would hold up the one who asks.
+    pub(super) fn announce<M: RosMessageType>(
+        &self,
+        topic: &str,
+    ) -> Result<Announced<M>, LinkError> {
+        let (node, runtime) = self.parts()?;
+        let (node, name) = (node.clone(), topic.to_owned());
+        let asked = runtime.spawn(async move { node.advertise::<M>(&name, QUEUE, true).await });
+        Ok(Announced::Asked(asked, topic.to_owned()))
+    }
+
     pub(super) fn listener<M: RosMessageType>(
         &self,
         topic: &str,
@@ -110,6 +130,23 @@ fn now<F: Future>(future: F) -> Option<F::Output> {
 
 fn failed(topic: &str, reason: impl std::fmt::Display) -> LinkError {
     LinkError::Message { over: OVER, what: topic.to_owned(), reason: reason.to_string() }
+}
+
+impl<M: RosMessageType> Announced<M> {
+    /// Says it if the master has answered. After an error it has to be announced anew.
+    pub(super) fn say(&mut self, message: &M) -> Result<(), LinkError> {
+        if let Self::Asked(asked, topic) = self
+            && let Some(answer) = now(asked)
+        {
+            let made = answer.map_err(|error| open(topic, error))?;
+            let made = made.map_err(|error| open(topic, error))?;
+            *self = Self::Open(Speaker(made, std::mem::take(topic)));
+        }
+        match self {
+            Self::Asked(..) => Ok(()),
+            Self::Open(speaker) => speaker.say(message),
+        }
+    }
 }
 
 impl<M: RosMessageType> Speaker<M> {
