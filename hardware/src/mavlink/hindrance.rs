@@ -36,6 +36,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                     false => self.failure.clone(),
                 };
             }
+            Phase::Idle if self.order.is_some() => return "its motors are being stopped".into(),
             Phase::Idle | Phase::TakingOff { .. } => {}
         }
         if !self.failure.is_empty() {

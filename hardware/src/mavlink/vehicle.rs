@@ -366,8 +366,10 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
             return Ok(());
         }
         self.check_link(now)?;
-        let coming_down = matches!(self.phase, Phase::Landing | Phase::Returning);
-        if coming_down || matches!(self.phase, Phase::Taken { by_pilot: true, .. }) {
+        // The motors may be being stopped as well.
+        let ends = matches!(self.phase, Phase::Landing | Phase::Returning)
+            || (self.phase == Phase::Idle && self.order.is_some());
+        if ends || matches!(self.phase, Phase::Taken { by_pilot: true, .. }) {
             return Err(MavlinkError::NotCommanded { why: self.hindrance(now) });
         }
         if self.heard.armed() {
