@@ -271,8 +271,10 @@ impl Pilot {
 
     fn said(&self) -> Said {
         let interrupts = self.interrupts.load(Ordering::Relaxed);
-        if self.told.replace(interrupts) != interrupts {
-            return if interrupts > 1 { Said::LetGo } else { Said::Interrupt };
+        let before = self.told.replace(interrupts);
+        if before != interrupts {
+            // Two that come at once are one: the terminal and a script may both send it.
+            return if before > 0 { Said::LetGo } else { Said::Interrupt };
         }
         if self.lines.try_recv().is_ok() { Said::Enter } else { Said::Nothing }
     }
