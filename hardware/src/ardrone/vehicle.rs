@@ -10,7 +10,7 @@ use super::{ArDroneConfig, ArDroneError, control::Goal};
 /// A Parrot AR.Drone 2.0: orders to its UDP port 5556, navdata from 5554.
 ///
 /// It knows no place: that is counted from where it stood, by the speeds that it tells, and is off by more
-/// the farther it flies, which [`position_sigma`](Vehicle::position_sigma) says;
+/// the farther it flies, which [`position_sigma`](foxhunt_core::Vehicle::position_sigma) says;
 /// [`correct`](Self::correct) takes a better one from outside. It is flown to its goals by orders of tilt,
 /// so it has to be served some twenty times a second; without orders it hovers by itself.
 ///
