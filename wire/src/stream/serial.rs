@@ -2,7 +2,8 @@ use std::{io, time::Duration};
 
 use super::{ByteStream, byte_stream::taken};
 
-/// A serial port: 8 data bits, no parity, one stop bit, no flow control.
+/// A serial port: 8 data bits, no parity, one stop bit, no flow control. Reading never waits; a port
+/// that takes nothing any more holds a write up for half a second before it fails.
 #[derive(Debug)]
 pub struct SerialStream {
     port: serial2::SerialPort,
