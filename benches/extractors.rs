@@ -4,7 +4,6 @@ use std::{f64::consts::TAU, hint::black_box};
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use foxhunt::{
-    config::extractors,
     prelude::*,
     sensors::{Antenna, PatternTable},
 };
@@ -35,9 +34,11 @@ fn turns(criterion: &mut Criterion) {
         let samples = turn(reflected);
         let sweep = Sweep { positions: 128, samples: &samples, ..Sweep::default() };
         let mut group = criterion.benchmark_group(what);
-        for named in extractors() {
-            let extractor = named.config.build().expect("its defaults are in range");
-            group.bench_function(named.name, |bencher| {
+        let registry = Registry::builtin();
+        for entry in registry.extractors() {
+            let extractor = registry.build_extractor(&entry.config());
+            let extractor = extractor.expect("its defaults are in range");
+            group.bench_function(&*entry.name, |bencher| {
                 bencher.iter(|| extractor.extract(black_box(&sweep)));
             });
         }

@@ -67,9 +67,9 @@ fn exhaustive(turn: &impl TurnInformation, belief: &Cloud, drones: usize) -> (f6
             let nats: f64 = belief.places[..64]
                 .iter()
                 .map(|target| {
-                    let told: Matrix2<f64> =
+                    let reported: Matrix2<f64> =
                         places.iter().map(|place| turn.fisher(target, place).total()).sum();
-                    (prior + told).determinant().ln()
+                    (prior + reported).determinant().ln()
                 })
                 .sum();
             if nats > best.0 {

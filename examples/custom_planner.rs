@@ -1,18 +1,18 @@
 //! Planners of one's own, a closure and a struct, each in a small simulated hunt: three drones with
-//! steppers and a grid look for two beacons.
+//! steppers and a grid search for two beacons.
 //!
 //! `cargo run --example custom_planner`
 
-#![expect(clippy::print_stdout, reason = "an example talks to whoever runs it")]
+#![expect(clippy::print_stdout, reason = "an example shows what it found")]
 
 use std::{convert::Infallible, error::Error, fmt};
 
 use foxhunt::{
-    core::{Outcome, PlanError, planner_fn},
+    core::planner_fn,
     filters::{GridConfig, GridFilter},
     formation::{Line, Shape},
     prelude::*,
-    scenario::{Scenario, SimulationConfig},
+    scenario::SimulationConfig,
     sensors::{LogDistance, Pritzl2018, RssBearing},
     sim::World,
     simulation::fly,
@@ -36,7 +36,8 @@ impl FormationPlanner for Ring {
         if !sigma.is_finite() {
             return Err(PlanError::NoPlace);
         }
-        (self.radius, self.turns) = ((2.0 * sigma).clamp(5.0, 30.0), self.turns + 1);
+        self.radius = (2.0 * sigma).clamp(5.0, 30.0);
+        self.turns += 1;
         let ring = foxhunt::formation::Polygon { circumradius: self.radius };
         let count = stations.len();
         for (index, station) in stations.iter_mut().enumerate() {
@@ -78,27 +79,26 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// Flies the reference's simulation with any planner.
-fn hunt(name: &str, planner: impl FormationPlanner) -> Result<(), Box<dyn Error>> {
+fn hunt(name: &str, planner: impl FormationPlanner + 'static) -> Result<(), Box<dyn Error>> {
     let scenario = Scenario::find("pritzl-6.1")?;
     let world = World::new(&scenario.world, 1)?;
     let model = RssBearing::new(LogDistance::pritzl2018_field());
-    let mut hunt = Hunt::new(
-        Pritzl2018::default(),
-        planner,
-        |prior: &Estimate<2>| {
-            GridFilter::new(RandomWalk::uniform(0.02), model, *prior, GridConfig::default())
-        },
-        scenario.beacon_names(),
-        HuntConfig::default(),
-        TrackConfig::default(),
-    )?;
-    let mut sources = scenario.sources(&world)?;
-    fly(&mut hunt, &world, &mut sources, SimulationConfig::default(), |_event| {
-        Ok::<_, Infallible>(())
-    })?;
-    for fix in hunt.fixes() {
-        let truth = world.truth(fix.beacon).ok_or("the world has this beacon")?.xy();
-        let error = (fix.estimate.mean - truth).norm();
+    let tracks = move |search: &Search<'_>| {
+        let walk = RandomWalk::uniform(0.02);
+        let grid = GridFilter::new(walk, model, search.prior, GridConfig::default())?;
+        Ok(Track::new::<2, 2>(grid, TrackConfig::default()))
+    };
+    let parts = Parts::new(Pritzl2018::default(), planner, tracks);
+    let mut hunt = Hunt::new(parts, scenario.beacon_names(), HuntConfig::default())?;
+    let sources = scenario.sources(&Registry::builtin(), &world)?;
+    let mut drones = Vec::new();
+    for (drone, source) in sources.into_iter().enumerate() {
+        drones.push(Drone { source, vehicle: world.vehicle(drone)? });
+    }
+    let config = SimulationConfig::default();
+    let flown = fly(&mut hunt, &world, &mut drones, config, |_event| Ok::<_, Infallible>(()))?;
+    for found in &flown.found {
+        let (fix, error) = (&found.fix, found.error_m());
         println!("{name}, {}: {error:.2} m off after {} steps", fix.name, fix.steps);
     }
     Ok(())

@@ -3,23 +3,23 @@
 //!
 //! `cargo run --example drone_lost`
 
-#![expect(clippy::print_stdout, reason = "an example talks to whoever runs it")]
+#![expect(clippy::print_stdout, reason = "an example shows what it found")]
 
 use std::{convert::Infallible, error::Error};
 
-use foxhunt::{
-    config::estimator_named, hunt::Event, scenario::Scenario, sim::Interval, simulation::simulate,
-};
+use foxhunt::{prelude::*, sim::Interval};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut scenario = Scenario::find("pritzl-6.1")?;
-    // The second drone neither answers nor obeys for a minute, the third hears nothing any more.
+    // The second drone neither answers nor obeys for a minute, the third receives nothing any more.
     scenario.world.drones[1].lost = vec![Interval { from_s: 20.0, to_s: Some(80.0) }];
     scenario.world.drones[2].silent_after_s = Some(60.0);
     scenario.hunt.turn_timeout_s = 20.0;
 
-    let estimator = estimator_named("particle").ok_or("it is built in")?;
-    let hunt = simulate(&scenario, &estimator, 1, |event| {
+    let registry = Registry::builtin();
+    let estimator = registry.estimator("particle")?;
+    let setup = Setup { scenario: &scenario, estimator, registry: &registry };
+    let hunt = setup.simulate(1, |event| {
         match event {
             Event::DutyChanged { time, drone, duty } => {
                 println!("{time:6.1} s  drone {}: {duty}", drone + 1);

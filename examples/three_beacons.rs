@@ -1,29 +1,25 @@
-//! Three beacons that every turn listens for, a planner that weighs them, and one that shows up
-//! later.
+//! Three beacons in shared turns, a planner that weighs them, and one that shows up later.
 //!
 //! `cargo run --example three_beacons`
 
-#![expect(clippy::print_stdout, reason = "an example talks to whoever runs it")]
+#![expect(clippy::print_stdout, reason = "an example shows what it found")]
 
 use std::{convert::Infallible, error::Error};
 
-use foxhunt::{
-    config::{estimator_named, planner_named},
-    hunt::Event,
-    scenario::Scenario,
-    simulation::simulate,
-};
+use foxhunt::prelude::*;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut scenario = Scenario::find("three-beacons")?;
-    let estimator = estimator_named("particle").ok_or("it is built in")?;
+    let registry = Registry::builtin();
+    let estimator = registry.estimator("particle")?;
     for name in ["pritzl2018", "information"] {
-        scenario.planner = planner_named(name).ok_or("it is built in")?.config(&scenario);
+        scenario.planner = registry.planner(name)?.config(&scenario.field());
         println!("{name}:");
-        let hunt = simulate(&scenario, &estimator, 1, |event| {
+        let setup = Setup { scenario: &scenario, estimator, registry: &registry };
+        let hunt = setup.simulate(1, |event| {
             match event {
                 Event::BeaconStarted { time, name, .. } => {
-                    println!("{time:6.0} s  {name} is taken in")
+                    println!("{time:6.0} s  {name} is searched for")
                 }
                 Event::Planned { time, reason, .. } => println!("{time:6.0} s  {reason}"),
                 _ => {}

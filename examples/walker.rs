@@ -3,7 +3,7 @@
 //!
 //! `cargo run --example walker --features hardware`
 
-#![expect(clippy::print_stdout, reason = "an example talks to whoever runs it")]
+#![expect(clippy::print_stdout, reason = "an example shows what it found")]
 
 use std::error::Error;
 
@@ -50,29 +50,31 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut source = StepperSource::new(stepper, radio, rotator, walker.clone(), world.clock());
 
     let model = RssBearing::new(LogDistance::pritzl2018_field());
-    let prior = Estimate::isotropic(nalgebra::Vector2::zeros(), 20.0);
+    let prior = Estimate::isotropic(foxhunt::nalgebra::Vector2::zeros(), 20.0);
     let mut belief =
         GridFilter::new(RandomWalk::uniform(0.0), model, prior, GridConfig::default())?;
     let extractor = Pritzl2018::default();
     let truth = world.truth(beacon).ok_or("the world has this beacon")?.xy();
     for leg in 1..=8 {
         source.begin(&[beacon])?;
-        let heard = loop {
+        let reception = loop {
             pass(&world)?;
-            // Before the first fix and the radio's first words there are errors, and no sweep.
+            // Before the first fix and the radio's first answer there are errors, and no sweep.
             let Ok(Some(sweep)) = source.poll() else { continue };
             break extractor.extract(&sweep).map(|reading| Reception::new(&sweep, &reading))?;
         };
-        let _ = belief.update(&Observation::try_from(&heard)?)?;
+        let intake = ByQuantity([Quantity::RSS, Quantity::BEARING]);
+        let observation = intake.observation(&reception)?.ok_or("neither level nor bearing")?;
+        let _ = belief.update(&observation)?;
         let found = belief.estimate();
         let error = (found.mean - truth).norm();
-        let sigma = heard.receiver_sigma_m.ok_or("the receiver tells it")?.x;
+        let sigma = reception.receiver_sigma_m.ok_or("the receiver reports it")?.x;
         println!("leg {leg}: place ±{sigma:.1} m, the beacon is {error:.1} m from its estimate");
         // Two thirds of the way there, shown to the person, whose feet the world moves.
-        let here = heard.receiver.position.xy();
+        let here = reception.receiver.position.xy();
         let goal = here + (found.mean - here) * 0.66;
         walker.clone().go_to(&Waypoint { position: goal.push(1.5) })?;
-        let shown = walker.with(|walker| walker.goal()).ok_or("it was just told")?;
+        let shown = walker.with(|walker| walker.goal()).ok_or("it was just sent")?;
         world.vehicle(0)?.go_to(&shown)?;
         for _ in 0..1000 {
             pass(&world)?;

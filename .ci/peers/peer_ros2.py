@@ -122,6 +122,10 @@ class Reception(IdlStruct, typename="foxhunt_msgs::msg::dds_::Reception_"):
     mode_weights: sequence[float64]
     mode_bearings: sequence[float64]
     mode_sigmas: sequence[float64]
+    velocity: sequence[float64]
+    quantity_names: sequence[str]
+    quantity_values: sequence[float64]
+    quantity_sigmas: sequence[float64]
 
 
 @dataclass
@@ -213,7 +217,8 @@ while not stop:
             position=place, heading=0.0, pitch=0.0, roll=0.0, position_sigma=[1.0, 1.0, 2.0],
             rss_dbm=LEVEL_DBM, rss_sigma_db=8.0, has_bearing=True,
             bearing=math.atan2(north, east), bearing_sigma=0.5, bearing_confidence=0.5,
-            covariance=0.0, mode_weights=[], mode_bearings=[], mode_sigmas=[])
+            covariance=0.0, mode_weights=[], mode_bearings=[], mode_sigmas=[], velocity=[],
+            quantity_names=[], quantity_values=[], quantity_sigmas=[])
     if own is not None and not own_taken:
         stamp = own.header.stamp
         own_taken = (2, 0, micros(stamp.sec, stamp.nanosec)) in taken

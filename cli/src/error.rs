@@ -15,7 +15,7 @@ pub(crate) enum CliError {
     /// A failure: exit code 1.
     #[error(transparent)]
     Failure(Box<dyn Error>),
-    /// Whoever reads the output has seen enough.
+    /// Nobody reads standard output any more.
     #[error("standard output is closed")]
     Closed,
 }
@@ -34,27 +34,27 @@ impl CliError {
         Self::failure(WriteError { path: path.display().to_string(), source })
     }
 
-    /// Says what is wrong, with everything that led to it.
+    /// Prints the error with all its sources, and returns the exit code.
     pub(crate) fn report(&self) -> ExitCode {
         let (code, error) = match self {
             Self::Closed => return ExitCode::SUCCESS,
             Self::Input(error) => (2, error),
             Self::Failure(error) => (1, error),
         };
-        // Where standard error is closed there is nobody left to tell.
+        // Where standard error is closed nobody can read it.
         let _ = writeln!(io::stderr(), "error: {}", chain(error.as_ref()));
         ExitCode::from(code)
     }
 }
 
-/// An error and all its sources: "a: b: c". A source that an error has told already is not told
-/// again.
+/// An error and all its sources: "a: b: c". A source whose text an error already holds is
+/// left out.
 fn chain(error: &dyn Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();
     while let Some(error) = source {
         let more = error.to_string();
-        if !text.ends_with(more.trim_end()) {
+        if !text.contains(more.trim_end()) {
             let _ = write!(text, ": {more}");
         }
         source = error.source();
@@ -70,7 +70,7 @@ struct WriteError {
     source: io::Error,
 }
 
-/// Says in which file an error is.
+/// An error in a file.
 #[derive(Debug, thiserror::Error)]
 #[error("{file}")]
 pub(crate) struct InFile {
@@ -84,16 +84,21 @@ mod tests {
 
     #[derive(Debug, thiserror::Error)]
     #[error("outer: {0}")]
-    struct Telling(#[source] Inner);
+    struct Outer(#[source] Inner);
+
+    #[derive(Debug, thiserror::Error)]
+    #[error("{0}; use 4")]
+    struct Advice(#[source] Inner);
 
     #[derive(Debug, thiserror::Error)]
     #[error("inner value is 3")]
     struct Inner;
 
     #[test]
-    fn every_source_is_told_once() {
-        assert_eq!(chain(&Telling(Inner)), "outer: inner value is 3");
-        let file = InFile { file: "a.toml".to_owned(), source: Box::new(Telling(Inner)) };
+    fn every_source_is_printed_once() {
+        assert_eq!(chain(&Outer(Inner)), "outer: inner value is 3");
+        assert_eq!(chain(&Advice(Inner)), "inner value is 3; use 4");
+        let file = InFile { file: "a.toml".to_owned(), source: Box::new(Outer(Inner)) };
         assert_eq!(chain(&file), "a.toml: outer: inner value is 3");
     }
 }

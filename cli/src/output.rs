@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::error::CliError;
 
-/// Where the result goes, and what is said beside it.
+/// Where results and notes are printed.
 ///
 /// With `--json` standard output holds one JSON value and nothing else; without it, tables and
 /// notes. Progress is on standard error either way.
@@ -48,14 +48,14 @@ impl Output {
 
 /// Prints a line on standard error.
 pub(crate) fn warn(line: &str) {
-    // Where standard error is closed there is nobody left to tell.
+    // Where standard error is closed nobody can read it.
     let _ = writeln!(io::stderr(), "{line}");
 }
 
 fn to_stdout(text: &str) -> Result<(), CliError> {
     let mut out = io::stdout().lock();
     writeln!(out, "{text}").and_then(|()| out.flush()).map_err(|error| match error.kind() {
-        // A reader such as `head` that has seen enough is no failure.
+        // A reader such as `head` that stops early is no failure.
         io::ErrorKind::BrokenPipe => CliError::Closed,
         _ => CliError::writing(Path::new("standard output"), error),
     })

@@ -7,8 +7,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::output::warn;
 
-/// Shows how far a long work has come, on standard error: a bar on a terminal, elsewhere a line
-/// for each tenth.
+/// The progress of a long work on standard error: a bar on a terminal, elsewhere a line for each
+/// tenth.
 #[derive(Debug)]
 pub(crate) struct Progress {
     what: &'static str,

@@ -1,6 +1,8 @@
-use comfy_table::{CellAlignment, ContentArrangement, LineStyle, Table, TableStyle};
+use comfy_table::{
+    CellAlignment, ColumnConstraint, ContentArrangement, LineStyle, Table, TableStyle,
+};
 
-/// What stands where there is no number.
+/// The cell of an absent value.
 const NOTHING: &str = "-";
 
 /// Lines about the table and under its header.
@@ -10,7 +12,7 @@ const STYLE: TableStyle = TableStyle::new()
     .bottom_border(LineStyle::none().fill('─').junction('─'));
 
 /// How wide a table of texts may be.
-const TEXT_WIDTH: u16 = 100;
+pub(crate) const TEXT_WIDTH: u16 = 100;
 
 /// A table of these columns; the first holds names, the others values to the right.
 pub(crate) fn table(columns: &[&str]) -> Table {
@@ -25,7 +27,7 @@ pub(crate) fn table(columns: &[&str]) -> Table {
     table
 }
 
-/// A table of these columns, all of them texts; long ones are broken over several lines.
+/// A table of texts; long ones are wrapped.
 pub(crate) fn list(columns: &[&str]) -> Table {
     let mut table = Table::new();
     table
@@ -33,6 +35,16 @@ pub(crate) fn list(columns: &[&str]) -> Table {
         .set_content_arrangement(ContentArrangement::Dynamic)
         .set_width(TEXT_WIDTH)
         .set_header(columns);
+    table
+}
+
+/// A table of what has a name: the first column holds the names, which are never wrapped.
+pub(crate) fn catalogue(columns: &[&str], width: u16) -> Table {
+    let mut table = list(columns);
+    table.set_width(width);
+    if let Some(names) = table.column_mut(0) {
+        names.set_constraint(ColumnConstraint::ContentWidth);
+    }
     table
 }
 
@@ -80,8 +92,8 @@ mod tests {
     #[test]
     fn a_markdown_table() {
         let rows = [["a".to_owned(), "1.5".to_owned()], ["long".to_owned(), "-".to_owned()]];
-        let told = markdown(&["name", "m"], 1, &rows.map(Vec::from));
-        assert_eq!(told, "| name |   m |\n| ---- | ---:|\n| a    | 1.5 |\n| long |   - |");
+        let table = markdown(&["name", "m"], 1, &rows.map(Vec::from));
+        assert_eq!(table, "| name |   m |\n| ---- | ---:|\n| a    | 1.5 |\n| long |   - |");
     }
 
     #[test]

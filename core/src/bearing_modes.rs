@@ -1,6 +1,6 @@
 use crate::angle::{self, Resultant};
 
-/// One of several directions that a turn of the antenna may have heard its signal from.
+/// One of several directions that a turn of the antenna may have received its signal from.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]

@@ -23,7 +23,7 @@ impl<const N: usize> Estimate<N> {
         Self { mean, covariance: Covariance::from_diagonal_element(sigma * sigma) }
     }
 
-    /// The part of the belief that says where the target is.
+    /// The part of the belief about the place of the target.
     #[must_use]
     pub fn position(&self) -> Estimate<2> {
         const { assert!(N >= 2, "a state holds East and North") };
@@ -46,6 +46,18 @@ impl<const N: usize> Estimate<N> {
 }
 
 impl Estimate<2> {
+    /// The belief of a state of `N` components that begins with this place. Each of the further
+    /// components, such as a velocity or a transmitted power, has this mean and this standard
+    /// deviation, and is independent of all others.
+    #[must_use]
+    pub fn with_rest<const N: usize>(&self, mean: f64, sigma: f64) -> Estimate<N> {
+        const { assert!(N >= 2, "a state holds East and North") };
+        let mut whole = Estimate::isotropic(State::<N>::repeat(mean), sigma);
+        whole.mean.fixed_rows_mut::<2>(0).copy_from(&self.mean);
+        whole.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&self.covariance);
+        whole
+    }
+
     /// The ellipse that holds the target with the given probability if the belief is Gaussian.
     ///
     /// `None` when the covariance is not positive definite or `probability` is not in (0, 1).
@@ -64,6 +76,25 @@ impl Estimate<2> {
             orientation: 0.5 * libm::atan2(2.0 * b, a - c),
         };
         (ellipse.semi_minor > 0.0 && ellipse.semi_major.is_finite()).then_some(ellipse)
+    }
+}
+
+/// Visits the 2N cubature points x̂ ± √N Lᵢ, P = L Lᵀ, of weight 1/2N each: their mean and
+/// covariance are the estimate's (Arasaratnam & Haykin 2009, eq. 31). Where P has no factor,
+/// the mean alone stands for the belief.
+pub fn visit_cubature_points<const N: usize>(
+    estimate: &Estimate<N>,
+    visit: &mut dyn FnMut(&State<N>, f64),
+) {
+    let Some(factor) = estimate.covariance.cholesky() else {
+        visit(&estimate.mean, 1.0);
+        return;
+    };
+    let dimension = f64::from(u16::try_from(N).unwrap_or(u16::MAX));
+    let spread = factor.unpack() * libm::sqrt(dimension);
+    for column in spread.column_iter() {
+        visit(&(estimate.mean + column), 0.5 / dimension);
+        visit(&(estimate.mean - column), 0.5 / dimension);
     }
 }
 
@@ -86,6 +117,18 @@ mod tests {
     use super::*;
 
     #[test]
+    fn further_components_are_independent_of_the_place() {
+        let covariance = Matrix2::new(4.0, 1.0, 1.0, 9.0);
+        let place = Estimate { mean: Vector2::new(1.0, 2.0), covariance };
+        let whole: Estimate<4> = place.with_rest(-3.0, 0.5);
+        assert_eq!(whole.mean, nalgebra::Vector4::new(1.0, 2.0, -3.0, -3.0));
+        assert_eq!(whole.position(), place);
+        let mut expected = nalgebra::Matrix4::from_diagonal_element(0.25);
+        expected.fixed_view_mut::<2, 2>(0, 0).copy_from(&covariance);
+        assert_eq!(whole.covariance, expected);
+    }
+
+    #[test]
     fn the_ellipse_follows_the_covariance() {
         // σ = 3 m along 30°, 1 m across it.
         let (s, c) = (0.5, libm::sqrt(0.75));
@@ -103,5 +146,22 @@ mod tests {
         assert_eq!(estimate.ellipse(1.0), None);
         let flat = Estimate { mean: Vector2::zeros(), covariance: Matrix2::zeros() };
         assert_eq!(flat.ellipse(0.95), None);
+    }
+
+    #[test]
+    fn cubature_points_keep_both_moments() {
+        let estimate = Estimate {
+            mean: Vector2::new(3.0, -1.0),
+            covariance: Matrix2::new(4.0, 1.0, 1.0, 2.0),
+        };
+        let (mut mean, mut second, mut total) = (Vector2::zeros(), Matrix2::zeros(), 0.0);
+        visit_cubature_points(&estimate, &mut |x, w| {
+            mean += x * w;
+            second += (x - estimate.mean) * (x - estimate.mean).transpose() * w;
+            total += w;
+        });
+        assert!((total - 1.0).abs() < 1e-15);
+        assert!((mean - estimate.mean).norm() < 1e-14);
+        assert!((second - estimate.covariance).norm() < 1e-14);
     }
 }

@@ -1,6 +1,8 @@
 use core::fmt;
 
-use crate::{Estimate, Observation, State, belief::visit_cubature_points};
+use crate::{
+    Estimate, Observation, Quantity, State, parameter::ParameterError, visit_cubature_points,
+};
 
 /// A recursive Bayesian estimator of an `N`-state from `M`-component observations.
 ///
@@ -31,6 +33,10 @@ pub trait Estimator<const N: usize, const M: usize> {
     /// The belief's first two moments.
     fn estimate(&self) -> Estimate<N>;
 
+    /// What the components of its observations are: those of its measurement model. What is fed to
+    /// it is held against these before a hunt begins.
+    fn quantities(&self) -> [Quantity; M];
+
     /// Calls `visit` with states and weights that stand for the whole belief; the weights sum
     /// to 1. Unless overridden, the 2N cubature points of [`estimate`](Self::estimate).
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
@@ -42,7 +48,7 @@ pub trait Estimator<const N: usize, const M: usize> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(tag = "kind", rename_all = "snake_case"))]
-#[must_use = "a rejected observation is only told here"]
+#[must_use = "nothing else shows whether the observation was rejected"]
 pub enum Correction {
     /// The observation was fused.
     Fused {
@@ -60,7 +66,7 @@ pub enum Correction {
         /// The limit that it passed.
         limit: f64,
     },
-    /// Nothing was heard.
+    /// The observation held nothing.
     Empty,
 }
 
@@ -105,14 +111,23 @@ pub enum EstimatorError {
         role: Role,
     },
     /// A parameter is out of its range.
-    #[error("{name} is {value}; it must be {requirement}")]
-    Parameter {
-        /// What the parameter is called.
-        name: &'static str,
-        /// What it was.
-        value: f64,
-        /// What it must be.
-        requirement: &'static str,
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The estimator does not support a feature.
+    #[error("{what} is not supported")]
+    Unsupported {
+        /// What is missing.
+        what: &'static str,
+    },
+    /// What the observations hold is not what the estimator's model measures.
+    #[error("component {component} is fed {fed}; the estimator's model measures {expected}")]
+    Quantity {
+        /// Which component, from 0.
+        component: usize,
+        /// What it is fed.
+        fed: Quantity,
+        /// What its model measures.
+        expected: Quantity,
     },
     /// The observation is of a time that the estimator no longer goes back to.
     #[error("the observation of {time} s comes too late: all before {horizon} s is settled")]
@@ -125,7 +140,7 @@ pub enum EstimatorError {
     /// No particle can have led to the observation.
     #[error("none of the {particles} particles can have led to the observation")]
     Impossible {
-        /// How many particles were asked.
+        /// How many particles there are.
         particles: usize,
     },
     /// An iteration did not settle.
@@ -137,7 +152,7 @@ pub enum EstimatorError {
 }
 
 impl EstimatorError {
-    /// What every `predict` asks of its `dt`: a step of zero seconds or more.
+    /// What every `predict` requires of its `dt`: a step of zero seconds or more.
     ///
     /// # Errors
     ///

@@ -12,7 +12,7 @@ pub trait BearingExtractor {
     ///
     /// # Errors
     ///
-    /// [`NoReading`] when the sweep tells nothing at all.
+    /// [`NoReading`] when the sweep holds nothing of use.
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading>;
 }
 
@@ -51,11 +51,11 @@ pub struct Bearing {
 #[cfg_attr(feature = "serde", serde(tag = "reason", rename_all = "snake_case"))]
 #[non_exhaustive]
 pub enum NoBearing {
-    /// Too little of the circle was heard.
-    #[error("{heard} of the turn's positions were heard; {needed} are needed")]
+    /// Too little of the circle holds a reading.
+    #[error("{measured} of the turn's positions hold a reading; {needed} are needed")]
     TooSparse {
         /// How many positions hold a reading.
-        heard: u16,
+        measured: u16,
         /// How many the extractor needs.
         needed: u16,
     },
@@ -83,7 +83,7 @@ pub enum NoBearing {
     },
 }
 
-/// Why a sweep tells nothing at all.
+/// Why a sweep is of no use.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NoReading {
@@ -111,7 +111,7 @@ pub enum NoReading {
         positions: u16,
     },
     /// A sample is of none of the antennas that the extractor knows.
-    #[error("sample {index} was heard towards {boresight} rad, where no antenna looks")]
+    #[error("sample {index} is towards {boresight} rad, where no antenna looks")]
     Boresight {
         /// Which sample.
         index: usize,

@@ -11,22 +11,28 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::{
     Axis, BeaconId, BearingExtractor, Belief, Correction, Decision, Estimate, Estimator,
-    EstimatorError, Fleet, FormationPlanner, MeasurementModel, MotionModel, NoReading, Observation,
-    PatternSource, PlanError, Pose, Radio, Reading, Reception, Rotator, Spinner, State, Station,
-    Sweep, Target, Vehicle, Waypoint,
+    EstimatorError, FormationPlanner, MeasurementModel, MotionModel, NoReading, Observation,
+    PatternSource, PlanError, Pose, Quantity, Radio, Reading, Reception, Rotator, Spinner, State,
+    Station, Sweep, Target, Vehicle, Waypoint,
 };
 
 macro_rules! forward {
     ($($pointer:ty),+) => {$(
-        impl<T: ?Sized + Estimator<N, M>, const N: usize, const M: usize> Estimator<N, M> for $pointer {
+        impl<T, const N: usize, const M: usize> Estimator<N, M> for $pointer
+        where
+            T: ?Sized + Estimator<N, M>,
+        {
             fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
                 (**self).predict(dt)
             }
-            fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
-                (**self).update(observation)
+            fn update(&mut self, new: &Observation<M>) -> Result<Correction, EstimatorError> {
+                (**self).update(new)
             }
             fn estimate(&self) -> Estimate<N> {
                 (**self).estimate()
+            }
+            fn quantities(&self) -> [Quantity; M] {
+                (**self).quantities()
             }
             fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
                 (**self).visit_samples(visit);
@@ -53,17 +59,29 @@ macro_rules! forward {
             fn begin(&mut self, stations: &mut [Station]) -> Result<(), PlanError> {
                 (**self).begin(stations)
             }
-            fn resume(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<(), PlanError> {
+            fn resume(
+                &mut self,
+                belief: &dyn Belief,
+                stations: &mut [Station],
+            ) -> Result<(), PlanError> {
                 (**self).resume(belief, stations)
             }
-            fn plan(&mut self, belief: &dyn Belief, stations: &mut [Station]) -> Result<Decision, PlanError> {
+            fn plan(
+                &mut self,
+                belief: &dyn Belief,
+                stations: &mut [Station],
+            ) -> Result<Decision, PlanError> {
                 (**self).plan(belief, stations)
             }
-            fn plan_together(&mut self, targets: &[Target<'_>], stations: &mut [Station]) -> Result<Decision, PlanError> {
+            fn plan_together(
+                &mut self,
+                targets: &[Target<'_>],
+                stations: &mut [Station],
+            ) -> Result<Decision, PlanError> {
                 (**self).plan_together(targets, stations)
             }
-            fn hear(&mut self, reception: &Reception) {
-                (**self).hear(reception);
+            fn observe(&mut self, reception: &Reception) {
+                (**self).observe(reception);
             }
             fn explain(&self, to: &mut dyn fmt::Write) -> fmt::Result {
                 (**self).explain(to)
@@ -89,19 +107,6 @@ macro_rules! forward {
         impl<T: ?Sized + Spinner> Spinner for $pointer {
             fn spin(&mut self, rate: Option<f64>) -> Result<(), T::Error> {
                 (**self).spin(rate)
-            }
-        }
-
-        impl<T: ?Sized + Fleet> Fleet for $pointer {
-            type Error = T::Error;
-            fn locate(&mut self, drone: usize) -> Result<Pose, T::Error> {
-                (**self).locate(drone)
-            }
-            fn send(&mut self, drone: usize, goal: &Waypoint) -> Result<(), T::Error> {
-                (**self).send(drone, goal)
-            }
-            fn land(&mut self, drone: usize) -> Result<(), T::Error> {
-                (**self).land(drone)
             }
         }
 
@@ -136,6 +141,9 @@ macro_rules! forward_shared {
         impl<T: ?Sized + MeasurementModel<N, M>, const N: usize, const M: usize>
             MeasurementModel<N, M> for $pointer
         {
+            fn quantities(&self) -> [Quantity; M] {
+                (**self).quantities()
+            }
             fn axes(&self) -> [Axis; M] {
                 (**self).axes()
             }

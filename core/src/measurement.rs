@@ -1,12 +1,33 @@
 use nalgebra::{SMatrix, SVector};
 
-use crate::{Axis, Observation, Pose, State, noise};
+use crate::{Axis, Observation, Pose, Quantity, State, noise};
 
 /// What a receiver at a known pose measures of a target in a given state.
 ///
-/// Two methods are asked of an implementor: [`axes`](Self::axes) and
-/// [`expected`](Self::expected). The rest follow from these, so every model runs under every
-/// estimator; override what can be done better.
+/// Two methods are required: [`quantities`](Self::quantities) and [`expected`](Self::expected). The
+/// rest follow from these, so every model runs under every estimator; override what can be done
+/// better.
+///
+/// ```
+/// use foxhunt_core::{MeasurementModel, Pose, Quantity, State};
+/// use nalgebra::{Vector1, Vector2};
+///
+/// /// The distance over ground.
+/// struct GroundRange;
+///
+/// impl MeasurementModel<2, 1> for GroundRange {
+///     fn quantities(&self) -> [Quantity; 1] {
+///         [Quantity::RANGE]
+///     }
+///
+///     fn expected(&self, state: &State<2>, receiver: &Pose) -> Vector1<f64> {
+///         Vector1::new((state - receiver.position.xy()).norm())
+///     }
+/// }
+///
+/// let range = GroundRange.expected(&Vector2::new(3.0, 4.0), &Pose::default());
+/// assert!((range[0] - 5.0).abs() < 1e-12);
+/// ```
 ///
 /// # Laws
 ///
@@ -14,12 +35,17 @@ use crate::{Axis, Observation, Pose, State, noise};
 /// state; `residual(z, z) = 0`; a turn of 2π on an [`Axis::Angle`] changes no residual;
 /// `jacobian` agrees with finite differences; `log_likelihoods` agrees with `log_likelihood`.
 pub trait MeasurementModel<const N: usize, const M: usize> {
-    /// The geometry of each component. **This method owns the wrap**: means and residuals in
-    /// every estimator follow from it.
-    fn axes(&self) -> [Axis; M];
+    /// What each component is: its name with its unit, and its geometry. **This method owns the
+    /// wrap**: means and residuals in every estimator follow from it.
+    fn quantities(&self) -> [Quantity; M];
 
     /// h(x; pose): the noise-free measurement.
     fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M>;
+
+    /// The geometry of each component.
+    fn axes(&self) -> [Axis; M] {
+        self.quantities().map(|quantity| quantity.axis())
+    }
 
     /// z ⊖ ẑ, the short way round on each angle.
     fn residual(&self, z: &SVector<f64, M>, expected: &SVector<f64, M>) -> SVector<f64, M> {

@@ -1,6 +1,6 @@
 use nalgebra::Vector3;
 
-use crate::{BeaconId, Pose};
+use crate::{BeaconId, MeasuredList, Pose};
 
 /// One power reading along one boresight.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,16 +17,16 @@ pub struct Sample {
     pub rss_dbm: f64,
 }
 
-/// A question that stayed without an answer: it was lost, or too weak to be heard.
+/// A question that stayed without an answer: it was lost, or too weak to be received.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Unheard {
+pub struct Unanswered {
     /// Where the antenna looked, in radians in the world frame.
     pub boresight: f64,
     /// Which of the turn's positions it was asked at, from 0.
     pub position: u16,
 }
 
-/// What was heard of one beacon over one turn of a directional antenna, lent by its source until
+/// What was received of one beacon over one turn of a directional antenna, lent by its source until
 /// the next poll.
 ///
 /// The default is an empty one, to be filled in with `..Sweep::default()`.
@@ -40,27 +40,28 @@ pub struct Sweep<'a> {
     pub receiver: Pose,
     /// How many equal positions make a turn; position `i` is nominally at 2πi over this.
     pub positions: u16,
-    /// The readings, in the order in which they were taken; none where nothing was heard.
+    /// The readings, in the order in which they were taken; none where nothing was received.
     pub samples: &'a [Sample],
     /// The questions that are known to have stayed without an answer; none where the source does
     /// not know.
-    pub unheard: &'a [Unheard],
-    /// The weakest reading that the receiver tells, in dBm, where that is known: then an answer
+    pub unanswered: &'a [Unanswered],
+    /// The weakest reading that the receiver reports, in dBm, where that is known: then an answer
     /// that did not come may have been weaker.
     pub floor_dbm: Option<f64>,
     /// How uncertain the receiver's place was, at worst: σ of East, North and Up in metres; `None`
     /// where the source does not know.
     pub receiver_sigma_m: Option<Vector3<f64>>,
+    /// What the source measured besides power along boresights: a range, a Doppler shift.
+    pub measured: MeasuredList,
 }
 
 /// Something that turns an antenna: a stepper under the drone, or the whole airframe.
 ///
 /// # Laws
 ///
-/// Checked by `laws::pattern_source`, feature `laws`: there is one sweep for each beacon that was
-/// asked for, in the order of the question; its samples' times do not decrease and their positions
-/// are below `positions`, as are those of the unheard questions; a source that was not asked lends
-/// nothing.
+/// Checked by `laws::pattern_source`, feature `laws`: there is one sweep for each beacon of
+/// `begin`, in their order; its samples' times do not decrease and their positions are below
+/// `positions`, as are those of the unanswered questions; a source without a turn lends nothing.
 pub trait PatternSource {
     /// Why a turn failed.
     type Error: core::error::Error + 'static;
@@ -75,7 +76,7 @@ pub trait PatternSource {
     fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Self::Error>;
 
     /// Takes what steps can be taken now. Once the turn is complete, lends its sweeps, one at each
-    /// poll and each once: what the first of the beacons was heard at, then the second.
+    /// poll and each once: that of the first beacon, then of the second.
     ///
     /// Never blocks, so one loop can serve several sources and a simulator can own the clock.
     ///

@@ -39,8 +39,8 @@ impl fmt::Debug for Target<'_> {
 ///
 /// The stations are those of the drones that take part at that moment: their number and their
 /// order may differ from one call to the next, as drones drop out and come back. Which drone flies
-/// to which goal is not the planner's concern: goals are places for the formation, and whoever flies
-/// it may exchange them.
+/// to which goal is not the planner's concern: goals are places for the formation, and whoever
+/// flies it may exchange them.
 ///
 /// # Laws
 ///
@@ -101,10 +101,10 @@ pub trait FormationPlanner {
         self.plan(target.belief, stations)
     }
 
-    /// Takes note of a reception that a belief has just taken in, for planners that go by what is
-    /// heard and where. It may be of any beacon that the turn asked, the reception says which.
-    /// Unless overridden, they do not.
-    fn hear(&mut self, reception: &Reception) {
+    /// Takes note of a reception that an estimator has just fused, for planners that go by what was
+    /// received and where. It may be of any beacon of the turn; the reception names it. Unless
+    /// overridden, it makes no difference.
+    fn observe(&mut self, reception: &Reception) {
         let _ = reception;
     }
 
@@ -153,9 +153,10 @@ pub enum Outcome {
     MoveLimit,
     /// The path that was planned beforehand is flown.
     PathDone,
-    /// Nothing was heard of the target, however often it was listened for.
-    NothingHeard,
-    /// It was heard, and then no longer; the estimate is of what was heard.
+    /// Nothing was received of the target, however often it was listened for.
+    #[cfg_attr(feature = "serde", serde(alias = "nothing_heard"))]
+    NoSignal,
+    /// It was received, and then no longer; the estimate is of what was received.
     SignalLost,
     /// The ellipse that holds it with 95 % is as small as was asked for.
     EllipseReached,
@@ -175,7 +176,7 @@ impl fmt::Display for Outcome {
             Self::Converged => "converged",
             Self::MoveLimit => "move limit reached",
             Self::PathDone => "path flown",
-            Self::NothingHeard => "nothing heard",
+            Self::NoSignal => "no signal",
             Self::SignalLost => "signal lost",
             Self::EllipseReached => "ellipse small enough",
             Self::LittleToLearn => "little more to learn",

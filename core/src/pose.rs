@@ -14,6 +14,9 @@ pub struct Pose {
     /// How far the right side is below the left, in radians; level where a file does not say.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "is_zero"))]
     pub roll: f64,
+    /// How fast it moves to East, North and Up, in metres per second, where that is known.
+    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
+    pub velocity: Option<Vector3<f64>>,
 }
 
 #[cfg(feature = "serde")]
@@ -53,8 +56,9 @@ impl Pose {
     /// Whether every number in it is finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        let Self { position, heading, pitch, roll } = self;
-        position.iter().chain([heading, pitch, roll]).all(|number| number.is_finite())
+        let Self { position, heading, pitch, roll, velocity } = self;
+        let velocity = velocity.as_ref().into_iter().flatten();
+        position.iter().chain([heading, pitch, roll]).chain(velocity).all(|n| n.is_finite())
     }
 }
 
@@ -79,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nose_and_right_side_are_where_the_angles_say() {
+    fn nose_and_right_side_follow_the_angles() {
         let [east, north, up] = [Vector3::x(), Vector3::y(), Vector3::z()];
         let level = Pose::level(Vector3::zeros(), FRAC_PI_2);
         assert!((level.to_body(&north) - Vector3::x()).norm() < 1e-15, "the nose is to the North");

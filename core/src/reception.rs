@@ -1,11 +1,11 @@
-use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::Vector3;
 
-use crate::{BeaconId, Bearing, BearingModes, Observation, ObservationError, Pose, Reading, Sweep};
+use crate::{BeaconId, Bearing, BearingModes, MeasuredList, Pose, Reading, Sweep};
 
-/// What one receiver learned from one sweep: the datum that is logged and replayed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What one receiver measured of one beacon in one turn: the datum that is logged and replayed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+#[cfg_attr(feature = "serde", serde(from = "Written", into = "Written"))]
 pub struct Reception {
     /// Whose signal it was.
     pub beacon: BeaconId,
@@ -13,98 +13,141 @@ pub struct Reception {
     pub time: f64,
     /// Where the receiver was.
     pub receiver: Pose,
-    /// The received power in dBm.
-    pub rss_dbm: f64,
-    /// Its standard deviation in dB.
-    pub rss_sigma_db: f64,
+    /// The received power, if the receiver measures it.
+    pub level: Option<Level>,
     /// The direction of arrival, if the sweep had one.
     pub bearing: Option<Bearing>,
     /// The covariance of level and bearing, in dB rad.
     pub covariance: f64,
     /// The directions that compete for the bearing, where there is more than one.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "BearingModes::is_empty"))]
     pub modes: BearingModes,
     /// How uncertain the receiver's own place is: σ of East, North and Up in metres; known where
     /// absent.
-    #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "Option::is_none"))]
     pub receiver_sigma_m: Option<Vector3<f64>>,
+    /// Anything else that was measured, by the names of its quantities.
+    pub measured: MeasuredList,
+}
+
+/// A received power.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Level {
+    /// The power in dBm.
+    pub rss_dbm: f64,
+    /// Its standard deviation in dB.
+    pub sigma_db: f64,
 }
 
 impl Reception {
-    /// What a sweep said according to an extractor's reading of it.
+    /// What an extractor read in a sweep, with what else was measured in it.
     #[must_use]
     pub fn new(sweep: &Sweep<'_>, reading: &Reading) -> Self {
+        Self {
+            level: Some(Level { rss_dbm: reading.rss_dbm, sigma_db: reading.rss_sigma_db }),
+            bearing: reading.bearing.ok(),
+            covariance: reading.covariance,
+            modes: reading.modes,
+            ..Self::without_pattern(sweep)
+        }
+    }
+
+    /// What was measured in a sweep besides the power along boresights.
+    #[must_use]
+    pub fn without_pattern(sweep: &Sweep<'_>) -> Self {
         Self {
             beacon: sweep.beacon,
             time: sweep.time,
             receiver: sweep.receiver,
-            rss_dbm: reading.rss_dbm,
-            rss_sigma_db: reading.rss_sigma_db,
-            bearing: reading.bearing.ok(),
-            covariance: reading.covariance,
-            modes: reading.modes,
             receiver_sigma_m: sweep.receiver_sigma_m,
+            measured: sweep.measured,
+            ..Self::default()
         }
     }
-}
 
-impl Reception {
-    /// Whether it tells of a direction: a bearing, or several that compete for one, which may be too
+    /// Whether it holds a direction: a bearing, or several that compete for one, which may be too
     /// far apart to have a common one.
     #[must_use]
     pub fn has_bearing(&self) -> bool {
         self.bearing.is_some() || !self.modes.is_empty()
     }
+}
 
-    /// The observation by a receiver that knows its place as well as this one.
-    fn placed<const M: usize>(
-        &self,
-        observation: Observation<M>,
-    ) -> Result<Observation<M>, ObservationError> {
-        match self.receiver_sigma_m {
-            Some(sigma) => observation.with_receiver_sigma(sigma),
-            None => Ok(observation),
+/// A reception as it stands in a file.
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    beacon: BeaconId,
+    time: f64,
+    receiver: Pose,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    rss_dbm: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    rss_sigma_db: Option<f64>,
+    bearing: Option<Bearing>,
+    covariance: f64,
+    #[serde(default, skip_serializing_if = "BearingModes::is_empty")]
+    modes: BearingModes,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    receiver_sigma_m: Option<Vector3<f64>>,
+    #[serde(default, skip_serializing_if = "MeasuredList::is_empty")]
+    measured: MeasuredList,
+}
+
+#[cfg(feature = "serde")]
+impl From<Written> for Reception {
+    fn from(written: Written) -> Self {
+        let level = written.rss_dbm.zip(written.rss_sigma_db);
+        Self {
+            beacon: written.beacon,
+            time: written.time,
+            receiver: written.receiver,
+            level: level.map(|(rss_dbm, sigma_db)| Level { rss_dbm, sigma_db }),
+            bearing: written.bearing,
+            covariance: written.covariance,
+            modes: written.modes,
+            receiver_sigma_m: written.receiver_sigma_m,
+            measured: written.measured,
         }
     }
 }
 
-/// The stand-in for a bearing that is missing; an observation strikes it out again.
-const NO_BEARING: Bearing = Bearing { angle: 0.0, sigma: 1.0, confidence: 0.0 };
-
-/// The bearing alone.
-impl TryFrom<&Reception> for Observation<1> {
-    type Error = ObservationError;
-
-    fn try_from(r: &Reception) -> Result<Self, ObservationError> {
-        let bearing = r.bearing.unwrap_or(NO_BEARING);
-        let variance = SMatrix::<f64, 1, 1>::new(bearing.sigma * bearing.sigma);
-        let whole = Self::new(r.time, r.receiver, SVector::<f64, 1>::new(bearing.angle), variance)?;
-        r.placed(if r.has_bearing() {
-            whole.with_bearing_modes(0, r.modes)
-        } else {
-            whole.without(0)
-        })
+#[cfg(feature = "serde")]
+impl From<Reception> for Written {
+    fn from(reception: Reception) -> Self {
+        Self {
+            beacon: reception.beacon,
+            time: reception.time,
+            receiver: reception.receiver,
+            rss_dbm: reception.level.map(|level| level.rss_dbm),
+            rss_sigma_db: reception.level.map(|level| level.sigma_db),
+            bearing: reception.bearing,
+            covariance: reception.covariance,
+            modes: reception.modes,
+            receiver_sigma_m: reception.receiver_sigma_m,
+            measured: reception.measured,
+        }
     }
 }
 
-/// Signal strength, then bearing.
-impl TryFrom<&Reception> for Observation<2> {
-    type Error = ObservationError;
+#[cfg(all(test, feature = "serde"))]
+mod tests {
+    use super::*;
 
-    fn try_from(r: &Reception) -> Result<Self, ObservationError> {
-        let bearing = r.bearing.unwrap_or(NO_BEARING);
-        let coupling = if r.bearing.is_some() { r.covariance } else { 0.0 };
-        let noise = Matrix2::new(
-            r.rss_sigma_db * r.rss_sigma_db,
-            coupling,
-            coupling,
-            bearing.sigma * bearing.sigma,
+    #[test]
+    fn a_reception_is_written_as_it_was_before_there_were_other_quantities() {
+        let reception = Reception {
+            level: Some(Level { rss_dbm: -60.5, sigma_db: 2.0 }),
+            ..Reception::default()
+        };
+        let text = serde_json::to_string(&reception).expect("plain data");
+        assert!(text.contains(r#""rss_dbm":-60.5,"rss_sigma_db":2.0,"bearing":null"#), "{text}");
+        assert!(!text.contains("measured"), "{text}");
+        assert_eq!(serde_json::from_str::<Reception>(&text).expect("as written"), reception);
+        let bare = serde_json::to_string(&Reception::default()).expect("plain data");
+        assert_eq!(
+            serde_json::from_str::<Reception>(&bare).expect("as written"),
+            Reception::default()
         );
-        let whole = Self::new(r.time, r.receiver, Vector2::new(r.rss_dbm, bearing.angle), noise)?;
-        r.placed(if r.has_bearing() {
-            whole.with_bearing_modes(1, r.modes)
-        } else {
-            whole.without(1)
-        })
+        assert!(serde_json::from_str::<Reception>(&bare.replace("time", "when")).is_err());
     }
 }

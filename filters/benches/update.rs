@@ -4,7 +4,7 @@
 use adskalman::{ObservationModel, StateAndCovariance};
 use criterion::{Criterion, criterion_group, criterion_main};
 use foxhunt_core::{
-    Axis, Estimate, Estimator, MeasurementModel, Observation, Pose, RandomWalk, State,
+    Estimate, Estimator, MeasurementModel, Observation, Pose, Quantity, RandomWalk, State,
     angle::wrap,
     nalgebra::{Const, Matrix2, OMatrix, OVector, Vector2},
 };
@@ -16,8 +16,8 @@ use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 struct RssBearing;
 
 impl MeasurementModel<2, 2> for RssBearing {
-    fn axes(&self) -> [Axis; 2] {
-        [Axis::Linear, Axis::Angle]
+    fn quantities(&self) -> [Quantity; 2] {
+        [Quantity::RSS, Quantity::BEARING]
     }
     fn expected(&self, beacon: &State<2>, receiver: &Pose) -> Vector2<f64> {
         let d = beacon - receiver.position.xy();

@@ -37,7 +37,7 @@ impl<const N: usize> Gaussian<N> {
         axes: &[Axis; N],
     ) -> Result<Self, EstimatorError> {
         let role = Role::Posterior;
-        // An angle of the state is told on [−π, π).
+        // An angle of the state is kept on [−π, π).
         let mean = Axis::difference(axes, &mean, &State::zeros());
         let mut covariance = triangle::square(&factor);
         if !mean.iter().chain(covariance.iter()).all(|c| c.is_finite()) {
@@ -97,15 +97,15 @@ mod tests {
     }
 
     #[test]
-    fn a_belief_too_thin_for_its_square_is_told_a_little_wider() {
+    fn a_belief_too_thin_for_its_square_is_reported_a_little_wider() {
         // 45° aslant, 1 km long and 1 nm wide: the square would need 24 digits.
         let thin = Matrix2::new(1e3, 0.0, 1e3, 1e-9);
         let axes = [Axis::Linear; 2];
         let belief = Gaussian::from_factor(Vector2::zeros(), thin, &axes).expect("definite");
         assert!((thin * thin.transpose()).cholesky().is_none());
-        let told = belief.estimate().covariance;
-        assert!(told.cholesky().is_some());
-        assert!((told - thin * thin.transpose()).norm() < 1e-14 * told.norm());
+        let covariance = belief.estimate().covariance;
+        assert!(covariance.cholesky().is_some());
+        assert!((covariance - thin * thin.transpose()).norm() < 1e-14 * covariance.norm());
         assert_eq!(belief.factor(), &thin);
         let flat = Matrix2::new(1.0, 0.0, 1.0, 0.0);
         let refused = Gaussian::from_factor(Vector2::zeros(), flat, &axes);

@@ -1,4 +1,4 @@
-use foxhunt_core::{Correction, Estimate, Estimator, EstimatorError, Observation, State};
+use foxhunt_core::{Correction, Estimate, Estimator, EstimatorError, Observation, Quantity, State};
 
 /// Begins as one estimator and goes on as another, which starts from the moments of the first.
 ///
@@ -10,8 +10,8 @@ use foxhunt_core::{Correction, Estimate, Estimator, EstimatorError, Observation,
 /// moments of the first, that one goes on until the next.
 ///
 /// ```
-/// use foxhunt_core::{Axis, Estimate, Estimator, MeasurementModel, Observation, Pose, RandomWalk,
-///     State, nalgebra::{Matrix1, Vector1, Vector2}};
+/// use foxhunt_core::{Estimate, Estimator, MeasurementModel, Observation, Pose, Quantity,
+///     RandomWalk, State, nalgebra::{Matrix1, Vector1, Vector2}};
 /// use foxhunt_filters::{Ekf, GridConfig, GridFilter, Handover};
 ///
 /// /// The bearing of the target, in radians counter-clockwise from East.
@@ -19,8 +19,8 @@ use foxhunt_core::{Correction, Estimate, Estimator, EstimatorError, Observation,
 /// struct BearingOnly;
 ///
 /// impl MeasurementModel<2, 1> for BearingOnly {
-///     fn axes(&self) -> [Axis; 1] {
-///         [Axis::Angle]
+///     fn quantities(&self) -> [Quantity; 1] {
+///         [Quantity::BEARING]
 ///     }
 ///     fn expected(&self, target: &State<2>, receiver: &Pose) -> Vector1<f64> {
 ///         let (east, north) = (target.x - receiver.position.x, target.y - receiver.position.y);
@@ -102,6 +102,13 @@ where
         match &self.stage {
             Stage::First(first) => first.estimate(),
             Stage::Second(second) => second.estimate(),
+        }
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        match &self.stage {
+            Stage::First(first) => first.quantities(),
+            Stage::Second(second) => second.quantities(),
         }
     }
 

@@ -18,11 +18,11 @@ pub struct Innovation<const M: usize> {
 }
 
 impl<const M: usize> Innovation<M> {
-    /// The innovation of an observation that `estimator` has not been told yet, from the moments
+    /// The innovation of an observation that `estimator` has not fused yet, from the moments
     /// of what its samples expect: for any family, whatever it is made of.
     ///
     /// Deviations are taken about what is expected at the belief's mean, as a Kalman filter's are
-    /// about its centre. `None` where nothing was heard, whatever the silence tells, or
+    /// about its centre. `None` for an observation without components, censored or not, or
     /// the model expects nothing finite.
     #[must_use]
     pub fn of_belief<const N: usize>(
@@ -46,7 +46,7 @@ impl<const M: usize> Innovation<M> {
         let spread = square - shift * shift.transpose();
         let expected = centre + shift;
         let residual = model.residual(observation.value(), &expected);
-        let residual = observation.mask(residual.transpose()).transpose();
+        let residual = observation.strike(residual);
         let spread = observation.mask(observation.mask(spread).transpose());
         let covariance = spread + observation.noise();
         let nis = residual.dot(&covariance.cholesky()?.solve(&residual));

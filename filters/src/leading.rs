@@ -1,14 +1,14 @@
-use foxhunt_core::{Correction, Estimate, Estimator, EstimatorError, Observation, State};
+use foxhunt_core::{Correction, Estimate, Estimator, EstimatorError, Observation, Quantity, State};
 
-/// An estimator of `N` components, seen as one of its first `K`: what stands behind them, such as
-/// a velocity or a transmitter's power, is estimated and not told.
+/// An estimator of `N` components, seen as one of its first `K`: the further ones, such
+/// as a velocity or a transmitter's power, are estimated and not shown.
 ///
 /// ```
-/// # use foxhunt_core::{Axis, ConstantVelocity, Estimate, Estimator, EstimatorError,
-/// #     MeasurementModel, Pose, State, nalgebra::{Vector1, Vector4}};
+/// # use foxhunt_core::{ConstantVelocity, Estimate, Estimator, EstimatorError,
+/// #     MeasurementModel, Pose, Quantity, State, nalgebra::{Vector1, Vector4}};
 /// # struct East;
 /// # impl MeasurementModel<4, 1> for East {
-/// #     fn axes(&self) -> [Axis; 1] { [Axis::Linear] }
+/// #     fn quantities(&self) -> [Quantity; 1] { [Quantity::linear("x_m")] }
 /// #     fn expected(&self, x: &State<4>, _: &Pose) -> Vector1<f64> { Vector1::new(x[0]) }
 /// # }
 /// use foxhunt_filters::{Ekf, Leading};
@@ -49,12 +49,16 @@ where
     }
 
     fn estimate(&self) -> Estimate<K> {
-        const { assert!(K <= N, "the whole state holds all that is told") };
+        const { assert!(K <= N, "the whole state holds all that is shown") };
         let Estimate { mean, covariance } = self.0.estimate();
         Estimate {
             mean: mean.fixed_rows::<K>(0).into_owned(),
             covariance: covariance.fixed_view::<K, K>(0, 0).into_owned(),
         }
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        self.0.quantities()
     }
 
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<K>, f64)) {

@@ -1,4 +1,4 @@
-//! Estimators: who is to be believed.
+//! Recursive and batch estimators of a transmitter's position.
 //!
 //! | estimator | belief | needs of a model | allocates |
 //! |-|-|-|-|
@@ -13,16 +13,16 @@
 //! | [`GaussianSum`] | sum of Gaussians, split and merged | what its Kalman filters need | in every step |
 //! | [`Imm`] | a Gaussian for each mode of motion | what its estimators need | in every step |
 //!
-//! The first three are one struct, [`Kalman`], over the one thing that tells them apart: how a
-//! Gaussian goes through a map, a [`Transform`]. What is kept out is a [`Gate`]'s business; with
-//! [`Iterations`] each update is linearised again about its own posterior.
+//! The first three are one struct, [`Kalman`], over the one thing in which they differ: how a
+//! Gaussian goes through a map, a [`Transform`]. A [`Gate`] rejects outliers; with [`Iterations`]
+//! each update is linearised again about its own posterior.
 //!
 //! [`Handover`] begins as one estimator and goes on as another: a grid makes the first bearings a
 //! prior for a Kalman filter. [`Leading`] shows the first components of a larger state.
 //!
 //! [`OutOfOrder`] lets any of them use observations that arrive late at their own time, and
-//! [`rauch_tung_striebel`] smooths what Gaussian ones believed. Whether they know how good they
-//! are is for [`consistency`] to say, and how good they can be for [`PosteriorCramerRao`].
+//! [`rauch_tung_striebel`] smooths the beliefs of Gaussian ones. [`consistency`] tests whether
+//! their covariances are right, and [`PosteriorCramerRao`] bounds what any estimator can reach.
 //!
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
@@ -31,7 +31,9 @@
 //! `BatchEstimator` does so after each; `Lenth1981`, `repeated_median` and the closed forms
 //! `pseudolinear`, `stansfield` and `instrumental_variables` find where bearings meet,
 //! `multilaterate` where ranges, and `spherical_intersection` where differences of ranges.
-//! `FieldMap` maps the level over the area without any law of propagation.
+//!
+//! With the feature `field-map`: `FieldMap` maps the level over the area without any law of
+//! propagation.
 //!
 //! The particle filter, the mixtures and the grid need the feature `alloc`; the rest runs without
 //! an allocator.
@@ -50,7 +52,7 @@ pub mod consistency;
 mod count;
 #[cfg(feature = "alloc")]
 mod cramer_rao;
-#[cfg(feature = "batch")]
+#[cfg(feature = "field-map")]
 mod field_map;
 mod gaussian;
 #[cfg(feature = "alloc")]
@@ -83,7 +85,7 @@ pub use bearings::{
 };
 #[cfg(feature = "alloc")]
 pub use cramer_rao::{CramerRaoError, FisherQuadrature, PosteriorCramerRao};
-#[cfg(feature = "batch")]
+#[cfg(feature = "field-map")]
 pub use field_map::{FieldMap, FieldMapConfig, FieldMaximum, FieldModel};
 pub use gaussian::Gaussian;
 #[cfg(feature = "alloc")]

@@ -2,10 +2,11 @@ use alloc::{collections::VecDeque, vec::Vec};
 use core::cmp::Ordering;
 
 use foxhunt_core::{
-    Correction, Estimate, Estimator, EstimatorError, MotionModel, Observation, State,
+    Correction, Estimate, Estimator, EstimatorError, MotionModel, Observation, Quantity, State,
+    parameter::{finite, not_negative, require},
 };
 
-use crate::{count::number, smoother::rauch_tung_striebel};
+use crate::smoother::rauch_tung_striebel;
 
 /// An estimator that uses an observation at its own time, however late it arrives: it goes back
 /// to what was believed before that time and runs through everything since once more.
@@ -21,13 +22,13 @@ use crate::{count::number, smoother::rauch_tung_striebel};
 /// the belief as it was.
 ///
 /// As an [`Estimator`] it keeps the time: `predict` lets it pass, and an observation that is newer
-/// than that makes it pass. The belief is that at the latest time told.
+/// than that makes it pass. The belief is that at the latest known time.
 #[derive(Clone, Debug)]
 pub struct OutOfOrder<E, const M: usize> {
     lag: f64,
     most: usize,
     time: f64,
-    /// The belief at `time`, which is −∞ as long as nobody has told one.
+    /// The belief at `time`, which is −∞ as long as none is known.
     present: E,
     /// The belief after the last observation, at that one's time.
     last: E,
@@ -57,10 +58,7 @@ impl<E, const M: usize> OutOfOrder<E, M> {
     where
         E: Estimator<N, M> + Clone,
     {
-        if !time.is_finite() {
-            let (name, requirement) = ("time", "finite");
-            return Err(EstimatorError::Parameter { name, value: time, requirement });
-        }
+        finite("time", time)?;
         let made = Self::from_first(estimator, lag)?;
         Ok(Self { time, last_time: time, ..made })
     }
@@ -75,10 +73,7 @@ impl<E, const M: usize> OutOfOrder<E, M> {
     where
         E: Estimator<N, M> + Clone,
     {
-        if !(lag >= 0.0 && lag.is_finite()) {
-            let (name, requirement) = ("lag", "a non-negative number");
-            return Err(EstimatorError::Parameter { name, value: lag, requirement });
-        }
+        not_negative("lag", lag)?;
         let (present, last) = (estimator.clone(), estimator);
         let (time, recent) = (f64::NEG_INFINITY, VecDeque::new());
         Ok(Self { lag, most: usize::MAX, time, present, last, last_time: time, recent })
@@ -91,14 +86,7 @@ impl<E, const M: usize> OutOfOrder<E, M> {
     ///
     /// [`EstimatorError::Parameter`] when it is 0.
     pub fn with_most(self, most: usize) -> Result<Self, EstimatorError> {
-        if most == 0 {
-            let (value, requirement) = (number(most), "at least 1");
-            return Err(EstimatorError::Parameter {
-                name: "most observations",
-                value,
-                requirement,
-            });
-        }
+        require(most > 0, "most observations", 0.0, "at least 1")?;
         Ok(Self { most, ..self })
     }
 
@@ -108,7 +96,7 @@ impl<E, const M: usize> OutOfOrder<E, M> {
         self.recent.front().map_or(self.last_time, |step| step.before_time)
     }
 
-    /// The time of the belief, in seconds; −∞ as long as nobody has told one.
+    /// The time of the belief, in seconds; −∞ as long as none is known.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.time
@@ -125,8 +113,8 @@ impl<E, const M: usize> OutOfOrder<E, M> {
     /// ([`rauch_tung_striebel`]). The first is that at the [`horizon`](Self::horizon), if there is
     /// one.
     ///
-    /// `motion` is that of the estimator, whose belief has to be Gaussian or to be well told by
-    /// its two moments.
+    /// `motion` is that of the estimator, whose belief has to be Gaussian or to be well described
+    /// by its two moments.
     ///
     /// # Errors
     ///
@@ -138,8 +126,8 @@ impl<E, const M: usize> OutOfOrder<E, M> {
     where
         E: Estimator<N, M>,
     {
-        let told = |step: &Step<E, M>| (step.before_time, step.before.estimate());
-        let mut filtered: Vec<_> = self.recent.iter().map(told).collect();
+        let moments = |step: &Step<E, M>| (step.before_time, step.before.estimate());
+        let mut filtered: Vec<_> = self.recent.iter().map(moments).collect();
         filtered.push((self.last_time, self.last.estimate()));
         filtered.retain(|(time, _)| time.is_finite());
         rauch_tung_striebel(motion, &filtered)
@@ -164,7 +152,8 @@ impl<E, const M: usize> OutOfOrder<E, M> {
             Some(step) => (step.before.clone(), step.before_time),
             None => (self.last.clone(), self.last_time),
         };
-        let (mut steps, mut told) = (Vec::new(), Correction::Empty);
+        let mut steps = Vec::new();
+        let mut own = Correction::Empty;
         let later = self.recent.iter().skip(place).map(|step| &step.observation);
         for (i, observation) in core::iter::once(observation).chain(later).enumerate() {
             let (before, before_time) = (belief.clone(), at);
@@ -173,7 +162,7 @@ impl<E, const M: usize> OutOfOrder<E, M> {
             let correction = belief.update(observation)?;
             at = observation.time();
             if i == 0 {
-                told = correction;
+                own = correction;
             }
         }
         let now = self.time.max(at);
@@ -185,7 +174,7 @@ impl<E, const M: usize> OutOfOrder<E, M> {
         (self.last, self.last_time) = (belief, at);
         (self.present, self.time) = (present, now);
         self.settle();
-        Ok(told)
+        Ok(own)
     }
 
     fn settle(&mut self) {
@@ -207,7 +196,7 @@ where
         if self.time.is_finite() {
             present.predict(step(self.last_time, self.time + dt))?;
         } else {
-            // Nothing was heard: the belief that the first observation will find grows older.
+            // No observation yet: the belief that the first observation will find grows older.
             present.predict(dt)?;
             self.last = present.clone();
         }
@@ -221,7 +210,7 @@ where
     /// # Errors
     ///
     /// [`EstimatorError::TooLate`] when that is before the [`horizon`](OutOfOrder::horizon), and
-    /// whatever the estimator says of it or, after it, of a later one. The belief is then as it
+    /// any error of the estimator for it or, after it, for a later one. The belief is then as it
     /// was.
     fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
         if observation.is_empty() {
@@ -234,12 +223,16 @@ where
         self.present.estimate()
     }
 
+    fn quantities(&self) -> [Quantity; M] {
+        self.last.quantities()
+    }
+
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
         self.present.visit_samples(visit);
     }
 }
 
-/// From one time to another; none from a time that nobody has told.
+/// From one time to another; none from an unknown time.
 fn step(from: f64, to: f64) -> f64 {
     if from.is_finite() { to - from } else { 0.0 }
 }

@@ -106,9 +106,9 @@ fn goals_are_apart_low_and_near_a_narrow_belief() {
             assert!((2.0..=4.0).contains(&a.z));
             assert!(goals[..index].iter().all(|b| (a.xy() - b.xy()).norm() > 3.0 - 1e-6));
         }
-        let told = explained(&planner);
-        refined += u32::from(told.contains(", refined: "));
-        assert!(told.contains("move ") && told.contains("turning again"), "{told}");
+        let why = explained(&planner);
+        refined += u32::from(why.contains(", refined: "));
+        assert!(why.contains("move ") && why.contains("turning again"), "{why}");
     }
     // Now and then a regular formation is best as it is.
     assert!((1..=8).contains(&refined), "{refined}");
@@ -157,7 +157,7 @@ fn it_ends_when_the_ellipse_is_small_when_little_is_learned_and_at_its_cap() {
 
 /// Levels alone, the power known: on the line that halves two modes both would read the same.
 #[test]
-fn two_modes_are_told_apart_where_they_read_differently() {
+fn two_modes_are_distinguished_where_they_read_differently() {
     let belief = Cloud::about(&[[-50.0, 0.0], [50.0, 0.0]], 3.0);
     let config = InformationConfig {
         bearing_sigma_deg: 1000.0,
@@ -196,7 +196,7 @@ fn a_target_that_is_found_weighs_nothing_and_wide_ones_do() {
     assert!(east(&both) < east(&alone) - 5.0, "{} and {}", east(&both), east(&alone));
 }
 
-/// It is told beforehand where the target may be: it goes there before it listens, if that is far.
+/// With a prior of where the target may be it goes there before it listens, if that is far.
 #[test]
 fn what_is_believed_beforehand_is_used_at_the_start() {
     let config = InformationConfig {
@@ -214,7 +214,7 @@ fn what_is_believed_beforehand_is_used_at_the_start() {
     assert!(stations.iter().all(|s| s.goal.position == s.pose.position));
 }
 
-/// A sensor of one's own: a closure that hears bearings alone, from the South only.
+/// A sensor of one's own: a closure that measures bearings alone, from the South only.
 #[test]
 fn a_closure_is_a_kind_of_turn() {
     let deaf_to_the_north = |target: &Vector2<f64>, receiver: &Vector3<f64>| {
@@ -267,7 +267,7 @@ fn descent_steps_towards_the_target_and_ends() {
     let end = capped.plan(&line, &mut stations);
     assert_eq!(end, Ok(Decision::Finish(Outcome::MoveLimit)));
     let config = SteepestDescentConfig { step_m: 0.0, ..SteepestDescentConfig::default() };
-    assert_eq!(SteepestDescent::new(config).map_err(|e| e.field).err(), Some("step_m"));
+    assert_eq!(SteepestDescent::new(config).map_err(|e| e.name).err(), Some("step_m"));
 }
 
 #[test]
@@ -282,7 +282,7 @@ fn what_is_out_of_range_is_named() {
         ("prior_centre_m", InformationConfig { prior_centre_m: Some([0.0, f64::NAN]), ..good }),
         ("exponent", InformationConfig { exponent: -1.0, ..good }),
     ] {
-        assert_eq!(Information::new(config).map_err(|e| e.field).err(), Some(field));
+        assert_eq!(Information::new(config).map_err(|e| e.name).err(), Some(field));
     }
     let mut none: [Station; 0] = [];
     let belief = Estimate::isotropic(Vector2::zeros(), 5.0);

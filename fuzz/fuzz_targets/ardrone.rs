@@ -8,9 +8,9 @@ fuzz_target!(|bytes: &[u8]| {
     if let Ok(commands) = parse_commands(bytes) {
         let mut sequence = 1;
         let orders: Vec<_> = commands.into_iter().map(|(_, command)| command).collect();
-        let said = encode_commands(&orders, &mut sequence);
-        if said.len() <= 1024 {
-            let read = parse_commands(&said).expect("our own orders are read");
+        let encoded = encode_commands(&orders, &mut sequence);
+        if encoded.len() <= 1024 {
+            let read = parse_commands(&encoded).expect("our own orders are read");
             assert_eq!(read.len(), orders.len());
         }
     }

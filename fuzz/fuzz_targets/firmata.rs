@@ -10,8 +10,8 @@ fn comes_back<M: Message + PartialEq + std::fmt::Debug>(bytes: &[u8]) {
         let mut again = Vec::new();
         message.encode(&mut again).expect("what was read has room");
         let mut second = Decoder::<M>::default();
-        let told: Vec<M> = again.iter().filter_map(|byte| second.push(*byte)).collect();
-        assert_eq!(told, [message], "it does not come back");
+        let decoded: Vec<M> = again.iter().filter_map(|byte| second.push(*byte)).collect();
+        assert_eq!(decoded, [message], "it does not come back");
     }
 }
 

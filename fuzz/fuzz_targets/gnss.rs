@@ -1,22 +1,23 @@
-//! Any bytes into the GNSS decoders, divided anyhow; the first byte says how.
+//! Any bytes into the GNSS decoders, divided anyhow; the first byte gives the size.
 #![no_main]
 
 use foxhunt_hardware::{FixQuality, GnssDecoder, GnssFix, GpsdDecoder, NmeaDecoder, UbloxDecoder};
 use libfuzzer_sys::fuzz_target;
 
-fn told(mut decoder: impl GnssDecoder, bytes: &[u8], chunk: usize) -> Vec<GnssFix> {
-    let mut told = Vec::new();
+fn decoded(mut decoder: impl GnssDecoder, bytes: &[u8], chunk: usize) -> Vec<GnssFix> {
+    let mut decoded = Vec::new();
     for some in bytes.chunks(chunk) {
-        decoder.decode(some, &mut |fix| told.push(fix));
+        decoder.decode(some, &mut |fix| decoded.push(fix));
     }
-    for fix in &told {
+    for fix in &decoded {
         assert_eq!(fix.place.is_some(), fix.quality > FixQuality::None);
         assert!(fix.place.is_none_or(|place| place.lat_deg.abs() <= 90.0));
         assert!(fix.sigma_m.is_none_or(|sigma| sigma.iter().all(|s| *s > 0.0 && s.is_finite())));
         assert!(fix.hdop.is_none_or(|hdop| hdop > 0.0 && hdop.is_finite()));
         assert!(fix.utc_s.is_none_or(f64::is_finite));
+        assert!(fix.velocity_mps.is_none_or(|v| v.iter().all(|mps| mps.is_finite())));
     }
-    told
+    decoded
 }
 
 fuzz_target!(|bytes: &[u8]| {
@@ -24,20 +25,20 @@ fuzz_target!(|bytes: &[u8]| {
     let (whole, chunk) = (bytes.len().max(1), usize::from(*first).max(1));
     for mut bytes in [bytes.to_vec(), with_checksum(bytes)] {
         assert_eq!(
-            told(NmeaDecoder::new(), &bytes, whole.max(bytes.len())),
-            told(NmeaDecoder::new(), &bytes, chunk),
+            decoded(NmeaDecoder::new(), &bytes, whole.max(bytes.len())),
+            decoded(NmeaDecoder::new(), &bytes, chunk),
             "division matters"
         );
         bytes.push(b'\n');
         assert_eq!(
-            told(GpsdDecoder::new(), &bytes, bytes.len()),
-            told(GpsdDecoder::new(), &bytes, chunk),
+            decoded(GpsdDecoder::new(), &bytes, bytes.len()),
+            decoded(GpsdDecoder::new(), &bytes, chunk),
             "division matters"
         );
         // A frame that is announced too long is given up sooner in small pieces.
-        told(UbloxDecoder::new(), &bytes, chunk);
+        decoded(UbloxDecoder::new(), &bytes, chunk);
     }
-    told(UbloxDecoder::new(), &framed(bytes), chunk);
+    decoded(UbloxDecoder::new(), &framed(bytes), chunk);
 });
 
 /// As a sentence of NMEA: checksums are hard to hit.

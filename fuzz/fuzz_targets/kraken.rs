@@ -1,4 +1,4 @@
-//! Any text as KrakenSDR's page, and any bytes as what its server says.
+//! Any text as KrakenSDR's page, and any bytes as what its server sends.
 #![no_main]
 
 use foxhunt_wire::receivers::{HttpResponse, KrakenDoa};

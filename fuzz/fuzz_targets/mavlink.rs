@@ -12,10 +12,10 @@ fuzz_target!(|input: (u8, bool, &[u8])| {
     for some in bytes.chunks(usize::from(piece).max(1)) {
         codec.push(some);
         while let Some(frame) = codec.next_frame(1.8e9) {
-            // What was understood can be said.
+            // What was decoded can be encoded.
             let mut back = Codec::new(1, 1);
-            let said = Codec::new(2, 2).encode(&frame.message, 0.0);
-            back.push(&said);
+            let encoded = Codec::new(2, 2).encode(&frame.message, 0.0);
+            back.push(&encoded);
             assert!(back.next_frame(0.0).is_some());
         }
     }

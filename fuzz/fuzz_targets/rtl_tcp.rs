@@ -1,4 +1,4 @@
-//! Any bytes as what rtl_tcp says, and what it is told.
+//! Any bytes from and to rtl_tcp.
 #![no_main]
 
 use foxhunt_wire::receivers::{NarrowBand, RtlTcpCommand, RtlTcpHeader};

@@ -6,46 +6,113 @@ use nalgebra::Vector3;
 /// An aircraft that is flown from the ground up: what a hunt on real devices needs besides going
 /// somewhere and turning.
 ///
-/// Nothing waits: what takes a while is begun by one call, goes on whenever the aircraft is asked for
-/// anything, and is followed through [`state`](Self::state).
+/// Nothing waits: what takes a while is begun by one call, goes on whenever the aircraft is called
+/// for anything, and is followed through [`state`](Self::state).
+///
+/// An aircraft without inertia, for tests of what flies it:
+///
+/// ```
+/// use std::convert::Infallible;
+///
+/// use foxhunt_core::{Pose, Spinner, Vehicle, Waypoint};
+/// use foxhunt_hardware::{Aircraft, AircraftState};
+///
+/// #[derive(Default)]
+/// struct Ideal {
+///     pose: Pose,
+/// }
+///
+/// impl Vehicle for Ideal {
+///     type Error = Infallible;
+///
+///     fn pose(&mut self) -> Result<Pose, Infallible> {
+///         Ok(self.pose)
+///     }
+///
+///     fn go_to(&mut self, goal: &Waypoint) -> Result<(), Infallible> {
+///         self.pose.position = goal.position;
+///         Ok(())
+///     }
+/// }
+///
+/// impl Spinner for Ideal {
+///     fn spin(&mut self, _rate: Option<f64>) -> Result<(), Infallible> {
+///         Ok(())
+///     }
+/// }
+///
+/// impl Aircraft for Ideal {
+///     fn state(&mut self) -> Result<AircraftState, Infallible> {
+///         let airborne = self.pose.position.z > 0.0;
+///         Ok(AircraftState {
+///             mode: "ideal".to_owned(),
+///             armed: airborne,
+///             airborne,
+///             commanded: airborne,
+///             ..AircraftState::default()
+///         })
+///     }
+///
+///     fn take_off(&mut self, up_m: f64) -> Result<(), Infallible> {
+///         self.pose.position.z = up_m;
+///         Ok(())
+///     }
+///
+///     fn take_over(&mut self) -> Result<(), Infallible> {
+///         Ok(())
+///     }
+///
+///     fn return_to_launch(&mut self) -> Result<(), Infallible> {
+///         self.pose = Pose::default();
+///         Ok(())
+///     }
+/// }
+///
+/// let mut aircraft = Ideal::default();
+/// aircraft.take_off(10.0)?;
+/// assert!(aircraft.state()?.commanded);
+/// aircraft.return_to_launch()?;
+/// assert!(!aircraft.state()?.airborne);
+/// # Ok::<(), Infallible>(())
+/// ```
 pub trait Aircraft: Spinner {
-    /// What it is doing, as of what it has said until now. To be asked several times a second: this is
-    /// when its link is served.
+    /// What it is doing, as of what it has reported until now. To be called several times a second:
+    /// this is when its link is served.
     ///
     /// # Errors
     ///
-    /// Whatever the link says.
+    /// Any error of the link.
     fn state(&mut self) -> Result<AircraftState, Self::Error>;
 
     /// Gets it into the air: waits for a good position, sets the mode that takes orders, arms, and
-    /// climbs to `up_m` metres above where it stands. Begun once; asked for again in the air it does
+    /// climbs to `up_m` metres above where it stands. Begun once; called again in the air it does
     /// nothing.
     ///
     /// # Errors
     ///
-    /// Whatever the link or the autopilot says, and what is in the way.
+    /// Any error of the link or the autopilot, and what is in the way.
     fn take_off(&mut self, up_m: f64) -> Result<(), Self::Error>;
 
-    /// Has it take our orders again, after a lost link or after the pilot had it and gave it back. It
-    /// stays where it is until it is sent somewhere. Without effect while it takes them.
+    /// Has it take our orders again, after a lost link or after the pilot had it and gave it back.
+    /// It stays where it is until it is sent somewhere. Without effect while it takes them.
     ///
     /// # Errors
     ///
-    /// While the pilot has it, or nothing is heard of it.
+    /// While the pilot has it, or nothing is received of it.
     fn take_over(&mut self) -> Result<(), Self::Error>;
 
     /// Has it come back and land by its autopilot's own rules.
     ///
     /// # Errors
     ///
-    /// Whatever the link or the autopilot says.
+    /// Any error of the link or the autopilot.
     fn return_to_launch(&mut self) -> Result<(), Self::Error>;
 }
 
 /// What an aircraft is doing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AircraftState {
-    /// How long ago it was last heard, in seconds; infinite before that.
+    /// How long ago its last message came, in seconds; infinite before that.
     pub silent_s: f64,
     /// What it calls its mode.
     pub mode: String,
@@ -58,11 +125,11 @@ pub struct AircraftState {
     pub commanded: bool,
     /// Why it takes no orders, or what keeps it on the ground; empty where nothing does.
     pub hindrance: String,
-    /// What is left in the battery, from 0 to 1, where it says so.
+    /// What is left in the battery, from 0 to 1, where it reports that.
     pub battery: Option<f64>,
 }
 
-/// One aircraft for several owners: the fleet that sends it, and the source that turns it and asks
+/// One aircraft for several owners: the fleet that sends it, and the source that turns it and reads
 /// where it is.
 #[derive(Debug)]
 pub struct Shared<V>(Rc<RefCell<V>>);

@@ -5,7 +5,7 @@ use std::fmt;
 pub struct Finding {
     /// What was looked at, such as `firmware` or `RSSI now`.
     pub subject: String,
-    /// What it said, or what is wrong.
+    /// What it reported, or what is wrong.
     pub text: String,
     /// What to do about it; absent where nothing is wrong.
     #[serde(skip_serializing_if = "Option::is_none")]

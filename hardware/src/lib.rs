@@ -1,10 +1,10 @@
 //! Drivers that implement the device traits of `foxhunt_core`, one feature each.
 //!
-//! A driver is made of a codec of `foxhunt_wire`, any [`ByteStream`](foxhunt_wire::ByteStream) and a clock.
-//! None of them blocks, prints or starts a thread that it does not end. The same drivers run over memory,
-//! pseudo-terminals and cables.
+//! A driver is made of a codec of `foxhunt_wire`, any [`ByteStream`](foxhunt_wire::ByteStream) and
+//! a clock. None of them blocks, prints or starts a thread that it does not end. The same drivers
+//! run over memory, pseudo-terminals and cables.
 //!
-//! A person with a GNSS receiver, here one in memory that says a single sentence, is a vehicle:
+//! A person with a GNSS receiver, here one in memory that sends a single sentence, is a vehicle:
 //!
 //! ```
 //! # #[cfg(feature = "gnss")]
@@ -55,9 +55,8 @@ pub use finding::Finding;
 pub use foxhunt_wire::FixQuality;
 #[cfg(feature = "gnss")]
 pub use gnss::{
-    GnssConfig, GnssConfigError, GnssDecoder, GnssError, GnssFix, GnssFloors, GnssKind,
-    GnssPosition, GnssReceiver, GpsdDecoder, NmeaDecoder, Placed, PlacedError, Positioning,
-    StillVehicle, UbloxDecoder,
+    GnssConfig, GnssDecoder, GnssError, GnssFix, GnssFloors, GnssKind, GnssPosition, GnssReceiver,
+    GpsdDecoder, NmeaDecoder, Placed, PlacedError, Positioning, StillVehicle, UbloxDecoder,
 };
 #[cfg(feature = "mavlink")]
 pub use mavlink::{
@@ -66,16 +65,13 @@ pub use mavlink::{
 };
 #[cfg(feature = "receivers")]
 pub use receivers::{
-    KrakenConfig, KrakenSource, KrakenSourceError, ReceiverConfigError, RtlTcpConfig, RtlTcpRadio,
-    RtlTcpRadioError, SikError, SikFeed, SikRadio,
+    KrakenConfig, KrakenSource, KrakenSourceError, RtlTcpConfig, RtlTcpRadio, RtlTcpRadioError,
+    SikError, SikFeed, SikRadio,
 };
 pub use reconnecting::Reconnecting;
 #[cfg(feature = "firmata")]
 pub use stepper::{
-    Approach, BeyondCable, FirmataConfig, FirmataConfigError, FirmataStepper, FirmataStepperError,
-    Homing, LostPosition,
+    Approach, BeyondCable, FirmataConfig, FirmataStepper, FirmataStepperError, Homing, LostPosition,
 };
 #[cfg(feature = "xbee")]
-pub use xbee::{
-    XbeeConfig, XbeeConfigError, XbeeCounts, XbeeError, XbeeIdentity, XbeeQuestion, XbeeRadio,
-};
+pub use xbee::{XbeeConfig, XbeeCounts, XbeeError, XbeeIdentity, XbeeQuestion, XbeeRadio};

@@ -14,8 +14,8 @@ type Opened = io::Result<Box<dyn ByteStream + Send>>;
 
 /// An endpoint that is opened again when it failed: a cable that was pulled and put back.
 ///
-/// It is opened again by a thread of its own, which ends when the system has answered: a host that is
-/// switched off keeps nobody waiting.
+/// It is opened again by a thread of its own, which ends when the system has answered: a host that
+/// is switched off keeps nobody waiting.
 pub struct Reconnecting<C> {
     endpoint: Endpoint,
     clock: C,
@@ -24,7 +24,7 @@ pub struct Reconnecting<C> {
     connections: u32,
     /// When it is tried again.
     retry_at: f64,
-    /// What it said last.
+    /// Its last error.
     failure: String,
 }
 
@@ -43,7 +43,7 @@ impl<C: Clock> Reconnecting<C> {
     ///
     /// # Errors
     ///
-    /// Whatever the system says, with the name of the port or address.
+    /// Any error of the system, with the name of the port or address.
     pub fn open(endpoint: Endpoint, clock: C) -> io::Result<Self> {
         let stream = Some(endpoint.open()?);
         let failure = String::new();
@@ -75,9 +75,9 @@ impl<C: Clock> Reconnecting<C> {
     fn reopen(&mut self, now: f64) -> io::Result<()> {
         let Some(opening) = &self.opening else {
             if now >= self.retry_at {
-                let (endpoint, (told, opening)) = (self.endpoint.clone(), mpsc::channel());
+                let (endpoint, (sender, opening)) = (self.endpoint.clone(), mpsc::channel());
                 // Whoever waited for it may be gone by the time it is open.
-                thread::spawn(move || told.send(endpoint.open()));
+                thread::spawn(move || sender.send(endpoint.open()));
                 self.opening = Some(opening);
             }
             return Ok(());

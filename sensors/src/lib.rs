@@ -39,16 +39,15 @@ mod body;
 mod calibration;
 mod extractor;
 #[cfg(feature = "alloc")]
-mod heard_turn;
+mod interrogation;
 mod models;
 #[cfg(feature = "alloc")]
 mod omnidirectional;
-mod parameter;
 mod propagation;
 #[cfg(feature = "alloc")]
-mod questions;
-#[cfg(feature = "alloc")]
 mod stepper;
+#[cfg(feature = "alloc")]
+mod turn_recorder;
 
 #[cfg(feature = "alloc")]
 pub use antenna::{
@@ -64,12 +63,12 @@ pub use antenna::{
 #[cfg(feature = "alloc")]
 pub use body::{BodyConfig, BodyError, BodySource};
 pub use calibration::{
-    BearingError, BearingOffset, BearingOffsetFit, CalibrationError, Correlation, KnownBearing,
-    OffsetTerms, PathLossFit, SigmaFit, fit_bearing_offset, fit_log_distance, fit_sigma,
+    BearingError, BearingOffset, BearingOffsetFit, Calibrated, CalibrationError, Correlation,
+    KnownBearing, OffsetTerms, PathLossFit, SigmaFit, fit_bearing_offset, fit_log_distance,
+    fit_sigma, heading_towards,
 };
 #[cfg(feature = "alloc")]
 pub use calibration::{StationBurst, StationFit, fit_station};
-pub use extractor::{Calibrated, heading_towards};
 pub use extractor::{Cell, Pattern, Pritzl2018, resultant_confidence};
 #[cfg(feature = "alloc")]
 pub use extractor::{
@@ -77,15 +76,16 @@ pub use extractor::{
 };
 #[cfg(feature = "alloc")]
 pub use extractor::{StationAntenna, StationPattern};
+pub use foxhunt_core::parameter::ParameterError;
 #[cfg(feature = "alloc")]
 pub use models::WithElevationPattern;
 pub use models::{
-    BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLossRssBearing,
-    FreePowerRssBearing, RangeDifference, Rss, RssBearing, Stacked,
+    BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLoss, FreePathLossRssBearing,
+    FreePower, FreePowerRssBearing, LevelBearing, LevelLaw, RangeDifference, Rss, RssBearing,
+    Stacked,
 };
 #[cfg(feature = "alloc")]
 pub use omnidirectional::{OmnidirectionalConfig, OmnidirectionalError, OmnidirectionalSource};
-pub use parameter::ParameterError;
 pub use propagation::{Friis, LogDistance, Polarisation, Propagation, TwoRay};
 #[cfg(feature = "alloc")]
 pub use stepper::{StepperConfig, StepperError, StepperSource};

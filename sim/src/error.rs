@@ -1,32 +1,26 @@
+use foxhunt_core::parameter::FieldError;
 use foxhunt_sensors::{AntennaError, ParameterError};
 
-/// Why a world, or something asked of it, is refused. What was asked for did not happen.
+/// Why a world, or something asked of it, is refused. What was requested did not happen.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimError {
     /// A number in the configuration is out of its range.
-    #[error("{field} is {value}; it must be {requirement}")]
-    Field {
-        /// Where it stands in the configuration.
-        field: String,
-        /// What it held.
-        value: f64,
-        /// What it must be.
-        requirement: &'static str,
-    },
+    #[error(transparent)]
+    Field(#[from] FieldError),
     /// There is no such antenna.
     #[error("channel.antenna: {0}")]
     Antenna(#[from] AntennaError),
     /// The law of propagation is out of its range.
     #[error("channel.path_loss: {0}")]
     PathLoss(#[source] ParameterError),
-    /// A source cannot be made as it is asked for.
+    /// A source cannot be made as it is requested.
     #[error("the source: {0}")]
     Source(#[source] ParameterError),
     /// There is no such drone.
     #[error("there is no drone {drone}; the world has {drones}, counted from 0")]
     Drone {
-        /// Which one was asked for.
+        /// Which one was requested.
         drone: usize,
         /// How many there are.
         drones: usize,
@@ -51,7 +45,7 @@ pub enum SimError {
     /// There is no such beacon.
     #[error("there is no beacon {beacon}; the world has {beacons}, counted from 0")]
     Beacon {
-        /// Which one was asked for.
+        /// Which one was requested.
         beacon: u16,
         /// How many there are.
         beacons: usize,
@@ -62,10 +56,10 @@ pub enum SimError {
         /// The step in seconds.
         dt: f64,
     },
-    /// The rotator was ordered to no angle.
-    #[error("the rotator was ordered to {angle} rad; it must be finite")]
+    /// A direction that the antenna cannot be turned to.
+    #[error("the antenna was turned to {angle} rad; it must be finite")]
     Angle {
-        /// The order in radians.
+        /// The direction in radians.
         angle: f64,
     },
     /// The drone was ordered to turn at no rate.

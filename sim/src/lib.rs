@@ -11,7 +11,8 @@
 //! use foxhunt_sim::{BeaconConfig, DroneConfig, World, WorldConfig};
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let config = WorldConfig {
-//!     beacons: vec![BeaconConfig { name: "fox".into(), east_m: 20.0, north_m: 5.0, ..Default::default() }],
+//!     beacons: vec![BeaconConfig { name: "fox".into(), east_m: 20.0, north_m: 5.0,
+//! ..Default::default() }],
 //!     drones: vec![DroneConfig { up_m: 4.0, ..DroneConfig::default() }],
 //!     ..WorldConfig::default()
 //! };
@@ -39,13 +40,12 @@ mod truth;
 mod world;
 
 pub use config::{
-    BeaconConfig, BeaconCourse, ChannelConfig, DroneConfig, Interval, KinematicConfig,
-    PathLossConfig, ReflectorConfig, ShadowingConfig, SimStepperConfig, TwoRayConfig,
-    VehicleConfig, WorldConfig,
+    BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DroneConfig, Interval,
+    KinematicConfig, PathLossConfig, ReflectorConfig, ShadowingConfig, SimStepperConfig,
+    TwoRayConfig, VehicleConfig, WorldConfig,
 };
 pub use devices::{
-    LateSource, SimBody, SimClock, SimFleet, SimOmnidirectional, SimRadio, SimRotator, SimStepper,
-    SimVehicle,
+    LateSource, SimBody, SimClock, SimOmnidirectional, SimRadio, SimRotator, SimStepper, SimVehicle,
 };
 #[cfg(feature = "emulators")]
 pub use emulate::{
@@ -57,3 +57,8 @@ pub use emulate::{
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;
+
+/// Whether a switch that is off by default was left off.
+fn is_false(switch: &bool) -> bool {
+    !switch
+}

@@ -2,17 +2,17 @@ use std::{cell::RefCell, rc::Rc};
 
 use foxhunt_core::{BeaconId, Pose};
 use foxhunt_sensors::{
-    BodyConfig, BodySource, OmnidirectionalConfig, OmnidirectionalSource, StepperConfig,
+    Antenna, BodyConfig, BodySource, OmnidirectionalConfig, OmnidirectionalSource, StepperConfig,
     StepperSource,
 };
 use nalgebra::Vector3;
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use crate::{
-    LateSource, SimBody, SimClock, SimError, SimFleet, SimOmnidirectional, SimRadio, SimRotator,
-    SimStepper, SimVehicle, WorldConfig,
+    LateSource, SimBody, SimClock, SimError, SimOmnidirectional, SimRadio, SimRotator, SimStepper,
+    SimVehicle, WorldConfig,
     devices::OnBoard,
-    truth::{Channel, Drone, Streams, Truth},
+    truth::{Channel, Drone, Port, Streams, Truth, beacon_of},
 };
 
 /// A simulated world. Clones and devices are handles to the same one.
@@ -86,7 +86,15 @@ impl World {
         Some(self.truth.borrow().beacons.get(usize::from(beacon.0))?.place_at(time))
     }
 
-    /// What people call a beacon; `None` if there is no such beacon.
+    /// How fast a beacon moves now: East, North and Up in metres per second; `None` if there is no
+    /// such beacon.
+    #[must_use]
+    pub fn true_velocity(&self, beacon: BeaconId) -> Option<Vector3<f64>> {
+        let truth = self.truth.borrow();
+        Some(truth.beacons.get(usize::from(beacon.0))?.velocity_at(truth.time))
+    }
+
+    /// The name of a beacon; `None` if there is no such beacon.
     #[must_use]
     pub fn beacon_name(&self, beacon: BeaconId) -> Option<String> {
         Some(self.truth.borrow().beacons.get(usize::from(beacon.0))?.name.clone())
@@ -107,6 +115,15 @@ impl World {
         Ok(self.on_board(drone)?.with(|drone, _| drone.body.pose()))
     }
 
+    /// How fast a drone truly moves: East, North and Up in metres per second.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone.
+    pub fn velocity(&self, drone: usize) -> Result<Vector3<f64>, SimError> {
+        Ok(self.on_board(drone)?.with(|drone, _| drone.body.velocity()))
+    }
+
     /// How far a drone has flown, in metres.
     ///
     /// # Errors
@@ -114,6 +131,84 @@ impl World {
     /// [`SimError::Drone`] if there is no such drone.
     pub fn path_length(&self, drone: usize) -> Result<f64, SimError> {
         Ok(self.on_board(drone)?.with(|drone, _| drone.body.path_length()))
+    }
+
+    /// One sample of a beacon through an antenna on a drone, now, in dBm; `None` where it is lost,
+    /// below the receiver's floor, or not transmitted.
+    ///
+    /// It is what a source of one's own is made of, such as a phased array or a receiver with a
+    /// pattern of its own: the sample goes through the world's channel as that of a
+    /// [radio](Self::radio) does, with the law of propagation, shadowing, reflectors, noise,
+    /// rounding and losses, but through `antenna`, whose boresight is turned by `boresight` radians
+    /// counter-clockwise from the nose, and without a delay. The antenna's mean over a level turn
+    /// is taken off, so that the mean level over a turn follows the law of propagation.
+    ///
+    /// The samples of one pattern share an offset of the level and an error of the direction
+    /// ([`ChannelConfig`](crate::ChannelConfig)). A pattern ends when the drone has moved by more
+    /// than 0.5 m or turned all the way round, or with
+    /// [`begin_pattern`](Self::begin_pattern). The random numbers are those of the drone's radio,
+    /// in the order in which samples are taken.
+    ///
+    /// ```
+    /// use foxhunt_core::{BeaconId, Sample, angle};
+    /// use foxhunt_sensors::Patch;
+    /// use foxhunt_sim::{BeaconConfig, DroneConfig, World, WorldConfig};
+    /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// let beacon = BeaconConfig { name: "fox".into(), east_m: 40.0, ..Default::default() };
+    /// let drones = vec![DroneConfig { up_m: 20.0, ..Default::default() }];
+    /// let world =
+    ///     World::new(&WorldConfig { beacons: vec![beacon], drones, ..Default::default() }, 1)?;
+    /// // Eight beams that are switched at once: a sweep without a motor.
+    /// let beam = Patch::new(0.8, 0.8, 15.0)?;
+    /// let receiver = world.pose(0)?;
+    /// let mut samples = Vec::new();
+    /// world.begin_pattern(0)?;
+    /// for position in 0..8 {
+    ///     let turned = f64::from(position) * core::f64::consts::FRAC_PI_4;
+    ///     let Some(rss_dbm) = world.receive(0, BeaconId(0), &beam, turned)? else { continue };
+    ///     let boresight = angle::wrap(receiver.heading + turned);
+    ///     samples.push(Sample { time: world.time(), receiver, boresight, position, rss_dbm });
+    /// }
+    /// assert_eq!(samples.len(), 8);
+    /// // What a range finder of one's own would add its noise to.
+    /// let truth = world.truth(BeaconId(0)).ok_or("no beacon")?;
+    /// let range = (truth - receiver.position).norm();
+    /// # assert!((range - 2000.0_f64.sqrt()).abs() < 1e-12);
+    /// # Ok(())
+    /// # }
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] or [`SimError::Beacon`] if there is no such drone or beacon;
+    /// [`SimError::Angle`] for a boresight that is not finite.
+    pub fn receive(
+        &self,
+        drone: usize,
+        beacon: BeaconId,
+        antenna: &dyn Antenna,
+        boresight: f64,
+    ) -> Result<Option<f64>, SimError> {
+        if !boresight.is_finite() {
+            return Err(SimError::Angle { angle: boresight });
+        }
+        self.on_board(drone)?.with_truth(|truth, drone| {
+            let Truth { time, channel, beacons, drones } = &mut *truth;
+            let from = beacon_of(beacons, beacon)?;
+            let port = Port::Own(antenna);
+            Ok(drones[drone].receive(channel, beacon, from, port, boresight, *time))
+        })
+    }
+
+    /// Ends the patterns of a drone's receiver: the next sample of each beacon draws the offset and
+    /// the error of direction that a new pattern's samples share.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone.
+    pub fn begin_pattern(&self, drone: usize) -> Result<(), SimError> {
+        self.on_board(drone)?.with(|drone, _| drone.receiver.end_patterns());
+        Ok(())
     }
 
     /// The world's clock.
@@ -149,15 +244,9 @@ impl World {
         self.on_board(drone).map(SimVehicle)
     }
 
-    /// All drones.
-    #[must_use]
-    pub fn fleet(&self) -> SimFleet {
-        SimFleet(Rc::clone(&self.truth))
-    }
-
     /// A source made of a drone's radio, rotator and vehicle. A mount offset in `config` is one
-    /// that the simulated antenna does not have: a misalignment. The receiver's floor is told
-    /// unless `config` tells one.
+    /// that the simulated antenna does not have: a misalignment. The receiver's floor is the
+    /// channel's unless `config` has one.
     ///
     /// # Errors
     ///
@@ -187,8 +276,8 @@ impl World {
         BodySource::new(config, self.radio(drone)?, vehicle, self.clock()).map_err(SimError::Source)
     }
 
-    /// A source that does not turn, made of a drone's radio at an antenna that hears alike from
-    /// everywhere, as much as the channel's on the average over a turn. A floor is the channel's
+    /// A source that does not turn, made of a drone's radio at an omnidirectional antenna, whose
+    /// gain is the mean of that of the channel's over a turn. A floor is the channel's
     /// unless `config` has one.
     ///
     /// # Errors

@@ -167,15 +167,15 @@ fn numbers_out_of_range_are_named() {
     let refused = |config| {
         let gusts = Xoshiro256PlusPlus::seed_from_u64(3);
         match Quadrotor::new(config, Pose::default(), gusts) {
-            Err(SimError::Field { field, .. }) => field,
+            Err(SimError::Field(error)) => error.field,
             other => panic!("{other:?}"),
         }
     };
-    assert_eq!(refused(QuadrotorConfig { rate_hz: 5.0, ..base }), "vehicle.rate_hz");
-    assert_eq!(refused(QuadrotorConfig { speed_mps: f64::NAN, ..base }), "vehicle.speed_mps");
+    assert_eq!(refused(QuadrotorConfig { rate_hz: 5.0, ..base }), "rate_hz");
+    assert_eq!(refused(QuadrotorConfig { speed_mps: f64::NAN, ..base }), "speed_mps");
     let mut gains = base.gains;
     gains.yaw_d = -1.0;
-    assert_eq!(refused(QuadrotorConfig { gains, ..base }), "vehicle.gains.yaw_d");
+    assert_eq!(refused(QuadrotorConfig { gains, ..base }), "gains.yaw_d");
     let json = serde_json::to_string(&base).expect("it can be written");
     assert_eq!(serde_json::from_str::<QuadrotorConfig>(&json).expect("its own output"), base);
 }

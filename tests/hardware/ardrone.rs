@@ -56,15 +56,15 @@ impl Field {
         };
         let config = WorldConfig { drones: vec![drone], ..WorldConfig::default() };
         let world = World::new(&config, 1).expect("a world");
-        let ((orders, ordered), (told, tells)) = (pair(), pair());
-        let emulated = EmulatedArDrone::new(&world, 0, ordered, tells).expect("a drone");
+        let ((orders, ordered), (reported, reports)) = (pair(), pair());
+        let emulated = EmulatedArDrone::new(&world, 0, ordered, reports).expect("a drone");
         let config = ArDroneConfig {
             east_m: 2.0,
             north_m: 1.0,
             heading_deg_ccw_from_east: 70.0,
             ..ArDroneConfig::default()
         };
-        let driver = ArDrone::new(config, orders, told, world.clock()).expect("a driver");
+        let driver = ArDrone::new(config, orders, reported, world.clock()).expect("a driver");
         Self { world, emulated, driver }
     }
 
@@ -104,8 +104,11 @@ fn it_flies_turns_and_comes_home() {
     for goal in [Vector3::new(8.0, 5.0, 4.0), Vector3::new(-3.0, 6.0, 2.0)] {
         field.driver.go_to(&Waypoint { position: goal }).expect("accepted");
         field.until("there", 40.0, |_, world| (place(world) - goal).norm() < 0.4);
-        let told = field.driver.pose().expect("a pose");
-        assert!((told.position - place(&field.world)).norm() < 0.3, "its odometry: {told:?}");
+        let reported = field.driver.pose().expect("a pose");
+        assert!(
+            (reported.position - place(&field.world)).norm() < 0.3,
+            "its odometry: {reported:?}"
+        );
     }
     let sigma = field.driver.position_sigma().expect("it tells");
     assert!(sigma.x > 1.0 && sigma.x < 4.0, "some twenty metres flown: {sigma}");
@@ -119,8 +122,8 @@ fn it_flies_turns_and_comes_home() {
     for _ in 0..400 {
         field.tick();
         let heading = field.world.pose(0).expect("a drone").heading;
-        let told = field.driver.pose().expect("a pose").heading;
-        worst = worst.max(angle::distance(told, heading));
+        let reported = field.driver.pose().expect("a pose").heading;
+        worst = worst.max(angle::distance(reported, heading));
         turned += angle::wrap(heading - last);
         last = heading;
     }
@@ -173,8 +176,8 @@ fn motors_stop_at_once_and_fly_again() {
 
 #[test]
 fn impossible_numbers_are_named() {
-    let ((orders, _a), (told, _b)) = (pair(), pair());
+    let ((orders, _a), (reported, _b)) = (pair(), pair());
     let config = ArDroneConfig { rate_hz: 1.0, ..ArDroneConfig::default() };
-    let error = ArDrone::new(config, orders, told, || 0.0).err().expect("too slow").to_string();
+    let error = ArDrone::new(config, orders, reported, || 0.0).err().expect("too slow").to_string();
     assert!(error.contains("rate_hz is 1"), "{error}");
 }

@@ -20,13 +20,14 @@ fn stepper(port: &str, config: FirmataConfig) -> Stepper {
     FirmataStepper::new(config, stream, clock).expect("it is in order")
 }
 
-/// Turns there; where it says that it looks. The simulator may be slower than the clock on the wall.
+/// Turns there; where it says that it looks. The simulator may be slower than the clock on the
+/// wall.
 fn turn(stepper: &mut Stepper, angle: f64) -> f64 {
     stepper.turn_to(angle).expect("the order is accepted");
     let clock = SystemClock::start();
     while clock.now() < 300.0 {
-        if let Some(told) = stepper.poll().expect("the link holds") {
-            return told;
+        if let Some(reported) = stepper.poll().expect("the link holds") {
+            return reported;
         }
         thread::sleep(Duration::from_millis(1));
     }
@@ -46,8 +47,8 @@ fn no_half_step_is_lost_and_the_switch_is_found() {
     let mut motor = stepper(&port, config.clone());
     for position in (0..128).chain((0..128).rev()) {
         let angle = TAU * f64::from(position) / 128.0;
-        let told = turn(&mut motor, angle);
-        assert!((told - angle).abs() <= TAU / TURN * 0.5 + 1e-9, "{told}, not {angle}");
+        let reported = turn(&mut motor, angle);
+        assert!((reported - angle).abs() <= TAU / TURN * 0.5 + 1e-9, "{reported}, not {angle}");
     }
     let findings = motor.examine(&mut || thread::sleep(Duration::from_millis(1)));
     assert!(findings.iter().all(Finding::is_good), "{findings:?}");
@@ -58,6 +59,6 @@ fn no_half_step_is_lost_and_the_switch_is_found() {
     let homing = Homing::Switch { pin: 2, at_deg: 0.0 };
     let mut motor = stepper(&port, FirmataConfig { homing, ..config });
     let angle = TAU * 64.0 / TURN;
-    let told = turn(&mut motor, angle);
-    assert!((told - angle).abs() < 1e-9, "{told}, not {angle}");
+    let reported = turn(&mut motor, angle);
+    assert!((reported - angle).abs() < 1e-9, "{reported}, not {angle}");
 }

@@ -1,32 +1,34 @@
-//! A whole hunt through the wire protocols: radios and motors on pseudo-terminals, autopilots on UDP.
+//! A whole hunt through the wire protocols: radios and motors on pseudo-terminals, autopilots on
+//! UDP.
 
 use std::{fs, path::PathBuf, thread, time::Duration};
 
 use foxhunt::{
-    config::{BoxedSource, SourceConfig, estimator_named},
+    config::SourceConfig,
     core::Estimate,
     fly::{
         BoxedAircraft, DroneFaults, EmulatedField, EmulatedFieldConfig, Ending, FlightConfig,
         Mission,
     },
     hardware::Shared,
-    hunt::{Event, Fix, FlightStage},
+    hunt::{BoxedSource, Event, Fix, FlightStage},
+    registry::Registry,
     scenario::Scenario,
     sensors::BodyConfig,
     sim::{AutopilotFaults, CableFaults, Interval, World},
-    simulation::simulate,
+    simulation::Setup,
 };
 
 /// pritzl-6.1, its third drone turning its body.
 fn scenario() -> Scenario {
     let mut scenario = Scenario::find("pritzl-6.1").expect("it is built in");
-    let stepper = scenario.source;
+    let stepper = scenario.source.clone();
     let body = SourceConfig::RotatingBody(BodyConfig {
         // A question and its answer take several looks at the devices.
         answer_timeout_s: 0.2,
         ..BodyConfig::pritzl2018()
     });
-    scenario.sources = vec![stepper, stepper, body];
+    scenario.sources = vec![stepper.clone(), stepper, body];
     scenario
 }
 
@@ -44,8 +46,8 @@ struct Flown {
     seconds: f64,
 }
 
-/// Flies the scenario on emulated devices. Time is the world's; the short sleep lets the kernel hand on
-/// what was written to the pseudo-terminals.
+/// Flies the scenario on emulated devices. Time is the world's; the short sleep lets the kernel
+/// hand on what was written to the pseudo-terminals.
 fn fly(scenario: &Scenario, seed: u64, faults: Vec<DroneFaults>, name: &str) -> Flown {
     let world = World::new(&scenario.world, seed).expect("a world");
     let config = EmulatedFieldConfig { faults, ..EmulatedFieldConfig::default() };
@@ -55,8 +57,9 @@ fn fly(scenario: &Scenario, seed: u64, faults: Vec<DroneFaults>, name: &str) -> 
     let text = toml::to_string(field.flight()).expect("it can be written");
     let mut flight = FlightConfig::parse(&text, "emulated.toml").expect("it can be read");
     flight.flight.at_end = Ending::Land;
-    let estimator = estimator_named(&flight.estimator).expect("it is known").config;
-    let hunt = flight.parts(&estimator, seed).build().expect("a hunt");
+    let registry = Registry::builtin();
+    let estimator = flight.estimator(&registry).expect("it is known");
+    let hunt = flight.parts(&registry, estimator, seed).build().expect("a hunt");
     let drones = flight.open(&world.clock(), 0.0, None).expect("devices");
     let mut mission: Mission<Shared<BoxedAircraft>, BoxedSource> =
         Mission::new(flight.flight, hunt, drones, world.time()).expect("a flight");
@@ -102,8 +105,10 @@ fn truths(scenario: &Scenario) -> Vec<nalgebra::Vector2<f64>> {
 #[test]
 fn a_hunt_through_wires_finds_what_the_simulation_finds() {
     let scenario = scenario();
-    let estimator = estimator_named(&scenario.estimator).expect("it is known");
-    let direct = simulate(&scenario, &estimator, 1, |_| Ok::<_, std::io::Error>(()));
+    let registry = Registry::builtin();
+    let estimator = registry.estimator(&scenario.estimator).expect("it is known");
+    let setup = Setup { scenario: &scenario, estimator, registry: &registry };
+    let direct = setup.simulate(1, |_| Ok::<_, std::io::Error>(()));
     let direct = direct.expect("it flies");
     let flown = fly(&scenario, 1, Vec::new(), "flown");
     use FlightStage::{Climbing, Hunting, Leaving, Over, Preparing};
@@ -116,7 +121,8 @@ fn a_hunt_through_wires_finds_what_the_simulation_finds() {
         let (nees, error) = off(&fix.estimate, truth);
         let between = (fix.estimate.mean - found.fix.estimate.mean).norm();
         println!(
-            "{}: {error:.2} m off (NEES {nees:.2}), direct {:.2} m; {between:.2} m apart; {} and {} steps; {:.0} s and {:.0} s",
+            "{}: {error:.2} m off (NEES {nees:.2}), direct {:.2} m; {between:.2} m apart; {} and \
+             {} steps; {:.0} s and {:.0} s",
             fix.name,
             found.error_m(),
             fix.steps,
@@ -135,7 +141,7 @@ fn a_hunt_through_wires_finds_what_the_simulation_finds() {
 #[test]
 fn a_hunt_survives_its_faults() {
     let mut scenario = scenario();
-    // Nobody hears anything for a while: the beacon is silent.
+    // Nothing is received for a while: the beacon is silent.
     for drone in &mut scenario.world.drones {
         drone.silent = vec![Interval { from_s: 150.0, to_s: Some(190.0) }];
     }
@@ -158,7 +164,7 @@ fn a_hunt_survives_its_faults() {
     assert_eq!((flown.fixes.len(), &flown.failure), (2, &None));
     use FlightStage::{Climbing, Hunting, Leaving, Over, Preparing};
     assert_eq!(stages(&flown), [Preparing, Climbing, Hunting, Leaving, Over]);
-    let told = |drone: usize, within: std::ops::Range<f64>, words: &str| {
+    let failed = |drone: usize, within: std::ops::Range<f64>, words: &str| {
         flown.events.iter().any(|event| match event {
             Event::DeviceFailed { time, drone: Some(of), reason } => {
                 *of == drone && within.contains(time) && reason.contains(words)
@@ -166,9 +172,9 @@ fn a_hunt_survives_its_faults() {
             _ => false,
         })
     };
-    assert!(told(0, 60.0..75.0, "the radio failed"), "the pulled cable of the radio");
-    assert!(told(1, 90.0..100.0, "the rotator failed"), "the pulled cable of the motor");
-    assert!(told(2, 80.0..95.0, "heartbeat"), "the autopilot that fell silent");
+    assert!(failed(0, 60.0..75.0, "the radio failed"), "the pulled cable of the radio");
+    assert!(failed(1, 90.0..100.0, "the rotator failed"), "the pulled cable of the motor");
+    assert!(failed(2, 80.0..95.0, "heartbeat"), "the autopilot that fell silent");
     for (fix, truth) in flown.fixes.iter().zip(truths(&scenario)) {
         let (nees, error) = off(&fix.estimate, truth);
         println!("{}: {error:.2} m off, NEES {nees:.2}, {} steps", fix.name, fix.steps);

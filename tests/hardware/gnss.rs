@@ -81,7 +81,7 @@ fn run<S: ByteStream, T: ByteStream>(
 }
 
 #[test]
-fn every_kind_tells_every_quality_where_the_drone_is() {
+fn every_kind_reports_every_quality_where_the_drone_is() {
     use FixQuality::{Autonomous, Differential, Estimated, RtkFixed, RtkFloat};
     for kind in 0..3 {
         for quality in [Estimated, Autonomous, Differential, RtkFloat, RtkFixed] {
@@ -102,18 +102,18 @@ fn every_kind_tells_every_quality_where_the_drone_is() {
             );
             let last = receiver.last().expect("it spoke");
             assert_eq!(last.satellites, Some(14));
-            let told = last.sigma_m.expect("each of them tells it");
-            assert!((told - sigma).norm() < 2e-3, "{kind} {quality:?}: {told}");
+            let reported = last.sigma_m.expect("each of them tells it");
+            assert!((reported - sigma).norm() < 2e-3, "{kind} {quality:?}: {reported}");
             let utc = last.utc_s.expect("dated");
             assert!((utc - 1_767_225_603.0).abs() < 0.011, "{kind}: {utc}");
         }
     }
 }
 
-/// Normalised errors squared of independent fixes are chi-squared: one false alarm in a thousand runs of
-/// each kind, for the seed 3.
+/// Normalised errors squared of independent fixes are chi-squared: one false alarm in a thousand
+/// runs of each kind, for the seed 3.
 #[test]
-fn the_told_sigma_is_honest() {
+fn the_reported_sigma_is_honest() {
     const SAMPLES: u32 = 400;
     let chi = ChiSquared::new(f64::from(3 * SAMPLES)).expect("positive");
     let band = chi.inverse_cdf(0.0005)..chi.inverse_cdf(0.9995);
@@ -258,7 +258,7 @@ fn garbage_and_cut_messages_cost_fixes_and_nothing_else() {
 
 /// What one turn of an antenna gives when its place comes from this receiver, and what a filter
 /// makes of it.
-fn heard(quality: FixQuality) -> (Reception, Estimate<2>) {
+fn received(quality: FixQuality) -> (Reception, Estimate<2>) {
     let world = world();
     let (near, far) = memory_pair();
     let emulated = EmulatedGnssConfig {
@@ -288,15 +288,21 @@ fn heard(quality: FixQuality) -> (Reception, Estimate<2>) {
     let law = LogDistance::new(-29.06, 2.765).expect("in range");
     let mut filter =
         Ukf::new(RandomWalk::uniform(0.0), RssBearing::new(law), prior).expect("a proper prior");
-    let observation = Observation::<2>::try_from(&reception).expect("a proper reception");
+    let intake = ByQuantity([Quantity::RSS, Quantity::BEARING]);
+    let observation = intake.observation(&reception).expect("a proper reception");
+    let observation = observation.expect("it has a level");
     assert!(!filter.update(&observation).expect("it can be fused").is_rejected());
     (reception, filter.estimate())
 }
 
+fn level(reception: &Reception) -> f64 {
+    reception.level.expect("the radio measures it").rss_dbm
+}
+
 #[test]
 fn a_poor_fix_makes_an_estimator_learn_less() {
-    let (rtk, precise) = heard(FixQuality::RtkFixed);
-    let (alone, vague) = heard(FixQuality::Estimated);
+    let (rtk, precise) = received(FixQuality::RtkFixed);
+    let (alone, vague) = received(FixQuality::Estimated);
     let sigma = |reception: &Reception| reception.receiver_sigma_m.expect("it was told");
     assert!((sigma(&rtk) - Vector3::new(0.012, 0.012, 0.02)).norm() < 2e-3, "{}", sigma(&rtk));
     // The floor of dead reckoning is above what the receiver claims.
@@ -304,7 +310,7 @@ fn a_poor_fix_makes_an_estimator_learn_less() {
     let area = |estimate: &Estimate<2>| estimate.covariance.determinant();
     assert!(area(&vague) > 2.0 * area(&precise), "{} and {}", area(&vague), area(&precise));
     // The same noise of the radio: without the σ there would be next to no difference.
-    assert!((rtk.rss_dbm - alone.rss_dbm).abs() < 1e-9);
+    assert!((level(&rtk) - level(&alone)).abs() < 1e-9);
 }
 
 #[test]
@@ -368,8 +374,8 @@ fn an_impossible_emulated_receiver_is_refused_by_name() {
         let (_near, far) = memory_pair();
         EmulatedGnss::new(&world(), drone, config, 1, far).expect_err("impossible").to_string()
     };
-    let told = refused(0, EmulatedGnssConfig { rate_hz: 0.0, ..EmulatedGnssConfig::default() });
-    assert_eq!(told, "gnss.rate_hz is 0; it must be from 0.1 to 25");
+    let reported = refused(0, EmulatedGnssConfig { rate_hz: 0.0, ..EmulatedGnssConfig::default() });
+    assert_eq!(reported, "gnss.rate_hz is 0; it must be from 0.1 to 25");
     let mut config = EmulatedGnssConfig::default();
     config.origin.lat_deg = 91.0;
     assert!(refused(0, config).contains("gnss.origin.lat_deg is 91"));

@@ -1,4 +1,5 @@
-//! A GNSS driver against what somebody else's program says, at the endpoint that `.ci/peers/gnss` names.
+//! A GNSS driver against what somebody else's program says, at the endpoint that `.ci/peers/gnss`
+//! names.
 
 use std::{env, thread, time::Duration};
 
@@ -13,16 +14,16 @@ use foxhunt::{
 #[test]
 #[ignore = ".ci/peers/gnss runs it"]
 fn a_peer_is_read() {
-    let told = |name: &str| {
+    let reported = |name: &str| {
         let name = format!("FOXHUNT_GNSS_{name}");
         env::var(&name).unwrap_or_else(|_| panic!("{name} is not set"))
     };
-    let kind = serde_json::from_value(told("KIND").into()).expect("nmea, ublox or gpsd");
-    let endpoint = told("ENDPOINT").parse().expect("an endpoint");
+    let kind = serde_json::from_value(reported("KIND").into()).expect("nmea, ublox or gpsd");
+    let endpoint = reported("ENDPOINT").parse().expect("an endpoint");
     let place: Vec<f64> =
-        told("PLACE").split(',').map(|part| part.parse().expect("a number")).collect();
+        reported("PLACE").split(',').map(|part| part.parse().expect("a number")).collect();
     let place = Geodetic::new(place[0], place[1], place[2]).expect("on Earth");
-    let within_m: f64 = told("WITHIN_M").parse().expect("metres");
+    let within_m: f64 = reported("WITHIN_M").parse().expect("metres");
     let clock = SystemClock::start();
     let config = GnssConfig { kind, ..GnssConfig::default() };
     let stream = Reconnecting::open(endpoint, clock).expect("the peer is there");
@@ -31,14 +32,14 @@ fn a_peer_is_read() {
     for _ in 0..3000 {
         last = Some(receiver.position());
         if let Some(Ok(position)) = &last
-            && position.quality.name() == told("QUALITY")
+            && position.quality.name() == reported("QUALITY")
         {
             break;
         }
         thread::sleep(Duration::from_millis(10));
     }
     let position = last.expect("it was asked").expect("a fix within 30 s");
-    assert_eq!(position.quality.name(), told("QUALITY"));
+    assert_eq!(position.quality.name(), reported("QUALITY"));
     let error = LocalFrame::new(place).expect("on Earth").to_local(&position.place);
     println!("{:?}, {error:?} m from the peer's place, σ {:?}", position, position.sigma_m);
     assert!(error.norm() < within_m, "{error} m from what the peer said");

@@ -113,10 +113,16 @@ fn a_flight_from_the_ground_to_the_ground() {
         assert!((place(&field.world) - Vector3::new(3.0, -2.0, 8.0)).norm() < 0.6);
         field.go(20.0, 15.0, 12.0);
         field.run(0.5);
-        let (told, true_pose) =
+        let (reported, true_pose) =
             (field.driver.pose().expect("a pose"), field.world.pose(0).expect("a drone"));
-        assert!((told.position - true_pose.position).norm() < 0.05, "{autopilot}: {told:?}");
-        assert!(angle::distance(told.heading, 120_f64.to_radians()) < 0.02, "its nose was held");
+        assert!(
+            (reported.position - true_pose.position).norm() < 0.05,
+            "{autopilot}: {reported:?}"
+        );
+        assert!(
+            angle::distance(reported.heading, 120_f64.to_radians()) < 0.02,
+            "its nose was held"
+        );
         let sigma = field.driver.position_sigma().expect("it tells");
         assert!((sigma - Vector3::new(0.5, 0.5, 0.8)).norm() < 1e-9);
 
@@ -129,11 +135,11 @@ fn a_flight_from_the_ground_to_the_ground() {
         let mut worst: f64 = 0.0;
         for _ in 0..400 {
             field.tick();
-            let told = field.driver.pose().expect("a pose").heading;
+            let reported = field.driver.pose().expect("a pose").heading;
             let heading = field.world.pose(0).expect("a drone").heading;
             turned += angle::wrap(heading - last);
             last = heading;
-            worst = worst.max(angle::distance(told, heading));
+            worst = worst.max(angle::distance(reported, heading));
         }
         assert!((turned - TAU).abs() < 0.05, "{autopilot}: {turned} rad in 8 s");
         assert!(worst < 2_f64.to_radians(), "{autopilot}: the heading is off by {worst} rad");

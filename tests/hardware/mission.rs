@@ -1,13 +1,13 @@
-//! A flight from the ground to the ground, with aircraft that do as they are told, or do not.
+//! A flight from the ground to the ground, with aircraft that follow their orders, or do not.
 
 use std::{cell::RefCell, rc::Rc};
 
 use foxhunt::{
-    config::{BoxedSource, estimator_named},
     core::{Pose, Spinner, Vehicle, Waypoint},
-    fly::{Ending, FlightRules, FlownDrone, Mission},
+    fly::{Ending, FlightRules, FlownDrone, Mission, MissionError},
     hardware::{Aircraft, AircraftState, Shared},
-    hunt::{Event, FlightStage},
+    hunt::{BoxedSource, Event, FlightStage},
+    registry::Registry,
     scenario::Scenario,
     sim::{SimError, SimVehicle, World},
 };
@@ -100,16 +100,18 @@ struct Field {
 impl Field {
     fn new(rules: FlightRules) -> Self {
         let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
-        let estimator = estimator_named("ekf").expect("it is known").config;
+        let registry = Registry::builtin();
+        let estimator = registry.estimator("ekf").expect("it is known");
         let world = World::new(&scenario.world, 1).expect("a world");
-        let sources = scenario.sources(&world).expect("sources");
+        let sources = scenario.sources(&registry, &world).expect("sources");
         let doings: Vec<Rc<RefCell<Doings>>> = sources.iter().map(|_| Rc::default()).collect();
         let drones = sources.into_iter().enumerate().map(|(drone, source)| {
             let vehicle = world.vehicle(drone).expect("there is one");
             let aircraft = Shared::new(Lifted { vehicle, doings: doings[drone].clone() });
-            FlownDrone { name: format!("drone {drone}"), aircraft, source }
+            FlownDrone::new(format!("drone {drone}"), aircraft, source)
         });
-        let hunt = scenario.parts(&estimator, 1).build().expect("a hunt");
+        let parts = scenario.parts(&registry, estimator, 1).expect("parts");
+        let hunt = parts.build().expect("a hunt");
         let mission = Mission::new(rules, hunt, drones.collect(), 0.0).expect("a flight");
         Self { world, mission, doings, events: Vec::new() }
     }
@@ -164,11 +166,11 @@ fn nobody_leaves_the_ground_before_all_are_ready() {
 }
 
 #[test]
-fn they_wait_for_the_word() {
+fn they_wait_for_go() {
     let mut field = Field::new(FlightRules::default());
     field.mission.wait_for_go(true);
     field.run(400.0, |_| false);
-    assert!(field.mission.is_ready(), "whoever waits for the word is not given up");
+    assert!(field.mission.is_ready(), "whoever waits for go is not given up");
     field.mission.go();
     field.run(1.0, |_| false);
     assert_eq!(field.mission.stage(), FlightStage::Hunting);
@@ -202,11 +204,11 @@ fn an_aircraft_is_taken_again_in_the_mode_in_which_it_was_ours() {
     field.doings[0].borrow_mut().pilot = true;
     field.doings[1].borrow_mut().dropped = true;
     field.run(5.0, |_| false);
-    let asked = |drone: usize| {
+    let requested = |drone: usize| {
         field.doings[drone].borrow().orders.iter().filter(|order| **order == "take over").count()
     };
-    assert_eq!([asked(0), asked(2)], [0, 0], "the pilot has chosen another mode");
-    assert!((2..=3).contains(&asked(1)), "its link is back: {}", asked(1));
+    assert_eq!([requested(0), requested(2)], [0, 0], "the pilot has chosen another mode");
+    assert!((2..=3).contains(&requested(1)), "its link is back: {}", requested(1));
 }
 
 #[test]
@@ -253,5 +255,18 @@ fn holding_is_an_order_and_lasts_until_the_pilot_has_them() {
 #[test]
 fn a_rule_that_cannot_be_is_named() {
     let rules = FlightRules { takeoff_up_m: f64::NAN, ..FlightRules::default() };
-    assert!(matches!(rules.out_of_range(), Some(("takeoff_up_m", up)) if up.is_nan()));
+    let error = rules.check().expect_err("not a number");
+    assert!(error.name == "takeoff_up_m" && error.value.is_nan(), "{error}");
+    let hunt = || {
+        let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
+        let registry = Registry::builtin();
+        let estimator = registry.estimator("ekf").expect("it is known");
+        scenario.parts(&registry, estimator, 1).expect("parts").build().expect("a hunt")
+    };
+    let refused = Mission::<Shared<Lifted>, BoxedSource>::new(rules, hunt(), Vec::new(), 0.0);
+    let error = refused.expect_err("not a number").to_string();
+    assert_eq!(error, "flight.takeoff_up_m is NaN; it must be a positive number");
+    let rules = FlightRules::default();
+    let nobody = Mission::<Shared<Lifted>, BoxedSource>::new(rules, hunt(), Vec::new(), 0.0);
+    assert_eq!(nobody.err(), Some(MissionError::NoDrone));
 }

@@ -4,19 +4,19 @@
 use std::{cell::RefCell, collections::BTreeSet, path::Path, rc::Rc};
 
 use foxhunt::{
-    config::{BoxedSource, beacon_seed, estimator_named},
     core::{Estimate, Reception},
     hardware::link::{
         Delivery, FusionLink, Impaired, Impairment, LinkError, MemoryDrone, MemoryFusion, Order,
         Report, UnixTime, memory_network,
     },
-    hunt::{Event, Fix, HuntExtractor, Track, hunt_extractor},
+    hunt::{BoxedSource, Event, Fix, Search},
     log::{Log, LogWriter},
     network::{DroneNode, DroneNodeConfig, FusionNode, FusionNodeConfig, Past, uniform_draws},
+    registry::{EstimatorEntry, HuntExtractor, Registry, TrackRequest, beacon_seed},
     replay::replay,
     scenario::Scenario,
     sim::{SimClock, SimVehicle, World},
-    simulation::log_header,
+    simulation::Setup,
 };
 
 /// When the hunt's time is 0.
@@ -52,6 +52,7 @@ type Drone = DroneNode<
 
 /// A field of three drones and the network between their computers and the one that fuses.
 struct Field {
+    registry: Registry,
     scenario: Scenario,
     world: World,
     links: (Vec<MemoryDrone>, MemoryFusion),
@@ -65,23 +66,29 @@ impl Field {
         let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
         let world = World::new(&scenario.world, seed).expect("a proper world");
         let links = memory_network(world.drone_count());
-        Self { scenario, world, links, impairment, delivered: Delivered::default(), seed }
+        let registry = Registry::builtin();
+        let delivered = Delivered::default();
+        Self { registry, scenario, world, links, impairment, delivered, seed }
     }
 
     fn draws(&self, of: u64) -> Draws {
         Box::new(uniform_draws(self.seed.wrapping_mul(1000) + of))
     }
 
+    fn estimator(&self) -> &EstimatorEntry {
+        self.registry.estimator(&self.scenario.estimator).expect("it has a name")
+    }
+
     /// The node of a drone, as it is after its computer was switched on.
     fn drone(&self, drone: usize) -> Drone {
-        let sources = self.scenario.sources(&self.world).expect("proper sources");
+        let sources = self.scenario.sources(&self.registry, &self.world).expect("proper sources");
         let source = sources.into_iter().nth(drone).expect("as many as drones");
         let (link, clock) = (self.links.0[drone].clone(), self.world.clock());
         let draws = self.draws(u64::try_from(drone).expect("few"));
         let link = Impaired::new(link, self.impairment, clock, draws).expect("in range");
         let vehicle = self.world.vehicle(drone).expect("it is there");
-        let extractor =
-            hunt_extractor(&self.scenario.extractor, self.scenario.bearings).expect("in range");
+        let Scenario { extractor, bearings, .. } = &self.scenario;
+        let extractor = self.registry.hunt_extractor(extractor, *bearings).expect("in range");
         let config = DroneNodeConfig::default();
         DroneNode::new(source, vehicle, extractor, link, EPOCH, config).expect("in range")
     }
@@ -89,13 +96,14 @@ impl Field {
     /// Flies to the end; `faults` are asked at every tick who is begun anew: a drone, or, past the
     /// drones, the side that fuses, which forgets the events of its last step.
     fn fly(&self, mut faults: impl FnMut(f64, &[Event]) -> Option<usize>) -> Log {
-        let named = estimator_named(&self.scenario.estimator).expect("it has a name");
+        let Self { scenario, registry, .. } = self;
+        let setup = Setup { scenario, estimator: self.estimator(), registry };
         let fusion = |past: Option<Past>| {
             let clock = self.world.clock();
             let link = Impaired::new(self.links.1.clone(), self.impairment, clock, self.draws(99));
             let link = Tapped(link.expect("in range"), self.delivered.clone());
-            let hunt =
-                self.scenario.parts(&named.config, self.seed).build().expect("a proper hunt");
+            let parts = scenario.parts(registry, setup.estimator, self.seed).expect("known names");
+            let hunt = parts.build().expect("a proper hunt");
             let config = FusionNodeConfig::default();
             FusionNode::new(hunt, 3, link, EPOCH, past, config).expect("in range")
         };
@@ -120,7 +128,7 @@ impl Field {
             while let Some(event) = node.poll_event() {
                 if text.is_empty() {
                     homes = node.homes().to_vec();
-                    let header = log_header(&self.scenario, &named, self.seed);
+                    let header = setup.log_header(self.seed);
                     LogWriter::new(&mut text, &header).expect("memory takes everything");
                 }
                 serde_json::to_writer(&mut text, &event).expect("memory takes everything");
@@ -161,7 +169,7 @@ impl Field {
         for (drone, delivery) in self.delivered.borrow().iter() {
             let time = delivery.ended.since(EPOCH);
             // One that was made, or came, when its search was over is of no use to anybody.
-            if delivery.heard.is_ok() && time + 5.0 < over(delivery.beacon) {
+            if delivery.reception.is_ok() && time + 5.0 < over(delivery.beacon) {
                 came.insert((*drone, delivery.beacon, time.to_bits()));
             }
         }
@@ -169,7 +177,7 @@ impl Field {
         let lost: Vec<_> = came.difference(&logged).collect();
         assert!(lost.is_empty(), "delivered and lost: {lost:?}");
 
-        let replayed = replay(log, None).expect("its own configuration");
+        let replayed = replay(log, &self.registry, None).expect("its own estimator");
         assert!(replayed.compared > 40 && replayed.different == 0, "{replayed:?}");
         assert_eq!(fixes.len(), 2);
         for fix in fixes {
@@ -187,18 +195,21 @@ impl Field {
         let mut track = None;
         for event in &log.events {
             match event {
-                Event::BeaconStarted { beacon, prior, .. } if *beacon == fix.beacon => {
+                Event::BeaconStarted { beacon, name, prior, hunt_prior, .. }
+                    if *beacon == fix.beacon =>
+                {
+                    let prior = hunt_prior.unwrap_or(*prior);
                     let seed = beacon_seed(self.seed, *beacon);
-                    let config = log.header.estimator;
-                    let estimator = config.build(model.clone(), prior, seed).expect("in range");
-                    track = Some(Track::<_, 2, 2>::new(estimator, config.track));
+                    let search = Search { beacon: *beacon, name, prior };
+                    let request = TrackRequest { search, model: &model, reference: None, seed };
+                    track = Some(self.estimator().track(&request, false).expect("in range"));
                 }
                 Event::Received { drone, first_position, reception, .. }
                     if reception.beacon == fix.beacon =>
                 {
                     let delivered = self.as_delivered(*drone, reception);
                     let track = track.as_mut().expect("its search began before");
-                    let _ = track.hear(&delivered, *first_position);
+                    let _ = track.update(&delivered, *first_position);
                 }
                 _ => {}
             }
@@ -214,8 +225,8 @@ impl Field {
             (*of, delivery.beacon, time) == (drone, logged.beacon, logged.time.to_bits())
         };
         let (_, delivery) = delivered.iter().find(same).expect("it came over the link");
-        let heard = delivery.heard.as_ref().expect("a reception");
-        Reception { time: delivery.ended.since(EPOCH), ..*heard }
+        let made = delivery.reception.as_ref().expect("a reception");
+        Reception { time: delivery.ended.since(EPOCH), ..*made }
     }
 }
 

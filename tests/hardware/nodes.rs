@@ -3,18 +3,15 @@
 use std::{cell::Cell, fmt, rc::Rc};
 
 use foxhunt::{
-    config::estimator_named,
-    core::{BearingModes, Vehicle},
+    core::Level,
     hardware::link::{
         Delivery, DroneLink, FusionLink, Impaired, Impairment, LinkError, MemoryFusion, Order,
         Report, Turn, UnixTime, memory_network,
     },
-    hunt::Event,
     network::{
         DroneNode, DroneNodeConfig, FusionNode, FusionNodeConfig, NetworkError, uniform_draws,
     },
     prelude::*,
-    scenario::Scenario,
     sensors::Pritzl2018,
 };
 use nalgebra::Vector3;
@@ -25,7 +22,7 @@ fn at(seconds: f64) -> UnixTime {
     EPOCH.after(seconds).expect("some seconds")
 }
 
-/// What a device says while its cable is out.
+/// The error of a device whose cable is out.
 #[derive(Debug)]
 struct Unplugged;
 
@@ -37,7 +34,7 @@ impl fmt::Display for Unplugged {
 
 impl std::error::Error for Unplugged {}
 
-/// A drone's devices, which note what they are told.
+/// A drone's devices, which count their orders.
 #[derive(Clone, Default)]
 struct Devices {
     unplugged: Rc<Cell<bool>>,
@@ -47,7 +44,7 @@ struct Devices {
 }
 
 impl Devices {
-    fn told(&self, counter: &Cell<u32>) -> Result<(), Unplugged> {
+    fn count(&self, counter: &Cell<u32>) -> Result<(), Unplugged> {
         if self.unplugged.get() {
             return Err(Unplugged);
         }
@@ -64,11 +61,11 @@ impl Vehicle for Devices {
     }
 
     fn go_to(&mut self, _: &Waypoint) -> Result<(), Unplugged> {
-        self.told(&self.sent)
+        self.count(&self.sent)
     }
 
     fn land(&mut self) -> Result<(), Unplugged> {
-        self.told(&self.landed)
+        self.count(&self.landed)
     }
 }
 
@@ -76,7 +73,7 @@ impl PatternSource for Devices {
     type Error = Unplugged;
 
     fn begin(&mut self, _: &[BeaconId]) -> Result<(), Unplugged> {
-        self.told(&self.begun)
+        self.count(&self.begun)
     }
 
     fn poll(&mut self) -> Result<Option<Sweep<'_>>, Unplugged> {
@@ -114,7 +111,7 @@ fn a_drone_does_each_thing_once_and_what_fails_again() {
     devices.unplugged.set(false);
     node.step(0.5).expect("memory");
     assert_eq!(devices.sent.get(), 0, "it is tried again after a second");
-    // Said again, and one that is older.
+    // Sent again, and one that is older.
     let old = Order { number: 9, land: true, ..Order::default() };
     for order in [&order, &old, &order] {
         fusion.send(0, order).expect("memory");
@@ -133,32 +130,36 @@ fn a_drone_does_each_thing_once_and_what_fails_again() {
     assert!(matches!(node.step(f64::NAN), Err(NetworkError::Time { .. })));
 }
 
-fn heard(beacon: u16, ended: UnixTime) -> Report {
+/// The hunt of a scenario with the reference's filter.
+fn hunt_of(scenario: &Scenario) -> Hunt {
+    let registry = Registry::builtin();
+    let estimator = registry.estimator("ekf-pritzl2018").expect("it has a name");
+    let parts = scenario.parts(&registry, estimator, 1).expect("known names");
+    parts.build().expect("a proper hunt")
+}
+
+fn delivery(beacon: u16, ended: UnixTime) -> Report {
     let beacon = BeaconId(beacon);
-    let heard = Reception {
+    let reception = Reception {
         beacon,
         time: 0.0,
         receiver: Pose::at(1.0, 2.0, 3.0),
-        rss_dbm: -60.0,
-        rss_sigma_db: 6.0,
+        level: Some(Level { rss_dbm: -60.0, sigma_db: 6.0 }),
         bearing: Some(Bearing { angle: 1.0, sigma: 0.5, confidence: 1.0 }),
-        covariance: 0.0,
-        modes: BearingModes::default(),
-        receiver_sigma_m: None,
+        ..Reception::default()
     };
-    Report::Delivery(Box::new(Delivery { beacon, ended, heard: Ok(heard) }))
+    Report::Delivery(Box::new(Delivery { beacon, ended, reception: Ok(reception) }))
 }
 
 #[test]
 fn a_reception_is_taken_once_logged_first_and_not_before_or_after_its_time() {
     let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
-    let named = estimator_named("ekf-pritzl2018").expect("it has a name");
     let (mut drones, fusion) = memory_network(3);
-    let hunt = scenario.parts(&named.config, 1).build().expect("a proper hunt");
+    let hunt = hunt_of(&scenario);
     let config = FusionNodeConfig::default();
     let mut node = FusionNode::new(hunt, 3, fusion, EPOCH, None, config).expect("in range");
     // One that comes before the hunt has begun is not named as taken.
-    drones[0].send(&heard(0, at(0.0))).expect("memory");
+    drones[0].send(&delivery(0, at(0.0))).expect("memory");
     node.step(0.0).expect("memory");
     assert_eq!((node.silent(0.0), node.homes().len()), (vec![0, 1, 2], 0));
     let places = scenario.world.drones.iter();
@@ -171,7 +172,7 @@ fn a_reception_is_taken_once_logged_first_and_not_before_or_after_its_time() {
     while node.poll_event().is_some() {}
     // Of the future, of a beacon whose turn has not come, and of now, twice.
     for (beacon, ended) in [(0, 9.0), (1, 1.0), (0, 1.0), (0, 1.0)] {
-        drones[1].send(&heard(beacon, at(ended))).expect("memory");
+        drones[1].send(&delivery(beacon, at(ended))).expect("memory");
     }
     node.step(2.0).expect("memory");
     // What comes from the future may have come during that step; at the next it is judged.
@@ -200,7 +201,7 @@ fn a_reception_is_taken_once_logged_first_and_not_before_or_after_its_time() {
     node.step(2.1).expect("memory");
     assert_eq!(taken(&mut drones[1]), [(0, at(1.0)), (0, at(9.0))]);
     // One that came while a long step ran is of its past at the next.
-    drones[1].send(&heard(0, at(6.0))).expect("memory");
+    drones[1].send(&delivery(0, at(6.0))).expect("memory");
     node.step(2.2).expect("memory");
     node.step(6.1).expect("memory");
     let events: Vec<Event> = std::iter::from_fn(|| node.poll_event()).collect();
@@ -234,9 +235,8 @@ impl FusionLink for Overrun {
 #[test]
 fn a_hunt_that_stood_still_goes_on_with_what_has_come_since() {
     let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
-    let named = estimator_named("ekf-pritzl2018").expect("it has a name");
     let (mut drones, link) = memory_network(3);
-    let hunt = scenario.parts(&named.config, 1).build().expect("a proper hunt");
+    let hunt = hunt_of(&scenario);
     let lost = Rc::new(Cell::new(0));
     let link = Overrun { link, lost: Rc::clone(&lost) };
     let config = FusionNodeConfig::default();
@@ -251,11 +251,11 @@ fn a_hunt_that_stood_still_goes_on_with_what_has_come_since() {
     report(1.0);
     node.step(1.0).expect("memory");
     while node.poll_event().is_some() {}
-    // The computer was busy for long, and the link kept only the last that was said.
+    // The computer was busy for long, and the link kept only the last that was sent.
     report(301.0);
     lost.set(5);
-    let told = node.step(301.0).expect_err("some were lost").to_string();
-    assert!(told.contains("5 are lost"), "{told}");
+    let error = node.step(301.0).expect_err("some were lost").to_string();
+    assert!(error.contains("5 are lost"), "{error}");
     assert_eq!((lost.get(), node.silent(301.0)), (0, vec![]));
     while let Some(event) = node.poll_event() {
         let missed = matches!(event, Event::DutyChanged { .. } | Event::Recalled { .. });
@@ -277,11 +277,10 @@ fn what_is_out_of_range_is_named() {
     assert!(error.contains("repeat_every_s is 0"), "{error}");
 
     let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
-    let named = estimator_named("ekf-pritzl2018").expect("it has a name");
-    let hunt = || scenario.parts(&named.config, 1).build().expect("a proper hunt");
+    let hunt = || hunt_of(&scenario);
     let config = FusionNodeConfig { assemble_s: f64::NAN, ..FusionNodeConfig::default() };
     let refused = FusionNode::new(hunt(), 1, fusion.clone(), EPOCH, None, config);
-    let error = refused.err().expect("no time").to_string();
+    let error = refused.expect_err("no time").to_string();
     assert!(error.contains("assemble_s is NaN"), "{error}");
     let config = FusionNodeConfig::default();
     let nobody = FusionNode::new(hunt(), 0, fusion.clone(), EPOCH, None, config);

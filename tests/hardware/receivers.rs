@@ -60,7 +60,7 @@ fn rtl_tcp() -> RtlTcpConfig {
 }
 
 /// What is told within a second of a question.
-fn ask<R: Radio>(
+fn query<R: Radio>(
     radio: &mut R,
     beacon: u16,
     mut tick: impl FnMut(),
@@ -91,11 +91,12 @@ fn the_power_of_pulses_is_measured_through_rtl_tcp() {
         server.serve().expect("it is in memory");
     };
     for beacon in [0, 1, 1, 0] {
-        let told = ask(&mut radio, beacon, &mut tick).expect("nothing fails").expect("it is heard");
-        let apart = told - expected[usize::from(beacon)];
-        assert!(apart.abs() < 1.5, "beacon {beacon}: {told} dBm, {expected:?}");
+        let reported =
+            query(&mut radio, beacon, &mut tick).expect("nothing fails").expect("it is heard");
+        let apart = reported - expected[usize::from(beacon)];
+        assert!(apart.abs() < 1.5, "beacon {beacon}: {reported} dBm, {expected:?}");
     }
-    assert_eq!(ask(&mut radio, 2, &mut tick).expect("nothing fails"), None, "it is silent");
+    assert_eq!(query(&mut radio, 2, &mut tick).expect("nothing fails"), None, "it is silent");
     assert!(radio.request(BeaconId(3)).is_err());
     let text: Vec<_> = radio.examine(&mut tick).iter().map(ToString::to_string).collect();
     assert!(text[0].contains("tuner 5, 29 gains"), "{text:?}");
@@ -103,7 +104,7 @@ fn the_power_of_pulses_is_measured_through_rtl_tcp() {
 }
 
 #[test]
-fn a_server_that_is_none_or_silent_is_told() {
+fn a_server_that_is_none_or_silent_is_reported() {
     let world = world();
     let (mut device, host) = memory_pair();
     let mut radio = RtlTcpRadio::new(rtl_tcp(), host, world.clock()).expect("it is in order");
@@ -166,17 +167,17 @@ fn a_kraken_is_a_source_of_turns() {
         laws::pattern_source(&mut source, &[BeaconId(1), BeaconId(0)], 1000, tick);
     }
     source.begin(&[BeaconId(0), BeaconId(2), BeaconId(1)]).unwrap_or_else(|e| panic!("{e}"));
-    let (begun, mut told) = (world.time(), Vec::new());
-    while told.len() < 3 && world.time() < begun + 10.0 {
+    let (begun, mut reported) = (world.time(), Vec::new());
+    while reported.len() < 3 && world.time() < begun + 10.0 {
         tick();
         while let Some(sweep) = source.poll().unwrap_or_else(|e| panic!("{e}")) {
             assert!(sweep.samples.iter().all(|sample| sample.time > begun));
             let best = sweep.samples.iter().max_by(|a, b| a.rss_dbm.total_cmp(&b.rss_dbm));
-            told.push((sweep.beacon.0, best.map(|best| (best.boresight, best.rss_dbm))));
+            reported.push((sweep.beacon.0, best.map(|best| (best.boresight, best.rss_dbm))));
         }
     }
-    let [(0, Some((first, level))), (2, None), (1, Some((second, _)))] = told[..] else {
-        panic!("{told:?}")
+    let [(0, Some((first, level))), (2, None), (1, Some((second, _)))] = reported[..] else {
+        panic!("{reported:?}")
     };
     // The bins are a degree wide.
     assert!(angle::distance(first, 5.0_f64.atan2(20.0)) < TAU / 720.0 + 1e-9, "{first}");

@@ -76,19 +76,19 @@ impl<D: ByteStream, H: ByteStream> Bench<D, H> {
     /// Lets a hundredth of a second pass; bytes take no time.
     fn tick(&mut self) -> Result<Option<f64>, XbeeError> {
         self.world.advance(0.01).expect("time passes");
-        let mut told = Ok(None);
+        let mut reported = Ok(None);
         for _ in 0..8 {
             let _ = self.device.serve();
             match self.radio.poll() {
                 Ok(None) => {}
-                other => told = other,
+                other => reported = other,
             }
         }
-        told
+        reported
     }
 
     /// What is told within a second of a question.
-    fn ask(&mut self, beacon: u16) -> Result<Option<f64>, XbeeError> {
+    fn query(&mut self, beacon: u16) -> Result<Option<f64>, XbeeError> {
         self.radio.request(BeaconId(beacon))?;
         for _ in 0..100 {
             if let Some(level) = self.tick()? {
@@ -113,12 +113,12 @@ fn bench(
 fn direct(channel: ChannelConfig, questions: &[u16]) -> Vec<Option<f64>> {
     let world = World::new(&field(channel), 3).expect("a world");
     let mut radio = world.radio(0).expect("it exists");
-    let mut ask = |beacon| {
+    let mut query = |beacon| {
         radio.request(BeaconId(beacon)).expect("it exists");
         world.advance(0.1).expect("time passes");
         radio.poll().expect("it never fails")
     };
-    questions.iter().map(|beacon| ask(*beacon)).collect()
+    questions.iter().map(|beacon| query(*beacon)).collect()
 }
 
 #[test]
@@ -134,9 +134,9 @@ fn levels_are_the_worlds_with_every_firmware_mode_and_question() {
             let short = short && firmware != Protocol::DigiMesh;
             let config = XbeeConfig { question, echoed, ..config(short) };
             let mut bench = bench(noisy(), kind(firmware, ap), config);
-            let told: Vec<_> =
-                questions.iter().map(|b| bench.ask(*b).expect("nothing fails")).collect();
-            assert_eq!(told, expected, "{firmware} AP {ap} {question:?}");
+            let reported: Vec<_> =
+                questions.iter().map(|b| bench.query(*b).expect("nothing fails")).collect();
+            assert_eq!(reported, expected, "{firmware} AP {ap} {question:?}");
             let identity = bench.radio.identity().expect("it is set up");
             assert_eq!(identity.protocol, firmware);
             assert_eq!(identity.mode == ApiMode::Escaped, ap == 2);
@@ -152,12 +152,12 @@ fn a_silent_beacon_costs_the_others_nothing() {
         for question in [XbeeQuestion::Auto, XbeeQuestion::RemoteDb] {
             let config = XbeeConfig { question, ..config(false) };
             let mut bench = bench(quiet(), kind(firmware, 1), config);
-            let level = bench.ask(0).expect("nothing fails");
+            let level = bench.query(0).expect("nothing fails");
             assert!(level.is_some());
-            assert_eq!(bench.ask(2).expect("silence is no failure"), None);
-            assert_eq!(bench.ask(0).expect("nothing fails"), level);
+            assert_eq!(bench.query(2).expect("silence is no failure"), None);
+            assert_eq!(bench.query(0).expect("nothing fails"), level);
             let counts = bench.radio.counts();
-            assert_eq!((counts.asked, counts.answered), (3, 2), "{firmware}");
+            assert_eq!((counts.queries, counts.answered), (3, 2), "{firmware}");
             assert_eq!((counts.silent, counts.undelivered), (1, 1), "{firmware}");
         }
     }
@@ -173,34 +173,37 @@ fn garbage_and_cut_frames_are_survived() {
         let device = Cabled::new(device, world.clock(), faults, 5);
         let expected = direct(quiet(), &[0])[0];
         let mut bench = Bench::new(world, kind(Protocol::Zigbee, ap), config(false), device, host);
-        assert_eq!(bench.ask(0).expect("nothing fails"), expected);
-        let (mut told, mut asked) = (0, 0);
+        assert_eq!(bench.query(0).expect("nothing fails"), expected);
+        let (mut reported, mut requested) = (0, 0);
         while bench.world.time() < 60.0 {
-            asked += 1;
-            if let Some(level) = bench.ask(0).expect("garbage is no failure") {
+            requested += 1;
+            if let Some(level) = bench.query(0).expect("garbage is no failure") {
                 assert_eq!(Some(level), expected);
-                told += 1;
+                reported += 1;
             }
         }
         // A question takes four transfers, each spoilt with 0.2, some without harm.
-        assert!(told * 5 > asked && told < asked, "AP {ap}: {told} of {asked}");
+        assert!(
+            reported * 5 > requested && reported < requested,
+            "AP {ap}: {reported} of {requested}"
+        );
         bench.tick().expect("nothing fails");
         for _ in 0..5 {
-            assert_eq!(bench.ask(0).expect("nothing fails"), expected, "AP {ap}");
+            assert_eq!(bench.query(0).expect("nothing fails"), expected, "AP {ap}");
         }
     }
 }
 
 #[test]
-fn after_a_reset_it_is_set_up_again_and_the_question_asked_again() {
+fn after_a_reset_it_is_set_up_and_queried_again() {
     let mut bench = bench(quiet(), kind(Protocol::Zigbee, 2), config(false));
-    let level = bench.ask(1).expect("nothing fails");
+    let level = bench.query(1).expect("nothing fails");
     bench.radio.request(BeaconId(1)).expect("it is set up");
     bench.device.serve().expect("it is in memory");
     bench.device.reset().expect("it is in memory");
-    let told = (0..20).find_map(|_| bench.tick().expect("nothing fails"));
-    assert_eq!(told, level);
-    assert_eq!(bench.radio.counts().asked, 3);
+    let reported = (0..20).find_map(|_| bench.tick().expect("nothing fails"));
+    assert_eq!(reported, level);
+    assert_eq!(bench.radio.counts().queries, 3);
 }
 
 /// A cable that can be pulled, with another radio at it when it is put back.
@@ -230,28 +233,28 @@ impl ByteStream for Plug {
 }
 
 #[test]
-fn a_pulled_cable_is_told_and_another_radio_behind_it_set_up() {
+fn a_pulled_cable_is_reported_and_another_radio_behind_it_set_up() {
     let world = World::new(&field(quiet()), 3).expect("a world");
     let (device, host) = memory_pair();
     let (stream, times) = (Rc::new(Cell::new(Some(host))), Rc::new(Cell::new(1)));
     let plug = Plug { stream: Rc::clone(&stream), times: Rc::clone(&times) };
     let mut bench = Bench::new(world, kind(Protocol::Zigbee, 1), config(false), device, plug);
-    let level = bench.ask(0).expect("nothing fails");
+    let level = bench.query(0).expect("nothing fails");
     stream.take();
-    assert!(matches!(bench.ask(0), Err(XbeeError::Stream(_))));
+    assert!(matches!(bench.query(0), Err(XbeeError::Stream(_))));
     assert!(matches!(bench.radio.poll(), Err(XbeeError::Stream(_))), "each time");
     let (device, host) = memory_pair();
     stream.set(Some(host));
     times.set(2);
     let other = kind(Protocol::Ieee802154, 2);
     bench.device = EmulatedXbee::new(&bench.world, 0, other, device).expect("it is in order");
-    assert_eq!(bench.ask(0).expect("nothing fails"), level);
+    assert_eq!(bench.query(0).expect("nothing fails"), level);
     let identity = bench.radio.identity().expect("it is set up");
     assert_eq!(identity.protocol, Protocol::Ieee802154);
 }
 
 #[test]
-fn what_is_wrong_with_the_radio_is_told_with_the_remedy() {
+fn what_is_wrong_with_the_radio_is_reported_with_the_remedy() {
     let failure = |bench: &mut Bench<MemoryStream, MemoryStream>| {
         (0..1000).find_map(|_| bench.tick().err()).expect("it fails").to_string()
     };
@@ -281,7 +284,7 @@ fn what_is_wrong_with_the_radio_is_told_with_the_remedy() {
 }
 
 #[test]
-fn looking_at_it_tells_what_it_is_and_hears() {
+fn a_look_at_it_reports_what_it_is_and_receives() {
     let mut good = bench(quiet(), kind(Protocol::Ieee802154, 2), config(true));
     let Bench { world, device, radio } = &mut good;
     let mut pause = || {
@@ -319,8 +322,8 @@ fn turn<S: PatternSource>(source: &mut S, mut tick: impl FnMut()) -> Turn {
         for _ in 0..30 {
             let sweep = source.poll().unwrap_or_else(|error| panic!("{error}"));
             if let Some(sweep) = sweep {
-                let heard = sweep.samples.iter().map(|s| (s.position, s.rss_dbm)).collect();
-                turn.push((heard, sweep.unheard.iter().map(|u| u.position).collect()));
+                let received = sweep.samples.iter().map(|s| (s.position, s.rss_dbm)).collect();
+                turn.push((received, sweep.unanswered.iter().map(|u| u.position).collect()));
             }
         }
     }
@@ -352,10 +355,10 @@ fn a_turn_through_the_radio_is_that_of_the_simulation() {
                 (world.rotator(0).expect("exists"), world.vehicle(0).expect("exists"));
             let settings = StepperConfig::pritzl2018();
             let mut source = StepperSource::new(settings, radio, rotator, vehicle, world.clock());
-            let told = turn(&mut source, || {
+            let reported = turn(&mut source, || {
                 world.advance(0.01).expect("time passes");
             });
-            assert_eq!(told, expected, "{firmware}, losses {loss_probability}");
+            assert_eq!(reported, expected, "{firmware}, losses {loss_probability}");
         }
     }
 }

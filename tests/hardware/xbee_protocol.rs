@@ -37,15 +37,15 @@ fn script(firmware: [u8; 2], question: XbeeQuestion, echoed: bool) -> Script<imp
     let mut script = Script { time, line, decoder: Decoder::new(ApiMode::Plain), driver };
     for _ in 0..5 {
         assert_eq!(script.poll(), None);
-        let said = script.said();
-        let [Frame::AtCommand { id, command, .. }] = said[..] else { panic!("{said:?}") };
+        let output = script.output();
+        let [Frame::AtCommand { id, command, .. }] = output[..] else { panic!("{output:?}") };
         let value = match &command.0 {
             b"AP" => vec![1],
             b"VR" => firmware.to_vec(),
             b"HV" => vec![0x2E, 0x47],
             _ => vec![0, 0, 0, 1],
         };
-        script.tell(&Frame::AtResponse { id, command, status: AtStatus::OK, value });
+        script.report(&Frame::AtResponse { id, command, status: AtStatus::OK, value });
     }
     assert_eq!(script.poll(), None);
     assert!(script.driver.identity().is_some());
@@ -53,13 +53,13 @@ fn script(firmware: [u8; 2], question: XbeeQuestion, echoed: bool) -> Script<imp
 }
 
 impl<C: Fn() -> f64> Script<C> {
-    fn said(&mut self) -> Vec<Frame> {
+    fn output(&mut self) -> Vec<Frame> {
         let mut bytes = [0; 512];
         let count = self.line.receive(&mut bytes).expect("it is in memory");
         self.decoder.push(&bytes[..count]).into_iter().flatten().collect()
     }
 
-    fn tell(&mut self, frame: &Frame) {
+    fn report(&mut self, frame: &Frame) {
         self.line.send(&frame.encode(ApiMode::Plain).expect("short")).expect("it is in memory");
     }
 
@@ -68,13 +68,13 @@ impl<C: Fn() -> f64> Script<C> {
     }
 
     /// Asks, and the number and the payload of the packet that went out.
-    fn ask(&mut self) -> (u8, Vec<u8>) {
+    fn query(&mut self) -> (u8, Vec<u8>) {
         self.driver.request(BeaconId(0)).expect("it is set up");
         self.sent()
     }
 
     fn sent(&mut self) -> (u8, Vec<u8>) {
-        match self.said().pop() {
+        match self.output().pop() {
             Some(Frame::Transmit { id, to64: BEACON, data, .. }) => (id, data),
             Some(Frame::Transmit64 { id, to: BEACON, data, .. }) => (id, data),
             other => panic!("{other:?}"),
@@ -84,15 +84,15 @@ impl<C: Fn() -> f64> Script<C> {
     /// A packet with these data comes from a radio.
     fn packet(&mut self, from64: Address64, data: &[u8]) {
         let data = data.to_vec();
-        self.tell(&Frame::Receive { from64, from16: Address16::UNKNOWN, options: 1, data });
+        self.report(&Frame::Receive { from64, from16: Address16::UNKNOWN, options: 1, data });
     }
 
     /// The radio is asked for the last packet's power, and tells this.
     fn db(&mut self, level: u8) {
-        match self.said().pop() {
+        match self.output().pop() {
             Some(Frame::AtCommand { id, command: AtCommand::DB, .. }) => {
                 let (command, status, value) = (AtCommand::DB, AtStatus::OK, vec![level]);
-                self.tell(&Frame::AtResponse { id, command, status, value });
+                self.report(&Frame::AtResponse { id, command, status, value });
             }
             other => panic!("{other:?}"),
         }
@@ -109,13 +109,13 @@ const PLAIN: [u8; 2] = [0x20, 0x03];
 #[test]
 fn only_the_beacons_own_answer_is_taken() {
     let mut script = script(ZIGBEE, XbeeQuestion::Auto, true);
-    let (_, data) = script.ask();
+    let (_, data) = script.query();
     script.packet(OTHER, &data);
     assert_eq!(script.poll(), None);
-    assert!(script.said().is_empty(), "nobody asks for another's power");
+    assert!(script.output().is_empty(), "nobody asks for another's power");
     script.packet(BEACON, b"something else");
     assert_eq!(script.poll(), None);
-    assert!(script.said().is_empty());
+    assert!(script.output().is_empty());
     script.packet(BEACON, &data);
     assert_eq!(script.poll(), None);
     script.db(61);
@@ -125,9 +125,9 @@ fn only_the_beacons_own_answer_is_taken() {
 }
 
 #[test]
-fn a_power_that_may_be_anothers_is_dropped_and_asked_for_again() {
+fn a_power_that_may_be_anothers_is_dropped_and_requested_again() {
     let mut script = script(ZIGBEE, XbeeQuestion::Auto, true);
-    let (_, first) = script.ask();
+    let (_, first) = script.query();
     script.packet(BEACON, &first);
     assert_eq!(script.poll(), None);
     // It comes between the answer and the power.
@@ -144,22 +144,22 @@ fn a_power_that_may_be_anothers_is_dropped_and_asked_for_again() {
 }
 
 #[test]
-fn a_late_answer_is_never_told() {
+fn a_late_answer_is_never_reported() {
     for question in [XbeeQuestion::Auto, XbeeQuestion::TransmitDb] {
         let mut script = script(ZIGBEE, question, true);
-        let (_, first) = script.ask();
-        let (_, second) = script.ask();
+        let (_, first) = script.query();
+        let (_, second) = script.query();
         script.packet(BEACON, &first);
         assert_eq!(script.poll(), None);
-        assert!(script.said().is_empty());
+        assert!(script.output().is_empty());
         // The power of an older question comes when a newer one is out.
         script.packet(BEACON, &second);
         assert_eq!(script.poll(), None);
-        let asked = script.said();
-        let [Frame::AtCommand { id, command, .. }] = asked[..] else { panic!("{asked:?}") };
-        script.ask();
+        let requested = script.output();
+        let [Frame::AtCommand { id, command, .. }] = requested[..] else { panic!("{requested:?}") };
+        script.query();
         let (status, value) = (AtStatus::OK, vec![40]);
-        script.tell(&Frame::AtResponse { id, command, status, value });
+        script.report(&Frame::AtResponse { id, command, status, value });
         assert_eq!(script.poll(), None);
         // Time passes, and the question with it.
         script.wait(0.5);
@@ -177,29 +177,29 @@ fn without_an_echo_a_beacon_has_its_time_to_be_late() {
         options: 0,
         data: b"ANS".to_vec(),
     };
-    script.ask();
+    script.query();
     script.wait(0.1);
     script.driver.request(BeaconId(0)).expect("it is set up");
-    assert!(script.said().is_empty(), "the older question's answer may come yet");
-    script.tell(&receive(70));
+    assert!(script.output().is_empty(), "the older question's answer may come yet");
+    script.report(&receive(70));
     assert_eq!(script.poll(), None);
     // The other beacon's answers cannot be taken for it.
     script.driver.request(BeaconId(1)).expect("it is set up");
-    assert!(matches!(script.said()[..], [Frame::Transmit64 { to: OTHER, .. }]));
+    assert!(matches!(script.output()[..], [Frame::Transmit64 { to: OTHER, .. }]));
     script.driver.request(BeaconId(0)).expect("it is set up");
     script.wait(0.4);
     assert_eq!(script.poll(), None);
     assert_eq!(script.sent().1, b"ASK");
-    script.tell(&receive(71));
+    script.report(&receive(71));
     assert_eq!(script.poll(), Some(-71.0));
 }
 
 #[test]
 fn a_remote_answer_belongs_to_its_question() {
     let mut script = script(ZIGBEE, XbeeQuestion::RemoteDb, true);
-    let ask = |script: &mut Script<_>| {
+    let query = |script: &mut Script<_>| {
         script.driver.request(BeaconId(0)).expect("it is set up");
-        match script.said().pop() {
+        match script.output().pop() {
             Some(Frame::RemoteAtCommand { id, to64: BEACON, command: AtCommand::DB, .. }) => id,
             other => panic!("{other:?}"),
         }
@@ -212,13 +212,13 @@ fn a_remote_answer_belongs_to_its_question() {
         status: AtStatus::OK,
         value: vec![level],
     };
-    let old = ask(&mut script);
-    let new = ask(&mut script);
+    let old = query(&mut script);
+    let new = query(&mut script);
     for (id, from) in [(old, BEACON), (new, OTHER)] {
-        script.tell(&answer(id, from, 50));
+        script.report(&answer(id, from, 50));
         assert_eq!(script.poll(), None);
     }
-    script.tell(&answer(new, BEACON, 51));
+    script.report(&answer(new, BEACON, 51));
     assert_eq!(script.poll(), Some(-51.0));
 }
 
@@ -232,22 +232,22 @@ fn a_question_that_cannot_be_sent_is_an_error_and_silence_is_none() {
         delivery: DeliveryStatus(delivery),
         discovery: 0,
     };
-    let (id, data) = mesh.ask();
-    mesh.tell(&status(id, 0x21));
+    let (id, data) = mesh.query();
+    mesh.report(&status(id, 0x21));
     assert_eq!(mesh.poll(), None);
     mesh.packet(BEACON, &data);
     assert_eq!(mesh.poll(), None);
     mesh.db(44);
     assert_eq!(mesh.poll(), Some(-44.0), "the acknowledgement was lost, the answer was not");
-    let (id, _) = mesh.ask();
-    mesh.tell(&status(id, 0x22));
+    let (id, _) = mesh.query();
+    mesh.report(&status(id, 0x22));
     let error = mesh.driver.poll().expect_err("it did not go out");
     assert!(matches!(&error, XbeeError::NotSent { .. }), "{error}");
     assert!(error.to_string().contains("not joined"), "{error}");
     assert_eq!(mesh.poll(), None, "told once");
 
     let mut plain = script(PLAIN, XbeeQuestion::Auto, true);
-    let (id, _) = plain.ask();
-    plain.tell(&Frame::TransmitStatus { id, status: TransmitStatus(2) });
+    let (id, _) = plain.query();
+    plain.report(&Frame::TransmitStatus { id, status: TransmitStatus(2) });
     assert!(plain.driver.poll().is_err());
 }

@@ -221,8 +221,8 @@ mod tests {
             Geodetic::new(-111.6, 35.2, 0.0),
             Err(GeodesyError::Latitude { lat_deg: -111.6, swapped: true })
         );
-        let told = Geodetic::new(-111.6, 35.2, 0.0).expect_err("swapped").to_string();
-        assert!(told.contains("-111.6") && told.contains("swapped"), "{told}");
+        let error = Geodetic::new(-111.6, 35.2, 0.0).expect_err("swapped").to_string();
+        assert!(error.contains("-111.6") && error.contains("swapped"), "{error}");
         assert_eq!(Geodetic::new(0.0, 400.0, 0.0), Err(GeodesyError::Longitude { lon_deg: 400.0 }));
         assert!(Geodetic::new(f64::NAN, 0.0, 0.0).is_err());
         assert!(Geodetic::new(0.0, f64::NAN, 0.0).is_err());

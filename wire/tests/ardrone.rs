@@ -1,10 +1,10 @@
 //! AT commands against those of npm's ar-drone.
 #![cfg(feature = "ardrone")]
 
-use std::{fs, path::Path};
-
 use foxhunt_wire::ardrone::{ArDroneCommand, encode_commands, parse_commands};
 use proptest::prelude::*;
+
+const PATH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../vectors/ardrone.json");
 
 fn progressive(roll: f32, pitch: f32, climb: f32, yaw: f32) -> ArDroneCommand {
     ArDroneCommand::Progressive { progressive: true, roll, pitch, climb, yaw }
@@ -30,11 +30,8 @@ fn named(name: &str) -> Option<ArDroneCommand> {
 
 #[test]
 fn the_vectors() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/vectors/ardrone.json");
-    let Ok(text) = fs::read_to_string(&path) else {
-        println!("skipped: no vectors at {}", path.display());
-        return;
-    };
+    let text = std::fs::read_to_string(PATH)
+        .unwrap_or_else(|error| panic!("no vectors at {PATH}: {error}"));
     let file: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     let sequence = u32::try_from(file["sequence"].as_u64().expect("a number")).expect("small");
     let vectors = file["vectors"].as_array().expect("a list");
@@ -95,9 +92,9 @@ proptest! {
         let bytes = encode_commands(&commands, &mut sequence);
         let read = parse_commands(&bytes).expect("our own");
         prop_assert_eq!(read.len(), commands.len());
-        for (i, ((number, read), told)) in (0..).zip(read.iter().zip(&commands)) {
+        for (i, ((number, read), written)) in (0..).zip(read.iter().zip(&commands)) {
             prop_assert_eq!(*number, first.wrapping_add(i));
-            prop_assert_eq!(read, told);
+            prop_assert_eq!(read, written);
         }
     }
 

@@ -1,8 +1,6 @@
 //! Firmata against the vectors of npm firmata-io, and whatever bytes may come.
 #![cfg(feature = "firmata")]
 
-use std::{fs, path::Path};
-
 use foxhunt_wire::firmata::{
     Decimal, Decoder, Message, PinCapability, PinMode, Reply, Request, StepperInterface,
     StepperRequest, Wiring,
@@ -21,11 +19,12 @@ fn read<M: Message>(bytes: &[u8]) -> Vec<M> {
     bytes.iter().filter_map(|byte| decoder.push(*byte)).collect()
 }
 
-/// The vectors, where they are at hand.
-fn vectors() -> Option<Value> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/vectors/firmata.json");
-    let text = fs::read_to_string(&path).ok()?;
-    Some(serde_json::from_str(&text).expect("the vectors are JSON"))
+const PATH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../vectors/firmata.json");
+
+fn vectors() -> Value {
+    let text = std::fs::read_to_string(PATH)
+        .unwrap_or_else(|error| panic!("no vectors at {PATH}: {error}"));
+    serde_json::from_str(&text).expect("the vectors are JSON")
 }
 
 fn unhex(case: &Value) -> Vec<u8> {
@@ -42,8 +41,8 @@ fn pin(value: &Value) -> u8 {
     value.as_u64().and_then(|pin| pin.try_into().ok()).expect("a pin")
 }
 
-/// What a vector of the peer's arguments asks for.
-fn asked(name: &str, args: &Value) -> Request {
+/// The request of a vector of the peer's arguments.
+fn request_of(name: &str, args: &Value) -> Request {
     let decimal =
         || Decimal::truncated(args[1].as_f64().expect("a number")).expect("it is in range");
     let request = match name.split('_').next().expect("a name") {
@@ -76,15 +75,12 @@ fn asked(name: &str, args: &Value) -> Request {
 
 #[test]
 fn requests_are_those_of_firmata_io() {
-    let Some(vectors) = vectors() else {
-        println!("skipped: no vectors at ../shared/vectors/firmata.json");
-        return;
-    };
+    let vectors = vectors();
     let requests = vectors["requests"].as_array().expect("a list");
     assert_eq!(requests.len(), 28);
     for case in requests {
         let name = case["name"].as_str().expect("a name");
-        let (request, expected) = (asked(name, &case["args"]), unhex(case));
+        let (request, expected) = (request_of(name, &case["args"]), unhex(case));
         let there: Vec<Request> = read(&expected);
         assert_eq!(there.len(), 1, "{name}");
         assert_eq!(bytes(&there[0]), expected, "{name}: bytes there and back");
@@ -108,10 +104,7 @@ fn requests_are_those_of_firmata_io() {
 
 #[test]
 fn replies_are_those_that_firmata_io_understands() {
-    let Some(vectors) = vectors() else {
-        println!("skipped: no vectors at ../shared/vectors/firmata.json");
-        return;
-    };
+    let vectors = vectors();
     let replies = vectors["replies"].as_array().expect("a list");
     assert_eq!(replies.len(), 4);
     for case in replies {
@@ -165,8 +158,8 @@ fn a_cut_frame_costs_nothing_but_itself() {
     let mut flood = vec![0xF0];
     flood.extend(std::iter::repeat_n(0x11, 1_000_000));
     flood.extend([0xF7, 0xF9, 2, 6]);
-    let heard: Vec<Reply> = flood.iter().filter_map(|byte| decoder.push(*byte)).collect();
-    assert_eq!(heard, [Reply::Version { major: 2, minor: 6 }]);
+    let replies: Vec<Reply> = flood.iter().filter_map(|byte| decoder.push(*byte)).collect();
+    assert_eq!(replies, [Reply::Version { major: 2, minor: 6 }]);
     assert_eq!(decoder.rejected(), 1);
 }
 
@@ -248,8 +241,9 @@ fn reply() -> impl Strategy<Value = Reply> {
 
 /// Bytes as a broken cable gives them: any, and those that mean something more often.
 fn noise() -> impl Strategy<Value = Vec<u8>> {
-    let telling = prop::sample::select(vec![0xF0, 0xF7, 0xF9, 0x62, 0x79, 0x6C, 0x90, 0x06, 0x0A]);
-    prop::collection::vec(prop_oneof![any::<u8>(), telling], 0..400)
+    let reporting =
+        prop::sample::select(vec![0xF0, 0xF7, 0xF9, 0x62, 0x79, 0x6C, 0x90, 0x06, 0x0A]);
+    prop::collection::vec(prop_oneof![any::<u8>(), reporting], 0..400)
 }
 
 proptest! {
@@ -267,19 +261,19 @@ proptest! {
 
     /// Whatever came before, a message is found; and what is read means the same written again.
     #[test]
-    fn noise_is_survived(noise in noise(), last in reply(), asked in request()) {
+    fn noise_is_survived(noise in noise(), last in reply(), query in request()) {
         let mut stream = noise.clone();
         stream.extend(bytes(&last));
-        let heard = read::<Reply>(&stream);
-        prop_assert_eq!(heard.last(), Some(&last));
-        for reply in &heard {
+        let replies = read::<Reply>(&stream);
+        prop_assert_eq!(replies.last(), Some(&last));
+        for reply in &replies {
             prop_assert_eq!(&read::<Reply>(&bytes(reply)), std::slice::from_ref(reply));
         }
         let mut stream = noise;
-        stream.extend(bytes(&asked));
-        let heard = read::<Request>(&stream);
-        prop_assert_eq!(heard.last(), Some(&asked));
-        for request in &heard {
+        stream.extend(bytes(&query));
+        let replies = read::<Request>(&stream);
+        prop_assert_eq!(replies.last(), Some(&query));
+        for request in &replies {
             prop_assert_eq!(&read::<Request>(&bytes(request)), std::slice::from_ref(request));
         }
     }

@@ -21,14 +21,14 @@ use crate::{
     table::{number, table},
 };
 
-/// Show what an antenna is like, and convert its file
+/// Print the figures of an antenna, and convert its file
 ///
 /// Reads an antenna from a file (MSI Planet .msi or .pln, or .csv with one angle or with both), or
-/// takes one by its name, and tells its gain, beamwidths, front-to-back ratio and directivity.
+/// takes one by its name, and prints its gain, beamwidths, front-to-back ratio and directivity.
 ///
-/// With --learn the antenna is one whose pattern is learned from recorded turns with a transmitter in a
-/// known direction: at --truth, at --bearing-deg, or where the recordings themselves say that it was.
-/// Its gain is about the mean over the turn.
+/// With --learn, learns the pattern from recorded turns with a transmitter in a known direction: at
+/// --truth, at --bearing-deg, or at the recordings' own truth. Its gain is about the mean over the
+/// turn.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt antenna panel.msi --out panel.svg\n  \
                         foxhunt antenna yagi --write yagi.msi\n  \
@@ -42,10 +42,15 @@ pub(crate) struct Args {
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     learn: Vec<PathBuf>,
     /// With --learn, where the transmitter was, in degrees (WGS84)
-    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
+    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true, conflicts_with = "antenna")]
     truth: Option<LatLon>,
     /// With --learn, the direction in which it was, in compass degrees, the same for all turns
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true, conflicts_with = "truth")]
+    #[arg(
+        long,
+        value_name = "DEG",
+        allow_hyphen_values = true,
+        conflicts_with_all = ["antenna", "truth"]
+    )]
     bearing_deg: Option<f64>,
     #[command(flatten)]
     reading: Reading,
@@ -70,7 +75,7 @@ struct Report {
     elevation_beamwidth_deg: Option<f64>,
     front_to_back_db: f64,
     directivity_dbi: f64,
-    /// Of a vendor's file, if it tells it in numbers; down where positive.
+    /// Of a vendor's file, if it has one in numbers; down where positive.
     electrical_tilt_deg: Option<f64>,
     /// The header of a vendor's file.
     header: BTreeMap<String, String>,
@@ -90,9 +95,6 @@ struct Fit {
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
-    if args.antenna.is_some() && (args.truth.is_some() || args.bearing_deg.is_some()) {
-        return Err(CliError::input("--truth and --bearing-deg are for --learn"));
-    }
     let (name, antenna, vendor, learned) = match &args.antenna {
         Some(name) => {
             let (antenna, vendor) = known(name)?;
@@ -228,8 +230,8 @@ fn figures(report: &Report) -> String {
     }
     if let Some(Fit { directions, harmonics, sigma_db }) = &report.learned {
         lines.push(format!(
-            "learned from {directions} positions: {harmonics} harmonics, σ {sigma_db:.2} dB; the gain \
-             is about the mean over the turn"
+            "learned from {directions} positions: {harmonics} harmonics, σ {sigma_db:.2} dB; the \
+             gain is about the mean over the turn"
         ));
     }
     lines.extend(report.header.iter().map(|(name, value)| format!("{name}: {value}")));

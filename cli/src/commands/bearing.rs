@@ -6,6 +6,7 @@ use foxhunt::{
     core::BearingMode,
     geodesy::radians_to_compass_deg,
     recorded::{BearingReading, LOW_CONFIDENCE, bearings},
+    registry::Registry,
 };
 use serde::Serialize;
 
@@ -15,16 +16,16 @@ use super::{
     recorded::Reading,
 };
 use crate::{
+    context::Context,
     error::CliError,
-    output::Output,
     table::{number, table, text},
 };
 
 /// Find the bearing of each recorded turn
 ///
-/// Takes each turn of a directional antenna in a recording to a level and a direction of arrival,
-/// each with its standard deviation, and says how far the turn looks like one transmitter: a
-/// bearing of low confidence is not to be relied on.
+/// Estimates level and direction of arrival of each turn of a directional antenna in a recording,
+/// each with its standard deviation, and a confidence: how far the turn looks like one transmitter.
+/// Do not rely on a bearing of low confidence.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt bearing sweep.csv\n  \
                         foxhunt bearing rotation.csv --format uavrt-rotation --beacon 4\n  \
@@ -33,8 +34,8 @@ use crate::{
 pub(crate) struct Args {
     /// A recording: CSV with named columns
     file: PathBuf,
-    /// Read each turn with every extractor; those that know the antenna are told the one of
-    /// --antenna, or take it for the reference patch
+    /// Read each turn with every extractor; those that take an antenna are given that of --antenna,
+    /// or else the reference patch
     #[arg(long, conflicts_with = "extractor")]
     all: bool,
     #[command(flatten)]
@@ -93,10 +94,10 @@ impl Turn {
             extractor: extractor.to_owned(),
             line: sweep.line,
             drone: sweep.drone.clone(),
-            beacon: sweep.beacon.clone(),
+            beacon: sweep.beacon_name.clone(),
             turn: sweep.turn,
-            time_s: sweep.time,
-            samples: sweep.samples.len(),
+            time_s: sweep.sweep.time,
+            samples: sweep.sweep.samples.len(),
             rss_dbm: reading.rss_dbm,
             rss_sigma_db: reading.rss_sigma_db,
             bearing_deg_compass: bearing.map(|b| radians_to_compass_deg(b.angle)),
@@ -119,14 +120,15 @@ impl From<&BearingMode> for Mode {
     }
 }
 
-pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let Context { output, registry } = context;
     let own = args.calibration.read()?;
     let files = std::slice::from_ref(&args.file);
     let recordings = args.reading.read(files)?;
     for recording in &recordings {
         let file = args.calibration.or_shipped(&own, recording.format());
         let mut read = Vec::new();
-        for (name, extractor) in extractors(args, &file)? {
+        for (name, extractor) in extractors(args, registry, &file)? {
             let turns = bearings(recording, extractor.as_ref(), args.reading.positions)
                 .map_err(CliError::input)?;
             read.extend(turns.into_iter().enumerate().map(|(turn, read)| (turn, name, read)));
@@ -135,9 +137,9 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         read.sort_by_key(|(turn, ..)| *turn);
         let wanted = args.reading.wanted();
         let of_beacon = |(.., read): &&(usize, &str, BearingReading)| {
-            wanted.is_none_or(|name| read.sweep.beacon.as_deref() == Some(name))
+            wanted.is_none_or(|name| read.sweep.beacon_name.as_deref() == Some(name))
         };
-        // A name that is nowhere is an error, not an empty table.
+        // A name that is not in the recording is an error, not an empty table.
         if wanted.is_some() {
             args.reading.beacon(&recordings)?;
         }
@@ -156,25 +158,27 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     Ok(())
 }
 
-/// The extractors that were asked for, calibrated. The antennas of a station have one of their own.
-fn extractors(
-    args: &Args,
+/// The extractors of the command line, calibrated. The antennas of a station have one of their own.
+fn extractors<'a>(
+    args: &'a Args,
+    registry: &'a Registry,
     file: &CalibrationFile,
-) -> Result<Vec<(&'static str, BoxedExtractor)>, CliError> {
+) -> Result<Vec<(&'a str, BoxedExtractor)>, CliError> {
     let chosen = if args.all {
-        args.extraction.all()?
+        args.extraction.all(registry)?
     } else {
-        vec![(args.extraction.built_name(), args.extraction.build()?)]
+        vec![(args.extraction.name(), args.extraction.build(registry)?)]
     };
     if file.station.is_none() {
         let calibrate = |(name, built)| Ok((name, calibrated(file, name, built)?));
         return chosen.into_iter().map(calibrate).collect();
     }
-    // A station has an extractor of its own; the others know nothing of it.
-    if args.extraction.any() && !args.all {
+    // A station has an extractor of its own; the others do not know its antennas.
+    if args.extraction.is_given() && !args.all {
         return Ok(chosen);
     }
-    let mut station = vec![("station", calibrated(file, "station", args.extraction.build()?)?)];
+    let extractor = args.extraction.build(registry)?;
+    let mut station = vec![("station", calibrated(file, "station", extractor)?)];
     if args.all {
         station.extend(chosen);
     }

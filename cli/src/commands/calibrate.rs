@@ -16,15 +16,15 @@ use super::{
     extraction::Extraction,
     recorded::{LatLon, Reading, no_degrees},
 };
-use crate::{error::CliError, output::Output};
+use crate::{context::Context, error::CliError};
 
 /// Calibrate path loss, bearings and a station's antennas
 ///
-/// Fits to recordings of a transmitter whose place is known (from --truth, or from the recording's
-/// own columns) all that they allow: the path loss P = P₀ − 10 γ log₁₀ d with the joint confidence
-/// region of P₀ and γ; by how much bearings are off, and whether that depends on the heading, as a
-/// disturbed compass has it; what makes their σ honest; of a station with fixed antennas, where
-/// these look. What cannot be fitted is told with its reason.
+/// Fits to recordings of a transmitter at a known place (from --truth, or from the recording's own
+/// columns) all that they allow: the path loss P = P₀ − 10 γ log₁₀ d with the joint
+/// confidence region of P₀ and γ; the offset of bearings, and whether it depends on the heading,
+/// as a disturbed compass has it; the scale of their σ; and the boresights of a station with fixed
+/// antennas. Prints what cannot be fitted, and why.
 ///
 /// --out writes what `foxhunt locate`, `bearing`, `hunt` and `campaign` take as --calibration.
 #[derive(Debug, clap::Args)]
@@ -41,10 +41,10 @@ pub(crate) struct Args {
     /// How high the transmitter is above the ground, in metres
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true)]
     target_up_m: f64,
-    /// The largest exponent that is let through; without it there is no bound
+    /// The largest exponent; no bound unless given
     #[arg(long, value_name = "V", allow_hyphen_values = true)]
     max_exponent: Option<f64>,
-    /// Bursts that a station heard from nearer than this do not count, in metres
+    /// Leave out bursts that a station received from nearer than this, in metres
     #[arg(long, value_name = "M", default_value_t = 30.0)]
     least_range_m: f64,
     /// The file to write the calibration to
@@ -56,7 +56,8 @@ pub(crate) struct Args {
     reading: Reading,
 }
 
-pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let Context { output, registry } = context;
     if !args.target_up_m.is_finite() {
         return Err(CliError::input(format!("--target-up-m is {}, no height", args.target_up_m)));
     }
@@ -82,7 +83,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         max_exponent: args.max_exponent,
         positions: args.reading.positions,
     };
-    let extractor = args.extraction.build()?;
+    let extractor = args.extraction.build(registry)?;
     let report = fit(args, &recordings, beacon, extractor, &config)?;
     output.result(&report, text)?;
     if let Some(out) = &args.out {
@@ -92,7 +93,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Fits all that the recordings allow; an error where that is nothing.
+/// Fits what the recordings allow; an error where that is nothing.
 fn fit(
     args: &Args,
     recordings: &[Recording],
@@ -123,7 +124,7 @@ fn fit(
         match calibrate_bearings(recordings, beacon.as_deref(), extractor.as_ref(), config) {
             Ok(fitted) => {
                 let turns = records().any(|record| record.boresight.is_some());
-                let name = if turns { args.extraction.built_name() } else { "recorded" };
+                let name = if turns { args.extraction.name() } else { "recorded" };
                 report.file.bearings = fitted.section(name);
                 report.bearings(&fitted);
             }
@@ -152,7 +153,7 @@ fn fit(
     Ok(report)
 }
 
-/// Why a path loss that was fitted is not told.
+/// Why a path loss that was fitted is not used.
 const NO_FALL: &str = "the levels do not show that power falls with range: the exponent's 95 % \
      interval reaches 0; points over a wider span of ranges are needed";
 

@@ -9,7 +9,7 @@ use crate::{
     output::warn,
 };
 
-/// What is known from recordings with a known transmitter.
+/// A calibration from recordings with a known transmitter.
 #[derive(Debug, clap::Args)]
 pub(super) struct Calibration {
     /// What `foxhunt calibrate --out` wrote: path loss, errors of bearings, a station's antennas
@@ -18,12 +18,7 @@ pub(super) struct Calibration {
 }
 
 impl Calibration {
-    /// Whether there is one.
-    pub(super) fn is_given(&self) -> bool {
-        self.calibration.is_some()
-    }
-
-    /// The file; one that says nothing where there is none.
+    /// The file; an empty one where none is given.
     pub(super) fn read(&self) -> Result<CalibrationFile, CliError> {
         match &self.calibration {
             Some(path) => CalibrationFile::read(path).map_err(CliError::input),
@@ -31,8 +26,8 @@ impl Calibration {
         }
     }
 
-    /// What [`read`](Self::read) gave; where no file was given, what comes with the program for
-    /// recordings of this format.
+    /// The file that was [`read`](Self::read); where none is given, the calibration that comes with
+    /// the program for recordings of this format.
     pub(super) fn or_shipped<'a>(
         &self,
         read: &'a CalibrationFile,

@@ -1,4 +1,4 @@
-//! What `foxhunt calibrate` tells.
+//! The report of `foxhunt calibrate`.
 
 use foxhunt::{
     calibration::{BearingSection, CalibrationFile, StationAntennaSection},
@@ -223,15 +223,15 @@ impl From<&SigmaFit> for Sigma {
 
 impl From<&StationCalibration> for Station {
     fn from(station: &StationCalibration) -> Self {
-        let unseen = &station.cross_validation;
+        let left_out = &station.cross_validation;
         Self {
             bursts: station.fit.groups.len(),
             groups: station.groups,
-            bearings: unseen.bearings,
-            refused: unseen.refused,
-            median_error_deg: unseen.median_error.to_degrees(),
-            coverage_95: unseen.coverage_95,
-            sigma: Sigma::from(&unseen.sigma),
+            bearings: left_out.bearings,
+            refused: left_out.refused,
+            median_error_deg: left_out.median_error.to_degrees(),
+            coverage_95: left_out.coverage_95,
+            sigma: Sigma::from(&left_out.sigma),
         }
     }
 }
@@ -291,8 +291,9 @@ fn path_loss(fit: &PathLoss, calibrated: bool) -> String {
     if let (Some(region), Some(correlation)) = (&fit.region_95, fit.correlation) {
         let [[a, b], [_, c]] = fit.covariance;
         lines.push(format!(
-            "P₀ and γ together, 95 %: an ellipse with semi-axes {:.3} and {:.4}, the longer one {:.2}° \
-             from the P₀ axis;\ncorrelation {correlation:.3}, covariance [{a:.4}, {b:.5}; {b:.5}, {c:.6}]",
+            "P₀ and γ together, 95 %: an ellipse with semi-axes {:.3} and {:.4}, the longer one \
+             {:.2}° from the P₀ axis;\ncorrelation {correlation:.3}, covariance [{a:.4}, {b:.5}; \
+             {b:.5}, {c:.6}]",
             region.semi_major, region.semi_minor, region.orientation_deg
         ));
     }
@@ -326,7 +327,8 @@ fn bearings(fit: &Bearings) -> String {
     }
     let mut lines = vec![errors.to_string()];
     lines.push(format!(
-        "{} bearings, {} turns without; measured minus true, counter-clockwise, ± 95 %, h from East",
+        "{} bearings, {} turns without; measured minus true, counter-clockwise, ± 95 %, h from \
+         East",
         fit.bearings, fit.refused
     ));
     if let Some(sigma) = &fit.sigma {

@@ -1,74 +1,122 @@
-//! Scenarios and estimators, as they are named on the command line.
+//! Scenarios, trials and estimators, as they are named on the command line and in files.
 
-use clap::builder::PossibleValuesParser;
 use foxhunt::{
-    config::{NamedEstimator, estimator_named, estimators},
+    campaign::CampaignError,
+    registry::{EstimatorEntry, Registry},
     scenario::{Scenario, ScenarioError},
     simulation::SimulationError,
-    trial::{Trial, TrialError, TrialEstimator, trial_estimator_named, trial_estimators},
+    trial::{Trial, TrialError, builtin_trials},
 };
 
-use crate::error::{CliError, InFile};
+use crate::{
+    error::{CliError, InFile},
+    hints::{build, feature_of, retired_campaign},
+};
 
-/// Takes the name of an estimator; what is unknown is refused with the names that are known.
-pub(super) fn estimator_parser() -> PossibleValuesParser {
-    PossibleValuesParser::new(estimators().into_iter().map(|known| known.name))
-}
-
-/// The trial of a built-in name or of a file; `None` where it is none.
-pub(super) fn trial(name_or_path: &str) -> Result<Option<Trial>, CliError> {
-    Trial::find(name_or_path).map_err(CliError::input)
-}
-
-/// The trial's estimator of a name that the command line or a file holds.
-pub(super) fn trial_estimator(name: &str, place: &str) -> Result<TrialEstimator, CliError> {
-    trial_estimator_named(name).ok_or_else(|| {
-        let known: Vec<_> = trial_estimators().iter().map(|known| known.name).collect();
-        let known = known.join(", ");
-        CliError::input(format!("{place} is {name:?}, no estimator of trials; those are {known}"))
+/// The estimator of a name; `place` is where the name stands.
+pub(super) fn estimator<'a>(
+    registry: &'a Registry,
+    name: &str,
+    place: &str,
+) -> Result<&'a EstimatorEntry, CliError> {
+    registry.estimator(name).map_err(|error| {
+        let hint = feature_of(name).map_or_else(String::new, |feature| {
+            format!("; it needs a build with the feature {feature}: {}", build(feature))
+        });
+        CliError::input(format!("{place}: {error}{hint}"))
     })
 }
 
-/// Whether a trial that went wrong is the fault of what was asked for.
-pub(super) fn trial_error(error: TrialError) -> CliError {
-    match error {
-        TrialError::Threads { .. } => CliError::failure(error),
-        _ => CliError::input(error),
+/// The estimators of names, each once.
+pub(super) fn estimators<'a>(
+    registry: &'a Registry,
+    names: &[String],
+) -> Result<Vec<&'a EstimatorEntry>, CliError> {
+    let mut entries: Vec<&EstimatorEntry> = Vec::new();
+    for name in names {
+        if !entries.iter().any(|entry| entry.name == *name) {
+            entries.push(estimator(registry, name, "--estimator")?);
+        }
+    }
+    Ok(entries)
+}
+
+/// The estimator of the command line, or else the scenario's own.
+pub(super) fn estimator_of<'a>(
+    registry: &'a Registry,
+    given: Option<&str>,
+    scenario: &Scenario,
+    file: &str,
+) -> Result<&'a EstimatorEntry, CliError> {
+    match given {
+        Some(name) => estimator(registry, name, "--estimator"),
+        None => estimator(registry, &scenario.estimator, &format!("{file}: estimator")),
     }
 }
 
-/// The estimator of a name that the command line or a file holds; `place` says where it stands.
-pub(super) fn estimator(name: &str, place: &str) -> Result<NamedEstimator, CliError> {
-    estimator_named(name).ok_or_else(|| {
-        let known: Vec<_> = estimators().into_iter().map(|known| known.name).collect();
-        let known = known.join(", ");
-        CliError::input(format!("{place} is {name:?}, no estimator; those are {known}"))
-    })
+/// The estimators of the command line, or else the scenario's own.
+pub(super) fn estimators_of<'a>(
+    registry: &'a Registry,
+    given: &[String],
+    scenario: &Scenario,
+    file: &str,
+) -> Result<Vec<&'a EstimatorEntry>, CliError> {
+    if given.is_empty() {
+        return Ok(vec![estimator_of(registry, None, scenario, file)?]);
+    }
+    estimators(registry, given)
 }
 
 /// The scenario of a built-in name or of a file.
 pub(super) fn scenario(name_or_path: &str) -> Result<Scenario, CliError> {
-    Scenario::find(name_or_path).map_err(|error: ScenarioError| CliError::input(error))
+    Scenario::find(name_or_path).map_err(|error: ScenarioError| {
+        match retired_campaign(name_or_path) {
+            Some(command) => CliError::input(format!("{name_or_path} is no scenario: `{command}`")),
+            None => CliError::input(error),
+        }
+    })
 }
 
-/// The estimator that was asked for, or else the scenario's own.
-pub(super) fn estimator_of(
-    asked: Option<&str>,
-    scenario: &Scenario,
-    file: &str,
-) -> Result<NamedEstimator, CliError> {
-    match asked {
-        Some(name) => estimator(name, "--estimator"),
-        None => estimator(&scenario.estimator, &format!("{file}: estimator")),
+/// The trial of a built-in name or of a file.
+pub(super) fn trial(name_or_path: &str) -> Result<Trial, CliError> {
+    let trial = Trial::find(name_or_path).map_err(CliError::input)?;
+    trial.ok_or_else(|| {
+        if Scenario::find(name_or_path).is_ok() {
+            return CliError::input(format!(
+                "{name_or_path} is a scenario, not a trial: `foxhunt campaign {name_or_path}`"
+            ));
+        }
+        let known: Vec<String> = builtin_trials().into_iter().map(|trial| trial.name).collect();
+        CliError::input(format!(
+            "{name_or_path:?} is neither a built-in trial ({}) nor a file of one",
+            known.join(", ")
+        ))
+    })
+}
+
+/// The exit code of a trial that went wrong.
+pub(super) fn trial_error(error: TrialError) -> CliError {
+    match error {
+        TrialError::Threads(_) => CliError::failure(error),
+        _ => CliError::input(error),
     }
 }
 
-/// Whether a simulation that went wrong is the fault of what the scenario's file says.
+/// The exit code of a simulation that went wrong: it is wrong input where the scenario cannot be
+/// built.
 pub(super) fn simulation_error(error: SimulationError, file: &str) -> CliError {
     match error {
         SimulationError::Drive(_) | SimulationError::TooLong { .. } | SimulationError::Log(_) => {
             CliError::failure(error)
         }
         _ => CliError::input(InFile { file: file.to_owned(), source: Box::new(error) }),
+    }
+}
+
+/// The exit code of a campaign that went wrong.
+pub(super) fn campaign_error(error: CampaignError, file: &str) -> CliError {
+    match error {
+        CampaignError::Simulation(error) => simulation_error(error, file),
+        error => CliError::failure(error),
     }
 }

@@ -13,18 +13,18 @@ use crate::{
     table::list,
 };
 
-/// Look at the devices that are plugged in, and say how to mend what is wrong
+/// Examine the devices that are plugged in, and print how to mend what is wrong
 ///
-/// With a flight's file: every device of every drone, one after the other. Without: every serial port,
-/// and what is behind it. Motors turn by a step, nothing takes off. Exit code 1 where something is
-/// wrong.
+/// With a flight's file: every device of every drone, one after the other. Without: every serial
+/// port, and what is behind it. Motors turn by a step, nothing takes off. Exit code 1 where
+/// something is wrong.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt devices\n  foxhunt devices meadow.toml\n  \
                         foxhunt devices --at serial:/dev/ttyUSB0:57600 --at udpin:0.0.0.0:14550")]
 pub(crate) struct Args {
     /// The flight: a TOML file (docs/flying.md)
     config: Option<PathBuf>,
-    /// Look at this endpoint instead of the serial ports; may be repeated
+    /// Examine this endpoint instead of the serial ports; may be repeated
     #[arg(long, value_name = "ENDPOINT", conflicts_with = "config")]
     at: Vec<Endpoint>,
 }
@@ -46,19 +46,19 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     if let Some(path) = &args.config {
         let config = FlightConfig::read(path).map_err(CliError::input)?;
         for drone in &config.drones {
-            let mut tell = |device: &'static str, findings| {
+            let mut report = |device: &'static str, findings| {
                 warn(&format!("{}: {device}", drone.name));
                 let drone = Some(drone.name.clone());
                 examined.push(Examined { drone, device: device.to_owned(), findings });
             };
             let origin = clock.started_unix_s();
             let (site, beacons) = (&config.site, &config.beacons);
-            drone.examine(site, beacons, &clock, origin, &mut pause, &mut tell);
+            drone.examine(site, beacons, &clock, origin, &mut pause, &mut report);
         }
     } else {
         let endpoints = if args.at.is_empty() { serial_ports()? } else { args.at.clone() };
         for endpoint in endpoints {
-            warn(&format!("looking at {endpoint}"));
+            warn(&format!("examining {endpoint}"));
             let (device, findings) = identify(&endpoint, &clock, &mut pause);
             let device = format!("{device} at {endpoint}");
             examined.push(Examined { drone: None, device, findings });

@@ -1,11 +1,11 @@
 //! The table of fixes that `hunt` and `replay` end with.
 
 use comfy_table::Table;
-use foxhunt::{core::Ellipse, report::PlaceEstimate};
+use foxhunt::{core::Ellipse, hunt::PlaceEstimate};
 
 use crate::table::{number, table};
 
-/// What stands in a row of the table.
+/// A row of the table.
 #[derive(Debug)]
 pub(super) struct Row<'a> {
     pub(super) beacon: &'a str,
@@ -47,7 +47,7 @@ pub(super) fn fixes<'a>(rows: impl IntoIterator<Item = Row<'a>>) -> Table {
     fixes
 }
 
-/// What the columns of [`fixes`] mean, for those who read the table the first time.
+/// What the columns of [`fixes`] mean.
 pub(super) const LEGEND: &str = "East and north from the origin of the field; the ellipse's \
      semi-axes, and the direction\nof the longer one counter-clockwise from East; NEES is 2 on \
-     average when the ellipse is honest.";
+     average when the estimator is consistent.";

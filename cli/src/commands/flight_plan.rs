@@ -2,7 +2,7 @@
 
 use foxhunt::{
     fly::{FlightConfig, FlightPlan, FlyError},
-    hunt::BoxedHunt,
+    hunt::Hunt,
 };
 
 use crate::{
@@ -11,11 +11,7 @@ use crate::{
     table::{list, text},
 };
 
-pub(super) fn print(
-    config: &FlightConfig,
-    hunt: BoxedHunt,
-    output: Output,
-) -> Result<(), CliError> {
+pub(super) fn print(config: &FlightConfig, hunt: Hunt, output: Output) -> Result<(), CliError> {
     let plan = config.plan(hunt).map_err(|error: FlyError| CliError::input(error))?;
     output.result(&plan, describe)
 }
@@ -38,7 +34,7 @@ fn describe(plan: &FlightPlan) -> String {
         }
     }
     let (site, rules, hunt) = (&plan.site, &plan.rules, &plan.hunt);
-    let mut said = format!(
+    let mut plan_text = format!(
         "{}: East and North from {:.7}, {:.7}\nlooking for {}\n{drones}\n\
          take-off to {} m; at the end {}, if it is broken off {}\n\
          {} m between drones; a move takes at most {:.0} s, a turn {:.0} s\n",
@@ -55,24 +51,24 @@ fn describe(plan: &FlightPlan) -> String {
     );
     let airspace = &hunt.airspace;
     if !airspace.fence_m.is_empty() {
-        said.push_str(&format!("fence: {:?}\n", airspace.fence_m));
+        plan_text.push_str(&format!("fence: {:?}\n", airspace.fence_m));
     }
     if let Some([least, most]) = airspace.altitude_m {
-        said.push_str(&format!("between {least} and {most} m up\n"));
+        plan_text.push_str(&format!("between {least} and {most} m up\n"));
     }
     if let Some(endurance) = &hunt.endurance {
-        said.push_str(&format!(
+        plan_text.push_str(&format!(
             "{:.0} s in the air, {:.0} s of them kept\n",
             endurance.endurance_s, endurance.reserve_s
         ));
     }
     for drone in &plan.drones {
-        said.push_str(&format!("{}: {}\n", drone.name, drone.limits));
+        plan_text.push_str(&format!("{}: {}\n", drone.name, drone.limits));
     }
     for remark in &plan.remarks {
-        said.push_str("note: ");
-        said.push_str(remark);
-        said.push('\n');
+        plan_text.push_str("note: ");
+        plan_text.push_str(remark);
+        plan_text.push('\n');
     }
-    said
+    plan_text
 }

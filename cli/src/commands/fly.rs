@@ -1,5 +1,5 @@
 use std::{
-    cell::RefCell,
+    cell::{Cell, RefCell},
     fs::{self, File},
     io::{self, BufRead, IsTerminal},
     path::{Path, PathBuf},
@@ -22,17 +22,14 @@ use foxhunt::{
     recording::{RecordingError, SweepWriter},
 };
 
-use super::{choice, fixes, flight_plan, telling::tell};
-use crate::{
-    error::CliError,
-    output::{Output, warn},
-};
+use super::{choice, fixes, flight_plan, notices::narrate};
+use crate::{context::Context, error::CliError, output::warn};
 
 /// Fly a hunt on real devices
 ///
-/// Looks at the devices that the file names, waits until every drone is ready, and asks before anything
-/// turns. Then all take off, hunt, and come back. Enter or Ctrl-C breaks off at any time: the drones
-/// then do what the file says under flight.on_abort. Everything is logged from the first second.
+/// Examines the devices that the file names, waits until every drone is ready, and asks before any
+/// motor turns. Then all take off, hunt, and come back. Enter or Ctrl-C breaks off at any time: the
+/// drones then follow flight.on_abort of the file. Everything is logged from the first second.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt fly meadow.toml --dry-run\n  \
                         foxhunt fly meadow.toml --out flights/meadow-3\n\n\
@@ -54,20 +51,23 @@ pub(crate) struct Args {
     out: PathBuf,
 }
 
-/// From one look at the devices to the next.
+/// The time between two steps of the flight.
 const TICK: Duration = Duration::from_millis(5);
 
-pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let Context { output, registry } = context;
     let config = FlightConfig::read(&args.config).map_err(CliError::input)?;
     let file = args.config.display().to_string();
-    let estimator = choice::estimator(&config.estimator, &format!("{file}: estimator"))?.config;
-    let hunt = config.parts(&estimator, args.seed).build().map_err(CliError::input)?;
+    let place = format!("{file}: estimator");
+    let estimator = choice::estimator(registry, &config.estimator, &place)?;
+    let hunt = config.parts(registry, estimator, args.seed).build().map_err(CliError::input)?;
     if args.dry_run {
         return flight_plan::print(&config, hunt, output);
     }
     if !args.yes && !io::stdin().is_terminal() {
         return Err(CliError::input(
-            "nobody can be asked before take-off; --yes takes off at once",
+            "standard input is no terminal, so that nobody can confirm the take-off; --yes takes \
+             off at once",
         ));
     }
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
@@ -79,7 +79,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let clock = move || system.now() + fraction;
     #[expect(clippy::cast_possible_truncation, reason = "a whole number of seconds")]
     let epoch = epoch_s as i64;
-    let header = config.log_header(&estimator, args.seed, Some(epoch));
+    let header = config.log_header(estimator, args.seed, Some(epoch));
     let mut log = LogWriter::new(files.create(&files.log)?, &header)
         .map_err(|error| CliError::writing(&files.log, error))?;
     let samples = Rc::new(RefCell::new(Samples {
@@ -91,7 +91,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let kept = Rc::clone(&samples);
     let keep = move |drone: usize, sweep: &Sweep<'_>| kept.borrow_mut().keep(drone, sweep);
     let tap: Tap = Rc::new(RefCell::new(keep));
-    look_at_devices(&config, &clock, epoch_s);
+    examine_devices(&config, &clock, epoch_s);
     let drones = config.open(&clock, epoch_s, Some(&tap)).map_err(open_error)?;
     let mut mission =
         Mission::new(config.flight, hunt, drones, clock.now()).map_err(CliError::input)?;
@@ -99,25 +99,28 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     warn(&format!("log: {}; Enter breaks off", files.log.display()));
 
     let mut events = Vec::new();
-    let mut asked = false;
+    let mut prompted = false;
     while !mission.is_over() {
         let time = clock.now();
         mission.step(time);
-        if mission.is_ready() && !asked {
-            asked = true;
+        if mission.is_ready() && !prompted {
+            prompted = true;
             warn("all drones are ready: Enter takes off, Ctrl-C breaks off");
         }
-        match pilot.said() {
-            Said::Nothing => {}
-            Said::Enter if mission.is_ready() => mission.go(),
-            Said::Enter | Said::Interrupt => mission.abort(time, "the pilot breaks off"),
-            Said::LetGo => {
-                let text = "the pilot let go: what flies is left to its autopilot and its pilot";
+        match pilot.poll() {
+            PilotInput::None => {}
+            PilotInput::Enter if mission.is_ready() => mission.go(),
+            PilotInput::Enter | PilotInput::Interrupt => {
+                mission.abort(time, "the pilot breaks off");
+            }
+            PilotInput::Quit => {
+                let text = "the pilot quit: aircraft in the air are left to their autopilots and \
+                            remote controls";
                 return Err(CliError::failure(text));
             }
         }
         while let Some(event) = mission.poll_event() {
-            tell(&event);
+            narrate(&event);
             if let Err(error) = log.event(&event) {
                 mission.abort(time, &format!("{}: {error}", files.log.display()));
             }
@@ -129,7 +132,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         thread::sleep(TICK);
     }
     while let Some(event) = mission.poll_event() {
-        tell(&event);
+        narrate(&event);
         log.event(&event).map_err(|error| CliError::writing(&files.log, error))?;
         events.push(event);
     }
@@ -146,18 +149,18 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     }
 }
 
-/// Says what is wrong with the devices before anybody flies; whether that matters is the pilot's to say:
-/// a beacon may be too far to be heard from here.
-fn look_at_devices(config: &FlightConfig, clock: &(impl Clock + Clone + 'static), epoch_s: f64) {
+/// Examines the devices before anybody flies, and prints what is wrong. Whether that matters is the
+/// pilot's decision: a beacon may be too far to be received from here.
+fn examine_devices(config: &FlightConfig, clock: &(impl Clock + Clone + 'static), epoch_s: f64) {
     let mut pause = || thread::sleep(Duration::from_millis(1));
     for drone in &config.drones {
-        let mut tell = |device: &'static str, findings: Vec<Finding>| {
+        let mut report = |device: &'static str, findings: Vec<Finding>| {
             for finding in findings.iter().filter(|finding| !finding.is_good()) {
                 warn(&format!("{}, {device}: {finding}", drone.name));
             }
         };
         let (site, beacons) = (&config.site, &config.beacons);
-        drone.examine(site, beacons, clock, epoch_s, &mut pause, &mut tell);
+        drone.examine(site, beacons, clock, epoch_s, &mut pause, &mut report);
     }
 }
 
@@ -187,7 +190,7 @@ fn text(report: &FlightReport) -> String {
     )
 }
 
-/// What a flight leaves behind.
+/// The files that a flight writes.
 struct Files {
     log: PathBuf,
     samples: PathBuf,
@@ -236,16 +239,16 @@ impl Samples {
 struct Pilot {
     lines: Receiver<()>,
     interrupts: Arc<AtomicU8>,
-    told: std::cell::Cell<u8>,
+    handled: Cell<u8>,
 }
 
 /// What the pilot wants.
-enum Said {
-    Nothing,
+enum PilotInput {
+    None,
     Enter,
     Interrupt,
     /// A second interrupt: the program shall end at once.
-    LetGo,
+    Quit,
 }
 
 impl Pilot {
@@ -266,16 +269,17 @@ impl Pilot {
                 }
             }
         });
-        Ok(Self { lines, interrupts, told: std::cell::Cell::new(0) })
+        Ok(Self { lines, interrupts, handled: Cell::new(0) })
     }
 
-    fn said(&self) -> Said {
+    /// What the pilot did since the last call.
+    fn poll(&self) -> PilotInput {
         let interrupts = self.interrupts.load(Ordering::Relaxed);
-        let before = self.told.replace(interrupts);
+        let before = self.handled.replace(interrupts);
         if before != interrupts {
             // Two that come at once are one: the terminal and a script may both send it.
-            return if before > 0 { Said::LetGo } else { Said::Interrupt };
+            return if before > 0 { PilotInput::Quit } else { PilotInput::Interrupt };
         }
-        if self.lines.try_recv().is_ok() { Said::Enter } else { Said::Nothing }
+        if self.lines.try_recv().is_ok() { PilotInput::Enter } else { PilotInput::None }
     }
 }

@@ -5,74 +5,66 @@ use std::{
 };
 
 use foxhunt::{
-    config::NamedEstimator,
     hunt::Event,
     log::{LogHeader, LogWriter},
     picture::hunt_svg,
     report::{HuntReport, HuntedBeacon},
-    scenario::{DEFAULT_SCENARIO, Scenario},
-    simulation::{Simulated, log_header, simulate},
+    scenario::DEFAULT_SCENARIO,
+    simulation::{Setup, Simulated},
 };
 
-use super::{
-    calibration::Calibration, choice, extraction::Extraction, fixes, overrides::Overrides,
-    planning::Planning, telling::tell,
-};
-use crate::{error::CliError, output::Output};
+use super::{choice, fixes, notices::narrate, planning::Planning, settings::Settings};
+use crate::{context::Context, error::CliError};
 
 /// Fly one simulated hunt
 ///
 /// Flies the drones of a scenario through a simulated hunt for its beacons, one after the other or,
-/// where turns are shared, all at once. Ends with a table of fixes against the truth, and leaves a log and a picture behind.
-/// The same scenario, estimator and seed fly the same hunt.
+/// where turns are shared, all at once. Prints a table of fixes against the truth, and writes a log
+/// and a picture. The same scenario, estimator and seed fly the same hunt.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt hunt\n  \
                         foxhunt hunt pritzl-6.1 --estimator particle --seed 7 --out hunts/7\n  \
                         foxhunt hunt --planner waypoints\n  \
                         foxhunt --json hunt my-field.toml > result.json")]
 pub(crate) struct Args {
-    /// A built-in scenario (`foxhunt scenarios` lists them) or a TOML file
+    /// A built-in scenario (`foxhunt list scenarios`) or a TOML file
     #[arg(default_value = DEFAULT_SCENARIO)]
     scenario: String,
     /// The seed of everything that is drawn at random
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
-    /// The estimator; the scenario's own unless given (`foxhunt estimators` explains them)
-    #[arg(long, value_name = "NAME", value_parser = choice::estimator_parser())]
+    /// The estimator; the scenario's own unless given (`foxhunt list estimators` describes them)
+    #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
     #[command(flatten)]
     planning: Planning,
     #[command(flatten)]
-    extraction: Extraction,
-    #[command(flatten)]
-    overrides: Overrides,
-    #[command(flatten)]
-    calibration: Calibration,
+    settings: Settings,
     /// The folder that hunt.jsonl (the log) and hunt.svg (the picture) are written to
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
 }
 
-pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let Context { output, registry } = context;
     let mut scenario = choice::scenario(&args.scenario)?;
-    args.calibration.read()?.tell(&mut scenario);
-    args.overrides.tell(&mut scenario);
-    args.planning.tell(&mut scenario)?;
-    scenario.extractor = args.extraction.config(&scenario.extractor)?;
-    args.overrides.warn_of(&scenario);
-    let estimator = choice::estimator_of(args.estimator.as_deref(), &scenario, &args.scenario)?;
-    let estimator = args.overrides.apply(estimator);
-    let header = log_header(&scenario, &estimator, args.seed);
+    args.settings.apply_to(&mut scenario, registry)?;
+    args.planning.apply_to(&mut scenario, registry)?;
+    let given = args.estimator.as_deref();
+    let estimator = choice::estimator_of(registry, given, &scenario, &args.scenario)?;
+    let estimator = args.settings.estimator(estimator)?;
+    let setup = Setup { scenario: &scenario, estimator: &estimator, registry };
+    let header = setup.log_header(args.seed);
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
 
     let log = args.out.join("hunt.jsonl");
-    let (hunt, events) = fly(args, &scenario, &estimator, &header, &log)?;
+    let (hunt, events) = fly(args, setup, &header, &log)?;
 
     let picture = args.out.join("hunt.svg");
     let svg = hunt_svg(&header, &events).map_err(CliError::failure)?;
     fs::write(&picture, svg).map_err(|error| CliError::writing(&picture, error))?;
 
-    let report = HuntReport::new(args.seed, estimator.name, args.planning.name(), &hunt);
+    let report = HuntReport::new(args.seed, &estimator.name, args.planning.name(), &hunt);
     output.result(&report, text)?;
     output.note(&format!("log: {}\npicture: {}", log.display(), picture.display()))
 }
@@ -80,16 +72,15 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
 /// Flies the hunt into a log, and keeps its events for the picture.
 fn fly(
     args: &Args,
-    scenario: &Scenario,
-    estimator: &NamedEstimator,
+    setup: Setup<'_>,
     header: &LogHeader,
     log: &Path,
 ) -> Result<(Simulated, Vec<Event>), CliError> {
     // A scenario that cannot be flown has no event, and leaves the log of the hunt before.
     let mut writer = None;
     let mut events = Vec::new();
-    let hunt = simulate(scenario, estimator, args.seed, |event| {
-        tell(event);
+    let hunt = setup.simulate(args.seed, |event| {
+        narrate(event);
         events.push(event.clone());
         let mut log_event = || match &mut writer {
             Some(writer) => LogWriter::event(writer, event),

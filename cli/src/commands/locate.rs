@@ -1,39 +1,37 @@
 use std::path::PathBuf;
 
-use clap::builder::PossibleValuesParser;
 use foxhunt::{
     calibration::CalibrationFile,
-    config::estimators,
-    core::{Ellipse, nalgebra::Vector2},
+    core::{Ellipse, EstimatorError, nalgebra::Vector2},
     geodesy::Geodetic,
-    locate::{
-        LocateConfig, LocateError, LocateEstimator, Located, Power, Rival, locate,
-        locate_estimators,
-    },
-    recorded::{ObserveConfig, observations, recorded_truth},
+    hunt::PlaceEstimate,
+    locate::{LocateConfig, LocateError, Located, Power, Rival},
+    recorded::{ReceptionConfig, receptions, recorded_truth},
     recording::Recording,
-    report::{Place, rows},
+    report::Place,
 };
 use serde::Serialize;
 
 use super::{
     calibration::{Calibration, calibrated},
+    choice,
     extraction::Extraction,
-    parameter::Parameter,
+    parameter::{EastNorthUp, Parameter},
     recorded::{LatLon, Reading, no_degrees},
 };
 use crate::{
+    context::Context,
     error::CliError,
-    output::{Output, warn},
+    output::warn,
     table::{number, table, text},
 };
 
 /// Locate a transmitter from recorded flights
 ///
-/// Takes what was heard of one transmitter, in one or several recordings, to its place: turns of
-/// a directional antenna, levels of an omnidirectional one, or ready-made bearings. Without
-/// --p0-dbm and --exponent, or a --calibration that has them, the transmitter's power is found along
-/// with its place.
+/// Estimates the place of one transmitter from one or several recordings: turns of a directional
+/// antenna, levels of an omnidirectional one, ready-made bearings, ranges or differences. Without
+/// --p0-dbm and --exponent, or a --calibration that has them, the transmitter's power is estimated
+/// along with its place.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt locate flight.csv\n  \
                         foxhunt locate uav1.csv uav2.csv --truth 50.0755,14.4378 \
@@ -42,12 +40,13 @@ pub(crate) struct Args {
     /// Recordings: CSV with named columns
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Where the transmitter is, in degrees (WGS84), to tell the error; the recordings' own truth
+    /// Where the transmitter is, in degrees (WGS84), for the error; the recordings' own truth
     /// unless given
     #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     truth: Option<LatLon>,
-    /// What turns the observations into a place; chosen by what was recorded unless given
-    #[arg(long, value_name = "NAME", value_parser = estimator_parser())]
+    /// The estimator (`foxhunt list estimators` describes them); chosen by what was recorded unless
+    /// given
+    #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
     /// The power at one metre in dBm, or `free` where it is not known
     #[arg(long, value_name = "V|free", default_value = "free", allow_hyphen_values = true)]
@@ -65,6 +64,9 @@ pub(crate) struct Args {
     /// unless given
     #[arg(long, value_name = "M")]
     receiver_sigma_m: Option<f64>,
+    /// Where the reference receiver of range and level differences is, in metres of the local frame
+    #[arg(long, value_name = "E,N,U", allow_hyphen_values = true)]
+    reference_m: Option<EastNorthUp>,
     /// The seed of estimators that draw random numbers
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
@@ -76,20 +78,10 @@ pub(crate) struct Args {
     reading: Reading,
 }
 
-fn estimator_parser() -> PossibleValuesParser {
-    let mut names: Vec<_> = estimators().iter().map(|known| known.name).collect();
-    for name in locate_estimators().iter().map(|known| known.estimator.name()) {
-        if !names.contains(&name) {
-            names.push(name);
-        }
-    }
-    PossibleValuesParser::new(names)
-}
-
 /// A place that was found, as JSON has it.
 #[derive(Debug, Serialize)]
 struct Report {
-    estimator: &'static str,
+    estimator: String,
     beacon: Option<String>,
     estimate: Estimated,
     ellipse_95: Option<Ellipse>,
@@ -130,40 +122,45 @@ struct Estimated {
 /// With more probability than this on the border of the area the place is in doubt.
 const MUCH_BORDER: f64 = 0.05;
 
-pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let Context { output, registry } = context;
     check(args)?;
     let own = args.calibration.read()?;
-    // What the command line itself gets wrong comes before any file.
+    // Mistakes of the command line are reported before those of files.
     power(args, &own)?;
     let recordings = args.reading.read(&args.files)?;
     let beacon = args.reading.beacon(&recordings)?;
     let format = recordings.first().map_or("", Recording::format);
     let calibration = args.calibration.or_shipped(&own, format);
     let power = power(args, &calibration)?;
-    let mut extractor = args.extraction.build()?;
-    // A station has an extractor of its own, unless another one is asked for.
-    if calibration.station.is_none() || !args.extraction.any() {
-        extractor = calibrated(&calibration, args.extraction.built_name(), extractor)?;
+    let mut extractor = args.extraction.build(registry)?;
+    // A station has an extractor of its own, unless another one is given.
+    if calibration.station.is_none() || !args.extraction.is_given() {
+        extractor = calibrated(&calibration, args.extraction.name(), extractor)?;
     }
-    let observe = ObserveConfig {
+    let reading = ReceptionConfig {
         positions: args.reading.positions,
         bearings: calibration.bearing_calibration(),
         receiver_sigma_m: args.receiver_sigma_m,
-        ..ObserveConfig::default()
+        ..ReceptionConfig::default()
     };
-    let heard = observations(&recordings, beacon.as_deref(), extractor.as_ref(), &observe)
+    let received = receptions(&recordings, beacon.as_deref(), extractor.as_ref(), &reading)
         .map_err(CliError::input)?;
 
-    let asked = args.estimator.as_deref().and_then(LocateEstimator::named);
+    let estimator = match &args.estimator {
+        Some(name) => choice::estimator(registry, name, "--estimator")?,
+        None => registry.suited_to(&received).map_err(CliError::input)?,
+    };
     let config = LocateConfig {
         power,
         target_up_m: args.target_up_m,
         margin_m: args.margin_m,
+        reference_m: args.reference_m.map(Into::into),
         seed: args.seed,
-        ..LocateConfig::new(asked.unwrap_or_else(|| LocateEstimator::suited_to(&heard)))
     };
     let truth = truth(args, &recordings)?;
-    let located = locate(&heard, &config).map_err(|error| match error {
+    let located = estimator.locate(&received, &config).map_err(|error| match error {
+        LocateError::Start(EstimatorError::Unsupported { .. }) => CliError::input(error),
         LocateError::Start(_) => CliError::failure(error),
         error => CliError::input(error),
     })?;
@@ -173,11 +170,12 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
              see --margin-m",
         );
     }
-    let report = Report::new(&recordings, beacon, &config, truth, &located);
+    let name = estimator.name.to_string();
+    let report = Report::new(name, beacon, &recordings, args.target_up_m, truth, &located);
     output.result(&report, place)
 }
 
-/// Refuses numbers that mean nothing.
+/// Refuses numbers that are out of range.
 fn check(args: &Args) -> Result<(), CliError> {
     if !args.target_up_m.is_finite() {
         return Err(CliError::input(format!("--target-up-m is {}, no height", args.target_up_m)));
@@ -189,7 +187,7 @@ fn check(args: &Args) -> Result<(), CliError> {
     Ok(())
 }
 
-/// What is known of the transmitter's power: what the flags say, or else the calibration.
+/// What is known of the transmitter's power, by the flags or else by the calibration.
 fn power(args: &Args, calibration: &CalibrationFile) -> Result<Power, CliError> {
     match (args.p0_dbm, args.exponent) {
         (Parameter::Free, Parameter::Free) => {
@@ -219,16 +217,17 @@ fn truth(args: &Args, recordings: &[Recording]) -> Result<Option<Vector2<f64>>, 
 
 impl Report {
     fn new(
-        recordings: &[Recording],
+        estimator: String,
         beacon: Option<String>,
-        config: &LocateConfig,
+        recordings: &[Recording],
+        target_up_m: f64,
         truth: Option<Vector2<f64>>,
         located: &Located,
     ) -> Self {
         let estimate = &located.estimate;
         let frame = recordings.iter().find_map(Recording::frame);
         let on_earth = |place: &Vector2<f64>| -> Option<Geodetic> {
-            frame.map(|frame| frame.to_geodetic(&place.push(config.target_up_m)))
+            frame.map(|frame| frame.to_geodetic(&place.push(target_up_m)))
         };
         let rival = |rival: &Rival| {
             let on_earth = on_earth(&rival.place);
@@ -244,16 +243,16 @@ impl Report {
         let rivals = located.rivals.iter().map(rival).collect();
         let on_earth = on_earth(&estimate.mean);
         Self {
-            estimator: config.estimator.name(),
+            estimator,
             beacon,
             estimate: Estimated {
                 lat_deg: on_earth.map(|place| place.lat_deg),
                 lon_deg: on_earth.map(|place| place.lon_deg),
                 east_m: estimate.mean.x,
                 north_m: estimate.mean.y,
-                covariance_m2: rows(estimate),
+                covariance_m2: PlaceEstimate::from(estimate).covariance_m2,
             },
-            ellipse_95: estimate.ellipse(0.95),
+            ellipse_95: located.ellipse_95(),
             truth: truth.map(Place::from),
             error_m: truth.map(|truth| (estimate.mean - truth).norm()),
             nees: truth.and_then(|truth| estimate.nees(&truth)),
@@ -281,7 +280,7 @@ fn place(report: &Report) -> String {
     ]);
     let axes = report.ellipse_95.map(|e| format!("{:.1} × {:.1}", e.semi_major, e.semi_minor));
     place.add_row([
-        report.estimator.to_owned(),
+        report.estimator.clone(),
         number(report.estimate.lat_deg, 6),
         number(report.estimate.lon_deg, 6),
         number(report.estimate.east_m, 1),
@@ -314,7 +313,7 @@ fn rivals(rivals: &[RivalPlace]) -> String {
         ]);
     }
     format!(
-        "\n\nOther places fit nearly as well, and the ellipse knows nothing of them:\n{places}\nThe \
-         density is that of the posterior, over that at the place above."
+        "\n\nOther places fit nearly as well, and the ellipse does not include \
+         them:\n{places}\nThe density is that of the posterior, over that at the place above."
     )
 }

@@ -4,62 +4,106 @@ pub(crate) mod antenna;
 pub(crate) mod bearing;
 pub(crate) mod calibrate;
 pub(crate) mod campaign;
+pub(crate) mod compare;
 #[cfg(feature = "hardware")]
 pub(crate) mod devices;
 #[cfg(feature = "hardware")]
 pub(crate) mod emulate;
-pub(crate) mod estimators;
-pub(crate) mod extractors;
+pub(crate) mod fleets;
 #[cfg(feature = "hardware")]
 pub(crate) mod fly;
 pub(crate) mod hunt;
+pub(crate) mod list;
 pub(crate) mod locate;
 #[cfg(feature = "hardware")]
 pub(crate) mod node;
-pub(crate) mod planners;
 pub(crate) mod replay;
-pub(crate) mod scenarios;
+#[cfg(not(any(feature = "ros1", feature = "ros2")))]
+pub(crate) mod unavailable;
 
-mod antennas;
-mod bearing_campaign;
 mod calibration;
 mod calibration_report;
+mod campaign_tables;
 mod choice;
 mod extraction;
 mod fixes;
-mod fleets_campaign;
 #[cfg(feature = "hardware")]
 mod flight_plan;
+mod notices;
 mod overrides;
 mod parameter;
-mod planners_campaign;
 mod planning;
 mod recorded;
-mod telling;
+mod repetition;
+mod settings;
 
-use crate::{args::Command, error::CliError, output::Output};
+use clap::Subcommand;
+
+use crate::{context::Context, error::CliError};
+
+/// The subcommands, each with its file.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Hunt(hunt::Args),
+    Campaign(campaign::Args),
+    Compare(compare::Args),
+    Fleets(fleets::Args),
+    List(list::Args),
+    Replay(replay::Args),
+    Calibrate(calibrate::Args),
+    Locate(locate::Args),
+    Bearing(bearing::Args),
+    Antenna(antenna::Args),
+    #[cfg(feature = "hardware")]
+    Fly(fly::Args),
+    #[cfg(feature = "hardware")]
+    Devices(devices::Args),
+    #[cfg(feature = "hardware")]
+    Emulate(emulate::Args),
+    #[cfg(feature = "hardware")]
+    Node(node::Args),
+    /// Fly a hunt on real devices; not in this build
+    #[cfg(not(feature = "hardware"))]
+    Fly(unavailable::AnyArguments),
+    /// Examine the devices that are plugged in; not in this build
+    #[cfg(not(feature = "hardware"))]
+    Devices(unavailable::AnyArguments),
+    /// Emulate the devices of a simulated field; not in this build
+    #[cfg(not(feature = "hardware"))]
+    Emulate(unavailable::AnyArguments),
+    /// Run one computer's part of a hunt over ROS; not in this build
+    #[cfg(not(feature = "hardware"))]
+    Node(unavailable::AnyArguments),
+}
 
 /// Runs a subcommand.
-pub(crate) fn run(command: Command, output: Output) -> Result<(), CliError> {
+pub(crate) fn run(command: Command, context: Context<'_>) -> Result<(), CliError> {
     match command {
-        Command::Hunt(args) => hunt::run(&args, output),
-        Command::Campaign(args) => campaign::run(&args, output),
-        Command::Scenarios(args) => scenarios::run(&args, output),
-        Command::Estimators(args) => estimators::run(&args, output),
-        Command::Extractors(args) => extractors::run(&args, output),
-        Command::Planners(args) => planners::run(&args, output),
-        Command::Replay(args) => replay::run(&args, output),
-        Command::Calibrate(args) => calibrate::run(&args, output),
-        Command::Locate(args) => locate::run(&args, output),
-        Command::Bearing(args) => bearing::run(&args, output),
-        Command::Antenna(args) => antenna::run(&args, output),
+        Command::Hunt(args) => hunt::run(&args, context),
+        Command::Campaign(args) => campaign::run(&args, context),
+        Command::Compare(args) => compare::run(&args, context),
+        Command::Fleets(args) => fleets::run(&args, context),
+        Command::List(args) => list::run(&args, context),
+        Command::Replay(args) => replay::run(&args, context),
+        Command::Calibrate(args) => calibrate::run(&args, context),
+        Command::Locate(args) => locate::run(&args, context),
+        Command::Bearing(args) => bearing::run(&args, context),
+        Command::Antenna(args) => antenna::run(&args, context.output),
         #[cfg(feature = "hardware")]
-        Command::Fly(args) => fly::run(&args, output),
+        Command::Fly(args) => fly::run(&args, context),
         #[cfg(feature = "hardware")]
-        Command::Devices(args) => devices::run(&args, output),
+        Command::Devices(args) => devices::run(&args, context.output),
         #[cfg(feature = "hardware")]
-        Command::Emulate(args) => emulate::run(&args, output),
+        Command::Emulate(args) => emulate::run(&args, context.output),
         #[cfg(feature = "hardware")]
-        Command::Node(args) => node::run(&args, output),
+        Command::Node(args) => node::run(&args, context),
+        #[cfg(not(feature = "hardware"))]
+        Command::Fly(args) => args.refuse("fly", "hardware"),
+        #[cfg(not(feature = "hardware"))]
+        Command::Devices(args) => args.refuse("devices", "hardware"),
+        #[cfg(not(feature = "hardware"))]
+        Command::Emulate(args) => args.refuse("emulate", "hardware"),
+        #[cfg(not(feature = "hardware"))]
+        Command::Node(args) => args.refuse("node", "ros1,ros2"),
     }
 }

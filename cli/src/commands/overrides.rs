@@ -1,28 +1,30 @@
 use clap::ValueEnum;
 use foxhunt::{
-    config::{ExtractorConfig, NamedEstimator},
+    config::{EstimatorConfig, ExtractorConfig},
     hunt::Components,
+    registry::EstimatorEntry,
     scenario::Scenario,
 };
 
-use crate::output::warn;
+use crate::{error::CliError, output::warn};
 
-/// What of an estimator is set otherwise than its name says.
+/// Settings of an estimator that replace those of its name.
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "The estimator")]
 pub(super) struct Overrides {
-    /// Which of level and bearing it is told
+    /// Which components of a reception it uses
     #[arg(long, value_name = "WHICH")]
-    components: Option<Told>,
-    /// How far from the formation's start a beacon is looked for: σ of each coordinate, in metres
+    components: Option<UsedComponents>,
+    /// σ in metres of each coordinate of a beacon about the formation's start, before the first
+    /// reception
     #[arg(long, value_name = "M")]
     prior_sigma_m: Option<f64>,
-    /// σ in dB of the reference power, which is then found along with the place; 0 where it is
+    /// σ in dB of the reference power, which is then estimated along with the place; 0 where it is
     /// known
     #[arg(long, value_name = "DB")]
     power_sigma_db: Option<f64>,
-    /// Add so much to the σ of each bearing, in squares: errors that no turn shows of itself, as where
-    /// whole patterns are turned
+    /// A σ in degrees that is added in squares to that of each bearing: for errors that no turn
+    /// shows, as where whole patterns are turned
     #[arg(long, value_name = "DEG")]
     bearing_sigma_deg: Option<f64>,
     /// Use receptions that come at most so many seconds late at their own time
@@ -30,9 +32,9 @@ pub(super) struct Overrides {
     lag_s: Option<f64>,
 }
 
-/// Which components of a reception are used, as the command line has it.
+/// The components of a reception that are used, as the command line has them.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Told {
+enum UsedComponents {
     /// Level and bearing.
     Both,
     /// The level alone.
@@ -41,16 +43,19 @@ enum Told {
     Bearing,
 }
 
-impl Overrides {
-    /// Whether anything was.
-    pub(super) fn any(&self) -> bool {
-        let Self { components, prior_sigma_m, power_sigma_db, bearing_sigma_deg, lag_s } = self;
-        let numbers = [prior_sigma_m, power_sigma_db, bearing_sigma_deg, lag_s];
-        components.is_some() || numbers.iter().any(|v| v.is_some())
+impl From<UsedComponents> for Components {
+    fn from(used: UsedComponents) -> Self {
+        match used {
+            UsedComponents::Both => Self::Both,
+            UsedComponents::Rss => Self::RssOnly,
+            UsedComponents::Bearing => Self::BearingOnly,
+        }
     }
+}
 
-    /// Tells a scenario's hunt what was asked for of its bearings.
-    pub(super) fn tell(&self, scenario: &mut Scenario) {
+impl Overrides {
+    /// Sets σ of a scenario's bearings.
+    pub(super) fn apply_to(&self, scenario: &mut Scenario) {
         if let Some(sigma) = self.bearing_sigma_deg {
             scenario.bearings.get_or_insert_default().sigma_floor_deg = sigma;
         }
@@ -58,34 +63,40 @@ impl Overrides {
 
     /// Warns of an extractor whose σ is that of the turn alone, in a world that turns patterns as a
     /// whole.
-    pub(super) fn warn_of(&self, scenario: &Scenario) {
+    pub(super) fn warn_of_turned_patterns(&self, scenario: &Scenario) {
         let turned = scenario.world.channel.bearing_sigma_deg;
-        let told = scenario.bearings.is_some_and(|bearings| bearings.sigma_floor_deg > 0.0);
+        let allowed_for = scenario.bearings.is_some_and(|bearings| bearings.sigma_floor_deg > 0.0);
         let reference = matches!(scenario.extractor, ExtractorConfig::Pritzl2018(_));
-        if turned > 0.0 && !told && !reference {
+        if turned > 0.0 && !allowed_for && !reference {
             warn(&format!(
-                "  {} turns whole patterns by {turned}°, which no turn shows: its bearings are less \
-                 certain than this extractor says; tell it with --bearing-sigma-deg {turned}",
+                "  {} turns whole patterns by {turned}°, which no turn shows: the σ of this \
+                 extractor's bearings is too small; add --bearing-sigma-deg {turned}",
                 scenario.name
             ));
         }
     }
 
-    /// The estimator with what was asked for set otherwise.
-    pub(super) fn apply(&self, mut estimator: NamedEstimator) -> NamedEstimator {
-        let config = &mut estimator.config;
-        if let Some(told) = self.components {
-            config.track.components = match told {
-                Told::Both => Components::Both,
-                Told::Rss => Components::RssOnly,
-                Told::Bearing => Components::BearingOnly,
-            };
+    /// The estimator with the settings of the command line. One without settings is refused with
+    /// the name of the flag.
+    pub(super) fn estimator(&self, entry: &EstimatorEntry) -> Result<EstimatorEntry, CliError> {
+        let mut changed = entry.clone();
+        let mut set = |flag, change: &dyn Fn(&mut EstimatorConfig)| {
+            changed = changed.with_settings(flag, change).map_err(CliError::input)?;
+            Ok::<_, CliError>(())
+        };
+        if let Some(used) = self.components {
+            set("--components", &|settings| settings.track.components = used.into())?;
         }
-        config.prior_sigma_m = self.prior_sigma_m.or(config.prior_sigma_m);
-        config.lag_s = self.lag_s.or(config.lag_s);
+        if let Some(sigma) = self.prior_sigma_m {
+            set("--prior-sigma-m", &|settings| settings.prior_sigma_m = Some(sigma))?;
+        }
+        if let Some(lag_s) = self.lag_s {
+            set("--lag-s", &|settings| settings.lag_s = Some(lag_s))?;
+        }
         if let Some(sigma) = self.power_sigma_db {
-            config.power_sigma_db = Some(sigma).filter(|sigma| sigma.total_cmp(&0.0).is_ne());
+            let sigma = Some(sigma).filter(|sigma| sigma.total_cmp(&0.0).is_ne());
+            set("--power-sigma-db", &|settings| settings.power_sigma_db = sigma)?;
         }
-        estimator
+        Ok(changed)
     }
 }

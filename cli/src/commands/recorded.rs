@@ -6,7 +6,7 @@ use clap::value_parser;
 use foxhunt::{
     geodesy::{Geodetic, LocalFrame},
     recorded::{RecordedError, Selection, only_beacon},
-    recording::{Mapping, ReadOptions, Recording, RecordingError},
+    recording::{Mapping, ReadOptions, Recording},
 };
 
 use crate::{error::CliError, output::warn};
@@ -18,10 +18,10 @@ pub(crate) struct Reading {
     /// mapping; recognised by the file's header unless given
     #[arg(long, value_name = "NAME|FILE")]
     format: Option<String>,
-    /// Which beacon is meant, where the recording holds several
+    /// The beacon, where the recording holds several
     #[arg(long, value_name = "NAME")]
     beacon: Option<String>,
-    /// How many positions a turn of the antenna has
+    /// The number of positions in a turn of the antenna
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = value_parser!(u16).range(1..=360))]
     pub(super) positions: u16,
 }
@@ -43,7 +43,7 @@ impl FromStr for LatLon {
             text.parse::<f64>().map_err(|_| format!("the {name} {text:?} is not a number"))
         };
         let (lat_deg, lon_deg) = (degrees("latitude", lat)?, degrees("longitude", lon)?);
-        // The same door as for places out of files.
+        // Checked as places out of files are.
         Geodetic::new(lat_deg, lon_deg, 0.0).map_err(|error| error.to_string())?;
         Ok(Self { lat_deg, lon_deg })
     }
@@ -62,25 +62,25 @@ impl LatLon {
 }
 
 impl Reading {
-    fn options(&self) -> Result<ReadOptions, RecordingError> {
+    fn options(&self) -> Result<ReadOptions, CliError> {
         let options = ReadOptions::default();
         Ok(match &self.format {
-            Some(format) => options.with_format(Mapping::find(format)?),
+            Some(format) => options.with_format(Mapping::find(format).map_err(CliError::input)?),
             None => options,
         })
     }
 
-    /// Reads recordings into one frame, and says on standard error what was left out.
+    /// Reads recordings into one frame, and prints on standard error what was left out.
     pub(super) fn read(&self, files: &[PathBuf]) -> Result<Vec<Recording>, CliError> {
-        let options = self.options().map_err(CliError::input)?;
+        let options = self.options()?;
         let recordings = Recording::read_all(files, &options).map_err(CliError::input)?;
         for recording in &recordings {
-            tell(recording);
+            narrate(recording);
         }
         Ok(recordings)
     }
 
-    /// The beacon that was asked for.
+    /// The beacon of the command line.
     pub(super) fn wanted(&self) -> Option<&str> {
         self.beacon.as_deref()
     }
@@ -92,8 +92,8 @@ impl Reading {
     }
 }
 
-/// Says how a recording was read.
-fn tell(recording: &Recording) {
+/// Prints how a recording was read.
+fn narrate(recording: &Recording) {
     let kept = recording.records().len();
     warn(&format!(
         "{}: format {}, {kept} of {} rows",
@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn places_are_checked() {
         assert_eq!("35.728, -78.697".parse(), Ok(LatLon { lat_deg: 35.728, lon_deg: -78.697 }));
-        for (text, told) in [
+        for (text, part) in [
             ("35.7", "LAT,LON"),
             ("north,1", "\"north\""),
             ("1,NaN", "NaN"),
@@ -132,7 +132,7 @@ mod tests {
             ("0,400", "400"),
         ] {
             let error = text.parse::<LatLon>().expect_err(text);
-            assert!(error.contains(told), "{text}: {error}");
+            assert!(error.contains(part), "{text}: {error}");
         }
     }
 }

@@ -2,27 +2,29 @@ use std::path::PathBuf;
 
 use comfy_table::Table;
 use foxhunt::{
-    config::estimator_named,
     core::{Ellipse, Outcome},
     filters::consistency::Verdict,
+    hunt::PlaceEstimate,
     log::{Log, LogError},
+    registry::EstimatorEntry,
     replay::{Replay, ReplayedFix, replay},
-    report::{Place, PlaceEstimate},
+    report::Place,
 };
 use serde::Serialize;
 
 use super::{choice, fixes};
 use crate::{
+    context::Context,
     error::{CliError, InFile},
-    output::{Output, warn},
+    output::warn,
     table::{number, table, text},
 };
 
 /// Run a log through an estimator again
 ///
-/// Takes every reception of a log through the estimator that the log was made with, and says
-/// whether each estimate is the same to the bit; or through another estimator, and compares the
-/// two on the same flight.
+/// Runs every reception of a log through the estimator that the log was made with, and checks
+/// whether each estimate is the same to the bit; or through another estimator, and compares the two
+/// on the same flight.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt replay out/hunt.jsonl\n  \
                         foxhunt replay out/hunt.jsonl --estimator particle")]
@@ -30,7 +32,7 @@ pub(crate) struct Args {
     /// A log, such as `foxhunt hunt` writes it
     log: PathBuf,
     /// Another estimator than the log's own
-    #[arg(long, value_name = "NAME", value_parser = choice::estimator_parser())]
+    #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
 }
 
@@ -67,7 +69,7 @@ struct Replayed {
     anis: Option<f64>,
     /// Where a consistent estimator's ANIS lies with 95 %.
     anis_interval: Option<[f64; 2]>,
-    /// Whether the innovations are as large as the estimator says.
+    /// Whether the innovations are as large as the estimator claims.
     innovations: Verdict,
     /// The probability of innovations as correlated as these if they are white (Ljung & Box 1978).
     whiteness_p: Option<f64>,
@@ -78,20 +80,21 @@ struct Replayed {
     logged_error_m: Option<f64>,
 }
 
-pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let Context { output, registry } = context;
     let log = Log::read(&args.log).map_err(|error: LogError| CliError::input(error))?;
     if log.torn {
         warn(&format!("{}: the last line is cut short and left out", args.log.display()));
     }
     let other = match &args.estimator {
-        Some(name) => Some(choice::estimator(name, "--estimator")?),
+        Some(name) => Some(choice::estimator(registry, name, "--estimator")?),
         None => None,
     };
-    let replayed = replay(&log, other.as_ref()).map_err(|error| {
+    let replayed = replay(&log, registry, other).map_err(|error| {
         let file = args.log.display().to_string();
         CliError::input(InFile { file, source: Box::new(error) })
     })?;
-    let report = Report::new(&log, &replayed, args.estimator.as_deref());
+    let report = Report::new(&log, &replayed, other);
     output.result(&report, tables)?;
     if report.own && report.identical < report.compared {
         let different = report.compared - report.identical;
@@ -102,15 +105,19 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
 }
 
 impl Report {
-    fn new(log: &Log, replayed: &Replay, asked: Option<&str>) -> Self {
+    fn new(log: &Log, replayed: &Replay, other: Option<&EstimatorEntry>) -> Self {
         let header = &log.header;
-        let asked_config = asked.and_then(estimator_named).map(|known| known.config);
+        let own = |entry: &EstimatorEntry| match (entry.settings(), &header.estimator) {
+            (Some(settings), Some(logged)) => settings == logged,
+            (None, None) => entry.name == header.estimator_name,
+            _ => false,
+        };
         Self {
             scenario: header.scenario.clone(),
             seed: header.seed,
             logged_estimator: header.estimator_name.clone(),
-            estimator: asked.unwrap_or(&header.estimator_name).to_owned(),
-            own: asked_config.is_none_or(|config| config == header.estimator),
+            estimator: other.map_or(header.estimator_name.clone(), |entry| entry.name.to_string()),
+            own: other.is_none_or(own),
             compared: replayed.compared,
             identical: replayed.compared.saturating_sub(replayed.different),
             beacons: replayed.fixes.iter().map(|fix| Replayed::new(log, fix)).collect(),
@@ -158,10 +165,10 @@ fn tables(report: &Report) -> String {
 /// What the columns of [`innovations`] mean.
 const LEGEND: &str = "A consistent estimator's ANIS lies in the interval with 95 %, and its \
      innovations are as\ncorrelated as these or more with the probability \"white p\". It \
-     diverged as often as the innovations\nof ten receptions became larger than it can explain: by \
-     chance, one look in 20 000.";
+     diverged each time that the innovations\nof ten receptions became larger than it can \
+     explain: by chance, once in 20 000 tests.";
 
-/// What the innovations say of the estimator.
+/// The statistics of the innovations.
 fn innovations(report: &Report) -> Table {
     let mut innovations =
         table(&["beacon", "rejected", "ANIS", "interval", "verdict", "white p", "diverged"]);

@@ -3,7 +3,7 @@ use std::{fmt::Write as _, fs};
 use crate::support::{folder, foxhunt, has};
 
 #[test]
-fn an_antenna_tells_its_figures() {
+fn the_figures_of_an_antenna() {
     let read = foxhunt(["antenna", "reference-patch", "--json"]).json();
     has(
         &read,
@@ -59,7 +59,7 @@ fn what_is_no_antenna_is_wrong_input() {
     foxhunt(["antenna", &broken]).failed(2, &["broken.msi", "line 2", "unit"]);
 }
 
-/// A lobe of 15 dB that looks to 120° compass, heard twice from places 30 dB apart in level.
+/// A lobe of 15 dB that looks to 120° compass, received twice from places 30 dB apart in level.
 #[test]
 fn a_pattern_is_learned_from_turns_with_a_known_bearing() {
     let folder = folder("learned-antenna");
@@ -91,7 +91,7 @@ fn a_pattern_is_learned_from_turns_with_a_known_bearing() {
     let again = foxhunt(["antenna", &csv, "--json"]).json();
     let widths = [&learned, &again].map(|r| number(&r["azimuth_beamwidth_deg"]));
     assert!((widths[0] - widths[1]).abs() < 1e-6, "{widths:?}");
-    // Taken for 90° further to the right, the transmitter is heard best on the right.
+    // Taken for 90° further to the right, the strongest direction is on the right.
     let turned = foxhunt(["antenna", "--learn", &file, "--bearing-deg", "210", "--json"]).json();
     let lobe = number(&turned["main_lobe_azimuth_deg"]);
     assert!((lobe + 90.0).abs() < 0.1, "{lobe}");

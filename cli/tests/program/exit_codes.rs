@@ -22,15 +22,30 @@ fn values_out_of_range_are_wrong_use() {
     foxhunt(["locate", "x.csv", "--p0-dbm", "loud"]).failed(2, &["--p0-dbm", "loud", "free"]);
     foxhunt(["locate", "x.csv", "--margin-m", "0"]).failed(2, &["--margin-m"]);
     foxhunt(["calibrate", "x.csv", "--max-exponent", "-3"]).failed(2, &["--max-exponent", "-3"]);
-    foxhunt(["antenna", "yagi", "--bearing-deg", "10"]).failed(2, &["--bearing-deg", "--learn"]);
-    foxhunt(["campaign", "pritzl-6.1", "--runs", "2", "--flown"]).failed(2, &["--flown"]);
+    foxhunt(["antenna", "yagi", "--bearing-deg", "10"]).failed(2, &["--bearing-deg", "FILE|NAME"]);
+    foxhunt(["locate", "x.csv", "--reference-m", "1,2"]).failed(2, &["--reference-m", "E,N,U"]);
 }
 
 #[test]
 #[cfg(not(any(feature = "ros1", feature = "ros2")))]
-fn a_node_without_a_middleware_says_how_to_get_one() {
+fn a_node_without_a_middleware_names_the_remedy() {
     for args in [&["node"][..], &["node", "drone", "--drone", "0", "--over", "ros2"]] {
         foxhunt(args).failed(2, &[&args.join(" "), "--features ros1,ros2"]);
+    }
+}
+
+#[test]
+fn commands_of_earlier_versions_name_the_new_ones() {
+    for (args, command) in [
+        (&["scenarios"][..], "foxhunt list scenarios"),
+        (&["estimators"], "foxhunt list estimators"),
+        (&["campaign", "planners", "--runs", "1"], "foxhunt compare planners"),
+        (&["campaign", "antennas", "--runs", "1"], "foxhunt compare antennas"),
+        (&["campaign", "fleets", "--runs", "1"], "foxhunt fleets"),
+        (&["campaign", "bot-m", "--runs", "1"], "foxhunt compare estimators bot-m"),
+        (&["campaign", "bearing-65", "--runs", "1"], "foxhunt compare extractors bearing-65"),
+    ] {
+        foxhunt(args).failed(2, &[command]);
     }
 }
 
@@ -54,7 +69,7 @@ fn a_scenario_file_is_refused_with_line_field_and_value() {
         ("[planner]", "[hunt]\nprior_sigma_m = 0.0\n[planner]", &["prior_sigma_m", "0"]),
         ("[planner]", "[simulation]\ntick_s = 0.0\n[planner]", &["tick_s", "0"]),
     ];
-    for (index, (from, to, told)) in cases.into_iter().enumerate() {
+    for (index, (from, to, texts)) in cases.into_iter().enumerate() {
         let text = scenario().replacen(from, to, 1);
         assert_ne!(text, scenario(), "{from}");
         let name = format!("bad{index}.toml");
@@ -66,7 +81,7 @@ fn a_scenario_file_is_refused_with_line_field_and_value() {
             "--out",
             folder.to_str().expect("UTF-8"),
         ]);
-        ran.failed(2, told);
+        ran.failed(2, texts);
         ran.failed(2, &[&name]);
     }
 }

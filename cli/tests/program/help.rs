@@ -1,17 +1,19 @@
 use crate::support::foxhunt;
 
-const SUBCOMMANDS: [&str; 12] = [
+const SUBCOMMANDS: [&str; 14] = [
     "hunt",
     "campaign",
-    "scenarios",
-    "estimators",
-    "extractors",
-    "planners",
+    "compare",
+    "fleets",
+    "list",
     "replay",
     "calibrate",
     "locate",
     "bearing",
     "antenna",
+    "fly",
+    "devices",
+    "emulate",
     "node",
 ];
 
@@ -33,7 +35,16 @@ fn every_subcommand_explains_itself() {
 
 #[test]
 fn wrong_use_is_code_2() {
-    for args in [&[][..], &["fly"], &["hunt", "--wings"], &["locate"], &["campaign"]] {
+    for args in [
+        &[][..],
+        &["fly"],
+        &["hunt", "--wings"],
+        &["locate"],
+        &["campaign"],
+        &["compare", "estimators", "--runs", "1"],
+        &["fleets"],
+        &["list"],
+    ] {
         let ran = foxhunt(args);
         assert_eq!(ran.code, 2, "{args:?}: {ran:?}");
         assert!(ran.stdout.is_empty() && ran.stderr.contains("Usage"), "{ran:?}");
@@ -41,24 +52,11 @@ fn wrong_use_is_code_2() {
 }
 
 #[test]
-fn lists_are_tables_or_json() {
-    let table = foxhunt(["estimators"]);
-    assert!(table.code == 0 && table.stdout.contains("ukf-pritzl2018"), "{table:?}");
-    let listed = foxhunt(["estimators", "--json"]).json();
-    let first = &listed.as_array().expect("a list")[0];
-    crate::support::has(first, &["name", "about", "source", "locate_only"]);
-    for name in ["shadowing-grid", "lenth1981", "lenth1981-andrews", "field-map", "batch"] {
-        let own = |e: &&serde_json::Value| e["name"] == name && e["locate_only"] == true;
-        assert!(listed.as_array().expect("a list").iter().any(|e| own(&e)), "{name}");
-        // A cell is broken where it is too narrow.
-        assert!(table.stdout.contains(name), "{name} is missing in {}", table.stdout);
+fn arguments_name_the_registry() {
+    let hunt = foxhunt(["hunt", "--help"]).stdout;
+    for name in ["range-difference-bearing", "maximum-likelihood-reflection", "steepest-descent"] {
+        assert!(hunt.contains(name), "{name} is missing in {hunt}");
     }
-    assert!(table.stdout.contains("(locate"), "{}", table.stdout);
-
-    let listed = foxhunt(["--json", "scenarios"]).json();
-    let listed = listed.as_array().expect("a list");
-    let default: Vec<_> = listed.iter().filter(|s| s["default"] == true).collect();
-    assert_eq!(default.len(), 1);
-    assert_eq!(default[0]["name"], "pritzl-6.1");
-    assert!(foxhunt(["scenarios"]).stdout.contains("pritzl-6.1"));
+    assert!(!hunt.contains("lenth1981"), "it takes all receptions at once");
+    assert!(foxhunt(["locate", "--help"]).stdout.contains("lenth1981"));
 }

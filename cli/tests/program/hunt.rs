@@ -68,3 +68,47 @@ fn a_hunt_from_a_file_ends_with_a_table() {
     let own = foxhunt(["hunt", file, "--out", out, "--json"]).json();
     assert_eq!(own["estimator"], "ekf-pritzl2018", "the scenario's own");
 }
+
+#[test]
+fn a_hunt_flies_with_the_planner_that_is_given() {
+    let out = folder("planner");
+    let hunt = |more: &[&str]| {
+        let args = ["hunt", "--json", "--estimator", "ekf-pritzl2018", "--out"];
+        let out = out.to_str().expect("a name");
+        foxhunt(args.into_iter().chain([out]).chain(more.iter().copied())).json()
+    };
+    let held = hunt(&["--planner", "hold"]);
+    assert_eq!(held["beacons"][0]["outcome"], "move_limit");
+    assert_eq!(hunt(&["--planner", "waypoints"])["beacons"][0]["outcome"], "path_done");
+    assert_eq!(held["planner"], "hold");
+    // What pritzl-6.1 flies with is the reference's planner.
+    let (own, named) = (hunt(&[]), hunt(&["--planner", "pritzl2018"]));
+    assert_eq!(own["beacons"], named["beacons"]);
+    assert_eq!(
+        (&own["planner"], &named["planner"]),
+        (&"scenario's own".into(), &"pritzl2018".into())
+    );
+}
+
+#[test]
+fn a_hunt_flies_with_the_extractor_that_is_given() {
+    let dir = std::env::temp_dir().join(format!("foxhunt-extractor-{}", std::process::id()));
+    let out = dir.to_str().expect("a name");
+    let hunt = |extractor: &str| {
+        let estimator = ["--estimator", "ekf-pritzl2018"];
+        let args = ["hunt", "--json", "--extractor", extractor, "--out", out];
+        let ran = foxhunt(args.into_iter().chain(estimator));
+        assert_eq!(ran.code, 0, "{ran:?}");
+        ran.stdout
+    };
+    assert_ne!(hunt("pritzl2018"), hunt("maximum"));
+    std::fs::remove_dir_all(&dir).expect("it is there");
+}
+
+#[test]
+fn what_a_hunt_cannot_fly_with_is_refused() {
+    foxhunt(["hunt", "--extractor", "magic"]).failed(2, &["magic", "main-lobe"]);
+    foxhunt(["hunt", "--antenna", "dipole"]).failed(2, &["--antenna"]);
+    foxhunt(["hunt", "--estimator", "lenth1981"]).failed(2, &["all receptions", "foxhunt locate"]);
+    foxhunt(["bearing", "x.csv", "--all", "--extractor", "maximum"]).failed(2, &["--all"]);
+}

@@ -3,12 +3,12 @@
 mod antenna;
 mod calibration;
 mod campaign;
+mod compare;
 mod exit_codes;
-mod extractors;
 mod help;
 mod hunt;
+mod lists;
 mod pipes;
-mod planners;
 mod recorded;
 mod replay;
 mod support;

@@ -2,7 +2,7 @@ use std::process::{Command, Stdio};
 
 #[test]
 fn a_reader_that_leaves_is_no_failure() {
-    for args in [&["scenarios"][..], &["campaign", "--runs", "2"]] {
+    for args in [&["list", "scenarios"][..], &["campaign", "--runs", "2"]] {
         let mut child = Command::new(env!("CARGO_BIN_EXE_foxhunt"))
             .args(args)
             .stdout(Stdio::piped())

@@ -106,7 +106,7 @@ fn a_known_path_loss_gives_the_range() {
 }
 
 #[test]
-fn a_straight_flight_tells_both_sides() {
+fn a_straight_flight_has_a_rival_on_the_other_side() {
     let folder = folder("rivals");
     // Along a line to the East, past a transmitter 30 m to the North of it.
     let mut text = "east_m,north_m,up_m,rss_dbm,truth_east_m,truth_north_m\n".to_owned();
@@ -116,14 +116,14 @@ fn a_straight_flight_tells_both_sides() {
         writeln!(text, "{east},0,10,{rss},60,30").expect("a text takes it all");
     }
     let file = write(&folder, "straight.csv", &text);
-    let args = ["locate", &file, "--estimator", "batch", "--margin-m", "50"];
+    let args = ["locate", &file, "--estimator", "batch-multistart", "--margin-m", "50"];
     let report = foxhunt(args.iter().chain(&["--json"])).json();
     let rivals = report["rivals"].as_array().expect("a list");
     assert_eq!(rivals.len(), 1, "{report}");
     has(&rivals[0], &["lat_deg", "lon_deg", "east_m", "north_m", "relative_density", "error_m"]);
     let north = |place: &serde_json::Value| place["north_m"].as_f64().expect("a number");
     assert!((north(&rivals[0]) + north(&report["estimate"])).abs() < 0.1, "{report}");
-    let error = |told: &serde_json::Value| told["error_m"].as_f64().expect("a number");
+    let error = |found: &serde_json::Value| found["error_m"].as_f64().expect("a number");
     assert!(error(&report).min(error(&rivals[0])) < 5.0, "{report}");
     let table = foxhunt(args);
     assert!(table.code == 0 && table.stdout.contains("relative density"), "{table:?}");
@@ -135,8 +135,8 @@ fn a_straight_flight_tells_both_sides() {
         .failed(2, &["lenth1981", "needs bearings"]);
     let two = write(&folder, "two.csv", "east_m,north_m,bearing_deg_compass\n0,0,45\n9,0,315\n");
     let few = foxhunt(["locate", &two, "--estimator", "lenth1981"]);
-    few.failed(2, &["bearings meet", "batch", "there are 2 bearings, and 3 are needed"]);
-    assert_eq!(few.stderr.matches("there are 2").count(), 1, "said once: {}", few.stderr);
+    few.failed(2, &["bearings meet", "batch-multistart", "2 bearings, and 3 are needed"]);
+    assert_eq!(few.stderr.matches("there are 2").count(), 1, "printed once: {}", few.stderr);
     let map = foxhunt(["locate", "--json", &file, "--estimator", "field-map"]).json();
     assert_eq!(map["estimator"], "field-map");
 }

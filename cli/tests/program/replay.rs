@@ -46,7 +46,7 @@ fn another_estimator_is_compared() {
 fn a_log_that_was_changed_does_not_replay() {
     let log = log("replay_changed");
     let text = fs::read_to_string(&log).expect("it was written");
-    let line = text.lines().find(|l| l.contains("\"corrected\"")).expect("something was heard");
+    let line = text.lines().find(|l| l.contains("\"corrected\"")).expect("something was received");
     let changed = line.replace("\"covariance\":[", "\"covariance\":[1");
     assert_ne!(line, changed);
     fs::write(&log, text.replacen(line, &changed, 1)).expect("it can be written");

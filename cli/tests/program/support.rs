@@ -38,12 +38,12 @@ impl Ran {
         serde_json::from_str(&self.stdout).expect("standard output is one JSON value")
     }
 
-    /// Ended with this code, told all of this in one error, and printed no result.
-    pub(crate) fn failed(&self, code: i32, told: &[&str]) {
+    /// Ended with this code and an error that holds all of these texts, and printed no result.
+    pub(crate) fn failed(&self, code: i32, texts: &[&str]) {
         assert_eq!(self.code, code, "{self:?}");
         assert!(self.stdout.is_empty(), "{self:?}");
         assert!(!self.stderr.contains("panicked"), "{self:?}");
-        for text in told {
+        for text in texts {
             assert!(self.stderr.contains(text), "{text:?} is not in {}", self.stderr);
         }
     }

@@ -11,7 +11,7 @@ pub fn bearing_extractor(
     sweep: &Sweep<'_>,
     room: &mut [Sample],
 ) {
-    let sweep = &Sweep { unheard: &[], ..*sweep };
+    let sweep = &Sweep { unanswered: &[], ..*sweep };
     let nothing = extractor.extract(&Sweep { samples: &[], ..*sweep });
     assert_eq!(nothing, Err(NoReading::Empty), "a sweep without samples was read");
     let Ok(reading) = extractor.extract(sweep) else { return };

@@ -50,14 +50,14 @@ pub fn measurement_model<const N: usize, const M: usize>(
             let sigma = nalgebra::Vector3::new(0.5, 0.3, 0.2);
             let several = several.with_receiver_sigma(sigma).expect("a proper place");
             likelihoods(model, state, &several);
-            let told = model.log_likelihood(state, &several);
+            let likelihood = model.log_likelihood(state, &several);
             let mixture = several
                 .hypotheses()
                 .map(|(weight, one)| libm::log(weight) + model.log_likelihood(state, &one))
                 .fold(f64::NEG_INFINITY, log_add);
             assert!(
-                (told - mixture).abs() <= 1e-9 * (1.0 + mixture.abs()),
-                "two directions are {told} likely, as a mixture {mixture}"
+                (likelihood - mixture).abs() <= 1e-9 * (1.0 + mixture.abs()),
+                "two directions are {likelihood} likely, as a mixture {mixture}"
             );
         }
     }
@@ -81,7 +81,7 @@ fn likelihoods<const N: usize, const M: usize>(
         let one = model.log_likelihood(x, observation);
         assert!(
             (one - many).abs() <= 1e-9 * (1.0 + one.abs()),
-            "log_likelihoods says {many}, log_likelihood {one}"
+            "log_likelihoods is {many}, log_likelihood {one}"
         );
     }
 }

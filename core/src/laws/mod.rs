@@ -10,7 +10,7 @@ mod motion;
 mod planner;
 mod source;
 
-pub use estimator::estimator;
+pub use estimator::{Checks, estimator, estimator_with};
 pub use extractor::bearing_extractor;
 pub use measurement::measurement_model;
 pub use motion::motion_model;

@@ -114,6 +114,6 @@ impl fmt::Write for Written {
 
 fn explained<P: FormationPlanner>(planner: &P, decision: &Decision) {
     let mut written = Written(false);
-    let told = planner.explain(&mut written);
-    assert!(told.is_ok() && written.0, "no reason is given for {decision:?}");
+    let written_out = planner.explain(&mut written);
+    assert!(written_out.is_ok() && written.0, "no reason is given for {decision:?}");
 }

@@ -12,7 +12,7 @@ pub fn pattern_source(
     polls: usize,
     mut advance: impl FnMut(),
 ) {
-    lends_nothing(source, "a source that was not asked");
+    lends_nothing(source, "a source before `begin`");
     if let Err(error) = source.begin(beacons) {
         panic!("the turn did not begin: {error}");
     }
@@ -38,7 +38,7 @@ pub fn pattern_source(
     if let Err(error) = source.begin(&[]) {
         panic!("a turn for no beacon failed: {error}");
     }
-    lends_nothing(source, "a source that was asked for no beacon");
+    lends_nothing(source, "a source with no beacon to measure");
 }
 
 fn lends_nothing(source: &mut impl PatternSource, which: &str) {
@@ -57,9 +57,9 @@ fn keeps_order(sweep: &Sweep<'_>) {
         assert!(sample.position < sweep.positions, "position {}", sample.position);
         assert!(sample.boresight.is_finite() && sample.rss_dbm.is_finite());
     }
-    for unheard in sweep.unheard {
-        assert!(unheard.position < sweep.positions, "position {}", unheard.position);
-        assert!(unheard.boresight.is_finite(), "boresight {}", unheard.boresight);
+    for unanswered in sweep.unanswered {
+        assert!(unanswered.position < sweep.positions, "position {}", unanswered.position);
+        assert!(unanswered.boresight.is_finite(), "boresight {}", unanswered.boresight);
     }
     assert!(sweep.time >= before, "the turn ended before its last sample");
 }

@@ -22,7 +22,7 @@ pub trait MotionModel<const N: usize> {
 
     /// L with L Lᵀ = Q(Δt).
     ///
-    /// A factor is asked for and not Q, so that Q is positive semi-definite by construction and
+    /// A factor is required and not Q, so that Q is positive semi-definite by construction and
     /// a particle is moved by L ξ with no factorisation.
     fn noise_factor(&self, state: &State<N>, dt: f64) -> SMatrix<f64, N, N>;
 

@@ -41,8 +41,8 @@ impl<const M: usize> TryFrom<Parts<M>> for Observation<M> {
             }
             whole = whole.with_bearing_modes(component, modes);
         }
-        let heard = (0..M).filter(|&i| parts.missing[i]).fold(whole, Self::without);
-        Ok((0..M).filter(|&i| parts.below[i]).fold(heard, Self::below))
+        let present = (0..M).filter(|&i| parts.missing[i]).fold(whole, Self::without);
+        Ok((0..M).filter(|&i| parts.below[i]).fold(present, Self::below))
     }
 }
 
@@ -69,7 +69,7 @@ mod tests {
     use crate::BearingMode;
 
     #[test]
-    fn what_was_not_heard_is_kept_in_files() {
+    fn missing_components_are_kept_in_files() {
         let made = Observation::new(0.5, Pose::default(), Vector2::zeros(), Matrix2::identity());
         let whole = made.expect("proper");
         let mode = |angle| BearingMode { weight: 0.5, angle, sigma: 0.25 };

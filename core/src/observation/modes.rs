@@ -53,7 +53,7 @@ impl<const M: usize> Observation<M> {
         }))
     }
 
-    /// Whether one Gaussian says all of it, whatever the state: the receiver's place is known and
+    /// Whether one Gaussian describes it, whatever the state: the receiver's place is known and
     /// nothing competes for a bearing.
     #[must_use]
     pub fn is_plain(&self) -> bool {

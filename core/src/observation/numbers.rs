@@ -5,9 +5,9 @@ use crate::{BearingModes, Covariance, ObservationError, Pose, noise};
 /// `M` numbers measured by one receiver at one time, each with its own noise, any of them
 /// missing.
 ///
-/// A component may also be *below a limit*: the receiver listened and heard nothing, so the level
-/// lay below its floor. Such a component is missing to whoever works with residuals; a likelihood
-/// may use what it tells ([`upper_limit`](Self::upper_limit)).
+/// A component may also be *below a limit*: the receiver got no answer, so the level lay
+/// below its floor. Such a component is missing to whoever works with residuals; a likelihood
+/// may use the limit ([`upper_limit`](Self::upper_limit)).
 ///
 /// A bearing may be one of several ([`with_bearing_modes`](Self::with_bearing_modes)). Its value
 /// and noise are then the moments of all of them, for whoever works with residuals, and a
@@ -38,7 +38,7 @@ impl<const M: usize> Observation<M> {
     /// # Errors
     ///
     /// Names the time, the pose or the first component that is not finite, or whose variance is
-    /// not positive; or says that the covariance as a whole is not symmetric (to 1e-9 of its norm)
+    /// not positive; or the covariance as a whole, where it is not symmetric (to 1e-9 of its norm)
     /// and positive definite.
     pub fn new(
         time: f64,
@@ -83,8 +83,8 @@ impl<const M: usize> Observation<M> {
         self
     }
 
-    /// The same observation with one component not heard: all that is known of it is that it lay
-    /// below the value given, up to noise of its variance.
+    /// The same observation with one component below a limit: all that is known of it is that it
+    /// lay below the value given, up to noise of its variance.
     ///
     /// # Panics
     ///
@@ -97,7 +97,7 @@ impl<const M: usize> Observation<M> {
     }
 
     /// The limit below which a component lay, and the standard deviation of its noise; `None`
-    /// for one that was heard, or of which nothing is known.
+    /// for one that is present, or of which nothing is known.
     #[must_use]
     pub fn upper_limit(&self, component: usize) -> Option<(f64, f64)> {
         let below = self.below.get(component).copied().unwrap_or(false);
@@ -200,7 +200,7 @@ impl<const M: usize> Observation<M> {
         self
     }
 
-    /// When it was heard, in seconds.
+    /// When it was made, in seconds.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.time
@@ -230,7 +230,7 @@ impl<const M: usize> Observation<M> {
         self.present.iter().filter(|&&p| p).count()
     }
 
-    /// Whether nothing at all was heard. It may be censored all the same.
+    /// Whether no component is present. It may be censored all the same.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -249,11 +249,22 @@ impl<const M: usize> Observation<M> {
         })
     }
 
+    /// The lower triangular L with L Lᵀ = [`noise`](Self::noise), worked out once.
+    #[must_use]
+    pub fn noise_factor(&self) -> &SMatrix<f64, M, M> {
+        &self.root
+    }
+
     /// ln N(r; 0, R) over the components present.
     #[must_use]
     pub fn log_density(&self, residual: &SVector<f64, M>) -> f64 {
-        let residual = self.mask(residual.transpose()).transpose();
-        noise::gaussian(&residual, &self.root, self.len())
+        noise::gaussian(&self.strike(*residual), &self.root, self.len())
+    }
+
+    /// Zeroes the missing components' rows.
+    #[must_use]
+    pub fn strike<const A: usize>(&self, matrix: SMatrix<f64, M, A>) -> SMatrix<f64, M, A> {
+        SMatrix::from_fn(|i, j| if self.present[i] { matrix[(i, j)] } else { 0.0 })
     }
 
     /// Zeroes the missing components' columns.
@@ -314,7 +325,7 @@ mod tests {
         let residual = Vector2::new(3.0, 2.0);
         let error = below.log_density(&residual) - pair.without(0).log_density(&residual);
         assert!(error.abs() < 1e-15);
-        assert_eq!(below.without(0), pair.without(0), "what is struck out tells nothing");
+        assert_eq!(below.without(0), pair.without(0), "a missing component has no limit");
         assert_eq!((pair.upper_limit(0), pair.upper_limit(7)), (None, None));
     }
 

@@ -92,7 +92,7 @@ impl<const N: usize> Hessian<N> {
 }
 
 /// Below this a direction is left open.
-const LEAST_RCOND: f64 = 1e-12;
+pub(super) const LEAST_RCOND: f64 = 1e-12;
 
 /// Refuses an information that leaves a direction open, or a place less certain than the region is
 /// wide.

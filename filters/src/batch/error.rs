@@ -1,3 +1,5 @@
+use foxhunt_core::parameter::{ParameterError, finite, positive};
+
 /// Why observations were not turned into an estimate.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -13,27 +15,16 @@ pub enum BatchError {
         need: usize,
     },
     /// A number that came in is NaN, infinite or, where it must be, not positive.
-    #[error("{name} of entry {index} is {value}; it must be {requirement}")]
+    #[error("entry {index}: {error}")]
     Value {
-        /// Which number.
-        name: &'static str,
         /// Whose: the entry's place in its list, from 0.
         index: usize,
-        /// What it was.
-        value: f64,
-        /// What it must be.
-        requirement: &'static str,
+        /// Which number, and what it must be.
+        error: ParameterError,
     },
     /// A setting is out of its range.
-    #[error("{name} is {value}; it must be {requirement}")]
-    Setting {
-        /// Which setting.
-        name: &'static str,
-        /// What it was.
-        value: f64,
-        /// What it must be.
-        requirement: &'static str,
-    },
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
     /// The model or its Jacobian is not finite at a start, or the prior has no factor.
     #[error("the {what} is not finite or not positive definite")]
     Improper {
@@ -69,22 +60,13 @@ pub enum BatchError {
     },
 }
 
-/// A setting, if it is positive and finite.
-pub(crate) fn positive(name: &'static str, value: f64) -> Result<f64, BatchError> {
-    if value > 0.0 && value.is_finite() {
-        Ok(value)
-    } else {
-        Err(BatchError::Setting { name, value, requirement: "a positive number" })
-    }
-}
-
 /// Refuses an entry's number that is not finite.
-pub(crate) fn finite_entry(name: &'static str, index: usize, value: f64) -> Result<(), BatchError> {
-    if value.is_finite() {
-        Ok(())
-    } else {
-        Err(BatchError::Value { name, index, value, requirement: "a finite number" })
-    }
+pub(crate) fn finite_entry(
+    name: &'static str,
+    index: usize,
+    value: f64,
+) -> Result<f64, BatchError> {
+    finite(name, value).map_err(|error| BatchError::Value { index, error })
 }
 
 /// Refuses an entry's number that is not positive and finite.
@@ -92,12 +74,8 @@ pub(crate) fn positive_entry(
     name: &'static str,
     index: usize,
     value: f64,
-) -> Result<(), BatchError> {
-    if value > 0.0 && value.is_finite() {
-        Ok(())
-    } else {
-        Err(BatchError::Value { name, index, value, requirement: "a positive number" })
-    }
+) -> Result<f64, BatchError> {
+    positive(name, value).map_err(|error| BatchError::Value { index, error })
 }
 
 /// Refuses fewer entries than it takes.

@@ -2,25 +2,31 @@ use alloc::vec::Vec;
 
 use foxhunt_core::{
     Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, Observation,
-    RandomWalk, Role, State, visit_cubature_points,
+    Quantity, RandomWalk, Role, State, parameter::not_negative, visit_cubature_points,
 };
 use nalgebra::SVector;
 
-use super::{BatchError, BatchSolver, Loss, modes::Modes, problem::Heard, solver::posterior};
+use super::{
+    BatchError, BatchSolver, Loss,
+    belief::{laplace, posterior},
+    modes::Modes,
+    problem::Datum,
+};
 use crate::{Ekf, Gaussian, count::number};
 
 /// A recursive face of [`BatchSolver`]: keeps every observation of a still target, and after each
 /// solves maximum a posteriori anew over all of them.
 ///
-/// Nothing is linearised for good: what was heard early is linearised again about what was learned
+/// Nothing is linearised for good: what came early is linearised again about what was learned
 /// later. Each update starts from the optima of the last one, at most four, the prior's mean and,
 /// as long as there are few observations, its cubature points; the belief is the Gaussian about the
-/// best optimum with the inverse of the information there. An update takes time in proportion to
-/// the observations kept.
+/// best optimum with the inverse of the information there, or with the prior's spread about it as
+/// long as the observations leave a curved direction open, such as the ring of levels from one
+/// place. An update takes time in proportion to the observations kept.
 ///
 /// Bearings from the optimum's own place are left out of a solution, as in the solver.
 ///
-/// A target that drifts: the drift since the observations began is added to what is told. As soon
+/// A target that drifts: the drift since the observations began is added to the estimate. As soon
 /// as it exceeds a hundredth of the posterior's variance in any direction, the batch is closed: the
 /// belief becomes the prior of a new one, and the observations so far are given up. So the drift
 /// that an observation ignores is at most a hundredth of the belief that it met. A drift of 0 keeps
@@ -33,7 +39,7 @@ use crate::{Ekf, Gaussian, count::number};
 pub struct BatchEstimator<H, const N: usize, const M: usize> {
     solver: BatchSolver<H, N>,
     motion: RandomWalk<N>,
-    heard: Vec<Heard<M>>,
+    data: Vec<Datum<M>>,
     /// The optima of the last solution, the best first.
     modes: Vec<State<N>>,
     /// The belief about where the target was when the batch began, and stayed.
@@ -71,15 +77,14 @@ where
         measurement: H,
         prior: Estimate<N>,
     ) -> Result<Self, EstimatorError> {
-        if let Some(&value) = motion.drift.iter().find(|d| !(**d >= 0.0 && d.is_finite())) {
-            let requirement = "zero or a positive number";
-            return Err(EstimatorError::Parameter { name: "drift", value, requirement });
+        for drift in &motion.drift {
+            not_negative("drift", *drift)?;
         }
         let prior = Gaussian::new(prior, Role::Prior)?;
         Ok(Self {
             solver: BatchSolver::new(measurement).with_gaussian(prior),
             motion,
-            heard: Vec::new(),
+            data: Vec::new(),
             modes: Vec::new(),
             still: prior,
             drifted: SVector::zeros(),
@@ -94,34 +99,36 @@ where
     ///
     /// [`EstimatorError::Parameter`] when its parameter is not a positive number.
     pub fn with_loss(self, loss: Loss) -> Result<Self, EstimatorError> {
-        let solver = self.solver.with_loss(loss).map_err(told)?;
+        let solver = self.solver.with_loss(loss)?;
         Ok(Self { solver, ..self })
     }
 
     /// The observations that the belief rests on, in the order in which they came.
     pub fn observations(&self) -> impl ExactSizeIterator<Item = &Observation<M>> {
-        self.heard.iter().map(|heard| &heard.observation)
+        self.data.iter().map(|datum| &datum.observation)
     }
 
     fn starts(&self) -> Vec<State<N>> {
         let mut starts = self.modes.clone();
         let Some(prior) = &self.solver.prior else { return starts };
         starts.push(*prior.mean());
-        if self.heard.len() * M <= FEW * N {
+        if self.data.len() * M <= FEW * N {
             visit_cubature_points(prior.estimate(), &mut |x, _| starts.push(*x));
         }
         starts
     }
 
     /// Takes over what a search found; the belief is left as it was where that is improper.
-    fn adopt(&mut self, modes: &Modes<N>, heard: &[Heard<M>]) -> Result<f64, EstimatorError> {
+    fn adopt(&mut self, modes: &Modes<N>, data: &[Datum<M>]) -> Result<f64, EstimatorError> {
         let best = modes.ends.first().ok_or(EstimatorError::NotConverged { iterations: 0 })?;
-        let still = Gaussian::new(posterior(best).map_err(told)?, Role::Posterior)?;
+        let problem = self.solver.problem(data, 1.0);
+        let peak = Gaussian::new(laplace(best)?, Role::Posterior)?;
+        let still = Gaussian::new(posterior(&problem, best)?, Role::Posterior)?;
         let belief = drifted(&still, &self.drifted)?;
         // Laplace: the density at the optimum times the volume of the Gaussian about it.
-        let log_root: f64 = still.factor().diagonal().iter().map(|d| libm::log(*d)).sum();
+        let log_root: f64 = peak.factor().diagonal().iter().map(|d| libm::log(*d)).sum();
         let volume = 0.5 * number(N) * libm::log(core::f64::consts::TAU) + log_root;
-        let whole = self.solver.problem(heard, 1.0).normaliser() - best.cost + volume;
+        let whole = problem.normaliser() - best.cost + volume;
         let gained = whole - self.log_evidence;
         (self.still, self.belief, self.log_evidence) = (still, belief, whole);
         self.modes = modes.ends.iter().take(MOST_MODES).map(|end| end.state).collect();
@@ -145,7 +152,7 @@ where
         );
         // The trace bounds the largest share that any direction has.
         if root.norm_squared() > DRIFT_SHARE {
-            self.heard.clear();
+            self.data.clear();
             self.modes.clear();
             self.solver.prior = Some(belief);
             (self.still, self.drifted, self.log_evidence) = (belief, SVector::zeros(), 0.0);
@@ -164,15 +171,16 @@ where
         let linear = Ekf::new(RandomWalk::<N>::uniform(0.0), &self.solver.model, before)?;
         let innovation = linear.innovation(observation)?;
         let nis = (!observation.is_empty()).then_some(innovation.nis);
-        self.heard.push(Heard::new(*observation));
-        let mut heard = self.heard.clone();
-        let found = self.solver.search(&mut heard, &self.starts(), 1.0).map_err(told);
-        match found.and_then(|modes| self.adopt(&modes, &heard)) {
+        self.data.push(Datum::new(*observation));
+        let mut data = self.data.clone();
+        let found =
+            self.solver.search(&mut data, &self.starts(), 1.0).map_err(EstimatorError::from);
+        match found.and_then(|modes| self.adopt(&modes, &data)) {
             Ok(log_evidence) => {
                 Ok(Correction::Fused { nis, log_evidence, effective_sample_size: None })
             }
             Err(error) => {
-                self.heard.pop();
+                self.data.pop();
                 Err(error)
             }
         }
@@ -180,6 +188,10 @@ where
 
     fn estimate(&self) -> Estimate<N> {
         *self.belief.estimate()
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        self.solver.model.quantities()
     }
 }
 
@@ -193,14 +205,14 @@ fn drifted<const N: usize>(
     Gaussian::new(estimate, Role::Posterior)
 }
 
-/// What a solver with a prior can fail of, as an estimator tells it.
-fn told(error: BatchError) -> EstimatorError {
-    match error {
-        BatchError::Setting { name, value, requirement } => {
-            EstimatorError::Parameter { name, value, requirement }
+/// What a solver with a prior can fail of.
+impl From<BatchError> for EstimatorError {
+    fn from(error: BatchError) -> Self {
+        match error {
+            BatchError::Parameter(error) => Self::Parameter(error),
+            BatchError::NotConverged { iterations } => Self::NotConverged { iterations },
+            BatchError::Flat { .. } => Self::NotPositiveDefinite { role: Role::Posterior },
+            _ => Self::NotFinite { role: Role::Expected },
         }
-        BatchError::NotConverged { iterations } => EstimatorError::NotConverged { iterations },
-        BatchError::Flat { .. } => EstimatorError::NotPositiveDefinite { role: Role::Posterior },
-        _ => EstimatorError::NotFinite { role: Role::Expected },
     }
 }

@@ -1,4 +1,6 @@
-use super::{BatchError, positive};
+use foxhunt_core::parameter::positive;
+
+use super::BatchError;
 
 /// What an observation's whitened residual costs, by its squared norm q: half of ρ(q).
 ///

@@ -1,5 +1,6 @@
 //! Estimates from all observations of a still target at once.
 
+mod belief;
 mod curvature;
 mod error;
 mod estimator;
@@ -16,4 +17,4 @@ pub use fix::BatchFix;
 pub use loss::Loss;
 pub use solver::BatchSolver;
 
-pub(crate) use error::{at_least, finite_entry, positive, positive_entry};
+pub(crate) use error::{at_least, finite_entry, positive_entry};

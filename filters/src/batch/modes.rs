@@ -5,7 +5,7 @@ use foxhunt_core::{MeasurementModel, State};
 use super::{
     BatchError,
     iteration::{End, Region, descend},
-    problem::{Heard, Problem},
+    problem::{Datum, Problem},
 };
 
 /// The distinct optima that some starts led to.
@@ -85,9 +85,9 @@ where
     let covariance = mode.information.cholesky()?.inverse();
     let variance = covariance[(0, 0)] + covariance[(1, 1)];
     let place = mode.state.fixed_rows::<2>(0);
-    let near = problem.heard.iter().enumerate().filter(|(_, heard)| problem.has_angle(heard));
-    let near = near.map(|(index, heard)| {
-        (index, (place - heard.observation.receiver().position.xy()).norm_squared())
+    let near = problem.data.iter().enumerate().filter(|(_, datum)| problem.has_angle(datum));
+    let near = near.map(|(index, datum)| {
+        (index, (place - datum.observation.receiver().position.xy()).norm_squared())
     });
     let nearest = near.filter(|(_, square)| *square < variance);
     nearest.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
@@ -95,7 +95,7 @@ where
 
 /// Which observation draws a descent into its receiver.
 ///
-/// At the receiver itself a bearing fits whatever it says: the density has a spike there without
+/// At the receiver itself a bearing fits whatever its value: the density has a spike there without
 /// any mass, and a descent creeps into it without end. Its angles have most of the information on
 /// some component there, the more the nearer it came.
 pub(super) fn trap<H, const N: usize, const M: usize>(
@@ -106,12 +106,12 @@ where
     H: MeasurementModel<N, M>,
 {
     let whole = problem.local(state).information.diagonal();
-    let share = |heard: &Heard<M>| {
-        let own = Problem { heard: core::slice::from_ref(heard), prior: None, ..*problem };
+    let share = |datum: &Datum<M>| {
+        let own = Problem { data: core::slice::from_ref(datum), prior: None, ..*problem };
         let own = own.local(state).information.diagonal();
         own.component_div(&whole).max()
     };
-    let angular = problem.heard.iter().enumerate().filter(|(_, h)| problem.has_angle(h));
-    let shares = angular.map(|(index, heard)| (index, share(heard))).filter(|(_, s)| *s > 0.5);
+    let angular = problem.data.iter().enumerate().filter(|(_, h)| problem.has_angle(h));
+    let shares = angular.map(|(index, datum)| (index, share(datum))).filter(|(_, s)| *s > 0.5);
     shares.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
 }

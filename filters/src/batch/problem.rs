@@ -6,23 +6,20 @@ use nalgebra::{SMatrix, SVector, Vector1};
 use super::Loss;
 use crate::{Gaussian, count::number};
 
-/// An observation with its noise factored.
+/// An observation, and apart from it what a censored one adds.
 #[derive(Clone, Debug)]
-pub(super) struct Heard<const M: usize> {
+pub(super) struct Datum<const M: usize> {
     pub(super) observation: Observation<M>,
-    root: SMatrix<f64, M, M>,
     /// The same with nothing left but that some components lay below a limit.
     silence: Option<Observation<M>>,
 }
 
-impl<const M: usize> Heard<M> {
+impl<const M: usize> Datum<M> {
     pub(super) fn new(observation: Observation<M>) -> Self {
-        let root = observation.noise().cholesky();
-        let root = root.expect("an observation is only made with a positive definite noise");
         let silence =
             (0..M).filter(|i| observation.has(*i)).fold(observation, Observation::without);
         let silence = observation.is_censored().then_some(silence);
-        Self { observation, root: root.unpack(), silence }
+        Self { observation, silence }
     }
 
     /// The same without its angles.
@@ -41,16 +38,16 @@ impl<const M: usize> Heard<M> {
     {
         let expected = model.expected(x, self.observation.receiver());
         let residual = model.residual(self.observation.value(), &expected);
-        let residual = self.observation.mask(residual.transpose()).transpose();
-        self.root.solve_lower_triangular_unchecked(&residual)
+        let residual = self.observation.strike(residual);
+        self.observation.noise_factor().solve_lower_triangular_unchecked(&residual)
     }
 
-    /// Whether it tells of a component that was not heard.
+    /// Whether some component lay below a limit.
     pub(super) fn is_silent(&self) -> bool {
         self.silence.is_some()
     }
 
-    /// The model's log-likelihood of what was not heard.
+    /// The model's log-likelihood of the components below their limits.
     fn log_silence<H, const N: usize>(&self, model: &H, x: &State<N>) -> f64
     where
         H: MeasurementModel<N, M>,
@@ -60,7 +57,8 @@ impl<const M: usize> Heard<M> {
 
     /// The Gaussian's normaliser: −½ m ln 2π − ln |R|^½.
     fn normaliser(&self) -> f64 {
-        let log_root: f64 = self.root.diagonal().iter().map(|d| libm::log(*d)).sum();
+        let log_root: f64 =
+            self.observation.noise_factor().diagonal().iter().map(|d| libm::log(*d)).sum();
         -0.5 * number(self.observation.len()) * libm::log(TAU) - log_root
     }
 }
@@ -78,7 +76,7 @@ pub(super) struct Local<const N: usize> {
 #[derive(Debug)]
 pub(super) struct Problem<'a, H, const N: usize, const M: usize> {
     pub(super) model: &'a H,
-    pub(super) heard: &'a [Heard<M>],
+    pub(super) data: &'a [Datum<M>],
     pub(super) prior: Option<&'a Gaussian<N>>,
     pub(super) loss: Loss,
     /// What all observations' covariances are multiplied by.
@@ -96,26 +94,27 @@ where
     }
 
     pub(super) fn cost(&self, x: &State<N>) -> f64 {
-        let misfit = |heard: &Heard<M>| {
-            let m = number(heard.observation.len());
-            self.loss.of(heard.white(self.model, x).norm_squared(), m).0
+        let misfit = |datum: &Datum<M>| {
+            let m = number(datum.observation.len());
+            self.loss.of(datum.white(self.model, x).norm_squared(), m).0
         };
-        let sum: f64 = self.heard.iter().map(misfit).sum();
+        let sum: f64 = self.data.iter().map(misfit).sum();
         let apart = self.apart_from_mean(x).map_or(0.0, |w| w.norm_squared());
-        let silence: f64 = self.heard.iter().map(|heard| heard.log_silence(self.model, x)).sum();
+        let silence: f64 = self.data.iter().map(|datum| datum.log_silence(self.model, x)).sum();
         0.5 * (sum / self.scale + apart) - silence
     }
 
     pub(super) fn local(&self, x: &State<N>) -> Local<N> {
         let (mut cost, mut gradient) = (0.0, State::<N>::zeros());
         let mut information = Covariance::<N>::zeros();
-        for heard in self.heard {
-            let white = heard.white(self.model, x);
-            let m = number(heard.observation.len());
+        for datum in self.data {
+            let white = datum.white(self.model, x);
+            let m = number(datum.observation.len());
             let (misfit, weight) = self.loss.of(white.norm_squared(), m);
-            let jacobian = self.model.jacobian(x, heard.observation.receiver());
-            let jacobian = heard.observation.mask(jacobian.transpose()).transpose();
-            let slope = heard.root.solve_lower_triangular_unchecked(&jacobian);
+            let jacobian = self.model.jacobian(x, datum.observation.receiver());
+            let jacobian = datum.observation.strike(jacobian);
+            let slope =
+                datum.observation.noise_factor().solve_lower_triangular_unchecked(&jacobian);
             cost += misfit;
             gradient -= slope.transpose() * white * weight;
             information += slope.transpose() * slope * weight;
@@ -123,10 +122,10 @@ where
         cost /= self.scale;
         gradient /= self.scale;
         information /= self.scale;
-        for heard in self.heard.iter().filter(|heard| heard.is_silent()) {
-            let log = |x: &State<N>| Vector1::new(heard.log_silence(self.model, x));
+        for datum in self.data.iter().filter(|datum| datum.is_silent()) {
+            let log = |x: &State<N>| Vector1::new(datum.log_silence(self.model, x));
             let score = numeric_jacobian(x, log, |a, b| a - b);
-            cost -= 2.0 * heard.log_silence(self.model, x);
+            cost -= 2.0 * datum.log_silence(self.model, x);
             gradient -= score.transpose();
             // The outer product of the score has the information's mean.
             information += score.transpose() * score;
@@ -144,36 +143,36 @@ where
 
     /// What turns a cost into a log-density: the sum of all normalisers.
     pub(super) fn normaliser(&self) -> f64 {
-        let heard: f64 = self.heard.iter().map(Heard::normaliser).sum();
+        let own: f64 = self.data.iter().map(Datum::normaliser).sum();
         let components = number(self.components());
         let prior = self.prior.map_or(0.0, |prior| {
             let log_root: f64 = prior.factor().diagonal().iter().map(|d| libm::log(*d)).sum();
             -0.5 * number(N) * libm::log(TAU) - log_root
         });
-        heard - 0.5 * components * libm::log(self.scale) + prior
+        own - 0.5 * components * libm::log(self.scale) + prior
     }
 
-    /// Whether an angle was heard.
-    pub(super) fn has_angle(&self, heard: &Heard<M>) -> bool {
+    /// Whether an angle is present.
+    pub(super) fn has_angle(&self, datum: &Datum<M>) -> bool {
         let axes = self.model.axes();
-        (0..M).any(|i| axes[i] == Axis::Angle && heard.observation.has(i))
+        (0..M).any(|i| axes[i] == Axis::Angle && datum.observation.has(i))
     }
 
-    /// How many observations tell of something that was not heard.
+    /// How many observations have a component below a limit.
     pub(super) fn silent(&self) -> usize {
-        self.heard.iter().filter(|heard| heard.is_silent()).count()
+        self.data.iter().filter(|datum| datum.is_silent()).count()
     }
 
-    /// How many numbers were heard.
+    /// How many components are present.
     pub(super) fn components(&self) -> usize {
-        self.heard.iter().map(|heard| heard.observation.len()).sum()
+        self.data.iter().map(|datum| datum.observation.len()).sum()
     }
 
     /// Each observation's weight, and its squared residual in its own standard deviations.
     pub(super) fn weights(&self, x: &State<N>) -> impl Iterator<Item = (f64, f64)> {
-        self.heard.iter().map(move |heard| {
-            let q = heard.white(self.model, x).norm_squared();
-            (self.loss.of(q, number(heard.observation.len())).1, q)
+        self.data.iter().map(move |datum| {
+            let q = datum.white(self.model, x).norm_squared();
+            (self.loss.of(q, number(datum.observation.len())).1, q)
         })
     }
 }

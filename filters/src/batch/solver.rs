@@ -1,14 +1,14 @@
 use alloc::vec::Vec;
 
-use foxhunt_core::{Covariance, Estimate, MeasurementModel, Observation, Role, State};
+use foxhunt_core::{Estimate, MeasurementModel, Observation, Role, State, parameter::positive};
 use nalgebra::Vector2;
 
 use super::{
     BatchError, BatchFix, Loss, at_least,
+    belief::posterior,
     iteration::{End, Region},
     modes::{Modes, NoMode, overhead, search, trap},
-    positive,
-    problem::{Heard, Problem},
+    problem::{Datum, Problem},
 };
 use crate::{Gaussian, count::number};
 
@@ -16,28 +16,29 @@ use crate::{Gaussian, count::number};
 /// target at once: nonlinear least squares by Levenberg and Marquardt, from several starts.
 ///
 /// Any [`MeasurementModel`] serves by its `expected`, `jacobian` and `residual`; the noise is the
-/// observations' own, under a [`Loss`]. (The model's own `log_likelihood` is asked only of what was
-/// not heard, `Observation::below`.) The covariance is the inverse of the observed information, the
-/// Hessian at the optimum (Efron & Hinkley 1978), which tends to the Cramér-Rao bound.
+/// observations' own, under a [`Loss`]. (The model's own `log_likelihood` is used only for
+/// components below a limit, `Observation::below`.) The covariance is the inverse of the observed
+/// information, the Hessian at the optimum (Efron & Hinkley 1978), which tends to the Cramér-Rao
+/// bound.
 ///
-/// A bearing from within a standard deviation of the optimum says less than it seems to: its
-/// density has a spike at its own receiver, whatever it says, and the information there is without
-/// bounds. Its angles are left out of the solution, and [`BatchFix::silenced`] tells so.
+/// A bearing from within a standard deviation of the optimum holds less than it seems to: its
+/// density has a spike at its own receiver, whatever its value, and the information there is
+/// without bounds. Its angles are left out of the solution, and [`BatchFix::silenced`] lists it.
 ///
 /// A likelihood without an optimum is an error and never a fix far away: without a prior the
 /// iterates must stay in a region about the receivers and starts, a thousand times as wide as they
-/// are apart unless [`with_reach`](Self::with_reach) says otherwise.
+/// are apart unless [`with_reach`](Self::with_reach) sets another limit.
 ///
 /// ```
-/// use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, State,
+/// use foxhunt_core::{MeasurementModel, Observation, Pose, Quantity, State,
 ///     nalgebra::{Matrix1, Vector1, Vector2}};
 /// use foxhunt_filters::BatchSolver;
 ///
 /// struct BearingOnly;
 ///
 /// impl MeasurementModel<2, 1> for BearingOnly {
-///     fn axes(&self) -> [Axis; 1] {
-///         [Axis::Angle]
+///     fn quantities(&self) -> [Quantity; 1] {
+///         [Quantity::BEARING]
 ///     }
 ///     fn expected(&self, target: &State<2>, receiver: &Pose) -> Vector1<f64> {
 ///         let (east, north) = (target.x - receiver.position.x, target.y - receiver.position.y);
@@ -46,8 +47,8 @@ use crate::{Gaussian, count::number};
 /// }
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
-/// let heard = [(0.0, 0.80), (50.0, 1.57), (100.0, 2.34)];
-/// let observations = heard
+/// let bearings = [(0.0, 0.80), (50.0, 1.57), (100.0, 2.34)];
+/// let observations = bearings
 ///     .map(|(east, bearing)| {
 ///         let (z, noise) = (Vector1::new(bearing), Matrix1::new(0.0025));
 ///         Observation::new(0.0, Pose::at(east, 0.0, 20.0), z, noise)
@@ -95,7 +96,7 @@ impl<H, const N: usize> BatchSolver<H, N> {
     ///
     /// # Errors
     ///
-    /// [`BatchError::Setting`] when its parameter is not a positive number.
+    /// [`BatchError::Parameter`] when its parameter is not a positive number.
     pub fn with_loss(self, loss: Loss) -> Result<Self, BatchError> {
         Ok(Self { loss: loss.check()?, ..self })
     }
@@ -104,7 +105,7 @@ impl<H, const N: usize> BatchSolver<H, N> {
     ///
     /// # Errors
     ///
-    /// [`BatchError::Setting`] when it is not a positive number.
+    /// [`BatchError::Parameter`] when it is not a positive number.
     pub fn with_reach(self, reach_m: f64) -> Result<Self, BatchError> {
         Ok(Self { reach_m: Some(positive("reach_m", reach_m)?), ..self })
     }
@@ -130,7 +131,7 @@ impl<H, const N: usize> BatchSolver<H, N> {
     ///
     /// # Errors
     ///
-    /// [`BatchError::TooFew`] without a component heard or, but for a prior, with fewer than the
+    /// [`BatchError::TooFew`] without a component or, but for a prior, with fewer than the
     /// state has, or without a start; [`BatchError::Improper`] when a model is not finite;
     /// [`BatchError::Flat`], [`BatchError::RanAway`] and [`BatchError::NotConverged`] when there is
     /// no optimum or it was not found.
@@ -142,26 +143,26 @@ impl<H, const N: usize> BatchSolver<H, N> {
     where
         H: MeasurementModel<N, M>,
     {
-        let mut heard: Vec<_> = observations.iter().copied().map(Heard::new).collect();
+        let mut data: Vec<_> = observations.iter().copied().map(Datum::new).collect();
         let mut starts = starts.to_vec();
         starts.extend(self.prior.as_ref().map(Gaussian::mean));
-        let problem = self.problem(&heard, 1.0);
-        let told = problem.components() + problem.silent();
-        at_least("components heard", told, if self.prior.is_some() { 1 } else { N })?;
-        let (mut modes, mut scale) = (self.search(&mut heard, &starts, 1.0)?, 1.0);
+        let problem = self.problem(&data, 1.0);
+        let components = problem.components() + problem.silent();
+        at_least("components", components, if self.prior.is_some() { 1 } else { N })?;
+        let (mut modes, mut scale) = (self.search(&mut data, &starts, 1.0)?, 1.0);
         let agreeing_starts = (modes.agreeing, starts.len());
-        let mut reduced = misfit(&self.problem(&heard, scale), &best(&modes).state);
+        let mut reduced = misfit(&self.problem(&data, scale), &best(&modes).state);
         if let Some(factor) = reduced.filter(|r| self.inflates && *r > 1.0) {
             scale = factor;
             starts = modes.ends.iter().map(|end| end.state).collect();
-            modes = self.search(&mut heard, &starts, scale)?;
-            reduced = misfit(&self.problem(&heard, scale), &best(&modes).state);
+            modes = self.search(&mut data, &starts, scale)?;
+            reduced = misfit(&self.problem(&data, scale), &best(&modes).state);
         }
-        let (problem, optimum) = (self.problem(&heard, scale), best(&modes));
+        let (problem, optimum) = (self.problem(&data, scale), best(&modes));
         let rivals = modes.ends.iter().skip(1);
-        let silenced = heard.iter().zip(observations).enumerate();
+        let silenced = data.iter().zip(observations).enumerate();
         Ok(BatchFix {
-            estimate: posterior(optimum)?,
+            estimate: posterior(&problem, optimum)?,
             log_posterior: problem.normaliser() - optimum.cost,
             reduced_chi_squared: reduced,
             weights: problem.weights(&optimum.state).map(|(weight, _)| weight).collect(),
@@ -177,26 +178,26 @@ impl<H, const N: usize> BatchSolver<H, N> {
 
     pub(super) fn problem<'a, const M: usize>(
         &'a self,
-        heard: &'a [Heard<M>],
+        data: &'a [Datum<M>],
         scale: f64,
     ) -> Problem<'a, H, N, M> {
         let Self { model, prior, loss, .. } = self;
-        Problem { model, heard, prior: prior.as_ref(), loss: *loss, scale }
+        Problem { model, data, prior: prior.as_ref(), loss: *loss, scale }
     }
 
-    /// The optima; strikes out of `heard` the angles that were heard from the optimum's own place.
+    /// The optima; strikes out of `data` the angles taken at the optimum's own place.
     pub(super) fn search<const M: usize>(
         &self,
-        heard: &mut [Heard<M>],
+        data: &mut [Datum<M>],
         starts: &[State<N>],
         scale: f64,
     ) -> Result<Modes<N>, BatchError>
     where
         H: MeasurementModel<N, M>,
     {
-        let region = self.region(heard, starts);
+        let region = self.region(data, starts);
         loop {
-            let problem = self.problem(heard, scale);
+            let problem = self.problem(data, scale);
             let found = search(&problem, starts, region, self.most_iterations);
             let trapping = match &found {
                 Ok(modes) => overhead(&problem, best(modes)),
@@ -206,13 +207,13 @@ impl<H, const N: usize> BatchSolver<H, N> {
                 Err(_) => None,
             };
             let Some(index) = trapping else { return found.map_err(|none| none.error) };
-            heard[index] = heard[index].without_angles(&self.model);
+            data[index] = data[index].without_angles(&self.model);
         }
     }
 
-    fn region<const M: usize>(&self, heard: &[Heard<M>], starts: &[State<N>]) -> Region {
+    fn region<const M: usize>(&self, data: &[Datum<M>], starts: &[State<N>]) -> Region {
         const { assert!(N >= 2, "a state holds East and North") };
-        let receivers = heard.iter().map(|h| h.observation.receiver().position.xy());
+        let receivers = data.iter().map(|h| h.observation.receiver().position.xy());
         let places: Vec<Vector2<f64>> =
             receivers.chain(starts.iter().map(|x| x.fixed_rows::<2>(0).into_owned())).collect();
         let centre = places.iter().sum::<Vector2<f64>>() / number(places.len()).max(1.0);
@@ -238,11 +239,4 @@ where
     let spare = problem.components().checked_sub(N).filter(|spare| *spare > 0)?;
     let sum: f64 = problem.weights(x).map(|(weight, q)| weight * q).sum();
     Some(sum / number(spare))
-}
-
-/// The optimum with the inverse of its information.
-pub(super) fn posterior<const N: usize>(end: &End<N>) -> Result<Estimate<N>, BatchError> {
-    let factor = end.information.cholesky().ok_or(BatchError::Flat { rcond: 0.0 })?;
-    let covariance = factor.solve(&Covariance::<N>::identity());
-    Ok(Estimate { mean: end.state, covariance: (covariance + covariance.transpose()) * 0.5 })
 }

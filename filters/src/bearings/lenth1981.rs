@@ -1,6 +1,6 @@
 use alloc::{vec, vec::Vec};
 
-use foxhunt_core::Estimate;
+use foxhunt_core::{Ellipse, Estimate, parameter::positive};
 use nalgebra::{Matrix2, Vector2};
 
 use super::{
@@ -9,7 +9,7 @@ use super::{
     moments::{reach, reciprocal_condition},
     weights::inverse_concentration,
 };
-use crate::batch::{BatchError, positive};
+use crate::batch::BatchError;
 
 /// Triangulation by maximum likelihood for von Mises errors, or by M-estimation (Lenth 1981, "On
 /// finding the source of a signal", Technometrics 23(2), 149-154).
@@ -20,11 +20,18 @@ use crate::batch::{BatchError, positive};
 /// weighted mean cosine of the errors (eq. 2.10). The covariance is κ⁻¹ times the inverse of the
 /// symmetric part of that matrix.
 ///
+/// Coordinates are taken about the receivers' mean, in units of their extent, so that neither the
+/// origin nor the scale of the frame matters.
+///
+/// Where κ is estimated, the paper's covariance is too small for few bearings: take an ellipse
+/// from [`BearingFix::ellipse`].
+///
 /// ```
 /// use foxhunt_core::nalgebra::Vector2;
 /// use foxhunt_filters::{BearingLine, Lenth1981};
-/// let heard = [(0.0, 0.0, 0.80), (100.0, 0.0, 2.30), (50.0, -40.0, 1.59), (0.0, 90.0, -0.72)];
-/// let lines = heard.map(|(x, y, bearing)| BearingLine { receiver: Vector2::new(x, y), bearing });
+/// let bearings = [(0.0, 0.0, 0.80), (100.0, 0.0, 2.30), (50.0, -40.0, 1.59), (0.0, 90.0, -0.72)];
+/// let line = |(x, y, bearing)| BearingLine { receiver: Vector2::new(x, y), bearing };
+/// let lines = bearings.map(line);
 /// let fix = Lenth1981::maximum_likelihood().locate(&lines)?;
 /// assert!((fix.position.mean - Vector2::new(48.0, 49.0)).norm() < 3.0);
 /// # Ok::<(), foxhunt_filters::BatchError>(())
@@ -39,18 +46,51 @@ pub struct Lenth1981 {
 /// Where lines of bearing meet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BearingFix {
-    /// The place with its covariance, East and North in metres.
+    /// The place with its covariance, East and North in metres. Where κ was estimated, this is
+    /// the covariance of the paper, for many bearings; see [`ellipse`](Self::ellipse).
     pub position: Estimate<2>,
     /// The concentration κ of the errors, about 1/σ² in rad⁻². Bearings that meet in a point leave
-    /// it unbounded; it is told as 10¹² then, σ = 1 µrad.
+    /// it unbounded; it is then given as 10¹², σ = 1 µrad.
     pub kappa: f64,
     /// What each bearing counted, in [0, 1].
     pub weights: Vec<f64>,
     /// How many iterations it took.
     pub iterations: u32,
+    /// The degrees of freedom of an estimated κ: the sum of the weights less two; `None` where κ
+    /// was given.
+    pub degrees_of_freedom: Option<f64>,
 }
 
-/// Where the iteration has settled: a step below this share of the receivers' extent.
+impl BearingFix {
+    /// The ellipse that holds the target with the given probability.
+    ///
+    /// With n bearings of weights that sum to W, 1/κ is estimated with ν = W − 2 degrees of
+    /// freedom, and from W rather than ν squares. So the ellipse is that of the quantile 2 F₂,ν
+    /// in place of χ²₂, over the covariance times W / ν. Where κ was given it is that of
+    /// χ²₂.
+    ///
+    /// `None` where no degree of freedom is left, the covariance is not positive definite, or
+    /// `probability` is not in (0, 1).
+    #[must_use]
+    pub fn ellipse(&self, probability: f64) -> Option<Ellipse> {
+        let Some(degrees) = self.degrees_of_freedom else {
+            return self.position.ellipse(probability);
+        };
+        if !(degrees > 0.0 && probability > 0.0 && probability < 1.0) {
+            return None;
+        }
+        let log_outside = libm::log1p(-probability);
+        // The quantiles in closed form: F₂,ν is (ν / 2) ((1 − p)^(−2 / ν) − 1), χ²₂
+        // −2 ln(1 − p).
+        let twice_f = degrees * libm::expm1(-2.0 * log_outside / degrees);
+        let scale = twice_f / (-2.0 * log_outside) * (degrees + 2.0) / degrees;
+        let covariance = self.position.covariance * scale;
+        Estimate { covariance, ..self.position }.ellipse(probability)
+    }
+}
+
+/// Where the iteration has settled: a step below this share of the receivers' extent, or of the
+/// distance from their mean where that is larger.
 const SETTLED: f64 = 1e-12;
 
 /// The largest κ.
@@ -67,7 +107,7 @@ impl Lenth1981 {
     ///
     /// # Errors
     ///
-    /// [`BatchError::Setting`] when c is not a positive number.
+    /// [`BatchError::Parameter`] when c is not a positive number.
     pub fn with_weights(self, weights: BearingWeights) -> Result<Self, BatchError> {
         Ok(Self { weights: weights.check()?, ..self })
     }
@@ -76,7 +116,7 @@ impl Lenth1981 {
     ///
     /// # Errors
     ///
-    /// [`BatchError::Setting`] when it is not a positive number.
+    /// [`BatchError::Parameter`] when it is not a positive number.
     pub fn with_kappa(self, kappa: f64) -> Result<Self, BatchError> {
         Ok(Self { kappa: Some(positive("kappa", kappa)?), ..self })
     }
@@ -99,12 +139,22 @@ impl Lenth1981 {
     pub fn locate(&self, lines: &[BearingLine]) -> Result<BearingFix, BatchError> {
         check(lines.iter(), if self.kappa.is_some() { 2 } else { 3 })?;
         let extent = reach(lines.iter().map(|line| line.receiver));
+        if extent.radius <= 0.0 {
+            // All bearings are from one place.
+            return Err(BatchError::Flat { rcond: 0.0 });
+        }
+        let relative = |line: &BearingLine| BearingLine {
+            receiver: (line.receiver - extent.centre) / extent.radius,
+            ..*line
+        };
+        let lines: Vec<BearingLine> = lines.iter().map(relative).collect();
+        let lines = lines.as_slice();
         let mut weights = vec![1.0; lines.len()];
         // The start takes all distances for equal (Lenth 1981, eq. 2.6).
         let even: Vec<_> = lines.iter().map(BearingLine::normal).collect();
         let mut place = solve(lines, &weights, &even)?;
         for iterations in 1..=self.most_iterations {
-            let distance_m = (place - extent.centre).norm();
+            let distance_m = place.norm() * extent.radius;
             if distance_m.is_nan() || distance_m > extent.limit {
                 return Err(BatchError::RanAway { distance_m, limit_m: extent.limit });
             }
@@ -112,8 +162,11 @@ impl Lenth1981 {
             let next = solve(lines, &weights, &moments(lines, &place))?;
             let step = (next - place).norm();
             place = next;
-            if step <= SETTLED * extent.radius {
-                return self.fix(lines, place, weights, kappa, iterations);
+            if step <= SETTLED * place.norm().max(1.0) {
+                let fix = self.fix(lines, place, weights, kappa, iterations)?;
+                let mean = fix.position.mean * extent.radius + extent.centre;
+                let covariance = fix.position.covariance * (extent.radius * extent.radius);
+                return Ok(BearingFix { position: Estimate { mean, covariance }, ..fix });
             }
         }
         Err(BatchError::NotConverged { iterations: self.most_iterations })
@@ -148,7 +201,9 @@ impl Lenth1981 {
         let covariance = factor.solve(&Matrix2::identity()) / kappa;
         let position =
             Estimate { mean: place, covariance: (covariance + covariance.transpose()) * 0.5 };
-        Ok(BearingFix { position, kappa, weights, iterations })
+        let degrees = weights.iter().sum::<f64>() - 2.0;
+        let degrees_of_freedom = self.kappa.is_none().then_some(degrees);
+        Ok(BearingFix { position, kappa, weights, iterations, degrees_of_freedom })
     }
 }
 
@@ -185,15 +240,12 @@ fn solve(
 ) -> Result<Vector2<f64>, BatchError> {
     let matrix = normal_matrix(lines, weights, m);
     let rcond = reciprocal_condition(&matrix);
-    // About the first receiver, so that a frame far from its origin costs no digits.
-    let origin = lines.first().map_or_else(Vector2::zeros, |line| line.receiver);
     let mut right = Vector2::zeros();
     for ((line, w), m) in lines.iter().zip(weights).zip(m) {
-        right += m * (w * line.normal().dot(&(line.receiver - origin)));
+        right += m * (w * line.normal().dot(&line.receiver));
     }
     if rcond < 1e-14 {
         return Err(BatchError::Flat { rcond });
     }
-    let step = matrix.lu().solve(&right).ok_or(BatchError::Flat { rcond: 0.0 })?;
-    Ok(origin + step)
+    matrix.lu().solve(&right).ok_or(BatchError::Flat { rcond: 0.0 })
 }

@@ -7,7 +7,7 @@ use crate::batch::{BatchError, at_least, finite_entry};
 pub struct BearingLine {
     /// East and North of the receiver in metres.
     pub receiver: Vector2<f64>,
-    /// The direction in which the target was heard, in radians counter-clockwise from East.
+    /// The direction of the target, in radians counter-clockwise from East.
     pub bearing: f64,
 }
 

@@ -108,7 +108,7 @@ pub fn instrumental_variables(bearings: &[(BearingLine, f64)]) -> Result<Estimat
         let place = fix.mean;
         let predicted =
             |line: &BearingLine| BearingLine { bearing: line.towards(&place), ..*line }.normal();
-        // A line heard from behind the estimate would enter with the wrong sign.
+        // A line taken from behind the estimate would enter with the wrong sign.
         let same_side = |line: &BearingLine| {
             let normal = predicted(line);
             if normal.dot(&line.normal()) < 0.0 { -normal } else { normal }

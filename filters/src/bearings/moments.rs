@@ -6,8 +6,8 @@ pub(super) struct Reach {
     pub(super) centre: Vector2<f64>,
     /// The largest distance of a receiver from the centre, in metres.
     pub(super) radius: f64,
-    /// A thousand times that: a bearing would have to be good to a milliradian to tell such a place
-    /// from infinity.
+    /// A thousand times that: a bearing would have to be good to a milliradian to distinguish such
+    /// a place from infinity.
     pub(super) limit: f64,
 }
 

@@ -20,7 +20,7 @@ pub struct RepeatedMedianFix {
 ///
 /// It breaks down only when half of the bearings are wrong, needs no start and no model of the
 /// errors, and wastes some of what good bearings know. Crossings behind a receiver do not count; a
-/// bearing that crosses none is taken for its receiver's own place. (The paper does not say so, but
+/// bearing that crosses none is taken for its receiver's own place. (It is not in the paper, but
 /// only this gives its table.) The covariance is the jackknife's (Tukey 1958).
 ///
 /// # Errors

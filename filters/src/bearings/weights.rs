@@ -1,4 +1,6 @@
-use crate::batch::{BatchError, positive};
+use foxhunt_core::parameter::positive;
+
+use crate::batch::BatchError;
 
 /// How bearings that stray are weighed (Lenth 1981, eq. 4.5 to 4.7), by their standardised error t
 /// = √(2κ (1 − cos e)): about the error in standard deviations.
@@ -52,6 +54,24 @@ pub(super) fn inverse_concentration(mean_cosine: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_concentration_is_that_of_the_paper() {
+        // 2 (1 − C) + (1 − C)² (0.48794 − 0.82905 C − 1.3915 C²) / C, by hand.
+        assert!((inverse_concentration(0.8) - 0.346_707).abs() < 1e-12);
+        assert!((inverse_concentration(0.5) - 0.862_77).abs() < 1e-12);
+    }
+
+    #[test]
+    fn weights_fall_where_the_paper_lets_them() {
+        let huber = BearingWeights::Huber { c: 1.5 };
+        assert!((huber.of(1.4) - 1.0).abs() < 1e-15 && (huber.of(3.0) - 0.5).abs() < 1e-15);
+        let andrews = BearingWeights::Andrews { c: 1.5 };
+        let quarter = 0.75 * core::f64::consts::PI;
+        assert!((andrews.of(quarter) - core::f64::consts::FRAC_2_PI).abs() < 1e-15);
+        assert!(andrews.of(2.0 * quarter + 1e-9) < 1e-9 && andrews.of(9.0) <= 0.0);
+        assert!((andrews.of(0.0) - 1.0).abs() < 1e-15);
+    }
 
     #[test]
     fn the_concentration_is_near_the_ratio_of_bessel_functions() {

@@ -103,7 +103,7 @@ impl ChiSquaredAverage {
         (self.count > 1).then(|| libm::sqrt(variance.max(0.0) / count))
     }
 
-    /// Whether the squares are as large as they should be. [`Verdict`] tells the rule.
+    /// Whether the squares are as large as they should be. The rule is that of [`Verdict`].
     #[must_use]
     pub fn verdict(&self) -> Verdict {
         match (self.average(), self.expected(), self.interval()) {

@@ -67,9 +67,9 @@ impl Coverage {
         Some([low, high])
     }
 
-    /// Whether the ellipses hold the truth as often as they should. [`Verdict`] tells the rule; a
-    /// Gaussian in the plane whose covariance is s times too small is held by its ellipse with
-    /// 1 − (1 − p)^(1/s).
+    /// Whether the ellipses hold the truth as often as they should. The rule is that of
+    /// [`Verdict`]; a Gaussian in the plane whose covariance is s times too small is held by its
+    /// ellipse with 1 − (1 − p)^(1/s).
     #[must_use]
     pub fn verdict(&self) -> Verdict {
         let Some([low, high]) = self.interval() else { return Verdict::TooFew };
@@ -106,8 +106,8 @@ mod tests {
             (95, 100, [0.887_165, 0.983_568]),
         ] {
             let interval = coverage(inside, count).interval().expect("some");
-            for (told, exact) in interval.iter().zip(exact) {
-                assert!((told - exact).abs() < 2e-6, "{inside} of {count}: {interval:?}");
+            for (found, exact) in interval.iter().zip(exact) {
+                assert!((found - exact).abs() < 2e-6, "{inside} of {count}: {interval:?}");
             }
         }
         assert_eq!(coverage(0, 0).interval(), None);

@@ -1,14 +1,14 @@
 use alloc::vec::Vec;
 
 use foxhunt_core::{
-    Correction, Estimate, Estimator, EstimatorError, MeasurementModel, Observation, State,
+    Correction, Estimate, Estimator, EstimatorError, MeasurementModel, Observation, Quantity, State,
 };
 use nalgebra::SVector;
 
 use super::ChiSquaredAverage;
 use crate::Innovation;
 
-/// An estimator that keeps the innovations of what it is told, and is otherwise the one inside.
+/// An estimator that records the innovations of its observations, and is otherwise the one inside.
 ///
 /// The average of the NIS is over what the estimator itself calls so, rejected observations
 /// included. The normalised innovations are worked out from the samples of the belief before
@@ -36,7 +36,7 @@ impl<E, H, const M: usize> Monitored<E, H, M> {
     }
 
     /// The normalised innovations in their order, as [`Whiteness`](super::Whiteness) takes them;
-    /// those that could not be told are missing as a whole.
+    /// those that could not be computed are missing as a whole.
     #[must_use]
     pub fn innovations(&self) -> &[SVector<Option<f64>, M>] {
         &self.innovations
@@ -62,7 +62,8 @@ where
         let innovation = Innovation::of_belief(&self.estimator, &self.model, observation);
         let correction = self.estimator.update(observation)?;
         if correction != Correction::Empty {
-            let white = innovation.and_then(|told| told.normalised_present(observation));
+            let white =
+                innovation.and_then(|innovation| innovation.normalised_present(observation));
             self.innovations.push(white.unwrap_or_else(|| SVector::repeat(None)));
         }
         if let Some(nis) = correction.nis() {
@@ -73,6 +74,10 @@ where
 
     fn estimate(&self) -> Estimate<N> {
         self.estimator.estimate()
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        self.estimator.quantities()
     }
 
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {

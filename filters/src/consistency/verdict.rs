@@ -1,13 +1,13 @@
 use core::fmt;
 
-use foxhunt_core::EstimatorError;
+use foxhunt_core::{EstimatorError, parameter::require};
 
 /// A covariance that is wrong by this factor is one that a test must be able to notice.
 pub(super) const NOTICEABLE: f64 = 1.5;
 
-/// Whether an estimator's errors are as large as it says.
+/// Whether an estimator's errors are as large as its covariance.
 ///
-/// The rule: what lies outside the interval of a consistent estimator is told as such, however
+/// The rule: what lies outside the interval of a consistent estimator is reported as such, however
 /// few the runs. Inside it, the estimator is called consistent only if there were enough runs to
 /// tell: an estimator whose covariance is wrong by a factor of 1.5, up or down, has to be expected
 /// outside the interval. Otherwise there were too few. With two degrees of freedom and 95 % that
@@ -16,11 +16,11 @@ pub(super) const NOTICEABLE: f64 = 1.5;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum Verdict {
-    /// Errors are as large as the estimator says.
+    /// Errors are as large as the covariance.
     Consistent,
-    /// Errors are larger than the estimator says.
+    /// Errors are larger than the covariance.
     OverConfident,
-    /// Errors are smaller than the estimator says.
+    /// Errors are smaller than the covariance.
     UnderConfident,
     /// No difference was found, but a factor of 1.5 would not have been noticed either.
     TooFew,
@@ -35,8 +35,8 @@ impl Verdict {
         if value < low {
             Self::UnderConfident
         } else if value <= high {
-            let told_apart = wrong[0] < low && wrong[1] > high;
-            if told_apart { Self::Consistent } else { Self::TooFew }
+            let distinguished = wrong[0] < low && wrong[1] > high;
+            if distinguished { Self::Consistent } else { Self::TooFew }
         } else {
             Self::OverConfident
         }
@@ -56,12 +56,7 @@ impl fmt::Display for Verdict {
 
 /// `value`, when it is a probability that leaves room on both sides.
 pub(super) fn probability(name: &'static str, value: f64) -> Result<f64, EstimatorError> {
-    let inside = value > 0.0 && value < 1.0;
-    inside.then_some(value).ok_or(EstimatorError::Parameter {
-        name,
-        value,
-        requirement: "in (0, 1)",
-    })
+    Ok(require(value > 0.0 && value < 1.0, name, value, "in (0, 1)")?)
 }
 
 #[cfg(test)]
@@ -69,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_inside_a_wide_interval_says_nothing() {
+    fn what_is_inside_a_wide_interval_gives_no_information() {
         let wrong = [2.0 / 1.5, 3.0];
         assert_eq!(Verdict::of(2.0, [1.8, 2.2], wrong), Verdict::Consistent);
         assert_eq!(Verdict::of(2.0, [1.3, 2.8], wrong), Verdict::TooFew);

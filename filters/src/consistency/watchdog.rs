@@ -1,6 +1,6 @@
 use alloc::collections::VecDeque;
 
-use foxhunt_core::{Correction, EstimatorError};
+use foxhunt_core::{Correction, EstimatorError, parameter::require};
 
 use super::{average::quantiles, verdict::probability};
 use crate::count::number;
@@ -40,7 +40,7 @@ pub struct NisWatchdog {
 
 /// What a [`NisWatchdog`] makes of a filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[must_use = "an alarm is only told here"]
+#[must_use = "an alarm is reported only here"]
 pub enum NisHealth {
     /// The window is not full yet.
     Filling,
@@ -92,10 +92,7 @@ impl NisWatchdog {
     ///
     /// [`EstimatorError::Parameter`] when the window is empty or the significance not in (0, 1).
     pub fn new(window: usize, significance: f64) -> Result<Self, EstimatorError> {
-        if window == 0 {
-            let (value, requirement) = (0.0, "at least 1");
-            return Err(EstimatorError::Parameter { name: "window", value, requirement });
-        }
+        require(window > 0, "window", 0.0, "at least 1")?;
         let significance = probability("significance", significance)?;
         Ok(Self { window, significance, ..Self::default() })
     }
@@ -122,7 +119,7 @@ impl NisWatchdog {
         self.health()
     }
 
-    /// What the present window says.
+    /// The health over the present window.
     pub fn health(&self) -> NisHealth {
         if self.squares.len() < self.window {
             return NisHealth::Filling;
@@ -139,7 +136,7 @@ impl NisWatchdog {
         }
     }
 
-    /// Forgets what it has seen, as after the filter was set anew.
+    /// Empties the window, as after the filter was set anew.
     pub fn reset(&mut self) {
         self.squares.clear();
     }

@@ -6,7 +6,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::{Innovation, count::number};
 
 /// Whether innovations are white: a consistent filter leaves nothing in one that could have been
-/// told from those before it (Bar-Shalom, Li & Kirubarajan 2001, §5.4.2, the time-average
+/// predicted from those before it (Bar-Shalom, Li & Kirubarajan 2001, §5.4.2, the time-average
 /// autocorrelation).
 ///
 /// ρ(l) = Σₖ ν(k)ᵀ ν(k + l) / Σₖ ν(k)ᵀ ν(k) over normalised innovations ν, whose components are
@@ -123,12 +123,12 @@ mod tests {
     fn a_short_run_by_hand() {
         let mut whiteness = Whiteness::new(3);
         whiteness.add_run(&[1.0, -2.0, 3.0].map(|v| Vector1::new(Some(v))));
-        let told: Vec<_> = whiteness.autocorrelations().collect();
-        assert_eq!(told.len(), 2, "there is no pair three apart");
+        let correlations: Vec<_> = whiteness.autocorrelations().collect();
+        assert_eq!(correlations.len(), 2, "there is no pair three apart");
         // (−2 − 6) / 14 and 3 / 14; variances 2 / 15 and 1 / 15.
-        assert!((told[0].rho + 8.0 / 14.0).abs() < 1e-15 && told[0].lag == 1);
-        assert!((told[1].rho - 3.0 / 14.0).abs() < 1e-15 && told[1].lag == 2);
-        assert!((told[0].sigma * told[0].sigma - 2.0 / 15.0).abs() < 1e-15);
+        assert!((correlations[0].rho + 8.0 / 14.0).abs() < 1e-15 && correlations[0].lag == 1);
+        assert!((correlations[1].rho - 3.0 / 14.0).abs() < 1e-15 && correlations[1].lag == 2);
+        assert!((correlations[0].sigma * correlations[0].sigma - 2.0 / 15.0).abs() < 1e-15);
         let test = whiteness.ljung_box().expect("pairs");
         let statistic = (64.0 / 2.0 + 9.0) / 196.0 * 15.0;
         assert!((test.statistic - statistic).abs() < 1e-12 && test.lags == 2);
@@ -142,9 +142,9 @@ mod tests {
         let gap = [Some(1.0), None, Some(2.0)].map(Vector1::new);
         let mut whiteness = Whiteness::new(2);
         whiteness.add_run(&gap);
-        let told: Vec<_> = whiteness.autocorrelations().collect();
-        assert_eq!(told.len(), 1);
-        assert!(told[0].lag == 2 && (told[0].rho - 0.4).abs() < 1e-15);
+        let correlations: Vec<_> = whiteness.autocorrelations().collect();
+        assert_eq!(correlations.len(), 1);
+        assert!(correlations[0].lag == 2 && (correlations[0].rho - 0.4).abs() < 1e-15);
         // Two runs make no pair between them.
         let mut apart = Whiteness::new(2);
         apart.add_run(&gap[..1]);

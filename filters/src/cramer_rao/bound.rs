@@ -16,7 +16,7 @@ use crate::{Gaussian, count::number, triangle};
 ///
 /// Holds the information matrix J; no estimator's E[(x − x̂)(x − x̂)ᵀ] is below J⁻¹. Expectations
 /// are averages over trajectories that come from outside: states drawn from the prior and moved
-/// by the model, all at the same time, with what is heard of each.
+/// by the model, all at the same time, with the observations of each.
 ///
 /// The prediction is eq. 21 of the source with additive noise,
 /// J⁻ = Q⁻¹ − Q⁻¹F̄ (J + E[Fᵀ Q⁻¹ F])⁻¹ F̄ᵀQ⁻¹, in a form that does not invert Q. With
@@ -46,7 +46,7 @@ pub struct PosteriorCramerRao<const N: usize> {
 const ROUNDING: f64 = 1e-6;
 
 impl<const N: usize> PosteriorCramerRao<N> {
-    /// The bound before anything was heard, with a Gaussian prior: J = P⁻¹.
+    /// The bound before the first observation, with a Gaussian prior: J = P⁻¹.
     ///
     /// # Errors
     ///
@@ -128,9 +128,9 @@ impl<const N: usize> PosteriorCramerRao<N> {
         self.accept(back.transpose() * left * back)
     }
 
-    /// Adds what an observation tells if its noise is Gaussian: E[Hᵀ R⁻¹ H]. Each trajectory comes
-    /// with its own observation, of which pose, noise and which components are present count, not
-    /// the values.
+    /// Adds the information of an observation if its noise is Gaussian: E[Hᵀ R⁻¹ H]. Each
+    /// trajectory comes with its own observation, of which pose, noise and which components are
+    /// present count, not the values.
     ///
     /// # Errors
     ///
@@ -138,9 +138,9 @@ impl<const N: usize> PosteriorCramerRao<N> {
     pub fn update<const M: usize>(
         &mut self,
         model: &(impl MeasurementModel<N, M> + ?Sized),
-        heard: impl IntoIterator<Item = (State<N>, Observation<M>)>,
+        observed: impl IntoIterator<Item = (State<N>, Observation<M>)>,
     ) -> Result<(), CramerRaoError> {
-        self.add(heard, |x, observation| {
+        self.add(observed, |x, observation| {
             let not_finite = EstimatorError::NotFinite { role: Role::Expected };
             gaussian(model, x, observation).ok_or(not_finite.into())
         })
@@ -155,10 +155,10 @@ impl<const N: usize> PosteriorCramerRao<N> {
     pub fn update_numerically<const M: usize>(
         &mut self,
         model: &(impl MeasurementModel<N, M> + ?Sized),
-        heard: impl IntoIterator<Item = (State<N>, Observation<M>)>,
+        observed: impl IntoIterator<Item = (State<N>, Observation<M>)>,
         quadrature: FisherQuadrature,
     ) -> Result<(), CramerRaoError> {
-        self.add(heard, |x, observation| quadrature.information(model, x, observation))
+        self.add(observed, |x, observation| quadrature.information(model, x, observation))
     }
 
     /// J, the information.
@@ -180,11 +180,11 @@ impl<const N: usize> PosteriorCramerRao<N> {
 
     fn add<const M: usize>(
         &mut self,
-        heard: impl IntoIterator<Item = (State<N>, Observation<M>)>,
+        observed: impl IntoIterator<Item = (State<N>, Observation<M>)>,
         information: impl Fn(&State<N>, &Observation<M>) -> Result<Covariance<N>, CramerRaoError>,
     ) -> Result<(), CramerRaoError> {
         let (mut sum, mut count) = (Covariance::<N>::zeros(), 0);
-        for (x, observation) in heard {
+        for (x, observation) in observed {
             sum += information(&x, &observation)?;
             count += 1;
         }

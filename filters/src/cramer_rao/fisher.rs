@@ -1,6 +1,9 @@
 use core::f64::consts::TAU;
 
-use foxhunt_core::{Axis, Covariance, EstimatorError, MeasurementModel, Observation, Role, State};
+use foxhunt_core::{
+    Axis, Covariance, EstimatorError, MeasurementModel, Observation, Role, State,
+    parameter::{positive, require},
+};
 use nalgebra::SVector;
 
 use super::CramerRaoError;
@@ -31,15 +34,8 @@ impl FisherQuadrature {
     /// [`EstimatorError::Parameter`] when there are fewer than 8 points or the reach is not
     /// positive and finite.
     pub fn new(points: u32, reach: f64) -> Result<Self, EstimatorError> {
-        if points < 8 {
-            let (name, value) = ("points", f64::from(points));
-            return Err(EstimatorError::Parameter { name, value, requirement: "at least 8" });
-        }
-        if !(reach > 0.0 && reach.is_finite()) {
-            let (name, value) = ("reach", reach);
-            return Err(EstimatorError::Parameter { name, value, requirement: "positive" });
-        }
-        Ok(Self { points, reach })
+        require(points >= 8, "points", f64::from(points), "at least 8")?;
+        Ok(Self { points, reach: positive("reach", reach)? })
     }
 
     /// The information of an observation of `observation`'s noise, pose and components, whatever
@@ -162,7 +158,7 @@ pub(super) fn gaussian<const N: usize, const M: usize>(
     observation: &Observation<M>,
 ) -> Option<Covariance<N>> {
     let slope = model.jacobian(x, observation.receiver());
-    let slope = observation.mask(slope.transpose()).transpose();
+    let slope = observation.strike(slope);
     let white = observation.noise().cholesky()?.unpack().solve_lower_triangular(&slope)?;
     let information = white.transpose() * white;
     information.iter().all(|v| v.is_finite()).then_some(information)

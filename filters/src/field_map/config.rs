@@ -1,6 +1,8 @@
 use alloc::{vec, vec::Vec};
 
-use crate::batch::{BatchError, at_least, positive};
+use foxhunt_core::parameter::{not_negative, positive, require};
+
+use crate::batch::{BatchError, at_least};
 
 /// How [`FieldMap`](super::FieldMap) models the level and where it looks for the maximum.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,17 +51,11 @@ impl FieldMapConfig {
         for length_m in &self.lengths_m {
             positive("length_m", *length_m)?;
         }
-        for &value in &self.noise_shares {
-            if !(value > 0.0 && value <= 1.0) {
-                let (name, requirement) = ("noise_share", "in (0, 1]");
-                return Err(BatchError::Setting { name, value, requirement });
-            }
+        for &share in &self.noise_shares {
+            require(share > 0.0 && share <= 1.0, "noise_share", share, "in (0, 1]")?;
         }
-        for (name, value) in [("segment_m", self.segment_m), ("margin_m", self.margin_m)] {
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(BatchError::Setting { name, value, requirement: "a number from 0 on" });
-            }
-        }
+        not_negative("segment_m", self.segment_m)?;
+        not_negative("margin_m", self.margin_m)?;
         positive("cell_m", self.cell_m)?;
         at_least("max_segments", self.max_segments as usize, 4)?;
         at_least("max_cells", self.max_cells as usize, 16)?;

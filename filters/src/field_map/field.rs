@@ -1,7 +1,7 @@
 use alloc::vec::Vec;
 
 use faer::Mat;
-use foxhunt_core::Pose;
+use foxhunt_core::{Pose, parameter::ParameterError};
 use nalgebra::Vector2;
 
 use super::{
@@ -19,8 +19,8 @@ use crate::{
 ///
 /// A reading is y = β + f(p) + e with f of Matérn's correlation of smoothness 3/2 and length ℓ, e
 /// its own, both together of variance σ². ℓ and e's share of the variance have the largest marginal
-/// likelihood on a small grid; they are then taken for known, so that the spread told is somewhat
-/// too narrow where there are few readings.
+/// likelihood on a small grid; they are then taken for known, so that the standard deviation is
+/// somewhat too narrow where there are few readings.
 ///
 /// It assumes no law of propagation and no antenna, only that the level varies smoothly with the
 /// place over ground. That makes it a baseline: it cannot know of a transmitter that lies outside
@@ -56,14 +56,14 @@ impl FieldMap {
     ///
     /// # Errors
     ///
-    /// [`BatchError::Setting`] and [`BatchError::TooFew`] name the setting that is out of range;
+    /// [`BatchError::Parameter`] and [`BatchError::TooFew`] name the setting that is out of range;
     /// [`BatchError::Value`] the reading that is not finite; [`BatchError::TooFew`] where the path
     /// makes fewer than four segments; [`BatchError::Flat`] when all readings were taken in one
     /// place, or have one value.
     pub fn fit(readings: &[(Pose, f64)], config: &FieldMapConfig) -> Result<Self, BatchError> {
         config.check()?;
         let segments = Segments::along(readings, config.segment_m, config.max_segments as usize);
-        let Segments { receivers, values, .. } = segments.map_err(told)?;
+        let Segments { receivers, values, .. } = segments.map_err(BatchError::from)?;
         let places: Vec<_> = receivers.iter().map(|r| r.position.xy()).collect();
         let shares =
             |length_m: f64| config.noise_shares.iter().map(move |share| (length_m, *share));
@@ -116,20 +116,22 @@ impl FieldMap {
 }
 
 /// Why a path made no segments.
-fn told(error: ShadowingGridError) -> BatchError {
-    match error {
-        ShadowingGridError::Value { index, value } => {
-            BatchError::Value { name: "the level", index, value, requirement: "a finite number" }
+impl From<ShadowingGridError> for BatchError {
+    fn from(error: ShadowingGridError) -> Self {
+        let improper = |name, index, value| {
+            let error = ParameterError { name, value, requirement: "finite" };
+            Self::Value { index, error }
+        };
+        match error {
+            ShadowingGridError::Parameter(error) => Self::Parameter(error),
+            ShadowingGridError::Value { index, value } => improper("the level", index, value),
+            ShadowingGridError::Receiver { index } => {
+                improper("the receiver's pose", index, f64::NAN)
+            }
+            ShadowingGridError::TooFew { segments, .. } => {
+                Self::TooFew { what: "segments of path", have: segments, need: 4 }
+            }
+            _ => Self::Flat { rcond: 0.0 },
         }
-        ShadowingGridError::Receiver { index } => BatchError::Value {
-            name: "the receiver's pose",
-            index,
-            value: f64::NAN,
-            requirement: "finite",
-        },
-        ShadowingGridError::TooFew { segments, .. } => {
-            BatchError::TooFew { what: "segments of path", have: segments, need: 4 }
-        }
-        _ => BatchError::Flat { rcond: 0.0 },
     }
 }

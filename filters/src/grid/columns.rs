@@ -185,7 +185,7 @@ pub(super) fn log_densities(marginals: &[Vec<f64>]) -> Vec<f64> {
 /// ln(eᵃ + eᵇ).
 fn log_add(a: f64, b: f64) -> f64 {
     let (low, high) = if a < b { (a, b) } else { (b, a) };
-    // Below, the smaller one is not seen in the sum.
+    // Below, the smaller one is lost in the sum.
     if low < high - 40.0 { high } else { high + libm::log1p(libm::exp(low - high)) }
 }
 

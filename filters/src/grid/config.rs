@@ -1,6 +1,6 @@
 use alloc::vec::Vec;
 
-use foxhunt_core::EstimatorError;
+use foxhunt_core::parameter::{ParameterError, positive, require};
 use nalgebra::Vector2;
 
 /// How a [`GridFilter`](super::GridFilter) lays out its cells, and what it doubts.
@@ -12,7 +12,7 @@ pub struct GridConfig {
     /// for `side`; at least `side`, at most 1024.
     pub most_per_side: usize,
     /// The corners, south-west and north-east, of a rectangle outside of which the target cannot
-    /// be, and within which every place is equally likely before anything was heard; the prior's
+    /// be, and within which every place is equally likely before the first observation; the prior's
     /// Gaussian in the plane where absent.
     pub area: Option<[Vector2<f64>; 2]>,
     /// What is doubted of the noise that observations are given with; nothing where absent.
@@ -26,7 +26,7 @@ impl Default for GridConfig {
     }
 }
 
-/// A component of the measurement whose standard deviation is not what observations say of it
+/// A component of the measurement whose standard deviation is not that of the observations
 /// but that times one of these factors, the same one throughout.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoiseScales {
@@ -38,7 +38,7 @@ pub struct NoiseScales {
 
 impl GridConfig {
     /// Names the first setting that is out of its range, for measurements of `components`.
-    pub(super) fn check(&self, components: usize) -> Result<(), EstimatorError> {
+    pub(super) fn check(&self, components: usize) -> Result<(), ParameterError> {
         let count = |name, value: usize, least: usize| {
             let requirement = "in 16..=1024, the most per side not below the side";
             require((least..=1024).contains(&value), name, crate::count::number(value), requirement)
@@ -57,19 +57,10 @@ impl GridConfig {
             for &(factor, weight) in factors {
                 for (name, value) in [("noise factor", factor), ("a noise factor's weight", weight)]
                 {
-                    require(value > 0.0 && value.is_finite(), name, value, "a positive number")?;
+                    positive(name, value)?;
                 }
             }
         }
         Ok(())
     }
-}
-
-fn require(
-    holds: bool,
-    name: &'static str,
-    value: f64,
-    requirement: &'static str,
-) -> Result<(), EstimatorError> {
-    if holds { Ok(()) } else { Err(EstimatorError::Parameter { name, value, requirement }) }
 }

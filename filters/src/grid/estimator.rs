@@ -2,7 +2,8 @@ use alloc::vec::Vec;
 
 use foxhunt_core::{
     Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel,
-    Observation, Role, State,
+    Observation, Quantity, Role, State,
+    parameter::{ParameterError, require},
 };
 use nalgebra::{Matrix2, Vector2};
 
@@ -24,6 +25,22 @@ const LEAST_REACH: f64 = 5.5;
 
 /// Cells of less probability are not shown: all that there may be of them come to 10⁻⁷.
 const LEAST_VISITED: f64 = 1e-12;
+
+/// ∂f/∂x over the place, after refusing a motion of the further components that is not a random
+/// walk, such as that of a velocity.
+pub(super) fn slope_of_place<const N: usize>(
+    motion: &impl MotionModel<N>,
+    state: &State<N>,
+    dt: f64,
+) -> Result<Matrix2<f64>, ParameterError> {
+    let slope = motion.jacobian(state, dt);
+    let mut rest = slope - Covariance::<N>::identity();
+    rest.fixed_view_mut::<2, 2>(0, 0).fill(0.0);
+    let coupling = rest.norm();
+    let name = "the motion of the components beside the place";
+    require(coupling <= 1e-9, name, coupling, "a random walk independent of the place")?;
+    Ok(slope.fixed_view::<2, 2>(0, 0).into_owned())
+}
 
 impl<F, H, const N: usize, const M: usize> Estimator<N, M> for GridFilter<F, H, N, M>
 where
@@ -73,8 +90,8 @@ where
         shift(&mut posterior, -log_evidence);
         marginals.iter_mut().flatten().for_each(|log| *log -= log_evidence);
         let belief = self.moments(&posterior, &marginals, &lattice)?;
-        let nis =
-            Innovation::of_belief(&*self, &self.measurement, observation).map(|told| told.nis);
+        let nis = Innovation::of_belief(&*self, &self.measurement, observation)
+            .map(|innovation| innovation.nis);
         (self.lattice, self.columns) = (lattice, posterior);
         (self.marginals, self.belief) = (marginals, belief);
         Ok(Correction::Fused { nis, log_evidence, effective_sample_size: None })
@@ -82,6 +99,10 @@ where
 
     fn estimate(&self) -> Estimate<N> {
         *self.belief.estimate()
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        self.measurement.quantities()
     }
 
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
@@ -96,7 +117,7 @@ where
     F: MotionModel<N>,
     H: MeasurementModel<N, M>,
 {
-    /// The states of the cells, what stands behind the place at its mean over all hypotheses, and
+    /// The states of the cells, the further components at their mean over all hypotheses, and
     /// their weights, which sum to 1.
     fn weighted_states(&self) -> Vec<(State<N>, f64)> {
         let area = self.lattice.cell_area();
@@ -143,18 +164,8 @@ where
     /// Where the cells and what is believed in them are after `dt`.
     fn moved(&self, dt: f64) -> Result<(Lattice, Columns<N>), EstimatorError> {
         let mean = self.belief.mean();
-        let slope = self.motion.jacobian(mean, dt);
+        let slope = slope_of_place(&self.motion, mean, dt)?;
         let noise = self.motion.noise_factor(mean, dt);
-        let mut rest = slope - Covariance::<N>::identity();
-        rest.fixed_view_mut::<2, 2>(0, 0).fill(0.0);
-        if rest.norm() > 1e-9 {
-            return Err(EstimatorError::Parameter {
-                name: "the motion of what stands behind the place",
-                value: rest.norm(),
-                requirement: "a random walk of its own, as a grid keeps it",
-            });
-        }
-        let slope: Matrix2<f64> = slope.fixed_view::<2, 2>(0, 0).into_owned();
         let spread: Covariance<N> = noise * noise.transpose();
         let noise: Matrix2<f64> = spread.fixed_view::<2, 2>(0, 0).into_owned();
 
@@ -229,7 +240,7 @@ fn resolved_share(belief: &Matrix2<f64>, noise: &Matrix2<f64>) -> f64 {
     if ratio > 3.0 { 3.0 / ratio } else { 1.0 }
 }
 
-/// Spreads the place by the noise's first two components, and what stands behind it by the rest.
+/// Spreads the place by the noise's first two components, and the further components by the rest.
 fn diffuse<const N: usize>(
     columns: &mut Columns<N>,
     lattice: &Lattice,

@@ -8,6 +8,7 @@ use nalgebra::{Matrix2, Vector2};
 use super::{
     Columns, GridConfig, Lattice,
     columns::{Cell, log_densities},
+    estimator::slope_of_place,
 };
 use crate::Gaussian;
 
@@ -17,7 +18,7 @@ pub(super) const REACH: f64 = 8.0;
 /// Recursive Bayes over the cells of an area, the point-mass filter (Bucy & Senne 1971).
 ///
 /// Exact but for its resolution, for any shape of belief: no linearisation, no sampling noise. The
-/// cells follow the belief. Where it has become smaller than they can tell, they are laid out
+/// cells follow the belief. Where it has become smaller than they can resolve, they are laid out
 /// anew, along its principal axes, and what was believed is read between the old ones by cubic
 /// convolution; so is a belief that leaves the area.
 ///
@@ -30,8 +31,8 @@ pub(super) const REACH: f64 = 8.0;
 /// several of it, weighed by their evidence.
 ///
 /// ```
-/// use foxhunt_core::{Axis, Estimate, Estimator, MeasurementModel, Observation, Pose, RandomWalk,
-///     State, nalgebra::{Matrix1, Vector1, Vector2}};
+/// use foxhunt_core::{Estimate, Estimator, MeasurementModel, Observation, Pose, Quantity,
+///     RandomWalk, State, nalgebra::{Matrix1, Vector1, Vector2}};
 /// use foxhunt_filters::{GridConfig, GridFilter};
 ///
 /// /// The range of the target in metres: a ring of places fits it.
@@ -39,8 +40,8 @@ pub(super) const REACH: f64 = 8.0;
 /// struct Range;
 ///
 /// impl MeasurementModel<2, 1> for Range {
-///     fn axes(&self) -> [Axis; 1] {
-///         [Axis::Linear]
+///     fn quantities(&self) -> [Quantity; 1] {
+///         [Quantity::linear("x_m")]
 ///     }
 ///     fn expected(&self, target: &State<2>, receiver: &Pose) -> Vector1<f64> {
 ///         Vector1::new((target - receiver.position.xy()).norm())
@@ -66,7 +67,7 @@ pub struct GridFilter<F, H, const N: usize, const M: usize> {
     pub(super) motion: F,
     pub(super) measurement: H,
     pub(super) config: GridConfig,
-    /// Where what stands behind the place is counted from.
+    /// The origin of the further components.
     pub(super) reference: State<N>,
     /// The lattice that covers all of an area that the target cannot leave.
     pub(super) widest: Option<Lattice>,
@@ -88,7 +89,8 @@ where
     /// # Errors
     ///
     /// When the prior is not finite or its covariance not symmetric and positive definite;
-    /// [`EstimatorError::Parameter`] names a setting that is out of its range.
+    /// [`EstimatorError::Parameter`] names a setting that is out of its range, or a motion of the
+    /// components beside the place that a grid has no cells for: they may only walk at random.
     pub fn new(
         motion: F,
         measurement: H,
@@ -98,6 +100,7 @@ where
         const { assert!(N >= 2, "a state holds East and North") };
         config.check(M)?;
         let prior = Gaussian::new(prior, Role::Prior)?;
+        slope_of_place(&motion, prior.mean(), 1.0)?;
         let mut reference = *prior.mean();
         reference.fixed_rows_mut::<2>(0).fill(0.0);
         let (lattice, widest) = match config.area {
@@ -174,7 +177,7 @@ where
         let origin = lattice.centre();
         let (mut total, mut mean) = (0.0, State::<N>::zeros());
         let (mut square, mut within) = (Covariance::<N>::zeros(), Covariance::<N>::zeros());
-        // What is not seen beside 1 only costs time.
+        // What is lost beside 1 only costs time.
         let least = libm::log(1e-18 / area);
         for (hypothesis, logs) in marginals.iter().enumerate() {
             for (index, log) in logs.iter().enumerate().filter(|(_, log)| **log > least) {
@@ -203,7 +206,7 @@ where
     }
 }
 
-/// The mean and covariance of what stands behind the place in a cell.
+/// The mean and covariance of the further components in a cell.
 fn conditional<const N: usize>(
     cell: &Cell<N>,
 ) -> Result<(State<N>, Covariance<N>), EstimatorError> {
@@ -243,7 +246,7 @@ pub(super) fn shift<const N: usize>(columns: &mut Columns<N>, by: f64) {
 }
 
 /// The prior over the cells, not normalised: Gaussian in the place unless there is an area, and
-/// in the rest what the Gaussian says of it given the place.
+/// in the rest the Gaussian of it given the place.
 fn prior_columns<const N: usize>(
     prior: &Gaussian<N>,
     lattice: &Lattice,
@@ -253,7 +256,7 @@ fn prior_columns<const N: usize>(
     let factors = config.noise_scales.as_ref().map_or(&whole[..], |scales| &scales.factors);
     let sum: f64 = factors.iter().map(|(_, weight)| weight).sum();
     // With P = L Lᵀ and the place whitened by L's first block, the rest has the mean and the
-    // factor that stand in L's other rows.
+    // factor in L's other rows.
     let factor = prior.factor();
     let mut rest = *factor;
     rest.fixed_columns_mut::<2>(0).fill(0.0);

@@ -1,4 +1,4 @@
-use foxhunt_core::EstimatorError;
+use foxhunt_core::{EstimatorError, parameter::require};
 use nalgebra::{LU, Matrix2, U2, Vector2};
 
 use crate::count::number;
@@ -27,10 +27,8 @@ impl Lattice {
         side: usize,
     ) -> Result<Self, EstimatorError> {
         let value = libm::fabs(half_sides.determinant());
-        if !(value > 0.0 && value.is_finite() && centre.iter().all(|c| c.is_finite())) {
-            let (name, requirement) = ("the area of the grid", "a positive number");
-            return Err(EstimatorError::Parameter { name, value, requirement });
-        }
+        let proper = value > 0.0 && value.is_finite() && centre.iter().all(|c| c.is_finite());
+        require(proper, "the area of the grid", value, "a positive number")?;
         Ok(Self { centre, half_sides, factor: half_sides.lu(), side })
     }
 

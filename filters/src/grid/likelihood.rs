@@ -7,7 +7,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::{Columns, GridConfig, Lattice};
 
-/// What an observation says of every cell.
+/// The likelihood of an observation in every cell.
 pub(super) struct Likelihood<'a, H, const N: usize, const M: usize> {
     measurement: &'a H,
     /// Where n is counted from; 0 in the first two components.
@@ -84,21 +84,21 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
         lattice: &Lattice,
     ) -> Result<(), EstimatorError> {
         let not_finite = EstimatorError::NotFinite { role: Role::Expected };
-        let Some(told) = self.observations.first() else { return Ok(()) };
+        let Some(first) = self.observations.first() else { return Ok(()) };
         let competing = self.competing();
         let mut noises = self.noises(None)?;
         for index in 0..lattice.len() {
             let mut state = self.reference;
             state.fixed_rows_mut::<2>(0).copy_from(&lattice.place(index));
-            if told.receiver_sigma().is_some() {
+            if first.receiver_sigma().is_some() {
                 noises = self.noises(Some(&state))?;
             }
-            let (residual, slope) = self.at(&state, told);
+            let (residual, slope) = self.at(&state, first);
             if !residual.iter().chain(slope.iter()).all(|v| v.is_finite()) {
                 return Err(not_finite);
             }
-            let residual = told.mask(residual.transpose()).transpose();
-            let slope = told.mask(slope.transpose()).transpose();
+            let residual = first.strike(residual);
+            let slope = first.strike(slope);
             for (hypothesis, (at_zero, root)) in noises.iter().enumerate() {
                 let white: SMatrix<f64, M, N> = root.solve_lower_triangular_unchecked(&slope);
                 let mut cell = posterior.cell(hypothesis, index);
@@ -117,7 +117,7 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
         Ok(())
     }
 
-    /// Where directions compete for a bearing that has no part in what stands behind the place: the
+    /// Where directions compete for a bearing that has no part in the further components: the
     /// bearing alone under each hypothesis, as a mixture and by the moments that the quadratic has.
     fn competing(&self) -> Vec<[Observation<M>; 2]> {
         let bearing = |observation: &Observation<M>| {

@@ -18,7 +18,7 @@ const WASTE: f64 = 0.4;
 /// standard deviation of s cells, so this is s = 1.1.
 const FEWEST: f64 = 15.0;
 
-/// What a belief over a lattice asks of the lattice.
+/// What a belief over a lattice needs of the lattice.
 pub(super) struct Window {
     /// Where the belief is, as centre and half sides.
     centre: Vector2<f64>,

@@ -1,6 +1,6 @@
 use foxhunt_core::{
     Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, Observation,
-    Role, absorb_receiver_noise, noise::OutlierMixture,
+    OutlierMixture, Quantity, Role, absorb_receiver_noise,
 };
 
 use super::{
@@ -8,7 +8,7 @@ use super::{
     iterations::Iterations,
     linearisation::Linearisation,
     models::{AtReceiver, OverTime},
-    outliers::doubt,
+    outliers::mix,
 };
 use crate::{Cubature, Gaussian, Innovation, Taylor, Transform, Unscented, triangle};
 use nalgebra::SMatrix;
@@ -21,16 +21,16 @@ use nalgebra::SMatrix;
 /// updates after one `predict` are the textbook's.
 ///
 /// ```
-/// use foxhunt_core::{Axis, Correction, Estimate, Estimator, MeasurementModel, Observation, Pose,
-///     RandomWalk, State, nalgebra::{Matrix1, Vector1, Vector2}};
+/// use foxhunt_core::{Correction, Estimate, Estimator, MeasurementModel, Observation, Pose,
+///     Quantity, RandomWalk, State, nalgebra::{Matrix1, Vector1, Vector2}};
 /// use foxhunt_filters::{Gate, Ukf};
 ///
 /// /// The bearing of the target, in radians counter-clockwise from East.
 /// struct BearingOnly;
 ///
 /// impl MeasurementModel<2, 1> for BearingOnly {
-///     fn axes(&self) -> [Axis; 1] {
-///         [Axis::Angle]
+///     fn quantities(&self) -> [Quantity; 1] {
+///         [Quantity::BEARING]
 ///     }
 ///     fn expected(&self, target: &State<2>, receiver: &Pose) -> Vector1<f64> {
 ///         let (east, north) = (target.x - receiver.position.x, target.y - receiver.position.y);
@@ -58,7 +58,7 @@ pub struct Kalman<T, F, H, const N: usize, const M: usize> {
     belief: Gaussian<N>,
     gate: Gate,
     iterations: Iterations,
-    outliers: Option<OutlierMixture>,
+    outliers: Option<OutlierMixture<M>>,
     record: Record,
 }
 
@@ -124,17 +124,17 @@ where
     /// [`Taylor`] the iterated extended filter (Bell & Cathey 1993), over sigma points iterated
     /// posterior linearisation (García-Fernández, Svensson, Morelande & Särkkä 2015).
     ///
-    /// The gate judges, and tells the NIS of, the linearisation about the prior. The log-evidence
+    /// The gate and the NIS are those of the linearisation about the prior. The log-evidence
     /// is that of the last one, which with Taylor is Laplace's approximation.
     #[must_use]
     pub fn with_iterations(self, iterations: Iterations) -> Self {
         Self { iterations, ..self }
     }
 
-    /// The same filter, some of whose observations say nothing: each update keeps as much of the
+    /// The filter for a share of outliers among the observations: each update keeps as much of the
     /// prior as the observation is likely to be an outlier, where a gate takes all or nothing.
     #[must_use]
-    pub fn with_outliers(self, outliers: OutlierMixture) -> Self {
+    pub fn with_outliers(self, outliers: OutlierMixture<M>) -> Self {
         Self { outliers: Some(outliers), ..self }
     }
 
@@ -148,7 +148,7 @@ where
         observation: &Observation<M>,
     ) -> Result<Innovation<M>, EstimatorError> {
         let observation = self.at_known_receiver(observation);
-        Ok(self.linearisation(&observation).about_prior()?.told())
+        Ok(self.linearisation(&observation).about_prior()?.innovation())
     }
 
     /// How far the measurement is from linear over the belief: the variance of the observation that
@@ -163,12 +163,9 @@ where
         let observation = self.at_known_receiver(observation);
         let map = AtReceiver(&self.measurement, observation.receiver());
         let image = Unscented::default().image(&self.belief, &map);
-        let left = observation.mask(image.unexplained.transpose()).transpose();
-        let root = observation
-            .noise()
-            .cholesky()
-            .ok_or(EstimatorError::NotPositiveDefinite { role: Role::Innovation })?;
-        let share = root.l_dirty().solve_lower_triangular_unchecked(&left).norm_squared();
+        let left = observation.strike(image.unexplained);
+        let root = observation.noise_factor();
+        let share = root.solve_lower_triangular_unchecked(&left).norm_squared();
         let unknown = EstimatorError::NotFinite { role: Role::Expected };
         share.is_finite().then_some(share).ok_or(unknown)
     }
@@ -240,10 +237,13 @@ where
             return Ok(Correction::Rejected { nis, limit });
         }
         let (posterior, last) = linearisation.iterate(first, self.iterations)?;
-        let sound = last.log_evidence();
+        let log_evidence = last.log_evidence();
         let (belief, log_evidence) = match &self.outliers {
-            Some(mixture) => doubt(&self.belief, &posterior, sound, mixture, &self.motion.axes())?,
-            None => (posterior, sound),
+            Some(mixture) => {
+                let parts = mixture.log_parts(log_evidence, &observation);
+                mix(&self.belief, &posterior, parts, &self.motion.axes())?
+            }
+            None => (posterior, log_evidence),
         };
         (self.belief, self.record) = (belief, record);
         Ok(Correction::Fused { nis: Some(nis), log_evidence, effective_sample_size: None })
@@ -251,5 +251,9 @@ where
 
     fn estimate(&self) -> Estimate<N> {
         *self.belief.estimate()
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        self.measurement.quantities()
     }
 }

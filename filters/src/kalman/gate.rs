@@ -1,4 +1,4 @@
-use foxhunt_core::EstimatorError;
+use foxhunt_core::{EstimatorError, parameter::require};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::count::number;
@@ -45,14 +45,13 @@ impl Gate {
     ///
     /// [`EstimatorError::Parameter`] when a probability is not in (0, 1) or a NIS not positive.
     pub fn new(limit: GateLimit) -> Result<Self, EstimatorError> {
-        let (name, value, valid, requirement) = match limit {
+        match limit {
             GateLimit::Open => return Ok(Self::open()),
-            GateLimit::Probability(p) => ("gate probability", p, p > 0.0 && p < 1.0, "in (0, 1)"),
-            GateLimit::Nis(nis) => ("gate limit", nis, nis > 0.0, "positive"),
+            GateLimit::Probability(p) => {
+                require(p > 0.0 && p < 1.0, "gate probability", p, "in (0, 1)")?
+            }
+            GateLimit::Nis(nis) => require(nis > 0.0, "gate limit", nis, "positive")?,
         };
-        if !valid {
-            return Err(EstimatorError::Parameter { name, value, requirement });
-        }
         let table = core::array::from_fn(|i| limit.of(i + 1));
         Ok(Self { limit, table, ..Self::open() })
     }
@@ -173,13 +172,10 @@ mod tests {
     #[test]
     fn limits_out_of_range_are_refused() {
         for p in [0.0, 1.0, -0.5, f64::NAN] {
-            assert!(matches!(Gate::probability(p), Err(EstimatorError::Parameter { .. })), "{p}");
+            assert!(matches!(Gate::probability(p), Err(EstimatorError::Parameter(_))), "{p}");
         }
         for nis in [0.0, -1.0, f64::NAN] {
-            assert!(matches!(
-                Gate::new(GateLimit::Nis(nis)),
-                Err(EstimatorError::Parameter { .. })
-            ));
+            assert!(matches!(Gate::new(GateLimit::Nis(nis)), Err(EstimatorError::Parameter(_))));
         }
     }
 

@@ -1,4 +1,7 @@
-use foxhunt_core::EstimatorError;
+use foxhunt_core::{
+    EstimatorError,
+    parameter::{not_negative, require},
+};
 
 /// How often an update is linearised, each time about the posterior of the time before.
 ///
@@ -32,10 +35,7 @@ impl Iterations {
     /// [`EstimatorError::Parameter`] when `max` is not in 1..=1000: what has not come to rest by
     /// then goes round in circles.
     pub fn at_most(max: u32) -> Result<Self, EstimatorError> {
-        if !(1..=1000).contains(&max) {
-            let (name, value, requirement) = ("iterations", f64::from(max), "in 1..=1000");
-            return Err(EstimatorError::Parameter { name, value, requirement });
-        }
+        require((1..=1000).contains(&max), "iterations", f64::from(max), "in 1..=1000")?;
         Ok(Self { max, ..Self::once() })
     }
 
@@ -46,11 +46,7 @@ impl Iterations {
     ///
     /// [`EstimatorError::Parameter`] when it is negative or not finite.
     pub fn with_tolerance(self, tolerance: f64) -> Result<Self, EstimatorError> {
-        if !(tolerance >= 0.0 && tolerance.is_finite()) {
-            let (name, requirement) = ("iteration tolerance", "a non-negative number");
-            return Err(EstimatorError::Parameter { name, value: tolerance, requirement });
-        }
-        Ok(Self { tolerance, ..self })
+        Ok(Self { tolerance: not_negative("iteration tolerance", tolerance)?, ..self })
     }
 
     /// The most linearisations of one update.

@@ -36,15 +36,11 @@ impl<const N: usize, const M: usize> Regression<N, M> {
         {
             return Err(EstimatorError::NotFinite { role: Role::Expected });
         }
-        let residual = observation.mask(residual.transpose()).transpose();
+        let residual = observation.strike(residual);
         let whitened_cross = observation.mask(image.whitened_cross);
-        let left = observation.mask(image.unexplained.transpose()).transpose();
+        let left = observation.strike(image.unexplained);
 
-        let mut unexplained = observation
-            .noise()
-            .cholesky()
-            .ok_or(EstimatorError::NotPositiveDefinite { role: Role::Innovation })?
-            .unpack();
+        let mut unexplained = *observation.noise_factor();
         for column in left.column_iter() {
             triangle::add_to_lower(&mut unexplained, column.into_owned());
         }
@@ -70,11 +66,11 @@ impl<const N: usize, const M: usize> Regression<N, M> {
 
     /// Another residual's square in the metric of what is not explained: rᵀ (R + W Wᵀ)⁻¹ r.
     pub(super) fn misfit(&self, residual: &SVector<f64, M>, observation: &Observation<M>) -> f64 {
-        let residual = observation.mask(residual.transpose()).transpose();
+        let residual = observation.strike(*residual);
         self.unexplained.solve_lower_triangular_unchecked(&residual).norm_squared()
     }
 
-    pub(super) fn told(&self) -> Innovation<M> {
+    pub(super) fn innovation(&self) -> Innovation<M> {
         Innovation {
             residual: self.residual,
             expected: self.expected,

@@ -2,11 +2,12 @@ use alloc::vec::Vec;
 use core::mem;
 
 use foxhunt_core::{
-    Axis, Correction, Estimate, Estimator, EstimatorError, Observation, Role, State,
+    Axis, Correction, Estimate, Estimator, EstimatorError, Observation, Quantity, Role, State,
+    parameter::require,
 };
 
 use super::{
-    component::{self, Component, InnovationOf, Told},
+    component::{self, Component, InnovationOf, Outcome},
     moments,
 };
 
@@ -14,19 +15,19 @@ use super::{
 ///
 /// Each component goes its own way; an observation multiplies its weight by its evidence
 /// p(z | component) (Alspach & Sorenson 1972, eq. 3.9; with one filter for each hypothesis,
-/// Magill 1965). What is told is the mixture's mean and covariance, and as evidence
+/// Magill 1965). The estimate has the mixture's mean and covariance, and as evidence
 /// Σ wᵢ p(z | component i).
 ///
 /// - A component that fails is dropped; only where all fail, the bank does, and is as it was.
-/// - A component whose own gate keeps an observation out keeps its belief. A gate tells no
+/// - A component whose own gate keeps an observation out keeps its belief. A gate has no
 ///   density: the component is weighed by exp(−NIS / 2) over the widest normaliser 1 / √|2π S|
 ///   of those that let it in. Where all keep it out, the bank does.
 /// - A component lighter than 10⁻⁶ of the heaviest is dropped, see
 ///   [`with_pruning`](Self::with_pruning).
 ///
 /// ```
-/// use foxhunt_core::{Axis, Correction, Estimate, Estimator, MeasurementModel, Observation, Pose,
-///     RandomWalk, State, nalgebra::{Matrix1, Vector1, Vector2}};
+/// use foxhunt_core::{Correction, Estimate, Estimator, MeasurementModel, Observation, Pose,
+///     Quantity, RandomWalk, State, nalgebra::{Matrix1, Vector1, Vector2}};
 /// use foxhunt_filters::{Bank, Ekf};
 ///
 /// /// The distance of the target, in metres.
@@ -34,8 +35,8 @@ use super::{
 /// struct Range;
 ///
 /// impl MeasurementModel<2, 1> for Range {
-///     fn axes(&self) -> [Axis; 1] {
-///         [Axis::Linear]
+///     fn quantities(&self) -> [Quantity; 1] {
+///         [Quantity::linear("x_m")]
 ///     }
 ///     fn expected(&self, target: &State<2>, receiver: &Pose) -> Vector1<f64> {
 ///         Vector1::new((target - receiver.position.xy()).norm())
@@ -50,8 +51,8 @@ use super::{
 /// };
 /// let mut bank = Bank::new([at(-20.0)?, at(30.0)?])?.with_innovation(Ekf::innovation);
 /// let (receiver, range, variance) = (Pose::default(), Vector1::new(29.0), Matrix1::new(4.0));
-/// let told = bank.update(&Observation::new(0.0, receiver, range, variance)?)?;
-/// assert!(matches!(told, Correction::Fused { nis: Some(_), .. }));
+/// let correction = bank.update(&Observation::new(0.0, receiver, range, variance)?)?;
+/// assert!(matches!(correction, Correction::Fused { nis: Some(_), .. }));
 /// assert!(bank.estimate().mean.x > 28.0);
 /// # Ok(())
 /// # }
@@ -92,7 +93,7 @@ impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Bank<E, N, M> {
         Ok(Self { axes, belief, ..self })
     }
 
-    /// The same bank, which tells the NIS of its mixture: the innovation's mean and covariance
+    /// The bank with the NIS of its mixture: the innovation's mean and covariance
     /// over all components, deviations taken about the observation.
     #[must_use]
     pub fn with_innovation(self, innovation: InnovationOf<E, M>) -> Self {
@@ -106,10 +107,7 @@ impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Bank<E, N, M> {
     ///
     /// [`EstimatorError::Parameter`] when it is not in [0, 1).
     pub fn with_pruning(self, least: f64) -> Result<Self, EstimatorError> {
-        if !(0.0..1.0).contains(&least) {
-            let (name, requirement) = ("pruning", "in [0, 1)");
-            return Err(EstimatorError::Parameter { name, value: least, requirement });
-        }
+        require((0.0..1.0).contains(&least), "pruning", least, "in [0, 1)")?;
         Ok(Self { log_least: libm::log(least), ..self })
     }
 
@@ -177,21 +175,26 @@ impl<E: Estimator<N, M> + Clone, const N: usize, const M: usize> Estimator<N, M>
         if observation.is_empty() {
             return Ok(Correction::Empty);
         }
-        let nis =
-            self.innovation.and_then(|told| component::nis(&self.components, told, observation));
+        let nis = self
+            .innovation
+            .and_then(|innovation| component::nis(&self.components, innovation, observation));
         self.spare.clone_from(&self.components);
-        let told = component::correct(&mut self.spare, observation)?;
+        let corrected = component::correct(&mut self.spare, observation)?;
         self.take()?;
-        Ok(match told {
-            Told::Fused(log_evidence) => {
+        Ok(match corrected {
+            Outcome::Fused(log_evidence) => {
                 Correction::Fused { nis, log_evidence, effective_sample_size: None }
             }
-            Told::Rejected { nis, limit } => Correction::Rejected { nis, limit },
+            Outcome::Rejected { nis, limit } => Correction::Rejected { nis, limit },
         })
     }
 
     fn estimate(&self) -> Estimate<N> {
         self.belief
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        self.components[0].estimator.quantities()
     }
 
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {

@@ -1,11 +1,15 @@
 use alloc::vec::Vec;
 
-use foxhunt_core::{Correction, Estimate, Estimator, EstimatorError, Observation, Role};
+use foxhunt_core::{
+    Correction, Estimate, Estimator, EstimatorError, Observation, Role,
+    parameter::{not_negative, require},
+};
 
 use super::moments;
 use crate::{Innovation, count::number};
 
-/// How an estimator tells its innovation, such as [`Kalman::innovation`](crate::Kalman::innovation).
+/// How the innovation of an estimator is computed, such as
+/// [`Kalman::innovation`](crate::Kalman::innovation).
 pub type InnovationOf<E, const M: usize> =
     fn(&E, &Observation<M>) -> Result<Innovation<M>, EstimatorError>;
 
@@ -33,17 +37,12 @@ pub(super) fn weighted<E>(
 ) -> Result<Vec<Component<E>>, EstimatorError> {
     let mut components = Vec::new();
     for (weight, estimator) in parts {
-        if !(weight >= 0.0 && weight.is_finite()) {
-            let (name, requirement) = ("component weight", "a non-negative number");
-            return Err(EstimatorError::Parameter { name, value: weight, requirement });
-        }
+        not_negative("component weight", weight)?;
         components.push(Component { estimator, log_weight: libm::log(weight) });
     }
-    if normalise(&mut components).is_none() {
-        let (name, value) = ("components", number(components.len()));
-        let requirement = "at least one of a positive weight";
-        return Err(EstimatorError::Parameter { name, value, requirement });
-    }
+    let proper = normalise(&mut components).is_some();
+    let count = number(components.len());
+    require(proper, "components", count, "at least one of a positive weight")?;
     Ok(components)
 }
 
@@ -76,16 +75,16 @@ pub(super) fn nis<E, const M: usize>(
     innovation: InnovationOf<E, M>,
     observation: &Observation<M>,
 ) -> Option<f64> {
-    let told: Option<Vec<_>> = components
+    let innovations: Option<Vec<_>> = components
         .iter()
         .filter(|c| c.log_weight > f64::NEG_INFINITY)
         .map(|c| Some((c.weight(), innovation(&c.estimator, observation).ok()?)))
         .collect();
-    moments::nis(told?.into_iter(), observation)
+    moments::nis(innovations?.into_iter(), observation)
 }
 
 /// What became of an observation in all components together.
-pub(super) enum Told {
+pub(super) enum Outcome {
     /// ln Σ wᵢ p(z | component i).
     Fused(f64),
     /// The gate of each component kept it out; the NIS and the limit of the heaviest.
@@ -95,7 +94,7 @@ pub(super) enum Told {
 /// Updates every component and weighs it by its evidence.
 ///
 /// One that fails keeps no weight. One whose gate keeps the observation out keeps its belief; a
-/// gate tells no density, so it is weighed by exp(−NIS / 2) over the widest normaliser among
+/// gate has no density, so it is weighed by exp(−NIS / 2) over the widest normaliser among
 /// those that fused, that is 1 / √|2π S|. Where all keep it out no weight changes.
 ///
 /// # Errors
@@ -104,7 +103,7 @@ pub(super) enum Told {
 pub(super) fn correct<E: Estimator<N, M>, const N: usize, const M: usize>(
     components: &mut [Component<E>],
     observation: &Observation<M>,
-) -> Result<Told, EstimatorError> {
+) -> Result<Outcome, EstimatorError> {
     let mut failure = EstimatorError::NotFinite { role: Role::Expected };
     let (mut normaliser, mut fused) = (f64::INFINITY, false);
     let mut rejected: Vec<(usize, f64)> = Vec::new();
@@ -134,10 +133,10 @@ pub(super) fn correct<E: Estimator<N, M>, const N: usize, const M: usize>(
     }
     if let (false, Some((_, nis, limit))) = (fused, heaviest) {
         // Those that failed are out even so.
-        return normalise(components).map(|_| Told::Rejected { nis, limit }).ok_or(failure);
+        return normalise(components).map(|_| Outcome::Rejected { nis, limit }).ok_or(failure);
     }
     for (index, nis) in rejected {
         components[index].log_weight += normaliser - 0.5 * nis;
     }
-    normalise(components).map(Told::Fused).ok_or(failure)
+    normalise(components).map(Outcome::Fused).ok_or(failure)
 }

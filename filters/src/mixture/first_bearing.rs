@@ -1,11 +1,12 @@
 use foxhunt_core::{
     Axis, Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel,
-    Observation, State,
+    Observation, Quantity, State,
+    parameter::{ParameterError, require},
 };
 use nalgebra::Vector2;
 
 use super::{GaussianSum, RangeParameterised};
-use crate::{Kalman, Transform};
+use crate::{Kalman, Transform, count::number};
 
 /// The least range of a bank, as a share of the largest.
 const LEAST_SHARE: f64 = 0.01;
@@ -15,7 +16,7 @@ const BEYOND: f64 = 3.0;
 
 /// A range-parameterised bank that begins with its first bearing (Peach 1995).
 ///
-/// Until a bearing is heard it is the Kalman filter that it is made of. The first one becomes a
+/// Until the first bearing it is the Kalman filter that it is made of. The first one becomes a
 /// row of Gaussians along its ray ([`RangeParameterised`]), from 1/100 of the largest range to
 /// what the belief then has within three standard deviations; their weights are what that belief
 /// has along the ray. What else that observation holds, such as a level, is fused by each.
@@ -43,15 +44,12 @@ where
     pub fn new(filter: Kalman<T, F, H, N, M>, parts: usize) -> Result<Self, EstimatorError> {
         let angle = filter.measurement().axes().iter().position(|axis| *axis == Axis::Angle);
         let (name, requirement) = ("bearings among the components", "at least one");
-        let bearing = angle.ok_or(EstimatorError::Parameter { name, value: 0.0, requirement })?;
-        if !(1..=1000).contains(&parts) {
-            let (name, value) = ("parts", crate::count::number(parts));
-            return Err(EstimatorError::Parameter { name, value, requirement: "in 1..=1000" });
-        }
+        let bearing = angle.ok_or(ParameterError { name, value: 0.0, requirement })?;
+        require((1..=1000).contains(&parts), "parts", number(parts), "in 1..=1000")?;
         Ok(Self { filter, bank: None, bearing, parts })
     }
 
-    /// The bank, once a bearing was heard.
+    /// The bank, once there was a bearing.
     #[must_use]
     pub fn bank(&self) -> Option<&GaussianSum<T, F, H, N, M>> {
         self.bank.as_ref()
@@ -108,18 +106,18 @@ where
         if !observation.has(self.bearing) {
             return self.filter.update(observation);
         }
-        // The bearing is the bank's prior; what it says of the belief before is the filter's to
-        // tell.
+        // The bearing is the bank's prior; its evidence given the belief before is that of the
+        // filter.
         let mut alone = self.filter.clone();
-        let told = alone.update(observation)?;
-        if matches!(told, Correction::Fused { .. }) {
+        let correction = alone.update(observation)?;
+        if matches!(correction, Correction::Fused { .. }) {
             let mut bank = self.begin(observation)?;
             let _ = bank.update(&observation.without(self.bearing))?;
             self.bank = Some(bank);
         } else {
             self.filter = alone;
         }
-        Ok(told)
+        Ok(correction)
     }
 
     fn estimate(&self) -> Estimate<N> {
@@ -127,6 +125,10 @@ where
             Some(bank) => bank.estimate(),
             None => self.filter.estimate(),
         }
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        self.filter.quantities()
     }
 
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {

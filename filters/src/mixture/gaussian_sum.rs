@@ -2,7 +2,9 @@ use alloc::vec::Vec;
 
 use foxhunt_core::{
     Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, Observation,
-    State,
+    OutlierMixture, Quantity, State,
+    noise::log_add,
+    parameter::{not_negative, positive, require},
 };
 
 use super::{
@@ -25,8 +27,8 @@ use crate::{Kalman, Transform, count::number};
 /// first bearing.
 ///
 /// ```
-/// use foxhunt_core::{Axis, Estimate, Estimator, MeasurementModel, Observation, Pose, RandomWalk,
-///     State, nalgebra::{Matrix1, Vector1, Vector2}};
+/// use foxhunt_core::{Estimate, Estimator, MeasurementModel, Observation, Pose, Quantity,
+///     RandomWalk, State, nalgebra::{Matrix1, Vector1, Vector2}};
 /// use foxhunt_filters::{GaussianSum, Ukf, split};
 ///
 /// /// The distance of the target, in metres.
@@ -34,8 +36,8 @@ use crate::{Kalman, Transform, count::number};
 /// struct Range;
 ///
 /// impl MeasurementModel<2, 1> for Range {
-///     fn axes(&self) -> [Axis; 1] {
-///         [Axis::Linear]
+///     fn quantities(&self) -> [Quantity; 1] {
+///         [Quantity::RANGE]
 ///     }
 ///     fn expected(&self, target: &State<2>, receiver: &Pose) -> Vector1<f64> {
 ///         Vector1::new((target - receiver.position.xy()).norm())
@@ -46,8 +48,8 @@ use crate::{Kalman, Transform, count::number};
 /// let prior = Estimate::isotropic(Vector2::zeros(), 10.0);
 /// let filter = Ukf::new(RandomWalk::uniform(0.0), Range, prior)?;
 /// let mut sum = GaussianSum::new(&filter, split(&prior, [7, 7])?)?;
-/// let heard = Observation::new(0.0, Pose::default(), Vector1::new(12.0), Matrix1::new(1.0))?;
-/// let _ = sum.update(&heard)?;
+/// let range = Observation::new(0.0, Pose::default(), Vector1::new(12.0), Matrix1::new(1.0))?;
+/// let _ = sum.update(&range)?;
 /// // A ring: its mean is in the middle, its samples are not.
 /// assert!(sum.estimate().mean.norm() < 0.1);
 /// let mut distance = 0.0;
@@ -62,14 +64,7 @@ pub struct GaussianSum<T, F, H, const N: usize, const M: usize> {
     most: usize,
     cheap: f64,
     resplitting: Option<Resplitting>,
-    outliers: Option<Outliers>,
-}
-
-/// The share of outliers, and the logarithms of what the two kinds of observation begin with.
-#[derive(Clone, Copy, Debug)]
-struct Outliers {
-    log_heard: f64,
-    log_density: f64,
+    outliers: Option<OutlierMixture<M>>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -116,10 +111,7 @@ where
     ///
     /// [`EstimatorError::Parameter`] when it is 0.
     pub fn with_most_components(self, most: usize) -> Result<Self, EstimatorError> {
-        if most == 0 {
-            let (name, value, requirement) = ("most components", 0.0, "at least 1");
-            return Err(EstimatorError::Parameter { name, value, requirement });
-        }
+        require(most > 0, "most components", 0.0, "at least 1")?;
         Ok(Self { most, ..self })
     }
 
@@ -129,11 +121,7 @@ where
     ///
     /// [`EstimatorError::Parameter`] when it is negative or not finite.
     pub fn with_merging_below(self, cost: f64) -> Result<Self, EstimatorError> {
-        if !(cost >= 0.0 && cost.is_finite()) {
-            let (name, requirement) = ("merging cost", "a non-negative number");
-            return Err(EstimatorError::Parameter { name, value: cost, requirement });
-        }
-        Ok(Self { cheap: cost, ..self })
+        Ok(Self { cheap: not_negative("merging cost", cost)?, ..self })
     }
 
     /// The same sum with another share of the heaviest component below which one is dropped, see
@@ -157,37 +145,17 @@ where
     /// [`EstimatorError::Parameter`] when `above` is not a positive number or the number of parts
     /// not in 2..=64.
     pub fn with_resplitting(self, above: f64, parts: usize) -> Result<Self, EstimatorError> {
-        if !(above > 0.0 && above.is_finite()) {
-            let (name, requirement) = ("nonlinearity", "a positive number");
-            return Err(EstimatorError::Parameter { name, value: above, requirement });
-        }
-        if !(2..=64).contains(&parts) {
-            let (name, value, requirement) = ("parts", number(parts), "in 2..=64");
-            return Err(EstimatorError::Parameter { name, value, requirement });
-        }
+        positive("nonlinearity", above)?;
+        require((2..=64).contains(&parts), "parts", number(parts), "in 2..=64")?;
         Ok(Self { resplitting: Some(Resplitting { above, parts }), ..self })
     }
 
-    /// The same sum where a `share` of the observations are outliers of a constant `density`, such
-    /// as 1 / 2π for a bearing from anywhere: every component goes on as two, one that has fused
-    /// the observation and one that takes it for an outlier, with the weights that the evidence
-    /// gives them. Its filters want no gate.
-    ///
-    /// # Errors
-    ///
-    /// [`EstimatorError::Parameter`] when the share is not in (0, 1) or the density not a positive
-    /// number.
-    pub fn with_outliers(self, share: f64, density: f64) -> Result<Self, EstimatorError> {
-        if !(share > 0.0 && share < 1.0) {
-            let (name, requirement) = ("share of outliers", "in (0, 1)");
-            return Err(EstimatorError::Parameter { name, value: share, requirement });
-        }
-        if !(density > 0.0 && density.is_finite()) {
-            let (name, requirement) = ("density of outliers", "a positive number");
-            return Err(EstimatorError::Parameter { name, value: density, requirement });
-        }
-        let (log_heard, log_density) = (libm::log1p(-share), libm::log(share * density));
-        Ok(Self { outliers: Some(Outliers { log_heard, log_density }), ..self })
+    /// The sum for a share of outliers among the observations: every component is split into two,
+    /// one that has fused the observation and one that takes it for an outlier, with the weights
+    /// that the evidence gives them. Its filters need no gate.
+    #[must_use]
+    pub fn with_outliers(self, outliers: OutlierMixture<M>) -> Self {
+        Self { outliers: Some(outliers), ..self }
     }
 
     /// The weights, which sum to 1, and the filters.
@@ -204,8 +172,8 @@ where
         let Some(Resplitting { above, parts }) = self.resplitting else { return Ok(None) };
         // What it is worth to split a component: nothing where it is linear enough, or light.
         let gain = |weight: f64, filter: &Kalman<T, F, H, N, M>| {
-            let told = filter.nonlinearity(observation).unwrap_or(0.0);
-            if told > above && weight >= LIGHT { weight * told } else { 0.0 }
+            let share = filter.nonlinearity(observation).unwrap_or(0.0);
+            if share > above && weight >= LIGHT { weight * share } else { 0.0 }
         };
         let mut components: Vec<_> =
             self.components().map(|(w, f)| (w, f.clone(), gain(w, f))).collect();
@@ -218,8 +186,8 @@ where
             }
             let (_, filter, _) = components.remove(index);
             for (share, part) in most_linear(&filter, parts, observation)? {
-                let told = gain(weight * share, &part);
-                components.push((weight * share, part, told));
+                let gain = gain(weight * share, &part);
+                components.push((weight * share, part, gain));
             }
             split_any = true;
         }
@@ -273,13 +241,11 @@ where
         if let (Some((outliers, before)), Correction::Fused { log_evidence, .. }) =
             (before, &mut correction)
         {
-            let heard = outliers.log_heard + *log_evidence;
-            let (low, high) = (heard.min(outliers.log_density), heard.max(outliers.log_density));
-            *log_evidence = high + libm::log1p(libm::exp(low - high));
-            let [heard, out] =
-                [heard, outliers.log_density].map(|log| libm::exp(log - *log_evidence));
-            let both = bank.components().map(|(w, f)| (w * heard, f));
-            let both = both.chain(before.components().map(|(w, f)| (w * out, f)));
+            let parts = outliers.log_parts(*log_evidence, observation);
+            *log_evidence = log_add(parts[0], parts[1]);
+            let [sound, outlier] = parts.map(|log| libm::exp(log - *log_evidence));
+            let both = bank.components().map(|(w, f)| (w * sound, f));
+            let both = both.chain(before.components().map(|(w, f)| (w * outlier, f)));
             let both: Vec<_> =
                 both.filter(|(w, _)| *w > NEGLIGIBLE).map(|(w, f)| (w, f.clone())).collect();
             bank.replace(both)?;
@@ -292,6 +258,10 @@ where
 
     fn estimate(&self) -> Estimate<N> {
         self.bank.estimate()
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        self.bank.quantities()
     }
 
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {

@@ -25,7 +25,7 @@ where
         return bank.update(observation);
     }
     let mut fused = Vec::new();
-    let mut told = None;
+    let mut first = None;
     for (weight, one) in observation.hypotheses() {
         let mut branch = bank.clone();
         let correction = branch.update(&one)?;
@@ -33,13 +33,13 @@ where
             fused.push((libm::log(weight) + log_evidence, branch));
         }
         // The first that some component fuses, or else the first.
-        told = match told {
-            Some(Correction::Fused { .. }) => told,
-            Some(_) if !matches!(correction, Correction::Fused { .. }) => told,
+        first = match first {
+            Some(Correction::Fused { .. }) => first,
+            Some(_) if !matches!(correction, Correction::Fused { .. }) => first,
             _ => Some(correction),
         };
     }
-    let Some(mut correction) = told else { return Ok(Correction::Empty) };
+    let Some(mut correction) = first else { return Ok(Correction::Empty) };
     let highest = fused.iter().map(|(log, _)| *log).fold(f64::NEG_INFINITY, f64::max);
     if fused.is_empty() || highest <= f64::NEG_INFINITY {
         return Ok(correction);

@@ -2,18 +2,19 @@ use alloc::vec::Vec;
 use core::mem;
 
 use foxhunt_core::{
-    Axis, Correction, Estimate, Estimator, EstimatorError, Observation, Role, State,
+    Axis, Correction, Estimate, Estimator, EstimatorError, Observation, Quantity, Role, State,
+    parameter::require,
 };
 
 use super::{
     Reinitialise, Transition,
-    component::{self, Component, InnovationOf, Told},
+    component::{self, Component, InnovationOf, Outcome},
     moments,
 };
 use crate::count::number;
 
 /// Interacting multiple models (Blom & Bar-Shalom 1988): one estimator for each mode of motion,
-/// and a Markov chain that says how the target changes between them.
+/// and a Markov chain by which the target changes between them.
 ///
 /// At each prediction every estimator goes on from the Gaussian with the moments of what all of
 /// them believed, weighed by how probable it is that the target came from their mode to its own
@@ -23,11 +24,11 @@ use crate::count::number;
 /// All estimators hold the same state; a still target is a state with velocity under a
 /// [`RandomWalk`](foxhunt_core::RandomWalk). A model that fails gets no probability until the
 /// chain comes back to it, which begins it anew; only where all fail does this one, and is as it
-/// was. What a model's own gate does is told at [`Bank`](crate::Bank).
+/// was. What a model's own gate does is described at [`Bank`](crate::Bank).
 ///
 /// ```
-/// use foxhunt_core::{Axis, ConstantVelocity, Estimate, Estimator, MeasurementModel, MotionModel,
-///     Observation, Pose, RandomWalk, State, nalgebra::{Matrix2, Vector2, Vector4}};
+/// use foxhunt_core::{ConstantVelocity, Estimate, Estimator, MeasurementModel, MotionModel,
+///     Observation, Pose, Quantity, RandomWalk, State, nalgebra::{Matrix2, Vector2, Vector4}};
 /// use foxhunt_filters::{Ekf, Imm, Transition};
 ///
 /// /// The place itself.
@@ -35,8 +36,8 @@ use crate::count::number;
 /// struct Place;
 ///
 /// impl MeasurementModel<4, 2> for Place {
-///     fn axes(&self) -> [Axis; 2] {
-///         [Axis::Linear; 2]
+///     fn quantities(&self) -> [Quantity; 2] {
+///         [Quantity::linear("east_m"), Quantity::linear("north_m")]
 ///     }
 ///     fn expected(&self, target: &State<4>, _: &Pose) -> Vector2<f64> {
 ///         target.xy()
@@ -55,8 +56,8 @@ use crate::count::number;
 /// for second in 0..20 {
 ///     imm.predict(1.0)?;
 ///     let place = Vector2::new(2.0 * f64::from(second), 1.0);
-///     let heard = Observation::new(0.0, Pose::default(), place, Matrix2::identity())?;
-///     let _ = imm.update(&heard)?;
+///     let observation = Observation::new(0.0, Pose::default(), place, Matrix2::identity())?;
+///     let _ = imm.update(&observation)?;
 /// }
 /// assert!(imm.probabilities().nth(1) > Some(0.95));
 /// # Ok(())
@@ -89,11 +90,9 @@ where
         chain: Transition,
     ) -> Result<Self, EstimatorError> {
         let (models, axes) = (component::weighted(models)?, [Axis::Linear; N]);
-        if models.len() != chain.modes() {
-            let (name, value) = ("modes of the chain", number(chain.modes()));
-            let requirement = "as many as there are models";
-            return Err(EstimatorError::Parameter { name, value, requirement });
-        }
+        let alike = models.len() == chain.modes();
+        let modes = number(chain.modes());
+        require(alike, "modes of the chain", modes, "as many as there are models")?;
         let belief = belief_of(&models, &axes)?;
         Ok(Self { models, spare: Vec::new(), chain, belief, axes, innovation: None })
     }
@@ -179,20 +178,26 @@ where
         if observation.is_empty() {
             return Ok(Correction::Empty);
         }
-        let nis = self.innovation.and_then(|told| component::nis(&self.models, told, observation));
+        let nis = self
+            .innovation
+            .and_then(|innovation| component::nis(&self.models, innovation, observation));
         self.spare.clone_from(&self.models);
-        let told = component::correct(&mut self.spare, observation)?;
+        let corrected = component::correct(&mut self.spare, observation)?;
         self.take()?;
-        Ok(match told {
-            Told::Fused(log_evidence) => {
+        Ok(match corrected {
+            Outcome::Fused(log_evidence) => {
                 Correction::Fused { nis, log_evidence, effective_sample_size: None }
             }
-            Told::Rejected { nis, limit } => Correction::Rejected { nis, limit },
+            Outcome::Rejected { nis, limit } => Correction::Rejected { nis, limit },
         })
     }
 
     fn estimate(&self) -> Estimate<N> {
         self.belief
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        self.models[0].estimator.quantities()
     }
 
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {

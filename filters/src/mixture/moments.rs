@@ -49,11 +49,11 @@ pub(super) fn nis<const M: usize>(
     observation: &Observation<M>,
 ) -> Option<f64> {
     // Each residual is the short way round from the observation, so they share an origin.
-    let as_estimate = |(weight, told): (f64, Innovation<M>)| {
-        (weight, Estimate { mean: told.residual, covariance: told.covariance })
+    let as_estimate = |(weight, innovation): (f64, Innovation<M>)| {
+        (weight, Estimate { mean: innovation.residual, covariance: innovation.covariance })
     };
     let mixed = combine(parts.map(as_estimate), &[Axis::Linear; M]).ok()?;
-    let residual = observation.mask(mixed.mean.transpose()).transpose();
+    let residual = observation.strike(mixed.mean);
     let factor = mixed.covariance.cholesky()?;
     Some(residual.dot(&factor.solve(&residual))).filter(|nis| nis.is_finite())
 }

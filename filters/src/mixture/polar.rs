@@ -36,7 +36,7 @@ mod tests {
     #[test]
     fn the_moments_are_those_of_an_integral() {
         for (sigma, direction, spread) in [(0.3, 0.7, 0.9), (2.0, -2.0, 0.05), (1.0, 3.0, 2.0)] {
-            let told = polar_moments((5.0, sigma), (direction, spread));
+            let made = polar_moments((5.0, sigma), (direction, spread));
             let (mut mass, mut mean, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
             for i in -200..=200 {
                 let at = f64::from(i) * 0.04;
@@ -49,16 +49,16 @@ mod tests {
             }
             mean /= mass;
             let covariance = second / mass - mean * mean.transpose();
-            assert!((told.mean - mean).norm() < 1e-12, "{}", told.mean);
-            assert!((told.covariance - covariance).norm() < 1e-11, "{}", told.covariance);
+            assert!((made.mean - mean).norm() < 1e-12, "{}", made.mean);
+            assert!((made.covariance - covariance).norm() < 1e-11, "{}", made.covariance);
         }
     }
 
     #[test]
     fn a_thin_fan_keeps_its_digits() {
-        let told = polar_moments((1e4, 1.0), (0.0, 1e-6));
+        let made = polar_moments((1e4, 1.0), (0.0, 1e-6));
         // Across: (r σ)² (1 − σ²) + …; along: σ_r² and half of (r σ²)².
-        assert!((told.covariance[(1, 1)] - 1e-4).abs() < 1e-10);
-        assert!((told.covariance[(0, 0)] - 1.0).abs() < 1e-10);
+        assert!((made.covariance[(1, 1)] - 1e-4).abs() < 1e-10);
+        assert!((made.covariance[(0, 0)] - 1.0).abs() < 1e-10);
     }
 }

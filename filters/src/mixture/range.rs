@@ -1,6 +1,9 @@
 use alloc::vec::Vec;
 
-use foxhunt_core::{Estimate, EstimatorError, Pose};
+use foxhunt_core::{
+    Estimate, EstimatorError, Pose,
+    parameter::{finite, not_negative, positive, require},
+};
 use nalgebra::Vector2;
 
 use super::polar_moments;
@@ -40,7 +43,7 @@ pub struct RangeParameterised {
 
 impl RangeParameterised {
     /// `parts` components of one weight, from a bearing with its standard deviation, in radians,
-    /// heard at `receiver`, and the least and the largest range, in metres.
+    /// taken at `receiver`, and the least and the largest range, in metres.
     ///
     /// # Errors
     ///
@@ -54,20 +57,12 @@ impl RangeParameterised {
         parts: usize,
     ) -> Result<Self, EstimatorError> {
         let receiver = receiver.position.xy();
-        let positive = "a positive number";
-        let requirements = [
-            ("receiver", receiver.sum(), receiver.sum().is_finite(), "finite"),
-            ("bearing", bearing.0, bearing.0.is_finite(), "finite"),
-            ("sigma of the bearing", bearing.1, bearing.1 > 0.0 && bearing.1.is_finite(), positive),
-            ("least range", least, least > 0.0, positive),
-            ("largest range", most, most > least && most.is_finite(), "above the least"),
-            ("parts", number(parts), (1..=1000).contains(&parts), "in 1..=1000"),
-        ];
-        for (name, value, valid, requirement) in requirements {
-            if !valid {
-                return Err(EstimatorError::Parameter { name, value, requirement });
-            }
-        }
+        finite("receiver", receiver.sum())?;
+        finite("bearing", bearing.0)?;
+        positive("sigma of the bearing", bearing.1)?;
+        positive("least range", least)?;
+        require(most > least && most.is_finite(), "largest range", most, "above the least")?;
+        require((1..=1000).contains(&parts), "parts", number(parts), "in 1..=1000")?;
         let end = |i: usize| least * libm::pow(most / least, number(i) / number(parts));
         let (ends, weights) =
             ((0..=parts).map(end).collect(), Vec::from_iter((0..parts).map(|_| 1.0)));
@@ -82,17 +77,11 @@ impl RangeParameterised {
     /// [`EstimatorError::Parameter`] when one is negative or not finite, or all are zero.
     pub fn with_prior(self, mass: impl Fn(f64, f64) -> f64) -> Result<Self, EstimatorError> {
         let weights: Vec<f64> = self.ends.windows(2).map(|end| mass(end[0], end[1])).collect();
-        let refuse = |value| {
-            let (name, requirement) =
-                ("range prior", "non-negative, finite, and somewhere positive");
-            Err(EstimatorError::Parameter { name, value, requirement })
-        };
-        if let Some(bad) = weights.iter().find(|w| !(**w >= 0.0 && w.is_finite())) {
-            return refuse(*bad);
+        for weight in &weights {
+            not_negative("range prior", *weight)?;
         }
-        if weights.iter().sum::<f64>() <= 0.0 {
-            return refuse(0.0);
-        }
+        let sum = weights.iter().sum::<f64>();
+        require(sum > 0.0, "range prior", sum, "positive somewhere")?;
         Ok(Self { weights, ..self })
     }
 

@@ -4,8 +4,8 @@ use foxhunt_core::{Estimate, EstimatorError, MeasurementModel, MotionModel, Role
 
 use crate::{Gaussian, Kalman, Transform};
 
-/// An estimator that can go on from another Gaussian belief: what mixing, merging and splitting
-/// ask of it.
+/// An estimator that can go on from another Gaussian belief: what mixing, merging and
+/// splitting need.
 pub trait Reinitialise<const N: usize> {
     /// Puts a Gaussian in place of the belief; models, gates and their records stay.
     ///

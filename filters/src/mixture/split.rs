@@ -1,6 +1,6 @@
 use alloc::{vec, vec::Vec};
 
-use foxhunt_core::{Covariance, Estimate, EstimatorError, Role, State};
+use foxhunt_core::{Covariance, Estimate, EstimatorError, Role, State, parameter::require};
 use nalgebra::Vector2;
 
 use crate::count::number;
@@ -12,10 +12,10 @@ const MOST: usize = 64;
 /// along the longer one, `parts[1]` along the other; the mixture has the same mean and covariance
 /// (Alspach & Sorenson 1972, §II).
 ///
-/// Along an axis on which the position is N(0, 1) after scaling, k parts lie 6.5 / (k + 2.5) apart, each of
-/// half that as standard deviation (two parts share the variance evenly); their weights are a
-/// Gaussian's, with the spread at which the mixture's variance is 1. From five parts on the sum is
-/// within 7 % of the Gaussian's peak. What else is in the state follows by
+/// Along an axis on which the position is N(0, 1) after scaling, k parts lie 6.5 / (k + 2.5) apart,
+/// each of half that as standard deviation (two parts share the variance evenly); their weights are
+/// a Gaussian's, with the spread at which the mixture's variance is 1. From five parts on the sum
+/// is within 7 % of the Gaussian's peak. What else is in the state follows by
 /// regression on the position, so a velocity that goes with the range is split with it.
 ///
 /// # Errors
@@ -74,15 +74,13 @@ pub(super) fn split_along<const N: usize>(
 ///
 /// [`EstimatorError::Parameter`] when the number of parts is not in 1..=64.
 pub fn split_standard_normal(parts: usize) -> Result<(f64, Vec<(f64, f64)>), EstimatorError> {
-    if !(1..=MOST).contains(&parts) {
-        let (name, value, requirement) = ("parts", number(parts), "in 1..=64");
-        return Err(EstimatorError::Parameter { name, value, requirement });
-    }
+    require((1..=MOST).contains(&parts), "parts", number(parts), "in 1..=64")?;
     Ok(unit_parts(parts))
 }
 
 fn unit_parts(parts: usize) -> (f64, Vec<(f64, f64)>) {
-    // Two of even weight that are 6.5 / 4.5 apart would have too much variance: each takes half of it.
+    // Two of even weight that are 6.5 / 4.5 apart would have too much variance: each takes half of
+    // it.
     let half = core::f64::consts::FRAC_1_SQRT_2;
     match parts {
         1 => return (1.0, vec![(1.0, 0.0)]),

@@ -1,6 +1,6 @@
 use alloc::{vec, vec::Vec};
 
-use foxhunt_core::EstimatorError;
+use foxhunt_core::{EstimatorError, parameter::require};
 
 use crate::count::number;
 
@@ -29,24 +29,15 @@ impl Transition {
     /// negative or a row does not sum to 1 (to 10⁻⁹).
     pub fn per_step(matrix: &[&[f64]]) -> Result<Self, EstimatorError> {
         let modes = matrix.len();
-        let refuse = |value, requirement| {
-            let name = "transition matrix";
-            Err(EstimatorError::Parameter { name, value, requirement })
-        };
-        if modes == 0 {
-            return refuse(0.0, "of at least one mode");
-        }
+        let name = "transition matrix";
+        require(modes > 0, name, 0.0, "of at least one mode")?;
         for row in matrix {
-            if row.len() != modes {
-                return refuse(number(row.len()), "square");
-            }
-            if let Some(bad) = row.iter().find(|p| p.is_nan() || **p < 0.0) {
-                return refuse(*bad, "of non-negative entries");
+            require(row.len() == modes, name, number(row.len()), "square")?;
+            for entry in *row {
+                require(*entry >= 0.0, name, *entry, "of non-negative entries")?;
             }
             let sum: f64 = row.iter().sum();
-            if (sum - 1.0).abs() > 1e-9 {
-                return refuse(sum, "of rows that sum to 1");
-            }
+            require((sum - 1.0).abs() <= 1e-9, name, sum, "of rows that sum to 1")?;
         }
         Ok(Self { modes, matrix: matrix.concat(), per: Per::Step })
     }
@@ -61,16 +52,10 @@ impl Transition {
     /// infinite.
     pub fn sojourn(seconds: &[f64]) -> Result<Self, EstimatorError> {
         let modes = seconds.len();
-        if modes == 0 {
-            let (name, value, requirement) = ("modes", 0.0, "at least 1");
-            return Err(EstimatorError::Parameter { name, value, requirement });
-        }
+        require(modes > 0, "modes", 0.0, "at least 1")?;
         let mut matrix = vec![0.0; modes * modes];
         for (i, mean) in seconds.iter().enumerate() {
-            if mean.is_nan() || *mean <= 0.0 {
-                let (name, requirement) = ("sojourn time", "positive");
-                return Err(EstimatorError::Parameter { name, value: *mean, requirement });
-            }
+            require(*mean > 0.0, "sojourn time", *mean, "positive")?;
             for j in (0..modes).filter(|j| *j != i) {
                 matrix[i * modes + j] = 1.0 / mean / number(modes - 1);
                 matrix[i * modes + i] -= 1.0 / mean / number(modes - 1);

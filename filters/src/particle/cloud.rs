@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_far_below_the_smallest_number_are_still_told_apart() {
+    fn weights_far_below_the_smallest_number_are_still_distinguished() {
         let prior = Weights::even(4);
         let mut posterior = Weights::even(4);
         posterior.log = vec![-2000.0, -2000.0 + libm::log(3.0), f64::NEG_INFINITY, -3000.0];

@@ -2,7 +2,7 @@ use core::mem;
 
 use foxhunt_core::{
     Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, Observation,
-    State,
+    Quantity, State,
 };
 use rand::Rng;
 
@@ -29,12 +29,12 @@ where
     }
 
     fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
-        // That nothing was heard tells something where the model has a likelihood for it.
+        // An observation below a limit counts where the model has a likelihood for it.
         if observation.is_empty() && !observation.is_censored() {
             return Ok(Correction::Empty);
         }
-        let nis =
-            Innovation::of_belief(&*self, &self.measurement, observation).map(|told| told.nis);
+        let nis = Innovation::of_belief(&*self, &self.measurement, observation)
+            .map(|innovation| innovation.nis);
         let count = self.cloud.len();
         self.spare.resize(count);
         let columns: [&[f64]; N] = core::array::from_fn(|row| &self.cloud.columns[row][..]);
@@ -56,6 +56,10 @@ where
         *self.belief.estimate()
     }
 
+    fn quantities(&self) -> [Quantity; M] {
+        self.measurement.quantities()
+    }
+
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
         for (i, weight) in self.cloud.weights.linear.iter().enumerate() {
             visit(&self.cloud.state(i), *weight);
@@ -65,7 +69,7 @@ where
 
 #[cfg(test)]
 mod tests {
-    use foxhunt_core::{Axis, Pose, RandomWalk};
+    use foxhunt_core::{Pose, Quantity, RandomWalk};
     use nalgebra::{Matrix1, Vector1};
     use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
@@ -75,8 +79,8 @@ mod tests {
     struct Itself;
 
     impl MeasurementModel<1, 1> for Itself {
-        fn axes(&self) -> [Axis; 1] {
-            [Axis::Linear]
+        fn quantities(&self) -> [Quantity; 1] {
+            [Quantity::linear("x_m")]
         }
         fn expected(&self, state: &State<1>, _receiver: &Pose) -> Vector1<f64> {
             *state

@@ -1,6 +1,9 @@
 use alloc::{vec, vec::Vec};
 
-use foxhunt_core::{Axis, Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State};
+use foxhunt_core::{
+    Axis, Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State,
+    parameter::{ParameterError, in_range, require},
+};
 use rand::{Rng, RngExt};
 
 use super::{
@@ -19,7 +22,7 @@ use crate::{Gaussian, count::number};
 ///
 /// The cloud is resampled where its effective sample size has fallen below a share of its
 /// particles, at the start of the next `predict`: between two updates at one time copies would
-/// tell nothing that the weights do not.
+/// add nothing to the weights.
 ///
 /// The motion noise of a nearly still target does not set the copies of a particle apart; the
 /// cloud would thin out to a few points and the filter be sure of itself. So each copy is drawn
@@ -27,7 +30,7 @@ use crate::{Gaussian, count::number};
 /// that the cloud keeps both its moments (Liu & West 2001):
 /// x' = x̂ + √(1 − h²) (x ⊖ x̂) + h L ξ. The bandwidth h is Silverman's (1986, §4.3.2),
 /// (4 / (N + 2))^(1 / (N + 4)) n^(−1 / (N + 4)): 0.28 for 2000 particles in the plane. A
-/// bandwidth of 0 is the plain bootstrap filter; it asks for a target that drifts.
+/// bandwidth of 0 is the plain bootstrap filter; it needs a target that drifts.
 ///
 /// A sharp observation of a broad belief would leave a handful of particles. Where the effective
 /// sample size after an update would be below a tenth of the particles, the likelihood is applied
@@ -95,13 +98,7 @@ where
         rng: R,
     ) -> Result<Self, EstimatorError> {
         let count = samples.len();
-        if count <= N {
-            return Err(EstimatorError::Parameter {
-                name: "particles",
-                value: number(count),
-                requirement: "more than the state has components",
-            });
-        }
+        require(count > N, "particles", number(count), "more than the state has components")?;
         let columns = core::array::from_fn(|row| samples.iter().map(|x| x[row]).collect());
         let cloud = Cloud { columns, weights: Weights::even(count) };
         let belief = moments(&cloud.columns, &cloud.weights.linear, &motion.axes());
@@ -129,19 +126,13 @@ where
     }
 
     /// The same filter, resampling where the effective sample size is below this share of the
-    /// particles: 0 never does, 1 does after every update that tells particles apart.
+    /// particles: 0 never does, 1 does after every update that distinguishes particles.
     ///
     /// # Errors
     ///
     /// [`EstimatorError::Parameter`] when it is not in [0, 1].
     pub fn with_resampling_threshold(self, threshold: f64) -> Result<Self, EstimatorError> {
-        if !(0.0..=1.0).contains(&threshold) {
-            return Err(EstimatorError::Parameter {
-                name: "resampling threshold",
-                value: threshold,
-                requirement: "in [0, 1]",
-            });
-        }
+        in_range("resampling threshold", threshold, 0.0..=1.0, "in [0, 1]")?;
         Ok(Self { threshold, ..self })
     }
 
@@ -152,17 +143,12 @@ where
     ///
     /// [`EstimatorError::Parameter`] when it is not in [0, 1).
     pub fn with_kernel_bandwidth(self, bandwidth: f64) -> Result<Self, EstimatorError> {
-        if !(0.0..1.0).contains(&bandwidth) {
-            return Err(EstimatorError::Parameter {
-                name: "kernel bandwidth",
-                value: bandwidth,
-                requirement: "in [0, 1)",
-            });
-        }
+        let inside = (0.0..1.0).contains(&bandwidth);
+        require(inside, "kernel bandwidth", bandwidth, "in [0, 1)")?;
         Ok(Self { bandwidth: Some(bandwidth), ..self })
     }
 
-    /// The same filter with as many particles as it needs: told anew at every resampling, and
+    /// The same filter with as many particles as it needs: counted anew at every resampling, and
     /// resampled too where there are more than twice or less than half as many. Ancestors are then
     /// drawn independently, whatever the scheme. The bandwidth follows their
     /// number unless it was given. It starts with the particles that it was made with.
@@ -178,8 +164,7 @@ where
     ///
     /// [`EstimatorError::Parameter`] when it is not in [0, 0.5].
     pub fn with_progressive_correction(self, share: f64) -> Result<Self, EstimatorError> {
-        check_progressive(share)?;
-        Ok(Self { progressive: share, ..self })
+        Ok(Self { progressive: check_progressive(share)?, ..self })
     }
 
     /// How many particles there are.
@@ -188,7 +173,7 @@ where
         self.cloud.len()
     }
 
-    /// 1 / Σ w²: how many particles of equal weight would tell as much.
+    /// 1 / Σ w²: how many particles of equal weight would be as good.
     #[must_use]
     pub fn effective_sample_size(&self) -> f64 {
         self.cloud.weights.effective_sample_size()
@@ -200,7 +185,7 @@ where
     /// has all the weight. So the k-th part of what one particle stands for is added, the n-th
     /// part of the volume of the belief so far: P n^(−2/N). That is next to nothing as long as
     /// the cloud is sound, and keeps a covariance where it has collapsed, which its effective
-    /// sample size tells.
+    /// sample size shows.
     pub(super) fn belief_of(
         &self,
         columns: &[Vec<f64>; N],
@@ -311,10 +296,6 @@ where
 }
 
 /// Whether a share of the particles may be that below which an update is made in stages.
-pub(super) fn check_progressive(share: f64) -> Result<(), EstimatorError> {
-    if (0.0..=0.5).contains(&share) {
-        return Ok(());
-    }
-    let requirement = "in [0, 0.5]";
-    Err(EstimatorError::Parameter { name: "progressive correction", value: share, requirement })
+pub(super) fn check_progressive(share: f64) -> Result<f64, ParameterError> {
+    in_range("progressive correction", share, 0.0..=0.5, "in [0, 0.5]")
 }

@@ -1,6 +1,9 @@
 use alloc::collections::BTreeSet;
 
-use foxhunt_core::{EstimatorError, State};
+use foxhunt_core::{
+    EstimatorError, State,
+    parameter::{positive, require},
+};
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use crate::count::number;
@@ -31,27 +34,12 @@ impl<const N: usize> KldSampling<N> {
     /// [`EstimatorError::Parameter`] when a side is not positive, there are not at least N + 1
     /// particles, or `most` is below `least`.
     pub fn new(bins: State<N>, least: usize, most: usize) -> Result<Self, EstimatorError> {
-        if let Some(&value) = bins.iter().find(|side| side.is_nan() || **side <= 0.0) {
-            return Err(EstimatorError::Parameter {
-                name: "side of a bin",
-                value,
-                requirement: "positive",
-            });
+        for side in &bins {
+            require(*side > 0.0, "side of a bin", *side, "positive")?;
         }
-        if least <= N {
-            return Err(EstimatorError::Parameter {
-                name: "least particles",
-                value: number(least),
-                requirement: "more than the state has components",
-            });
-        }
-        if most < least {
-            return Err(EstimatorError::Parameter {
-                name: "most particles",
-                value: number(most),
-                requirement: "at least the least",
-            });
-        }
+        let enough = "more than the state has components";
+        require(least > N, "least particles", number(least), enough)?;
+        require(most >= least, "most particles", number(most), "at least the least")?;
         Ok(Self { bins, least, most, error: 0.05, quantile: 2.326_347_874_040_841 })
     }
 
@@ -62,21 +50,13 @@ impl<const N: usize> KldSampling<N> {
     /// [`EstimatorError::Parameter`] when the error is not positive or the probability not in
     /// [0.5, 1).
     pub fn with_error(self, error: f64, probability: f64) -> Result<Self, EstimatorError> {
-        if !(error > 0.0 && error.is_finite()) {
-            let requirement = "positive";
-            return Err(EstimatorError::Parameter { name: "KLD error", value: error, requirement });
-        }
-        if !(0.5..1.0).contains(&probability) {
-            return Err(EstimatorError::Parameter {
-                name: "KLD probability",
-                value: probability,
-                requirement: "in [0.5, 1)",
-            });
-        }
+        positive("KLD error", error)?;
+        let inside = (0.5..1.0).contains(&probability);
+        require(inside, "KLD probability", probability, "in [0.5, 1)")?;
         Ok(Self { error, quantile: Normal::standard().inverse_cdf(probability), ..self })
     }
 
-    /// How many particles an occupied number of bins asks for.
+    /// How many particles an occupied number of bins needs.
     #[must_use]
     pub fn particles(&self, occupied: usize) -> usize {
         let degrees = number(occupied.saturating_sub(1));
@@ -101,7 +81,7 @@ impl<const N: usize> KldSampling<N> {
     }
 }
 
-/// The bins that particles were seen in.
+/// The bins that particles lie in.
 pub(super) struct Bins<const N: usize> {
     sides: State<N>,
     occupied: BTreeSet<[i64; N]>,
@@ -132,8 +112,8 @@ mod tests {
         // χ² at 0.99 over 2 ε = 0.1 (Abramowitz & Stegun 1964, table 26.8); the cube root is good
         // to a hundredth from one degree of freedom on.
         for (occupied, chi_squared) in [(2, 6.634_90), (11, 23.2093), (101, 135.807)] {
-            let told = number(kld.particles(occupied));
-            assert!((told / (10.0 * chi_squared) - 1.0).abs() < 0.015, "{occupied}: {told}");
+            let count = number(kld.particles(occupied));
+            assert!((count / (10.0 * chi_squared) - 1.0).abs() < 0.015, "{occupied}: {count}");
         }
         assert_eq!((kld.particles(0), kld.particles(1)), (10, 10));
         assert_eq!(kld.particles(usize::MAX), 1_000_000);

@@ -1,5 +1,6 @@
 use foxhunt_core::{
     Covariance, EstimatorError, MeasurementModel, MotionModel, Observation, Role, State, noise,
+    parameter::require,
 };
 use nalgebra::{SMatrix, SVector};
 
@@ -13,7 +14,7 @@ pub(super) struct Particle<const N: usize, const K: usize> {
 
 /// What an observation is to one particle, the nuisance integrated out.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Told<const M: usize, const K: usize> {
+pub(super) struct Linearised<const M: usize, const K: usize> {
     /// ∂h over the last K components; missing rows are zero.
     slope: SMatrix<f64, M, K>,
     residual: SVector<f64, M>,
@@ -24,7 +25,7 @@ pub(super) struct Told<const M: usize, const K: usize> {
     competing: f64,
 }
 
-impl<const M: usize, const K: usize> Told<M, K> {
+impl<const M: usize, const K: usize> Linearised<M, K> {
     /// H with H Hᵀ = S.
     fn factor(&self, noise: &Tempered<M>) -> Option<SMatrix<f64, M, M>> {
         Some((self.spread + noise.noise).cholesky()?.unpack())
@@ -56,7 +57,10 @@ impl<const M: usize> Tempered<M> {
         });
         let factor = |noise: Covariance<M>| {
             let role = Role::Innovation;
-            Ok(noise.cholesky().ok_or(EstimatorError::NotPositiveDefinite { role })?.unpack())
+            noise
+                .cholesky()
+                .map(|factor| factor.unpack())
+                .ok_or(EstimatorError::NotPositiveDefinite { role })
         };
         let (none, dof) = (SVector::zeros(), observation.len());
         let whole = noise::gaussian(&none, &factor(whole)?, dof);
@@ -71,18 +75,18 @@ impl<const N: usize, const K: usize> Particle<N, K> {
 
     /// What an observation is to this particle; `bearing` is its
     /// [`competing_bearing`](Observation::competing_bearing).
-    pub(super) fn told<const M: usize>(
+    pub(super) fn linearised<const M: usize>(
         &self,
         model: &impl MeasurementModel<N, M>,
         observation: &Observation<M>,
         bearing: Option<&(usize, [Observation<M>; 2])>,
-    ) -> Told<M, K> {
+    ) -> Linearised<M, K> {
         let jacobian = model.jacobian(&self.state, observation.receiver());
         let slope = jacobian.fixed_columns::<K>(Self::FIRST).into_owned();
-        let slope = observation.mask(slope.transpose()).transpose();
+        let slope = observation.strike(slope);
         let expected = model.expected(&self.state, observation.receiver());
         let residual = model.residual(observation.value(), &expected);
-        let residual = observation.mask(residual.transpose()).transpose();
+        let residual = observation.strike(residual);
         let spread = slope * self.spread * slope.transpose();
         let competing = match bearing {
             Some((row, alone)) if slope.row(*row).norm_squared() <= 0.0 => {
@@ -92,25 +96,25 @@ impl<const N: usize, const K: usize> Particle<N, K> {
             }
             _ => 0.0,
         };
-        Told { slope, residual, spread, dof: observation.len(), competing }
+        Linearised { slope, residual, spread, dof: observation.len(), competing }
     }
 
     /// The Kalman filter of the nuisance, in Joseph's form.
     pub(super) fn corrected<const M: usize>(
         &self,
-        told: &Told<M, K>,
+        linear: &Linearised<M, K>,
         noise: &Tempered<M>,
     ) -> Option<Self> {
         // Gᵀ = S⁻¹ H P.
-        let cross = told.slope * self.spread;
-        let factor = told.factor(noise)?;
+        let cross = linear.slope * self.spread;
+        let factor = linear.factor(noise)?;
         let white = factor.solve_lower_triangular(&cross)?;
         let gain = factor.tr_solve_lower_triangular(&white)?.transpose();
-        let kept = Covariance::<K>::identity() - gain * told.slope;
+        let kept = Covariance::<K>::identity() - gain * linear.slope;
         let mut spread =
             kept * self.spread * kept.transpose() + gain * noise.noise * gain.transpose();
         spread.fill_upper_triangle_with_lower_triangle();
-        let step = gain * told.residual;
+        let step = gain * linear.residual;
         let mut state = self.state;
         (0..K).for_each(|i| state[Self::FIRST + i] += step[i]);
         Some(Self { state, spread })
@@ -120,7 +124,7 @@ impl<const N: usize, const K: usize> Particle<N, K> {
     ///
     /// # Errors
     ///
-    /// When what is sampled moves with the nuisance or shares its noise: it would tell of it.
+    /// When what is sampled moves with the nuisance or shares its noise: it would depend on it.
     pub(super) fn moved(
         &self,
         motion: &impl MotionModel<N>,
@@ -138,13 +142,12 @@ impl<const N: usize, const K: usize> Particle<N, K> {
             .flat_map(|i| (Self::FIRST..N).map(move |j| (i, j)))
             .fold(0.0, |most: f64, (i, j)| most.max(shared(i, j)));
         // A numerical Jacobian is not exactly zero.
-        if coupling > 1e-6 {
-            return Err(EstimatorError::Parameter {
-                name: "coupling of the sampled components to the others",
-                value: coupling,
-                requirement: "none",
-            });
-        }
+        require(
+            coupling <= 1e-6,
+            "coupling of the sampled components to the others",
+            coupling,
+            "none",
+        )?;
         let mut state = motion.propagate(&self.state, dt);
         let step = factor * white;
         (0..Self::FIRST).for_each(|i| state[i] += step[i]);

@@ -44,14 +44,14 @@ where
         corrected.copy_from(&self.cloud);
         next.resize(corrected.len());
         ancestors.resize(corrected.len(), 0);
-        let told =
+        let outcome =
             self.apply_in_stages(observation, &mut corrected, &mut next, &mut ancestors, &mut rng);
-        if let Ok((belief, _)) = told {
+        if let Ok((belief, _)) = outcome {
             mem::swap(&mut self.cloud, &mut corrected);
             (self.belief, self.rng) = (belief, rng);
         }
         (self.reserve, self.spare, self.ancestors) = (corrected, next, ancestors);
-        told.map(|(_, log_evidence)| log_evidence)
+        outcome.map(|(_, log_evidence)| log_evidence)
     }
 
     /// Conditions `cloud`, which holds this filter's.
@@ -140,7 +140,7 @@ pub(super) fn largest_exponent(left: f64, wanted: f64, mut size: impl FnMut(f64)
     if whole >= wanted || whole.is_nan() {
         return left;
     }
-    // By its logarithm: a cloud a thousand times too wide asks for a millionth.
+    // By its logarithm: a cloud a thousand times too wide needs a millionth.
     let (mut low, mut high) = (left * LEAST_EXPONENT, left);
     for _ in 0..HALVINGS {
         let middle = libm::sqrt(low * high);

@@ -2,7 +2,7 @@ use alloc::{vec, vec::Vec};
 
 use foxhunt_core::{
     Axis, Covariance, Estimate, EstimatorError, MeasurementModel, MotionModel, Observation, Role,
-    State,
+    State, parameter::require,
 };
 use nalgebra::SMatrix;
 use rand::Rng;
@@ -10,7 +10,7 @@ use rand::Rng;
 use super::{
     cloud::{Cloud, Weights, moments},
     kernel::{Kernel, silverman, white},
-    marginal::{Particle, Tempered, Told},
+    marginal::{Linearised, Particle, Tempered},
     progressive::{KEPT, MOST_STAGES, largest_exponent},
     resampling::Resampling,
 };
@@ -23,7 +23,7 @@ use crate::{Gaussian, count::number};
 /// The last K components have to enter the measurement linearly once the others are given, such
 /// as a transmitter's reference power and path-loss exponent once its place is: their columns of
 /// the model's Jacobian do not depend on them. The noise has to be Gaussian: `log_likelihood` is
-/// asked only about a bearing that several directions compete for. What is sampled may not move
+/// used only for a bearing that several directions compete for. What is sampled may not move
 /// with what is not, nor share its noise; a motion that does is refused.
 ///
 /// Integrating them out leaves fewer dimensions to sample, and nothing of them to freeze: a power
@@ -71,7 +71,7 @@ where
     R: Rng + Clone,
 {
     /// A filter of `particles` drawn from the Gaussian `prior`, in each of them what the prior
-    /// says of the last K components given the others.
+    /// has of the last K components given the others.
     ///
     /// # Errors
     ///
@@ -85,13 +85,8 @@ where
         mut rng: R,
     ) -> Result<Self, EstimatorError> {
         const { assert!(K > 0 && K < N, "something has to be sampled, and something not") };
-        if particles <= N {
-            return Err(EstimatorError::Parameter {
-                name: "particles",
-                value: number(particles),
-                requirement: "more than the state has components",
-            });
-        }
+        let enough = "more than the state has components";
+        require(particles > N, "particles", number(particles), enough)?;
         let prior = Gaussian::new(prior, Role::Prior)?;
         let nuisance = prior.factor().fixed_view::<K, K>(N - K, N - K);
         let spread = nuisance * nuisance.transpose();
@@ -128,11 +123,10 @@ where
     ///
     /// [`EstimatorError::Parameter`] when it is not in [0, 0.5].
     pub fn with_progressive_correction(self, share: f64) -> Result<Self, EstimatorError> {
-        super::filter::check_progressive(share)?;
-        Ok(Self { progressive: share, ..self })
+        Ok(Self { progressive: super::filter::check_progressive(share)?, ..self })
     }
 
-    /// 1 / Σ w²: how many particles of equal weight would tell as much.
+    /// 1 / Σ w²: how many particles of equal weight would be as good.
     #[must_use]
     pub fn effective_sample_size(&self) -> f64 {
         self.cloud.means.weights.effective_sample_size()
@@ -197,9 +191,9 @@ where
         observation: &Observation<M>,
         rng: &mut R,
     ) -> Result<(Conditional<N, K>, f64), EstimatorError> {
-        let told = self.told(&self.cloud, observation);
+        let linear = self.linearised(&self.cloud, observation);
         let at_once = Tempered::new(observation, 1.0)?;
-        let (mut cloud, evidence) = self.stage(&self.cloud, &told, &at_once)?;
+        let (mut cloud, evidence) = self.stage(&self.cloud, &linear, &at_once)?;
         let wanted = self.progressive * number(cloud.len());
         if cloud.means.weights.effective_sample_size() >= wanted {
             return Ok((cloud, evidence));
@@ -211,11 +205,11 @@ where
             if cloud.means.weights.effective_sample_size() < KEPT * number(cloud.len()) {
                 cloud = self.regularised(&cloud, rng);
             }
-            let told = self.told(&cloud, observation);
+            let linear = self.linearised(&cloud, observation);
             let prior = &cloud.means.weights;
             let size = |exponent| {
                 let size = Tempered::new(observation, exponent).and_then(|noise| {
-                    log_densities(&told, &noise, &mut weights);
+                    log_densities(&linear, &noise, &mut weights);
                     weights.condition(prior)
                 });
                 size.map_or(f64::NAN, |_| weights.effective_sample_size())
@@ -225,7 +219,7 @@ where
                 if stage == MOST_STAGES { left } else { largest_exponent(left, wanted, size) };
             let evidence;
             (cloud, evidence) =
-                self.stage(&cloud, &told, &Tempered::new(observation, exponent)?)?;
+                self.stage(&cloud, &linear, &Tempered::new(observation, exponent)?)?;
             log_evidence += evidence;
             left -= exponent;
             if left <= 0.0 {
@@ -235,24 +229,29 @@ where
         Ok((cloud, log_evidence))
     }
 
-    fn told(&self, cloud: &Conditional<N, K>, observation: &Observation<M>) -> Vec<Told<M, K>> {
+    fn linearised(
+        &self,
+        cloud: &Conditional<N, K>,
+        observation: &Observation<M>,
+    ) -> Vec<Linearised<M, K>> {
         let bearing = observation.competing_bearing();
-        let told = |i| cloud.particle(i).told(&self.measurement, observation, bearing.as_ref());
-        (0..cloud.len()).map(told).collect()
+        let linear =
+            |i| cloud.particle(i).linearised(&self.measurement, observation, bearing.as_ref());
+        (0..cloud.len()).map(linear).collect()
     }
 
     /// The cloud conditioned on p(z | x)^φ.
     fn stage(
         &self,
         from: &Conditional<N, K>,
-        told: &[Told<M, K>],
+        linear: &[Linearised<M, K>],
         noise: &Tempered<M>,
     ) -> Result<(Conditional<N, K>, f64), EstimatorError> {
         let (mut next, axes) = (from.clone(), self.motion.axes());
-        log_densities(told, noise, &mut next.means.weights);
+        log_densities(linear, noise, &mut next.means.weights);
         let log_evidence = next.means.weights.condition(&from.means.weights)?;
-        for (i, told) in told.iter().enumerate() {
-            let corrected = from.particle(i).corrected(told, noise);
+        for (i, linear) in linear.iter().enumerate() {
+            let corrected = from.particle(i).corrected(linear, noise);
             let role = Role::Innovation;
             let corrected = corrected.ok_or(EstimatorError::NotPositiveDefinite { role })?;
             next.set(i, &corrected, &axes);
@@ -262,12 +261,12 @@ where
 }
 
 fn log_densities<const M: usize, const K: usize>(
-    told: &[Told<M, K>],
+    linear: &[Linearised<M, K>],
     noise: &Tempered<M>,
     weights: &mut Weights,
 ) {
-    for (log, told) in weights.log.iter_mut().zip(told) {
-        *log = told.log_density(noise);
+    for (log, linear) in weights.log.iter_mut().zip(linear) {
+        *log = linear.log_density(noise);
     }
 }
 

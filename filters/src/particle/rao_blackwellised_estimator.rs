@@ -1,6 +1,6 @@
 use foxhunt_core::{
     Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, Observation,
-    State,
+    Quantity, State,
 };
 use rand::Rng;
 
@@ -36,7 +36,7 @@ where
         self.belief = self.belief_of(&cloud)?;
         (self.cloud, self.rng) = (cloud, rng);
         Ok(Correction::Fused {
-            nis: nis.map(|told| told.nis),
+            nis: nis.map(|innovation| innovation.nis),
             log_evidence,
             effective_sample_size: Some(self.effective_sample_size()),
         })
@@ -44,6 +44,10 @@ where
 
     fn estimate(&self) -> Estimate<N> {
         self.belief
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        self.measurement.quantities()
     }
 
     /// Each particle with the 2 K cubature points of what is not sampled.

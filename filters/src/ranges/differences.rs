@@ -50,7 +50,7 @@ pub fn spherical_intersection(
         positive_entry("the range difference's sigma", index, *sigma)?;
     }
     let up = target_up - reference.z;
-    // Σ w q qᵀ and Σ w q k with q = (p, d): each difference tells that q · (x, r₀) = k.
+    // Σ w q qᵀ and Σ w q k with q = (p, d): each difference is an equation q · (x, r₀) = k.
     let (mut whole, mut right) = (Matrix3::zeros(), Vector3::zeros());
     for d in differences {
         let place = d.receiver.xy() - reference.xy();

@@ -1,6 +1,9 @@
 use alloc::vec::Vec;
 
-use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, State};
+use foxhunt_core::{
+    MeasurementModel, Observation, Pose, Quantity, State,
+    parameter::{ParameterError, finite},
+};
 use nalgebra::{Matrix1, Matrix2, RowVector2, Vector1, Vector2, Vector3};
 
 use crate::batch::{BatchError, BatchFix, BatchSolver, at_least, finite_entry, positive_entry};
@@ -29,10 +32,7 @@ pub struct SlantRange {
 /// place; what [`BatchSolver::solve`] has.
 pub fn multilaterate(ranges: &[SlantRange], target_up: f64) -> Result<BatchFix<2>, BatchError> {
     at_least("ranges", ranges.len(), 3)?;
-    if !target_up.is_finite() {
-        let (name, value, requirement) = ("target_up", target_up, "a finite number");
-        return Err(BatchError::Setting { name, value, requirement });
-    }
+    finite("target_up", target_up)?;
     let mut observations = Vec::with_capacity(ranges.len());
     for (index, SlantRange { receiver, range, sigma }) in ranges.iter().enumerate() {
         for coordinate in receiver {
@@ -46,8 +46,8 @@ pub fn multilaterate(ranges: &[SlantRange], target_up: f64) -> Result<BatchFix<2
         // A sigma whose square underflows.
         let name = "the range's sigma";
         let requirement = "a positive number with a positive square";
-        let bad = BatchError::Value { name, index, value: *sigma, requirement };
-        observations.push(observation.map_err(|_| bad)?);
+        let error = ParameterError { name, value: *sigma, requirement };
+        observations.push(observation.map_err(|_| BatchError::Value { index, error })?);
     }
     BatchSolver::new(Distance { target_up }).solve(&observations, &starts(ranges, target_up)?)
 }
@@ -59,8 +59,8 @@ struct Distance {
 }
 
 impl MeasurementModel<2, 1> for Distance {
-    fn axes(&self) -> [Axis; 1] {
-        [Axis::Linear]
+    fn quantities(&self) -> [Quantity; 1] {
+        [Quantity::RANGE]
     }
 
     fn expected(&self, target: &State<2>, receiver: &Pose) -> Vector1<f64> {

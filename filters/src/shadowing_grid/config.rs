@@ -1,5 +1,7 @@
 use alloc::{vec, vec::Vec};
 
+use foxhunt_core::parameter::{finite, in_range, not_negative, positive, require};
+
 use super::ShadowingGridError;
 
 /// What is known of the intercept a: for a received level, the level at 1 m.
@@ -25,7 +27,7 @@ impl Slope {
     ///
     /// # Errors
     ///
-    /// [`ShadowingGridError::Setting`] for a number that is not finite, a `sd` or `step` that is
+    /// [`ShadowingGridError::Parameter`] for a number that is not finite, a `sd` or `step` that is
     /// not positive, or limits that make no nodes or more than 10 000.
     pub fn gaussian(
         mean: f64,
@@ -38,13 +40,11 @@ impl Slope {
         positive("the slope's prior deviation", sd)?;
         finite("the slope's lower limit", lower)?;
         positive("the slope's step", step)?;
-        // Half a step more than asked, so that rounding does not lose the upper limit.
+        // Half a step more than configured, so that rounding does not lose the upper limit.
         let steps = (upper - lower) / step + 0.5;
-        if !(0.5..10_000.0).contains(&steps) {
-            let name = "the slope's upper limit";
-            let range = "at most 10 000 steps above the lower";
-            return Err(ShadowingGridError::Setting { name, value: upper, range });
-        }
+        let countable = (0.5..10_000.0).contains(&steps);
+        let requirement = "at most 10 000 steps above the lower";
+        require(countable, "the slope's upper limit", upper, requirement)?;
         #[expect(clippy::cast_possible_truncation, reason = "between 0 and 10 000, as checked")]
         let last = steps as u16;
         let node = |i| {
@@ -118,61 +118,28 @@ impl ShadowingGridConfig {
             finite("the intercept", value)?;
         }
         match &self.slope {
-            Slope::Known(value) => finite("the slope", *value)?,
+            Slope::Known(value) => {
+                finite("the slope", *value)?;
+            }
             Slope::Nodes(nodes) => {
-                at_least("the number of slopes", nodes.len(), 1, "at least 1")?;
+                require(!nodes.is_empty(), "the number of slopes", 0.0, "at least 1")?;
                 for &(value, weight) in nodes {
                     finite("the slope", value)?;
                     positive("the slope's weight", weight)?;
                 }
             }
         }
-        at_least(
-            "the number of correlation lengths",
-            self.correlation_lengths_m.len(),
-            1,
-            "at least 1",
-        )?;
+        let lengths = !self.correlation_lengths_m.is_empty();
+        require(lengths, "the number of correlation lengths", 0.0, "at least 1")?;
         for &length_m in &self.correlation_lengths_m {
             positive("correlation_length_m", length_m)?;
         }
-        in_range("nugget", self.nugget, (0.0..=1.0).contains(&self.nugget), "in [0, 1]")?;
+        in_range("nugget", self.nugget, 0.0..=1.0, "in [0, 1]")?;
         not_negative("margin_m", self.margin_m)?;
         positive("cell_m", self.cell_m)?;
-        at_least("max_cells", self.max_cells as usize, 100, "at least 100")?;
+        require(self.max_cells >= 100, "max_cells", self.max_cells.into(), "at least 100")?;
         not_negative("segment_m", self.segment_m)?;
-        at_least("max_segments", self.max_segments as usize, 4, "at least 4")
+        require(self.max_segments >= 4, "max_segments", self.max_segments.into(), "at least 4")?;
+        Ok(())
     }
-}
-
-fn in_range(
-    name: &'static str,
-    value: f64,
-    holds: bool,
-    range: &'static str,
-) -> Result<(), ShadowingGridError> {
-    if holds { Ok(()) } else { Err(ShadowingGridError::Setting { name, value, range }) }
-}
-
-fn finite(name: &'static str, value: f64) -> Result<(), ShadowingGridError> {
-    in_range(name, value, value.is_finite(), "a finite number")
-}
-
-fn positive(name: &'static str, value: f64) -> Result<(), ShadowingGridError> {
-    in_range(name, value, value.is_finite() && value > 0.0, "a positive number")
-}
-
-fn not_negative(name: &'static str, value: f64) -> Result<(), ShadowingGridError> {
-    in_range(name, value, value.is_finite() && value >= 0.0, "a number from 0 on")
-}
-
-fn at_least(
-    name: &'static str,
-    count: usize,
-    least: usize,
-    range: &'static str,
-) -> Result<(), ShadowingGridError> {
-    #[expect(clippy::cast_precision_loss, reason = "a count that is refused is below 100")]
-    let value = count as f64;
-    in_range(name, value, count >= least, range)
 }

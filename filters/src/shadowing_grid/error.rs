@@ -1,17 +1,12 @@
+use foxhunt_core::parameter::ParameterError;
+
 /// Why readings were not turned into a place.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShadowingGridError {
     /// A setting is outside of its range.
-    #[error("{name} = {value} is not {range}")]
-    Setting {
-        /// Which setting.
-        name: &'static str,
-        /// What it held.
-        value: f64,
-        /// What it may hold.
-        range: &'static str,
-    },
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
     /// A reading's value is NaN or infinite.
     #[error("reading {index} has the value {value}")]
     Value {
@@ -34,7 +29,7 @@ pub enum ShadowingGridError {
         /// The length of a segment in metres.
         segment_m: f64,
     },
-    /// All readings were taken above one place; their values say nothing about another.
+    /// All readings were taken above one place; their values hold nothing about another.
     #[error("all readings were taken at ({east}, {north}) m")]
     OnePlace {
         /// Its East in metres.

@@ -19,13 +19,13 @@ pub struct ShadowingFix {
     pub sigma: Marginal,
     /// The correlation lengths in metres, each with its posterior probability.
     pub correlation_lengths_m: Vec<(f64, f64)>,
-    /// The probability of the outermost ring of the searched cells. A large one (0.2, say; an
+    /// The probability of the outermost ring of the searched cells. A large one (such as 0.2; an
     /// even spread over 100 × 100 cells has 0.04) means that the target may be outside of the
-    /// searched area, and that `position` then tells little.
+    /// searched area, and that `position` is then of little use.
     pub border_mass: f64,
     /// How many segments the path's readings were made into.
     pub segments: usize,
-    /// The length of a segment in metres: the one asked for, or longer.
+    /// The length of a segment in metres: the one configured, or longer.
     pub segment_m: f64,
     /// The posterior over the whole searched area.
     pub map: PosteriorMap,

@@ -133,7 +133,7 @@ impl PosteriorMap {
         if narrowest >= FINE_ENOUGH * cell_m {
             return None;
         }
-        // One step at a time: a posterior far narrower than a cell is not seen well from here.
+        // One step at a time: a posterior far narrower than a cell is not resolved from here.
         let wanted_m = 0.25 * narrowest.max(cell_m);
         let (low, high) = self.extent_of_mass();
         let finer = Grid::over(low, high, wanted_m, max_cells);

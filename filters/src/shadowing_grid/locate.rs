@@ -54,7 +54,7 @@ impl ShadowingGrid {
     ///
     /// # Errors
     ///
-    /// [`ShadowingGridError::Setting`] names the first setting outside of its range.
+    /// [`ShadowingGridError::Parameter`] names the first setting outside of its range.
     pub fn new(config: ShadowingGridConfig) -> Result<Self, ShadowingGridError> {
         config.check()?;
         Ok(Self { config })
@@ -68,14 +68,14 @@ impl ShadowingGrid {
 
     /// Locates the target of `readings`, given in the order in which they were taken.
     ///
-    /// `regressor` tells x for a target at the given East and North and a receiver; a place for
+    /// `regressor` is x for a target at the given East and North and a receiver; a place for
     /// which it is not finite is held impossible. Where the posterior is narrow for the cells,
     /// up to six finer grids around the mass follow, each of a quarter of
     /// `max_cells` at most.
     ///
     /// # Errors
     ///
-    /// Names the first reading that is not finite; says when fewer than four segments remain,
+    /// Names the first reading that is not finite; and when fewer than four segments remain,
     /// when all of them are above one place, when the correlation has no factor (a nugget of 0
     /// and coinciding places), or when no cell has a finite likelihood.
     pub fn locate<F>(

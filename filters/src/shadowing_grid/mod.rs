@@ -24,4 +24,5 @@ pub use locate::ShadowingGrid;
 pub use marginal::Marginal;
 
 #[cfg(feature = "batch")]
+#[cfg(feature = "field-map")]
 pub(crate) use {grid::Grid, path::Segments};

@@ -160,8 +160,8 @@ mod tests {
     #[test]
     fn the_cap_makes_segments_longer() {
         let readings: Vec<_> = (0..1000).map(|i| (f64::from(i), f64::from(i))).collect();
-        for asked in [0.0, 1.0, 3.0] {
-            let segments = Segments::along(&path(&readings), asked, 40).expect("proper");
+        for wanted in [0.0, 1.0, 3.0] {
+            let segments = Segments::along(&path(&readings), wanted, 40).expect("proper");
             assert!((36..=40).contains(&segments.values.len()), "{}", segments.values.len());
             assert!(segments.segment_m > 24.9 && segments.segment_m < 28.0);
         }

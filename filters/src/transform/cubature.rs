@@ -6,7 +6,7 @@ use crate::{Gaussian, Image, Map, Transform, count::number};
 ///
 /// 2n points x̂ ± √n lᵢ of the weight 1 / 2n, with lᵢ the columns of L; exact for polynomials of
 /// degree 3. There is nothing to choose and no weight is negative. The image of the mean has no
-/// weight: angles are taken about it, and only for that is it asked for.
+/// weight: angles are taken about it, and it serves only that.
 ///
 /// The moments are those of [`Unscented`](crate::Unscented) with α = 1, β = 0, κ = 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

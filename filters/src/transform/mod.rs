@@ -13,7 +13,7 @@ pub use unscented::{Kappa, Unscented};
 
 use crate::Gaussian;
 
-/// How a Gaussian goes through a map. This is all that tells one Kalman filter from another.
+/// How a Gaussian goes through a map. It is the only difference between the Kalman filters.
 pub trait Transform {
     /// The moments of `map(x)`, and how they go with those of x.
     fn image<const A: usize, const B: usize>(
@@ -22,7 +22,7 @@ pub trait Transform {
         map: &impl Map<A, B>,
     ) -> Image<A, B>;
 
-    /// Whether the transform's parameters suit states of `dimension` components; asked once,
+    /// Whether the transform's parameters suit states of `dimension` components; checked once,
     /// when a filter is made.
     ///
     /// # Errors

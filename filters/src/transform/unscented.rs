@@ -1,4 +1,7 @@
-use foxhunt_core::EstimatorError;
+use foxhunt_core::{
+    EstimatorError,
+    parameter::{finite, in_range, not_negative, require},
+};
 
 use super::pairs;
 use crate::{Gaussian, Image, Map, Transform, count::number};
@@ -15,7 +18,7 @@ use crate::{Gaussian, Image, Map, Transform, count::number};
 /// - Pyy − Vᵀ V = c² Σ (sᵢ − s̄)(sᵢ − s̄)ᵀ + (β + α² κ / n) s sᵀ.
 ///
 /// Written so there is no weight of −10⁶ at the centre to cancel against, and no covariance that
-/// rounding could make indefinite: [`check`](Transform::check) asks for n + κ > 0 and
+/// rounding could make indefinite: [`check`](Transform::check) requires n + κ > 0 and
 /// β + α² κ / n ≥ 0.
 ///
 /// The 2n + 1 points are a centre and n pairs, so their number needs no arithmetic on a const
@@ -62,18 +65,13 @@ impl Unscented {
     /// [`EstimatorError::Parameter`] when α is not in [10⁻⁴, 1] (below, the curvature is
     /// rounding: its error is ε |y| / α²), β is negative or κ is not finite.
     pub fn new(alpha: f64, beta: f64, kappa: impl Into<Kappa>) -> Result<Self, EstimatorError> {
-        let refuse =
-            |name, value, requirement| Err(EstimatorError::Parameter { name, value, requirement });
-        if !(1e-4..=1.0).contains(&alpha) {
-            return refuse("alpha", alpha, "in [1e-4, 1]");
+        let kappa = kappa.into();
+        in_range("alpha", alpha, 1e-4..=1.0, "in [1e-4, 1]")?;
+        not_negative("beta", beta)?;
+        if let Kappa::Fixed(value) = kappa {
+            finite("kappa", value)?;
         }
-        if !(beta >= 0.0 && beta.is_finite()) {
-            return refuse("beta", beta, "a non-negative number");
-        }
-        match kappa.into() {
-            Kappa::Fixed(value) if !value.is_finite() => refuse("kappa", value, "finite"),
-            kappa => Ok(Self { alpha, beta, kappa }),
-        }
+        Ok(Self { alpha, beta, kappa })
     }
 
     /// α = 0.001, β = 2, κ = 3 − n (Pritzl 2018, §4.4).
@@ -103,14 +101,13 @@ impl Transform for Unscented {
 
     fn check(&self, dimension: usize) -> Result<(), EstimatorError> {
         let (n, kappa) = (number(dimension), self.kappa.value(dimension));
-        if n + kappa <= 0.0 {
-            let requirement = "above −n for states of n components";
-            return Err(EstimatorError::Parameter { name: "kappa", value: kappa, requirement });
-        }
-        if self.beta + self.alpha * self.alpha * kappa / n < 0.0 {
-            let requirement = "at least −α² κ / n for states of n components";
-            return Err(EstimatorError::Parameter { name: "beta", value: self.beta, requirement });
-        }
+        require(n + kappa > 0.0, "kappa", kappa, "above −n for states of n components")?;
+        require(
+            self.beta + self.alpha * self.alpha * kappa / n >= 0.0,
+            "beta",
+            self.beta,
+            "at least −α² κ / n for states of n components",
+        )?;
         Ok(())
     }
 }

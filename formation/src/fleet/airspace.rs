@@ -1,5 +1,6 @@
 use std::{vec, vec::Vec};
 
+use foxhunt_core::parameter::{finite, not_negative, positive};
 use geo::{
     Area, BooleanOps, BoundingRect, Buffer, Closest, ClosestPoint, Contains, Distance, Euclidean,
     LineString, MultiPolygon, Orient, Point, Polygon, Validation,
@@ -15,7 +16,7 @@ use super::{
     ground::{EXACT, SLACK, line, point, ring_about},
 };
 
-/// How many corners stand for a disc where a polygon is made of it.
+/// How many corners a disc has where a polygon is made of it.
 const DISC_CORNERS: u32 = 64;
 
 /// Where drones may fly: inside the fence, outside the keep-outs, by a margin, within a band of
@@ -60,16 +61,14 @@ impl Airspace {
         Self::build(fence, zones, config.altitude_m, 0.0)
     }
 
-    /// The same airspace, where places and ways keep `margin_m` metres away from the fence and the
-    /// keep-outs.
+    /// An airspace of the same limits, where places and ways keep `margin_m` metres away from the
+    /// fence and the keep-outs.
     ///
     /// # Errors
     ///
     /// [`AirspaceError`] where the margin is negative or leaves nothing.
     pub fn with_margin(&self, margin_m: f64) -> Result<Self, AirspaceError> {
-        if !(margin_m >= 0.0 && margin_m.is_finite()) {
-            return Err(AirspaceError::Value { field: "margin_m", value: margin_m });
-        }
+        not_negative("margin_m", margin_m)?;
         Self::build(self.fence.clone(), self.zones.clone(), self.band, margin_m)
     }
 
@@ -248,18 +247,12 @@ fn inside_by(place: &Point<f64>, polygon: &Polygon<f64>) -> f64 {
     if polygon.contains(place) { edge } else { -edge }
 }
 
-fn finite(field: &'static str, value: f64) -> Result<(), AirspaceError> {
-    if value.is_finite() { Ok(()) } else { Err(AirspaceError::Value { field, value }) }
-}
-
 fn zone(keep_out: &KeepOut) -> Result<Zone, AirspaceError> {
     match keep_out {
         KeepOut::Disc { centre_m: [east, north], radius_m } => {
             finite("keep_out.centre_m", *east)?;
             finite("keep_out.centre_m", *north)?;
-            if !(*radius_m > 0.0 && radius_m.is_finite()) {
-                return Err(AirspaceError::Value { field: "keep_out.radius_m", value: *radius_m });
-            }
+            positive("keep_out.radius_m", *radius_m)?;
             Ok(Zone::Disc { centre: Vector2::new(*east, *north), radius: *radius_m })
         }
         KeepOut::Polygon { corners_m } => {
@@ -269,8 +262,8 @@ fn zone(keep_out: &KeepOut) -> Result<Zone, AirspaceError> {
 }
 
 fn polygon(field: &'static str, corners: &[[f64; 2]]) -> Result<Polygon<f64>, AirspaceError> {
-    if let Some(&value) = corners.iter().flatten().find(|value| !value.is_finite()) {
-        return Err(AirspaceError::Value { field, value });
+    for coordinate in corners.iter().flatten() {
+        finite(field, *coordinate)?;
     }
     // The first corner may be given again at the end.
     let corners = match corners {

@@ -1,5 +1,7 @@
 use std::vec::Vec;
 
+use foxhunt_core::parameter::ParameterError;
+
 /// Where the drones may fly. Lengths are metres in the local East-North-Up frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -39,13 +41,8 @@ pub enum KeepOut {
 #[non_exhaustive]
 pub enum AirspaceError {
     /// A number that is not finite, or a length that has to be positive and is not.
-    #[error("{field} is {value}; it must be finite, and positive where it is a radius or a margin")]
-    Value {
-        /// Which field.
-        field: &'static str,
-        /// What it held.
-        value: f64,
-    },
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
     /// A polygon of fewer than three corners.
     #[error("{field} has {corners} corners and needs at least 3")]
     Corners {
@@ -75,7 +72,7 @@ pub enum AirspaceError {
     /// The keep-outs, and the margin that is kept, leave nothing of what the fence holds.
     #[error("fence_m and keep_out leave no place that is {margin_m} m away from them")]
     NothingLeft {
-        /// The margin that was asked for.
+        /// The margin that was to be kept.
         margin_m: f64,
     },
 }

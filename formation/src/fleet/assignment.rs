@@ -11,15 +11,15 @@ use super::ground::micrometres;
 /// places than drones and it is left out. Lengths count in whole micrometres. The Hungarian method
 /// (Kuhn 1955; Munkres 1957), O(n³).
 ///
-/// Straight ways of least total length do not cross properly: by the triangle inequality two that do
-/// could be exchanged for two that are shorter together. (Turpin, Michael & Kumar 2014 minimise the
-/// sum of squared distances instead, which also keeps drones apart that fly at the same time.)
+/// Straight ways of least total length do not cross properly: by the triangle inequality two that
+/// do could be exchanged for two that are shorter together. (Turpin, Michael & Kumar 2014 minimise
+/// the sum of squared distances instead, which also keeps drones apart that fly at the same time.)
 #[must_use]
 pub fn assign(from: &[Vector2<f64>], to: &[Vector2<f64>]) -> Vec<Option<usize>> {
     assign_by(from.len(), to.len(), |drone, place| (from[drone] - to[place]).norm())
 }
 
-/// The same for any lengths, in metres.
+/// Which drone goes to which place by lengths of any kind, in metres.
 pub(super) fn assign_by(
     drones: usize,
     places: usize,

@@ -8,7 +8,8 @@ use super::{
     ground::{SLACK, line, point, ring_about},
 };
 
-/// How far aside a drone flies to let others pass, at most: this often the distance that lines keep.
+/// How far aside a drone flies to let others pass, at most: this often the distance that lines
+/// keep.
 pub(super) const ASIDE: u32 = 6;
 
 /// What is tried when drones wait and none flies.
@@ -18,7 +19,7 @@ impl Traffic {
     pub(super) fn exchange(&mut self) -> bool {
         let waiting: Vec<usize> = self.waiting().collect();
         let in_formation =
-            |t: &Self, d: usize| t.flights[d].wish.filter(|wish| wish.formation).map(|w| w.goal);
+            |t: &Self, d: usize| t.flights[d].task.filter(|task| task.formation).map(|w| w.goal);
         for drone in waiting {
             for with in 0..self.flights.len() {
                 let pair = [drone.min(with), drone.max(with)];
@@ -41,8 +42,8 @@ impl Traffic {
     }
 
     fn give(&mut self, drone: usize, goal: Vector3<f64>) {
-        if let Some(wish) = &mut self.flights[drone].wish {
-            wish.goal = goal;
+        if let Some(task) = &mut self.flights[drone].task {
+            task.goal = goal;
         }
     }
 
@@ -61,8 +62,8 @@ impl Traffic {
             && self.surroundings(drone, &[]).way(&from.xy(), &goal.xy()).is_some()
     }
 
-    /// Has one drone that stands in another's way fly aside, to a place that is in nobody's. Every drone does so once per
-    /// wish, so this ends.
+    /// Has one drone that is in another's way fly aside, to a place that is in nobody's way. Every
+    /// drone does so once per task, so this ends.
     pub(super) fn step_aside(&mut self) -> bool {
         let in_the_way = |drone: usize| {
             let here = self.flights[drone].end().xy();
@@ -73,15 +74,15 @@ impl Traffic {
                     && line_distance(&from, &goal, &here) < self.config.keep_m()
             })
         };
-        let able = |&drone: &usize| self.flights[drone].wish.is_some_and(|wish| !wish.aside);
+        let able = |&drone: &usize| self.flights[drone].task.is_some_and(|task| !task.aside);
         let drones = (0..self.flights.len()).filter(able).filter(|&drone| in_the_way(drone));
         // Those that wait themselves first.
         let mut drones: Vec<usize> = drones.collect();
         drones.sort_by_key(|&drone| !self.flights[drone].waits());
         for drone in drones {
             if let Some(place) = self.place_aside(drone) {
-                if let Some(wish) = &mut self.flights[drone].wish {
-                    wish.aside = true;
+                if let Some(task) = &mut self.flights[drone].task {
+                    task.aside = true;
                 }
                 let up = self.airspace.altitude(self.flights[drone].end().z);
                 self.reserve(drone, up, &[place], OrderReason::Aside);
@@ -98,11 +99,11 @@ impl Traffic {
         let keep = self.config.keep_m();
         let surroundings = self.surroundings(drone, &[]);
         let others = (0..self.flights.len()).filter(|&other| other != drone);
-        let wishes: Vec<_> = others
+        let legs: Vec<_> = others
             .filter_map(|other| Some((self.flights[other].end().xy(), self.goal(other)?.xy())))
             .collect();
         let free_of = |lines: bool, place: &Vector2<f64>| {
-            wishes.iter().all(|(start, goal)| {
+            legs.iter().all(|(start, goal)| {
                 let start = if lines { start } else { goal };
                 line_distance(start, goal, place) >= keep
             })

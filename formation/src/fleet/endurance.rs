@@ -1,6 +1,7 @@
 use core::f64::consts::PI;
 use std::vec::Vec;
 
+use foxhunt_core::parameter::{ParameterError, positive, require};
 use nalgebra::Vector3;
 
 use super::{
@@ -32,16 +33,6 @@ impl Default for EnduranceConfig {
     }
 }
 
-/// A field of [`EnduranceConfig`] that is out of its range.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{field} is {value}; it must be finite and positive, and the reserve below the endurance")]
-pub struct EnduranceError {
-    /// Which field.
-    pub field: &'static str,
-    /// What it held.
-    pub value: f64,
-}
-
 /// How long flights take at most, and whether there is time for them.
 ///
 /// Drones whose ways keep apart fly at the same time; those whose ways come nearer than lines may
@@ -53,21 +44,19 @@ pub struct Endurance {
 }
 
 impl Endurance {
+    /// Flights of drones with these batteries and speeds.
+    ///
     /// # Errors
     ///
-    /// [`EnduranceError`] names the field.
-    pub fn new(config: EnduranceConfig) -> Result<Self, EnduranceError> {
+    /// [`ParameterError`] names the first field that is out of its range.
+    pub fn new(config: EnduranceConfig) -> Result<Self, ParameterError> {
         let EnduranceConfig { endurance_s, reserve_s, speed_mps, climb_mps } = config;
-        let checks = [
-            ("endurance_s", endurance_s, endurance_s > 0.0),
-            ("reserve_s", reserve_s, (0.0..endurance_s).contains(&reserve_s)),
-            ("speed_mps", speed_mps, speed_mps > 0.0),
-            ("climb_mps", climb_mps, climb_mps > 0.0),
-        ];
-        match checks.into_iter().find(|(_, value, good)| !(*good && value.is_finite())) {
-            Some((field, value, _)) => Err(EnduranceError { field, value }),
-            None => Ok(Self { config }),
-        }
+        positive("endurance_s", endurance_s)?;
+        let kept = (0.0..endurance_s).contains(&reserve_s);
+        require(kept, "reserve_s", reserve_s, "from 0 to below endurance_s")?;
+        positive("speed_mps", speed_mps)?;
+        positive("climb_mps", climb_mps)?;
+        Ok(Self { config })
     }
 
     /// The configuration.
@@ -97,8 +86,8 @@ impl Endurance {
         self.longest_s(traffic, flights, None)
     }
 
-    /// The same where targets are kept away from. A flight that they leave no way for takes at most
-    /// what it takes without them: its drone stays.
+    /// How long flights take where targets are kept away from. A flight that they leave no way for
+    /// takes at most what it takes without them: its drone stays.
     fn longest_s(
         &self,
         traffic: &Traffic,
@@ -151,8 +140,8 @@ impl Endurance {
         Some(groups.iter().map(seconds).fold(0.0, f64::max))
     }
 
-    /// How long it takes at most until the drones named are home from where they are taken to
-    /// be; `homes` holds the home of every drone of the traffic. None where there is no permitted way.
+    /// How long it takes at most until the drones named are home from where they are taken to be;
+    /// `homes` holds the home of every drone of the traffic. None where there is no permitted way.
     #[must_use]
     pub fn return_s(
         &self,

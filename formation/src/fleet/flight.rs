@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::ground::Region;
 
-/// What a drone is to be told.
+/// An order to a drone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Order {
     /// Which one.
@@ -15,7 +15,7 @@ pub struct Order {
     pub reason: OrderReason,
 }
 
-/// Why a drone is told to fly.
+/// Why a drone is to fly somewhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
@@ -56,9 +56,9 @@ pub enum Travel {
     Blocked,
 }
 
-/// What a drone is wished to do.
+/// Where a drone is sent, and under which rules.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Wish {
+pub(super) struct Task {
     pub(super) goal: Vector3<f64>,
     /// Whether targets need not be kept away from, and the goal may lie below the band.
     pub(super) home: bool,
@@ -72,17 +72,17 @@ pub(super) struct Wish {
 #[derive(Clone, Debug)]
 pub(super) struct Flight {
     /// What is left of its way, at least one place: the first is where it is taken to be, within
-    /// the tolerance; the second is where it is told to fly next.
+    /// the tolerance; the second is where it is ordered to fly next.
     way: Vec<Vector3<f64>>,
     /// Where the last order that it accepted led it, and the one before.
-    told: [Vector3<f64>; 2],
-    /// What it may be flying along instead, until it is seen again.
+    ordered: [Vector3<f64>; 2],
+    /// What it may be flying along instead, until it is located again.
     former: Option<[Vector2<f64>; 2]>,
     /// Its last order was not accepted.
     unsent: bool,
-    /// It has been seen since.
-    seen: bool,
-    pub(super) wish: Option<Wish>,
+    /// It has been located since.
+    located: bool,
+    pub(super) task: Option<Task>,
     /// The order that has not been given yet.
     pub(super) due: Option<OrderReason>,
     last: OrderReason,
@@ -91,8 +91,8 @@ pub(super) struct Flight {
     given_up: bool,
 }
 
-/// What a drone's new place means.
-pub(super) enum Seen {
+/// Where a drone is on its line.
+pub(super) enum Located {
     /// It is where it should be, and that many metres of its line are released.
     OnLine(f64),
     /// It is at the next corner of its line, or at its end.
@@ -105,11 +105,11 @@ impl Flight {
     pub(super) fn resting(place: Vector3<f64>) -> Self {
         Self {
             way: vec![place],
-            told: [place; 2],
+            ordered: [place; 2],
             former: None,
             unsent: false,
-            seen: true,
-            wish: None,
+            located: true,
+            task: None,
             due: None,
             last: OrderReason::Stop,
             blocked: false,
@@ -127,8 +127,8 @@ impl Flight {
         self.way[self.way.len() - 1]
     }
 
-    /// Whether it flies, or may be flying because it has not been seen since it was to stop. One that
-    /// was given up does not count.
+    /// Whether it flies, or may be flying because it has not been located since it was to stop. One
+    /// that was given up does not count.
     pub(super) fn flies(&self) -> bool {
         !self.given_up && (self.way.len() > 1 || self.former.is_some())
     }
@@ -137,28 +137,31 @@ impl Flight {
         self.given_up
     }
 
-    /// Is wished to a place, which it is counted on to reach.
-    pub(super) fn wish_to(&mut self, wish: Wish) {
-        (self.wish, self.blocked, self.given_up) = (Some(wish), false, false);
+    /// Gets a place to reach, and is counted on to reach it.
+    pub(super) fn set_task(&mut self, task: Task) {
+        self.task = Some(task);
+        self.blocked = false;
+        self.given_up = false;
     }
 
-    /// Keeps the leg that it was told to fly, and is told nothing more but to stop.
+    /// Keeps the leg that it was ordered to fly, and gets no more orders but to stop.
     pub(super) fn give_up(&mut self) {
-        (self.wish, self.given_up) = (None, true);
+        self.task = None;
+        self.given_up = true;
         match self.due {
             Some(OrderReason::Stop) => {}
             None => self.way.truncate(2),
             Some(_) => {
                 // It flies on as the last order had it.
                 self.due = None;
-                self.way = vec![self.way[0], self.told[0]];
+                self.way = vec![self.way[0], self.ordered[0]];
                 self.way.dedup();
             }
         }
     }
 
     /// Whether a way may be added to the end of its line. Not where it was to stop at once and has
-    /// not been seen since: it would fly there from wherever it is.
+    /// not been located since: it would fly there from wherever it is.
     pub(super) fn may_extend(&self) -> bool {
         self.way.len() > 1 || self.former.is_none()
     }
@@ -177,7 +180,7 @@ impl Flight {
 
     /// Whether it has somewhere to go and is not on its way there.
     pub(super) fn waits(&self) -> bool {
-        self.wish.is_some_and(|wish| (wish.goal - self.end()).norm() > 1e-9)
+        self.task.is_some_and(|task| (task.goal - self.end()).norm() > 1e-9)
     }
 
     pub(super) fn travel(&self) -> Travel {
@@ -189,20 +192,20 @@ impl Flight {
         }
     }
 
-    /// Whether the leg that it has been told to leave is released when it is next seen.
+    /// Whether the leg that it was ordered to leave is released when it is next located.
     pub(super) fn turns(&self) -> bool {
         self.former.is_some() && self.due.is_none()
     }
 
     /// Takes note of where it is.
-    pub(super) fn see(&mut self, place: &Vector3<f64>, tolerance: f64) -> Seen {
-        self.seen = true;
+    pub(super) fn locate(&mut self, place: &Vector3<f64>, tolerance: f64) -> Located {
+        self.located = true;
         // As long as it has not accepted another order it flies where the last one led it.
-        self.former = self.due.map(|_| [place.xy(), self.told[0].xy()]);
+        self.former = self.due.map(|_| [place.xy(), self.ordered[0].xy()]);
         let from = self.way[0].xy();
         let Some(to) = self.way.get(1) else {
             let astray = (place.xy() - from).norm() > tolerance;
-            return if astray { Seen::Astray } else { Seen::OnLine(0.0) };
+            return if astray { Located::Astray } else { Located::OnLine(0.0) };
         };
         let leg = to.xy() - from;
         let length = leg.norm();
@@ -213,14 +216,14 @@ impl Flight {
         // Before it turns it may be no farther off than where it arrives: it strays afterwards.
         let limit = if self.due.is_some() { 0.5 * tolerance } else { tolerance };
         if (place.xy() - nearest).norm() > limit {
-            return Seen::Astray;
+            return Located::Astray;
         }
         if (place - to).norm() <= 0.5 * tolerance {
             self.way.remove(0);
             if self.way.len() > 1 {
                 self.due = Some(OrderReason::Corner);
             }
-            return Seen::AtCorner;
+            return Located::AtCorner;
         }
         let up = if length > 0.0 {
             self.way[0].z + (to.z - self.way[0].z) * (along / length)
@@ -228,7 +231,7 @@ impl Flight {
             place.z
         };
         self.way[0] = Vector3::new(nearest.x, nearest.y, up);
-        Seen::OnLine(along)
+        Located::OnLine(along)
     }
 
     /// Its line now begins at another place.
@@ -244,13 +247,13 @@ impl Flight {
 
     /// It stops at a place off its line.
     pub(super) fn rest_at(&mut self, place: Vector3<f64>) {
-        self.former = Some([place.xy(), self.told[0].xy()]);
+        self.former = Some([place.xy(), self.ordered[0].xy()]);
         self.due = Some(OrderReason::Stop);
         self.way = vec![place];
     }
 
     /// Ends its line as soon as it can stop. The leg that it flies stays reserved until it is
-    /// seen again.
+    /// located again.
     pub(super) fn stop(&mut self, stopping: f64) {
         let Some(to) = self.way.get(1).copied() else { return };
         let from = self.way[0];
@@ -258,7 +261,7 @@ impl Flight {
         if self.way.len() == 2 && length <= stopping {
             return;
         }
-        self.former.get_or_insert([from.xy(), self.told[0].xy()]);
+        self.former.get_or_insert([from.xy(), self.ordered[0].xy()]);
         let share = if length > stopping { stopping / length } else { 1.0 };
         self.way = vec![from, from.lerp(&to, share)];
         if stopping <= 0.0 || length <= 0.0 {
@@ -279,7 +282,7 @@ impl Flight {
     /// The order that is due, once. One that was not accepted is given again when it is known
     /// where the drone is by then.
     pub(super) fn order(&mut self, drone: usize) -> Option<Order> {
-        if self.unsent && !self.seen {
+        if self.unsent && !self.located {
             return None;
         }
         if self.given_up && self.due != Some(OrderReason::Stop) {
@@ -287,18 +290,20 @@ impl Flight {
         }
         let reason = self.due.take()?;
         let to = *self.way.get(1).unwrap_or(&self.way[0]);
-        self.told = [to, self.told[0]];
-        (self.last, self.unsent) = (reason, false);
+        self.ordered = [to, self.ordered[0]];
+        self.last = reason;
+        self.unsent = false;
         Some(Order { drone, to, reason })
     }
 
     /// The last order did not reach it: it flies on as it did.
     pub(super) fn repeat(&mut self) {
         if !self.unsent {
-            self.told = [self.told[1]; 2];
+            self.ordered = [self.ordered[1]; 2];
             let from = self.way[0].xy();
-            self.former.get_or_insert([from, self.told[0].xy()]);
-            (self.unsent, self.seen) = (true, false);
+            self.former.get_or_insert([from, self.ordered[0].xy()]);
+            self.unsent = true;
+            self.located = false;
             self.due.get_or_insert(self.last);
         }
     }

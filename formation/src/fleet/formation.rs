@@ -3,10 +3,9 @@ use std::{vec, vec::Vec};
 use nalgebra::{Vector2, Vector3};
 
 use super::{
-    Traffic, TrafficError,
+    Airspace,
     assignment::assign_by,
     ground::{Region, SLACK, ring_about},
-    traffic::check_finite,
     way::{Surroundings, length_over_ground},
 };
 
@@ -61,131 +60,93 @@ pub enum MovedReason {
     NoPlace,
 }
 
-impl Traffic {
-    /// Finds a goal for each of `drones`, one of `places` for each, in any order.
-    ///
-    /// Every place is moved to the nearest one that is permitted and far enough from the others,
-    /// from drones that do not take part, and from targets; earlier places go first. Then the
-    /// drones are assigned so that they travel as little as possible together, over permitted ways.
-    /// Nothing is reserved; [`depart`](Self::depart) does.
-    ///
-    /// # Errors
-    ///
-    /// [`TrafficError`] where a drone does not exist or is named twice, there are not as many places as drones, or
-    /// one is not finite.
-    pub fn form(
-        &self,
-        drones: &[usize],
-        places: &[Vector3<f64>],
-    ) -> Result<Formation, TrafficError> {
-        if drones.len() != places.len() {
-            return Err(TrafficError::Places { places: places.len(), drones: drones.len() });
-        }
-        for (index, (&drone, place)) in drones.iter().zip(places).enumerate() {
-            self.check_drone(drone)?;
-            check_finite(drone, place)?;
-            if drones[..index].contains(&drone) {
-                return Err(TrafficError::Drone { drone, drones: self.drones() });
-            }
-        }
-        let others = (0..self.drones()).filter(|drone| !drones.contains(drone));
-        let mut surroundings = Surroundings {
-            airspace: &self.airspace,
-            others: others.map(|drone| self.flights[drone].region()).collect(),
-            keep: self.config.keep_m(),
-            void: self.config.void.map(|void| (void, self.clouds.as_slice())),
-        };
-        let resting = surroundings.others.len();
-        // Each place that there is room for: where it was wanted, where it is, and why.
-        let mut found: Vec<(Vector3<f64>, Vector3<f64>, Option<MovedReason>)> = vec![];
-        for wanted in places {
-            if let Some(ground) = nearest(&surroundings, &wanted.xy()) {
-                let reason = self.reason(&surroundings, resting, wanted);
-                let goal = Vector3::new(ground.x, ground.y, self.airspace.altitude(wanted.z));
-                surroundings.others.push(Region::along(&[goal]));
-                found.push((*wanted, goal, reason));
-            }
-        }
-        Ok(self.assigned(drones, places, &found))
-    }
+/// A place of a formation that there is room for.
+#[derive(Clone, Copy)]
+struct Found {
+    wanted: Vector3<f64>,
+    goal: Vector3<f64>,
+    /// Why it is not where it was wanted, if it is not.
+    moved: Option<MovedReason>,
+}
 
-    /// Where drones can land that begin at `starts`: the nearest places to these, in their order, that
-    /// are permitted and far enough apart for all drones to rest there, at the altitudes of
-    /// `starts`. Where there is no room, the start itself, though its drone may find it blocked.
-    #[must_use]
-    pub fn homes(&self, starts: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-        let mut surroundings = Surroundings {
-            airspace: &self.airspace,
-            others: vec![],
-            keep: self.config.keep_m(),
-            void: None,
-        };
-        let home = |start: &Vector3<f64>| {
-            let ground = nearest(&surroundings, &start.xy()).unwrap_or(start.xy());
-            let home = Vector3::new(ground.x, ground.y, start.z);
-            surroundings.others.push(Region::along(&[home]));
-            home
-        };
-        starts.iter().map(home).collect()
-    }
-
-    fn reason(
-        &self,
-        surroundings: &Surroundings<'_>,
-        resting: usize,
-        wanted: &Vector3<f64>,
-    ) -> Option<MovedReason> {
-        let ground = wanted.xy();
-        let near = |others: &[Region]| {
-            others.iter().any(|other| other.distance_to(&ground) < self.config.keep_m() - 1e-9)
-        };
-        if !self.airspace.holds(&ground) {
-            Some(MovedReason::Airspace)
-        } else if near(&surroundings.others[..resting]) {
-            Some(MovedReason::Drone)
-        } else if near(&surroundings.others[resting..]) {
-            Some(MovedReason::Separation)
-        } else if !surroundings.permit(&ground) {
-            Some(MovedReason::Void)
-        } else if !self.airspace.permits(wanted) {
-            Some(MovedReason::Altitude)
-        } else {
-            None
+/// A goal for each of `drones`, which rest or end their flights at `starts`, among `places`; the
+/// regions of all other drones are in the surroundings.
+pub(super) fn form(
+    mut surroundings: Surroundings<'_>,
+    drones: &[usize],
+    starts: &[Vector3<f64>],
+    places: &[Vector3<f64>],
+) -> Formation {
+    let resting = surroundings.others.len();
+    let mut found: Vec<Found> = vec![];
+    for wanted in places {
+        if let Some(ground) = nearest(&surroundings, &wanted.xy()) {
+            let moved = reason(&surroundings, resting, wanted);
+            let up = surroundings.airspace.altitude(wanted.z);
+            let goal = Vector3::new(ground.x, ground.y, up);
+            surroundings.others.push(Region::along(&[goal]));
+            found.push(Found { wanted: *wanted, goal, moved });
         }
     }
+    let Surroundings { airspace, keep, .. } = surroundings;
+    let alone = Surroundings { airspace, others: vec![], keep, void: None };
+    let places_of = assign_by(drones.len(), found.len(), |drone, place| {
+        let from = starts[drone].xy();
+        let way = alone.way(&from, &found[place].goal.xy());
+        // Farther than any way where there is none.
+        way.map_or(1e7, |way| length_over_ground(&from, &way))
+    });
+    let mut formation = Formation { drones: drones.to_vec(), ..Formation::default() };
+    for (index, (&drone, place)) in drones.iter().zip(places_of).enumerate() {
+        let stays =
+            Found { wanted: places[index], goal: starts[index], moved: Some(MovedReason::NoPlace) };
+        let Found { wanted, goal, moved } = place.map_or(stays, |place| found[place]);
+        formation.goals.push(goal);
+        formation.moved.extend(moved.map(|reason| Moved { drone, wanted, goal, reason }));
+    }
+    formation
+}
 
-    fn assigned(
-        &self,
-        drones: &[usize],
-        places: &[Vector3<f64>],
-        found: &[(Vector3<f64>, Vector3<f64>, Option<MovedReason>)],
-    ) -> Formation {
-        let alone = Surroundings {
-            airspace: &self.airspace,
-            others: vec![],
-            keep: self.config.keep_m(),
-            void: None,
-        };
-        let places_of = assign_by(drones.len(), found.len(), |drone, place| {
-            let from = self.flights[drones[drone]].end().xy();
-            let way = alone.way(&from, &found[place].1.xy());
-            // Farther than any way where there is none.
-            way.map_or(1e7, |way| length_over_ground(&from, &way))
-        });
-        let mut formation = Formation { drones: drones.to_vec(), ..Formation::default() };
-        for (index, (&drone, place)) in drones.iter().zip(places_of).enumerate() {
-            let (wanted, goal, reason) = match place {
-                Some(place) => found[place],
-                None => (places[index], self.flights[drone].end(), Some(MovedReason::NoPlace)),
-            };
-            formation.goals.push(goal);
-            formation.moved.extend(reason.map(|reason| Moved { drone, wanted, goal, reason }));
-        }
-        formation
+/// The nearest places to `starts` where all drones can rest at once, at the altitudes of `starts`;
+/// the start itself where there is no room.
+pub(super) fn homes(airspace: &Airspace, keep: f64, starts: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    let mut surroundings = Surroundings { airspace, others: vec![], keep, void: None };
+    let home = |start: &Vector3<f64>| {
+        let ground = nearest(&surroundings, &start.xy()).unwrap_or(start.xy());
+        let home = Vector3::new(ground.x, ground.y, start.z);
+        surroundings.others.push(Region::along(&[home]));
+        home
+    };
+    starts.iter().map(home).collect()
+}
+
+/// Why a drone may not rest where it is wanted; `resting` of the others are drones, the rest places
+/// of the formation.
+fn reason(
+    surroundings: &Surroundings<'_>,
+    resting: usize,
+    wanted: &Vector3<f64>,
+) -> Option<MovedReason> {
+    let ground = wanted.xy();
+    let near = |others: &[Region]| {
+        others.iter().any(|other| other.distance_to(&ground) < surroundings.keep - 1e-9)
+    };
+    if !surroundings.airspace.holds(&ground) {
+        Some(MovedReason::Airspace)
+    } else if near(&surroundings.others[..resting]) {
+        Some(MovedReason::Drone)
+    } else if near(&surroundings.others[resting..]) {
+        Some(MovedReason::Separation)
+    } else if !surroundings.permit(&ground) {
+        Some(MovedReason::Void)
+    } else if !surroundings.airspace.permits(wanted) {
+        Some(MovedReason::Altitude)
+    } else {
+        None
     }
 }
 
-/// The nearest place where a drone may rest: one of those where the limits say so, or of rings
+/// The nearest place where a drone may rest: one of those where the limits are, or of rings
 /// about where it was wanted.
 fn nearest(surroundings: &Surroundings<'_>, wanted: &Vector2<f64>) -> Option<Vector2<f64>> {
     if surroundings.permit(wanted) {

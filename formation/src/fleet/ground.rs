@@ -1,4 +1,4 @@
-//! Plane geometry over ground: what all of the fleet measures with.
+//! Plane geometry over ground, which all of the fleet shares.
 
 use core::f64::consts::TAU;
 use std::vec::Vec;

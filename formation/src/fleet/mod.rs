@@ -3,6 +3,7 @@
 mod airspace;
 mod airspace_config;
 mod assignment;
+mod attendance;
 mod deadlock;
 mod endurance;
 mod flight;
@@ -16,7 +17,8 @@ mod way;
 pub use airspace::Airspace;
 pub use airspace_config::{AirspaceConfig, AirspaceError, KeepOut};
 pub use assignment::assign;
-pub use endurance::{Endurance, EnduranceConfig, EnduranceError};
+pub use attendance::{Attendance, AttendanceConfig, Duty};
+pub use endurance::{Endurance, EnduranceConfig};
 pub use flight::{Order, OrderReason, Travel};
 pub use formation::{Formation, Moved, MovedReason};
 pub use traffic::Traffic;

@@ -5,7 +5,8 @@ use nalgebra::{Vector2, Vector3};
 
 use super::{
     Airspace, Formation, Order, OrderReason, TrafficConfig, TrafficError, Travel,
-    flight::{Flight, Seen, Wish},
+    flight::{Flight, Located, Task},
+    formation,
     ground::EXACT,
     void::Cloud,
     way::{Surroundings, length_over_ground, with_altitudes},
@@ -20,8 +21,8 @@ const DETOUR: f64 = 1.2;
 /// Safe by construction, whatever the timing: a drone's *region* is what is left of its reserved
 /// line, a point where it rests. It sets off only if its whole new line keeps the separation and
 /// twice the tolerance from the regions of all others. So no two drones come nearer than the
-/// separation, however slow they are, wherever they get stuck, and whether or not they are heard
-/// of; all that is asked of a drone is that it stays within the tolerance of its line.
+/// separation, however slow they are, wherever they get stuck, and whether or not their places
+/// are known; all that a drone has to do is to stay within the tolerance of its line.
 #[derive(Clone, Debug)]
 pub struct Traffic {
     /// With the tolerance as its margin.
@@ -111,10 +112,10 @@ impl Traffic {
             return;
         }
         self.changed |= self.flights[drone].turns();
-        match self.flights[drone].see(position, self.config.tolerance_m) {
-            Seen::OnLine(released) => self.released += released,
-            Seen::AtCorner => self.changed = true,
-            Seen::Astray => self.catch(drone, *position),
+        match self.flights[drone].locate(position, self.config.tolerance_m) {
+            Located::OnLine(released) => self.released += released,
+            Located::AtCorner => self.changed = true,
+            Located::Astray => self.catch(drone, *position),
         }
     }
 
@@ -137,31 +138,76 @@ impl Traffic {
         }
     }
 
-    /// Wishes a drone to a place. It sets off when its way is free.
+    /// Finds a goal for each of `drones`, one of `places` for each, in any order.
+    ///
+    /// Every place is moved to the nearest one that is permitted and far enough from the others,
+    /// from drones that do not take part, and from targets; earlier places go first. Then the
+    /// drones are assigned so that they travel as little as possible together, over permitted ways.
+    /// Nothing is reserved; [`depart`](Self::depart) does.
+    ///
+    /// # Errors
+    ///
+    /// [`TrafficError`] where a drone does not exist or is named twice, there are not as many
+    /// places as drones, or one is not finite.
+    pub fn form(
+        &self,
+        drones: &[usize],
+        places: &[Vector3<f64>],
+    ) -> Result<Formation, TrafficError> {
+        if drones.len() != places.len() {
+            return Err(TrafficError::Places { places: places.len(), drones: drones.len() });
+        }
+        for (index, (&drone, place)) in drones.iter().zip(places).enumerate() {
+            self.check_drone(drone)?;
+            check_finite(drone, place)?;
+            if drones[..index].contains(&drone) {
+                return Err(TrafficError::Drone { drone, drones: self.drones() });
+            }
+        }
+        let others = (0..self.drones()).filter(|drone| !drones.contains(drone));
+        let surroundings = Surroundings {
+            airspace: &self.airspace,
+            others: others.map(|drone| self.flights[drone].region()).collect(),
+            keep: self.config.keep_m(),
+            void: self.config.void.map(|void| (void, self.clouds.as_slice())),
+        };
+        let starts: Vec<_> = drones.iter().map(|&drone| self.flights[drone].end()).collect();
+        Ok(formation::form(surroundings, drones, &starts, places))
+    }
+
+    /// Where drones can land that begin at `starts`: the nearest places to these, in their order,
+    /// that are permitted and far enough apart for all drones to rest there, at the altitudes of
+    /// `starts`. Where there is no room, the start itself, though its drone may find it blocked.
+    #[must_use]
+    pub fn homes(&self, starts: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+        formation::homes(&self.airspace, self.config.keep_m(), starts)
+    }
+
+    /// Sends a drone to a place. It sets off when its way is free.
     ///
     /// # Errors
     ///
     /// [`TrafficError`] where there is no such drone, or the place is not finite.
     pub fn go(&mut self, drone: usize, goal: &Vector3<f64>) -> Result<(), TrafficError> {
-        self.wish(drone, Wish { goal: *goal, home: false, formation: false, aside: false })
+        self.set_task(drone, Task { goal: *goal, home: false, formation: false, aside: false })
     }
 
-    /// Wishes a drone home: like [`go`](Self::go), but it need not keep away from targets, and
+    /// Sends a drone home: like [`go`](Self::go), but it need not keep away from targets, and
     /// the place may lie below the band, on the ground.
     ///
     /// # Errors
     ///
     /// [`TrafficError`] where there is no such drone, or the place is not finite.
     pub fn recall(&mut self, drone: usize, home: &Vector3<f64>) -> Result<(), TrafficError> {
-        self.wish(drone, Wish { goal: *home, home: true, formation: false, aside: false })
+        self.set_task(drone, Task { goal: *home, home: true, formation: false, aside: false })
     }
 
-    /// Wishes the drones of a formation to their goals. Where they stand in each other's way they
+    /// Sends the drones of a formation to their goals. Where they are in each other's way they
     /// may exchange them; [`goal`](Self::goal) has the last word on who goes where.
     ///
     /// # Errors
     ///
-    /// [`TrafficError`] where there is no such drone; then none is wished anywhere.
+    /// [`TrafficError`] where there is no such drone; then none is sent anywhere.
     pub fn depart(&mut self, formation: &Formation) -> Result<(), TrafficError> {
         for (drone, goal) in formation.iter() {
             self.check_drone(drone)?;
@@ -169,12 +215,12 @@ impl Traffic {
         }
         self.exchanged.clear();
         for (drone, goal) in formation.iter() {
-            self.wish(drone, Wish { goal, home: false, formation: true, aside: false })?;
+            self.set_task(drone, Task { goal, home: false, formation: true, aside: false })?;
         }
         Ok(())
     }
 
-    /// Wishes a drone to stay where it is. One that flies is told to stop.
+    /// Keeps a drone where it is. One that flies is ordered to stop.
     ///
     /// # Errors
     ///
@@ -183,16 +229,17 @@ impl Traffic {
         self.check_drone(drone)?;
         self.changed = true;
         let flight = &mut self.flights[drone];
-        flight.wish = None;
+        flight.task = None;
         flight.stop(self.config.stopping_m);
         Ok(())
     }
 
-    /// Counts on a drone no more: it has landed, is stuck in the air, or is lost. What is reserved for
-    /// it stays so up to where it was last told to fly, less what it is seen to fly of that; but
-    /// it counts as resting, so that others fly around it, or are blocked, and do not wait for it. It has
-    /// no goal and is told nothing more, but for the stop if it is [held](Self::hold). To wish it
-    /// somewhere takes it back.
+    /// Counts on a drone no more: it has landed, is stuck in the air, or is lost.
+    ///
+    /// What is reserved for it stays so up to where it was last ordered to fly, less what it is
+    /// located to have flown of that; but it counts as resting, so that others fly around it, or
+    /// are blocked, and do not wait for it. It has no goal and gets no orders, but for the stop if
+    /// it is [held](Self::hold). To send it somewhere takes it back.
     ///
     /// # Errors
     ///
@@ -233,10 +280,10 @@ impl Traffic {
         self.flights.get(drone).map_or(Travel::There, Flight::travel)
     }
 
-    /// Where a drone is wished to be; None where it has no goal.
+    /// Where a drone is sent; None where it has no goal.
     #[must_use]
     pub fn goal(&self, drone: usize) -> Option<Vector3<f64>> {
-        Some(self.flights.get(drone)?.wish?.goal)
+        Some(self.flights.get(drone)?.task?.goal)
     }
 
     /// Where a drone is taken to be, within the tolerance.
@@ -251,17 +298,17 @@ impl Traffic {
         self.flights.get(drone).map_or(&[], Flight::way)
     }
 
-    pub(super) fn check_drone(&self, drone: usize) -> Result<(), TrafficError> {
+    fn check_drone(&self, drone: usize) -> Result<(), TrafficError> {
         let drones = self.flights.len();
         if drone < drones { Ok(()) } else { Err(TrafficError::Drone { drone, drones }) }
     }
 
-    fn wish(&mut self, drone: usize, wish: Wish) -> Result<(), TrafficError> {
+    fn set_task(&mut self, drone: usize, task: Task) -> Result<(), TrafficError> {
         self.check_drone(drone)?;
-        check_finite(drone, &wish.goal)?;
+        check_finite(drone, &task.goal)?;
         self.changed = true;
         let flight = &mut self.flights[drone];
-        flight.wish_to(wish);
+        flight.set_task(task);
         if flight.waits() {
             flight.stop(self.config.stopping_m);
         }
@@ -272,7 +319,7 @@ impl Traffic {
     pub(super) fn surroundings(&self, drone: usize, without: &[usize]) -> Surroundings<'_> {
         let others = self.flights.iter().enumerate();
         let others = others.filter(|(other, _)| *other != drone && !without.contains(other));
-        let home = self.flights[drone].wish.is_some_and(|wish| wish.home);
+        let home = self.flights[drone].task.is_some_and(|task| task.home);
         Surroundings {
             airspace: &self.airspace,
             others: others.map(|(_, flight)| flight.region()).collect(),
@@ -284,7 +331,7 @@ impl Traffic {
     fn set_off(&mut self, thorough: bool) {
         loop {
             // Those that have flown aside let the others go first.
-            let aside = |flight: &Flight| flight.wish.is_some_and(|wish| wish.aside);
+            let aside = |flight: &Flight| flight.task.is_some_and(|task| task.aside);
             let mut waiting: Vec<usize> = self.waiting().collect();
             waiting.sort_by_key(|&drone| aside(&self.flights[drone]));
             for drone in waiting {
@@ -312,7 +359,7 @@ impl Traffic {
 
     /// Reserves a drone's way to its goal if that is free.
     fn try_set_off(&mut self, drone: usize, thorough: bool) {
-        let Some(Wish { goal, home, .. }) = self.flights[drone].wish else { return };
+        let Some(Task { goal, home, .. }) = self.flights[drone].task else { return };
         if !home && !self.airspace.permits(&goal) {
             return;
         }
@@ -352,7 +399,7 @@ impl Traffic {
     }
 }
 
-pub(super) fn check_finite(drone: usize, place: &Vector3<f64>) -> Result<(), TrafficError> {
+fn check_finite(drone: usize, place: &Vector3<f64>) -> Result<(), TrafficError> {
     if place.iter().all(|x| x.is_finite()) {
         Ok(())
     } else {

@@ -1,3 +1,5 @@
+use foxhunt_core::parameter::{ParameterError, not_negative, positive, require};
+
 use super::{AirspaceError, Void};
 
 /// How far drones keep from one another. Lengths are metres over ground.
@@ -8,11 +10,11 @@ pub struct TrafficConfig {
     /// No two drones come nearer to each other than this, whatever their altitudes.
     pub separation_m: f64,
     /// How far a drone may be from its line: half of it for where it arrives, since it is at a
-    /// place when it is within half of this, and half for how it strays from its straight flight, its
-    /// GNSS's error included. Lines keep `separation_m + 2 tolerance_m` from one another, and
+    /// place when it is within half of this, and half for how it strays from its straight flight,
+    /// its GNSS's error included. Lines keep `separation_m + 2 tolerance_m` from one another, and
     /// `tolerance_m` from the fence and the keep-outs.
     pub tolerance_m: f64,
-    /// How far a drone flies on along its line after it is told to stop or to turn.
+    /// How far a drone flies on along its line after it is ordered to stop or to turn.
     pub stopping_m: f64,
     /// How far drones keep from targets; not at all where absent.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
@@ -27,20 +29,16 @@ impl Default for TrafficConfig {
 }
 
 impl TrafficConfig {
-    pub(super) fn check(&self) -> Result<(), TrafficError> {
-        let (radius, probability) =
-            self.void.map_or((1.0, 0.0), |void| (void.radius_m, void.probability));
-        let checks = [
-            ("separation_m", self.separation_m, self.separation_m > 0.0),
-            ("tolerance_m", self.tolerance_m, self.tolerance_m > 0.0),
-            ("stopping_m", self.stopping_m, self.stopping_m >= 0.0),
-            ("void.radius_m", radius, radius > 0.0),
-            ("void.probability", probability, (0.0..1.0).contains(&probability)),
-        ];
-        match checks.into_iter().find(|(_, value, good)| !(*good && value.is_finite())) {
-            Some((field, value, _)) => Err(TrafficError::Config { field, value }),
-            None => Ok(()),
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        positive("separation_m", self.separation_m)?;
+        positive("tolerance_m", self.tolerance_m)?;
+        not_negative("stopping_m", self.stopping_m)?;
+        if let Some(Void { radius_m, probability }) = self.void {
+            positive("void.radius_m", radius_m)?;
+            let below_one = (0.0..1.0).contains(&probability);
+            require(below_one, "void.probability", probability, "at least 0 and below 1")?;
         }
+        Ok(())
     }
 
     /// How far the lines of two drones keep from each other, and so their goals: the separation and
@@ -56,19 +54,15 @@ impl TrafficConfig {
 #[non_exhaustive]
 pub enum TrafficError {
     /// A field of the configuration that is out of its range.
-    #[error("{field} is {value}; lengths must be positive, a probability at least 0 and below 1")]
-    Config {
-        /// Which field.
-        field: &'static str,
-        /// What it held.
-        value: f64,
-    },
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
     /// The airspace leaves no room for the tolerance.
     #[error(transparent)]
     Airspace(#[from] AirspaceError),
     /// Two drones begin nearer to each other than the separation.
     #[error(
-        "drones {first} and {second} are {distance_m:.3} m apart; the separation is {separation_m} m"
+        "drones {first} and {second} are {distance_m:.3} m apart; the separation is \
+         {separation_m} m"
     )]
     TooNear {
         /// The one.
@@ -107,7 +101,7 @@ pub enum TrafficError {
     /// There is no such drone, or it was named twice.
     #[error("there is no drone {drone}, or it is named twice; there are {drones}, counted from 0")]
     Drone {
-        /// Which one was asked for.
+        /// Which one was named.
         drone: usize,
         /// How many there are.
         drones: usize,

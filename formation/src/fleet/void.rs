@@ -7,11 +7,11 @@ use nalgebra::Vector2;
 use super::ground::{SLACK, line, point, ring_about};
 use crate::spiral::spiral;
 
-/// Fewer places than this tell a belief's moments and not where the target may be; then the
-/// Gaussian of these moments stands for it.
+/// Fewer places than this give a belief's moments and not where the target may be; then the
+/// Gaussian of these moments replaces it.
 const FEWEST_PLACES: usize = 16;
 
-/// How many places stand for a Gaussian.
+/// How many places a Gaussian is replaced by.
 const GAUSSIAN_PLACES: u32 = 200;
 
 /// How far drones keep from a target whose place is only believed: the probability that it is
@@ -65,8 +65,8 @@ impl Cloud {
         near.map(|(_, weight)| weight).sum()
     }
 
-    /// The probability that the target is within `radius` of the beginning of a leg, and the greatest
-    /// of all places on it, the end aside.
+    /// The probability that the target is within `radius` of the beginning of a leg, and the
+    /// greatest of all places on it, the end aside.
     fn nearest(&self, from: &Vector2<f64>, to: &Vector2<f64>, radius: f64) -> (f64, f64) {
         let leg = to - from;
         let length = leg.norm();

@@ -37,8 +37,8 @@ impl Surroundings<'_> {
             && self.void.is_none_or(|(void, clouds)| void.permits(clouds, from, to))
     }
 
-    /// The same for the first leg. Where the drone is nearer to something than it should be it
-    /// may fly away from it, to a place where it may rest, but no nearer.
+    /// Whether a drone may fly its first leg straight. Where the drone is nearer to something than
+    /// it should be it may fly away from it, to a place where it may rest, but no nearer.
     pub(super) fn first_leg(&self, from: &Vector2<f64>, to: &Vector2<f64>) -> bool {
         let way = line(from, to);
         let clear = self
@@ -50,7 +50,7 @@ impl Surroundings<'_> {
             if clearance > EXACT {
                 self.airspace.clear_by(from, to, clearance.min(self.airspace.margin()))
             } else if clearance >= -EXACT {
-                // On an edge every leg touches it: the rest of the leg tells which side it takes.
+                // On an edge every leg touches it: the rest of the leg shows which side it takes.
                 let off = from + (to - from).cap_magnitude(SLACK);
                 let clearance = self.airspace.clearance(&off);
                 clearance > EXACT

@@ -1,12 +1,12 @@
+use foxhunt_core::parameter::{ParameterError, positive};
 use nalgebra::Vector2;
 
 use super::{Shape, number};
-use crate::parameter::{ParameterError, positive};
 
 /// Drones side by side, as they sweep an area abreast; the centre is the middle of the line.
 ///
 /// The first one is at the eastern end while the line is not turned, so the rotation is the
-/// direction of the first drone seen from the centre, as with a polygon.
+/// direction of the first drone from the centre, as with a polygon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
     spacing: f64,
@@ -46,6 +46,6 @@ mod tests {
                 assert!((step - Vector2::new(8.0, 0.0)).norm() < 1e-12);
             }
         }
-        assert_eq!(Line::new(0.0).expect_err("no spacing").field, "spacing_m");
+        assert_eq!(Line::new(0.0).expect_err("no spacing").name, "spacing_m");
     }
 }

@@ -8,5 +8,5 @@ pub use line::Line;
 pub use offsets::Offsets;
 pub use polygon::Polygon;
 pub use scaled::Scaled;
-pub(crate) use shaped::number;
 pub use shaped::{Shape, ShapeFn, shape_fn};
+pub(crate) use shaped::{arrange, arrange_or_centre, number};

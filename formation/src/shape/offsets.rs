@@ -1,9 +1,9 @@
+use foxhunt_core::parameter::{ParameterError, finite, require};
 use nalgebra::Vector2;
 
 use super::{Shape, number};
-use crate::parameter::{ParameterError, check, finite};
 
-/// How far from a single place the next copy of it stands, in metres: the reference's
+/// How far from a single place the next copy of it is, in metres: the reference's
 /// circumradius (Pritzl 2018, §5.2).
 const ALONE_M: f64 = 6.0;
 
@@ -25,12 +25,12 @@ impl<C: AsRef<[Vector2<f64>]>> Offsets<C> {
     ///
     /// # Errors
     ///
-    /// [`ParameterError`] names a coordinate that is not finite, or says that there is no place or
-    /// that two are the same.
+    /// [`ParameterError`] names a coordinate that is not finite, or the list if it has no place or
+    /// one place twice.
     pub fn new(places: C) -> Result<Self, ParameterError> {
         let given = places.as_ref();
         let count = number(given.len());
-        check("offsets_m", count, "one place at least", !given.is_empty())?;
+        require(!given.is_empty(), "offsets_m", count, "one place at least")?;
         let mut least = f64::INFINITY;
         let (mut west, mut east) = (f64::INFINITY, f64::NEG_INFINITY);
         for (i, place) in given.iter().enumerate() {
@@ -41,7 +41,7 @@ impl<C: AsRef<[Vector2<f64>]>> Offsets<C> {
                 least = least.min((place - other).norm());
             }
         }
-        check("offsets_m", least, "no place twice", least > 0.0)?;
+        require(least > 0.0, "offsets_m", least, "no place twice")?;
         let gap = if least.is_finite() { least } else { ALONE_M };
         let stride = east - west + gap;
         finite("offsets_m", stride)?;
@@ -90,6 +90,6 @@ mod tests {
         assert!(Offsets::new(none).is_err());
         assert!(Offsets::new([Vector2::zeros(), Vector2::zeros()]).is_err());
         let error = Offsets::new([Vector2::new(0.0, f64::NAN)]).expect_err("no place");
-        assert_eq!(error.field, "offsets_m");
+        assert_eq!(error.name, "offsets_m");
     }
 }

@@ -12,9 +12,9 @@ pub struct Polygon {
 }
 
 impl Polygon {
-    /// Where drone `index` of `count` stands, East, North and Up in metres.
+    /// The place of drone `index` of `count`, East, North and Up in metres.
     ///
-    /// `rotation` is the direction of the first drone seen from the centre, in radians
+    /// `rotation` is the direction of the first drone from the centre, in radians
     /// counter-clockwise from East; the others follow counter-clockwise.
     #[must_use]
     pub fn vertex(

@@ -1,7 +1,7 @@
+use foxhunt_core::parameter::{ParameterError, positive};
 use nalgebra::Vector2;
 
 use super::Shape;
-use crate::parameter::{ParameterError, positive};
 
 /// A shape made larger or smaller about its centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +31,7 @@ impl<S: Shape> Shape for Scaled<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Polygon;
+    use crate::shape::Polygon;
 
     #[test]
     fn a_scaled_triangle_is_a_larger_triangle() {

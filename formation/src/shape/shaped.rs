@@ -1,13 +1,41 @@
-use foxhunt_core::Waypoint;
+use foxhunt_core::{Station, Waypoint};
 use nalgebra::{Vector2, Vector3};
 
-/// How drones stand about the centre of their formation, for any number of them.
+/// How drones are arranged about the centre of their formation, for any number of them.
+///
+/// One method is required. A closure through [`shape_fn`] is a shape as well.
+///
+/// ```
+/// use foxhunt_core::{FormationPlanner, Pose, Station};
+/// use foxhunt_formation::{FollowConfig, FollowEstimate, Shape};
+/// use nalgebra::Vector2;
+///
+/// /// A V, the first drone at its tip, as geese fly.
+/// struct Wedge {
+///     spacing_m: f64,
+/// }
+///
+/// impl Shape for Wedge {
+///     fn offset(&self, index: usize, _count: usize) -> Vector2<f64> {
+///         let row = self.spacing_m * index.div_ceil(2) as f64;
+///         let side = if index % 2 == 1 { 1.0 } else { -1.0 };
+///         Vector2::new(-row, side * row)
+///     }
+/// }
+///
+/// let planner = FollowEstimate::new(FollowConfig::default())?;
+/// let mut planner = planner.with_shape(Wedge { spacing_m: 5.0 });
+/// let mut drones = [Station::holding(Pose::at(0.0, 0.0, 4.0)); 3];
+/// planner.begin(&mut drones)?;
+/// assert_eq!(drones[1].goal.position.xy(), Vector2::new(-5.0, 5.0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Shape {
-    /// Where drone `index` of `count` stands seen from the centre while the formation is not
-    /// turned, East and North in metres. No two drones stand at one place.
+    /// The place of drone `index` of `count` relative to the centre while the formation is not
+    /// turned, East and North in metres. No two drones have the same place.
     fn offset(&self, index: usize, count: usize) -> Vector2<f64>;
 
-    /// Where that drone stands in the world, East, North and Up in metres: turned by `rotation`
+    /// The place of that drone in the world, East, North and Up in metres: turned by `rotation`
     /// radians counter-clockwise about `centre`, at `altitude`.
     fn vertex(
         &self,
@@ -26,7 +54,7 @@ pub trait Shape {
         )
     }
 
-    /// The same as a goal.
+    /// [`vertex`](Self::vertex) as a goal.
     fn goal(
         &self,
         centre: &Vector2<f64>,
@@ -36,6 +64,35 @@ pub trait Shape {
         count: usize,
     ) -> Waypoint {
         Waypoint { position: self.vertex(centre, rotation, altitude, index, count) }
+    }
+}
+
+/// Sets the goal of every drone to its place in a shape.
+pub(crate) fn arrange<S: Shape>(
+    shape: &S,
+    centre: &Vector2<f64>,
+    rotation: f64,
+    altitude: f64,
+    stations: &mut [Station],
+) {
+    let count = stations.len();
+    for (index, station) in stations.iter_mut().enumerate() {
+        station.goal = shape.goal(centre, rotation, altitude, index, count);
+    }
+}
+
+/// Sets the goal of every drone to its place in a shape; a drone alone goes to the centre.
+pub(crate) fn arrange_or_centre<S: Shape>(
+    shape: &S,
+    centre: &Vector2<f64>,
+    rotation: f64,
+    altitude: f64,
+    stations: &mut [Station],
+) {
+    if let [alone] = stations {
+        alone.goal.position = centre.push(altitude);
+    } else {
+        arrange(shape, centre, rotation, altitude, stations);
     }
 }
 

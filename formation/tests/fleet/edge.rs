@@ -19,7 +19,7 @@ fn edges() -> AirspaceConfig {
     }
 }
 
-/// Flies from one place to another and tells the least clearance on the way.
+/// Flies from one place to another and returns the least clearance on the way.
 fn fly(from: Vector3<f64>, to: Vector3<f64>) -> (Flown, f64) {
     let airspace = Airspace::new(&edges()).expect("an airspace");
     let mut flown = Flown::new(&edges(), &[from]);

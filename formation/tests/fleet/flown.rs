@@ -1,4 +1,4 @@
-//! Drones that fly as they are told.
+//! Drones that fly as they are ordered.
 
 use foxhunt_formation::{
     Airspace, AirspaceConfig, Formation, Order, OrderReason, Traffic, TrafficConfig, Travel,
@@ -9,7 +9,7 @@ pub(crate) fn at(east: f64, north: f64) -> Vector3<f64> {
     Vector3::new(east, north, 4.0)
 }
 
-/// Drones that do as they are told at 2 m/s, at once and exactly.
+/// Drones that obey at 2 m/s, at once and exactly.
 pub(crate) struct Flown {
     pub(crate) traffic: Traffic,
     pub(crate) places: Vec<Vector3<f64>>,
@@ -75,7 +75,7 @@ impl Flown {
         panic!("it does not end");
     }
 
-    pub(crate) fn told(&self, drone: usize) -> Vec<OrderReason> {
+    pub(crate) fn reasons(&self, drone: usize) -> Vec<OrderReason> {
         self.orders.iter().filter(|o| o.drone == drone).map(|o| o.reason).collect()
     }
 }

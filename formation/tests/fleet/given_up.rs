@@ -12,7 +12,7 @@ fn stuck(airspace: &AirspaceConfig) -> Flown {
     for _ in 0..140 {
         flown.step(&[]);
     }
-    // It is seen where it is, it is told to stop, and it neither moves nor arrives.
+    // It is located where it is, it is ordered to stop, and it neither moves nor arrives.
     flown.traffic.hold(0).expect("there are two");
     for _ in 0..1000 {
         flown.step(&[0]);
@@ -51,7 +51,7 @@ fn others_do_not_wait_for_one_that_was_given_up() {
     assert_eq!([0, 1].map(|d| flown.traffic.status(d)), [Travel::There, Travel::Blocked]);
     assert_eq!(flown.traffic.reserved(0), reserved, "it keeps its region");
     assert_eq!(flown.traffic.goal(0), None);
-    // It is counted on again as soon as it is wished somewhere.
+    // It is counted on again as soon as it is sent somewhere.
     flown.traffic.go(0, &at(20.0, 20.0)).expect("there are two");
     flown.step(&[0]);
     assert_eq!(flown.traffic.status(0), Travel::UnderWay);
@@ -77,7 +77,7 @@ fn others_fly_around_one_that_was_given_up_and_around_what_it_may_still_fly() {
     assert_eq!(flown.traffic.status(1), Travel::UnderWay);
     let around = flown.traffic.reserved(1).iter().any(|p| p.x > 42.9 || p.x < 7.1);
     assert!(around, "{:?}", flown.traffic.reserved(1));
-    // Nobody told it: it flies on to where it was sent.
+    // It got no order: it flies on to where it was sent.
     flown.settle();
     flown.settle();
     assert!((flown.places[1] - at(20.0, -10.0)).norm() < 0.5);
@@ -86,26 +86,26 @@ fn others_fly_around_one_that_was_given_up_and_around_what_it_may_still_fly() {
 }
 
 #[test]
-fn one_that_has_landed_is_told_nothing() {
+fn one_that_has_landed_gets_no_orders() {
     let mut flown = Flown::new(&AirspaceConfig::default(), &[at(0.0, 0.0)]);
     flown.traffic.go(0, &at(20.0, 0.0)).expect("there is one");
     flown.traffic.give_up(0).expect("there is one");
     flown.step(&[]);
     assert_eq!(flown.orders, [], "it had not been sent yet");
     assert_eq!(flown.traffic.reserved(0), [at(0.0, 0.0)]);
-    // The wind takes it; one that is not given up would be told to return.
+    // The wind takes it; one that is not given up would be ordered to return.
     for east in [1.0, 3.0] {
         flown.traffic.locate(0, &at(east, 0.0));
         assert_eq!(flown.traffic.step(), []);
         assert_eq!(flown.traffic.place(0), Some(at(east, 0.0)));
     }
-    // But for a stop that it has not been told yet.
+    // But for a stop that it has not been ordered yet.
     flown.places[0] = at(3.0, 0.0);
     flown.traffic.go(0, &at(20.0, 0.0)).expect("there is one");
     flown.step(&[]);
     flown.traffic.hold(0).expect("there is one");
     flown.traffic.give_up(0).expect("there is one");
     flown.step(&[]);
-    assert_eq!(flown.told(0), [OrderReason::Straight, OrderReason::Stop]);
+    assert_eq!(flown.reasons(0), [OrderReason::Straight, OrderReason::Stop]);
     assert!(flown.traffic.give_up(1).is_err());
 }

@@ -7,6 +7,7 @@ mod endurance;
 mod flown;
 mod formation;
 mod given_up;
+mod logged;
 mod play;
 mod traffic;
 mod void;

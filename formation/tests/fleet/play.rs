@@ -1,4 +1,4 @@
-//! Plays random fleets through the traffic and asks the truth: nobody comes too near to another,
+//! Plays random fleets through the traffic and checks the truth: nobody comes too near to another,
 //! leaves the fence, or enters a keep-out, and everyone is there or blocked in the end.
 
 use foxhunt_formation::Travel;
@@ -14,10 +14,10 @@ const PATIENCE: u32 = 20_000;
 fn episode(seed: u64) -> Option<(usize, usize)> {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut world = world(&mut rng)?;
-    world.wish(&mut rng);
+    world.send(&mut rng);
     for _ in 0..CHAOS {
         if rng.random_bool(0.01) {
-            world.wish(&mut rng);
+            world.send(&mut rng);
         }
         world.advance(&mut rng, true);
         world.check(seed);

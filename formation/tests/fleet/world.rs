@@ -1,4 +1,5 @@
-//! Random fleets in random airspaces, whose drones fly, stray, get stuck, fall silent, and do not hear.
+//! Random fleets in random airspaces, whose drones fly, stray, get stuck, fall silent, and miss
+//! orders.
 
 use foxhunt_formation::{Airspace, AirspaceConfig, KeepOut, Order, Traffic, TrafficConfig, Travel};
 use nalgebra::{Vector2, Vector3};
@@ -7,8 +8,8 @@ use rand::{RngExt, rngs::Xoshiro256PlusPlus};
 /// Seconds between two looks.
 pub(crate) const DT: f64 = 0.05;
 
-/// A drone that flies straight to where it was told, gets stuck, and takes a while to turn. Where it
-/// truly is it strays from where it says that it is.
+/// A drone that flies straight to where it was ordered, gets stuck, and takes a while to turn.
+/// Where it truly is it strays from where it reports to be.
 pub(crate) struct Drone {
     line: Vector3<f64>,
     stray: Vector2<f64>,
@@ -26,7 +27,7 @@ impl Drone {
         self.line + Vector3::new(self.stray.x, self.stray.y, 0.0)
     }
 
-    fn told(&mut self, to: Vector3<f64>, braking: f64) {
+    fn order(&mut self, to: Vector3<f64>, braking: f64) {
         let flies = (self.goal - self.line).norm() > 1e-9;
         let braking = self.next.map_or(braking, |(_, left)| left);
         self.next = flies.then_some((to, braking));
@@ -40,7 +41,7 @@ impl Drone {
         self.stray = (self.stray + wander * 0.05 * tolerance).cap_magnitude(0.3 * tolerance);
         if self.stuck > 0 {
             self.stuck -= 1;
-            // One that stands still does not have to brake.
+            // One that does not move does not have to brake.
             if let Some((to, _)) = self.next.take() {
                 self.goal = to;
             }
@@ -147,7 +148,7 @@ pub(crate) fn world(rng: &mut Xoshiro256PlusPlus) -> Option<World> {
 }
 
 impl World {
-    pub(crate) fn wish(&mut self, rng: &mut Xoshiro256PlusPlus) {
+    pub(crate) fn send(&mut self, rng: &mut Xoshiro256PlusPlus) {
         let all = self.drones.len();
         match rng.random_range(0..10) {
             0..6 => {
@@ -204,7 +205,7 @@ impl World {
             if self.drones[drone].deaf > 0 {
                 self.traffic.repeat(drone).expect("the drone exists");
             } else {
-                self.drones[drone].told(to, 0.6 * config.stopping_m);
+                self.drones[drone].order(to, 0.6 * config.stopping_m);
             }
         }
     }

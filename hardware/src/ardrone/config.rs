@@ -1,5 +1,6 @@
 use std::io;
 
+use foxhunt_core::parameter::{FieldError, finite, in_range, positive, require};
 use serde::{Deserialize, Serialize};
 
 /// How an AR.Drone is flown, and where it stands at the beginning.
@@ -38,9 +39,9 @@ pub struct ArDroneConfig {
 }
 
 impl Default for ArDroneConfig {
-    /// At the origin, its nose to the East, known to 0.3 m, off by a tenth of the way; 1 m/s, with at
-    /// most the tilt of 4 m/s, 0.7 m/s up, turns of 100 °/s; 0.5 to 6 m up and 40 m away; 20 orders
-    /// a second; the link lost after 2 s.
+    /// At the origin, its nose to the East, known to 0.3 m, off by a tenth of the way; 1 m/s, with
+    /// at most the tilt of 4 m/s, 0.7 m/s up, turns of 100 °/s; 0.5 to 6 m up and 40 m away; 20
+    /// orders a second; the link lost after 2 s.
     fn default() -> Self {
         Self {
             east_m: 0.0,
@@ -61,14 +62,14 @@ impl Default for ArDroneConfig {
     }
 }
 
-/// Why an AR.Drone did not do it, or was not asked to.
+/// Why an AR.Drone does not obey, or was sent no order.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ArDroneError {
     /// A port failed.
     #[error("the link: {0}")]
     Link(#[from] io::Error),
-    /// It says nothing.
+    /// It sends nothing.
     #[error("no navdata for {silent_s:.1} s; the limit is {limit_s} s")]
     Silent {
         /// Since when, in seconds; infinite where there never were any.
@@ -95,15 +96,8 @@ pub enum ArDroneError {
         most: f64,
     },
     /// A number of the configuration is out of its range.
-    #[error("{field} is {value}; it must be {requirement}")]
-    Config {
-        /// Where it stands.
-        field: &'static str,
-        /// What it holds.
-        value: f64,
-        /// What it must be.
-        requirement: &'static str,
-    },
+    #[error(transparent)]
+    Config(#[from] FieldError),
 }
 
 impl ArDroneConfig {
@@ -111,17 +105,14 @@ impl ArDroneConfig {
     ///
     /// # Errors
     ///
-    /// [`ArDroneError::Config`] names the field, with its value.
-    pub fn check(&self) -> Result<(), ArDroneError> {
-        let require = |holds: bool, field, value, requirement| {
-            if holds { Ok(()) } else { Err(ArDroneError::Config { field, value, requirement }) }
-        };
+    /// [`FieldError`] names the field, with its value.
+    pub fn check(&self) -> Result<(), FieldError> {
         for (field, value) in [
             ("east_m", self.east_m),
             ("north_m", self.north_m),
             ("heading_deg_ccw_from_east", self.heading_deg_ccw_from_east),
         ] {
-            require(value.is_finite(), field, value, "finite")?;
+            finite(field, value)?;
         }
         for (field, value) in [
             ("start_sigma_m", self.start_sigma_m),
@@ -134,11 +125,12 @@ impl ArDroneConfig {
             ("fence_radius_m", self.fence_radius_m),
             ("link_timeout_s", self.link_timeout_s),
         ] {
-            require(value > 0.0 && value.is_finite(), field, value, "a positive number")?;
+            positive(field, value)?;
         }
         let least = self.min_up_m;
         require(least < self.max_up_m, "min_up_m", least, "a number below max_up_m")?;
-        require((5.0..=100.0).contains(&self.rate_hz), "rate_hz", self.rate_hz, "in 5 … 100")
+        in_range("rate_hz", self.rate_hz, 5.0..=100.0, "in 5 … 100")?;
+        Ok(())
     }
 
     /// Refuses a number of a goal.

@@ -26,8 +26,8 @@ const HEIGHT_GAIN: f64 = 1.2;
 /// Turn wanted per radian of heading, per second.
 const HEADING_GAIN: f64 = 1.5;
 
-/// The order that brings it towards its goal: a speed in proportion to the distance, and a tilt for the
-/// speed and for what is missing of it.
+/// The order that brings it towards its goal: a speed in proportion to the distance, and a tilt for
+/// the speed and for what is missing of it.
 pub(super) fn order(
     config: &ArDroneConfig,
     goal: &Goal,

@@ -23,7 +23,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
         let Some(demo) = self.demo() else {
             let remedy =
                 "join the drone's wireless network, and see that no other program flies it";
-            return vec![Finding::bad("navdata", "nothing was heard", remedy)];
+            return vec![Finding::bad("navdata", "nothing was received", remedy)];
         };
         let percent = demo.battery_percent;
         let battery = format!("{percent} % left");

@@ -5,7 +5,7 @@ use foxhunt_wire::{
     ByteStream,
     ardrone::{ArDroneCommand, ArDroneNavdata, FlightState, encode_commands},
 };
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 use super::{
     ArDrone, ArDroneError,
@@ -13,8 +13,8 @@ use super::{
     vehicle::Phase,
 };
 
-/// After so long without navdata they are asked for again, in seconds.
-const ASK_S: f64 = 0.5;
+/// After so long without navdata they are requested again, in seconds.
+const REQUEST_S: f64 = 0.5;
 
 /// How long a take-off may take besides twice the time of the climb, in seconds.
 const TAKE_OFF_S: f64 = 10.0;
@@ -28,31 +28,38 @@ const THERE_M: f64 = 0.4;
 /// What goes on by itself between one call and the next.
 impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
     /// Takes navdata and counts the way on.
-    pub(super) fn listen(&mut self, now: f64) -> io::Result<()> {
+    pub(super) fn receive(&mut self, now: f64) -> io::Result<()> {
         let mut into = [0; 4096];
         for _ in 0..256 {
             let count = self.navdata.receive(&mut into)?;
             let Some(datagram) = into.get(..count).filter(|bytes| !bytes.is_empty()) else { break };
             let Ok(navdata) = ArDroneNavdata::parse(datagram) else { continue };
             // Late ones and doubled ones; a number that begins again is a drone that did.
-            let before = self.heard;
+            let before = self.received;
             let late = before.is_some_and(|(at, last)| {
                 navdata.sequence <= last.sequence && navdata.sequence > 1 && now - at < 1.0
             });
             if late {
                 continue;
             }
-            self.heard = Some((now, navdata));
+            self.received = Some((now, navdata));
             if let Some(demo) = navdata.demo {
                 let dt = before.map_or(0.0, |(at, _)| (now - at).clamp(0.0, 0.5));
                 let (sin, cos) = self.heading().sin_cos();
                 let (forward, left) = (demo.forward_mps, -demo.right_mps);
-                self.velocity =
+                let over_ground =
                     Vector2::new(forward * cos - left * sin, forward * sin + left * cos);
-                self.position.x += self.velocity.x * dt;
-                self.position.y += self.velocity.y * dt;
+                // Of its climb it knows the height alone.
+                let climb = if dt > 0.0 {
+                    (demo.altitude_m - self.position.z) / dt
+                } else {
+                    self.velocity.z
+                };
+                self.velocity = Vector3::new(over_ground.x, over_ground.y, climb);
+                self.position.x += over_ground.x * dt;
+                self.position.y += over_ground.y * dt;
                 self.position.z = demo.altitude_m;
-                self.flown += self.velocity.norm() * dt;
+                self.flown += over_ground.norm() * dt;
             }
         }
         Ok(())
@@ -60,7 +67,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
 
     pub(super) fn serve(&mut self) -> Result<f64, ArDroneError> {
         let now = self.clock.now();
-        let heard = self.listen(now);
+        let received = self.receive(now);
         let flying = self.is_flying();
         let emergency = self.state_is(|state| state.is_emergency());
         let silent = self.silent_s(now) > self.config.link_timeout_s;
@@ -81,7 +88,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
                 self.end_take_off(now);
             }
             Phase::TakingOff { up, since, calm } => {
-                let calm = calm || (!emergency && self.heard.is_some_and(|(at, _)| at > since));
+                let calm = calm || (!emergency && self.received.is_some_and(|(at, _)| at > since));
                 self.phase = Phase::TakingOff { up, since, calm };
                 let up_there = self.demo().is_some_and(|demo| demo.flight == FlightState::Flying);
                 if self.goal.is_none() && up_there {
@@ -109,18 +116,18 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
             }
             _ => {}
         }
-        heard?;
-        self.say(now)?;
+        received?;
+        self.send_due(now)?;
         Ok(now)
     }
 
     /// Says what is due.
-    pub(super) fn say(&mut self, now: f64) -> io::Result<()> {
-        let bare = self.heard.is_none_or(|(at, navdata)| {
-            now - at > ASK_S || navdata.demo.is_none() || navdata.state.is_in_bootstrap()
+    pub(super) fn send_due(&mut self, now: f64) -> io::Result<()> {
+        let bare = self.received.is_none_or(|(at, navdata)| {
+            now - at > REQUEST_S || navdata.demo.is_none() || navdata.state.is_in_bootstrap()
         });
-        if bare && now - self.asked >= ASK_S {
-            self.asked = now;
+        if bare && now - self.requested >= REQUEST_S {
+            self.requested = now;
             // Anything at that port has them sent back here.
             send(&mut self.navdata, &[1, 0, 0, 0])?;
             let value =
@@ -157,9 +164,10 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
             Phase::TakingOff { calm: false, .. } if emergency => vec![reference(false, true)],
             Phase::TakingOff { .. } | Phase::Flying | Phase::Returning => {
                 let pose = self.known_pose();
+                let over_ground = self.velocity.xy();
                 let moving = self.goal.as_mut().map(|goal| {
                     goal.heading = angle::wrap(goal.heading + goal.rate * dt);
-                    control::order(&self.config, goal, &pose, &self.velocity)
+                    control::order(&self.config, goal, &pose, &over_ground)
                 });
                 vec![reference(true, false), moving.unwrap_or_else(ArDroneCommand::hover)]
             }
@@ -176,10 +184,10 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
         }
         if let (Phase::TakingOff { .. }, false) = (self.phase, self.is_flying()) {
             self.end_take_off(now);
-            return Ok(self.say(now)?);
+            return Ok(self.send_due(now)?);
         }
         if phase == Phase::Returning {
-            // Its place is counted from what it says.
+            // Its place is counted from its reports.
             self.check_link(now)?;
         }
         if !self.is_flying() {
@@ -190,7 +198,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
             (goal.place.x, goal.place.y) = (self.config.east_m, self.config.north_m);
         }
         (self.phase, self.land_until) = (phase, now);
-        Ok(self.say(now)?)
+        Ok(self.send_due(now)?)
     }
 
     /// Has it land, and goes on with that until its take-off cannot be on its way any more.

@@ -83,7 +83,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> Aircraft for ArDrone<A, N, C> {
         let bytes = encode_commands(&[ArDroneCommand::FlatTrim], &mut self.sequence);
         send(&mut self.orders, &bytes)?;
         (self.phase, self.goal) = (Phase::TakingOff { up: up_m, since: now, calm: false }, None);
-        Ok(self.say(now)?)
+        Ok(self.send_due(now)?)
     }
 
     fn take_over(&mut self) -> Result<(), ArDroneError> {

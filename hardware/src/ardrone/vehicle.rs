@@ -9,10 +9,11 @@ use super::{ArDroneConfig, ArDroneError, control::Goal};
 
 /// A Parrot AR.Drone 2.0: orders to its UDP port 5556, navdata from 5554.
 ///
-/// It knows no place: that is counted from where it stood, by the speeds that it tells, and is off by more
-/// the farther it flies, which [`position_sigma`](foxhunt_core::Vehicle::position_sigma) says;
-/// [`correct`](Self::correct) takes a better one from outside. It is flown to its goals by orders of tilt,
-/// so it has to be served some twenty times a second; without orders it hovers by itself.
+/// It knows no place: that is counted from where it stood, by the speeds that it reports, and is
+/// off by more the farther it flies, which
+/// [`position_sigma`](foxhunt_core::Vehicle::position_sigma) gives; [`correct`](Self::correct)
+/// takes a better one from outside. It is flown to its goals by orders of tilt, so it has to be
+/// served some twenty times a second; without orders it hovers by itself.
 ///
 /// After a lost link nothing is ordered until [`take_over`](Self::take_over) is called.
 #[derive(Debug)]
@@ -22,28 +23,30 @@ pub struct ArDrone<A, N, C> {
     pub(super) navdata: N,
     pub(super) clock: C,
     pub(super) sequence: u32,
-    pub(super) heard: Option<(f64, ArDroneNavdata)>,
+    pub(super) received: Option<(f64, ArDroneNavdata)>,
     pub(super) position: Vector3<f64>,
-    pub(super) velocity: Vector2<f64>,
+    /// East, North and Up in metres per second.
+    pub(super) velocity: Vector3<f64>,
     /// Metres flown since the place was known, and σ of it then.
     pub(super) flown: f64,
     pub(super) sigma: f64,
     pub(super) phase: Phase,
-    /// It is told to land until then, even if it does not seem to fly: its take-off may be on its way.
+    /// It is ordered to land until then, even if it does not seem to fly: its take-off may be on
+    /// its way.
     pub(super) land_until: f64,
     /// Why a take-off was given up.
     pub(super) failure: String,
     pub(super) goal: Option<Goal>,
     pub(super) sent: f64,
-    pub(super) asked: f64,
+    pub(super) requested: f64,
 }
 
 /// What was ordered of it, and how far that is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Phase {
     Idle,
-    /// Up to so many metres, begun at that time. An emergency from before it is ended by it; none that
-    /// comes when it was `calm`.
+    /// Up to so many metres, begun at that time. An emergency from before it is ended by it; none
+    /// that comes when it was `calm`.
     TakingOff {
         up: f64,
         since: f64,
@@ -58,7 +61,8 @@ pub(super) enum Phase {
 }
 
 impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
-    /// A drone that takes orders at one stream (UDP 5556) and tells navdata at the other (UDP 5554).
+    /// A drone that takes orders at one stream (UDP 5556) and sends navdata from the other (UDP
+    /// 5554).
     ///
     /// # Errors
     ///
@@ -75,9 +79,9 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
             navdata,
             clock,
             sequence: 1,
-            heard: None,
+            received: None,
             position: Vector3::new(config.east_m, config.north_m, 0.0),
-            velocity: Vector2::zeros(),
+            velocity: Vector3::zeros(),
             flown: 0.0,
             sigma: config.start_sigma_m,
             phase: Phase::Idle,
@@ -85,7 +89,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
             failure: String::new(),
             goal: None,
             sent: f64::NEG_INFINITY,
-            asked: f64::NEG_INFINITY,
+            requested: f64::NEG_INFINITY,
             config,
         })
     }
@@ -102,7 +106,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
     ///
     /// # Errors
     ///
-    /// [`ArDroneError::Silent`] while nothing is heard; the link, where that fails.
+    /// [`ArDroneError::Silent`] while nothing is received; the link, where that fails.
     pub fn take_over(&mut self) -> Result<(), ArDroneError> {
         let now = self.serve()?;
         self.check_link(now)?;
@@ -124,11 +128,11 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
     }
 
     pub(super) fn demo(&self) -> Option<ArDroneDemo> {
-        self.heard?.1.demo
+        self.received?.1.demo
     }
 
     pub(super) fn state_is(&self, holds: impl Fn(DroneState) -> bool) -> bool {
-        self.heard.is_some_and(|(_, navdata)| holds(navdata.state))
+        self.received.is_some_and(|(_, navdata)| holds(navdata.state))
     }
 
     pub(super) fn is_flying(&self) -> bool {
@@ -136,7 +140,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
     }
 
     pub(super) fn silent_s(&self, now: f64) -> f64 {
-        self.heard.map_or(f64::INFINITY, |(at, _)| now - at)
+        self.received.map_or(f64::INFINITY, |(at, _)| now - at)
     }
 
     pub(super) fn check_link(&self, now: f64) -> Result<(), ArDroneError> {
@@ -152,7 +156,8 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
 
     pub(super) fn known_pose(&self) -> Pose {
         let (pitch, roll) = self.demo().map_or((0.0, 0.0), |demo| (demo.pitch, demo.roll));
-        Pose { position: self.position, heading: self.heading(), pitch, roll }
+        let velocity = self.demo().map(|_| self.velocity);
+        Pose { position: self.position, heading: self.heading(), pitch, roll, velocity }
     }
 
     pub(super) fn stay(&mut self) {

@@ -1,10 +1,11 @@
 use std::f64::consts::SQRT_2;
 
+use foxhunt_core::parameter::{FieldError, finite, not_negative, positive};
 use foxhunt_wire::FixQuality;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{GnssConfigError, GnssDecoder, GnssFix, GpsdDecoder, NmeaDecoder, UbloxDecoder};
+use super::{GnssDecoder, GnssFix, GpsdDecoder, NmeaDecoder, UbloxDecoder};
 
 /// What a receiver speaks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -13,7 +14,7 @@ pub enum GnssKind {
     /// NMEA 0183: nearly every receiver.
     #[default]
     Nmea,
-    /// UBX: receivers by u-blox, which then also tell how uncertain they are.
+    /// UBX: receivers by u-blox, which also send accuracies.
     Ublox,
     /// The JSON of gpsd, usually at port 2947.
     Gpsd,
@@ -42,9 +43,10 @@ pub struct GnssConfig {
     pub floors: GnssFloors,
     /// How much larger than the horizontal floor that of Up is.
     pub up_factor: f64,
-    /// Where a receiver does not tell σ, it is the floor times this times the horizontal dilution
-    /// of precision.
-    pub untold_factor: f64,
+    /// Where a receiver does not report σ, it is the floor times this times the horizontal
+    /// dilution of precision.
+    #[serde(alias = "untold_factor")]
+    pub unreported_factor: f64,
     /// σ of Up in metres where a fix has no height of its own.
     pub flat_up_sigma_m: f64,
 }
@@ -66,9 +68,10 @@ pub struct GnssFloors {
 }
 
 impl Default for GnssFloors {
-    /// 10 m estimated, 1.3 m autonomous, 0.85 m differential, 0.2 m float, 0.01 m fixed. In the open a
-    /// two-band receiver has circular errors probable of 1.5 m, 1.0 m with SBAS and 0.01 m with RTK
-    /// (u-blox ZED-F9P data sheet), and σ = CEP / 1.177. Float and estimated are cautious guesses.
+    /// 10 m estimated, 1.3 m autonomous, 0.85 m differential, 0.2 m float, 0.01 m fixed. In the
+    /// open a two-band receiver has circular errors probable of 1.5 m, 1.0 m with SBAS and 0.01 m
+    /// with RTK (u-blox ZED-F9P data sheet), and σ = CEP / 1.177. Float and estimated are cautious
+    /// guesses.
     fn default() -> Self {
         Self {
             estimated_m: 10.0,
@@ -96,9 +99,9 @@ impl GnssFloors {
 }
 
 impl Default for GnssConfig {
-    /// NMEA, the antenna in the vehicle's middle, 2 m/s, fixes of at most 5 s, set up again after 3 s of
-    /// silence, the default floors, twice that for Up, twice the floor times HDOP where σ is not told,
-    /// 50 m for a height that is not known.
+    /// NMEA, the antenna in the vehicle's middle, 2 m/s, fixes of at most 5 s, set up again after 3
+    /// s of silence, the default floors, twice that for Up, twice the floor times HDOP where σ is
+    /// not reported, 50 m for a height that is not known.
     fn default() -> Self {
         Self {
             kind: GnssKind::Nmea,
@@ -110,14 +113,14 @@ impl Default for GnssConfig {
             silent_s: 3.0,
             floors: GnssFloors::default(),
             up_factor: 2.0,
-            untold_factor: 2.0,
+            unreported_factor: 2.0,
             flat_up_sigma_m: 50.0,
         }
     }
 }
 
-/// What the dilution of precision is taken for where it is not told.
-const UNTOLD_HDOP: f64 = 2.0;
+/// What the dilution of precision is taken for where it is not reported.
+const UNREPORTED_HDOP: f64 = 2.0;
 
 impl GnssConfig {
     /// What reads the receiver.
@@ -136,15 +139,15 @@ impl GnssConfig {
         Vector3::new(self.antenna_forward_m, self.antenna_left_m, self.antenna_up_m)
     }
 
-    /// σ of East, North and Up in metres of a fix when it comes: what the receiver tells, but not less
-    /// than the floor; `None` where there is no place.
+    /// σ of East, North and Up in metres of a fix when it comes: what the receiver reports, but
+    /// not less than the floor; `None` where there is no place.
     #[must_use]
     pub fn sigma(&self, fix: &GnssFix) -> Option<Vector3<f64>> {
         fix.place?;
         let floor = self.floors.of(fix.quality)?;
         let floors = Vector3::new(floor, floor, floor * self.up_factor);
-        let untold = || floors * self.untold_factor * fix.hdop.unwrap_or(UNTOLD_HDOP);
-        let mut sigma = fix.sigma_m.unwrap_or_else(untold).sup(&floors);
+        let unreported = || floors * self.unreported_factor * fix.hdop.unwrap_or(UNREPORTED_HDOP);
+        let mut sigma = fix.sigma_m.unwrap_or_else(unreported).sup(&floors);
         if fix.flat {
             sigma.z = sigma.z.max(self.flat_up_sigma_m);
         }
@@ -155,19 +158,17 @@ impl GnssConfig {
     ///
     /// # Errors
     ///
-    /// [`GnssConfigError`] names the field and its value.
-    pub fn check(&self) -> Result<(), GnssConfigError> {
+    /// [`FieldError`] names the field and its value.
+    pub fn check(&self) -> Result<(), FieldError> {
         let floors = &self.floors;
         for (field, value) in [
             ("antenna_forward_m", self.antenna_forward_m),
             ("antenna_left_m", self.antenna_left_m),
             ("antenna_up_m", self.antenna_up_m),
         ] {
-            require(value.is_finite(), field, value, "finite")?;
+            finite(field, value)?;
         }
-        let not_negative = "zero or a positive number";
-        let speed = self.speed_mps;
-        require(speed >= 0.0 && speed.is_finite(), "speed_mps", speed, not_negative)?;
+        not_negative("speed_mps", self.speed_mps)?;
         for (field, value) in [
             ("stale_s", self.stale_s),
             ("silent_s", self.silent_s),
@@ -177,22 +178,13 @@ impl GnssConfig {
             ("floors.rtk_float_m", floors.rtk_float_m),
             ("floors.rtk_fixed_m", floors.rtk_fixed_m),
             ("up_factor", self.up_factor),
-            ("untold_factor", self.untold_factor),
+            ("unreported_factor", self.unreported_factor),
             ("flat_up_sigma_m", self.flat_up_sigma_m),
         ] {
-            require(value > 0.0 && value.is_finite(), field, value, "a positive number")?;
+            positive(field, value)?;
         }
         Ok(())
     }
-}
-
-fn require(
-    holds: bool,
-    field: &'static str,
-    value: f64,
-    requirement: &'static str,
-) -> Result<(), GnssConfigError> {
-    if holds { Ok(()) } else { Err(GnssConfigError { field, value, requirement }) }
 }
 
 /// σ of one axis where a horizontal accuracy is √(σ_E² + σ_N²), both alike.

@@ -1,6 +1,6 @@
 use std::io;
 
-/// Why a GNSS receiver does not say where it is.
+/// Why there is no place of a GNSS receiver.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GnssError {
@@ -10,7 +10,7 @@ pub enum GnssError {
     /// It has had no fix until now.
     #[error("the GNSS receiver has no fix yet{}", satellites.map_or(String::new(), |n| format!("; it uses {n} satellites")))]
     NoFix {
-        /// How many satellites it uses, where it says so.
+        /// How many satellites it uses, where it reports that.
         satellites: Option<u32>,
     },
     /// The last fix is too old.
@@ -21,16 +21,4 @@ pub enum GnssError {
         /// How old it may be, in seconds.
         limit_s: f64,
     },
-}
-
-/// Why a configuration is refused.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("gnss.{field} is {value}; it must be {requirement}")]
-pub struct GnssConfigError {
-    /// Which field.
-    pub field: &'static str,
-    /// What it held.
-    pub value: f64,
-    /// What it must be.
-    pub requirement: &'static str,
 }

@@ -4,7 +4,7 @@ use foxhunt_wire::{ByteStream, FixQuality};
 use super::{GnssDecoder, GnssError, GnssKind, GnssPosition, GnssReceiver, Positioning};
 use crate::Finding;
 
-/// How long a receiver is given to tell a place, in seconds.
+/// How long a receiver is given for a place, in seconds.
 const PATIENCE_S: f64 = 10.0;
 
 /// The most pauses, for a clock that stands still.
@@ -14,8 +14,8 @@ const PAUSES: u32 = 100_000;
 const POOR_M: f64 = 5.0;
 
 impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
-    /// Looks at the receiver for at most 10 s: what it speaks, its fix, the position's σ and age, and what
-    /// mends what is wrong. `pause` is called while it waits.
+    /// Looks at the receiver for at most 10 s: what it speaks, its fix, the position's σ and age,
+    /// and what mends what is wrong. `pause` is called while it waits.
     pub fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
         let begun = self.now();
         let mut position = self.position();
@@ -61,7 +61,7 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
                 GnssKind::Gpsd => "start gpsd with the receiver's port, and let it listen (-N -n)",
                 _ => "check power, that its TX is at our RX, and the port's name",
             };
-            return Finding::bad(subject, "it says nothing", remedy);
+            return Finding::bad(subject, "it sends nothing", remedy);
         }
         let text = format!("{} bytes came, and none of them are {name}", self.bytes());
         Finding::bad(subject, text, "check the baud rate (9600, 38400 or 115200) and the kind")

@@ -1,23 +1,29 @@
-use foxhunt_wire::{FixQuality, geodesy::Geodetic};
+use foxhunt_wire::{
+    FixQuality,
+    geodesy::{Geodetic, compass_deg_to_radians},
+};
 use nalgebra::Vector3;
 
-/// What a receiver said of one moment.
+/// A receiver's solution of one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GnssFix {
-    /// When, in seconds of UNIX time as the receiver has it; `None` while it does not know the date.
+    /// When, in seconds of UNIX time as the receiver has it; `None` while it does not know the
+    /// date.
     pub utc_s: Option<f64>,
-    /// Where its antenna is; `None` where there is no fix. The height of a [`flat`](Self::flat) fix is
-    /// that of the last one that had a height.
+    /// Where its antenna is; `None` where there is no fix. The height of a [`flat`](Self::flat) fix
+    /// is that of the last one that had a height.
     pub place: Option<Geodetic>,
     /// Whether it has no height of its own: a 2D fix.
     pub flat: bool,
     /// What it rests on.
     pub quality: FixQuality,
-    /// σ of East, North and Up in metres, as the receiver says; `None` where it does not.
+    /// σ of East, North and Up in metres, as the receiver reports; `None` where it does not.
     pub sigma_m: Option<Vector3<f64>>,
-    /// How many satellites it uses, where it says so.
+    /// How fast the antenna moves to East, North and Up in metres per second, where that is known.
+    pub velocity_mps: Option<Vector3<f64>>,
+    /// How many satellites it uses, where it reports that.
     pub satellites: Option<u32>,
-    /// The horizontal dilution of precision, where it says so.
+    /// The horizontal dilution of precision, where it reports that.
     pub hdop: Option<f64>,
 }
 
@@ -29,6 +35,21 @@ pub(super) fn sane(value: f64) -> Option<f64> {
 /// σ of East, North and Up, where all three can be.
 pub(super) fn sane_sigma(east: f64, north: f64, up: f64) -> Option<Vector3<f64>> {
     Some(Vector3::new(sane(east)?, sane(north)?, sane(up)?))
+}
+
+/// The velocity of a speed over ground in the direction of a course.
+pub(super) fn over_ground(
+    speed_mps: f64,
+    course_deg_compass: f64,
+    climb_mps: f64,
+) -> Option<Vector3<f64>> {
+    let (sin, cos) = compass_deg_to_radians(course_deg_compass).sin_cos();
+    sane_velocity(Vector3::new(speed_mps * cos, speed_mps * sin, climb_mps))
+}
+
+/// A velocity, where all three numbers are finite.
+pub(super) fn sane_velocity(velocity: Vector3<f64>) -> Option<Vector3<f64>> {
+    velocity.iter().all(|mps| mps.is_finite()).then_some(velocity)
 }
 
 /// Milliseconds as seconds.

@@ -6,7 +6,7 @@ use serde::Deserialize;
 use super::{
     GnssDecoder, GnssFix,
     config::axis_of,
-    fix::{sane, sane_sigma, seconds},
+    fix::{over_ground, sane, sane_sigma, seconds},
     line::Line,
 };
 
@@ -16,19 +16,20 @@ const LONGEST: usize = 32_768;
 /// How much older than its fix a GST may be, in seconds.
 const GST_AGE_S: f64 = 2.0;
 
-/// Reads the JSON reports of gpsd (`gpsd_json(5)`): TPV, GST for σ, and SKY for satellites and dilution.
+/// Reads the JSON reports of gpsd (`gpsd_json(5)`): TPV, GST for σ, and SKY for satellites and
+/// dilution.
 ///
 /// Without a GST of the same time or up to 2 s before, σ is `epx`, `epy` and `epv`. These come with
 /// "certainty unknown", are often no more than dilutions times a constant, and are taken for one σ.
 #[derive(Clone, Debug)]
 pub struct GpsdDecoder {
     line: Line,
-    seen: Seen,
+    reports: Reports,
 }
 
 /// What was reported until now.
 #[derive(Clone, Copy, Debug, Default)]
-struct Seen {
+struct Reports {
     satellites: Option<u32>,
     hdop: Option<f64>,
     alt_m: Option<f64>,
@@ -71,6 +72,12 @@ struct Tpv {
     epy: Option<f64>,
     epv: Option<f64>,
     eph: Option<f64>,
+    /// Over ground, in metres per second.
+    speed: Option<f64>,
+    /// Where to, in degrees clockwise from true North.
+    track: Option<f64>,
+    /// In metres per second.
+    climb: Option<f64>,
 }
 
 /// Standard deviations in metres.
@@ -104,10 +111,10 @@ impl Default for GpsdDecoder {
 }
 
 impl GpsdDecoder {
-    /// One that has seen nothing.
+    /// A decoder without any bytes so far.
     #[must_use]
     pub fn new() -> Self {
-        Self { line: Line::new(LONGEST, None), seen: Seen::default() }
+        Self { line: Line::new(LONGEST, None), reports: Reports::default() }
     }
 }
 
@@ -120,31 +127,31 @@ impl GnssDecoder for GpsdDecoder {
         b"?WATCH={\"enable\":true,\"json\":true};\n".to_vec()
     }
 
-    fn decode(&mut self, bytes: &[u8], told: &mut dyn FnMut(GnssFix)) {
-        let Self { line, seen } = self;
+    fn decode(&mut self, bytes: &[u8], emit: &mut dyn FnMut(GnssFix)) {
+        let Self { line, reports } = self;
         for &byte in bytes {
-            if let Some(fix) = line.push(byte, |text| seen.report(text)).flatten() {
-                told(fix);
+            if let Some(fix) = line.push(byte, |text| reports.report(text)).flatten() {
+                emit(fix);
             }
         }
     }
 
     fn reset(&mut self) {
         self.line.clear();
-        let Seen { messages, refused, .. } = self.seen;
-        self.seen = Seen { messages, refused, ..Seen::default() };
+        let Reports { messages, refused, .. } = self.reports;
+        self.reports = Reports { messages, refused, ..Reports::default() };
     }
 
     fn messages(&self) -> u64 {
-        self.seen.messages
+        self.reports.messages
     }
 
     fn refused(&self) -> u64 {
-        self.seen.refused
+        self.reports.refused
     }
 }
 
-impl Seen {
+impl Reports {
     fn report(&mut self, text: &str) -> Option<GnssFix> {
         let Ok(report) = serde_json::from_str(text) else {
             self.refused += 1;
@@ -155,7 +162,7 @@ impl Seen {
             Report::Tpv(tpv) => Some(self.fix(&tpv)),
             Report::Sky(sky) => {
                 let counted = sky.satellites.iter().filter(|satellite| satellite.used).count();
-                // A part of the sky tells no satellites: those known stay.
+                // A part of the sky has no satellites: those known stay.
                 let counted = u32::try_from(counted).ok().filter(|_| !sky.satellites.is_empty());
                 self.satellites = sky.used.or(counted).or(self.satellites);
                 self.hdop = sky.hdop.and_then(sane).or(self.hdop);
@@ -176,13 +183,13 @@ impl Seen {
             (-1e-3..=GST_AGE_S).contains(&(now - of)).then_some(sigma)
         });
         let above_sea = tpv.alt_msl.or(tpv.alt);
-        let told = tpv.alt_hae.or_else(|| Some(above_sea? + tpv.geoid_separation.unwrap_or(0.0)));
-        let flat = tpv.mode < 3 || told.is_none();
+        let height = tpv.alt_hae.or_else(|| Some(above_sea? + tpv.geoid_separation.unwrap_or(0.0)));
+        let flat = tpv.mode < 3 || height.is_none();
         if !flat {
-            self.alt_m = told;
+            self.alt_m = height;
         }
         let placed =
-            (tpv.mode >= 2).then(|| Geodetic::new(tpv.lat?, tpv.lon?, self.alt_m.or(told)?).ok());
+            (tpv.mode >= 2).then(|| Geodetic::new(tpv.lat?, tpv.lon?, self.alt_m.or(height)?).ok());
         let place = placed.flatten();
         let horizontal = tpv.eph.map(axis_of);
         let (east, north) = (tpv.epx.or(horizontal), tpv.epy.or(horizontal));
@@ -193,6 +200,10 @@ impl Seen {
             flat,
             quality: place.map_or(FixQuality::None, |_| quality(tpv.status)),
             sigma_m: of_gst.or_else(|| sane_sigma(east?, north?, up?)),
+            velocity_mps: tpv
+                .speed
+                .zip(tpv.track)
+                .and_then(|(speed, track)| over_ground(speed, track, tpv.climb.unwrap_or(0.0))),
             satellites: self.satellites,
             hdop: self.hdop,
         }
@@ -205,7 +216,8 @@ fn utc(text: Option<&str>) -> Option<f64> {
     Some(seconds(time.timestamp_millis()))
 }
 
-/// What a status means, in gpsd 3.20 and later; a position without one rests on the satellites alone.
+/// What a status means, in gpsd 3.20 and later; a position without one rests on the satellites
+/// alone.
 fn quality(status: Option<u8>) -> FixQuality {
     match status {
         Some(2) => FixQuality::Differential,

@@ -24,9 +24,9 @@ impl Line {
     pub(super) fn push<T>(&mut self, byte: u8, whole: impl FnOnce(&str) -> T) -> Option<T> {
         if matches!(byte, b'\r' | b'\n') {
             let text = str::from_utf8(&self.bytes).ok().filter(|text| !text.is_empty());
-            let told = text.map(whole);
+            let line = text.map(whole);
             self.clear();
-            return told;
+            return line;
         }
         if self.begin == Some(byte) {
             self.bytes.clear();

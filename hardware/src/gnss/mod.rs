@@ -19,7 +19,7 @@ mod ublox;
 
 pub use config::{GnssConfig, GnssFloors, GnssKind};
 pub use decoder::GnssDecoder;
-pub use error::{GnssConfigError, GnssError};
+pub use error::GnssError;
 pub use fix::GnssFix;
 pub use gpsd::GpsdDecoder;
 pub use nmea::NmeaDecoder;

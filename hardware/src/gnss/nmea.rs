@@ -3,42 +3,51 @@ use foxhunt_wire::{FixQuality, geodesy::Geodetic};
 use nalgebra::Vector3;
 use nmea::{
     SentenceType, parse_nmea_sentence,
-    sentences::{FixType, GgaData, GstData, RmcData, parse_gga, parse_gst, parse_rmc},
+    sentences::{
+        FixType, GgaData, GstData, RmcData, parse_gga, parse_gst, parse_rmc, rmc::RmcStatusOfFix,
+    },
 };
 
 use super::{
     GnssDecoder, GnssFix,
-    fix::{sane, sane_sigma, seconds},
+    fix::{over_ground, sane, sane_sigma, seconds},
     line::Line,
 };
 
 /// The longest sentence that is read, in bytes: what the crate takes.
 const LONGEST: usize = nmea::SENTENCE_MAX_LEN;
 
-/// How much older than its fix a GST may be, in seconds: the last one, at 1 Hz.
-const GST_AGE_S: f64 = 2.0;
+/// How much older than its fix a GST or the velocity of an RMC may be, in seconds: the last one, at
+/// 1 Hz.
+const COMPANION_AGE_S: f64 = 2.0;
+
+/// Metres per second in a knot.
+const KNOT_MPS: f64 = 1852.0 / 3600.0;
 
 const DAY_S: f64 = 86_400.0;
 
-/// Reads GGA for the place and its quality, GST for σ, RMC for the date, of any talker (NMEA 0183). A
-/// sentence without the right checksum is dropped.
+/// Reads GGA for the place and its quality, GST for σ, RMC for date and velocity, of any talker
+/// (NMEA 0183). A sentence without the right checksum is dropped.
 ///
-/// A GGA is a fix at once, with the σ of the GST before it where that is not older than 2 s; when the
-/// GST of the same moment comes after it, the fix is told once more. A receiver that does not
-/// tell the geoid's height is taken to tell heights above the ellipsoid.
+/// A GGA is a fix at once, with σ of the GST and the velocity of the RMC before it where these are
+/// not older than 2 s; when the GST or RMC of the same moment comes after it, the fix is repeated.
+/// RMC has no climb: Up is taken to be 0. A course is missing while the receiver stands. A receiver
+/// that does not send the geoid's height is taken to send heights above the ellipsoid.
 #[derive(Clone, Debug)]
 pub struct NmeaDecoder {
     line: Line,
-    seen: Seen,
+    sentences: Sentences,
 }
 
-/// What was said until now.
+/// What has come until now.
 #[derive(Clone, Copy, Debug, Default)]
-struct Seen {
+struct Sentences {
     /// When the day of the last date began, in seconds of UNIX time, and the time of that day.
     date: Option<(f64, f64)>,
     /// Of which time of the day, and what σ.
     gst: Option<(f64, Vector3<f64>)>,
+    /// Of which time of the day, and what velocity.
+    velocity: Option<(f64, Vector3<f64>)>,
     /// Of which time of the day, and what fix.
     gga: Option<(f64, GnssFix)>,
     alt_m: Option<f64>,
@@ -53,10 +62,10 @@ impl Default for NmeaDecoder {
 }
 
 impl NmeaDecoder {
-    /// One that has seen nothing.
+    /// A decoder without any bytes so far.
     #[must_use]
     pub fn new() -> Self {
-        Self { line: Line::new(LONGEST, Some(b'$')), seen: Seen::default() }
+        Self { line: Line::new(LONGEST, Some(b'$')), sentences: Sentences::default() }
     }
 }
 
@@ -69,31 +78,31 @@ impl GnssDecoder for NmeaDecoder {
         Vec::new()
     }
 
-    fn decode(&mut self, bytes: &[u8], told: &mut dyn FnMut(GnssFix)) {
-        let Self { line, seen } = self;
+    fn decode(&mut self, bytes: &[u8], emit: &mut dyn FnMut(GnssFix)) {
+        let Self { line, sentences } = self;
         for &byte in bytes {
-            if let Some(fix) = line.push(byte, |text| seen.sentence(text)).flatten() {
-                told(fix);
+            if let Some(fix) = line.push(byte, |text| sentences.sentence(text)).flatten() {
+                emit(fix);
             }
         }
     }
 
     fn reset(&mut self) {
         self.line.clear();
-        let Seen { messages, refused, .. } = self.seen;
-        self.seen = Seen { messages, refused, ..Seen::default() };
+        let Sentences { messages, refused, .. } = self.sentences;
+        self.sentences = Sentences { messages, refused, ..Sentences::default() };
     }
 
     fn messages(&self) -> u64 {
-        self.seen.messages
+        self.sentences.messages
     }
 
     fn refused(&self) -> u64 {
-        self.seen.refused
+        self.sentences.refused
     }
 }
 
-impl Seen {
+impl Sentences {
     fn sentence(&mut self, text: &str) -> Option<GnssFix> {
         let read = self.read(text);
         if read.is_none() {
@@ -121,21 +130,39 @@ impl Seen {
             SentenceType::RMC => {
                 let mended = without_variation(sentence.data);
                 sentence.data = &mended;
-                let rmc = parse_rmc(sentence).ok();
-                rmc.map(|rmc| {
-                    self.rmc(&rmc);
-                    None
-                })
+                parse_rmc(sentence).ok().map(|rmc| self.rmc(&rmc))
             }
             _ => Some(None),
         }
     }
 
-    fn rmc(&mut self, rmc: &RmcData) {
-        if let (Some(date), Some(time)) = (rmc.fix_date, rmc.fix_time) {
+    fn rmc(&mut self, rmc: &RmcData) -> Option<GnssFix> {
+        let time = of_day(rmc.fix_time?);
+        if let Some(date) = rmc.fix_date {
             let midnight = date.and_time(NaiveTime::MIN).and_utc().timestamp_millis();
-            self.date = Some((seconds(midnight), of_day(time)));
+            self.date = Some((seconds(midnight), time));
         }
+        if rmc.status_of_fix == RmcStatusOfFix::Invalid {
+            return None;
+        }
+        let speed_mps = f64::from(rmc.speed_over_ground?) * KNOT_MPS;
+        let velocity = over_ground(speed_mps, f64::from(rmc.true_course?), 0.0)?;
+        self.velocity = Some((time, velocity));
+        let fix = self.fix_at(time).filter(|fix| fix.velocity_mps != Some(velocity))?;
+        self.repeat(GnssFix { velocity_mps: Some(velocity), ..fix })
+    }
+
+    /// The fix of a time of the day, if it is the last one.
+    fn fix_at(&self, time: f64) -> Option<GnssFix> {
+        let (of, fix) = self.gga?;
+        ((of - time).abs() < 1e-3 && fix.place.is_some()).then_some(fix)
+    }
+
+    /// The last fix with what came after it.
+    fn repeat(&mut self, fix: GnssFix) -> Option<GnssFix> {
+        let (_, last) = self.gga.as_mut()?;
+        *last = fix;
+        Some(fix)
     }
 
     fn gga(&mut self, gga: &GgaData) -> Option<GnssFix> {
@@ -155,7 +182,8 @@ impl Seen {
             place,
             flat,
             quality: place.map_or(FixQuality::None, |_| quality),
-            sigma_m: time.and_then(|time| self.sigma_at(time)),
+            sigma_m: time.and_then(|time| at(self.gst, time)),
+            velocity_mps: time.and_then(|time| at(self.velocity, time)),
             satellites: gga.fix_satellites,
             hdop: gga.hdop.map(f64::from).and_then(sane),
         };
@@ -168,16 +196,8 @@ impl Seen {
         let [east, north, up] = [gst.long_sd, gst.lat_sd, gst.alt_sd].map(|sd| sd.map(f64::from));
         let sigma = sane_sigma(east?, north?, up?)?;
         self.gst = Some((time, sigma));
-        let (of, fix) = self.gga?;
-        let same = (of - time).abs() < 1e-3 && fix.sigma_m != Some(sigma);
-        (same && fix.place.is_some()).then_some(GnssFix { sigma_m: Some(sigma), ..fix })
-    }
-
-    /// σ as the last GST has it, at a time of the day, unless it is too old then.
-    fn sigma_at(&self, time: f64) -> Option<Vector3<f64>> {
-        let (of, sigma) = self.gst?;
-        let age = (time - of).rem_euclid(DAY_S);
-        (age <= GST_AGE_S).then_some(sigma)
+        let fix = self.fix_at(time).filter(|fix| fix.sigma_m != Some(sigma))?;
+        self.repeat(GnssFix { sigma_m: Some(sigma), ..fix })
     }
 
     /// UNIX time of a time of the day, on the day that brings it next to the last date.
@@ -188,13 +208,21 @@ impl Seen {
     }
 }
 
-/// Whether it is a sentence by its checksum, whatever it says.
+/// What another sentence holds, at a time of the day, unless it is too old then.
+fn at(companion: Option<(f64, Vector3<f64>)>, time: f64) -> Option<Vector3<f64>> {
+    let (of, value) = companion?;
+    let age = (time - of).rem_euclid(DAY_S);
+    (age <= COMPANION_AGE_S).then_some(value)
+}
+
+/// Whether it is a sentence by its checksum, whatever its content.
 fn is_whole(text: &str) -> bool {
-    let Some((said, told)) = text.strip_prefix('$').and_then(|rest| rest.split_once('*')) else {
+    let Some((body, sum_digits)) = text.strip_prefix('$').and_then(|rest| rest.split_once('*'))
+    else {
         return false;
     };
-    let sum = said.bytes().fold(0, |sum, byte| sum ^ byte);
-    told.get(..2).and_then(|told| u8::from_str_radix(told, 16).ok()) == Some(sum)
+    let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
+    sum_digits.get(..2).and_then(|digits| u8::from_str_radix(digits, 16).ok()) == Some(sum)
 }
 
 /// An RMC without its magnetic variation: it is not needed, and the crate refuses one that has no
@@ -209,8 +237,8 @@ fn of_day(time: NaiveTime) -> f64 {
     f64::from(time.num_seconds_from_midnight()) + f64::from(time.nanosecond()) * 1e-9
 }
 
-fn quality(told: FixType) -> FixQuality {
-    match told {
+fn quality(fix: FixType) -> FixQuality {
+    match fix {
         FixType::Invalid => FixQuality::None,
         FixType::Gps | FixType::Pps => FixQuality::Autonomous,
         FixType::DGps => FixQuality::Differential,

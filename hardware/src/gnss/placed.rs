@@ -5,8 +5,9 @@ use nalgebra::Vector3;
 use super::{GnssError, Positioning};
 use crate::{Aircraft, AircraftState};
 
-/// A vehicle whose place comes from a GNSS receiver on it, with its σ. Heading and attitude stay those
-/// that the vehicle tells, and orders go to it as they are: its own frame has to be the same one.
+/// A vehicle whose place comes from a GNSS receiver on it, with its σ. Heading and attitude stay
+/// those that the vehicle reports, its velocity too where it reports one, and orders go to it as
+/// they are: its own frame has to be the same one.
 #[derive(Debug)]
 pub struct Placed<V, G> {
     vehicle: V,
@@ -17,22 +18,22 @@ pub struct Placed<V, G> {
     sigma: Option<Vector3<f64>>,
 }
 
-/// Why it is not known where a vehicle is, or why it did not do what it was told.
+/// Why it is not known where a vehicle is, or why it did not obey.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlacedError<E> {
-    /// The vehicle said so.
+    /// The vehicle failed.
     #[error(transparent)]
     Vehicle(E),
-    /// The receiver said so.
+    /// The receiver failed.
     #[error(transparent)]
     Gnss(#[from] GnssError),
 }
 
 impl<V, G> Placed<V, G> {
-    /// Places `vehicle` by `gnss`, whose antenna is at `antenna` from the vehicle's middle: forward,
-    /// left and up in metres ([`GnssConfig::antenna`](super::GnssConfig::antenna)). `frame` is that of
-    /// all poses.
+    /// Places `vehicle` by `gnss`, whose antenna is at `antenna` from the vehicle's middle:
+    /// forward, left and up in metres ([`GnssConfig::antenna`](super::GnssConfig::antenna)).
+    /// `frame` is that of all poses.
     pub fn new(vehicle: V, gnss: G, frame: LocalFrame, antenna: Vector3<f64>) -> Self {
         Self { vehicle, gnss, frame, antenna, sigma: None }
     }
@@ -57,7 +58,11 @@ impl<V: Vehicle, G: Positioning> Vehicle for Placed<V, G> {
         let position = self.gnss.position()?;
         self.sigma = Some(position.sigma_m);
         let antenna = to_world(&own, &self.antenna);
-        Ok(Pose { position: self.frame.to_local(&position.place) - antenna, ..own })
+        Ok(Pose {
+            position: self.frame.to_local(&position.place) - antenna,
+            velocity: own.velocity.or(position.velocity_mps),
+            ..own
+        })
     }
 
     fn position_sigma(&self) -> Option<Vector3<f64>> {
@@ -102,4 +107,89 @@ impl<V: Aircraft, G: Positioning> Aircraft for Placed<V, G> {
 fn to_world(pose: &Pose, body: &Vector3<f64>) -> Vector3<f64> {
     let along = |axis: Vector3<f64>| pose.to_body(&axis).dot(body);
     Vector3::new(along(Vector3::x()), along(Vector3::y()), along(Vector3::z()))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{f64::consts::FRAC_PI_2, io};
+
+    use foxhunt_wire::{FixQuality, geodesy::Geodetic};
+
+    use super::*;
+    use crate::{GnssPosition, StillVehicle};
+
+    /// A receiver at a fixed place.
+    struct Fixed(Geodetic);
+
+    impl Positioning for Fixed {
+        fn position(&mut self) -> Result<GnssPosition, GnssError> {
+            let (sigma_m, quality) = (Vector3::new(1.0, 2.0, 3.0), FixQuality::Autonomous);
+            let velocity_mps = Some(Vector3::new(0.5, 0.0, 0.0));
+            Ok(GnssPosition { place: self.0, sigma_m, velocity_mps, quality, age_s: 0.0 })
+        }
+    }
+
+    /// A vehicle that thinks that it is somewhere else.
+    struct Astray(Pose, Option<Waypoint>);
+
+    impl Vehicle for Astray {
+        type Error = io::Error;
+
+        fn pose(&mut self) -> io::Result<Pose> {
+            Ok(self.0)
+        }
+
+        fn go_to(&mut self, goal: &Waypoint) -> io::Result<()> {
+            self.1 = Some(*goal);
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_placed_vehicle_is_placed_by_its_antenna() {
+        let origin = Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 200.0 };
+        let frame = LocalFrame::new(origin).expect("on Earth");
+        let antenna_at = Vector3::new(100.0, 50.0, 10.0);
+        let gnss = || Fixed(frame.to_geodetic(&antenna_at));
+        // The nose to the North, the antenna 1 m in front, 0.5 m to the left, 0.2 m above.
+        let own = Pose { pitch: 0.0, ..Pose::level(Vector3::new(-5.0, 0.0, 0.0), FRAC_PI_2) };
+        let arm = Vector3::new(1.0, 0.5, 0.2);
+        let mut placed = Placed::new(Astray(own, None), gnss(), frame, arm);
+        assert_eq!(placed.position_sigma(), None);
+        let pose = placed.pose().expect("a fix");
+        assert!(
+            (pose.position - Vector3::new(100.5, 49.0, 9.8)).norm() < 1e-4,
+            "{}",
+            pose.position
+        );
+        assert!((pose.heading - FRAC_PI_2).abs() <= 0.0);
+        assert_eq!(placed.position_sigma(), Some(Vector3::new(1.0, 2.0, 3.0)));
+        assert_eq!(pose.velocity, Some(Vector3::new(0.5, 0.0, 0.0)), "the receiver's");
+        let moving = Pose { velocity: Some(Vector3::y()), ..own };
+        let mut placed = Placed::new(Astray(moving, None), gnss(), frame, arm);
+        let pose = placed.pose().expect("a fix");
+        assert_eq!(pose.velocity, Some(Vector3::y()), "the vehicle's own");
+        // The nose straight up: what was in front is above, what was above is behind.
+        let steep = Pose { pitch: FRAC_PI_2, ..own };
+        let mut placed = Placed::new(Astray(steep, None), gnss(), frame, arm);
+        let pose = placed.pose().expect("a fix");
+        assert!(
+            (pose.position - Vector3::new(100.5, 50.2, 9.0)).norm() < 1e-4,
+            "{}",
+            pose.position
+        );
+        let goal = Waypoint { position: Vector3::new(1.0, 2.0, 3.0) };
+        placed.go_to(&goal).expect("accepted");
+        assert_eq!(placed.vehicle().1, Some(goal));
+
+        let mut walker = StillVehicle::new(gnss(), frame).with_heading(1.0);
+        let pose = walker.pose().expect("a fix");
+        assert!((pose.position - antenna_at).norm() < 1e-4 && (pose.heading - 1.0).abs() <= 0.0);
+        assert_eq!(walker.position_sigma(), Some(Vector3::new(1.0, 2.0, 3.0)));
+        assert_eq!(pose.velocity, Some(Vector3::new(0.5, 0.0, 0.0)));
+        walker.go_to(&goal).expect("kept");
+        assert_eq!(walker.goal(), Some(goal));
+        walker.land().expect("it is on the ground");
+        assert_eq!(walker.goal(), None);
+    }
 }

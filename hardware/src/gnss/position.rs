@@ -10,6 +10,9 @@ pub struct GnssPosition {
     pub place: Geodetic,
     /// σ of East, North and Up in metres now, with what may have happened since.
     pub sigma_m: Vector3<f64>,
+    /// How fast it moved to East, North and Up in metres per second at the last fix, where that is
+    /// known.
+    pub velocity_mps: Option<Vector3<f64>>,
     /// What the fix rests on.
     pub quality: FixQuality,
     /// How long ago the fix came, in seconds.
@@ -17,9 +20,37 @@ pub struct GnssPosition {
 }
 
 /// Something that knows where its antenna is.
+///
+/// An antenna on a surveyed mark:
+///
+/// ```
+/// use foxhunt_core::Vehicle;
+/// use foxhunt_hardware::{FixQuality, GnssError, GnssPosition, Positioning, StillVehicle};
+/// use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
+/// use nalgebra::Vector3;
+///
+/// struct Mark(Geodetic);
+///
+/// impl Positioning for Mark {
+///     fn position(&mut self) -> Result<GnssPosition, GnssError> {
+///         Ok(GnssPosition {
+///             place: self.0,
+///             sigma_m: Vector3::repeat(0.02),
+///             velocity_mps: Some(Vector3::zeros()),
+///             quality: FixQuality::RtkFixed,
+///             age_s: 0.0,
+///         })
+///     }
+/// }
+///
+/// let place = Geodetic { lat_deg: 50.1, lon_deg: 14.5, alt_m: 400.0 };
+/// let mut station = StillVehicle::new(Mark(place), LocalFrame::new(place)?);
+/// assert!(station.pose()?.position.norm() < 1e-6);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Positioning {
-    /// Where the antenna is now. Never blocks; to be asked several times a second, because this is when
-    /// the receiver is listened to.
+    /// Where the antenna is now. Never blocks; to be called several times a second, because this is
+    /// when the receiver is listened to.
     ///
     /// # Errors
     ///

@@ -1,15 +1,13 @@
 use std::{fmt, io};
 
-use foxhunt_core::Clock;
+use foxhunt_core::{Clock, parameter::FieldError};
 use foxhunt_wire::ByteStream;
 use nalgebra::Vector3;
 
-use super::{
-    GnssConfig, GnssConfigError, GnssDecoder, GnssError, GnssFix, GnssPosition, Positioning,
-};
+use super::{GnssConfig, GnssDecoder, GnssError, GnssFix, GnssPosition, Positioning};
 
-/// The most that is read at once, in pieces of 512 bytes: a stream that never runs dry must not hold
-/// up the program.
+/// The most that is read at once, in pieces of 512 bytes: a stream that never runs dry must not
+/// hold up the program.
 const PIECES: usize = 128;
 
 /// A GNSS receiver behind any stream: its last fix, how old that is and how uncertain by now.
@@ -24,10 +22,10 @@ pub struct GnssReceiver<S, C, D> {
     clock: C,
     /// The last fix that had a place, and when it came.
     placed: Option<(GnssFix, f64)>,
-    /// What was said last, with a place or without.
+    /// What came last, with a place or without.
     last: Option<GnssFix>,
     /// When a fix came last, or the receiver was set up.
-    heard_at: Option<f64>,
+    received_at: Option<f64>,
     connections: u32,
     bytes: u64,
 }
@@ -47,8 +45,8 @@ impl<S: ByteStream, C: Clock> GnssReceiver<S, C, Box<dyn GnssDecoder>> {
     ///
     /// # Errors
     ///
-    /// [`GnssConfigError`] names the field that is out of range.
-    pub fn new(config: GnssConfig, stream: S, clock: C) -> Result<Self, GnssConfigError> {
+    /// [`FieldError`] names the field that is out of range.
+    pub fn new(config: GnssConfig, stream: S, clock: C) -> Result<Self, FieldError> {
         Self::with_decoder(config, config.decoder(), stream, clock)
     }
 }
@@ -58,13 +56,13 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
     ///
     /// # Errors
     ///
-    /// [`GnssConfigError`] names the field that is out of range.
+    /// [`FieldError`] names the field that is out of range.
     pub fn with_decoder(
         config: GnssConfig,
         decoder: D,
         stream: S,
         clock: C,
-    ) -> Result<Self, GnssConfigError> {
+    ) -> Result<Self, FieldError> {
         config.check()?;
         let connections = stream.connections();
         Ok(Self {
@@ -74,7 +72,7 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
             clock,
             placed: None,
             last: None,
-            heard_at: None,
+            received_at: None,
             connections,
             bytes: 0,
         })
@@ -84,21 +82,21 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
     ///
     /// # Errors
     ///
-    /// Whatever the stream says; it may be asked again.
+    /// Any error of the stream; the call may be repeated.
     pub fn poll(&mut self) -> io::Result<()> {
         let now = self.clock.now();
         let connections = self.stream.connections();
         if connections != self.connections {
             self.connections = connections;
             self.decoder.reset();
-            self.heard_at = None;
+            self.received_at = None;
         }
-        if self.heard_at.is_none_or(|at| now - at >= self.config.silent_s) {
+        if self.received_at.is_none_or(|at| now - at >= self.config.silent_s) {
             let set_up = self.decoder.set_up();
             if !set_up.is_empty() {
                 self.stream.send(&set_up)?;
             }
-            self.heard_at = Some(now);
+            self.received_at = Some(now);
         }
         let mut piece = [0; 512];
         for _ in 0..PIECES {
@@ -107,9 +105,9 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
                 break;
             }
             self.bytes = self.bytes.saturating_add(u64::try_from(count).unwrap_or(u64::MAX));
-            let Self { decoder, placed, last, heard_at, .. } = self;
+            let Self { decoder, placed, last, received_at, .. } = self;
             decoder.decode(piece.get(..count).unwrap_or(&piece), &mut |fix| {
-                *heard_at = Some(now);
+                *received_at = Some(now);
                 *last = Some(fix);
                 if fix.place.is_some() {
                     *placed = Some((fix, now));
@@ -129,7 +127,7 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
         &self.decoder
     }
 
-    /// What it said last, with a place or without.
+    /// What came last, with a place or without.
     pub fn last(&self) -> Option<&GnssFix> {
         self.last.as_ref()
     }
@@ -159,12 +157,13 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
         }
         let moved = Vector3::repeat(self.config.speed_mps * age_s);
         let sigma_m = sigma.zip_map(&moved, f64::hypot);
-        Ok(GnssPosition { place, sigma_m, quality: fix.quality, age_s })
+        let velocity_mps = fix.velocity_mps;
+        Ok(GnssPosition { place, sigma_m, velocity_mps, quality: fix.quality, age_s })
     }
 }
 
-/// A stream that fails is told only once the last fix is too old: until then that one still says where
-/// the antenna is, less and less surely.
+/// A stream that fails is an error only once the last fix is too old: until then that one still
+/// gives where the antenna is, less and less surely.
 impl<S: ByteStream, C: Clock, D: GnssDecoder> Positioning for GnssReceiver<S, C, D> {
     fn position(&mut self) -> Result<GnssPosition, GnssError> {
         let polled = self.poll();

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use super::{GnssError, Positioning};
 
 /// A receiver that nothing flies: on a tripod, on a parked car, or in the hands of a person. A GNSS
-/// receiver alone says where it is.
+/// receiver alone has a place and no attitude.
 ///
 /// It goes nowhere by itself. An order is kept as its [`goal`](Self::goal), which is shown to the
 /// person who walks there, or does not.
@@ -35,7 +35,7 @@ impl<G> StillVehicle<G> {
         self.heading = heading;
     }
 
-    /// Where it was last told to go.
+    /// The last goal.
     pub fn goal(&self) -> Option<Waypoint> {
         self.goal
     }
@@ -53,7 +53,8 @@ impl<G: Positioning> Vehicle for StillVehicle<G> {
         self.sigma = None;
         let position = self.gnss.position()?;
         self.sigma = Some(position.sigma_m);
-        Ok(Pose::level(self.frame.to_local(&position.place), self.heading))
+        let level = Pose::level(self.frame.to_local(&position.place), self.heading);
+        Ok(Pose { velocity: position.velocity_mps, ..level })
     }
 
     fn position_sigma(&self) -> Option<Vector3<f64>> {

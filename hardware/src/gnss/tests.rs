@@ -1,11 +1,6 @@
-use std::{cell::Cell, f64::consts::FRAC_PI_2, io};
+use std::{cell::Cell, io};
 
-use foxhunt_core::{Pose, Vehicle, Waypoint};
-use foxhunt_wire::{ByteStream, FixQuality};
-use foxhunt_wire::{
-    geodesy::{Geodetic, LocalFrame},
-    memory_pair,
-};
+use foxhunt_wire::{ByteStream, FixQuality, geodesy::Geodetic, memory_pair};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
@@ -23,7 +18,8 @@ fn decoded(decoder: &mut dyn GnssDecoder, bytes: &[u8]) -> Vec<GnssFix> {
 }
 
 /// A NAV-PVT (u-blox F9 interface description): 2026-03-01 12:34:56.5, fix type and flags as given,
-/// 50.1° N, 14.5° E, 400 m, hAcc 2.828 m, vAcc 3.5 m, 17 satellites.
+/// 50.1° N, 14.5° E, 400 m, hAcc 2.828 m, vAcc 3.5 m, 17 satellites, 1.5 m/s to the North, 0.7 to
+/// the West, 0.25 down.
 fn nav_pvt(fix_type: u8, flags: u8) -> Vec<u8> {
     let mut payload = vec![0_u8; 92];
     let mut put = |at: usize, bytes: &[u8]| payload[at..at + bytes.len()].copy_from_slice(bytes);
@@ -37,6 +33,9 @@ fn nav_pvt(fix_type: u8, flags: u8) -> Vec<u8> {
     put(36, &355_000_i32.to_le_bytes());
     put(40, &2828_u32.to_le_bytes());
     put(44, &3500_u32.to_le_bytes());
+    put(48, &1500_i32.to_le_bytes());
+    put(52, &(-700_i32).to_le_bytes());
+    put(56, &250_i32.to_le_bytes());
     let mut body = vec![0x01, 0x07, 92, 0];
     body.extend(payload);
     let (a, b) = body.iter().fold((0_u8, 0_u8), |(a, b), &byte| {
@@ -66,16 +65,17 @@ fn nmea_takes_place_sigma_and_date_of_three_sentences() {
     let [first] = decoded(&mut decoder, gga.as_bytes())[..] else { panic!("one fix") };
     assert_eq!((first.quality, first.sigma_m, first.flat), (FixQuality::RtkFixed, None, false));
     assert_eq!(first.satellites, Some(17));
-    assert!(close(first.hdop.expect("told"), 0.7, 1e-6));
-    assert!(close(first.utc_s.expect("a date was told"), MOMENT, 1e-3));
+    assert!(close(first.hdop.expect("reported"), 0.7, 1e-6));
+    assert!(close(first.utc_s.expect("a date came"), MOMENT, 1e-3));
     let place = first.place.expect("a fix");
     assert!(close(place.lat_deg, 50.1, 1e-9) && close(place.lon_deg, 14.5, 1e-9));
     assert!(close(place.alt_m, 400.0, 1e-4), "above the ellipsoid");
     let gst = sentence("GNGST,123456.50,1.2,0.02,0.01,30,0.015,0.012,0.03");
-    let [second] = decoded(&mut decoder, gst.as_bytes())[..] else { panic!("told once more") };
+    let [second] = decoded(&mut decoder, gst.as_bytes())[..] else { panic!("repeated") };
     let sigma = second.sigma_m.expect("GST tells it");
     assert!((sigma - Vector3::new(0.012, 0.015, 0.03)).norm() < 1e-6, "East is the longitude's");
-    // The next second's GGA comes before its GST, with the σ of the one before; later it is too old.
+    // The next second's GGA comes before its GST, with the σ of the one before; later it is too
+    // old.
     let at =
         |time: &str| sentence(&format!("GNGGA,{time},5006.0,S,01430.0,W,1,5,2.0,355.0,M,45.0,M,,"));
     let [next] = decoded(&mut decoder, at("123457.50").as_bytes())[..] else { panic!("one fix") };
@@ -87,7 +87,7 @@ fn nmea_takes_place_sigma_and_date_of_three_sentences() {
 }
 
 #[test]
-fn nmea_crosses_midnight_and_tells_what_is_no_fix() {
+fn nmea_crosses_midnight_and_marks_what_is_no_fix() {
     let mut decoder = NmeaDecoder::new();
     let rmc = sentence("GPRMC,235959.90,A,5006.0,N,01430.0,E,0.0,,010326,,,A");
     let gga = sentence("GPGGA,000000.10,5006.0,N,01430.0,E,2,9,1.0,355.0,M,45.0,M,,");
@@ -121,7 +121,7 @@ fn nmea_wants_the_checksum_and_finds_its_way_back() {
 }
 
 #[test]
-fn ublox_tells_carrier_solution_and_accuracies() {
+fn ublox_has_carrier_solution_and_accuracies() {
     let mut decoder = UbloxDecoder::new();
     let cases = [
         (3, 0x01, FixQuality::Autonomous),
@@ -144,9 +144,56 @@ fn ublox_tells_carrier_solution_and_accuracies() {
     let place = fix.place.expect("a fix");
     assert!(close(place.lat_deg, 50.1, 1e-9) && close(place.lon_deg, 14.5, 1e-9));
     assert!(close(place.alt_m, 400.0, 1e-9), "above the ellipsoid");
-    let sigma = fix.sigma_m.expect("always told");
+    let sigma = fix.sigma_m.expect("always sent");
     assert!((sigma - Vector3::new(2.0, 2.0, 3.5)).norm() < 1e-3, "hAcc is both axes: {sigma}");
     assert!(close(fix.utc_s.expect("dated"), MOMENT, 1e-3));
+    let velocity = fix.velocity_mps.expect("always sent with a fix");
+    assert!((velocity - Vector3::new(-0.7, 1.5, -0.25)).norm() < 1e-9, "{velocity}");
+    let [none] = decoded(&mut decoder, &nav_pvt(0, 1))[..] else { panic!("no fix") };
+    assert_eq!(none.velocity_mps, None);
+}
+
+#[test]
+fn velocity_comes_by_rmc_and_tpv() {
+    let mut decoder = NmeaDecoder::new();
+    let gga = sentence("GPGGA,123456.50,5006.0,N,01430.0,E,1,9,1.0,355.0,M,45.0,M,,");
+    let rmc = |speed_course: &str| {
+        sentence(&format!("GPRMC,123456.50,A,5006.0,N,01430.0,E,{speed_course},010326,,,A"))
+    };
+    // 10 knots to the East by South.
+    let [first] = decoded(&mut decoder, gga.as_bytes())[..] else { panic!("one fix") };
+    assert_eq!(first.velocity_mps, None);
+    let [second] = decoded(&mut decoder, rmc("10.0,120.0").as_bytes())[..] else {
+        panic!("repeated, with a velocity")
+    };
+    let velocity = second.velocity_mps.expect("speed and course");
+    let speed = 10.0 * 1852.0 / 3600.0;
+    let expected = Vector3::new(speed * 0.75_f64.sqrt(), -speed / 2.0, 0.0);
+    assert!((velocity - expected).norm() < 1e-9, "{velocity}");
+    assert_eq!(GnssFix { velocity_mps: None, ..second }, GnssFix { utc_s: None, ..first });
+    // A GST of the same moment keeps it, and the next second's fix has it until its own RMC comes.
+    let gst = sentence("GPGST,123456.50,1.2,0.02,0.01,30,0.015,0.012,0.03");
+    let [third] = decoded(&mut decoder, gst.as_bytes())[..] else { panic!("repeated, with σ") };
+    assert!(third.velocity_mps == second.velocity_mps && third.sigma_m.is_some());
+    let next = gga.replace("56.50", "57.50");
+    let next = sentence(next.trim_start_matches('$').split('*').next().expect("text"));
+    let [fourth] = decoded(&mut decoder, next.as_bytes())[..] else { panic!("one fix") };
+    assert_eq!(fourth.velocity_mps, second.velocity_mps);
+    // Without a course, or of no fix, it is none.
+    decoder.reset();
+    let void = rmc("10.0,120.0").replace(",A,5006", ",V,5006");
+    let void = sentence(void.trim_start_matches('$').split('*').next().expect("text"));
+    for text in [rmc("0.1,"), void] {
+        assert!(decoded(&mut decoder, text.as_bytes()).is_empty());
+        let [fix] = decoded(&mut decoder, gga.as_bytes())[..] else { panic!("one fix") };
+        assert_eq!(fix.velocity_mps, None);
+    }
+    let mut decoder = GpsdDecoder::new();
+    let moving = TPV.replace("\"eph\"", "\"speed\":2.0,\"track\":270.0,\"climb\":0.5,\"eph\"");
+    let [fix] = decoded(&mut decoder, format!("{moving}\n").as_bytes())[..] else { panic!() };
+    let velocity = fix.velocity_mps.expect("speed and track");
+    assert!((velocity - Vector3::new(-2.0, 0.0, 0.5)).norm() < 1e-9, "{velocity}");
+    assert_eq!(decoded(&mut decoder, format!("{TPV}\n").as_bytes())[0].velocity_mps, None);
 }
 
 #[test]
@@ -188,13 +235,13 @@ fn gpsd_reports_are_read() {
         let text = TPV.replace("\"status\":3", &format!("\"status\":{status}")) + "\n";
         assert_eq!(decoded(&mut decoder, text.as_bytes())[0].quality, quality);
     }
-    // What gpsd 3.22 says of an NMEA receiver: an eph that is HDOP times 19 m, and GST by itself.
+    // What gpsd 3.22 sends of an NMEA receiver: an eph that is HDOP times 19 m, and GST by itself.
     let bare = TPV.split(",\"epx\"").next().expect("its head").to_owned() + ",\"eph\":11.4}\n";
     assert_eq!(decoded(&mut decoder, bare.as_bytes())[0].sigma_m, None);
     let gst =
         r#"{"class":"GST","time":"2026-03-01T12:34:56.000Z","lat":0.014,"lon":0.011,"alt":0.03}"#;
-    let told = decoded(&mut decoder, format!("{gst}\n{bare}").as_bytes());
-    assert_eq!(told[0].sigma_m, Some(Vector3::new(0.011, 0.014, 0.03)));
+    let fixes = decoded(&mut decoder, format!("{gst}\n{bare}").as_bytes());
+    assert_eq!(fixes[0].sigma_m, Some(Vector3::new(0.011, 0.014, 0.03)));
     let later = bare.replace("12:34:56.500", "12:34:59.000");
     assert_eq!(decoded(&mut decoder, later.as_bytes())[0].sigma_m, None, "it is too old");
     let flat = TPV.replace("\"mode\":3", "\"mode\":2").replace(",\"epv\":0.03", "") + "\n";
@@ -203,14 +250,14 @@ fn gpsd_reports_are_read() {
     assert_eq!((none.quality, none.place), (FixQuality::None, None));
 }
 
-/// A receiver that is told what to say, at a time that the test sets.
+/// A receiver whose sentences and time the test sets.
 struct Bench<'a> {
     time: &'a Cell<f64>,
     far: foxhunt_wire::MemoryStream,
 }
 
 impl Bench<'_> {
-    fn say(&mut self, time: f64, quality: u8, tail: &str) {
+    fn send(&mut self, time: f64, quality: u8, tail: &str) {
         self.time.set(time);
         let text = format!("GPGGA,,5006.0,N,01430.0,E,{quality},9,{tail},355.0,M,45.0,M,,");
         self.far.send(sentence(&text).as_bytes()).expect("memory");
@@ -225,23 +272,23 @@ fn sigma_grows_with_age_and_poor_quality_until_the_fix_is_too_old() {
         GnssReceiver::new(GnssConfig::default(), near, || time.get()).expect("in range");
     let mut bench = Bench { time: &time, far };
     assert!(matches!(receiver.position(), Err(GnssError::NoFix { satellites: None })));
-    bench.say(10.0, 4, "0.7");
+    bench.send(10.0, 4, "0.7");
     let rtk = receiver.position().expect("a fix");
     // Untold: 2 · 0.01 m · 0.7, and twice that for Up.
     assert!((rtk.sigma_m - Vector3::new(0.014, 0.014, 0.028)).norm() < 1e-6, "{}", rtk.sigma_m);
-    bench.say(11.0, 1, "1.0");
+    bench.send(11.0, 1, "1.0");
     let alone = receiver.position().expect("a fix");
     assert!((alone.sigma_m - Vector3::new(2.6, 2.6, 5.2)).norm() < 1e-6, "{}", alone.sigma_m);
     time.set(14.0);
     let old = receiver.position().expect("old, but not too old");
     assert!(close(old.sigma_m.x, 2.6_f64.hypot(6.0), 1e-9) && close(old.age_s, 3.0, 1e-9));
     time.set(16.5);
-    let told = receiver.position().expect_err("too old").to_string();
-    assert!(told.contains("5.5 s old") && told.contains("5 s are allowed"), "{told}");
+    let error = receiver.position().expect_err("too old").to_string();
+    assert!(error.contains("5.5 s old") && error.contains("5 s are allowed"), "{error}");
     // A receiver that has lost its fix is no news of its place.
-    bench.say(17.0, 0, "9.9");
+    bench.send(17.0, 0, "9.9");
     assert!(matches!(receiver.position(), Err(GnssError::Stale { .. })));
-    bench.say(17.0, 2, "1.0");
+    bench.send(17.0, 2, "1.0");
     drop(bench);
     assert!(receiver.position().is_ok(), "what was delivered counts");
     assert!(receiver.poll().is_err_and(|error| error.kind() == io::ErrorKind::UnexpectedEof));
@@ -253,8 +300,8 @@ fn sigma_grows_with_age_and_poor_quality_until_the_fix_is_too_old() {
 #[test]
 fn what_cannot_be_is_refused_by_name() {
     let config = GnssConfig { stale_s: 0.0, ..GnssConfig::default() };
-    let told = config.check().expect_err("no fix could be young enough").to_string();
-    assert_eq!(told, "gnss.stale_s is 0; it must be a positive number");
+    let error = config.check().expect_err("no fix could be young enough").to_string();
+    assert_eq!(error, "stale_s is 0; it must be a positive number");
     let mut config = GnssConfig::default();
     config.floors.rtk_fixed_m = f64::NAN;
     assert!(config.check().expect_err("NaN").to_string().contains("floors.rtk_fixed_m"));
@@ -274,66 +321,6 @@ fn what_cannot_be_is_refused_by_name() {
     let flat = GnssFix { flat: true, ..fix };
     assert_eq!(config.sigma(&flat), Some(Vector3::new(1.3, 4.0, 50.0)));
     assert_eq!(config.sigma(&GnssFix { place: None, ..fix }), None);
-}
-
-/// A receiver at a fixed place.
-struct Fixed(Geodetic);
-
-impl Positioning for Fixed {
-    fn position(&mut self) -> Result<GnssPosition, GnssError> {
-        let (sigma_m, quality) = (Vector3::new(1.0, 2.0, 3.0), FixQuality::Autonomous);
-        Ok(GnssPosition { place: self.0, sigma_m, quality, age_s: 0.0 })
-    }
-}
-
-/// A vehicle that thinks that it is somewhere else.
-struct Astray(Pose, Option<Waypoint>);
-
-impl Vehicle for Astray {
-    type Error = io::Error;
-
-    fn pose(&mut self) -> io::Result<Pose> {
-        Ok(self.0)
-    }
-
-    fn go_to(&mut self, goal: &Waypoint) -> io::Result<()> {
-        self.1 = Some(*goal);
-        Ok(())
-    }
-}
-
-#[test]
-fn a_placed_vehicle_is_where_its_antenna_says() {
-    let origin = Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 200.0 };
-    let frame = LocalFrame::new(origin).expect("on Earth");
-    let antenna_at = Vector3::new(100.0, 50.0, 10.0);
-    let gnss = || Fixed(frame.to_geodetic(&antenna_at));
-    // The nose to the North, the antenna 1 m in front, 0.5 m to the left, 0.2 m above.
-    let own = Pose { pitch: 0.0, ..Pose::level(Vector3::new(-5.0, 0.0, 0.0), FRAC_PI_2) };
-    let arm = Vector3::new(1.0, 0.5, 0.2);
-    let mut placed = Placed::new(Astray(own, None), gnss(), frame, arm);
-    assert_eq!(placed.position_sigma(), None);
-    let pose = placed.pose().expect("a fix");
-    assert!((pose.position - Vector3::new(100.5, 49.0, 9.8)).norm() < 1e-4, "{}", pose.position);
-    assert!(close(pose.heading, FRAC_PI_2, 0.0));
-    assert_eq!(placed.position_sigma(), Some(Vector3::new(1.0, 2.0, 3.0)));
-    // The nose straight up: what was in front is above, what was above is behind.
-    let steep = Pose { pitch: FRAC_PI_2, ..own };
-    let mut placed = Placed::new(Astray(steep, None), gnss(), frame, arm);
-    let pose = placed.pose().expect("a fix");
-    assert!((pose.position - Vector3::new(100.5, 50.2, 9.0)).norm() < 1e-4, "{}", pose.position);
-    let goal = Waypoint { position: Vector3::new(1.0, 2.0, 3.0) };
-    placed.go_to(&goal).expect("accepted");
-    assert_eq!(placed.vehicle().1, Some(goal));
-
-    let mut walker = StillVehicle::new(gnss(), frame).with_heading(1.0);
-    let pose = walker.pose().expect("a fix");
-    assert!((pose.position - antenna_at).norm() < 1e-4 && close(pose.heading, 1.0, 0.0));
-    assert_eq!(walker.position_sigma(), Some(Vector3::new(1.0, 2.0, 3.0)));
-    walker.go_to(&goal).expect("kept");
-    assert_eq!(walker.goal(), Some(goal));
-    walker.land().expect("it is on the ground");
-    assert_eq!(walker.goal(), None);
 }
 
 /// All decoders, new.

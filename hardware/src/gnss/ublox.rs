@@ -2,6 +2,7 @@ use std::fmt;
 
 use chrono::{DateTime, Utc};
 use foxhunt_wire::{FixQuality, geodesy::Geodetic};
+use nalgebra::Vector3;
 use ublox::{
     FixedBuffer, GnssFixType, Parser, ParserBuilder, UbxPacket,
     cfg_msg::CfgMsgSinglePortBuilder,
@@ -16,15 +17,15 @@ use ublox::{
 use super::{
     GnssDecoder, GnssFix,
     config::axis_of,
-    fix::{sane_sigma, seconds},
+    fix::{sane_sigma, sane_velocity, seconds},
 };
 
-/// The longest message that is waited for, in bytes: a NAV-PVT has 100. A length that was garbled keeps
-/// no more than this from being read.
+/// The longest message that is waited for, in bytes: a NAV-PVT has 100. A length that was garbled
+/// keeps no more than this from being read.
 const LONGEST: usize = 256;
 
-/// Reads UBX-NAV-PVT of receivers by u-blox from generation 8 on, and turns it on; what else comes, NMEA
-/// included, is passed over.
+/// Reads UBX-NAV-PVT of receivers by u-blox from generation 8 on, and turns it on; what else comes,
+/// NMEA included, is passed over.
 ///
 /// `hAcc` is √(σ_E² + σ_N²), as its users found against GST; East and North get equal shares.
 pub struct UbloxDecoder {
@@ -51,7 +52,7 @@ impl Default for UbloxDecoder {
 }
 
 impl UbloxDecoder {
-    /// One that has seen nothing.
+    /// A decoder without any bytes so far.
     #[must_use]
     pub fn new() -> Self {
         Self { parser: parser(), alt_m: None, messages: 0, refused: 0 }
@@ -92,14 +93,14 @@ impl GnssDecoder for UbloxDecoder {
         [&old[..], &new].concat()
     }
 
-    fn decode(&mut self, bytes: &[u8], told: &mut dyn FnMut(GnssFix)) {
+    fn decode(&mut self, bytes: &[u8], emit: &mut dyn FnMut(GnssFix)) {
         let mut packets = self.parser.consume_ubx(bytes);
         while let Some(packet) = packets.next() {
             match packet {
                 Ok(packet) => {
                     self.messages += 1;
                     if let UbxPacket::Proto27(PacketRef::NavPvt(pvt)) = packet {
-                        told(fix(&pvt, &mut self.alt_m));
+                        emit(fix(&pvt, &mut self.alt_m));
                     }
                 }
                 Err(_) => self.refused += 1,
@@ -139,6 +140,9 @@ fn fix(pvt: &NavPvtRef<'_>, alt_m: &mut Option<f64>) -> GnssFix {
         flat,
         quality: place.map_or(FixQuality::None, |_| quality),
         sigma_m: sane_sigma(axis, axis, pvt.vertical_accuracy()),
+        velocity_mps: place.and_then(|_| {
+            sane_velocity(Vector3::new(pvt.vel_east(), pvt.vel_north(), -pvt.vel_down()))
+        }),
         satellites: Some(u32::from(pvt.num_satellites())),
         hdop: None,
     }

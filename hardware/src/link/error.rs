@@ -9,7 +9,7 @@ pub enum LinkError {
         over: &'static str,
         /// What could not, such as a topic.
         what: String,
-        /// What was said.
+        /// The reason given.
         reason: String,
     },
     /// A message could not be sent, or one that came could not be read.
@@ -19,19 +19,19 @@ pub enum LinkError {
         over: &'static str,
         /// Which topic.
         what: String,
-        /// What was said.
+        /// The reason given.
         reason: String,
     },
     /// There is no such drone.
     #[error("there is no drone {drone}; there are {drones}, counted from 0")]
     Drone {
-        /// Which one was asked for.
+        /// Which one was requested.
         drone: usize,
         /// How many there are.
         drones: usize,
     },
-    /// A number cannot be told this way.
-    #[error("{field} is {value}, which cannot be told")]
+    /// A number cannot be sent this way.
+    #[error("{field} is {value}, which cannot be sent")]
     Value {
         /// Which number.
         field: &'static str,

@@ -1,6 +1,9 @@
 use std::{collections::VecDeque, fmt};
 
-use foxhunt_core::Clock;
+use foxhunt_core::{
+    Clock,
+    parameter::{FieldError, not_negative, probability},
+};
 
 use super::{DroneLink, FusionLink, LinkError, Order, Report, View};
 
@@ -41,15 +44,12 @@ impl<L, C: Clock, D: FnMut() -> f64, M: Clone> Impaired<L, C, D, M> {
     ///
     /// # Errors
     ///
-    /// [`LinkError::Value`] names the field that is out of its range.
-    pub fn new(link: L, impairment: Impairment, clock: C, draw: D) -> Result<Self, LinkError> {
+    /// [`FieldError`] names the field that is out of its range.
+    pub fn new(link: L, impairment: Impairment, clock: C, draw: D) -> Result<Self, FieldError> {
         let Impairment { loss, doubled, late_s } = impairment;
-        let fields = [("loss", loss, 1.0), ("doubled", doubled, 1.0), ("late_s", late_s, f64::MAX)];
-        for (field, value, most) in fields {
-            if !(0.0..=most).contains(&value) {
-                return Err(LinkError::Value { field, value: value.to_string() });
-            }
-        }
+        probability("loss", loss)?;
+        probability("doubled", doubled)?;
+        not_negative("late_s", late_s)?;
         Ok(Self { link, clock, draw, impairment, under_way: VecDeque::new() })
     }
 

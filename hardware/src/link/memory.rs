@@ -9,11 +9,11 @@ struct Wires {
     orders: Vec<VecDeque<Order>>,
 }
 
-/// How many messages are kept for a side that does not ask; the oldest are lost.
+/// How many messages are kept for a side that does not take them; the oldest are lost.
 const MOST: usize = 10_000;
 
-/// A network within one program: a link for each drone, and the one of the side that fuses. It loses
-/// nothing; [`Impaired`](super::Impaired) does.
+/// A network within one program: a link for each drone, and the one of the side that fuses. It
+/// loses nothing; [`Impaired`](super::Impaired) does.
 #[must_use]
 pub fn memory_network(drones: usize) -> (Vec<MemoryDrone>, MemoryFusion) {
     let orders = vec![VecDeque::new(); drones];

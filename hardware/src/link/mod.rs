@@ -1,7 +1,7 @@
 //! Links between the computers of a hunt: every drone's, and the one that fuses.
 //!
-//! Messages are said again and again until they are answered, so a link may lose, delay and double
-//! them, and either side may be restarted: an order carries all that is to be done, a report says
+//! Messages are repeated until they are answered, so a link may lose, delay and double
+//! them, and either side may be restarted: an order carries all that is to be done, a report names
 //! what it is about, and what has been taken in before makes no difference.
 
 mod drone_link;

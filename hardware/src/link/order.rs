@@ -3,27 +3,27 @@ use serde::{Deserialize, Serialize};
 
 use super::UnixTime;
 
-/// All that a drone is to do, said again several times a second: a drone that missed some, or has
+/// All that a drone is to do, repeated several times a second: a drone that missed some, or has
 /// just begun, knows everything from the next one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Order {
-    /// When it was said.
+    /// When it was sent.
     pub at: UnixTime,
-    /// Larger for every order that says something else, so that one that comes late is known; 0 is
+    /// Larger for every order with another content, so that one that comes late is known; 0 is
     /// none.
     pub number: u64,
-    /// Where it shall be; where it is, if nobody has said so yet.
+    /// Where it shall be; where it is, without an order so far.
     pub goal: Option<Waypoint>,
     /// Whether it shall land where it is.
     pub land: bool,
-    /// The turn that it is asked for.
+    /// The turn that is ordered.
     pub turn: Turn,
-    /// The last of its deliveries that are safe with the one that fuses, and need not be said again.
+    /// The last of its deliveries that are safe with the one that fuses, and need not be repeated.
     pub taken: Vec<Taken>,
 }
 
-/// A turn of the antenna that is asked for.
+/// A turn of the antenna that is ordered.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Turn {

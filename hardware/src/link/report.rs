@@ -3,7 +3,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Taken, UnixTime};
 
-/// What a drone says.
+/// A message of a drone to the fusing end.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Report {
@@ -33,11 +33,11 @@ pub enum Report {
 pub struct Delivery {
     /// Of which beacon.
     pub beacon: BeaconId,
-    /// When the turn ended. A reception's own time is not told: it is this one, in seconds of
+    /// When the turn ended. A reception's own time is not sent: it is this one, in seconds of
     /// whoever reads it.
     pub ended: UnixTime,
-    /// What was heard, or why nothing was.
-    pub heard: Result<Reception, String>,
+    /// What was received, or why nothing was.
+    pub reception: Result<Reception, String>,
 }
 
 impl Delivery {

@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-/// A moment in UNIX time, which is what computers tell each other: their own clocks begin when they
+/// A moment in UNIX time, which is what computers exchange: their own clocks begin when they
 /// like.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
@@ -23,8 +23,8 @@ impl UnixTime {
         Self { sec, nanosec: 0 }
     }
 
-    /// So many seconds after this moment, to the nanosecond; `None` for a number that is not finite,
-    /// or years away.
+    /// So many seconds after this moment, to the nanosecond; `None` for a number that is not
+    /// finite, or years away.
     #[must_use]
     pub fn after(self, seconds: f64) -> Option<Self> {
         // A hundred years, which leaves doubles of seconds a resolution below a microsecond.

@@ -1,25 +1,28 @@
+use foxhunt_core::parameter::{FieldError, at_least_one, in_range, positive, require};
 use foxhunt_wire::mavlink::{Autopilot, SigningKey};
 use serde::{Deserialize, Serialize};
 
-use super::{FlightLimits, MavlinkError};
+use super::FlightLimits;
 
-/// How an autopilot is spoken to, and what it may be asked for.
+/// Connection to an autopilot and limits of its flight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MavlinkConfig {
-    /// Whose firmware it is; where absent, what its heartbeat says.
+    /// Whose firmware it is; where absent, that of its heartbeat.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub autopilot: Option<Autopilot>,
-    /// Its system number (SYSID_THISMAV, MAV_SYS_ID); where absent, that of the first autopilot heard.
+    /// Its system number (SYSID_THISMAV, MAV_SYS_ID); where absent, that of the first autopilot
+    /// received.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub system_id: Option<u8>,
     /// Our own (SYSID_MYGCS).
     pub ground_system_id: u8,
-    /// The origin of the East-North-Up frame that all drones of a hunt share. Where absent, the place
-    /// where this drone first has a good position: for a drone that flies alone.
+    /// The origin of the East-North-Up frame that all drones of a hunt share. Where absent, the
+    /// place where this drone first has a good position: for a drone that flies alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub origin: Option<MavlinkOrigin>,
-    /// How fast it is told to fly over ground, in metres per second; as it is set up where absent.
+    /// How fast it is ordered to fly over ground, in metres per second; as it is set up where
+    /// absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cruise_speed_mps: Option<f64>,
     /// How close to the height of take-off it takes goals, in metres.
@@ -28,11 +31,12 @@ pub struct MavlinkConfig {
     pub take_off_timeout_s: f64,
     /// How long a good position is waited for before take-off, in seconds.
     pub position_timeout_s: f64,
-    /// How often it is asked to tell where it is and how it is turned, per second.
+    /// Rate of its position and attitude messages, per second.
     pub pose_rate_hz: f64,
     /// How often everything else, per second.
     pub status_rate_hz: f64,
-    /// How often set-points are repeated where they have to be: to PX4, and while it turns; per second.
+    /// How often set-points are repeated where they have to be: to PX4, and while it turns; per
+    /// second.
     pub setpoint_rate_hz: f64,
     /// Without a heartbeat for so long the link is lost, in seconds.
     pub link_timeout_s: f64,
@@ -58,10 +62,10 @@ pub struct MavlinkConfig {
 }
 
 impl Default for MavlinkConfig {
-    /// Whatever autopilot speaks, we being 255; its launch place the origin; take-off to within 0.5 m
-    /// in 60 s after up to 120 s for a position; pose 10 Hz, status 2 Hz, set-points 5 Hz; the link lost
-    /// after 3.5 s, a pose old after 1 s; 5 attempts a second apart; turns up to 90 °/s, to headings at
-    /// 30 °/s within 5°; no signing.
+    /// Whatever autopilot speaks, we being 255; its launch place the origin; take-off to within 0.5
+    /// m in 60 s after up to 120 s for a position; pose 10 Hz, status 2 Hz, set-points 5 Hz; the
+    /// link lost after 3.5 s, a pose old after 1 s; 5 attempts a second apart; turns up to 90 °/s,
+    /// to headings at 30 °/s within 5°; no signing.
     fn default() -> Self {
         Self {
             autopilot: None,
@@ -99,7 +103,7 @@ pub struct MavlinkOrigin {
     pub lon_deg: f64,
 }
 
-/// How good a position must be for a take-off, besides what the autopilot's estimator says.
+/// How good a position must be for a take-off, besides the autopilot's own estimator flags.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PositionRequirements {
@@ -107,7 +111,7 @@ pub struct PositionRequirements {
     pub fix_type: u8,
     /// The fewest satellites.
     pub satellites: u8,
-    /// The most uncertain place over ground, in metres, where the receiver tells.
+    /// The most uncertain place over ground, in metres, where the receiver reports it.
     pub horizontal_accuracy_m: f64,
 }
 
@@ -122,7 +126,7 @@ impl Default for PositionRequirements {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MavlinkSigning {
-    /// 64 hexadecimal digits: the SHA-256 of the passphrase that other programs ask for.
+    /// 64 hexadecimal digits: the SHA-256 of the passphrase that other programs take.
     pub key: SigningKey,
     /// Which of several links this is; each program has another one.
     #[serde(default)]
@@ -134,9 +138,9 @@ impl MavlinkConfig {
     ///
     /// # Errors
     ///
-    /// [`MavlinkError::Config`] names the field, with its value.
-    pub fn check(&self) -> Result<(), MavlinkError> {
-        let positive = [
+    /// [`FieldError`] names the field, with its value.
+    pub fn check(&self) -> Result<(), FieldError> {
+        let positives = [
             ("take_off_tolerance_m", self.take_off_tolerance_m),
             ("take_off_timeout_s", self.take_off_timeout_s),
             ("position_timeout_s", self.position_timeout_s),
@@ -149,38 +153,21 @@ impl MavlinkConfig {
             ("cruise_speed_mps", self.cruise_speed_mps.unwrap_or(1.0)),
             ("position.horizontal_accuracy_m", self.position.horizontal_accuracy_m),
         ];
-        for (field, value) in positive {
-            require(value > 0.0 && value.is_finite(), field, value, "a positive number")?;
+        for (field, value) in positives {
+            positive(field, value)?;
         }
-        let rate = self.pose_rate_hz;
-        require((1.0..=100.0).contains(&rate), "pose_rate_hz", rate, "in 1 … 100")?;
-        let rate = self.setpoint_rate_hz;
+        in_range("pose_rate_hz", self.pose_rate_hz, 1.0..=100.0, "in 1 … 100")?;
         // PX4 leaves OFFBOARD below 2 Hz.
-        require((2.5..=50.0).contains(&rate), "setpoint_rate_hz", rate, "in 2.5 … 50")?;
-        let timeout = self.link_timeout_s;
+        in_range("setpoint_rate_hz", self.setpoint_rate_hz, 2.5..=50.0, "in 2.5 … 50")?;
         let requirement = "at least 2, as heartbeats come once a second";
-        require((2.0..=60.0).contains(&timeout), "link_timeout_s", timeout, requirement)?;
-        let attempts = f64::from(self.attempts);
-        require(self.attempts > 0, "attempts", attempts, "at least 1")?;
+        in_range("link_timeout_s", self.link_timeout_s, 2.0..=60.0, requirement)?;
+        at_least_one("attempts", self.attempts)?;
         for (field, id) in [
             ("ground_system_id", self.ground_system_id),
             ("system_id", self.system_id.unwrap_or(1)),
         ] {
             require(id > 0, field, f64::from(id), "in 1 … 255")?;
         }
-        self.limits.check()
-    }
-}
-
-pub(super) fn require(
-    holds: bool,
-    field: &str,
-    value: f64,
-    requirement: &'static str,
-) -> Result<(), MavlinkError> {
-    if holds {
-        Ok(())
-    } else {
-        Err(MavlinkError::Config { field: field.into(), value, requirement })
+        self.limits.check().map_err(|error| error.within("limits"))
     }
 }

@@ -1,8 +1,9 @@
 use std::io;
 
+use foxhunt_core::parameter::FieldError;
 use foxhunt_wire::geodesy::GeodesyError;
 
-/// Why an autopilot did not do it, or was not asked to.
+/// Why an autopilot does not obey, or was sent no order.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MavlinkError {
@@ -23,7 +24,7 @@ pub enum MavlinkError {
         /// What is not good enough.
         why: String,
     },
-    /// It has not told where it is for too long.
+    /// Its last report is too old.
     #[error("the {what} is {age_s:.1} s old; the limit is {limit_s} s")]
     Stale {
         /// The message.
@@ -89,7 +90,7 @@ pub enum MavlinkError {
     /// Too fast a turn, or none.
     #[error("a turn at {rate_deg_s} °/s; the limit is {limit_deg_s} °/s")]
     SpinRate {
-        /// What was asked for.
+        /// What was requested.
         rate_deg_s: f64,
         /// The configured limit.
         limit_deg_s: f64,
@@ -97,19 +98,12 @@ pub enum MavlinkError {
     /// No direction.
     #[error("a heading of {heading} rad; it must be finite")]
     Heading {
-        /// What was asked for.
+        /// What was requested.
         heading: f64,
     },
     /// A number of the configuration is out of its range.
-    #[error("{field} is {value}; it must be {requirement}")]
-    Config {
-        /// Where it stands.
-        field: String,
-        /// What it holds.
-        value: f64,
-        /// What it must be.
-        requirement: &'static str,
-    },
+    #[error(transparent)]
+    Config(#[from] FieldError),
     /// The origin is no place.
     #[error("origin: {0}")]
     Origin(#[from] GeodesyError),

@@ -7,7 +7,7 @@ use crate::Finding;
 /// How long a heartbeat is waited for, in seconds.
 const HEARTBEAT_S: f64 = 5.0;
 
-/// How long what was asked for is waited for, in seconds.
+/// How long an answer is waited for, in seconds.
 const ANSWERS_S: f64 = 6.0;
 
 /// A clock that stands still does not keep us for ever.
@@ -21,19 +21,19 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     /// from arming. Nothing is ordered that moves anything. `pause` is called while it waits.
     pub fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
         let mut findings = Vec::new();
-        let met = self.wait(HEARTBEAT_S, pause, |vehicle| vehicle.heard.heartbeat.is_some());
+        let met = self.wait(HEARTBEAT_S, pause, |vehicle| vehicle.telemetry.heartbeat.is_some());
         if let Err(error) = met {
             let remedy = "check the cable, the port's name and that no other program has it open";
             return vec![Finding::bad("link", error, remedy)];
         }
-        let Some((system, _, autopilot)) = self.heard.who else {
+        let Some((system, _, autopilot)) = self.telemetry.who else {
             findings.push(self.nobody());
             return findings;
         };
         findings.push(Finding::good("autopilot", format!("{autopilot}, system {system}")));
         let answers = |vehicle: &Self| {
-            let heard = &vehicle.heard;
-            heard.version.is_some() && heard.status.is_some() && heard.home.is_some()
+            let telemetry = &vehicle.telemetry;
+            telemetry.version.is_some() && telemetry.status.is_some() && telemetry.home.is_some()
         };
         if let Err(error) = self.wait(ANSWERS_S, pause, answers) {
             findings.push(Finding::bad("link", error, "check the cable"));
@@ -41,7 +41,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         let now = self.clock.now();
         findings.push(self.version());
         findings.push(Finding::good("mode", self.mode_name()));
-        findings.push(match quality::for_take_off(&self.heard, &self.config.position, now) {
+        findings.push(match quality::for_take_off(&self.telemetry, &self.config.position, now) {
             Ok(()) => Finding::good("position", self.fix()),
             Err(why) => Finding::bad(
                 "position",
@@ -50,16 +50,16 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             ),
         });
         findings.push(match self.launch_place() {
-            Some(home) if self.heard.home.is_some() => Finding::good(
+            Some(home) if self.telemetry.home.is_some() => Finding::good(
                 "home",
                 format!("{:.1} m East, {:.1} m North of the origin", home.x, home.y),
             ),
             _ => Finding::bad("home", "not set", "it is set with the first good position"),
         });
-        findings.push(match self.heard.battery() {
+        findings.push(match self.telemetry.battery() {
             None => Finding::bad(
                 "battery",
-                "it does not say what is left",
+                "it does not report what is left",
                 "set up the battery monitor (BATT_MONITOR, BATT_CAPACITY), or watch it yourself",
             ),
             Some(left) if left < LOW_BATTERY => {
@@ -69,19 +69,23 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         });
         let unready = self.unready(now);
         findings.push(if unready.is_empty() {
-            Finding::good("arming", "its own checks pass, or are not told")
+            Finding::good("arming", "its own checks pass, or are not reported")
         } else {
             Finding::bad("arming", unready, "mend what it complains of; it does not arm before")
         });
         let counts = self.link.counts();
-        let told = format!(
+        let figures = format!(
             "{} messages, {} lost, {} bytes of garbage",
             counts.messages, counts.lost, counts.garbage_bytes
         );
         findings.push(if counts.lost > counts.messages / 10 {
-            Finding::bad("link", told, "move the antennas, lower the rates, or raise the baud rate")
+            Finding::bad(
+                "link",
+                figures,
+                "move the antennas, lower the rates, or raise the baud rate",
+            )
         } else {
-            Finding::good("link", told)
+            Finding::good("link", figures)
         });
         findings
     }
@@ -120,15 +124,15 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         } else {
             let remedy =
                 "check that it has power, TX and RX are crossed, and SERIALn_PROTOCOL is 2";
-            Finding::bad(subject, "nothing was heard", remedy)
+            Finding::bad(subject, "nothing was received", remedy)
         }
     }
 
     fn version(&self) -> Finding {
-        match &self.heard.version {
+        match &self.telemetry.version {
             None => Finding::bad(
                 "firmware",
-                "it does not tell its version",
+                "it does not report its version",
                 "ArduCopter 4.0 or PX4 1.13 and newer do",
             ),
             Some(version) => {
@@ -146,7 +150,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     fn fix(&self) -> String {
-        let Some(gps) = &self.heard.gps else { return "no word of the GPS".into() };
+        let Some(gps) = &self.telemetry.gps else { return "no word of the GPS".into() };
         let fix = quality::fix_name(gps.value.fix_type);
         let satellites = gps.value.satellites_visible;
         match Vehicle::position_sigma(self) {

@@ -15,7 +15,7 @@ use super::{
     streams::Streams,
 };
 
-/// What the autopilot complained of is told for so long, in seconds.
+/// Complaints of the autopilot are shown for so long, in seconds.
 const COMPLAINT_S: f64 = 15.0;
 
 /// What goes on by itself between one call and the next.
@@ -26,7 +26,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Notices that the link is lost, that somebody else has the aircraft, or that it is down.
     pub(super) fn watch(&mut self, now: f64) {
-        let Some(mode) = self.heard.mode() else { return };
+        let Some(mode) = self.telemetry.mode() else { return };
         let autopilot = mode.autopilot;
         let (commanded, hold) = (autopilot.commanded(), autopilot.hold());
         let (before, climb) = (autopilot.before_take_off(), autopilot.take_off());
@@ -38,27 +38,28 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
         // PX4 alone holds when it has landed: LOITER of ArduPilot is the pilot's.
         let landed = if autopilot == Autopilot::Px4 { hold } else { land };
-        // Any of them may be on its way when it is told to come down.
+        // Any of them may be on its way when it is ordered to come down.
         let ours = [before, climb, commanded, land, home];
         let ordered = [before, climb, commanded, land, home, leaving];
         if matches!(self.phase, Phase::TakingOff { .. })
             && self.ordered == Ordered::Nothing
-            && (self.heard.armed() || self.heard.airborne(now))
+            && (self.telemetry.armed() || self.telemetry.airborne(now))
         {
             return self.lose("its motors run, which we did not order".into(), true);
         }
         let expected: &[FlightMode] = match &self.phase {
             // Nobody has it who stands on the ground after a lost link.
             Phase::Taken { by_pilot: false, .. }
-                if !self.heard.armed() && self.heard.without_heartbeat(now) < 1.0 =>
+                if !self.telemetry.armed() && self.telemetry.without_heartbeat(now) < 1.0 =>
             {
                 self.phase = Phase::Idle;
                 return;
             }
-            // Whoever flies it after a lost link is the pilot, unless it comes home by its own rules.
+            // Whoever flies it after a lost link is the pilot, unless it comes home by its own
+            // rules.
             Phase::Taken { by_pilot: false, .. }
                 if !ours.contains(&mode)
-                    && self.heard.without_heartbeat(now) <= self.config.link_timeout_s =>
+                    && self.telemetry.without_heartbeat(now) <= self.config.link_timeout_s =>
             {
                 &ours
             }
@@ -76,20 +77,20 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             Phase::Returning => &[home, land, landed],
         };
         let expected = expected.contains(&mode);
-        if self.heard.without_heartbeat(now) > self.config.link_timeout_s {
-            // The order to come down stands, for when it is heard again.
+        if self.telemetry.without_heartbeat(now) > self.config.link_timeout_s {
+            // The order to come down stands, for when its link is back.
             if lands {
                 return;
             }
             self.lose("the link was lost".into(), false);
         } else if !expected {
             let mut why = format!("its mode became {mode}, which we did not order");
-            if let Some(text) = self.heard.complaints(now - COMPLAINT_S).next() {
+            if let Some(text) = self.telemetry.complaints(now - COMPLAINT_S).next() {
                 why = format!("{why} ({text})");
             }
             self.lose(why, true);
         } else if matches!(self.phase, Phase::Flying | Phase::Landing | Phase::Returning)
-            && !self.heard.armed()
+            && !self.telemetry.armed()
         {
             (self.goal, self.order, self.turning) = (None, None, None);
             (self.ordered, self.leaving) = (Ordered::Nothing, None);
@@ -105,7 +106,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Tells why something was given up.
     pub(super) fn explain(&mut self, now: f64, what: &str, why: &str) {
-        let complaint = self.heard.complaints(now - COMPLAINT_S).next();
+        let complaint = self.telemetry.complaints(now - COMPLAINT_S).next();
         self.failure = match complaint {
             Some(text) => format!("{what} was given up: {why} ({text})"),
             None => format!("{what} was given up: {why}"),
@@ -114,11 +115,11 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Sends what is due.
     pub(super) fn advance(&mut self, now: f64) -> Result<(), MavlinkError> {
-        let Some((system, component, autopilot)) = self.heard.who else { return Ok(()) };
-        let origin = self.heard.position.as_ref().filter(|_| self.frame.is_none());
+        let Some((system, component, autopilot)) = self.telemetry.who else { return Ok(()) };
+        let origin = self.telemetry.position.as_ref().filter(|_| self.frame.is_none());
         let origin = origin.map(|message| (message.value.lat, message.value.lon));
         if let (Some((lat, lon)), Ok(())) =
-            (origin, quality::for_take_off(&self.heard, &self.config.position, now))
+            (origin, quality::for_take_off(&self.telemetry, &self.config.position, now))
         {
             self.frame = CommonFrame::new(degrees_of_e7(lat), degrees_of_e7(lon)).ok();
         }
@@ -126,11 +127,11 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         for order in streams.due(now) {
             self.command(now, order.command)?;
         }
-        if self.heard.version.is_none() && now - self.version_asked > 5.0 {
-            self.version_asked = now;
-            self.ask_version(now)?;
+        if self.telemetry.version.is_none() && now - self.version_requested > 5.0 {
+            self.version_requested = now;
+            self.request_version(now)?;
         }
-        for (command, result) in std::mem::take(&mut self.heard.acks) {
+        for (command, result) in std::mem::take(&mut self.telemetry.acks) {
             for order in [&mut self.order, &mut self.turning].into_iter().flatten() {
                 order.answered(command, result);
             }
@@ -140,20 +141,20 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             Phase::Taken { .. } => Ok(()),
             Phase::TakingOff { up, stage, .. } => self.take_off_further(now, autopilot, up, stage),
             Phase::TakingOver => {
-                self.say_goal(now, (system, component))?;
-                self.ask_mode(now, autopilot.commanded(), Phase::Flying)
+                self.send_goal(now, (system, component))?;
+                self.request_mode(now, autopilot.commanded(), Phase::Flying)
             }
             Phase::Flying => {
                 self.keep_inside(now);
                 self.turn_further(now)?;
-                self.say_goal(now, (system, component))
+                self.send_goal(now, (system, component))
             }
             Phase::Landing => self.come_down_further(now, autopilot.land()),
             Phase::Returning => self.come_down_further(now, autopilot.return_to_launch()),
         }
     }
 
-    pub(super) fn ask_version(&mut self, now: f64) -> Result<(), MavlinkError> {
+    pub(super) fn request_version(&mut self, now: f64) -> Result<(), MavlinkError> {
         #[expect(clippy::cast_precision_loss, reason = "message numbers are below 2^24")]
         let id = AUTOPILOT_VERSION_DATA::ID as f32;
         let parameters = [id, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -165,7 +166,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         now: f64,
         command: COMMAND_LONG_DATA,
     ) -> Result<(), MavlinkError> {
-        let Some((target_system, target_component, _)) = self.heard.who else { return Ok(()) };
+        let Some((target_system, target_component, _)) = self.telemetry.who else { return Ok(()) };
         let command = COMMAND_LONG_DATA { target_system, target_component, ..command };
         self.send(now, &MavMessage::COMMAND_LONG(command))
     }
@@ -186,13 +187,13 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     /// Asks for a mode until it is there, and goes on to the next phase.
-    pub(super) fn ask_mode(
+    pub(super) fn request_mode(
         &mut self,
         now: f64,
         mode: FlightMode,
         next: Phase,
     ) -> Result<(), MavlinkError> {
-        if self.heard.mode() == Some(mode) {
+        if self.telemetry.mode() == Some(mode) {
             if next == Phase::Flying {
                 return self.up_there(now);
             }
@@ -231,17 +232,17 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             (self.order, self.goal) = (None, None);
             return Ok(());
         }
-        // PX4 leaves OFFBOARD for the pilot's modes without set-points: it stays in place until it has
-        // taken the order.
+        // PX4 leaves OFFBOARD for the pilot's modes without set-points: it stays in place until it
+        // has taken the order.
         if let (Some((system, component, _)), true) =
-            (self.heard.who, self.heard.mode() == Some(mode.autopilot.commanded()))
+            (self.telemetry.who, self.telemetry.mode() == Some(mode.autopilot.commanded()))
         {
-            self.say_goal(now, (system, component))?;
+            self.send_goal(now, (system, component))?;
         }
         self.order.get_or_insert_with(|| mode_order(mode));
         if let Some(why) = self.give(now)? {
             self.explain(now, &format!("the order to {mode}"), &why);
-            // It is asked again, to land at least.
+            // It is ordered again, to land at least.
             self.order = None;
             self.enter(Phase::Landing);
         }
@@ -251,11 +252,11 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     pub(super) fn begin_coming_down(&mut self, phase: Phase) {
         let now = self.clock.now();
         let here = self.fresh_pose(now).ok();
-        let px4 = self.heard.autopilot() == Autopilot::Px4;
+        let px4 = self.telemetry.autopilot() == Autopilot::Px4;
         self.goal =
             here.filter(|_| px4).map(|pose| Goal::new(pose.position, Nose::Holds(pose.heading)));
         (self.order, self.turning, self.strayed) = (None, None, None);
-        self.leaving = self.heard.mode();
+        self.leaving = self.telemetry.mode();
         self.enter(phase);
     }
 
@@ -269,10 +270,10 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         let taking_off = matches!(self.phase, Phase::TakingOff { .. });
         match self.phase {
             Phase::Taken { by_pilot: true, .. } => return refused(self.hindrance(now)),
-            Phase::Idle if self.heard.airborne(now) && self.is_flown_by_others() => {
+            Phase::Idle if self.telemetry.airborne(now) && self.is_flown_by_others() => {
                 return refused(format!("it is flown in {}, not by us", self.mode_name()));
             }
-            Phase::Idle | Phase::Taken { .. } if !pending && !self.heard.airborne(now) => {
+            Phase::Idle | Phase::Taken { .. } if !pending && !self.telemetry.airborne(now) => {
                 return refused("it is on the ground".into());
             }
             // The motors are being stopped.
@@ -284,7 +285,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             self.phase,
             Phase::Flying | Phase::TakingOver | Phase::Landing | Phase::Returning
         );
-        if taking_off || !in_our_hands && !self.heard.airborne(now) {
+        if taking_off || !in_our_hands && !self.telemetry.airborne(now) {
             self.end_take_off(now, phase);
         } else {
             self.begin_coming_down(phase);
@@ -293,7 +294,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     fn is_flown_by_others(&self) -> bool {
-        let Some(mode) = self.heard.mode() else { return false };
+        let Some(mode) = self.telemetry.mode() else { return false };
         let autopilot = mode.autopilot;
         ![
             autopilot.commanded(),

@@ -26,7 +26,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     /// Orders a heading until the attitude shows it. PX4 takes it from the set-points.
     pub(super) fn turn_further(&mut self, now: f64) -> Result<(), MavlinkError> {
         let Some(turning) = &mut self.turning else { return Ok(()) };
-        if self.heard.autopilot() == Autopilot::Px4 {
+        if self.telemetry.autopilot() == Autopilot::Px4 {
             self.turning = None;
             return Ok(());
         }
@@ -49,13 +49,13 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
     }
 
-    /// Says where it is to go as often as it has to be said.
-    pub(super) fn say_goal(&mut self, now: f64, who: (u8, u8)) -> Result<(), MavlinkError> {
+    /// Sends the goal when it is due.
+    pub(super) fn send_goal(&mut self, now: f64, who: (u8, u8)) -> Result<(), MavlinkError> {
         let (Some(frame), Some(mut goal)) = (self.frame, self.goal) else { return Ok(()) };
         goal.confirmed = goal.confirmed || self.is_confirmed(&frame, &goal);
         let regular = 1.0 / self.config.setpoint_rate_hz;
         let turns = matches!(goal.nose, Nose::Turns(_));
-        let period = match self.heard.autopilot() {
+        let period = match self.telemetry.autopilot() {
             Autopilot::Px4 => regular,
             Autopilot::ArduPilot if turns => regular,
             Autopilot::ArduPilot if goal.confirmed => f64::INFINITY,
@@ -72,20 +72,22 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         Ok(())
     }
 
-    /// Whether it has shown that it took the goal: its own target is the same, or, where it tells
+    /// Whether it has shown that it took the goal: its own target is the same, or, where it reports
     /// none, it is there or moves there.
     fn is_confirmed(&self, frame: &CommonFrame, goal: &Goal) -> bool {
-        let (Some(position), false) = (&self.heard.position, goal.is_new()) else { return false };
-        let target = self.heard.target.as_ref().filter(|target| target.at >= goal.sent);
-        if let (Some(target), Some(alt)) = (target, setpoint::launch_alt(&self.heard)) {
+        let (Some(position), false) = (&self.telemetry.position, goal.is_new()) else {
+            return false;
+        };
+        let target = self.telemetry.target.as_ref().filter(|target| target.at >= goal.sent);
+        if let (Some(target), Some(alt)) = (target, setpoint::launch_alt(&self.telemetry)) {
             return setpoint::is_target(frame, goal, &target.value, alt);
         }
-        if self.heard.target.is_some() || position.at < goal.sent {
+        if self.telemetry.target.is_some() || position.at < goal.sent {
             return false;
         }
-        let Some(pose) = setpoint::pose(frame, &self.heard, position.at) else { return false };
+        let Some(pose) = setpoint::pose(frame, &self.telemetry, position.at) else { return false };
         let way = goal.place - pose.position;
         let distance = way.norm();
-        distance < 0.5 || setpoint::velocity(&self.heard).dot(&way) / distance > MOVING_MPS
+        distance < 0.5 || setpoint::velocity(&self.telemetry).dot(&way) / distance > MOVING_MPS
     }
 }

@@ -13,24 +13,24 @@ use super::{
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     /// Why it takes no orders, or what keeps it on the ground.
     pub(super) fn hindrance(&self, now: f64) -> String {
-        if self.heard.who.is_none() {
+        if self.telemetry.who.is_none() {
             return "no heartbeat of an autopilot yet".into();
         }
-        if self.heard.without_heartbeat(now) > self.config.link_timeout_s {
+        if self.telemetry.without_heartbeat(now) > self.config.link_timeout_s {
             return "its heartbeats stopped".into();
         }
         match &self.phase {
             Phase::Taken { why, .. } => return why.clone(),
             Phase::Landing => return self.after_failure("it lands"),
             Phase::Returning => return self.after_failure("it returns to its launch place"),
-            Phase::TakingOver => return "it is asked for its mode".into(),
+            Phase::TakingOver => return "it is requested to change its mode".into(),
             Phase::Flying => {
                 if let Some(why) = &self.strayed {
                     return format!("{why}; it is brought back");
                 }
                 let lost = self.goal.filter(|goal| !goal.confirmed);
                 let late = lost.is_some_and(|goal| goal.times > self.config.attempts);
-                let ardupilot = self.heard.autopilot() == Autopilot::ArduPilot;
+                let ardupilot = self.telemetry.autopilot() == Autopilot::ArduPilot;
                 return match late && ardupilot {
                     true => "it does not confirm where it was sent".into(),
                     false => self.failure.clone(),
@@ -42,20 +42,20 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         if !self.failure.is_empty() {
             return self.failure.clone();
         }
-        if let Err(why) = quality::for_take_off(&self.heard, &self.config.position, now) {
+        if let Err(why) = quality::for_take_off(&self.telemetry, &self.config.position, now) {
             return why;
         }
         if let Phase::TakingOff { stage, .. } = self.phase {
             return match stage {
                 Stage::Position => "it waits for a good position",
-                Stage::Mode => "it is asked for its mode",
+                Stage::Mode => "it is requested to change its mode",
                 Stage::Arm => "it is being armed",
                 Stage::Climb => "it climbs",
-                Stage::Command => "it is asked to take our orders",
+                Stage::Command => "it is requested to take our orders",
             }
             .into();
         }
-        if self.heard.airborne(now) {
+        if self.telemetry.airborne(now) {
             return "it is in the air already, and was not taken over".into();
         }
         self.unready(now)
@@ -68,18 +68,18 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
     }
 
-    /// What its own checks before arming say.
+    /// Failures of its own checks before arming.
     pub(super) fn unready(&self, now: f64) -> String {
         let check = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
-        let failed = self.heard.status.as_ref().is_some_and(|status| {
+        let failed = self.telemetry.status.as_ref().is_some_and(|status| {
             status.value.onboard_control_sensors_enabled.contains(check)
                 && !status.value.onboard_control_sensors_health.contains(check)
         });
-        if !failed || self.heard.armed() {
+        if !failed || self.telemetry.armed() {
             return String::new();
         }
-        // They are told every half minute.
-        let complaints: Vec<_> = self.heard.complaints(now - 40.0).take(3).collect();
+        // They are sent every half minute.
+        let complaints: Vec<_> = self.telemetry.complaints(now - 40.0).take(3).collect();
         match complaints.is_empty() {
             true => "its checks before arming fail".into(),
             false => complaints.join("; "),

@@ -1,7 +1,8 @@
+use foxhunt_core::parameter::{FieldError, as_value, positive, require};
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{MavlinkError, config::require};
+use super::MavlinkError;
 
 /// How far outside the fence an aircraft may be before it is brought back, in metres over ground.
 const STRAYED_M: f64 = 2.0;
@@ -9,7 +10,7 @@ const STRAYED_M: f64 = 2.0;
 /// How far beyond the limits of height, in metres.
 const STRAYED_UP_M: f64 = 1.0;
 
-/// Where an aircraft may be sent, whatever its own fence says.
+/// Where an aircraft may be sent, whatever its own fence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FlightLimits {
@@ -19,8 +20,8 @@ pub struct FlightLimits {
     pub min_up_m: f64,
     /// The farthest goal over ground from its launch place, in metres.
     pub fence_radius_m: f64,
-    /// Corners of an area, East and North in metres of the common frame, which neither a goal nor the
-    /// straight way to it leaves; no such area where there are none.
+    /// Corners of an area, East and North in metres of the common frame, which neither a goal nor
+    /// the straight way to it leaves; no such area where there are none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub fence: Vec<[f64; 2]>,
 }
@@ -33,30 +34,21 @@ impl Default for FlightLimits {
 }
 
 impl FlightLimits {
-    pub(super) fn check(&self) -> Result<(), MavlinkError> {
-        let (most, least) = (self.max_up_m, self.min_up_m);
-        require(most.is_finite() && most > 0.0, "limits.max_up_m", most, "a positive number")?;
-        require(
-            least.is_finite() && least < most,
-            "limits.min_up_m",
-            least,
-            "a number below max_up_m",
-        )?;
+    pub(super) fn check(&self) -> Result<(), FieldError> {
+        positive("max_up_m", self.max_up_m)?;
+        let low = self.min_up_m.is_finite() && self.min_up_m < self.max_up_m;
+        require(low, "min_up_m", self.min_up_m, "a number below max_up_m")?;
         let radius = self.fence_radius_m;
-        require(radius > 0.0, "limits.fence_radius_m", radius, "a positive number")?;
+        require(radius > 0.0, "fence_radius_m", radius, "a positive number")?;
         for (i, corner) in self.fence.iter().enumerate() {
-            for value in corner {
-                require(value.is_finite(), &format!("limits.fence[{i}]"), *value, "finite")?;
+            if let Some(value) = corner.iter().find(|value| !value.is_finite()) {
+                return Err(FieldError::new(format!("fence[{i}]"), value, "finite"));
             }
         }
-        #[expect(clippy::cast_precision_loss, reason = "nobody writes so many corners")]
-        let corners = self.fence.len() as f64;
-        require(
-            self.fence.is_empty() || self.fence.len() > 2,
-            "limits.fence",
-            corners,
-            "at least 3 corners",
-        )
+        let corners = self.fence.len();
+        let encloses = corners == 0 || corners > 2;
+        require(encloses, "fence", as_value(corners), "at least 3 corners")?;
+        Ok(())
     }
 
     /// Refuses a height.
@@ -101,8 +93,8 @@ impl FlightLimits {
         }
     }
 
-    /// The nearest place that is permitted, and what is wrong with this one, for an aircraft that is
-    /// farther outside than it may be by the wind and by what its position is good to.
+    /// The nearest place that is permitted, and what is wrong with this one, for an aircraft that
+    /// is farther outside than it may be by the wind and by what its position is good to.
     pub(super) fn strayed(
         &self,
         place: &Vector3<f64>,
@@ -170,6 +162,7 @@ fn crosses(a: Vector2<f64>, b: Vector2<f64>, edge: (Vector2<f64>, Vector2<f64>))
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::MavlinkConfig;
 
     #[test]
     fn goals_and_ways_stay_inside() {
@@ -234,7 +227,8 @@ mod tests {
             (FlightLimits { fence_radius_m: -1.0, ..FlightLimits::default() }, "fence_radius_m"),
             (FlightLimits { fence: vec![[0.0; 2]; 2], ..FlightLimits::default() }, "limits.fence"),
         ] {
-            let error = limits.check().expect_err("outside").to_string();
+            let config = MavlinkConfig { limits, ..MavlinkConfig::default() };
+            let error = config.check().expect_err("outside").to_string();
             assert!(error.contains(field), "{error}");
         }
     }

@@ -60,7 +60,7 @@ impl<S: ByteStream> Link<S> {
         Ok(reopened)
     }
 
-    /// Says a message. Where nobody has spoken to our port yet there is nobody to say it to.
+    /// Sends a message. Until something has come to our port there is no address to send it to.
     pub(super) fn send(&mut self, now: f64, message: &MavMessage) -> io::Result<()> {
         let bytes = self.codec.encode(message, self.clock_origin_unix_s + now);
         match self.stream.send(&bytes) {

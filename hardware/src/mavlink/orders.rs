@@ -1,6 +1,6 @@
 use foxhunt_wire::mavlink::dialect::{COMMAND_LONG_DATA, MavCmd, MavResult};
 
-/// An order that is given until it is answered and its effect is seen.
+/// An order that is given until it is answered and has its effect.
 #[derive(Clone, Debug)]
 pub(super) struct Order {
     pub(super) command: COMMAND_LONG_DATA,
@@ -18,7 +18,7 @@ pub(super) enum Step {
     Failed(String),
 }
 
-/// How many time-outs the effect of an accepted order may take to be seen.
+/// How many time-outs the effect of an accepted order may take.
 const SETTLING: f64 = 3.0;
 
 impl Order {
@@ -58,7 +58,7 @@ impl Order {
         self.answer.is_some() && !self.accepted()
     }
 
-    /// What to do while its effect is not seen.
+    /// What to do while it has no effect.
     pub(super) fn advance(&mut self, now: f64, timeout: f64, attempts: u32) -> Step {
         if self.answer == Some(MavResult::MAV_RESULT_UNSUPPORTED) {
             return Step::Failed("the autopilot does not know this order".into());

@@ -9,7 +9,7 @@ pub(super) enum Phase {
     TakingOff { up: f64, stage: Stage, since: f64 },
     /// In the mode of our orders, going where it is sent.
     Flying,
-    /// It is asked for the mode of our orders again.
+    /// It is requested to take the mode of our orders again.
     TakingOver,
     /// Landing where it is.
     Landing,
@@ -53,9 +53,9 @@ pub(super) struct Goal {
     pub(super) nose: Nose,
     /// Whether the autopilot has shown that it knows.
     pub(super) confirmed: bool,
-    /// When it was said last.
+    /// When it was sent last.
     pub(super) sent: f64,
-    /// How often it was said.
+    /// How often it was sent.
     pub(super) times: u32,
 }
 
@@ -73,7 +73,7 @@ impl Goal {
         Self { place, nose, confirmed: false, sent: f64::NEG_INFINITY, times: 0 }
     }
 
-    /// Whether it was never said in this form.
+    /// Whether it was never sent in this form.
     pub(super) fn is_new(&self) -> bool {
         self.times == 0
     }

@@ -1,7 +1,7 @@
 use foxhunt_wire::mavlink::{Autopilot, dialect::GpsFixType};
 use nalgebra::Vector3;
 
-use super::{PositionRequirements, heard::Heard};
+use super::{PositionRequirements, telemetry::Telemetry};
 
 /// Attitude, velocities and both horizontal positions of the estimator.
 const GOOD: u16 = 0x1F;
@@ -12,28 +12,28 @@ const BAD: u16 = 0x480;
 /// How old what is judged may be, in seconds.
 const OLD_S: f64 = 5.0;
 
-/// Whether the autopilot's estimator knows where it is; else what it says.
-pub(super) fn estimator(heard: &Heard, now: f64) -> Result<(), String> {
-    match heard.estimator.filter(|flags| now - flags.at < OLD_S) {
+/// Whether the autopilot's estimator knows where it is; else what its flags lack.
+pub(super) fn estimator(telemetry: &Telemetry, now: f64) -> Result<(), String> {
+    match telemetry.estimator.filter(|flags| now - flags.at < OLD_S) {
         Some(flags) if flags.value & BAD != 0 || flags.value & GOOD != GOOD => {
             Err(format!("the estimator's flags are {:#06x}", flags.value))
         }
         Some(_) => Ok(()),
         // Not every PX4 link has its estimator's status; the position alone has to do.
-        None if heard.autopilot() == Autopilot::Px4 => Ok(()),
-        None => Err("nothing was heard of the estimator yet".into()),
+        None if telemetry.autopilot() == Autopilot::Px4 => Ok(()),
+        None => Err("nothing was received of the estimator yet".into()),
     }
 }
 
 /// Whether the position is good enough for a take-off; else what is not.
 pub(super) fn for_take_off(
-    heard: &Heard,
+    telemetry: &Telemetry,
     wanted: &PositionRequirements,
     now: f64,
 ) -> Result<(), String> {
-    estimator(heard, now)?;
-    let fresh = heard.gps.as_ref().filter(|gps| now - gps.at < OLD_S);
-    let gps = &fresh.ok_or("nothing was heard of the GPS yet")?.value;
+    estimator(telemetry, now)?;
+    let fresh = telemetry.gps.as_ref().filter(|gps| now - gps.at < OLD_S);
+    let gps = &fresh.ok_or("nothing was received of the GPS yet")?.value;
     if (gps.fix_type as u32) < u32::from(wanted.fix_type) {
         return Err(format!(
             "the fix is {} ({}); position.fix_type is {}",
@@ -55,8 +55,8 @@ pub(super) fn for_take_off(
             wanted.horizontal_accuracy_m
         ));
     }
-    if heard.position.as_ref().is_none_or(|position| now - position.at > OLD_S) {
-        return Err("nothing was heard of its place yet".into());
+    if telemetry.position.as_ref().is_none_or(|position| now - position.at > OLD_S) {
+        return Err("nothing was received of its place yet".into());
     }
     Ok(())
 }
@@ -76,25 +76,25 @@ pub(super) fn fix_name(fix: GpsFixType) -> &'static str {
     }
 }
 
-/// An accuracy in metres, where one is told.
+/// An accuracy in metres, where one is reported.
 fn accuracy_m(mm: u32) -> Option<f64> {
     (mm > 0 && mm < u32::MAX).then(|| f64::from(mm) * 1e-3)
 }
 
-/// σ of a range to a satellite, in metres, by which a dilution of precision is multiplied: what single
-/// frequency receivers have in the open (Kaplan & Hegarty 2017, §10).
+/// σ of a range to a satellite, in metres, by which a dilution of precision is multiplied: what
+/// single frequency receivers have in the open (Kaplan & Hegarty 2017, §10).
 const RANGE_SIGMA_M: f64 = 2.5;
 
-/// How fast a place is forgotten that nothing was heard of, in metres per second.
+/// How fast a place is forgotten that nothing was received of, in metres per second.
 const DRIFT_MPS: f64 = 2.0;
 
-/// σ of East, North and Up in metres, as the GPS has them; `None` where it says nothing.
+/// σ of East, North and Up in metres, as the GPS has them; `None` where it sends nothing.
 ///
-/// An accuracy that the receiver tells is taken for each axis. Without one, dilution of precision
-/// times σ of a range, which RTK makes smaller. Without a fix in space everything is ten times worse.
-/// What is older than `old_s` counts for less the older it is.
-pub(super) fn position_sigma(heard: &Heard, now: f64, old_s: f64) -> Option<Vector3<f64>> {
-    let message = heard.gps.as_ref()?;
+/// An accuracy that the receiver reports is taken for each axis. Without one, dilution of precision
+/// times σ of a range, which RTK makes smaller. Without a fix in space everything is ten times
+/// worse. What is older than `old_s` counts for less the older it is.
+pub(super) fn position_sigma(telemetry: &Telemetry, now: f64, old_s: f64) -> Option<Vector3<f64>> {
+    let message = telemetry.gps.as_ref()?;
     let (gps, age) = (&message.value, now - message.at);
     let drift = if age > old_s { DRIFT_MPS * age } else { 0.0 };
     let (range, poor) = match gps.fix_type {
@@ -118,9 +118,9 @@ mod tests {
     use foxhunt_wire::mavlink::dialect::GPS_RAW_INT_DATA;
 
     use super::*;
-    use crate::mavlink::heard::Timed;
+    use crate::mavlink::telemetry::Timed;
 
-    fn heard(fix_type: GpsFixType, h_acc: u32, eph: u16) -> Heard {
+    fn telemetry(fix_type: GpsFixType, h_acc: u32, eph: u16) -> Telemetry {
         let value = GPS_RAW_INT_DATA {
             fix_type,
             h_acc,
@@ -129,23 +129,23 @@ mod tests {
             satellites_visible: 9,
             ..GPS_RAW_INT_DATA::default()
         };
-        Heard { gps: Some(Timed { at: 1.0, value }), ..Heard::default() }
+        Telemetry { gps: Some(Timed { at: 1.0, value }), ..Telemetry::default() }
     }
 
     #[test]
-    fn a_poor_fix_is_told_by_its_sigma() {
+    fn a_poor_fix_has_a_large_sigma() {
         let sigma = |fix, h_acc, eph| {
-            let sigma = position_sigma(&heard(fix, h_acc, eph), 1.4, 1.0).expect("a GPS");
+            let sigma = position_sigma(&telemetry(fix, h_acc, eph), 1.4, 1.0).expect("a GPS");
             [sigma.x, sigma.y, sigma.z]
         };
         let close = |a: [f64; 3], b: [f64; 3]| a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-12);
-        assert!(position_sigma(&Heard::default(), 1.0, 1.0).is_none());
+        assert!(position_sigma(&Telemetry::default(), 1.0, 1.0).is_none());
         let in_space = GpsFixType::GPS_FIX_TYPE_3D_FIX;
-        let old = position_sigma(&heard(in_space, 800, 90), 11.0, 1.0).expect("a GPS");
+        let old = position_sigma(&telemetry(in_space, 800, 90), 11.0, 1.0).expect("a GPS");
         assert!((old.x - 20.0_f64.hypot(0.8)).abs() < 1e-9, "ten seconds old: {old}");
         assert!(close(sigma(in_space, 800, 90), [0.8, 0.8, 6.25]));
         assert!(close(sigma(in_space, 0, 90), [2.25, 2.25, 6.25]), "dilution times 2.5 m");
-        assert!(close(sigma(in_space, u32::MAX, u16::MAX), [3.75, 3.75, 6.25]), "nothing told");
+        assert!(close(sigma(in_space, u32::MAX, u16::MAX), [3.75, 3.75, 6.25]), "nothing reported");
         let fixed = GpsFixType::GPS_FIX_TYPE_RTK_FIXED;
         assert!(close(sigma(fixed, 0, 100), [0.02, 0.02, 0.05]));
         let flat = GpsFixType::GPS_FIX_TYPE_2D_FIX;
@@ -153,8 +153,8 @@ mod tests {
     }
 
     #[test]
-    fn flags_say_what_hardware_says_they_do() {
-        let mut heard = heard(GpsFixType::GPS_FIX_TYPE_3D_FIX, 800, 90);
+    fn flags_are_those_of_the_hardware() {
+        let mut telemetry = telemetry(GpsFixType::GPS_FIX_TYPE_3D_FIX, 800, 90);
         for (flags, good) in [
             (0x33F, true),
             (0x01F, true),
@@ -163,16 +163,16 @@ mod tests {
             (0x41F, false),
             (0x000, false),
         ] {
-            heard.estimator = Some(Timed { at: 10.0, value: flags });
-            assert_eq!(estimator(&heard, 11.0).is_ok(), good, "{flags:#x}");
+            telemetry.estimator = Some(Timed { at: 10.0, value: flags });
+            assert_eq!(estimator(&telemetry, 11.0).is_ok(), good, "{flags:#x}");
         }
-        heard.estimator = Some(Timed { at: 10.0, value: 0x33F });
-        assert!(estimator(&heard, 16.0).is_err(), "an old word");
+        telemetry.estimator = Some(Timed { at: 10.0, value: 0x33F });
+        assert!(estimator(&telemetry, 16.0).is_err(), "an old word");
         let wanted = PositionRequirements::default();
-        let why = for_take_off(&heard, &wanted, 11.0).expect_err("the GPS is old");
+        let why = for_take_off(&telemetry, &wanted, 11.0).expect_err("the GPS is old");
         assert!(why.contains("GPS"), "{why}");
         let few = PositionRequirements { satellites: 12, ..wanted };
-        let why = for_take_off(&heard, &few, 5.5).expect_err("too few");
+        let why = for_take_off(&telemetry, &few, 5.5).expect_err("too few");
         assert_eq!(why, "9 satellites; position.satellites is 12");
     }
 }

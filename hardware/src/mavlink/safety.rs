@@ -1,5 +1,5 @@
-//! What an aircraft does that is called down, taken, or heard badly, against an ArduCopter that does
-//! as it is told.
+//! Flights that are called down, taken over, or poorly received, against an ArduCopter that
+//! obeys.
 
 use std::{cell::Cell, rc::Rc};
 
@@ -85,7 +85,7 @@ impl Copter {
         } else {
             MavLandedState::MAV_LANDED_STATE_ON_GROUND
         };
-        let told = [
+        let messages = [
             MavMessage::HEARTBEAT(HEARTBEAT_DATA {
                 custom_mode: self.mode,
                 mavtype: MavType::MAV_TYPE_QUADROTOR,
@@ -98,6 +98,9 @@ impl Copter {
                 lat: 480_000_000 + (self.north_m / 111_320.0 * 1e7) as i32,
                 lon: 110_000_000,
                 relative_alt: (self.up * 1e3) as i32,
+                vx: 150,
+                vy: -70,
+                vz: 25,
                 ..Default::default()
             }),
             MavMessage::ATTITUDE(ATTITUDE_DATA { yaw: self.yaw, ..Default::default() }),
@@ -116,12 +119,12 @@ impl Copter {
                 ..Default::default()
             }),
         ];
-        for message in told {
-            self.say(&message);
+        for message in messages {
+            self.send(&message);
         }
     }
 
-    fn say(&mut self, message: &MavMessage) {
+    fn send(&mut self, message: &MavMessage) {
         let bytes = self.codec.encode(message, self.now.get());
         self.stream.send(&bytes).expect("memory");
     }
@@ -162,7 +165,7 @@ impl Copter {
             let result =
                 if refused { MavResult::MAV_RESULT_DENIED } else { MavResult::MAV_RESULT_ACCEPTED };
             let command = order.command;
-            self.say(&MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+            self.send(&MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
                 command,
                 result,
                 ..Default::default()
@@ -191,7 +194,7 @@ impl Copter {
     }
 
     fn count(&self, order: MavCmd, first: u32) -> usize {
-        self.orders.iter().filter(|heard| **heard == (order, first)).count()
+        self.orders.iter().filter(|sent| **sent == (order, first)).count()
     }
 
     /// Runs until an order has come.
@@ -235,7 +238,7 @@ fn a_take_off_is_called_off_at_every_stage() {
         field.run(20.0);
         assert!(!field.armed && field.count(ARM, 0) >= 1 && field.count(CLIMB, 0) == 0);
     }
-    // When the climb was ordered, and it has not said that it climbs: no way up to come back.
+    // When the climb was ordered, and it has not reported that it climbs: no way up to come back.
     let mut field = copter();
     field.driver.take_off(10.0).expect("accepted");
     field.until(CLIMB);
@@ -283,7 +286,7 @@ fn a_landing_outlasts_a_lost_link_and_refusals() {
     field.fly();
     field.speaks = false;
     assert!(!field.run(6.0).commanded);
-    field.driver.land().expect("it is repeated until it is heard");
+    field.driver.land().expect("it is repeated until it arrives");
     field.run(10.0);
     field.speaks = true;
     field.run(3.0);
@@ -319,11 +322,11 @@ fn whatever_we_did_not_order_is_the_pilots() {
     field.driver.land().expect("accepted");
     field.run(2.0);
     assert_eq!(field.mode, LAND);
-    let said = field.goals;
+    let sent = field.goals;
     for mode in [LOITER, GUIDED] {
         field.mode = mode;
         field.run(3.0);
-        assert!(field.mode == mode && field.goals == said, "nothing is sent to the pilot's");
+        assert!(field.mode == mode && field.goals == sent, "nothing is sent to the pilot's");
         assert!(field.driver.return_to_launch().is_err());
     }
     // After a lost link.
@@ -346,7 +349,7 @@ fn it_is_kept_inside_and_its_take_off_too() {
     assert!(field.run(5.0).hindrance.contains("outside the fence") && !field.armed);
     field.north_m = 0.0;
     field.tick();
-    // Its height counts from where it is armed, whatever it said before.
+    // Its height counts from where it is armed, whatever it reported before.
     field.up = -3.0;
     field.fly();
     assert!((field.driver.goal.expect("a goal").place.z - 10.0).abs() < 1e-9);
@@ -365,22 +368,29 @@ fn it_is_kept_inside_and_its_take_off_too() {
 }
 
 #[test]
+fn a_pose_has_the_velocity_of_its_position() {
+    let mut field = copter();
+    let velocity = field.driver.pose().expect("a pose").velocity.expect("always sent");
+    assert!((velocity - Vector3::new(-0.7, 1.5, -0.25)).norm() < 1e-12, "{velocity}");
+}
+
+#[test]
 fn old_words_and_no_numbers_do_not_count() {
     let mut field = copter();
     field.fly();
     let now = field.now.get();
-    field.driver.heard.landed.as_mut().expect("told").value =
+    field.driver.telemetry.landed.as_mut().expect("reported").value =
         MavLandedState::MAV_LANDED_STATE_ON_GROUND;
-    assert!(!field.driver.heard.airborne(now + 2.9), "its word");
-    assert!(field.driver.heard.airborne(now + 3.1), "armed and 10 m up");
+    assert!(!field.driver.telemetry.airborne(now + 2.9), "its word");
+    assert!(field.driver.telemetry.airborne(now + 3.1), "armed and 10 m up");
     field.yaw = f32::NAN;
     field.tick();
     assert!(field.driver.pose().expect_err("no number").to_string().contains("no number"));
 }
 
 #[test]
-fn a_signed_link_hears_its_radio() {
-    // RADIO_STATUS of MAVLink 1 with an RSSI of 201, as SiK radios say it.
+fn a_signed_link_has_its_radios_reports() {
+    // RADIO_STATUS of MAVLink 1 with an RSSI of 201, as SiK radios send it.
     const OLD: [u8; 17] = [
         0xfe, 0x09, 0x01, 0x33, 0x44, 0x6d, 0x00, 0x00, 0x00, 0x00, 0xc9, 0x00, 0x00, 0x00, 0x00,
         0xfa, 0x85,
@@ -388,12 +398,12 @@ fn a_signed_link_hears_its_radio() {
     let key = SigningKey::new([1; 32]);
     let signing = Some(MavlinkSigning { key, link_id: 0 });
     let mut field = Copter::of(MavlinkConfig { signing, ..MavlinkConfig::default() });
-    assert!(field.driver.heard.who.is_none(), "nothing unsigned of an autopilot counts");
-    field.say(&MavMessage::RADIO_STATUS(RADIO_STATUS_DATA { rssi: 200, ..Default::default() }));
+    assert!(field.driver.telemetry.who.is_none(), "nothing unsigned of an autopilot counts");
+    field.send(&MavMessage::RADIO_STATUS(RADIO_STATUS_DATA { rssi: 200, ..Default::default() }));
     field.tick();
     assert_eq!(field.driver.radio_status().map(|radio| radio.rssi), Some(200));
     field.stream.send(&OLD).expect("memory");
     field.tick();
     assert_eq!(field.driver.radio_status().map(|radio| radio.rssi), Some(201));
-    assert!(field.driver.heard.who.is_none());
+    assert!(field.driver.telemetry.who.is_none());
 }

@@ -10,8 +10,8 @@ use foxhunt_wire::mavlink::{
 use nalgebra::Vector3;
 
 use super::{
-    heard::{Heard, Timed},
     phase::{Goal, Nose},
+    telemetry::{Telemetry, Timed},
 };
 
 /// Velocities, accelerations and the yaw rate are not given: place and yaw are (0x9F8).
@@ -26,7 +26,7 @@ const MOST_FORWARD_S: f64 = 0.5;
 /// How close the autopilot's own target is to ours when it is the same, in metres.
 const SAME_M: f64 = 1.0;
 
-/// The message that asks for a goal.
+/// The message that orders a goal.
 pub(super) fn message(frame: &CommonFrame, goal: &Goal, who: (u8, u8), now: f64) -> MavMessage {
     let (lat_deg, lon_deg) = frame.to_degrees(&goal.place);
     let (mask, yaw, yaw_rate) = match goal.nose {
@@ -68,23 +68,23 @@ pub(super) fn is_target(
 }
 
 /// Height of the launch place above sea level, in metres.
-pub(super) fn launch_alt(heard: &Heard) -> Option<f64> {
-    let position = &heard.position.as_ref()?.value;
+pub(super) fn launch_alt(telemetry: &Telemetry) -> Option<f64> {
+    let position = &telemetry.position.as_ref()?.value;
     Some(f64::from(position.alt - position.relative_alt) * 1e-3)
 }
 
 /// East, North and Up in metres per second.
-pub(super) fn velocity(heard: &Heard) -> Vector3<f64> {
+pub(super) fn velocity(telemetry: &Telemetry) -> Vector3<f64> {
     let position =
-        heard.position.as_ref().map(|position| position.value.clone()).unwrap_or_default();
+        telemetry.position.as_ref().map(|position| position.value.clone()).unwrap_or_default();
     let [north, east, down] = [position.vx, position.vy, position.vz].map(|v| f64::from(v) * 0.01);
     ned_of_enu(&Vector3::new(north, east, down))
 }
 
-/// Where it is and how it is turned at the time `now`: carried forward from when it said so, over half
+/// Where it is and how it is turned at the time `now`: carried forward from its report, over half
 /// a second at most.
-pub(super) fn pose(frame: &CommonFrame, heard: &Heard, now: f64) -> Option<Pose> {
-    let (position, attitude) = (heard.position.as_ref()?, heard.attitude.as_ref()?);
+pub(super) fn pose(frame: &CommonFrame, telemetry: &Telemetry, now: f64) -> Option<Pose> {
+    let (position, attitude) = (telemetry.position.as_ref()?, telemetry.attitude.as_ref()?);
     let since = |at: f64| (now - at).clamp(0.0, MOST_FORWARD_S);
     let place = frame.to_local(
         degrees_of_e7(position.value.lat),
@@ -97,10 +97,12 @@ pub(super) fn pose(frame: &CommonFrame, heard: &Heard, now: f64) -> Option<Pose>
     // Body rates as the rate of the yaw angle; near the vertical there is none.
     let yaw_rate = (roll.sin() * pitching + roll.cos() * turning) / pitch.cos().max(0.1);
     let yaw = f64::from(attitude.yaw) + yaw_rate * since(*at);
+    let velocity = velocity(telemetry);
     Some(Pose {
-        position: place + velocity(heard) * since(position.at),
+        position: place + velocity * since(position.at),
         heading: heading_of_yaw(yaw),
         pitch,
         roll,
+        velocity: Some(velocity),
     })
 }

@@ -9,7 +9,7 @@ use foxhunt_wire::mavlink::{
 
 use super::{MavlinkConfig, orders::Order};
 
-/// What the autopilot is asked to tell regularly, and asked for again when it stops.
+/// Messages that the autopilot is requested to send regularly.
 #[derive(Debug)]
 pub(super) struct Streams {
     wanted: Vec<Wanted>,
@@ -19,8 +19,8 @@ pub(super) struct Streams {
 struct Wanted {
     message: u32,
     period_s: f64,
-    heard: f64,
-    asked: f64,
+    received: f64,
+    requested: f64,
     /// How often in vain.
     vain: u32,
 }
@@ -28,7 +28,7 @@ struct Wanted {
 /// Home moves seldom.
 const HOME_PERIOD_S: f64 = 2.0;
 
-/// What does not come after so many questions is asked for less often.
+/// What does not come after so many questions is requested less often.
 const PATIENCE: u32 = 5;
 
 impl Streams {
@@ -54,25 +54,26 @@ impl Streams {
             .map(|(message, period_s)| Wanted {
                 message,
                 period_s,
-                heard: never,
-                asked: never,
+                received: never,
+                requested: never,
                 vain: 0,
             })
             .collect();
         Self { wanted }
     }
 
-    pub(super) fn heard(&mut self, now: f64, message: &MavMessage) {
+    pub(super) fn received(&mut self, now: f64, message: &MavMessage) {
         let id = message.message_id();
         if let Some(wanted) = self.wanted.iter_mut().find(|wanted| wanted.message == id) {
-            (wanted.heard, wanted.vain) = (now, 0);
+            (wanted.received, wanted.vain) = (now, 0);
         }
     }
 
-    /// The autopilot may have been reset: everything is asked for again at once.
+    /// The autopilot may have been reset: everything is requested again at once.
     pub(super) fn restart(&mut self) {
         for wanted in &mut self.wanted {
-            (wanted.heard, wanted.asked, wanted.vain) = (f64::NEG_INFINITY, f64::NEG_INFINITY, 0);
+            (wanted.received, wanted.requested, wanted.vain) =
+                (f64::NEG_INFINITY, f64::NEG_INFINITY, 0);
         }
     }
 
@@ -80,10 +81,10 @@ impl Streams {
     pub(super) fn due(&mut self, now: f64) -> Vec<Order> {
         let mut orders = Vec::new();
         for wanted in &mut self.wanted {
-            let missing = now - wanted.heard > 3.0 * wanted.period_s + 1.0;
+            let missing = now - wanted.received > 3.0 * wanted.period_s + 1.0;
             let patience = if wanted.vain < PATIENCE { 1.0 } else { 10.0 };
-            if missing && now - wanted.asked > patience + wanted.period_s {
-                wanted.asked = now;
+            if missing && now - wanted.requested > patience + wanted.period_s {
+                wanted.requested = now;
                 wanted.vain = wanted.vain.saturating_add(1);
                 #[expect(
                     clippy::cast_possible_truncation,

@@ -12,7 +12,7 @@ use super::{
     quality, setpoint,
 };
 
-/// Set-points go to PX4 for so long before it is asked for OFFBOARD, in seconds.
+/// Set-points go to PX4 for so long before OFFBOARD is requested, in seconds.
 const BEFORE_OFFBOARD_S: f64 = 1.0;
 
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
@@ -27,7 +27,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         let late = |limit: f64| now - since > limit;
         match stage {
             Stage::Position => {
-                match quality::for_take_off(&self.heard, &self.config.position, now) {
+                match quality::for_take_off(&self.telemetry, &self.config.position, now) {
                     Err(why) if late(self.config.position_timeout_s) => {
                         self.give_up(now, "the take-off", &why);
                     }
@@ -44,9 +44,9 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             }
             Stage::Mode => {
                 let next = Phase::TakingOff { up, stage: Stage::Arm, since: now };
-                self.ask_mode(now, autopilot.before_take_off(), next)
+                self.request_mode(now, autopilot.before_take_off(), next)
             }
-            Stage::Arm if self.heard.armed() => {
+            Stage::Arm if self.telemetry.armed() => {
                 // Its home is where it was armed.
                 match self.first_goal(now, up) {
                     Ok(()) => self.stage(now, up, Stage::Climb),
@@ -67,11 +67,11 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 Ok(())
             }
             Stage::Climb => {
-                if !self.heard.armed() {
+                if !self.telemetry.armed() {
                     self.ordered = Ordered::Nothing;
                     self.give_up(now, "the take-off", "the motors were stopped");
                 } else if self
-                    .heard
+                    .telemetry
                     .up()
                     .is_some_and(|at| at >= up - self.config.take_off_tolerance_m)
                 {
@@ -86,7 +86,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                     // PX4 wants the height above sea level.
                     let height = match autopilot {
                         Autopilot::ArduPilot => up,
-                        Autopilot::Px4 => up + setpoint::launch_alt(&self.heard).unwrap_or(0.0),
+                        Autopilot::Px4 => up + setpoint::launch_alt(&self.telemetry).unwrap_or(0.0),
                     };
                     let height = single(height);
                     let (none, nan) = (0.0, f32::NAN);
@@ -112,18 +112,18 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 Ok(())
             }
             Stage::Command => {
-                let Some((system, component, _)) = self.heard.who else { return Ok(()) };
-                self.say_goal(now, (system, component))?;
+                let Some((system, component, _)) = self.telemetry.who else { return Ok(()) };
+                self.send_goal(now, (system, component))?;
                 if !late(BEFORE_OFFBOARD_S) {
                     return Ok(());
                 }
-                self.ask_mode(now, autopilot.commanded(), Phase::Flying)
+                self.request_mode(now, autopilot.commanded(), Phase::Flying)
             }
         }
     }
 
-    /// Where it is to be after the climb: above where it stands. Left as it is while no fresh pose is
-    /// heard.
+    /// Where it is to be after the climb: above where it stands. Left as it is while no fresh pose
+    /// arrives.
     fn first_goal(&mut self, now: f64, up: f64) -> Result<(), MavlinkError> {
         let Ok(pose) = self.fresh_pose(now) else { return Ok(()) };
         let [east, north] = pose.position.xy().into();
@@ -134,21 +134,23 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         Ok(())
     }
 
-    /// Ends a take-off for good: lands what climbs, and stops the motors of what stands on the ground.
+    /// Ends a take-off for good: lands what climbs, and stops the motors of what stands on the
+    /// ground.
     pub(super) fn give_up(&mut self, now: f64, what: &str, why: &str) {
         self.explain(now, what, why);
         self.end_take_off(now, Phase::Landing);
     }
 
-    /// Whether it is in the air, or may climb by our order before it says so.
+    /// Whether it is in the air, or may climb by our order before it reports that.
     pub(super) fn may_climb(&self, now: f64) -> bool {
-        self.heard.airborne(now) || (self.ordered == Ordered::Climb && self.heard.armed())
+        self.telemetry.airborne(now) || (self.ordered == Ordered::Climb && self.telemetry.armed())
     }
 
-    /// Has it come down if it may be in the air, and its motors stopped if we may have started them.
+    /// Has it come down if it may be in the air, and its motors stopped if we may have started
+    /// them.
     pub(super) fn end_take_off(&mut self, now: f64, phase: Phase) {
         (self.goal, self.turning, self.order) = (None, None, None);
-        if self.heard.airborne(now) {
+        if self.telemetry.airborne(now) {
             self.begin_coming_down(phase);
         } else if self.may_climb(now) {
             // Coming back would climb first.
@@ -165,10 +167,10 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     /// Stops the motors after a take-off that was ended on the ground.
     pub(super) fn disarm_further(&mut self, now: f64) -> Result<(), MavlinkError> {
         let Some(order) = &self.order else { return Ok(()) };
-        if self.heard.airborne(now) {
-            // It has climbed before it was told.
+        if self.telemetry.airborne(now) {
+            // It has climbed before it was ordered to.
             self.begin_coming_down(Phase::Landing);
-        } else if order.accepted() && !self.heard.armed() {
+        } else if order.accepted() && !self.telemetry.armed() {
             (self.order, self.ordered) = (None, Ordered::Nothing);
         } else if let Some(why) = self.give(now)? {
             self.explain(now, "stopping its motors", &why);

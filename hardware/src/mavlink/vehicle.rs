@@ -8,39 +8,40 @@ use nalgebra::Vector3;
 
 use super::{
     MavlinkConfig, MavlinkError, RadioStatus,
-    heard::Heard,
     link::Link,
     orders::Order,
     phase::{Goal, Nose, Ordered, Phase, Stage},
     quality, setpoint,
     streams::Streams,
+    telemetry::Telemetry,
 };
 use crate::{Aircraft, AircraftState};
 
 /// An ArduCopter or a PX4 multicopter behind any stream of bytes.
 ///
-/// It is served whenever it is asked for anything, which is to be several times a second. East and
+/// It is served in every call, which is to be several times a second. East and
 /// North count from the common origin, Up from its own launch place.
 ///
-/// **Who flies.** It is ours from the end of a [`take_off`](Aircraft::take_off) until it is landed or
-/// returned, until its link is lost, or until its mode is one that we did not order: the pilot's, or a
-/// failsafe's. From that moment nothing is sent but heartbeats and questions, and orders are errors. It is
-/// ours again when the pilot has given the mode back (GUIDED, or with PX4 HOLD) *and*
-/// [`take_over`](Self::take_over) is called; it then stays where it is until it is sent somewhere.
+/// **Who flies.** It is ours from the end of a [`take_off`](Aircraft::take_off) until it is landed
+/// or returned, until its link is lost, or until its mode is one that we did not order: the
+/// pilot's, or a failsafe's. From that moment nothing is sent but heartbeats and questions, and
+/// orders are errors. It is ours again when the pilot has given the mode back (GUIDED, or with PX4
+/// HOLD) *and* [`take_over`](Self::take_over) is called; it then stays where it is until it is sent
+/// somewhere.
 #[derive(Debug)]
 pub struct MavlinkVehicle<S, C> {
     pub(super) config: MavlinkConfig,
     pub(super) link: Link<S>,
     pub(super) clock: C,
-    pub(super) heard: Heard,
+    pub(super) telemetry: Telemetry,
     pub(super) streams: Option<Streams>,
     pub(super) frame: Option<CommonFrame>,
-    /// Where it stood at take-off, where it does not tell its home.
+    /// Where it stood at take-off, where it does not send its home.
     pub(super) launch: Option<Vector3<f64>>,
     pub(super) phase: Phase,
     pub(super) ordered: Ordered,
-    /// The mode in which a take-off began, or in which it was ordered to come down until it was seen
-    /// to.
+    /// The mode in which a take-off began, or in which it was ordered to come down until it was
+    /// observed to.
     pub(super) leaving: Option<FlightMode>,
     /// How it is outside the limits while it is.
     pub(super) strayed: Option<String>,
@@ -51,7 +52,7 @@ pub struct MavlinkVehicle<S, C> {
     pub(super) turning: Option<Order>,
     /// Why a take-off or an order was given up.
     pub(super) failure: String,
-    pub(super) version_asked: f64,
+    pub(super) version_requested: f64,
 }
 
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
@@ -70,7 +71,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             link: Link::new(&config, stream),
             config,
             clock,
-            heard: Heard::default(),
+            telemetry: Telemetry::default(),
             streams: None,
             frame,
             launch: None,
@@ -82,35 +83,35 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             order: None,
             turning: None,
             failure: String::new(),
-            version_asked: f64::NEG_INFINITY,
+            version_requested: f64::NEG_INFINITY,
         })
     }
 
     /// Tells when the clock was 0, in seconds of UNIX time
-    /// ([`SystemClock::started_unix_s`](crate::SystemClock::started_unix_s)): signatures carry the time,
-    /// and autopilots refuse those that are a minute old.
+    /// ([`SystemClock::started_unix_s`](crate::SystemClock::started_unix_s)): signatures carry the
+    /// time, and autopilots refuse those that are a minute old.
     #[must_use]
     pub fn with_clock_origin(mut self, unix_s: f64) -> Self {
         self.link.clock_origin_unix_s = unix_s;
         self
     }
 
-    /// Hands what the SiK radio of the link says of itself on to a [`SikRadio`](crate::SikRadio).
+    /// Passes reports of the link's SiK radio on to a [`SikRadio`](crate::SikRadio).
     #[cfg(feature = "receivers")]
     #[must_use]
     pub fn with_radio_reports(mut self, feed: crate::SikFeed) -> Self {
-        self.heard.feed = Some(feed);
+        self.telemetry.feed = Some(feed);
         self
     }
 
-    /// Asks for it again after the pilot or a lost link had it. It stays where it is until it is sent
-    /// somewhere, or until it is told to take off. Without effect while it is ours, and while it comes
-    /// down by our order.
+    /// Asks for it again after the pilot or a lost link had it. It stays where it is until it is
+    /// sent somewhere, or until it is ordered to take off. Without effect while it is ours, and
+    /// while it comes down by our order.
     ///
     /// # Errors
     ///
-    /// [`MavlinkError::NotCommanded`] while the pilot has not given the mode back; the link, where that
-    /// fails.
+    /// [`MavlinkError::NotCommanded`] while the pilot has not given the mode back; the link, where
+    /// that fails.
     pub fn take_over(&mut self) -> Result<(), MavlinkError> {
         let now = self.serve()?;
         if !matches!(self.phase, Phase::Idle | Phase::Taken { .. }) {
@@ -118,9 +119,9 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
         self.check_link(now)?;
         let refused = |why: String| Err(MavlinkError::NotCommanded { why });
-        let autopilot = self.heard.autopilot();
+        let autopilot = self.telemetry.autopilot();
         let given_back = [autopilot.commanded(), autopilot.before_take_off()];
-        let mode = self.heard.mode();
+        let mode = self.telemetry.mode();
         if !mode.is_some_and(|mode| given_back.contains(&mode)) {
             return refused(format!(
                 "the pilot has it in {}, and gives it back by {}",
@@ -128,7 +129,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 autopilot.before_take_off()
             ));
         }
-        if !self.heard.airborne(now) {
+        if !self.telemetry.airborne(now) {
             self.enter(Phase::Idle);
             return Ok(());
         }
@@ -145,7 +146,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     ///
     /// # Errors
     ///
-    /// As [`go_to`](Vehicle::go_to), and [`MavlinkError::Heading`] for a heading that is not finite.
+    /// As [`go_to`](Vehicle::go_to), and [`MavlinkError::Heading`] for a heading that is not
+    /// finite.
     pub fn turn_to(&mut self, heading: f64) -> Result<(), MavlinkError> {
         if !heading.is_finite() {
             return Err(MavlinkError::Heading { heading });
@@ -157,8 +159,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.advance(now)
     }
 
-    /// Whether the nose is where it was ordered to, within the configured tolerance; `false` while it
-    /// turns at a rate.
+    /// Whether the nose is where it was ordered to, within the configured tolerance; `false` while
+    /// it turns at a rate.
     ///
     /// # Errors
     ///
@@ -182,15 +184,15 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.frame.map(|frame| frame.origin())
     }
 
-    /// What a telemetry radio on the link said last, where there is one.
+    /// Last report of a telemetry radio on the link, where there is one.
     #[must_use]
     pub fn radio_status(&self) -> Option<RadioStatus> {
-        self.heard.radio
+        self.telemetry.radio
     }
 
     /// What the autopilot wrote last, the newest first.
     pub fn texts(&self) -> impl Iterator<Item = &str> {
-        self.heard.texts.iter().rev().map(|text| text.value.1.as_str())
+        self.telemetry.texts.iter().rev().map(|text| text.value.1.as_str())
     }
 
     /// What came over the link, and what was lost of it.
@@ -202,11 +204,11 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     /// Moves data over the link and goes on with what was begun.
     pub(super) fn serve(&mut self) -> Result<f64, MavlinkError> {
         let now = self.clock.now();
-        let Self { heard, streams, config, link, .. } = self;
+        let Self { telemetry, streams, config, link, .. } = self;
         let received = link.receive(now, |frame| {
-            heard.take(now, config, &frame);
+            telemetry.take(now, config, &frame);
             if let Some(streams) = streams {
-                streams.heard(now, &frame.message);
+                streams.received(now, &frame.message);
             }
         });
         if let Ok(true) = received {
@@ -228,11 +230,12 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     pub(super) fn mode_name(&self) -> String {
-        self.heard.mode().map_or_else(|| "an unknown mode".into(), |mode| mode.to_string())
+        self.telemetry.mode().map_or_else(|| "an unknown mode".into(), |mode| mode.to_string())
     }
 
     fn check_link(&self, now: f64) -> Result<(), MavlinkError> {
-        let (silent_s, limit_s) = (self.heard.without_heartbeat(now), self.config.link_timeout_s);
+        let (silent_s, limit_s) =
+            (self.telemetry.without_heartbeat(now), self.config.link_timeout_s);
         if silent_s > limit_s { Err(MavlinkError::Silent { silent_s, limit_s }) } else { Ok(()) }
     }
 
@@ -240,18 +243,18 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     pub(super) fn fresh_pose(&self, now: f64) -> Result<Pose, MavlinkError> {
         self.check_link(now)?;
         let limit_s = self.config.pose_timeout_s;
-        let position = self.heard.position.as_ref().map(|message| message.at);
-        let attitude = self.heard.attitude.as_ref().map(|message| message.at);
+        let position = self.telemetry.position.as_ref().map(|message| message.at);
+        let attitude = self.telemetry.attitude.as_ref().map(|message| message.at);
         for (what, at) in [("position", position), ("attitude", attitude)] {
             let age_s = at.map_or(f64::INFINITY, |at| now - at);
             if age_s > limit_s {
                 return Err(MavlinkError::Stale { what, age_s, limit_s });
             }
         }
-        quality::estimator(&self.heard, now).map_err(|why| MavlinkError::Position { why })?;
+        quality::estimator(&self.telemetry, now).map_err(|why| MavlinkError::Position { why })?;
         let nowhere = || MavlinkError::Position { why: "it has no place yet".into() };
         let frame = self.frame.ok_or_else(nowhere)?;
-        let pose = setpoint::pose(&frame, &self.heard, now).ok_or_else(nowhere)?;
+        let pose = setpoint::pose(&frame, &self.telemetry, now).ok_or_else(nowhere)?;
         let angles = [pose.heading, pose.pitch, pose.roll];
         if pose.position.iter().chain(&angles).all(|value| value.is_finite()) {
             return Ok(pose);
@@ -270,15 +273,15 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Its launch place in the common frame: what it calls home, or where it stood.
     pub(super) fn launch_place(&self) -> Option<Vector3<f64>> {
-        let home = self.heard.home.as_ref().map(|home| &home.value);
-        let told = home.zip(self.frame).map(|(home, frame)| {
+        let home = self.telemetry.home.as_ref().map(|home| &home.value);
+        let known = home.zip(self.frame).map(|(home, frame)| {
             frame.to_local(degrees_of_e7(home.latitude), degrees_of_e7(home.longitude), 0.0)
         });
-        told.or(self.launch)
+        known.or(self.launch)
     }
 }
 
-/// Poses are errors while the link is lost, while what was heard is older than the configuration
+/// Poses are errors while the link is lost, while what came is older than the configuration
 /// allows, and while the autopilot's estimator does not know its place.
 impl<S: ByteStream, C: Clock> Vehicle for MavlinkVehicle<S, C> {
     type Error = MavlinkError;
@@ -290,13 +293,13 @@ impl<S: ByteStream, C: Clock> Vehicle for MavlinkVehicle<S, C> {
 
     fn position_sigma(&self) -> Option<Vector3<f64>> {
         let old_s = (2.0 / self.config.status_rate_hz).max(1.0);
-        quality::position_sigma(&self.heard, self.clock.now(), old_s)
+        quality::position_sigma(&self.telemetry, self.clock.now(), old_s)
     }
 
     /// # Errors
     ///
-    /// [`MavlinkError::NotCommanded`] while it is not ours; the limit that the goal breaks; the link,
-    /// where that fails. The older goal stays then.
+    /// [`MavlinkError::NotCommanded`] while it is not ours; the limit that the goal breaks; the
+    /// link, where that fails. The older goal stays then.
     fn go_to(&mut self, goal: &Waypoint) -> Result<(), MavlinkError> {
         let now = self.serve()?;
         let older = self.commanded_goal(now)?;
@@ -349,20 +352,20 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
     fn state(&mut self) -> Result<AircraftState, MavlinkError> {
         let now = self.serve()?;
         Ok(AircraftState {
-            silent_s: self.heard.last.map_or(f64::INFINITY, |last| now - last),
-            mode: self.heard.mode().map_or_else(String::new, |mode| mode.to_string()),
-            armed: self.heard.armed(),
-            airborne: self.heard.airborne(now),
+            silent_s: self.telemetry.last.map_or(f64::INFINITY, |last| now - last),
+            mode: self.telemetry.mode().map_or_else(String::new, |mode| mode.to_string()),
+            armed: self.telemetry.armed(),
+            airborne: self.telemetry.airborne(now),
             commanded: self.phase == Phase::Flying && self.check_link(now).is_ok(),
             hindrance: self.hindrance(now),
-            battery: self.heard.battery(),
+            battery: self.telemetry.battery(),
         })
     }
 
     fn take_off(&mut self, up_m: f64) -> Result<(), MavlinkError> {
         let now = self.serve()?;
         self.config.limits.check_up(up_m)?;
-        if self.heard.airborne(now) || matches!(self.phase, Phase::TakingOff { .. }) {
+        if self.telemetry.airborne(now) || matches!(self.phase, Phase::TakingOff { .. }) {
             return Ok(());
         }
         self.check_link(now)?;
@@ -372,12 +375,12 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
         if ends || matches!(self.phase, Phase::Taken { by_pilot: true, .. }) {
             return Err(MavlinkError::NotCommanded { why: self.hindrance(now) });
         }
-        if self.heard.armed() {
+        if self.telemetry.armed() {
             let why = "its motors run already, and not by this take-off".into();
             return Err(MavlinkError::NotCommanded { why });
         }
         self.failure.clear();
-        (self.ordered, self.leaving) = (Ordered::Nothing, self.heard.mode());
+        (self.ordered, self.leaving) = (Ordered::Nothing, self.telemetry.mode());
         (self.order, self.turning, self.goal) = (None, None, None);
         self.enter(Phase::TakingOff { up: up_m, stage: Stage::Position, since: now });
         self.advance(now)

@@ -1,3 +1,4 @@
+use foxhunt_core::parameter::{FieldError, finite, in_range, positive, require};
 use serde::{Deserialize, Serialize};
 
 /// How the power of beacons is measured with an RTL-SDR behind rtl_tcp.
@@ -14,28 +15,28 @@ pub struct RtlTcpConfig {
     pub correction_ppm: i32,
     /// How far below a beacon it is tuned, in Hz: away from the receiver's own spike in the middle.
     pub beside_hz: u32,
-    /// The width of the band in which power is measured, in Hz: the beacon's, and what the oscillators
-    /// drift.
+    /// The width of the band in which power is measured, in Hz: the beacon's, and what the
+    /// oscillators drift.
     pub bandwidth_hz: f64,
-    /// What comes in this long after a question is left out, in seconds: it was on the way, or the tuner
-    /// was not there yet. A server hands on 131072 samples at a time.
+    /// What comes in this long after a question is left out, in seconds: it was on the way, or the
+    /// tuner was not there yet. A server hands on 131072 samples at a time.
     pub settling_s: f64,
     /// How long power is gathered, in seconds: at least a period of a pulsed beacon.
     pub window_s: f64,
-    /// The share of the window's powers that lie below what is told: the pulses of a pulsed beacon, not
-    /// the pauses. 1 is the peak.
+    /// The share of the window's powers that lie below the level: the pulses of a pulsed beacon,
+    /// not the pauses. 1 is the peak.
     pub quantile: f64,
     /// The power of a tone at full scale, in dBm, at this gain: from a measurement.
     pub full_scale_dbm: f64,
-    /// A power below this, in dBm, is noise, and not told; absent, everything is told.
+    /// A power below this, in dBm, is noise, and dropped; absent, every power counts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub floor_dbm: Option<f64>,
     /// A server that sends nothing for this long, in seconds, has failed.
     pub silence_s: f64,
 }
 
-/// No frequencies, which a file has to name; 2.048 MS/s, 28 dB, 100 kHz beside, a band of 5 kHz, 0.1 s
-/// to settle, 0.1 s of which the upper tenth counts; −30 dBm at full scale; no floor; 2 s.
+/// No frequencies, which a file has to name; 2.048 MS/s, 28 dB, 100 kHz beside, a band of 5 kHz,
+/// 0.1 s to settle, 0.1 s of which the upper tenth counts; −30 dBm at full scale; no floor; 2 s.
 impl Default for RtlTcpConfig {
     fn default() -> Self {
         Self {
@@ -77,12 +78,12 @@ pub struct KrakenConfig {
     pub spacing_s: f64,
     /// A page that has not come after this long, in seconds, has failed.
     pub page_timeout_s: f64,
-    /// A beacon without a new line after this long, in seconds, was not heard.
+    /// A beacon without a new line after this long, in seconds, was not received.
     pub turn_timeout_s: f64,
 }
 
-/// No frequencies, which a file has to name; 5 kHz, `krakensdr` and its page, the front along the nose,
-/// any confidence, no calibration; the page every 0.25 s, 2 s for it, 5 s for a turn.
+/// No frequencies, which a file has to name; 5 kHz, `krakensdr` and its page, the front along the
+/// nose, any confidence, no calibration; the page every 0.25 s, 2 s for it, 5 s for a turn.
 impl Default for KrakenConfig {
     fn default() -> Self {
         Self {
@@ -100,67 +101,37 @@ impl Default for KrakenConfig {
     }
 }
 
-/// What is wrong in a receiver's configuration.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{field} is {value}; it must be {requirement}")]
-pub struct ReceiverConfigError {
-    /// Which field.
-    pub field: &'static str,
-    /// What it holds.
-    pub value: String,
-    /// What it must be.
-    pub requirement: &'static str,
-}
-
-fn require(
-    holds: bool,
-    field: &'static str,
-    value: impl ToString,
-    requirement: &'static str,
-) -> Result<(), ReceiverConfigError> {
-    if holds {
-        Ok(())
-    } else {
-        Err(ReceiverConfigError { field, value: value.to_string(), requirement })
-    }
-}
-
-fn positive(field: &'static str, value: f64) -> Result<(), ReceiverConfigError> {
-    require(value > 0.0 && value.is_finite(), field, value, "a positive number")
-}
-
-fn finite(field: &'static str, value: f64) -> Result<(), ReceiverConfigError> {
-    require(value.is_finite(), field, value, "finite")
-}
-
 impl RtlTcpConfig {
     /// Whether everything in it can be what it is.
     ///
     /// # Errors
     ///
-    /// [`ReceiverConfigError`] names the first field that cannot.
-    pub fn check(&self) -> Result<(), ReceiverConfigError> {
-        require(!self.frequencies_hz.is_empty(), "frequencies_hz", "empty", "at least one")?;
+    /// [`FieldError`] names the first field that cannot.
+    pub fn check(&self) -> Result<(), FieldError> {
+        if self.frequencies_hz.is_empty() {
+            return Err(FieldError::new("frequencies_hz", "empty", "at least one"));
+        }
         let lowest = self.frequencies_hz.iter().min().copied().unwrap_or(0);
-        require(lowest > self.beside_hz, "frequencies_hz", lowest, "above beside_hz")?;
-        let rate = self.sample_rate_hz;
-        require((1..=10_000_000).contains(&rate), "sample_rate_hz", rate, "at most 10 MHz")?;
-        let beside = self.beside_hz;
-        require(beside <= rate / 2, "beside_hz", beside, "at most half of sample_rate_hz")?;
-        let wide = self.bandwidth_hz <= f64::from(rate);
+        let above = lowest > self.beside_hz;
+        require(above, "frequencies_hz", f64::from(lowest), "above beside_hz")?;
+        let rate = f64::from(self.sample_rate_hz);
+        in_range("sample_rate_hz", rate, 1.0..=10e6, "at most 10 MHz")?;
+        let within = self.beside_hz <= self.sample_rate_hz / 2;
+        let beside = f64::from(self.beside_hz);
+        require(within, "beside_hz", beside, "at most half of sample_rate_hz")?;
+        let wide = self.bandwidth_hz <= rate;
         require(wide, "bandwidth_hz", self.bandwidth_hz, "at most sample_rate_hz")?;
         positive("bandwidth_hz", self.bandwidth_hz)?;
         let window = self.window_s * self.bandwidth_hz;
         require(window >= 1.0, "window_s", self.window_s, "at least 1 / bandwidth_hz")?;
         require(self.window_s <= 10.0, "window_s", self.window_s, "at most 10")?;
-        let settles = (0.0..=10.0).contains(&self.settling_s);
-        require(settles, "settling_s", self.settling_s, "from 0 to 10")?;
-        let share = (0.0..=1.0).contains(&self.quantile);
-        require(share, "quantile", self.quantile, "from 0 to 1")?;
+        in_range("settling_s", self.settling_s, 0.0..=10.0, "from 0 to 10")?;
+        in_range("quantile", self.quantile, 0.0..=1.0, "from 0 to 1")?;
         require(self.gain_db.abs() <= 100.0, "gain_db", self.gain_db, "at most 100")?;
         finite("full_scale_dbm", self.full_scale_dbm)?;
         finite("floor_dbm", self.floor_dbm.unwrap_or(0.0))?;
-        positive("silence_s", self.silence_s)
+        positive("silence_s", self.silence_s)?;
+        Ok(())
     }
 }
 
@@ -169,23 +140,29 @@ impl KrakenConfig {
     ///
     /// # Errors
     ///
-    /// [`ReceiverConfigError`] names the first field that cannot.
-    pub fn check(&self) -> Result<(), ReceiverConfigError> {
-        require(!self.frequencies_hz.is_empty(), "frequencies_hz", "empty", "at least one")?;
+    /// [`FieldError`] names the first field that cannot.
+    pub fn check(&self) -> Result<(), FieldError> {
+        if self.frequencies_hz.is_empty() {
+            return Err(FieldError::new("frequencies_hz", "empty", "at least one"));
+        }
         for frequency in &self.frequencies_hz {
             positive("frequencies_hz", *frequency)?;
         }
         positive("tolerance_hz", self.tolerance_hz)?;
         let word = |text: &str| !text.contains(|c: char| c.is_whitespace() || c.is_control());
-        require(word(&self.host), "host", &self.host, "one word")?;
-        let path = word(&self.path) && self.path.starts_with('/');
-        require(path, "path", &self.path, "one word that begins with /")?;
+        if !word(&self.host) {
+            return Err(FieldError::new("host", &self.host, "one word"));
+        }
+        if !word(&self.path) || !self.path.starts_with('/') {
+            return Err(FieldError::new("path", &self.path, "one word that begins with /"));
+        }
         finite("mount_offset_rad", self.mount_offset_rad)?;
         finite("least_confidence", self.least_confidence)?;
         finite("calibration_db", self.calibration_db)?;
         positive("spacing_s", self.spacing_s)?;
         positive("page_timeout_s", self.page_timeout_s)?;
-        positive("turn_timeout_s", self.turn_timeout_s)
+        positive("turn_timeout_s", self.turn_timeout_s)?;
+        Ok(())
     }
 }
 

@@ -2,7 +2,7 @@ use std::io;
 
 use foxhunt_wire::receivers::{HttpError, RtlTcpError};
 
-/// Why an RTL-SDR behind rtl_tcp tells no power. It may be asked again.
+/// Why an RTL-SDR behind rtl_tcp measures no power. The call may be repeated.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RtlTcpRadioError {
@@ -14,8 +14,8 @@ pub enum RtlTcpRadioError {
     Server(#[source] RtlTcpError),
     /// It sends nothing.
     #[error(
-        "rtl_tcp has sent nothing for {seconds:.1} s: it serves one client at a time, and stops when \
-         its receiver is unplugged"
+        "rtl_tcp has sent nothing for {seconds:.1} s: it serves one client at a time, and stops \
+         when its receiver is unplugged"
     )]
     Silent {
         /// For how long.
@@ -24,14 +24,14 @@ pub enum RtlTcpRadioError {
     /// There is no such beacon.
     #[error("there is no frequency of beacon {beacon}; there are {beacons}, counted from 0")]
     Beacon {
-        /// Which one was asked for.
+        /// Which one was requested.
         beacon: u16,
         /// How many there are.
         beacons: usize,
     },
 }
 
-/// Why a `KrakenSDR` tells no bearings. It may be polled again.
+/// Why a `KrakenSDR` measures no bearings. It may be polled again.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum KrakenSourceError<V> {
@@ -47,13 +47,13 @@ pub enum KrakenSourceError<V> {
         /// The time that it had.
         seconds: f64,
     },
-    /// The aircraft failed that says where the array is.
+    /// The aircraft that carries the array failed.
     #[error("the vehicle failed: {0}")]
     Vehicle(#[source] V),
     /// There is no such beacon.
     #[error("there is no frequency of beacon {beacon}; there are {beacons}, counted from 0")]
     Beacon {
-        /// Which one was asked for.
+        /// Which one was requested.
         beacon: u16,
         /// How many there are.
         beacons: usize,

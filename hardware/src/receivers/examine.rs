@@ -9,7 +9,7 @@ use foxhunt_wire::{
 use super::{KrakenConfig, KrakenSource, KrakenSourceError};
 use crate::Finding;
 
-/// Waiting ends after so many pauses, whatever the clock says.
+/// Waiting ends after so many pauses, whatever the clock shows.
 const PAUSES: u32 = 1_000_000;
 
 impl<S, O, V, C> KrakenSource<S, O, V, C>
@@ -19,8 +19,8 @@ where
     V: Vehicle,
     C: Clock,
 {
-    /// Reads the page once: from where each beacon is received now. `pause` is called while it waits, and
-    /// has to let a little time pass.
+    /// Reads the page once: from where each beacon is received now. `pause` is called while it
+    /// waits, and has to let a little time pass.
     pub fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
         let remedy = "check that it runs, its address, and that its data output is \"Kraken App\"";
         for _ in 0..PAUSES {
@@ -36,7 +36,7 @@ where
     }
 }
 
-/// What a page says of the beacons.
+/// The beacons of a page.
 fn looked(config: &KrakenConfig, lines: &[Result<KrakenDoa, KrakenError>]) -> Vec<Finding> {
     let look = |(index, hz): (usize, &f64)| {
         let subject = format!("beacon {index} ({:.3} MHz)", hz / 1e6);

@@ -59,7 +59,7 @@ impl Gather {
         let last = u32::try_from(sorted.len().saturating_sub(1)).unwrap_or(u32::MAX);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to last")]
         let index = (f64::from(last) * share).round() as usize;
-        // Zeros alone: less than any that a byte can tell.
+        // Zeros alone: less than any that a byte holds.
         sorted.get(index).map_or(-200.0, |power| 10.0 * power.max(1e-20).log10())
     }
 

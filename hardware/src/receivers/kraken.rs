@@ -1,11 +1,13 @@
 use std::{f64::consts::TAU, io};
 
-use foxhunt_core::{BeaconId, Clock, PatternSource, Pose, Sample, Sweep, Vehicle, angle};
+use foxhunt_core::{
+    BeaconId, Clock, PatternSource, Pose, Sample, Sweep, Vehicle, angle, parameter::FieldError,
+};
 use foxhunt_wire::{ByteStream, receivers::KrakenDoa};
 use nalgebra::Vector3;
 
 use super::{
-    KrakenConfig, KrakenSourceError, ReceiverConfigError,
+    KrakenConfig, KrakenSourceError,
     page::{Page, PageError},
 };
 
@@ -16,8 +18,8 @@ const POSITIONS: u16 = 360;
 /// sample for each of 360 directions, whose highest has the power that it measured.
 ///
 /// The page is fetched again and again over connections that `open` makes. What stands in it when a
-/// turn begins was measured before; a beacon's first new line is its turn. A line that is torn is left
-/// out. Pose and time are those at which the line was read.
+/// turn begins was measured before; a beacon's first new line is its turn. A line that is torn is
+/// left out. Pose and time are those at which the line was read.
 #[derive(Debug)]
 pub struct KrakenSource<S, O, V, C> {
     pub(super) config: KrakenConfig,
@@ -25,9 +27,9 @@ pub struct KrakenSource<S, O, V, C> {
     vehicle: V,
     pub(super) clock: C,
     page: Option<Page<S>>,
-    asked_at: f64,
+    requested_at: f64,
     begun_at: f64,
-    beacons: Vec<Heard>,
+    beacons: Vec<Turn>,
     /// How many of these were lent.
     lent: usize,
     /// A sweep is lent from here on.
@@ -37,7 +39,7 @@ pub struct KrakenSource<S, O, V, C> {
 
 /// What is known of one beacon in this turn.
 #[derive(Clone, Debug)]
-struct Heard {
+struct Turn {
     beacon: BeaconId,
     frequency_hz: f64,
     /// The line that stood there before.
@@ -59,13 +61,8 @@ where
     ///
     /// # Errors
     ///
-    /// [`ReceiverConfigError`] names what is wrong in `config`.
-    pub fn new(
-        config: KrakenConfig,
-        open: O,
-        vehicle: V,
-        clock: C,
-    ) -> Result<Self, ReceiverConfigError> {
+    /// [`FieldError`] names what is wrong in `config`.
+    pub fn new(config: KrakenConfig, open: O, vehicle: V, clock: C) -> Result<Self, FieldError> {
         config.check()?;
         Ok(Self {
             config,
@@ -73,7 +70,7 @@ where
             vehicle,
             clock,
             page: None,
-            asked_at: f64::NEG_INFINITY,
+            requested_at: f64::NEG_INFINITY,
             begun_at: 0.0,
             beacons: Vec::new(),
             lent: 0,
@@ -88,16 +85,16 @@ where
         now: f64,
     ) -> Result<Option<String>, KrakenSourceError<V::Error>> {
         if self.page.is_none() {
-            if now < self.asked_at + self.config.spacing_s {
+            if now < self.requested_at + self.config.spacing_s {
                 return Ok(None);
             }
-            self.asked_at = now;
+            self.requested_at = now;
             let stream = (self.open)().map_err(KrakenSourceError::Stream)?;
-            let page = Page::ask(stream, &self.config.host, &self.config.path, now);
+            let page = Page::request(stream, &self.config.host, &self.config.path, now);
             self.page = Some(page.map_err(KrakenSourceError::Stream)?);
         }
         let Some(page) = &mut self.page else { return Ok(None) };
-        let late = now > page.asked_at + self.config.page_timeout_s;
+        let late = now > page.requested_at + self.config.page_timeout_s;
         match page.poll() {
             Ok(None) if late => {
                 self.page = None;
@@ -121,11 +118,11 @@ where
     /// Takes a line for the beacon whose channel it is.
     fn take(&mut self, line: &KrakenDoa, now: f64) -> Result<(), KrakenSourceError<V::Error>> {
         let tolerance = self.config.tolerance_hz;
-        let theirs = |heard: &&mut Heard| {
-            heard.receiver.is_none() && (heard.frequency_hz - line.frequency_hz).abs() <= tolerance
+        let theirs = |turn: &&mut Turn| {
+            turn.receiver.is_none() && (turn.frequency_hz - line.frequency_hz).abs() <= tolerance
         };
-        let Some(heard) = self.beacons.iter_mut().find(theirs) else { return Ok(()) };
-        let before = *heard.before_ms.get_or_insert(line.unix_ms);
+        let Some(turn) = self.beacons.iter_mut().find(theirs) else { return Ok(()) };
+        let before = *turn.before_ms.get_or_insert(line.unix_ms);
         if line.unix_ms <= before || line.confidence < self.config.least_confidence {
             return Ok(());
         }
@@ -140,9 +137,9 @@ where
             let boresight = angle::wrap(front + aside);
             Sample { time: now, receiver, boresight, position, rss_dbm: level + value }
         };
-        heard.samples = (0..POSITIONS).zip(&line.spectrum_db).map(sample).collect();
-        (heard.time, heard.receiver) = (now, Some(receiver));
-        heard.sigma = self.vehicle.position_sigma();
+        turn.samples = (0..POSITIONS).zip(&line.spectrum_db).map(sample).collect();
+        (turn.time, turn.receiver) = (now, Some(receiver));
+        turn.sigma = self.vehicle.position_sigma();
         self.last_pose = receiver;
         Ok(())
     }
@@ -159,11 +156,11 @@ where
 
     fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Self::Error> {
         let frequencies = &self.config.frequencies_hz;
-        let heard = |beacon: &BeaconId| {
+        let turn = |beacon: &BeaconId| {
             let missing =
                 KrakenSourceError::Beacon { beacon: beacon.0, beacons: frequencies.len() };
             let frequency_hz = *frequencies.get(usize::from(beacon.0)).ok_or(missing)?;
-            Ok(Heard {
+            Ok(Turn {
                 beacon: *beacon,
                 frequency_hz,
                 before_ms: None,
@@ -173,7 +170,7 @@ where
                 samples: Vec::new(),
             })
         };
-        self.beacons = beacons.iter().map(heard).collect::<Result<_, Self::Error>>()?;
+        self.beacons = beacons.iter().map(turn).collect::<Result<_, Self::Error>>()?;
         (self.lent, self.complete, self.begun_at) = (0, false, self.clock.now());
         // A page that is on its way was measured before.
         self.page = None;
@@ -193,27 +190,27 @@ where
                     self.take(&line, now)?;
                 }
             }
-            self.complete = late || self.beacons.iter().all(|heard| heard.receiver.is_some());
+            self.complete = late || self.beacons.iter().all(|turn| turn.receiver.is_some());
             if !self.complete {
                 return fetched.map(|_| None);
             }
-            // Only the vehicle says where it was that nothing was heard.
-            if self.beacons.iter().any(|heard| heard.receiver.is_none())
+            // Where nothing was received only the vehicle knows.
+            if self.beacons.iter().any(|turn| turn.receiver.is_none())
                 && let Ok(pose) = self.vehicle.pose()
                 && pose.is_finite()
             {
                 self.last_pose = pose;
             }
         }
-        let Some(heard) = self.beacons.get(self.lent) else { return Ok(None) };
+        let Some(turn) = self.beacons.get(self.lent) else { return Ok(None) };
         self.lent += 1;
         Ok(Some(Sweep {
-            beacon: heard.beacon,
-            time: if heard.receiver.is_some() { heard.time } else { now },
-            receiver: heard.receiver.unwrap_or(self.last_pose),
+            beacon: turn.beacon,
+            time: if turn.receiver.is_some() { turn.time } else { now },
+            receiver: turn.receiver.unwrap_or(self.last_pose),
             positions: POSITIONS,
-            samples: &heard.samples,
-            receiver_sigma_m: heard.sigma,
+            samples: &turn.samples,
+            receiver_sigma_m: turn.sigma,
             ..Sweep::default()
         }))
     }

@@ -1,4 +1,5 @@
-//! Other receivers as sources of the same hunt: RTL-SDR over rtl_tcp, `KrakenSDR`, SiK telemetry radios.
+//! Other receivers as sources of the same hunt: RTL-SDR over rtl_tcp, `KrakenSDR`, SiK telemetry
+//! radios.
 
 mod config;
 mod error;
@@ -9,7 +10,7 @@ mod page;
 mod rtl_tcp;
 mod sik;
 
-pub use config::{KrakenConfig, ReceiverConfigError, RtlTcpConfig};
+pub use config::{KrakenConfig, RtlTcpConfig};
 pub use error::{KrakenSourceError, RtlTcpRadioError};
 pub use kraken::KrakenSource;
 pub use rtl_tcp::RtlTcpRadio;

@@ -10,8 +10,8 @@ use foxhunt_wire::{
 pub(super) struct Page<S> {
     stream: S,
     response: HttpResponse,
-    /// When it was asked for.
-    pub(super) asked_at: f64,
+    /// When it was requested.
+    pub(super) requested_at: f64,
 }
 
 /// Why a page does not come.
@@ -22,9 +22,9 @@ pub(super) enum PageError {
 
 impl<S: ByteStream> Page<S> {
     /// Asks for it.
-    pub(super) fn ask(mut stream: S, host: &str, path: &str, now: f64) -> io::Result<Self> {
+    pub(super) fn request(mut stream: S, host: &str, path: &str, now: f64) -> io::Result<Self> {
         stream.send(&HttpResponse::request(host, path))?;
-        Ok(Self { stream, response: HttpResponse::default(), asked_at: now })
+        Ok(Self { stream, response: HttpResponse::default(), requested_at: now })
     }
 
     /// The page, once it is complete.

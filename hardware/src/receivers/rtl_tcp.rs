@@ -1,23 +1,23 @@
-use foxhunt_core::{BeaconId, Clock, Radio};
+use foxhunt_core::{BeaconId, Clock, Radio, parameter::FieldError};
 use foxhunt_wire::{
     ByteStream,
     receivers::{RtlTcpCommand, RtlTcpHeader},
 };
 
-use super::{ReceiverConfigError, RtlTcpConfig, RtlTcpRadioError, gather::Gather};
+use super::{RtlTcpConfig, RtlTcpRadioError, gather::Gather};
 use crate::Finding;
 
 /// What is read at once, and how often at most: a poll ends.
 const CHUNK: usize = 1 << 14;
 const CHUNKS: usize = 256;
-/// Waiting ends after so many pauses, whatever the clock says.
+/// Waiting ends after so many pauses, whatever the clock shows.
 const PAUSES: u32 = 1_000_000;
 
-/// An RTL-SDR behind rtl_tcp, as a receiver of beacons that send without being asked.
+/// An RTL-SDR behind rtl_tcp, as a receiver of beacons that send by themselves.
 ///
-/// A question tunes to its beacon, lets the receiver settle and gathers a window of power, of which a
-/// high quantile is told: that is the pulses' level where a beacon is pulsed. It sets rate and gain when
-/// it is connected, and again after a connection was lost.
+/// A question tunes to its beacon, lets the receiver settle and gathers a window of power, of which
+/// a high quantile is the level: that is the pulses' level where a beacon is pulsed. It sets rate
+/// and gain when it is connected, and again after a connection was lost.
 #[derive(Debug)]
 pub struct RtlTcpRadio<S, C> {
     config: RtlTcpConfig,
@@ -30,10 +30,10 @@ pub struct RtlTcpRadio<S, C> {
     tuned: Option<u32>,
     /// Whether an I has come without its Q.
     odd: bool,
-    asked: Option<u32>,
+    requested: Option<u32>,
     gather: Option<Gather>,
     overdriven: bool,
-    heard_at: Option<f64>,
+    received_at: Option<f64>,
     level_dbm: Option<f64>,
 }
 
@@ -42,8 +42,8 @@ impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
     ///
     /// # Errors
     ///
-    /// [`ReceiverConfigError`] names what is wrong in `config`.
-    pub fn new(config: RtlTcpConfig, stream: S, clock: C) -> Result<Self, ReceiverConfigError> {
+    /// [`FieldError`] names what is wrong in `config`.
+    pub fn new(config: RtlTcpConfig, stream: S, clock: C) -> Result<Self, FieldError> {
         config.check()?;
         Ok(Self {
             config,
@@ -54,10 +54,10 @@ impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
             header: None,
             tuned: None,
             odd: false,
-            asked: None,
+            requested: None,
             gather: None,
             overdriven: false,
-            heard_at: None,
+            received_at: None,
             level_dbm: None,
         })
     }
@@ -77,18 +77,18 @@ impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
                 self.connections = connections;
                 (self.header, self.tuned, self.gather, self.odd) = (None, None, None, false);
                 self.begun.clear();
-                self.heard_at = None;
+                self.received_at = None;
             }
             match came.map_err(RtlTcpRadioError::Stream)? {
                 0 => break,
                 count => {
-                    self.heard_at = Some(now);
+                    self.received_at = Some(now);
                     self.take(chunk.get(..count).unwrap_or_default())?;
                 }
             }
         }
         self.tune()?;
-        let since = *self.heard_at.get_or_insert(now);
+        let since = *self.received_at.get_or_insert(now);
         let seconds = now - since;
         if seconds > self.config.silence_s {
             return Err(RtlTcpRadioError::Silent { seconds });
@@ -113,7 +113,7 @@ impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
         {
             let level = gather.level_dbfs(self.config.quantile) + self.config.full_scale_dbm;
             self.overdriven = gather.is_overdriven();
-            (self.gather, self.asked) = (None, None);
+            (self.gather, self.requested) = (None, None);
             self.level_dbm =
                 self.config.floor_dbm.is_none_or(|floor| level >= floor).then_some(level);
         }
@@ -130,9 +130,11 @@ impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
         self.send(RtlTcpCommand::Gain(gain))
     }
 
-    /// Tunes to the beacon that was asked for, and begins to gather.
+    /// Tunes to the requested beacon, and begins to gather.
     fn tune(&mut self) -> Result<(), RtlTcpRadioError> {
-        let (Some(frequency), true) = (self.asked, self.header.is_some()) else { return Ok(()) };
+        let (Some(frequency), true) = (self.requested, self.header.is_some()) else {
+            return Ok(());
+        };
         if self.tuned != Some(frequency) {
             self.send(RtlTcpCommand::Frequency(frequency.saturating_sub(self.config.beside_hz)))?;
             self.tuned = Some(frequency);
@@ -144,8 +146,8 @@ impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
         Ok(())
     }
 
-    /// Looks at the receiver: what its tuner is, and how strong each beacon is now. `pause` is called
-    /// while it waits, and has to let a little time pass.
+    /// Looks at the receiver: what its tuner is, and how strong each beacon is now. `pause` is
+    /// called while it waits, and has to let a little time pass.
     pub fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
         let mut findings = Vec::new();
         for beacon in (0..).map(BeaconId).take(self.config.frequencies_hz.len()) {
@@ -190,7 +192,7 @@ impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
         self.request(beacon)?;
         for _ in 0..PAUSES {
             let level = self.poll()?;
-            if level.is_some() || self.asked.is_none() {
+            if level.is_some() || self.requested.is_none() {
                 return Ok(level);
             }
             pause();
@@ -205,17 +207,17 @@ impl<S: ByteStream, C: Clock> Radio for RtlTcpRadio<S, C> {
     /// # Errors
     ///
     /// [`RtlTcpRadioError::Beacon`] if there is no frequency of it; an older question stays then.
-    /// Whatever the connection says.
+    /// Any error of the connection.
     fn request(&mut self, beacon: BeaconId) -> Result<(), RtlTcpRadioError> {
         let frequencies = &self.config.frequencies_hz;
         let missing = RtlTcpRadioError::Beacon { beacon: beacon.0, beacons: frequencies.len() };
         let frequency = *frequencies.get(usize::from(beacon.0)).ok_or(missing)?;
         // What has come until now was received before the question.
-        (self.asked, self.gather) = (None, None);
+        (self.requested, self.gather) = (None, None);
         let before = self.serve();
         self.level_dbm = None;
         before?;
-        self.asked = Some(frequency);
+        self.requested = Some(frequency);
         self.tune()
     }
 

@@ -5,34 +5,35 @@ use foxhunt_wire::receivers::{SikStatus, sik_dbm};
 
 use crate::Finding;
 
-/// Where an autopilot's link puts what its SiK radio says of itself; copies are the same one.
+/// Where an autopilot's link puts its SiK radio's reports; copies are the same one.
 #[derive(Clone, Debug, Default)]
 pub struct SikFeed(Rc<Cell<(u64, SikStatus)>>);
 
 impl SikFeed {
     /// A `RADIO_STATUS` has come.
-    pub fn tell(&self, status: SikStatus) {
+    pub fn push(&self, status: SikStatus) {
         let (count, _) = self.0.get();
         self.0.set((count + 1, status));
     }
 }
 
-/// A SiK telemetry radio as a receiver of the radio at its other end, which is the only beacon there is.
+/// A SiK telemetry radio as a receiver of the radio at its other end, which is the only beacon
+/// there is.
 ///
-/// It is not asked over the air: such radios send all the time. An answer is the first power that is
+/// No query goes over the air: such radios send all the time. An answer is the first power that is
 /// reported after the question.
 #[derive(Debug)]
 pub struct SikRadio {
     feed: SikFeed,
     /// How many reports there were at the question.
-    asked: Option<u64>,
+    requested_after: Option<u64>,
 }
 
 /// There is no such beacon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no beacon {beacon}: a SiK radio hears the one at its other end, beacon 0")]
+#[error("there is no beacon {beacon}: a SiK radio receives the one at its other end, beacon 0")]
 pub struct SikError {
-    /// Which one was asked for.
+    /// Which one was requested.
     pub beacon: u16,
 }
 
@@ -40,7 +41,7 @@ impl SikRadio {
     /// A radio whose reports come through `feed`.
     #[must_use]
     pub fn new(feed: SikFeed) -> Self {
-        Self { feed, asked: None }
+        Self { feed, requested_after: None }
     }
 
     /// What the radio has reported last.
@@ -59,7 +60,7 @@ impl SikRadio {
             ),
             _ => Finding::bad(
                 "SiK radio",
-                "it hears nothing",
+                "it receives nothing",
                 "switch the radio at the other end on, and check NETID on both",
             ),
         };
@@ -74,16 +75,16 @@ impl Radio for SikRadio {
         if beacon.0 > 0 {
             return Err(SikError { beacon: beacon.0 });
         }
-        self.asked = Some(self.feed.0.get().0);
+        self.requested_after = Some(self.feed.0.get().0);
         Ok(())
     }
 
     fn poll(&mut self) -> Result<Option<f64>, SikError> {
         let (count, status) = self.feed.0.get();
-        let new = self.asked.is_some_and(|asked| count > asked);
+        let new = self.requested_after.is_some_and(|requested_after| count > requested_after);
         let level = sik_dbm(status.rssi).filter(|_| new);
         if level.is_some() {
-            self.asked = None;
+            self.requested_after = None;
         }
         Ok(level)
     }
@@ -97,14 +98,14 @@ mod tests {
     fn an_answer_is_reported_after_its_question() {
         let feed = SikFeed::default();
         let mut radio = SikRadio::new(feed.clone());
-        let tell = |rssi| feed.tell(SikStatus { rssi, ..SikStatus::default() });
+        let push = |rssi| feed.push(SikStatus { rssi, ..SikStatus::default() });
         assert!(radio.examine()[0].to_string().contains("no RADIO_STATUS"));
-        tell(100);
+        push(100);
         radio.request(BeaconId(0)).expect("it exists");
         assert_eq!(radio.poll(), Ok(None), "that was before");
-        tell(255);
-        assert_eq!(radio.poll(), Ok(None), "nothing is heard");
-        tell(19);
+        push(255);
+        assert_eq!(radio.poll(), Ok(None), "nothing is received");
+        push(19);
         assert_eq!(radio.poll(), Ok(Some(19.0 / 1.9 - 127.0)));
         assert!(radio.examine()[0].to_string().contains("-117.0 dBm"));
         assert_eq!(radio.poll(), Ok(None), "once");

@@ -1,6 +1,7 @@
+use foxhunt_core::parameter::{FieldError, in_range, require};
 use serde::{Deserialize, Serialize};
 
-use super::{FirmataConfigError, gearing::Gearing};
+use super::gearing::Gearing;
 
 /// An antenna on a stepper behind Firmata.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,12 +29,13 @@ pub struct FirmataConfig {
     pub beyond_cable: BeyondCable,
     /// How it is known where the antenna looks at the beginning.
     pub homing: Homing,
-    /// Whether the antenna is taken to look where it did after the Arduino was reset while it stood: true
-    /// as long as nobody turned it meanwhile.
+    /// Whether the antenna is taken to look where it did after the Arduino was reset while it
+    /// stood: true as long as nobody turned it meanwhile.
     pub trust_after_reset: bool,
     /// How long the antenna swings after a move, in seconds.
     pub settle_s: f64,
-    /// How long the Arduino may take to answer, in seconds; with its start after the port is opened.
+    /// How long the Arduino may take to answer, in seconds; with its start after the port is
+    /// opened.
     pub answer_timeout_s: f64,
 }
 
@@ -44,8 +46,8 @@ pub struct FirmataConfig {
 pub enum Approach {
     /// Always from below: an order backwards goes beyond its target by the play, and comes back.
     OneSided,
-    /// From either side; what is ordered backwards goes on by exactly the play. Quicker, and as good as the
-    /// configured play is.
+    /// From either side; what is ordered backwards goes on by exactly the play. Quicker, and as
+    /// good as the configured play is.
     Compensated,
 }
 
@@ -80,10 +82,10 @@ pub enum Homing {
 }
 
 impl Default for FirmataConfig {
-    /// A 28BYJ-48 at pins 8 to 11, 64 · (31·32·26·22)/(9·11·10·9) half steps a turn (4075.77), 600 of
-    /// them a second at once; an approach from one side over 6°; one turn of cable to either side, which
-    /// is unwound; an antenna that was turned to the nose by hand, and must be again after a reset; 30 ms to
-    /// settle, 5 s to answer.
+    /// A 28BYJ-48 at pins 8 to 11, 64 · (31·32·26·22)/(9·11·10·9) half steps a turn
+    /// (4075.77), 600 of them a second at once; an approach from one side over 6°; one turn of
+    /// cable to either side, which is unwound; an antenna that was turned to the nose by hand, and
+    /// must be again after a reset; 30 ms to settle, 5 s to answer.
     fn default() -> Self {
         Self {
             device: 0,
@@ -109,46 +111,39 @@ impl FirmataConfig {
     ///
     /// # Errors
     ///
-    /// [`FirmataConfigError`] names the first field that cannot be, with its value.
-    pub fn check(&self) -> Result<(), FirmataConfigError> {
-        let fine = |holds: bool, field, value: &dyn std::fmt::Debug, requirement| {
-            let error = || FirmataConfigError { field, value: format!("{value:?}"), requirement };
-            holds.then_some(()).ok_or_else(error)
-        };
-        fine(self.device <= 9, "device", &self.device, "at most 9")?;
+    /// [`FieldError`] names the first field that cannot be, with its value.
+    pub fn check(&self) -> Result<(), FieldError> {
+        in_range("device", f64::from(self.device), 0.0..=9.0, "at most 9")?;
         let [a, b, c, d] = self.pins;
-        let pins = self.pins.iter().all(|pin| *pin < 0x7F)
-            && a != b
-            && a != c
-            && a != d
-            && b != c
-            && b != d
-            && c != d;
-        fine(pins, "pins", &self.pins, "four different pins below 127")?;
+        let differ = a != b && a != c && a != d && b != c && b != d && c != d;
+        if !differ || self.pins.iter().any(|pin| *pin >= 0x7F) {
+            let value = format!("{:?}", self.pins);
+            return Err(FieldError::new("pins", value, "four different pins below 127"));
+        }
         let gearing = self.gearing();
-        let turn = gearing.denominator > 0 && (8.0..1e7).contains(&gearing.per_turn());
-        let field = "half_steps_per_turn";
-        fine(turn, field, &self.half_steps_per_turn, "a fraction between 8 and 10 million")?;
+        if gearing.denominator == 0 || !(8.0..1e7).contains(&gearing.per_turn()) {
+            let value = format!("{:?}", self.half_steps_per_turn);
+            let requirement = "a fraction between 8 and 10 million";
+            return Err(FieldError::new("half_steps_per_turn", value, requirement));
+        }
         let speed = self.speed_half_steps_per_s;
-        let within = (0.1..=80_000.0).contains(&speed);
-        fine(within, "speed_half_steps_per_s", &speed, "between 0.1 and 80000")?;
+        in_range("speed_half_steps_per_s", speed, 0.1..=80_000.0, "between 0.1 and 80000")?;
         let acceleration = self.acceleration_half_steps_per_s2;
-        let within = (0.0..=1e9).contains(&acceleration);
-        fine(within, "acceleration_half_steps_per_s2", &acceleration, "between 0 and 10⁹")?;
-        let play = self.backlash_deg;
-        fine((0.0..=90.0).contains(&play), "backlash_deg", &play, "between 0 and 90")?;
+        let requirement = "between 0 and 10⁹";
+        in_range("acceleration_half_steps_per_s2", acceleration, 0.0..=1e9, requirement)?;
+        in_range("backlash_deg", self.backlash_deg, 0.0..=90.0, "between 0 and 90")?;
         // An order may lie anywhere within half a turn of 0.
-        fine(self.cable_turns >= 0.5, "cable_turns", &self.cable_turns, "at least 0.5")?;
+        require(self.cable_turns >= 0.5, "cable_turns", self.cable_turns, "at least 0.5")?;
         let (Homing::Declared { at_deg } | Homing::Switch { at_deg, .. }) = self.homing;
-        fine(at_deg.abs() <= 360.0, "homing.at_deg", &at_deg, "within 360 of 0")?;
+        in_range("homing.at_deg", at_deg, -360.0..=360.0, "within 360 of 0")?;
         if let Homing::Switch { pin, .. } = self.homing {
             let free = pin < 0x7F && !self.pins.contains(&pin);
-            fine(free, "homing.pin", &pin, "below 127, and none of the motor's")?;
+            require(free, "homing.pin", f64::from(pin), "below 127, and none of the motor's")?;
         }
-        let settle = self.settle_s;
-        fine((0.0..=60.0).contains(&settle), "settle_s", &settle, "between 0 and 60")?;
+        in_range("settle_s", self.settle_s, 0.0..=60.0, "between 0 and 60")?;
         let answer = self.answer_timeout_s;
-        fine((0.05..=600.0).contains(&answer), "answer_timeout_s", &answer, "between 0.05 and 600")
+        in_range("answer_timeout_s", answer, 0.05..=600.0, "between 0.05 and 600")?;
+        Ok(())
     }
 
     pub(super) fn gearing(&self) -> Gearing {

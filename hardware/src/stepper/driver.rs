@@ -1,20 +1,20 @@
-use foxhunt_core::{Clock, Rotator};
+use foxhunt_core::{Clock, Rotator, parameter::FieldError};
 use foxhunt_wire::{ByteStream, firmata::Reply};
 
 use super::{
-    BeyondCable, FirmataConfig, FirmataConfigError, FirmataStepperError, LostPosition,
+    BeyondCable, FirmataConfig, FirmataStepperError, LostPosition,
     gearing::Gearing,
     homing::HomeFailure,
     link::Link,
     phase::{Arrangement, Phase, Side, Stage, Wait},
 };
 
-/// An antenna on a stepper motor behind Firmata: ConfigurableFirmata's AccelStepper, or the firmware in
-/// `hardware/firmware`.
+/// An antenna on a stepper motor behind Firmata: ConfigurableFirmata's AccelStepper, or the
+/// firmware in `hardware/firmware`.
 ///
-/// It sets its Arduino up by itself, again whenever that was reset or plugged in anew, and then goes where
-/// it was last ordered. Targets are exact fractions of a turn, rounded once, so that turns do not add up
-/// to a drift. Messages that were lost on the way are made good by asking.
+/// It sets its Arduino up by itself, again whenever that was reset or plugged in anew, and then
+/// goes where it was last ordered. Targets are exact fractions of a turn, rounded once, so that
+/// turns do not add up to a drift. Messages that were lost on the way are made good by queries.
 #[derive(Debug)]
 pub struct FirmataStepper<S, C> {
     pub(super) config: FirmataConfig,
@@ -37,7 +37,7 @@ pub struct FirmataStepper<S, C> {
     pub(super) switch_closed: Option<bool>,
     /// Whether the version came, unasked, and nothing since.
     booting: bool,
-    /// Whether the link failed since it was last heard.
+    /// Whether the link failed since its last reply.
     broken: bool,
 }
 
@@ -46,8 +46,8 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     ///
     /// # Errors
     ///
-    /// [`FirmataConfigError`] names the first field that it cannot have.
-    pub fn new(config: FirmataConfig, stream: S, clock: C) -> Result<Self, FirmataConfigError> {
+    /// [`FieldError`] names the first field that it cannot have.
+    pub fn new(config: FirmataConfig, stream: S, clock: C) -> Result<Self, FieldError> {
         config.check()?;
         let (gearing, now) = (config.gearing(), clock.now());
         let lost = config.switch().map(|_| LostPosition::NotHomed);
@@ -79,18 +79,18 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         &self.config
     }
 
-    /// What its firmware calls itself, with the version, once it has said so.
+    /// What its firmware calls itself, with the version, once it has reported that.
     #[must_use]
     pub fn firmware(&self) -> Option<&str> {
         self.firmware.as_deref()
     }
 
-    /// Declares that the antenna looks where [`Homing`](super::Homing) says, now: somebody has turned
-    /// it there by hand. An order that it has not followed yet is forgotten.
+    /// Declares that the antenna looks where [`Homing`](super::Homing) has it, now: somebody has
+    /// turned it there by hand. An order that it has not followed yet is forgotten.
     ///
     /// # Errors
     ///
-    /// [`FirmataStepperError::Busy`] while it turns; whatever the link says.
+    /// [`FirmataStepperError::Busy`] while it turns; any error of the link.
     pub fn zero(&mut self) -> Result<(), FirmataStepperError> {
         let now = self.clock.now();
         self.phase = match self.phase {
@@ -134,13 +134,13 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
             self.check(now);
         }
         for reply in replies {
-            self.hear(&reply, now)?;
+            self.take_reply(&reply, now)?;
         }
         self.act(now)
     }
 
-    fn hear(&mut self, reply: &Reply, now: f64) -> Result<(), FirmataStepperError> {
-        // Nothing here asks for the version: an Arduino that says it, and its firmware next, has
+    fn take_reply(&mut self, reply: &Reply, now: f64) -> Result<(), FirmataStepperError> {
+        // Nothing here requests the version: an Arduino that sends it, and its firmware next, has
         // just begun.
         let booted = std::mem::replace(&mut self.booting, matches!(reply, Reply::Version { .. }));
         match reply {
@@ -165,7 +165,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         Ok(())
     }
 
-    /// Takes where the Arduino says that its motor is.
+    /// Takes the motor's reported position.
     fn located(&mut self, at: i32, done: bool, now: f64) -> Result<(), FirmataStepperError> {
         let at = i64::from(at);
         match &mut self.phase {
@@ -185,7 +185,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
                 self.go_on(now)
             }
             Phase::Moving { leg, then, side } => {
-                if !leg.heard(self.base + at, done) {
+                if !leg.is_complete(self.base + at, done) {
                     return Ok(());
                 }
                 let (then, side) = (*then, *side);
@@ -194,7 +194,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
             }
             Phase::Homing(stage) => match stage {
                 Stage::Seeking(leg) | Stage::Stopping(leg) | Stage::Leaving(leg, _) => {
-                    if !leg.heard(self.base + at, done) {
+                    if !leg.is_complete(self.base + at, done) {
                         return Ok(());
                     }
                     self.motor = self.base + at;
@@ -234,8 +234,8 @@ impl<S: ByteStream, C: Clock> Rotator for FirmataStepper<S, C> {
     ///
     /// # Errors
     ///
-    /// [`FirmataStepperError::Angle`] and [`FirmataStepperError::Cable`] for an order that cannot be
-    /// followed; the older one stays then. Whatever keeps the antenna from turning.
+    /// [`FirmataStepperError::Angle`] and [`FirmataStepperError::Cable`] for an order that cannot
+    /// be followed; the older one stays then. Whatever keeps the antenna from turning.
     fn turn_to(&mut self, angle: f64) -> Result<(), FirmataStepperError> {
         let turns = angle / std::f64::consts::TAU;
         let most = self.config.cable_turns;

@@ -1,17 +1,5 @@
 use std::{fmt, io};
 
-/// A value of the stepper's configuration that it cannot have.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{field} is {value}; it must be {requirement}")]
-pub struct FirmataConfigError {
-    /// Where it stands.
-    pub field: &'static str,
-    /// What it held.
-    pub value: String,
-    /// What it must be.
-    pub requirement: &'static str,
-}
-
 /// Why the antenna does not turn.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -19,10 +7,10 @@ pub enum FirmataStepperError {
     /// The link to the Arduino.
     #[error("the link to the stepper: {0}")]
     Link(#[from] io::Error),
-    /// Nobody says which firmware there is.
+    /// No firmware answers.
     #[error("no Firmata answers for {seconds:.1} s: is it the right port, at 57600 baud?")]
     NoAnswer {
-        /// How long it was asked.
+        /// How long it was queried.
         seconds: f64,
     },
     /// There is Firmata, and it knows no steppers.
@@ -33,7 +21,8 @@ pub enum FirmataStepperError {
     },
     /// Nobody knows where the antenna looks.
     #[error(
-        "nobody knows where the antenna looks, since {why}: home it, or turn it by hand to where it begins and declare that"
+        "nobody knows where the antenna looks, since {why}: home it, or turn it by hand to where \
+         it begins and declare that"
     )]
     PositionLost {
         /// Since when.

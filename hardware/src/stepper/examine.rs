@@ -15,8 +15,8 @@ const PATIENCE_S: f64 = 120.0;
 const MOST_PAUSES: u32 = 1_000_000;
 
 impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
-    /// Looks at the stepper, turns it a little forth and back, and says what was found. `pause` is
-    /// called while it waits.
+    /// Looks at the stepper, turns it a little forth and back, and returns what was found. `pause`
+    /// is called while it waits.
     pub fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
         let mut findings = Vec::new();
         let ready = self.stands(pause);
@@ -83,7 +83,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
                     "motor",
                     format!(
                         "stood at {before} half steps, went to {there} and back to {back}: the \
-                         antenna should have been seen to turn by {degrees:.1}°"
+                         antenna should have turned visibly by {degrees:.1}°"
                     ),
                 )
             }

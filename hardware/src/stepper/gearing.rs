@@ -15,8 +15,8 @@ const FRACTION_BITS: u32 = 52;
 const MOST_TURNS: f64 = 1e6;
 
 impl Gearing {
-    /// The step next to an angle in radians, halves away from zero; `None` for more than a million turns
-    /// or no number.
+    /// The step next to an angle in radians, halves away from zero; `None` for more than a million
+    /// turns or no number.
     #[expect(clippy::cast_possible_truncation, reason = "below 2⁵² after scaling, whole turns few")]
     pub(super) fn steps(self, angle: f64) -> Option<i64> {
         let turns = angle / TAU;

@@ -10,7 +10,7 @@ use super::{
 const SEEK_TURNS: f64 = 1.1;
 /// How far it is left, in turns.
 const LEAVE_TURNS: f64 = 0.25;
-/// How long after a step the switch has said what it does, in seconds.
+/// How long after a step the switch has reported its level, in seconds.
 const LOOK_S: f64 = 0.03;
 
 /// Why the antenna was not homed.
@@ -33,8 +33,8 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     ///
     /// # Errors
     ///
-    /// [`FirmataStepperError::NoSwitch`] where none is configured; [`FirmataStepperError::Busy`] while it
-    /// turns; whatever the link says.
+    /// [`FirmataStepperError::NoSwitch`] where none is configured; [`FirmataStepperError::Busy`]
+    /// while it turns; any error of the link.
     pub fn find_home(&mut self) -> Result<(), FirmataStepperError> {
         if self.config.switch().is_none() {
             return Err(FirmataStepperError::NoSwitch);
@@ -86,11 +86,11 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
                     Ok(())
                 }
                 None if now >= wait.since + self.config.answer_timeout_s => {
-                    self.fail("say whether it is closed", 0.0, now);
+                    self.fail("report whether it is closed", 0.0, now);
                     Ok(())
                 }
                 None => {
-                    let due = wait.ask(now);
+                    let due = wait.is_due(now);
                     if due { self.watch_switch() } else { Ok(()) }
                 }
             },

@@ -1,7 +1,7 @@
 /// A move of the motor in one direction, or its stop, until it is known to have ended.
 ///
 /// The message that it is complete may be lost, and so may the order: once it should have come, the
-/// motor is asked where it is, and ordered again if it does not move.
+/// motor's position is queried, and it is ordered again if it does not move.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leg {
     /// Where it ends, in steps; `None` where it ends wherever the motor stops.
@@ -9,9 +9,9 @@ pub(super) struct Leg {
     /// How far that is, at most.
     pub(super) steps: u64,
     began: f64,
-    ask_at: f64,
+    query_at: f64,
     deadline: f64,
-    /// Where it was when it was asked last.
+    /// Its last reported position.
     last: Option<i64>,
     repeat: bool,
 }
@@ -21,25 +21,25 @@ pub(super) struct Leg {
 pub(super) enum Due {
     Nothing,
     /// Ask where it is.
-    Ask,
-    /// Order it once more, and ask.
+    RequestPosition,
+    /// Order it once more, and query.
     Repeat,
     /// It has taken so many seconds, and too long.
     TimedOut(f64),
 }
 
-/// How long after it should have ended the motor is asked, and how often then, in seconds.
-const ASK_S: f64 = 0.25;
+/// How long after it should have ended the motor is queried, and how often then, in seconds.
+const QUERY_S: f64 = 0.25;
 
 impl Leg {
     /// One that begins now and should take `duration` seconds; `patience` is for the link.
     pub(super) fn new(to: Option<i64>, steps: u64, duration: f64, patience: f64, now: f64) -> Self {
-        let (ask_at, deadline) = (now + duration + ASK_S, now + 2.0 * duration + patience);
-        Self { to, steps, began: now, ask_at, deadline, last: None, repeat: false }
+        let (query_at, deadline) = (now + duration + QUERY_S, now + 2.0 * duration + patience);
+        Self { to, steps, began: now, query_at, deadline, last: None, repeat: false }
     }
 
-    /// Takes where the motor says that it is; whether the move is complete.
-    pub(super) fn heard(&mut self, at: i64, done: bool) -> bool {
+    /// Takes the motor's reported position; whether the move is complete.
+    pub(super) fn is_complete(&mut self, at: i64, done: bool) -> bool {
         let stands = self.last.replace(at) == Some(at);
         let there = self.to.is_none_or(|to| to == at);
         if there && (done || stands) {
@@ -55,13 +55,13 @@ impl Leg {
             return Due::TimedOut(now - self.began);
         }
         if std::mem::take(&mut self.repeat) {
-            self.ask_at = now + ASK_S;
+            self.query_at = now + QUERY_S;
             self.last = None;
             return Due::Repeat;
         }
-        if now >= self.ask_at {
-            self.ask_at = now + ASK_S;
-            return Due::Ask;
+        if now >= self.query_at {
+            self.query_at = now + QUERY_S;
+            return Due::RequestPosition;
         }
         Due::Nothing
     }

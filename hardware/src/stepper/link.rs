@@ -14,7 +14,8 @@ pub(super) struct Link<S> {
     connections: u32,
 }
 
-/// More than this is not taken in at once, so that a stream that never ends does not hold up anyone.
+/// More than this is not taken in at once, so that a stream that never ends does not hold up
+/// anyone.
 const MOST_READS: usize = 64;
 
 impl<S: ByteStream> Link<S> {
@@ -37,7 +38,7 @@ impl<S: ByteStream> Link<S> {
         Ok(replies)
     }
 
-    /// Whether it was opened again since it was asked last.
+    /// Whether it was opened again since the last call.
     pub(super) fn was_reopened(&mut self) -> bool {
         let before = std::mem::replace(&mut self.connections, self.stream.connections());
         before != self.connections

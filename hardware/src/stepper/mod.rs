@@ -16,4 +16,4 @@ mod tests;
 
 pub use config::{Approach, BeyondCable, FirmataConfig, Homing};
 pub use driver::FirmataStepper;
-pub use error::{FirmataConfigError, FirmataStepperError, LostPosition};
+pub use error::{FirmataStepperError, LostPosition};

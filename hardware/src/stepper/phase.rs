@@ -3,15 +3,15 @@ use super::leg::Leg;
 /// What the stepper is doing.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Phase {
-    /// Waiting to hear which firmware there is.
+    /// Waiting for the report which firmware there is.
     Greeting(Wait),
-    /// Set up; waiting to hear which position its own 0 belongs to.
+    /// Set up; waiting for the report which position its own 0 belongs to.
     Arranging {
         wait: Wait,
         /// What was sent, to be sent again.
         how: Arrangement,
     },
-    /// Waiting to hear where it is, after the link was broken or a move took too long.
+    /// Waiting for the report where it is, after the link was broken or a move took too long.
     Checking {
         wait: Wait,
         /// Whether it may have been turning.
@@ -31,30 +31,30 @@ pub(super) enum Phase {
     },
 }
 
-/// Since when something is waited for, which is when it was first asked for, and when it was last
-/// asked for.
+/// Since when something is waited for, which is when it was first queried, and when it was last
+/// queried.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wait {
     pub(super) since: f64,
-    asked: Option<f64>,
+    queried_at: Option<f64>,
 }
 
-/// How often something is asked for, in seconds.
-const ASK_S: f64 = 0.5;
+/// How often something is queried, in seconds.
+const QUERY_S: f64 = 0.5;
 
 impl Wait {
     pub(super) fn new(now: f64) -> Self {
-        Self { since: now, asked: None }
+        Self { since: now, queried_at: None }
     }
 
-    /// Whether it is time to ask, which is taken to be done.
-    pub(super) fn ask(&mut self, now: f64) -> bool {
-        let due = self.asked.is_none_or(|asked| now >= asked + ASK_S);
+    /// Whether a query is due, which is taken to be sent.
+    pub(super) fn is_due(&mut self, now: f64) -> bool {
+        let due = self.queried_at.is_none_or(|queried_at| now >= queried_at + QUERY_S);
         if due {
-            if self.asked.is_none() {
+            if self.queried_at.is_none() {
                 self.since = now;
             }
-            self.asked = Some(now);
+            self.queried_at = Some(now);
         }
         due
     }
@@ -81,7 +81,7 @@ pub(super) enum Side {
 /// How far the search for the home switch is.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Stage {
-    /// Waiting to hear whether the switch is closed.
+    /// Waiting for the report whether the switch is closed.
     Level(Wait),
     /// Turning backwards until it closes.
     Seeking(Leg),

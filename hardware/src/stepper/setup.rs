@@ -14,7 +14,8 @@ use super::{
 const HALF_STEPS: u8 = 1;
 
 impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
-    /// The Arduino was reset, or plugged in anew: it is set up again, and has forgotten where it was.
+    /// The Arduino was reset, or plugged in anew: it is set up again, and has forgotten where it
+    /// was.
     pub(super) fn was_reset(&mut self, now: f64) {
         match self.phase {
             // Nothing was known of it yet that it could forget.
@@ -39,7 +40,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         }
     }
 
-    /// The link was broken: the Arduino may have been reset without being heard.
+    /// The link was broken: the Arduino may have been reset without notice.
     pub(super) fn check(&mut self, now: f64) {
         let turning = match self.phase {
             Phase::Greeting(_) | Phase::Arranging { .. } | Phase::Checking { .. } => return,
@@ -54,13 +55,13 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         let patience = self.config.answer_timeout_s;
         match &mut self.phase {
             Phase::Greeting(wait) => {
-                if wait.ask(now) {
+                if wait.is_due(now) {
                     self.link.send(Request::Firmware)?;
                 }
                 Ok(())
             }
             Phase::Arranging { wait, how } => {
-                let (due, how) = (wait.ask(now), *how);
+                let (due, how) = (wait.is_due(now), *how);
                 if due { self.arrange(how) } else { Ok(()) }
             }
             Phase::Checking { wait, turning } => {
@@ -69,7 +70,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
                         self.lose(LostPosition::Silent);
                     }
                     self.was_reset(now);
-                } else if wait.ask(now) {
+                } else if wait.is_due(now) {
                     self.link.order(StepperRequest::Report)?;
                 }
                 Ok(())
@@ -97,7 +98,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     ) -> Result<(), FirmataStepperError> {
         match due {
             Due::Nothing => {}
-            Due::Ask => self.link.order(StepperRequest::Report)?,
+            Due::RequestPosition => self.link.order(StepperRequest::Report)?,
             Due::Repeat => {
                 let again = to.map_or(Ok(StepperRequest::Stop), |to| self.request_to(to))?;
                 self.link.order(again)?;
@@ -111,7 +112,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         Ok(())
     }
 
-    /// Tells the Arduino of its motor, or that it is at 0, and asks where it is.
+    /// Configures the Arduino's motor, or sets its position to 0, and queries it.
     fn arrange(&mut self, how: Arrangement) -> Result<(), FirmataStepperError> {
         match how {
             Arrangement::Zero => self.link.order(StepperRequest::Zero)?,
@@ -135,7 +136,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         Ok(self.link.order(StepperRequest::Report)?)
     }
 
-    /// Has the Arduino tell the level of the home switch.
+    /// Has the Arduino report the level of the home switch.
     pub(super) fn watch_switch(&mut self) -> Result<(), FirmataStepperError> {
         if let Some(pin) = self.config.switch() {
             self.link.send(Request::PinMode { pin, mode: PinMode::PullUp })?;

@@ -11,7 +11,7 @@ use proptest::prelude::*;
 use super::{Approach, FirmataConfig, FirmataStepper, Homing};
 
 #[test]
-fn a_file_says_what_differs_and_nothing_unknown() {
+fn a_file_holds_what_differs_and_nothing_unknown() {
     let text = r#"{ "homing": { "kind": "switch", "pin": 2, "at_deg": -90.0 },
         "approach": "compensated", "cable_turns": 0.75 }"#;
     let config: FirmataConfig = serde_json::from_str(text).expect("it is in order");
@@ -36,24 +36,24 @@ fn what_cannot_be_is_named_with_its_value() {
         (FirmataConfig { device: 10, ..good() }, "device is 10;"),
         (FirmataConfig { pins: [8, 9, 8, 11], ..good() }, "pins is [8, 9, 8, 11];"),
         (FirmataConfig { half_steps_per_turn: [4076, 0], ..good() }, "half_steps_per_turn is"),
-        (FirmataConfig { speed_half_steps_per_s: 0.0, ..good() }, "speed_half_steps_per_s is 0.0"),
+        (FirmataConfig { speed_half_steps_per_s: 0.0, ..good() }, "speed_half_steps_per_s is 0;"),
         (
             FirmataConfig { acceleration_half_steps_per_s2: -1.0, ..good() },
-            "acceleration_half_steps_per_s2 is -1.0",
+            "acceleration_half_steps_per_s2 is -1;",
         ),
         (FirmataConfig { backlash_deg: f64::NAN, ..good() }, "backlash_deg is NaN"),
         (FirmataConfig { cable_turns: 0.25, ..good() }, "cable_turns is 0.25"),
         (FirmataConfig { homing: switch(9), ..good() }, "homing.pin is 9"),
         (
             FirmataConfig { homing: Homing::Declared { at_deg: 400.0 }, ..good() },
-            "homing.at_deg is 400.0",
+            "homing.at_deg is 400;",
         ),
         (FirmataConfig { settle_s: -0.1, ..good() }, "settle_s is -0.1"),
-        (FirmataConfig { answer_timeout_s: 0.0, ..good() }, "answer_timeout_s is 0.0"),
+        (FirmataConfig { answer_timeout_s: 0.0, ..good() }, "answer_timeout_s is 0;"),
     ];
     for (config, expected) in wrong {
-        let told = config.check().expect_err("it cannot be so").to_string();
-        assert!(told.contains(expected), "{told}");
+        let error = config.check().expect_err("it cannot be so").to_string();
+        assert!(error.contains(expected), "{error}");
     }
 }
 
@@ -130,10 +130,10 @@ fn encoded(reply: &Reply) -> Vec<u8> {
 }
 
 proptest! {
-    /// Whatever a device says, and whenever.
+    /// Any replies of a device, at any time.
     #[test]
     fn no_device_makes_it_panic(
-        said in prop::collection::vec((reply(), 0.0..3.0f64, -7.0..7.0f64), 1..60),
+        replies in prop::collection::vec((reply(), 0.0..3.0f64, -7.0..7.0f64), 1..60),
         switch in any::<bool>(),
     ) {
         let (here, mut there) = memory_pair();
@@ -146,7 +146,7 @@ proptest! {
         };
         let config = FirmataConfig { homing, ..FirmataConfig::default() };
         let mut driver = FirmataStepper::new(config, here, clock).expect("it is in order");
-        for (i, (bytes, dt, angle)) in said.iter().enumerate() {
+        for (i, (bytes, dt, angle)) in replies.iter().enumerate() {
             there.send(bytes).expect("it is there");
             time.set(time.get() + dt);
             if let Ok(Some(angle)) = driver.poll() {

@@ -1,29 +1,30 @@
+use foxhunt_core::parameter::{FieldError, positive};
 use foxhunt_wire::xbee::{Address, Address16, Address64};
 use serde::{Deserialize, Serialize};
 
-/// How beacons are asked through an XBee.
+/// Queries of beacons through an XBee.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct XbeeConfig {
-    /// The beacons' addresses, in the order of the hunt's beacons: 16 hexadecimal digits (`SH`, then
-    /// `SL`), or 4 (`MY`).
+    /// The beacons' addresses, in the order of the hunt's beacons: 16 hexadecimal digits (`SH`,
+    /// then `SL`), or 4 (`MY`).
     pub beacons: Vec<Address>,
-    /// What a beacon is asked, and where the power of its answer stands.
+    /// The query to a beacon, and where the power of its answer stands.
     pub question: XbeeQuestion,
     /// What is sent to a beacon that a program answers for.
     pub payload: String,
-    /// Such an answer begins with what was sent, so that two bytes of number behind the payload tell a
-    /// late answer from a new one. Where it does not, a beacon that left a question without an answer
-    /// is not asked again before another time-out has passed.
+    /// Such an answer begins with what was sent, so that two bytes of number behind the payload
+    /// tell a late answer from a new one. Where it does not, a beacon that left a question without
+    /// an answer is not queried again before another time-out has passed.
     pub echoed: bool,
     /// How long a beacon's answer is waited for, in seconds.
     pub answer_timeout_s: f64,
-    /// How long the radio's own answer is waited for while it is set up, in seconds; it is asked
+    /// How long the radio's own answer is waited for while it is set up, in seconds; it is queried
     /// three times.
     pub setup_timeout_s: f64,
 }
 
-/// What a beacon is asked.
+/// The query to a beacon.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -35,16 +36,16 @@ pub enum XbeeQuestion {
     /// A packet, which the beacon's program answers; the power stands in the frame that brings the
     /// answer. 802.15.4 firmware.
     ReceivedRssi,
-    /// A packet, which the beacon's program answers; then the radio is asked for the power of the last
-    /// packet (`DB`). A sample is dropped if another packet came in between.
+    /// A packet, which the beacon's program answers; then the radio is queried for the power of the
+    /// last packet (`DB`). A sample is dropped if another packet came in between.
     TransmitDb,
-    /// The beacon's radio is asked for the power of the question as it heard it (remote `DB`): no
-    /// program is needed at the beacon.
+    /// The beacon's radio is queried for the power at which it received the question (remote `DB`):
+    /// no program is needed at the beacon.
     RemoteDb,
 }
 
-/// No beacons, whose addresses a file has to name; the question by the firmware; `ASK`, echoed; 0.4 s
-/// for an answer, 0.5 s for the radio's own.
+/// No beacons, whose addresses a file has to name; the question by the firmware; `ASK`, echoed; 0.4
+/// s for an answer, 0.5 s for the radio's own.
 impl Default for XbeeConfig {
     fn default() -> Self {
         Self {
@@ -58,18 +59,6 @@ impl Default for XbeeConfig {
     }
 }
 
-/// What is wrong in an [`XbeeConfig`].
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{field} is {value}; it must be {requirement}")]
-pub struct XbeeConfigError {
-    /// Which field.
-    pub field: String,
-    /// What it holds.
-    pub value: String,
-    /// What it must be.
-    pub requirement: &'static str,
-}
-
 /// The longest payload: with number and head it fits every firmware's packet, encrypted or not.
 const LONGEST_PAYLOAD: usize = 60;
 
@@ -78,13 +67,10 @@ impl XbeeConfig {
     ///
     /// # Errors
     ///
-    /// [`XbeeConfigError`] names the first field that cannot.
-    pub fn check(&self) -> Result<(), XbeeConfigError> {
-        let wrong = |field: &str, value: String, requirement| {
-            Err(XbeeConfigError { field: field.into(), value, requirement })
-        };
+    /// [`FieldError`] names the first field that cannot.
+    pub fn check(&self) -> Result<(), FieldError> {
         if self.beacons.is_empty() {
-            return wrong("beacons", "empty".into(), "the address of at least one beacon");
+            return Err(FieldError::new("beacons", "empty", "the address of at least one beacon"));
         }
         for (index, beacon) in self.beacons.iter().enumerate() {
             let field = format!("beacons[{index}]");
@@ -95,25 +81,19 @@ impl XbeeConfig {
                 Address::Short(Address16::UNKNOWN),
             ];
             if everyone.contains(beacon) {
-                return wrong(&field, beacon.to_string(), "the address of one radio");
+                return Err(FieldError::new(field, beacon, "the address of one radio"));
             }
             if self.beacons.iter().take(index).any(|other| other == beacon) {
-                return wrong(&field, beacon.to_string(), "unlike those before it");
+                return Err(FieldError::new(field, beacon, "unlike those before it"));
             }
         }
         let length = self.payload.len();
         if !(1..=LONGEST_PAYLOAD).contains(&length) {
-            return wrong("payload", format!("{length} bytes long"), "1 to 60 bytes long");
+            let value = format_args!("{length} bytes long");
+            return Err(FieldError::new("payload", value, "1 to 60 bytes long"));
         }
-        let timeouts = [
-            ("answer_timeout_s", self.answer_timeout_s),
-            ("setup_timeout_s", self.setup_timeout_s),
-        ];
-        for (field, value) in timeouts {
-            if !(value > 0.0 && value.is_finite()) {
-                return wrong(field, value.to_string(), "a positive number");
-            }
-        }
+        positive("answer_timeout_s", self.answer_timeout_s)?;
+        positive("setup_timeout_s", self.setup_timeout_s)?;
         Ok(())
     }
 }

@@ -4,14 +4,14 @@ use foxhunt_wire::xbee::{Address, AtCommand, AtStatus, Protocol};
 
 use super::XbeeQuestion;
 
-/// Why an XBee does not do what it is asked for. It may be asked again.
+/// Why an XBee does not do what is requested. The call may be repeated.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum XbeeError {
     /// The port failed.
     #[error("the XBee's port: {0}")]
     Stream(#[source] io::Error),
-    /// It says nothing at all.
+    /// It sends nothing at all.
     #[error(
         "the XBee does not answer: check its power, the port and its speed (BD, which must be the \
          port's baud rate)"
@@ -34,17 +34,18 @@ pub enum XbeeError {
         /// Why.
         status: AtStatus,
     },
-    /// Its firmware cannot ask so.
+    /// Its firmware has no such query.
     #[error("an XBee with {protocol} firmware cannot be used with question {question:?}")]
     Question {
         /// What its firmware speaks.
         protocol: Protocol,
-        /// How it was to ask.
+        /// The query.
         question: XbeeQuestion,
     },
     /// Its firmware knows no such addresses.
     #[error(
-        "beacon address {address} is of 16 bits, which DigiMesh firmware does not have: use SH and SL"
+        "beacon address {address} is of 16 bits, which DigiMesh firmware does not have: use SH \
+         and SL"
     )]
     Address {
         /// Which one.
@@ -53,7 +54,7 @@ pub enum XbeeError {
     /// There is no such beacon.
     #[error("there is no address of beacon {beacon}; there are {beacons}, counted from 0")]
     Beacon {
-        /// Which one was asked for.
+        /// Which one was requested.
         beacon: u16,
         /// How many there are.
         beacons: usize,
@@ -63,10 +64,10 @@ pub enum XbeeError {
     NotSent {
         /// To whom.
         address: Address,
-        /// What the radio says.
+        /// The radio's status.
         reason: String,
     },
-    /// The beacon's radio does not tell its `DB`.
+    /// The beacon's radio does not report its `DB`.
     #[error("{address} refuses DB: {status}")]
     RemoteRefused {
         /// Who.

@@ -4,16 +4,16 @@ use foxhunt_wire::ByteStream;
 use super::{XbeeError, XbeeRadio, setup::Setup};
 use crate::Finding;
 
-/// How often each beacon is asked.
+/// How often each beacon is queried.
 const LOOKS: u8 = 5;
 /// A port that takes longer than this for the radio's own answer, in seconds, holds bytes back.
 const SLOW_S: f64 = 0.012;
-/// Waiting ends after so many pauses, whatever the clock says.
+/// Waiting ends after so many pauses, whatever the clock shows.
 const PAUSES: u32 = 1_000_000;
 
 impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
-    /// Looks at the radio and asks every beacon some times: what it is, what it hears now, how quick
-    /// its port is. `pause` is called while it waits, and has to let a little time pass.
+    /// Looks at the radio and queries every beacon some times: what it is, what it receives now,
+    /// how quick its port is. `pause` is called while it waits, and has to let a little time pass.
     pub fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
         let longest = Setup::longest(self.config.setup_timeout_s);
         let begun = self.clock.now();
@@ -42,8 +42,8 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
                 return unusable(Some(&error));
             }
             let patience = 2.0 * self.config.answer_timeout_s;
-            let heard = self.wait(patience, pause, |radio| radio.level_dbm_taken());
-            match heard {
+            let level = self.wait(patience, pause, |radio| radio.level_dbm_taken());
+            match level {
                 Ok(level) => levels.push(format!("{level:.0}")),
                 Err(Some(error)) => return unusable(Some(&error)),
                 Err(None) => {}

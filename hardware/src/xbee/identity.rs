@@ -2,7 +2,7 @@ use std::fmt;
 
 use foxhunt_wire::xbee::{Address64, ApiMode, Protocol};
 
-/// What a radio said of itself when it was set up.
+/// Identity that a radio reported when it was set up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct XbeeIdentity {
     /// Its API mode.

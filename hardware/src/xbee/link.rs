@@ -19,7 +19,7 @@ pub(super) struct Link<S> {
     pub(super) stream: S,
     decoder: Decoder,
     connections: u32,
-    heard_at: f64,
+    received_at: f64,
     last_id: u8,
     /// Frames that were wrong, and bytes that were in none, on decoders before this one.
     pub(super) bad_frames: u64,
@@ -34,14 +34,14 @@ impl<S: ByteStream> Link<S> {
             stream,
             decoder,
             connections,
-            heard_at: 0.0,
+            received_at: 0.0,
             last_id: 1,
             bad_frames: 0,
             skipped_before: 0,
         }
     }
 
-    /// Whether the stream was opened anew since this was asked last.
+    /// Whether the stream was opened anew since the last call.
     pub(super) fn reopened(&mut self) -> bool {
         let connections = self.stream.connections();
         let reopened = connections != self.connections;
@@ -64,7 +64,7 @@ impl<S: ByteStream> Link<S> {
         self.skipped_before + self.decoder.skipped()
     }
 
-    /// What has come. A failure after some bytes is told the next time.
+    /// What has come. A failure after some bytes is returned the next time.
     pub(super) fn read(&mut self) -> Result<Vec<u8>, XbeeError> {
         let mut bytes = Vec::new();
         let mut chunk = [0; CHUNK];
@@ -81,18 +81,18 @@ impl<S: ByteStream> Link<S> {
 
     /// The frames that are complete with these bytes.
     pub(super) fn frames(&mut self, bytes: &[u8], now: f64) -> Vec<Frame> {
-        let mut told = Vec::new();
+        let mut decoded = Vec::new();
         if bytes.is_empty() {
-            if self.decoder.is_waiting() && now - self.heard_at > QUIET_S {
-                told = self.decoder.give_up();
+            if self.decoder.is_waiting() && now - self.received_at > QUIET_S {
+                decoded = self.decoder.give_up();
             }
         } else {
-            self.heard_at = now;
-            told = self.decoder.push(bytes);
+            self.received_at = now;
+            decoded = self.decoder.push(bytes);
         }
-        let wrong = told.iter().filter(|outcome| outcome.is_err()).count();
+        let wrong = decoded.iter().filter(|outcome| outcome.is_err()).count();
         self.bad_frames += u64::try_from(wrong).unwrap_or(u64::MAX);
-        told.into_iter().flatten().collect()
+        decoded.into_iter().flatten().collect()
     }
 
     /// Writes a frame.
@@ -103,8 +103,8 @@ impl<S: ByteStream> Link<S> {
         bytes.and_then(|bytes| self.stream.send(&bytes)).map_err(XbeeError::Stream)
     }
 
-    /// A number for a question, unlike the last 254; 0 would ask for no answer, and 1 belongs to the
-    /// first question of all.
+    /// A number for a question, unlike the last 254; 0 would request no answer, and 1 belongs to
+    /// the first question of all.
     pub(super) fn id(&mut self) -> u8 {
         self.last_id = if self.last_id == u8::MAX { 2 } else { self.last_id + 1 };
         self.last_id

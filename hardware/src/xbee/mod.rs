@@ -9,7 +9,7 @@ mod question;
 mod radio;
 mod setup;
 
-pub use config::{XbeeConfig, XbeeConfigError, XbeeQuestion};
+pub use config::{XbeeConfig, XbeeQuestion};
 pub use error::XbeeError;
 pub use identity::XbeeIdentity;
 pub use radio::{XbeeCounts, XbeeRadio};

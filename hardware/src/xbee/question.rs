@@ -18,13 +18,13 @@ pub(super) enum Stage {
     Queued { from: f64 },
     /// Sent with this number; its answer begins with `token`, and is waited for until then.
     Sent { id: u8, token: Vec<u8>, until: f64 },
-    /// Answered; the radio was asked for the power with this number.
+    /// Answered; the radio was queried for the power with this number.
     Answered { id: u8, until: f64 },
 }
 
-/// How a radio with this firmware asks.
+/// The query that a radio with this firmware sends.
 pub(super) fn manner(config: &XbeeConfig, protocol: Protocol) -> Result<XbeeQuestion, XbeeError> {
-    let frames_tell = protocol == Protocol::Ieee802154;
+    let frames_have_rssi = protocol == Protocol::Ieee802154;
     if protocol == Protocol::DigiMesh {
         let short = config.beacons.iter().find(|address| matches!(address, Address::Short(_)));
         if let Some(address) = short {
@@ -32,17 +32,17 @@ pub(super) fn manner(config: &XbeeConfig, protocol: Protocol) -> Result<XbeeQues
         }
     }
     match config.question {
-        XbeeQuestion::Auto if frames_tell => Ok(XbeeQuestion::ReceivedRssi),
+        XbeeQuestion::Auto if frames_have_rssi => Ok(XbeeQuestion::ReceivedRssi),
         XbeeQuestion::Auto => Ok(XbeeQuestion::TransmitDb),
-        question @ XbeeQuestion::ReceivedRssi if !frames_tell => {
+        question @ XbeeQuestion::ReceivedRssi if !frames_have_rssi => {
             Err(XbeeError::Question { protocol, question })
         }
         question => Ok(question),
     }
 }
 
-/// The frame that asks, and what its answer begins with.
-pub(super) fn ask(
+/// The frame of a query, and what its answer begins with.
+pub(super) fn query(
     config: &XbeeConfig,
     protocol: Protocol,
     manner: XbeeQuestion,
@@ -75,8 +75,8 @@ pub(super) fn ask(
     (frame, token)
 }
 
-/// A packet that came over the air: from whom, what it brought, and its power in −dBm where the frame
-/// tells that.
+/// A packet that came over the air: from whom, what it brought, and its power in −dBm where the
+/// frame reports that.
 pub(super) struct Packet<'a> {
     from64: Option<Address64>,
     from16: Option<Address16>,
@@ -85,7 +85,7 @@ pub(super) struct Packet<'a> {
 }
 
 impl<'a> Packet<'a> {
-    /// `None` for what the radio says of itself.
+    /// `None` for what the radio reports of itself.
     pub(super) fn of(frame: &'a Frame) -> Option<Self> {
         let (from64, from16, data, rssi_neg_dbm) = match frame {
             Frame::Receive64 { from, rssi_neg_dbm, data, .. } => {

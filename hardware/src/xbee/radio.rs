@@ -1,23 +1,23 @@
-use foxhunt_core::{BeaconId, Clock, Radio};
+use foxhunt_core::{BeaconId, Clock, Radio, parameter::FieldError};
 use foxhunt_wire::{
     ByteStream,
     xbee::{AtCommand, AtStatus, Frame},
 };
 
 use super::{
-    XbeeConfig, XbeeConfigError, XbeeError, XbeeIdentity, XbeeQuestion,
+    XbeeConfig, XbeeError, XbeeIdentity, XbeeQuestion,
     link::Link,
-    question::{Outstanding, Packet, Stage, ask, manner},
+    question::{Outstanding, Packet, Stage, manner, query},
     setup::Setup,
 };
 
-/// A drone's XBee, which asks beacons and tells the power of their answers.
+/// A drone's XBee, which queries beacons and measures the power of their answers.
 ///
-/// It asks the radio how it speaks when it is used first, after a reset, and after its port was opened
-/// anew; a question that is asked meanwhile goes out when that is known. It sets nothing in the radio.
-/// One question is outstanding: the answer's sender is checked, an answer to an older question is not
-/// told, and a power that may be another packet's is dropped and asked for again. A beacon that does
-/// not answer is no failure: nothing is told of it.
+/// It queries the radio's mode and firmware when it is used first, after a reset, and after its
+/// port was opened anew; a question that comes meanwhile goes out when that is known. It sets
+/// nothing in the radio. One question is outstanding: the answer's sender is checked, an answer to
+/// an older question is not reported, and a power that may be another packet's is dropped and
+/// queried again. A beacon that does not answer is no failure: it is not reported.
 #[derive(Debug)]
 pub struct XbeeRadio<S, C> {
     pub(super) config: XbeeConfig,
@@ -43,8 +43,8 @@ enum State {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct XbeeCounts {
     /// Questions that went out.
-    pub asked: u64,
-    /// Those whose answer's power was told.
+    pub queries: u64,
+    /// Those whose answer's power was reported.
     pub answered: u64,
     /// Those whose time passed.
     pub silent: u64,
@@ -61,8 +61,8 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
     ///
     /// # Errors
     ///
-    /// [`XbeeConfigError`] names what is wrong in `config`.
-    pub fn new(config: XbeeConfig, stream: S, clock: C) -> Result<Self, XbeeConfigError> {
+    /// [`FieldError`] names what is wrong in `config`.
+    pub fn new(config: XbeeConfig, stream: S, clock: C) -> Result<Self, FieldError> {
         config.check()?;
         Ok(Self {
             late_until: vec![f64::NEG_INFINITY; config.beacons.len()],
@@ -77,7 +77,7 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         })
     }
 
-    /// What the radio said of itself; `None` while it is not set up.
+    /// Its identity; `None` while it is not set up.
     #[must_use]
     pub fn identity(&self) -> Option<XbeeIdentity> {
         match self.state {
@@ -97,7 +97,7 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         &mut self.link.stream
     }
 
-    /// The power that waits to be told.
+    /// The power that waits to be taken.
     pub(super) fn level_dbm_taken(&mut self) -> Option<f64> {
         self.level_dbm.take()
     }
@@ -111,11 +111,11 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         }
         let bytes = bytes?;
         if let State::SettingUp(setup) = &mut self.state {
-            setup.hear(&bytes);
+            setup.take_bytes(&bytes);
         }
         let mut outcome = Ok(());
         for frame in self.link.frames(&bytes, now) {
-            outcome = outcome.and(self.hear(&frame, now));
+            outcome = outcome.and(self.take_frame(&frame, now));
         }
         outcome.and(self.advance(now))
     }
@@ -141,9 +141,9 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
                 self.number = self.number.wrapping_add(1);
                 let protocol = identity.protocol;
                 let (frame, token) =
-                    ask(&self.config, protocol, manner, question.address, id, self.number);
+                    query(&self.config, protocol, manner, question.address, id, self.number);
                 self.link.send(&frame)?;
-                self.counts.asked += 1;
+                self.counts.queries += 1;
                 let until = now + self.config.answer_timeout_s;
                 question.stage = Stage::Sent { id, token, until };
             }
@@ -170,7 +170,7 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         }
     }
 
-    fn hear(&mut self, frame: &Frame, now: f64) -> Result<(), XbeeError> {
+    fn take_frame(&mut self, frame: &Frame, now: f64) -> Result<(), XbeeError> {
         if matches!(frame, Frame::ModemStatus { status } if status.is_reset()) {
             self.set_up_again();
             return Ok(());
@@ -184,10 +184,10 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         };
         match frame {
             Frame::AtResponse { id, command, status, value } => {
-                self.told(*id, *command, *status, value, now)
+                self.take_answer(*id, *command, *status, value, now)
             }
             Frame::RemoteAtResponse { id, command, status, value, .. } if self.is_sent(*id) => {
-                self.told_remotely(frame, *command, *status, value)
+                self.take_remote_answer(frame, *command, *status, value)
             }
             Frame::DeliveryStatus { id, delivery, .. } if self.is_sent(*id) => {
                 self.sent(delivery.0 == 0, delivery.is_silence(), delivery)
@@ -207,7 +207,7 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         matches!(&self.question, Some(Outstanding { stage: Stage::Sent { id, .. }, .. }) if *id == number)
     }
 
-    /// What the radio says of the packet that asked.
+    /// What became of the packet that asked.
     fn sent(
         &mut self,
         delivered: bool,
@@ -239,7 +239,7 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         };
         match &question.stage {
             Stage::Answered { .. } => {
-                // The power that is asked for may be this packet's.
+                // The requested power may be this packet's.
                 self.counts.crossed += 1;
                 question.stage = Stage::Queued { from: now };
             }
@@ -249,7 +249,7 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
                     && packet.data.starts_with(token) =>
             {
                 if let (XbeeQuestion::ReceivedRssi, Some(level)) = (manner, packet.rssi_neg_dbm) {
-                    self.tell(level);
+                    self.take_level(level);
                 } else {
                     let (id, until) = (self.link.id(), *until);
                     question.stage = Stage::Answered { id, until };
@@ -261,8 +261,8 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         Ok(())
     }
 
-    /// The radio answers, which concerns the question only if it is the power that was asked for.
-    fn told(
+    /// The radio answers, which concerns the question only if it is the requested power.
+    fn take_answer(
         &mut self,
         number: u8,
         command: AtCommand,
@@ -277,8 +277,8 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
             return Ok(());
         }
         match (status, value) {
-            (AtStatus::OK, [.., level]) if *level > 0 => self.tell(*level),
-            // Nothing was received, it says.
+            (AtStatus::OK, [.., level]) if *level > 0 => self.take_level(*level),
+            // It reports that nothing was received.
             (AtStatus::OK, _) => question.stage = Stage::Queued { from: now },
             _ => {
                 self.question = None;
@@ -289,7 +289,7 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
     }
 
     /// A beacon's radio answers the question.
-    fn told_remotely(
+    fn take_remote_answer(
         &mut self,
         frame: &Frame,
         command: AtCommand,
@@ -300,10 +300,10 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         let address = question.address;
         let is_theirs = Packet::of(frame).is_some_and(|packet| packet.is_from(address));
         match (status, value) {
-            // Nobody answered, so the radio itself says so, and not always in whose name.
+            // Nobody answered, so the radio itself reports that, and not always in whose name.
             (AtStatus::NO_ANSWER, _) => self.counts.undelivered += 1,
             _ if !is_theirs || command != AtCommand::DB => self.counts.foreign += 1,
-            (AtStatus::OK, [.., level]) if *level > 0 => self.tell(*level),
+            (AtStatus::OK, [.., level]) if *level > 0 => self.take_level(*level),
             (AtStatus::OK, _) => {}
             _ => {
                 self.question = None;
@@ -313,7 +313,7 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         Ok(())
     }
 
-    fn tell(&mut self, neg_dbm: u8) {
+    fn take_level(&mut self, neg_dbm: u8) {
         self.question = None;
         self.counts.answered += 1;
         self.level_dbm = Some(-f64::from(neg_dbm));

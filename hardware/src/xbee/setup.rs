@@ -5,18 +5,18 @@ use foxhunt_wire::{
 
 use super::{XbeeError, XbeeIdentity, link::Link};
 
-/// How often the radio is asked for one thing.
+/// How often a query of the radio is repeated.
 const ATTEMPTS: u8 = 3;
 /// How long after a failure it is begun again, in seconds.
 const RETRY_S: f64 = 1.0;
 /// How quiet the line has to be before and after `+++`, in seconds (Digi: 1 s, `GT`).
 const GUARD_S: f64 = 1.1;
 
-/// What the radio is asked, in this order.
+/// The queries of the radio, in this order.
 const QUESTIONS: [AtCommand; 5] =
     [AtCommand::AP, AtCommand::VR, AtCommand::HV, AtCommand::SH, AtCommand::SL];
-/// The number of the first question: neither it nor its answer has a byte that is escaped, so that it
-/// is understood in either mode.
+/// The number of the first question: neither it nor its answer has a byte that is escaped, so that
+/// it is understood in either mode.
 const FIRST_ID: u8 = 1;
 
 /// Asks a radio who it is and how it speaks. It sets nothing.
@@ -32,13 +32,13 @@ pub(super) struct Setup {
 #[derive(Clone, Debug, PartialEq)]
 enum Step {
     /// The question of this number is next.
-    Ask { question: usize, attempts: u8 },
+    Query { question: usize, attempts: u8 },
     /// Its answer is waited for until then.
     Listen { question: usize, attempts: u8, id: u8, until: f64 },
-    /// It says nothing: the line is left quiet until then, so that it takes `+++` for a command.
+    /// It sends nothing: the line is left quiet until then, so that it takes `+++` for a command.
     Quiet { until: f64 },
     /// `+++` was sent; what came since.
-    Command { until: f64, heard: Vec<u8>, asked: bool },
+    Command { until: f64, received: Vec<u8>, queried: bool },
     /// It failed, and is begun again then.
     Failed { failure: Failure, until: f64 },
 }
@@ -62,7 +62,7 @@ impl From<Failure> for XbeeError {
 
 impl Setup {
     pub(super) fn new(timeout: f64) -> Self {
-        let step = Step::Ask { question: 0, attempts: 0 };
+        let step = Step::Query { question: 0, attempts: 0 };
         Self { step, mode: ApiMode::Plain, values: [0; 4], timeout }
     }
 
@@ -72,17 +72,17 @@ impl Setup {
     }
 
     /// Bytes as they came, which are no frames while the radio is in command mode.
-    pub(super) fn hear(&mut self, bytes: &[u8]) {
-        if let Step::Command { heard, .. } = &mut self.step {
-            heard.extend(bytes.iter().take(32_usize.saturating_sub(heard.len())));
+    pub(super) fn take_bytes(&mut self, bytes: &[u8]) {
+        if let Step::Command { received, .. } = &mut self.step {
+            received.extend(bytes.iter().take(32_usize.saturating_sub(received.len())));
         }
     }
 
     /// Takes an answer; a frame that is none is left alone.
     pub(super) fn answered(&mut self, frame: &Frame, now: f64) {
         let Step::Listen { question, id, .. } = self.step else { return };
-        let Frame::AtResponse { id: told, command, status, value } = frame else { return };
-        if *told != id || QUESTIONS.get(question) != Some(command) {
+        let Frame::AtResponse { id: answered, command, status, value } = frame else { return };
+        if *answered != id || QUESTIONS.get(question) != Some(command) {
             return;
         }
         let failed = |failure| Step::Failed { failure, until: now + RETRY_S };
@@ -92,7 +92,7 @@ impl Setup {
             if let Some(slot) = self.values.get_mut(slot) {
                 *slot = value.iter().fold(0, |all, byte| all << 8 | u32::from(*byte));
             }
-            Step::Ask { question: question + 1, attempts: 0 }
+            Step::Query { question: question + 1, attempts: 0 }
         } else {
             match value.last() {
                 Some(1) => self.mode = ApiMode::Plain,
@@ -100,7 +100,7 @@ impl Setup {
                 _ => {}
             }
             match value.last() {
-                Some(1 | 2) => Step::Ask { question: 1, attempts: 0 },
+                Some(1 | 2) => Step::Query { question: 1, attempts: 0 },
                 ap => failed(Failure::Mode(ap.copied().unwrap_or(0))),
             }
         };
@@ -117,7 +117,7 @@ impl Setup {
         now: f64,
     ) -> Result<Option<XbeeIdentity>, XbeeError> {
         match &mut self.step {
-            Step::Ask { question, attempts } => {
+            Step::Query { question, attempts } => {
                 let (question, attempts) = (*question, *attempts + 1);
                 let Some(command) = QUESTIONS.get(question) else {
                     return Ok(Some(self.identity()));
@@ -131,7 +131,9 @@ impl Setup {
             }
             Step::Listen { question, attempts, until, .. } if now >= *until => {
                 self.step = match (*question, *attempts) {
-                    (question, attempts) if attempts < ATTEMPTS => Step::Ask { question, attempts },
+                    (question, attempts) if attempts < ATTEMPTS => {
+                        Step::Query { question, attempts }
+                    }
                     (0, _) => Step::Quiet { until: now + GUARD_S },
                     _ => failed(Failure::NotAnswering, now),
                 };
@@ -139,17 +141,17 @@ impl Setup {
             Step::Quiet { until } if now >= *until => {
                 link.stream.send(b"+++").map_err(XbeeError::Stream)?;
                 let until = now + 2.0 * GUARD_S;
-                self.step = Step::Command { until, heard: Vec::new(), asked: false };
+                self.step = Step::Command { until, received: Vec::new(), queried: false };
             }
-            Step::Command { until, heard, asked } => {
-                if !*asked && heard.ends_with(b"OK\r") {
+            Step::Command { until, received, queried } => {
+                if !*queried && received.ends_with(b"OK\r") {
                     link.stream.send(b"ATAP\r").map_err(XbeeError::Stream)?;
-                    heard.clear();
-                    (*asked, *until) = (true, now + GUARD_S);
-                } else if let [b'0'..=b'9', b'\r'] = heard[..]
-                    && *asked
+                    received.clear();
+                    (*queried, *until) = (true, now + GUARD_S);
+                } else if let [b'0'..=b'9', b'\r'] = received[..]
+                    && *queried
                 {
-                    let ap = heard[0] - b'0';
+                    let ap = received[0] - b'0';
                     link.stream.send(b"ATCN\r").map_err(XbeeError::Stream)?;
                     self.step = failed(Failure::Mode(ap), now);
                 } else if now >= *until {
@@ -157,7 +159,7 @@ impl Setup {
                 }
             }
             Step::Failed { until, .. } if now >= *until => {
-                self.step = Step::Ask { question: 0, attempts: 0 };
+                self.step = Step::Query { question: 0, attempts: 0 };
             }
             Step::Listen { .. } | Step::Quiet { .. } | Step::Failed { .. } => {}
         }

@@ -16,10 +16,11 @@ pub type SharedAntenna = Arc<dyn Antenna + Send + Sync>;
 
 /// An antenna chosen at run time.
 ///
-/// In a file `"reference-patch"`, `"dipole"`, `{ file = "panel.msi" }`, `{ yagi = { elements = 5 } }`,
-/// or `{ table = [{ angle_deg = 0.0, gain_db = 8.0 }, …] }`. The default is the reference patch.
+/// In a file one of [`NAMES`](Self::NAMES), such as `"dipole"` or `"yagi"`, or a table:
+/// `{ yagi = { elements = 5 } }`, `{ file = "panel.msi" }` or
+/// `{ table = [{ angle_deg = 0.0, gain_db = 8.0 }, …] }`. The default is the reference patch.
 #[derive(Clone, Debug, Default, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum AntennaConfig {
@@ -39,8 +40,8 @@ pub enum AntennaConfig {
     /// Rows of increasing angle that span less than a turn; the gain is the same at every
     /// elevation.
     Table(Vec<GainRow>),
-    /// A file, read by its extension: `.msi` or `.pln` ([`MsiFile`]), or `.csv` with a table over the
-    /// angle ([`PatternTable::from_csv`]) or over both angles ([`PatternTable3d::from_csv`]). A
+    /// A file, read by its extension: `.msi` or `.pln` ([`MsiFile`]), or `.csv` with a table over
+    /// the angle ([`PatternTable::from_csv`]) or over both angles ([`PatternTable3d::from_csv`]). A
     /// relative path is one from the working directory.
     File(PathBuf),
 }
@@ -61,7 +62,7 @@ pub struct GainRow {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct CardioidConfig {
-    /// How much weaker it hears from behind, in dB.
+    /// How much weaker it receives from behind, in dB.
     pub front_to_back_db: f64,
 }
 
@@ -81,7 +82,7 @@ pub struct PatchConfig {
     pub azimuth_beamwidth_deg: f64,
     /// The half-power beamwidth over elevation, in degrees.
     pub elevation_beamwidth_deg: f64,
-    /// How much weaker it hears from behind, in dB.
+    /// How much weaker it receives from behind, in dB.
     pub front_to_back_db: f64,
 }
 
@@ -101,7 +102,7 @@ pub struct YagiConfig {
     pub elements: u16,
     /// Their spacing in wavelengths.
     pub spacing_wavelengths: f64,
-    /// How much weaker it hears from behind, in dB.
+    /// How much weaker it receives from behind, in dB.
     pub front_to_back_db: f64,
 }
 
@@ -163,6 +164,58 @@ impl AntennaConfig {
             }
             Self::File(path) => read(path)?,
         })
+    }
+}
+
+#[cfg(feature = "serde")]
+mod reading {
+    use std::{fmt, path::PathBuf, vec::Vec};
+
+    use serde::{
+        Deserialize, Deserializer,
+        de::{Error, MapAccess, Visitor, value::MapAccessDeserializer},
+    };
+
+    use super::{AntennaConfig, CardioidConfig, GainRow, PatchConfig, YagiConfig};
+
+    impl<'de> Deserialize<'de> for AntennaConfig {
+        fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+            deserializer.deserialize_any(NameOrTable)
+        }
+    }
+
+    /// A table of one antenna with its figures: the derived form, which takes a bare name only
+    /// where there are no figures.
+    #[derive(Deserialize)]
+    #[serde(remote = "AntennaConfig", rename_all = "kebab-case")]
+    enum Figures {
+        ReferencePatch,
+        Isotropic,
+        Dipole,
+        Cardioid(CardioidConfig),
+        Patch(PatchConfig),
+        Yagi(YagiConfig),
+        Table(Vec<GainRow>),
+        File(PathBuf),
+    }
+
+    struct NameOrTable;
+
+    impl<'de> Visitor<'de> for NameOrTable {
+        type Value = AntennaConfig;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("the name of an antenna, or a table of its figures")
+        }
+
+        fn visit_str<E: Error>(self, name: &str) -> Result<AntennaConfig, E> {
+            let unknown = || E::unknown_variant(name, &AntennaConfig::NAMES);
+            AntennaConfig::named(name).ok_or_else(unknown)
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, table: A) -> Result<AntennaConfig, A::Error> {
+            Figures::deserialize(MapAccessDeserializer::new(table))
+        }
     }
 }
 

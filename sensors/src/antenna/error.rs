@@ -1,7 +1,7 @@
 use std::string::String;
 
 use super::{PatternFileError, PatternTableError};
-use crate::ParameterError;
+use foxhunt_core::parameter::ParameterError;
 
 /// Why there is no antenna.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

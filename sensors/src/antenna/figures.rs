@@ -14,8 +14,8 @@ fn degrees(whole: i16) -> f64 {
     f64::from(whole).to_radians()
 }
 
-/// The strongest direction: on a grid of whole degrees from the horizon up and down, then by halving
-/// steps. Of equal ones the first, so that what does not depend on elevation has it level.
+/// The strongest direction: on a grid of whole degrees from the horizon up and down, then by
+/// halving steps. Of equal ones the first, so that what does not depend on elevation has it level.
 pub(super) fn main_lobe(antenna: &(impl Antenna + ?Sized)) -> MainLobe {
     let lobe = |azimuth: f64, elevation: f64| {
         let (azimuth, elevation) = over_the_pole(azimuth, elevation);

@@ -8,6 +8,24 @@ use super::figures;
 /// Directions are the antenna's own: azimuth in radians counter-clockwise of the boresight, seen
 /// from above, and elevation in radians above the plane through the boresight, from −π/2 to π/2.
 ///
+/// ```
+/// use foxhunt_sensors::Antenna;
+///
+/// /// A lobe of 9 dBi that falls by 12 dB for the square of every 45° off boresight, to −15 dBi.
+/// #[derive(Debug)]
+/// struct Lobe;
+///
+/// impl Antenna for Lobe {
+///     fn gain_dbi(&self, azimuth: f64, elevation: f64) -> f64 {
+///         let off = (azimuth.cos() * elevation.cos()).clamp(-1.0, 1.0).acos();
+///         (9.0 - 12.0 * (off / 45_f64.to_radians()).powi(2)).max(-15.0)
+///     }
+/// }
+///
+/// let width = Lobe.half_power_beamwidth().expect("it falls by 3 dB");
+/// assert!((width.to_degrees() - 45.0).abs() < 0.2);
+/// ```
+///
 /// # Laws
 ///
 /// The gain is finite in every direction, and the same after a whole turn of azimuth.
@@ -34,7 +52,8 @@ pub trait Antenna: Debug {
         figures::azimuth_beamwidth(self)
     }
 
-    /// The same in the cut of elevation through the main lobe; `None` where the gain does not fall by
+    /// The angle in radians between the half-power points in the cut of elevation through the main
+    /// lobe; `None` where the gain does not fall by
     /// half within a quarter turn up and down.
     fn elevation_half_power_beamwidth(&self) -> Option<f64> {
         figures::elevation_beamwidth(self)
@@ -53,7 +72,7 @@ pub trait Antenna: Debug {
     }
 }
 
-/// Where an antenna hears best.
+/// The direction of an antenna's largest gain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]

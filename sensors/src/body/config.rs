@@ -1,12 +1,12 @@
 use core::f64::consts::{FRAC_PI_2, TAU};
 
-use crate::{
-    ParameterError,
-    parameter::{finite, not_negative, positive, require, require_count},
-    questions::Manner,
+use foxhunt_core::parameter::{
+    ParameterError, at_least_one, finite, in_range, not_negative, positive, require,
 };
 
-/// How a body turns an antenna that is fixed to it, and asks beacons all the while.
+use crate::interrogation::Timing;
+
+/// A turn of a body with an antenna fixed to it, which interrogates beacons all the while.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
@@ -18,15 +18,15 @@ pub struct BodyConfig {
     pub keeps_turning: bool,
     /// How many positions the samples are sorted into; each keeps its own boresight, too.
     pub positions: u16,
-    /// From one question to the next, at least, in seconds.
+    /// From one request to the next, at least, in seconds.
     pub spacing_s: f64,
-    /// A question without an answer after this long, in seconds, is given up.
+    /// A request without an answer after this long, in seconds, is given up.
     pub answer_timeout_s: f64,
     /// A turn that has not come round after this long, in seconds, ends with what it has.
     pub turn_timeout_s: f64,
     /// Where the antenna looks, in radians counter-clockwise of the nose.
     pub mount_offset_rad: f64,
-    /// When between question (0) and answer (1) the radio measured the power.
+    /// When between request (0) and answer (1) the radio measured the power.
     pub measured_at: f64,
     /// The receiver's weakest reading in dBm, where that is known.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
@@ -41,9 +41,9 @@ impl Default for BodyConfig {
 }
 
 impl BodyConfig {
-    /// A steady 90° per second, in flight, too, with a question as soon as the last is settled
+    /// A steady 90° per second, in flight, too, with a request as soon as the last is settled
     /// (Isaacs et al. 2014, §III); 128 positions, 50 ms for an answer, 12 s for a turn, which
-    /// takes 4 s; an antenna along the nose; a power that is measured at the question.
+    /// takes 4 s; an antenna along the nose; a power that is measured at the request.
     #[must_use]
     pub const fn isaacs2014() -> Self {
         Self {
@@ -60,8 +60,8 @@ impl BodyConfig {
     }
 
     /// A turn in 12.8 s, sorted into 128 positions; the heading is held in between (Pritzl 2018,
-    /// §5.1). Six questions in the 0.2 s from one of its 64 headings to the next, as many as a
-    /// stepper asks at a position; 40 s for a turn.
+    /// §5.1). Six requests in the 0.2 s from one of its 64 headings to the next, as many as a
+    /// stepper sends at a position; 40 s for a turn.
     #[must_use]
     pub const fn pritzl2018() -> Self {
         Self {
@@ -82,18 +82,17 @@ impl BodyConfig {
     pub fn check(&self) -> Result<(), ParameterError> {
         let turns = self.rate_rad_s.is_finite() && self.rate_rad_s.abs() > 0.0;
         require(turns, "rate_rad_s", self.rate_rad_s, "finite and not zero")?;
-        require_count(self.positions > 0, "positions", self.positions, "at least 1")?;
+        at_least_one("positions", self.positions.into())?;
         not_negative("spacing_s", self.spacing_s)?;
         positive("answer_timeout_s", self.answer_timeout_s)?;
         positive("turn_timeout_s", self.turn_timeout_s)?;
         finite("mount_offset_rad", self.mount_offset_rad)?;
-        let share = (0.0..=1.0).contains(&self.measured_at);
-        require(share, "measured_at", self.measured_at, "from 0 to 1")?;
+        in_range("measured_at", self.measured_at, 0.0..=1.0, "from 0 to 1")?;
         self.floor_dbm.map_or(Ok(()), |floor| finite("floor_dbm", floor).map(|_| ()))
     }
 
-    pub(super) fn manner(&self) -> Manner {
-        Manner {
+    pub(super) fn timing(&self) -> Timing {
+        Timing {
             spacing: self.spacing_s,
             answer_timeout: self.answer_timeout_s,
             measured_at: self.measured_at,

@@ -7,10 +7,10 @@ pub enum BodyError<R, V> {
     /// The radio failed.
     #[error("the radio failed: {0}")]
     Radio(#[source] R),
-    /// The aircraft failed that says where the antenna is, and turns it.
+    /// The aircraft failed that carries the antenna, turns it and reports its pose.
     #[error("the vehicle failed: {0}")]
     Vehicle(#[source] V),
-    /// The body did not come round in the turn's time. What was heard is lent all the same.
+    /// The body did not come round in the turn's time. Its sweeps are lent all the same.
     #[error("the body turned by {turned:.3} rad in {seconds:.1} s and not all the way round")]
     NotAround {
         /// How far it turned, by its own heading, in radians.

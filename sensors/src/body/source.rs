@@ -1,22 +1,24 @@
 use core::f64::consts::TAU;
 
-use foxhunt_core::{BeaconId, Clock, PatternSource, Pose, Radio, Spinner, Sweep, angle};
+use foxhunt_core::{
+    BeaconId, Clock, PatternSource, Pose, Radio, Spinner, Sweep, angle, parameter::ParameterError,
+};
 
 use super::{BodyConfig, BodyError};
-use crate::{ParameterError, heard_turn::HeardTurn, questions::Questions};
+use crate::{interrogation::Interrogation, turn_recorder::TurnRecorder};
 
 /// A directional antenna that is fixed to an aircraft, which turns as a whole (Pritzl 2018, §5.1;
 /// Isaacs et al. 2014, §III).
 ///
 /// Answers come at whatever rate and heading they come, while the body drifts or flies: every
 /// sample has the time, the pose and the boresight that its power was measured at. Several beacons
-/// are asked one after the other, question by question. A turn ends when the *measured* heading
-/// has gone all the way round, or its time is up; it keeps what it has, and tells of a body that
-/// did not [come round](BodyError::NotAround).
+/// are interrogated one after the other, request by request. A turn ends when the *measured*
+/// heading has gone all the way round, or its time is up; it keeps what it has, and a body that did
+/// not come round is an [error](BodyError::NotAround).
 ///
 /// Poll it often enough to follow the heading: several times a turn, and as often as samples are
-/// wanted. A device that fails is told of at each poll and tried again at the next; time runs on.
-/// A power or a place that is not finite is [counted](Self::dropped) and not kept.
+/// wanted. A device that fails is an error of each poll and is tried again at the next; time runs
+/// on. A power or a place that is not finite is [counted](Self::dropped) and not kept.
 #[derive(Debug)]
 pub struct BodySource<R, V, C> {
     config: BodyConfig,
@@ -24,9 +26,9 @@ pub struct BodySource<R, V, C> {
     vehicle: V,
     clock: C,
     turn: Option<Turn>,
-    heard: HeardTurn,
-    questions: Questions,
-    /// It was told to turn, and not to stop since.
+    recorder: TurnRecorder,
+    interrogation: Interrogation,
+    /// Whether it was ordered to turn, and not to stop since.
     turning: bool,
     last_pose: Pose,
 }
@@ -47,12 +49,12 @@ struct Turn {
 enum Phase {
     /// Order the body to turn.
     Spin,
-    /// Ask, and listen.
-    Listen,
+    /// Send a request, and wait for its answer.
+    Interrogate,
     /// The body has come round, or the time is up: order it to hold its heading, if it shall.
     Stop,
-    /// Tell of a body that did not come round.
-    Complain,
+    /// A body that did not come round was reported.
+    Reported,
 }
 
 type Failure<R, V> = BodyError<<R as Radio>::Error, <V as foxhunt_core::Vehicle>::Error>;
@@ -71,8 +73,8 @@ impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
             vehicle,
             clock,
             turn: None,
-            heard: HeardTurn::default(),
-            questions: Questions::default(),
+            recorder: TurnRecorder::default(),
+            interrogation: Interrogation::default(),
             turning: false,
             last_pose: Pose::default(),
         })
@@ -88,7 +90,7 @@ impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
     /// place was not finite; of all its beacons together.
     #[must_use]
     pub fn dropped(&self) -> u32 {
-        self.questions.dropped
+        self.interrogation.dropped
     }
 
     /// Takes every step that can be taken now; true when the turn is complete.
@@ -96,15 +98,15 @@ impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
         let now = self.clock.now();
         let begun = *turn.begun.get_or_insert(now);
         let late = now >= begun + self.config.turn_timeout_s;
-        if late && matches!(turn.phase, Phase::Spin | Phase::Listen) {
-            self.questions.give_up(&mut self.heard, &self.config.manner());
+        if late && matches!(turn.phase, Phase::Spin | Phase::Interrogate) {
+            self.interrogation.give_up(&mut self.recorder, &self.config.timing());
             turn.phase = Phase::Stop;
         }
-        // Time is up whatever the devices say.
+        // Time is up whatever the devices do.
         let overdue = now >= begun + self.config.turn_timeout_s + self.config.answer_timeout_s;
         let here = match self.vehicle.pose() {
             Ok(pose) if pose.is_finite() => {
-                self.heard.placed(self.vehicle.position_sigma());
+                self.recorder.add_place_sigma(self.vehicle.position_sigma());
                 turn.follow(pose.heading);
                 self.last_pose = pose;
                 Some(pose)
@@ -118,10 +120,10 @@ impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
                     let rate = Some(self.config.rate_rad_s);
                     self.vehicle.spin(rate).map_err(BodyError::Vehicle)?;
                     self.turning = true;
-                    turn.phase = Phase::Listen;
+                    turn.phase = Phase::Interrogate;
                 }
-                Phase::Listen => {
-                    if !self.listen(turn, now, here).map_err(BodyError::Radio)? {
+                Phase::Interrogate => {
+                    if !self.interrogate(turn, now, here).map_err(BodyError::Radio)? {
                         return Ok(false);
                     }
                 }
@@ -133,27 +135,33 @@ impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
                     if turn.is_round() {
                         return Ok(true);
                     }
-                    turn.phase = Phase::Complain;
+                    turn.phase = Phase::Reported;
                     let (turned, seconds) = (turn.turned, now - begun);
                     return Err(BodyError::NotAround { turned, seconds });
                 }
-                Phase::Complain => return Ok(true),
+                Phase::Reported => return Ok(true),
             }
         }
     }
 
-    /// Asks, or takes an answer; false while there is nothing to do but wait.
-    fn listen(&mut self, turn: &mut Turn, now: f64, here: Option<Pose>) -> Result<bool, R::Error> {
-        let (manner, radio, heard) = (self.config.manner(), &mut self.radio, &mut self.heard);
-        if self.questions.is_pending() {
-            return self.questions.listen(radio, heard, &manner, now, here);
+    /// Sends a request, or takes an answer; false while there is nothing to do but wait.
+    fn interrogate(
+        &mut self,
+        turn: &mut Turn,
+        now: f64,
+        here: Option<Pose>,
+    ) -> Result<bool, R::Error> {
+        let timing = self.config.timing();
+        let (radio, recorder) = (&mut self.radio, &mut self.recorder);
+        if self.interrogation.is_pending() {
+            return self.interrogation.poll(radio, recorder, &timing, now, here);
         }
         if turn.is_round() {
             turn.phase = Phase::Stop;
             return Ok(true);
         }
         match here {
-            Some(here) => self.questions.ask(radio, heard, &manner, now, here),
+            Some(here) => self.interrogation.request(radio, recorder, &timing, now, here),
             None => Ok(false),
         }
     }
@@ -188,8 +196,8 @@ impl<R: Radio, V: Spinner, C: Clock> PatternSource for BodySource<R, V, C> {
     fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Self::Error> {
         let turn = Turn { begun: None, heading: None, turned: 0.0, phase: Phase::Spin };
         self.turn = (!beacons.is_empty()).then_some(turn);
-        self.heard = HeardTurn::of(beacons);
-        self.questions = Questions::default();
+        self.recorder = TurnRecorder::new(beacons);
+        self.interrogation = Interrogation::default();
         if beacons.is_empty() { self.stop().map_err(BodyError::Vehicle) } else { Ok(()) }
     }
 
@@ -201,8 +209,8 @@ impl<R: Radio, V: Spinner, C: Clock> PatternSource for BodySource<R, V, C> {
                 return Ok(None);
             }
             self.turn = None;
-            self.heard.end(self.clock.now());
+            self.recorder.end(self.clock.now());
         }
-        Ok(self.heard.lend(self.config.positions, self.config.floor_dbm, self.last_pose))
+        Ok(self.recorder.lend(self.config.positions, self.config.floor_dbm, self.last_pose))
     }
 }

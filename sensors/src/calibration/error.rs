@@ -1,4 +1,4 @@
-use crate::ParameterError;
+use foxhunt_core::parameter::ParameterError;
 
 /// Why nothing can be calibrated from the points.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

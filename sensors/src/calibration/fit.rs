@@ -1,8 +1,8 @@
-use foxhunt_core::{Ellipse, Estimate};
+use foxhunt_core::{Ellipse, Estimate, parameter::ParameterError};
 use nalgebra::{Matrix2, Vector2};
 
 use super::{CalibrationError, student};
-use crate::{LogDistance, ParameterError};
+use crate::LogDistance;
 
 /// A log-distance law fitted to points of range and power, and how well they fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,8 +18,8 @@ pub struct PathLossFit {
     /// The estimate of the noise's standard deviation in dB: the root of the squared residuals over
     /// the degrees of freedom.
     pub sigma_db: f64,
-    /// The covariance of P₀ and γ, in dB² and dB. Where the bound holds γ it is that of P₀ alone, on
-    /// condition of γ, and zero elsewhere.
+    /// The covariance of P₀ and γ, in dB² and dB. Where the bound holds γ it is that of P₀
+    /// alone, on condition of γ, and zero elsewhere.
     pub covariance: Matrix2<f64>,
     /// Whether γ was held by its upper bound.
     pub at_bound: bool,

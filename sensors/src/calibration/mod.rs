@@ -1,5 +1,6 @@
 //! From readings of a known transmitter to what the models and bearings need.
 
+mod calibrated;
 mod correlation;
 mod error;
 mod fit;
@@ -9,6 +10,7 @@ mod sigma;
 mod station;
 mod student;
 
+pub use calibrated::{Calibrated, heading_towards};
 pub use correlation::Correlation;
 pub use error::CalibrationError;
 pub use fit::{PathLossFit, fit_log_distance};

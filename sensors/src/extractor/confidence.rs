@@ -6,7 +6,7 @@ use super::Pattern;
 
 /// How far a turn looks like one transmitter seen through one main lobe: the mean resultant
 /// length of the received power over the circle (Mardia & Jupp 2000, §2.3), times the share of the
-/// circle that was heard.
+/// circle that was received.
 ///
 /// Each measured position weighs its mean power in milliwatt times its arc, half the way to either
 /// measured neighbour and at most 45° in all, so that unevenly spaced positions count for the part
@@ -16,7 +16,7 @@ use super::Pattern;
 #[must_use]
 pub fn resultant_confidence(pattern: &Pattern) -> f64 {
     let cells = pattern.cells();
-    let (mut resultant, mut heard) = (Resultant::default(), 0.0);
+    let (mut resultant, mut measured) = (Resultant::default(), 0.0);
     for (index, cell) in cells.iter().enumerate() {
         let Some(mean_dbm) = cell.mean_dbm() else { continue };
         let empty_after = cells.iter().cycle().skip(index + 1).take_while(|c| c.count() == 0);
@@ -25,12 +25,12 @@ pub fn resultant_confidence(pattern: &Pattern) -> f64 {
         let gaps = [empty_before.take(cells.len()).count(), empty_after.take(cells.len()).count()];
         let arc = gaps.iter().map(|gap| 0.5 * arc(gap + 1, cells.len())).sum::<f64>();
         let arc = arc.min(FRAC_PI_4);
-        heard += arc;
+        measured += arc;
         // Relative to the strongest, so that no power underflows.
         let relative_db = mean_dbm - pattern.maximum_dbm();
         resultant.add(cell.angle(), arc * libm::exp10(0.1 * relative_db));
     }
-    (resultant.length() * (heard / TAU)).clamp(0.0, 1.0)
+    (resultant.length() * (measured / TAU)).clamp(0.0, 1.0)
 }
 
 /// The angle of so many positions.

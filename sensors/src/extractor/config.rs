@@ -1,22 +1,19 @@
 use super::{Pattern, Pritzl2018};
-use crate::{
-    ParameterError,
-    parameter::{not_negative, positive, require_count},
-};
+use foxhunt_core::parameter::{ParameterError, not_negative, positive, require};
 
 impl Pritzl2018 {
-    /// The same with a moving mean over `positions`, an odd number of them.
+    /// Sets a moving mean over `positions`, an odd number of them.
     ///
     /// # Errors
     ///
     /// When the number is even or above the pattern's capacity.
     pub fn with_window(self, positions: u16) -> Result<Self, ParameterError> {
         let valid = positions % 2 == 1 && positions <= Pattern::CAPACITY;
-        let window = require_count(valid, "window", positions, "odd and at most 360")?;
-        Ok(Self { window, ..self })
+        require(valid, "window", positions.into(), "odd and at most 360")?;
+        Ok(Self { window: positions, ..self })
     }
 
-    /// The same with another standard deviation of the level, in dB.
+    /// Sets another standard deviation of the level, in dB.
     ///
     /// # Errors
     ///
@@ -53,15 +50,15 @@ impl Pritzl2018 {
         Ok(Self { min_sigma: not_negative("min_sigma", sigma)?, ..self })
     }
 
-    /// The same with bearings only from turns in which at least `positions` were heard.
+    /// The same with bearings only from turns in which at least `positions` were received.
     ///
     /// # Errors
     ///
     /// When it is 0 or above the pattern's capacity.
     pub fn with_min_positions(self, positions: u16) -> Result<Self, ParameterError> {
         let valid = (1..=Pattern::CAPACITY).contains(&positions);
-        let min_positions = require_count(valid, "min_positions", positions, "1 to 360")?;
-        Ok(Self { min_positions, ..self })
+        require(valid, "min_positions", positions.into(), "1 to 360")?;
+        Ok(Self { min_positions: positions, ..self })
     }
 }
 

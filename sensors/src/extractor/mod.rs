@@ -1,6 +1,5 @@
 //! From a turn of the antenna to a level and a bearing.
 
-mod calibrated;
 mod cell;
 mod confidence;
 mod config;
@@ -14,7 +13,6 @@ mod rounding;
 #[cfg(feature = "alloc")]
 mod station;
 
-pub use calibrated::{Calibrated, heading_towards};
 pub use cell::Cell;
 pub use confidence::resultant_confidence;
 #[cfg(feature = "alloc")]

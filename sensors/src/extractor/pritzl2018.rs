@@ -5,12 +5,12 @@ use foxhunt_core::{
 
 use super::{Cell, Pattern, resultant_confidence};
 
-/// The reference extractor (Pritzl 2018, §4.1–4.2): the level is the mean over the turn, the bearing
-/// the angle of the moving mean's maximum, its σ the reach of the lobe about it.
+/// The reference extractor (Pritzl 2018, §4.1–4.2): the level is the mean over the turn, the
+/// bearing the angle of the moving mean's maximum, its σ the reach of the lobe about it.
 ///
 /// Positions that tie for the maximum are averaged circularly. σ is the largest angle between the
-/// bearing and any position within [`width_db`](Self::with_width_db) of the maximum, connected with it
-/// or not. The confidence is [`resultant_confidence`].
+/// bearing and any position within [`width_db`](Self::with_width_db) of the maximum, connected with
+/// it or not. The confidence is [`resultant_confidence`].
 ///
 /// Two guards are not in the source, which would give 0.147 rad for a turn with one measured
 /// position: a least number of measured positions, and a floor under σ.
@@ -58,12 +58,12 @@ impl Pritzl2018 {
     ///
     /// # Errors
     ///
-    /// [`NoBearing`] when too little was heard, the strongest positions cancel, or the lobe is too
-    /// wide.
+    /// [`NoBearing`] when too little was received, the strongest positions cancel, or the lobe is
+    /// too wide.
     pub fn bearing(&self, pattern: &Pattern) -> Result<Bearing, NoBearing> {
-        let heard = pattern.measured();
-        if heard < self.min_positions {
-            return Err(NoBearing::TooSparse { heard, needed: self.min_positions });
+        let measured = pattern.measured();
+        if measured < self.min_positions {
+            return Err(NoBearing::TooSparse { measured, needed: self.min_positions });
         }
         let maximum = pattern.maximum_dbm();
         let strongest: Resultant = above(pattern, maximum).map(Cell::angle).collect();

@@ -20,7 +20,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_go_away_from_zero_whatever_the_last_bits_say() {
+    fn halves_go_away_from_zero_whatever_the_last_bits() {
         for near in [-1e-12, 0.0, 1e-12] {
             assert!(same(round_half_away(-48.5 + near), -49.0));
             assert!(same(round_half_away(48.5 + near), 49.0));

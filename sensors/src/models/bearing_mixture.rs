@@ -1,8 +1,9 @@
 use core::f64::consts::{PI, TAU};
 
-use foxhunt_core::angle;
-
-use crate::{ParameterError, parameter};
+use foxhunt_core::{
+    angle,
+    parameter::{self, ParameterError},
+};
 
 /// How bearings err indoors: f(e) = (1 − p₀) N(e; μ, σ²) + p₀/2π over one turn (Isaacs et al. 2014,
 /// eq. 30).

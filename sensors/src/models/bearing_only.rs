@@ -1,13 +1,13 @@
 use core::f64::consts::TAU;
 
 use foxhunt_core::{
-    Axis, MeasurementModel, Observation, Pose, State, angle, gaussian_log_likelihood,
-    noise::OutlierMixture,
+    MeasurementModel, Observation, OutlierMixture, Pose, Quantity, State, angle,
+    gaussian_log_likelihood,
+    parameter::{self, ParameterError},
 };
 use nalgebra::{SMatrix, Vector1};
 
 use super::Sight;
-use crate::{ParameterError, parameter};
 
 /// The bearing alone, z = atan2(N, E) + μ (Isaacs et al. 2014, eq. 29), if need be with a share
 /// of reflections that point anywhere (eq. 30).
@@ -18,7 +18,7 @@ use crate::{ParameterError, parameter};
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BearingOnly {
     bias: f64,
-    outliers: Option<OutlierMixture>,
+    outliers: Option<OutlierMixture<1>>,
 }
 
 impl BearingOnly {
@@ -32,7 +32,7 @@ impl BearingOnly {
     /// belongs into the observations.
     #[must_use]
     pub fn isaacs2014() -> Self {
-        Self { bias: 0.0929, outliers: OutlierMixture::new(0.19, TAU) }
+        Self { bias: 0.0929, outliers: OutlierMixture::new(0.19, [TAU]).ok() }
     }
 
     /// The same with bearings that are `bias` radians counter-clockwise of the truth.
@@ -44,21 +44,19 @@ impl BearingOnly {
         Ok(Self { bias: parameter::finite("bias", bias)?, ..self })
     }
 
-    /// The same with a share of bearings that point anywhere.
+    /// Sets a share of bearings that point anywhere.
     ///
     /// # Errors
     ///
     /// When the share is not in [0, 1).
     pub fn with_outliers(self, share: f64) -> Result<Self, ParameterError> {
-        let outliers = OutlierMixture::new(share, TAU);
-        parameter::require(outliers.is_some(), "the share of outliers", share, "in [0, 1)")?;
-        Ok(Self { outliers, ..self })
+        Ok(Self { outliers: Some(OutlierMixture::new(share, [TAU])?), ..self })
     }
 }
 
 impl<const N: usize> MeasurementModel<N, 1> for BearingOnly {
-    fn axes(&self) -> [Axis; 1] {
-        [Axis::Angle]
+    fn quantities(&self) -> [Quantity; 1] {
+        [Quantity::BEARING]
     }
 
     fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector1<f64> {
@@ -75,7 +73,9 @@ impl<const N: usize> MeasurementModel<N, 1> for BearingOnly {
     fn log_likelihood(&self, state: &State<N>, observation: &Observation<1>) -> f64 {
         let gaussian = gaussian_log_likelihood(self, state, observation);
         match &self.outliers {
-            Some(outliers) if !observation.is_empty() => outliers.log_density(gaussian),
+            Some(outliers) if !observation.is_empty() => {
+                outliers.log_density(gaussian, observation)
+            }
             _ => gaussian,
         }
     }

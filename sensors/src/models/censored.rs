@@ -1,6 +1,6 @@
 use core::f64::consts::{FRAC_1_SQRT_2, TAU};
 
-use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, State};
+use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, Quantity, State};
 use nalgebra::{SMatrix, SVector};
 
 /// A model for which silence tells something: a component that lay below the receiver's floor has
@@ -58,8 +58,8 @@ impl<H, const N: usize, const M: usize> MeasurementModel<N, M> for Censored<H>
 where
     H: MeasurementModel<N, M>,
 {
-    fn axes(&self) -> [Axis; M] {
-        self.model.axes()
+    fn quantities(&self) -> [Quantity; M] {
+        self.model.quantities()
     }
 
     fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M> {

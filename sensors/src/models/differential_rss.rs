@@ -1,8 +1,11 @@
-use foxhunt_core::{Axis, MeasurementModel, Pose, State};
+use foxhunt_core::{
+    MeasurementModel, Pose, Quantity, State,
+    parameter::{self, ParameterError},
+};
 use nalgebra::{SMatrix, Vector1, Vector3};
 
 use super::{Sight, range_difference::reference_at};
-use crate::{LogDistance, ParameterError, Propagation, parameter};
+use crate::{LogDistance, Propagation};
 
 /// How much stronger the signal is at the receiver than at a reference receiver: z = P(d) − P(d₀) =
 /// −10 γ log₁₀(d / d₀) in dB.
@@ -33,7 +36,7 @@ impl DifferentialRss {
         Ok(Self { reference: reference_at(reference)?, loss, target_up: 0.0 })
     }
 
-    /// The same for a target at another height, in metres.
+    /// Sets the height of the target, in metres.
     ///
     /// # Errors
     ///
@@ -44,8 +47,8 @@ impl DifferentialRss {
 }
 
 impl<const N: usize> MeasurementModel<N, 1> for DifferentialRss {
-    fn axes(&self) -> [Axis; 1] {
-        [Axis::Linear]
+    fn quantities(&self) -> [Quantity; 1] {
+        [Quantity::RSS_DIFFERENCE]
     }
 
     fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector1<f64> {

@@ -1,18 +1,19 @@
 use alloc::sync::Arc;
 
 use foxhunt_core::{
-    Axis, MeasurementModel, Observation, Pose, State, gaussian_log_likelihood,
+    MeasurementModel, Observation, Pose, Quantity, State, gaussian_log_likelihood,
     log_likelihoods_one_by_one,
+    parameter::{self, ParameterError},
 };
 use nalgebra::{SMatrix, SVector, Vector3};
 
-use crate::{ElevationPattern, ParameterError, parameter};
+use crate::ElevationPattern;
 
 /// Nearer than this to the body's vertical axis, in metres, an elevation has no slope.
 const OVERHEAD: f64 = 1e-3;
 
-/// A model of a level as heard by an antenna that turns about the body's vertical axis: the mean gain
-/// over the turn depends on the elevation at which the beacon lies, seen from the body.
+/// A model of a level as heard by an antenna that turns about the body's vertical axis: the mean
+/// gain over the turn depends on the elevation at which the beacon lies, seen from the body.
 ///
 /// The model inside expects the level at the horizon in its first component, in dB; to that the
 /// [`ElevationPattern`] is added; without one it is the model inside. The elevation follows from
@@ -56,7 +57,7 @@ impl<H> WithElevationPattern<H> {
         WithElevationPattern { model: change(model), pattern, target_up }
     }
 
-    /// The same for a target at another height, in metres: the one that the model inside has.
+    /// Sets the height of the target, in metres: the one that the model inside has.
     ///
     /// # Errors
     ///
@@ -90,8 +91,8 @@ impl<H, const N: usize, const M: usize> MeasurementModel<N, M> for WithElevation
 where
     H: MeasurementModel<N, M>,
 {
-    fn axes(&self) -> [Axis; M] {
-        self.model.axes()
+    fn quantities(&self) -> [Quantity; M] {
+        self.model.quantities()
     }
 
     fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M> {

@@ -1,8 +1,10 @@
-use foxhunt_core::{Axis, MeasurementModel, Pose, State};
+use foxhunt_core::{
+    MeasurementModel, Pose, Quantity, State,
+    parameter::{self, ParameterError},
+};
 use nalgebra::{SMatrix, Vector1, Vector3};
 
 use super::Sight;
-use crate::{ParameterError, parameter};
 
 /// How much farther the target is from the receiver than from a reference receiver: z = d − d₀ in
 /// metres, both slant ranges.
@@ -35,7 +37,7 @@ impl RangeDifference {
         Ok(Self { reference: reference_at(reference)?, target_up: 0.0 })
     }
 
-    /// The same for a target at another height, in metres.
+    /// Sets the height of the target, in metres.
     ///
     /// # Errors
     ///
@@ -46,8 +48,8 @@ impl RangeDifference {
 }
 
 impl<const N: usize> MeasurementModel<N, 1> for RangeDifference {
-    fn axes(&self) -> [Axis; 1] {
-        [Axis::Linear]
+    fn quantities(&self) -> [Quantity; 1] {
+        [Quantity::RANGE_DIFFERENCE]
     }
 
     fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector1<f64> {

@@ -1,8 +1,11 @@
-use foxhunt_core::{Axis, MeasurementModel, Pose, State};
+use foxhunt_core::{
+    MeasurementModel, Pose, Quantity, State,
+    parameter::{self, ParameterError},
+};
 use nalgebra::{SMatrix, Vector1};
 
 use super::Sight;
-use crate::{ParameterError, Propagation, parameter};
+use crate::Propagation;
 
 /// Received signal strength alone: z = P(d) in dBm, d the slant range (Pritzl 2018, eq. 3.7).
 ///
@@ -20,7 +23,7 @@ impl<P: Propagation> Rss<P> {
         Self { propagation, target_up: 0.0 }
     }
 
-    /// The same for a target at another height, in metres.
+    /// Sets the height of the target, in metres.
     ///
     /// # Errors
     ///
@@ -37,8 +40,8 @@ impl<P: Propagation> Rss<P> {
 }
 
 impl<P: Propagation, const N: usize> MeasurementModel<N, 1> for Rss<P> {
-    fn axes(&self) -> [Axis; 1] {
-        [Axis::Linear]
+    fn quantities(&self) -> [Quantity; 1] {
+        [Quantity::RSS]
     }
 
     fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector1<f64> {

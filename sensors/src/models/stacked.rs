@@ -1,4 +1,4 @@
-use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, State, gaussian_log_likelihood};
+use foxhunt_core::{MeasurementModel, Observation, Pose, Quantity, State, gaussian_log_likelihood};
 use nalgebra::{SMatrix, SVector};
 
 /// Two models of one state, measured at once: the `MA` components of the first, then the `MB` of
@@ -62,9 +62,10 @@ where
     A: MeasurementModel<N, MA>,
     B: MeasurementModel<N, MB>,
 {
-    fn axes(&self) -> [Axis; M] {
+    fn quantities(&self) -> [Quantity; M] {
         const { assert!(M == MA + MB, "a stack has the components of both models") };
-        let (first, second) = (self.first.axes(), self.second.axes());
+        let first = self.first.quantities();
+        let second = self.second.quantities();
         core::array::from_fn(|i| if i < MA { first[i] } else { second[i - MA] })
     }
 

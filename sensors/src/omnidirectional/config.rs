@@ -1,21 +1,21 @@
-use crate::{
-    ParameterError,
-    parameter::{finite, not_negative, positive, require, require_count},
-    questions::Manner,
+use foxhunt_core::parameter::{
+    ParameterError, at_least_one, finite, in_range, not_negative, positive,
 };
+
+use crate::interrogation::Timing;
 
 /// How many samples an omnidirectional source takes at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct OmnidirectionalConfig {
-    /// How many questions each beacon is asked.
+    /// How many requests each beacon is sent.
     pub questions: u16,
-    /// From one question to the next, at least, in seconds.
+    /// From one request to the next, at least, in seconds.
     pub spacing_s: f64,
-    /// A question without an answer after this long, in seconds, is given up.
+    /// A request without an answer after this long, in seconds, is given up.
     pub answer_timeout_s: f64,
-    /// When between question (0) and answer (1) the radio measured the power.
+    /// When between request (0) and answer (1) the radio measured the power.
     pub measured_at: f64,
     /// The receiver's weakest reading in dBm, where that is known.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
@@ -23,8 +23,8 @@ pub struct OmnidirectionalConfig {
 }
 
 impl Default for OmnidirectionalConfig {
-    /// 768 questions, as many as a stepped turn of the reference asks, each as soon as the last is
-    /// settled; 50 ms for an answer; a power that is measured at the question.
+    /// 768 requests, as many as in a stepped turn of the reference, each as soon as the last is
+    /// settled; 50 ms for an answer; a power that is measured at the request.
     fn default() -> Self {
         Self {
             questions: 768,
@@ -43,16 +43,15 @@ impl OmnidirectionalConfig {
     ///
     /// [`ParameterError`] names the first that cannot.
     pub fn check(&self) -> Result<(), ParameterError> {
-        require_count(self.questions > 0, "questions", self.questions, "at least 1")?;
+        at_least_one("questions", self.questions.into())?;
         not_negative("spacing_s", self.spacing_s)?;
         positive("answer_timeout_s", self.answer_timeout_s)?;
-        let share = (0.0..=1.0).contains(&self.measured_at);
-        require(share, "measured_at", self.measured_at, "from 0 to 1")?;
+        in_range("measured_at", self.measured_at, 0.0..=1.0, "from 0 to 1")?;
         self.floor_dbm.map_or(Ok(()), |floor| finite("floor_dbm", floor).map(|_| ()))
     }
 
-    pub(super) fn manner(&self) -> Manner {
-        Manner {
+    pub(super) fn timing(&self) -> Timing {
+        Timing {
             spacing: self.spacing_s,
             answer_timeout: self.answer_timeout_s,
             measured_at: self.measured_at,

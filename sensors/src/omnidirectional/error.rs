@@ -7,7 +7,7 @@ pub enum OmnidirectionalError<R, V> {
     /// The radio.
     #[error("the radio failed: {0}")]
     Radio(#[source] R),
-    /// The aircraft that says where the antenna is.
+    /// The aircraft that carries the antenna and reports its pose.
     #[error("the vehicle failed: {0}")]
     Vehicle(#[source] V),
 }

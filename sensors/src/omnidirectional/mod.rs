@@ -1,4 +1,4 @@
-//! An antenna that hears alike from everywhere, and so needs no turn.
+//! A source with an omnidirectional antenna, which needs no turn.
 
 mod config;
 mod error;

@@ -1,27 +1,29 @@
-use foxhunt_core::{BeaconId, Clock, PatternSource, Pose, Radio, Sweep, Vehicle};
+use foxhunt_core::{
+    BeaconId, Clock, PatternSource, Pose, Radio, Sweep, Vehicle, parameter::ParameterError,
+};
 
 use super::{OmnidirectionalConfig, OmnidirectionalError};
-use crate::{ParameterError, heard_turn::HeardTurn, questions::Questions};
+use crate::{interrogation::Interrogation, turn_recorder::TurnRecorder};
 
-/// An antenna that hears alike from everywhere: its sweeps have one position, which holds all
+/// A source with an omnidirectional antenna: its sweeps have one position, which holds all
 /// samples, so that extractors find a level and no bearing.
 ///
-/// Several beacons are asked one after the other, question by question. A sweep ends when each was
-/// asked as often as it shall be; a question that stays without an answer counts, so that a sweep
-/// ends however deaf the radio is. A device that fails is told of at each poll and tried again at
-/// the next; a question that it keeps from being asked counts after its time-out, too.
+/// Several beacons are interrogated one after the other, request by request. A sweep ends when each
+/// was sent as many as it shall be; a request that stays without an answer counts, so that a sweep
+/// ends even if the radio receives nothing. A device that fails is an error of each poll and is
+/// tried again at the next; a request that it prevents counts after its time-out, too.
 #[derive(Debug)]
 pub struct OmnidirectionalSource<R, V, C> {
     config: OmnidirectionalConfig,
     radio: R,
     vehicle: V,
     clock: C,
-    /// How many questions are left of the sweep that is under way.
+    /// How many requests are left of the sweep that is under way.
     left: usize,
-    /// Since when the present question is due.
+    /// Since when the present request is due.
     since: Option<f64>,
-    heard: HeardTurn,
-    questions: Questions,
+    recorder: TurnRecorder,
+    interrogation: Interrogation,
     last_pose: Pose,
 }
 
@@ -47,8 +49,8 @@ impl<R: Radio, V: Vehicle, C: Clock> OmnidirectionalSource<R, V, C> {
             clock,
             left: 0,
             since: None,
-            heard: HeardTurn::default(),
-            questions: Questions::default(),
+            recorder: TurnRecorder::default(),
+            interrogation: Interrogation::default(),
             last_pose: Pose::default(),
         })
     }
@@ -57,22 +59,22 @@ impl<R: Radio, V: Vehicle, C: Clock> OmnidirectionalSource<R, V, C> {
     /// place was not finite; of all its beacons together.
     #[must_use]
     pub fn dropped(&self) -> u32 {
-        self.questions.dropped
+        self.interrogation.dropped
     }
 
     /// Takes every step that can be taken now; true when the sweep is complete.
     fn advance(&mut self) -> Result<bool, Failure<R, V>> {
         let now = self.clock.now();
-        let manner = self.config.manner();
+        let timing = self.config.timing();
         let due = *self.since.get_or_insert(now);
-        if now >= due + manner.spacing + 2.0 * manner.answer_timeout {
-            // A device kept it from being asked, or answered.
-            self.questions.give_up(&mut self.heard, &manner);
+        if now >= due + timing.spacing + 2.0 * timing.answer_timeout {
+            // A device prevented the request, or its answer.
+            self.interrogation.give_up(&mut self.recorder, &timing);
             self.settled(now);
         }
         let here = match self.vehicle.pose() {
             Ok(pose) if pose.is_finite() => {
-                self.heard.placed(self.vehicle.position_sigma());
+                self.recorder.add_place_sigma(self.vehicle.position_sigma());
                 self.last_pose = pose;
                 Some(pose)
             }
@@ -80,16 +82,16 @@ impl<R: Radio, V: Vehicle, C: Clock> OmnidirectionalSource<R, V, C> {
             _ => None,
         };
         while self.left > 0 {
-            let (radio, heard) = (&mut self.radio, &mut self.heard);
-            let stepped = if self.questions.is_pending() {
-                let settled = self.questions.listen(radio, heard, &manner, now, here);
+            let (radio, recorder) = (&mut self.radio, &mut self.recorder);
+            let stepped = if self.interrogation.is_pending() {
+                let settled = self.interrogation.poll(radio, recorder, &timing, now, here);
                 // One that is given up is settled even where the radio has failed.
-                if !self.questions.is_pending() {
+                if !self.interrogation.is_pending() {
                     self.settled(now);
                 }
                 settled
             } else if let Some(here) = here {
-                self.questions.ask(radio, heard, &manner, now, here)
+                self.interrogation.request(radio, recorder, &timing, now, here)
             } else {
                 Ok(false)
             };
@@ -112,18 +114,18 @@ impl<R: Radio, V: Vehicle, C: Clock> PatternSource for OmnidirectionalSource<R, 
     fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Self::Error> {
         self.left = usize::from(self.config.questions) * beacons.len();
         self.since = None;
-        self.heard = HeardTurn::of(beacons);
-        self.questions = Questions::default();
+        self.recorder = TurnRecorder::new(beacons);
+        self.interrogation = Interrogation::default();
         Ok(())
     }
 
     fn poll(&mut self) -> Result<Option<Sweep<'_>>, Self::Error> {
-        if !self.heard.has_ended() {
-            if self.heard.count() == 0 || !self.advance()? {
+        if !self.recorder.has_ended() {
+            if self.recorder.count() == 0 || !self.advance()? {
                 return Ok(None);
             }
-            self.heard.end(self.clock.now());
+            self.recorder.end(self.clock.now());
         }
-        Ok(self.heard.lend(1, self.config.floor_dbm, self.last_pose))
+        Ok(self.recorder.lend(1, self.config.floor_dbm, self.last_pose))
     }
 }

@@ -1,7 +1,7 @@
 use core::f64::consts::{LN_10, PI};
 
 use super::{Propagation, clamp};
-use crate::{ParameterError, parameter};
+use foxhunt_core::parameter::{self, ParameterError};
 
 /// Free space: P = Pt + Dt + Dr + 20 log₁₀(λ / 4πd) (Friis 1946; Pritzl 2018, eq. 3.4).
 ///

@@ -2,6 +2,29 @@ use core::ops::RangeInclusive;
 
 /// Received power against the slant range between transmitter and receiver.
 ///
+/// ```
+/// use foxhunt_sensors::{Propagation, Rss};
+///
+/// /// 20 dB a decade up to a wall at 30 m, which takes 12 dB over half a metre.
+/// struct Walled;
+///
+/// impl Propagation for Walled {
+///     fn rss_dbm(&self, range: f64) -> f64 {
+///         let range = range.clamp(1e-3, 1e9);
+///         -30.0 - 20.0 * range.log10() - 12.0 * ((range - 30.0) / 0.5).clamp(0.0, 1.0)
+///     }
+///
+///     fn slope(&self, range: f64) -> f64 {
+///         let wall = if (30.0..30.5).contains(&range) { -24.0 } else { 0.0 };
+///         let law = -20.0 / (core::f64::consts::LN_10 * range);
+///         if (1e-3..=1e9).contains(&range) { law + wall } else { 0.0 }
+///     }
+/// }
+///
+/// let model = Rss::new(Walled);
+/// assert!((model.propagation().rss_dbm(100.0) + 82.0).abs() < 1e-9);
+/// ```
+///
 /// # Laws
 ///
 /// Both methods are finite at every range, 0 and infinity among them; `slope` is the

@@ -1,7 +1,7 @@
 use core::f64::consts::LN_10;
 
 use super::{Propagation, clamp};
-use crate::{ParameterError, parameter};
+use foxhunt_core::parameter::{self, ParameterError};
 
 /// The log-distance law, P(d) = P₀ − 10 γ log₁₀(d / 1 m) (Pritzl 2018, eq. 3.7).
 ///

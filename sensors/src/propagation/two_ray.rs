@@ -1,7 +1,7 @@
 use core::f64::consts::{LN_10, PI, TAU};
 
 use super::{Propagation, clamp};
-use crate::{ParameterError, parameter};
+use foxhunt_core::parameter::{self, ParameterError};
 
 /// How a wave's electric field lies to the ground that reflects it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,7 +1,4 @@
-use crate::{
-    ParameterError,
-    parameter::{finite, positive, require_count},
-};
+use foxhunt_core::parameter::{ParameterError, at_least_one, finite, positive};
 
 /// How a stepped antenna goes through a turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,28 +35,27 @@ impl StepperConfig {
         }
     }
 
-    /// The same with another number of positions in a turn.
+    /// Sets another number of positions in a turn.
     ///
     /// # Errors
     ///
     /// When it is 0.
     pub fn with_positions(self, positions: u16) -> Result<Self, ParameterError> {
-        let positions = require_count(positions > 0, "positions", positions, "at least 1")?;
+        at_least_one("positions", positions.into())?;
         Ok(Self { positions, ..self })
     }
 
-    /// The same with another number of samples at each position.
+    /// Sets another number of samples at each position.
     ///
     /// # Errors
     ///
     /// When it is 0.
     pub fn with_samples_per_position(self, samples: u16) -> Result<Self, ParameterError> {
-        let name = "samples_per_position";
-        let samples_per_position = require_count(samples > 0, name, samples, "at least 1")?;
-        Ok(Self { samples_per_position, ..self })
+        at_least_one("samples_per_position", samples.into())?;
+        Ok(Self { samples_per_position: samples, ..self })
     }
 
-    /// The same with other time-outs in seconds, each from the order to turn: of any position, and
+    /// Sets other time-outs in seconds, each from the order to turn: of any position, and
     /// of the first of a turn, which may be far away.
     ///
     /// # Errors
@@ -73,7 +69,7 @@ impl StepperConfig {
         })
     }
 
-    /// The same with an antenna that looks `offset` radians counter-clockwise of the nose at the
+    /// Sets an antenna that looks `offset` radians counter-clockwise of the nose at the
     /// rotator's 0.
     ///
     /// # Errors
@@ -83,7 +79,7 @@ impl StepperConfig {
         Ok(Self { mount_offset: finite("mount_offset", offset)?, ..self })
     }
 
-    /// The same with a receiver whose weakest reading is `floor` dBm.
+    /// Sets a receiver whose weakest reading is `floor` dBm.
     ///
     /// # Errors
     ///
@@ -98,7 +94,7 @@ impl StepperConfig {
         self.positions
     }
 
-    /// How many samples are asked for at each position.
+    /// How many samples are requested at each position.
     #[must_use]
     pub fn samples_per_position(&self) -> u16 {
         self.samples_per_position

@@ -10,7 +10,7 @@ pub enum StepperError<R, T, V> {
     /// The motor.
     #[error("the rotator failed: {0}")]
     Rotator(#[source] T),
-    /// The aircraft that says where the antenna is.
+    /// The aircraft that carries the antenna and reports its pose.
     #[error("the vehicle failed: {0}")]
     Vehicle(#[source] V),
 }

@@ -1,27 +1,27 @@
 use core::f64::consts::TAU;
 
 use foxhunt_core::{
-    BeaconId, Clock, PatternSource, Pose, Radio, Rotator, Sample, Sweep, Unheard, Vehicle, angle,
+    BeaconId, Clock, PatternSource, Pose, Radio, Rotator, Sample, Sweep, Unanswered, Vehicle, angle,
 };
 
 use super::{Phase, StepperConfig, StepperError, Turn};
-use crate::heard_turn::{HeardTurn, nearest};
+use crate::turn_recorder::{TurnRecorder, mean_pose, nearest_position};
 
-/// A directional antenna that a motor steps through a turn, with a radio that asks a beacon for
-/// answers at every step (Pritzl 2018, §5.1).
+/// A directional antenna that a motor steps through a turn, with a radio that requests
+/// answers from a beacon at every step (Pritzl 2018, §5.1).
 ///
 /// Turns go to and fro, 0 … 127 and 127 … 0, so that the cable does not wind up and the next turn
 /// starts where the antenna stands. A position ends with its last sample or its time-out, which
 /// runs from the order to turn there; it keeps what it has, possibly nothing. An answer that is
-/// lost costs the rest of its position's time. Several beacons are asked one after the other at
-/// each position, each with a time-out of its own, so that one that is silent costs the others
+/// lost costs the rest of its position's time. Several beacons are interrogated one after the other
+/// at each position, each with a time-out of its own, so that one that is silent costs the others
 /// nothing but time.
 ///
-/// Poll it several times per time-out: a position that is late asks no more questions. A device
-/// that fails is told of at each poll, and tried again at the next; time runs on, so that a turn
-/// ends however many devices are dead. A power or a place that is not finite is
-/// [counted](Self::dropped) and not kept. A question that is without an answer when its position's
-/// time is up is told as [unheard](Sweep::unheard), along the mean heading.
+/// Poll it several times per time-out: a position that is late sends no more requests. A device
+/// that fails is an error of each poll, and is tried again at the next; time runs on, so that a
+/// turn ends however many devices are dead. A power or a place that is not finite is
+/// [counted](Self::dropped) and not kept. A request without an answer when its position's
+/// time is up is lent as [unanswered](Sweep::unanswered), along the mean heading.
 #[derive(Debug)]
 pub struct StepperSource<R, T, V, C> {
     config: StepperConfig,
@@ -32,7 +32,7 @@ pub struct StepperSource<R, T, V, C> {
     turn: Option<Turn>,
     /// Where the antenna was last sent, in the turn's positions.
     stands_at: u16,
-    heard: HeardTurn,
+    recorder: TurnRecorder,
     dropped: u32,
     last_pose: Pose,
 }
@@ -60,7 +60,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             clock,
             turn: None,
             stands_at: 0,
-            heard: HeardTurn::default(),
+            recorder: TurnRecorder::default(),
             dropped: 0,
             last_pose: Pose::default(),
         }
@@ -110,20 +110,22 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                 turn.phase = Phase::Turn;
             }
             Phase::Turn => match self.rotator.poll().map_err(StepperError::Rotator)? {
-                Some(angle) if angle.is_finite() => turn.phase = Phase::Ask { angle, answers: 0 },
+                Some(angle) if angle.is_finite() => {
+                    turn.phase = Phase::Request { angle, answers: 0 }
+                }
                 _ => return Ok(Progress::Waiting),
             },
-            Phase::Ask { answers, .. } if answers >= self.config.samples_per_position() => {
+            Phase::Request { answers, .. } if answers >= self.config.samples_per_position() => {
                 turn.next(&self.config, self.clock.now());
             }
-            Phase::Ask { angle, answers } => {
+            Phase::Request { angle, answers } => {
                 if !self.expire(turn) {
-                    let beacon = self.heard.beacon(turn.asked).id;
+                    let beacon = self.recorder.beacon(turn.beacon).beacon;
                     self.radio.request(beacon).map_err(StepperError::Radio)?;
-                    turn.phase = Phase::Listen { angle, answers };
+                    turn.phase = Phase::Await { angle, answers };
                 }
             }
-            Phase::Listen { angle, answers } => {
+            Phase::Await { angle, answers } => {
                 let Some(rss_dbm) = self.radio.poll().map_err(StepperError::Radio)? else {
                     return Ok(Progress::Waiting);
                 };
@@ -132,37 +134,37 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                     Phase::Locate { angle, answers, rss_dbm, time }
                 } else {
                     self.dropped += 1;
-                    Phase::Ask { angle, answers }
+                    Phase::Request { angle, answers }
                 };
             }
             Phase::Locate { angle, answers, rss_dbm, time } => {
                 let receiver = self.vehicle.pose().map_err(StepperError::Vehicle)?;
-                self.heard.placed(self.vehicle.position_sigma());
+                self.recorder.add_place_sigma(self.vehicle.position_sigma());
                 if receiver.is_finite() {
                     let boresight = receiver.heading + angle + self.config.mount_offset();
                     let boresight = angle::wrap(boresight);
-                    let position = nearest(angle, self.config.positions());
+                    let position = nearest_position(angle, self.config.positions());
                     let sample = Sample { time, receiver, boresight, position, rss_dbm };
-                    self.heard.beacon(turn.asked).samples.push(sample);
+                    self.recorder.beacon(turn.beacon).samples.push(sample);
                     self.last_pose = receiver;
                 } else {
                     self.dropped += 1;
                 }
-                turn.phase = Phase::Ask { angle, answers };
+                turn.phase = Phase::Request { angle, answers };
             }
             Phase::Finish { .. } => return self.finish(turn),
         }
         Ok(Progress::Stepped)
     }
 
-    /// Without samples only the vehicle says where the turn took place.
+    /// Ends the turn; without samples only the vehicle knows where it took place.
     fn finish(&mut self, turn: &Turn) -> Result<Progress, Failure<R, T, V>> {
-        if self.heard.is_silent() {
+        if self.recorder.is_empty() {
             // A vehicle that does not answer holds the turn up for one more time-out at most.
             let late = turn.deadline.is_some_and(|deadline| self.clock.now() >= deadline);
             match self.vehicle.pose() {
                 Ok(pose) if pose.is_finite() => {
-                    self.heard.placed(self.vehicle.position_sigma());
+                    self.recorder.add_place_sigma(self.vehicle.position_sigma());
                     self.last_pose = pose;
                 }
                 Err(error) if !late => return Err(StepperError::Vehicle(error)),
@@ -179,10 +181,13 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         let expired = late && !matches!(turn.phase, Phase::Finish { .. });
         if expired {
             self.dropped += u32::from(matches!(turn.phase, Phase::Locate { .. }));
-            if let Phase::Listen { angle, .. } = turn.phase {
-                let position = nearest(angle, self.config.positions());
+            if let Phase::Await { angle, .. } = turn.phase {
+                let position = nearest_position(angle, self.config.positions());
                 let boresight = angle + self.config.mount_offset();
-                self.heard.beacon(turn.asked).unheard.push(Unheard { boresight, position });
+                self.recorder
+                    .beacon(turn.beacon)
+                    .unanswered
+                    .push(Unanswered { boresight, position });
             }
             turn.next(&self.config, now);
         }
@@ -197,7 +202,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
         // From the end that is nearer to where the antenna was last sent.
         let backwards = self.stands_at > (self.config.positions() - 1) / 2;
         self.turn = (!beacons.is_empty()).then(|| Turn::new(beacons.len(), backwards));
-        self.heard = HeardTurn::of(beacons);
+        self.recorder = TurnRecorder::new(beacons);
         self.dropped = 0;
         Ok(())
     }
@@ -214,16 +219,16 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
                 Phase::Finish { time } => time,
                 _ => self.clock.now(),
             };
-            self.heard.end(ended);
-            for heard in self.heard.beacons_mut() {
-                // Until now they were from the nose; nobody asked where that was when no answer
+            self.recorder.end(ended);
+            for sweep in self.recorder.beacons_mut() {
+                // Until now they were from the nose, whose heading is not known where no answer
                 // came.
-                let heading = heard.receiver().unwrap_or(self.last_pose).heading;
-                for unheard in &mut heard.unheard {
-                    unheard.boresight = angle::wrap(heading + unheard.boresight);
+                let heading = mean_pose(&sweep.samples).unwrap_or(self.last_pose).heading;
+                for unanswered in &mut sweep.unanswered {
+                    unanswered.boresight = angle::wrap(heading + unanswered.boresight);
                 }
             }
         }
-        Ok(self.heard.lend(self.config.positions(), self.config.floor_dbm(), self.last_pose))
+        Ok(self.recorder.lend(self.config.positions(), self.config.floor_dbm(), self.last_pose))
     }
 }

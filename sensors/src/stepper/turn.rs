@@ -5,8 +5,8 @@ use super::StepperConfig;
 pub(super) struct Turn {
     /// How many beacons are listened for at each position.
     beacons: usize,
-    /// Which of them is being asked, below `beacons`.
-    pub(super) asked: usize,
+    /// Which of them is interrogated at present, below `beacons`.
+    pub(super) beacon: usize,
     /// How many positions are done.
     pub(super) done: u16,
     /// The antenna goes from the last position to the first.
@@ -24,19 +24,19 @@ pub(super) enum Phase {
     Order,
     /// Wait until it stands.
     Turn,
-    /// Ask the radio: the antenna stands at `angle`, `answers` have come.
-    Ask { angle: f64, answers: u16 },
+    /// Send a request by the radio: the antenna stands at `angle`, `answers` have come.
+    Request { angle: f64, answers: u16 },
     /// Wait for the radio's answer.
-    Listen { angle: f64, answers: u16 },
-    /// An answer came; ask the vehicle where that was.
+    Await { angle: f64, answers: u16 },
+    /// An answer came; poll the vehicle for where that was.
     Locate { angle: f64, answers: u16, rss_dbm: f64, time: f64 },
-    /// All positions are done; ask the vehicle where it is if no sample says it.
+    /// All positions are done; poll the vehicle for its pose if there is no sample.
     Finish { time: f64 },
 }
 
 impl Turn {
     pub(super) fn new(beacons: usize, backwards: bool) -> Self {
-        Self { beacons, asked: 0, done: 0, backwards, deadline: None, phase: Phase::Order }
+        Self { beacons, beacon: 0, done: 0, backwards, deadline: None, phase: Phase::Order }
     }
 
     /// The position that the antenna is at or on its way to, of so many.
@@ -51,14 +51,14 @@ impl Turn {
     /// device takes it or not.
     pub(super) fn next(&mut self, config: &StepperConfig, now: f64) {
         self.deadline = Some(now + config.position_timeout());
-        self.asked += 1;
+        self.beacon += 1;
         if let Some(angle) = self.standing()
-            && self.asked < self.beacons
+            && self.beacon < self.beacons
         {
-            self.phase = Phase::Ask { angle, answers: 0 };
+            self.phase = Phase::Request { angle, answers: 0 };
             return;
         }
-        self.asked = 0;
+        self.beacon = 0;
         self.done += 1;
         let more = self.done < config.positions();
         self.phase = if more { Phase::Order } else { Phase::Finish { time: now } };
@@ -67,8 +67,8 @@ impl Turn {
     /// Where the antenna stands, if it has come to a standstill.
     fn standing(&self) -> Option<f64> {
         match self.phase {
-            Phase::Ask { angle, .. }
-            | Phase::Listen { angle, .. }
+            Phase::Request { angle, .. }
+            | Phase::Await { angle, .. }
             | Phase::Locate { angle, .. } => Some(angle),
             Phase::Order | Phase::Turn | Phase::Finish { .. } => None,
         }

@@ -1,6 +1,6 @@
 //! Antennas out of files: those at hand, what writes back, what is refused and in which line.
 
-use core::f64::consts::{FRAC_PI_2, PI};
+use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::{fmt::Write as _, fs, path::PathBuf};
 
 use foxhunt_sensors::{
@@ -143,7 +143,7 @@ fn the_formulas_are_near_the_computed_antennas() {
 
 /// MSI angles run clockwise and down.
 #[test]
-fn right_and_down_are_where_the_file_says() {
+fn right_and_down_follow_the_file() {
     let mut text = "GAIN 3 dBi\nHORIZONTAL 4\n0 0\n90 6\n180 12\n270 18\n".to_owned();
     text += "VERTICAL 4\n0 0\n90 5\n180 12\n270 9\n";
     let antenna = MsiFile::parse(&text).expect("in order").antenna().expect("in order");
@@ -194,7 +194,7 @@ fn tabs_dbd_and_carriage_returns_are_read() {
 #[test]
 fn a_broken_vendor_file_is_refused_with_line_and_reason() {
     let edit = |from: &str, to: &str| sample().replacen(from, to, 1);
-    for (text, line, told) in [
+    for (text, line, reported) in [
         (edit("GAIN 10.5 dBd", "GAIN 10.5"), 4, "needs a unit"),
         (edit("GAIN 10.5 dBd", "GAIN ten dBd"), 4, "\"ten\""),
         (edit("GAIN 10.5 dBd\n", ""), 726, "GAIN is missing"),
@@ -211,9 +211,9 @@ fn a_broken_vendor_file_is_refused_with_line_and_reason() {
         (String::new(), 1, "GAIN is missing"),
         ("GAIN 3 dBi\nHORIZONTAL 1\n0 0\nVERTICAL 1\n0 0\n".to_owned(), 5, "1 rows"),
     ] {
-        let error = MsiFile::parse(&text).expect_err(told);
+        let error = MsiFile::parse(&text).expect_err(reported);
         assert_eq!(error.line, line, "{error}");
-        assert!(error.to_string().contains(told), "{error} does not tell {told}");
+        assert!(error.to_string().contains(reported), "{error} does not tell {reported}");
     }
 }
 
@@ -240,7 +240,7 @@ fn tables_rise_or_fall_and_may_close() {
 #[test]
 fn a_broken_table_is_refused_with_line_and_reason() {
     let grid = |rows: &str| format!("elevation_deg\\azimuth_deg,0,90,180\n{rows}");
-    for (text, line, told) in [
+    for (text, line, reported) in [
         (String::new(), 1, "header is \"\""),
         ("angle,gain\n0,1\n".to_owned(), 1, "angle,gain"),
         ("angle_deg,gain_db\n0,1\n\n1\n".to_owned(), 4, "1 fields"),
@@ -251,11 +251,11 @@ fn a_broken_table_is_refused_with_line_and_reason() {
         ("angle_deg,gain_db\n0,1\n90,1\n".to_owned(), 3, "2 rows"),
         ("angle_deg,gain_db\n0,1\n90,1e9\n180,0\n".to_owned(), 4, "1000000000 dB"),
     ] {
-        let error = PatternTable::from_csv(&text).expect_err(told);
+        let error = PatternTable::from_csv(&text).expect_err(reported);
         assert_eq!(error.line, line, "{error}");
-        assert!(error.to_string().contains(told), "{error} does not tell {told}");
+        assert!(error.to_string().contains(reported), "{error} does not tell {reported}");
     }
-    for (text, line, told) in [
+    for (text, line, reported) in [
         ("angle_deg,gain_db\n0,1\n".to_owned(), 1, "header"),
         (grid("0,1,2\n"), 2, "3 fields where 4"),
         (grid("0,1,2,\n"), 2, "gain is \"\""),
@@ -265,9 +265,9 @@ fn a_broken_table_is_refused_with_line_and_reason() {
         (grid(""), 1, "0 rows"),
         ("elevation_deg\\azimuth_deg,0,90,x\n".to_owned(), 1, "\"x\""),
     ] {
-        let error = PatternTable3d::from_csv(&text).expect_err(told);
+        let error = PatternTable3d::from_csv(&text).expect_err(reported);
         assert_eq!(error.line, line, "{error}");
-        assert!(error.to_string().contains(told), "{error} does not tell {told}");
+        assert!(error.to_string().contains(reported), "{error} does not tell {reported}");
     }
 }
 
@@ -287,4 +287,99 @@ fn a_file_that_is_no_antenna_is_refused_by_its_name() {
     assert!(error.to_string().contains("PLN, line 4: the gain \"10.5\""), "{error}");
     let AntennaError::File { source, .. } = error else { panic!("{error}") };
     assert!(matches!(source.reason, PatternFileReason::Unit { .. }));
+}
+
+/// The antenna of the committed files: seeded lobes about a smooth pattern, in whole tenths of dB.
+fn recorded(azimuth_deg: u16, elevation_deg: i16) -> f64 {
+    // A linear congruential generator, so that no library's change alters the files (Knuth's MMIX).
+    let mut state = 20_u64;
+    let mut draw = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        f64::from(u32::try_from(state >> 40).expect("24 bits")) / f64::from(1_u32 << 24)
+    };
+    let azimuth = f64::from(azimuth_deg).to_radians();
+    let up = f64::from(elevation_deg).to_radians().cos();
+    let ripple: f64 = (2..6_u16)
+        .map(|order| (draw() - 0.5) * (f64::from(order) * azimuth + TAU * draw()).cos())
+        .sum();
+    // The largest gain is on boresight, as vendors' files have it.
+    let gain = 8.0 - 9.0 * (1.0 - azimuth.cos() * up) + 0.5 * (1.0 - azimuth.cos()) * ripple * up;
+    (gain * 10.0).round() / 10.0
+}
+
+/// Small recordings of one antenna in every form that is read, by the names of their files.
+fn recordings() -> [(&'static str, String); 4] {
+    let azimuths = || (0..360_u16).step_by(10);
+    let elevations = || (-90..=90_i16).step_by(30);
+    let mut table = "angle_deg,gain_db\n".to_owned();
+    for azimuth in azimuths() {
+        writeln!(table, "{azimuth},{:.1}", recorded(azimuth, 0)).expect("a string");
+    }
+    let mut grid = "elevation_deg\\azimuth_deg".to_owned();
+    for azimuth in azimuths() {
+        write!(grid, ",{azimuth}").expect("a string");
+    }
+    for elevation in elevations() {
+        write!(grid, "\n{elevation}").expect("a string");
+        // At a pole all azimuths are one direction.
+        for azimuth in azimuths() {
+            let azimuth = if elevation.abs() == 90 { 0 } else { azimuth };
+            write!(grid, ",{:.1}", recorded(azimuth, elevation)).expect("a string");
+        }
+    }
+    grid.push('\n');
+    let largest = azimuths().map(|azimuth| recorded(azimuth, 0)).fold(f64::MIN, f64::max);
+    // Clockwise and down; the vertical cut goes over the top to the back.
+    let cuts = |header: &str, blank: char| {
+        let mut text = header.to_owned();
+        writeln!(text, "HORIZONTAL{blank}36").expect("a string");
+        for angle in azimuths() {
+            let below = largest - recorded((360 - angle) % 360, 0);
+            writeln!(text, "{angle}{blank}{below:.1}").expect("a string");
+        }
+        writeln!(text, "VERTICAL{blank}36").expect("a string");
+        for angle in azimuths() {
+            let signed = i16::try_from(angle).expect("below 360");
+            let (azimuth, down) = match signed {
+                0..=90 => (0, signed),
+                91..=269 => (180, 180 - signed),
+                _ => (0, signed - 360),
+            };
+            let below = largest - recorded(azimuth, -down);
+            writeln!(text, "{angle}{blank}{:.1}", below.max(0.0)).expect("a string");
+        }
+        text
+    };
+    let msi = format!("NAME a generated panel\nFREQUENCY 2440\nGAIN {largest:.1} dBi\nTILT\n");
+    let dbd = largest - 2.15;
+    let planet = format!(
+        "NAME\ta generated panel\nFREQUENCY\t2440\nGAIN\t{dbd:.2} dBd\nELECTRICAL_TILT\t0\n"
+    );
+    [
+        ("generated_azimuth.csv", table),
+        ("generated_3d.csv", grid),
+        ("generated.msi", cuts(&msi, ' ')),
+        ("generated.pln", cuts(&planet, '\t').replace('\n', "\r\n")),
+    ]
+}
+
+/// Files that a clone has, so that every reader of antennas is tried without recordings beside it.
+/// Each is what the generator writes (`FOXHUNT_WRITE_RECORDINGS=1` writes them anew).
+#[test]
+fn the_recordings_of_the_repository_are_one_antenna() {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    for (name, text) in recordings() {
+        let path = folder.join(name);
+        if std::env::var_os("FOXHUNT_WRITE_RECORDINGS").is_some() {
+            fs::create_dir_all(&folder).expect("a folder");
+            fs::write(&path, &text).expect("a file");
+        }
+        assert_eq!(fs::read_to_string(&path).expect(name), text, "{name}");
+        let antenna = AntennaConfig::File(path).build().unwrap_or_else(|error| panic!("{error}"));
+        for azimuth in (0..360_u16).step_by(10) {
+            let gain = antenna.gain_dbi(f64::from(azimuth).to_radians(), 0.0);
+            let recorded = recorded(azimuth, 0);
+            assert!((gain - recorded).abs() < 0.06, "{name} at {azimuth}°: {gain}, {recorded} dB");
+        }
+    }
 }

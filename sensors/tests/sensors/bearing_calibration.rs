@@ -10,7 +10,7 @@ use foxhunt_sensors::{
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::{Distribution, Normal, StudentT};
 
-const SAID: BearingOffset = BearingOffset { constant: 3.0, sin_heading: 0.2, cos_heading: -0.1 };
+const STATED: BearingOffset = BearingOffset { constant: 3.0, sin_heading: 0.2, cos_heading: -0.1 };
 
 /// Bearings that are off by `offset` at random headings, with these errors besides.
 fn bearings(
@@ -35,11 +35,11 @@ fn normal() -> Normal<f64> {
 fn exact_bearings_give_the_offset_back() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
     let exact = Normal::new(0.0, 0.0).expect("no deviation");
-    let known = bearings(SAID, 20, &mut rng, exact);
+    let known = bearings(STATED, 20, &mut rng, exact);
     let fit = fit_bearing_offset(known.iter().copied(), OffsetTerms::Heading).expect("a fit");
-    assert!(distance(fit.offset.constant, SAID.constant) < 1e-9, "{fit:?}");
-    assert!((fit.offset.sin_heading - SAID.sin_heading).abs() < 1e-9, "{fit:?}");
-    assert!((fit.offset.cos_heading - SAID.cos_heading).abs() < 1e-9, "{fit:?}");
+    assert!(distance(fit.offset.constant, STATED.constant) < 1e-9, "{fit:?}");
+    assert!((fit.offset.sin_heading - STATED.sin_heading).abs() < 1e-9, "{fit:?}");
+    assert!((fit.offset.cos_heading - STATED.cos_heading).abs() < 1e-9, "{fit:?}");
     for point in &known {
         assert!(distance(fit.offset.correct(point.measured, point.heading), point.truth) < 1e-9);
     }
@@ -55,15 +55,15 @@ fn exact_bearings_give_the_offset_back() {
 /// Student's t of two degrees of freedom. The standard errors are asymptotic: of 15 bearings with
 /// three terms 95 % is held to ±2.5 %, of which 4·√(0.95·0.05/2000) = 1.95 % is chance.
 #[test]
-fn intervals_of_the_offset_hold_what_they_say() {
+fn intervals_of_the_offset_have_their_level() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(2);
     for tails in [false, true] {
         for terms in [OffsetTerms::Constant, OffsetTerms::Heading] {
             let offset = match terms {
                 OffsetTerms::Constant => {
-                    BearingOffset { constant: SAID.constant, ..<_>::default() }
+                    BearingOffset { constant: STATED.constant, ..<_>::default() }
                 }
-                OffsetTerms::Heading => SAID,
+                OffsetTerms::Heading => STATED,
             };
             let mut held = [0_u32; 3];
             for _ in 0..2000 {
@@ -125,12 +125,12 @@ fn the_test_for_a_harmonic_is_honest() {
     };
     let none = share(BearingOffset { constant: 1.0, ..<_>::default() });
     assert!((none - 0.05).abs() < 0.0295, "{none}");
-    let there = share(SAID);
+    let there = share(STATED);
     assert!(there > 0.95, "{there}");
 }
 
-/// σ between 0.05 and 0.25 rad, errors of (1.7 σ)² + 0.1²; 4000 bearings, seed 5, and then 300 sets of
-/// 100 for the intervals: 95 % ± 4·√(0.95·0.05/300) = 5.0 %.
+/// σ between 0.05 and 0.25 rad, errors of (1.7 σ)² + 0.1²; 4000 bearings, seed 5, and then 300 sets
+/// of 100 for the intervals: 95 % ± 4·√(0.95·0.05/300) = 5.0 %.
 #[test]
 fn scale_and_floor_of_sigma_come_back_within_their_intervals() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
@@ -165,14 +165,15 @@ fn scale_and_floor_of_sigma_come_back_within_their_intervals() {
 /// Five σ and |errors| by hand.
 #[test]
 fn the_correlation_is_tested_as_in_the_reference() {
-    let said = [(1.0, 1.0), (2.0, -3.0), (3.0, 2.0), (4.0, -4.0), (5.0, 5.0)];
-    let fit = fit_sigma(said.map(|(sigma, error)| BearingError { error, sigma })).expect("a fit");
+    let stated = [(1.0, 1.0), (2.0, -3.0), (3.0, 2.0), (4.0, -4.0), (5.0, 5.0)];
+    let fit = fit_sigma(stated.map(|(sigma, error)| BearingError { error, sigma })).expect("a fit");
     // |error| is 1, 3, 2, 4, 5: their products sum to 9 of 10.
     assert!((fit.correlation.expect("they vary") - 0.9).abs() < 1e-12, "{fit:?}");
     // t = 0.9·√(3/0.19) = 3.576; P = 0.0374.
     assert!((fit.correlation_p_value.expect("it has one") - 0.0374).abs() < 2e-4, "{fit:?}");
     // The same σ for all has no correlation, and a scale of the errors' rms over it.
-    let same = fit_sigma(said.map(|(_, error)| BearingError { error, sigma: 2.0 })).expect("a fit");
+    let same =
+        fit_sigma(stated.map(|(_, error)| BearingError { error, sigma: 2.0 })).expect("a fit");
     assert_eq!((same.correlation, same.correlation_p_value, same.floor), (None, None, 0.0));
     assert!((same.scale - (55.0_f64 / 5.0).sqrt() / 2.0).abs() < 1e-6, "{same:?}");
     assert!((same.scale - same.rms_ratio).abs() < 1e-6);

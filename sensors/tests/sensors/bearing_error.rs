@@ -41,8 +41,8 @@ fn for_each_turn(
 
 /// 1000 turns of 128 × 6 samples of 2 dB noise, seed 1. Independent implementations have 3.7° rms,
 /// 30 000 turns of this one 3.81°; the root mean square of 1000 scatters by 0.09°, so that 4.3° and
-/// 3.2° are more than 5 of that away. The mean error of a method without a side is 0 within 4 standard
-/// errors, 4 · 3.81°/√1000 = 0.48°. False alarms below 1e-4.
+/// 3.2° are more than 5 of that away. The mean error of a method without a side is 0 within 4
+/// standard errors, 4 · 3.81°/√1000 = 0.48°. False alarms below 1e-4.
 #[test]
 fn the_error_is_the_published_one_and_has_no_side() {
     let (rms, mean) = errors(Conditions::default(), 1000, 1);
@@ -58,8 +58,8 @@ fn lost_positions_cost_what_was_published() {
     assert!(mean.abs() < 0.62, "mean {mean}°");
 }
 
-/// Readings of whole decibels, seed 3, in the same band: 3.87° over 30 000 turns, for the noise of 2 dB
-/// dithers the steps.
+/// Readings of whole decibels, seed 3, in the same band: 3.87° over 30 000 turns, for the noise of
+/// 2 dB dithers the steps.
 #[test]
 fn whole_decibels_cost_next_to_nothing() {
     let (rms, _) = errors(Conditions { whole_db: true, ..Conditions::default() }, 1000, 3);

@@ -2,7 +2,7 @@
 
 use core::f64::consts::{PI, TAU};
 
-use foxhunt_core::{BeaconId, PatternSource, Pose, Sample, Sweep, Unheard, angle, laws};
+use foxhunt_core::{BeaconId, PatternSource, Pose, Sample, Sweep, Unanswered, angle, laws};
 use foxhunt_sensors::{BodyConfig, BodyError, OmnidirectionalConfig, OmnidirectionalError};
 use nalgebra::Vector3;
 
@@ -11,7 +11,7 @@ use crate::devices::{Body, Failed, Handle, Health};
 /// What became of a turn of one beacon.
 struct Turn {
     samples: Vec<Sample>,
-    unheard: Vec<Unheard>,
+    unanswered: Vec<Unanswered>,
     seconds: f64,
     failures: Vec<BodyError<Failed, Failed>>,
 }
@@ -30,11 +30,11 @@ fn turns(handle: &Handle, source: &mut Body, beacons: &[BeaconId], tick: f64) ->
     source.begin(beacons).expect("a turn can always begin");
     for _ in 0..100_000 {
         match source.poll() {
-            Ok(Some(Sweep { beacon, samples, unheard, .. })) => {
+            Ok(Some(Sweep { beacon, samples, unanswered, .. })) => {
                 assert_eq!(beacon, beacons[turns.len()]);
                 turns.push(Turn {
                     samples: samples.to_vec(),
-                    unheard: unheard.to_vec(),
+                    unanswered: unanswered.to_vec(),
                     seconds: handle.with(|w| w.now) - begun,
                     failures: std::mem::take(&mut failures),
                 });
@@ -99,7 +99,7 @@ fn a_turn_goes_all_the_way_round_once() {
 }
 
 #[test]
-fn the_references_turn_asks_six_times_at_each_heading_and_ends_at_rest() {
+fn the_references_turn_polls_six_times_at_each_heading_and_ends_at_rest() {
     let handle = devices();
     let config = BodyConfig::pritzl2018();
     let mut source = handle.body(config);
@@ -131,8 +131,8 @@ fn the_moment_of_the_power_is_where_the_sample_lies() {
         let mut source = handle.body(BodyConfig { measured_at, ..BodyConfig::isaacs2014() });
         let Turn { samples, .. } = turn(&handle, &mut source);
         let questions = handle.with(|w| w.questions.clone());
-        for (sample, (_, asked)) in samples.iter().zip(questions) {
-            assert!((sample.time - asked - late).abs() < 1e-9);
+        for (sample, (_, requested)) in samples.iter().zip(questions) {
+            assert!((sample.time - requested - late).abs() < 1e-9);
             let heading = 3.0 + 0.5 * PI * (sample.time - begun);
             assert!(angle::distance(sample.boresight, heading) < 1e-9);
         }
@@ -140,18 +140,23 @@ fn the_moment_of_the_power_is_where_the_sample_lies() {
 }
 
 #[test]
-fn beacons_are_asked_in_turn() {
+fn beacons_are_polled_in_turn() {
     let handle = devices();
     handle.with(|w| w.mute = Some(BeaconId(5)));
     let mut source = handle.body(BodyConfig::isaacs2014());
     let beacons = [BeaconId(5), BeaconId(2), BeaconId(0)];
-    let heard = turns(&handle, &mut source, &beacons, 0.005);
-    let asked = handle.with(|w| w.questions.clone());
-    assert!(asked.iter().zip(beacons.iter().cycle()).all(|(asked, beacon)| asked.0 == *beacon));
+    let received = turns(&handle, &mut source, &beacons, 0.005);
+    let requested = handle.with(|w| w.questions.clone());
+    assert!(
+        requested
+            .iter()
+            .zip(beacons.iter().cycle())
+            .all(|(requested, beacon)| requested.0 == *beacon)
+    );
     // Two answers of 10 ms and a time-out of 50 ms, or a tick more, make a round.
     let rounds = 4.0 / 0.0725;
-    for (turn, silent) in heard.iter().zip([true, false, false]) {
-        let (answers, none) = (turn.samples.len(), turn.unheard.len());
+    for (turn, silent) in received.iter().zip([true, false, false]) {
+        let (answers, none) = (turn.samples.len(), turn.unanswered.len());
         let count = f64::from(u32::try_from(answers.max(none)).expect("few"));
         assert!((count - rounds).abs() < 3.0, "{count}, not {rounds}");
         assert_eq!((answers == 0, none > 0), (silent, silent));
@@ -159,7 +164,7 @@ fn beacons_are_asked_in_turn() {
 }
 
 #[test]
-fn a_body_that_does_not_turn_is_told_of() {
+fn a_body_that_does_not_turn_is_reported() {
     // One that stays, one that is too slow, one that turns the other way.
     for (follows, sound) in [(0.0, false), (0.2, false), (-1.0, true)] {
         let handle = devices();
@@ -204,9 +209,9 @@ fn what_is_not_a_number_is_counted_and_dropped() {
     handle.with(|w| w.nan_every = 4);
     let mut source = handle.body(BodyConfig::isaacs2014());
     let turn = turn(&handle, &mut source);
-    let asked = handle.with(|w| w.questions.len());
+    let requested = handle.with(|w| w.questions.len());
     let dropped = usize::try_from(source.dropped()).expect("few");
-    assert_eq!((turn.samples.len() + dropped, dropped), (asked, asked / 4));
+    assert_eq!((turn.samples.len() + dropped, dropped), (requested, requested / 4));
     // A compass that says nothing for a while costs samples, not the turn.
     source.begin(&[BeaconId(0)]).expect("it begins");
     let good = handle.with(|w| w.pose);
@@ -238,7 +243,7 @@ fn without_a_direction_there_is_a_level_at_one_position() {
         match source.poll().expect("the devices work") {
             Some(sweep) => {
                 assert_eq!(sweep.positions, 1);
-                counts.push((sweep.samples.len(), sweep.unheard.len()));
+                counts.push((sweep.samples.len(), sweep.unanswered.len()));
             }
             None => handle.wait(0.005),
         }
@@ -280,8 +285,8 @@ fn settings_out_of_range_are_refused_by_name() {
         (BodyConfig { turn_timeout_s: f64::NAN, ..base }, "turn_timeout_s"),
         (BodyConfig { floor_dbm: Some(f64::NAN), ..base }, "floor_dbm"),
     ] {
-        let told = config.check().expect_err(name).to_string();
-        assert!(told.starts_with(name), "{told}");
+        let reported = config.check().expect_err(name).to_string();
+        assert!(reported.starts_with(name), "{reported}");
     }
     let none = OmnidirectionalConfig { questions: 0, ..OmnidirectionalConfig::default() };
     assert!(none.check().is_err());

@@ -71,8 +71,9 @@ fn standard_errors_are_honest() {
     assert!((mean - 38.0 / 36.0).abs() < 0.141, "{mean}");
 }
 
-/// The covariance of the closed form is inverted by Cramer's rule; the rim of the ellipse is where eᵀ C⁻¹ e is twice the F quantile of 2 and 1 degrees of freedom, 199.5 at 95 %
-/// (Abramowitz & Stegun 1964, table 26.9).
+/// The covariance of the closed form is inverted by Cramer's rule; the rim of the ellipse is where
+/// eᵀ C⁻¹ e is twice the F quantile of 2 and 1 degrees of freedom, 199.5 at 95 % (Abramowitz &
+/// Stegun 1964, table 26.9).
 #[test]
 fn the_rim_of_the_region_is_the_quantile_of_f() {
     let fit = fit_log_distance([(1.0, -30.0), (10.0, -51.0), (100.0, -69.0)], None).expect("a fit");
@@ -99,11 +100,11 @@ fn the_rim_of_the_region_is_the_quantile_of_f() {
     assert!(fit.region(1.0).is_none() && fit.reference_interval(0.0).is_none());
 }
 
-/// Few points, so that an ellipse with χ² in place of F would hold 91.5 % only. 4000 calibrations of
-/// 15 points, seed 12: the share of truths inside is binomial, 0.95 ± 4·√(0.95·0.05/4000) = 0.0138
-/// but for 6e-5 of seeds. Each of the two intervals alone holds as many.
+/// Few points, so that an ellipse with χ² in place of F would hold 91.5 % only. 4000 calibrations
+/// of 15 points, seed 12: the share of truths inside is binomial, 0.95 ± 4·√(0.95·0.05/4000) =
+/// 0.0138 but for 6e-5 of seeds. Each of the two intervals alone holds as many.
 #[test]
-fn the_joint_region_holds_what_it_says() {
+fn the_joint_region_has_its_level() {
     let truth = LogDistance::pritzl2018_field();
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(12);
     let noise = Normal::new(0.0, 4.0).expect("a standard deviation");
@@ -134,7 +135,8 @@ fn the_joint_region_holds_what_it_says() {
     }
 }
 
-/// 847 readings of VHF tags: published exponent 2.29 and standard deviation 4.1 dB, to their digits.
+/// 847 readings of VHF tags: published exponent 2.29 and standard deviation 4.1 dB, to their
+/// digits.
 #[test]
 fn real_readings_have_the_published_exponent() {
     let Some(text) = shared("data/rssi_distance/vhf_tags.csv") else { return };

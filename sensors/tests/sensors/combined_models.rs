@@ -2,10 +2,11 @@
 
 use core::f64::consts::TAU;
 
-use foxhunt_core::{MeasurementModel, Observation, Pose, State, laws};
+use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, Quantity, State, laws};
 use foxhunt_sensors::{
-    BearingOnly, Censored, DifferentialRss, FreePowerRssBearing, LogDistance, ParameterError,
-    RangeDifference, Rss, RssBearing, Stacked,
+    BearingOnly, Censored, DifferentialRss, Dipole, ElevationPattern, FreePathLossRssBearing,
+    FreePowerRssBearing, LogDistance, ParameterError, RangeDifference, Rss, RssBearing, Stacked,
+    WithElevationPattern,
 };
 use nalgebra::{Matrix1, Matrix2, Matrix3, Vector1, Vector2, Vector3};
 use proptest::prelude::*;
@@ -108,12 +109,12 @@ proptest! {
         let expected: Vector1<f64> = model.expected(&state, &receiver);
         let top = f64::max(floor, expected[0]) + 8.0 * sigma;
         let (steps, width) = (2000, (top - floor) / 2000.0);
-        let heard: f64 = (0..=steps).map(|i| {
+        let received: f64 = (0..=steps).map(|i| {
             let weight = if i == 0 || i == steps { 1.0 } else { f64::from(2 + 2 * (i % 2)) };
             let z = observe(floor + width * f64::from(i));
             weight * model.log_likelihood(&state, &z).exp()
         }).sum();
-        let whole = silent + heard * width / 3.0;
+        let whole = silent + received * width / 3.0;
         prop_assert!((whole - 1.0).abs() < 1e-6, "{whole}");
     }
 }
@@ -139,7 +140,7 @@ fn differences_are_those_of_two_receivers() {
     }
     assert!(RangeDifference::new(Vector3::new(0.0, f64::NAN, 0.0)).is_err());
     let refused = DifferentialRss::new(reference, 0.0);
-    assert!(matches!(refused, Err(ParameterError::Value { name: "exponent", .. })));
+    assert!(matches!(refused, Err(ParameterError { name: "exponent", .. })));
     assert!(DifferentialRss::new(Vector3::repeat(f64::INFINITY), 2.0).is_err());
 }
 
@@ -157,4 +158,32 @@ fn a_stack_keeps_its_parts_likelihoods() {
     let z = Observation::new(0.0, receiver, opposite, noise).expect("proper");
     let outlier = (0.19 / TAU).ln() - 0.5 * (TAU * 36.0).ln();
     assert!((stack.log_likelihood(&state, &z) - outlier).abs() < 1e-9);
+}
+
+/// What is fed to a model is matched by these.
+#[test]
+fn models_name_what_they_measure() {
+    fn of<const N: usize, const M: usize>(model: &impl MeasurementModel<N, M>) -> [Quantity; M] {
+        model.quantities()
+    }
+    let law = LogDistance::pritzl2018_field();
+    let reference = Vector3::new(50.0, 0.0, 2.0);
+    let difference = RangeDifference::new(reference).expect("finite");
+    let weaker = DifferentialRss::new(reference, 2.5).expect("in range");
+    assert_eq!(of::<2, 1>(&Rss::new(law)), [Quantity::RSS]);
+    assert_eq!(of::<2, 1>(&BearingOnly::new()), [Quantity::BEARING]);
+    assert_eq!(of::<2, 1>(&difference), [Quantity::RANGE_DIFFERENCE]);
+    assert_eq!(of::<2, 1>(&weaker), [Quantity::RSS_DIFFERENCE]);
+    let pair = [Quantity::RSS, Quantity::BEARING];
+    assert_eq!(of::<2, 2>(&RssBearing::new(law)), pair);
+    assert_eq!(of::<3, 2>(&FreePowerRssBearing::new(2.0).expect("positive")), pair);
+    assert_eq!(of::<4, 2>(&FreePathLossRssBearing::new()), pair);
+    assert_eq!(of::<2, 2>(&Censored::new(RssBearing::new(law))), pair);
+    let elevated = WithElevationPattern::new(RssBearing::new(law), ElevationPattern::of(&Dipole));
+    assert_eq!(of::<2, 2>(&elevated), pair);
+    let inner = Stacked::<_, _, 1, 1>::new(difference, BearingOnly::new());
+    let stack = Stacked::<_, _, 1, 2>::new(weaker, inner);
+    let all = [Quantity::RSS_DIFFERENCE, Quantity::RANGE_DIFFERENCE, Quantity::BEARING];
+    assert_eq!(of::<2, 3>(&stack), all);
+    assert_eq!(MeasurementModel::<2, 3>::axes(&stack)[2], Axis::Angle);
 }

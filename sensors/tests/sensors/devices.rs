@@ -140,7 +140,7 @@ pub(crate) type Body = BodySource<Handle, Handle, Clock>;
 pub(crate) type Omnidirectional = OmnidirectionalSource<Handle, Handle, Clock>;
 
 /// What a device of that health makes of its answer.
-fn tell<T>(health: Health, answer: Option<T>) -> Result<Option<T>, Failed> {
+fn report<T>(health: Health, answer: Option<T>) -> Result<Option<T>, Failed> {
     match health {
         Health::Good => Ok(answer),
         Health::Silent => Ok(None),
@@ -153,7 +153,7 @@ impl Radio for Handle {
 
     fn request(&mut self, beacon: BeaconId) -> Result<(), Failed> {
         self.with(|w| {
-            tell(w.radio, Some(()))?;
+            report(w.radio, Some(()))?;
             w.questions.push((beacon, w.now));
             w.pending = w.questions.len() % w.lose_every != 0 && w.mute != Some(beacon);
             Ok(())
@@ -162,10 +162,10 @@ impl Radio for Handle {
 
     fn poll(&mut self) -> Result<Option<f64>, Failed> {
         self.with(|w| {
-            let asked = w.questions.last().map_or(f64::INFINITY, |q| q.1);
-            let due = w.pending && w.now >= asked + w.latency;
-            let told = tell(w.radio, due.then_some(()))?;
-            Ok(told.map(|()| {
+            let requested = w.questions.last().map_or(f64::INFINITY, |q| q.1);
+            let due = w.pending && w.now >= requested + w.latency;
+            let reported = report(w.radio, due.then_some(()))?;
+            Ok(reported.map(|()| {
                 w.pending = false;
                 w.answers += 1;
                 if w.answers % w.nan_every == 0 { f64::NAN } else { -50.0 }
@@ -179,7 +179,7 @@ impl Rotator for Handle {
 
     fn turn_to(&mut self, angle: f64) -> Result<(), Failed> {
         self.with(|w| {
-            tell(w.rotator, Some(()))?;
+            report(w.rotator, Some(()))?;
             w.orders.push((angle, w.now));
             Ok(())
         })
@@ -188,7 +188,7 @@ impl Rotator for Handle {
     fn poll(&mut self) -> Result<Option<f64>, Failed> {
         self.with(|w| {
             let stands = w.orders.last().filter(|order| w.now >= order.1 + w.turning);
-            tell(w.rotator, stands.map(|order| w.stuck_at.unwrap_or(order.0)))
+            report(w.rotator, stands.map(|order| w.stuck_at.unwrap_or(order.0)))
         })
     }
 }
@@ -208,7 +208,7 @@ impl Vehicle for Handle {
 impl Spinner for Handle {
     fn spin(&mut self, rate: Option<f64>) -> Result<(), Failed> {
         self.with(|w| {
-            tell(w.rotator, Some(()))?;
+            report(w.rotator, Some(()))?;
             w.spins.push(rate);
             w.rate = rate.unwrap_or(0.0) * w.follows;
             Ok(())

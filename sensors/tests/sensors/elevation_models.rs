@@ -63,7 +63,7 @@ fn the_pattern_is_the_mean_over_the_turn() {
 }
 
 #[test]
-fn a_body_that_leans_hears_the_horizon_elsewhere() {
+fn a_body_that_leans_receives_off_its_horizon() {
     let model = WithElevationPattern::new(Rss::new(law()), ElevationPattern::of(&Dipole));
     let level = |pose: &Pose| -> f64 {
         let expected: Vector1<f64> = model.expected(&Vector2::new(40.0, 0.0), pose);

@@ -62,9 +62,9 @@ proptest! {
     /// Whatever was heard, one reading or a thousand alike: no panic, no NaN, no σ of nothing.
     #[test]
     fn nothing_breaks_them(
-        heard in prop::collection::vec((-7.0..7.0f64, 0..24u16, -120..-20i16), 1..60),
+        received in prop::collection::vec((-7.0..7.0f64, 0..24u16, -120..-20i16), 1..60),
     ) {
-        let samples: Vec<Sample> = heard
+        let samples: Vec<Sample> = received
             .into_iter()
             .map(|(boresight, position, dbm)| Sample {
                 time: 0.0,
@@ -123,9 +123,9 @@ fn errors(
 }
 
 /// 300 clean turns, seed 20. Published are 3.7, 9.1, 0.65 and thrice 0.46; the root mean square of
-/// 300 scatters by 4 %, of the two maxima, whose errors come in steps with long tails, by 6 %. Bands
-/// of 5 of that about what 2000 turns have; σ of all but the reference's is theirs within a fifth, of
-/// the maximum, a rule of thumb, within a half.
+/// 300 scatters by 4 %, of the two maxima, whose errors come in steps with long tails, by 6 %.
+/// Bands of 5 of that about what 2000 turns have; σ of all but the reference's is theirs within a
+/// fifth, of the maximum, a rule of thumb, within a half.
 #[test]
 fn clean_turns_cost_what_was_published() {
     let expected = [3.8, 9.1, 0.75, 0.68, 1.4, 0.47, 0.47, 0.47, 0.48];
@@ -152,7 +152,7 @@ fn clean_turns_cost_what_was_published() {
 /// which 95 % lie within 1.96 σ. The rms is made by few: it stays below 3°; a share of 0.95 in 200
 /// scatters by 1.5 %, and 5 of that are 87 %.
 #[test]
-fn a_reflection_is_told_from_the_direct_wave() {
+fn a_reflection_is_distinguished_from_the_direct_wave() {
     let antenna = PatternTable::reference_patch();
     let noise = Normal::new(0.0, 2.0).expect("a standard deviation");
     let draw = |rng: &mut Xoshiro256PlusPlus, bearing: f64| -> Vec<Sample> {
@@ -199,7 +199,7 @@ fn settings_are_checked() {
 }
 
 #[test]
-fn an_antenna_that_is_flat_all_round_tells_no_direction() {
+fn an_antenna_that_is_flat_all_round_gives_no_direction() {
     let conditions = Conditions { bearing: 1.0, ..Conditions::default() };
     let samples = simulate(&conditions, &PatternTable::reference_patch(), 5);
     let sweep = sweep_of(&samples);
@@ -235,6 +235,6 @@ fn an_elevation_goes_through_all_that_is_made_of_the_antenna() {
         let likelihood = MaximumLikelihood::new(yagi).with_residuals(Residuals::Reflection);
         likelihood.with_elevation(elevation).expect("in range").extract(&sweep_of(&samples))
     };
-    let told = extractor(elevation).expect("a full turn").bearing.expect("a main lobe");
-    assert!(angle::distance(told.angle, bearing) < 0.01, "{told:?}");
+    let reported = extractor(elevation).expect("a full turn").bearing.expect("a main lobe");
+    assert!(angle::distance(reported.angle, bearing) < 0.01, "{reported:?}");
 }

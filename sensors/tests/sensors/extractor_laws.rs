@@ -13,6 +13,7 @@ const SILENT: Sample = Sample {
         heading: 0.0,
         pitch: 0.0,
         roll: 0.0,
+        velocity: None,
     },
     boresight: 0.0,
     position: 0,
@@ -144,7 +145,7 @@ fn a_bearing_that_is_too_wide_is_none() {
 fn too_few_positions_have_a_level_but_no_bearing() {
     let samples: Vec<Sample> = clean().into_iter().filter(|s| s.position % 9 == 0).collect();
     let reading = Pritzl2018::default().extract(&sweep_of(&samples)).expect("some");
-    assert_eq!(reading.bearing, Err(NoBearing::TooSparse { heard: 15, needed: 16 }));
+    assert_eq!(reading.bearing, Err(NoBearing::TooSparse { measured: 15, needed: 16 }));
 }
 
 #[test]
@@ -175,9 +176,9 @@ fn the_settings_are_checked() {
 }
 
 /// The confidence of a turn of `positions` with the power 1 + cos a in milliwatt at those `heard`.
-fn cardioid_confidence(positions: u16, heard: impl Fn(u16) -> bool) -> f64 {
+fn cardioid_confidence(positions: u16, received: impl Fn(u16) -> bool) -> f64 {
     let samples: Vec<Sample> = (0..positions)
-        .filter(|position| heard(*position))
+        .filter(|position| received(*position))
         .map(|position| {
             let boresight = nominal(position, positions);
             let rss_dbm = 10.0 * (1.001 + boresight.cos()).log10();
@@ -212,11 +213,11 @@ fn confidence_weighs_arcs() {
 
 /// What was not heard counts against it: an arc is 45° at most.
 #[test]
-fn confidence_counts_what_was_not_heard() {
+fn confidence_counts_what_was_not_received() {
     let half = cardioid_confidence(128, |position| position < 64);
     // 62 arcs of one step, and the cap at either end.
-    let heard = (62.0 * 360.0 / 128.0 + 2.0 * 45.0) / 360.0;
-    assert!(half < heard, "{half}");
+    let received = (62.0 * 360.0 / 128.0 + 2.0 * 45.0) / 360.0;
+    assert!(half < received, "{half}");
     let one = cardioid_confidence(128, |position| position == 0);
     assert!((one - 0.125).abs() < 1e-12, "one position is heard over 45° and no more: {one}");
 }

@@ -24,8 +24,8 @@ fn lend(turns: &[(Vec<Sample>, f64)]) -> Vec<(Sweep<'_>, f64)> {
     turns.iter().map(|(samples, bearing)| (sweep_of(samples), *bearing)).collect()
 }
 
-/// One turn of 128 × 6 samples of 2 dB: the mean of p parameters has an error of 2 / √6 · √(p / 128)
-/// dB, 0.37 dB for 26 of them. Twice that is beyond chance (seeds 40 to 44).
+/// One turn of 128 × 6 samples of 2 dB: the mean of p parameters has an error of 2 / √6 · √(p /
+/// 128) dB, 0.37 dB for 26 of them. Twice that is beyond chance (seeds 40 to 44).
 #[test]
 fn one_turn_is_enough_for_a_pattern() {
     let patch = PatternTable::reference_patch();

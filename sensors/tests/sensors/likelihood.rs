@@ -3,7 +3,7 @@
 use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{
-    BeaconId, BearingExtractor, NoBearing, Pose, Reading, Sample, Sweep, Unheard, angle, laws,
+    BeaconId, BearingExtractor, NoBearing, Pose, Reading, Sample, Sweep, Unanswered, angle, laws,
 };
 use foxhunt_sensors::{Antenna, MaximumLikelihood, PatternTable, Residuals};
 use proptest::prelude::*;
@@ -65,13 +65,13 @@ fn it_reaches_the_bound_and_knows_it() {
 }
 
 /// One reading along each boresight, as four fixed antennas have it.
-fn station(boresights: &[f64], heard: impl Fn(f64) -> f64) -> Vec<Sample> {
+fn station(boresights: &[f64], received: impl Fn(f64) -> f64) -> Vec<Sample> {
     let sample = |(position, boresight): (u16, &f64)| Sample {
         time: 0.0,
         receiver: Pose::default(),
         boresight: *boresight,
         position,
-        rss_dbm: heard(*boresight),
+        rss_dbm: received(*boresight),
     };
     (0..).zip(boresights).map(sample).collect()
 }
@@ -112,7 +112,7 @@ fn two_looks_are_too_few_and_a_flat_turn_fits_nothing() {
     let two = station(&[0.0, 1.0], |b| -50.0 - b);
     let reading = patch().extract(&Sweep { positions: 4, samples: &two, ..Sweep::default() });
     let bearing = reading.expect("a level").bearing;
-    assert_eq!(bearing, Err(NoBearing::TooSparse { heard: 2, needed: 8 }));
+    assert_eq!(bearing, Err(NoBearing::TooSparse { measured: 2, needed: 8 }));
     let boresights: Vec<f64> = (0..128_u16).map(|i| TAU * f64::from(i) / 128.0).collect();
     let flat = station(&boresights, |b| -50.0 + (b * 1000.0).sin());
     let reading = patch().extract(&Sweep { positions: 128, samples: &flat, ..Sweep::default() });
@@ -147,19 +147,19 @@ fn below_the_floor(extractor: &impl BearingExtractor) {
         let bearing = rng.random_range(-PI..PI);
         let all =
             simulate(&Conditions { bearing, ..Conditions::default() }, &antenna, rng.random());
-        let (mut samples, mut unheard): (Vec<Sample>, Vec<Unheard>) = Default::default();
+        let (mut samples, mut unanswered): (Vec<Sample>, Vec<Unanswered>) = Default::default();
         for sample in all {
             let Sample { boresight, position, .. } = sample;
-            let ended = unheard.last().is_some_and(|u: &Unheard| u.position == position);
+            let ended = unanswered.last().is_some_and(|u: &Unanswered| u.position == position);
             match sample.rss_dbm < FLOOR {
                 _ if ended => {}
-                true => unheard.push(Unheard { boresight, position }),
+                true => unanswered.push(Unanswered { boresight, position }),
                 false => samples.push(sample),
             }
         }
         let sweep = Sweep {
             beacon: BeaconId(0),
-            unheard: &unheard,
+            unanswered: &unanswered,
             floor_dbm: Some(FLOOR),
             ..sweep_of(&samples)
         };

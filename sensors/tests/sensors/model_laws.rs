@@ -114,7 +114,7 @@ fn presets_are_the_published_laws() {
 }
 
 #[test]
-fn overhead_a_bearing_says_nothing_and_nothing_is_nan() {
+fn overhead_a_bearing_gives_no_information_and_nothing_is_nan() {
     let model = RssBearing::new(LogDistance::pritzl2018_field());
     for up in [0.0, 4.0] {
         let receiver = Pose::at(3.0, -2.0, up);
@@ -144,11 +144,8 @@ fn states_at_the_end_of_the_numbers_give_numbers() {
 #[test]
 fn what_is_out_of_range_is_refused_with_its_value() {
     for exponent in [0.0, -2.0, f64::INFINITY] {
-        let refused = ParameterError::Value {
-            name: "exponent",
-            value: exponent,
-            requirement: "a positive number",
-        };
+        let refused =
+            ParameterError { name: "exponent", value: exponent, requirement: "a positive number" };
         assert_eq!(LogDistance::new(-30.0, exponent), Err(refused));
         assert_eq!(FreePowerRssBearing::new(exponent), Err(refused));
     }

@@ -38,7 +38,7 @@ fn sample(boresight: f64, rss_dbm: f64) -> Sample {
     Sample { time: 0.0, receiver: Pose::default(), boresight, position: 0, rss_dbm }
 }
 
-fn heard(station: &StationPattern, readings: &[(f64, f64)]) -> foxhunt_core::Reading {
+fn received(station: &StationPattern, readings: &[(f64, f64)]) -> foxhunt_core::Reading {
     let samples: Vec<Sample> = readings.iter().map(|&(b, dbm)| sample(b, dbm)).collect();
     station.extract(&sweep_of(&samples)).expect("a burst")
 }
@@ -54,10 +54,10 @@ fn exact_bursts_have_their_direction_and_level() {
             (*recorded, -60.0 + gain(direction - recorded - turned))
         };
         let readings: Vec<_> = RECORDED.iter().zip(turned).map(reading).collect();
-        let read = heard(&station, &readings);
+        let read = received(&station, &readings);
         let bearing = read.bearing.expect("four antennas agree");
-        // Near a boresight the other antennas hear nothing but their back lobes, and the lobe itself is
-        // flat: within 0.3 rad hardly anything tells one direction from another.
+        // Near a boresight the other antennas hear nothing but their back lobes, and the lobe
+        // itself is flat: within 0.3 rad hardly anything tells one direction from another.
         let error = distance(bearing.angle, direction);
         assert!(error < 1.5 * bearing.sigma + 0.02, "{direction}: {bearing:?}");
         assert!(bearing.sigma < 0.35, "{direction}: {bearing:?}");
@@ -66,16 +66,16 @@ fn exact_bursts_have_their_direction_and_level() {
 }
 
 #[test]
-fn what_is_not_heard_tells_too() {
+fn what_is_not_received_informs_too() {
     let station = station([0.0; 4], 4.0);
     // One antenna alone, well above the floor: the others would have heard it from elsewhere.
-    let alone = heard(&station, &[(0.0, -92.0)]).bearing.expect("it is before that antenna");
+    let alone = received(&station, &[(0.0, -92.0)]).bearing.expect("it is before that antenna");
     assert!(distance(alone.angle, 0.0) < 0.1, "{alone:?}");
     // Nearer the floor less is known.
-    let weak = heard(&station, &[(0.0, -104.0)]).bearing.expect("still");
+    let weak = received(&station, &[(0.0, -104.0)]).bearing.expect("still");
     assert!(weak.sigma > 1.2 * alone.sigma && distance(weak.angle, 0.0) < 0.2, "{weak:?}");
     // Opposite antennas that hear the same are two directions, or none.
-    let torn = heard(&station, &[(0.0, -80.0), (-PI, -80.0)]);
+    let torn = received(&station, &[(0.0, -80.0), (-PI, -80.0)]);
     assert!(torn.modes.as_slice().len() >= 2, "{torn:?}");
     let [first, second] = [torn.modes.as_slice()[0], torn.modes.as_slice()[1]];
     assert!(distance(first.angle, second.angle) > 2.0, "{torn:?}");
@@ -83,7 +83,7 @@ fn what_is_not_heard_tells_too() {
         assert!(bearing.sigma > 1.0 && distance(bearing.angle, first.angle) < 1e-9, "{torn:?}");
     }
     let same = RECORDED.map(|boresight| (boresight, -80.0));
-    let flat = heard(&station, &same);
+    let flat = received(&station, &same);
     assert!(matches!(flat.bearing, Err(NoBearing::TooWide { .. })), "{flat:?}");
     assert!(flat.rss_dbm.is_finite() && flat.rss_sigma_db >= 7.9);
     let nothing = station.extract(&sweep_of(&[]));
@@ -110,8 +110,8 @@ fn bursts(turned: [f64; 4], count: u32, rng: &mut Xoshiro256PlusPlus) -> Vec<Sta
 }
 
 /// 400 bursts in 8 groups, seed 31, boresights up to 26° from where they are recorded. Fits without
-/// one group judge that group: the share of errors within 1.96 σ is 95 % ± 4·√(0.95·0.05/400) = 4.4 %,
-/// and 2 % for σ that is not Gaussian.
+/// one group judge that group: the share of errors within 1.96 σ is 95 % ± 4·√(0.95·0.05/400) = 4.4
+/// %, and 2 % for σ that is not Gaussian.
 #[test]
 fn a_fit_finds_boresights_and_is_honest_about_unseen_bursts() {
     let turned = [0.45, -0.3, 0.2, -0.1];
@@ -156,7 +156,7 @@ fn a_fit_finds_boresights_and_is_honest_about_unseen_bursts() {
 /// 5.6 %, and 2 % for a jackknife of eight groups.
 #[test]
 #[ignore = "campaign: two minutes"]
-fn intervals_of_boresights_hold_what_they_say() {
+fn intervals_of_boresights_have_their_level() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(32);
     let mut within = 0.0;
     for _ in 0..60 {

@@ -62,7 +62,7 @@ fn a_dead_motor_ends_in_an_empty_sweep() {
 }
 
 #[test]
-fn a_motor_that_dies_on_the_way_keeps_what_was_heard() {
+fn a_motor_that_dies_on_the_way_keeps_what_was_received() {
     let handle = Handle::default();
     let mut source = handle.source(StepperConfig::pritzl2018());
     source.begin(&[BeaconId(0)]).expect("a turn can always begin");
@@ -83,7 +83,7 @@ fn a_motor_that_dies_on_the_way_keeps_what_was_heard() {
 }
 
 #[test]
-fn a_radio_that_comes_back_is_asked_again() {
+fn a_radio_that_comes_back_is_polled_again() {
     let handle = Handle::default();
     let mut source = handle.source(StepperConfig::pritzl2018());
     source.begin(&[BeaconId(0)]).expect("a turn can always begin");
@@ -115,7 +115,7 @@ fn an_answer_waits_for_a_vehicle_that_fails_once() {
     assert_eq!(source.poll(), Ok(None));
     handle.with(|w| w.vehicle = Health::Broken);
     handle.wait(0.02);
-    let heard = handle.with(|w| w.now);
+    let received = handle.with(|w| w.now);
     for _ in 0..3 {
         assert_eq!(source.poll(), Err(StepperError::Vehicle(Failed)));
         handle.wait(0.02);
@@ -128,7 +128,7 @@ fn an_answer_waits_for_a_vehicle_that_fails_once() {
         }
         handle.wait(0.005);
     };
-    assert!((first.time - heard).abs() < 1e-12, "the sample's time is when its answer came");
+    assert!((first.time - received).abs() < 1e-12, "the sample's time is when its answer came");
     assert_eq!(source.dropped(), 0);
 }
 

@@ -137,7 +137,7 @@ fn a_lost_answer_costs_the_rest_of_its_position() {
 }
 
 #[test]
-fn a_late_position_asks_no_more() {
+fn a_late_position_polls_no_more() {
     let handle = Handle::default();
     // An answer takes 0.15 s: two within 0.4 s less the turning, a third comes in late.
     handle.with(|w| w.latency = 0.15);
@@ -147,7 +147,8 @@ fn a_late_position_asks_no_more() {
     let questions = handle.with(|w| w.questions.len());
     assert_eq!(questions, 3 * 128);
     assert_eq!(samples.len(), 2 * 128);
-    // Polled but every 0.3 s, the first answer is told after 0.6 s: it counts, no second is asked for.
+    // Polled but every 0.3 s, the first answer is told after 0.6 s: it counts, no second is asked
+    // for.
     let handle = Handle::default();
     let mut source = handle.source(config);
     let (samples, ..) = turn(&handle, &mut source, 0.3);
@@ -190,31 +191,31 @@ fn the_receiver_is_the_mean_over_the_turn() {
 /// Polls to the end of a turn for several beacons: what was heard of each.
 fn shared(handle: &Handle, source: &mut Source, beacons: &[BeaconId]) -> Vec<Vec<Sample>> {
     source.begin(beacons).expect("a turn can always begin");
-    let mut heard = Vec::new();
+    let mut received = Vec::new();
     for _ in 0..100_000 {
         while let Some(sweep) = source.poll().expect("the devices work") {
-            assert_eq!(sweep.beacon, beacons[heard.len()]);
-            heard.push(sweep.samples.to_vec());
+            assert_eq!(sweep.beacon, beacons[received.len()]);
+            received.push(sweep.samples.to_vec());
         }
-        if heard.len() == beacons.len() {
-            return heard;
+        if received.len() == beacons.len() {
+            return received;
         }
-        assert!(heard.is_empty(), "all sweeps are lent when the turn is over");
+        assert!(received.is_empty(), "all sweeps are lent when the turn is over");
         handle.wait(0.005);
     }
     panic!("the turn does not end");
 }
 
 #[test]
-fn every_position_asks_every_beacon() {
+fn every_position_polls_every_beacon() {
     let handle = Handle::default();
     let mut source = handle.source(StepperConfig::pritzl2018());
     let beacons = [BeaconId(4), BeaconId(0)];
     laws::pattern_source(&mut source, &beacons, 20_000, || handle.wait(0.005));
     handle.with(|w| (w.orders.clear(), w.questions.clear()));
-    for heard in shared(&handle, &mut source, &beacons) {
-        assert_eq!(heard.len(), 768);
-        assert!((0_u16..).zip(&heard).all(|(i, sample)| sample.position == 127 - i / 6));
+    for received in shared(&handle, &mut source, &beacons) {
+        assert_eq!(received.len(), 768);
+        assert!((0_u16..).zip(&received).all(|(i, sample)| sample.position == 127 - i / 6));
     }
     handle.with(|w| {
         assert_eq!(w.orders.len(), 128, "one turn serves both");
@@ -233,8 +234,8 @@ fn a_beacon_that_is_mute_costs_the_other_time_alone() {
         let config = StepperConfig::pritzl2018();
         let mut source = handle.source(config);
         let begun = handle.with(|w| w.now);
-        let heard = shared(&handle, &mut source, &[BeaconId(0), BeaconId(1)]);
-        assert_eq!((heard[mute].len(), heard[other].len()), (0, 768));
+        let received = shared(&handle, &mut source, &[BeaconId(0), BeaconId(1)]);
+        assert_eq!((received[mute].len(), received[other].len()), (0, 768));
         let longest = config.longest_turn(2);
         assert!((longest - 104.0).abs() < 1e-12, "2 s and 255 times 0.4 s: {longest}");
         let seconds = handle.with(|w| w.now) - begun;
@@ -255,7 +256,7 @@ fn settings_are_checked() {
 
 /// Of every five questions one has no answer. It ends its position, so that none has two of them.
 #[test]
-fn questions_without_an_answer_are_told() {
+fn requests_without_an_answer_are_reported() {
     let handle = Handle::default();
     let config = StepperConfig::default().with_mount_offset(0.3).expect("finite");
     let config = config.with_floor_dbm(-100.0).expect("finite");
@@ -263,18 +264,18 @@ fn questions_without_an_answer_are_told() {
     handle.with(|w| w.lose_every = 5);
     for _ in 0..2 {
         source.begin(&[BeaconId(0)]).expect("a turn can always begin");
-        let (unheard, heard) = loop {
+        let (unanswered, received) = loop {
             handle.wait(0.005);
             if let Some(sweep) = source.poll().expect("the devices work") {
                 assert_eq!(sweep.floor_dbm, Some(-100.0));
-                break (sweep.unheard.to_vec(), sweep.samples.to_vec());
+                break (sweep.unanswered.to_vec(), sweep.samples.to_vec());
             }
         };
-        assert!(unheard.len() > 100, "{} questions", unheard.len());
-        for question in &unheard {
+        assert!(unanswered.len() > 100, "{} questions", unanswered.len());
+        for question in &unanswered {
             let nominal = 0.7 + 0.3 + TAU * f64::from(question.position) / 128.0;
             assert!(angle::distance(question.boresight, nominal) < 1e-9);
-            assert!(heard.iter().filter(|s| s.position == question.position).count() < 6);
+            assert!(received.iter().filter(|s| s.position == question.position).count() < 6);
         }
     }
 }

@@ -37,7 +37,7 @@ pub(crate) fn simulate(conditions: &Conditions, patch: &PatternTable, seed: u64)
     let level = -60.0 - patch.mean_gain_db(0.0);
     let mut samples = Vec::new();
     for position in 0..POSITIONS {
-        let heard = rng.random::<f64>() >= conditions.lost;
+        let received = rng.random::<f64>() >= conditions.lost;
         let turned = TAU * f64::from(position) / f64::from(POSITIONS);
         let boresight = angle::wrap(conditions.heading + turned);
         let clean = level + patch.gain_db(boresight - conditions.bearing);
@@ -46,7 +46,7 @@ pub(crate) fn simulate(conditions: &Conditions, patch: &PatternTable, seed: u64)
             let rss_dbm = if conditions.whole_db { dbm.round() } else { dbm };
             let time = f64::from(position) + 0.1 * f64::from(reading);
             let receiver = Pose { heading: conditions.heading, ..Pose::at(1.0, 2.0, 4.0) };
-            if heard {
+            if received {
                 samples.push(Sample { time, receiver, boresight, position, rss_dbm });
             }
         }

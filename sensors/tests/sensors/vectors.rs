@@ -1,20 +1,21 @@
-//! Files that live beside the repository.
+//! Exact vectors, which belong to the repository, and recordings, which may lie beside it.
 
 use serde_json::Value;
 
-/// The vectors in `name`, or `None` where they are not at hand.
-pub(crate) fn vectors(name: &str) -> Option<Value> {
-    let text = shared(&format!("vectors/{name}"))?;
-    Some(serde_json::from_str(&text).expect("the vectors are JSON"))
+/// The vectors in `name`; without them a test fails.
+pub(crate) fn vectors(name: &str) -> Value {
+    let path = format!(concat!(env!("CARGO_MANIFEST_DIR"), "/../vectors/{}"), name);
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
+    serde_json::from_str(&text).expect("the vectors are JSON")
 }
 
-/// The text of a shared file, or `None` where it is not at hand.
-#[expect(clippy::print_stderr, reason = "a test that is skipped says so")]
+/// The text of a file of recordings beside the repository, or `None` where it is not at hand.
+#[expect(clippy::print_stderr, reason = "a test that is skipped must not look as if it had run")]
 pub(crate) fn shared(name: &str) -> Option<String> {
     let path = format!("{}/../../shared/{name}", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(&path).ok();
     if text.is_none() {
-        eprintln!("skipped: no vectors at {path}");
+        eprintln!("skipped: there is no {path}");
     }
     text
 }

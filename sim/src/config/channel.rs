@@ -1,20 +1,17 @@
+use foxhunt_core::parameter::{FieldError, finite, in_range, not_negative, probability};
 use foxhunt_sensors::{AntennaConfig, LogDistance};
 use serde::{Deserialize, Serialize};
 
-use super::{
-    PathLossConfig, ReflectorConfig, ShadowingConfig,
-    check::{finite, in_range, not_negative, probability},
-};
-use crate::SimError;
+use super::{DeadZoneConfig, PathLossConfig, ReflectorConfig, ShadowingConfig};
 
 /// What lies between a beacon's power and a drone's reading.
 ///
-/// A sample is P(d) + G − Ḡ + the place's shadowing + the pattern's offset + the sample's noise, all in
-/// dB: the power P by the law of propagation; the antenna's gain G for the direction in which the
-/// beacon lies from the drone's body, in azimuth and elevation, with the waves of the reflectors
-/// added to the direct one in amplitude; and the mean Ḡ of the gain over a level turn, in dB, so that
-/// the mean over such a turn follows the law. Then come the receiver's rounding, its floor, and
-/// losses.
+/// A sample is P(d) + G − Ḡ + the place's shadowing + the pattern's offset + the sample's
+/// noise, all in dB: the power P by the law of propagation; the antenna's gain G for the direction
+/// in which the beacon lies from the drone's body, in azimuth and elevation, with the waves of the
+/// reflectors added to the direct one in amplitude; and the mean Ḡ of the gain over a level turn,
+/// in dB, so that the mean over such a turn follows the law. Then come the receiver's rounding, its
+/// floor, and losses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ChannelConfig {
@@ -29,6 +26,9 @@ pub struct ChannelConfig {
     /// What reflects.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub reflectors: Vec<ReflectorConfig>,
+    /// Where nothing is received.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub dead_zones: Vec<DeadZoneConfig>,
     /// The antenna under every drone.
     pub antenna: AntennaConfig,
     /// σ in dB of the offset that all samples of a pattern share.
@@ -37,10 +37,10 @@ pub struct ChannelConfig {
     pub sample_sigma_db: f64,
     /// σ in degrees of the angle by which a whole pattern is turned.
     pub bearing_sigma_deg: f64,
-    /// The receiver tells whole dB, rounded half away from zero.
+    /// The receiver reports whole dB, rounded half away from zero.
     pub whole_db: bool,
-    /// An answer that would read less than this, in dBm, is not heard; absent for a receiver that
-    /// hears everything.
+    /// An answer that would read less than this, in dBm, is not received; absent for a receiver
+    /// that receives everything.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub floor_dbm: Option<f64>,
     /// The share of answers that are lost whatever their power.
@@ -50,14 +50,15 @@ pub struct ChannelConfig {
 impl Default for ChannelConfig {
     /// The simulation of Pritzl 2018, §6.1, its noise read as standard deviations: 4 dB for each
     /// pattern, 2 dB for each sample, 30° for each pattern's direction; the law of the open field
-    /// (−29.06 dBm, 2.765; §7.1); the reference patch; 2440 MHz; neither shadowing nor reflectors,
-    /// no rounding, no floor, no losses.
+    /// (−29.06 dBm, 2.765; §7.1); the reference patch; 2440 MHz; neither shadowing, reflectors
+    /// nor dead zones, no rounding, no floor, no losses.
     fn default() -> Self {
         Self {
             path_loss: LogDistance::pritzl2018_field().into(),
             frequency_mhz: 2440.0,
             shadowing: None,
             reflectors: Vec::new(),
+            dead_zones: Vec::new(),
             antenna: AntennaConfig::ReferencePatch,
             pattern_sigma_db: 4.0,
             sample_sigma_db: 2.0,
@@ -71,21 +72,26 @@ impl Default for ChannelConfig {
 
 impl ChannelConfig {
     /// All but path loss and antenna, which are checked where they are made.
-    pub(super) fn check(&self) -> Result<(), SimError> {
+    pub(super) fn check(&self) -> Result<(), FieldError> {
         let requirement = "a positive number, at most 1e6";
-        in_range("channel.frequency_mhz", self.frequency_mhz, 1e-3..=1e6, requirement)?;
+        in_range("frequency_mhz", self.frequency_mhz, 1e-3..=1e6, requirement)?;
         if let Some(shadowing) = &self.shadowing {
-            shadowing.check()?;
+            shadowing.check().map_err(|error| error.within("shadowing"))?;
         }
         for (index, reflector) in self.reflectors.iter().enumerate() {
-            reflector.check(index)?;
+            reflector.check().map_err(|error| error.within(format_args!("reflectors[{index}]")))?;
         }
-        not_negative("channel.pattern_sigma_db", self.pattern_sigma_db)?;
-        not_negative("channel.sample_sigma_db", self.sample_sigma_db)?;
-        not_negative("channel.bearing_sigma_deg", self.bearing_sigma_deg)?;
+        for (index, zone) in self.dead_zones.iter().enumerate() {
+            let within = format_args!("dead_zones[{index}]");
+            zone.check().map_err(|error| error.within(within))?;
+        }
+        not_negative("pattern_sigma_db", self.pattern_sigma_db)?;
+        not_negative("sample_sigma_db", self.sample_sigma_db)?;
+        not_negative("bearing_sigma_deg", self.bearing_sigma_deg)?;
         if let Some(floor) = self.floor_dbm {
-            finite("channel.floor_dbm", floor)?;
+            finite("floor_dbm", floor)?;
         }
-        probability("channel.loss_probability", self.loss_probability)
+        probability("loss_probability", self.loss_probability)?;
+        Ok(())
     }
 }

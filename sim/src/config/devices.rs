@@ -1,7 +1,5 @@
+use foxhunt_core::parameter::{ParameterError, not_negative, positive};
 use serde::{Deserialize, Serialize};
-
-use super::check::{not_negative, positive};
-use crate::SimError;
 
 /// How quick every drone's antenna and radio are.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,8 +20,9 @@ impl Default for SimStepperConfig {
 }
 
 impl SimStepperConfig {
-    pub(super) fn check(&self) -> Result<(), SimError> {
-        positive("stepper.rotator_speed_rad_s", self.rotator_speed_rad_s)?;
-        not_negative("stepper.radio_latency_s", self.radio_latency_s)
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        positive("rotator_speed_rad_s", self.rotator_speed_rad_s)?;
+        not_negative("radio_latency_s", self.radio_latency_s)?;
+        Ok(())
     }
 }

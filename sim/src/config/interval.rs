@@ -1,7 +1,5 @@
+use foxhunt_core::parameter::{ParameterError, in_range, not_negative};
 use serde::{Deserialize, Serialize};
-
-use super::check::{in_range, not_negative};
-use crate::SimError;
 
 /// From one second of the simulation to another, which does not belong to it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -21,10 +19,11 @@ impl Interval {
         self.from_s <= time && self.to_s.is_none_or(|end| time < end)
     }
 
-    pub(super) fn check(&self, field: &str) -> Result<(), SimError> {
-        not_negative(format_args!("{field}.from_s"), self.from_s)?;
+    pub(crate) fn check(&self) -> Result<(), ParameterError> {
+        not_negative("from_s", self.from_s)?;
         let range = self.from_s..=f64::MAX;
         let requirement = "a finite number that is not below from_s";
-        in_range(format_args!("{field}.to_s"), self.to_s.unwrap_or(self.from_s), range, requirement)
+        in_range("to_s", self.to_s.unwrap_or(self.from_s), range, requirement)?;
+        Ok(())
     }
 }

@@ -1,7 +1,6 @@
 //! Worlds as files: plain fields with defaults, checked when a world is made of them.
 
 mod channel;
-mod check;
 mod course;
 mod devices;
 mod interval;
@@ -14,9 +13,7 @@ pub use channel::ChannelConfig;
 pub use course::BeaconCourse;
 pub use devices::SimStepperConfig;
 pub use interval::Interval;
-pub use multipath::{ReflectorConfig, ShadowingConfig};
+pub use multipath::{DeadZoneConfig, ReflectorConfig, ShadowingConfig};
 pub use path_loss::{PathLossConfig, TwoRayConfig};
 pub use vehicle::{KinematicConfig, VehicleConfig};
 pub use world::{BeaconConfig, DroneConfig, WorldConfig};
-
-pub(crate) use check::{finite, in_range, not_negative, positive};

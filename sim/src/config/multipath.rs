@@ -1,7 +1,6 @@
+use foxhunt_core::parameter::{ParameterError, finite, not_negative, positive};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
-
-use super::check::{finite, not_negative, positive};
-use crate::SimError;
 
 /// Shadowing that belongs to places: the level's departure from the law of propagation, the same
 /// whenever a drone comes back, and alike nearby.
@@ -18,9 +17,10 @@ pub struct ShadowingConfig {
 }
 
 impl ShadowingConfig {
-    pub(super) fn check(&self) -> Result<(), SimError> {
-        not_negative("channel.shadowing.sigma_db", self.sigma_db)?;
-        positive("channel.shadowing.correlation_m", self.correlation_m)
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        not_negative("sigma_db", self.sigma_db)?;
+        positive("correlation_m", self.correlation_m)?;
+        Ok(())
     }
 }
 
@@ -51,12 +51,38 @@ fn half_a_turn() -> f64 {
 }
 
 impl ReflectorConfig {
-    pub(super) fn check(&self, index: usize) -> Result<(), SimError> {
-        let field = |name: &str| format!("channel.reflectors[{index}].{name}");
-        finite(field("east_m"), self.east_m)?;
-        finite(field("north_m"), self.north_m)?;
-        finite(field("up_m"), self.up_m)?;
-        not_negative(field("amplitude"), self.amplitude)?;
-        finite(field("phase_deg"), self.phase_deg)
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        finite("east_m", self.east_m)?;
+        finite("north_m", self.north_m)?;
+        finite("up_m", self.up_m)?;
+        not_negative("amplitude", self.amplitude)?;
+        finite("phase_deg", self.phase_deg)?;
+        Ok(())
+    }
+}
+
+/// A place where nothing is received, such as one behind a wall, at any height.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DeadZoneConfig {
+    /// East of its centre in metres.
+    pub east_m: f64,
+    /// North of its centre in metres.
+    pub north_m: f64,
+    /// Its radius over ground in metres.
+    pub radius_m: f64,
+}
+
+impl DeadZoneConfig {
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        finite("east_m", self.east_m)?;
+        finite("north_m", self.north_m)?;
+        positive("radius_m", self.radius_m)?;
+        Ok(())
+    }
+
+    /// Whether a place lies in it, East, North and Up in metres.
+    pub(crate) fn contains(&self, place: &Vector3<f64>) -> bool {
+        libm::hypot(place.x - self.east_m, place.y - self.north_m) <= self.radius_m
     }
 }

@@ -3,9 +3,9 @@ use serde::{Deserialize, Serialize};
 
 /// How power falls with range.
 ///
-/// In a file `{ reference_dbm = -29.06, exponent = 2.765 }`, `{ law = "friis", power_dbm = 20.0 }` or
-/// `{ law = "two-ray", power_dbm = 20.0 }`. The carrier is the channel's. What a law does not know is
-/// refused.
+/// In a file `{ reference_dbm = -29.06, exponent = 2.765 }`, `{ law = "friis", power_dbm = 20.0 }`
+/// or `{ law = "two-ray", power_dbm = 20.0 }`. The carrier is the channel's. What a law does not
+/// know is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Fields", into = "Fields")]
 #[non_exhaustive]

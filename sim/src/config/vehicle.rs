@@ -1,7 +1,7 @@
+use foxhunt_core::parameter::{FieldError, positive};
 use serde::{Deserialize, Serialize};
 
-use super::check::positive;
-use crate::{Gains, Piloting, QuadrotorConfig, SimError, WindConfig};
+use crate::{Gains, Piloting, QuadrotorConfig, WindConfig, is_false};
 
 /// How every drone flies. A file says `kind = "kinematic"`, which is what it means if it says
 /// nothing, or `kind = "quadrotor"`, and the fields of that kind.
@@ -9,7 +9,7 @@ use crate::{Gains, Piloting, QuadrotorConfig, SimError, WindConfig};
 #[serde(tag = "kind", rename_all = "kebab-case", try_from = "Fields")]
 #[non_exhaustive]
 pub enum VehicleConfig {
-    /// A point that does as it is told.
+    /// A point that flies straight to its goal.
     Kinematic(KinematicConfig),
     /// A rigid body under its rotors, with an autopilot, in wind.
     Quadrotor(QuadrotorConfig),
@@ -23,12 +23,15 @@ pub struct KinematicConfig {
     pub speed_mps: f64,
     /// The most it climbs or sinks, in metres per second.
     pub climb_mps: f64,
+    /// Whether its poses have a velocity; they have none unless given.
+    #[serde(skip_serializing_if = "is_false")]
+    pub reports_velocity: bool,
 }
 
 impl Default for KinematicConfig {
-    /// 2 m/s over ground, 1 m/s up and down.
+    /// 2 m/s over ground, 1 m/s up and down; poses without a velocity.
     fn default() -> Self {
-        Self { speed_mps: 2.0, climb_mps: 1.0 }
+        Self { speed_mps: 2.0, climb_mps: 1.0, reports_velocity: false }
     }
 }
 
@@ -40,11 +43,21 @@ impl Default for VehicleConfig {
 }
 
 impl VehicleConfig {
-    pub(super) fn check(&self) -> Result<(), SimError> {
+    /// Whether the poses that it reports have a velocity.
+    #[must_use]
+    pub fn reports_velocity(&self) -> bool {
+        match self {
+            Self::Kinematic(config) => config.reports_velocity,
+            Self::Quadrotor(config) => config.reports_velocity,
+        }
+    }
+
+    pub(super) fn check(&self) -> Result<(), FieldError> {
         match self {
             Self::Kinematic(config) => {
-                positive("vehicle.speed_mps", config.speed_mps)?;
-                positive("vehicle.climb_mps", config.climb_mps)
+                positive("speed_mps", config.speed_mps)?;
+                positive("climb_mps", config.climb_mps)?;
+                Ok(())
             }
             Self::Quadrotor(config) => config.check(),
         }
@@ -58,6 +71,7 @@ struct Fields {
     kind: Kind,
     speed_mps: Option<f64>,
     climb_mps: Option<f64>,
+    reports_velocity: bool,
     acceleration_mps2: Option<f64>,
     tilt_limit_deg: Option<f64>,
     thrust_limit: Option<f64>,
@@ -101,6 +115,7 @@ impl TryFrom<Fields> for VehicleConfig {
                 Ok(Self::Kinematic(KinematicConfig {
                     speed_mps: fields.speed_mps.unwrap_or(default.speed_mps),
                     climb_mps: fields.climb_mps.unwrap_or(default.climb_mps),
+                    reports_velocity: fields.reports_velocity,
                 }))
             }
             Kind::Quadrotor => {
@@ -108,6 +123,7 @@ impl TryFrom<Fields> for VehicleConfig {
                 Ok(Self::Quadrotor(QuadrotorConfig {
                     speed_mps: fields.speed_mps.unwrap_or(default.speed_mps),
                     climb_mps: fields.climb_mps.unwrap_or(default.climb_mps),
+                    reports_velocity: fields.reports_velocity,
                     acceleration_mps2: fields
                         .acceleration_mps2
                         .unwrap_or(default.acceleration_mps2),

@@ -1,13 +1,10 @@
+use foxhunt_core::parameter::{FieldError, ParameterError, finite, not_negative};
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
-use super::{
-    BeaconCourse, ChannelConfig, Interval, SimStepperConfig, VehicleConfig,
-    check::{finite, not_negative},
-};
-use crate::SimError;
+use super::{BeaconCourse, ChannelConfig, Interval, SimStepperConfig, VehicleConfig};
 
 /// What is true in a simulation. Checked by [`World::new`](crate::World::new).
 ///
@@ -31,7 +28,7 @@ pub struct WorldConfig {
     pub stepper: SimStepperConfig,
 }
 
-/// A transmitter that answers when it is asked.
+/// A transmitter that answers when it is requested.
 ///
 /// By default it is at the origin, without a name, and stays there.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -68,6 +65,26 @@ impl BeaconConfig {
         place.push(self.up_m)
     }
 
+    fn check(&self) -> Result<(), FieldError> {
+        finite("east_m", self.east_m)?;
+        finite("north_m", self.north_m)?;
+        finite("up_m", self.up_m)?;
+        if let Some(course) = &self.course {
+            course.check().map_err(|error| error.within("course"))?;
+        }
+        not_negative("scatter_m", self.scatter_m.unwrap_or(0.0))?;
+        not_negative("appears_after_s", self.appears_after_s.unwrap_or(0.0))?;
+        Ok(())
+    }
+
+    /// How fast it moves after `time` seconds: East, North and Up in metres per second.
+    #[must_use]
+    pub fn velocity_at(&self, time: f64) -> Vector3<f64> {
+        let start = Vector2::new(self.east_m, self.north_m);
+        let velocity = self.course.as_ref().map(|course| course.velocity_at(start, time));
+        velocity.unwrap_or_default().push(0.0)
+    }
+
     /// Whether it answers at the time `time`.
     #[must_use]
     pub fn answers_at(&self, time: f64) -> bool {
@@ -88,15 +105,15 @@ pub struct DroneConfig {
     /// Height in metres; 0 unless given.
     #[serde(default)]
     pub up_m: f64,
-    /// Where the nose points, in degrees counter-clockwise from East, until it is told to turn; 0
-    /// unless given.
+    /// Where the nose points, in degrees counter-clockwise from East, until it is ordered to turn;
+    /// 0 unless given.
     #[serde(default)]
     pub heading_deg_ccw_from_east: f64,
-    /// From this second on its radio hears nothing, and it flies all the same; 0 for a drone that
-    /// never delivers anything, absent for one that always does.
+    /// From this second on its radio receives nothing, and it flies all the same; 0 for a drone
+    /// that never delivers anything, absent for one that always does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub silent_after_s: Option<f64>,
-    /// When its radio hears nothing besides.
+    /// When its radio receives nothing besides.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub silent: Vec<Interval>,
     /// When it hovers where it is; what it is ordered meanwhile it does afterwards, the last order
@@ -111,6 +128,25 @@ pub struct DroneConfig {
     /// has to be made so ([`World::late`](crate::World::late)).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub late_s: f64,
+}
+
+impl DroneConfig {
+    fn check(&self) -> Result<(), FieldError> {
+        finite("east_m", self.east_m)?;
+        finite("north_m", self.north_m)?;
+        finite("up_m", self.up_m)?;
+        finite("heading_deg_ccw_from_east", self.heading_deg_ccw_from_east)?;
+        not_negative("silent_after_s", self.silent_after_s.unwrap_or(0.0))?;
+        not_negative("late_s", self.late_s)?;
+        let failures = [("silent", &self.silent), ("stuck", &self.stuck), ("lost", &self.lost)];
+        for (name, intervals) in failures {
+            for (i, interval) in intervals.iter().enumerate() {
+                let within = |error: ParameterError| error.within(format_args!("{name}[{i}]"));
+                interval.check().map_err(within)?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Whether a number with the default 0 was left at it.
@@ -138,38 +174,15 @@ impl WorldConfig {
         beacons
     }
 
-    pub(crate) fn check(&self) -> Result<(), SimError> {
+    pub(crate) fn check(&self) -> Result<(), FieldError> {
         for (i, beacon) in self.beacons.iter().enumerate() {
-            finite(format_args!("beacons[{i}].east_m"), beacon.east_m)?;
-            finite(format_args!("beacons[{i}].north_m"), beacon.north_m)?;
-            finite(format_args!("beacons[{i}].up_m"), beacon.up_m)?;
-            if let Some(course) = &beacon.course {
-                course.check(i)?;
-            }
-            not_negative(format_args!("beacons[{i}].scatter_m"), beacon.scatter_m.unwrap_or(0.0))?;
-            let appears = beacon.appears_after_s.unwrap_or(0.0);
-            not_negative(format_args!("beacons[{i}].appears_after_s"), appears)?;
+            beacon.check().map_err(|error| error.within(format_args!("beacons[{i}]")))?;
         }
         for (i, drone) in self.drones.iter().enumerate() {
-            finite(format_args!("drones[{i}].east_m"), drone.east_m)?;
-            finite(format_args!("drones[{i}].north_m"), drone.north_m)?;
-            finite(format_args!("drones[{i}].up_m"), drone.up_m)?;
-            let heading = drone.heading_deg_ccw_from_east;
-            finite(format_args!("drones[{i}].heading_deg_ccw_from_east"), heading)?;
-            if let Some(time) = drone.silent_after_s {
-                not_negative(format_args!("drones[{i}].silent_after_s"), time)?;
-            }
-            not_negative(format_args!("drones[{i}].late_s"), drone.late_s)?;
-            let failures =
-                [("silent", &drone.silent), ("stuck", &drone.stuck), ("lost", &drone.lost)];
-            for (name, intervals) in failures {
-                for (j, interval) in intervals.iter().enumerate() {
-                    interval.check(&format!("drones[{i}].{name}[{j}]"))?;
-                }
-            }
+            drone.check().map_err(|error| error.within(format_args!("drones[{i}]")))?;
         }
-        self.channel.check()?;
-        self.vehicle.check()?;
-        self.stepper.check()
+        self.channel.check().map_err(|error| error.within("channel"))?;
+        self.vehicle.check().map_err(|error| error.within("vehicle"))?;
+        self.stepper.check().map_err(|error| error.within("stepper"))
     }
 }

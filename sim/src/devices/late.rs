@@ -1,8 +1,6 @@
 use std::{collections::VecDeque, fmt};
 
-use foxhunt_core::{BeaconId, PatternSource, Pose, Sample, Sweep, Unheard};
-
-use nalgebra::Vector3;
+use foxhunt_core::{BeaconId, OwnedSweep, PatternSource, Sweep};
 
 use super::OnBoard;
 use crate::truth::is_due;
@@ -16,21 +14,8 @@ pub struct LateSource<S> {
     /// In seconds.
     delay: f64,
     /// Sweeps on the way, and when each comes.
-    under_way: VecDeque<(f64, KeptSweep)>,
-    lent: Option<KeptSweep>,
-}
-
-/// A sweep with what it holds.
-#[derive(Clone, Debug)]
-struct KeptSweep {
-    beacon: BeaconId,
-    time: f64,
-    receiver: Pose,
-    positions: u16,
-    samples: Vec<Sample>,
-    unheard: Vec<Unheard>,
-    floor_dbm: Option<f64>,
-    receiver_sigma_m: Option<Vector3<f64>>,
+    under_way: VecDeque<(f64, OwnedSweep)>,
+    lent: Option<OwnedSweep>,
 }
 
 impl<S: fmt::Debug> fmt::Debug for LateSource<S> {
@@ -64,38 +49,10 @@ impl<S: PatternSource> PatternSource for LateSource<S> {
         }
         let now = self.on_board.with(|_, now| now);
         while let Some(sweep) = self.source.poll()? {
-            self.under_way.push_back((now + self.delay, KeptSweep::of(&sweep)));
+            self.under_way.push_back((now + self.delay, OwnedSweep::from(&sweep)));
         }
         let come = self.under_way.front().is_some_and(|(time, _)| is_due(*time, now));
         self.lent = come.then(|| self.under_way.pop_front()).flatten().map(|(_, sweep)| sweep);
-        Ok(self.lent.as_ref().map(KeptSweep::lend))
-    }
-}
-
-impl KeptSweep {
-    fn of(sweep: &Sweep<'_>) -> Self {
-        Self {
-            beacon: sweep.beacon,
-            time: sweep.time,
-            receiver: sweep.receiver,
-            positions: sweep.positions,
-            samples: sweep.samples.to_vec(),
-            unheard: sweep.unheard.to_vec(),
-            floor_dbm: sweep.floor_dbm,
-            receiver_sigma_m: sweep.receiver_sigma_m,
-        }
-    }
-
-    fn lend(&self) -> Sweep<'_> {
-        Sweep {
-            beacon: self.beacon,
-            time: self.time,
-            receiver: self.receiver,
-            positions: self.positions,
-            samples: &self.samples,
-            unheard: &self.unheard,
-            floor_dbm: self.floor_dbm,
-            receiver_sigma_m: self.receiver_sigma_m,
-        }
+        Ok(self.lent.as_ref().map(OwnedSweep::as_sweep))
     }
 }

@@ -1,7 +1,6 @@
 //! The handles through which a simulated world is met: the traits of the hardware.
 
 mod clock;
-mod fleet;
 mod late;
 mod on_board;
 mod radio;
@@ -9,7 +8,6 @@ mod rotator;
 mod vehicle;
 
 pub use clock::SimClock;
-pub use fleet::SimFleet;
 pub use late::LateSource;
 pub use radio::SimRadio;
 pub use rotator::SimRotator;

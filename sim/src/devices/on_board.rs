@@ -42,7 +42,7 @@ impl OnBoard {
     }
 
     /// The drone in its world.
-    pub(super) fn with_truth<T>(&self, act: impl FnOnce(&mut Truth, usize) -> T) -> T {
+    pub(crate) fn with_truth<T>(&self, act: impl FnOnce(&mut Truth, usize) -> T) -> T {
         act(&mut self.truth.borrow_mut(), self.drone)
     }
 }

@@ -1,14 +1,16 @@
 use foxhunt_core::{BeaconId, Radio};
 
 use super::OnBoard;
-use crate::SimError;
+use crate::{
+    SimError,
+    truth::{Port, Truth, beacon_of},
+};
 
-/// A simulated drone's radio. An answer's power is that of the moment of the question.
+/// A simulated drone's radio. An answer's power is that of the moment of the request.
 #[derive(Clone, Debug)]
 pub struct SimRadio {
     pub(crate) on_board: OnBoard,
-    /// Whether it is at the antenna of the channel; otherwise at one that hears alike from
-    /// everywhere.
+    /// Whether it is at the antenna of the channel; otherwise at an omnidirectional one.
     pub(crate) directional: bool,
 }
 
@@ -17,15 +19,13 @@ impl Radio for SimRadio {
 
     /// # Errors
     ///
-    /// [`SimError::Beacon`] if there is no such beacon; an older question stays then.
+    /// [`SimError::Beacon`] if there is no such beacon; an older request stays then.
     fn request(&mut self, beacon: BeaconId) -> Result<(), SimError> {
-        let directional = self.directional;
+        let port = if self.directional { Port::Directional } else { Port::Omnidirectional };
         self.on_board.with_truth(|truth, drone| {
-            let Some(asked) = truth.beacons.get(usize::from(beacon.0)) else {
-                return Err(SimError::Beacon { beacon: beacon.0, beacons: truth.beacons.len() });
-            };
-            let drone = &mut truth.drones[drone];
-            drone.ask(&truth.channel, beacon, asked, directional, truth.time);
+            let Truth { time, channel, beacons, drones } = truth;
+            let to = beacon_of(beacons, beacon)?;
+            drones[drone].request(channel, beacon, to, port, *time);
             Ok(())
         })
     }

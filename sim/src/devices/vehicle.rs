@@ -3,8 +3,8 @@ use foxhunt_core::{Pose, Spinner, Vehicle, Waypoint};
 use super::OnBoard;
 use crate::SimError;
 
-/// A simulated drone as a vehicle, which can turn while it flies. Whatever it is asked or told
-/// fails with [`SimError::Link`] while nobody has a link to it.
+/// A simulated drone as a vehicle, which can turn while it flies. Its pose and every order fail
+/// with [`SimError::Link`] while nobody has a link to it.
 #[derive(Clone, Debug)]
 pub struct SimVehicle(pub(crate) OnBoard);
 
@@ -12,7 +12,7 @@ impl Vehicle for SimVehicle {
     type Error = SimError;
 
     fn pose(&mut self) -> Result<Pose, SimError> {
-        self.0.over_link(|drone, _| drone.body.pose())
+        self.0.over_link(|drone, _| drone.reported_pose())
     }
 
     /// # Errors

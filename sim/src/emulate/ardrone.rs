@@ -14,10 +14,10 @@ use crate::{SimError, World, devices::OnBoard};
 
 /// A Parrot AR.Drone 2.0 on a drone of a world: orders at one stream, navdata at another.
 ///
-/// What is imitated: navdata only after somebody spoke to their port, without numbers until they are
-/// configured; orders with old sequence numbers are ignored; tilt makes speed, with some delay; without
-/// orders for a while it hovers; an emergency stops the motors where it is, and is ended by the same
-/// order. Its drone begins on the ground below where the world has it.
+/// What is imitated: navdata only after somebody spoke to their port, without numbers until they
+/// are configured; orders with old sequence numbers are ignored; tilt makes speed, with some delay;
+/// without orders for a while it hovers; an emergency stops the motors where it is, and is ended by
+/// the same order. Its drone begins on the ground below where the world has it.
 #[derive(Debug)]
 pub struct EmulatedArDrone<A, N> {
     orders: A,
@@ -31,16 +31,16 @@ pub struct EmulatedArDrone<A, N> {
     speed: Vector2<f64>,
     flight: FlightState,
     emergency: bool,
-    /// Whether an emergency order was heard since the last one that was none.
+    /// Whether an emergency order was received since the last one that was none.
     emergency_held: bool,
     configured: bool,
     /// What it is to do: roll, pitch, climb and yaw, in shares.
     shares: [f64; 4],
-    heard: f64,
+    incoming: f64,
     last_sequence: u32,
-    /// Whether somebody asked for navdata.
-    asked: bool,
-    told: f64,
+    /// Whether somebody requested navdata.
+    requested: bool,
+    sent: f64,
     navdata_sequence: u32,
     climb_mps: f64,
     yaw_rad_s: f64,
@@ -59,7 +59,7 @@ const WATCHDOG_S: f64 = 0.5;
 const TAKE_OFF_UP_M: f64 = 1.0;
 
 /// Between one datagram of navdata and the next, in seconds.
-const TELL_S: f64 = 1.0 / 15.0;
+const REPORT_INTERVAL_S: f64 = 1.0 / 15.0;
 
 /// Its battery, in percent.
 const BATTERY: u32 = 80;
@@ -89,10 +89,10 @@ impl<A: ByteStream, N: ByteStream> EmulatedArDrone<A, N> {
             emergency_held: false,
             configured: false,
             shares: [0.0; 4],
-            heard: now,
+            incoming: now,
             last_sequence: 0,
-            asked: false,
-            told: f64::NEG_INFINITY,
+            requested: false,
+            sent: f64::NEG_INFINITY,
             navdata_sequence: 0,
             climb_mps: 0.7,
             yaw_rad_s: 1.75,
@@ -146,7 +146,7 @@ impl<A: ByteStream, N: ByteStream> EmulatedArDrone<A, N> {
         let (pose, now) = self.on_board.with(|drone, now| (drone.body.pose(), now));
         let dt = (now - self.now).max(0.0);
         (self.pose, self.now) = (pose, now);
-        if now - self.heard > WATCHDOG_S {
+        if now - self.incoming > WATCHDOG_S {
             self.shares = [0.0; 4];
         }
         let [roll, pitch, climb, yaw] = self.shares;
@@ -179,12 +179,12 @@ impl<A: ByteStream, N: ByteStream> EmulatedArDrone<A, N> {
         });
     }
 
-    fn tell(&mut self) -> ArDroneNavdata {
+    fn report(&mut self) -> ArDroneNavdata {
         self.navdata_sequence = self.navdata_sequence.wrapping_add(1);
         let bit = |holds: bool, at: u32| u32::from(holds) << at;
         let state = bit(self.is_flying(), 0)
             | bit(!self.configured, 11)
-            | bit(self.now - self.heard > WATCHDOG_S, 30)
+            | bit(self.now - self.incoming > WATCHDOG_S, 30)
             | bit(self.emergency, 31);
         let (sin, cos) = self.pose.heading.sin_cos();
         let demo = ArDroneDemo {
@@ -212,20 +212,20 @@ impl<A: ByteStream, N: ByteStream> Emulator for EmulatedArDrone<A, N> {
                 // A number of 1 begins anew, and an old one comes late.
                 if *sequence == 1 || *sequence > self.last_sequence {
                     self.last_sequence = *sequence;
-                    self.heard = self.now;
+                    self.incoming = self.now;
                     self.obey(command);
                 }
             }
         }
         while received(&mut self.navdata, &mut into)?.is_some() {
-            self.asked |= linked;
+            self.requested |= linked;
         }
         self.step();
-        if self.asked && self.now - self.told >= TELL_S - 1e-9 {
-            self.told = self.now;
-            let told = self.tell().encode();
+        if self.requested && self.now - self.sent >= REPORT_INTERVAL_S - 1e-9 {
+            self.sent = self.now;
+            let sent = self.report().encode();
             if linked {
-                self.navdata.send(&told)?;
+                self.navdata.send(&sent)?;
             }
         }
         Ok(())

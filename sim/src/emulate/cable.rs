@@ -11,8 +11,8 @@ use crate::{Interval, SimClock};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CableFaults {
-    /// It is pulled: nothing goes through, and a [port](Cabled::with_port) that can be seen from outside
-    /// is gone.
+    /// It is pulled: nothing goes through, and a [port](Cabled::with_port) that can be seen from
+    /// outside is gone.
     pub pulled: Vec<Interval>,
     /// Bytes that nobody sent come in between, and some that were sent are changed.
     pub garbage: Vec<Interval>,
@@ -27,8 +27,8 @@ pub trait Port<S> {
     /// Whatever the system says; it is tried again.
     fn open(&mut self) -> io::Result<S>;
 
-    /// Takes its name away, after its cable was pulled: the system may give the same port to another
-    /// device.
+    /// Takes its name away, after its cable was pulled: the system may give the same port to
+    /// another device.
     ///
     /// # Errors
     ///
@@ -144,22 +144,22 @@ mod tests {
         };
         let (device, mut host) = memory_pair();
         let mut device = Cabled::new(device, world.clock(), faults, 7);
-        let mut said = |device: &mut Cabled<_>, word: &[u8]| {
+        let mut exchange = |device: &mut Cabled<_>, word: &[u8]| {
             device.send(word).expect("it is in memory");
             let mut into = [0; 64];
             let count = host.receive(&mut into).expect("it is in memory");
             host.send(b"back").expect("it is in memory");
-            let mut heard = [0; 64];
-            let back = device.receive(&mut heard).expect("it is in memory");
-            (into[..count].to_vec(), heard[..back].to_vec())
+            let mut incoming = [0; 64];
+            let back = device.receive(&mut incoming).expect("it is in memory");
+            (into[..count].to_vec(), incoming[..back].to_vec())
         };
-        assert_eq!(said(&mut device, b"one"), (b"one".to_vec(), b"back".to_vec()));
+        assert_eq!(exchange(&mut device, b"one"), (b"one".to_vec(), b"back".to_vec()));
         world.advance(1.5).expect("time passes");
-        assert_eq!(said(&mut device, b"two"), (Vec::new(), Vec::new()));
+        assert_eq!(exchange(&mut device, b"two"), (Vec::new(), Vec::new()));
         world.advance(1.0).expect("time passes");
-        assert_eq!(said(&mut device, b"three"), (b"three".to_vec(), b"back".to_vec()));
+        assert_eq!(exchange(&mut device, b"three"), (b"three".to_vec(), b"back".to_vec()));
         world.advance(1.0).expect("time passes");
-        let spoilt = (0..200).filter(|_| said(&mut device, b"four").0 != b"four").count();
+        let spoilt = (0..200).filter(|_| exchange(&mut device, b"four").0 != b"four").count();
         // Binomial, 200 of 0.2: 40 ± 4 sigma of 5.7.
         assert!((17..=63).contains(&spoilt), "{spoilt}");
     }

@@ -1,4 +1,5 @@
-//! The devices of a world as the bytes that they speak, over any [`ByteStream`](foxhunt_wire::ByteStream).
+//! The devices of a world as the bytes that they speak, over any
+//! [`ByteStream`](foxhunt_wire::ByteStream).
 
 mod ardrone;
 mod autopilot;

@@ -36,7 +36,7 @@ pub struct Quadrotor {
     /// The time that has passed since the last step.
     since: f64,
     path_length: f64,
-    /// How fast it is told to fly over ground, in metres per second.
+    /// How fast it is ordered to fly over ground, in metres per second.
     cruise: f64,
 }
 
@@ -73,7 +73,7 @@ impl Quadrotor {
     pub fn pose(&self) -> Pose {
         let now = self.state.coasting(self.since);
         let [heading, pitch, roll] = now.attitude.into();
-        Pose { position: now.position, heading: angle::wrap(heading), pitch, roll }
+        Pose { position: now.position, heading: angle::wrap(heading), pitch, roll, velocity: None }
     }
 
     /// How fast it moves, East, North and Up in metres per second.

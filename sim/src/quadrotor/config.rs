@@ -1,22 +1,23 @@
+use foxhunt_core::parameter::{FieldError, finite, in_range, not_negative, positive};
 use serde::{Deserialize, Serialize};
 
 use super::Gains;
-use crate::{
-    SimError,
-    config::{finite, in_range, not_negative, positive},
-};
+use crate::is_false;
 
 /// A quadrotor and its autopilot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct QuadrotorConfig {
-    /// The most it is asked to move over ground, in metres per second.
+    /// The most it is ordered to move over ground, in metres per second.
     pub speed_mps: f64,
-    /// The most it is asked to climb or sink, in metres per second.
+    /// The most it is ordered to climb or sink, in metres per second.
     pub climb_mps: f64,
-    /// How fast it is asked to change its speed, in m/s².
+    /// Whether its poses have a velocity; they have none unless given.
+    #[serde(skip_serializing_if = "is_false")]
+    pub reports_velocity: bool,
+    /// The most its ordered speed changes, in m/s².
     pub acceleration_mps2: f64,
-    /// How far it may be asked to tilt, in degrees, so that enough of the rotors' power is left for
+    /// The most it is ordered to tilt, in degrees, so that enough of the rotors' power is left for
     /// yaw.
     pub tilt_limit_deg: f64,
     /// The most thrust, in units of the weight.
@@ -73,11 +74,12 @@ impl Default for WindConfig {
 impl Default for QuadrotorConfig {
     /// A small quadrotor: 2 m/s over ground and 1 m/s up, reached with 1 m/s²; a tilt of 20°, a
     /// thrust of two weights, 40 rad/s² about up; a drag that slows it down in 5 s; 400 steps in
-    /// a second; forces and torques; still air.
+    /// a second; forces and torques; still air; poses without a velocity.
     fn default() -> Self {
         Self {
             speed_mps: 2.0,
             climb_mps: 1.0,
+            reports_velocity: false,
             acceleration_mps2: 1.0,
             tilt_limit_deg: 20.0,
             thrust_limit: 2.0,
@@ -93,21 +95,21 @@ impl Default for QuadrotorConfig {
 
 impl QuadrotorConfig {
     /// Refuses numbers that no quadrotor flies with.
-    pub(crate) fn check(&self) -> Result<(), SimError> {
-        positive("vehicle.speed_mps", self.speed_mps)?;
-        positive("vehicle.climb_mps", self.climb_mps)?;
-        positive("vehicle.acceleration_mps2", self.acceleration_mps2)?;
-        in_range("vehicle.tilt_limit_deg", self.tilt_limit_deg, 1.0..=60.0, "in 1 … 60")?;
-        in_range("vehicle.thrust_limit", self.thrust_limit, 1.2..=10.0, "in 1.2 … 10")?;
-        positive("vehicle.yaw_limit_rad_s2", self.yaw_limit_rad_s2)?;
-        in_range("vehicle.rate_hz", self.rate_hz, 100.0..=10_000.0, "in 100 … 10 000")?;
-        finite("vehicle.wind.east_mps", self.wind.east_mps)?;
-        finite("vehicle.wind.north_mps", self.wind.north_mps)?;
-        not_negative("vehicle.wind.gust_sigma_mps", self.wind.gust_sigma_mps)?;
-        positive("vehicle.wind.gust_time_s", self.wind.gust_time_s)?;
+    pub(crate) fn check(&self) -> Result<(), FieldError> {
+        positive("speed_mps", self.speed_mps)?;
+        positive("climb_mps", self.climb_mps)?;
+        positive("acceleration_mps2", self.acceleration_mps2)?;
+        in_range("tilt_limit_deg", self.tilt_limit_deg, 1.0..=60.0, "in 1 … 60")?;
+        in_range("thrust_limit", self.thrust_limit, 1.2..=10.0, "in 1.2 … 10")?;
+        positive("yaw_limit_rad_s2", self.yaw_limit_rad_s2)?;
+        in_range("rate_hz", self.rate_hz, 100.0..=10_000.0, "in 100 … 10 000")?;
+        finite("wind.east_mps", self.wind.east_mps)?;
+        finite("wind.north_mps", self.wind.north_mps)?;
+        not_negative("wind.gust_sigma_mps", self.wind.gust_sigma_mps)?;
+        positive("wind.gust_time_s", self.wind.gust_time_s)?;
         // What is quicker than half the rate is beyond the integration's stability.
         let most = 0.5 * self.rate_hz;
-        in_range("vehicle.drag_per_s", self.drag_per_s, 0.0..=most, "below half of rate_hz")?;
-        self.gains.check(most)
+        in_range("drag_per_s", self.drag_per_s, 0.0..=most, "below half of rate_hz")?;
+        self.gains.check(most).map_err(|error| error.within("gains"))
     }
 }

@@ -100,10 +100,10 @@ impl Controller {
             + gains.place_d * speed
             + reference.acceleration.xy();
         let most = GRAVITY * libm::tan(config.tilt_limit_deg.to_radians());
-        let asked = wanted.norm();
-        if asked > most {
+        let requested = wanted.norm();
+        if requested > most {
             // What cannot be done is not remembered either.
-            return wanted * (most / asked);
+            return wanted * (most / requested);
         }
         self.place += error * dt;
         wanted
@@ -119,10 +119,10 @@ impl Controller {
     ) -> f64 {
         let gains = &config.gains;
         let (error, rate) = (reference.heading - state.attitude.x, state.rates.x);
-        let (asked, d) = (gains.yaw_p * error + gains.yaw_i * self.heading, gains.yaw_d);
+        let (requested, d) = (gains.yaw_p * error + gains.yaw_i * self.heading, gains.yaw_d);
         let wanted = match config.piloting {
-            Piloting::Forces => asked - d * rate,
-            Piloting::Velocities => on_board(commanded(asked, d, rate), rate),
+            Piloting::Forces => requested - d * rate,
+            Piloting::Velocities => on_board(commanded(requested, d, rate), rate),
         };
         let most = config.yaw_limit_rad_s2;
         if wanted.abs() <= most {

@@ -1,9 +1,5 @@
+use foxhunt_core::parameter::{ParameterError, in_range, not_negative, positive};
 use serde::{Deserialize, Serialize};
-
-use crate::{
-    SimError,
-    config::{in_range, not_negative, positive},
-};
 
 /// The controllers' gains: what acceleration, in m/s² or rad/s², an error of a metre or a radian
 /// asks for (`_p`), one that has lasted for a second (`_i`), and a speed of one per second (`_d`).
@@ -54,7 +50,7 @@ impl Default for Gains {
 
 impl Gains {
     /// Refuses what is not positive, or quicker than `most` per second.
-    pub(super) fn check(&self, most: f64) -> Result<(), SimError> {
+    pub(super) fn check(&self, most: f64) -> Result<(), ParameterError> {
         for (field, value) in [
             ("altitude_p", self.altitude_p),
             ("altitude_d", self.altitude_d),
@@ -65,7 +61,6 @@ impl Gains {
             ("place_p", self.place_p),
             ("place_d", self.place_d),
         ] {
-            let field = format_args!("vehicle.gains.{field}");
             positive(field, value)?;
             // A gain on a place goes with the square of its rate.
             in_range(field, value, 0.0..=most * most, "below the square of half of rate_hz")?;
@@ -73,10 +68,10 @@ impl Gains {
         for (field, value) in
             [("altitude_d", self.altitude_d), ("yaw_d", self.yaw_d), ("tilt_d", self.tilt_d)]
         {
-            let field = format_args!("vehicle.gains.{field}");
             in_range(field, value, 0.0..=most, "below half of rate_hz")?;
         }
-        not_negative("vehicle.gains.yaw_i", self.yaw_i)?;
-        not_negative("vehicle.gains.place_i", self.place_i)
+        not_negative("yaw_i", self.yaw_i)?;
+        not_negative("place_i", self.place_i)?;
+        Ok(())
     }
 }

@@ -2,8 +2,8 @@ use nalgebra::Vector3;
 
 use super::QuadrotorConfig;
 
-/// The path that a quadrotor is asked to follow: from where it is to its goal, at no more than so
-/// much speed and change of speed; and the ramp of its heading.
+/// The path that a quadrotor is requested to follow: from where it is to its goal, at no more than
+/// so much speed and change of speed; and the ramp of its heading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Reference {
     goal: Vector3<f64>,
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn it_comes_back_to_where_it_is_told_to_stop() {
+    fn it_comes_back_to_where_it_is_ordered_to_stop() {
         let config = QuadrotorConfig::default();
         let dt = 1.0 / config.rate_hz;
         let mut reference = Reference::holding(Vector3::zeros(), 0.0);

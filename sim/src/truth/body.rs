@@ -33,6 +33,14 @@ impl Body {
         }
     }
 
+    /// How fast it moves, East, North and Up in metres per second.
+    pub(crate) fn velocity(&self) -> Vector3<f64> {
+        match self {
+            Self::Kinematic(body) => body.velocity(),
+            Self::Quadrotor(body) => body.velocity(),
+        }
+    }
+
     /// Where its nose points, a turn more being 2π more.
     pub(super) fn heading(&self) -> f64 {
         match self {

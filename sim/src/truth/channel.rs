@@ -6,14 +6,14 @@ use foxhunt_sensors::{
 use nalgebra::Vector3;
 use rand::rngs::Xoshiro256PlusPlus;
 
-use super::shadowing::ShadowingField;
-use crate::{ChannelConfig, PathLossConfig, SimError, TwoRayConfig};
+use super::{Port, shadowing::ShadowingField};
+use crate::{ChannelConfig, DeadZoneConfig, PathLossConfig, SimError, TwoRayConfig};
 
 /// In metres per second.
 const SPEED_OF_LIGHT: f64 = 299_792_458.0;
 
-/// What the channel does to every sample; what it draws lies in the receivers, but for the fields of
-/// shadowing.
+/// The radio channel: what every sample goes through. Its random numbers are drawn by the
+/// receivers, but for the fields of shadowing.
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
     law: Law,
@@ -26,6 +26,7 @@ pub(crate) struct Channel {
     /// One for each beacon; none without shadowing.
     shadowing: Vec<ShadowingField>,
     pub(super) reflectors: Vec<Reflector>,
+    dead_zones: Vec<DeadZoneConfig>,
     pub(super) pattern_sigma_db: f64,
     pub(super) sample_sigma_db: f64,
     /// In radians.
@@ -85,6 +86,7 @@ impl Channel {
             antenna,
             shadowing: fields.map(|shadowing| ShadowingField::draw(shadowing, rng)).collect(),
             reflectors: config.reflectors.iter().map(reflector).collect(),
+            dead_zones: config.dead_zones.clone(),
             pattern_sigma_db: config.pattern_sigma_db,
             sample_sigma_db: config.sample_sigma_db,
             bearing_sigma: config.bearing_sigma_deg.to_radians(),
@@ -108,26 +110,36 @@ impl Channel {
         level + self.shadowing.get(beacon).map_or(0.0, |field| field.at(from))
     }
 
-    /// The gain over its mean in dB, for a direct wave and reflected ones, of the drones' antenna
-    /// or of one that hears alike from everywhere.
+    /// The gain over its mean in dB, for a direct wave and reflected ones, of the antenna at a
+    /// port.
     pub(super) fn relative_gain_db(
         &self,
         azimuth: f64,
         elevation: f64,
         reflected: &[ReflectedWave],
-        directional: bool,
+        port: Port<'_>,
     ) -> f64 {
-        if directional {
-            multipath_gain_dbi(&self.antenna, azimuth, elevation, reflected) - self.mean_gain_db
-        } else {
-            multipath_gain_dbi(&Isotropic, azimuth, elevation, reflected)
+        match port {
+            Port::Directional => {
+                multipath_gain_dbi(&self.antenna, azimuth, elevation, reflected) - self.mean_gain_db
+            }
+            Port::Omnidirectional => multipath_gain_dbi(&Isotropic, azimuth, elevation, reflected),
+            Port::Own(antenna) => {
+                multipath_gain_dbi(antenna, azimuth, elevation, reflected)
+                    - antenna.mean_gain_db(0.0)
+            }
         }
     }
 
-    /// What the receiver reads at a power in dBm; `None` below its floor.
+    /// The receiver's reading of a power, both in dBm; `None` below its floor.
     pub(super) fn reading_dbm(&self, power_dbm: f64) -> Option<f64> {
         let reading = if self.whole_db { libm::round(power_dbm) } else { power_dbm };
         self.floor_dbm.is_none_or(|floor| reading >= floor).then_some(reading)
+    }
+
+    /// Whether anything is received at a place.
+    pub(super) fn reaches(&self, place: &Vector3<f64>) -> bool {
+        !self.dead_zones.iter().any(|zone| zone.contains(place))
     }
 
     /// The weakest reading, if there is one.

@@ -5,7 +5,7 @@ use super::{
     Channel,
     body::Body,
     course::Course,
-    receiver::{Question, Receiver},
+    receiver::{Arrival, Port, Receiver},
     streams::Streams,
     turntable::Turntable,
 };
@@ -23,8 +23,9 @@ pub(crate) struct Drone {
     order: Option<Vector3<f64>>,
     /// Whether it hovers where it is instead of going there.
     held: bool,
-    /// Where the antenna was turned by something else than orders, until a question is asked there.
+    /// Where the antenna was turned by something else than orders, until a request is sent there.
     turned_to: Option<f64>,
+    reports_velocity: bool,
 }
 
 impl Drone {
@@ -47,6 +48,7 @@ impl Drone {
             order: None,
             held: false,
             turned_to: None,
+            reports_velocity: vehicle.reports_velocity(),
         })
     }
 
@@ -81,8 +83,8 @@ impl Drone {
         !self.failures.lost.iter().any(|lost| lost.contains(now))
     }
 
-    /// Whether its radio hears anything.
-    fn hears(&self, now: f64) -> bool {
+    /// Whether its radio works.
+    fn receives(&self, now: f64) -> bool {
         self.failures.silent_after_s.is_none_or(|silent| now < silent)
             && !self.failures.silent.iter().any(|silent| silent.contains(now))
     }
@@ -95,37 +97,75 @@ impl Drone {
         self.motor.order(angle, now);
     }
 
-    /// Turns the antenna to `angle` radians from the nose, at once. On the way of a pattern are those angles
-    /// at which questions are asked.
+    /// Turns the antenna to `angle` radians from the nose, at once. Only the angles at which
+    /// requests are sent belong to a pattern.
     #[cfg(feature = "emulators")]
     pub(crate) fn hold_antenna_at(&mut self, angle: f64, now: f64) {
         self.motor.hold_at(angle, now);
         self.turned_to = Some(angle);
     }
 
-    /// Asks the beacon `asked` for an answer, through the antenna or through one without a
-    /// direction.
-    pub(crate) fn ask(
+    /// Sends a request to a beacon, whose answer comes in through `port`.
+    pub(crate) fn request(
         &mut self,
         channel: &Channel,
-        beacon: BeaconId,
-        asked: &BeaconConfig,
-        directional: bool,
+        id: BeaconId,
+        beacon: &BeaconConfig,
+        port: Port<'_>,
         now: f64,
     ) {
-        // One that stays is asked again, and begins nothing new.
+        // One that stays is interrogated again, and begins nothing new.
         if let Some(angle) = self.turned_to.take_if(|angle| !self.course.stays(*angle))
             && !self.course.follow(angle)
         {
             self.receiver.end_patterns();
         }
-        let (receiver, turned) = (self.body.pose(), self.motor.angle(now));
-        let spun = self.body.heading();
-        let time = now + self.receiver.latency();
-        let answered = asked.answers_at(now) && self.hears(time);
-        let to = asked.place_at(now);
-        let question =
-            Question { time: now, beacon, receiver, to, turned, spun, directional, answered };
-        self.receiver.ask(channel, &question);
+        let latency = self.receiver.latency();
+        let arrival =
+            self.arrival(channel, (id, beacon), port, self.motor.angle(now), [now, now + latency]);
+        self.receiver.request(channel, &arrival, now);
+    }
+
+    /// The reading of one sample of a beacon at the time `now`, through an antenna that is turned
+    /// by `turned` radians from the nose.
+    pub(crate) fn receive(
+        &mut self,
+        channel: &Channel,
+        id: BeaconId,
+        beacon: &BeaconConfig,
+        port: Port<'_>,
+        turned: f64,
+        now: f64,
+    ) -> Option<f64> {
+        let arrival = self.arrival(channel, (id, beacon), port, turned, [now, now]);
+        self.receiver.draw(channel, &arrival)
+    }
+
+    /// The signal of a beacon that transmits at the first of two times and is read at the second.
+    fn arrival<'a>(
+        &self,
+        channel: &Channel,
+        (id, beacon): (BeaconId, &BeaconConfig),
+        port: Port<'a>,
+        turned: f64,
+        [sent, read]: [f64; 2],
+    ) -> Arrival<'a> {
+        let receiver = self.body.pose();
+        let reached = channel.reaches(&receiver.position);
+        Arrival {
+            beacon: id,
+            receiver,
+            to: beacon.place_at(sent),
+            turned,
+            spun: self.body.heading(),
+            port,
+            transmitted: reached && beacon.answers_at(sent) && self.receives(read),
+        }
+    }
+
+    /// Its pose as it reports it: with a velocity if its autopilot measures one.
+    pub(crate) fn reported_pose(&self) -> Pose {
+        let velocity = self.reports_velocity.then(|| self.body.velocity());
+        Pose { velocity, ..self.body.pose() }
     }
 }

@@ -7,7 +7,7 @@ use crate::{KinematicConfig, SimError};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Kinematics {
     limits: KinematicConfig,
-    /// How fast it is told to fly over ground, in metres per second.
+    /// How fast it is ordered to fly over ground, in metres per second.
     cruise: f64,
     pose: Pose,
     /// Not wrapped.
@@ -63,6 +63,18 @@ impl Kinematics {
         self.cruise = speed.min(self.limits.speed_mps);
     }
 
+    /// How fast it moves, East, North and Up in metres per second.
+    pub(crate) fn velocity(&self) -> Vector3<f64> {
+        let way = self.goal - self.pose.position;
+        let needed = self.time_needed(&way);
+        if needed > 0.0 { way / needed } else { Vector3::zeros() }
+    }
+
+    /// The time that a straight line takes, in seconds: the slower of the two speeds sets the pace.
+    fn time_needed(&self, way: &Vector3<f64>) -> f64 {
+        (way.xy().norm() / self.cruise).max(way.z.abs() / self.limits.climb_mps)
+    }
+
     /// Moves for `dt` seconds.
     pub(super) fn advance(&mut self, dt: f64) {
         if self.rate.abs() > 0.0 {
@@ -73,9 +85,7 @@ impl Kinematics {
             return;
         }
         let way = self.goal - self.pose.position;
-        let (over_ground, climb) = (way.xy().norm(), way.z.abs());
-        // The slower of the two sets the pace, so that the line is straight.
-        let needed = (over_ground / self.cruise).max(climb / self.limits.climb_mps);
+        let needed = self.time_needed(&way);
         if needed <= dt {
             self.pose.position = self.goal;
             self.path_length += way.norm();
@@ -92,7 +102,8 @@ mod tests {
     use super::*;
 
     fn body() -> Kinematics {
-        let limits = KinematicConfig { speed_mps: 2.0, climb_mps: 0.5 };
+        let limits =
+            KinematicConfig { speed_mps: 2.0, climb_mps: 0.5, ..KinematicConfig::default() };
         Kinematics::new(limits, Pose { heading: 0.7, ..Pose::at(1.0, 2.0, 3.0) })
     }
 
@@ -114,6 +125,18 @@ mod tests {
             assert_eq!(body.pose(), Pose::level(goal, 0.7));
             assert!((body.path_length() - (goal - start).norm()).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn its_velocity_is_that_of_its_way() {
+        let mut body = body();
+        assert_eq!(body.velocity(), Vector3::zeros());
+        body.go_to(Vector3::new(4.0, 6.0, 4.0)).expect("a place");
+        let (velocity, before) = (body.velocity(), body.pose().position);
+        body.advance(0.5);
+        assert!(((body.pose().position - before) / 0.5 - velocity).norm() < 1e-12);
+        body.advance(10.0);
+        assert_eq!(body.velocity(), Vector3::zeros());
     }
 
     #[test]

@@ -13,9 +13,12 @@ mod turntable;
 
 pub(crate) use channel::Channel;
 pub(crate) use drone::Drone;
+pub(crate) use receiver::Port;
 pub(crate) use streams::Streams;
 
-use crate::BeaconConfig;
+use foxhunt_core::BeaconId;
+
+use crate::{BeaconConfig, SimError};
 
 /// A world's state.
 #[derive(Debug)]
@@ -25,6 +28,16 @@ pub(crate) struct Truth {
     pub(crate) channel: Channel,
     pub(crate) beacons: Vec<BeaconConfig>,
     pub(crate) drones: Vec<Drone>,
+}
+
+/// A beacon of a world.
+///
+/// # Errors
+///
+/// [`SimError::Beacon`] if there is no such beacon.
+pub(crate) fn beacon_of(beacons: &[BeaconConfig], id: BeaconId) -> Result<&BeaconConfig, SimError> {
+    let error = SimError::Beacon { beacon: id.0, beacons: beacons.len() };
+    beacons.get(usize::from(id.0)).ok_or(error)
 }
 
 /// Whether the moment `at` has come. A nanosecond is forgiven: time is a sum of steps, and its

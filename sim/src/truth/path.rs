@@ -2,7 +2,7 @@ use foxhunt_core::Pose;
 use foxhunt_sensors::ReflectedWave;
 use nalgebra::Vector3;
 
-use super::Channel;
+use super::{Channel, Port};
 
 /// The way from a beacon to a receiver: what does not change while neither moves.
 #[derive(Clone, Debug)]
@@ -44,13 +44,13 @@ impl Path {
     }
 
     /// The antenna's gain over its mean on this way, in dB; the antenna is turned by `turned` from
-    /// the nose. Of one that is not directional, what reflections add.
+    /// the nose. Of an omnidirectional one, what reflections add.
     pub(super) fn gain_db(
         &self,
         channel: &Channel,
         pose: &Pose,
         turned: f64,
-        directional: bool,
+        port: Port<'_>,
     ) -> f64 {
         let arrival = |sight: &Vector3<f64>| {
             let body = pose.to_body(sight);
@@ -63,7 +63,7 @@ impl Path {
         };
         let reflected: Vec<_> = self.reflected.iter().map(wave).collect();
         let (azimuth, elevation) = arrival(&(self.to - self.from));
-        channel.relative_gain_db(azimuth, elevation, &reflected, directional)
+        channel.relative_gain_db(azimuth, elevation, &reflected, port)
     }
 }
 
@@ -79,7 +79,7 @@ mod tests {
         let config = ChannelConfig { antenna, ..ChannelConfig::default() };
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
         let channel = Channel::new(&config, 1, &mut rng).expect("in order");
-        Path::new(&channel, 0, pose.position, to).gain_db(&channel, pose, turned, true)
+        Path::new(&channel, 0, pose.position, to).gain_db(&channel, pose, turned, Port::Directional)
     }
 
     #[test]

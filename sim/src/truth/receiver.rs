@@ -1,6 +1,7 @@
 use std::f64::consts::TAU;
 
 use foxhunt_core::{BeaconId, Pose};
+use foxhunt_sensors::Antenna;
 use nalgebra::Vector3;
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -15,7 +16,7 @@ const SAME_PLACE: f64 = 0.5;
 #[derive(Debug)]
 pub(crate) struct Receiver {
     streams: Streams,
-    /// From a question to its answer, in seconds.
+    /// From a request to its answer, in seconds.
     latency: f64,
     /// The present ones, of different beacons.
     patterns: Vec<Pattern>,
@@ -24,10 +25,28 @@ pub(crate) struct Receiver {
     answer: Option<Answer>,
 }
 
-/// A question as it leaves the antenna.
+/// The antenna that a signal comes in through.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Question {
-    pub(super) time: f64,
+pub(crate) enum Port<'a> {
+    /// That of the channel.
+    Directional,
+    /// One with the same gain in all directions, the mean of that of the channel.
+    Omnidirectional,
+    /// A user's own.
+    Own(&'a dyn Antenna),
+}
+
+impl Port<'_> {
+    /// Whether it is one of the channel's own, and then the same as another one.
+    fn is_same(self, other: Port<'_>) -> bool {
+        use Port::{Directional, Omnidirectional};
+        matches!((self, other), (Directional, Directional) | (Omnidirectional, Omnidirectional))
+    }
+}
+
+/// A signal as it comes in at the antenna.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Arrival<'a> {
     pub(super) beacon: BeaconId,
     pub(super) receiver: Pose,
     /// Where the beacon is.
@@ -36,10 +55,11 @@ pub(super) struct Question {
     pub(super) turned: f64,
     /// How far the body has turned about up since the beginning, in radians.
     pub(super) spun: f64,
-    /// Whether it goes through the antenna; otherwise through one that hears alike from everywhere.
-    pub(super) directional: bool,
-    /// Whether anyone answers, and the radio works when the answer comes.
-    pub(super) answered: bool,
+    /// Through which antenna.
+    pub(super) port: Port<'a>,
+    /// Whether the beacon transmits, its signal reaches the place, and the radio works when the
+    /// answer comes.
+    pub(super) transmitted: bool,
 }
 
 /// What the samples of one pattern share.
@@ -53,19 +73,19 @@ struct Pattern {
     bearing_error: f64,
 }
 
-/// The way from a beacon, and how the antenna looks at it.
+/// The path from a beacon, and the antenna's gain along it.
 #[derive(Clone, Debug)]
 struct Way {
     path: Path,
-    look: Look,
+    look: Option<Look>,
 }
 
-/// What does not change while neither drone, beacon nor antenna moves.
+/// The gain in one direction, which does not change while neither drone, beacon nor antenna moves.
 #[derive(Clone, Copy, Debug)]
 struct Look {
     receiver: Pose,
     turned: f64,
-    directional: bool,
+    port: Port<'static>,
     gain_db: f64,
 }
 
@@ -80,31 +100,36 @@ impl Receiver {
         Self { streams, latency, patterns: Vec::new(), ways: Vec::new(), answer: None }
     }
 
-    /// From a question to its answer, in seconds.
+    /// From a request to its answer, in seconds.
     pub(super) fn latency(&self) -> f64 {
         self.latency
     }
 
-    /// The next question, whomever it asks, begins a new pattern.
-    pub(super) fn end_patterns(&mut self) {
+    /// Ends all patterns: the next sample of any beacon begins a new one.
+    pub(crate) fn end_patterns(&mut self) {
         self.patterns.clear();
     }
 
-    /// Draws the answer; an older one that was not taken is given up.
-    pub(super) fn ask(&mut self, channel: &Channel, question: &Question) {
-        let pattern = self.pattern_for(channel, question);
-        // The pattern's error turns everything that the antenna sees.
-        let turned = question.turned - pattern.bearing_error;
-        let (level_dbm, gain_db) = self.heard(channel, question, turned);
+    /// Draws the answer to a request at the time `now`; an older one that was not taken is given
+    /// up.
+    pub(super) fn request(&mut self, channel: &Channel, arrival: &Arrival<'_>, now: f64) {
+        let time = now + self.latency;
+        let reading = self.draw(channel, arrival);
+        self.answer = reading.map(|rss_dbm| Answer { time, rss_dbm });
+    }
+
+    /// Draws what the receiver reads, in dBm; `None` for a sample that is lost, below the floor or
+    /// not transmitted.
+    pub(super) fn draw(&mut self, channel: &Channel, arrival: &Arrival<'_>) -> Option<f64> {
+        let pattern = self.pattern_for(channel, arrival);
+        // The pattern's error turns everything that the antenna receives.
+        let turned = arrival.turned - pattern.bearing_error;
+        let (level_dbm, gain_db) = self.level_and_gain(channel, arrival, turned);
         let noise: f64 = self.streams.sample.sample(StandardNormal);
         let power_dbm = level_dbm + gain_db + pattern.offset_db + channel.sample_sigma_db * noise;
 
         let lost = self.streams.loss.random::<f64>() < channel.loss_probability;
-        let time = question.time + self.latency;
-        self.answer = channel
-            .reading_dbm(power_dbm)
-            .filter(|_| !lost && question.answered)
-            .map(|rss_dbm| Answer { time, rss_dbm });
+        channel.reading_dbm(power_dbm).filter(|_| !lost && arrival.transmitted)
     }
 
     /// The answer's power in dBm, once it has come.
@@ -114,39 +139,48 @@ impl Receiver {
 
     /// The level over a level turn, and the gain over its mean there. Samples in one place and
     /// direction have it from the last of them.
-    fn heard(&mut self, channel: &Channel, question: &Question, turned: f64) -> (f64, f64) {
-        let (beacon, from) = (usize::from(question.beacon.0), question.receiver.position);
+    fn level_and_gain(
+        &mut self,
+        channel: &Channel,
+        arrival: &Arrival<'_>,
+        turned: f64,
+    ) -> (f64, f64) {
+        let (beacon, from) = (usize::from(arrival.beacon.0), arrival.receiver.position);
         let known = self.ways.iter().position(|way| way.path.beacon() == beacon);
         let known = known.map(|index| self.ways.swap_remove(index));
-        let way = known.filter(|way| way.path.is_between(&from, &question.to));
+        let way = known.filter(|way| way.path.is_between(&from, &arrival.to));
         let (path, look) = match way {
-            Some(way) => (way.path, Some(way.look)),
-            None => (Path::new(channel, beacon, from, question.to), None),
+            Some(way) => (way.path, way.look),
+            None => (Path::new(channel, beacon, from, arrival.to), None),
         };
-        let (receiver, directional) = (question.receiver, question.directional);
+        let (receiver, port) = (arrival.receiver, arrival.port);
         let same = |look: &Look| {
             look.receiver == receiver
                 && look.turned.to_bits() == turned.to_bits()
-                && look.directional == directional
+                && look.port.is_same(port)
         };
-        let look = look.filter(same).unwrap_or_else(|| Look {
-            receiver,
-            turned,
-            directional,
-            gain_db: path.gain_db(channel, &receiver, turned, directional),
-        });
-        let heard = (path.level_dbm, look.gain_db);
+        let gain_db = match look.filter(same) {
+            Some(look) => look.gain_db,
+            None => path.gain_db(channel, &receiver, turned, port),
+        };
+        let levels = (path.level_dbm, gain_db);
+        let port = match port {
+            Port::Directional => Some(Port::Directional),
+            Port::Omnidirectional => Some(Port::Omnidirectional),
+            Port::Own(_) => None,
+        };
+        let look = port.map(|port| Look { receiver, turned, port, gain_db });
         self.ways.push(Way { path, look });
-        heard
+        levels
     }
 
-    fn pattern_for(&mut self, channel: &Channel, question: &Question) -> Pattern {
-        let known = self.patterns.iter().position(|p| p.beacon == question.beacon);
+    fn pattern_for(&mut self, channel: &Channel, arrival: &Arrival<'_>) -> Pattern {
+        let known = self.patterns.iter().position(|p| p.beacon == arrival.beacon);
         if let Some(index) = known {
             let pattern = self.patterns[index];
             // A body that has been all the way round begins another one, as an antenna does.
-            let round = (question.spun - pattern.spun).abs() > TAU - 1e-9;
-            if (question.receiver.position - pattern.place).norm() <= SAME_PLACE && !round {
+            let round = (arrival.spun - pattern.spun).abs() > TAU - 1e-9;
+            if (arrival.receiver.position - pattern.place).norm() <= SAME_PLACE && !round {
                 return pattern;
             }
             self.patterns.swap_remove(index);
@@ -154,9 +188,9 @@ impl Receiver {
         let offset: f64 = self.streams.pattern.sample(StandardNormal);
         let error: f64 = self.streams.pattern.sample(StandardNormal);
         let pattern = Pattern {
-            beacon: question.beacon,
-            place: question.receiver.position,
-            spun: question.spun,
+            beacon: arrival.beacon,
+            place: arrival.receiver.position,
+            spun: arrival.spun,
             offset_db: channel.pattern_sigma_db * offset,
             bearing_error: channel.bearing_sigma * error,
         };

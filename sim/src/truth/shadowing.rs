@@ -12,8 +12,8 @@ const WAVES: usize = 256;
 /// Giannakis 2003).
 ///
 /// Wave vectors are drawn from the correlation's spectral density, which in three dimensions is a
-/// multivariate Cauchy density of scale 1/D, and the amplitudes of sines and cosines are Gaussian: at
-/// every place, and over every two, the field has exactly the moments that are asked for.
+/// multivariate Cauchy density of scale 1/D, and the amplitudes of sines and cosines are Gaussian:
+/// at every place, and over every two, the field has exactly the moments that are requested.
 #[derive(Clone, Debug)]
 pub(super) struct ShadowingField {
     /// In radians per metre.
@@ -57,7 +57,7 @@ mod tests {
     /// 4000 fields of seeds 1 to 4000. The variance's standard error is √(2/4000) of it, the
     /// correlation's at most 1/√4000; four of them are a false-alarm rate of 6·10⁻⁵ each.
     #[test]
-    fn its_moments_are_those_that_were_asked_for() {
+    fn its_moments_are_those_of_its_configuration() {
         let config = ShadowingConfig { sigma_db: 6.0, correlation_m: 25.0 };
         let place = Vector3::new(-40.0, 17.0, 30.0);
         let aside = [5.0, 25.0, 60.0].map(|d| (d, Vector3::new(0.6 * d, -0.64 * d, 0.48 * d)));

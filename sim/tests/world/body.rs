@@ -35,14 +35,14 @@ fn sweeps<S: PatternSource>(
     beacons: &[BeaconId],
 ) -> Vec<Vec<Sample>> {
     source.begin(beacons).expect("it begins");
-    let mut heard = Vec::new();
+    let mut readings = Vec::new();
     for _ in 0..10_000 {
         world.advance(0.01).expect("a step");
         while let Some(sweep) = source.poll().expect("nothing fails") {
-            heard.push(sweep.samples.to_vec());
+            readings.push(sweep.samples.to_vec());
         }
-        if heard.len() == beacons.len() {
-            return heard;
+        if readings.len() == beacons.len() {
+            return readings;
         }
     }
     panic!("the turn did not end");
@@ -76,12 +76,12 @@ fn samples_taken_in_flight_belong_to_where_and_when_they_were_taken() {
         let mut drone = world.vehicle(0).expect("it exists");
         let goal = Vector3::new(6.0, -6.0, 4.0);
         drone.go_to(&Waypoint { position: goal }).expect("a place");
-        let heard = sweeps(&world, &mut source, &[BeaconId(0)]).remove(0);
-        assert!(heard.len() > 380, "{} samples in 4 s", heard.len());
-        let flown = heard[heard.len() - 1].receiver.position - heard[0].receiver.position;
+        let readings = sweeps(&world, &mut source, &[BeaconId(0)]).remove(0);
+        assert!(readings.len() > 380, "{} samples in 4 s", readings.len());
+        let flown = readings[readings.len() - 1].receiver.position - readings[0].receiver.position;
         assert!(flown.norm() > 4.0, "it flew {} m meanwhile", flown.norm());
         let mean = patch.mean_gain_db(0.0);
-        for sample in &heard {
+        for sample in &readings {
             let sight = Vector3::new(30.0, 40.0, 0.0) - sample.receiver.position;
             let body = sample.receiver.to_body(&sight);
             let off = body.y.atan2(body.x) - (sample.boresight - sample.receiver.heading);
@@ -92,7 +92,7 @@ fn samples_taken_in_flight_belong_to_where_and_when_they_were_taken() {
 }
 
 #[test]
-fn beacons_that_share_a_turn_are_heard_with_a_pattern_each() {
+fn beacons_that_share_a_turn_are_received_with_a_pattern_each() {
     let channel =
         ChannelConfig { pattern_sigma_db: 4.0, antenna: crate::rig::omnidirectional(), ..quiet() };
     let world = World::new(&flying(VehicleConfig::default(), channel), 5).expect("in order");
@@ -100,14 +100,14 @@ fn beacons_that_share_a_turn_are_heard_with_a_pattern_each() {
     let beacons = [BeaconId(0), BeaconId(1)];
     let mut offsets = Vec::new();
     for _ in 0..3 {
-        for (beacon, heard) in beacons.iter().zip(sweeps(&world, &mut source, &beacons)) {
+        for (beacon, readings) in beacons.iter().zip(sweeps(&world, &mut source, &beacons)) {
             let place = world.truth(*beacon).expect("it exists");
             let offset = |sample: &Sample| {
                 let range = (place - sample.receiver.position).norm();
                 sample.rss_dbm + 29.06 + 27.65 * range.log10()
             };
-            let first = offset(&heard[0]);
-            assert!(heard.iter().all(|sample| (offset(sample) - first).abs() < 1e-6));
+            let first = offset(&readings[0]);
+            assert!(readings.iter().all(|sample| (offset(sample) - first).abs() < 1e-6));
             assert!(offsets.iter().all(|other: &f64| (other - first).abs() > 1e-3));
             offsets.push(first);
         }
@@ -118,10 +118,10 @@ fn beacons_that_share_a_turn_are_heard_with_a_pattern_each() {
 fn a_level_without_a_direction_is_that_of_the_law() {
     let world = World::new(&flying(VehicleConfig::default(), quiet()), 5).expect("in order");
     let mut source = world.omnidirectional(0, OmnidirectionalConfig::default()).expect("so");
-    let heard = sweeps(&world, &mut source, &[BeaconId(0)]).remove(0);
-    assert_eq!(heard.len(), 768);
+    let readings = sweeps(&world, &mut source, &[BeaconId(0)]).remove(0);
+    assert_eq!(readings.len(), 768);
     let law = -29.06 - 27.65 * Vector3::<f64>::new(30.0, 40.0, 4.0).norm().log10();
-    assert!(heard.iter().all(|sample| (sample.rss_dbm - law).abs() < 1e-9));
+    assert!(readings.iter().all(|sample| (sample.rss_dbm - law).abs() < 1e-9));
 }
 
 /// The bearing errors of `count` turns in radians, each with a world and a seed of its own: of the
@@ -143,7 +143,7 @@ fn errors<S: PatternSource>(
                 world.advance(0.01).expect("a step");
                 let Some(sweep) = source.poll().expect("nothing fails") else { continue };
                 break extractors.map(|extractor| {
-                    let reading = extractor.extract(&sweep).expect("everything is heard");
+                    let reading = extractor.extract(&sweep).expect("everything is readings");
                     let bearing = reading.bearing.expect("a lobe").angle;
                     angle::wrap(bearing - 40.0_f64.atan2(30.0))
                 });

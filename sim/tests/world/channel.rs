@@ -6,7 +6,8 @@ use foxhunt_sensors::{
     PatternTable, Propagation, RssBearing, TwoRay, WithElevationPattern,
 };
 use foxhunt_sim::{
-    ChannelConfig, DroneConfig, PathLossConfig, ShadowingConfig, TwoRayConfig, World,
+    ChannelConfig, DeadZoneConfig, DroneConfig, PathLossConfig, ShadowingConfig, TwoRayConfig,
+    World,
 };
 
 use nalgebra::{Vector2, Vector4};
@@ -20,7 +21,25 @@ fn read(power_dbm: f64, channel: &ChannelConfig) -> Option<f64> {
     let channel = ChannelConfig { path_loss, antenna: omnidirectional(), ..channel.clone() };
     let mut config = config(channel);
     config.beacons = vec![beacon(0.0, 1.0, 0.0)];
-    Rig::new(&config, 1).ask(0)
+    Rig::new(&config, 1).request(0)
+}
+
+/// Samples in a dead zone draw from the streams as all do: what is received outside does not
+/// change.
+#[test]
+fn nothing_is_received_in_a_dead_zone() {
+    let zone = DeadZoneConfig { east_m: 5.0, north_m: 0.0, radius_m: 2.0 };
+    let noisy = ChannelConfig::default();
+    let readings = |dead_zones: Vec<DeadZoneConfig>| {
+        let mut rig = Rig::new(&config(ChannelConfig { dead_zones, ..noisy.clone() }), 1);
+        [0.0, 4.0, 6.5, 8.0].map(|east| {
+            rig.fly_to(east, 0.0, 20.0);
+            rig.request(0)
+        })
+    };
+    let [free, dead] = [readings(Vec::new()), readings(vec![zone])];
+    assert!(free.iter().all(Option::is_some));
+    assert_eq!(dead, [free[0], None, None, free[3]]);
 }
 
 #[test]
@@ -49,9 +68,9 @@ fn the_floor_cuts_off_where_the_antenna_looks_away() {
     let mut rig = Rig::new(&config(channel), 1);
     let truth = 40.0_f64.atan2(30.0);
     rig.turn_to(truth);
-    assert!(rig.ask(0).is_some());
+    assert!(rig.request(0).is_some());
     rig.turn_to(truth + TAU / 2.0);
-    assert_eq!(rig.ask(0), None);
+    assert_eq!(rig.request(0), None);
 }
 
 #[test]
@@ -76,7 +95,7 @@ fn the_nose_turns_the_antenna() {
 }
 
 #[test]
-fn an_antenna_that_squints_hears_most_when_it_looks_past_the_beacon() {
+fn an_antenna_that_squints_receives_most_when_it_looks_past_the_beacon() {
     // Most gain for a wave from 30° counter-clockwise of boresight: 8 dB, over a mean of 3 dB.
     let rows = [(-150.0, -2.0), (-60.0, 3.0), (30.0, 8.0), (120.0, 3.0)];
     let rows = rows.map(|(angle_deg, gain_db)| GainRow { angle_deg, gain_db }).to_vec();
@@ -86,36 +105,36 @@ fn an_antenna_that_squints_hears_most_when_it_looks_past_the_beacon() {
     let law = -29.06 - 27.65 * 50.0_f64.log10();
     for (off, over_mean) in [(30.0_f64, 5.0), (-60.0, 0.0), (-150.0, -5.0)] {
         rig.turn_to(truth - off.to_radians());
-        assert!((rig.hear(0) - law - over_mean).abs() < 1e-9, "{off}° off");
+        assert!((rig.receive(0) - law - over_mean).abs() < 1e-9, "{off}° off");
     }
     rig.turn_to(truth);
-    let ahead = rig.hear(0) - law;
+    let ahead = rig.receive(0) - law;
     assert!(ahead > 3.0 && ahead < 5.0, "{ahead} dB");
 }
 
 #[test]
-fn every_beacon_has_its_own_power_and_a_drone_above_it_hears_a_number() {
+fn every_beacon_has_its_own_power_and_a_drone_above_it_receives_a_number() {
     let mut rig = Rig::new(&config(ChannelConfig { antenna: omnidirectional(), ..quiet() }), 1);
     let near = -29.06 - 27.65 * 5.0_f64.log10();
-    assert!((rig.hear(1) - near).abs() < 1e-9);
+    assert!((rig.receive(1) - near).abs() < 1e-9);
     let far = -29.06 - 27.65 * 50.0_f64.log10();
-    assert!((rig.hear(0) - far).abs() < 1e-9);
+    assert!((rig.receive(0) - far).abs() < 1e-9);
     for (east, north, up) in [(-5.0, 0.0, 4.0), (-5.0, 0.0, 0.0), (1e5, 0.0, 0.0)] {
         rig.fly_to(east, north, up);
-        assert!(rig.hear(1).is_finite(), "at {east}, {north}, {up}");
+        assert!(rig.receive(1).is_finite(), "at {east}, {north}, {up}");
     }
     rig.fly_to(0.0, 0.0, 0.0);
-    assert!((rig.hear(1) - near).abs() < 1e-9);
+    assert!((rig.receive(1) - near).abs() < 1e-9);
 }
 
 #[test]
-fn a_drone_above_hears_through_the_antennas_vertical_pattern() {
+fn a_drone_above_receives_through_the_antennas_vertical_pattern() {
     let mut rig = Rig::new(&config(ChannelConfig { antenna: AntennaConfig::Dipole, ..quiet() }), 1);
     rig.fly_to(30.0, 0.0, 40.0);
     // 40 m up and 40 m away.
     let law = -29.06 - 27.65 * (40.0 * 2.0_f64.sqrt()).log10();
     let gain = Dipole.gain_dbi(0.0, TAU / 8.0) - Dipole.gain_dbi(0.0, 0.0);
-    assert!((rig.hear(0) - law - gain).abs() < 1e-9);
+    assert!((rig.receive(0) - law - gain).abs() < 1e-9);
 }
 
 /// The mean over a turn in the world is what the model expects of a drone that is near and high.
@@ -129,13 +148,13 @@ fn truth_and_model_agree_on_the_elevation() {
     let (mut closest, mut without) = (0.0_f64, 0.0_f64);
     for (east, north, up) in [(0.0, 0.0, 0.0), (25.0, 30.0, 10.0), (28.0, 40.0, 30.0)] {
         rig.fly_to(east, north, up);
-        let heard = level(&rig.turn(0, 1));
+        let readings = level(&rig.turn(0, 1));
         let pose = rig.vehicle.pose().expect("it works");
         let state = Vector4::new(30.0, 40.0, 0.0, 0.0);
         let [expected, flat]: [Vector2<f64>; 2] =
             [model.expected(&state, &pose), law.expected(&state, &pose)];
-        closest = closest.max((heard - expected[0]).abs());
-        without = without.max((heard - flat[0]).abs());
+        closest = closest.max((readings - expected[0]).abs());
+        without = without.max((readings - flat[0]).abs());
     }
     // 128 positions here, 360 directions there, a spline between degrees.
     assert!(closest < 0.01, "{closest} dB");
@@ -152,7 +171,7 @@ fn two_ray_knows_the_heights() {
         let wavelength = 299_792_458.0 / 2.44e9;
         let law = TwoRay::new(5.0, wavelength, 0.1, up.max(0.1)).expect("in range");
         let expected = law.rss_dbm(50.0_f64.hypot(up));
-        assert!((rig.hear(0) - expected).abs() < 1e-9, "at {up} m");
+        assert!((rig.receive(0) - expected).abs() < 1e-9, "at {up} m");
     }
 }
 
@@ -164,23 +183,23 @@ fn shadowing_belongs_to_places_and_beacons() {
     config.drones.push(DroneConfig::default());
     let world = World::new(&config, 3).expect("in order");
     let (mut rig, mut other) = (Rig::on(&world, 0), Rig::on(&world, 1));
-    let (first, second) = (rig.hear(0), rig.hear(1));
-    assert!((other.hear(0) - first).abs() < 1e-12, "another drone at the same place");
+    let (first, second) = (rig.receive(0), rig.receive(1));
+    assert!((other.receive(0) - first).abs() < 1e-12, "another drone at the same place");
     other.fly_to(100.0, 0.0, 0.0);
     let law = -29.06 - 27.65 * 70.0_f64.hypot(40.0).log10();
-    let away = other.hear(0) - law;
+    let away = other.receive(0) - law;
     other.fly_to(0.0, 0.0, 0.0);
-    assert!((other.hear(0) - first).abs() < 1e-12, "the same place again");
+    assert!((other.receive(0) - first).abs() < 1e-12, "the same place again");
     let here = first + 29.06 + 27.65 * 50.0_f64.log10();
     let of_the_other = second + 29.06 + 27.65 * 5.0_f64.log10();
     assert!(here.abs() > 1e-3 && (here - away).abs() > 1e-3 && (here - of_the_other).abs() > 1e-3);
     // Drones' own draws stay what they are.
     let noisy = ChannelConfig { sample_sigma_db: 2.0, ..channel };
-    let hear = |shadowing| {
+    let listen = |shadowing| {
         let channel = ChannelConfig { shadowing, ..noisy.clone() };
-        Rig::new(&crate::rig::config(channel), 3).hear(0)
+        Rig::new(&crate::rig::config(channel), 3).receive(0)
     };
-    assert!((hear(shadowing) - hear(None) - here).abs() < 1e-9);
+    assert!((listen(shadowing) - listen(None) - here).abs() < 1e-9);
 }
 
 /// From (-20, 0) the way is 20 m and √(50² + 40²) m where the direct one is 50 m.
@@ -199,7 +218,7 @@ fn a_reflection_beats_with_the_direct_wave_and_comes_from_its_own_direction() {
         rig.fly_to(east, 0.0, 0.0);
         let sum = (1.0 + 0.5 * phase(east).cos()).hypot(0.5 * phase(east).sin());
         let law = -29.06 - 27.65 * (30.0 - east).hypot(40.0).log10();
-        let over = rig.hear(0) - law;
+        let over = rig.receive(0) - law;
         assert!((over - 20.0 * sum.log10()).abs() < 1e-6, "{over} dB at {east} m");
         beats.push(sum);
     }

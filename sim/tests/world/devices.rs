@@ -1,4 +1,4 @@
-use foxhunt_core::{BeaconId, Clock, Fleet, Pose, Radio, Rotator, Vehicle, Waypoint};
+use foxhunt_core::{BeaconId, Clock, Pose, Radio, Rotator, Vehicle, Waypoint};
 use foxhunt_sim::{
     ChannelConfig, DroneConfig, KinematicConfig, SimError, VehicleConfig, World, WorldConfig,
 };
@@ -45,22 +45,22 @@ fn a_new_question_gives_up_the_old_one() {
 }
 
 #[test]
-fn a_silent_drone_flies_and_hears_nothing() {
+fn a_silent_drone_flies_and_receives_nothing() {
     let world = world(|config| {
         config.drones[0].silent_after_s = Some(5.0);
         config.stepper.radio_latency_s = 0.5;
     });
     let mut radio = world.radio(0).expect("it exists");
     let mut vehicle = world.vehicle(0).expect("it exists");
-    let mut heard = Vec::new();
+    let mut readings = Vec::new();
     for _ in 0..12 {
         radio.request(BeaconId(0)).expect("it exists");
         world.advance(0.5).expect("a step");
-        heard.push(radio.poll().expect("it works").is_some());
+        readings.push(radio.poll().expect("it works").is_some());
     }
     // Nine answers come before 5 s, the tenth would come just then.
-    assert_eq!(heard.iter().filter(|h| **h).count(), 9);
-    assert!(heard[..9].iter().all(|h| *h));
+    assert_eq!(readings.iter().filter(|h| **h).count(), 9);
+    assert!(readings[..9].iter().all(|h| *h));
     vehicle.go_to(&Waypoint { position: Vector3::new(1.0, 0.0, 0.0) }).expect("a place");
     world.advance(1.0).expect("a step");
     assert_eq!(vehicle.pose(), Ok(Pose::at(1.0, 0.0, 0.0)));
@@ -80,25 +80,30 @@ fn the_antenna_takes_its_time() {
 }
 
 #[test]
-fn the_fleet_arrives_in_the_time_that_distance_and_speed_say() {
+fn drones_arrive_in_the_time_of_distance_and_speed() {
     let world = world(|config| {
-        config.vehicle =
-            VehicleConfig::Kinematic(KinematicConfig { speed_mps: 2.5, climb_mps: 1.0 });
+        config.vehicle = VehicleConfig::Kinematic(KinematicConfig {
+            speed_mps: 2.5,
+            climb_mps: 1.0,
+            ..KinematicConfig::default()
+        });
         config.drones =
             vec![DroneConfig::default(), DroneConfig { east_m: 9.0, ..DroneConfig::default() }];
     });
-    let mut fleet = world.fleet();
-    assert_eq!(fleet.locate(1), Ok(Pose::at(9.0, 0.0, 0.0)));
+    assert_eq!(world.vehicle(1).and_then(|mut v| v.pose()), Ok(Pose::at(9.0, 0.0, 0.0)));
     // 25 m over ground: 10 s. 15 m up: 15 s.
     let goals = [Vector3::new(15.0, 20.0, 4.0), Vector3::new(9.0, 5.0, 15.0)];
     for (drone, position) in goals.into_iter().enumerate() {
-        fleet.send(drone, &Waypoint { position }).expect("a place");
+        world.vehicle(drone).and_then(|mut v| v.go_to(&Waypoint { position })).expect("a place");
     }
     let mut arrived = [None; 2];
     for _ in 0..2000 {
         world.advance(0.01).expect("a step");
         for (drone, (goal, arrived)) in goals.iter().zip(&mut arrived).enumerate() {
-            if arrived.is_none() && fleet.locate(drone).expect("it exists").position == *goal {
+            if arrived.is_none()
+                && world.vehicle(drone).and_then(|mut v| v.pose()).expect("it exists").position
+                    == *goal
+            {
                 *arrived = Some(world.clock().now());
             }
         }
@@ -113,21 +118,29 @@ fn the_fleet_arrives_in_the_time_that_distance_and_speed_say() {
 }
 
 #[test]
-fn a_drone_of_the_fleet_that_cannot_do_it_stays_and_the_others_go() {
+fn a_drone_that_cannot_do_it_stays_and_the_others_go() {
     let world = world(|config| config.drones = vec![DroneConfig::default(); 2]);
-    let mut fleet = world.fleet();
     let nowhere = Waypoint { position: Vector3::new(f64::NAN, 0.0, 0.0) };
-    assert!(matches!(fleet.send(0, &nowhere), Err(SimError::Goal { .. })));
+    assert!(matches!(
+        world.vehicle(0).and_then(|mut v| v.go_to(&nowhere)),
+        Err(SimError::Goal { .. })
+    ));
     let missing = SimError::Drone { drone: 2, drones: 2 };
-    assert_eq!(fleet.send(2, &Waypoint::default()), Err(missing.clone()));
-    assert_eq!(fleet.land(2), Err(missing.clone()));
-    assert_eq!(fleet.locate(2), Err(missing));
-    fleet.send(1, &Waypoint { position: Vector3::new(3.0, 0.0, 0.5) }).expect("a place");
+    assert_eq!(
+        world.vehicle(2).and_then(|mut v| v.go_to(&Waypoint::default())),
+        Err(missing.clone())
+    );
+    assert_eq!(world.vehicle(2).and_then(|mut v| v.land()), Err(missing.clone()));
+    assert_eq!(world.vehicle(2).and_then(|mut v| v.pose()), Err(missing));
+    world
+        .vehicle(1)
+        .and_then(|mut v| v.go_to(&Waypoint { position: Vector3::new(3.0, 0.0, 0.5) }))
+        .expect("a place");
     world.advance(2.0).expect("a step");
-    fleet.land(1).expect("it flies");
+    world.vehicle(1).and_then(|mut v| v.land()).expect("it flies");
     world.advance(1.0).expect("a step");
-    assert_eq!(fleet.locate(0), Ok(Pose::default()));
-    assert_eq!(fleet.locate(1), Ok(Pose::at(3.0, 0.0, 0.0)));
+    assert_eq!(world.vehicle(0).and_then(|mut v| v.pose()), Ok(Pose::default()));
+    assert_eq!(world.vehicle(1).and_then(|mut v| v.pose()), Ok(Pose::at(3.0, 0.0, 0.0)));
 }
 
 #[test]

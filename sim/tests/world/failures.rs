@@ -1,9 +1,7 @@
 //! Drones that stand still, cannot be reached, hear nothing or answer late; beacons that scatter or
 //! come later.
 
-use foxhunt_core::{
-    BeaconId, Fleet, PatternSource, Spinner, Vehicle, Waypoint, laws::pattern_source,
-};
+use foxhunt_core::{BeaconId, PatternSource, Spinner, Vehicle, Waypoint, laws::pattern_source};
 use foxhunt_sensors::{OmnidirectionalConfig, StepperConfig};
 use foxhunt_sim::{
     ChannelConfig, DroneConfig, Interval, KinematicConfig, QuadrotorConfig, SimError,
@@ -19,7 +17,11 @@ fn from_to(from_s: f64, to_s: f64) -> Vec<Interval> {
 
 /// A drone at 2 m/s with these failures.
 fn world(drone: DroneConfig) -> World {
-    let vehicle = VehicleConfig::Kinematic(KinematicConfig { speed_mps: 2.0, climb_mps: 1.0 });
+    let vehicle = VehicleConfig::Kinematic(KinematicConfig {
+        speed_mps: 2.0,
+        climb_mps: 1.0,
+        ..KinematicConfig::default()
+    });
     let config = WorldConfig { drones: vec![drone], vehicle, ..config(quiet()) };
     World::new(&config, 1).expect("the configuration is in order")
 }
@@ -74,31 +76,30 @@ fn a_quadrotor_that_is_stuck_brakes_and_goes_on() {
 fn one_that_is_lost_answers_nothing_and_flies_on() {
     let world = world(DroneConfig { lost: from_to(1.0, 3.0), ..DroneConfig::default() });
     let mut vehicle = world.vehicle(0).expect("it exists");
-    let mut fleet = world.fleet();
     vehicle.go_to(&Waypoint { position: Vector3::new(8.0, 0.0, 0.0) }).expect("a place");
     world.advance(1.0).expect("a step");
     let lost = SimError::Link { drone: 0 };
     assert_eq!(vehicle.pose(), Err(lost.clone()));
     assert_eq!(vehicle.spin(Some(1.0)), Err(lost.clone()));
-    assert_eq!(fleet.locate(0), Err(lost.clone()));
-    assert_eq!(fleet.land(0), Err(lost.clone()));
-    assert_eq!(fleet.send(0, &Waypoint::default()), Err(lost));
+    assert_eq!(vehicle.pose(), Err(lost.clone()));
+    assert_eq!(vehicle.land(), Err(lost.clone()));
+    assert_eq!(vehicle.go_to(&Waypoint::default()), Err(lost));
     world.advance(2.0).expect("a step");
     assert!((east(&world) - 6.0).abs() < 1e-9);
-    assert_eq!(fleet.locate(0), world.pose(0), "it is back");
+    assert_eq!(vehicle.pose(), world.pose(0), "it is back");
 }
 
 #[test]
-fn one_that_is_silent_flies_and_hears_nothing() {
+fn one_that_is_silent_flies_and_receives_nothing() {
     let mut config = config(quiet());
     config.drones[0].silent = from_to(1.0, 2.0);
     let mut rig = Rig::new(&config, 1);
-    let before = rig.ask(0);
+    let before = rig.request(0);
     assert!(before.is_some());
     rig.world.advance(1.5).expect("a step");
-    assert_eq!(rig.ask(0), None);
+    assert_eq!(rig.request(0), None);
     rig.world.advance(0.5).expect("a step");
-    assert_eq!(rig.ask(0), before);
+    assert_eq!(rig.request(0), before);
 }
 
 #[test]
@@ -148,20 +149,20 @@ fn a_turn_gives_up_the_late_sweeps_of_the_one_before() {
 
 #[test]
 fn a_beacon_that_comes_later_leaves_all_else_as_it_is() {
-    let heard = |appears_after_s| {
+    let readings = |appears_after_s| {
         let mut config = config(ChannelConfig::default());
         config.beacons[1].appears_after_s = appears_after_s;
         let mut rig = Rig::new(&config, 5);
-        let mut heard = Vec::new();
+        let mut readings = Vec::new();
         for _ in 0..4 {
-            heard.push((rig.ask(0), rig.ask(1)));
+            readings.push((rig.request(0), rig.request(1)));
             rig.world.advance(1.0).expect("a step");
         }
         assert_eq!(rig.world.appears_after_s(BeaconId(1)), appears_after_s);
         assert_eq!(rig.world.appears_after_s(BeaconId(2)), None);
-        heard
+        readings
     };
-    for (i, (always, later)) in heard(None).into_iter().zip(heard(Some(2.0))).enumerate() {
+    for (i, (always, later)) in readings(None).into_iter().zip(readings(Some(2.0))).enumerate() {
         assert_eq!(always.0, later.0);
         assert!(always.1.is_some());
         assert_eq!(later.1, always.1.filter(|_| i >= 2));
@@ -171,7 +172,7 @@ fn a_beacon_that_comes_later_leaves_all_else_as_it_is() {
 /// 1000 seeds: the σ of East and North is 20 m within 5 standard errors (20/√2000 m), their mean 0
 /// within 5 (20/√1000 m).
 #[test]
-fn a_beacon_scatters_as_far_as_it_is_told() {
+fn a_beacon_scatters_as_far_as_is_set() {
     let mut config = config(quiet());
     config.beacons.push(beacon(3.0, -4.0, 1.0));
     config.beacons[0].scatter_m = Some(20.0);

@@ -9,6 +9,7 @@ mod channel;
 mod config;
 mod devices;
 mod failures;
+mod own_source;
 mod patterns;
 mod rig;
 mod statistics;

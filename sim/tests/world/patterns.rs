@@ -16,7 +16,7 @@ fn rig() -> Rig {
 fn offset(rig: &mut Rig) -> f64 {
     let place = rig.vehicle.pose().expect("it works").position;
     let range = (place - Vector3::new(30.0, 40.0, 0.0)).norm();
-    rig.hear(0) + 29.06 + 27.65 * range.log10()
+    rig.receive(0) + 29.06 + 27.65 * range.log10()
 }
 
 fn same(a: f64, b: f64) -> bool {
@@ -63,7 +63,7 @@ fn beacons_that_share_a_turn_have_a_pattern_each() {
     let before = offset(&mut rig);
     assert!(same(offset(&mut rig), before));
     // The other beacon is 5 m away.
-    let other = |rig: &mut Rig| rig.hear(1) + 29.06 + 27.65 * 5.0_f64.log10();
+    let other = |rig: &mut Rig| rig.receive(1) + 29.06 + 27.65 * 5.0_f64.log10();
     let second = other(&mut rig);
     assert!(!same(second, before));
     assert!(same(offset(&mut rig), before) && same(other(&mut rig), second));

@@ -27,7 +27,7 @@ pub(crate) fn quiet() -> ChannelConfig {
     }
 }
 
-/// An antenna that hears alike from everywhere.
+/// An omnidirectional antenna.
 pub(crate) fn omnidirectional() -> AntennaConfig {
     let row = |angle_deg| GainRow { angle_deg, gain_db: 5.0 };
     AntennaConfig::Table(vec![row(0.0), row(120.0), row(240.0)])
@@ -45,7 +45,11 @@ pub(crate) fn config(channel: ChannelConfig) -> WorldConfig {
         beacons: vec![beacon(30.0, 40.0, 0.0), beacon(-5.0, 0.0, 0.0)],
         drones: vec![DroneConfig::default()],
         channel,
-        vehicle: VehicleConfig::Kinematic(KinematicConfig { speed_mps: 1e6, climb_mps: 1e6 }),
+        vehicle: VehicleConfig::Kinematic(KinematicConfig {
+            speed_mps: 1e6,
+            climb_mps: 1e6,
+            ..KinematicConfig::default()
+        }),
         stepper: SimStepperConfig { rotator_speed_rad_s: 1e6, radio_latency_s: 0.0 },
     }
 }
@@ -88,27 +92,27 @@ impl Rig {
         assert_eq!(self.vehicle.pose().expect("it works").position, position);
     }
 
-    pub(crate) fn ask(&mut self, beacon: u16) -> Option<f64> {
+    pub(crate) fn request(&mut self, beacon: u16) -> Option<f64> {
         self.radio.request(BeaconId(beacon)).expect("the beacon exists");
         self.radio.poll().expect("it works")
     }
 
-    /// What is heard where everything is heard.
-    pub(crate) fn hear(&mut self, beacon: u16) -> f64 {
-        self.ask(beacon).expect("nothing is lost")
+    /// What is readings where everything is readings.
+    pub(crate) fn receive(&mut self, beacon: u16) -> f64 {
+        self.request(beacon).expect("nothing is lost")
     }
 
-    /// A turn to or fro: the antenna's angles and what was heard there.
+    /// A turn to or fro: the antenna's angles and what was readings there.
     pub(crate) fn turn(&mut self, beacon: u16, samples: usize) -> Vec<(f64, f64)> {
-        let mut heard = Vec::new();
+        let mut readings = Vec::new();
         for i in 0..POSITIONS {
             let position = if self.backwards { POSITIONS - 1 - i } else { i };
             let angle = TAU * f64::from(position) / f64::from(POSITIONS);
             self.turn_to(angle);
-            heard.extend((0..samples).map(|_| (angle, self.hear(beacon))));
+            readings.extend((0..samples).map(|_| (angle, self.receive(beacon))));
         }
         self.backwards = !self.backwards;
-        heard
+        readings
     }
 }
 

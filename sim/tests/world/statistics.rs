@@ -88,19 +88,19 @@ fn each_sample_has_its_own_noise() {
 
 #[test]
 fn answers_are_lost_at_their_rate_and_the_others_are_as_they_were() {
-    let asked = 20_000;
+    let requested = 20_000;
     let mut whole = Rig::new(&config(ChannelConfig::default()), 7);
     let lossy = ChannelConfig { loss_probability: 0.3, ..ChannelConfig::default() };
     let mut rig = Rig::new(&config(lossy), 7);
-    let answers: Vec<_> = (0..asked).map(|_| (rig.ask(0), whole.hear(0))).collect();
-    let heard: Vec<_> =
+    let answers: Vec<_> = (0..requested).map(|_| (rig.request(0), whole.receive(0))).collect();
+    let readings: Vec<_> =
         answers.iter().filter_map(|(rss, all)| Some((*rss)?.to_bits() == all.to_bits())).collect();
-    assert!(heard.iter().all(|same| *same));
-    let rate = 1.0 - count(&heard) / f64::from(asked);
-    let band = WIDTH * (0.3 * 0.7 / f64::from(asked)).sqrt();
+    assert!(readings.iter().all(|same| *same));
+    let rate = 1.0 - count(&readings) / f64::from(requested);
+    let band = WIDTH * (0.3 * 0.7 / f64::from(requested)).sqrt();
     assert!((rate - 0.3).abs() < band, "{rate} lost");
 
     let all = ChannelConfig { loss_probability: 1.0, ..quiet() };
     let mut deaf = Rig::new(&config(all), 7);
-    assert!((0..1000).all(|_| deaf.ask(0).is_none()));
+    assert!((0..1000).all(|_| deaf.request(0).is_none()));
 }

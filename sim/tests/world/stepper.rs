@@ -18,8 +18,8 @@ fn turn(world: &World, source: &mut SimStepper) -> (Vec<f64>, f64) {
     for _ in 0..10_000 {
         world.advance(0.01).expect("a step");
         if let Some(sweep) = source.poll().expect("nothing fails") {
-            let heard = sweep.samples.iter().map(|sample| sample.rss_dbm).collect();
-            return (heard, sweep.time - begin);
+            let readings = sweep.samples.iter().map(|sample| sample.rss_dbm).collect();
+            return (readings, sweep.time - begin);
         }
     }
     panic!("the turn did not end");
@@ -42,8 +42,8 @@ fn a_turn_takes_as_long_as_its_parts() {
     let world = world(ChannelConfig::default());
     let mut source = world.stepper(0, StepperConfig::pritzl2018()).expect("it exists");
     for _ in 0..2 {
-        let (heard, duration) = turn(&world, &mut source);
-        assert_eq!(heard.len(), 768);
+        let (readings, duration) = turn(&world, &mut source);
+        assert_eq!(readings.len(), 768);
         // 10 ms of radio 768 times, and 127 steps of 24.5 ms that are seen after 30 ms.
         let expected = 768.0 * 0.01 + 127.0 * 0.03;
         assert!((duration - expected).abs() < 0.011, "{duration} s, not {expected}");
@@ -57,9 +57,9 @@ fn every_turn_is_one_pattern() {
     let mut source = world.stepper(0, StepperConfig::pritzl2018()).expect("it exists");
     let mut levels = Vec::new();
     for _ in 0..4 {
-        let (heard, _) = turn(&world, &mut source);
-        assert!(heard.iter().all(|rss| (rss - heard[0]).abs() < 1e-9), "the offset changed");
-        levels.push(heard[0]);
+        let (readings, _) = turn(&world, &mut source);
+        assert!(readings.iter().all(|rss| (rss - readings[0]).abs() < 1e-9), "the offset changed");
+        levels.push(readings[0]);
         // One that is given up half-way.
         source.begin(&[BeaconId(0)]).expect("it begins");
         for _ in 0..200 {
@@ -79,8 +79,8 @@ fn a_silent_drones_turn_ends_by_its_time_outs_with_nothing() {
     let mut source = world.stepper(0, StepperConfig::pritzl2018()).expect("it exists");
     let longest = StepperConfig::pritzl2018().longest_turn(1);
     for _ in 0..2 {
-        let (heard, duration) = turn(&world, &mut source);
-        assert!(heard.is_empty());
+        let (readings, duration) = turn(&world, &mut source);
+        assert!(readings.is_empty());
         // Each of the 128 time-outs is seen at most a step late.
         assert!((longest..longest + 1.29).contains(&duration), "{duration} s");
     }
@@ -90,10 +90,10 @@ fn a_silent_drones_turn_ends_by_its_time_outs_with_nothing() {
 fn lost_answers_cost_time_and_samples() {
     let world = world(ChannelConfig { loss_probability: 0.05, ..ChannelConfig::default() });
     let mut source = world.stepper(0, StepperConfig::pritzl2018()).expect("it exists");
-    let (heard, duration) = turn(&world, &mut source);
+    let (readings, duration) = turn(&world, &mut source);
     // A loss ends its position: Σ 0.95ⁱ, i = 1 … 6, of 6 samples are left, 5.03.
     let expected = 128.0 * (0.95 - 0.95_f64.powi(7)) / 0.05;
-    let left = crate::rig::count(&heard);
+    let left = crate::rig::count(&readings);
     // σ² of one position's count is below 6² / 4.
     assert!((left - expected).abs() < 5.0 * 3.0 * 128.0_f64.sqrt(), "{left} of 768");
     assert!(left < 768.0 && duration > 12.0);

@@ -9,30 +9,30 @@ fn fleet(drones: usize, channel: ChannelConfig) -> WorldConfig {
     WorldConfig { drones: vec![DroneConfig::default(); drones], ..config(channel) }
 }
 
-/// What each drone hears, the drones asked in this order round after round.
-fn hear(world: &World, order: &[usize]) -> Vec<Vec<Option<u64>>> {
-    let mut heard = vec![Vec::new(); DRONES];
+/// The readings of each drone, the drones in this order round after round.
+fn readings(world: &World, order: &[usize]) -> Vec<Vec<Option<u64>>> {
+    let mut readings = vec![Vec::new(); DRONES];
     for round in 0..50 {
         for &drone in order {
             let mut radio = world.radio(drone).expect("it exists");
             radio.request(BeaconId(round / 10 % 2)).expect("it exists");
-            heard[drone].push(radio.poll().expect("it works").map(f64::to_bits));
+            readings[drone].push(radio.poll().expect("it works").map(f64::to_bits));
         }
         world.advance(0.01).expect("a step");
     }
-    heard
+    readings
 }
 
 #[test]
 fn the_order_of_polling_changes_nothing() {
     let channel = ChannelConfig { loss_probability: 0.2, ..ChannelConfig::default() };
     let world = |seed, drones| World::new(&fleet(drones, channel.clone()), seed).expect("in order");
-    let first = hear(&world(3, DRONES), &[0, 1, 2]);
-    assert_eq!(hear(&world(3, DRONES), &[0, 1, 2]), first, "the same seed");
-    assert_eq!(hear(&world(3, DRONES), &[2, 0, 1]), first, "another order");
-    assert_eq!(hear(&world(3, DRONES + 1), &[0, 1, 2]), first, "one drone more");
-    assert_eq!(hear(&world(3, DRONES), &[1])[1], first[1], "one drone alone");
-    let other = hear(&world(4, DRONES), &[0, 1, 2]);
+    let first = readings(&world(3, DRONES), &[0, 1, 2]);
+    assert_eq!(readings(&world(3, DRONES), &[0, 1, 2]), first, "the same seed");
+    assert_eq!(readings(&world(3, DRONES), &[2, 0, 1]), first, "another order");
+    assert_eq!(readings(&world(3, DRONES + 1), &[0, 1, 2]), first, "one drone more");
+    assert_eq!(readings(&world(3, DRONES), &[1])[1], first[1], "one drone alone");
+    let other = readings(&world(4, DRONES), &[0, 1, 2]);
     assert!(first.iter().zip(&other).all(|(a, b)| a != b), "another seed");
     assert!(first[0] != first[1] && first[1] != first[2] && first[0] != first[2]);
 }
@@ -40,10 +40,10 @@ fn the_order_of_polling_changes_nothing() {
 #[test]
 fn the_first_readings_of_seed_1_stay_what_they_are() {
     let world = World::new(&fleet(2, ChannelConfig::default()), 1).expect("in order");
-    let heard: Vec<f64> = (0..2)
+    let readings: Vec<f64> = (0..2)
         .flat_map(|drone| {
             let mut rig = Rig::on(&world, drone);
-            [rig.hear(0), rig.hear(0), rig.hear(1)]
+            [rig.receive(0), rig.receive(0), rig.receive(1)]
         })
         .collect();
     // A change here changes every simulated hunt: it belongs into the changelog.
@@ -55,7 +55,7 @@ fn the_first_readings_of_seed_1_stay_what_they_are() {
         -86.570_830_432_056_91,
         -55.006_613_826_699_75,
     ];
-    for (found, pinned) in heard.iter().zip(pinned) {
-        assert!((found - pinned).abs() < 1e-9, "{heard:?}");
+    for (found, pinned) in readings.iter().zip(pinned) {
+        assert!((found - pinned).abs() < 1e-9, "{readings:?}");
     }
 }

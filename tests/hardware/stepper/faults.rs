@@ -11,7 +11,7 @@ fn trusting() -> FirmataConfig {
 }
 
 #[test]
-fn a_reset_is_told_until_the_antenna_is_declared() {
+fn a_reset_is_reported_until_the_antenna_is_declared() {
     let mut rig = Rig::new(FirmataConfig::default(), EmulatedStepperConfig::default());
     rig.turn(1.0);
     rig.device.reset();
@@ -25,8 +25,8 @@ fn a_reset_is_told_until_the_antenna_is_declared() {
     // As if it had been turned to the nose by hand: it is off by where it was.
     rig.driver.zero().expect("it stands");
     rig.wait(5.0).expect("it is known again");
-    let (told, truth) = rig.turn(0.5);
-    assert!((told - 0.5).abs() < half_step() && (truth - 1.5).abs() < 2.0 * half_step());
+    let (reported, truth) = rig.turn(0.5);
+    assert!((reported - 0.5).abs() < half_step() && (truth - 1.5).abs() < 2.0 * half_step());
 }
 
 #[test]
@@ -35,11 +35,11 @@ fn a_reset_of_a_still_antenna_may_be_trusted() {
     for angle in [1.0, 2.0, 0.5] {
         rig.turn(angle);
         rig.device.reset();
-        let told = rig.wait(5.0).expect("it is trusted");
-        assert!((told - angle).abs() < half_step());
-        let (told, truth) = rig.turn(angle + 0.25);
-        assert!((told - angle - 0.25).abs() < half_step(), "{told}");
-        assert!((truth - told).abs() < 1e-9, "{truth}, not {told}");
+        let reported = rig.wait(5.0).expect("it is trusted");
+        assert!((reported - angle).abs() < half_step());
+        let (reported, truth) = rig.turn(angle + 0.25);
+        assert!((reported - angle - 0.25).abs() < half_step(), "{reported}");
+        assert!((truth - reported).abs() < 1e-9, "{truth}, not {reported}");
     }
     // In the middle of a move nothing is left to trust.
     rig.driver.turn_to(-2.0).expect("it is accepted");
@@ -52,7 +52,7 @@ fn a_reset_of_a_still_antenna_may_be_trusted() {
 }
 
 #[test]
-fn a_pulled_cable_is_told_each_time_and_survived() {
+fn a_pulled_cable_is_reported_each_time_and_survived() {
     let mut rig = Rig::new(trusting(), EmulatedStepperConfig::default());
     rig.turn(1.0);
     rig.cable.borrow_mut().pulled = true;
@@ -63,10 +63,10 @@ fn a_pulled_cable_is_told_each_time_and_survived() {
     // Its power comes through the cable, and the port is another one.
     rig.device.reset();
     *rig.cable.borrow_mut() = super::rig::Cable { connections: 2, ..Default::default() };
-    let told = rig.wait(5.0).expect("it is set up again");
-    assert!((told - 1.0).abs() < half_step(), "{told}");
-    let (told, truth) = rig.turn(2.0);
-    assert!((truth - 2.0).abs() < half_step() && (truth - told).abs() < 1e-9);
+    let reported = rig.wait(5.0).expect("it is set up again");
+    assert!((reported - 1.0).abs() < half_step(), "{reported}");
+    let (reported, truth) = rig.turn(2.0);
+    assert!((truth - 2.0).abs() < half_step() && (truth - reported).abs() < 1e-9);
 }
 
 #[test]
@@ -83,9 +83,9 @@ fn a_link_that_fails_for_a_moment_costs_nothing() {
             assert!(rig.tick().is_err());
         }
         rig.cable.borrow_mut().pulled = false;
-        let told = rig.wait(60.0).expect("it goes on");
-        assert!((told - angle).abs() < half_step(), "{told}, not {angle}");
-        assert!((rig.truth() - told).abs() < 1e-9);
+        let reported = rig.wait(60.0).expect("it goes on");
+        assert!((reported - angle).abs() < half_step(), "{reported}, not {angle}");
+        assert!((rig.truth() - reported).abs() < 1e-9);
     }
     // It was reset meanwhile, and the message of that lost: no answer is one, too.
     rig.cable.borrow_mut().pulled = true;
@@ -113,9 +113,9 @@ fn garbage_and_lost_bytes_are_made_good() {
         rig.cable.borrow_mut().noise = noise;
         rig.cable.borrow_mut().loses_every = (position % 2 == 0).then_some(17);
         let angle = f64::from(position % 16) * 0.1;
-        let (told, truth) = rig.turn(angle);
-        assert!((told - angle).abs() < half_step(), "{told}, not {angle}");
-        assert!((truth - told).abs() < 1e-9, "{truth}, not {told}");
+        let (reported, truth) = rig.turn(angle);
+        assert!((reported - angle).abs() < half_step(), "{reported}, not {angle}");
+        assert!((truth - reported).abs() < 1e-9, "{truth}, not {reported}");
     }
 }
 
@@ -126,27 +126,30 @@ fn a_lost_order_is_repeated() {
     rig.cable.borrow_mut().swallows = 1;
     rig.driver.turn_to(0.5).expect("it is accepted");
     // 325 half steps are 0.54 s; asked twice after that, and ordered again.
-    let told = rig.wait(3.0).expect("it comes there in time");
-    assert!((told - 0.5).abs() < half_step() && (rig.truth() - told).abs() < 1e-9);
+    let reported = rig.wait(3.0).expect("it comes there in time");
+    assert!((reported - 0.5).abs() < half_step() && (rig.truth() - reported).abs() < 1e-9);
 }
 
 #[test]
-fn silence_and_a_foreign_firmware_are_told() {
+fn silence_and_a_foreign_firmware_are_reported() {
     let config = FirmataConfig::default();
     let mut rig = Rig::new(config.clone(), EmulatedStepperConfig::default());
     rig.cable.borrow_mut().loses_every = Some(1);
-    let told = (0..1000).find_map(|_| rig.tick().err()).expect("it is told");
-    assert!(matches!(told, FirmataStepperError::NoAnswer { seconds } if seconds < 6.0), "{told}");
+    let reported = (0..1000).find_map(|_| rig.tick().err()).expect("it is told");
+    assert!(
+        matches!(reported, FirmataStepperError::NoAnswer { seconds } if seconds < 6.0),
+        "{reported}"
+    );
     rig.cable.borrow_mut().loses_every = None;
-    let heard = (0..100).find_map(|_| rig.tick().ok().flatten());
-    assert!(heard.is_some(), "it was asked again");
+    let received = (0..100).find_map(|_| rig.tick().ok().flatten());
+    assert!(received.is_some(), "it was asked again");
 
     // The motor is at other pins: such a stepper is not there.
     let mut rig =
         Rig::new(FirmataConfig { pins: [2, 3, 4, 5], ..config }, EmulatedStepperConfig::default());
-    let told = (0..1000).find_map(|_| rig.tick().err()).expect("it is told");
-    assert!(matches!(told, FirmataStepperError::NoStepper { .. }), "{told}");
-    assert!(told.to_string().contains("EmulatedFirmata 2.10"), "{told}");
+    let reported = (0..1000).find_map(|_| rig.tick().err()).expect("it is told");
+    assert!(matches!(reported, FirmataStepperError::NoStepper { .. }), "{reported}");
+    assert!(reported.to_string().contains("EmulatedFirmata 2.10"), "{reported}");
 }
 
 #[test]
@@ -155,19 +158,19 @@ fn a_move_that_never_ends_times_out_with_its_steps() {
     rig.turn(0.0);
     rig.driver.turn_to(1.0).expect("it is accepted");
     rig.cable.borrow_mut().loses_every = Some(1);
-    let told = (0..2000).find_map(|_| rig.tick().err()).expect("it is told");
-    let FirmataStepperError::MoveTimeout { steps: 649, seconds } = told else {
-        panic!("{told}");
+    let reported = (0..2000).find_map(|_| rig.tick().err()).expect("it is told");
+    let FirmataStepperError::MoveTimeout { steps: 649, seconds } = reported else {
+        panic!("{reported}");
     };
     // Twice what it takes at 600 a second, and the 5 s of an answer.
     assert!((seconds - 2.0 * 649.0 / 600.0 - 5.0).abs() < 0.02, "{seconds}");
     rig.cable.borrow_mut().loses_every = None;
-    let told = rig.wait(60.0).expect("it goes on where it was sent");
-    assert!((told - 1.0).abs() < half_step() && (rig.truth() - told).abs() < 1e-9);
+    let reported = rig.wait(60.0).expect("it goes on where it was sent");
+    assert!((reported - 1.0).abs() < half_step() && (rig.truth() - reported).abs() < 1e-9);
 }
 
 #[test]
-fn what_is_found_is_told_with_its_remedy() {
+fn what_is_found_is_reported_with_its_remedy() {
     let mut rig = Rig::new(FirmataConfig::default(), EmulatedStepperConfig::default());
     let findings = {
         let Rig { world, driver, device, .. } = &mut rig;

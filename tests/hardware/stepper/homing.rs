@@ -22,8 +22,8 @@ fn the_switch_is_found_from_everywhere() {
     for start_deg in [100.0, 27.0, 20.0, -120.0] {
         let mut rig = Rig::new(config(), emulated(start_deg));
         rig.driver.turn_to(1.0).expect("it is followed after homing");
-        let told = rig.wait(120.0).expect("it is homed");
-        assert!((told - 1.0).abs() < half_step() * 0.5 + 1e-9, "{told}");
+        let reported = rig.wait(120.0).expect("it is homed");
+        assert!((reported - 1.0).abs() < half_step() * 0.5 + 1e-9, "{reported}");
         // The edge lies between two steps, and whole turns of the truth do not matter.
         let error = foxhunt::core::angle::distance(rig.truth(), 1.0);
         assert!(error < 1.6 * half_step(), "from {start_deg}: {error}");
@@ -39,20 +39,20 @@ fn it_is_homed_again_after_a_reset_and_goes_on() {
         rig.tick().expect("it turns");
     }
     rig.device.reset();
-    let told = rig.wait(120.0).expect("nothing has to be declared");
-    assert!((told + 1.0).abs() < half_step(), "where it was sent: {told}");
+    let reported = rig.wait(120.0).expect("nothing has to be declared");
+    assert!((reported + 1.0).abs() < half_step(), "where it was sent: {reported}");
     assert!(foxhunt::core::angle::distance(rig.truth(), -1.0) < 1.6 * half_step());
     rig.driver.find_home().expect("it has a switch");
-    let told = rig.wait(120.0).expect("it is found again");
-    assert!((told - 30.0_f64.to_radians()).abs() < half_step(), "{told}");
+    let reported = rig.wait(120.0).expect("it is found again");
+    assert!((reported - 30.0_f64.to_radians()).abs() < half_step(), "{reported}");
 }
 
 #[test]
 fn a_switch_that_is_not_there_is_named() {
     let mut rig = Rig::new(config(), EmulatedStepperConfig::default());
-    let told = (0..6000).find_map(|_| rig.tick().err()).expect("it is told");
-    assert!(matches!(told, FirmataStepperError::NoHome { .. }), "{told}");
-    assert!(told.to_string().contains("pin 2 did not close within 1.1 turns"), "{told}");
+    let reported = (0..6000).find_map(|_| rig.tick().err()).expect("it is told");
+    assert!(matches!(reported, FirmataStepperError::NoHome { .. }), "{reported}");
+    assert!(reported.to_string().contains("pin 2 did not close within 1.1 turns"), "{reported}");
     assert!(rig.tick().is_err() && rig.driver.turn_to(0.0).is_err(), "each time");
     let mut without = Rig::new(FirmataConfig::default(), EmulatedStepperConfig::default());
     let refused = without.driver.find_home();

@@ -127,8 +127,8 @@ impl Rig {
     /// Turns the antenna, and waits; where it says that it looks, and where it does.
     pub(crate) fn turn(&mut self, angle: f64) -> (f64, f64) {
         self.driver.turn_to(angle).expect("the order is accepted");
-        let told = self.wait(60.0).expect("it comes there");
-        (told, self.truth())
+        let reported = self.wait(60.0).expect("it comes there");
+        (reported, self.truth())
     }
 
     /// Where the antenna really looks.

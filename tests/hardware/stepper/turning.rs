@@ -24,9 +24,9 @@ fn every_position_is_within_half_a_half_step() {
         // The play itself is rounded to steps where it is compensated.
         let allowed = if approach == Approach::Compensated { 1.0 } else { 0.5 } * half_step();
         for angle in to_and_fro() {
-            let (told, truth) = rig.turn(angle);
+            let (reported, truth) = rig.turn(angle);
             assert!((truth - angle).abs() < allowed + 1e-9, "{approach:?}: {truth}, not {angle}");
-            assert!((told - truth).abs() < half_step() * 0.5 + 1e-9, "{told} is {truth}");
+            assert!((reported - truth).abs() < half_step() * 0.5 + 1e-9, "{reported} is {truth}");
         }
     }
 }
@@ -36,8 +36,8 @@ fn without_an_approach_from_one_side_the_play_shows() {
     let config = FirmataConfig { backlash_deg: 0.0, ..FirmataConfig::default() };
     let mut rig = Rig::new(config, EmulatedStepperConfig::default());
     rig.turn(1.0);
-    let (told, truth) = rig.turn(0.5);
-    assert!((truth - told - 3.0_f64.to_radians()).abs() < half_step(), "{told} is {truth}");
+    let (reported, truth) = rig.turn(0.5);
+    assert!((truth - reported - 3.0_f64.to_radians()).abs() < half_step(), "{reported} is {truth}");
 }
 
 #[test]
@@ -79,12 +79,12 @@ fn counts_stay_below_what_the_arduino_loses() {
 fn orders_beyond_the_cable_unwind_it_or_are_refused() {
     let mut rig = Rig::new(FirmataConfig::default(), EmulatedStepperConfig::default());
     rig.turn(TAU * 0.9);
-    let (told, _) = rig.turn(TAU * 1.1);
-    assert!((told - TAU * 0.1).abs() < half_step(), "the same direction: {told}");
+    let (reported, _) = rig.turn(TAU * 1.1);
+    assert!((reported - TAU * 0.1).abs() < half_step(), "the same direction: {reported}");
     rig.turn(TAU * 0.75);
     rig.driver.unwind().expect("it is accepted");
-    let told = rig.wait(60.0).expect("it comes there");
-    assert!((told + TAU * 0.25).abs() < half_step(), "within half a turn of 0: {told}");
+    let reported = rig.wait(60.0).expect("it comes there");
+    assert!((reported + TAU * 0.25).abs() < half_step(), "within half a turn of 0: {reported}");
 
     let beyond_cable = BeyondCable::Refuse;
     let config = FirmataConfig { beyond_cable, ..FirmataConfig::default() };
@@ -94,8 +94,8 @@ fn orders_beyond_the_cable_unwind_it_or_are_refused() {
     assert!(refused.contains("1.10 turns"), "{refused}");
     let refused = rig.driver.turn_to(f64::NAN);
     assert!(matches!(refused, Err(FirmataStepperError::Angle { .. })), "{refused:?}");
-    let told = rig.wait(1.0).expect("it still stands");
-    assert!((told - TAU).abs() < half_step(), "where it was: {told}");
+    let reported = rig.wait(1.0).expect("it still stands");
+    assert!((reported - TAU).abs() < half_step(), "where it was: {reported}");
 }
 
 #[test]
@@ -105,10 +105,11 @@ fn a_motor_that_turns_clockwise_is_turned_the_other_way() {
     let pins = [11, 10, 9, 8];
     let mut rig = Rig::new(config, EmulatedStepperConfig { pins, ..Default::default() });
     for angle in [1.0, 0.5, -0.5, 2.0] {
-        let (told, truth) = rig.turn(angle);
-        // Pushed forwards by the motor is now pulled backwards by the gear: the play is on the other side.
+        let (reported, truth) = rig.turn(angle);
+        // Pushed forwards by the motor is now pulled backwards by the gear: the play is on the
+        // other side.
         let play = 3.0_f64.to_radians();
-        assert!((told - angle).abs() < half_step(), "{told}, not {angle}");
+        assert!((reported - angle).abs() < half_step(), "{reported}, not {angle}");
         assert!((truth - angle - play).abs() < half_step(), "{truth}, not {angle}");
     }
 }
@@ -125,9 +126,9 @@ fn a_newer_order_is_followed_at_once() {
             for _ in 0..30 {
                 assert_eq!(rig.tick().expect("nothing fails"), None, "it turns");
             }
-            let (told, truth) = rig.turn(second);
-            assert!((told - second).abs() < half_step(), "{told}, not {second}");
-            assert!((truth - told).abs() < 1e-9, "{truth}, not {told}");
+            let (reported, truth) = rig.turn(second);
+            assert!((reported - second).abs() < half_step(), "{reported}, not {second}");
+            assert!((truth - reported).abs() < 1e-9, "{truth}, not {reported}");
         }
     }
 }

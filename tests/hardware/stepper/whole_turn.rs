@@ -63,8 +63,8 @@ fn both(channel: ChannelConfig) -> (Vec<f64>, Vec<f64>) {
     let radio = through.radio(0).expect("there is a drone");
     let vehicle = through.vehicle(0).expect("there is a drone");
     let mut source = StepperSource::new(stepper, radio, motor, vehicle, through.clock());
-    let heard = bearings(&through, &mut source, || device.serve().expect("it holds"));
-    (expected, heard)
+    let received = bearings(&through, &mut source, || device.serve().expect("it holds"));
+    (expected, received)
 }
 
 #[test]
@@ -75,11 +75,11 @@ fn a_turn_has_the_bearings_of_the_direct_simulation() {
         bearing_sigma_deg: 0.0,
         ..ChannelConfig::default()
     };
-    let (expected, heard) = both(quiet);
-    for (heard, expected) in heard.iter().zip(&expected) {
+    let (expected, received) = both(quiet);
+    for (received, expected) in received.iter().zip(&expected) {
         // Half a half step of the motor, and readings that are rounded to whole dB.
-        let error = angle::distance(*heard, *expected);
-        assert!(error < 0.005, "{heard:?}, not {expected:?}");
+        let error = angle::distance(*received, *expected);
+        assert!(error < 0.005, "{received:?}, not {expected:?}");
     }
 }
 
@@ -87,12 +87,12 @@ fn a_turn_has_the_bearings_of_the_direct_simulation() {
 fn patterns_begin_with_the_same_turns() {
     // What is drawn for each pattern shows where it begins.
     let drawn = ChannelConfig { sample_sigma_db: 0.0, ..ChannelConfig::default() };
-    let (expected, heard) = both(drawn);
-    for (heard, expected) in heard.iter().zip(&expected) {
-        // One of 128 positions has the last pattern's samples: the emulated antenna is not told when a
-        // turn begins, and sees it when it goes back.
-        let error = angle::distance(*heard, *expected);
-        assert!(error < 0.1, "{heard:?}, not {expected:?}");
+    let (expected, received) = both(drawn);
+    for (received, expected) in received.iter().zip(&expected) {
+        // One of 128 positions has the last pattern's samples: the emulated antenna is not told
+        // when a turn begins, and sees it when it goes back.
+        let error = angle::distance(*received, *expected);
+        assert!(error < 0.1, "{received:?}, not {expected:?}");
     }
     assert!(angle::distance(expected[0], expected[1]) > 0.15, "the turns differ: {expected:?}");
 }

@@ -25,11 +25,11 @@ pub enum ArDroneCommand {
         /// Clockwise seen from above.
         yaw: f32,
     },
-    /// `AT*FTRIM`: it stands level now. Not to be told in the air.
+    /// `AT*FTRIM`: it stands level now. Not to be sent in the air.
     FlatTrim,
     /// `AT*CTRL`: a request about configuration and state; 5 ends the state after boot.
     Control {
-        /// What is asked for.
+        /// What is requested.
         mode: i32,
         /// Its argument.
         argument: i32,

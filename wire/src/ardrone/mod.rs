@@ -1,4 +1,4 @@
-//! What the Parrot AR.Drone 2.0 is told (AT commands, UDP 5556) and tells (navdata, UDP 5554).
+//! What the Parrot AR.Drone 2.0 receives (AT commands, UDP 5556) and sends (navdata, UDP 5554).
 
 mod command;
 mod navdata;

@@ -1,4 +1,4 @@
-/// What the drone says of itself (Developer Guide, chapter 7): its state and, where they are in it,
+/// State that the drone reports (Developer Guide, chapter 7): its state and, where they are in it,
 /// the numbers of the `demo` and `magneto` options.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArDroneNavdata {
@@ -6,7 +6,7 @@ pub struct ArDroneNavdata {
     pub state: DroneState,
     /// Counts the datagrams; those that are not above the last one are late.
     pub sequence: u32,
-    /// The numbers of flight; absent after boot until they were asked for.
+    /// The numbers of flight; absent after boot until they are requested.
     pub demo: Option<ArDroneDemo>,
 }
 
@@ -39,7 +39,7 @@ impl DroneState {
         self.bit(15)
     }
 
-    /// Whether nobody has spoken to it for a while.
+    /// Whether nothing has come to it for a while.
     #[must_use]
     pub fn is_watchdog_set(self) -> bool {
         self.bit(30)
@@ -60,7 +60,7 @@ impl DroneState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FlightState {
-    /// Not told, or told by a number that has no name.
+    /// Not reported, or by a number that has no name.
     Unknown,
     /// On the ground.
     Landed,
@@ -108,7 +108,7 @@ pub enum ArDroneNavdataError {
     Option {
         /// Which one.
         tag: u16,
-        /// What it says.
+        /// What it declares.
         length: u16,
         /// What is left of the datagram.
         left: usize,
@@ -120,12 +120,12 @@ pub enum ArDroneNavdataError {
         length: usize,
     },
     /// The checksum is another one.
-    #[error("the checksum is {told:#x}, and the bytes make {made:#x}")]
+    #[error("the checksum is {declared:#x}, and the bytes make {computed:#x}")]
     Checksum {
-        /// What it says.
-        told: u32,
+        /// What it declares.
+        declared: u32,
         /// The sum of the bytes.
-        made: u32,
+        computed: u32,
     },
 }
 
@@ -142,7 +142,7 @@ impl ArDroneNavdata {
     ///
     /// # Errors
     ///
-    /// [`ArDroneNavdataError`] says what is wrong with it.
+    /// [`ArDroneNavdataError`] names what is wrong with it.
     pub fn parse(datagram: &[u8]) -> Result<Self, ArDroneNavdataError> {
         let length = datagram.len();
         let cut = ArDroneNavdataError::Cut { length };
@@ -161,11 +161,11 @@ impl ArDroneNavdata {
             match tag {
                 DEMO => navdata.demo = Some(ArDroneDemo::parse(body).ok_or(wrong)?),
                 CHECKSUM => {
-                    let told = word(body, 0).ok_or(wrong)?;
+                    let declared = word(body, 0).ok_or(wrong)?;
                     let covered = datagram.get(..length - rest.len()).ok_or(cut)?;
-                    let made = sum(covered);
-                    if told != made {
-                        return Err(ArDroneNavdataError::Checksum { told, made });
+                    let computed = sum(covered);
+                    if declared != computed {
+                        return Err(ArDroneNavdataError::Checksum { declared, computed });
                     }
                     return Ok(navdata);
                 }
@@ -175,7 +175,7 @@ impl ArDroneNavdata {
         }
     }
 
-    /// The datagram that says so.
+    /// The datagram that holds this.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         let mut bytes = Vec::new();
@@ -189,10 +189,10 @@ impl ArDroneNavdata {
             demo.encode(&mut bytes);
             bytes.resize(end, 0);
         }
-        let made = sum(&bytes);
+        let computed = sum(&bytes);
         bytes.extend(CHECKSUM.to_le_bytes());
         bytes.extend(8_u16.to_le_bytes());
-        bytes.extend(made.to_le_bytes());
+        bytes.extend(computed.to_le_bytes());
         bytes
     }
 }
@@ -301,9 +301,9 @@ mod tests {
         }
         bytes.resize(begin + 148, 0);
         bytes.extend([19, 0, 8, 0, 1, 2, 3, 4]);
-        let made = sum(&bytes);
+        let computed = sum(&bytes);
         bytes.extend([0xFF, 0xFF, 8, 0]);
-        bytes.extend(made.to_le_bytes());
+        bytes.extend(computed.to_le_bytes());
         let navdata = ArDroneNavdata::parse(&bytes).expect("navdata");
         let state = navdata.state;
         assert!(state.is_flying() && state.is_in_bootstrap());
@@ -347,17 +347,17 @@ mod tests {
             state in any::<u32>(), sequence in any::<u32>(), battery in 0u32..101,
             yaw in -3.0..3.0f64, altitude_mm in -1000i32..20_000, speed in -5.0..5.0f64,
         ) {
-            let mut told = flying();
-            (told.state, told.sequence) = (DroneState(state), sequence);
-            let demo = told.demo.as_mut().expect("a demo option");
+            let mut declared = flying();
+            (declared.state, declared.sequence) = (DroneState(state), sequence);
+            let demo = declared.demo.as_mut().expect("a demo option");
             (demo.battery_percent, demo.yaw, demo.forward_mps) = (battery, yaw, speed);
             demo.altitude_m = f64::from(altitude_mm) * 1e-3;
-            let back = ArDroneNavdata::parse(&told.encode()).expect("our own");
-            prop_assert_eq!((back.state, back.sequence), (told.state, told.sequence));
-            let (back, told) = (back.demo.expect("demo"), told.demo.expect("demo"));
+            let back = ArDroneNavdata::parse(&declared.encode()).expect("our own");
+            prop_assert_eq!((back.state, back.sequence), (declared.state, declared.sequence));
+            let (back, declared) = (back.demo.expect("demo"), declared.demo.expect("demo"));
             prop_assert_eq!(back.battery_percent, battery);
             prop_assert!((back.yaw - yaw).abs() < 1e-5 && (back.forward_mps - speed).abs() < 1e-5);
-            prop_assert!((back.altitude_m - told.altitude_m).abs() < 1e-9);
+            prop_assert!((back.altitude_m - declared.altitude_m).abs() < 1e-9);
         }
     }
 }

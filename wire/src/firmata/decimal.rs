@@ -1,7 +1,7 @@
-/// A number as the stepper messages carry it: a decimal significand of 23 bits, and an exponent of 10
-/// from −11 to 4.
+/// A number as the stepper messages carry it: a decimal significand of 23 bits, and an exponent of
+/// 10 from −11 to 4.
 ///
-/// Numbers are truncated to fit, as the protocol says and other hosts do.
+/// Numbers are truncated to fit, as the protocol demands and other hosts do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Decimal {
     negative: bool,
@@ -25,8 +25,8 @@ impl Decimal {
     /// The number of at most as many digits as fit whose magnitude is next below that of `value`;
     /// `None` where it is not finite or more than [`MAX`](Self::MAX). What is below 10⁻¹¹ is 0.
     ///
-    /// The digits are those of firmata-io. A significand of exactly 2²³, which that library sends as 0,
-    /// loses a digit here, and exponents that it wraps are kept in their range.
+    /// The digits are those of firmata-io. A significand of exactly 2²³, which that library sends
+    /// as 0, loses a digit here, and exponents that it wraps are kept in their range.
     #[must_use]
     #[expect(
         clippy::cast_possible_truncation,

@@ -9,8 +9,8 @@ pub struct StepperInterface {
     pub divisor_log2: u8,
     /// The pin that switches it on.
     pub enable_pin: Option<u8>,
-    /// Which pins are inverted: bits 0 to 3 are those of the wiring in their order, bit 4 is the enable
-    /// pin. The real firmware reads this even where it was not sent, so it is always sent.
+    /// Which pins are inverted: bits 0 to 3 are those of the wiring in their order, bit 4 is the
+    /// enable pin. The real firmware reads this even where it was not sent, so it is always sent.
     pub inverted: u8,
 }
 
@@ -28,8 +28,8 @@ pub enum Wiring {
     TwoWire([u8; 2]),
     /// Three wires.
     ThreeWire([u8; 3]),
-    /// Four wires. The half steps energise the pins in the order 1, 1+3, 3, 3+2, 2, 2+4, 4, 4+1: the
-    /// inputs of a ULN2003 stand here as IN1, IN3, IN2, IN4.
+    /// Four wires. The half steps energise the pins in the order 1, 1+3, 3, 3+2, 2, 2+4, 4, 4+1:
+    /// the inputs of a ULN2003 stand here as IN1, IN3, IN2, IN4.
     FourWire([u8; 4]),
 }
 

@@ -1,8 +1,9 @@
-//! Firmata with the stepper messages of ConfigurableFirmata's AccelStepper: how an Arduino turns the
-//! antenna. Sources: the [protocol](https://github.com/firmata/protocol) 2.6 and its
+//! Firmata with the stepper messages of ConfigurableFirmata's AccelStepper: how an Arduino turns
+//! the antenna. Sources: the [protocol](https://github.com/firmata/protocol) 2.6 and its
 //! `accelStepperFirmata.md`.
 //!
-//! A host sends [`Request`]s and a device [`Reply`]s; [`Decoder`] reads either from a stream of bytes.
+//! A host sends [`Request`]s and a device [`Reply`]s; [`Decoder`] reads either from a stream of
+//! bytes.
 
 mod decimal;
 mod decoder;

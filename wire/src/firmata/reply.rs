@@ -12,7 +12,8 @@ use super::{
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Reply {
-    /// The version of the protocol. A device that was reset says it unasked, and its firmware next.
+    /// The version of the protocol. A device that was reset sends it by itself, and its firmware
+    /// next.
     Version {
         /// The first number.
         major: u8,

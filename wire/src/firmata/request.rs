@@ -26,7 +26,7 @@ pub enum Request {
         /// What it is for.
         mode: PinMode,
     },
-    /// Whether the levels of a port of eight pins are told, at once and whenever they change.
+    /// Whether the levels of a port of eight pins are reported, at once and whenever they change.
     ReportDigital {
         /// The port: pins 8 · port to 8 · port + 7.
         port: u8,

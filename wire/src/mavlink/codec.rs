@@ -2,8 +2,8 @@ use ::mavlink::{MAVLinkV2MessageRaw, MavHeader, dialects::ardupilotmega::MavMess
 
 use super::{Frame, FrameCounts, Signing, reader::FrameReader};
 
-/// One end of a link: bytes to messages and messages to frames of MAVLink 2, signed where there is a
-/// key. Frames of MAVLink 1 are understood where there is none.
+/// One end of a link: bytes to messages and messages to frames of MAVLink 2, signed where there is
+/// a key. Frames of MAVLink 1 are understood where there is none.
 #[derive(Clone, Debug)]
 pub struct Codec {
     reader: FrameReader,
@@ -14,21 +14,21 @@ pub struct Codec {
 }
 
 impl Codec {
-    /// An end that says it is this system and component.
+    /// An end that is this system and component.
     #[must_use]
     pub fn new(system_id: u8, component_id: u8) -> Self {
         Self { reader: FrameReader::default(), signing: None, system_id, component_id, sequence: 0 }
     }
 
     /// Signs all that is sent, and takes nothing that is not signed with the same key, but what a
-    /// telemetry radio on the way says of itself (RADIO_STATUS): radios have no keys.
+    /// telemetry radio on the way reports of itself (RADIO_STATUS): radios have no keys.
     #[must_use]
     pub fn with_signing(mut self, signing: Signing) -> Self {
         self.signing = Some(signing);
         self
     }
 
-    /// Takes bytes as they came: cut anywhere, several messages at once. What is not asked for by
+    /// Takes bytes as they came: cut anywhere, several messages at once. What is not taken by
     /// [`next_frame`](Self::next_frame) is dropped beyond 16 KiB, the oldest first.
     pub fn push(&mut self, bytes: &[u8]) {
         self.reader.push(bytes);
@@ -39,7 +39,7 @@ impl Codec {
         self.reader.next(self.signing.as_mut(), unix_s)
     }
 
-    /// The bytes that say `message`, at the UNIX time `unix_s`.
+    /// The bytes of `message`, at the UNIX time `unix_s`.
     #[must_use]
     pub fn encode(&mut self, message: &MavMessage, unix_s: f64) -> Vec<u8> {
         let header = MavHeader {
@@ -97,8 +97,8 @@ mod tests {
 
     #[test]
     fn frames_are_those_of_pymavlink() {
-        // heartbeat_encode(6, 8, 192, 0, 4, 3) of system 255, component 190; and the same signed with
-        // the key 0x42… on link 7 at the timestamp 1 000 001.
+        // heartbeat_encode(6, 8, 192, 0, 4, 3) of system 255, component 190; and the same signed
+        // with the key 0x42… on link 7 at the timestamp 1 000 001.
         const PLAIN: [u8; 21] = [
             0xfd, 0x09, 0x00, 0x00, 0x00, 0xff, 0xbe, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00,
             0x06, 0x08, 0xc0, 0x04, 0x03, 0xe4, 0x73,
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_signed_link_hears_its_radio() {
+    fn a_signed_link_receives_its_radio() {
         // SiK radios speak MAVLink 1 as well.
         const OLD: [u8; 17] = [
             0xfe, 0x09, 0x01, 0x33, 0x44, 0x6d, 0x00, 0x00, 0x00, 0x00, 0xc9, 0x00, 0x00, 0x00,
@@ -202,13 +202,13 @@ mod tests {
                 bytes.extend(noise.iter().map(|byte| if *byte >= 0xfd { 0 } else { *byte }));
                 bytes.extend(sender.encode(&attitude(*yaw), NOW));
             }
-            let mut seen = Vec::new();
+            let mut received = Vec::new();
             for piece in bytes.chunks(cut) {
                 reader.push(piece);
-                seen.extend(messages(&mut reader));
+                received.extend(messages(&mut reader));
             }
             let sent: Vec<_> = yaws.iter().map(|yaw| attitude(*yaw)).collect();
-            prop_assert_eq!(seen, sent);
+            prop_assert_eq!(received, sent);
         }
 
         #[test]

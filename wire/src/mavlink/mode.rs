@@ -20,7 +20,7 @@ impl Autopilot {
         self.mode(4, px4(6, 0))
     }
 
-    /// The mode in which it is armed and told to take off.
+    /// The mode in which it is armed and ordered to take off.
     #[must_use]
     pub fn before_take_off(self) -> FlightMode {
         self.mode(4, px4(4, 3))

@@ -10,7 +10,7 @@ use super::Signing;
 pub struct Frame {
     /// System, component and sequence number of the sender.
     pub header: MavHeader,
-    /// What it says.
+    /// What it declares.
     pub message: MavMessage,
 }
 
@@ -50,7 +50,7 @@ const MOST_SENDERS: usize = 32;
 const SIGNED: u8 = 1;
 const WIDE_SYSTEM: u8 = 2;
 
-/// What a telemetry radio says of itself. It has no key, and nothing is flown by it.
+/// A telemetry radio's report of itself. It has no key, and nothing is flown by it.
 const RADIO_STATUS: u32 = 109;
 
 /// What may be a frame at the beginning of some bytes.

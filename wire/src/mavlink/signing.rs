@@ -3,8 +3,8 @@ use std::{fmt, str::FromStr};
 use ::mavlink::MAVLinkV2MessageRaw;
 use serde::{Deserialize, Serialize};
 
-/// The secret that both ends of a signed link share: 64 hexadecimal digits in a file, the SHA-256 of
-/// a passphrase where other programs ask for one. Never shown.
+/// The secret that both ends of a signed link share: 64 hexadecimal digits in a file, the SHA-256
+/// of a passphrase where other programs take one. Never shown.
 #[derive(Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct SigningKey([u8; 32]);
@@ -76,7 +76,7 @@ impl From<SigningKey> for String {
 pub struct Signing {
     key: SigningKey,
     link_id: u8,
-    /// The newest timestamp sent or heard, in 10 µs since 2015.
+    /// The newest timestamp sent or received, in 10 µs since 2015.
     timestamp: u64,
     /// The newest of every stream: link, system and component.
     streams: Vec<((u8, u32, u8), u64)>,

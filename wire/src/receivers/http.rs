@@ -34,7 +34,7 @@ pub enum HttpError {
     },
 }
 
-/// How long a body says it is, and what of it has come.
+/// How long a body is declared to be, and what of it has come.
 struct Body<'a> {
     length: Option<usize>,
     bytes: &'a [u8],
@@ -47,11 +47,11 @@ impl HttpResponse {
         format!("GET {path} HTTP/1.0\r\nHost: {host}\r\nConnection: close\r\n\r\n").into_bytes()
     }
 
-    /// Takes what has come; the body, once it is as long as it says.
+    /// Takes what has come; the body, once it is as long as declared.
     ///
     /// # Errors
     ///
-    /// [`HttpError`] says what is wrong with it.
+    /// [`HttpError`] names what is wrong with it.
     pub fn push(&mut self, bytes: &[u8]) -> Result<Option<Vec<u8>>, HttpError> {
         if self.bytes.len() + bytes.len() > LONGEST {
             return Err(HttpError::TooLong);
@@ -65,7 +65,7 @@ impl HttpResponse {
     ///
     /// # Errors
     ///
-    /// [`HttpError`] says what is wrong with it.
+    /// [`HttpError`] names what is wrong with it.
     pub fn end(self) -> Result<Vec<u8>, HttpError> {
         let cut = HttpError::Cut { bytes: self.bytes.len() };
         match self.parts()? {
@@ -112,16 +112,16 @@ mod tests {
 
     #[test]
     fn bodies_end_with_their_length_or_the_connection() {
-        let mut told = HttpResponse::default();
-        assert_eq!(told.push(b"HT"), Ok(None));
-        assert_eq!(told.push(b"TP/1.1 200 OK\r\ncontent-length: 4\r\n\r\nab"), Ok(None));
-        assert_eq!(told.clone().end(), Err(HttpError::Cut { bytes: 40 }));
-        assert_eq!(told.push(b"cdef"), Ok(Some(b"abcd".to_vec())));
-        let mut told = HttpResponse::default();
-        assert_eq!(told.push(b"HTTP/1.0 200 OK\r\n\r\nabc"), Ok(None));
-        assert_eq!(told.end(), Ok(b"abc".to_vec()));
-        let mut told = HttpResponse::default();
-        let missing = told.push(b"HTTP/1.0 404 Not Found\r\n\r\n");
+        let mut response = HttpResponse::default();
+        assert_eq!(response.push(b"HT"), Ok(None));
+        assert_eq!(response.push(b"TP/1.1 200 OK\r\ncontent-length: 4\r\n\r\nab"), Ok(None));
+        assert_eq!(response.clone().end(), Err(HttpError::Cut { bytes: 40 }));
+        assert_eq!(response.push(b"cdef"), Ok(Some(b"abcd".to_vec())));
+        let mut response = HttpResponse::default();
+        assert_eq!(response.push(b"HTTP/1.0 200 OK\r\n\r\nabc"), Ok(None));
+        assert_eq!(response.end(), Ok(b"abc".to_vec()));
+        let mut response = HttpResponse::default();
+        let missing = response.push(b"HTTP/1.0 404 Not Found\r\n\r\n");
         assert_eq!(missing, Err(HttpError::Status { status: 404 }));
         assert!(matches!(HttpResponse::default().push(b"RTL0\n"), Err(HttpError::NoHttp { .. })));
         let long = HttpResponse::default().push(&vec![0; LONGEST + 1]);
@@ -131,12 +131,12 @@ mod tests {
     proptest! {
         #[test]
         fn nothing_breaks_it(bytes: Vec<u8>, ok: bool) {
-            let mut told = HttpResponse::default();
+            let mut response = HttpResponse::default();
             if ok {
-                told.push(b"HTTP/1.0 200 OK\r\n").expect("it is in order");
+                response.push(b"HTTP/1.0 200 OK\r\n").expect("it is in order");
             }
-            let _ = told.push(&bytes);
-            let _ = told.end();
+            let _ = response.push(&bytes);
+            let _ = response.end();
         }
     }
 }

@@ -8,7 +8,8 @@ const BEFORE: usize = FIELDS - BINS;
 /// What a page may hold: a `KrakenSDR` has at most 16 channels.
 const LINES: usize = 16;
 
-/// A line of `KrakenSDR`'s page `DOA_value.html`: the directions from which one channel is received.
+/// A line of `KrakenSDR`'s page `DOA_value.html`: the directions from which one channel is
+/// received.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KrakenDoa {
     /// When, in milliseconds of UNIX time by its clock.
@@ -63,7 +64,7 @@ impl KrakenDoa {
     ///
     /// # Errors
     ///
-    /// [`KrakenError`] says what is wrong with it.
+    /// [`KrakenError`] names what is wrong with it.
     pub fn line(text: &str) -> Result<Self, KrakenError> {
         let texts: Vec<&str> = text.split(',').map(str::trim).take(FIELDS + 1).collect();
         if texts.len() != FIELDS {
@@ -143,8 +144,8 @@ mod tests {
             assert!((read.direction() - f64::from(front).to_radians()).abs() < 1e-12);
         }
         let page = format!("<html>{}</html>\n{}", doa(3).write().trim(), doa(7).write());
-        let told = KrakenDoa::page(&page);
-        assert_eq!(told, [Ok(doa(3)), Ok(doa(7))]);
+        let lines = KrakenDoa::page(&page);
+        assert_eq!(lines, [Ok(doa(3)), Ok(doa(7))]);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What other receivers say: [`rtl_tcp`](RtlTcpHeader), `KrakenSDR`'s page of bearings
+//! Protocols of other receivers: [`rtl_tcp`](RtlTcpHeader), `KrakenSDR`'s page of bearings
 //! ([`KrakenDoa`]), and the RSSI of [`SiK`](sik_dbm) telemetry radios.
 
 mod http;

@@ -1,11 +1,11 @@
 use core::f64::consts::TAU;
 
-/// The power in a narrow band of samples as an RTL-SDR gives them: I, then Q, a byte each, 127.5 for
-/// zero.
+/// The power in a narrow band of samples as an RTL-SDR gives them: I, then Q, a byte each, 127.5
+/// for zero.
 ///
-/// One frequency is wanted, so there is no spectrum: samples are turned back by it and averaged over
-/// blocks of rate / bandwidth samples, which is one term of a Fourier transform (Goertzel 1958). A
-/// block's noise bandwidth is its inverse length. A tone at full scale has 0 dBFS.
+/// One frequency is wanted, so there is no spectrum: samples are turned back by it and averaged
+/// over blocks of rate / bandwidth samples, which is one term of a Fourier transform (Goertzel
+/// 1958). A block's noise bandwidth is its inverse length. A tone at full scale has 0 dBFS.
 #[derive(Clone, Debug)]
 pub struct NarrowBand {
     /// The frequency over the rate, in turns per sample.
@@ -23,8 +23,8 @@ pub struct NarrowBand {
 impl NarrowBand {
     /// A band `bandwidth_hz` wide, `offset_hz` above the frequency in the middle.
     ///
-    /// `None` if one of the numbers is not finite, the bandwidth is not above 0 and at most the rate,
-    /// or the offset is beyond half the rate.
+    /// `None` if one of the numbers is not finite, the bandwidth is not above 0 and at most the
+    /// rate, or the offset is beyond half the rate.
     #[must_use]
     pub fn new(rate_hz: f64, offset_hz: f64, bandwidth_hz: f64) -> Option<Self> {
         let good = rate_hz.is_finite()
@@ -47,16 +47,16 @@ impl NarrowBand {
         self.block
     }
 
-    /// Takes bytes, however they are divided; tells the power of every block that is complete, over
+    /// Takes bytes, however they are divided; emits the power of every block that is complete, over
     /// that of a tone at full scale.
-    pub fn push(&mut self, bytes: &[u8], mut told: impl FnMut(f64)) {
+    pub fn push(&mut self, bytes: &[u8], mut emit: impl FnMut(f64)) {
         for byte in bytes {
             let Some(i) = self.odd.take() else {
                 self.odd = Some(*byte);
                 continue;
             };
             if let Some(power) = self.sample(i, *byte) {
-                told(power);
+                emit(power);
             }
         }
     }
@@ -100,11 +100,11 @@ mod tests {
     }
 
     fn powers(band: &NarrowBand, bytes: &[u8], chunk: usize) -> Vec<f64> {
-        let (mut band, mut told) = (band.clone(), Vec::new());
+        let (mut band, mut levels) = (band.clone(), Vec::new());
         for some in bytes.chunks(chunk) {
-            band.push(some, |power| told.push(10.0 * power.log10()));
+            band.push(some, |power| levels.push(10.0 * power.log10()));
         }
-        told
+        levels
     }
 
     #[test]
@@ -113,10 +113,10 @@ mod tests {
         assert_eq!(band.block(), 125);
         for amplitude in [0.9, 0.1_f64] {
             let bytes = tone(250e3, 30e3, amplitude, 2500);
-            let told = powers(&band, &bytes, 5000);
-            assert_eq!(told.len(), 20);
-            assert_eq!(told, powers(&band, &bytes, 77), "division does not matter");
-            for power in told {
+            let levels = powers(&band, &bytes, 5000);
+            assert_eq!(levels.len(), 20);
+            assert_eq!(levels, powers(&band, &bytes, 77), "division does not matter");
+            for power in levels {
                 // Rounding to bytes costs less than 0.1 dB here.
                 assert!((power - 20.0 * amplitude.log10()).abs() < 0.1, "{power}");
             }

@@ -1,4 +1,4 @@
-/// What a server of rtl_tcp says first: 12 bytes.
+/// Header that a server of rtl_tcp sends first: 12 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RtlTcpHeader {
     /// The kind of tuner; 5 is an R820T.
@@ -7,7 +7,7 @@ pub struct RtlTcpHeader {
     pub gains: u32,
 }
 
-/// Why what a server said first is no header of rtl_tcp.
+/// Why what a server sent first is no header of rtl_tcp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the server begins with {found:02X?}, and rtl_tcp with \"RTL0\"")]
 pub struct RtlTcpError {
@@ -42,7 +42,7 @@ impl RtlTcpHeader {
     }
 }
 
-/// What a client of rtl_tcp says: a number, and a value of 32 bits, big endian.
+/// A command of a client of rtl_tcp: a number, and a value of 32 bits, big endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum RtlTcpCommand {

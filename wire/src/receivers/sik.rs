@@ -1,9 +1,9 @@
-/// What a SiK telemetry radio says of its link: the fields of MAVLink's `RADIO_STATUS` (109).
+/// A SiK telemetry radio's report of its link: the fields of MAVLink's `RADIO_STATUS` (109).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SikStatus {
-    /// How strong the other radio is heard here.
+    /// Power at which the other radio is received.
     pub rssi: u8,
-    /// How strong the other radio hears this one.
+    /// Power at which the other radio receives this one.
     pub remrssi: u8,
     /// The noise here.
     pub noise: u8,
@@ -12,7 +12,7 @@ pub struct SikStatus {
 }
 
 /// The power in dBm of a SiK radio's number: a step is 1/1.9 dB above −127 dBm (`SiLabs` Si1000,
-/// as in `ArduPilot`'s documentation); `None` for 255, which says that there is none.
+/// as in `ArduPilot`'s documentation); `None` for 255, which stands for none.
 #[must_use]
 pub fn sik_dbm(number: u8) -> Option<f64> {
     (number < u8::MAX).then(|| f64::from(number) / 1.9 - 127.0)

@@ -2,26 +2,63 @@ use std::io;
 
 /// A stream of bytes, or of datagrams, to and from a device. It never waits for the other side.
 ///
-/// An error means that the device is gone for now; a stream that [comes back](Self::connections) may
-/// be asked again.
+/// An error means that the device is gone for now; a stream that [comes back](Self::connections)
+/// may be used again.
+///
+/// A stream that keeps a record of what is sent over another one:
+///
+/// ```
+/// use std::io;
+///
+/// use foxhunt_wire::{ByteStream, memory_pair};
+///
+/// struct Recorded<S> {
+///     stream: S,
+///     sent: Vec<u8>,
+/// }
+///
+/// impl<S: ByteStream> ByteStream for Recorded<S> {
+///     fn receive(&mut self, into: &mut [u8]) -> io::Result<usize> {
+///         self.stream.receive(into)
+///     }
+///
+///     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+///         self.sent.extend(bytes);
+///         self.stream.send(bytes)
+///     }
+///
+///     fn connections(&self) -> u32 {
+///         self.stream.connections()
+///     }
+/// }
+///
+/// let (near, mut far) = memory_pair();
+/// let mut stream = Recorded { stream: near, sent: Vec::new() };
+/// stream.send(b"ATDB\r")?;
+/// let mut into = [0; 16];
+/// assert_eq!(far.receive(&mut into)?, 5);
+/// assert_eq!(stream.sent, b"ATDB\r");
+/// assert_eq!(stream.receive(&mut into)?, 0, "nothing has come");
+/// # Ok::<(), io::Error>(())
+/// ```
 pub trait ByteStream {
     /// Takes what has come, at most as much as `into` holds; 0 where there is nothing now. A
     /// datagram that is longer than `into` is cut.
     ///
     /// # Errors
     ///
-    /// Whatever the port says; an end of the stream is [`io::ErrorKind::UnexpectedEof`].
+    /// Any error of the port; an end of the stream is [`io::ErrorKind::UnexpectedEof`].
     fn receive(&mut self, into: &mut [u8]) -> io::Result<usize>;
 
     /// Sends all of `bytes`, as one datagram where there are datagrams.
     ///
     /// # Errors
     ///
-    /// Whatever the port says. [`io::ErrorKind::NotConnected`] while nobody is known at the other
+    /// Any error of the port. [`io::ErrorKind::NotConnected`] while nobody is known at the other
     /// end.
     fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// How often it was opened. A driver that sees another number than before sets its device up
+    /// How often it was opened. A driver that finds another number than before sets its device up
     /// anew: it may have lost its power in between.
     fn connections(&self) -> u32 {
         1

@@ -40,7 +40,7 @@ impl Endpoint {
     ///
     /// # Errors
     ///
-    /// Whatever the system says, with the name of the port or address.
+    /// Any error of the system, with the name of the port or address.
     pub fn open(&self) -> io::Result<Box<dyn ByteStream + Send>> {
         Ok(match self {
             Self::Serial { port, baud } => Box::new(SerialStream::open(port, *baud)?),

@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_sent_is_received_once_and_a_pulled_end_is_told() {
+    fn what_is_sent_is_received_once_and_a_pulled_end_is_reported() {
         let (mut here, mut there) = memory_pair();
         let mut into = [0; 2];
         assert_eq!(there.receive(&mut into).expect("it works"), 0);

@@ -29,7 +29,7 @@ impl PtyStream {
     ///
     /// # Errors
     ///
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn open() -> io::Result<Self> {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         grantpt(&master)?;
@@ -60,7 +60,8 @@ impl ByteStream for PtyStream {
         }
     }
 
-    /// Bytes that nobody fetches are dropped when the terminal is full, as a serial line drops them.
+    /// Bytes that nobody fetches are dropped when the terminal is full, as a serial line drops
+    /// them.
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         match self.master.write_all(bytes) {
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(()),

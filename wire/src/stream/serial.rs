@@ -2,8 +2,8 @@ use std::{io, time::Duration};
 
 use super::{ByteStream, byte_stream::taken};
 
-/// A serial port: 8 data bits, no parity, one stop bit, no flow control. Reading never waits; a port
-/// that takes nothing any more holds a write up for half a second before it fails.
+/// A serial port: 8 data bits, no parity, one stop bit, no flow control. Reading never waits; a
+/// port that takes nothing any more holds a write up for half a second before it fails.
 #[derive(Debug)]
 pub struct SerialStream {
     port: serial2::SerialPort,
@@ -18,7 +18,7 @@ impl SerialStream {
     ///
     /// # Errors
     ///
-    /// Whatever the system says, with the port's name.
+    /// Any error of the system, with the port's name.
     pub fn open(name: &str, baud: u32) -> io::Result<Self> {
         let named = |error: io::Error| io::Error::new(error.kind(), format!("{name}: {error}"));
         let mut port = serial2::SerialPort::open(name, baud).map_err(named)?;
@@ -32,7 +32,7 @@ impl SerialStream {
     ///
     /// # Errors
     ///
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn available() -> io::Result<Vec<String>> {
         let mut ports: Vec<String> = serial2::SerialPort::available_ports()?
             .into_iter()

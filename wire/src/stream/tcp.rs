@@ -21,7 +21,7 @@ impl TcpStream {
     ///
     /// # Errors
     ///
-    /// Whatever the system says, with the address.
+    /// Any error of the system, with the address.
     pub fn connect(address: &str) -> io::Result<Self> {
         let named = |error: io::Error| io::Error::new(error.kind(), format!("{address}: {error}"));
         let mut last = io::Error::new(io::ErrorKind::NotFound, format!("{address}: no such host"));
@@ -38,7 +38,7 @@ impl TcpStream {
     ///
     /// # Errors
     ///
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn accepted(stream: net::TcpStream) -> io::Result<Self> {
         stream.set_nonblocking(true)?;
         stream.set_nodelay(true)?;

@@ -18,7 +18,7 @@ impl TcpServerStream {
     ///
     /// # Errors
     ///
-    /// Whatever the system says, with the address.
+    /// Any error of the system, with the address.
     pub fn listen(address: &str) -> io::Result<Self> {
         let named = |error: io::Error| io::Error::new(error.kind(), format!("{address}: {error}"));
         let listener = TcpListener::bind(address).map_err(named)?;
@@ -30,7 +30,7 @@ impl TcpServerStream {
     ///
     /// # Errors
     ///
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn local_address(&self) -> io::Result<SocketAddr> {
         self.listener.local_addr()
     }

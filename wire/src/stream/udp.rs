@@ -19,16 +19,16 @@ impl UdpStream {
     ///
     /// # Errors
     ///
-    /// Whatever the system says, with the address.
+    /// Any error of the system, with the address.
     pub fn listen(address: &str) -> io::Result<Self> {
         Ok(Self { socket: bound(address)?, peer: None, learns: true })
     }
 
-    /// Speaks to `address`, and hears nobody else.
+    /// A socket that sends to `address`, and receives from it alone.
     ///
     /// # Errors
     ///
-    /// Whatever the system says, with the address.
+    /// Any error of the system, with the address.
     pub fn to(address: &str) -> io::Result<Self> {
         let named = |error: io::Error| io::Error::new(error.kind(), format!("{address}: {error}"));
         let mut peers = address.to_socket_addrs().map_err(named)?;
@@ -42,7 +42,7 @@ impl UdpStream {
     ///
     /// # Errors
     ///
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn local_address(&self) -> io::Result<SocketAddr> {
         self.socket.local_addr()
     }

@@ -8,17 +8,17 @@ use super::{
 /// What is not part of a frame is [skipped](Self::skipped). A frame that turns out wrong costs its
 /// delimiter alone: the next one is looked for in what came after it. In [`ApiMode::Escaped`] a
 /// delimiter is nothing else, so a frame that was cut ends where the next begins. In
-/// [`ApiMode::Plain`] it may be data, so a cut frame is known only when as many bytes have come as it
-/// announced; until then, the frames behind it wait. [`give_up`](Self::give_up) ends that when the
-/// line has been quiet.
+/// [`ApiMode::Plain`] it may be data, so a cut frame is known only when as many bytes have come as
+/// it announced; until then, the frames behind it wait. [`give_up`](Self::give_up) ends that when
+/// the line has been quiet.
 ///
 /// It keeps at most one frame of the longest length.
 ///
 /// ```
 /// use foxhunt_wire::xbee::{ApiMode, AtCommand, Decoder, Frame};
 /// let mut decoder = Decoder::new(ApiMode::Plain);
-/// let told = decoder.push(&[0x00, 0x7E, 0x00, 0x04, 0x08, 0x01, 0x44, 0x42, 0x70]);
-/// assert_eq!(told, [Ok(Frame::at(1, AtCommand::DB))]);
+/// let frames = decoder.push(&[0x00, 0x7E, 0x00, 0x04, 0x08, 0x01, 0x44, 0x42, 0x70]);
+/// assert_eq!(frames, [Ok(Frame::at(1, AtCommand::DB))]);
 /// assert_eq!(decoder.skipped(), 1);
 /// ```
 #[derive(Clone, Debug)]
@@ -32,7 +32,7 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// One that has not heard anything yet.
+    /// A decoder without any bytes so far.
     #[must_use]
     pub fn new(mode: ApiMode) -> Self {
         Self { mode, begun: Vec::new(), escaped: false, skipped: 0 }
@@ -59,35 +59,35 @@ impl Decoder {
     /// Takes what has come; the frames that are complete with it, and what is wrong with those that
     /// are none, in their order.
     pub fn push(&mut self, bytes: &[u8]) -> Vec<Result<Frame, FrameError>> {
-        let mut told = Vec::new();
+        let mut frames = Vec::new();
         for byte in bytes {
             match self.mode {
                 ApiMode::Plain => self.begun.push(*byte),
-                ApiMode::Escaped => self.unescape(*byte, &mut told),
+                ApiMode::Escaped => self.unescape(*byte, &mut frames),
             }
-            self.find(&mut told);
+            self.find(&mut frames);
         }
-        told
+        frames
     }
 
-    /// The line has been quiet for long enough to know that a frame which has begun was cut; the frames
-    /// that had come behind it.
+    /// The line has been quiet for long enough to know that a frame which has begun was cut; the
+    /// frames that had come behind it.
     pub fn give_up(&mut self) -> Vec<Result<Frame, FrameError>> {
-        let mut told = Vec::new();
+        let mut frames = Vec::new();
         while self.is_waiting() {
-            told.push(Err(FrameError::Cut { bytes: self.begun.len() }));
+            frames.push(Err(FrameError::Cut { bytes: self.begun.len() }));
             self.drop_delimiter();
-            self.find(&mut told);
+            self.find(&mut frames);
         }
         self.escaped = false;
-        told
+        frames
     }
 
-    fn unescape(&mut self, byte: u8, told: &mut Vec<Result<Frame, FrameError>>) {
+    fn unescape(&mut self, byte: u8, frames: &mut Vec<Result<Frame, FrameError>>) {
         match byte {
             DELIMITER => {
                 if self.is_waiting() {
-                    told.push(Err(FrameError::Cut { bytes: self.begun.len() }));
+                    frames.push(Err(FrameError::Cut { bytes: self.begun.len() }));
                     self.skip(self.begun.len());
                 }
                 self.escaped = false;
@@ -103,14 +103,14 @@ impl Decoder {
     }
 
     /// Takes out all frames that are complete, and leaves what begins one that is not.
-    fn find(&mut self, told: &mut Vec<Result<Frame, FrameError>>) {
+    fn find(&mut self, frames: &mut Vec<Result<Frame, FrameError>>) {
         loop {
             let before = self.begun.iter().position(|byte| *byte == DELIMITER);
             self.skip(before.unwrap_or(self.begun.len()));
             let Some(&[_, high, low]) = self.begun.first_chunk() else { return };
             let length = usize::from(u16::from_be_bytes([high, low]));
             if !(1..=LONGEST_DATA).contains(&length) {
-                told.push(Err(FrameError::NoSuchLength { length }));
+                frames.push(Err(FrameError::NoSuchLength { length }));
                 self.drop_delimiter();
                 continue;
             }
@@ -122,7 +122,7 @@ impl Decoder {
             } else {
                 self.begun.drain(..=HEAD + length);
             }
-            told.push(outcome);
+            frames.push(outcome);
         }
     }
 

@@ -10,25 +10,25 @@ pub enum FrameError {
         /// What it begins with.
         found: u8,
     },
-    /// It is not as long as it says.
-    #[error("a frame of {actual} bytes of data says that it has {told}")]
+    /// Its length is not the declared one.
+    #[error("a frame of {actual} bytes of data declares {declared}")]
     Length {
-        /// What it says.
-        told: usize,
+        /// What it declares.
+        declared: usize,
         /// How much data there is.
         actual: usize,
     },
-    /// It says, or has, a length that no frame has.
+    /// It declares, or has, a length that no frame has.
     #[error("a frame with {length} bytes of data; there are at least 1 and at most {LONGEST_DATA}")]
     NoSuchLength {
         /// The length of its data.
         length: usize,
     },
     /// Bytes were changed on the way.
-    #[error("a frame's checksum is {told:02X}; its data have {computed:02X}")]
+    #[error("a frame's checksum is {declared:02X}; its data have {computed:02X}")]
     Checksum {
-        /// What it says.
-        told: u8,
+        /// What it declares.
+        declared: u8,
         /// What it should be.
         computed: u8,
     },

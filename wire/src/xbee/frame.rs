@@ -2,8 +2,8 @@ use super::{
     Address16, Address64, AtCommand, AtStatus, DeliveryStatus, ModemStatus, TransmitStatus,
 };
 
-/// What a frame says. The number of its type stands before each; `id` pairs a question with its
-/// answer, and 0 asks for none.
+/// Content of a frame. The number of its type stands before each; `id` pairs a question with its
+/// answer, and 0 requests none.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 #[expect(missing_docs, reason = "fields are called as in the radio's manual")]
@@ -12,7 +12,7 @@ pub enum Frame {
     Transmit64 { id: u8, to: Address64, options: u8, data: Vec<u8> },
     /// 01: send to a 16-bit address (802.15.4).
     Transmit16 { id: u8, to: Address16, options: u8, data: Vec<u8> },
-    /// 08: ask or set something of the radio itself.
+    /// 08: query or set something of the radio itself.
     AtCommand { id: u8, command: AtCommand, parameter: Vec<u8> },
     /// 09: the same, not applied before the next command that is.
     QueuedAtCommand { id: u8, command: AtCommand, parameter: Vec<u8> },
@@ -38,7 +38,7 @@ pub enum Frame {
         options: u8,
         data: Vec<u8>,
     },
-    /// 17: ask or set something of another radio. Option 2 applies it at once.
+    /// 17: query or set something of another radio. Option 2 applies it at once.
     RemoteAtCommand {
         id: u8,
         to64: Address64,
@@ -61,7 +61,7 @@ pub enum Frame {
     DeliveryStatus { id: u8, to16: Address16, retries: u8, delivery: DeliveryStatus, discovery: u8 },
     /// 90: received (Zigbee, `DigiMesh`).
     Receive { from64: Address64, from16: Address16, options: u8, data: Vec<u8> },
-    /// 91: received, with what the application layer says (Zigbee, `DigiMesh`).
+    /// 91: received, with what the application layer adds (Zigbee, `DigiMesh`).
     ExplicitReceive {
         from64: Address64,
         from16: Address16,

@@ -1,7 +1,7 @@
 //! The API frames of XBee radios (Digi, "XBee/XBee-PRO S2C 802.15.4" and "… Zigbee RF Module" user
 //! guides, chapter "API operation").
 //!
-//! [`Frame`] is what a frame says, [`Frame::encode`] and [`Frame::decode`] are its bytes in either
+//! [`Frame`] is a frame's content, [`Frame::encode`] and [`Frame::decode`] are its bytes in either
 //! [`ApiMode`], and [`Decoder`] finds frames in what comes over a serial line.
 
 mod address;

@@ -36,11 +36,11 @@ impl Frame {
         let data = self.data();
         let length = data.len();
         let short = u16::try_from(length).ok().filter(|_| length <= LONGEST_DATA);
-        let told = short.ok_or(FrameError::NoSuchLength { length })?;
+        let declared = short.ok_or(FrameError::NoSuchLength { length })?;
         let mut out = Vec::with_capacity(length + HEAD + 1);
         out.push(DELIMITER);
         let checksum = checksum(&data);
-        for byte in told.to_be_bytes().into_iter().chain(data).chain([checksum]) {
+        for byte in declared.to_be_bytes().into_iter().chain(data).chain([checksum]) {
             if mode == ApiMode::Escaped && matches!(byte, DELIMITER | ESCAPE | 0x11 | 0x13) {
                 out.extend([ESCAPE, byte ^ FLIP]);
             } else {
@@ -54,7 +54,7 @@ impl Frame {
     ///
     /// # Errors
     ///
-    /// [`FrameError`] says what is wrong with them.
+    /// [`FrameError`] names what is wrong with them.
     pub fn decode(bytes: &[u8], mode: ApiMode) -> Result<Self, FrameError> {
         let found = *bytes.first().ok_or(FrameError::Cut { bytes: 0 })?;
         if found != DELIMITER {
@@ -67,10 +67,10 @@ impl Frame {
         let [_, high, low, rest @ ..] = bytes.as_slice() else {
             return Err(FrameError::Cut { bytes: bytes.len() });
         };
-        let told = usize::from(u16::from_be_bytes([*high, *low]));
+        let declared = usize::from(u16::from_be_bytes([*high, *low]));
         let (last, data) = rest.split_last().ok_or(FrameError::Cut { bytes: bytes.len() })?;
-        if told != data.len() {
-            return Err(FrameError::Length { told, actual: data.len() });
+        if declared != data.len() {
+            return Err(FrameError::Length { declared, actual: data.len() });
         }
         checked(data, *last)
     }
@@ -81,11 +81,11 @@ fn checksum(data: &[u8]) -> u8 {
     !data.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte))
 }
 
-/// The frame with these data, if they are what the checksum says.
-pub(super) fn checked(data: &[u8], told: u8) -> Result<Frame, FrameError> {
+/// The frame with these data, if they match the checksum.
+pub(super) fn checked(data: &[u8], declared: u8) -> Result<Frame, FrameError> {
     let computed = checksum(data);
-    if told != computed {
-        return Err(FrameError::Checksum { told, computed });
+    if declared != computed {
+        return Err(FrameError::Checksum { declared, computed });
     }
     Frame::from_data(data)
 }

@@ -3,7 +3,7 @@ use super::{
 };
 
 impl Frame {
-    /// What a frame's data say, the type included. Types that are not known are kept as they are;
+    /// Content of a frame's data, the type included. Types that are not known are kept as they are;
     /// what follows the last field of a frame of fixed length is left out.
     ///
     /// # Errors

@@ -57,7 +57,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn firmwares_are_told_apart() {
+    fn firmwares_are_distinguished() {
         for (hardware, firmware, protocol) in [
             (0x22, 0x4060, Protocol::Zigbee),
             (0x2E, 0x2003, Protocol::Ieee802154),

@@ -42,8 +42,8 @@ impl DeliveryStatus {
     /// The network's acknowledgement did not come.
     pub const NO_NETWORK_ACK: Self = Self(0x21);
 
-    /// Whether it says that nobody at that address answers: no acknowledgement, no such address, no
-    /// route.
+    /// Whether it means that nobody at that address answers: no acknowledgement, no such address,
+    /// no route.
     #[must_use]
     pub fn is_silence(self) -> bool {
         matches!(self.0, 0x01 | 0x21 | 0x24 | 0x25)
@@ -78,12 +78,12 @@ impl fmt::Display for DeliveryStatus {
 pub struct TransmitStatus(pub u8);
 
 impl TransmitStatus {
-    /// It was sent, and acknowledged where that was asked for.
+    /// It was sent, and acknowledged where that was requested.
     pub const SUCCESS: Self = Self(0);
     /// No acknowledgement came.
     pub const NO_ACK: Self = Self(1);
 
-    /// Whether it says that nobody at that address answers.
+    /// Whether it means that nobody at that address answers.
     #[must_use]
     pub fn is_silence(self) -> bool {
         matches!(self.0, 0x01 | 0x21)

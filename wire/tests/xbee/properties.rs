@@ -5,16 +5,16 @@ use crate::any::{bytes, frame};
 
 const MODES: [ApiMode; 2] = [ApiMode::Plain, ApiMode::Escaped];
 
-/// All that a decoder tells of bytes that come in chunks, and what it tells when they have ended.
-fn told(mode: ApiMode, bytes: &[u8], chunk: usize) -> Vec<Result<Frame, FrameError>> {
+/// All that a decoder gives of bytes that come in chunks, and at their end.
+fn decoded(mode: ApiMode, bytes: &[u8], chunk: usize) -> Vec<Result<Frame, FrameError>> {
     let mut decoder = Decoder::new(mode);
-    let mut told: Vec<_> = bytes.chunks(chunk).flat_map(|some| decoder.push(some)).collect();
-    told.extend(decoder.give_up());
-    told
+    let mut decoded: Vec<_> = bytes.chunks(chunk).flat_map(|some| decoder.push(some)).collect();
+    decoded.extend(decoder.give_up());
+    decoded
 }
 
-fn frames(told: Vec<Result<Frame, FrameError>>) -> Vec<Frame> {
-    told.into_iter().filter_map(Result::ok).collect()
+fn frames(decoded: Vec<Result<Frame, FrameError>>) -> Vec<Frame> {
+    decoded.into_iter().filter_map(Result::ok).collect()
 }
 
 proptest! {
@@ -36,8 +36,8 @@ proptest! {
         bytes in bytes(1500), chunk in 1_usize..60,
     ) {
         for mode in MODES {
-            let all = told(mode, &bytes, bytes.len().max(1));
-            prop_assert_eq!(&all, &told(mode, &bytes, chunk));
+            let all = decoded(mode, &bytes, bytes.len().max(1));
+            prop_assert_eq!(&all, &decoded(mode, &bytes, chunk));
             for frame in all.into_iter().flatten() {
                 let again = frame.encode(mode).expect("it is short enough");
                 prop_assert_eq!(Frame::decode(&again, mode), Ok(frame));
@@ -56,7 +56,7 @@ proptest! {
             stream.extend(garbage);
             stream.extend(frame.encode(ApiMode::Escaped).expect("it is short enough"));
         }
-        let found = frames(told(ApiMode::Escaped, &stream, 7));
+        let found = frames(decoded(ApiMode::Escaped, &stream, 7));
         let mut rest = found.iter();
         for (_, sent) in &parts {
             prop_assert!(rest.any(|frame| frame == sent), "{sent:?} is lost");
@@ -73,7 +73,7 @@ proptest! {
                 stream.extend(garbage.iter().filter(|byte| **byte != 0x7E));
                 stream.extend(frame.encode(mode).expect("it is short enough"));
             }
-            let all = told(mode, &stream, 5);
+            let all = decoded(mode, &stream, 5);
             let sent: Vec<_> = parts.iter().map(|(_, frame)| Ok(frame.clone())).collect();
             prop_assert_eq!(all, sent);
         }
@@ -91,7 +91,7 @@ proptest! {
             for frame in &next {
                 stream.extend(frame.encode(mode).expect("it is short enough"));
             }
-            let found = frames(told(mode, &stream, 9));
+            let found = frames(decoded(mode, &stream, 9));
             // One checksum in 256 is right by chance; then it cannot be known what was meant.
             prop_assume!(found.iter().all(|frame| next.contains(frame)));
             prop_assert_eq!(&found, &next);

@@ -24,9 +24,8 @@ use crate::{
 
 /// Emulate the devices of a simulated field
 ///
-/// Puts a device of a scenario's drone behind a serial port or a UDP port of this machine, as the bytes
-/// that the real one speaks. Any program that talks to the real device may talk to this one. Ends
-/// with Ctrl-C.
+/// Puts a device of a scenario's drone behind a serial port or a UDP port of this machine, with the
+/// protocol of the real one. Any program for the real device works with this one. Ends with Ctrl-C.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt emulate xbee --link /tmp/xbee\n  \
                         foxhunt emulate vehicle --drone 2 --speed 5")]
@@ -45,7 +44,7 @@ enum Device {
     Field(field::Args),
 }
 
-/// What all emulated devices are told.
+/// The arguments of all emulated devices.
 #[derive(Debug, clap::Args)]
 pub(super) struct Field {
     /// The field that it works in: a built-in scenario or a TOML file
@@ -68,18 +67,18 @@ pub(super) struct Field {
     pub(super) link: Option<PathBuf>,
 }
 
-/// A device that waits to be talked to.
+/// A device that is ready to be served.
 pub(super) struct Placed {
     /// What it is, such as `xbee`.
     pub(super) device: &'static str,
-    /// How it is reached, as `foxhunt fly` wants it.
+    /// How it is reached, as `foxhunt fly` takes it.
     pub(super) endpoint: String,
     pub(super) emulator: Box<dyn Emulator>,
 }
 
-/// What is told of it before it is served.
+/// A device in the result, as JSON has it.
 #[derive(Serialize)]
-struct Told<'a> {
+struct Announced<'a> {
     device: &'static str,
     endpoint: &'a str,
 }
@@ -112,10 +111,10 @@ fn serve(
     mut placed: Vec<Placed>,
     output: Output,
 ) -> Result<(), CliError> {
-    let told: Vec<_> =
-        placed.iter().map(|p| Told { device: p.device, endpoint: &p.endpoint }).collect();
-    output.result(&told, |told| {
-        told.iter().map(|t| format!("{}: {}\n", t.device, t.endpoint)).collect()
+    let announced: Vec<_> =
+        placed.iter().map(|p| Announced { device: p.device, endpoint: &p.endpoint }).collect();
+    output.result(&announced, |announced| {
+        announced.iter().map(|a| format!("{}: {}\n", a.device, a.endpoint)).collect()
     })?;
     let stop = Arc::new(AtomicBool::new(false));
     let stopped = Arc::clone(&stop);
@@ -131,7 +130,7 @@ fn serve(
         while world.time() < due {
             world.advance(scenario.simulation.tick_s).map_err(CliError::failure)?;
             for Placed { device, emulator, .. } in &mut placed {
-                // A port that fails is tried again; whoever talked to it sees that for himself.
+                // A port that fails is tried again; its user gets an error of his own.
                 if let Err(error) = emulator.serve() {
                     warn(&format!("{device}: {error}"));
                 }
@@ -147,7 +146,7 @@ fn serve(
     Ok(())
 }
 
-/// Links to the pseudo-terminal of a device where that was asked for; what names it then.
+/// Links to the pseudo-terminal of a device where one is given; what names it then.
 pub(super) fn linked(port: &Path, link: Option<&Path>) -> Result<String, CliError> {
     let Some(link) = link else { return Ok(port.display().to_string()) };
     let replaced = match fs::symlink_metadata(link) {

@@ -22,7 +22,7 @@ pub(super) struct Args {
     /// The flight's file that is written
     #[arg(long, value_name = "FILE", default_value = "out/field.toml")]
     config: PathBuf,
-    /// A TOML file that says what goes wrong, and when (docs/flying.md)
+    /// A TOML file with the faults and their times (docs/flying.md)
     #[arg(long, value_name = "FILE")]
     faults: Option<PathBuf>,
 }

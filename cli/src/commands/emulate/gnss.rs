@@ -16,7 +16,7 @@ use crate::error::CliError;
 pub(super) struct Args {
     #[command(flatten)]
     pub(super) field: Field,
-    /// What it speaks
+    /// The protocol
     #[arg(long, value_enum, default_value_t = Kind::Nmea)]
     kind: Kind,
     /// Where gpsd listens
@@ -29,7 +29,7 @@ pub(super) struct Args {
     /// What its fix rests on; its errors are as large as that has them
     #[arg(long, value_enum, default_value_t = Quality::Autonomous)]
     quality: Quality,
-    /// How often it tells where it is, per second
+    /// The number of fixes per second
     #[arg(long, value_name = "HZ", default_value_t = 5.0)]
     rate: f64,
 }
@@ -38,7 +38,7 @@ pub(super) struct Args {
 enum Kind {
     /// NMEA 0183 on a serial port: RMC, GGA, GSA, GST
     Nmea,
-    /// A receiver by u-blox on a serial port: NMEA, and NAV-PVT once it is asked for
+    /// A receiver by u-blox on a serial port: NMEA, and NAV-PVT once it is switched on
     Ublox,
     /// gpsd at a TCP port
     Gpsd,

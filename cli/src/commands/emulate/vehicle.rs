@@ -21,7 +21,8 @@ use crate::error::CliError;
 pub(super) struct Args {
     #[command(flatten)]
     pub(super) field: Field,
-    /// The UDP port of this machine that it speaks to; 14550, and 10 more for every drone, unless given
+    /// The UDP port of this machine that it speaks to; 14550, and 10 more for every drone, unless
+    /// given
     #[arg(long, value_name = "PORT")]
     port: Option<u16>,
     /// Behave as PX4 does, not as ArduCopter

@@ -1,16 +1,15 @@
 use foxhunt::{
     hardware::link::{DroneLink, Impaired, Impairment},
-    hunt::hunt_extractor,
     network::{DroneNode, DroneNodeConfig, uniform_draws},
     sim::World,
 };
 
 use super::over::{Failures, Shared, Stop};
-use crate::{commands::choice, error::CliError, output::warn};
+use crate::{commands::choice, context::Context, error::CliError, output::warn};
 
-/// Run a drone's part: fly and listen as the fusion node says, and report what was heard
+/// Run a drone's part: fly and turn the antenna as the fusion node orders, and report receptions
 ///
-/// Ends with Ctrl-C. Started again, it finds out what it is to do.
+/// Ends with Ctrl-C. Started again, it takes up the last order.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// Which drone it is, counted from 0
@@ -29,14 +28,15 @@ pub(super) struct Args {
     shared: Shared,
 }
 
-pub(super) fn run(args: &Args) -> Result<(), CliError> {
+pub(super) fn run(args: &Args, Context { registry, .. }: Context<'_>) -> Result<(), CliError> {
     let scenario = choice::scenario(&args.simulate)?;
     let world = World::new(&scenario.world, args.seed).map_err(CliError::input)?;
     let vehicle = world.vehicle(args.drone).map_err(CliError::input)?;
-    let sources = scenario.sources(&world).map_err(CliError::input)?;
+    let sources = scenario.sources(registry, &world).map_err(CliError::input)?;
     let source = sources.into_iter().nth(args.drone);
     let source = source.ok_or_else(|| CliError::input("the drone has no source"))?;
-    let extractor = hunt_extractor(&scenario.extractor, scenario.bearings)
+    let extractor = registry
+        .hunt_extractor(&scenario.extractor, scenario.bearings)
         .map_err(|error| choice::simulation_error(error.into(), &args.simulate))?;
     let impairment = Impairment { loss: args.drop, ..Impairment::default() };
     let link: Box<dyn DroneLink> = Box::new(
@@ -60,7 +60,7 @@ pub(super) fn run(args: &Args) -> Result<(), CliError> {
         let due = clock.unix()?.since(epoch);
         while world.time() < due {
             world.advance(scenario.simulation.tick_s).map_err(CliError::failure)?;
-            failures.bear(node.step(world.time()))?;
+            failures.report(node.step(world.time()))?;
         }
         let turn = &node.order().turn;
         if turn.number > followed {

@@ -1,14 +1,14 @@
 use std::{fs, path::PathBuf};
 
 use foxhunt::{
-    config::NamedEstimator,
     hardware::link::UnixTime,
     hunt::{Event, Fix},
     log::Log,
     network::{FusionNode, FusionNodeConfig, Past},
     picture::hunt_svg,
+    registry::{EstimatorEntry, Registry},
     scenario::Scenario,
-    simulation::log_header,
+    simulation::Setup,
 };
 use serde::Serialize;
 
@@ -17,25 +17,25 @@ use super::{
     over::{Failures, Shared, Stop},
 };
 use crate::{
-    commands::{choice, fixes, telling},
+    commands::{choice, fixes, notices},
+    context::Context,
     error::CliError,
     output::{Output, warn},
 };
 
-/// Run the fusing part: take what the drones report, estimate, plan, and tell them where to go
+/// Run the fusing part: receive the drones' reports, estimate, plan, and send the drones orders
 ///
-/// Begins when all drones have shown up and ends when all beacons are done. Stopped and started
-/// again with --resume, it goes on from its log, and no estimate is another one for it.
+/// Begins when all drones report and ends when all searches are over. Stopped and started again
+/// with --resume, it goes on from its log, and every estimate is the same as without the stop.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// What is hunted and how: a built-in scenario or a TOML file, of which the world is not looked
-    /// at but for the number of drones
+    /// A built-in scenario or a TOML file; of its world, only the number of drones is used
     scenario: String,
     /// The seed of estimators that draw random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// The estimator; the scenario's own unless given
-    #[arg(long, value_name = "NAME", value_parser = choice::estimator_parser())]
+    #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
     /// Where the log is written to
     #[arg(long, value_name = "FILE", default_value = "out/hunt.jsonl")]
@@ -47,23 +47,26 @@ pub(super) struct Args {
     shared: Shared,
 }
 
-pub(super) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let Context { output, registry } = context;
     let scenario = choice::scenario(&args.scenario)?;
-    let there = NodeLog::there(&args.log, args.resume)?;
+    let past_log = NodeLog::read(&args.log, args.resume)?;
     let (stop, clock) = (Stop::listen()?, args.shared.clock());
-    let (mut log, estimator, past) = match there {
-        Some(log) => resumed(args, &scenario, log)?,
+    let (mut log, estimator, past) = match past_log {
+        Some(log) => resumed(args, &scenario, registry, log)?,
         None => {
-            let asked = args.estimator.as_deref();
-            let estimator = choice::estimator_of(asked, &scenario, &args.scenario)?;
-            let mut header = log_header(&scenario, &estimator, args.seed);
+            let given = args.estimator.as_deref();
+            let estimator =
+                choice::estimator_of(registry, given, &scenario, &args.scenario)?.clone();
+            let setup = Setup { scenario: &scenario, estimator: &estimator, registry };
+            let mut header = setup.log_header(args.seed);
             header.epoch_unix_s = Some(clock.unix()?.sec);
             (NodeLog::new(&args.log, header), estimator, None)
         }
     };
     let epoch = UnixTime::whole(log.header.epoch_unix_s.unwrap_or_default());
     let drones = scenario.world.drones.len();
-    let parts = scenario.parts(&estimator.config, log.header.seed);
+    let parts = scenario.parts(registry, &estimator, log.header.seed).map_err(CliError::input)?;
     let hunt =
         parts.build().map_err(|error| choice::simulation_error(error.into(), &args.scenario))?;
     let link = args.shared.fusion(drones)?;
@@ -72,7 +75,7 @@ pub(super) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     let (mut failures, mut waiting) = (Failures::default(), Vec::new());
     while stop.goes_on() {
         let time = clock.unix()?.since(epoch);
-        failures.bear(node.step(time))?;
+        failures.report(node.step(time))?;
         if node.homes().is_empty() {
             let silent = node.silent(time);
             if silent != waiting && !silent.is_empty() {
@@ -83,7 +86,7 @@ pub(super) fn run(args: &Args, output: Output) -> Result<(), CliError> {
             log.header.homes = node.homes().to_vec();
         }
         while let Some(event) = node.poll_event() {
-            telling::tell(&event);
+            notices::narrate(&event);
             log.event(event)?;
         }
         if node.is_finished(time) {
@@ -94,28 +97,33 @@ pub(super) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     Ok(())
 }
 
-/// What a log that is there tells of the hunt to go on with.
+/// The hunt of an earlier log: the log, its estimator, and what happened in it.
 fn resumed(
     args: &Args,
     scenario: &Scenario,
+    registry: &Registry,
     log: Log,
-) -> Result<(NodeLog, NamedEstimator, Option<Past>), CliError> {
+) -> Result<(NodeLog, EstimatorEntry, Option<Past>), CliError> {
     let file = args.log.display();
     if log.header.scenario != scenario.name {
-        let (logged, asked) = (&log.header.scenario, &scenario.name);
-        return Err(CliError::input(format!("{file} is a log of {logged}, not of {asked}")));
+        let logged = &log.header.scenario;
+        let message = format!("{file} is a log of {logged}, not of {}", scenario.name);
+        return Err(CliError::input(message));
     }
     if log.header.epoch_unix_s.is_none() {
         return Err(CliError::input(format!("{file} has no epoch_unix_s: no node wrote it")));
     }
-    let mut estimator = choice::estimator(&log.header.estimator_name, &file.to_string())?;
-    estimator.config = log.header.estimator;
+    let name = &log.header.estimator_name;
+    let estimator = match log.header.estimator {
+        Some(settings) => EstimatorEntry::of_settings(name.clone(), "as logged", "", settings),
+        None => choice::estimator(registry, name, &file.to_string())?.clone(),
+    };
     warn(&format!("goes on from {file}, {} events", log.events.len()));
     let past = Past { homes: log.header.homes.clone(), events: log.events.clone() };
     Ok((NodeLog::append(&args.log, log)?, estimator, Some(past)))
 }
 
-/// What the hunt came to.
+/// The result of the hunt.
 #[derive(Serialize)]
 struct Report<'a> {
     fixes: &'a [Fix],
@@ -126,8 +134,8 @@ fn report(args: &Args, log: &NodeLog, fixes: &[Fix], output: Output) -> Result<(
     let picture = args.log.with_extension("svg");
     let svg = hunt_svg(&log.header, &log.events).map_err(CliError::failure)?;
     fs::write(&picture, svg).map_err(|error| CliError::writing(&picture, error))?;
-    let heard = |event: &&Event| matches!(event, Event::Received { .. });
-    let report = Report { fixes, receptions: log.events.iter().filter(heard).count() };
+    let received = |event: &&Event| matches!(event, Event::Received { .. });
+    let report = Report { fixes, receptions: log.events.iter().filter(received).count() };
     output.result(&report, |report| {
         format!("{}\n{}", fixes::fixes(report.fixes.iter().map(row)), fixes::LEGEND)
     })?;

@@ -26,7 +26,7 @@ impl NodeLog {
     }
 
     /// The log that is there, if there is one; without `resume` there must be none.
-    pub(super) fn there(path: &Path, resume: bool) -> Result<Option<Log>, CliError> {
+    pub(super) fn read(path: &Path, resume: bool) -> Result<Option<Log>, CliError> {
         match fs::metadata(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
             Ok(_) if !resume => Err(CliError::input(format!(

@@ -9,12 +9,14 @@ mod log;
 #[cfg(any(feature = "ros1", feature = "ros2"))]
 mod over;
 
-use crate::{error::CliError, output::Output};
+#[cfg(not(any(feature = "ros1", feature = "ros2")))]
+use crate::commands::unavailable;
+use crate::{context::Context, error::CliError};
 
 /// Run one computer's part of a hunt over ROS 1 or ROS 2
 ///
-/// Every drone's computer runs a drone node, and one computer the fusion node. Messages may be lost,
-/// late or doubled, and every node may be stopped and started again.
+/// Every drone's computer runs a drone node, and one computer the fusion node. Messages may be
+/// lost, late or doubled, and every node may be stopped and started again.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example: three simulated drones and the fusion node, each in a terminal\n  \
@@ -25,10 +27,9 @@ pub(crate) struct Args {
     #[cfg(any(feature = "ros1", feature = "ros2"))]
     #[command(subcommand)]
     node: Node,
-    /// What a program with a middleware would be told
     #[cfg(not(any(feature = "ros1", feature = "ros2")))]
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
-    told: Vec<String>,
+    #[command(flatten)]
+    unavailable: unavailable::AnyArguments,
 }
 
 /// Which part.
@@ -40,19 +41,14 @@ enum Node {
 }
 
 #[cfg(any(feature = "ros1", feature = "ros2"))]
-pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     match &args.node {
-        Node::Drone(args) => drone::run(args),
-        Node::Fusion(args) => fusion::run(args, output),
+        Node::Drone(args) => drone::run(args, context),
+        Node::Fusion(args) => fusion::run(args, context),
     }
 }
 
 #[cfg(not(any(feature = "ros1", feature = "ros2")))]
-pub(crate) fn run(args: &Args, _: Output) -> Result<(), CliError> {
-    Err(CliError::input(format!(
-        "`foxhunt node {}` needs ROS, and this foxhunt was built without: build it with `cargo \
-         build --release --package foxhunt-cli --features ros1,ros2`, or with the one of them that \
-         is wanted",
-        args.told.join(" ")
-    )))
+pub(crate) fn run(args: &Args, _: Context<'_>) -> Result<(), CliError> {
+    args.unavailable.refuse("node", "ros1,ros2")
 }

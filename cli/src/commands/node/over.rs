@@ -18,10 +18,10 @@ use foxhunt::{
 
 use crate::{error::CliError, output::warn};
 
-/// What both kinds of nodes are told.
+/// The arguments of both kinds of nodes.
 #[derive(Debug, clap::Args)]
 pub(super) struct Shared {
-    /// By what the computers talk to each other; what is missing here needs a build with
+    /// The middleware between the computers; one that is missing here needs a build with
     /// `--features ros1,ros2`
     #[arg(long, value_enum)]
     over: Over,
@@ -33,8 +33,8 @@ pub(super) struct Shared {
     /// The master of ROS 1; $ROS_MASTER_URI, or else http://localhost:11311, unless given
     #[arg(long, value_name = "URI")]
     master: Option<String>,
-    /// How much faster than the clock on the wall the time of a simulated hunt runs; the same for all
-    /// nodes
+    /// How much faster than the clock on the wall the time of a simulated hunt runs; the same for
+    /// all nodes
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = speed)]
     speed: f64,
 }
@@ -83,19 +83,19 @@ impl Shared {
 
     #[cfg(feature = "ros1")]
     fn ros1(&self) -> foxhunt::hardware::link::Ros1Config {
-        let told = self.master.clone().or_else(|| std::env::var("ROS_MASTER_URI").ok());
+        let master = self.master.clone().or_else(|| std::env::var("ROS_MASTER_URI").ok());
         let default = foxhunt::hardware::link::Ros1Config::default();
-        told.map_or(default, |master_uri| foxhunt::hardware::link::Ros1Config { master_uri })
+        master.map_or(default, |master_uri| foxhunt::hardware::link::Ros1Config { master_uri })
     }
 
     #[cfg(feature = "ros2")]
     fn ros2(&self) -> Result<foxhunt::hardware::link::Ros2Config, CliError> {
-        let told = match (self.domain_id, std::env::var("ROS_DOMAIN_ID")) {
-            (Some(told), _) => Ok(told),
+        let domain = match (self.domain_id, std::env::var("ROS_DOMAIN_ID")) {
+            (Some(domain), _) => Ok(domain),
             (None, Ok(text)) => text.parse().map_err(|_| text),
             (None, Err(_)) => Ok(0),
         };
-        let domain_id = told.map_err(|text| {
+        let domain_id = domain.map_err(|text| {
             CliError::input(format!("ROS_DOMAIN_ID is {text:?}, not a number from 0 to 65535"))
         })?;
         Ok(foxhunt::hardware::link::Ros2Config { domain_id })
@@ -126,7 +126,7 @@ impl NodeClock {
     pub(super) fn unix(&self) -> Result<UnixTime, CliError> {
         let since_s = (self.since_s + self.clock.now()) * self.speed;
         let at = UnixTime::default().after(self.base_s).and_then(|base| base.after(since_s));
-        at.ok_or_else(|| CliError::failure("the system's clock tells no time"))
+        at.ok_or_else(|| CliError::failure("the system's clock has no UNIX time"))
     }
 }
 
@@ -150,13 +150,13 @@ impl Stop {
     }
 }
 
-/// Tells of a link's failure once, however often it fails.
+/// Prints a link's failure once, however often it fails.
 #[derive(Default)]
 pub(super) struct Failures(String);
 
 impl Failures {
-    /// Tells of it and goes on, unless the hunt cannot.
-    pub(super) fn bear(&mut self, result: Result<(), NetworkError>) -> Result<(), CliError> {
+    /// Prints it and goes on, unless the hunt cannot.
+    pub(super) fn report(&mut self, result: Result<(), NetworkError>) -> Result<(), CliError> {
         match result {
             Ok(()) => Ok(()),
             Err(NetworkError::Link(error)) => {

@@ -1,6 +1,9 @@
 //! Messages of a link and what they are in ROS.
 
-use foxhunt_core::{BeaconId, Bearing, BearingMode, BearingModes, Pose, Reception, Waypoint};
+use foxhunt_core::{
+    BeaconId, Bearing, BearingMode, BearingModes, Level, Measured, MeasuredList, Pose, Quantity,
+    QuantityName, Reception, Waypoint,
+};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::messages::{self as ros, RosHeader};
@@ -26,7 +29,7 @@ fn pose(ros: &ros::Pose) -> Pose {
     // All zeros is what is sent by those who do not know their attitude.
     let turn = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-6).unwrap_or_default();
     let (roll, pitch, heading) = turn.euler_angles();
-    Pose { position: place(&ros.position), heading, pitch: -pitch, roll }
+    Pose { position: place(&ros.position), heading, pitch: -pitch, roll, velocity: None }
 }
 
 pub(in crate::link) fn pose_message<H: RosHeader>(
@@ -57,43 +60,49 @@ pub(in crate::link) fn reception_message<H: RosHeader>(
     delivery: &Delivery,
 ) -> Result<ros::Reception<H>, LinkError> {
     let (header, beacon) = (H::at(delivery.ended)?, delivery.beacon.0);
-    let heard = match &delivery.heard {
-        Ok(heard) => heard,
+    let reception = match &delivery.reception {
+        Ok(reception) => reception,
         Err(reason) => {
             let reason = reason.clone();
             return Ok(ros::Reception { header, beacon, reason, ..ros::Reception::default() });
         }
     };
-    let bearing = heard.bearing.unwrap_or(Bearing { angle: 0.0, sigma: 0.0, confidence: 0.0 });
-    let modes = |of: fn(&BearingMode) -> f64| heard.modes.as_slice().iter().map(of).collect();
+    let bearing = reception.bearing.unwrap_or(Bearing { angle: 0.0, sigma: 0.0, confidence: 0.0 });
+    let level = reception.level.unwrap_or(Level { rss_dbm: f64::NAN, sigma_db: 0.0 });
+    let modes = |of: fn(&BearingMode) -> f64| reception.modes.as_slice().iter().map(of).collect();
+    let measured = |of: fn(&Measured) -> f64| reception.measured.iter().map(of).collect();
     Ok(ros::Reception {
         header,
         beacon,
         heard: true,
         reason: String::new(),
-        position: point(&heard.receiver.position),
-        heading: heard.receiver.heading,
-        pitch: heard.receiver.pitch,
-        roll: heard.receiver.roll,
-        position_sigma: heard.receiver_sigma_m.iter().flatten().copied().collect(),
-        rss_dbm: heard.rss_dbm,
-        rss_sigma_db: heard.rss_sigma_db,
-        has_bearing: heard.bearing.is_some(),
+        position: point(&reception.receiver.position),
+        heading: reception.receiver.heading,
+        pitch: reception.receiver.pitch,
+        roll: reception.receiver.roll,
+        position_sigma: reception.receiver_sigma_m.iter().flatten().copied().collect(),
+        rss_dbm: level.rss_dbm,
+        rss_sigma_db: level.sigma_db,
+        has_bearing: reception.bearing.is_some(),
         bearing: bearing.angle,
         bearing_sigma: bearing.sigma,
         bearing_confidence: bearing.confidence,
-        covariance: heard.covariance,
+        covariance: reception.covariance,
         mode_weights: modes(|mode| mode.weight),
         mode_bearings: modes(|mode| mode.angle),
         mode_sigmas: modes(|mode| mode.sigma),
+        velocity: reception.receiver.velocity.iter().flatten().copied().collect(),
+        quantity_names: reception.measured.iter().map(|value| value.name.to_string()).collect(),
+        quantity_values: measured(|value| value.value),
+        quantity_sigmas: measured(|value| value.sigma),
     })
 }
 
-/// What a message delivers; a reception that is none says why.
+/// What a message delivers; one without a reception carries the reason.
 pub(in crate::link) fn delivery<H: RosHeader>(message: ros::Reception<H>) -> Delivery {
     let (beacon, ended) = (BeaconId(message.beacon), message.header.moment());
-    let heard = if message.heard { reception(&message) } else { Err(message.reason) };
-    Delivery { beacon, ended, heard }
+    let reception = if message.heard { reception(&message) } else { Err(message.reason) };
+    Delivery { beacon, ended, reception }
 }
 
 fn reception<H>(message: &ros::Reception<H>) -> Result<Reception, String> {
@@ -109,11 +118,6 @@ fn reception<H>(message: &ros::Reception<H>) -> Result<Reception, String> {
     let modes = mode_weights.iter().zip(mode_bearings).zip(mode_sigmas);
     let modes: Vec<BearingMode> =
         modes.map(|((&weight, &angle), &sigma)| BearingMode { weight, angle, sigma }).collect();
-    let receiver_sigma_m = match message.position_sigma[..] {
-        [] => None,
-        [east, north, up] => Some(Vector3::new(east, north, up)),
-        ref other => return Err(format!("position_sigma has {} numbers, not 3", other.len())),
-    };
     let bearing = Bearing {
         angle: message.bearing,
         sigma: message.bearing_sigma,
@@ -128,14 +132,48 @@ fn reception<H>(message: &ros::Reception<H>) -> Result<Reception, String> {
             heading: message.heading,
             pitch: message.pitch,
             roll: message.roll,
+            velocity: three("velocity", &message.velocity)?,
         },
-        rss_dbm: message.rss_dbm,
-        rss_sigma_db: message.rss_sigma_db,
+        level: (!message.rss_dbm.is_nan())
+            .then_some(Level { rss_dbm: message.rss_dbm, sigma_db: message.rss_sigma_db }),
         bearing: message.has_bearing.then_some(bearing),
         covariance: message.covariance,
         modes: BearingModes::new(&modes).map_err(|error| error.to_string())?,
-        receiver_sigma_m,
+        receiver_sigma_m: three("position_sigma", &message.position_sigma)?,
+        measured: measured(message)?,
     })
+}
+
+/// East, North and Up, or nothing.
+fn three(field: &str, numbers: &[f64]) -> Result<Option<Vector3<f64>>, String> {
+    match *numbers {
+        [] => Ok(None),
+        [east, north, up] => Ok(Some(Vector3::new(east, north, up))),
+        _ => Err(format!("{field} has {} numbers, not 3", numbers.len())),
+    }
+}
+
+/// What was measured besides level and bearing.
+fn measured<H>(message: &ros::Reception<H>) -> Result<MeasuredList, String> {
+    let ros::Reception { quantity_names, quantity_values, quantity_sigmas, .. } = message;
+    let count = quantity_names.len();
+    if quantity_values.len() != count || quantity_sigmas.len() != count {
+        return Err(format!(
+            "{count} quantity_names, {} quantity_values and {} quantity_sigmas",
+            quantity_values.len(),
+            quantity_sigmas.len()
+        ));
+    }
+    let values = quantity_names.iter().zip(quantity_values).zip(quantity_sigmas);
+    let values = values.map(|((name, &value), &sigma)| {
+        let name = QuantityName::new(name).map_err(|error| error.to_string())?;
+        // Values of every quantity have the same limits.
+        let checked = Measured::new(Quantity::RANGE, value, sigma)
+            .map_err(|_| format!("{name} is {value} with a σ of {sigma}"))?;
+        Ok(Measured { name, ..checked })
+    });
+    let values = values.collect::<Result<Vec<_>, String>>()?;
+    MeasuredList::new(&values).map_err(|error| error.to_string())
 }
 
 pub(in crate::link) fn order_message<H: RosHeader>(
@@ -155,8 +193,8 @@ pub(in crate::link) fn order_message<H: RosHeader>(
     })
 }
 
-/// The order of a message; a goal that is no place is none, and what is said of half a delivery is
-/// not said.
+/// The order of a message; a goal that is no place is none, and half a delivery is left
+/// out.
 pub(in crate::link) fn order<H: RosHeader>(message: &ros::Order<H>) -> Order {
     let position = place(&message.goal);
     let is_place = message.has_goal && position.iter().all(|metres| metres.is_finite());
@@ -213,14 +251,31 @@ mod tests {
     }
 
     fn attitude() -> impl Strategy<Value = Pose> {
-        (vector(), -3.1..3.1, -1.5..1.5, -3.1..3.1)
-            .prop_map(|(position, heading, pitch, roll)| Pose { position, heading, pitch, roll })
+        (vector(), -3.1..3.1, -1.5..1.5, -3.1..3.1).prop_map(|(position, heading, pitch, roll)| {
+            Pose { position, heading, pitch, roll, velocity: None }
+        })
     }
 
     fn bearing() -> impl Strategy<Value = Option<Bearing>> {
         let bearing = (number(), number(), 0.0..1.0)
             .prop_map(|(angle, sigma, confidence)| Bearing { angle, sigma, confidence });
         proptest::option::of(bearing)
+    }
+
+    fn level() -> impl Strategy<Value = Option<Level>> {
+        let level =
+            (number(), number()).prop_map(|(rss_dbm, sigma_db)| Level { rss_dbm, sigma_db });
+        proptest::option::of(level)
+    }
+
+    fn measured_list() -> impl Strategy<Value = MeasuredList> {
+        let value = ("[a-z]{1,31}", number(), 0.1..1e3).prop_map(|(name, value, sigma)| Measured {
+            name: QuantityName::new(&name).expect("short"),
+            value,
+            sigma,
+        });
+        proptest::collection::vec(value, 0..=MeasuredList::CAPACITY)
+            .prop_map(|values| MeasuredList::new(&values).expect("there is room"))
     }
 
     /// Two directions, whose weights are exact.
@@ -236,15 +291,16 @@ mod tests {
         #[test]
         fn a_reception_comes_as_it_was_sent(
             (ended, receiver, sigma) in (moment(), attitude(), proptest::option::of(vector())),
-            (rss_dbm, rss_sigma_db, covariance) in (number(), number(), number()),
+            (level, covariance) in (level(), number()),
             (bearing, modes, beacon) in (bearing(), modes(), any::<u16>()),
+            (velocity, measured) in (proptest::option::of(vector()), measured_list()),
         ) {
             let beacon = BeaconId(beacon);
-            let heard = Reception {
-                beacon, time: 0.0, receiver, rss_dbm, rss_sigma_db, bearing, covariance, modes,
-                receiver_sigma_m: sigma,
+            let reception = Reception {
+                beacon, time: 0.0, receiver: Pose { velocity, ..receiver }, level, bearing,
+                covariance, modes, receiver_sigma_m: sigma, measured,
             };
-            let sent = Delivery { beacon, ended, heard: Ok(heard) };
+            let sent = Delivery { beacon, ended, reception: Ok(reception) };
             let message = reception_message::<Stamp>(&sent)?;
             prop_assert_eq!(delivery(message), sent);
         }
@@ -272,44 +328,48 @@ mod tests {
 
         /// A quaternion turns the axes of the body as core's angles do.
         #[test]
-        fn a_pose_keeps_its_axes(at in moment(), told in attitude()) {
-            let message = pose_message::<Stamp>(at, &told)?;
+        fn a_pose_keeps_its_axes(at in moment(), body in attitude()) {
+            let message = pose_message::<Stamp>(at, &body)?;
             let ros::Quaternion { x, y, z, w } = message.pose.orientation;
             let turn = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
             let Report::Pose { at: when, pose } = report_of_pose(&message) else {
                 panic!("no pose")
             };
-            prop_assert_eq!((when, pose.position), (at, told.position));
+            prop_assert_eq!((when, pose.position), (at, body.position));
             for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
-                prop_assert!((told.to_body(&(turn * axis)) - axis).norm() < 1e-9);
+                prop_assert!((body.to_body(&(turn * axis)) - axis).norm() < 1e-9);
                 prop_assert!((pose.to_body(&(turn * axis)) - axis).norm() < 1e-9);
             }
         }
     }
 
     #[test]
-    fn what_is_no_reception_says_why() {
+    fn what_is_no_reception_names_the_reason() {
         let nothing = Delivery {
             beacon: BeaconId(3),
             ended: UnixTime::whole(5),
-            heard: Err("too weak".to_owned()),
+            reception: Err("too weak".to_owned()),
         };
         let message = reception_message::<Stamp>(&nothing).expect("any time");
         assert_eq!(delivery(message), nothing);
         for (message, why) in [
-            (ros::Reception { position_sigma: vec![1.0], ..heard() }, "position_sigma has 1"),
-            (ros::Reception { mode_weights: vec![1.0], ..heard() }, "1 mode_weights, 0"),
+            (ros::Reception { position_sigma: vec![1.0], ..empty() }, "position_sigma has 1"),
+            (ros::Reception { velocity: vec![1.0], ..empty() }, "velocity has 1"),
+            (ros::Reception { quantity_values: vec![1.0], ..empty() }, "0 quantity_names, 1"),
+            (quantity("", 1.0), "has 0 bytes"),
+            (quantity("range_m", f64::NAN), "range_m is NaN"),
+            (ros::Reception { mode_weights: vec![1.0], ..empty() }, "1 mode_weights, 0"),
             (
                 ros::Reception {
                     mode_weights: vec![0.5, f64::NAN],
                     mode_bearings: vec![0.0; 2],
                     mode_sigmas: vec![1.0; 2],
-                    ..heard()
+                    ..empty()
                 },
                 "NaN",
             ),
         ] {
-            let reason = delivery(message).heard.expect_err("it is none");
+            let reason = delivery(message).reception.expect_err("it is none");
             assert!(reason.contains(why), "{reason}");
         }
         // Nobody knows its attitude.
@@ -321,7 +381,16 @@ mod tests {
         assert_eq!(order(&message).goal, None);
     }
 
-    fn heard() -> ros::Reception<Stamp> {
+    fn quantity(name: &str, value: f64) -> ros::Reception<Stamp> {
+        ros::Reception {
+            quantity_names: vec![name.to_owned()],
+            quantity_values: vec![value],
+            quantity_sigmas: vec![1.0],
+            ..empty()
+        }
+    }
+
+    fn empty() -> ros::Reception<Stamp> {
         ros::Reception { heard: true, ..ros::Reception::default() }
     }
 }

@@ -3,7 +3,7 @@
 
 use std::fmt::Debug;
 
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde::{Deserialize, Deserializer, Serialize, de::DeserializeOwned};
 
 use crate::link::{LinkError, UnixTime};
 
@@ -20,6 +20,19 @@ pub(in crate::link) trait RosHeader:
 
     /// The moment.
     fn moment(&self) -> UnixTime;
+}
+
+/// The whole seconds of a moment, in a header's number.
+///
+/// # Errors
+///
+/// For a moment that the number does not hold.
+pub(in crate::link) fn seconds<T: TryFrom<i64>>(
+    field: &'static str,
+    moment: UnixTime,
+) -> Result<T, LinkError> {
+    let UnixTime { sec, .. } = moment;
+    T::try_from(sec).map_err(|_| LinkError::Value { field, value: sec.to_string() })
 }
 
 /// The hunt's frame: East, North and Up.
@@ -125,6 +138,19 @@ pub(in crate::link) struct Reception<H> {
     pub(in crate::link) mode_weights: Vec<f64>,
     pub(in crate::link) mode_bearings: Vec<f64>,
     pub(in crate::link) mode_sigmas: Vec<f64>,
+    #[serde(deserialize_with = "or_empty")]
+    pub(in crate::link) velocity: Vec<f64>,
+    #[serde(deserialize_with = "or_empty")]
+    pub(in crate::link) quantity_names: Vec<String>,
+    #[serde(deserialize_with = "or_empty")]
+    pub(in crate::link) quantity_values: Vec<f64>,
+    #[serde(deserialize_with = "or_empty")]
+    pub(in crate::link) quantity_sigmas: Vec<f64>,
+}
+
+/// A list at the end of a message, empty where an older sender's message ends before it.
+fn or_empty<'de, D: Deserializer<'de>, T: Deserialize<'de>>(of: D) -> Result<Vec<T>, D::Error> {
+    Ok(Vec::deserialize(of).unwrap_or_default())
 }
 
 /// `foxhunt_msgs/Order`.

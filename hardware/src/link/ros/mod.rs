@@ -1,17 +1,19 @@
-//! What is said over ROS 1 and ROS 2 alike: topics and messages, which differ in their headers alone.
+//! What ROS 1 and ROS 2 share: topics, messages, which differ in their headers alone, and the two
+//! ends of a link.
 
 mod convert;
+mod drone;
+mod fusion;
 mod messages;
+mod node;
 mod show;
 mod topics;
 
-pub(super) use convert::{
-    delivery, order, order_message, pose_message, reception_message, report_of_pose,
-    report_of_status, status_message,
-};
+pub(super) use drone::DroneEnd;
+pub(super) use fusion::FusionEnd;
 pub(super) use messages::{
     DiagnosticArray, FRAME, Order, Path, PoseStamped, PoseWithCovarianceStamped, Reception,
-    RosHeader, Status,
+    RosHeader, Status, seconds,
 };
-pub(super) use show::{diagnostics, estimate, goal, path};
-pub(super) use topics::{DIAGNOSTICS, beacon_topic, drone_topic};
+pub(super) use node::{Kept, Publish, Publisher, Subscribe, Subscriber, Topics};
+pub(super) use topics::{DIAGNOSTICS, beacon_topic, drone_name, drone_topic};

@@ -1,5 +1,10 @@
-/// Where diagnostics are told, as everywhere in ROS.
+/// The topic of diagnostics, as everywhere in ROS.
 pub(in crate::link) const DIAGNOSTICS: &str = "/diagnostics";
+
+/// The name of a drone's node, counted from 0.
+pub(in crate::link) fn drone_name(drone: usize) -> String {
+    format!("drone_{drone}")
+}
 
 /// A topic of a drone, counted from 0.
 pub(in crate::link) fn drone_topic(drone: usize, what: &str) -> String {

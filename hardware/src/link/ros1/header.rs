@@ -2,7 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::link::{
     LinkError, UnixTime,
-    ros::{FRAME, RosHeader},
+    ros::{FRAME, RosHeader, seconds},
 };
 
 /// `std_msgs/Header`.
@@ -17,11 +17,8 @@ pub(super) struct Header {
 
 impl RosHeader for Header {
     fn at(moment: UnixTime) -> Result<Self, LinkError> {
-        let UnixTime { sec, nanosec } = moment;
-        let told = u32::try_from(sec);
-        let sec =
-            told.map_err(|_| LinkError::Value { field: "stamp.secs", value: sec.to_string() })?;
-        Ok(Self { seq: 0, sec, nanosec, frame_id: FRAME.to_owned() })
+        let sec = seconds("stamp.secs", moment)?;
+        Ok(Self { seq: 0, sec, nanosec: moment.nanosec, frame_id: FRAME.to_owned() })
     }
 
     fn moment(&self) -> UnixTime {

@@ -11,4 +11,4 @@ pub use fusion::Ros1Fusion;
 pub use node::Ros1Config;
 
 use header::Header;
-use node::{Announced, Joined, Listener, Speaker};
+use node::Node;

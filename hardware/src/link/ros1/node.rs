@@ -6,7 +6,7 @@ use std::{
 
 use roslibrust::{
     RosMessageType,
-    ros1::{NodeError, NodeHandle, Publisher, Subscriber},
+    ros1::{NodeError, NodeHandle},
 };
 use serde::{Deserialize, Serialize};
 use tokio::{
@@ -14,16 +14,19 @@ use tokio::{
     task::JoinHandle,
 };
 
-use crate::link::LinkError;
+use crate::link::{
+    LinkError,
+    ros::{Kept, Publish, Publisher, Subscribe, Subscriber, Topics},
+};
 
 /// What errors call it.
 const OVER: &str = "ROS 1";
 
-/// How many messages are kept for those who are slow.
+/// How many messages are kept for subscribers that are slow.
 const QUEUE: usize = 100;
 
-/// How a node joins the network. Its own name in it comes from `ROS_HOSTNAME` or `ROS_IP`, as for every
-/// node of ROS 1.
+/// How a node joins the network. Its own name in it comes from `ROS_HOSTNAME` or `ROS_IP`, as for
+/// every node of ROS 1.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Ros1Config {
@@ -39,29 +42,29 @@ impl Default for Ros1Config {
 }
 
 /// A node that has joined. What serves it runs on a thread of its own, which ends with it.
-pub(super) struct Joined {
+pub(super) struct Node {
     // Before the runtime that it needs for its farewell to the master.
     node: Option<NodeHandle>,
     runtime: Option<Runtime>,
 }
 
-/// A topic that is spoken on, with its name for errors.
-pub(super) struct Speaker<M>(Publisher<M>, String);
+/// A topic that the master knows of, with its name for errors.
+struct Advertised<M>(roslibrust::ros1::Publisher<M>, String);
 
-/// A topic that is to be spoken on as soon as the master has answered, with its name for errors.
-pub(super) enum Announced<M> {
-    Asked(JoinHandle<Result<Publisher<M>, NodeError>>, String),
-    Open(Speaker<M>),
+/// A topic that is published on as soon as the master has answered, with its name for errors.
+enum Pending<M> {
+    Requested(JoinHandle<Result<roslibrust::ros1::Publisher<M>, NodeError>>, String),
+    Open(Advertised<M>),
 }
 
-/// A topic that is listened to, with its name for errors.
-pub(super) struct Listener<M>(Subscriber<M>, String);
+/// A topic that is subscribed to, with its name for errors.
+struct Subscribed<M>(roslibrust::ros1::Subscriber<M>, String);
 
 fn open(what: &str, reason: impl std::fmt::Display) -> LinkError {
     LinkError::Open { over: OVER, what: what.to_owned(), reason: reason.to_string() }
 }
 
-impl Joined {
+impl Node {
     /// Joins as a node of this name; waits for the master's answer.
     pub(super) fn join(config: &Ros1Config, name: &str) -> Result<Self, LinkError> {
         let mut building = Builder::new_multi_thread();
@@ -78,40 +81,30 @@ impl Joined {
     fn parts(&self) -> Result<(&NodeHandle, &Runtime), LinkError> {
         self.node.as_ref().zip(self.runtime.as_ref()).ok_or_else(|| open("a topic", "it has left"))
     }
+}
 
-    /// Announces a topic; `latched` is kept for those who come late.
-    pub(super) fn speaker<M: RosMessageType>(
-        &self,
-        topic: &str,
-        latched: bool,
-    ) -> Result<Speaker<M>, LinkError> {
+impl<M: RosMessageType> Topics<M> for Node {
+    fn publisher(&mut self, topic: &str, kept: Kept) -> Result<Publisher<M>, LinkError> {
         let (node, runtime) = self.parts()?;
-        let made = runtime.block_on(node.advertise::<M>(topic, QUEUE, latched));
-        Ok(Speaker(made.map_err(|error| open(topic, error))?, topic.to_owned()))
+        let made = runtime.block_on(node.advertise::<M>(topic, QUEUE, kept == Kept::Last));
+        Ok(Box::new(Advertised(made.map_err(|error| open(topic, error))?, topic.to_owned())))
     }
 
-    /// Announces a topic, latched, without waiting for the master: that would hold up the one who asks.
-    pub(super) fn announce<M: RosMessageType>(
-        &self,
-        topic: &str,
-    ) -> Result<Announced<M>, LinkError> {
+    fn late_publisher(&mut self, topic: &str) -> Result<Publisher<M>, LinkError> {
         let (node, runtime) = self.parts()?;
         let (node, name) = (node.clone(), topic.to_owned());
-        let asked = runtime.spawn(async move { node.advertise::<M>(&name, QUEUE, true).await });
-        Ok(Announced::Asked(asked, topic.to_owned()))
+        let requested = runtime.spawn(async move { node.advertise::<M>(&name, QUEUE, true).await });
+        Ok(Box::new(Pending::Requested(requested, topic.to_owned())))
     }
 
-    pub(super) fn listener<M: RosMessageType>(
-        &self,
-        topic: &str,
-    ) -> Result<Listener<M>, LinkError> {
+    fn subscriber(&mut self, topic: &str, _: usize) -> Result<Subscriber<M>, LinkError> {
         let (node, runtime) = self.parts()?;
         let made = runtime.block_on(node.subscribe::<M>(topic, QUEUE));
-        Ok(Listener(made.map_err(|error| open(topic, error))?, topic.to_owned()))
+        Ok(Box::new(Subscribed(made.map_err(|error| open(topic, error))?, topic.to_owned())))
     }
 }
 
-impl Drop for Joined {
+impl Drop for Node {
     fn drop(&mut self) {
         self.node = None;
         if let Some(runtime) = self.runtime.take() {
@@ -132,36 +125,36 @@ fn failed(topic: &str, reason: impl std::fmt::Display) -> LinkError {
     LinkError::Message { over: OVER, what: topic.to_owned(), reason: reason.to_string() }
 }
 
-impl<M: RosMessageType> Announced<M> {
-    /// Says it if the master has answered. After an error it has to be announced anew.
-    pub(super) fn say(&mut self, message: &M) -> Result<(), LinkError> {
-        if let Self::Asked(asked, topic) = self
-            && let Some(answer) = now(asked)
+impl<M: RosMessageType> Publish<M> for Pending<M> {
+    fn publish(&mut self, message: M) -> Result<(), LinkError> {
+        if let Self::Requested(requested, topic) = self
+            && let Some(answer) = now(requested)
         {
             let made = answer.map_err(|error| open(topic, error))?;
             let made = made.map_err(|error| open(topic, error))?;
-            *self = Self::Open(Speaker(made, std::mem::take(topic)));
+            *self = Self::Open(Advertised(made, std::mem::take(topic)));
         }
         match self {
-            Self::Asked(..) => Ok(()),
-            Self::Open(speaker) => speaker.say(message),
+            Self::Requested(..) => Ok(()),
+            Self::Open(advertised) => advertised.publish(message),
         }
     }
 }
 
-impl<M: RosMessageType> Speaker<M> {
-    pub(super) fn say(&self, message: &M) -> Result<(), LinkError> {
-        // It is put into a queue, or nobody listens.
-        now(self.0.publish(message)).map_or(Ok(()), |said| said.map_err(|e| failed(&self.1, e)))
+impl<M: RosMessageType> Publish<M> for Advertised<M> {
+    fn publish(&mut self, message: M) -> Result<(), LinkError> {
+        // It is put into a queue, or nobody has subscribed.
+        let published = now(self.0.publish(&message));
+        published.map_or(Ok(()), |done| done.map_err(|error| failed(&self.1, error)))
     }
 }
 
-impl<M: RosMessageType> Listener<M> {
-    pub(super) fn hear(&mut self) -> Result<Option<M>, LinkError> {
+impl<M: RosMessageType> Subscribe<M> for Subscribed<M> {
+    fn take(&mut self) -> Result<Option<M>, LinkError> {
         match now(self.0.next()) {
             None => Ok(None),
             Some(Some(Ok(message))) => Ok(Some(message)),
-            // Among them: some were lost because nobody asked, and will be said again.
+            // Among them: some were lost because they were not taken in time, and will be repeated.
             Some(Some(Err(error))) => Err(failed(&self.1, error)),
             Some(None) => Err(failed(&self.1, "the node has left")),
         }

@@ -1,5 +1,5 @@
-//! What ROS 1 calls the messages: their names, definitions and MD5 sums, by which nodes make sure that
-//! they mean the same.
+//! What ROS 1 calls the messages: their names, definitions and MD5 sums, by which nodes make sure
+//! that they mean the same.
 
 use roslibrust::{MessageDescriptor, RosMessageType};
 
@@ -102,7 +102,7 @@ described!(
 described!(
     Reception,
     "foxhunt_msgs/Reception",
-    "c7396a3524900eb7d05b5c7ee6184799",
+    "07c7ec36ffa9e010c4013b2ba67a5817",
     concat!(include_str!("../../../ros/foxhunt_msgs/msg/Reception.msg"), header!(), point!())
 );
 described!(

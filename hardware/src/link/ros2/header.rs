@@ -2,7 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::link::{
     LinkError, UnixTime,
-    ros::{FRAME, RosHeader},
+    ros::{FRAME, RosHeader, seconds},
 };
 
 /// `std_msgs/msg/Header`.
@@ -15,11 +15,8 @@ pub(super) struct Header {
 
 impl RosHeader for Header {
     fn at(moment: UnixTime) -> Result<Self, LinkError> {
-        let UnixTime { sec, nanosec } = moment;
-        let told = i32::try_from(sec);
-        let sec =
-            told.map_err(|_| LinkError::Value { field: "stamp.sec", value: sec.to_string() })?;
-        Ok(Self { sec, nanosec, frame_id: FRAME.to_owned() })
+        let sec = seconds("stamp.sec", moment)?;
+        Ok(Self { sec, nanosec: moment.nanosec, frame_id: FRAME.to_owned() })
     }
 
     fn moment(&self) -> UnixTime {

@@ -1,11 +1,16 @@
 use ros2_client::{
-    Context, ContextOptions, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher,
-    QosProfile, Subscription, WriteError,
+    Context, ContextOptions, MessageTypeName, Name, NodeName, NodeOptions, QosProfile,
+    Subscription, WriteError,
+    dds::rustdds::Topic,
     qos::{Durability, History, WhenFull},
 };
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-use crate::link::LinkError;
+use super::Header;
+use crate::link::{
+    LinkError,
+    ros::{self, Kept, Publish, Publisher, Subscribe, Subscriber, Topics},
+};
 
 /// What errors call it.
 const OVER: &str = "ROS 2";
@@ -18,34 +23,47 @@ pub struct Ros2Config {
     pub domain_id: u16,
 }
 
-/// What is kept for those who come late.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kept {
-    /// Nothing; so many messages for those who are slow.
-    Nothing(usize),
-    /// The last message.
-    Last,
+/// The type of a message, by its package and its name there.
+pub(super) trait RosMessage: Serialize + DeserializeOwned + Send + 'static {
+    const PACKAGE: &'static str;
+    const NAME: &'static str;
+}
+
+macro_rules! messages {
+    ($($package:literal: $($message:ident),+;)+) => {
+        $($(impl RosMessage for ros::$message<Header> {
+            const PACKAGE: &'static str = $package;
+            const NAME: &'static str = stringify!($message);
+        })+)+
+    };
+}
+
+messages! {
+    "geometry_msgs": PoseStamped, PoseWithCovarianceStamped;
+    "nav_msgs": Path;
+    "diagnostic_msgs": DiagnosticArray;
+    "foxhunt_msgs": Reception, Order, Status;
 }
 
 /// A node that has joined.
-pub(super) struct Opened {
-    node: Node,
+pub(super) struct Node {
+    node: ros2_client::Node,
     /// The node lives no longer than this.
     _context: Context,
 }
 
-/// A topic that is spoken on, with its name for errors.
-pub(super) struct Speaker<M: Serialize>(Publisher<M>, String);
+/// A topic that is published on, with its name for errors.
+struct Published<M: Serialize>(ros2_client::Publisher<M>, String);
 
-/// A topic that is listened to, with its name for errors.
-pub(super) struct Listener<M: 'static>(Subscription<M>, String);
+/// A topic that is subscribed to, with its name for errors.
+struct Subscribed<M: 'static>(Subscription<M>, String);
 
 fn cannot(what: &str) -> impl FnOnce(Reason) -> LinkError {
     let what = what.to_owned();
     move |Reason(reason)| LinkError::Open { over: OVER, what, reason }
 }
 
-/// Whatever was said.
+/// Why something could not be made.
 struct Reason(String);
 
 impl<E: std::fmt::Display> From<E> for Reason {
@@ -54,7 +72,7 @@ impl<E: std::fmt::Display> From<E> for Reason {
     }
 }
 
-impl Opened {
+impl Node {
     /// Joins as a node of this name.
     pub(super) fn join(config: Ros2Config, name: &str) -> Result<Self, LinkError> {
         let joined = || -> Result<Self, Reason> {
@@ -66,31 +84,32 @@ impl Opened {
         joined().map_err(cannot(&format!("the node {name}")))
     }
 
-    pub(super) fn speaker<M: Serialize>(
-        &mut self,
-        topic: &str,
-        kind: (&str, &str),
-        kept: Kept,
-    ) -> Result<Speaker<M>, LinkError> {
+    fn topic<M: RosMessage>(&mut self, topic: &str, qos: &QosProfile) -> Result<Topic, Reason> {
+        let kind = MessageTypeName::new(M::PACKAGE, M::NAME);
+        Ok(self.node.create_topic(&name(topic)?, kind, qos)?)
+    }
+}
+
+impl<M: RosMessage> Topics<M> for Node {
+    fn publisher(&mut self, topic: &str, kept: Kept) -> Result<Publisher<M>, LinkError> {
         let mut make = || -> Result<_, Reason> {
-            let made = self.node.create_topic(&name(topic)?, kind_of(kind), &quality(kept))?;
+            let made = self.topic::<M>(topic, &quality(kept))?;
             Ok(self.node.create_publisher(&made, None)?)
         };
-        Ok(Speaker(make().map_err(cannot(topic))?, topic.to_owned()))
+        Ok(Box::new(Published(make().map_err(cannot(topic))?, topic.to_owned())))
     }
 
-    pub(super) fn listener<M: DeserializeOwned + 'static>(
-        &mut self,
-        topic: &str,
-        kind: (&str, &str),
-        depth: usize,
-    ) -> Result<Listener<M>, LinkError> {
+    fn late_publisher(&mut self, topic: &str) -> Result<Publisher<M>, LinkError> {
+        // Nothing of DDS waits for the network.
+        self.publisher(topic, Kept::Last)
+    }
+
+    fn subscriber(&mut self, topic: &str, depth: usize) -> Result<Subscriber<M>, LinkError> {
         let mut make = || -> Result<_, Reason> {
-            let quality = quality(Kept::Nothing(depth));
-            let made = self.node.create_topic(&name(topic)?, kind_of(kind), &quality)?;
+            let made = self.topic::<M>(topic, &quality(Kept::Queue(depth)))?;
             Ok(self.node.create_subscription(&made, None)?)
         };
-        Ok(Listener(make().map_err(cannot(topic))?, topic.to_owned()))
+        Ok(Box::new(Subscribed(make().map_err(cannot(topic))?, topic.to_owned())))
     }
 }
 
@@ -99,15 +118,11 @@ fn name(topic: &str) -> Result<Name, Reason> {
     Ok(Name::new(if space.is_empty() { "/" } else { space }, base)?)
 }
 
-fn kind_of((package, message): (&str, &str)) -> MessageTypeName {
-    MessageTypeName::new(package, message)
-}
-
 fn quality(kept: Kept) -> QosProfile {
-    // What does not go out now is said again.
+    // What does not go out now is repeated.
     let qos = QosProfile::publisher_default().reliability_reliable(WhenFull::Fail);
     match kept {
-        Kept::Nothing(depth) => {
+        Kept::Queue(depth) => {
             qos.durability(Durability::Volatile).history(History::KeepLast { depth })
         }
         Kept::Last => {
@@ -116,26 +131,24 @@ fn quality(kept: Kept) -> QosProfile {
     }
 }
 
-impl<M: Serialize> Speaker<M> {
-    pub(super) fn say(&self, message: M) -> Result<(), LinkError> {
+impl<M: RosMessage> Publish<M> for Published<M> {
+    fn publish(&mut self, message: M) -> Result<(), LinkError> {
         match self.0.publish(message) {
             Ok(()) | Err(WriteError::WouldBlock { .. }) => Ok(()),
-            Err(error) => {
-                let (what, reason) = (self.1.clone(), error.to_string());
-                Err(LinkError::Message { over: OVER, what, reason })
-            }
+            Err(error) => Err(failed(&self.1, error)),
         }
     }
 }
 
-impl<M: DeserializeOwned + 'static> Listener<M> {
-    pub(super) fn hear(&self) -> Result<Option<M>, LinkError> {
+impl<M: RosMessage> Subscribe<M> for Subscribed<M> {
+    fn take(&mut self) -> Result<Option<M>, LinkError> {
         match self.0.take() {
             Ok(taken) => Ok(taken.map(|(message, _)| message)),
-            Err(error) => {
-                let (what, reason) = (self.1.clone(), error.to_string());
-                Err(LinkError::Message { over: OVER, what, reason })
-            }
+            Err(error) => Err(failed(&self.1, error)),
         }
     }
+}
+
+fn failed(topic: &str, reason: impl std::fmt::Display) -> LinkError {
+    LinkError::Message { over: OVER, what: topic.to_owned(), reason: reason.to_string() }
 }

@@ -103,7 +103,8 @@ fn rounded(degrees: f64) -> f64 {
     libm::round(degrees * 1e9) / 1e9
 }
 
-/// A turn of (line, degrees, dB), rising or falling, with or without its first row at the end again.
+/// A turn of (line, degrees, dB), rising or falling, with or without its first row at the end
+/// again.
 fn turn(mut rows: Vec<(usize, f64, f64)>, last: usize) -> Result<PatternTable, PatternFileError> {
     in_order(rows.iter().map(|(line, angle, _)| (*line, *angle)))?;
     if let [(_, from, first), .., (line, to, gain)] = rows[..] {

@@ -1,5 +1,5 @@
 use super::{Antenna, decibels, direction};
-use crate::{ParameterError, parameter};
+use foxhunt_core::parameter::{self, ParameterError};
 
 /// A dipole or a sensing antenna over a loop: the field (1 + b cos ψ) / (1 + b) at the angle ψ from
 /// boresight, a limaçon; with b = 1 the cardioid (Jenkins 1991, §3.4).

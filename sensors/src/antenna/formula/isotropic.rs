@@ -1,6 +1,6 @@
 use super::Antenna;
 
-/// An antenna that hears alike from everywhere: 0 dBi.
+/// An antenna that has the same gain in all directions: 0 dBi.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Isotropic;
 

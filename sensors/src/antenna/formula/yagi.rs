@@ -1,16 +1,16 @@
 use core::f64::consts::{PI, TAU};
 
 use super::{Antenna, back_lobe, decibels, direction, half_wave_dipole, mean_over_sphere};
-use crate::{ParameterError, parameter};
+use foxhunt_core::parameter::{self, ParameterError};
 
 /// A Yagi of vertical half-wave elements, as the end-fire array of raised directivity that its
 /// surface wave makes of it (Hansen & Woodyard 1938; Balanis 2016, §6.3.4 and §10.3.3).
 ///
 /// n elements at the spacing d, fed with the phase −(k d + π/n) from one to the next: the field
-/// sin(n ψ/2) / sin(ψ/2) with ψ = k d (cos γ − 1) − π/n at the angle γ from boresight, times that of
-/// a dipole, with the back lobe of [`Patch`](crate::Patch). Lossless: its gain is its directivity.
-/// Cut off 60 dB below the maximum. Against NEC models with three and five elements it errs by 3°
-/// of beamwidth and 1.0 dB of gain at most.
+/// sin(n ψ/2) / sin(ψ/2) with ψ = k d (cos γ − 1) − π/n at the angle γ from boresight,
+/// times that of a dipole, with the back lobe of [`Patch`](crate::Patch). Lossless: its gain is its
+/// directivity. Cut off 60 dB below the maximum. Against NEC models with three and five elements it
+/// errs by 3° of beamwidth and 1.0 dB of gain at most.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Yagi {
     elements: f64,
@@ -34,7 +34,7 @@ impl Yagi {
         front_to_back_db: f64,
     ) -> Result<Self, ParameterError> {
         let holds = (3..=64).contains(&elements);
-        let elements = parameter::require_count(holds, "elements", elements, "3 to 64")?;
+        parameter::require(holds, "elements", elements.into(), "3 to 64")?;
         // At wider spacings the array has a second main lobe behind.
         let holds = spacing_wavelengths > 0.0 && spacing_wavelengths <= 0.3;
         let requirement = "above 0, at most 0.3";

@@ -15,16 +15,17 @@ pub enum LearnPatternError {
         value: f64,
     },
     /// There are too few directions to fit anything to.
-    #[error("{directions} directions were heard; at least {needed} are needed")]
+    #[error("{directions} directions have readings; at least {needed} are needed")]
     TooFew {
         /// How many positions with a reading there are in all turns together.
         directions: usize,
         /// How many are needed.
         needed: usize,
     },
-    /// Too wide a sector was never heard in any of the turns.
+    /// Too wide a sector has no reading in any of the turns.
     #[error(
-        "nothing was heard over {gap_deg:.1}° off boresight on; at most {limit_deg:.1}° may be missing"
+        "no readings over {gap_deg:.1}° off boresight on; at most {limit_deg:.1}° may be \
+         missing"
     )]
     Gap {
         /// How wide the widest sector without a reading is, in degrees.

@@ -47,13 +47,13 @@ const WIDEST_GAP: f64 = PI / 3.0;
 ///
 /// # Errors
 ///
-/// [`LearnPatternError`] where a number is not finite, too little of the circle was heard, or the
-/// turns show no direction.
+/// [`LearnPatternError`] where a number is not finite, too little of the circle was received, or
+/// the turns show no direction.
 pub fn learn_pattern(turns: &[(Sweep<'_>, f64)]) -> Result<LearnedPattern, LearnPatternError> {
     let mut directions = Vec::new();
     for (turn, (sweep, bearing)) in turns.iter().enumerate() {
         let before = directions.len();
-        heard(turn, sweep, *bearing, &mut directions)?;
+        measured(turn, sweep, *bearing, &mut directions)?;
         // A turn has a level of its own, so that few positions of it tell nothing of the shape.
         if directions.len() - before < FEWEST_OF_TURN {
             directions.truncate(before);
@@ -86,7 +86,7 @@ pub fn learn_pattern(turns: &[(Sweep<'_>, f64)]) -> Result<LearnedPattern, Learn
 }
 
 /// Adds each position of a turn with its mean level and direction.
-fn heard(
+fn measured(
     turn: usize,
     sweep: &Sweep<'_>,
     bearing: f64,

@@ -2,7 +2,7 @@ use alloc::vec::Vec;
 
 use nalgebra::{DMatrix, DVector};
 
-/// One direction that was heard in one turn.
+/// One direction that was received in one turn.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Direction {
     /// Of the transmitter, in radians counter-clockwise of the boresight.
@@ -48,7 +48,8 @@ impl Series {
                 design[(i, j)] = value;
             }
         }
-        // Regressors about their turns' means stand for the turns' own levels (Frisch & Waugh 1933).
+        // Regressors about their turns' means stand for the turns' own levels (Frisch & Waugh
+        // 1933).
         for mut column in design.column_iter_mut() {
             centre(directions, turns, |i| column[i])
                 .into_iter()

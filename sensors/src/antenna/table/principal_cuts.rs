@@ -6,8 +6,8 @@ use super::{Antenna, PatternTable, linear};
 /// their k = 2): G = (w₁ H + w₂ V) / √(w₁² + w₂²), w₁ = v (1 − h), w₂ = h (1 − v), with H and V the
 /// cuts relative to the maximum in dB and h and v the same as factors of power. On either cut it is
 /// that cut, where they agree that the maximum lies. Of the vertical cut the half before the
-/// antenna enters. For two antennas of which the whole pattern is known (NEC models of a panel and a
-/// five-element Yagi) it errs by 0.6 and 2.0 dB rms over the front half of the sphere, by 3.2 and
+/// antenna enters. For two antennas of which the whole pattern is known (NEC models of a panel and
+/// a five-element Yagi) it errs by 0.6 and 2.0 dB rms over the front half of the sphere, by 3.2 and
 /// 5.5 dB over all of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrincipalCuts {

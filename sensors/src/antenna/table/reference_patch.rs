@@ -16,8 +16,8 @@ impl PatternTable {
     }
 }
 
-/// The linear gain ((1 + cos a)/2)^7.3 + 10^−1.7 ((1 − cos a)/2)³ + 10^−1.85 × two von Mises side lobes
-/// at ±105° (κ = 10, peak 1), in dB.
+/// The linear gain ((1 + cos a)/2)^7.3 + 10^−1.7 ((1 − cos a)/2)³ + 10^−1.85 × two von
+/// Mises side lobes at ±105° (κ = 10, peak 1), in dB.
 fn gain_db(a: f64) -> f64 {
     const SIDE: f64 = 105.0 / 360.0 * TAU;
     let cos = libm::cos(a);

@@ -25,9 +25,9 @@ pub struct StationBurst {
 pub struct StationFit {
     /// The pattern, ready to take bearings with.
     pub pattern: StationPattern,
-    /// Half the 95 % interval of each boresight in radians: a jackknife over the groups, or over ten
-    /// runs of consecutive bursts where there are fewer than three, with Student's t. Bursts of one
-    /// walk share their reflections; to take each for itself would promise too much.
+    /// Half the 95 % interval of each boresight in radians: a jackknife over the groups, or over
+    /// ten runs of consecutive bursts where there are fewer than three, with Student's t. Bursts of
+    /// one walk share their reflections; to take each for itself would promise too much.
     pub boresight_half_intervals: Vec<f64>,
     /// The group of each burst, counted from 0.
     pub groups: Vec<usize>,
@@ -41,9 +41,9 @@ pub struct StationFit {
 ///
 /// The level of each burst is free. Residuals have the tails of a Student's t; antennas that heard
 /// nothing take part as powers below the floor, imputed by expectation and maximisation (Dempster,
-/// Laird & Rubin 1977). `recorded` are the antennas' boresights as recordings have them, in radians;
-/// they name the antennas and are not believed: each starts where bursts that it heard best come
-/// from.
+/// Laird & Rubin 1977). `recorded` are the antennas' boresights as recordings have them, in
+/// radians; they name the antennas and are not believed: each starts where bursts that it heard
+/// best come from.
 ///
 /// # Errors
 ///
@@ -140,7 +140,7 @@ fn fit(recorded: &[f64], bursts: &[&StationBurst]) -> Result<StationPattern, Cal
         let mut terms: Vec<Vec<Term>> = vec![Vec::with_capacity(bursts.len()); recorded.len()];
         let (mut squares, mut freedom) = (0.0, 0.0);
         for (burst, level) in bursts.iter().zip(&mut levels) {
-            let (mut sum, mut weights, mut heard) = (0.0, 0.0, 0.0);
+            let (mut sum, mut weights, mut measured) = (0.0, 0.0, 0.0);
             let mut own = Vec::with_capacity(recorded.len());
             for (antenna, reading) in burst.readings_dbm.iter().enumerate().take(recorded.len()) {
                 let gain = shape.gain(antenna, burst.truth);
@@ -151,13 +151,13 @@ fn fit(recorded: &[f64], bursts: &[&StationBurst]) -> Result<StationPattern, Cal
                 sum += weight * (value - gain);
                 weights += weight;
                 if reading.is_some() {
-                    heard += 1.0;
+                    measured += 1.0;
                     squares += weight * (value - expected) * (value - expected);
                 }
                 own.push((value, weight));
             }
             *level = sum / weights;
-            freedom += (heard - 1.0_f64).max(0.0);
+            freedom += (measured - 1.0_f64).max(0.0);
             for (terms, (value, weight)) in terms.iter_mut().zip(own) {
                 let rest_db = value - *level;
                 terms.push(Term { direction: burst.truth, rest_db, weight });
@@ -178,7 +178,7 @@ fn fit(recorded: &[f64], bursts: &[&StationBurst]) -> Result<StationPattern, Cal
                 let shape = &shape;
                 burst.readings_dbm.iter().enumerate().map(move |(antenna, reading)| {
                     let expected = level + shape.gain(antenna, burst.truth);
-                    reading.map_or(Chance::Silent(expected), Chance::Heard)
+                    reading.map_or(Chance::Silent(expected), Chance::Received)
                 })
             });
             floor = floor.fitted(chances, scale);
@@ -190,8 +190,8 @@ fn fit(recorded: &[f64], bursts: &[&StationBurst]) -> Result<StationPattern, Cal
         .map_err(CalibrationError::Station)
 }
 
-/// Where each antenna's best bursts come from: the mean direction of those that it heard more of than
-/// any other; where it says that it looks if there are none.
+/// Where each antenna's best bursts come from: the mean direction of those that it heard more of
+/// than any other; where it says that it looks if there are none.
 fn start(recorded: &[f64], bursts: &[&StationBurst]) -> Vec<f64> {
     let mut best = vec![Resultant::default(); recorded.len()];
     for burst in bursts {

@@ -1,6 +1,6 @@
 use crate::extractor::{LOST, normal_cdf};
 
-/// The receivers' floor: where half the bursts are heard, and over how many dB that goes.
+/// The receivers' floor: where half the bursts are received, and over how many dB that goes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Floor {
     pub(super) dbm: f64,
@@ -10,13 +10,13 @@ pub(super) struct Floor {
 /// What an antenna read, or the power that it should have read and did not.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Chance {
-    Heard(f64),
+    Received(f64),
     Silent(f64),
 }
 
 impl Floor {
-    /// What was not heard is expected this far below the power that a Gaussian of `sigma_db` about
-    /// `expected` has without a floor.
+    /// What was not received is expected this far below the power that a Gaussian of `sigma_db`
+    /// about `expected` has without a floor.
     pub(super) fn imputed(&self, expected: f64, sigma_db: f64) -> f64 {
         let spread = libm::hypot(self.width_db, sigma_db);
         let x = (self.dbm - expected) / spread;
@@ -31,7 +31,7 @@ impl Floor {
         expected - (1.0 - lost) * sigma_db * sigma_db / spread * hazard
     }
 
-    /// The floor under which what was and was not heard is most likely (Tobin 1958, with a floor
+    /// The floor under which what was and was not received is most likely (Tobin 1958, with a floor
     /// that is not sharp).
     pub(super) fn fitted(
         self,
@@ -40,7 +40,7 @@ impl Floor {
     ) -> Self {
         let log_likelihood = |floor: &Self| -> f64 {
             let one = |chance| match chance {
-                Chance::Heard(reading) => {
+                Chance::Received(reading) => {
                     libm::log(normal_cdf((reading - floor.dbm) / floor.width_db).max(1e-300))
                 }
                 Chance::Silent(expected) => {

@@ -8,12 +8,12 @@ use crate::{StationAntenna, extractor::lobe_db};
 /// How many harmonics over the circle the site is given.
 pub(super) const HARMONICS: usize = 5;
 
-/// The σ of harmonic k before anything was heard is this over k, in dB: what reflections of a
+/// The σ of harmonic k before anything was received is this over k, in dB: what reflections of a
 /// few dB make of lobes that are wider than they.
 const SITE_SIGMA_DB: f64 = 2.0;
 
-/// Before anything was heard: boresights within 30° of where they start, gains within 3 dB of each
-/// other, a beamwidth of 60° within a factor of 1.6, a front-to-back ratio of 15 ± 6 dB.
+/// Before anything was received: boresights within 30° of where they start, gains within 3 dB of
+/// each other, a beamwidth of 60° within a factor of 1.6, a front-to-back ratio of 15 ± 6 dB.
 const BORESIGHT_SIGMA: f64 = 0.52;
 const GAIN_SIGMA_DB: f64 = 3.0;
 const BEAMWIDTH: f64 = 1.05;
@@ -129,7 +129,7 @@ impl Shape {
     }
 
     /// What each antenna's readings still show over the direction goes into its Fourier series,
-    /// drawn to nothing where little was heard.
+    /// drawn to nothing where little was received.
     pub(super) fn learn_site(&mut self, terms: &[Vec<Term>], variance: f64) {
         const SIZE: usize = 2 * HARMONICS;
         for (index, terms) in terms.iter().enumerate() {

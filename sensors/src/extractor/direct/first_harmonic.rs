@@ -3,22 +3,19 @@ use core::f64::consts::{FRAC_PI_4, TAU};
 
 use foxhunt_core::{
     Bearing, BearingExtractor, BearingModes, NoBearing, NoReading, Reading, Sweep, angle,
+    parameter::{ParameterError, positive},
 };
 
-use crate::{
-    ParameterError,
-    extractor::{Pattern, likelihood::Looks, resultant_confidence},
-    parameter::positive,
-};
+use crate::extractor::{Pattern, likelihood::Looks, resultant_confidence};
 
 /// The direction of the first harmonic of the turn: the vector sum of the boresights, each with the
 /// power that was received along it, or with its level in dB about the mean.
 ///
-/// Each boresight stands for its arc, half the way to either neighbour, so that what was not heard
-/// is interpolated. σ follows from the readings' scatter by the delta method, and from the arcs that
-/// are too wide to be interpolated over. It does not know of reflections: only an antenna that is
-/// known tells them from a lobe. The level is the mean over the arcs in dB; the confidence is
-/// [`resultant_confidence`].
+/// Each boresight stands for its arc, half the way to either neighbour, so that what was not
+/// received is interpolated. σ follows from the readings' scatter by the delta method, and from
+/// the arcs that are too wide to be interpolated over. It does not know of reflections: only an
+/// antenna that is known tells them from a lobe. The level is the mean over the arcs in dB; the
+/// confidence is [`resultant_confidence`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FirstHarmonic {
     decibels: bool,
@@ -27,8 +24,8 @@ pub struct FirstHarmonic {
     max_sigma: f64,
 }
 
-/// In linear power; readings of 2 dB where a turn does not show their scatter, a level's σ of 7.9 dB,
-/// bearings up to 1 rad of σ.
+/// In linear power; readings of 2 dB where a turn does not show their scatter, a level's σ of 7.9
+/// dB, bearings up to 1 rad of σ.
 impl Default for FirstHarmonic {
     fn default() -> Self {
         Self { decibels: false, sample_sigma_db: 2.0, rss_sigma_db: 7.9, max_sigma: 1.0 }
@@ -51,7 +48,7 @@ impl FirstHarmonic {
         Self { decibels: true, ..Self::default() }
     }
 
-    /// The same with another standard deviation of the level, in dB.
+    /// Sets another standard deviation of the level, in dB.
     ///
     /// # Errors
     ///
@@ -77,8 +74,8 @@ impl FirstHarmonic {
         confidence: f64,
     ) -> Result<Bearing, NoBearing> {
         if around.len() < usize::from(FEWEST) {
-            let heard = u16::try_from(around.len()).unwrap_or(0);
-            return Err(NoBearing::TooSparse { heard, needed: FEWEST });
+            let measured = u16::try_from(around.len()).unwrap_or(0);
+            return Err(NoBearing::TooSparse { measured, needed: FEWEST });
         }
         let top = around.iter().map(|arc| arc.mean_dbm).fold(f64::NEG_INFINITY, f64::max);
         let value = |arc: &Arc| {

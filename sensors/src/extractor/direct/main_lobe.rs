@@ -1,14 +1,11 @@
 use foxhunt_core::{
     Bearing, BearingExtractor, BearingModes, NoBearing, NoReading, Reading, Sweep,
     angle::{self, Resultant},
+    parameter::{ParameterError, positive, require},
 };
 use nalgebra::{Matrix3, Vector3};
 
-use crate::{
-    ParameterError,
-    extractor::{Cell, Pattern, likelihood::Looks, resultant_confidence},
-    parameter::{positive, require},
-};
+use crate::extractor::{Cell, Pattern, likelihood::Looks, resultant_confidence};
 
 /// The top of the parabola in dB that fits the readings about the maximum best: a lobe that is
 /// Gaussian in power is one.
@@ -25,8 +22,8 @@ pub struct MainLobeFit {
     max_sigma: f64,
 }
 
-/// 40° to either side: the main lobe of a patch to 4 dB below its top; readings of 2 dB where a turn
-/// does not show their scatter, a level's σ of 7.9 dB, bearings up to 1 rad of σ.
+/// 40° to either side: the main lobe of a patch to 4 dB below its top; readings of 2 dB where a
+/// turn does not show their scatter, a level's σ of 7.9 dB, bearings up to 1 rad of σ.
 impl Default for MainLobeFit {
     fn default() -> Self {
         let half_width = 40.0_f64.to_radians();
@@ -55,7 +52,7 @@ impl MainLobeFit {
         Ok(Self { half_width, ..self })
     }
 
-    /// The same with another standard deviation of the level, in dB.
+    /// Sets another standard deviation of the level, in dB.
     ///
     /// # Errors
     ///
@@ -100,16 +97,17 @@ impl MainLobeFit {
                 (off.abs() <= self.half_width).then_some((off, look))
             })
         };
-        let (mut normal, mut pull, mut heard) = (Matrix3::zeros(), Vector3::zeros(), 0_u16);
+        let (mut normal, mut pull) = (Matrix3::zeros(), Vector3::zeros());
+        let mut measured = 0_u16;
         let reference = near().map(|(_, look)| look.mean_dbm).fold(f64::NEG_INFINITY, f64::max);
         for (off, look) in near() {
             let row = Vector3::new(1.0, off, off * off);
             normal += look.count * row * row.transpose();
             pull += look.count * (look.mean_dbm - reference) * row;
-            heard = heard.saturating_add(1);
+            measured = measured.saturating_add(1);
         }
-        let sparse = NoBearing::TooSparse { heard, needed: FEWEST };
-        if heard < FEWEST {
+        let sparse = NoBearing::TooSparse { measured, needed: FEWEST };
+        if measured < FEWEST {
             return Err(sparse);
         }
         let factor = normal.cholesky().ok_or(sparse)?;
@@ -125,7 +123,7 @@ impl MainLobeFit {
             let rest = look.mean_dbm - reference - fitted.dot(&Vector3::new(1.0, off, off * off));
             look.count * rest * rest
         };
-        let left = f64::from(heard) - 3.0;
+        let left = f64::from(measured) - 3.0;
         let scale = near().map(square).sum::<f64>() / left;
         // ∂top/∂(slope, bend).
         let gradient = Vector3::new(0.0, -0.5 / bend, 0.5 * slope / (bend * bend));

@@ -3,16 +3,13 @@ use alloc::vec::Vec;
 use foxhunt_core::{
     Bearing, BearingExtractor, BearingModes, NoBearing, NoReading, Reading, Sweep,
     angle::{self, Resultant},
+    parameter::{ParameterError, positive},
 };
 
-use crate::{
-    ParameterError,
-    extractor::{
-        Pattern,
-        likelihood::{Look, Looks},
-        resultant_confidence,
-    },
-    parameter::positive,
+use crate::extractor::{
+    Pattern,
+    likelihood::{Look, Looks},
+    resultant_confidence,
 };
 
 /// The boresight whose readings are the strongest on average (Isaacs et al. 2014, §II).
@@ -41,7 +38,7 @@ const FEWEST: usize = 4;
 const LEAST_RESULTANT: f64 = 1e-9;
 
 impl Maximum {
-    /// The same with another standard deviation of the level, in dB.
+    /// Sets another standard deviation of the level, in dB.
     ///
     /// # Errors
     ///
@@ -54,8 +51,8 @@ impl Maximum {
         let mut strongest: Vec<&Look> = looks.looks.iter().collect();
         if strongest.len() < FEWEST {
             let count = |number| u16::try_from(number).unwrap_or(u16::MAX);
-            let (heard, needed) = (count(strongest.len()), count(FEWEST));
-            return Err(NoBearing::TooSparse { heard, needed });
+            let (measured, needed) = (count(strongest.len()), count(FEWEST));
+            return Err(NoBearing::TooSparse { measured, needed });
         }
         strongest.sort_by(|a, b| b.mean_dbm.total_cmp(&a.mean_dbm));
         let count = (strongest.len() / SHARE).max(FEWEST);

@@ -1,6 +1,9 @@
 use alloc::vec::Vec;
 
-use foxhunt_core::{BearingExtractor, NoReading, Reading, Sweep};
+use foxhunt_core::{
+    BearingExtractor, NoReading, Reading, Sweep,
+    parameter::{ParameterError, not_negative, positive},
+};
 
 use super::{
     fit::{Fit, NODES, node_offset},
@@ -10,18 +13,15 @@ use super::{
     posterior::{Node, Peak, summit},
     read_out::{Limits, read_out},
 };
-use crate::{
-    Antenna, ParameterError,
-    parameter::{not_negative, positive},
-};
+use crate::Antenna;
 
-/// The bearing under which the readings in dB correlate best with the gain of a known antenna (cited
-/// in Isaacs et al. 2014, §II).
+/// The bearing under which the readings in dB correlate best with the gain of a known antenna
+/// (cited in Isaacs et al. 2014, §II).
 ///
 /// Over a whole turn this is the maximum-likelihood bearing. Where positions are missing it is not:
-/// the gain that was not heard is missing from the one side alone. σ is that of the readings'
-/// scatter, with residuals that exceed it or correlate, and of the bias that a perfect pattern would
-/// have over these boresights. The level is that of the fit.
+/// the gain that was not received is missing from the one side alone. σ is that of the readings'
+/// scatter, with residuals that exceed it or correlate, and of the bias that a perfect pattern
+/// would have over these boresights. The level is that of the fit.
 #[derive(Clone, Debug)]
 pub struct CrossCorrelation<A> {
     antenna: A,
@@ -34,15 +34,15 @@ const PRIOR_FREEDOM: f64 = 4.0;
 const FITTED: f64 = 2.0;
 
 impl<A: Antenna> CrossCorrelation<A> {
-    /// One for readings through `antenna` by beacons on the horizon; a level's σ of 7.9 dB, bearings
-    /// up to 1 rad of σ, from 8 boresights on.
+    /// One for readings through `antenna` by beacons on the horizon; a level's σ of 7.9 dB,
+    /// bearings up to 1 rad of σ, from 8 boresights on.
     #[must_use]
     pub fn new(antenna: A) -> Self {
         let table = GainTable::new(&antenna, 0.0);
         Self { antenna, table, limits: Limits::default() }
     }
 
-    /// The same with another σ of the level against a path-loss law, in dB.
+    /// Sets another σ of the level against a path-loss law, in dB.
     ///
     /// # Errors
     ///

@@ -5,8 +5,8 @@ use super::gain_table::GainTable;
 /// What diffuse reflections do to a pattern: along every boresight a signal's direct wave meets the
 /// sum of many weaker ones from all around, so that its power is Rician (Rice 1945).
 ///
-/// For a reflected amplitude `ratio` times the direct one, the reflected power is `ratio`² times the
-/// mean gain along every boresight; K is the direct power over it. The back of a pattern is all
+/// For a reflected amplitude `ratio` times the direct one, the reflected power is `ratio`² times
+/// the mean gain along every boresight; K is the direct power over it. The back of a pattern is all
 /// reflections, its main lobe hardly.
 #[derive(Clone, Debug)]
 pub(super) struct Fading {

@@ -43,7 +43,7 @@ impl<'a, A: Antenna> Fit<'a, A> {
     }
 
     /// The same turn's heard looks with other variances.
-    pub(super) fn heard(&self, variances: Vec<f64>) -> Self {
+    pub(super) fn measured(&self, variances: Vec<f64>) -> Self {
         Self { variances, looks: self.looks.clone(), silence: None, ..*self }
     }
 

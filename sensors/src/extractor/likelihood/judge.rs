@@ -51,7 +51,7 @@ const ONE_PATH: f64 = 2.0;
 const TWO_PATHS: f64 = 5.0;
 
 /// A single path that leaves no more than this of what the noise promises, and no correlation, is
-/// not asked for a second one: σ of a mean square over a hundred looks is 0.14.
+/// not requested a second one: σ of a mean square over a hundred looks is 0.14.
 const FITS: f64 = 1.2;
 
 /// Two paths are laid against the pattern of a level antenna. One that is tilted by more than this,
@@ -62,8 +62,8 @@ const STEEP: f64 = 0.14;
 const FEWEST: f64 = 16.0;
 
 /// Where one reflection was found there are others of an eighth of its amplitude, which leave
-/// 20 log₁₀ e / 8√2 = 0.77 dB for each unit of it; a dB left within the main lobe comes with an error
-/// of 0.078 rad.
+/// 20 log₁₀ e / 8√2 = 0.77 dB for each unit of it; a dB left within the main lobe comes with
+/// an error of 0.078 rad.
 const UNRESOLVED: f64 = 0.06;
 
 pub(super) fn reflection<A: Antenna>(
@@ -76,12 +76,12 @@ pub(super) fn reflection<A: Antenna>(
     let misfit = Misfit::new(fit, offset, &fit.residuals(offset, level), ONE_PATH);
     let few = fit.looks.len() < FEWEST;
     let fits = misfit.inflation() < FITS;
-    // Near the floor only the strongest readings are heard: they leave more than noise.
+    // Near the floor only the strongest readings are received: they leave more than noise.
     if few || fits || fit.looks.tilt > STEEP || fit.is_censored(offset, level) {
         let posterior = Posterior::new(&tempered(fit, single, misfit.inflation()));
         return Judged { posterior, residual_db: misfit.residual_db };
     }
-    let fit = &fit.heard(fit.variances.clone());
+    let fit = &fit.measured(fit.variances.clone());
     let two = TwoPaths { fit, amplitude };
     let found = two.search(offset, level);
     let Some(best) = found.first() else { return gaussian(fit) };
@@ -89,7 +89,7 @@ pub(super) fn reflection<A: Antenna>(
     match reflection::faded(fit, fadings, best.unknowns[BEARING], &residuals) {
         None => one_or_two(fit, amplitude, found),
         Some(variances) => {
-            let fit = fit.heard(variances);
+            let fit = fit.measured(variances);
             let two = TwoPaths { fit: &fit, amplitude };
             let found = two.search(offset, level);
             one_or_two(&fit, amplitude, found)

@@ -48,7 +48,7 @@ const SAME_LOOK: f64 = 0.0087;
 /// Below this an antenna is level, in radians.
 const LEVEL: f64 = 0.0175;
 
-/// Step of a receiver that tells whole dB: the variance of rounding is its square over 12
+/// Step of a receiver that reports whole dB: the variance of rounding is its square over 12
 /// (Sheppard 1898), and no spread of readings shows less of it.
 const ROUNDING_VARIANCE: f64 = 1.0 / 12.0;
 

@@ -1,6 +1,9 @@
 use alloc::vec::Vec;
 
-use foxhunt_core::{BearingExtractor, NoReading, Reading, Sweep};
+use foxhunt_core::{
+    BearingExtractor, NoReading, Reading, Sweep,
+    parameter::{ParameterError, not_negative, positive, require},
+};
 
 use super::{
     fading::Fading,
@@ -12,21 +15,18 @@ use super::{
     reflection,
     residuals::Residuals,
 };
-use crate::{
-    Antenna, ParameterError,
-    parameter::{not_negative, positive, require, require_count},
-};
+use crate::Antenna;
 
 /// The bearing and the level under which the readings are most likely, seen through an antenna
 /// whose gain is known.
 ///
 /// A reading is L + G(θ − φ) − Ḡ + noise: the level L that the turn has on average, the gain G over
-/// the angle between the bearing θ and the boresight φ, its mean Ḡ, all in dB. The level is free and
-/// profiled out; the posterior of the bearing under a uniform prior is reckoned over the whole turn
-/// and gives bearing, σ, level, their covariance, and the directions that compete.
+/// the angle between the bearing θ and the boresight φ, its mean Ḡ, all in dB. The level is
+/// free and profiled out; the posterior of the bearing under a uniform prior is reckoned over the
+/// whole turn and gives bearing, σ, level, their covariance, and the directions that compete.
 ///
 /// Readings are taken along their own boresight and through an antenna tilted like the body; what
-/// was not heard is not filled in. Where the sweep tells of unanswered questions and of the
+/// was not received is not filled in. Where the sweep tells of unanswered questions and of the
 /// receiver's floor, each of them was either lost or below it. The noise is estimated from the
 /// scatter along each boresight; readings in whole dB have no less of it than their rounding. σ
 /// grows with the residuals where they exceed that, and with their correlation around the circle.
@@ -52,9 +52,9 @@ const RATIOS: [f64; 5] = [0.05, 0.1, 0.2, 0.35, 0.6];
 const PRIOR_FREEDOM: f64 = 4.0;
 
 impl<A: Antenna> MaximumLikelihood<A> {
-    /// One for readings with σ of about 2 dB through `antenna`, by beacons on the horizon; a level's
-    /// σ of 7.9 dB for what a path-loss law does not explain, bearings up to 1 rad of σ, from 8
-    /// boresights on.
+    /// One for readings with σ of about 2 dB through `antenna`, by beacons on the horizon; a
+    /// level's σ of 7.9 dB for what a path-loss law does not explain, bearings up to 1 rad of σ,
+    /// from 8 boresights on.
     #[must_use]
     pub fn new(antenna: A) -> Self {
         let table = GainTable::new(&antenna, 0.0);
@@ -90,7 +90,7 @@ impl<A: Antenna> MaximumLikelihood<A> {
         Ok(Self { table, amplitude, fadings, ..self })
     }
 
-    /// The same with another σ of a reading, in dB: it counts like four readings about their mean,
+    /// Sets another σ of a reading, in dB: it counts like four readings about their mean,
     /// and alone where no boresight has two readings.
     ///
     /// # Errors
@@ -110,7 +110,7 @@ impl<A: Antenna> MaximumLikelihood<A> {
         Ok(Self { misfit_sigma_db: not_negative("misfit_sigma_db", sigma)?, ..self })
     }
 
-    /// The same with another σ of the level against a path-loss law, in dB: it is added to that of
+    /// Sets another σ of the level against a path-loss law, in dB: it is added to that of
     /// the fit.
     ///
     /// # Errors
@@ -131,14 +131,15 @@ impl<A: Antenna> MaximumLikelihood<A> {
         Ok(self)
     }
 
-    /// The same with bearings only from turns in which at least `positions` were heard.
+    /// The same with bearings only from turns in which at least `positions` were received.
     ///
     /// # Errors
     ///
     /// When it is below 3: a level and a bearing leave nothing of two.
     pub fn with_min_positions(mut self, positions: u16) -> Result<Self, ParameterError> {
         let valid = positions >= 3;
-        self.limits.min_positions = require_count(valid, "min_positions", positions, "at least 3")?;
+        require(valid, "min_positions", positions.into(), "at least 3")?;
+        self.limits.min_positions = positions;
         Ok(self)
     }
 }

@@ -50,8 +50,8 @@ pub(super) struct Posterior {
 impl Posterior {
     /// From the log density at equal steps over a turn.
     ///
-    /// Between the nodes the logarithm goes along the cubic through four of them: it is smooth on the
-    /// scale of the antenna's lobes, however narrow its exponential is.
+    /// Between the nodes the logarithm goes along the cubic through four of them: it is smooth on
+    /// the scale of the antenna's lobes, however narrow its exponential is.
     pub(super) fn new(nodes: &[Node]) -> Self {
         let n = nodes.len();
         let log = |i: usize| nodes[i % n].log_density;

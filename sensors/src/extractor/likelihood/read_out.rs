@@ -41,12 +41,12 @@ pub(super) fn read_out<A>(
         covariance: 0.0,
         modes: BearingModes::default(),
     };
-    let heard = u16::try_from(fit.looks.looks.len()).unwrap_or(u16::MAX);
-    if heard < limits.min_positions {
-        return level_alone(NoBearing::TooSparse { heard, needed: limits.min_positions });
+    let measured = u16::try_from(fit.looks.looks.len()).unwrap_or(u16::MAX);
+    if measured < limits.min_positions {
+        return level_alone(NoBearing::TooSparse { measured, needed: limits.min_positions });
     }
     // Four numbers and fewer can always be met well enough.
-    if heard > 4 && residual_db > spread_db {
+    if measured > 4 && residual_db > spread_db {
         return level_alone(NoBearing::PoorFit { residual_db, flat_db: spread_db });
     }
     // Neither peaks nor numbers: the antenna or the readings are beyond reckoning.

@@ -34,9 +34,10 @@ impl Silence {
     /// `None` where nothing can be learned from it.
     pub(super) fn new(sweep: &Sweep<'_>, looks: &Looks) -> Option<Self> {
         let floor = sweep.floor_dbm.filter(|floor| floor.is_finite())?;
-        let heard = sweep.unheard.iter().filter(|unheard| unheard.boresight.is_finite());
-        let offsets: Vec<f64> = heard.map(|u| angle::wrap(u.boresight - looks.origin)).collect();
-        // A receiver that rounds tells the floor from half a step below it on.
+        let unanswered = sweep.unanswered.iter().filter(|u| u.boresight.is_finite());
+        let offsets: Vec<f64> =
+            unanswered.map(|u| angle::wrap(u.boresight - looks.origin)).collect();
+        // A receiver that rounds reports the floor from half a step below it on.
         let threshold_dbm = if looks.whole_db { floor - 0.5 } else { floor };
         let answered = looks.looks.iter().map(|look| look.count).sum();
         (!offsets.is_empty()).then_some(Self { offsets, threshold_dbm, answered })
@@ -50,9 +51,9 @@ impl Silence {
     }
 
     /// The level that the heard readings, in information form, and the silence make together, by
-    /// expectation and maximisation over losses and over the powers that were not heard (Dempster,
-    /// Laird & Rubin 1977). `expected` tells the gain along each silent boresight and the variance
-    /// of a reading there.
+    /// expectation and maximisation over losses and over the powers that were not received
+    /// (Dempster, Laird & Rubin 1977). `expected` tells the gain along each silent boresight and
+    /// the variance of a reading there.
     pub(super) fn settle(
         &self,
         information: f64,
@@ -60,7 +61,7 @@ impl Silence {
         expected: &[(f64, f64)],
     ) -> Settled {
         let (mut level, mut lost) = (weighted / information, 0.1);
-        let asked = self.answered + expected.iter().map(|_| 1.0).sum::<f64>();
+        let requested = self.answered + expected.iter().map(|_| 1.0).sum::<f64>();
         for _ in 0..ROUNDS {
             let (mut sum, mut known, mut losses) = (weighted, information, 0.0);
             for &(gain, variance) in expected {
@@ -77,7 +78,7 @@ impl Silence {
                 }
             }
             level = sum / known;
-            lost = (LOST + losses) / (LOST + NOT_LOST + asked);
+            lost = (LOST + losses) / (LOST + NOT_LOST + requested);
         }
         let kept = libm::log1p(-lost);
         let mut log_likelihood = LOST * libm::log(lost) + (NOT_LOST + self.answered) * kept;

@@ -31,8 +31,9 @@ pub(super) const DB: f64 = 20.0 * core::f64::consts::LOG10_E;
 /// In one round no direction moves farther, in radians: the pattern there is another one.
 const LONGEST: f64 = 0.35;
 
-/// The direct wave with one reflection, added as amplitudes: P = |a(θ − φ) + z a(θ′ − φ)|², with the
-/// antenna's amplitude a, the reflection's bearing θ′ and its complex amplitude z, the same all round.
+/// The direct wave with one reflection, added as amplitudes: P = |a(θ − φ) + z a(θ′ −
+/// φ)|², with the antenna's amplitude a, the reflection's bearing θ′ and its complex amplitude
+/// z, the same all round.
 #[derive(Debug)]
 pub(super) struct TwoPaths<'a, A> {
     pub(super) fit: &'a Fit<'a, A>,

@@ -33,7 +33,7 @@ const RSS_SIGMA_DB: f64 = 7.9;
 
 impl StationPattern {
     /// The mean reading of each antenna in dBm, where it heard the burst.
-    fn heard(&self, sweep: &Sweep<'_>) -> Vec<Option<f64>> {
+    fn measured(&self, sweep: &Sweep<'_>) -> Vec<Option<f64>> {
         let mut sums = vec![(0.0, 0.0); self.antennas.len()];
         for sample in sweep.samples {
             if let Some((sum, count)) = sums.get_mut(self.antenna_of(sample.boresight)) {
@@ -45,8 +45,8 @@ impl StationPattern {
     }
 
     /// The log posterior of the direction, the level integrated out, with the moments of the level.
-    fn nodes(&self, heard: &[Option<f64>]) -> Vec<Node> {
-        let strongest = heard.iter().flatten().fold(f64::NEG_INFINITY, |a, &b| a.max(b));
+    fn nodes(&self, measured: &[Option<f64>]) -> Vec<Node> {
+        let strongest = measured.iter().flatten().fold(f64::NEG_INFINITY, |a, &b| a.max(b));
         let step = STEP * self.residual_db;
         #[expect(clippy::cast_possible_truncation, reason = "the scale is bounded from below")]
         #[expect(clippy::cast_sign_loss, reason = "all three are positive")]
@@ -57,7 +57,7 @@ impl StationPattern {
                     let gain = gains.get(node).copied().unwrap_or_default();
                     self.log_likelihood(*reading, strongest + off + gain)
                 };
-                heard.iter().zip(&self.gains).map(one).sum()
+                measured.iter().zip(&self.gains).map(one).sum()
             };
             let (mut best, mut ones, mut sum, mut squares) = (f64::NEG_INFINITY, 0.0, 0.0, 0.0);
             for k in 0..=steps {
@@ -111,8 +111,8 @@ impl BearingExtractor for StationPattern {
                 return Err(NoReading::Boresight { index, boresight });
             }
         }
-        let heard = self.heard(sweep);
-        let found = peaks(&self.nodes(&heard));
+        let measured = self.measured(sweep);
+        let found = peaks(&self.nodes(&measured));
         let mut directions = [BearingMode::default(); BearingModes::CAPACITY];
         let (mut level, mut second, mut square) = (0.0, 0.0, 0.0);
         let leading = found.first().map_or(0.0, |peak| peak.offset);

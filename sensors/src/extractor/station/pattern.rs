@@ -1,13 +1,12 @@
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use foxhunt_core::angle;
+use foxhunt_core::{
+    angle,
+    parameter::{ParameterError, as_value, finite, positive, require},
+};
 
 use super::lobe_db;
-use crate::{
-    ParameterError,
-    parameter::{finite, positive, require, require_count},
-};
 
 /// One of a station's fixed antennas.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,7 +15,7 @@ pub struct StationAntenna {
     pub recorded_boresight: f64,
     /// Where it does look.
     pub boresight: f64,
-    /// How much more it hears than the others, in dB.
+    /// How much more it receives than the others, in dB.
     pub gain_db: f64,
     /// What the site does to it, as a Fourier series over the world direction in dB: the
     /// coefficients of cos θ, sin θ, cos 2θ, sin 2θ, …; none where that is not known.
@@ -28,7 +27,7 @@ pub struct StationAntenna {
 ///
 /// As an extractor it takes sweeps whose samples name their antenna by its recorded boresight. A
 /// reading is L + g(θ) + a residual with the tails of a Student's t (four degrees of freedom); an
-/// antenna that hears nothing was below the receiver's floor, or lost the burst. The level L is
+/// antenna that receives nothing was below the receiver's floor, or lost the burst. The level L is
 /// integrated out under a uniform prior, the posterior of the direction reckoned over the circle.
 /// The residual's scale comes from recordings with truth, so that σ is wide where the site is
 /// treacherous. The level that is told is the mean over a turn of one such antenna.
@@ -58,7 +57,7 @@ pub(super) const NODES: u16 = 180;
 impl StationPattern {
     /// The station with these antennas, 2 to 16 of them, of one half-power beamwidth in radians and
     /// one front-to-back ratio in dB; a residual of 6 dB, no floor, and bearings up to a σ of
-    /// 1.7 rad unless said otherwise.
+    /// 1.7 rad unless set otherwise.
     ///
     /// # Errors
     ///
@@ -68,8 +67,8 @@ impl StationPattern {
         beamwidth: f64,
         front_to_back_db: f64,
     ) -> Result<Self, ParameterError> {
-        let count = u16::try_from(antennas.len()).unwrap_or(u16::MAX);
-        require_count((2..=16).contains(&count), "antennas", count, "2 to 16")?;
+        let count = antennas.len();
+        require((2..=16).contains(&count), "antennas", as_value(count), "2 to 16")?;
         let holds = beamwidth > 0.0 && beamwidth < 0.5 * TAU;
         require(holds, "beamwidth", beamwidth, "between 0 and π rad")?;
         positive("front_to_back_db", front_to_back_db)?;
@@ -77,9 +76,9 @@ impl StationPattern {
             finite("recorded_boresight", antenna.recorded_boresight)?;
             finite("boresight", antenna.boresight)?;
             finite("gain_db", antenna.gain_db)?;
-            let harmonics = u16::try_from(antenna.site_db.len()).unwrap_or(u16::MAX);
+            let harmonics = antenna.site_db.len();
             let whole = harmonics.is_multiple_of(2) && harmonics <= 64;
-            require_count(whole, "site_db", harmonics, "pairs, at most 32")?;
+            require(whole, "site_db", as_value(harmonics), "pairs, at most 32")?;
             for value in &antenna.site_db {
                 finite("site_db", *value)?;
             }

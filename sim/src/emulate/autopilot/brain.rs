@@ -31,7 +31,7 @@ pub(super) struct Brain {
     /// Seconds with motors running.
     pub(super) used_s: f64,
     /// When a ground station's heartbeat came last.
-    pub(super) ground_heard: Option<f64>,
+    pub(super) ground_contact: Option<f64>,
     /// How many of the pilot's orders are done.
     piloted: usize,
     pub(super) outbox: Vec<MavMessage>,
@@ -56,7 +56,7 @@ impl Brain {
             velocity: Vector3::zeros(),
             turning: 0.0,
             used_s: 0.0,
-            ground_heard: None,
+            ground_contact: None,
             piloted: 0,
             outbox: Vec::new(),
         }
@@ -99,7 +99,7 @@ impl Brain {
         self.fail_safe();
         let order = self.flight.step(&pose, self.home, now, dt);
         for text in std::mem::take(&mut self.flight.texts) {
-            self.tell(MavSeverity::MAV_SEVERITY_WARNING, text);
+            self.send(MavSeverity::MAV_SEVERITY_WARNING, text);
         }
         self.on_board.with(|drone, now| {
             // A goal of the world's own size is a place.
@@ -111,11 +111,11 @@ impl Brain {
     fn fail_safe(&mut self) {
         let autopilot = self.config.autopilot;
         let limit = self.config.ground_failsafe_s;
-        let Some((heard, limit)) = self.ground_heard.zip(limit) else { return };
+        let Some((received, limit)) = self.ground_contact.zip(limit) else { return };
         let ours = self.flight.mode == autopilot.commanded();
-        if self.now - heard > limit && self.flight.armed && ours {
-            self.ground_heard = None;
-            self.tell(MavSeverity::MAV_SEVERITY_CRITICAL, "GCS Failsafe - RTL");
+        if self.now - received > limit && self.flight.armed && ours {
+            self.ground_contact = None;
+            self.send(MavSeverity::MAV_SEVERITY_CRITICAL, "GCS Failsafe - RTL");
             self.change_mode(autopilot.return_to_launch());
         }
     }
@@ -125,7 +125,7 @@ impl Brain {
     }
 
     /// Writes something to the ground station.
-    pub(super) fn tell(&mut self, severity: MavSeverity, text: &str) {
+    pub(super) fn send(&mut self, severity: MavSeverity, text: &str) {
         let text = CharArray::from(text);
         let data = STATUSTEXT_DATA { severity, text, ..STATUSTEXT_DATA::default() };
         self.outbox.push(MavMessage::STATUSTEXT(data));
@@ -139,7 +139,7 @@ impl Brain {
     pub(super) fn take(&mut self, frame: &Frame) {
         match &frame.message {
             MavMessage::HEARTBEAT(beat) if beat.mavtype == MavType::MAV_TYPE_GCS => {
-                self.ground_heard = Some(self.now);
+                self.ground_contact = Some(self.now);
             }
             MavMessage::COMMAND_LONG(command) if self.is_meant(command.target_system) => {
                 self.command(command, None, &frame.header);
@@ -169,20 +169,20 @@ impl Brain {
             {
                 self.set_local(target);
             }
-            MavMessage::PARAM_REQUEST_LIST(ask) if self.is_meant(ask.target_system) => {
+            MavMessage::PARAM_REQUEST_LIST(query) if self.is_meant(query.target_system) => {
                 self.outbox.extend(self.params.all());
             }
-            MavMessage::PARAM_REQUEST_READ(ask) if self.is_meant(ask.target_system) => {
-                self.outbox.extend(self.params.read(ask));
+            MavMessage::PARAM_REQUEST_READ(query) if self.is_meant(query.target_system) => {
+                self.outbox.extend(self.params.read(query));
             }
             MavMessage::PARAM_SET(set) if self.is_meant(set.target_system) => {
                 self.outbox.extend(self.params.set(set));
             }
-            MavMessage::MISSION_REQUEST_LIST(ask) if self.is_meant(ask.target_system) => {
+            MavMessage::MISSION_REQUEST_LIST(query) if self.is_meant(query.target_system) => {
                 self.outbox.push(MavMessage::MISSION_COUNT(MISSION_COUNT_DATA {
                     target_system: u8::try_from(frame.header.system_id).unwrap_or(0),
                     target_component: frame.header.component_id,
-                    mission_type: ask.mission_type,
+                    mission_type: query.mission_type,
                     ..MISSION_COUNT_DATA::default()
                 }));
             }
@@ -199,12 +199,12 @@ impl Brain {
     }
 
     /// What it has to say now.
-    pub(super) fn say(&mut self) -> Vec<MavMessage> {
+    pub(super) fn emit(&mut self) -> Vec<MavMessage> {
         for id in self.streams.due(self.now) {
             self.outbox.extend(self.message(id));
         }
-        let said = std::mem::take(&mut self.outbox);
-        if self.is_reachable() { said } else { Vec::new() }
+        let sent = std::mem::take(&mut self.outbox);
+        if self.is_reachable() { sent } else { Vec::new() }
     }
 
     /// Why its motors may not be started.

@@ -73,7 +73,7 @@ impl Brain {
                     off if off < 0.0 => f64::INFINITY,
                     microseconds => microseconds * 1e-6,
                 };
-                let known = self.streams.ask(number(c.param1), period_s, self.now);
+                let known = self.streams.query(number(c.param1), period_s, self.now);
                 if known { ACCEPTED } else { DENIED }
             }
             MavCmd::MAV_CMD_REQUEST_MESSAGE => self.requested(number(c.param1)),
@@ -96,7 +96,7 @@ impl Brain {
     }
 
     fn refuse(&mut self, text: &str, result: MavResult) -> MavResult {
-        self.tell(MavSeverity::MAV_SEVERITY_CRITICAL, text);
+        self.send(MavSeverity::MAV_SEVERITY_CRITICAL, text);
         result
     }
 

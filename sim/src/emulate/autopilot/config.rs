@@ -1,3 +1,4 @@
+use foxhunt_core::parameter::{ParameterError, finite, not_negative, positive};
 use foxhunt_wire::{
     geodesy::Geodetic,
     mavlink::{Autopilot, FlightMode, SigningKey},
@@ -5,10 +6,7 @@ use foxhunt_wire::{
 
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    Interval, SimError,
-    config::{finite, not_negative, positive},
-};
+use crate::{Interval, SimError};
 
 /// What an emulated autopilot is like.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,9 +38,9 @@ pub struct AutopilotConfig {
 }
 
 impl Default for AutopilotConfig {
-    /// An ArduCopter, system 1, at the place of ArduPilot's own simulator; a position after 3 s, good
-    /// to 0.5 m and 0.8 m; returns at 15 m; 20 minutes of battery; comes back 5 s after the last
-    /// heartbeat of a ground station; no signing, no faults.
+    /// An ArduCopter, system 1, at the place of ArduPilot's own simulator; a position after 3 s,
+    /// good to 0.5 m and 0.8 m; returns at 15 m; 20 minutes of battery; comes back 5 s after the
+    /// last heartbeat of a ground station; no signing, no faults.
     fn default() -> Self {
         Self {
             autopilot: Autopilot::ArduPilot,
@@ -65,8 +63,8 @@ impl Default for AutopilotConfig {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AutopilotFaults {
-    /// Nothing is heard of it, and it hears nothing. The world's own `lost` intervals have the same
-    /// effect.
+    /// Nothing is received of it, and it receives nothing. The world's own `lost` intervals have
+    /// the same effect.
     pub silent: Vec<Interval>,
     /// When the pilot chooses a mode on his remote control.
     pub pilot: Vec<PilotOrder>,
@@ -84,19 +82,26 @@ pub struct PilotOrder {
 
 impl AutopilotConfig {
     pub(super) fn check(&self) -> Result<(), SimError> {
-        positive("autopilot.system_id", f64::from(self.system_id))?;
-        not_negative("autopilot.position_good_after_s", self.position_good_after_s)?;
-        positive("autopilot.horizontal_accuracy_m", self.horizontal_accuracy_m)?;
-        positive("autopilot.vertical_accuracy_m", self.vertical_accuracy_m)?;
-        positive("autopilot.return_up_m", self.return_up_m)?;
-        positive("autopilot.endurance_s", self.endurance_s)?;
-        positive("autopilot.ground_failsafe_s", self.ground_failsafe_s.unwrap_or(1.0))?;
-        finite("autopilot.clock_origin_unix_s", self.clock_origin_unix_s)?;
+        self.check_numbers().map_err(|error| error.within("autopilot"))?;
         for order in &self.faults.pilot {
-            not_negative("autopilot.faults.pilot.at_s", order.at_s)?;
             if FlightMode::named(self.autopilot, &order.mode).is_none() {
                 return Err(SimError::FlightMode { mode: order.mode.clone() });
             }
+        }
+        Ok(())
+    }
+
+    fn check_numbers(&self) -> Result<(), ParameterError> {
+        positive("system_id", f64::from(self.system_id))?;
+        not_negative("position_good_after_s", self.position_good_after_s)?;
+        positive("horizontal_accuracy_m", self.horizontal_accuracy_m)?;
+        positive("vertical_accuracy_m", self.vertical_accuracy_m)?;
+        positive("return_up_m", self.return_up_m)?;
+        positive("endurance_s", self.endurance_s)?;
+        positive("ground_failsafe_s", self.ground_failsafe_s.unwrap_or(1.0))?;
+        finite("clock_origin_unix_s", self.clock_origin_unix_s)?;
+        for order in &self.faults.pilot {
+            not_negative("faults.pilot.at_s", order.at_s)?;
         }
         Ok(())
     }

@@ -10,16 +10,16 @@ use crate::{Emulator, SimError, World};
 
 /// An autopilot on a drone of a world, behind a stream of bytes.
 ///
-/// What is imitated of ArduCopter: it tells nothing but heartbeats until it is asked; a take-off is
-/// refused unless it is armed in GUIDED and knows where it is; it can be armed in STABILIZE without
-/// knowing; motors that do not take off stop after 10 s; a relative CONDITION_YAW counts from the
-/// heading that it is slewing to; a set-point without yaw turns the nose to the goal; it stops its
-/// motors on the ground after landing; it comes back when the ground station falls silent. Of PX4: its
-/// modes, heights of take-off above sea level, telemetry unasked, and OFFBOARD, which needs set-points
-/// at 2 Hz and ends without them.
+/// What is imitated of ArduCopter: it tells nothing but heartbeats until it is requested; a
+/// take-off is refused unless it is armed in GUIDED and knows where it is; it can be armed in
+/// STABILIZE without knowing; motors that do not take off stop after 10 s; a relative CONDITION_YAW
+/// counts from the heading that it is slewing to; a set-point without yaw turns the nose to the
+/// goal; it stops its motors on the ground after landing; it comes back when the ground station
+/// falls silent. Of PX4: its modes, heights of take-off above sea level, telemetry unasked, and
+/// OFFBOARD, which needs set-points at 2 Hz and ends without them.
 ///
-/// A drone of a world begins in the air; one with an emulated autopilot begins on the ground below, at an
-/// Up of 0.
+/// A drone of a world begins in the air; one with an emulated autopilot begins on the ground below,
+/// at an Up of 0.
 #[derive(Debug)]
 pub struct EmulatedAutopilot<S> {
     stream: S,
@@ -78,7 +78,7 @@ impl<S: ByteStream> Emulator for EmulatedAutopilot<S> {
             self.connections = self.stream.connections();
             self.codec.restart();
         }
-        for message in self.brain.say() {
+        for message in self.brain.emit() {
             let bytes = self.codec.encode(&message, unix_s);
             match self.stream.send(&bytes) {
                 // Nobody is there yet.

@@ -105,7 +105,8 @@ impl Flight {
         self.setpoints_flow = now - self.setpoint_at <= FLOW_S;
         self.setpoint_at = now;
         let flying = self.mode == self.mode.autopilot.commanded() && self.armed;
-        // ArduCopter stays on the ground until it is told to take off; a set-point ends the climb.
+        // ArduCopter stays on the ground until it is ordered to take off; a set-point ends the
+        // climb.
         let taken = flying && (self.is_airborne() || self.mode.autopilot == Autopilot::Px4);
         if taken {
             self.climb_to = None;

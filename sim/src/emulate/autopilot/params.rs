@@ -48,10 +48,10 @@ impl Params {
         (0..self.all.len()).filter_map(|index| self.message(index)).collect()
     }
 
-    pub(super) fn read(&self, ask: &PARAM_REQUEST_READ_DATA) -> Option<MavMessage> {
-        match usize::try_from(ask.param_index) {
+    pub(super) fn read(&self, query: &PARAM_REQUEST_READ_DATA) -> Option<MavMessage> {
+        match usize::try_from(query.param_index) {
             Ok(index) => self.message(index),
-            Err(_) => self.message(self.position(&ask.param_id)?),
+            Err(_) => self.message(self.position(&query.param_id)?),
         }
     }
 

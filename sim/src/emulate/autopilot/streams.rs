@@ -17,12 +17,12 @@ pub(super) struct Streams {
 #[derive(Debug)]
 struct Stream {
     id: u32,
-    /// In seconds; infinite where it was not asked for.
+    /// In seconds; infinite where it was not requested.
     period: f64,
     due: f64,
 }
 
-/// What may be asked for, and how often PX4 says it unasked, per second.
+/// What may be requested, and how often PX4 says it unasked, per second.
 const KNOWN: [(u32, f64); 12] = [
     (ATTITUDE_DATA::ID, 10.0),
     (GLOBAL_POSITION_INT_DATA::ID, 5.0),
@@ -45,15 +45,19 @@ impl Streams {
             Autopilot::Px4 => EKF_STATUS_REPORT_DATA::ID,
         };
         let known = KNOWN.iter().filter(|(id, _)| *id != foreign).map(|(id, rate)| {
-            let unasked = autopilot == Autopilot::Px4;
-            Stream { id: *id, period: if unasked { 1.0 / rate } else { f64::INFINITY }, due: now }
+            let unrequested = autopilot == Autopilot::Px4;
+            Stream {
+                id: *id,
+                period: if unrequested { 1.0 / rate } else { f64::INFINITY },
+                due: now,
+            }
         });
         let beat = Stream { id: HEARTBEAT_DATA::ID, period: 1.0, due: now };
         Self { all: std::iter::once(beat).chain(known).collect() }
     }
 
-    /// Whether a message may be asked for; it comes every `period` seconds from now on.
-    pub(super) fn ask(&mut self, id: u32, period: f64, now: f64) -> bool {
+    /// Whether a message may be requested; it comes every `period` seconds from now on.
+    pub(super) fn query(&mut self, id: u32, period: f64, now: f64) -> bool {
         let Some(stream) = self.all.iter_mut().find(|stream| stream.id == id) else {
             return false;
         };

@@ -1,13 +1,11 @@
+use foxhunt_core::parameter::{FieldError, ParameterError, in_range, positive};
 use foxhunt_wire::{
     FixQuality,
     geodesy::{Geodetic, LocalFrame},
 };
 use nalgebra::Vector3;
 
-use crate::{
-    Interval, SimError,
-    config::{in_range, not_negative, positive},
-};
+use crate::{Interval, SimError};
 
 /// What an emulated receiver speaks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,7 +13,7 @@ pub enum EmulatedGnssKind {
     /// GGA, RMC, GST and GSA.
     #[default]
     Nmea,
-    /// The same as it comes from the factory, and UBX-NAV-PVT once that is asked for.
+    /// The same as it comes from the factory, and UBX-NAV-PVT once that is requested.
     Ublox,
     /// gpsd, to a client that watches.
     Gpsd,
@@ -23,9 +21,9 @@ pub enum EmulatedGnssKind {
 
 /// An emulated receiver.
 ///
-/// By default an autonomous NMEA receiver at 5 Hz, at 50.1° N 14.5° E 250 m, σ 1.5 m on the ground and
-/// 3 m in height, that forgets its errors within a minute; 14 satellites, HDOP 0.8; never without a
-/// fix; time 0 of the world is 2026-01-01.
+/// By default an autonomous NMEA receiver at 5 Hz, at 50.1° N 14.5° E 250 m, σ 1.5 m on the
+/// ground and 3 m in height, that forgets its errors within a minute; 14 satellites, HDOP 0.8;
+/// never without a fix; time 0 of the world is 2026-01-01.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EmulatedGnssConfig {
     /// What it speaks.
@@ -36,7 +34,8 @@ pub struct EmulatedGnssConfig {
     pub rate_hz: f64,
     /// What it says its fix rests on.
     pub quality: FixQuality,
-    /// σ of East, North and Up in metres, which it also tells. UBX has one number for East and North.
+    /// σ of East, North and Up in metres, which it also tells. UBX has one number for East and
+    /// North.
     pub sigma_m: Vector3<f64>,
     /// After how many seconds the correlation of its errors has fallen to 1/e.
     pub correlation_s: f64,
@@ -46,7 +45,7 @@ pub struct EmulatedGnssConfig {
     pub hdop: f64,
     /// How far the geoid is above the ellipsoid, in metres.
     pub geoid_m: f64,
-    /// When it has no fix, and says so.
+    /// When it has no fix, and reports it.
     pub outages: Vec<Interval>,
     /// What UNIX time the world's time 0 is, in seconds.
     pub utc_start_s: f64,
@@ -71,8 +70,9 @@ impl Default for EmulatedGnssConfig {
 }
 
 impl EmulatedGnssConfig {
-    /// The same with the σ that a quality has in the open, East, North and Up: 3, 3, 6 m estimated; 1.5,
-    /// 1.5, 3 m autonomous; 0.9, 0.9, 1.8 m differential; 0.2, 0.2, 0.4 m float; 1.2, 1.2, 2 cm fixed.
+    /// The same with the σ that a quality has in the open, East, North and Up: 3, 3, 6 m
+    /// estimated; 1.5, 1.5, 3 m autonomous; 0.9, 0.9, 1.8 m differential; 0.2, 0.2, 0.4 m float;
+    /// 1.2, 1.2, 2 cm fixed.
     #[must_use]
     pub fn with_quality(self, quality: FixQuality) -> Self {
         let sigma_m = match quality {
@@ -88,23 +88,29 @@ impl EmulatedGnssConfig {
 
     /// The world's frame on Earth.
     pub(super) fn checked(&self) -> Result<LocalFrame, SimError> {
-        in_range("gnss.rate_hz", self.rate_hz, 0.1..=25.0, "from 0.1 to 25")?;
-        positive("gnss.sigma_m of East", self.sigma_m.x)?;
-        positive("gnss.sigma_m of North", self.sigma_m.y)?;
-        positive("gnss.sigma_m of Up", self.sigma_m.z)?;
-        positive("gnss.correlation_s", self.correlation_s)?;
-        in_range("gnss.hdop", self.hdop, 0.1..=99.0, "from 0.1 to 99")?;
-        in_range("gnss.geoid_m", self.geoid_m, -120.0..=120.0, "within ±120")?;
+        self.check().map_err(|error| error.within("gnss"))?;
+        Ok(LocalFrame::new(self.origin).expect("its numbers were checked"))
+    }
+
+    fn check(&self) -> Result<(), FieldError> {
+        in_range("rate_hz", self.rate_hz, 0.1..=25.0, "from 0.1 to 25")?;
+        positive("sigma_m of East", self.sigma_m.x)?;
+        positive("sigma_m of North", self.sigma_m.y)?;
+        positive("sigma_m of Up", self.sigma_m.z)?;
+        positive("correlation_s", self.correlation_s)?;
+        in_range("hdop", self.hdop, 0.1..=99.0, "from 0.1 to 99")?;
+        in_range("geoid_m", self.geoid_m, -120.0..=120.0, "within ±120")?;
         // Up to the year 2100; RMC has two digits for it.
         let dates = 946_684_800.0..=4_102_444_800.0;
-        in_range("gnss.utc_start_s", self.utc_start_s, dates, "a date of this century")?;
+        in_range("utc_start_s", self.utc_start_s, dates, "a date of this century")?;
         for (i, outage) in self.outages.iter().enumerate() {
-            not_negative(format_args!("gnss.outages[{i}].from_s"), outage.from_s)?;
+            let within = |error: ParameterError| error.within(format_args!("outages[{i}]"));
+            outage.check().map_err(within)?;
         }
         let Geodetic { lat_deg, lon_deg, alt_m } = self.origin;
-        in_range("gnss.origin.lat_deg", lat_deg, -90.0..=90.0, "within ±90")?;
-        in_range("gnss.origin.lon_deg", lon_deg, -180.0..=360.0, "within -180 to 360")?;
-        in_range("gnss.origin.alt_m", alt_m, -500.0..=20_000.0, "from -500 to 20000")?;
-        Ok(LocalFrame::new(self.origin).expect("its numbers were checked"))
+        in_range("origin.lat_deg", lat_deg, -90.0..=90.0, "within ±90")?;
+        in_range("origin.lon_deg", lon_deg, -180.0..=360.0, "within -180 to 360")?;
+        in_range("origin.alt_m", alt_m, -500.0..=20_000.0, "from -500 to 20000")?;
+        Ok(())
     }
 }

@@ -5,8 +5,8 @@ use super::epoch::{Epoch, whole};
 /// Knots in a metre per second.
 const KNOTS: f64 = 3600.0 / 1852.0;
 
-/// The sentences of an epoch in the order in which receivers by u-blox send them: RMC, GGA, GSA, GST
-/// (NMEA 0183 4.10; minutes with seven decimals, as RTK receivers do).
+/// The sentences of an epoch in the order in which receivers by u-blox send them: RMC, GGA, GSA,
+/// GST (NMEA 0183 4.10; minutes with seven decimals, as RTK receivers do).
 pub(super) fn sentences(epoch: &Epoch) -> String {
     [rmc(epoch), gga(epoch), gsa(epoch), gst(epoch)].map(|text| framed(&text)).concat()
 }
@@ -30,8 +30,8 @@ fn place(epoch: &Epoch) -> String {
     format!("{lat_degrees:02}{lat_minutes},{north},{lon_degrees:03}{lon_minutes},{east}")
 }
 
-/// Whole degrees, and minutes with seven decimals; they are rounded together, so that there are no 60
-/// minutes.
+/// Whole degrees, and minutes with seven decimals; they are rounded together, so that there are no
+/// 60 minutes.
 fn minutes(deg: f64) -> (i64, String) {
     const MINUTE: i64 = 10_000_000;
     let all = whole(deg.abs() * 6e8);

@@ -15,9 +15,9 @@ use crate::{Emulator, SimError, World, devices::OnBoard};
 
 /// A drone's GNSS receiver, its antenna in the drone's middle, as the bytes that it says.
 ///
-/// At every epoch it tells where the drone is then, with an error of the σ that it tells: a Gauss-Markov
-/// process for each axis, from a random stream of its own. Epochs that pass between two calls of
-/// [`serve`](Emulator::serve) are left out but for the last.
+/// At every epoch it tells where the drone is then, with an error of the σ that it tells: a
+/// Gauss-Markov process for each axis, from a random stream of its own. Epochs that pass between
+/// two calls of [`serve`](Emulator::serve) are left out but for the last.
 #[derive(Debug)]
 pub struct EmulatedGnss<S> {
     stream: S,
@@ -26,7 +26,7 @@ pub struct EmulatedGnss<S> {
     frame: LocalFrame,
     wander: Wander,
     /// Which epoch was told last, and where the drone was.
-    told: Option<(f64, Vector3<f64>)>,
+    sent: Option<(f64, Vector3<f64>)>,
     host: Host,
     client: Client,
     /// The connection that was greeted.
@@ -38,7 +38,8 @@ impl<S: ByteStream> EmulatedGnss<S> {
     ///
     /// # Errors
     ///
-    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`] names what is out of range.
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`] names what is out of
+    /// range.
     pub fn new(
         world: &World,
         drone: usize,
@@ -56,7 +57,7 @@ impl<S: ByteStream> EmulatedGnss<S> {
             config,
             frame,
             wander,
-            told: None,
+            sent: None,
             host,
             client,
             greeted: None,
@@ -70,25 +71,25 @@ impl<S: ByteStream> EmulatedGnss<S> {
             self.greeted = Some(connections);
             self.client = Client::default();
             if self.config.kind == EmulatedGnssKind::Gpsd {
-                self.say(gpsd::VERSION.as_bytes())?;
+                self.emit(gpsd::VERSION.as_bytes())?;
             }
         }
         let mut piece = [0; 512];
         loop {
             let count = self.stream.receive(&mut piece)?;
-            let heard = piece.get(..count).unwrap_or(&piece);
+            let received = piece.get(..count).unwrap_or(&piece);
             let answer = match self.config.kind {
-                _ if heard.is_empty() => return Ok(()),
+                _ if received.is_empty() => return Ok(()),
                 EmulatedGnssKind::Nmea => Vec::new(),
-                EmulatedGnssKind::Ublox => self.host.take(heard),
-                EmulatedGnssKind::Gpsd => self.client.take(heard).into_bytes(),
+                EmulatedGnssKind::Ublox => self.host.take(received),
+                EmulatedGnssKind::Gpsd => self.client.take(received).into_bytes(),
             };
-            self.say(&answer)?;
+            self.emit(&answer)?;
         }
     }
 
     /// Says something to whoever is there.
-    fn say(&mut self, bytes: &[u8]) -> io::Result<()> {
+    fn emit(&mut self, bytes: &[u8]) -> io::Result<()> {
         match self.stream.send(bytes) {
             Err(error) if error.kind() == io::ErrorKind::NotConnected => Ok(()),
             other => other,
@@ -101,11 +102,11 @@ impl<S: ByteStream> EmulatedGnss<S> {
         // A hair before an epoch is that epoch: time is a sum of steps.
         let number = (now * self.config.rate_hz + 1e-6).floor();
         let rate_hz = self.config.rate_hz;
-        let passed = self.told.map(|(last, place)| ((number - last) / rate_hz, place));
+        let passed = self.sent.map(|(last, place)| ((number - last) / rate_hz, place));
         if passed.is_some_and(|(passed, _)| passed <= 0.0) {
             return None;
         }
-        self.told = Some((number, truth));
+        self.sent = Some((number, truth));
         let error = self.wander.step(passed.map_or(0.0, |(passed, _)| passed));
         let velocity =
             passed.map_or(Vector3::zeros(), |(passed, before)| (truth - before) / passed);
@@ -128,18 +129,18 @@ impl<S: ByteStream> Emulator for EmulatedGnss<S> {
     fn serve(&mut self) -> io::Result<()> {
         self.listen()?;
         let Some(epoch) = self.due() else { return Ok(()) };
-        let said = match self.config.kind {
+        let output = match self.config.kind {
             EmulatedGnssKind::Nmea => nmea::sentences(&epoch).into_bytes(),
             EmulatedGnssKind::Ublox => {
-                let mut said = nmea::sentences(&epoch).into_bytes();
-                if self.host.tells_pvt {
-                    said.extend(ublox::nav_pvt(&epoch));
+                let mut output = nmea::sentences(&epoch).into_bytes();
+                if self.host.sends_pvt {
+                    output.extend(ublox::nav_pvt(&epoch));
                 }
-                said
+                output
             }
             EmulatedGnssKind::Gpsd if self.client.watches => gpsd::reports(&epoch).into_bytes(),
             EmulatedGnssKind::Gpsd => return Ok(()),
         };
-        self.say(&said)
+        self.emit(&output)
     }
 }

@@ -9,13 +9,13 @@ const GPS_EPOCH_MS: i64 = 315_964_800_000 - 18_000;
 /// The longest request that is read, in bytes of payload.
 const LONGEST: usize = 1024;
 
-/// What a receiver by u-blox is asked for, and what it has been set to (u-blox F9 HPG 1.32 interface
-/// description, UBX-22008968).
+/// What a receiver by u-blox is requested, and what it has been set to (u-blox F9 HPG 1.32
+/// interface description, UBX-22008968).
 #[derive(Clone, Debug, Default)]
 pub(super) struct Host {
     bytes: Vec<u8>,
     /// Whether NAV-PVT is on. It is off as it comes from the factory.
-    pub(super) tells_pvt: bool,
+    pub(super) sends_pvt: bool,
 }
 
 impl Host {
@@ -50,7 +50,7 @@ impl Host {
         let obeyed = match (class, id, payload) {
             // CFG-MSG: on this port, or on all six.
             (0x06, 0x01, [0x01, 0x07, rates @ ..]) if matches!(rates.len(), 1 | 6) => {
-                self.tells_pvt = rates.iter().any(|rate| *rate > 0);
+                self.sends_pvt = rates.iter().any(|rate| *rate > 0);
                 true
             }
             // CFG-VALSET, after version, layers and two reserved bytes.
@@ -78,7 +78,7 @@ impl Host {
             let (value, rest) = rest.split_at_checked(size)?;
             // CFG-MSGOUT-UBX_NAV_PVT on I2C, UART1, UART2, USB and SPI.
             if (0x2091_0006..=0x2091_000a).contains(&key) {
-                self.tells_pvt = value.iter().any(|rate| *rate > 0);
+                self.sends_pvt = value.iter().any(|rate| *rate > 0);
             }
             items = rest;
         }

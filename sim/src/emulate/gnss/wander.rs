@@ -5,8 +5,9 @@ use rand_distr::StandardNormal;
 /// Sets a receiver's stream apart from those of the world and of other drones' receivers.
 const RECEIVER: u64 = 0x6e55_0e77_0000_0000;
 
-/// The error of a receiver's place: East, North and Up by themselves, each a first-order Gauss-Markov
-/// process with a stationary σ. e(t + dt) = ρ e(t) + σ √(1 − ρ²) n, with ρ = exp(−dt / τ).
+/// The error of a receiver's place: East, North and Up by themselves, each a first-order
+/// Gauss-Markov process with a stationary σ. e(t + dt) = ρ e(t) + σ √(1 − ρ²) n, with ρ =
+/// exp(−dt / τ).
 #[derive(Clone, Debug)]
 pub(super) struct Wander {
     sigma: Vector3<f64>,

@@ -1,6 +1,9 @@
 use std::io;
 
-use foxhunt_core::{BeaconId, Clock, Radio, angle};
+use foxhunt_core::{
+    BeaconId, Clock, Radio, angle,
+    parameter::{FieldError, ParameterError, in_range, probability},
+};
 use foxhunt_wire::{ByteStream, receivers::KrakenDoa};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
@@ -24,8 +27,8 @@ pub struct EmulatedKrakenConfig {
     pub seed: u64,
 }
 
-/// 433.92 MHz and a channel of 50 kHz more for every other beacon up to four; 0.4 s, 3°, one page of ten
-/// torn.
+/// 433.92 MHz and a channel of 50 kHz more for every other beacon up to four; 0.4 s, 3°, one page
+/// of ten torn.
 impl Default for EmulatedKrakenConfig {
     fn default() -> Self {
         Self {
@@ -38,11 +41,20 @@ impl Default for EmulatedKrakenConfig {
     }
 }
 
-/// The server of a `KrakenSDR` on a simulated drone, its front along the nose: answers every question for
-/// the page with what was measured last.
+impl EmulatedKrakenConfig {
+    fn check(&self) -> Result<(), ParameterError> {
+        in_range("period_s", self.period_s, 1e-3..=1e3, "from 0.001 to 1000")?;
+        in_range("sigma_deg", self.sigma_deg, 0.0..=180.0, "from 0 to 180")?;
+        probability("torn", self.torn)?;
+        Ok(())
+    }
+}
+
+/// The server of a `KrakenSDR` on a simulated drone, its front along the nose: answers every
+/// question for the page with what was measured last.
 ///
-/// It has no antenna to turn: powers are those of one that hears alike from everywhere, directions those
-/// of the world, with an error.
+/// It has no antenna to turn: powers are those of one that has the same gain in all directions,
+/// directions those of the world, with an error.
 #[derive(Debug)]
 pub struct EmulatedKraken<S> {
     stream: S,
@@ -52,12 +64,12 @@ pub struct EmulatedKraken<S> {
     radio: SimRadio,
     config: EmulatedKrakenConfig,
     random: Xoshiro256PlusPlus,
-    /// The last line of each beacon that was heard.
+    /// The last line of each beacon that was received.
     lines: Vec<Option<KrakenDoa>>,
     /// Who is measured next, and who is being measured until when.
     next: u16,
     measuring: Option<(BeaconId, f64)>,
-    heard: Vec<u8>,
+    incoming: Vec<u8>,
     met: u32,
 }
 
@@ -71,7 +83,8 @@ impl<S: ByteStream> EmulatedKraken<S> {
     ///
     /// # Errors
     ///
-    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`] names what is out of range in
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`] names what is out of
+    /// range in
     /// `config`.
     pub fn new(
         world: &World,
@@ -79,17 +92,7 @@ impl<S: ByteStream> EmulatedKraken<S> {
         config: EmulatedKrakenConfig,
         stream: S,
     ) -> Result<Self, SimError> {
-        let checks = [
-            ("period_s", config.period_s, 1e-3..=1e3),
-            ("sigma_deg", config.sigma_deg, 0.0..=180.0),
-            ("torn", config.torn, 0.0..=1.0),
-        ];
-        for (name, value, range) in checks {
-            if !range.contains(&value) {
-                let requirement = "from 0.001 to 1000 s, 0 to 180 degrees, 0 to 1";
-                return Err(SimError::Field { field: name.into(), value, requirement });
-            }
-        }
+        config.check().map_err(FieldError::from)?;
         let lines = config.frequencies_hz.iter().map(|_| None).collect();
         Ok(Self {
             stream,
@@ -102,7 +105,7 @@ impl<S: ByteStream> EmulatedKraken<S> {
             lines,
             next: 0,
             measuring: None,
-            heard: Vec::new(),
+            incoming: Vec::new(),
             met: 0,
         })
     }
@@ -177,17 +180,17 @@ impl<S: ByteStream> Emulator for EmulatedKraken<S> {
         let connections = self.stream.connections();
         if connections != self.met {
             self.met = connections;
-            self.heard.clear();
+            self.incoming.clear();
         }
-        self.heard.extend(bytes.get(..count).unwrap_or_default());
-        while let Some(end) = self.heard.windows(4).position(|four| four == b"\r\n\r\n") {
-            let question: Vec<u8> = self.heard.drain(..end + 4).collect();
+        self.incoming.extend(bytes.get(..count).unwrap_or_default());
+        while let Some(end) = self.incoming.windows(4).position(|four| four == b"\r\n\r\n") {
+            let question: Vec<u8> = self.incoming.drain(..end + 4).collect();
             let answer = self.answer(&question);
             self.stream.send(&answer)?;
         }
         // What never ends is no question.
-        if self.heard.len() > 8192 {
-            self.heard.clear();
+        if self.incoming.len() > 8192 {
+            self.incoming.clear();
         }
         Ok(())
     }

@@ -1,6 +1,9 @@
 use std::{f64::consts::TAU, io};
 
-use foxhunt_core::{BeaconId, Clock, Radio};
+use foxhunt_core::{
+    BeaconId, Clock, Radio,
+    parameter::{FieldError, ParameterError, finite, in_range},
+};
 use foxhunt_wire::{
     ByteStream,
     receivers::{RtlTcpCommand, RtlTcpHeader},
@@ -38,11 +41,19 @@ impl Default for EmulatedRtlTcpConfig {
     }
 }
 
+impl EmulatedRtlTcpConfig {
+    fn check(&self) -> Result<(), ParameterError> {
+        in_range("noise_steps", self.noise_steps, 0.0..=50.0, "from 0 to 50")?;
+        finite("full_scale_dbm", self.full_scale_dbm)?;
+        Ok(())
+    }
+}
+
 /// A server of rtl_tcp, whose receiver stands under the antenna of a simulated drone.
 ///
-/// Every beacon is keyed on and off, 16 bits of 1 ms in every 50 ms, as a carrier at its frequency. Of
-/// those in the band that it is tuned to, the one nearest to the middle is received, with the power that
-/// the world has, asked for every 10 ms.
+/// Every beacon is keyed on and off, 16 bits of 1 ms in every 50 ms, as a carrier at its frequency.
+/// Of those in the band that it is tuned to, the one nearest to the middle is received, with the
+/// power that the world has, requested every 10 ms.
 #[derive(Debug)]
 pub struct EmulatedRtlTcp<S> {
     stream: S,
@@ -58,9 +69,9 @@ pub struct EmulatedRtlTcp<S> {
     gain_db: f64,
     /// The samples until then were sent.
     sent_until: f64,
-    asked_at: f64,
-    /// Whom the radio was asked for, and what it last said.
-    heard: Option<(BeaconId, Option<f64>)>,
+    requested_at: f64,
+    /// Whom the radio was requested, and what it last said.
+    incoming: Option<(BeaconId, Option<f64>)>,
     /// Of the carrier, in turns.
     phase: f64,
 }
@@ -75,7 +86,8 @@ impl<S: ByteStream> EmulatedRtlTcp<S> {
     ///
     /// # Errors
     ///
-    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`] names what is out of range in
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`] names what is out of
+    /// range in
     /// `config`.
     pub fn new(
         world: &World,
@@ -83,15 +95,7 @@ impl<S: ByteStream> EmulatedRtlTcp<S> {
         config: EmulatedRtlTcpConfig,
         stream: S,
     ) -> Result<Self, SimError> {
-        let noise = config.noise_steps;
-        if !(0.0..=50.0).contains(&noise) {
-            let (field, requirement) = ("noise_steps".into(), "from 0 to 50");
-            return Err(SimError::Field { field, value: noise, requirement });
-        }
-        if !config.full_scale_dbm.is_finite() {
-            let (field, value) = ("full_scale_dbm".into(), config.full_scale_dbm);
-            return Err(SimError::Field { field, value, requirement: "finite" });
-        }
+        config.check().map_err(FieldError::from)?;
         Ok(Self {
             stream,
             clock: world.clock(),
@@ -104,8 +108,8 @@ impl<S: ByteStream> EmulatedRtlTcp<S> {
             rate_hz: 250_000,
             gain_db: 0.0,
             sent_until: world.time(),
-            asked_at: f64::NEG_INFINITY,
-            heard: None,
+            requested_at: f64::NEG_INFINITY,
+            incoming: None,
             phase: 0.0,
         })
     }
@@ -134,15 +138,15 @@ impl<S: ByteStream> EmulatedRtlTcp<S> {
 
     /// Asks the world for the power now and then.
     fn refresh(&mut self, beacon: BeaconId, now: f64) -> Option<f64> {
-        let known = self.heard.filter(|(of, _)| *of == beacon);
-        if known.is_none() || now >= self.asked_at + REFRESH_S {
+        let known = self.incoming.filter(|(of, _)| *of == beacon);
+        if known.is_none() || now >= self.requested_at + REFRESH_S {
             // A question that stayed without an answer: nothing is received.
             let last = if known.is_some() { self.radio.poll().ok().flatten() } else { None };
             let _ = self.radio.request(beacon);
-            self.asked_at = now;
-            self.heard = Some((beacon, last));
+            self.requested_at = now;
+            self.incoming = Some((beacon, last));
         }
-        self.heard.and_then(|(_, level)| level)
+        self.incoming.and_then(|(_, level)| level)
     }
 
     fn samples(&mut self, now: f64) -> Vec<u8> {

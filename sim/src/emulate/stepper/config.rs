@@ -1,6 +1,5 @@
+use foxhunt_core::parameter::{FieldError, finite, in_range, require};
 use serde::{Deserialize, Serialize};
-
-use crate::SimError;
 
 /// What hangs on an emulated Arduino.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -12,8 +11,8 @@ pub struct EmulatedStepperConfig {
     pub half_steps_per_turn: [u32; 2],
     /// The play of the gear in degrees.
     pub backlash_deg: f64,
-    /// Where the antenna looks at the beginning, in degrees counter-clockwise from the nose; the gear is
-    /// then pushed forwards.
+    /// Where the antenna looks at the beginning, in degrees counter-clockwise from the nose; the
+    /// gear is then pushed forwards.
     pub start_deg: f64,
     /// A switch that the antenna closes.
     pub switch: Option<EmulatedSwitch>,
@@ -32,8 +31,8 @@ pub struct EmulatedSwitch {
 }
 
 impl Default for EmulatedStepperConfig {
-    /// A 28BYJ-48 at pins 8 to 11, 64 · (31·32·26·22)/(9·11·10·9) half steps a turn, 3° of play; an antenna
-    /// along the nose, without a switch.
+    /// A 28BYJ-48 at pins 8 to 11, 64 · (31·32·26·22)/(9·11·10·9) half steps a turn, 3° of
+    /// play; an antenna along the nose, without a switch.
     fn default() -> Self {
         Self {
             pins: [8, 9, 10, 11],
@@ -46,22 +45,17 @@ impl Default for EmulatedStepperConfig {
 }
 
 impl EmulatedStepperConfig {
-    pub(super) fn check(&self) -> Result<(), SimError> {
-        let fine = |holds: bool, field: &str, value: f64, requirement| {
-            let error = || SimError::Field { field: field.to_owned(), value, requirement };
-            holds.then_some(()).ok_or_else(error)
-        };
+    pub(super) fn check(&self) -> Result<(), FieldError> {
         let [numerator, denominator] = self.half_steps_per_turn.map(f64::from);
-        let field = "half_steps_per_turn";
-        fine(numerator > 0.0 && denominator > 0.0, field, numerator, "a positive fraction")?;
-        let play = self.backlash_deg;
-        fine((0.0..=90.0).contains(&play), "backlash_deg", play, "between 0 and 90")?;
-        fine(self.start_deg.is_finite(), "start_deg", self.start_deg, "finite")?;
-        let Some(EmulatedSwitch { opens_at_deg, width_deg, .. }) = self.switch else {
-            return Ok(());
-        };
-        fine(opens_at_deg.is_finite(), "switch.opens_at_deg", opens_at_deg, "finite")?;
-        let narrow = (0.0..360.0).contains(&width_deg);
-        fine(narrow, "switch.width_deg", width_deg, "between 0 and 360")
+        let holds = numerator > 0.0 && denominator > 0.0;
+        require(holds, "half_steps_per_turn", numerator, "a positive fraction")?;
+        in_range("backlash_deg", self.backlash_deg, 0.0..=90.0, "between 0 and 90")?;
+        finite("start_deg", self.start_deg)?;
+        if let Some(EmulatedSwitch { opens_at_deg, width_deg, .. }) = self.switch {
+            finite("switch.opens_at_deg", opens_at_deg)?;
+            let narrow = (0.0..360.0).contains(&width_deg);
+            require(narrow, "switch.width_deg", width_deg, "between 0 and 360")?;
+        }
+        Ok(())
     }
 }

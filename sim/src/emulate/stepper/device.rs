@@ -25,7 +25,7 @@ pub struct EmulatedStepper<S> {
     gear: Gear,
     stepper: Option<Stepper>,
     /// Which ports tell their levels, and what they said last.
-    told: [Option<Option<u8>>; PORTS],
+    sent: [Option<Option<u8>>; PORTS],
     /// What could not be said.
     failure: Option<io::Error>,
 }
@@ -54,7 +54,8 @@ impl<S: ByteStream> EmulatedStepper<S> {
     ///
     /// # Errors
     ///
-    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`] names what is out of range in
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`] names what is out of
+    /// range in
     /// `config`.
     pub fn new(
         world: &World,
@@ -70,7 +71,7 @@ impl<S: ByteStream> EmulatedStepper<S> {
             gear: Gear::new(&config),
             config,
             stepper: None,
-            told: [None; PORTS],
+            sent: [None; PORTS],
             failure: None,
         };
         emulated.reset();
@@ -81,16 +82,16 @@ impl<S: ByteStream> EmulatedStepper<S> {
     /// Presses the reset button: it forgets its stepper and where that was, and begins anew.
     pub fn reset(&mut self) {
         self.begin();
-        self.say(&Reply::Version { major: 2, minor: 6 });
-        self.say(&Reply::Firmware { major: 2, minor: 10, name: "EmulatedFirmata".to_owned() });
+        self.emit(&Reply::Version { major: 2, minor: 6 });
+        self.emit(&Reply::Firmware { major: 2, minor: 10, name: "EmulatedFirmata".to_owned() });
     }
 
     fn begin(&mut self) {
         self.stepper = None;
-        self.told = [None; PORTS];
+        self.sent = [None; PORTS];
     }
 
-    fn say(&mut self, reply: &Reply) {
+    fn emit(&mut self, reply: &Reply) {
         let mut bytes = Vec::new();
         reply.encode(&mut bytes).expect("what it says has room");
         if let Err(error) = self.stream.send(&bytes) {
@@ -106,7 +107,7 @@ impl<S: ByteStream> EmulatedStepper<S> {
             let (device, position) = (stepper.device, stepper.motor.position);
             if step == 0 {
                 let position = counted(position);
-                self.say(&Reply::Done { device, position });
+                self.emit(&Reply::Done { device, position });
             } else if stepper.enabled || !stepper.has_enable_pin {
                 // Without an enable pin every step switches its coils on.
                 stepper.enabled = true;
@@ -117,21 +118,21 @@ impl<S: ByteStream> EmulatedStepper<S> {
 
     fn answer(&mut self, request: &Request, now: f64) {
         match request {
-            Request::Version => self.say(&Reply::Version { major: 2, minor: 6 }),
+            Request::Version => self.emit(&Reply::Version { major: 2, minor: 6 }),
             Request::Firmware => {
                 let name = "EmulatedFirmata".to_owned();
-                self.say(&Reply::Firmware { major: 2, minor: 10, name });
+                self.emit(&Reply::Firmware { major: 2, minor: 10, name });
             }
             Request::Capabilities => {
-                self.say(&Reply::Capabilities((0..PINS).map(capabilities).collect()));
+                self.emit(&Reply::Capabilities((0..PINS).map(capabilities).collect()));
             }
             Request::AnalogMapping => {
                 let channel = |pin: u8| pin.checked_sub(FIRST_ANALOG);
-                self.say(&Reply::AnalogMapping((0..PINS).map(channel).collect()));
+                self.emit(&Reply::AnalogMapping((0..PINS).map(channel).collect()));
             }
             Request::ReportDigital { port, on } => {
-                if let Some(told) = self.told.get_mut(usize::from(*port)) {
-                    *told = on.then_some(None);
+                if let Some(sent) = self.sent.get_mut(usize::from(*port)) {
+                    *sent = on.then_some(None);
                 }
             }
             Request::Reset => self.begin(),
@@ -169,11 +170,11 @@ impl<S: ByteStream> EmulatedStepper<S> {
             StepperRequest::Stop => {
                 motor.stop();
                 let position = counted(motor.position);
-                self.say(&Reply::Done { device, position });
+                self.emit(&Reply::Done { device, position });
             }
             StepperRequest::Report => {
                 let position = counted(motor.position);
-                self.say(&Reply::Position { device, position });
+                self.emit(&Reply::Position { device, position });
             }
             StepperRequest::Configure(_) => {}
         }
@@ -212,10 +213,10 @@ impl<S: ByteStream> EmulatedStepper<S> {
             let of_port =
                 closed.map(|switch| switch.pin).filter(|pin| usize::from(pin / 8) == port);
             let levels = !of_port.map_or(0, |pin| 1 << (pin % 8));
-            if self.told[port].is_some_and(|told| told != Some(levels)) {
-                self.told[port] = Some(Some(levels));
+            if self.sent[port].is_some_and(|sent| sent != Some(levels)) {
+                self.sent[port] = Some(Some(levels));
                 let port = u8::try_from(port).unwrap_or_default();
-                self.say(&Reply::Digital { port, levels });
+                self.emit(&Reply::Digital { port, levels });
             }
         }
     }

@@ -11,11 +11,11 @@ use crate::SimRadio;
 pub(super) struct Outgoing {
     /// Nobody has the address where this is absent.
     pub(super) beacon: Option<BeaconId>,
-    pub(super) said: Said,
+    pub(super) payload: Payload,
 }
 
 #[derive(Clone, Debug)]
-pub(super) enum Said {
+pub(super) enum Payload {
     /// A packet, which the beacon sends back; by its short address.
     Packet { id: u8, data: Vec<u8>, short: bool },
     /// A question to the beacon's radio.
@@ -69,10 +69,10 @@ impl Air {
     }
 
     /// Says something; false where there is no room for it.
-    pub(super) fn say(&mut self, said: Outgoing) -> bool {
+    pub(super) fn enqueue(&mut self, payload: Outgoing) -> bool {
         let room = self.waiting.len() < MOST_WAITING;
         if room {
-            self.waiting.push_back(said);
+            self.waiting.push_back(payload);
         }
         room
     }
@@ -85,13 +85,13 @@ impl Air {
 
     /// What the radio has to tell of it at the time `now`; `own` hears the answers.
     pub(super) fn advance(&mut self, own: &mut Registers, now: f64) -> Vec<Frame> {
-        let mut told = Vec::new();
+        let mut sent = Vec::new();
         while let Some(first) = self.waiting.front() {
-            let asked = first.beacon;
+            let requested = first.beacon;
             let until = if let Some(until) = self.until {
                 until
             } else {
-                if let Some(beacon) = asked {
+                if let Some(beacon) = requested {
                     // A beacon that the world does not have stays silent.
                     let _ = self.radio.request(beacon);
                 }
@@ -99,30 +99,30 @@ impl Air {
                 self.until = Some(until);
                 until
             };
-            let level = match asked {
+            let level = match requested {
                 Some(_) => self.radio.poll().ok().flatten(),
                 None => None,
             };
-            let ends = matches!(first.said, Said::Discovered { .. });
+            let ends = matches!(first.payload, Payload::Discovered { .. });
             if level.is_none() && !ends && now < until {
                 break;
             }
             self.until = None;
-            let Some(Outgoing { beacon, said }) = self.waiting.pop_front() else { break };
+            let Some(Outgoing { beacon, payload }) = self.waiting.pop_front() else { break };
             match (beacon, level) {
                 (Some(beacon), Some(level)) => {
-                    let heard = neg_dbm(level);
-                    own.received(heard);
-                    told.extend(self.answered(beacon, heard, said));
+                    let incoming = neg_dbm(level);
+                    own.received(incoming);
+                    sent.extend(self.answered(beacon, incoming, payload));
                 }
-                _ => told.extend(self.unanswered(beacon, said)),
+                _ => sent.extend(self.unanswered(beacon, payload)),
             }
         }
-        told
+        sent
     }
 
-    /// What comes when a beacon was heard.
-    fn answered(&mut self, beacon: BeaconId, heard: u8, said: Said) -> Vec<Frame> {
+    /// What comes when a beacon was received.
+    fn answered(&mut self, beacon: BeaconId, incoming: u8, payload: Payload) -> Vec<Frame> {
         let (long, short_address) = xbee_address(beacon);
         let from16 = match self.firmware {
             Protocol::DigiMesh => Address16::UNKNOWN,
@@ -133,14 +133,14 @@ impl Air {
             return Vec::new();
         };
         // The way back is as long as the way there.
-        registers.received(heard);
-        match said {
-            Said::Packet { id, data, .. } if mesh => vec![
+        registers.received(incoming);
+        match payload {
+            Payload::Packet { id, data, .. } if mesh => vec![
                 delivery(id, from16, DeliveryStatus::SUCCESS),
                 Frame::Receive { from64: long, from16, options: 1, data },
             ],
-            Said::Packet { id, data, short } => {
-                let (rssi_neg_dbm, options) = (heard, 0);
+            Payload::Packet { id, data, short } => {
+                let (rssi_neg_dbm, options) = (incoming, 0);
                 let received = if short {
                     Frame::Receive16 { from: short_address, rssi_neg_dbm, options, data }
                 } else {
@@ -148,15 +148,15 @@ impl Air {
                 };
                 vec![Frame::TransmitStatus { id, status: TransmitStatus::SUCCESS }, received]
             }
-            Said::Command { id, command, parameter, .. } => {
-                let (status, value) = registers.ask(command, &parameter);
+            Payload::Command { id, command, parameter, .. } => {
+                let (status, value) = registers.query(command, &parameter);
                 vec![Frame::RemoteAtResponse { id, from64: long, from16, command, status, value }]
             }
-            Said::Discovery { id } => {
+            Payload::Discovery { id } => {
                 let mut value = from16.0.to_be_bytes().to_vec();
                 value.extend(long.0.to_be_bytes());
                 if !mesh {
-                    value.push(heard);
+                    value.push(incoming);
                 }
                 value.extend(registers.name());
                 value.push(0);
@@ -166,23 +166,23 @@ impl Air {
                 }
                 vec![Frame::AtResponse { id, command: AtCommand::ND, status: AtStatus::OK, value }]
             }
-            Said::Discovered { .. } => Vec::new(),
+            Payload::Discovered { .. } => Vec::new(),
         }
     }
 
-    /// What comes when nobody was heard.
-    fn unanswered(&self, beacon: Option<BeaconId>, said: Said) -> Option<Frame> {
-        match said {
-            Said::Packet { id, .. } if self.firmware == Protocol::Ieee802154 => {
+    /// What comes when nobody was received.
+    fn unanswered(&self, beacon: Option<BeaconId>, payload: Payload) -> Option<Frame> {
+        match payload {
+            Payload::Packet { id, .. } if self.firmware == Protocol::Ieee802154 => {
                 Some(Frame::TransmitStatus { id, status: TransmitStatus::NO_ACK })
             }
-            Said::Packet { id, .. } => {
+            Payload::Packet { id, .. } => {
                 let unknown = DeliveryStatus(0x24);
                 let delivery_status =
                     if beacon.is_some() { DeliveryStatus::NO_NETWORK_ACK } else { unknown };
                 Some(delivery(id, Address16::UNKNOWN, delivery_status))
             }
-            Said::Command { id, command, to64, to16, .. } => Some(Frame::RemoteAtResponse {
+            Payload::Command { id, command, to64, to16, .. } => Some(Frame::RemoteAtResponse {
                 id,
                 from64: to64,
                 from16: to16,
@@ -190,8 +190,8 @@ impl Air {
                 status: AtStatus::NO_ANSWER,
                 value: Vec::new(),
             }),
-            Said::Discovery { .. } => None,
-            Said::Discovered { id } => {
+            Payload::Discovery { .. } => None,
+            Payload::Discovered { id } => {
                 let (command, status) = (AtCommand::ND, AtStatus::OK);
                 Some(Frame::AtResponse { id, command, status, value: Vec::new() })
             }

@@ -1,8 +1,9 @@
-use foxhunt_core::BeaconId;
+use foxhunt_core::{
+    BeaconId,
+    parameter::{FieldError, positive, require},
+};
 use foxhunt_wire::xbee::{Address16, Address64, Protocol};
 use serde::{Deserialize, Serialize};
-
-use crate::SimError;
 
 /// What kind of XBee is emulated.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -12,7 +13,7 @@ pub struct EmulatedXbeeConfig {
     pub firmware: Protocol,
     /// `AP`: 0 transparent, 1 plain frames, 2 escaped frames.
     pub ap: u8,
-    /// How long after a question to a beacon that does not answer it says so, in seconds.
+    /// How long after a question to a beacon that does not answer it reports it, in seconds.
     pub no_answer_s: f64,
 }
 
@@ -24,16 +25,9 @@ impl Default for EmulatedXbeeConfig {
 }
 
 impl EmulatedXbeeConfig {
-    pub(super) fn check(&self) -> Result<(), SimError> {
-        let field = |name: &str, value, requirement| {
-            Err(SimError::Field { field: name.into(), value, requirement })
-        };
-        if self.ap > 2 {
-            return field("ap", f64::from(self.ap), "0, 1 or 2");
-        }
-        if !(self.no_answer_s > 0.0 && self.no_answer_s.is_finite()) {
-            return field("no_answer_s", self.no_answer_s, "a positive number");
-        }
+    pub(super) fn check(&self) -> Result<(), FieldError> {
+        require(self.ap <= 2, "ap", f64::from(self.ap), "0, 1 or 2")?;
+        positive("no_answer_s", self.no_answer_s)?;
         Ok(())
     }
 }

@@ -11,7 +11,7 @@ use foxhunt_wire::{
 
 use super::{
     EmulatedXbeeConfig,
-    air::{Air, Outgoing, Said},
+    air::{Air, Outgoing, Payload},
     config::drone_address,
     registers::Registers,
     text::Text,
@@ -23,7 +23,8 @@ use crate::{Emulator, SimClock, SimError, World};
 /// The beacons of the world are radios in its network, at the addresses of
 /// [`xbee_address`](crate::xbee_address), whose programs send back what they are sent. A question
 /// reaches its beacon and is answered as the world has it, in whole dB; one that is not is told as
-/// undelivered. It answers AT commands about itself and, where these can be heard, about beacons.
+/// undelivered. It answers AT commands about itself and, where these can be received, about
+/// beacons.
 #[derive(Debug)]
 pub struct EmulatedXbee<S> {
     stream: S,
@@ -32,7 +33,7 @@ pub struct EmulatedXbee<S> {
     own: Registers,
     air: Air,
     decoder: Decoder,
-    heard_at: f64,
+    received_at: f64,
     text: Text,
 }
 
@@ -40,12 +41,13 @@ pub struct EmulatedXbee<S> {
 const QUIET_S: f64 = 0.1;
 
 impl<S: ByteStream> EmulatedXbee<S> {
-    /// The radio of a drone, which has just been switched on: it says so where it speaks in frames.
+    /// The radio of a drone, which has just been switched on: it reports it where it speaks in
+    /// frames.
     ///
     /// # Errors
     ///
-    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`] names what is out of range
-    /// in `config`.
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Field`] names what is out of
+    /// range in `config`.
     pub fn new(
         world: &World,
         drone: usize,
@@ -62,7 +64,16 @@ impl<S: ByteStream> EmulatedXbee<S> {
         let air = Air::new(radio, config.firmware, &names, config.no_answer_s);
         let decoder = Decoder::new(mode(config.ap));
         let clock = world.clock();
-        Ok(Self { stream, clock, config, own, air, decoder, heard_at: 0.0, text: Text::default() })
+        Ok(Self {
+            stream,
+            clock,
+            config,
+            own,
+            air,
+            decoder,
+            received_at: 0.0,
+            text: Text::default(),
+        })
     }
 
     /// The port.
@@ -71,8 +82,8 @@ impl<S: ByteStream> EmulatedXbee<S> {
         &mut self.stream
     }
 
-    /// Takes its power away and gives it back: what was under way is forgotten, and it says that it has
-    /// started.
+    /// Takes its power away and gives it back: what was under way is forgotten, and it says that it
+    /// has started.
     ///
     /// # Errors
     ///
@@ -84,10 +95,10 @@ impl<S: ByteStream> EmulatedXbee<S> {
         if self.own.ap() == 0 {
             return Ok(());
         }
-        self.tell(&Frame::ModemStatus { status: ModemStatus::HARDWARE_RESET })
+        self.report(&Frame::ModemStatus { status: ModemStatus::HARDWARE_RESET })
     }
 
-    fn tell(&mut self, frame: &Frame) -> io::Result<()> {
+    fn report(&mut self, frame: &Frame) -> io::Result<()> {
         let bytes = frame
             .encode(self.decoder.mode())
             .map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error))?;
@@ -95,7 +106,7 @@ impl<S: ByteStream> EmulatedXbee<S> {
     }
 
     /// What it answers at once; the rest goes over the air.
-    fn hear(&mut self, frame: Frame) -> io::Result<()> {
+    fn take_in(&mut self, frame: Frame) -> io::Result<()> {
         let mesh = self.config.firmware != Protocol::Ieee802154;
         let immediate = match frame {
             Frame::AtCommand { id, command, parameter }
@@ -104,8 +115,8 @@ impl<S: ByteStream> EmulatedXbee<S> {
             }
             Frame::RemoteAtCommand { id, to64, to16, command, parameter, .. } => {
                 let beacon = self.air.beacon_at(to64, to16);
-                let said = Said::Command { id, command, parameter, to64, to16 };
-                self.air.say(Outgoing { beacon, said });
+                let payload = Payload::Command { id, command, parameter, to64, to16 };
+                self.air.enqueue(Outgoing { beacon, payload });
                 None
             }
             Frame::Transmit { id, to64, to16, data, .. } if mesh => {
@@ -130,7 +141,7 @@ impl<S: ByteStream> EmulatedXbee<S> {
                 Frame::DeliveryStatus { id: 0, .. } | Frame::TransmitStatus { id: 0, .. }
             )
         };
-        immediate.filter(|frame| !silent(frame)).map_or(Ok(()), |frame| self.tell(&frame))
+        immediate.filter(|frame| !silent(frame)).map_or(Ok(()), |frame| self.report(&frame))
     }
 
     /// A packet to one beacon; what it is told of at once.
@@ -158,26 +169,27 @@ impl<S: ByteStream> EmulatedXbee<S> {
             return status(0x74, 0x74);
         }
         let beacon = self.air.beacon_at(to64, to16);
-        let room = self.air.say(Outgoing { beacon, said: Said::Packet { id, data, short } });
+        let room =
+            self.air.enqueue(Outgoing { beacon, payload: Payload::Packet { id, data, short } });
         if room { None } else { status(0x32, 0x32) }
     }
 
     fn command(&mut self, id: u8, command: AtCommand, parameter: &[u8]) -> io::Result<()> {
         if command == AtCommand::ND {
             for beacon in self.air.beacons() {
-                let said = Said::Discovery { id };
-                self.air.say(Outgoing { beacon: Some(beacon), said });
+                let payload = Payload::Discovery { id };
+                self.air.enqueue(Outgoing { beacon: Some(beacon), payload });
             }
             if self.config.firmware == Protocol::Ieee802154 {
-                self.air.say(Outgoing { beacon: None, said: Said::Discovered { id } });
+                self.air.enqueue(Outgoing { beacon: None, payload: Payload::Discovered { id } });
             }
             return Ok(());
         }
         let restart = command.0 == *b"FR";
         let (status, value) =
-            if restart { (AtStatus::OK, Vec::new()) } else { self.own.ask(command, parameter) };
+            if restart { (AtStatus::OK, Vec::new()) } else { self.own.query(command, parameter) };
         if id != 0 {
-            self.tell(&Frame::AtResponse { id, command, status, value })?;
+            self.report(&Frame::AtResponse { id, command, status, value })?;
         }
         if restart {
             return self.reset();
@@ -202,25 +214,25 @@ impl<S: ByteStream> Emulator for EmulatedXbee<S> {
             let count = self.stream.receive(&mut bytes)?;
             let came = bytes.get(..count).unwrap_or_default();
             if self.own.ap() == 0 {
-                let told = self.text.hear(came, &mut self.own, now);
-                if !told.is_empty() {
-                    self.stream.send(&told)?;
+                let sent = self.text.take_in(came, &mut self.own, now);
+                if !sent.is_empty() {
+                    self.stream.send(&sent)?;
                 }
                 if self.own.ap() != 0 {
                     self.decoder = Decoder::new(mode(self.own.ap()));
                 }
             } else {
-                let told = if came.is_empty() && now - self.heard_at > QUIET_S {
+                let sent = if came.is_empty() && now - self.received_at > QUIET_S {
                     self.decoder.give_up()
                 } else {
                     self.decoder.push(came)
                 };
-                for frame in told.into_iter().flatten() {
-                    self.hear(frame)?;
+                for frame in sent.into_iter().flatten() {
+                    self.take_in(frame)?;
                 }
             }
             if count > 0 {
-                self.heard_at = now;
+                self.received_at = now;
             }
             if count == 0 {
                 break;
@@ -232,7 +244,7 @@ impl<S: ByteStream> Emulator for EmulatedXbee<S> {
                 Frame::DeliveryStatus { id: 0, .. } | Frame::TransmitStatus { id: 0, .. }
             );
             if !silent {
-                self.tell(&frame)?;
+                self.report(&frame)?;
             }
         }
         Ok(())

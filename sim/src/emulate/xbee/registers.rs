@@ -65,7 +65,7 @@ impl Registers {
     }
 
     /// Asks, where there is no parameter; otherwise sets.
-    pub(super) fn ask(&mut self, command: AtCommand, parameter: &[u8]) -> (AtStatus, Vec<u8>) {
+    pub(super) fn query(&mut self, command: AtCommand, parameter: &[u8]) -> (AtStatus, Vec<u8>) {
         let key = command.0;
         if ACTIONS.contains(&&key) {
             return (AtStatus::OK, Vec::new());

@@ -10,7 +10,7 @@ const COMMAND_S: f64 = 10.0;
 /// A radio that is not in an API mode: what comes is sent on the air, but for commands after `+++`.
 #[derive(Debug, Default)]
 pub(super) struct Text {
-    heard_at: f64,
+    received_at: f64,
     /// `+++` came after silence; answered then, if nothing follows.
     entering: Option<f64>,
     /// Commands are taken until then.
@@ -20,18 +20,18 @@ pub(super) struct Text {
 
 impl Text {
     /// Takes what has come; what the radio says to it.
-    pub(super) fn hear(&mut self, bytes: &[u8], own: &mut Registers, now: f64) -> Vec<u8> {
-        let mut told = Vec::new();
+    pub(super) fn take_in(&mut self, bytes: &[u8], own: &mut Registers, now: f64) -> Vec<u8> {
+        let mut sent = Vec::new();
         self.commands_until = self.commands_until.filter(|until| now < *until);
         if self.commands_until.is_none() && !bytes.is_empty() {
-            let quiet = now - self.heard_at >= GUARD_S;
+            let quiet = now - self.received_at >= GUARD_S;
             self.entering = (bytes == b"+++" && quiet).then_some(now + GUARD_S);
-            self.heard_at = now;
+            self.received_at = now;
         } else if self.commands_until.is_some() {
             for byte in bytes {
                 if *byte == b'\r' {
                     self.commands_until = Some(now + COMMAND_S);
-                    told.extend(self.command(own));
+                    sent.extend(self.command(own));
                 } else if self.line.len() < 64 {
                     self.line.push(*byte);
                 }
@@ -41,9 +41,9 @@ impl Text {
             self.entering = None;
             self.commands_until = Some(now + COMMAND_S);
             self.line.clear();
-            told.extend(b"OK\r");
+            sent.extend(b"OK\r");
         }
-        told
+        sent
     }
 
     /// Executes the line.
@@ -65,7 +65,7 @@ impl Text {
             (_, Ok(number)) => number.to_be_bytes().to_vec(),
             _ => return b"ERROR\r".to_vec(),
         };
-        match own.ask(command, &parameter) {
+        match own.query(command, &parameter) {
             (AtStatus::OK, value) if value.is_empty() => b"OK\r".to_vec(),
             (AtStatus::OK, value) => {
                 let hex: String = value.iter().map(|byte| format!("{byte:02X}")).collect();

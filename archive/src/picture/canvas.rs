@@ -1,0 +1,169 @@
+use std::fmt::Display;
+
+use plotters::{
+    backend::SVGBackend,
+    coord::Shift,
+    drawing::{DrawingArea, IntoDrawingArea},
+    element::{Circle, DashedPathElement, PathElement, Polygon, Rectangle, Text},
+    style::{
+        Color, IntoFont, RGBAColor, RGBColor, ShapeStyle, TextStyle,
+        text_anchor::{HPos, Pos, VPos},
+    },
+};
+
+use super::{
+    frame::{Pixel, Rect},
+    palette,
+};
+
+/// The backend knows whole units only: four in a pixel make smooth curves.
+pub(super) const UNIT: i32 = 4;
+
+const WIDTH: i32 = 1120 * UNIT;
+const HEIGHT: i32 = 860 * UNIT;
+
+/// Where the field is drawn.
+pub(super) const PLOT: Rect =
+    Rect { left: 64 * UNIT, top: 56 * UNIT, right: 870 * UNIT, bottom: 802 * UNIT };
+
+/// Where the legend is.
+pub(super) const LEGEND: Rect =
+    Rect { left: 892 * UNIT, top: 56 * UNIT, right: 1108 * UNIT, bottom: 802 * UNIT };
+
+/// Runs `draw` on an empty canvas and returns the SVG.
+pub(super) fn svg(
+    draw: impl FnOnce(&Canvas<'_>) -> Result<(), PictureError>,
+) -> Result<String, PictureError> {
+    let mut text = String::new();
+    {
+        let size = (WIDTH.unsigned_abs(), HEIGHT.unsigned_abs());
+        let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
+        let canvas = Canvas { root };
+        canvas.root.fill(&palette::PAPER).map_err(PictureError::new)?;
+        draw(&canvas)?;
+        canvas.root.present().map_err(PictureError::new)?;
+    }
+    // The units are finer than the pixels that it is to be shown with.
+    let fine = format!("width=\"{WIDTH}\" height=\"{HEIGHT}\"");
+    let shown = format!("width=\"{}\" height=\"{}\"", WIDTH / UNIT, HEIGHT / UNIT);
+    Ok(text.replacen(&fine, &shown, 1))
+}
+
+/// What is drawn on: lines, dots and text in canvas units; line widths, radii and text sizes in
+/// quarters of a pixel too.
+pub(super) struct Canvas<'a> {
+    root: DrawingArea<SVGBackend<'a>, Shift>,
+}
+
+/// Which part of a text is at the place it is given.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Anchor {
+    /// The middle of its left edge.
+    Left,
+    /// The middle of its right edge.
+    Right,
+    /// The middle of its top edge.
+    Top,
+}
+
+impl Canvas<'_> {
+    pub(super) fn line(
+        &self,
+        points: Vec<Pixel>,
+        colour: RGBAColor,
+        width: i32,
+    ) -> Result<(), PictureError> {
+        self.root.draw(&PathElement::new(points, stroke(colour, width))).map_err(PictureError::new)
+    }
+
+    pub(super) fn dashes(
+        &self,
+        points: [Pixel; 2],
+        colour: RGBAColor,
+        width: i32,
+    ) -> Result<(), PictureError> {
+        let dash = DashedPathElement::new(points, 4 * UNIT, 4 * UNIT, stroke(colour, width));
+        self.root.draw(&dash).map_err(PictureError::new)
+    }
+
+    pub(super) fn area(&self, corners: Vec<Pixel>, colour: RGBAColor) -> Result<(), PictureError> {
+        self.root.draw(&Polygon::new(corners, colour.filled())).map_err(PictureError::new)
+    }
+
+    /// A rectangle without an edge.
+    pub(super) fn cover(&self, rect: Rect, colour: RGBAColor) -> Result<(), PictureError> {
+        let corners = [(rect.left, rect.top), (rect.right, rect.bottom)];
+        self.root.draw(&Rectangle::new(corners, colour.filled())).map_err(PictureError::new)
+    }
+
+    pub(super) fn dot(
+        &self,
+        at: Pixel,
+        radius: i32,
+        colour: RGBAColor,
+    ) -> Result<(), PictureError> {
+        self.root.draw(&Circle::new(at, radius, colour.filled())).map_err(PictureError::new)
+    }
+
+    /// A star of five points with a white edge.
+    pub(super) fn star(
+        &self,
+        at: Pixel,
+        radius: i32,
+        colour: RGBAColor,
+    ) -> Result<(), PictureError> {
+        let point = |i: u32, radius: f64| {
+            let angle = std::f64::consts::PI * (f64::from(i) / 5.0 - 0.5);
+            let reach = if i.is_multiple_of(2) { radius } else { 0.42 * radius };
+            (
+                at.0 + super::frame::whole(reach * angle.cos()),
+                at.1 + super::frame::whole(reach * angle.sin()),
+            )
+        };
+        for (radius, colour) in [(radius + 2 * UNIT, palette::PAPER.mix(0.9)), (radius, colour)] {
+            self.area((0..10).map(|i| point(i, f64::from(radius))).collect(), colour)?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn text(
+        &self,
+        text: &str,
+        at: Pixel,
+        size: i32,
+        colour: RGBColor,
+        anchor: Anchor,
+    ) -> Result<(), PictureError> {
+        let pos = match anchor {
+            Anchor::Left => Pos::new(HPos::Left, VPos::Center),
+            Anchor::Right => Pos::new(HPos::Right, VPos::Center),
+            Anchor::Top => Pos::new(HPos::Center, VPos::Top),
+        };
+        let style = TextStyle::from(("sans-serif", size).into_font()).color(&colour).pos(pos);
+        self.root.draw(&Text::new(text.to_owned(), at, style)).map_err(PictureError::new)
+    }
+}
+
+fn stroke(colour: RGBAColor, width: i32) -> ShapeStyle {
+    colour.stroke_width(width.unsigned_abs())
+}
+
+/// How wide a text of this size is, about: the font is the viewer's.
+pub(super) fn text_width(text: &str, size: i32) -> i32 {
+    let characters = i32::try_from(text.chars().count()).unwrap_or(i32::MAX / 64).min(1000);
+    characters * size * 58 / 100
+}
+
+/// Why there is no picture.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("the picture cannot be drawn: {reason}")]
+pub struct PictureError {
+    /// The message of the drawing library.
+    pub reason: String,
+}
+
+impl PictureError {
+    fn new(error: impl Display) -> Self {
+        Self { reason: error.to_string() }
+    }
+}

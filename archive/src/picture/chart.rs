@@ -1,0 +1,206 @@
+use nalgebra::Vector2;
+use plotters::style::{Color, RGBAColor};
+
+use super::{
+    canvas::{Anchor, Canvas, PictureError, UNIT, text_width},
+    frame::{Frame, Pixel, whole},
+    label::Labels,
+    palette,
+    scene::{Scene, Search},
+};
+
+/// Draws the field: the grid, then what was measured, then what is believed, then what is true.
+pub(super) fn draw(canvas: &Canvas<'_>, frame: &Frame, scene: &Scene) -> Result<(), PictureError> {
+    grid(canvas, frame)?;
+    paths(canvas, frame, scene)?;
+    rays(canvas, frame, scene)?;
+    places(canvas, frame, scene)?;
+    for search in &scene.searches {
+        cloud(canvas, frame, search)?;
+    }
+    for course in &scene.courses {
+        clipped(canvas, frame, course, palette::INK.mix(0.45), COURSE_WIDTH)?;
+    }
+    for search in &scene.searches {
+        belief(canvas, frame, search)?;
+    }
+    // The last estimates are smaller than the stars and lie on them: so both are visible.
+    for (_, truth) in &scene.beacons {
+        canvas.star(frame.pixel(truth), 10 * UNIT, palette::INK.to_rgba())?;
+    }
+    for estimate in scene.searches.iter().filter_map(|search| search.estimate) {
+        let at = frame.pixel(&estimate.mean);
+        canvas.dot(at, 5 * UNIT, palette::PAPER.to_rgba())?;
+        canvas.dot(at, 4 * UNIT, palette::BELIEF.to_rgba())?;
+    }
+    names(canvas, frame, scene)
+}
+
+fn grid(canvas: &Canvas<'_>, frame: &Frame) -> Result<(), PictureError> {
+    const SIZE: i32 = 13 * UNIT;
+    let rect = frame.rect();
+    let ([east, north], decimals) = frame.grid();
+    let colour = palette::GRID.to_rgba();
+    let label = |metres: f64| {
+        // A zero that rounding left below zero is no minus zero.
+        let metres = if metres.abs() < 1e-9 { 0.0 } else { metres };
+        format!("{metres:.decimals$}").replace('-', "\u{2212}")
+    };
+    for metres in east {
+        let x = frame.pixel(&Vector2::new(metres, 0.0)).0;
+        canvas.line(vec![(x, rect.top), (x, rect.bottom)], colour, UNIT)?;
+        let at = (x, rect.bottom + 7 * UNIT);
+        canvas.text(&label(metres), at, SIZE, palette::FAINT_INK, Anchor::Top)?;
+    }
+    for metres in north {
+        let y = frame.pixel(&Vector2::new(0.0, metres)).1;
+        canvas.line(vec![(rect.left, y), (rect.right, y)], colour, UNIT)?;
+        let at = (rect.left - 8 * UNIT, y);
+        canvas.text(&label(metres), at, SIZE, palette::FAINT_INK, Anchor::Right)?;
+    }
+    let corners = [
+        (rect.left, rect.top),
+        (rect.right, rect.top),
+        (rect.right, rect.bottom),
+        (rect.left, rect.bottom),
+        (rect.left, rect.top),
+    ];
+    canvas.line(corners.to_vec(), palette::EDGE.to_rgba(), UNIT)?;
+    let middle = (rect.left + rect.right) / 2;
+    let below = rect.bottom + 28 * UNIT;
+    canvas.text("East in metres", (middle, below), SIZE, palette::INK, Anchor::Top)?;
+    let above = (14 * UNIT, rect.top - 14 * UNIT);
+    canvas.text("North in metres", above, SIZE, palette::INK, Anchor::Left)
+}
+
+/// How long bearings are drawn, as a share of the field: the estimates show what is at their ends.
+const RAY_SHARE: f64 = 0.16;
+
+fn rays(canvas: &Canvas<'_>, frame: &Frame, scene: &Scene) -> Result<(), PictureError> {
+    let (low, high) = frame.corners();
+    let length = (high - low).norm() * RAY_SHARE;
+    for ray in &scene.rays {
+        let Some((from, to)) = frame.clip(&ray.from, &ray.end(length)) else { continue };
+        let ends = [frame.pixel(&from), frame.pixel(&to)];
+        let colour = palette::drone(ray.drone);
+        if ray.fused {
+            canvas.line(ends.to_vec(), colour.mix(0.55), 4)?;
+        } else {
+            canvas.dashes(ends, colour.mix(0.4), 4)?;
+        }
+    }
+    Ok(())
+}
+
+/// Paths are broad and pale, bearings narrow: so they differ.
+pub(super) const PATH_WIDTH: i32 = 5 * UNIT;
+
+fn paths(canvas: &Canvas<'_>, frame: &Frame, scene: &Scene) -> Result<(), PictureError> {
+    for (drone, places) in &scene.drones {
+        let points = pixels(frame, places);
+        canvas.line(points, palette::drone(*drone).mix(0.2), PATH_WIDTH)?;
+    }
+    Ok(())
+}
+
+fn places(canvas: &Canvas<'_>, frame: &Frame, scene: &Scene) -> Result<(), PictureError> {
+    for (drone, places) in &scene.drones {
+        for at in pixels(frame, places) {
+            canvas.dot(at, 5 * UNIT, palette::PAPER.to_rgba())?;
+            canvas.dot(at, 4 * UNIT, palette::drone(*drone).mix(0.9))?;
+        }
+    }
+    Ok(())
+}
+
+/// How broad the way of a beacon that moves is drawn.
+pub(super) const COURSE_WIDTH: i32 = 2 * UNIT;
+
+/// How large a place of a cloud is drawn.
+pub(super) const CLOUD_DOT: i32 = 2 * UNIT;
+
+fn cloud(canvas: &Canvas<'_>, frame: &Frame, search: &Search) -> Result<(), PictureError> {
+    let (low, high) = frame.corners();
+    let shown = |place: &&Vector2<f64>| **place >= low && **place <= high;
+    for place in search.cloud.iter().filter(shown) {
+        canvas.dot(frame.pixel(place), CLOUD_DOT, palette::CLOUD.mix(0.45))?;
+    }
+    Ok(())
+}
+
+fn belief(canvas: &Canvas<'_>, frame: &Frame, search: &Search) -> Result<(), PictureError> {
+    let colour = palette::BELIEF;
+    if let Some(outline) = search.outline() {
+        let inside: Vec<_> = {
+            let (low, high) = frame.corners();
+            outline.iter().map(|place| place.sup(&low).inf(&high)).collect()
+        };
+        canvas.area(pixels(frame, &inside), colour.mix(0.10))?;
+        clipped(canvas, frame, &outline, colour.to_rgba(), 7)?;
+    }
+    canvas.line(pixels(frame, &search.track), colour.mix(0.7), 5)?;
+    for at in pixels(frame, &search.track) {
+        canvas.dot(at, 9, colour.mix(0.8))?;
+    }
+    Ok(())
+}
+
+/// Draws the parts of a line that lie within the field, each in one piece.
+fn clipped(
+    canvas: &Canvas<'_>,
+    frame: &Frame,
+    line: &[Vector2<f64>],
+    colour: RGBAColor,
+    width: i32,
+) -> Result<(), PictureError> {
+    let mut piece: Vec<Pixel> = Vec::new();
+    for ends in line.windows(2) {
+        let [from, to] = ends else { continue };
+        let Some((from, to)) = frame.clip(from, to) else { continue };
+        let (from, to) = (frame.pixel(&from), frame.pixel(&to));
+        if piece.last() != Some(&from) {
+            canvas.line(std::mem::take(&mut piece), colour, width)?;
+            piece.push(from);
+        }
+        piece.push(to);
+    }
+    canvas.line(piece, colour, width)
+}
+
+/// Writes each beacon's name beside it, or beside its estimate where its place is not known.
+fn names(canvas: &Canvas<'_>, frame: &Frame, scene: &Scene) -> Result<(), PictureError> {
+    const SIZE: i32 = 14 * UNIT;
+    let tracks = scene.searches.iter().map(|search| &search.track);
+    let outlines: Vec<_> = scene.searches.iter().filter_map(Search::outline).collect();
+    let stars: Vec<_> = scene.beacons.iter().map(|(_, truth)| *truth).collect();
+    let places = scene.drones.values().chain(tracks).chain(&outlines).chain([&stars]);
+    let points = places.flat_map(|places| pixels(frame, places)).collect();
+    let mut labels = Labels::new(frame.rect(), points);
+
+    let unknown = scene.searches.iter().filter(|search| search.truth.is_none());
+    let believed = unknown.filter_map(|s| Some((&s.name, s.estimate?.mean)));
+    let named = scene.beacons.iter().map(|(name, truth)| (name, *truth)).chain(believed);
+    for (name, place) in named {
+        let name = shortened(name);
+        let height = whole(1.25 * f64::from(SIZE));
+        let width = text_width(&name, SIZE) + 4 * UNIT;
+        let rect = labels.place(frame.pixel(&place), width, height);
+        canvas.cover(rect, palette::PAPER.mix(0.75))?;
+        let at = (rect.left + 2 * UNIT, (rect.top + rect.bottom) / 2);
+        canvas.text(&name, at, SIZE, palette::INK, Anchor::Left)?;
+    }
+    Ok(())
+}
+
+/// A name that has room beside its beacon and in the legend.
+pub(super) fn shortened(name: &str) -> String {
+    const MOST: usize = 22;
+    if name.chars().count() <= MOST {
+        return name.to_owned();
+    }
+    name.chars().take(MOST - 1).chain(['…']).collect()
+}
+
+fn pixels(frame: &Frame, places: &[Vector2<f64>]) -> Vec<Pixel> {
+    places.iter().map(|place| frame.pixel(place)).collect()
+}

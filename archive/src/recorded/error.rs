@@ -1,0 +1,112 @@
+use foxhunt_core::{NoReading, ObservationError};
+use foxhunt_sensors::{CalibrationError, LearnPatternError};
+
+use crate::recording::RecordingError;
+
+/// Why nothing could be made of a recording. Each names the file, and the line where there is one.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordedError {
+    /// The turns of the recording cannot be put together.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// The recording has no place of the receiver.
+    #[error(
+        "{file}, line {line}: there is no position; a place needs lat_deg and lon_deg, or east_m \
+         and north_m"
+    )]
+    NoPlace {
+        /// The file.
+        file: String,
+        /// The first such line.
+        line: u64,
+    },
+    /// A row is no observation.
+    #[error("{file}, line {line}: {source}")]
+    Observation {
+        /// The file.
+        file: String,
+        /// The line.
+        line: u64,
+        /// Why not.
+        source: ObservationError,
+    },
+    /// A turn cannot be read at all.
+    #[error("{file}, the turn that begins in line {line}: {source}")]
+    Turn {
+        /// The file.
+        file: String,
+        /// The line.
+        line: u64,
+        /// Why not.
+        source: NoReading,
+    },
+    /// The recording has no turns of a directional antenna.
+    #[error(
+        "{file}: there is no turn of an antenna; a bearing needs rss_dbm and \
+         boresight_deg_compass, or antenna_deg and heading_deg_compass"
+    )]
+    NoTurns {
+        /// The file.
+        file: String,
+    },
+    /// The recordings are not of a station with several fixed antennas.
+    #[error(
+        "{file}: this is no station of fixed antennas: that has 2 to 16 boresights, each of which \
+         comes again and again"
+    )]
+    NoStation {
+        /// The first file.
+        file: String,
+    },
+    /// The recording holds several beacons, and none is chosen.
+    #[error("the recording holds {}; choose one with --beacon", beacons.join(", "))]
+    SeveralBeacons {
+        /// Their names.
+        beacons: Vec<String>,
+    },
+    /// The chosen beacon is not in the recording.
+    #[error("no row is of beacon {wanted:?}; the recording holds {}", beacons.join(", "))]
+    NoSuchBeacon {
+        /// The chosen one.
+        wanted: String,
+        /// The names there are.
+        beacons: Vec<String>,
+    },
+    /// Where the transmitter is must be known for this.
+    #[error(
+        "{file}, line {line}: the distance is not known; give the transmitter's place with --truth"
+    )]
+    NoTruth {
+        /// The file.
+        file: String,
+        /// The first such line.
+        line: u64,
+    },
+    /// A row is no point of range and power.
+    #[error("{file}, line {line}: {source}")]
+    Point {
+        /// The file.
+        file: String,
+        /// The line.
+        line: u64,
+        /// Why not.
+        source: CalibrationError,
+    },
+    /// No pattern can be learned from the turns.
+    #[error("{file}: {source}")]
+    Antenna {
+        /// The files.
+        file: String,
+        /// Why not.
+        source: LearnPatternError,
+    },
+    /// The law cannot be fitted.
+    #[error("{file}: {source}")]
+    Calibration {
+        /// The file.
+        file: String,
+        /// Why not.
+        source: CalibrationError,
+    },
+}

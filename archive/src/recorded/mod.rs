@@ -1,0 +1,23 @@
+//! Bearings of turns, receptions, path loss and antenna patterns out of recorded flights.
+
+mod antenna;
+mod bearing;
+mod bearing_errors;
+mod calibrate;
+mod error;
+mod receptions;
+mod selection;
+mod station;
+mod truth;
+
+pub use antenna::{KnownDirection, learn_antenna};
+pub use bearing::{BearingReading, LOW_CONFIDENCE, bearings};
+pub use bearing_errors::{BearingsFit, calibrate_bearings};
+pub use calibrate::{CalibrateConfig, Calibration, calibrate};
+pub use error::RecordedError;
+pub use receptions::{ReceptionConfig, receptions};
+pub use selection::{Selection, only_beacon};
+pub use station::{
+    CrossValidation, StationCalibration, StationConfig, fit_boresights, station_boresights,
+};
+pub use truth::recorded_truth;

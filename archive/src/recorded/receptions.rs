@@ -1,0 +1,143 @@
+use std::collections::BTreeMap;
+
+use foxhunt_core::{
+    BeaconId, Bearing, BearingExtractor, ByQuantity, Intake, Level, Pose, Quantity, Reception,
+};
+use foxhunt_hunt::calibration::BearingCalibration;
+use nalgebra::Vector3;
+
+use super::{RecordedError, bearings};
+use crate::recording::{Record, Recording};
+
+/// σ of recorded numbers where the recording has none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReceptionConfig {
+    /// σ of a received level in dB.
+    pub rss_sigma_db: f64,
+    /// σ of a ready-made bearing in radians.
+    pub bearing_sigma: f64,
+    /// How many positions a turn of the antenna has.
+    pub positions: u16,
+    /// How ready-made bearings err; an extractor has its own.
+    pub bearings: BearingCalibration,
+    /// σ of the receiver's own East, North and Up in metres; its place is known where absent.
+    pub receiver_sigma_m: Option<f64>,
+}
+
+impl Default for ReceptionConfig {
+    /// 8 dB, 10°, 128 positions, bearings as they are, receivers at known places.
+    fn default() -> Self {
+        let bearing_sigma = 10.0_f64.to_radians();
+        Self {
+            rss_sigma_db: 8.0,
+            bearing_sigma,
+            positions: 128,
+            bearings: BearingCalibration::default(),
+            receiver_sigma_m: None,
+        }
+    }
+}
+
+/// The receptions of one beacon: level and bearing of each turn of a directional antenna, the level
+/// of each row of an omnidirectional one, ready-made bearings, ranges and differences. One drone
+/// after the other, each in the order of time, so that neighbours lie along one path.
+///
+/// # Errors
+///
+/// [`RecordedError`] names the file and the line of what cannot be used.
+pub fn receptions(
+    recordings: &[Recording],
+    beacon: Option<&str>,
+    extractor: &dyn BearingExtractor,
+    config: &ReceptionConfig,
+) -> Result<Vec<Reception>, RecordedError> {
+    let mut receptions = Vec::new();
+    for recording in recordings {
+        let file = recording.file();
+        let no_place = |line| RecordedError::NoPlace { file: file.to_owned(), line };
+        let mut of_drone: BTreeMap<&str, Vec<Reception>> = BTreeMap::new();
+        let mut order = 0.0;
+        for record in recording.records() {
+            order += 1.0;
+            if record.beacon.as_deref() != beacon {
+                continue;
+            }
+            // The level of a directional antenna is a part of its turn.
+            if record.boresight.is_some() && record.measured.is_empty() {
+                continue;
+            }
+            let receiver = record.receiver.ok_or_else(|| no_place(record.line))?;
+            let time = record.time.unwrap_or(order);
+            if let Some(reception) = from_record(record, time, receiver, config) {
+                check(&reception, file, record.line)?;
+                of_drone.entry(&record.drone).or_default().push(reception);
+            }
+        }
+        let turns;
+        if recording.records().iter().any(|record| record.boresight.is_some()) {
+            turns = bearings(recording, extractor, config.positions)?;
+            for turn in &turns {
+                if turn.sweep.beacon_name.as_deref() != beacon {
+                    continue;
+                }
+                let line = turn.sweep.line;
+                if !turn.sweep.located {
+                    return Err(no_place(line));
+                }
+                let receiver_sigma_m = config.receiver_sigma_m.map(Vector3::repeat);
+                let sweep = turn.sweep.as_sweep(BeaconId(0));
+                let reception =
+                    Reception { receiver_sigma_m, ..Reception::new(&sweep, &turn.reading) };
+                check(&reception, file, line)?;
+                of_drone.entry(&turn.sweep.drone).or_default().push(reception);
+            }
+        }
+        for mut path in of_drone.into_values() {
+            path.sort_by(|a, b| a.time.total_cmp(&b.time));
+            receptions.append(&mut path);
+        }
+    }
+    Ok(receptions)
+}
+
+/// The reception of one row, if it holds a measurement; without what belongs to a turn.
+fn from_record(
+    record: &Record,
+    time: f64,
+    receiver: Pose,
+    config: &ReceptionConfig,
+) -> Option<Reception> {
+    let directional = record.boresight.is_some();
+    let level = record.rss_dbm.filter(|_| !directional);
+    let bearing = record.bearing.filter(|_| !directional).map(|bearing| {
+        let calibration = &config.bearings;
+        let sigma = bearing.sigma.map(|sigma| calibration.sigma(sigma));
+        Bearing {
+            angle: calibration.offset().correct(bearing.angle, receiver.heading),
+            sigma: sigma.unwrap_or(config.bearing_sigma),
+            confidence: 1.0,
+        }
+    });
+    if level.is_none() && bearing.is_none() && record.measured.is_empty() {
+        return None;
+    }
+    Some(Reception {
+        time,
+        receiver,
+        level: level.map(|rss_dbm| Level { rss_dbm, sigma_db: config.rss_sigma_db }),
+        bearing,
+        receiver_sigma_m: config.receiver_sigma_m.map(Vector3::repeat),
+        measured: record.measured,
+        ..Reception::default()
+    })
+}
+
+/// Refuses a reception of which no observation can be made.
+fn check(reception: &Reception, file: &str, line: u64) -> Result<(), RecordedError> {
+    let wrong = |source| RecordedError::Observation { file: file.to_owned(), line, source };
+    ByQuantity([Quantity::RSS, Quantity::BEARING]).observation(reception).map_err(wrong)?;
+    ByQuantity([Quantity::RANGE, Quantity::RANGE_DIFFERENCE, Quantity::RSS_DIFFERENCE])
+        .observation(reception)
+        .map_err(wrong)?;
+    Ok(())
+}

@@ -1,0 +1,277 @@
+use foxhunt_core::parameter::{FieldError, ParameterError};
+
+/// Why a recording cannot be read or written. Every message names the file, and where there is one
+/// the line, the column and the value.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordingError {
+    /// The file cannot be read.
+    #[error("{file}: cannot be read")]
+    Read {
+        /// The file.
+        file: String,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// There is no header.
+    #[error("{file}: the file is empty; its first line must name the columns")]
+    Empty {
+        /// The file.
+        file: String,
+    },
+    /// A cell is not UTF-8 text.
+    #[error("{file}, line {line}, {column}: {value:?} is not UTF-8 text")]
+    NotUtf8 {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// The cell, with stand-ins for what is not text.
+        value: String,
+    },
+    /// A row is shorter or longer than the header.
+    #[error(
+        "{file}, line {line}: {found} fields instead of {expected}, the last one {column}: \
+         {value:?}"
+    )]
+    FieldCount {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: u64,
+        /// How many columns the header names.
+        expected: usize,
+        /// How many fields the row has.
+        found: usize,
+        /// The column of the last field.
+        column: String,
+        /// The last field.
+        value: String,
+    },
+    /// No known format has such a header.
+    #[error(
+        "{file}, line {line}: no known format has the columns {header}; the nearest, {nearest}, \
+         also needs {}; known are {}",
+        lacks.join(" and "),
+        known.join(", ")
+    )]
+    UnknownFormat {
+        /// The file.
+        file: String,
+        /// The header's line, from 1.
+        line: u64,
+        /// The file's columns.
+        header: String,
+        /// The format that lacks least.
+        nearest: String,
+        /// What it lacks; `a|b` means either.
+        lacks: Box<[String]>,
+        /// The known formats.
+        known: Box<[String]>,
+    },
+    /// There is neither a shipped mapping nor a file of this name.
+    #[error("{name:?} is neither a file nor a known format; those are {}", known.join(", "))]
+    NoSuchFormat {
+        /// The name that was given.
+        name: String,
+        /// The known formats.
+        known: Vec<String>,
+    },
+    /// The file is no mapping; the source names line, field and value.
+    #[error("{file}: not a column mapping")]
+    Mapping {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        source: Box<toml::de::Error>,
+    },
+    /// A field of a mapping is out of its range.
+    #[error("{file}: {source}")]
+    MappingField {
+        /// The file.
+        file: String,
+        /// Which field, and why not.
+        source: FieldError,
+    },
+    /// A column that the format needs is not in the file.
+    #[error(
+        "{file}, line {line}: the header has no column {column:?}, which the format {format} needs"
+    )]
+    MissingColumn {
+        /// The file.
+        file: String,
+        /// The header's line, from 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// The format.
+        format: String,
+    },
+    /// A column that is used is there more than once.
+    #[error("{file}, line {line}: the header names the column {column:?} more than once")]
+    DuplicateColumn {
+        /// The file.
+        file: String,
+        /// The header's line, from 1.
+        line: u64,
+        /// The column.
+        column: String,
+    },
+    /// Columns that must come together do not.
+    #[error("{file}, line {line}: {column} needs {needs} beside it")]
+    Incomplete {
+        /// The file.
+        file: String,
+        /// The header's line, from 1.
+        line: u64,
+        /// The column that is there.
+        column: String,
+        /// What it needs.
+        needs: String,
+    },
+    /// Columns that exclude each other are both there.
+    #[error("{file}, line {line}: {column} and {other} exclude each other")]
+    Conflict {
+        /// The file.
+        file: String,
+        /// The header's line, from 1.
+        line: u64,
+        /// One of them.
+        column: String,
+        /// The other.
+        other: String,
+    },
+    /// A cell does not hold what its column must.
+    #[error("{file}, line {line}, {column}: {value:?} {problem}")]
+    Field {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// The cell.
+        value: String,
+        /// What is wrong with it.
+        problem: FieldProblem,
+    },
+    /// A file that holds constants of the recording is not beside it.
+    #[error("{file}: recordings of this format keep {column} in {beside} beside them")]
+    NothingBeside {
+        /// The recording.
+        file: String,
+        /// The other file.
+        beside: String,
+        /// A column that is in it.
+        column: String,
+    },
+    /// A file that holds constants has more or less than one row.
+    #[error("{file}: {rows} rows instead of the one that holds the recording's constants")]
+    NotOneRow {
+        /// The file with the constants.
+        file: String,
+        /// How many rows it has.
+        rows: u64,
+    },
+    /// No row is left.
+    #[error("{file}: none of {rows} rows is of use{dropped}")]
+    NothingKept {
+        /// The file.
+        file: String,
+        /// How many rows it has.
+        rows: u64,
+        /// How many of them each rule dropped.
+        dropped: String,
+    },
+    /// Files in local metres and files in degrees do not share a frame.
+    #[error("{file} is in local metres and {other} in degrees; a frame must be given for both")]
+    MixedFrames {
+        /// The file in metres.
+        file: String,
+        /// The file in degrees.
+        other: String,
+    },
+    /// A parameter of the reading is out of its range.
+    #[error("{file}: {source}")]
+    Parameter {
+        /// The file.
+        file: String,
+        /// Which parameter, and why not.
+        source: ParameterError,
+    },
+    /// A name cannot be written so that it reads back the same.
+    #[error("the {column} name {value:?} is empty or has spaces around it")]
+    Name {
+        /// Which name.
+        column: &'static str,
+        /// The name.
+        value: String,
+    },
+    /// A sample cannot be written.
+    #[error("sample {index} has the {field} {value}, which cannot be read back")]
+    Sample {
+        /// Which sample of the sweep.
+        index: usize,
+        /// Which of its fields.
+        field: &'static str,
+        /// What it held.
+        value: f64,
+    },
+    /// The recording cannot be written.
+    #[error("the recording cannot be written")]
+    Write {
+        /// Why not.
+        source: std::io::Error,
+    },
+}
+
+/// What is wrong with a cell.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FieldProblem {
+    /// It must be a number.
+    #[error("is not a number")]
+    NotANumber,
+    /// It is NaN, infinite or too large.
+    #[error("is not a finite number")]
+    NotFinite,
+    /// It must be a whole number.
+    #[error("is not a whole number from 0 to {max}")]
+    NotWhole {
+        /// The greatest.
+        max: f64,
+    },
+    /// It is out of range.
+    #[error("is not between {min} and {max}")]
+    OutOfRange {
+        /// The least.
+        min: f64,
+        /// The greatest.
+        max: f64,
+    },
+    /// It would be a longitude.
+    #[error("is no latitude; latitude and longitude look swapped")]
+    Swapped,
+    /// It must be a date and time.
+    #[error("is not a time of the form YYYY-MM-DD HH:MM:SS")]
+    NotATime,
+    /// It must not be empty.
+    #[error("must not be empty here")]
+    Missing,
+    /// The mapping's lookup does not list it.
+    #[error("is not among the values that the mapping knows")]
+    NotInLookup,
+    /// It cannot be measured with such a standard deviation.
+    #[error("is no measurement")]
+    NotAMeasurement,
+    /// It is not near the frame's origin.
+    #[error("is {distance_km:.0} km from the frame's origin; at most {limit_km} km make sense")]
+    TooFar {
+        /// How far.
+        distance_km: f64,
+        /// How far is far enough.
+        limit_km: f64,
+    },
+}

@@ -1,0 +1,100 @@
+use std::sync::LazyLock;
+
+use super::{Mapping, RecordingError};
+
+/// Our own format first: it is preferred where two fit equally well.
+const TEXTS: [&str; 6] = [
+    include_str!("../../formats/foxhunt.toml"),
+    include_str!("../../formats/aerpaw-afar.toml"),
+    include_str!("../../formats/lenth1981.toml"),
+    include_str!("../../formats/rssi-distance.toml"),
+    include_str!("../../formats/uavrt-rotation.toml"),
+    include_str!("../../formats/uri-yagi-station.toml"),
+];
+
+static SHIPPED: LazyLock<Vec<Mapping>> = LazyLock::new(|| {
+    let parse = |text| Mapping::parse(text, "formats").expect("a test parses every one of them");
+    TEXTS.into_iter().map(parse).collect()
+});
+
+/// The mappings that come with the library, our own format first.
+#[must_use]
+pub fn builtin_mappings() -> &'static [Mapping] {
+    &SHIPPED
+}
+
+/// The shipped formats' names.
+pub(super) fn known() -> Vec<String> {
+    SHIPPED.iter().map(|mapping| mapping.name.clone()).collect()
+}
+
+/// The shipped mapping whose header fits a file's columns; of several, the one that needs most.
+pub(super) fn recognise(
+    file: &str,
+    line: u64,
+    columns: &[String],
+) -> Result<&'static Mapping, RecordingError> {
+    let fits = SHIPPED.iter().filter(|mapping| mapping.lacks(columns).is_empty());
+    // `rev`, for of equals the last one would win.
+    if let Some(best) = fits.rev().max_by_key(|mapping| mapping.header.len()) {
+        return Ok(best);
+    }
+    let nearest = SHIPPED.iter().min_by_key(|mapping| {
+        let lacks = mapping.lacks(columns);
+        // In thousandths of what it needs, so that short headers are not always the nearest.
+        lacks.len() * 1000 / mapping.header.len().max(1)
+    });
+    Err(RecordingError::UnknownFormat {
+        file: file.to_owned(),
+        line,
+        header: columns.join(", "),
+        nearest: nearest.map(|m| m.name.clone()).unwrap_or_default(),
+        lacks: nearest.map(|m| m.lacks(columns)).unwrap_or_default().into(),
+        known: known().into(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::recording::Column;
+
+    #[test]
+    fn every_shipped_mapping_is_one() {
+        let names: BTreeSet<_> = known().into_iter().collect();
+        assert_eq!(names.len(), TEXTS.len(), "names are unique");
+        for mapping in builtin_mappings() {
+            assert!(!mapping.header.is_empty() && !mapping.description.is_empty());
+        }
+    }
+
+    #[test]
+    fn of_several_that_fit_the_one_that_needs_most_is_taken() {
+        let named = |header: &str| {
+            let columns: Vec<_> = header.split(',').map(str::to_owned).collect();
+            recognise("f.csv", 1, &columns).map(|mapping| mapping.name.as_str()).ok()
+        };
+        assert_eq!(named("rss_dbm,range_m"), Some("foxhunt"));
+        assert_eq!(named("rss_dbm,range_m,obs,x,y,bearing_deg"), Some("lenth1981"));
+        let (uavrt, yagis) = (
+            "tag_id,snr_db,group,idx_in_group,yaw_deg",
+            "time,antenna,rssi_dbm,tag_lat_deg,tag_lon_deg",
+        );
+        // Both need five columns: the first in the list.
+        assert_eq!(named(&format!("{yagis},{uavrt}")), Some("uavrt-rotation"));
+        assert_eq!(named(yagis), Some("uri-yagi-station"));
+    }
+
+    #[test]
+    fn our_format_has_every_column_under_its_own_name() {
+        let ours = &builtin_mappings()[0];
+        assert_eq!(ours.name, "foxhunt");
+        assert!(Column::ALL.into_iter().eq(ours.columns.keys().copied()));
+        for (column, source) in &ours.columns {
+            assert_eq!(source.column, column.name());
+            assert!(source.optional, "{column}");
+        }
+    }
+}

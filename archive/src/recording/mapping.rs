@@ -1,0 +1,213 @@
+use std::{collections::BTreeMap, fs, path::Path};
+
+use foxhunt_core::parameter::FieldError;
+use serde::Deserialize;
+
+use super::{Column, RecordingError, Source, Value, column::Kind, formats};
+
+/// How a CSV format's columns become ours.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mapping {
+    /// The format's name.
+    pub name: String,
+    /// What it is, in a line.
+    pub description: String,
+    /// The columns by which a file is recognised; `a|b` is either.
+    pub header: Vec<String>,
+    /// Where each column of ours comes from.
+    pub columns: BTreeMap<Column, Source>,
+    /// Values that are the same for every row.
+    #[serde(default)]
+    pub constants: BTreeMap<Column, Value>,
+    /// Which rows are kept: those that pass every rule.
+    #[serde(default)]
+    pub keep: Vec<Keep>,
+    /// What a turn is where there is no `turn` column.
+    #[serde(default)]
+    pub turns: Turns,
+    /// Constants that lie in other files of the same folder.
+    #[serde(default)]
+    pub beside: Vec<Beside>,
+}
+
+/// A rule that a row must pass to be kept.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Keep {
+    /// The file's column.
+    pub column: String,
+    /// The least number to keep.
+    pub min: Option<f64>,
+    /// The greatest number to keep.
+    pub max: Option<f64>,
+    /// The one value to keep.
+    pub equals: Option<Value>,
+}
+
+/// What makes a turn of the antenna out of a drone's readings of one beacon.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Turns {
+    /// A new turn begins when the boresight has gone a full circle from where the turn began,
+    /// all steps added up, each the short way round.
+    #[default]
+    Circle,
+    /// The file is one turn.
+    File,
+    /// A new turn begins after this many seconds without a reading.
+    GapS(f64),
+}
+
+/// A one-row CSV file in the recording's folder that holds constants, such as the receiver's
+/// place.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Beside {
+    /// The file's name, without a folder.
+    pub file: String,
+    /// Which of its columns is which of ours.
+    pub columns: BTreeMap<Column, String>,
+    /// Whether recordings without this file can be read.
+    #[serde(default)]
+    pub optional: bool,
+}
+
+impl Mapping {
+    /// The mapping of a shipped name, or else of a TOML file.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`] names the file, the line and the field, or lists the shipped names.
+    pub fn find(name_or_path: &str) -> Result<Self, RecordingError> {
+        if let Some(shipped) = formats::builtin_mappings().iter().find(|m| m.name == name_or_path) {
+            return Ok(shipped.clone());
+        }
+        if !Path::new(name_or_path).exists() {
+            return Err(RecordingError::NoSuchFormat {
+                name: name_or_path.to_owned(),
+                known: formats::known(),
+            });
+        }
+        let text = fs::read_to_string(name_or_path)
+            .map_err(|source| RecordingError::Read { file: name_or_path.to_owned(), source })?;
+        Self::parse(&text, name_or_path)
+    }
+
+    /// A mapping from TOML; `file` is what errors call it.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Mapping`] for what is no mapping, [`RecordingError::MappingField`] for
+    /// a field that is out of its range.
+    pub fn parse(text: &str, file: &str) -> Result<Self, RecordingError> {
+        let mapping: Self = toml::from_str(text).map_err(|source| RecordingError::Mapping {
+            file: file.to_owned(),
+            source: Box::new(source),
+        })?;
+        mapping.check(file)?;
+        Ok(mapping)
+    }
+
+    fn check(&self, file: &str) -> Result<(), RecordingError> {
+        let refuse = |field: String, value: String, requirement: &'static str| {
+            let source = FieldError { field, value, requirement };
+            Err(RecordingError::MappingField { file: file.to_owned(), source })
+        };
+        for (column, source) in &self.columns {
+            let plain = (source.scale - 1.0).abs() < f64::EPSILON && source.offset.abs() < 1e-300;
+            let scale = source.scale;
+            if !scale.is_finite() || scale.abs() < f64::MIN_POSITIVE {
+                let field = format!("columns.{column}.scale");
+                return refuse(field, scale.to_string(), "a finite number other than 0");
+            }
+            if !source.offset.is_finite() {
+                let field = format!("columns.{column}.offset");
+                return refuse(field, source.offset.to_string(), "finite");
+            }
+            if column.kind() == Kind::Text && !plain {
+                let field = format!("columns.{column}");
+                return refuse(
+                    field,
+                    source.column.clone(),
+                    "a column without scale or offset: it holds texts",
+                );
+            }
+        }
+        for (index, rule) in self.keep.iter().enumerate() {
+            if rule.min.is_none() && rule.max.is_none() && rule.equals.is_none() {
+                let requirement = "a rule with min, max or equals";
+                return refuse(format!("keep[{index}]"), rule.column.clone(), requirement);
+            }
+            for bound in [rule.min, rule.max].into_iter().flatten() {
+                if bound.is_nan() {
+                    return refuse(format!("keep[{index}]"), bound.to_string(), "a number");
+                }
+            }
+        }
+        if let Turns::GapS(gap) = self.turns
+            && (gap.is_nan() || gap < 0.0)
+        {
+            return refuse("turns.gap_s".to_owned(), gap.to_string(), "zero or a positive number");
+        }
+        for beside in &self.beside {
+            // A mapping from a stranger shall not make us read elsewhere.
+            let name = Path::new(&beside.file).file_name();
+            if name.is_none_or(|name| name != beside.file.as_str()) {
+                let requirement = "a file's name without a folder";
+                return refuse("beside.file".to_owned(), beside.file.clone(), requirement);
+            }
+        }
+        Ok(())
+    }
+
+    /// The entries of `header` that a file's columns do not satisfy.
+    pub(super) fn lacks(&self, columns: &[String]) -> Vec<String> {
+        let has = |entry: &&String| entry.split('|').any(|name| columns.iter().any(|c| c == name));
+        self.header.iter().filter(|entry| !has(entry)).cloned().collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = "name = 'n'\ndescription = 'd'\nheader = ['a|b', 'c']\n";
+
+    fn message(more: &str) -> String {
+        let error = Mapping::parse(&format!("{GOOD}{more}"), "m.toml").expect_err(more);
+        let source = std::error::Error::source(&error).map(ToString::to_string);
+        format!("{error} {}", source.unwrap_or_default())
+    }
+
+    #[test]
+    fn alternatives_satisfy_the_header() {
+        let mapping = Mapping::parse(&format!("{GOOD}columns = {{}}"), "m.toml").expect("good");
+        assert_eq!(mapping.lacks(&["b".into(), "x".into()]), ["c"]);
+        assert!(mapping.lacks(&["c".into(), "a".into()]).is_empty());
+        assert_eq!(mapping.turns, Turns::Circle);
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        for (text, expected) in [
+            ("columns = { rss = 'x' }", "\"rss\" is no column of ours"),
+            ("columns = { rss_db = { column = 'x', scal = 2 } }", "unknown field `scal`"),
+            ("columns = { rss_db = 7 }", "a column's name or a table"),
+            ("columns = { rss_db = { column = 'x', scale = 0 } }", "columns.rss_db.scale"),
+            ("columns = { rss_db = { column = 'x', offset = inf } }", "columns.rss_db.offset"),
+            ("columns = { beacon = { column = 'x', scale = 2 } }", "columns.beacon"),
+            ("columns = {}\nkeep = [{ column = 'x' }]", "keep[0]"),
+            ("columns = {}\nkeep = [{ column = 'x', min = nan }]", "NaN"),
+            ("columns = {}\nturns = { gap_s = -1 }", "turns.gap_s"),
+            ("columns = {}\nturns = 'spiral'", "spiral"),
+            ("columns = {}\nbeside = [{ file = '../x', columns = {} }]", "../x"),
+            ("columns = {}\nextra = 1", "extra"),
+        ] {
+            let message = message(text);
+            let named = message.contains("m.toml") && message.contains(expected);
+            assert!(named, "{text}: {message}");
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! Recorded flights: CSV files whose named columns carry their unit and frame.
+//!
+//! Our own format and the column mappings that make others readable are described in
+//! `docs/recordings.md`. What is read is in our units: metres East-North-Up, radians
+//! counter-clockwise from East, seconds, dBm.
+
+mod beside;
+mod column;
+mod error;
+mod formats;
+mod mapping;
+mod options;
+mod parse;
+mod plan;
+mod read;
+mod record;
+mod recorded_source;
+mod row;
+mod source;
+mod sweep;
+mod table;
+mod turns;
+mod value;
+mod write;
+
+pub use column::Column;
+pub use error::{FieldProblem, RecordingError};
+pub use formats::builtin_mappings;
+pub use mapping::{Beside, Keep, Mapping, Turns};
+pub use options::ReadOptions;
+pub use record::{Dropped, Record, RecordedBearing, Recording};
+pub use recorded_source::{RecordedSource, RecordingEnded};
+pub use source::Source;
+pub use sweep::RecordedSweep;
+pub use value::Value;
+pub use write::SweepWriter;

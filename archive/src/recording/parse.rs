@@ -1,0 +1,164 @@
+use foxhunt_core::{Measured, MeasuredList, Pose, Quantity};
+use foxhunt_wire::geodesy::{Geodetic, LocalFrame, compass_deg_to_radians};
+use nalgebra::{Vector2, Vector3};
+
+use super::{Column, FieldProblem, Record, RecordedBearing, RecordingError, row::Reader};
+
+/// No hunt is this wide: what is farther from the origin is a mistake in the file.
+const LIMIT_KM: f64 = 200.0;
+
+/// A row that is not kept: which of the rules it is counted under.
+pub(super) struct LeftOut(pub(super) usize);
+
+/// Measured quantities besides level and bearing: column, column of σ.
+const QUANTITIES: [(Quantity, Column, Column); 3] = [
+    (Quantity::RANGE, Column::RangeM, Column::RangeSigmaM),
+    (Quantity::RANGE_DIFFERENCE, Column::RangeDifferenceM, Column::RangeDifferenceSigmaM),
+    (Quantity::RSS_DIFFERENCE, Column::RssDifferenceDb, Column::RssDifferenceSigmaDb),
+];
+
+impl Reader<'_> {
+    /// The row's record; the first row with a place sets the frame.
+    pub(super) fn record(
+        &self,
+        stem: &str,
+        frame: &mut Option<LocalFrame>,
+    ) -> Result<Result<Record, LeftOut>, RecordingError> {
+        if let Some(rule) = self.first_failed()? {
+            return Ok(Err(LeftOut(rule)));
+        }
+        let rules = self.plan.rules.len();
+        let rss_dbm = self.number(Column::RssDbm)?.or(self.number(Column::RssDb)?);
+        let bearing = match self.number(Column::BearingDegCompass)? {
+            None => None,
+            Some(deg) => Some(RecordedBearing {
+                angle: compass_deg_to_radians(deg),
+                sigma: self.number(Column::BearingSigmaDeg)?.map(f64::to_radians),
+            }),
+        };
+        let measured = self.measured()?;
+        if rss_dbm.is_none() && bearing.is_none() && measured.is_empty() {
+            return Ok(Err(LeftOut(rules)));
+        }
+        let position = self.receiver_position(frame)?;
+        if position.is_none() && (self.plan.has(Column::LatDeg) || self.plan.has(Column::EastM)) {
+            return Ok(Err(LeftOut(rules + 1)));
+        }
+        let heading_deg = self.number(Column::HeadingDegCompass)?;
+        let heading = heading_deg.map_or(0.0, compass_deg_to_radians);
+        let boresight_deg = match self.number(Column::AntennaDeg)? {
+            None => self.number(Column::BoresightDegCompass)?,
+            Some(antenna) => {
+                let missing = || self.wrong(Column::HeadingDegCompass, FieldProblem::Missing);
+                Some(heading_deg.ok_or_else(missing)? + antenna)
+            }
+        };
+        Ok(Ok(Record {
+            line: self.row.line,
+            beacon: self.text(Column::Beacon)?.map(Into::into),
+            drone: self.text(Column::Drone)?.map_or_else(|| stem.to_owned(), Into::into),
+            time: self.time()?,
+            receiver: position.map(|position| Pose::level(position, heading)),
+            boresight: boresight_deg.map(compass_deg_to_radians),
+            position: self.number(Column::Position)?.map(whole).and_then(|i| i.try_into().ok()),
+            turn: self.number(Column::Turn)?.map(whole),
+            rss_dbm,
+            bearing,
+            measured,
+            known_range: if self.plan.has(Column::RangeSigmaM) {
+                None
+            } else {
+                self.number(Column::RangeM)?
+            },
+            truth: self.truth(frame)?,
+        }))
+    }
+
+    /// What the row has besides level and bearing; a quantity is measured where it has a σ.
+    fn measured(&self) -> Result<MeasuredList, RecordingError> {
+        let mut values = Vec::new();
+        for (quantity, column, sigma_column) in QUANTITIES {
+            if !self.plan.has(sigma_column) {
+                continue;
+            }
+            let Some(value) = self.number(column)? else { continue };
+            let sigma = self.number(sigma_column)?;
+            let sigma = sigma.ok_or_else(|| self.wrong(sigma_column, FieldProblem::Missing))?;
+            let measured = Measured::new(quantity, value, sigma);
+            let refused = |_| self.wrong(column, FieldProblem::NotAMeasurement);
+            values.push(measured.map_err(refused)?);
+        }
+        let refused = |_| self.wrong(Column::RangeM, FieldProblem::NotAMeasurement);
+        MeasuredList::new(&values).map_err(refused)
+    }
+
+    fn receiver_position(
+        &self,
+        frame: &mut Option<LocalFrame>,
+    ) -> Result<Option<Vector3<f64>>, RecordingError> {
+        let above_ground = self.number(Column::AltAglM)?.or(self.number(Column::UpM)?);
+        if let Some((east, north)) = self.pair(Column::EastM, Column::NorthM)? {
+            return Ok(Some(Vector3::new(east, north, above_ground.unwrap_or(0.0))));
+        }
+        let altitude = self.number(Column::AltM)?;
+        let Some(local) = self.local(Column::LatDeg, Column::LonDeg, altitude, frame)? else {
+            return Ok(None);
+        };
+        // A height above the ground is taken as it is: the ground follows the Earth, not the frame.
+        let up = above_ground.unwrap_or(if altitude.is_some() { local.z } else { 0.0 });
+        Ok(Some(Vector3::new(local.x, local.y, up)))
+    }
+
+    fn truth(
+        &self,
+        frame: &mut Option<LocalFrame>,
+    ) -> Result<Option<Vector2<f64>>, RecordingError> {
+        if let Some((east, north)) = self.pair(Column::TruthEastM, Column::TruthNorthM)? {
+            return Ok(Some(Vector2::new(east, north)));
+        }
+        let local = self.local(Column::TruthLatDeg, Column::TruthLonDeg, None, frame)?;
+        Ok(local.map(|local| local.xy()))
+    }
+
+    /// A place in the local frame, at the origin's height unless it has its own.
+    fn local(
+        &self,
+        lat: Column,
+        lon: Column,
+        altitude: Option<f64>,
+        frame: &mut Option<LocalFrame>,
+    ) -> Result<Option<Vector3<f64>>, RecordingError> {
+        // Before the bounds of each: a latitude that is a longitude gets its own message.
+        if let Some(swapped) = self.swapped(lat, lon) {
+            return Err(swapped);
+        }
+        let Some((lat_deg, lon_deg)) = self.pair(lat, lon)? else { return Ok(None) };
+        let at_origin = frame.map_or(0.0, |frame| frame.origin().alt_m);
+        let place = Geodetic { lat_deg, lon_deg, alt_m: altitude.unwrap_or(at_origin) };
+        let here = match *frame {
+            Some(frame) => frame,
+            None => LocalFrame::new(place).map_err(|_| self.wrong(lat, FieldProblem::NotFinite))?,
+        };
+        let local = here.to_local(&place);
+        let distance_km = local.norm() / 1e3;
+        if distance_km.is_nan() || distance_km > LIMIT_KM {
+            let problem = FieldProblem::TooFar { distance_km, limit_km: LIMIT_KM };
+            let columns = format!("{}, {}", self.plan.label(lat), self.plan.label(lon));
+            return Err(self.row.wrong(&columns, &format!("{lat_deg}, {lon_deg}"), problem));
+        }
+        *frame = Some(here);
+        Ok(Some(local))
+    }
+
+    fn swapped(&self, lat: Column, lon: Column) -> Option<RecordingError> {
+        let parse = |column| self.text(column).ok()??.parse::<f64>().ok();
+        let swapped = parse(lat)?.abs() > 90.0 && parse(lat)?.abs() <= 180.0;
+        (swapped && parse(lon)?.abs() <= 90.0).then(|| self.wrong(lat, FieldProblem::Swapped))
+    }
+}
+
+/// A whole number that the column's bounds keep within 32 bits.
+#[expect(clippy::cast_possible_truncation, reason = "the column's kind bounds it")]
+fn whole(value: f64) -> u32 {
+    value as u32
+}

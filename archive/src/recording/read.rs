@@ -1,0 +1,137 @@
+use std::{fs, io::Read, path::Path};
+
+use super::{
+    Column, Dropped, ReadOptions, Recording, RecordingError, beside::read_beside, formats,
+    parse::LeftOut, plan::Plan, row::Reader, table::Table,
+};
+
+/// What every recording drops rows for, besides the mapping's rules.
+const NOT_MEASURED: &str = "a measurement";
+const NOT_LOCATED: &str = "a position";
+
+impl Recording {
+    /// Reads a file.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`] names the file, line, column and value.
+    pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self, RecordingError> {
+        let path = path.as_ref();
+        let name = path.display().to_string();
+        let bytes =
+            fs::read(path).map_err(|source| RecordingError::Read { file: name.clone(), source })?;
+        Self::from_bytes(&bytes, &name, path.parent(), options)
+    }
+
+    /// Reads files into one frame: the one in the options, or one whose origin is the first
+    /// usable position of all.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`] as [`Self::read`]; [`RecordingError::MixedFrames`] for files in metres
+    /// and in degrees unless the options give a frame for the metres.
+    pub fn read_all<P: AsRef<Path>>(
+        paths: impl IntoIterator<Item = P>,
+        options: &ReadOptions,
+    ) -> Result<Vec<Self>, RecordingError> {
+        let mut recordings: Vec<Self> = Vec::new();
+        for path in paths {
+            let first = recordings.iter().find(|recording| recording.is_located());
+            let mut shared = options.clone();
+            shared.frame = options.frame.or(first.and_then(|first| first.frame));
+            let recording = Self::read(path, &shared)?;
+            if let Some(first) = first
+                && options.frame.is_none()
+                && recording.is_located()
+                && first.in_degrees != recording.in_degrees
+            {
+                let (file, other) = if recording.in_degrees {
+                    (first.file.clone(), recording.file)
+                } else {
+                    (recording.file, first.file.clone())
+                };
+                return Err(RecordingError::MixedFrames { file, other });
+            }
+            recordings.push(recording);
+        }
+        Ok(recordings)
+    }
+
+    /// Reads from anywhere; `name` is what errors call it. Nothing lies beside it.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`] as [`Self::read`].
+    pub fn from_reader(
+        mut reader: impl Read,
+        name: &str,
+        options: &ReadOptions,
+    ) -> Result<Self, RecordingError> {
+        let mut bytes = Vec::new();
+        reader
+            .read_to_end(&mut bytes)
+            .map_err(|source| RecordingError::Read { file: name.to_owned(), source })?;
+        Self::from_bytes(&bytes, name, None, options)
+    }
+
+    fn from_bytes(
+        bytes: &[u8],
+        name: &str,
+        folder: Option<&Path>,
+        options: &ReadOptions,
+    ) -> Result<Self, RecordingError> {
+        let mut table = Table::open(name, bytes)?;
+        let mapping = match &options.format {
+            Some(mapping) => mapping,
+            None => formats::recognise(name, table.header_line(), table.header())?,
+        };
+        let mut fixed = options.constants.clone();
+        read_beside(mapping, name, folder, &mut fixed)?;
+        let plan = Plan::new(mapping, &fixed, &table)?;
+
+        let rules = plan.rules.iter().map(|rule| rule.label.as_str());
+        let rules = rules.chain([NOT_MEASURED, NOT_LOCATED]);
+        let mut dropped: Vec<Dropped> =
+            rules.map(|rule| Dropped { rule: rule.to_owned(), rows: 0 }).collect();
+        let stem = Path::new(name).file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        let stem = stem.unwrap_or_else(|| name.to_owned());
+        let mut frame = options.frame;
+        let mut rows = 0;
+        let mut records = Vec::new();
+        while let Some(row) = table.next()? {
+            rows += 1;
+            let reader = Reader { plan: &plan, row: &row };
+            match reader.record(&stem, &mut frame)? {
+                Ok(record) => records.push(record),
+                Err(LeftOut(rule)) => {
+                    if let Some(dropped) = dropped.get_mut(rule) {
+                        dropped.rows += 1;
+                    }
+                }
+            }
+        }
+        dropped.retain(|dropped| {
+            dropped.rows > 0 || (dropped.rule != NOT_MEASURED && dropped.rule != NOT_LOCATED)
+        });
+        if records.is_empty() {
+            let lines = dropped.iter().map(|d| format!("; {} lack {}", d.rows, d.rule));
+            return Err(RecordingError::NothingKept {
+                file: name.to_owned(),
+                rows,
+                dropped: lines.collect(),
+            });
+        }
+        Ok(Self {
+            file: name.to_owned(),
+            format: mapping.name.clone(),
+            frame,
+            in_degrees: plan.has(Column::LatDeg),
+            calibrated: !plan.has(Column::RssDb),
+            turns: mapping.turns,
+            rows,
+            dropped,
+            ignored: plan.ignored,
+            records,
+        })
+    }
+}

@@ -1,0 +1,154 @@
+use foxhunt_core::{MeasuredList, Pose};
+use foxhunt_wire::geodesy::LocalFrame;
+use nalgebra::Vector2;
+
+use super::Turns;
+
+/// One row of a recording, in our units and frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    /// The row's line in its file, from 1.
+    pub line: u64,
+    /// The beacon's name, if the recording names them.
+    pub beacon: Option<String>,
+    /// The receiver's name; the file's where the recording does not name it.
+    pub drone: String,
+    /// When, in seconds since the recording's own origin. All rows of a file have it or none.
+    pub time: Option<f64>,
+    /// Where the receiver was. All rows of a file have it or none. Up is above the ground (or
+    /// the frame's origin for `alt_m`), 0 where the height is not known; the heading is 0 where
+    /// it is not known.
+    pub receiver: Option<Pose>,
+    /// Where the antenna looked, in radians counter-clockwise from East; none for an
+    /// omnidirectional antenna.
+    pub boresight: Option<f64>,
+    /// Which of the turn's positions it was, from 0.
+    pub position: Option<u16>,
+    /// Which turn of the antenna it was.
+    pub turn: Option<u32>,
+    /// The received power, in dBm, or in dB about an unknown reference: see
+    /// [`Recording::is_calibrated`].
+    pub rss_dbm: Option<f64>,
+    /// A ready-made bearing.
+    pub bearing: Option<RecordedBearing>,
+    /// What else was measured: a range, a range difference, a level difference.
+    pub measured: MeasuredList,
+    /// The known distance to the beacon, in metres, where it is not measured but given.
+    pub known_range: Option<f64>,
+    /// Where the beacon truly was, East and North in metres.
+    pub truth: Option<Vector2<f64>>,
+}
+
+/// A bearing that a recording brings with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RecordedBearing {
+    /// From the receiver to the beacon, in radians counter-clockwise from East.
+    pub angle: f64,
+    /// Its standard deviation in radians, if the recording has it.
+    pub sigma: Option<f64>,
+}
+
+/// What was read from one file. It has at least one record.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    pub(super) file: String,
+    pub(super) format: String,
+    pub(super) frame: Option<LocalFrame>,
+    pub(super) in_degrees: bool,
+    pub(super) calibrated: bool,
+    pub(super) turns: Turns,
+    pub(super) rows: u64,
+    pub(super) dropped: Vec<Dropped>,
+    pub(super) ignored: Vec<String>,
+    pub(super) records: Vec<Record>,
+}
+
+/// How many rows were left out, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Dropped {
+    /// What these rows did not pass, such as `alt_agl_m ≥ 15`. A row is counted at the first.
+    pub rule: String,
+    /// How many.
+    pub rows: u64,
+}
+
+impl Recording {
+    /// What the file is called.
+    #[must_use]
+    pub fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// The name of the mapping it was read through.
+    #[must_use]
+    pub fn format(&self) -> &str {
+        &self.format
+    }
+
+    /// The rows that were kept, in the file's order.
+    #[must_use]
+    pub fn records(&self) -> &[Record] {
+        &self.records
+    }
+
+    /// The local frame; `None` where the file is in local metres of unknown place, or has no
+    /// positions.
+    #[must_use]
+    pub fn frame(&self) -> Option<LocalFrame> {
+        self.frame
+    }
+
+    /// Whether `rss_dbm` is in dBm, and not about an unknown reference.
+    #[must_use]
+    pub fn is_calibrated(&self) -> bool {
+        self.calibrated
+    }
+
+    /// Whether the records have the receiver's place.
+    #[must_use]
+    pub fn is_located(&self) -> bool {
+        self.records.iter().all(|record| record.receiver.is_some())
+    }
+
+    /// How many rows the file has, kept or not.
+    #[must_use]
+    pub fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// How many rows each rule left out: the mapping's rules first, in its order, then the two
+    /// that every recording has: a measurement, and a position where the file has such.
+    #[must_use]
+    pub fn dropped(&self) -> &[Dropped] {
+        &self.dropped
+    }
+
+    /// The file's columns that the mapping does not read.
+    #[must_use]
+    pub fn ignored_columns(&self) -> &[String] {
+        &self.ignored
+    }
+
+    /// The beacons in the order of their first record; `None` for the nameless one.
+    #[must_use]
+    pub fn beacons(&self) -> Vec<Option<&str>> {
+        distinct(self.records.iter().map(|record| record.beacon.as_deref()))
+    }
+
+    /// The drones in the order of their first record.
+    #[must_use]
+    pub fn drones(&self) -> Vec<&str> {
+        distinct(self.records.iter().map(|record| record.drone.as_str()))
+    }
+}
+
+/// The items in the order of their first appearance, each once.
+fn distinct<T: PartialEq>(items: impl Iterator<Item = T>) -> Vec<T> {
+    let mut known = Vec::new();
+    for item in items {
+        if !known.contains(&item) {
+            known.push(item);
+        }
+    }
+    known
+}

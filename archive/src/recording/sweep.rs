@@ -1,0 +1,216 @@
+use std::{collections::BTreeMap, f64::consts::TAU};
+
+use foxhunt_core::{
+    BeaconId, OwnedSweep, Pose, Sample, Sweep, Unanswered, angle::Resultant,
+    parameter::at_least_one,
+};
+use nalgebra::Vector3;
+
+use super::{Record, Recording, RecordingError, turns::LevelRow};
+
+/// One turn of the antenna out of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedSweep {
+    /// The name of the beacon that it is of; `None` for a nameless one.
+    pub beacon_name: Option<String>,
+    /// The receiver's name.
+    pub drone: String,
+    /// The turn's number, if the recording has such.
+    pub turn: Option<u32>,
+    /// The line of its first reading.
+    pub line: u64,
+    /// Whether the recording has the receiver's place; without it, poses are at the origin.
+    pub located: bool,
+    /// Its readings in the order of time. The receiver is the mean over the turn; the rows between
+    /// its first and last that have a boresight but no level are `unanswered`. All recorded sweeps
+    /// are of beacon 0: [`as_sweep`](Self::as_sweep) numbers them.
+    pub sweep: OwnedSweep,
+}
+
+impl RecordedSweep {
+    /// The sweep as extractors take it, as one of a beacon.
+    #[must_use]
+    pub fn as_sweep(&self, beacon: BeaconId) -> Sweep<'_> {
+        Sweep { beacon, ..self.sweep.as_sweep() }
+    }
+}
+
+impl Recording {
+    /// The turns of the antenna, in the order in which they ended.
+    ///
+    /// A turn holds one drone's readings of one beacon that have a boresight and a level. The
+    /// `turn` column decides which belong together; where there is none, the mapping's
+    /// [`Turns`](super::Turns) do. A reading without a `position` belongs to that whose nominal
+    /// angle 2πi / `positions` is nearest to its boresight. Where the recording has no times, its
+    /// rows are taken to be a second apart.
+    ///
+    /// A recording whose antenna has no direction has no sweeps.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError::Parameter`] for 0 positions; [`RecordingError::Field`] for a
+    /// `position` that such a turn does not have.
+    pub fn sweeps(&self, positions: u16) -> Result<Vec<RecordedSweep>, RecordingError> {
+        at_least_one("positions", u32::from(positions))
+            .map_err(|source| RecordingError::Parameter { file: self.file.clone(), source })?;
+        let step = TAU / f64::from(positions);
+        let mut sweeps = Vec::new();
+        for group in self.groups() {
+            let turns = match group.first().map(|first| first.record.turn) {
+                Some(Some(_)) => vec![&group[..]],
+                _ => self.turns.cut(&group, step),
+            };
+            for turn in turns {
+                sweeps.push(self.sweep(turn, positions, step)?);
+            }
+        }
+        sweeps.sort_by(|a: &RecordedSweep, b| a.sweep.time.total_cmp(&b.sweep.time));
+        Ok(sweeps)
+    }
+
+    /// What can be a sample, by beacon, drone and turn, each in the order of time.
+    fn groups(&self) -> Vec<Vec<LevelRow<'_>>> {
+        let mut groups = Vec::<Vec<LevelRow<'_>>>::new();
+        let mut places = BTreeMap::new();
+        let mut order = 0.0;
+        for record in &self.records {
+            order += 1.0;
+            let (Some(boresight), Some(rss_dbm)) = (record.boresight, record.rss_dbm) else {
+                continue;
+            };
+            let time = record.time.unwrap_or(order);
+            let level = LevelRow { record, boresight, rss_dbm, time };
+            let key = (record.turn, record.beacon.as_deref(), record.drone.as_str());
+            let place = *places.entry(key).or_insert(groups.len());
+            match groups.get_mut(place) {
+                Some(group) => group.push(level),
+                None => groups.push(vec![level]),
+            }
+        }
+        for group in &mut groups {
+            group.sort_by(|a, b| a.time.total_cmp(&b.time));
+        }
+        groups
+    }
+
+    fn sweep(
+        &self,
+        levels: &[LevelRow<'_>],
+        positions: u16,
+        step: f64,
+    ) -> Result<RecordedSweep, RecordingError> {
+        let mut samples = Vec::with_capacity(levels.len());
+        let mut count = 0.0;
+        let mut place = Vector3::zeros();
+        let mut heading = Resultant::default();
+        for one in levels {
+            let receiver = one.record.receiver.unwrap_or_default();
+            let position = self.position(one.record, one.boresight, positions, step)?;
+            count += 1.0;
+            place += (receiver.position - place) / count;
+            heading.add(receiver.heading, 1.0);
+            samples.push(Sample {
+                time: one.time,
+                receiver,
+                boresight: one.boresight,
+                position,
+                rss_dbm: one.rss_dbm,
+            });
+        }
+        let records = || levels.iter().map(|one| one.record);
+        let first = records().min_by_key(|record| record.line);
+        let last = records().map(|record| record.line).max();
+        let unanswered = self.unanswered(first, last, positions, step)?;
+        // Below this length the headings cancel: the body itself turned.
+        let heading = heading.direction(1e-9).unwrap_or(0.0);
+        Ok(RecordedSweep {
+            beacon_name: first.and_then(|record| record.beacon.clone()),
+            drone: first.map(|record| record.drone.clone()).unwrap_or_default(),
+            turn: first.and_then(|record| record.turn),
+            line: first.map_or(0, |record| record.line),
+            located: first.is_some_and(|record| record.receiver.is_some()),
+            sweep: OwnedSweep {
+                time: samples.last().map_or(0.0, |sample| sample.time),
+                receiver: Pose::level(place, heading),
+                positions,
+                samples,
+                unanswered,
+                ..OwnedSweep::default()
+            },
+        })
+    }
+
+    /// The rows of the same drone and beacon between two rows that have no level.
+    fn unanswered(
+        &self,
+        first: Option<&Record>,
+        last: Option<u64>,
+        positions: u16,
+        step: f64,
+    ) -> Result<Vec<Unanswered>, RecordingError> {
+        let (Some(first), Some(last)) = (first, last) else { return Ok(Vec::new()) };
+        let of_turn = |record: &&Record| {
+            let same = record.beacon == first.beacon
+                && record.drone == first.drone
+                && record.turn == first.turn;
+            same && record.rss_dbm.is_none() && (first.line..=last).contains(&record.line)
+        };
+        let unanswered = |record: &Record| {
+            let boresight = record.boresight?;
+            let position = self.position(record, boresight, positions, step);
+            Some(position.map(|position| Unanswered { boresight, position }))
+        };
+        self.records.iter().filter(of_turn).filter_map(unanswered).collect()
+    }
+
+    fn position(
+        &self,
+        record: &Record,
+        boresight: f64,
+        positions: u16,
+        step: f64,
+    ) -> Result<u16, RecordingError> {
+        match record.position {
+            Some(given) if given >= positions => {
+                Err(self.no_such_position(record, given, positions))
+            }
+            Some(given) => Ok(given),
+            None => Ok(nearest(boresight, positions, step)),
+        }
+    }
+
+    fn no_such_position(&self, record: &Record, given: u16, positions: u16) -> RecordingError {
+        RecordingError::Field {
+            file: self.file.clone(),
+            line: record.line,
+            column: "position".to_owned(),
+            value: given.to_string(),
+            problem: super::FieldProblem::NotWhole { max: f64::from(positions - 1) },
+        }
+    }
+}
+
+/// The position whose nominal angle is nearest.
+#[expect(clippy::cast_possible_truncation, reason = "it lies between 0 and `positions`")]
+fn nearest(boresight: f64, positions: u16, step: f64) -> u16 {
+    let index = (foxhunt_core::angle::wrap(boresight) / step).round();
+    let up = if index < 0.0 { index + f64::from(positions) } else { index };
+    up as u16 % positions
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_position_goes_round() {
+        for (degrees, expected) in
+            [(0.0, 0), (44.9, 0), (45.1, 1), (-44.9, 0), (-45.1, 3), (180.0, 2), (359.0, 0)]
+        {
+            let position = nearest(f64::to_radians(degrees), 4, TAU / 4.0);
+            assert_eq!(position, expected, "{degrees}°");
+        }
+        assert_eq!(nearest(-0.01, 65_535, TAU / 65_535.0), 65_431);
+        assert_eq!(nearest(3.0, 1, TAU), 0);
+    }
+}

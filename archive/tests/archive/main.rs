@@ -1,0 +1,15 @@
+//! The archive through its public interface: recordings, receptions, locating, replay.
+
+mod locate;
+mod recordings {
+    mod errors;
+    mod generated;
+    mod quantities;
+    mod real;
+    mod round_trip;
+    mod sweeps;
+    mod values;
+}
+mod replay;
+mod station;
+mod support;

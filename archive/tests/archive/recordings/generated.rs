@@ -1,0 +1,311 @@
+//! Small recordings of every shipped format, generated from a seed and committed in `tests/data`,
+//! so that a clone alone tests every reader. `FOXHUNT_WRITE_TEST_DATA=1` writes them anew.
+
+use std::{
+    collections::BTreeMap,
+    f64::consts::{PI, TAU},
+    fmt::Write,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use foxhunt_archive::{
+    recorded::{
+        CalibrateConfig, ReceptionConfig, StationConfig, bearings, calibrate, fit_boresights,
+        receptions,
+    },
+    recording::{ReadOptions, Recording, builtin_mappings},
+};
+use foxhunt_core::{Reception, angle};
+use foxhunt_hunt::{
+    locate::{LocateConfig, Located},
+    registry::Registry,
+};
+use foxhunt_sensors::{FirstHarmonic, Pritzl2018};
+use foxhunt_wire::geodesy::{Geodetic, LocalFrame, radians_to_compass_deg};
+use nalgebra::{Vector2, Vector3};
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+
+const SEED: u64 = 13;
+
+/// Where the transmitter is in all of them, East and North in metres.
+const TARGET: Vector2<f64> = Vector2::new(60.0, 40.0);
+
+/// The reference receiver of the range differences.
+const REFERENCE: Vector3<f64> = Vector3::new(0.0, 0.0, 2.0);
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data")
+}
+
+fn read(file: &str) -> Recording {
+    Recording::read(folder().join(file), &ReadOptions::default()).expect("it is in the repository")
+}
+
+fn frame() -> LocalFrame {
+    LocalFrame::new(Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 0.0 }).expect("a place")
+}
+
+/// A normal deviate, by the sum of twelve uniform ones.
+fn normal(rng: &mut Xoshiro256PlusPlus) -> f64 {
+    (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
+}
+
+fn bearing_from(east: f64, north: f64) -> f64 {
+    (TARGET.y - north).atan2(TARGET.x - east)
+}
+
+fn range_from(place: Vector3<f64>) -> f64 {
+    (TARGET.push(0.0) - place).norm()
+}
+
+/// The files by their names.
+fn generate() -> BTreeMap<&'static str, String> {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(SEED);
+    let frame = frame();
+    let mut files = BTreeMap::new();
+    let mut add = |name, lines: Vec<String>| files.insert(name, lines.join("\n") + "\n");
+
+    // A climb, then 100 m to the East and 80 m to the North; in the middle the lock is lost.
+    let mut lines = vec!["t_s,lat_deg,lon_deg,alt_agl_m,yaw_deg,power_db,quality_db,n".to_owned()];
+    for i in 0..48_u32 {
+        let along = 5.0 * f64::from(i.saturating_sub(4));
+        let place = Vector3::new(along.min(100.0), (along - 100.0).max(0.0), 0.0);
+        let up = (8.0 * f64::from(i)).min(30.0);
+        let at = frame.to_geodetic(&place);
+        let range = range_from(place + Vector3::z() * up);
+        let level = 60.0 - 25.0 * range.log10() + 1.5 * normal(&mut rng);
+        let quality = if (20..23).contains(&i) { 40 } else { 72 };
+        let yaw = if i < 24 { 90 } else { 0 };
+        lines.push(format!(
+            "{i}.5,{:.8},{:.8},{up:.2},{yaw},{level:.3},{quality},31",
+            at.lat_deg, at.lon_deg
+        ));
+    }
+    add("aerpaw-afar.csv", lines);
+
+    // Six stations on an arc; bearings to within 3°.
+    let mut lines = vec!["obs,x,y,bearing_deg".to_owned()];
+    for i in 0..6_u32 {
+        let (sin, cos) = (0.5 * f64::from(i)).sin_cos();
+        let (east, north) = (60.0 - 50.0 * cos, 40.0 - 50.0 * sin);
+        let error = 3.0_f64.to_radians() * normal(&mut rng);
+        let compass = radians_to_compass_deg(bearing_from(east, north) + error);
+        lines.push(format!("{},{east:.2},{north:.2},{compass:.1}", i + 1));
+    }
+    add("lenth1981/bearings.csv", lines);
+    add("lenth1981/truth.csv", vec!["x,y,note".to_owned(), "60,40,generated".to_owned()]);
+
+    // P₀ −40 dB and γ 2.5, σ 1 dB.
+    let mut lines = vec!["tag,rssi_db,distance_m".to_owned()];
+    for i in 0..30_u32 {
+        let range = 10.0 * f64::from(1 + i % 10);
+        let level = -40.0 - 25.0 * range.log10() + normal(&mut rng);
+        lines.push(format!("7,{level:.2},{range}"));
+    }
+    add("rssi-distance.csv", lines);
+
+    // One turn of a cardioid in hover at the origin; every ninth pulse is lost.
+    let mut lines =
+        vec!["t_s,tag_id,snr_db,group,idx_in_group,lat_deg,lon_deg,alt_m,yaw_deg".into()];
+    for i in 0..36_u32 {
+        let boresight = TAU * f64::from(i) / 36.0;
+        let gain = 20.0 * (0.55 + 0.45 * (boresight - bearing_from(0.0, 0.0)).cos()).log10();
+        let level = 30.0 + gain + 0.3 * normal(&mut rng);
+        let level = if i % 9 == 4 { "-9999.0".to_owned() } else { format!("{level:.2}") };
+        let compass = radians_to_compass_deg(boresight);
+        lines.push(format!("{i}.25,2,{level},{},{},50,14,20,{compass:.1}", i / 3, 1 + i % 3));
+        if i % 18 == 0 {
+            lines.push(format!("{i}.5,3,12.5,{},1,50,14,20,{compass:.1}", i / 3));
+        }
+    }
+    add("uavrt-rotation.csv", lines);
+
+    // A tag walks around a station with four antennas for two days; a burst every 20 s.
+    let mut lines = vec!["time,antenna,rssi_dbm,tag_lat_deg,tag_lon_deg".to_owned()];
+    for i in 0..48_u32 {
+        let angle = 2.1 * f64::from(i);
+        let place = Vector3::new(400.0 * angle.cos(), 400.0 * angle.sin(), 0.0);
+        let at = frame.to_geodetic(&place);
+        let mut time = String::new();
+        let (day, second) = (1 + i / 24, 20 * (i % 24));
+        // Writing to a text cannot fail.
+        let _ = write!(time, "2026-05-0{day} 10:{:02}:{:02}", second / 60, second % 60);
+        for (antenna, compass) in [(1, 245.0_f64), (2, 155.0), (3, 65.0), (4, 335.0)] {
+            let off = angle::wrap((90.0 - compass).to_radians() - angle);
+            let level = -85.0 - 12.0 * (1.0 - off.cos()) + 2.0 * normal(&mut rng);
+            if level > -105.0 {
+                let (lat, lon) = (at.lat_deg, at.lon_deg);
+                lines.push(format!("{time},{antenna},{level:.0},{lat:.7},{lon:.7}"));
+            }
+        }
+        if i % 8 == 0 {
+            lines.push(format!("{time},5,-95,{:.7},{:.7}", at.lat_deg, at.lon_deg));
+        }
+    }
+    add("uri-yagi-station/detections.csv", lines);
+    add("uri-yagi-station/station.csv", vec!["lat_deg,lon_deg".into(), "50,14".into()]);
+
+    // Our own format: turns of an antenna; ranges; range differences to a reference receiver.
+    let mut lines =
+        vec!["turn,time_s,east_m,north_m,up_m,boresight_deg_compass,rss_dbm".to_owned()];
+    for i in 0..96_u32 {
+        let turn = i / 32;
+        let (east, north) = [(0.0, 0.0), (40.0, -20.0), (20.0, 70.0)][turn as usize];
+        let boresight = TAU * f64::from(i % 32) / 32.0;
+        let gain = 20.0 * (0.55 + 0.45 * (boresight - bearing_from(east, north)).cos()).log10();
+        let level = -60.0 + gain + 0.3 * normal(&mut rng);
+        let compass = radians_to_compass_deg(boresight);
+        lines.push(format!("{turn},{i},{east},{north},10,{compass:.2},{level:.2}"));
+    }
+    add("foxhunt/turns.csv", lines);
+    let mut ranges = vec!["time_s,east_m,north_m,up_m,range_m,range_sigma_m".to_owned()];
+    let mut differences =
+        vec!["east_m,north_m,up_m,range_difference_m,range_difference_sigma_m".to_owned()];
+    for i in 0..12_u32 {
+        let (sin, cos) = (0.6 * f64::from(i)).sin_cos();
+        let place = Vector3::new(50.0 + 70.0 * cos, 30.0 + 60.0 * sin, 20.0);
+        let (east, north) = (place.x, place.y);
+        let range = range_from(place) + normal(&mut rng);
+        ranges.push(format!("{i},{east:.3},{north:.3},20,{range:.3},1"));
+        let difference = range_from(place) - range_from(REFERENCE) + 0.5 * normal(&mut rng);
+        differences.push(format!("{east:.3},{north:.3},20,{difference:.3},0.5"));
+    }
+    add("foxhunt/ranges.csv", ranges);
+    add("foxhunt/differences.csv", differences);
+    files
+}
+
+#[test]
+fn what_is_committed_is_what_the_generator_makes() {
+    for (name, text) in generate() {
+        let path = folder().join(name);
+        if std::env::var_os("FOXHUNT_WRITE_TEST_DATA").is_some() {
+            fs::create_dir_all(path.parent().expect("a folder")).expect("it can be made");
+            fs::write(&path, &text).expect("it can be written");
+        }
+        let committed = fs::read_to_string(&path).expect(name);
+        assert_eq!(committed, text, "{name}");
+    }
+}
+
+#[test]
+fn every_shipped_format_has_a_recording() {
+    let mut formats: Vec<String> = Vec::new();
+    for name in generate()
+        .keys()
+        .filter(|name| !["truth.csv", "station.csv"].iter().any(|beside| name.ends_with(beside)))
+    {
+        formats.push(read(name).format().to_owned());
+    }
+    for mapping in builtin_mappings() {
+        assert!(formats.contains(&mapping.name), "{} has none", mapping.name);
+    }
+}
+
+fn located(receptions: &[Reception], estimator: &str) -> Located {
+    let registry = Registry::builtin();
+    let entry = registry.estimator(estimator).expect("it has a name");
+    let config =
+        LocateConfig { reference_m: Some(REFERENCE), margin_m: 100.0, ..LocateConfig::default() };
+    entry.locate(receptions, &config).expect("it is located")
+}
+
+fn received(file: &str, beacon: Option<&str>) -> Vec<Reception> {
+    let config = ReceptionConfig { rss_sigma_db: 2.0, positions: 32, ..ReceptionConfig::default() };
+    receptions(&[read(file)], beacon, &Pritzl2018::default(), &config).expect("they are of use")
+}
+
+fn miss(located: &Located) -> f64 {
+    (located.estimate.mean - TARGET).norm()
+}
+
+#[test]
+fn a_flight_with_levels() {
+    let recording = read("aerpaw-afar.csv");
+    assert_eq!((recording.rows(), recording.records().len()), (48, 43));
+    let dropped: Vec<_> = recording.dropped().iter().map(|d| (d.rule.as_str(), d.rows)).collect();
+    assert_eq!(dropped, [("alt_agl_m ≥ 15", 2), ("quality_db ≥ 60", 3)]);
+    assert_eq!(recording.ignored_columns(), ["n"]);
+    assert!(!recording.is_calibrated() && recording.is_located());
+    let receptions = received("aerpaw-afar.csv", None);
+    assert_eq!(receptions.len(), 43);
+    assert!(receptions.iter().all(|r| r.level.is_some() && r.bearing.is_none()));
+    // The origin is the first place that is kept: the climb's, which is the frame's.
+    let located = located(&receptions, "batch-multistart");
+    assert!(miss(&located) < 15.0, "{located:?}");
+}
+
+#[test]
+fn bearings_from_stations() {
+    let recording = read("lenth1981/bearings.csv");
+    assert!(recording.records().iter().all(|r| r.truth == Some(TARGET) && r.bearing.is_some()));
+    let located = located(&received("lenth1981/bearings.csv", None), "lenth1981");
+    assert!(miss(&located) < 8.0 && located.observations == 6, "{located:?}");
+}
+
+#[test]
+fn levels_at_known_distances() {
+    let recording = read("rssi-distance.csv");
+    assert_eq!(recording.beacons(), [Some("7")]);
+    assert!(!recording.is_located());
+    let config = CalibrateConfig::default();
+    let fit = calibrate(&[recording], Some("7"), &Pritzl2018::default(), &config);
+    let fit = fit.expect("30 points").fit;
+    // σ of the exponent is 0.06, of P₀ 1.1 dB.
+    assert!((fit.exponent - 2.5).abs() < 0.25 && (fit.reference_dbm + 40.0).abs() < 4.0, "{fit:?}");
+}
+
+#[test]
+fn a_rotation_of_the_body() {
+    let recording = read("uavrt-rotation.csv");
+    assert_eq!((recording.rows(), recording.records().len()), (38, 34));
+    let turns = bearings(&recording, &FirstHarmonic::default(), 36).expect("two turns");
+    let turn = turns.iter().find(|turn| turn.sweep.beacon_name.as_deref() == Some("2"));
+    let turn = turn.expect("the tag's own turn");
+    assert_eq!(turn.sweep.sweep.samples.len(), 32);
+    let bearing = turn.reading.bearing.expect("a cardioid");
+    assert!(angle::distance(bearing.angle, bearing_from(0.0, 0.0)) < PI / 18.0, "{bearing:?}");
+}
+
+#[test]
+fn bursts_at_a_station() {
+    let recording = read("uri-yagi-station/detections.csv");
+    assert_eq!(recording.drones(), ["station"]);
+    let origin = recording.frame().expect("in degrees").origin();
+    assert!((origin.lat_deg - 50.0).abs() < 1e-12, "from the file beside it");
+    let sweeps = recording.sweeps(4).expect("4 positions");
+    assert_eq!(sweeps.len(), 48);
+    assert!(sweeps.iter().all(|s| s.located && (1..=4).contains(&s.sweep.samples.len())));
+    let fitted = fit_boresights(&[recording], Some("tag"), &StationConfig::default());
+    let fitted = fitted.expect("two days");
+    // Two days are too few groups: the bursts are cut into ten.
+    assert_eq!(fitted.groups, 10);
+    assert!(fitted.cross_validation.median_error < 25_f64.to_radians(), "{fitted:?}");
+}
+
+#[test]
+fn turns_of_an_antenna() {
+    let receptions = received("foxhunt/turns.csv", None);
+    assert_eq!(receptions.len(), 3);
+    for reception in &receptions {
+        let place = reception.receiver.position;
+        let bearing = reception.bearing.expect("a cardioid");
+        let off = angle::distance(bearing.angle, bearing_from(place.x, place.y));
+        assert!(off < 15_f64.to_radians(), "{bearing:?}");
+    }
+}
+
+#[test]
+fn ranges_and_range_differences_locate() {
+    // σ of a place is about 0.5 m and 0.4 m: 12 values of σ 1 m and 0.5 m.
+    let ranges = received("foxhunt/ranges.csv", None);
+    assert!(ranges.iter().all(|r| r.level.is_none() && r.measured.iter().count() == 1));
+    let by_ranges = located(&ranges, "multilateration");
+    assert!(miss(&by_ranges) < 2.0 && by_ranges.observations == 12, "{by_ranges:?}");
+    let differences = received("foxhunt/differences.csv", None);
+    for estimator in ["range-differences", "range-difference"] {
+        let located = located(&differences, estimator);
+        assert!(miss(&located) < 2.0 && located.observations == 12, "{estimator}: {located:?}");
+    }
+}

@@ -1,0 +1,49 @@
+//! The command line, and the names that its arguments take.
+
+mod names;
+
+use clap::{CommandFactory, FromArgMatches, Parser};
+use foxhunt::registry::Registry;
+
+use crate::{commands::Command, hints};
+
+/// Finds radio transmitters with drones.
+///
+/// A directional antenna turns under each drone. The received power over one turn gives a level and
+/// a bearing, an estimator fuses them, and the formation moves to where the next turn is expected
+/// to shrink the ellipse most. Simulates hunts, compares estimators over thousands of them, replays
+/// logs, and works on recorded flights.
+#[derive(Debug, Parser)]
+#[command(
+    name = "foxhunt",
+    version,
+    propagate_version = true,
+    after_help = "Exit code: 0 success, 2 wrong use or input, 1 a failure.\n\n\
+                  Example: fly the default hunt and look at out/hunt.svg\n  foxhunt hunt"
+)]
+pub(crate) struct Cli {
+    /// Print the result as one JSON value on standard output, all else on standard error
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// What to do.
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// Parses the command line; ends the program with help, or with what is wrong.
+pub(crate) fn parse(registry: &Registry) -> Cli {
+    let parsed = names::command(Cli::command(), registry)
+        .try_get_matches()
+        .and_then(|matches| Cli::from_arg_matches(&matches));
+    parsed.unwrap_or_else(|error| hints::with_hint(error, registry).exit())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        names::command(Cli::command(), &Registry::builtin()).debug_assert();
+    }
+}

@@ -1,0 +1,101 @@
+use foxhunt::{
+    bearing_trial::{
+        BearingCampaignError, BearingCase, BearingReport, bearing_campaign, bearing_case_named,
+        bearing_cases,
+    },
+    registry::{ExtractorEntry, antenna_named},
+};
+
+use crate::{
+    commands::repetition::Runs,
+    context::Context,
+    error::CliError,
+    table::{number, table},
+};
+
+/// Compare extractors on simulated turns of the antenna
+///
+/// Draws turns with the noise, the losses or the reflection of a case. Every extractor reads the
+/// same turns; prints the errors of the bearings, and whether their σ is as large as the errors.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  foxhunt compare extractors --runs 2000\n  \
+                        foxhunt compare extractors bearing-reflector --runs 2000 \
+                        --antenna panel.msi")]
+pub(super) struct Args {
+    /// What is wrong with the turns (`foxhunt list cases` describes them)
+    #[arg(default_value = DEFAULT_CASE, value_parser = bearing_cases().map(|case| case.name))]
+    case: String,
+    #[command(flatten)]
+    runs: Runs,
+    /// An extractor, again for each more; all of them unless given
+    #[arg(long, value_name = "NAME")]
+    extractor: Vec<String>,
+    /// The antenna of the turns, which those extractors are given that take one: reference-patch,
+    /// isotropic, dipole, cardioid, patch, yagi, or a file (msi, pln, csv)
+    #[arg(long, value_name = "NAME|FILE")]
+    antenna: Option<String>,
+}
+
+/// The case that is drawn unless one is named.
+const DEFAULT_CASE: &str = "bearing-clean";
+
+pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let Context { output, registry } = context;
+    let case: BearingCase = bearing_case_named(&args.case)
+        .ok_or_else(|| CliError::input(format!("{:?} is no case", args.case)))?;
+    let extractors: Vec<ExtractorEntry> = if args.extractor.is_empty() {
+        registry.extractors().to_vec()
+    } else {
+        let named = |name: &String| registry.extractor(name).cloned();
+        args.extractor.iter().map(named).collect::<Result<_, _>>().map_err(CliError::input)?
+    };
+    let antenna = args.antenna.as_deref().map(antenna_named).unwrap_or_default();
+    let report = args.runs.with_progress("turns", 1, |repetition| {
+        bearing_campaign(registry, &case, &antenna, &extractors, repetition)
+    });
+    let report = report.map_err(|error| match error {
+        BearingCampaignError::Threads(_) => CliError::failure(error),
+        error => CliError::input(error),
+    })?;
+    output.result(&report, text)
+}
+
+/// What the columns mean.
+const LEGEND: &str = "Errors and σ in degrees. For a consistent extractor error/σ is 1 in the \
+     root mean square, and 95 % of the\nerrors lie within 1.96 σ. r is the correlation of σ and error.";
+
+fn text(report: &BearingReport) -> String {
+    let mut rows = table(&[
+        "extractor",
+        "rms",
+        "median",
+        "σ",
+        "error/σ",
+        "in 95 %",
+        "> 4 σ",
+        "r",
+        "p",
+        "level dB",
+        "refused",
+    ]);
+    for e in &report.extractors {
+        rows.add_row([
+            e.extractor.clone(),
+            number(e.rms_deg, 2),
+            number(e.median_deg, 2),
+            number(e.sigma_deg, 2),
+            number(e.sigma_ratio, 2),
+            number(e.coverage_95.map(|share| 100.0 * share), 1),
+            e.beyond_4_sigma.to_string(),
+            number(e.correlation, 2),
+            number(e.correlation_p, 3),
+            number(e.level_bias_db, 2),
+            e.refused.to_string(),
+        ]);
+    }
+    format!(
+        "{}, {} turns, seeds from {}; Cramér-Rao bound {:.2}° without \
+         reflections\n{rows}\n{LEGEND}",
+        report.campaign, report.runs, report.seed, report.bound_deg
+    )
+}

@@ -1,0 +1,41 @@
+//! Comparisons of contenders on the same seeds.
+
+mod antennas;
+mod estimators;
+mod extractors;
+mod planners;
+
+use crate::{context::Context, error::CliError};
+
+/// Compare estimators, extractors, antennas or planners
+///
+/// Runs every contender on the same seeds. `foxhunt campaign` compares estimators in flown hunts;
+/// `compare estimators` does on drawn bearings, which is much faster.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+                        foxhunt compare estimators isaacs-static --runs 1000\n  \
+                        foxhunt compare extractors bearing-reflector --runs 2000\n  \
+                        foxhunt compare antennas --runs 200 --estimator grid\n  \
+                        foxhunt compare planners --runs 100 --estimator grid")]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+/// What is compared.
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    Estimators(estimators::Args),
+    Extractors(extractors::Args),
+    Antennas(antennas::Args),
+    Planners(planners::Args),
+}
+
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    match &args.what {
+        What::Estimators(args) => estimators::run(args, context),
+        What::Extractors(args) => extractors::run(args, context),
+        What::Antennas(args) => antennas::run(args, context),
+        What::Planners(args) => planners::run(args, context),
+    }
+}

@@ -1,0 +1,173 @@
+use foxhunt::{
+    FirstPassage, Paired,
+    campaign::{
+        OutcomeCount, PLANNER_SCENARIOS, PlannerComparison, PlannersReport, planners_campaign,
+    },
+    registry::{EstimatorEntry, PlannerEntry, Registry},
+    scenario::Scenario,
+};
+
+use crate::{
+    commands::{choice, repetition::Runs, settings::Settings},
+    context::Context,
+    error::CliError,
+    table::{markdown, number, text},
+};
+
+/// Compare planners in flown hunts
+///
+/// Flies every scenario with every planner, and compares each planner with the reference's, run by
+/// run: how long until the 95 % ellipse's semi-major axis is below 3 m, how far the drones fly, how
+/// large the errors are. The tables are Markdown.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  foxhunt compare planners --runs 100 --estimator grid\n  \
+                        foxhunt compare planners far-start --runs 100 --planner information \
+                        --planner orbit")]
+pub(super) struct Args {
+    /// Built-in scenarios (`foxhunt list scenarios`) or TOML files
+    #[arg(value_name = "SCENARIO", default_values = PLANNER_SCENARIOS)]
+    scenarios: Vec<String>,
+    #[command(flatten)]
+    runs: Runs,
+    /// A planner that is compared with pritzl2018, again for each more; all of them unless given
+    #[arg(long, value_name = "NAME")]
+    planner: Vec<String>,
+    /// The estimator; each scenario's own unless given
+    #[arg(long, value_name = "NAME")]
+    estimator: Option<String>,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+/// The planner that others are compared with.
+const REFERENCE: &str = "pritzl2018";
+
+pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let Context { output, registry } = context;
+    let planners = compared(&args.planner, registry);
+    let mut hunts: Vec<(Scenario, EstimatorEntry)> = Vec::new();
+    for name in &args.scenarios {
+        let mut scenario = choice::scenario(name)?;
+        args.settings.apply_to(&mut scenario, registry)?;
+        let given = args.estimator.as_deref();
+        let estimator = choice::estimator_of(registry, given, &scenario, name)?;
+        hunts.push((scenario, args.settings.estimator(estimator)?));
+    }
+    let contenders = hunts.len() * planners.len();
+    let reports = args.runs.with_progress("hunts", contenders, |repetition| {
+        let fly = |(scenario, estimator): &(Scenario, EstimatorEntry)| {
+            planners_campaign(registry, scenario, estimator, &planners, repetition)
+                .map_err(|error| choice::campaign_error(error, &scenario.name))
+        };
+        hunts.iter().map(fly).collect::<Result<Vec<PlannersReport>, _>>()
+    })?;
+    output.result(&reports, |reports| tables(reports))
+}
+
+/// The planners that are compared, the reference's first.
+fn compared(given: &[String], registry: &Registry) -> Vec<PlannerEntry> {
+    let mut planners = registry.planners().to_vec();
+    if !given.is_empty() {
+        planners.retain(|entry| {
+            entry.name == REFERENCE || given.iter().any(|name| *name == entry.name)
+        });
+    }
+    planners.sort_by_key(|entry| entry.name != REFERENCE);
+    planners
+}
+
+fn tables(reports: &[PlannersReport]) -> String {
+    let (mut figures, mut ratios) = (Vec::new(), Vec::new());
+    for report in reports {
+        figures.extend(rows(report));
+        ratios.extend(report.comparisons.iter().map(|paired| ratio(&report.scenario, paired)));
+    }
+    let head = reports.first().map_or_else(String::new, |first| {
+        format!("{} runs, seeds from {}\n", first.runs, first.seed)
+    });
+    let columns = [
+        "scenario",
+        "beacon",
+        "planner",
+        "estimator",
+        "steps to 3 m",
+        "s to 3 m",
+        "never",
+        "path m",
+        "rms m",
+        "p90 m",
+        "ANEES",
+        "interval",
+        "outcomes",
+    ];
+    let figures = markdown(&columns, 4, &figures);
+    let columns =
+        ["scenario", "beacon", "planner", "against", "steps to 3 m", "s to 3 m", "path", "error"];
+    let ratios = markdown(&columns, 4, &ratios);
+    format!("{head}\n{figures}\n\n{ratios}\n\n{LEGEND}")
+}
+
+fn rows(report: &PlannersReport) -> Vec<Vec<String>> {
+    let mut rows = Vec::new();
+    let beacons = report.planners.first().map_or(0, |first| first.beacons.len());
+    for index in 0..beacons {
+        for planner in &report.planners {
+            let Some(beacon) = planner.beacons.get(index) else { continue };
+            let figures = &beacon.figures;
+            let median = |passage: Option<FirstPassage>| passage.and_then(|passage| passage.p50);
+            let interval = figures.anees_interval;
+            rows.push(vec![
+                report.scenario.clone(),
+                figures.name.clone(),
+                planner.planner.clone(),
+                report.estimator.clone(),
+                number(median(figures.steps_to_3m), 1),
+                number(median(figures.time_to_3m_s), 0),
+                text(figures.steps_to_3m.map(|steps| steps.never)),
+                number(figures.path_m.map(|path| path.p50), 0),
+                number(figures.error_m.map(|error| error.rms), 2),
+                number(figures.error_m.map(|error| error.p90), 2),
+                number(figures.anees, 2),
+                text(interval.map(|[low, high]| format!("{low:.2} to {high:.2}"))),
+                outcomes(&beacon.outcomes, report.runs),
+            ]);
+        }
+    }
+    rows
+}
+
+/// How searches ended; those that did not are the rest of the runs.
+fn outcomes(counts: &[OutcomeCount], runs: u32) -> String {
+    let ended = counts.iter().map(|count| count.runs).sum::<u32>();
+    let failed = runs.saturating_sub(ended);
+    let mut texts: Vec<String> =
+        counts.iter().map(|count| format!("{} {}", count.runs, count.outcome)).collect();
+    if failed > 0 {
+        texts.push(format!("{failed} not over"));
+    }
+    texts.join(", ")
+}
+
+fn ratio(scenario: &str, comparison: &PlannerComparison) -> Vec<String> {
+    let ratio = |paired: Option<Paired>| {
+        text(paired.map(|Paired { ratio, ratio_interval: [low, high], .. }| {
+            format!("{ratio:.2} ({low:.2} to {high:.2})")
+        }))
+    };
+    vec![
+        scenario.to_owned(),
+        comparison.beacon.clone(),
+        comparison.planner.clone(),
+        comparison.against.clone(),
+        ratio(comparison.steps_to_3m),
+        ratio(comparison.time_to_3m_s),
+        ratio(comparison.path_m),
+        ratio(comparison.error_m),
+    ]
+}
+
+/// What the columns mean.
+const LEGEND: &str = "To 3 m: the median until the 95 % ellipse's semi-major axis is below 3 m; a \
+     run that never gets\nthere counts as infinite. Path: the median of what all drones flew \
+     together. The second table has\ngeometric means of the ratios run by run, on the same seeds, \
+     of runs that have both, with 95 %\nintervals.";

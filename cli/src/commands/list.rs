@@ -1,0 +1,299 @@
+use std::borrow::Cow;
+
+use foxhunt::{
+    bearing_trial::bearing_cases,
+    core::Quantity,
+    registry::{EstimatorEntry, Need, RECOMMENDED_EXTRACTOR, Registry},
+    scenario::{DEFAULT_SCENARIO, builtin_scenarios},
+    trial::builtin_trials,
+};
+use serde::Serialize;
+
+use crate::{
+    context::Context,
+    error::CliError,
+    output::Output,
+    table::{TEXT_WIDTH, catalogue},
+};
+
+/// List what has a name
+///
+/// Lists scenarios, trials, estimators, extractors, planners, sources or cases: each with its name,
+/// what it is, and where it comes from. `foxhunt list estimators` also has what each works on.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  foxhunt list scenarios\n  foxhunt list estimators --json")]
+pub(crate) struct Args {
+    /// What to list
+    #[arg(value_enum)]
+    what: What,
+}
+
+/// What is listed.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum What {
+    /// Simulated hunts that need no file: for `hunt` and `campaign`
+    Scenarios,
+    /// Drawn bearings on a target of known course: for `compare estimators`
+    Trials,
+    /// What `--estimator` takes
+    Estimators,
+    /// What `--extractor` takes: what makes a level and a bearing of a turn
+    Extractors,
+    /// What `--planner` takes: what decides where the drones listen next
+    Planners,
+    /// What a drone of a scenario's file may listen with
+    Sources,
+    /// Simulated turns of an antenna: for `compare extractors`
+    Cases,
+}
+
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let Context { output, registry } = context;
+    match args.what {
+        What::Scenarios => scenarios(output),
+        What::Trials => trials(output),
+        What::Estimators => estimators(registry, output),
+        What::Extractors => extractors(registry, output),
+        What::Planners => planners(registry, output),
+        What::Sources => sources(registry, output),
+        What::Cases => cases(output),
+    }
+}
+
+/// A scenario, as JSON has it.
+#[derive(Debug, Serialize)]
+struct ListedScenario {
+    name: String,
+    description: String,
+    estimator: String,
+    drones: usize,
+    beacons: usize,
+    default: bool,
+}
+
+fn scenarios(output: Output) -> Result<(), CliError> {
+    let listed = builtin_scenarios().into_iter().map(|scenario| ListedScenario {
+        default: scenario.name == DEFAULT_SCENARIO,
+        drones: scenario.world.drones.len(),
+        beacons: scenario.world.beacons.len(),
+        name: scenario.name,
+        description: scenario.description,
+        estimator: scenario.estimator,
+    });
+    output.result(&listed.collect::<Vec<_>>(), |listed| {
+        let columns = ["scenario", "drones", "beacons", "estimator", "what it is"];
+        let mut rows = catalogue(&columns, TEXT_WIDTH);
+        for scenario in listed {
+            let mark = if scenario.default { " (default)" } else { "" };
+            rows.add_row([
+                format!("{}{mark}", scenario.name),
+                scenario.drones.to_string(),
+                scenario.beacons.to_string(),
+                scenario.estimator.clone(),
+                scenario.description.clone(),
+            ]);
+        }
+        format!("{rows}\nfleet-1, fleet-2 and so on are scenarios with random fleets.")
+    })
+}
+
+/// A trial, as JSON has it.
+#[derive(Debug, Serialize)]
+struct ListedTrial {
+    name: String,
+    description: String,
+    estimator: String,
+}
+
+fn trials(output: Output) -> Result<(), CliError> {
+    let listed = builtin_trials().into_iter().map(|trial| ListedTrial {
+        name: trial.name,
+        description: trial.description,
+        estimator: trial.estimator,
+    });
+    output.result(&listed.collect::<Vec<_>>(), |listed| {
+        let mut rows = catalogue(&["trial", "estimator", "what it is"], TEXT_WIDTH);
+        for trial in listed {
+            rows.add_row([&trial.name, &trial.estimator, &trial.description]);
+        }
+        rows.to_string()
+    })
+}
+
+/// An estimator, as JSON has it.
+#[derive(Debug, Serialize)]
+struct ListedEstimator {
+    name: String,
+    about: String,
+    source: String,
+    /// Whether levels are required, used or unused.
+    level: String,
+    bearing: String,
+    /// Quantities besides level and bearing, all of them required.
+    others: Vec<String>,
+    /// Whether it follows a beacon that moves.
+    moving: bool,
+    /// Whether it takes all receptions at once, in `locate` alone.
+    all_at_once: bool,
+}
+
+impl From<&EstimatorEntry> for ListedEstimator {
+    fn from(entry: &EstimatorEntry) -> Self {
+        let needs = entry.needs();
+        Self {
+            name: entry.name.to_string(),
+            about: entry.about.to_string(),
+            source: entry.source.to_string(),
+            level: needs.level.to_string(),
+            bearing: needs.bearing.to_string(),
+            others: needs.others.iter().map(Quantity::to_string).collect(),
+            moving: needs.moving,
+            all_at_once: needs.all_at_once,
+        }
+    }
+}
+
+/// How wide the table of estimators is: it has more columns than the others.
+const ESTIMATORS_WIDTH: u16 = 150;
+
+fn estimators(registry: &Registry, output: Output) -> Result<(), CliError> {
+    let listed: Vec<_> = registry.estimators().iter().map(ListedEstimator::from).collect();
+    output.result(&listed, |listed| {
+        let columns =
+            ["estimator", "what it is", "level", "bearing", "others", "moving", "takes", "source"];
+        let mut rows = catalogue(&columns, ESTIMATORS_WIDTH);
+        let unused = Need::Unused.to_string();
+        let need = |need: &str| if need == unused { "-".to_owned() } else { need.to_owned() };
+        for entry in listed {
+            let others = entry.others.join(", ");
+            rows.add_row([
+                entry.name.clone(),
+                entry.about.clone(),
+                need(&entry.level),
+                need(&entry.bearing),
+                if others.is_empty() { "-".to_owned() } else { others },
+                if entry.moving { "yes" } else { "-" }.to_owned(),
+                if entry.all_at_once { "all at once" } else { "a stream" }.to_owned(),
+                entry.source.clone(),
+            ]);
+        }
+        format!("{rows}\n{ESTIMATORS_LEGEND}")
+    })
+}
+
+/// What the columns of the estimators mean.
+const ESTIMATORS_LEGEND: &str = "Level, bearing and others: what an estimator requires of a \
+     reception, or uses where there is one. Moving:\nwhether it follows a beacon that moves. One \
+     that takes all receptions at once is for `foxhunt locate`.";
+
+/// Something with a name, as JSON has it.
+#[derive(Debug, Serialize)]
+struct Listed {
+    name: String,
+    about: String,
+    source: String,
+}
+
+/// An extractor, as JSON has it.
+#[derive(Debug, Serialize)]
+struct ListedExtractor {
+    #[serde(flatten)]
+    listed: Listed,
+    /// Whether it takes the antenna's pattern.
+    needs_antenna: bool,
+    recommended: bool,
+}
+
+fn extractors(registry: &Registry, output: Output) -> Result<(), CliError> {
+    let listed = registry.extractors().iter().map(|entry| ListedExtractor {
+        needs_antenna: entry.config().with_antenna(&Default::default()).is_some(),
+        recommended: entry.name == RECOMMENDED_EXTRACTOR,
+        listed: Listed {
+            name: entry.name.to_string(),
+            about: entry.about.to_string(),
+            source: entry.source.to_string(),
+        },
+    });
+    output.result(&listed.collect::<Vec<_>>(), |listed| {
+        let rows = table("extractor", listed.iter().map(|extractor| &extractor.listed));
+        format!("{rows}\nWhere the antenna is known, {RECOMMENDED_EXTRACTOR} is the best.")
+    })
+}
+
+fn planners(registry: &Registry, output: Output) -> Result<(), CliError> {
+    let listed = registry.planners().iter().map(|entry| Listed {
+        name: entry.name.to_string(),
+        about: entry.about.to_string(),
+        source: entry.source.to_string(),
+    });
+    output.result(&listed.collect::<Vec<_>>(), |listed| table("planner", listed))
+}
+
+/// A table of names, descriptions and sources.
+fn table<'a>(what: &str, listed: impl IntoIterator<Item = &'a Listed>) -> String {
+    let mut rows = catalogue(&[what, "what it is", "source"], TEXT_WIDTH);
+    for Listed { name, about, source } in listed {
+        rows.add_row([name, about, source]);
+    }
+    rows.to_string()
+}
+
+/// A source, as JSON has it.
+#[derive(Debug, Serialize)]
+struct ListedSource {
+    name: Cow<'static, str>,
+    about: Cow<'static, str>,
+    /// What it measures besides level and bearing.
+    quantities: Vec<String>,
+    /// Whether a file has it as `kind = "registered"` with this name, not as a kind of its own.
+    registered: bool,
+}
+
+/// The kinds of sources that a file may have besides the registered ones.
+const SOURCE_KINDS: [(&str, &str); 3] = [
+    ("stepper", "a directional antenna on a stepper motor"),
+    ("rotating-body", "a directional antenna that is fixed to the drone, which turns as a whole"),
+    ("omnidirectional", "an antenna without a direction: levels alone"),
+];
+
+fn sources(registry: &Registry, output: Output) -> Result<(), CliError> {
+    let kinds = SOURCE_KINDS.into_iter().map(|(name, about)| ListedSource {
+        name: name.into(),
+        about: about.into(),
+        quantities: Vec::new(),
+        registered: false,
+    });
+    let registered = registry.sources().iter().map(|entry| ListedSource {
+        name: entry.name.clone(),
+        about: entry.about.clone(),
+        quantities: entry.quantities.iter().map(Quantity::to_string).collect(),
+        registered: true,
+    });
+    output.result(&kinds.chain(registered).collect::<Vec<_>>(), |listed| {
+        let mut rows = catalogue(&["source", "what it is", "measures besides"], TEXT_WIDTH);
+        for source in listed {
+            let quantities = source.quantities.join(", ");
+            let quantities = if quantities.is_empty() { "-" } else { quantities.as_str() };
+            rows.add_row([source.name.as_ref(), source.about.as_ref(), quantities]);
+        }
+        format!("{rows}\nA scenario's file has one as `source = {{ kind = \"stepper\" }}`.")
+    })
+}
+
+/// A case, as JSON has it.
+#[derive(Debug, Serialize)]
+struct ListedCase {
+    name: &'static str,
+    about: &'static str,
+}
+
+fn cases(output: Output) -> Result<(), CliError> {
+    let listed = bearing_cases().map(|case| ListedCase { name: case.name, about: case.about });
+    output.result(&listed, |listed| {
+        let mut rows = catalogue(&["case", "what it is"], TEXT_WIDTH);
+        for case in listed {
+            rows.add_row([case.name, case.about]);
+        }
+        rows.to_string()
+    })
+}

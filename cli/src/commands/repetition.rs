@@ -1,0 +1,44 @@
+use std::thread::available_parallelism;
+
+use clap::value_parser;
+use foxhunt::campaign::Repetition;
+
+use crate::progress::Progress;
+
+/// How often something is run, and with which seeds.
+#[derive(Debug, clap::Args)]
+pub(super) struct Runs {
+    /// The number of runs of each contender
+    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..))]
+    runs: u32,
+    /// The number of runs at the same time; the number of processors unless given. The result does
+    /// not depend on it
+    #[arg(long, value_name = "J", value_parser = value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    /// The seed of the first run; run i has this plus i
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+}
+
+impl Runs {
+    /// Calls `run` with a repetition that shows its progress, where each of `contenders` has all
+    /// runs; `what` names the runs.
+    pub(super) fn with_progress<R>(
+        &self,
+        what: &'static str,
+        contenders: usize,
+        run: impl FnOnce(&Repetition<'_>) -> R,
+    ) -> R {
+        let jobs = match self.jobs {
+            Some(jobs) => usize::from(jobs),
+            None => available_parallelism().map_or(1, usize::from),
+        };
+        let contenders = u64::try_from(contenders).unwrap_or(u64::MAX);
+        let progress = Progress::new(what, u64::from(self.runs).saturating_mul(contenders));
+        let step = || progress.step();
+        let repetition = Repetition { runs: self.runs, seed: self.seed, jobs, progress: &step };
+        let result = run(&repetition);
+        progress.finish();
+        result
+    }
+}

@@ -1,0 +1,12 @@
+use foxhunt::registry::Registry;
+
+use crate::output::Output;
+
+/// What every command works with besides its own arguments.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Context<'a> {
+    /// Where results and notes go.
+    pub(crate) output: Output,
+    /// The estimators, extractors, planners and sources, by name.
+    pub(crate) registry: &'a Registry,
+}

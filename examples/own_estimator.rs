@@ -1,0 +1,110 @@
+//! An estimator of one's own in the program: registered under a name, it takes part in campaigns,
+//! replays and `locate` like those that the library brings. With the program's library, the same
+//! registry makes a `foxhunt` of one's own: `foxhunt_cli::run(registry)`.
+//!
+//! `cargo run --example own_estimator`
+
+#![expect(clippy::print_stdout, reason = "an example shows what it found")]
+
+use std::error::Error;
+
+use foxhunt::{
+    campaign::{Repetition, campaign},
+    nalgebra::{Matrix2, Vector2},
+    prelude::*,
+    registry::{Need, Needs, TrackRequest},
+};
+
+/// Weights on a lattice of places, 1 m apart, that are multiplied by each likelihood.
+struct Lattice<H> {
+    model: H,
+    places: Vec<(Vector2<f64>, f64)>,
+}
+
+impl<H: MeasurementModel<2, 2>> Lattice<H> {
+    fn new(model: H, prior: &Estimate<2>) -> Self {
+        let precision = 1.0 / prior.covariance[(0, 0)];
+        let mut places = Vec::new();
+        for east in -40..=40 {
+            for north in -40..=40 {
+                let place = prior.mean + Vector2::new(f64::from(east), f64::from(north));
+                let square = (place - prior.mean).norm_squared();
+                places.push((place, (-0.5 * precision * square).exp()));
+            }
+        }
+        let mut lattice = Self { model, places };
+        lattice.normalise();
+        lattice
+    }
+
+    fn normalise(&mut self) -> f64 {
+        let total: f64 = self.places.iter().map(|(_, weight)| weight).sum();
+        self.places.iter_mut().for_each(|(_, weight)| *weight /= total);
+        total
+    }
+}
+
+impl<H: MeasurementModel<2, 2>> Estimator<2, 2> for Lattice<H> {
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+        EstimatorError::check_time_step(dt)
+    }
+
+    fn update(&mut self, observation: &Observation<2>) -> Result<Correction, EstimatorError> {
+        if observation.is_empty() {
+            return Ok(Correction::Empty);
+        }
+        for (place, weight) in &mut self.places {
+            *weight *= self.model.log_likelihood(place, observation).exp();
+        }
+        let log_evidence = self.normalise().ln();
+        Ok(Correction::Fused { nis: None, log_evidence, effective_sample_size: None })
+    }
+
+    fn estimate(&self) -> Estimate<2> {
+        let mean: Vector2<f64> = self.places.iter().map(|(place, weight)| place * *weight).sum();
+        let mut covariance = Matrix2::identity() / 12.0;
+        for (place, weight) in &self.places {
+            covariance += (place - mean) * (place - mean).transpose() * *weight;
+        }
+        Estimate { mean, covariance }
+    }
+
+    fn quantities(&self) -> [Quantity; 2] {
+        self.model.quantities()
+    }
+
+    fn visit_samples(&self, visit: &mut dyn FnMut(&State<2>, f64)) {
+        self.places.iter().for_each(|(place, weight)| visit(place, *weight));
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let needs = Needs {
+        level: Need::Used,
+        bearing: Need::Used,
+        others: Vec::new(),
+        moving: false,
+        all_at_once: false,
+    };
+    let make = |request: &TrackRequest<'_>| {
+        let lattice = Lattice::new(request.model.clone(), &request.search.prior);
+        Ok(Track::new::<2, 2>(lattice, TrackConfig::default()))
+    };
+    let registry = Registry::builtin().with_estimator(EstimatorEntry::own(
+        "lattice",
+        "weights on a lattice of places",
+        "Bucy & Senne 1971",
+        needs,
+        make,
+    ));
+    let scenario = Scenario::find("pritzl-6.1")?;
+    let contenders = [registry.estimator("lattice")?.clone(), registry.estimator("grid")?.clone()];
+    let report = campaign(&registry, &scenario, &contenders, &Repetition::new(4))?;
+    for contender in &report.estimators {
+        for beacon in &contender.beacons {
+            let rms = beacon.error_m.map_or(f64::NAN, |error| error.rms);
+            println!("{}, {}: rms {rms:.2} m over 4 hunts", contender.estimator, beacon.name);
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,321 @@
+use std::{fs, path::Path};
+
+use foxhunt_hunt::{
+    calibration::BearingCalibration,
+    config::{ExtractorConfig, ModelConfig, PlannerConfig},
+    hunt::HuntConfig,
+    log::{LOG_VERSION, LogHeader, LoggedBeacon},
+    registry::{DEFAULT_ESTIMATOR, EstimatorEntry, Field, HuntParts, Registry},
+};
+use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::{DroneConfig, FlightRules, FlyError};
+
+/// A hunt on real devices, as it stands in a file. Where a
+/// [`Scenario`](foxhunt_hunt::scenario::Scenario) has a simulated world, it has devices.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlightConfig {
+    /// Its name.
+    pub name: String,
+    /// The origin of the common frame, from which East and North are counted.
+    pub site: Site,
+    /// The beacons to be found, in this order.
+    pub beacons: Vec<FlownBeacon>,
+    /// The estimator's name in the [`Registry`].
+    #[serde(default = "default_estimator")]
+    pub estimator: String,
+    /// What the estimator takes for the law of propagation.
+    pub model: ModelConfig,
+    /// What makes a level and a bearing of a turn.
+    pub extractor: ExtractorConfig,
+    /// How the bearings err and their σ is off, as a calibration has it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bearings: Option<BearingCalibration>,
+    /// What decides where to listen.
+    pub planner: PlannerConfig,
+    /// Time-outs, tolerances, the prior, the airspace, the batteries.
+    #[serde(default)]
+    pub hunt: HuntConfig,
+    /// How the flight begins and ends.
+    #[serde(default)]
+    pub flight: FlightRules,
+    /// The drones.
+    pub drones: Vec<DroneConfig>,
+}
+
+/// The origin of the common frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Site {
+    /// Latitude in degrees, WGS84, North positive.
+    pub lat_deg: f64,
+    /// Longitude in degrees, WGS84, East positive.
+    pub lon_deg: f64,
+    /// Height above the ellipsoid of the ground where the drones stand, in metres: what Up is
+    /// counted from for drones with a GNSS receiver of their own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground_alt_m: Option<f64>,
+}
+
+/// A beacon that is to be found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlownBeacon {
+    /// Its name.
+    pub name: String,
+    /// Its XBee address: 16 hexadecimal digits, or 4.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub address: Option<String>,
+    /// The frequency that a receiver is tuned to, in MHz.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frequency_mhz: Option<f64>,
+}
+
+fn default_estimator() -> String {
+    DEFAULT_ESTIMATOR.to_owned()
+}
+
+impl Site {
+    /// The common East-North-Up frame.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError::Site`] when there is no such place.
+    pub fn frame(&self) -> Result<LocalFrame, FlyError> {
+        Ok(LocalFrame::new(Geodetic::new(
+            self.lat_deg,
+            self.lon_deg,
+            self.ground_alt_m.unwrap_or(0.0),
+        )?)?)
+    }
+}
+
+impl FlightConfig {
+    /// Reads a TOML file.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError`] names the file, the line and the field.
+    pub fn read(path: &Path) -> Result<Self, FlyError> {
+        let file = path.display().to_string();
+        let text = fs::read_to_string(path)
+            .map_err(|source| FlyError::Read { file: file.clone(), source })?;
+        Self::parse(&text, &file)
+    }
+
+    /// Takes it from TOML; `file` is what errors call it.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError`] names the file, the line and the field.
+    pub fn parse(text: &str, file: &str) -> Result<Self, FlyError> {
+        let config: Self = toml::from_str(text)
+            .map_err(|source| FlyError::Parse { file: file.to_owned(), source })?;
+        config.check()?;
+        Ok(config)
+    }
+
+    /// Refuses what cannot be flown; no device is opened.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError`] names what cannot be.
+    pub fn check(&self) -> Result<(), FlyError> {
+        self.site.frame()?;
+        self.flight.check().map_err(|error| error.within("flight"))?;
+        if self.drones.is_empty() || self.beacons.is_empty() {
+            let missing = if self.drones.is_empty() { "drones" } else { "beacons" };
+            return Err(FlyError::Nothing { missing });
+        }
+        let mut names: Vec<&str> = self.drones.iter().map(|drone| drone.name.as_str()).collect();
+        names.sort_unstable();
+        if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(FlyError::Twice { drone: twice[0].to_owned() });
+        }
+        self.drones.iter().try_for_each(|drone| {
+            let named = |reason| FlyError::Drone { drone: drone.name.clone(), reason };
+            drone.check(&self.site, &self.beacons, self.flight.takeoff_up_m).map_err(named)
+        })
+    }
+
+    /// Its estimator.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError::Estimator`] when there is none of its name.
+    pub fn estimator<'a>(&self, registry: &'a Registry) -> Result<&'a EstimatorEntry, FlyError> {
+        Ok(registry.estimator(&self.estimator)?)
+    }
+
+    /// What planners need to know of it. Speeds of autopilots that are not set, and how long a turn
+    /// of a real antenna takes, are not known.
+    #[must_use]
+    pub fn field(&self) -> Field {
+        let speeds: Option<Vec<f64>> = self.drones.iter().map(DroneConfig::speed_mps).collect();
+        let up = self.flight.takeoff_up_m;
+        let launches = self.drones.iter().filter_map(|drone| drone.launch_m);
+        Field {
+            planner: self.planner.clone(),
+            exponent: self.model.exponent,
+            speed_mps: speeds.and_then(|speeds| speeds.into_iter().reduce(f64::min)),
+            climb_mps: None,
+            turn_s: None,
+            hunt: self.hunt.clone(),
+            drones_m: launches.map(|[east, north]| Vector3::new(east, north, up)).collect(),
+        }
+    }
+
+    /// What its hunt is made of with an estimator and a seed.
+    #[must_use]
+    pub fn parts<'a>(
+        &'a self,
+        registry: &'a Registry,
+        estimator: &'a EstimatorEntry,
+        seed: u64,
+    ) -> HuntParts<'a> {
+        HuntParts {
+            registry,
+            extractor: &self.extractor,
+            bearings: self.bearings,
+            field: self.field(),
+            model: &self.model,
+            estimator,
+            hunt: &self.hunt,
+            beacons: self.beacons.iter().map(|beacon| beacon.name.clone()).collect(),
+            quantities: Vec::new(),
+            seed,
+        }
+    }
+
+    /// The header that a log of this flight begins with, whose time 0 is `epoch_unix_s` in whole
+    /// seconds of UNIX time.
+    #[must_use]
+    pub fn log_header(
+        &self,
+        estimator: &EstimatorEntry,
+        seed: u64,
+        epoch_unix_s: Option<i64>,
+    ) -> LogHeader {
+        let beacon =
+            |b: &FlownBeacon| LoggedBeacon { name: b.name.clone(), truth: None, course: None };
+        LogHeader {
+            foxhunt_log: LOG_VERSION,
+            scenario: self.name.clone(),
+            seed,
+            estimator_name: estimator.name.clone().into_owned(),
+            estimator: estimator.settings().copied(),
+            model: self.model.clone(),
+            planner: Some(self.planner.clone()),
+            beacons: self.beacons.iter().map(beacon).collect(),
+            epoch_unix_s,
+            homes: Vec::new(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_sensors::AntennaConfig;
+
+    use super::*;
+
+    const MEADOW: &str = r#"
+        name = "meadow"
+        site = { lat_deg = 50.0755, lon_deg = 14.4378 }
+        beacons = [{ name = "fox", address = "0013A20041234567" }]
+        model = { reference_dbm = -29.06, exponent = 2.765, antenna = "dipole" }
+        extractor = { kind = "maximum-likelihood", antenna = "dipole" }
+        planner = { kind = "follow-estimate" }
+        hunt = { separation_m = 5.0 }
+        flight = { takeoff_up_m = 4.0 }
+
+        [[drones]]
+        name = "alpha"
+        launch_m = [1.0, 2.0]
+        vehicle = { kind = "mavlink", endpoint = "udpin:0.0.0.0:14550", settings = { cruise_speed_mps = 3.0 } }
+        radio = { kind = "xbee", endpoint = "serial:/dev/ttyUSB0:57600" }
+        rotator = { kind = "firmata", endpoint = "serial:/dev/ttyUSB1:57600" }
+        source = { kind = "stepper", position_timeout = 1.0, first_timeout = 10.0 }
+    "#;
+
+    fn refused(text: &str) -> String {
+        FlightConfig::parse(text, "meadow.toml").expect_err("it is refused").to_string()
+    }
+
+    #[test]
+    fn a_flight_takes_the_names_of_antennas() {
+        let registry = Registry::builtin();
+        for name in AntennaConfig::NAMES {
+            let text = MEADOW.replace("\"dipole\"", &format!("\"{name}\""));
+            let flight = FlightConfig::parse(&text, "meadow.toml").expect("a name");
+            let antenna = AntennaConfig::named(name).expect("it is listed");
+            assert_eq!(flight.model.antenna, Some(antenna.clone()), "{name}");
+            let with = flight.extractor.clone().with_antenna(&antenna).expect("it has an antenna");
+            assert_eq!(flight.extractor, with, "{name}");
+            let written = toml::to_string(&flight).expect("plain fields");
+            let again = FlightConfig::parse(&written, "written.toml").expect("as written");
+            assert_eq!(again, flight, "{written}");
+            let estimator = flight.estimator(&registry).expect("the default");
+            assert!(flight.parts(&registry, estimator, 1).build().is_ok(), "{name}");
+        }
+        let with_figures = MEADOW.replace("\"dipole\"", "{ yagi = { elements = 7 } }");
+        assert!(FlightConfig::parse(&with_figures, "meadow.toml").is_ok());
+        let error = refused(&MEADOW.replace("\"dipole\"", "\"horn\""));
+        assert!(error.contains("`horn`") && error.contains("`yagi`"), "{error}");
+    }
+
+    #[test]
+    fn a_flight_gives_planners_what_it_knows_of_its_field() {
+        let flight = FlightConfig::parse(MEADOW, "meadow.toml").expect("in order");
+        let field = flight.field();
+        assert_eq!(field.speed_mps, Some(3.0));
+        assert_eq!(field.drones_m, [Vector3::new(1.0, 2.0, 4.0)]);
+        let planner = MEADOW.replace(
+            "{ kind = \"follow-estimate\" }",
+            "{ kind = \"registered\", name = \"information\" }",
+        );
+        let registry = Registry::builtin();
+        let named = FlightConfig::parse(&planner, "meadow.toml").expect("in order");
+        let estimator = named.estimator(&registry).expect("the default");
+        assert!(named.parts(&registry, estimator, 1).build().is_ok());
+        let header = named.log_header(estimator, 1, Some(5));
+        assert_eq!(header.estimator_name, DEFAULT_ESTIMATOR);
+        assert_eq!(header.estimator.as_ref(), estimator.settings());
+    }
+
+    #[test]
+    fn what_a_flight_cannot_do_is_named() {
+        for (there, instead, expected) in [
+            ("takeoff_up_m = 4.0", "takeoff_up_m = -4.0", "flight.takeoff_up_m is -4;"),
+            ("lat_deg = 50.0755", "lat_deg = 91.0", "91"),
+            (
+                "kind = \"stepper\", position_timeout = 1.0, first_timeout = 10.0",
+                "kind = \"omnidirectional\"",
+                "there is a rotator",
+            ),
+            (
+                "cruise_speed_mps = 3.0",
+                "cruise_speed_mps = -3.0",
+                "drone \"alpha\": vehicle.settings.cruise_speed_mps is -3;",
+            ),
+            (
+                "address = \"0013A20041234567\"",
+                "frequency_mhz = 433.9",
+                "beacon \"fox\" has no address",
+            ),
+            ("takeoff_up_m = 4.0", "takeoff_up_m = 4000.0", "vehicle.settings allow"),
+        ] {
+            let text = MEADOW.replace(there, instead);
+            assert_ne!(text, MEADOW);
+            let error = refused(&text);
+            assert!(error.contains(expected), "{error}");
+        }
+        let unknown = format!("estimator = \"kalman\"\n{MEADOW}");
+        let flight = FlightConfig::parse(&unknown, "meadow.toml").expect("a name");
+        let error = flight.estimator(&Registry::builtin()).expect_err("unknown").to_string();
+        assert!(error.starts_with("estimator: \"kalman\""), "{error}");
+    }
+}

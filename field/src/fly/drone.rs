@@ -1,0 +1,253 @@
+use foxhunt_core::parameter::FieldError;
+use foxhunt_hardware::{
+    ArDroneConfig, KrakenConfig, MavlinkConfig, MavlinkOrigin, RtlTcpConfig, XbeeConfig,
+};
+use foxhunt_wire::Endpoint;
+use serde::{Deserialize, Serialize};
+
+use super::{
+    FlownBeacon, GnssDevice, ListenConfig, RadioDevice, RotatorDevice, Site, VehicleDevice,
+};
+
+/// A drone and its devices.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DroneConfig {
+    /// What people call it.
+    pub name: String,
+    /// Where it stands before take-off, East and North of the site's origin in metres: for the plan
+    /// of a dry run, and for aircraft that do not know where they are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub launch_m: Option<[f64; 2]>,
+    /// What flies it.
+    pub vehicle: VehicleDevice,
+    /// A GNSS receiver that knows better where it is than what flies it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gnss: Option<GnssDevice>,
+    /// What receives the beacons, unless its source does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radio: Option<RadioDevice>,
+    /// What turns the antenna, where it is on a motor of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rotator: Option<RotatorDevice>,
+    /// How it listens.
+    pub source: ListenConfig,
+}
+
+impl DroneConfig {
+    /// Refuses devices that do not fit together, and settings that are out of their range; no
+    /// device is opened.
+    pub(super) fn check(
+        &self,
+        site: &Site,
+        beacons: &[FlownBeacon],
+        takeoff_up_m: f64,
+    ) -> Result<(), String> {
+        let (least, most) = match &self.vehicle {
+            VehicleDevice::Mavlink { settings, .. } => {
+                (settings.limits.min_up_m, settings.limits.max_up_m)
+            }
+            VehicleDevice::ArDrone { settings, .. } => (settings.min_up_m, settings.max_up_m),
+        };
+        if !(least..=most).contains(&takeoff_up_m) {
+            return Err(format!(
+                "flight.takeoff_up_m is {takeoff_up_m}; vehicle.settings allow {least} to {most} m"
+            ));
+        }
+        match &self.vehicle {
+            VehicleDevice::Mavlink { settings, .. } => {
+                let settings = with_origin(settings, site)?;
+                settings.check().map_err(|error| nested("vehicle.settings", error))?;
+            }
+            VehicleDevice::ArDrone { settings, .. } => {
+                let settings = self.with_launch(settings);
+                settings.check().map_err(|error| nested("vehicle.settings", error))?;
+            }
+        }
+        if let Some(gnss) = &self.gnss {
+            if site.ground_alt_m.is_none() {
+                return Err(
+                    "a gnss of its own needs site.ground_alt_m, which heights are above".into()
+                );
+            }
+            gnss.settings.check().map_err(|error| nested("gnss.settings", error))?;
+        }
+        match &self.radio {
+            Some(RadioDevice::Xbee { settings, .. }) => {
+                let settings = with_addresses(settings, beacons)?;
+                settings.check().map_err(|error| nested("radio.settings", error))?;
+            }
+            Some(RadioDevice::RtlTcp { settings, .. }) => {
+                let settings = tuned(settings, beacons)?;
+                settings.check().map_err(|error| nested("radio.settings", error))?;
+            }
+            Some(RadioDevice::Sik) if beacons.len() > 1 => {
+                return Err("radio.kind is \"sik\", which receives one beacon alone".into());
+            }
+            Some(RadioDevice::Sik) if !matches!(self.vehicle, VehicleDevice::Mavlink { .. }) => {
+                return Err("radio.kind is \"sik\", and vehicle.kind not \"mavlink\"".into());
+            }
+            Some(RadioDevice::Sik) | None => {}
+        }
+        if let Some(RotatorDevice::Firmata { settings, .. }) = &self.rotator {
+            settings.check().map_err(|error| nested("rotator.settings", error))?;
+        }
+        match (&self.source, &self.rotator, &self.radio) {
+            (ListenConfig::Kraken { settings, .. }, None, None) => {
+                let settings = found_at(settings, beacons)?;
+                settings.check().map_err(|error| nested("source.settings", error))
+            }
+            (ListenConfig::Kraken { .. }, ..) => {
+                Err("source.kind is \"kraken\", which needs neither radio nor rotator".into())
+            }
+            (_, _, None) => Err("there is no radio".into()),
+            (ListenConfig::Stepper(_), None, _) => {
+                Err("source.kind is \"stepper\", and there is no rotator".into())
+            }
+            (ListenConfig::RotatingBody(_) | ListenConfig::Omnidirectional(_), Some(_), _) => {
+                Err("there is a rotator, and source.kind is not \"stepper\"".into())
+            }
+            (ListenConfig::RotatingBody(config), ..) => {
+                config.check().map_err(|error| nested("source", error))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// What its driver lets it be sent to, and when it gives its link up, in words.
+    pub(super) fn limits(&self) -> String {
+        match &self.vehicle {
+            VehicleDevice::Mavlink { settings, .. } => {
+                let limits = &settings.limits;
+                format!(
+                    "{} to {} m up, {} m from where it stands, without a link after {} s",
+                    limits.min_up_m,
+                    limits.max_up_m,
+                    limits.fence_radius_m,
+                    settings.link_timeout_s
+                )
+            }
+            VehicleDevice::ArDrone { settings, .. } => format!(
+                "{} to {} m up, {} m from where it stands, without a link after {} s",
+                settings.min_up_m,
+                settings.max_up_m,
+                settings.fence_radius_m,
+                settings.link_timeout_s
+            ),
+        }
+    }
+
+    /// How fast it flies, in metres per second, where that is known.
+    pub(super) fn speed_mps(&self) -> Option<f64> {
+        match &self.vehicle {
+            VehicleDevice::Mavlink { settings, .. } => settings.cruise_speed_mps,
+            VehicleDevice::ArDrone { settings, .. } => Some(settings.speed_mps),
+        }
+    }
+
+    /// Its devices, each with where it is reached.
+    pub fn endpoints(&self) -> impl Iterator<Item = (&'static str, &Endpoint)> {
+        let (vehicle, navdata) = match &self.vehicle {
+            VehicleDevice::Mavlink { endpoint, .. } => (endpoint, None),
+            VehicleDevice::ArDrone { endpoint, navdata, .. } => (endpoint, Some(navdata)),
+        };
+        let radio = match &self.radio {
+            Some(RadioDevice::Xbee { endpoint, .. } | RadioDevice::RtlTcp { endpoint, .. }) => {
+                Some(endpoint)
+            }
+            Some(RadioDevice::Sik) | None => None,
+        };
+        let array = match &self.source {
+            ListenConfig::Kraken { endpoint, .. } => Some(endpoint),
+            _ => None,
+        };
+        let rotator = self.rotator.as_ref().map(|RotatorDevice::Firmata { endpoint, .. }| endpoint);
+        let gnss = self.gnss.as_ref().map(|gnss| &gnss.endpoint);
+        [
+            ("vehicle", Some(vehicle)),
+            ("navdata", navdata),
+            ("gnss", gnss),
+            ("radio", radio),
+            ("rotator", rotator),
+            ("kraken", array),
+        ]
+        .into_iter()
+        .filter_map(|(device, endpoint)| Some((device, endpoint?)))
+    }
+
+    /// An AR.Drone's settings with the place where it stands.
+    pub(super) fn with_launch(&self, settings: &ArDroneConfig) -> ArDroneConfig {
+        let [east_m, north_m] = self.launch_m.unwrap_or([settings.east_m, settings.north_m]);
+        ArDroneConfig { east_m, north_m, ..*settings }
+    }
+}
+
+/// Why a field of a nested table is refused.
+fn nested(table: &str, error: impl Into<FieldError>) -> String {
+    error.into().within(table).to_string()
+}
+
+/// An autopilot's settings in the common frame.
+pub(super) fn with_origin(settings: &MavlinkConfig, site: &Site) -> Result<MavlinkConfig, String> {
+    if settings.origin.is_some() {
+        return Err("vehicle.settings.origin: the origin stands in the site".into());
+    }
+    let origin = Some(MavlinkOrigin { lat_deg: site.lat_deg, lon_deg: site.lon_deg });
+    Ok(MavlinkConfig { origin, ..settings.clone() })
+}
+
+/// An XBee's settings with the addresses of the flight's beacons.
+pub(super) fn with_addresses(
+    settings: &XbeeConfig,
+    beacons: &[FlownBeacon],
+) -> Result<XbeeConfig, String> {
+    if !settings.beacons.is_empty() {
+        return Err("radio.settings.beacons: the addresses stand with the beacons".into());
+    }
+    let address = |beacon: &FlownBeacon| {
+        let text = beacon.address.as_deref();
+        let text = text.ok_or_else(|| format!("beacon {:?} has no address", beacon.name))?;
+        text.parse().map_err(|error| format!("beacon {:?}: address: {error}", beacon.name))
+    };
+    let beacons = beacons.iter().map(address).collect::<Result<_, String>>()?;
+    Ok(XbeeConfig { beacons, ..settings.clone() })
+}
+
+/// The settings of an RTL-SDR with the frequencies of the flight's beacons.
+pub(super) fn tuned(
+    settings: &RtlTcpConfig,
+    beacons: &[FlownBeacon],
+) -> Result<RtlTcpConfig, String> {
+    if !settings.frequencies_hz.is_empty() {
+        return Err("radio.settings.frequencies_hz: the frequencies stand with the beacons".into());
+    }
+    let whole = |hz: f64| {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range")]
+        (1.0..4.2e9).contains(&hz).then(|| hz.round() as u32).ok_or_else(|| {
+            format!("a frequency of {} MHz is none that rtl_tcp can be tuned to", hz / 1e6)
+        })
+    };
+    let frequencies_hz = frequencies(beacons)?.into_iter().map(whole).collect::<Result<_, _>>()?;
+    Ok(RtlTcpConfig { frequencies_hz, ..settings.clone() })
+}
+
+/// The settings of a KrakenSDR with the frequencies of the flight's beacons.
+pub(super) fn found_at(
+    settings: &KrakenConfig,
+    beacons: &[FlownBeacon],
+) -> Result<KrakenConfig, String> {
+    if !settings.frequencies_hz.is_empty() {
+        return Err("source.settings.frequencies_hz: the frequencies stand with the beacons".into());
+    }
+    Ok(KrakenConfig { frequencies_hz: frequencies(beacons)?, ..settings.clone() })
+}
+
+/// The frequencies of the flight's beacons in Hz.
+fn frequencies(beacons: &[FlownBeacon]) -> Result<Vec<f64>, String> {
+    let frequency = |beacon: &FlownBeacon| {
+        let mhz = beacon.frequency_mhz.filter(|mhz| mhz.is_finite() && *mhz > 0.0);
+        let none = || format!("beacon {:?} has no frequency_mhz above 0", beacon.name);
+        mhz.map(|mhz| mhz * 1e6).ok_or_else(none)
+    };
+    beacons.iter().map(frequency).collect()
+}

@@ -1,0 +1,294 @@
+use std::{
+    fs, io,
+    net::UdpSocket,
+    os::unix::fs::symlink,
+    path::{Path, PathBuf},
+};
+
+use foxhunt_core::BeaconId;
+use foxhunt_hardware::{FirmataConfig, MavlinkConfig, XbeeConfig};
+use foxhunt_hunt::{config::SourceConfig, scenario::Scenario};
+use foxhunt_sim::{
+    AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedAutopilot, EmulatedStepper,
+    EmulatedStepperConfig, EmulatedXbee, EmulatedXbeeConfig, Emulator, Port, SimError, World,
+    xbee_address,
+};
+use foxhunt_wire::{
+    Endpoint, PtyStream, UdpStream,
+    geodesy::{GeodesyError, Geodetic},
+};
+use serde::{Deserialize, Serialize};
+
+use super::{
+    DroneConfig, FlightConfig, FlightRules, FlownBeacon, ListenConfig, RadioDevice, RotatorDevice,
+    Site, VehicleDevice,
+};
+
+/// How long a position and the first one of a turn may take with a real motor, in seconds.
+const STEP_S: f64 = 1.0;
+const FIRST_STEP_S: f64 = 10.0;
+
+/// How long a turn may take then, in seconds.
+const TURN_S: f64 = 150.0;
+
+/// How a field is emulated.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EmulatedFieldConfig {
+    /// Where its East and North are 0.
+    pub site: Site,
+    /// The UDP port that the first drone's autopilot sends to, the next ones to those after it; any
+    /// free ones where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_port: Option<u16>,
+    /// What goes wrong, drone by drone; nothing for those that are left out.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<DroneFaults>,
+}
+
+/// What goes wrong with the devices of a drone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DroneFaults {
+    /// With the radio's cable.
+    pub radio: CableFaults,
+    /// With the motor's cable.
+    pub rotator: CableFaults,
+    /// With the autopilot.
+    pub vehicle: AutopilotFaults,
+}
+
+/// A field in the middle of Europe, on free ports, without faults.
+impl Default for EmulatedFieldConfig {
+    fn default() -> Self {
+        let site = Site { lat_deg: 50.0755, lon_deg: 14.4378, ground_alt_m: None };
+        Self { site, first_port: None, faults: Vec::new() }
+    }
+}
+
+/// All devices of all drones of a simulated world: radios and motors on pseudo-terminals,
+/// autopilots on UDP. A [`FlightConfig`] made for them flies them as it would the real ones.
+///
+/// Nothing happens by itself: let the world's time pass, then [`serve`](Self::serve).
+pub struct EmulatedField {
+    devices: Vec<(String, Box<dyn Emulator>)>,
+    flight: FlightConfig,
+}
+
+impl std::fmt::Debug for EmulatedField {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("EmulatedField").field("flight", &self.flight).finish_non_exhaustive()
+    }
+}
+
+impl EmulatedField {
+    /// Puts the devices of a scenario's `world` in place. `folder`, which has to exist, gets links
+    /// to the pseudo-terminals, named after drone and device.
+    ///
+    /// # Errors
+    ///
+    /// [`EmulatedFieldError`] when a port cannot be had, a number is out of its range, or a source
+    /// cannot be emulated.
+    pub fn new(
+        scenario: &Scenario,
+        world: &World,
+        config: &EmulatedFieldConfig,
+        folder: &Path,
+    ) -> Result<Self, EmulatedFieldError> {
+        let beacons = (0..).map(BeaconId).map_while(|beacon| {
+            let (address, _) = xbee_address(beacon);
+            let name = world.beacon_name(beacon)?;
+            let address = Some(address.to_string());
+            Some(FlownBeacon { name, address, frequency_mhz: None })
+        });
+        let mut field = Self {
+            devices: Vec::new(),
+            flight: FlightConfig {
+                name: format!("{}, emulated", scenario.name),
+                site: config.site,
+                beacons: beacons.collect(),
+                estimator: scenario.estimator.clone(),
+                model: scenario.model.clone(),
+                extractor: scenario.extractor.clone(),
+                bearings: scenario.bearings,
+                planner: scenario.planner.clone(),
+                hunt: scenario.hunt.clone(),
+                flight: FlightRules::default(),
+                drones: Vec::new(),
+            },
+        };
+        let turn_s = &mut field.flight.hunt.turn_timeout_s;
+        *turn_s = turn_s.max(TURN_S);
+        // Beacons that appear later are no part of a flight's list.
+        field.flight.beacons.truncate(scenario.beacon_names().len());
+        for (drone, placed) in scenario.world.drones.iter().enumerate() {
+            field.flight.flight.takeoff_up_m = placed.up_m;
+            let source = scenario.sources.get(drone).unwrap_or(&scenario.source);
+            field.add(world, drone, config, source, folder, [placed.east_m, placed.north_m])?;
+        }
+        Ok(field)
+    }
+
+    fn add(
+        &mut self,
+        world: &World,
+        drone: usize,
+        config: &EmulatedFieldConfig,
+        source: &SourceConfig,
+        folder: &Path,
+        launch_m: [f64; 2],
+    ) -> Result<(), EmulatedFieldError> {
+        let name = format!("drone-{}", drone + 1);
+        let faults = config.faults.get(drone).cloned().unwrap_or_default();
+        let site = config.site;
+        let autopilot = AutopilotConfig {
+            origin: Geodetic::new(site.lat_deg, site.lon_deg, site.ground_alt_m.unwrap_or(0.0))?,
+            faults: faults.vehicle,
+            ..AutopilotConfig::default()
+        };
+        let address = format!("127.0.0.1:{}", port(config.first_port, drone)?);
+        let stream = UdpStream::to(&address)?;
+        let vehicle = EmulatedAutopilot::new(autopilot, world, drone, stream)?;
+        self.keep(&name, "vehicle", vehicle);
+
+        let (stream, radio) = cable(world, folder, &name, "radio", faults.radio)?;
+        let device = EmulatedXbee::new(world, drone, EmulatedXbeeConfig::default(), stream)?;
+        self.keep(&name, "radio", device);
+
+        let mut rotator = None;
+        let source = match source {
+            SourceConfig::Stepper(config) => {
+                let (stream, endpoint) = cable(world, folder, &name, "rotator", faults.rotator)?;
+                let device =
+                    EmulatedStepper::new(world, drone, EmulatedStepperConfig::default(), stream)?;
+                self.keep(&name, "rotator", device);
+                let settings = FirmataConfig::default();
+                rotator = Some(RotatorDevice::Firmata { endpoint, settings });
+                // A step backwards goes beyond its place and comes back, before six requests.
+                let config = config.with_timeouts(STEP_S, FIRST_STEP_S);
+                ListenConfig::Stepper(config.expect("they are positive"))
+            }
+            SourceConfig::RotatingBody(config) => ListenConfig::RotatingBody(*config),
+            SourceConfig::Omnidirectional(config) => ListenConfig::Omnidirectional(*config),
+            other => return Err(EmulatedFieldError::Source { drone, kind: other.clone() }),
+        };
+        let vehicle = VehicleDevice::Mavlink {
+            endpoint: Endpoint::UdpIn { address },
+            settings: MavlinkConfig::default(),
+        };
+        let radio = Some(RadioDevice::Xbee { endpoint: radio, settings: XbeeConfig::default() });
+        let launch_m = Some(launch_m);
+        let drone = DroneConfig { name, launch_m, vehicle, gnss: None, radio, rotator, source };
+        self.flight.drones.push(drone);
+        Ok(())
+    }
+
+    fn keep(&mut self, drone: &str, device: &str, emulator: impl Emulator + 'static) {
+        self.devices.push((format!("{drone}: {device}"), Box::new(emulator)));
+    }
+
+    /// The flight whose devices these are.
+    #[must_use]
+    pub fn flight(&self) -> &FlightConfig {
+        &self.flight
+    }
+
+    /// Lets all devices read and write their ports at the world's present time. For a device whose
+    /// port fails `failed` is called; it is served again next time.
+    pub fn serve(&mut self, mut failed: impl FnMut(&str, io::Error)) {
+        for (name, device) in &mut self.devices {
+            if let Err(error) = device.serve() {
+                failed(name, error);
+            }
+        }
+    }
+}
+
+/// A device's end of a cable to a pseudo-terminal, with the endpoint of the other end.
+fn cable(
+    world: &World,
+    folder: &Path,
+    drone: &str,
+    device: &str,
+    faults: CableFaults,
+) -> Result<(Cabled<PtyStream>, Endpoint), EmulatedFieldError> {
+    let link = folder.join(format!("{drone}-{device}"));
+    let endpoint = Endpoint::Serial { port: link.display().to_string(), baud: 57_600 };
+    let seed = drone
+        .bytes()
+        .chain(device.bytes())
+        .fold(0, |seed: u64, byte| seed.wrapping_mul(31).wrapping_add(u64::from(byte)));
+    let mut port = LinkedPty { link };
+    let cabled = Cabled::new(port.open()?, world.clock(), faults, seed);
+    Ok((cabled.with_port(port), endpoint))
+}
+
+/// A pseudo-terminal behind a link.
+struct LinkedPty {
+    link: PathBuf,
+}
+
+impl Port<PtyStream> for LinkedPty {
+    fn open(&mut self) -> io::Result<PtyStream> {
+        let stream = PtyStream::open()?;
+        self.close()?;
+        symlink(stream.path(), &self.link)?;
+        Ok(stream)
+    }
+
+    fn close(&mut self) -> io::Result<()> {
+        if fs::symlink_metadata(&self.link).is_ok_and(|there| there.is_symlink()) {
+            fs::remove_file(&self.link)?;
+        }
+        Ok(())
+    }
+}
+
+impl Drop for LinkedPty {
+    fn drop(&mut self) {
+        // Another field may have put its own there; that is no concern of ours any more.
+        let _ = self.close();
+    }
+}
+
+/// The UDP port of a drone's autopilot.
+fn port(first: Option<u16>, drone: usize) -> Result<u16, EmulatedFieldError> {
+    match first {
+        Some(first) => u16::try_from(drone)
+            .ok()
+            .and_then(|drone| first.checked_add(drone))
+            .ok_or(EmulatedFieldError::Port { first, drone }),
+        None => Ok(UdpSocket::bind("127.0.0.1:0")?.local_addr()?.port()),
+    }
+}
+
+/// Why a field cannot be emulated.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EmulatedFieldError {
+    /// A port cannot be had.
+    #[error(transparent)]
+    Open(#[from] io::Error),
+    /// There are no more ports.
+    #[error("there is no UDP port for drone {drone}, counted from 0, after {first}")]
+    Port {
+        /// The first one.
+        first: u16,
+        /// Which drone.
+        drone: usize,
+    },
+    /// A number is out of its range.
+    #[error(transparent)]
+    Device(#[from] SimError),
+    /// There is no emulated device of this kind.
+    #[error("drone {drone}, counted from 0: {kind:?} cannot be emulated as its source")]
+    Source {
+        /// Which drone.
+        drone: usize,
+        /// What it listens with.
+        kind: SourceConfig,
+    },
+    /// The site is no place.
+    #[error("site: {0}")]
+    Site(#[from] GeodesyError),
+}

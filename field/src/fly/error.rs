@@ -1,0 +1,80 @@
+use std::io;
+
+use foxhunt_core::parameter::FieldError;
+use foxhunt_hunt::{
+    hunt::HuntError,
+    registry::{PartsError, RegistryError},
+};
+use foxhunt_wire::geodesy::GeodesyError;
+
+use super::MissionError;
+
+/// Why a flight cannot be had.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FlyError {
+    /// The file cannot be read.
+    #[error("{file}: cannot be read")]
+    Read {
+        /// The file.
+        file: String,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The file is no configuration of a flight.
+    #[error("{file}: {source}")]
+    Parse {
+        /// The file.
+        file: String,
+        /// What is wrong, with line and field.
+        source: toml::de::Error,
+    },
+    /// The origin is no place.
+    #[error("site: {0}")]
+    Site(#[from] GeodesyError),
+    /// A field is out of its range.
+    #[error(transparent)]
+    Field(#[from] FieldError),
+    /// The estimator's name is not known.
+    #[error("estimator: {0}")]
+    Estimator(#[from] RegistryError),
+    /// There is nobody to fly, or nothing to search for.
+    #[error("there are no {missing}")]
+    Nothing {
+        /// What there is none of.
+        missing: &'static str,
+    },
+    /// Two drones have one name.
+    #[error("there are two drones {drone:?}")]
+    Twice {
+        /// The name.
+        drone: String,
+    },
+    /// A drone's devices are not as they must be.
+    #[error("drone {drone:?}: {reason}")]
+    Drone {
+        /// The drone.
+        drone: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A port cannot be opened.
+    #[error("drone {drone:?}: {device}: {source}")]
+    Open {
+        /// The drone.
+        drone: String,
+        /// Which device.
+        device: &'static str,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The hunt cannot begin as planned.
+    #[error("the hunt could not begin: {0}")]
+    Plan(#[source] HuntError),
+    /// The hunt cannot be put together.
+    #[error(transparent)]
+    Parts(#[from] PartsError),
+    /// The flight cannot begin.
+    #[error(transparent)]
+    Mission(#[from] MissionError),
+}

@@ -1,0 +1,195 @@
+use foxhunt_core::{PatternSource, Waypoint};
+use foxhunt_hardware::{Aircraft, AircraftState};
+use foxhunt_hunt::hunt::{Devices, Event};
+
+use super::Ending;
+
+/// A drone of a [`Mission`](super::Mission): its devices, and what is known of it.
+#[derive(Debug)]
+pub struct FlownDrone<A, S> {
+    /// What people call it.
+    pub name: String,
+    /// What flies.
+    pub aircraft: A,
+    /// What it listens with.
+    pub source: S,
+    /// Its present state; absent while its link fails.
+    state: Option<AircraftState>,
+    /// The state that was logged last.
+    reported_state: Option<AircraftState>,
+    /// The mode in which it took our orders last; empty before that.
+    commanded_mode: String,
+    /// When it was last ordered to take off, to take our orders again or to come down, in seconds.
+    last_order: f64,
+    /// Whether it has accepted the order to leave.
+    leave_accepted: bool,
+}
+
+/// How often an order that was not followed is repeated, in seconds.
+const ORDER_AGAIN_S: f64 = 2.0;
+
+impl<A, S> FlownDrone<A, S> {
+    /// A drone on the ground with its devices.
+    pub fn new(name: impl Into<String>, aircraft: A, source: S) -> Self {
+        Self {
+            name: name.into(),
+            aircraft,
+            source,
+            state: None,
+            reported_state: None,
+            commanded_mode: String::new(),
+            last_order: f64::NEG_INFINITY,
+            leave_accepted: false,
+        }
+    }
+
+    /// Whether it takes our orders.
+    pub(super) fn is_commanded(&self) -> bool {
+        self.state.as_ref().is_some_and(|state| state.commanded)
+    }
+
+    /// Whether it is known to be on the ground with its motors off.
+    pub(super) fn is_down(&self) -> bool {
+        self.state.as_ref().is_some_and(|state| !state.airborne && !state.armed)
+    }
+
+    /// Whether it is in our hands: it takes our orders, or is in the mode in which it took them
+    /// last, or has never been anybody else's. One that is coming down by our order has another
+    /// mode; one whose link fails counts as ours.
+    pub(super) fn is_ours(&self) -> bool {
+        self.state.as_ref().is_none_or(|state| {
+            let mode = &self.commanded_mode;
+            state.commanded || !state.airborne || mode.is_empty() || *mode == state.mode
+        })
+    }
+
+    /// Whether it has accepted the order to leave.
+    pub(super) fn has_accepted_leaving(&self) -> bool {
+        self.leave_accepted
+    }
+
+    /// Makes every order due at once, and the order to leave one that it has not accepted.
+    pub(super) fn reset_orders(&mut self) {
+        self.last_order = f64::NEG_INFINITY;
+        self.leave_accepted = false;
+    }
+
+    /// Why it is not up.
+    pub(super) fn hindrance(&self) -> &str {
+        self.state.as_ref().map_or("its link has failed", |state| state.hindrance.as_str())
+    }
+
+    /// Whether an order is due; if so, it counts as given at `time`.
+    fn takes_turn(&mut self, time: f64) -> bool {
+        let due = time - self.last_order >= ORDER_AGAIN_S;
+        if due {
+            self.last_order = time;
+        }
+        due
+    }
+}
+
+impl<A: Aircraft, S> FlownDrone<A, S> {
+    /// Reads the aircraft's state, which serves its link. Returns the event to be logged if
+    /// anything has changed but numbers; `index` is the drone's number in the mission.
+    pub(super) fn read_state(
+        &mut self,
+        time: f64,
+        index: usize,
+    ) -> Result<Option<Event>, A::Error> {
+        self.state = None;
+        let state = self.aircraft.state()?;
+        if state.commanded {
+            self.commanded_mode.clone_from(&state.mode);
+        }
+        let mut event = None;
+        if !self.reported_state.as_ref().is_some_and(|reported| is_same(reported, &state)) {
+            event = Some(Event::Aircraft {
+                time,
+                drone: index,
+                mode: state.mode.clone(),
+                armed: state.armed,
+                airborne: state.airborne,
+                commanded: state.commanded,
+                hindrance: state.hindrance.clone(),
+            });
+            self.reported_state = Some(state.clone());
+        }
+        self.state = Some(state);
+        Ok(event)
+    }
+
+    /// Why it cannot take off yet, if it cannot.
+    pub(super) fn not_ready(&mut self) -> Option<String> {
+        match &self.state {
+            None => Some("its link has failed".to_owned()),
+            Some(state) if state.airborne || state.hindrance.is_empty() => {
+                Some(self.aircraft.pose().err()?.to_string())
+            }
+            Some(state) => Some(state.hindrance.clone()),
+        }
+    }
+
+    /// Has it take off, if that order is due. One that is up already, from a flight that was cut
+    /// short, is taken as it is.
+    pub(super) fn take_off(&mut self, time: f64, up_m: f64) -> Result<(), A::Error> {
+        if !self.takes_turn(time) {
+            return Ok(());
+        }
+        if self.state.as_ref().is_some_and(|state| state.airborne) {
+            self.aircraft.take_over()
+        } else {
+            self.aircraft.take_off(up_m)
+        }
+    }
+
+    /// Has it take our orders again, if that is due, when it has stopped taking them and is in the
+    /// mode in which it took them: its link is back, or the pilot has given it back. A mode that
+    /// the pilot has chosen is never changed.
+    pub(super) fn take_over_again(&mut self, time: f64) {
+        let lost = self.state.as_ref().is_some_and(|state| {
+            state.airborne && !state.commanded && state.mode == self.commanded_mode
+        });
+        if lost && self.takes_turn(time) {
+            // What is in the way stands in its state, which is logged.
+            let _ = self.aircraft.take_over();
+        }
+    }
+
+    /// Orders it to leave by a rule, if that order is due.
+    pub(super) fn order_to_leave(&mut self, time: f64, ending: Ending) -> Result<(), A::Error> {
+        if !self.takes_turn(time) {
+            return Ok(());
+        }
+        match ending {
+            Ending::Return => self.aircraft.return_to_launch()?,
+            Ending::Land => self.aircraft.land()?,
+            Ending::Hold if self.leave_accepted => {}
+            Ending::Hold => {
+                self.aircraft.spin(None)?;
+                let position = self.aircraft.pose()?.position;
+                self.aircraft.go_to(&Waypoint { position })?;
+            }
+        }
+        self.leave_accepted = true;
+        Ok(())
+    }
+}
+
+impl<A: Aircraft, S: PatternSource> Devices for FlownDrone<A, S> {
+    type Source = S;
+    type Vehicle = A;
+
+    fn devices(&mut self) -> (&mut S, &mut A) {
+        (&mut self.source, &mut self.aircraft)
+    }
+}
+
+/// Whether two states are one in the log, where batteries and ages make no difference.
+fn is_same(one: &AircraftState, other: &AircraftState) -> bool {
+    one.mode == other.mode
+        && one.hindrance == other.hindrance
+        && one.armed == other.armed
+        && one.airborne == other.airborne
+        && one.commanded == other.commanded
+}

@@ -1,0 +1,277 @@
+use std::{collections::VecDeque, fmt};
+
+use foxhunt_core::{PatternSource, Station, parameter::FieldError};
+use foxhunt_hardware::Aircraft;
+use foxhunt_hunt::hunt::{Event, FlightStage, Hunt, drive};
+
+use super::{Ending, FlightRules, FlownDrone};
+
+/// A flight of real aircraft from the ground to the ground, with a hunt in the middle.
+///
+/// No aircraft is armed before all of them are ready; an aircraft that the pilot takes gets no
+/// orders any more; whatever goes wrong ends with the pilot's rules. It reads no clock and never
+/// waits: call [`step`](Self::step) some hundred times a second until it [is over](Self::is_over).
+pub struct Mission<A, S> {
+    rules: FlightRules,
+    hunt: Hunt,
+    drones: Vec<FlownDrone<A, S>>,
+    stage: FlightStage,
+    since: f64,
+    /// By which rule the aircraft leave.
+    ending: Ending,
+    /// Whether drones that are ready wait for [`go`](Self::go).
+    waits: bool,
+    ready: bool,
+    /// Why the flight ended before its time.
+    failure: Option<String>,
+    events: VecDeque<Event>,
+}
+
+impl<A, S> fmt::Debug for Mission<A, S> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Mission")
+            .field("rules", &self.rules)
+            .field("drones", &self.drones.len())
+            .field("stage", &self.stage)
+            .field("failure", &self.failure)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<A: Aircraft, S: PatternSource> Mission<A, S> {
+    /// A flight that begins at `time` with aircraft on the ground.
+    ///
+    /// # Errors
+    ///
+    /// [`MissionError`] when there is none, or a rule is out of its range.
+    pub fn new(
+        rules: FlightRules,
+        hunt: Hunt,
+        drones: Vec<FlownDrone<A, S>>,
+        time: f64,
+    ) -> Result<Self, MissionError> {
+        rules.check().map_err(|error| error.within("flight"))?;
+        if drones.is_empty() {
+            return Err(MissionError::NoDrone);
+        }
+        let mut mission = Self {
+            rules,
+            hunt,
+            drones,
+            stage: FlightStage::Preparing,
+            since: time,
+            ending: rules.at_end,
+            waits: false,
+            ready: false,
+            failure: None,
+            events: VecDeque::new(),
+        };
+        mission.enter(time, FlightStage::Preparing, "the log begins".into());
+        Ok(mission)
+    }
+
+    /// Sets whether drones that are ready wait for [`go`](Self::go) before they take off; at first
+    /// they do not.
+    pub fn wait_for_go(&mut self, waits: bool) {
+        self.waits = waits;
+    }
+
+    /// Lets them take off.
+    pub fn go(&mut self) {
+        self.waits = false;
+    }
+
+    /// Whether all drones are ready, and wait for [`go`](Self::go).
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.stage == FlightStage::Preparing && self.ready && self.waits
+    }
+
+    /// Does what can be done now.
+    pub fn step(&mut self, time: f64) {
+        self.read_states(time);
+        match self.stage {
+            FlightStage::Preparing => self.prepare(time),
+            FlightStage::Climbing => self.climb(time),
+            FlightStage::Hunting => self.fly(time),
+            FlightStage::Leaving => self.leave(time),
+            // Over.
+            _ => {}
+        }
+        while let Some(event) = self.hunt.poll_event() {
+            self.events.push_back(event);
+        }
+    }
+
+    /// Breaks off: the aircraft leave by the pilot's rule for that.
+    pub fn abort(&mut self, time: f64, reason: &str) {
+        match self.stage {
+            FlightStage::Preparing => {
+                self.failure = Some(reason.to_owned());
+                self.enter(time, FlightStage::Over, reason.to_owned());
+            }
+            FlightStage::Climbing | FlightStage::Hunting => {
+                self.failure = Some(reason.to_owned());
+                self.end(time, self.rules.on_abort, reason.to_owned());
+            }
+            FlightStage::Leaving if self.ending != self.rules.on_abort => {
+                self.end(time, self.rules.on_abort, reason.to_owned());
+            }
+            _ => {}
+        }
+    }
+
+    /// The next thing to be logged, each once.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// The stage of the flight.
+    #[must_use]
+    pub fn stage(&self) -> FlightStage {
+        self.stage
+    }
+
+    /// Whether nothing is left to do.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.stage == FlightStage::Over
+    }
+
+    /// Why it ended before its time, if it did.
+    #[must_use]
+    pub fn failure(&self) -> Option<&str> {
+        self.failure.as_deref()
+    }
+
+    /// The hunt.
+    #[must_use]
+    pub fn hunt(&self) -> &Hunt {
+        &self.hunt
+    }
+
+    /// Reads the state of every aircraft, which serves its link, and logs what has changed.
+    fn read_states(&mut self, time: f64) {
+        for (index, drone) in self.drones.iter_mut().enumerate() {
+            match drone.read_state(time, index) {
+                Ok(event) => self.events.extend(event),
+                Err(error) => self.hunt.device_failed(time, Some(index), error.to_string()),
+            }
+        }
+    }
+
+    /// Waits until all are ready, then has all take off.
+    fn prepare(&mut self, time: f64) {
+        let unready = self.drones.iter_mut().find_map(|drone| {
+            let why = drone.not_ready()?;
+            Some(format!("{} is not ready: {why}", drone.name))
+        });
+        self.ready = unready.is_none();
+        match unready {
+            None if self.waits => self.since = time,
+            None => self.enter(time, FlightStage::Climbing, "all are ready".into()),
+            Some(why) if time - self.since >= self.rules.ready_timeout_s => self.abort(time, &why),
+            Some(_) => {}
+        }
+    }
+
+    /// Has them take off until all are up, and begins the hunt.
+    fn climb(&mut self, time: f64) {
+        let mut waiting = None;
+        for (index, drone) in self.drones.iter_mut().enumerate() {
+            if drone.is_commanded() {
+                continue;
+            }
+            let mut why = format!("{} is not up: {}", drone.name, drone.hindrance());
+            if let Err(error) = drone.take_off(time, self.rules.takeoff_up_m) {
+                why = format!("{} does not take off: {error}", drone.name);
+                self.hunt.device_failed(time, Some(index), why.clone());
+            }
+            waiting = waiting.or(Some(why));
+        }
+        match waiting {
+            None => self.begin(time),
+            Some(why) if time - self.since >= self.rules.climb_timeout_s => self.abort(time, &why),
+            Some(_) => {}
+        }
+    }
+
+    fn begin(&mut self, time: f64) {
+        let station = |drone: &mut FlownDrone<A, S>| Ok(Station::holding(drone.aircraft.pose()?));
+        let stations: Result<Vec<Station>, A::Error> =
+            self.drones.iter_mut().map(station).collect();
+        match stations {
+            // They have all been up a moment ago; a place that is missing now comes again.
+            Err(_) => {}
+            Ok(stations) => match self.hunt.start(time, stations) {
+                Ok(()) => self.enter(time, FlightStage::Hunting, "all are up".into()),
+                Err(error) => self.abort(time, &error.to_string()),
+            },
+        }
+    }
+
+    /// Lets the hunt go on.
+    fn fly(&mut self, time: f64) {
+        for drone in &mut self.drones {
+            drone.take_over_again(time);
+        }
+        if let Err(error) = drive(&mut self.hunt, &mut self.drones, time) {
+            self.abort(time, &error.to_string());
+        } else if self.hunt.is_finished() {
+            self.end(time, self.rules.at_end, "the hunt is over".into());
+        }
+    }
+
+    /// Orders all that are in our hands down, until they are: those in the air, and those that are
+    /// about to leave the ground. One whose link fails is ordered all the same.
+    fn leave(&mut self, time: f64) {
+        let mut waited_for = Vec::new();
+        for (index, drone) in self.drones.iter_mut().enumerate() {
+            let down = drone.is_down();
+            let ours = drone.is_ours();
+            if self.ending == Ending::Hold && !ours {
+                continue;
+            }
+            if (!down || !drone.has_accepted_leaving())
+                && ours
+                && let Err(error) = drone.order_to_leave(time, self.ending)
+            {
+                self.hunt.device_failed(time, Some(index), error.to_string());
+            }
+            if !down {
+                waited_for.push(drone.name.as_str());
+            }
+        }
+        if waited_for.is_empty() {
+            self.enter(time, FlightStage::Over, "nobody is left to be brought down".into());
+        } else if time - self.since >= self.rules.leaving_timeout_s {
+            let why = format!("not known to be down: {}", waited_for.join(", "));
+            self.failure.get_or_insert_with(|| why.clone());
+            self.enter(time, FlightStage::Over, why);
+        }
+    }
+
+    fn end(&mut self, time: f64, ending: Ending, reason: String) {
+        self.ending = ending;
+        self.drones.iter_mut().for_each(FlownDrone::reset_orders);
+        self.enter(time, FlightStage::Leaving, reason);
+    }
+
+    fn enter(&mut self, time: f64, stage: FlightStage, reason: String) {
+        self.stage = stage;
+        self.since = time;
+        self.events.push_back(Event::FlightStage { time, stage, reason });
+    }
+}
+
+/// Why a flight cannot begin.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MissionError {
+    /// There is nobody to fly.
+    #[error("a flight needs at least one drone")]
+    NoDrone,
+    /// A rule is out of its range.
+    #[error(transparent)]
+    Rule(#[from] FieldError),
+}

@@ -1,0 +1,36 @@
+//! The hunt on real devices, or on the same devices emulated.
+
+mod config;
+mod device;
+mod driver;
+mod drone;
+#[cfg(unix)]
+mod emulated;
+mod error;
+mod flown_drone;
+mod identify;
+mod mission;
+mod open;
+mod plan;
+mod report;
+mod rules;
+mod tapped;
+
+pub use config::{FlightConfig, FlownBeacon, Site};
+pub use device::{GnssDevice, ListenConfig, RadioDevice, RotatorDevice, VehicleDevice};
+pub use driver::{
+    BoxedAircraft, BoxedRadio, BoxedRotator, Examine, ExaminedAircraft, ExaminedRadio,
+    ExaminedRotator,
+};
+pub use drone::DroneConfig;
+#[cfg(unix)]
+pub use emulated::{DroneFaults, EmulatedField, EmulatedFieldConfig, EmulatedFieldError};
+pub use error::FlyError;
+pub use flown_drone::FlownDrone;
+pub use identify::identify;
+pub use mission::{Mission, MissionError};
+pub use open::OpenDrone;
+pub use plan::{FlightPlan, PlannedDrone};
+pub use report::{FlightReport, FlownFix};
+pub use rules::{Ending, FlightRules};
+pub use tapped::{Tap, Tapped};

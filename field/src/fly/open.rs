@@ -1,0 +1,265 @@
+use foxhunt_core::Clock;
+use foxhunt_hardware::{
+    ArDrone, Finding, FirmataStepper, GnssReceiver, KrakenSource, MavlinkVehicle, Placed,
+    Reconnecting, RtlTcpRadio, Shared, SikFeed, SikRadio, XbeeRadio,
+};
+use foxhunt_hunt::hunt::{BoxedSource, boxed_source};
+use foxhunt_sensors::{BodySource, OmnidirectionalSource, StepperSource};
+use foxhunt_wire::Endpoint;
+
+use super::{
+    BoxedAircraft, BoxedRadio, BoxedRotator, DroneConfig, Examine, FlightConfig, FlownBeacon,
+    FlownDrone, FlyError, ListenConfig, RadioDevice, RotatorDevice, Site, Tap, Tapped,
+    VehicleDevice,
+    driver::{Driver, ExaminedAircraft},
+    drone::{found_at, tuned, with_addresses, with_origin},
+};
+
+/// A drone whose devices are open.
+pub type OpenDrone = FlownDrone<Shared<BoxedAircraft>, BoxedSource>;
+
+impl FlightConfig {
+    /// Opens the devices of all drones; their sweeps are passed to `tap` if there is one. The clock
+    /// was 0 at `clock_origin_unix_s` of UNIX time, which signatures carry.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError`] names the drone, the device and what is wrong.
+    pub fn open<C: Clock + Clone + 'static>(
+        &self,
+        clock: &C,
+        clock_origin_unix_s: f64,
+        tap: Option<&Tap>,
+    ) -> Result<Vec<OpenDrone>, FlyError> {
+        let open = |(index, drone): (usize, &DroneConfig)| {
+            let mut open = drone.open(&self.site, &self.beacons, clock, clock_origin_unix_s)?;
+            if let Some(tap) = tap {
+                open.source = boxed_source(Tapped::new(open.source, index, tap.clone()));
+            }
+            Ok(open)
+        };
+        self.drones.iter().enumerate().map(open).collect()
+    }
+}
+
+impl DroneConfig {
+    /// Opens its devices.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError`] names the drone, the device and what is wrong.
+    pub fn open<C: Clock + Clone + 'static>(
+        &self,
+        site: &Site,
+        beacons: &[FlownBeacon],
+        clock: &C,
+        clock_origin_unix_s: f64,
+    ) -> Result<OpenDrone, FlyError> {
+        let feed = SikFeed::default();
+        let aircraft = Shared::new(self.open_aircraft(site, &feed, clock, clock_origin_unix_s)?);
+        let source = self.open_source(beacons, aircraft.clone(), feed, clock)?;
+        Ok(FlownDrone::new(self.name.clone(), aircraft, source))
+    }
+
+    /// Examines each of its devices, and calls `report` with its name and the findings as soon as
+    /// they are known. `pause` is called while a device is waited for.
+    pub fn examine<C: Clock + Clone + 'static>(
+        &self,
+        site: &Site,
+        beacons: &[FlownBeacon],
+        clock: &C,
+        clock_origin_unix_s: f64,
+        pause: &mut dyn FnMut(),
+        report: &mut dyn FnMut(&'static str, Vec<Finding>),
+    ) {
+        let mut examine = |device, open: Result<Box<dyn Examine>, FlyError>| {
+            let findings = open
+                .map_or_else(|error| vec![unopened(&error)], |mut device| device.examine(pause));
+            report(device, findings);
+        };
+        let feed = SikFeed::default();
+        // A SiK radio reports through the autopilot's link, which is served while it is examined.
+        let vehicle = self.open_aircraft(site, &feed, clock, clock_origin_unix_s);
+        examine("vehicle", vehicle.map(|device| Box::new(device) as _));
+        match &self.source {
+            ListenConfig::Kraken { .. } => {
+                let aircraft =
+                    self.open_aircraft(site, &feed, clock, clock_origin_unix_s).map(Shared::new);
+                let source = aircraft.and_then(|a| self.open_kraken(beacons, a, clock));
+                examine("kraken", source.map(|device| Box::new(device) as _));
+            }
+            _ => {
+                let radio = self.open_radio(beacons, feed, clock);
+                examine("radio", radio.map(|device| Box::new(device) as _));
+            }
+        }
+        if let Some(rotator) = &self.rotator {
+            let rotator = self.open_rotator(rotator, clock);
+            examine("rotator", rotator.map(|device| Box::new(device) as _));
+        }
+    }
+
+    fn open_aircraft<C: Clock + Clone + 'static>(
+        &self,
+        site: &Site,
+        feed: &SikFeed,
+        clock: &C,
+        clock_origin_unix_s: f64,
+    ) -> Result<BoxedAircraft, FlyError> {
+        match &self.vehicle {
+            VehicleDevice::Mavlink { endpoint, settings } => {
+                let settings = with_origin(settings, site).map_err(|error| self.wrong(error))?;
+                let stream = self.stream("vehicle", endpoint, clock)?;
+                let vehicle = MavlinkVehicle::new(settings, stream, clock.clone());
+                let vehicle = vehicle.map_err(|error| self.wrong(error))?;
+                let vehicle =
+                    vehicle.with_clock_origin(clock_origin_unix_s).with_radio_reports(feed.clone());
+                self.placed(vehicle, site, clock)
+            }
+            VehicleDevice::ArDrone { endpoint, navdata, settings } => {
+                let orders = self.stream("vehicle", endpoint, clock)?;
+                let navdata = self.stream("navdata", navdata, clock)?;
+                let settings = self.with_launch(settings);
+                let vehicle = ArDrone::new(settings, orders, navdata, clock.clone());
+                self.placed(vehicle.map_err(|error| self.wrong(error))?, site, clock)
+            }
+        }
+    }
+
+    /// The aircraft, placed by its own GNSS receiver if it has one.
+    fn placed<A: ExaminedAircraft + 'static, C: Clock + Clone + 'static>(
+        &self,
+        aircraft: A,
+        site: &Site,
+        clock: &C,
+    ) -> Result<BoxedAircraft, FlyError> {
+        let Some(gnss) = &self.gnss else { return Ok(Box::new(Driver(aircraft))) };
+        let stream = self.stream("gnss", &gnss.endpoint, clock)?;
+        let receiver = GnssReceiver::new(gnss.settings, stream, clock.clone());
+        let receiver = receiver.map_err(|error| self.wrong(error))?;
+        let antenna = gnss.settings.antenna();
+        Ok(Box::new(Driver(Placed::new(aircraft, receiver, site.frame()?, antenna))))
+    }
+
+    fn open_radio<C: Clock + Clone + 'static>(
+        &self,
+        beacons: &[FlownBeacon],
+        feed: SikFeed,
+        clock: &C,
+    ) -> Result<BoxedRadio, FlyError> {
+        Ok(match &self.radio {
+            Some(RadioDevice::Xbee { endpoint, settings }) => {
+                let settings = with_addresses(settings, beacons).map_err(|e| self.wrong(e))?;
+                let stream = self.stream("radio", endpoint, clock)?;
+                let radio = XbeeRadio::new(settings, stream, clock.clone());
+                Box::new(Driver(radio.map_err(|error| self.wrong(error))?))
+            }
+            Some(RadioDevice::RtlTcp { endpoint, settings }) => {
+                let settings = tuned(settings, beacons).map_err(|error| self.wrong(error))?;
+                let stream = self.stream("radio", endpoint, clock)?;
+                let radio = RtlTcpRadio::new(settings, stream, clock.clone());
+                Box::new(Driver(radio.map_err(|error| self.wrong(error))?))
+            }
+            Some(RadioDevice::Sik) => Box::new(Driver(SikRadio::new(feed))),
+            None => return Err(self.wrong("there is no radio")),
+        })
+    }
+
+    fn open_rotator<C: Clock + Clone + 'static>(
+        &self,
+        rotator: &RotatorDevice,
+        clock: &C,
+    ) -> Result<BoxedRotator, FlyError> {
+        let RotatorDevice::Firmata { endpoint, settings } = rotator;
+        let stream = self.stream("rotator", endpoint, clock)?;
+        let rotator = FirmataStepper::new(settings.clone(), stream, clock.clone());
+        Ok(Box::new(Driver(rotator.map_err(|error| self.wrong(error))?)))
+    }
+
+    fn open_source<C: Clock + Clone + 'static>(
+        &self,
+        beacons: &[FlownBeacon],
+        aircraft: Shared<BoxedAircraft>,
+        feed: SikFeed,
+        clock: &C,
+    ) -> Result<BoxedSource, FlyError> {
+        if matches!(self.source, ListenConfig::Kraken { .. }) {
+            return Ok(boxed_source(self.open_kraken(beacons, aircraft, clock)?));
+        }
+        let radio = self.open_radio(beacons, feed, clock)?;
+        let clock = clock.clone();
+        Ok(match (&self.source, &self.rotator) {
+            (ListenConfig::Stepper(config), Some(rotator)) => {
+                let rotator = self.open_rotator(rotator, &clock)?;
+                boxed_source(StepperSource::new(*config, radio, rotator, aircraft, clock))
+            }
+            (ListenConfig::RotatingBody(config), _) => {
+                let source = BodySource::new(*config, radio, aircraft, clock);
+                boxed_source(source.map_err(|error| self.wrong(error))?)
+            }
+            (ListenConfig::Omnidirectional(config), _) => {
+                let source = OmnidirectionalSource::new(*config, radio, aircraft, clock);
+                boxed_source(source.map_err(|error| self.wrong(error))?)
+            }
+            (ListenConfig::Stepper(_) | ListenConfig::Kraken { .. }, _) => {
+                return Err(self.wrong("source.kind does not go with its devices"));
+            }
+        })
+    }
+
+    #[expect(clippy::type_complexity, reason = "the connection's maker has no name")]
+    fn open_kraken<C: Clock + Clone + 'static>(
+        &self,
+        beacons: &[FlownBeacon],
+        aircraft: Shared<BoxedAircraft>,
+        clock: &C,
+    ) -> Result<
+        KrakenSource<
+            Box<dyn foxhunt_wire::ByteStream + Send>,
+            impl FnMut() -> std::io::Result<Box<dyn foxhunt_wire::ByteStream + Send>> + use<C>,
+            Shared<BoxedAircraft>,
+            C,
+        >,
+        FlyError,
+    > {
+        let ListenConfig::Kraken { endpoint, settings } = &self.source else {
+            return Err(self.wrong("source.kind is not \"kraken\""));
+        };
+        let settings = found_at(settings, beacons).map_err(|error| self.wrong(error))?;
+        let endpoint = endpoint.clone();
+        let source = KrakenSource::new(settings, move || endpoint.open(), aircraft, clock.clone());
+        source.map_err(|error| self.wrong(error))
+    }
+
+    fn stream<C: Clock + Clone>(
+        &self,
+        device: &'static str,
+        endpoint: &Endpoint,
+        clock: &C,
+    ) -> Result<Reconnecting<C>, FlyError> {
+        Reconnecting::open(endpoint.clone(), clock.clone()).map_err(|source| FlyError::Open {
+            drone: self.name.clone(),
+            device,
+            source,
+        })
+    }
+
+    fn wrong(&self, reason: impl ToString) -> FlyError {
+        FlyError::Drone { drone: self.name.clone(), reason: reason.to_string() }
+    }
+}
+
+/// What is found of a device whose port cannot be opened.
+fn unopened(error: &FlyError) -> Finding {
+    let remedy = match error {
+        FlyError::Open { source, .. } if source.kind() == std::io::ErrorKind::PermissionDenied => {
+            "allow yourself the port: add your user to the group dialout, and log in again"
+        }
+        FlyError::Open { .. } => {
+            "plug it in and switch it on; without a file this command lists the ports that there \
+             are"
+        }
+        _ => "correct the file",
+    };
+    Finding::bad("port", error, remedy)
+}

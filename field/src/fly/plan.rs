@@ -1,0 +1,105 @@
+use foxhunt_core::{Pose, Station};
+use foxhunt_hunt::hunt::{Command, Hunt, HuntConfig};
+use serde::Serialize;
+
+use super::{DroneConfig, FlightConfig, FlightRules, FlyError, Site};
+
+/// The plan of a flight, as far as it is known before any device is opened.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FlightPlan {
+    /// Its name.
+    pub name: String,
+    /// The origin of the common frame.
+    pub site: Site,
+    /// The beacons that are searched for, with address or frequency.
+    pub beacons: Vec<String>,
+    /// The drones.
+    pub drones: Vec<PlannedDrone>,
+    /// How it begins and ends.
+    pub rules: FlightRules,
+    /// Fences, separation, batteries, time-outs, rules to stop.
+    pub hunt: HuntConfig,
+    /// Remarks for the pilot: what is left open, and what is not limited.
+    pub remarks: Vec<String>,
+}
+
+/// A drone of a [`FlightPlan`].
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlannedDrone {
+    /// Its name.
+    pub name: String,
+    /// Where it stands, East and North in metres.
+    pub launch_m: Option<[f64; 2]>,
+    /// Where it goes first, East, North and Up in metres.
+    pub first_goal_m: Option<[f64; 3]>,
+    /// What its driver lets it be sent to.
+    pub limits: String,
+    /// Its devices, each with where it is reached.
+    pub devices: Vec<(&'static str, String)>,
+}
+
+impl FlightConfig {
+    /// The plan of a flight. `hunt` is the flight's own, which has not begun; it gives the first
+    /// goals where all drones have a place of launch.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError`] when the hunt could not begin from there.
+    pub fn plan(&self, mut hunt: Hunt) -> Result<FlightPlan, FlyError> {
+        let mut drones: Vec<PlannedDrone> = self.drones.iter().map(PlannedDrone::new).collect();
+        let mut remarks = Vec::new();
+        let launches: Option<Vec<[f64; 2]>> = self.drones.iter().map(|d| d.launch_m).collect();
+        if let Some(launches) = launches {
+            let up = self.flight.takeoff_up_m;
+            let station = |&[east, north]: &[f64; 2]| Station::holding(Pose::at(east, north, up));
+            hunt.start(0.0, launches.iter().map(station).collect()).map_err(FlyError::Plan)?;
+            hunt.advance(0.0).map_err(FlyError::Plan)?;
+            for (drone, station) in drones.iter_mut().zip(hunt.stations()) {
+                drone.first_goal_m = Some(station.goal.position.into());
+            }
+            let mut sent = 0;
+            while let Some(command) = hunt.poll_command() {
+                sent += usize::from(matches!(command, Command::GoTo { .. }));
+            }
+            if sent == 0 {
+                remarks.push("the drones listen where they take off first".to_owned());
+            }
+        } else {
+            remarks.push("the first goals are not known: not every drone has launch_m".to_owned());
+        }
+        if self.hunt.airspace == Default::default() {
+            remarks.push("hunt.airspace has no fence: drones may be sent anywhere".to_owned());
+        }
+        if self.hunt.endurance.is_none() {
+            remarks.push("hunt.endurance is absent: nobody comes back for the battery".to_owned());
+        }
+        let address = |text: &Option<String>| text.as_ref().map(|text| format!(" at {text}"));
+        let tuned = |mhz: f64| format!(" at {mhz} MHz");
+        let beacons = self.beacons.iter().map(|beacon| {
+            let place = address(&beacon.address).or(beacon.frequency_mhz.map(tuned));
+            format!("{}{}", beacon.name, place.unwrap_or_default())
+        });
+        Ok(FlightPlan {
+            name: self.name.clone(),
+            site: self.site,
+            beacons: beacons.collect(),
+            drones,
+            rules: self.flight,
+            hunt: self.hunt.clone(),
+            remarks,
+        })
+    }
+}
+
+impl PlannedDrone {
+    fn new(drone: &DroneConfig) -> Self {
+        let endpoints = drone.endpoints();
+        Self {
+            name: drone.name.clone(),
+            launch_m: drone.launch_m,
+            first_goal_m: None,
+            limits: drone.limits(),
+            devices: endpoints.map(|(device, endpoint)| (device, endpoint.to_string())).collect(),
+        }
+    }
+}

@@ -1,0 +1,248 @@
+use foxhunt_core::{BearingExtractor, PatternSource, Reception, Sweep, Vehicle, Waypoint};
+use foxhunt_hardware::link::{Delivery, DroneLink, Order, Report, UnixTime};
+
+use super::{DroneNodeConfig, NetworkError, deliveries::Deliveries};
+
+/// A drone's part of a hunt on several computers: follows orders to fly and to listen, makes
+/// receptions of its sweeps, and sends each until it is logged.
+///
+/// It does no I/O of its own, reads no clock and never waits: [`step`](Self::step) is called in a
+/// loop with the time. It keeps nothing that a new one would miss: after a restart the next order
+/// holds everything. Without orders it goes on with the last one.
+#[derive(Debug)]
+pub struct DroneNode<S, V, X, L> {
+    source: S,
+    vehicle: V,
+    extractor: X,
+    link: L,
+    epoch: UnixTime,
+    config: DroneNodeConfig,
+    order: Order,
+    /// Where its vehicle was sent last, and whether it has accepted the order to land.
+    sent: Option<Waypoint>,
+    landed: bool,
+    /// The last turn that was begun.
+    begun: u64,
+    deliveries: Deliveries,
+    /// Why a device did not follow the order.
+    refusal: String,
+    /// What broke since the last report.
+    fault: String,
+    /// Before this nothing that failed is tried again.
+    retry_at: f64,
+    report_at: f64,
+}
+
+impl<S, V, X, L> DroneNode<S, V, X, L>
+where
+    S: PatternSource,
+    V: Vehicle,
+    X: BearingExtractor,
+    L: DroneLink,
+{
+    /// A drone without any order yet; `epoch` is when its clock was at 0.
+    ///
+    /// # Errors
+    ///
+    /// [`NetworkError::Config`] names the field that is out of its range.
+    pub fn new(
+        source: S,
+        vehicle: V,
+        extractor: X,
+        link: L,
+        epoch: UnixTime,
+        config: DroneNodeConfig,
+    ) -> Result<Self, NetworkError> {
+        config.check()?;
+        Ok(Self {
+            source,
+            vehicle,
+            extractor,
+            link,
+            epoch,
+            config,
+            order: Order::default(),
+            sent: None,
+            landed: false,
+            begun: 0,
+            deliveries: Deliveries::default(),
+            refusal: String::new(),
+            fault: String::new(),
+            retry_at: f64::NEG_INFINITY,
+            report_at: f64::NEG_INFINITY,
+        })
+    }
+
+    /// Moves on at a time in seconds of its own clock: takes orders, follows them, listens and
+    /// reports.
+    ///
+    /// A device that fails is reported and tried again.
+    ///
+    /// # Errors
+    ///
+    /// [`NetworkError::Link`] when the link failed, and [`NetworkError::Time`]; it may be called
+    /// again.
+    pub fn step(&mut self, time: f64) -> Result<(), NetworkError> {
+        let now = self.epoch.after(time).ok_or(NetworkError::Time { time })?;
+        let received = self.receive_orders();
+        if time >= self.retry_at && !self.follow() {
+            self.retry_at = time + self.config.retry_after_s;
+        }
+        self.listen(time);
+        let reported = self.report(time, now);
+        received.and(reported)
+    }
+
+    /// The order that it follows.
+    pub fn order(&self) -> &Order {
+        &self.order
+    }
+
+    /// How many deliveries were given up because they were not logged for too long.
+    pub fn given_up(&self) -> u64 {
+        self.deliveries.given_up()
+    }
+
+    fn receive_orders(&mut self) -> Result<(), NetworkError> {
+        while let Some(order) = self.link.receive()? {
+            // What an old order names as logged is logged, too.
+            self.deliveries.forget(&order.taken);
+            if order.number >= self.order.number {
+                self.order = order;
+            }
+        }
+        Ok(())
+    }
+
+    /// Follows the order where it was not followed yet; `false` where a device did not accept it.
+    fn follow(&mut self) -> bool {
+        let mut failure = String::new();
+        if self.order.land && !self.landed {
+            match self.vehicle.land() {
+                Ok(()) => self.landed = true,
+                Err(error) => failure = format!("landing: {error}"),
+            }
+        } else if let Some(goal) = self.order.goal.filter(|_| !self.order.land)
+            && self.sent != Some(goal)
+        {
+            match self.vehicle.go_to(&goal) {
+                Ok(()) => self.sent = Some(goal),
+                Err(error) => failure = format!("flying: {error}"),
+            }
+        }
+        let turn = &self.order.turn;
+        if turn.number > self.begun && !turn.beacons.is_empty() && !self.order.land {
+            match self.source.begin(&turn.beacons) {
+                Ok(()) => self.begun = turn.number,
+                Err(error) => failure = format!("listening: {error}"),
+            }
+        }
+        let followed = failure.is_empty();
+        self.refusal = failure;
+        followed
+    }
+
+    /// Takes the sweeps that are ready.
+    fn listen(&mut self, time: f64) {
+        // A source that lends without end is not polled any further.
+        for _ in 0..=self.order.turn.beacons.len() {
+            match self.source.poll() {
+                Ok(Some(sweep)) => {
+                    if let Some(delivery) = deliver(&self.extractor, self.epoch, &sweep) {
+                        self.deliveries.put(time, delivery, self.config.most_kept);
+                    } else {
+                        self.fault = format!("a turn ended at {} s, which is no time", sweep.time);
+                    }
+                }
+                Ok(None) => break,
+                Err(error) => {
+                    self.fault = format!("listening: {error}");
+                    break;
+                }
+            }
+        }
+    }
+
+    fn report(&mut self, time: f64, now: UnixTime) -> Result<(), NetworkError> {
+        if time >= self.report_at {
+            self.report_at = time + self.config.report_every_s;
+            match self.vehicle.pose() {
+                Ok(pose) if pose.is_finite() => self.link.send(&Report::Pose { at: now, pose })?,
+                Ok(pose) => self.fault = format!("its place is not finite: {pose:?}"),
+                Err(error) => self.fault = format!("where it is: {error}"),
+            }
+            let fault = std::mem::take(&mut self.fault);
+            let failure = if self.refusal.is_empty() { fault } else { self.refusal.clone() };
+            let order = self.order.number;
+            self.link.send(&Report::Status { at: now, order, failure })?;
+        }
+        for delivery in self.deliveries.due(time, self.config.repeat_every_s) {
+            self.link.send(&Report::Delivery(Box::new(delivery.clone())))?;
+        }
+        Ok(())
+    }
+}
+
+/// The delivery of a sweep; `None` where its time is none.
+fn deliver(
+    extractor: &impl BearingExtractor,
+    epoch: UnixTime,
+    sweep: &Sweep<'_>,
+) -> Option<Delivery> {
+    let ended = epoch.after(sweep.time)?;
+    let reception = if !sweep.receiver.is_finite() {
+        Err(format!("{:?} is not finite", sweep.receiver))
+    } else if sweep.samples.is_empty() && !sweep.measured.is_empty() {
+        // A source of ranges has no pattern to extract anything of.
+        Ok(Reception::without_pattern(sweep))
+    } else {
+        let reading = extractor.extract(sweep).map_err(|error| error.to_string());
+        reading.map(|reading| Reception::new(sweep, &reading))
+    };
+    Some(Delivery { beacon: sweep.beacon, ended, reception })
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_core::{
+        BeaconId, Measured, MeasuredList, NoReading, OwnedSweep, Pose, Quantity, Reading, Sample,
+    };
+
+    use super::*;
+
+    /// An extractor that finds nothing in any pattern.
+    struct Deaf;
+
+    impl BearingExtractor for Deaf {
+        fn extract(&self, _: &Sweep<'_>) -> Result<Reading, NoReading> {
+            Err(NoReading::Empty)
+        }
+    }
+
+    #[test]
+    fn a_range_without_a_pattern_is_delivered() {
+        let range = Measured::new(Quantity::RANGE, 12.0, 0.5).expect("a range");
+        let mut sweep = OwnedSweep {
+            beacon: BeaconId(1),
+            time: 7.0,
+            receiver: Pose::at(1.0, 2.0, 3.0),
+            measured: MeasuredList::new(&[range]).expect("room for one"),
+            ..OwnedSweep::default()
+        };
+        let epoch = UnixTime::whole(100);
+        let delivery = deliver(&Deaf, epoch, &sweep.as_sweep()).expect("a time");
+        assert_eq!(delivery.ended, UnixTime::whole(107));
+        let reception = delivery.reception.expect("a reception");
+        assert_eq!(reception.measured.get(Quantity::RANGE), Some(&range));
+        assert_eq!((reception.level, reception.bearing), (None, None));
+        // With a pattern it is the extractor that decides.
+        let receiver = sweep.receiver;
+        let sample = Sample { time: 7.0, receiver, boresight: 0.0, position: 0, rss_dbm: -60.0 };
+        sweep.samples.push(sample);
+        assert!(deliver(&Deaf, epoch, &sweep.as_sweep()).expect("a time").reception.is_err());
+        sweep.receiver.position.x = f64::NAN;
+        assert!(deliver(&Deaf, epoch, &sweep.as_sweep()).expect("a time").reception.is_err());
+        sweep.time = f64::INFINITY;
+        assert!(deliver(&Deaf, epoch, &sweep.as_sweep()).is_none());
+    }
+}

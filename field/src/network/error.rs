@@ -1,0 +1,27 @@
+use foxhunt_core::parameter::ParameterError;
+use foxhunt_hardware::link::LinkError;
+use foxhunt_hunt::hunt::HuntError;
+
+/// Why a node cannot begin or go on.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NetworkError {
+    /// A field of the configuration is out of its range.
+    #[error(transparent)]
+    Config(#[from] ParameterError),
+    /// There is nobody to fly.
+    #[error("a hunt needs at least one drone")]
+    NoDrone,
+    /// A clock reads what is no time.
+    #[error("{time} s after the clock began is no time")]
+    Time {
+        /// What it reads.
+        time: f64,
+    },
+    /// The link failed; the node goes on when it is called again.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// The hunt itself cannot go on.
+    #[error(transparent)]
+    Hunt(#[from] HuntError),
+}

@@ -1,0 +1,377 @@
+use foxhunt_core::{Pose, Reception, Station};
+use foxhunt_hardware::link::{Delivery, FusionLink, LinkError, Report, UnixTime};
+use foxhunt_hunt::hunt::{Command, Event, Hunt, HuntError};
+use nalgebra::Vector3;
+
+use super::{FusionNodeConfig, NetworkError, remote::Remote, show::view};
+
+/// The log of a hunt that was broken off.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Past {
+    /// Where the drones began, East, North and Up in metres.
+    pub homes: Vec<Vector3<f64>>,
+    /// Its events.
+    pub events: Vec<Event>,
+}
+
+/// How many reports are taken at one step, so that a flood does not stop the hunt.
+const MOST_REPORTS: usize = 10_000;
+
+/// How many reports may be lost at one step before the rest waits for the next one, so that a link
+/// that is broken does not stop the hunt.
+const MOST_LOST: usize = 100;
+
+/// A step so many seconds after the last one comes late: its computer was busy with something else.
+const STOOD_STILL_S: f64 = 1.0;
+
+/// The part of a hunt on several computers that fuses: runs the [`Hunt`] on the drones' reports,
+/// and sends each its orders.
+///
+/// It does no I/O of its own, reads no clock and never waits: [`step`](Self::step) is called in a
+/// loop with the time. A delivery is acknowledged only when all events were
+/// [polled](Self::poll_event), so that what a drone forgets is in the log.
+#[derive(Debug)]
+pub struct FusionNode<L> {
+    hunt: Hunt,
+    link: L,
+    epoch: UnixTime,
+    config: FusionNodeConfig,
+    drones: Vec<Remote>,
+    /// What seemed to come from the future, and may have come since the step's time was read.
+    early: Vec<(usize, Delivery)>,
+    stepped_at: Option<f64>,
+    past: Option<Past>,
+    homes: Vec<Vector3<f64>>,
+    /// When a drone showed up first.
+    assembling: Option<f64>,
+    hindrance: Option<String>,
+    number: u64,
+    order_at: f64,
+    show_at: f64,
+}
+
+impl<L: FusionLink> FusionNode<L> {
+    /// Fuses for `drones` drones with a hunt that has not begun; it begins when all of them have
+    /// shown up, or goes on from a `past`. `epoch` is when the clock was at 0, the same as in the
+    /// past.
+    ///
+    /// # Errors
+    ///
+    /// [`NetworkError::Config`] names the field that is out of its range;
+    /// [`NetworkError::NoDrone`].
+    pub fn new(
+        hunt: Hunt,
+        drones: usize,
+        link: L,
+        epoch: UnixTime,
+        past: Option<Past>,
+        config: FusionNodeConfig,
+    ) -> Result<Self, NetworkError> {
+        config.check()?;
+        if drones == 0 {
+            return Err(NetworkError::NoDrone);
+        }
+        Ok(Self {
+            hunt,
+            link,
+            epoch,
+            config,
+            drones: std::iter::repeat_with(Remote::default).take(drones).collect(),
+            early: Vec::new(),
+            stepped_at: None,
+            past,
+            homes: Vec::new(),
+            assembling: None,
+            hindrance: None,
+            number: 0,
+            order_at: f64::NEG_INFINITY,
+            show_at: f64::NEG_INFINITY,
+        })
+    }
+
+    /// Moves on at a time in seconds of its own clock: takes reports, runs the hunt, gives orders.
+    ///
+    /// # Errors
+    ///
+    /// [`NetworkError::Link`] when the link failed, with the first of its errors; whatever did not
+    /// fail was done all the same, and it may be called again. [`NetworkError::Hunt`] when the hunt
+    /// cannot begin or go on.
+    pub fn step(&mut self, time: f64) -> Result<(), NetworkError> {
+        let now = self.epoch.after(time).ok_or(NetworkError::Time { time })?;
+        self.excuse(time);
+        for (index, delivery) in std::mem::take(&mut self.early) {
+            self.take_delivery(time, index, delivery, true);
+        }
+        let received = self.receive_reports(time);
+        if !self.has_begun() {
+            self.assemble(time)?;
+        }
+        let mut sent = Ok(());
+        if self.has_begun() {
+            self.hunt.advance(time)?;
+            self.give_orders(now);
+            sent = self.send_orders(time, now);
+        }
+        let shown = self.show(time, now);
+        Ok(received.and(sent).and(shown)?)
+    }
+
+    /// The next thing to be logged, each once, in the order in which it happened. Poll until there
+    /// is none after every step.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        let event = self.hunt.poll_event();
+        if event.is_none() {
+            self.drones.iter_mut().for_each(Remote::logged);
+        }
+        event
+    }
+
+    /// The hunt.
+    pub fn hunt(&self) -> &Hunt {
+        &self.hunt
+    }
+
+    /// Where the drones began, East, North and Up in metres; nobody before the hunt has begun.
+    pub fn homes(&self) -> &[Vector3<f64>] {
+        &self.homes
+    }
+
+    /// Why the hunt has not begun though all drones are there, if something is in the way.
+    pub fn hindrance(&self) -> Option<&str> {
+        self.hindrance.as_deref()
+    }
+
+    /// The drones that have not shown up, or are silent.
+    pub fn silent(&self, time: f64) -> Vec<usize> {
+        let drones = self.drones.iter().enumerate();
+        drones
+            .filter(|(_, drone)| !self.is_reporting(drone, time))
+            .map(|(drone, _)| drone)
+            .collect()
+    }
+
+    /// Whether the hunt is over, and every drone that is not silent follows its last order.
+    pub fn is_finished(&self, time: f64) -> bool {
+        let done =
+            |drone: &Remote| drone.follows >= drone.order.number || !self.is_reporting(drone, time);
+        self.has_begun() && self.hunt.is_finished() && self.drones.iter().all(done)
+    }
+
+    fn has_begun(&self) -> bool {
+        !self.hunt.stations().is_empty()
+    }
+
+    fn is_reporting(&self, drone: &Remote, time: f64) -> bool {
+        drone.reported_at.is_some_and(|last| time - last < self.config.silent_after_s)
+    }
+
+    /// Locates the drones again that had reported before this node stood still: they are not silent
+    /// only because nobody received their reports.
+    fn excuse(&mut self, time: f64) {
+        let Some(before) = self.stepped_at.replace(time) else { return };
+        if time - before <= STOOD_STILL_S {
+            return;
+        }
+        for (index, drone) in self.drones.iter().enumerate() {
+            if let Some((_, pose)) = drone.place
+                && self.is_reporting(drone, before)
+            {
+                self.hunt.located(time, index, pose);
+            }
+        }
+    }
+
+    /// Receives the reports that have come. One that is lost does not keep the others back: a drone
+    /// that reports is not silent.
+    fn receive_reports(&mut self, time: f64) -> Result<(), LinkError> {
+        let mut first = Ok(());
+        let mut lost = 0;
+        for _ in 0..MOST_REPORTS {
+            let (index, report) = match self.link.receive() {
+                Ok(Some(report)) => report,
+                Ok(None) => break,
+                Err(error) => {
+                    first = first.and(Err(error));
+                    lost += 1;
+                    if lost == MOST_LOST {
+                        break;
+                    }
+                    continue;
+                }
+            };
+            let Some(drone) = self.drones.get_mut(index) else {
+                continue;
+            };
+            match report {
+                Report::Pose { at, pose } if pose.is_finite() => {
+                    if drone.place(at, pose, self.config.path_places) {
+                        drone.reported_at = Some(time);
+                        drone.behind_s = time - at.since(self.epoch);
+                        self.assembling.get_or_insert(time);
+                        self.hunt.located(time, index, pose);
+                    }
+                }
+                Report::Pose { pose, .. } => {
+                    let reason = format!("its place is not finite: {pose:?}");
+                    self.hunt.device_failed(time, Some(index), reason);
+                }
+                Report::Status { order, failure, .. } => {
+                    drone.reported_at = Some(time);
+                    drone.follows = order;
+                    if !failure.is_empty() && drone.failure != failure {
+                        self.hunt.device_failed(time, Some(index), failure.clone());
+                    }
+                    drone.failure = failure;
+                }
+                Report::Delivery(delivery) => self.take_delivery(time, index, *delivery, false),
+            }
+        }
+        first
+    }
+
+    /// Hands a delivery to the hunt, unless it was before, or is of a beacon whose search has not
+    /// begun: that one will come again. One from the future is refused when it still is at the next
+    /// step.
+    fn take_delivery(&mut self, time: f64, index: usize, delivery: Delivery, waited: bool) {
+        let name = delivery.name();
+        let ended = delivery.ended.since(self.epoch);
+        let beacon = delivery.beacon;
+        if !self.has_begun() || self.hunt.is_yet_to_come(beacon) {
+            return;
+        }
+        let ahead_s = ended - time;
+        if ahead_s > self.config.clock_tolerance_s && !waited {
+            self.early.push((index, delivery));
+            return;
+        }
+        let drone = &mut self.drones[index];
+        let outcome = delivery.reception.map(|made| Reception { beacon, time: ended, ..made });
+        let known = match &outcome {
+            Ok(reception) => self.hunt.has_fused(index, reception),
+            Err(_) => false,
+        };
+        if known || drone.knows(&name) {
+            drone.doubled += 1;
+        } else {
+            drone.delivered += 1;
+            match outcome {
+                Ok(_) if ahead_s > self.config.clock_tolerance_s => {
+                    let reason =
+                        format!("it comes from {ahead_s:.1} s in the future: set the clocks");
+                    self.hunt.nothing_received(time, index, beacon, ended, reason);
+                }
+                Ok(reception) => self.hunt.reception(time, index, &reception),
+                Err(reason) => self.hunt.nothing_received(time, index, beacon, ended, reason),
+            }
+        }
+        drone.handled(name);
+    }
+
+    /// Begins, or goes on from the past, when the drones are there.
+    fn assemble(&mut self, time: f64) -> Result<(), NetworkError> {
+        let absent = |drone: &Remote| drone.place.is_none() || !self.is_reporting(drone, time);
+        let missing = self.drones.iter().any(absent);
+        let patient = |since: f64| time - since < self.config.assemble_s;
+        let wait = self.past.is_none() || self.assembling.is_none_or(patient);
+        if missing && wait {
+            return Ok(());
+        }
+        let homes = self.past.as_ref().map_or(&[][..], |past| &past.homes);
+        let place = |(index, drone): (usize, &Remote)| {
+            let home = || homes.get(index).map(|home| Pose::level(*home, 0.0));
+            drone.place.map(|(_, pose)| pose).or_else(home).map(Station::holding)
+        };
+        let stations: Option<Vec<Station>> = self.drones.iter().enumerate().map(place).collect();
+        let Some(stations) = stations else {
+            return Ok(());
+        };
+        let here: Vec<_> = stations.iter().map(|station| station.pose.position).collect();
+        let Some(past) = &self.past else {
+            self.hunt.start(time, stations)?;
+            self.homes = here;
+            return Ok(());
+        };
+        match self.hunt.resume(time, stations, &past.homes, &past.events) {
+            Ok(()) => {
+                let known = past.homes.len() == here.len();
+                self.homes = if known { past.homes.clone() } else { here };
+                self.past = None;
+                self.hindrance = None;
+                Ok(())
+            }
+            // They are in the air, and will come apart.
+            Err(error @ HuntError::Traffic(_)) => {
+                self.hindrance = Some(error.to_string());
+                Ok(())
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Puts the hunt's commands into orders.
+    fn give_orders(&mut self, now: UnixTime) {
+        while let Some(command) = self.hunt.poll_command() {
+            let number = self.next_number(now);
+            let (Command::GoTo { drone, .. }
+            | Command::Land { drone }
+            | Command::Listen { drone, .. }) = command;
+            let Some(drone) = self.drones.get_mut(drone) else {
+                continue;
+            };
+            match command {
+                Command::GoTo { goal, .. } => drone.go_to(number, goal),
+                Command::Land { .. } => drone.land(number),
+                Command::Listen { beacons, .. } => drone.listen(number, beacons),
+            }
+        }
+        for index in 0..self.drones.len() {
+            // Its orders are newer than ours: the clock went back since they were given.
+            if self.drones[index].follows > self.drones[index].order.number {
+                self.number = self.number.max(self.drones[index].follows);
+                let number = self.next_number(now);
+                let order = &mut self.drones[index].order;
+                order.number = number;
+                if order.turn.number > 0 {
+                    order.turn.number = number;
+                }
+            }
+            self.drones[index].limit_turn(self.hunt.owed_by(index));
+        }
+    }
+
+    /// Larger than every number before, those before a restart included.
+    fn next_number(&mut self, now: UnixTime) -> u64 {
+        self.number = now.nanoseconds().max(self.number.saturating_add(1));
+        self.number
+    }
+
+    /// Sends new orders at once, and all of them now and then.
+    fn send_orders(&mut self, time: f64, now: UnixTime) -> Result<(), LinkError> {
+        let again = time >= self.order_at;
+        if again {
+            self.order_at = time + self.config.order_every_s;
+        }
+        let mut all_sent = Ok(());
+        for (index, drone) in self.drones.iter_mut().enumerate() {
+            if drone.order.number > 0 && (again || !drone.sent) {
+                drone.order.at = now;
+                let sent = self.link.send(index, &drone.order);
+                drone.sent |= sent.is_ok();
+                all_sent = all_sent.and(sent);
+            }
+        }
+        all_sent
+    }
+
+    fn show(&mut self, time: f64, now: UnixTime) -> Result<(), LinkError> {
+        if time < self.show_at {
+            return Ok(());
+        }
+        self.show_at = time + self.config.show_every_s;
+        let silent = self.silent(time);
+        let hindrance = self.hindrance.as_deref();
+        let view =
+            view(now, &self.hunt, &self.drones, &silent, hindrance, self.config.clock_tolerance_s);
+        self.link.show(&view)
+    }
+}

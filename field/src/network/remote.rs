@@ -1,0 +1,111 @@
+use std::collections::VecDeque;
+
+use foxhunt_core::{BeaconId, Pose, Waypoint};
+use foxhunt_hardware::link::{Order, Taken, Turn, UnixTime};
+
+/// How many deliveries an order names as logged; one that comes again is named again.
+const MOST_TAKEN: usize = 64;
+
+/// How far apart places of a path are, in metres.
+const PATH_STEP_M: f64 = 0.25;
+
+/// A place that is older than the last one by more seconds than this was not late on the way.
+const CLOCK_SET_BACK_S: f64 = 30.0;
+
+/// A drone, as far as the one that fuses knows it.
+#[derive(Debug, Default)]
+pub(super) struct Remote {
+    /// What it is to do.
+    pub(super) order: Order,
+    /// Whether that was sent since it changed.
+    pub(super) sent: bool,
+    /// The number of the order that it follows.
+    pub(super) follows: u64,
+    /// Where it was last, and when by its own clock.
+    pub(super) place: Option<(UnixTime, Pose)>,
+    /// When a report of it came last.
+    pub(super) reported_at: Option<f64>,
+    /// How far its clock is behind, and the link with it, in seconds.
+    pub(super) behind_s: f64,
+    pub(super) failure: String,
+    pub(super) path: VecDeque<(UnixTime, Pose)>,
+    /// Deliveries that were handled and may not be in the log yet.
+    unlogged: Vec<Taken>,
+    pub(super) delivered: u64,
+    pub(super) doubled: u64,
+}
+
+impl Remote {
+    /// Takes note of where it is; `false` for a place that is no newer than the last one, unless
+    /// its clock was set back.
+    pub(super) fn place(&mut self, at: UnixTime, pose: Pose, most: usize) -> bool {
+        let late =
+            |(before, _): (UnixTime, Pose)| at <= before && before.since(at) < CLOCK_SET_BACK_S;
+        if self.place.is_some_and(late) {
+            return false;
+        }
+        self.place = Some((at, pose));
+        let far =
+            |(_, last): &(UnixTime, Pose)| (pose.position - last.position).norm() >= PATH_STEP_M;
+        if self.path.back().is_none_or(far) {
+            if self.path.len() >= most {
+                self.path.pop_front();
+            }
+            self.path.push_back((at, pose));
+        }
+        true
+    }
+
+    /// Sends it somewhere.
+    pub(super) fn go_to(&mut self, number: u64, goal: Waypoint) {
+        self.order.goal = Some(goal);
+        self.renumber(number);
+    }
+
+    /// Orders it to land.
+    pub(super) fn land(&mut self, number: u64) {
+        self.order.land = true;
+        self.renumber(number);
+    }
+
+    /// Orders a turn.
+    pub(super) fn listen(&mut self, number: u64, beacons: Vec<BeaconId>) {
+        self.order.turn = Turn { number, beacons };
+        self.renumber(number);
+    }
+
+    /// Gives its order a number of its own.
+    fn renumber(&mut self, number: u64) {
+        self.order.number = number;
+        self.sent = false;
+    }
+
+    /// Limits its turn to what it owes, so that one that has begun anew makes up for no more.
+    pub(super) fn limit_turn(&mut self, owed: &[BeaconId]) {
+        self.order.turn.beacons.retain(|beacon| owed.contains(beacon));
+    }
+
+    /// Whether a delivery is among the last that were handled.
+    pub(super) fn knows(&self, name: &Taken) -> bool {
+        self.unlogged.contains(name) || self.order.taken.contains(name)
+    }
+
+    /// Notes that a delivery was handled; orders name it once that is logged.
+    pub(super) fn handled(&mut self, name: Taken) {
+        self.order.taken.retain(|other| *other != name);
+        if !self.unlogged.contains(&name) {
+            self.unlogged.push(name);
+        }
+    }
+
+    /// Notes that all that was handled is logged.
+    pub(super) fn logged(&mut self) {
+        if self.unlogged.is_empty() {
+            return;
+        }
+        self.order.taken.append(&mut self.unlogged);
+        let surplus = self.order.taken.len().saturating_sub(MOST_TAKEN);
+        self.order.taken.drain(..surplus);
+        self.sent = false;
+    }
+}

@@ -1,0 +1,13 @@
+//! The batch estimators against published figures, bounds, laws and statistics.
+
+mod field_map;
+mod lenth1981;
+mod linear_bearings;
+mod model;
+mod ranges;
+mod recorded;
+mod recursive;
+mod refusals;
+mod silence;
+mod solver;
+mod stress;

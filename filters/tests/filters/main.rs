@@ -1,0 +1,8 @@
+//! The estimators against exact vectors, the textbook, published figures, bounds, their laws and
+//! statistics: one binary, which takes less time to build than one for each folder.
+
+mod batch;
+mod mixture;
+mod recorded_flights;
+mod recursive;
+mod shadowing_grid;

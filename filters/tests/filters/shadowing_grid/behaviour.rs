@@ -1,0 +1,186 @@
+//! What may change the answer, and what must not.
+
+use core::f64::consts::FRAC_PI_6;
+
+use foxhunt_core::{Belief, Pose};
+use foxhunt_filters::{Intercept, ShadowingFix, ShadowingGrid, ShadowingGridConfig, Slope};
+use nalgebra::{Matrix2, Rotation2, Vector2};
+use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+
+use super::world::{Truth, lawn_mower, level, readings};
+
+const TRUTH: Truth = Truth {
+    place: Vector2::new(130.0, 50.0),
+    intercept: -40.0,
+    slope: 2.5,
+    sigma: 2.0,
+    length_m: 25.0,
+    nugget: 0.2,
+};
+
+fn flight(seed: u64, truth: &Truth) -> Vec<(Pose, f64)> {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+    readings(&lawn_mower(3, 9, 25.0, 60.0), truth, &mut rng)
+}
+
+fn locate(readings: &[(Pose, f64)], config: ShadowingGridConfig) -> ShadowingFix {
+    let estimator = ShadowingGrid::new(config).expect("in range");
+    estimator.locate(readings, level).expect("a posterior")
+}
+
+fn keeping_all() -> ShadowingGridConfig {
+    ShadowingGridConfig { segment_m: 0.0, margin_m: 100.0, ..Default::default() }
+}
+
+#[test]
+fn a_constant_is_the_intercepts() {
+    let readings = flight(1, &TRUTH);
+    let louder: Vec<_> = readings.iter().map(|(r, value)| (*r, value + 1e4)).collect();
+    let (fix, shifted) = (locate(&readings, keeping_all()), locate(&louder, keeping_all()));
+    // 1e4 costs four digits of the values, and no more.
+    for (a, b) in fix.map.mass().iter().zip(shifted.map.mass()) {
+        assert!((a - b).abs() < 1e-10, "{a} and {b}");
+    }
+    assert!((fix.position.mean - shifted.position.mean).norm() < 1e-7);
+    assert!((fix.intercept.mean + 1e4 - shifted.intercept.mean).abs() < 1e-7);
+    assert!((fix.intercept.sd - shifted.intercept.sd).abs() < 1e-7);
+    // With the intercept known it is not free to move.
+    let known = ShadowingGridConfig { intercept: Intercept::Known(-40.0), ..keeping_all() };
+    let moved = locate(&louder, known.clone()).position.mean;
+    assert!((locate(&readings, known).position.mean - moved).norm() > 20.0);
+}
+
+#[test]
+fn the_unit_of_the_values_does_not_matter() {
+    let readings = flight(9, &TRUTH);
+    let fix = locate(&readings, keeping_all());
+    let Slope::Nodes(nodes) = keeping_all().slope else { panic!("the default has nodes") };
+    // Far enough for every likelihood to overflow or underflow without its logarithm.
+    for unit in [1e-30, 1e30] {
+        let scaled: Vec<_> = readings.iter().map(|(r, value)| (*r, value * unit)).collect();
+        let slope = Slope::Nodes(nodes.iter().map(|(b, weight)| (b * unit, *weight)).collect());
+        let other = locate(&scaled, ShadowingGridConfig { slope, ..keeping_all() });
+        assert!((fix.position.mean - other.position.mean).norm() < 1e-7);
+        assert!((fix.sigma.mean - other.sigma.mean / unit).abs() < 1e-7);
+        assert!((fix.intercept.sd - other.intercept.sd / unit).abs() < 1e-7);
+    }
+}
+
+#[test]
+fn the_estimate_moves_with_the_world() {
+    let readings = flight(2, &TRUTH);
+    let fix = locate(&readings, keeping_all());
+    let shift = Vector2::new(5000.0, -700.0);
+    let moved_by = |rotation: Rotation2<f64>| {
+        let moved = |pose: &Pose| {
+            let place = rotation * pose.position.xy() + shift;
+            Pose::at(place.x, place.y, pose.position.z)
+        };
+        let moved: Vec<_> = readings.iter().map(|(r, value)| (moved(r), *value)).collect();
+        let moved = locate(&moved, keeping_all());
+        let mean = rotation.inverse() * (moved.position.mean - shift);
+        let covariance = rotation.inverse() * moved.position.covariance * rotation;
+        ((mean - fix.position.mean).norm(), (covariance - fix.position.covariance).norm())
+    };
+    // After a quarter turn the cells are the same ones, but for rounding.
+    let quarter = Rotation2::from_matrix_unchecked(Matrix2::new(0.0, -1.0, 1.0, 0.0));
+    let (mean, covariance) = moved_by(quarter);
+    assert!(mean < 1e-6 && covariance < 1e-5, "{mean} {covariance}");
+    // In between they are others, and their rectangle cuts the prior elsewhere.
+    let (mean, covariance) = moved_by(Rotation2::new(FRAC_PI_6));
+    let size = fix.position.covariance.norm();
+    assert!(mean < 0.02 * size.sqrt() && covariance < 0.02 * size, "{mean} {covariance} of {size}");
+}
+
+#[test]
+fn who_knows_more_is_surer() {
+    let known = |intercept, slope| ShadowingGridConfig { intercept, slope, ..keeping_all() };
+    let prior = keeping_all().slope;
+    let configs = [
+        keeping_all(),
+        known(Intercept::Flat, Slope::Known(2.5)),
+        known(Intercept::Known(-40.0), prior),
+        known(Intercept::Known(-40.0), Slope::Known(2.5)),
+    ];
+    let truth = Truth { sigma: 5.0, ..TRUTH };
+    let areas = configs.map(|config| -> f64 {
+        let area = |seed| locate(&flight(seed, &truth), config.clone()).position.covariance;
+        (0..12).map(|seed| area(seed).determinant().sqrt()).sum::<f64>() / 12.0
+    });
+    println!("mean √|P|: {areas:.0?}");
+    assert!(areas[0] > areas[1] && areas[0] > areas[2], "{areas:?}");
+    assert!(areas[1] > areas[3] && areas[2] > areas[3], "{areas:?}");
+}
+
+#[test]
+fn a_narrow_posterior_is_resolved_on_finer_cells() {
+    for (seed, sigma) in [(3, 0.5), (4, 0.02)] {
+        let readings = flight(seed, &Truth { sigma, ..TRUTH });
+        let near = ShadowingGridConfig { margin_m: 20.0, ..keeping_all() };
+        let coarse = ShadowingGridConfig { cell_m: 20.0, ..near.clone() };
+        let fix = locate(&readings, coarse);
+        let map = fix.refined.as_ref().expect("the posterior is narrower than 20 m");
+        // The same from a grid that was fine from the start, over the middle of the refined one.
+        let sd = fix.position.covariance.determinant().powf(0.25);
+        assert!(3.0 * map.cell_m() < 2.0 * sd && sd < 20.0, "cells of {} for {sd}", map.cell_m());
+        assert!(map.border_mass() < 1e-6, "{}", map.border_mass());
+        let nees = fix.position.nees(&TRUTH.place).expect("positive definite");
+        assert!(nees < 20.0, "the refined grid missed the mass: {nees}");
+        // σ = 0.02 would need 20 million cells to see from afar.
+        if seed == 3 {
+            let fine = ShadowingGridConfig { cell_m: 0.8, max_cells: 1_000_000, ..near };
+            let fine = locate(&readings, fine);
+            assert!((fine.position.mean - fix.position.mean).norm() < 0.01 * sd);
+            let apart = (fine.position.covariance - fix.position.covariance).norm();
+            assert!(apart < 0.02 * sd * sd, "{apart} of {}", sd * sd);
+        }
+    }
+}
+
+#[test]
+fn a_target_outside_of_the_searched_area_shows_on_its_border() {
+    let inside = locate(&flight(5, &TRUTH), keeping_all());
+    assert!(inside.border_mass < 0.01, "{}", inside.border_mass);
+    let outside = Truth { place: Vector2::new(500.0, 50.0), sigma: 1.0, ..TRUTH };
+    let outside = locate(&flight(5, &outside), keeping_all());
+    assert!(outside.border_mass > 0.2, "{}", outside.border_mass);
+}
+
+#[test]
+fn the_caps_hold_and_are_reported() {
+    let config = ShadowingGridConfig { max_cells: 500, max_segments: 15, ..Default::default() };
+    let fix = locate(&flight(6, &TRUTH), config);
+    assert!(fix.map.mass().len() <= 500 && fix.map.cell_m() > 10.0);
+    assert!(fix.segments <= 15 && fix.segments > 10 && fix.segment_m > 40.0, "{}", fix.segment_m);
+    assert_eq!(fix.map.mass().len(), fix.map.columns() * fix.map.rows());
+}
+
+#[test]
+fn the_belief_is_the_map() {
+    let fix = locate(&flight(7, &TRUTH), keeping_all());
+    let (mut total, mut mean) = (0.0, Vector2::zeros());
+    fix.visit_positions(&mut |place, weight| {
+        total += weight;
+        mean += place * weight;
+    });
+    assert!((total - 1.0).abs() < 1e-12 && (mean - fix.position.mean).norm() < 1e-9);
+    assert_eq!(fix.position(), fix.position);
+    let lengths: f64 = fix.correlation_lengths_m.iter().map(|length| length.1).sum();
+    assert!((lengths - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_place_where_the_regressor_is_not_finite_is_impossible() {
+    let estimator = ShadowingGrid::new(keeping_all()).expect("in range");
+    let north_only = |cell: &Vector2<f64>, receiver: &Pose| {
+        if cell.y < 60.0 { f64::NAN } else { level(cell, receiver) }
+    };
+    let fix = estimator.locate(&flight(8, &TRUTH), north_only).expect("a posterior");
+    assert!(fix.map.cells().all(|(place, mass)| if place.y < 60.0 {
+        mass <= 0.0
+    } else {
+        mass.is_finite()
+    }));
+    assert!((fix.map.mass().iter().sum::<f64>() - 1.0).abs() < 1e-12);
+    assert!(fix.position.mean.y > 60.0 && fix.position.nees(&TRUTH.place).is_some());
+}

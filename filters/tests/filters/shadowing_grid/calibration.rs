@@ -1,0 +1,213 @@
+//! Truth drawn from the prior, readings from the model: the posterior must say how far off it is.
+//!
+//! No χ² here, as the posterior is not Gaussian: what each run's own posterior expects (of the
+//! error squared, of its 95 % ellipse) is summed over the runs, with its own variance.
+
+use foxhunt_core::Pose;
+use foxhunt_filters::{Marginal, ShadowingFix, ShadowingGrid, ShadowingGridConfig, Slope};
+use nalgebra::Vector2;
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+
+use super::world::{Truth, lawn_mower, level, readings};
+
+/// A sum of independent numbers, the mean and the variance it should have.
+#[derive(Clone, Copy, Debug, Default)]
+struct Tally {
+    sum: f64,
+    expected: f64,
+    variance: f64,
+}
+
+impl Tally {
+    fn add(&mut self, number: f64, expected: f64, variance: f64) {
+        self.sum += number;
+        self.expected += expected;
+        self.variance += variance;
+    }
+
+    /// How far off it is, in standard deviations.
+    fn score(&self, what: &'static str) -> Score {
+        let z = (self.sum - self.expected) / self.variance.sqrt();
+        Score { what, sum: self.sum, expected: self.expected, z }
+    }
+}
+
+/// A tally's verdict.
+#[derive(Clone, Copy, Debug)]
+#[expect(dead_code, reason = "printed, for a person to read")]
+struct Score {
+    what: &'static str,
+    sum: f64,
+    expected: f64,
+    z: f64,
+}
+
+/// Numbers whose mean should be 1, their variance estimated from themselves.
+#[derive(Clone, Debug, Default)]
+struct Squares(Vec<f64>);
+
+impl Squares {
+    fn add(&mut self, marginal: &Marginal, truth: f64) {
+        self.0.push(((truth - marginal.mean) / marginal.sd).powi(2));
+    }
+
+    fn score(&self, what: &'static str) -> Score {
+        let count = f64::from(u32::try_from(self.0.len()).expect("a few"));
+        let mean = self.0.iter().sum::<f64>() / count;
+        let variance = self.0.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / count / count;
+        Tally { sum: mean, expected: 1.0, variance }.score(what)
+    }
+}
+
+/// How the truth sits in the posterior, over many runs.
+#[derive(Clone, Debug, Default)]
+struct Calibration {
+    nees: Tally,
+    inside: Tally,
+    /// The mass of cells less likely than the truth's: uniform on [0, 1].
+    rank: Tally,
+    rank_square: Tally,
+    border: Tally,
+    lengths: [Tally; 3],
+    intercept: Squares,
+    slope: Squares,
+    sigma: Squares,
+    refined: u32,
+}
+
+impl Calibration {
+    fn add(
+        &mut self,
+        fix: &ShadowingFix,
+        truth: &Truth,
+        is_on_border: bool,
+        rng: &mut Xoshiro256PlusPlus,
+    ) {
+        let nees = |place: &Vector2<f64>| fix.position.nees(place).expect("positive definite");
+        let limit = 5.991_464_547_107_979;
+        let (mut expected, mut square, mut inside) = (0.0, 0.0, 0.0);
+        let map = fix.refined.as_ref().unwrap_or(&fix.map);
+        self.refined += u32::from(fix.refined.is_some());
+        for (place, mass) in map.cells() {
+            let q = nees(&place);
+            expected += mass * q;
+            square += mass * q * q;
+            inside += if q < limit { mass } else { 0.0 };
+        }
+        let q = nees(&truth.place);
+        self.nees.add(q, 2.0, square - expected * expected);
+        self.inside.add(f64::from(u8::from(q < limit)), inside, inside * (1.0 - inside));
+
+        let half = 0.5 * map.cell_m();
+        let own = map.cells().find(|(place, _)| (place - truth.place).amax() <= half);
+        let own = own.map_or(0.0, |(_, mass)| mass);
+        let less: f64 = map.mass().iter().filter(|mass| **mass < own).sum();
+        let rank = less + own * rng.random::<f64>();
+        self.rank.add(rank, 0.5, 1.0 / 12.0);
+        self.rank_square.add(rank * rank, 1.0 / 3.0, 4.0 / 45.0);
+        self.border.add(
+            f64::from(u8::from(is_on_border)),
+            fix.border_mass,
+            fix.border_mass * (1.0 - fix.border_mass),
+        );
+
+        for (tally, (length_m, p)) in self.lengths.iter_mut().zip(&fix.correlation_lengths_m) {
+            let is = f64::from(u8::from((length_m - truth.length_m).abs() < 0.1));
+            tally.add(is, *p, p * (1.0 - p));
+        }
+        self.intercept.add(&fix.intercept, truth.intercept);
+        self.slope.add(&fix.slope, truth.slope);
+        self.sigma.add(&fix.sigma, truth.sigma);
+    }
+
+    fn scores(&self) -> Vec<Score> {
+        vec![
+            self.nees.score("NEES"),
+            self.inside.score("in the 95 % ellipse"),
+            self.rank.score("rank"),
+            self.rank_square.score("rank²"),
+            self.border.score("on the border"),
+            self.lengths[0].score("the first correlation length"),
+            self.lengths[1].score("the second"),
+            self.lengths[2].score("the third"),
+            self.intercept.score("intercept"),
+            self.slope.score("slope"),
+            self.sigma.score("sigma"),
+        ]
+    }
+}
+
+/// Nothing farther off than 3.29 standard deviations: a false-alarm rate of 0.1 % per score.
+const LIMIT: f64 = 3.29;
+
+/// A slope from its prior's nodes.
+fn draw_slope(slope: &Slope, rng: &mut Xoshiro256PlusPlus) -> f64 {
+    let Slope::Nodes(nodes) = slope else { panic!("the default has nodes") };
+    let mut left = rng.random::<f64>() * nodes.iter().map(|n| n.1).sum::<f64>();
+    for (value, weight) in nodes {
+        left -= weight;
+        if left <= 0.0 {
+            return *value;
+        }
+    }
+    nodes[nodes.len() - 1].0
+}
+
+/// Whether a place lies in the outermost ring of cells.
+fn is_on_border(fix: &ShadowingFix, place: &Vector2<f64>) -> bool {
+    let first = fix.map.south_west();
+    let (last, _) = fix.map.cells().last().expect("a map has cells");
+    let from_middle = (place - 0.5 * (first + last)).abs() - 0.5 * (last - first);
+    from_middle.max() > -0.5 * fix.map.cell_m()
+}
+
+/// Scores of `runs` flights along `receivers`, whose first is the south-western one.
+fn calibrate(seed: u64, runs: u32, receivers: &[Pose], config: &ShadowingGridConfig) -> Vec<Score> {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let estimator = ShadowingGrid::new(config.clone()).expect("in range");
+    let last =
+        receivers.iter().fold(Vector2::zeros(), |m: Vector2<f64>, r| m.sup(&r.position.xy()));
+    let mut calibration = Calibration::default();
+    for _ in 0..runs {
+        let side = |extent: f64, u: f64| u * (extent + 2.0 * config.margin_m) - config.margin_m;
+        let truth = Truth {
+            place: Vector2::new(side(last.x, rng.random()), side(last.y, rng.random())),
+            // a is flat and σ scales: the result may not depend on what they are.
+            intercept: -50.0 + 100.0 * rng.random::<f64>(),
+            slope: draw_slope(&config.slope, &mut rng),
+            sigma: 2.0 * (2.3 * rng.random::<f64>()).exp(),
+            length_m: config.correlation_lengths_m[rng.random_range(0..3)],
+            nugget: config.nugget,
+        };
+        let readings = readings(receivers, &truth, &mut rng);
+        let fix = estimator.locate(&readings, level).expect("a posterior");
+        calibration.add(&fix, &truth, is_on_border(&fix, &truth.place), &mut rng);
+    }
+    assert!(calibration.refined > runs / 4, "finer grids are to be tested too");
+    calibration.scores()
+}
+
+#[test]
+fn the_posterior_is_calibrated() {
+    let config = ShadowingGridConfig {
+        margin_m: 60.0,
+        cell_m: 15.0,
+        max_cells: 4000,
+        segment_m: 0.0,
+        ..Default::default()
+    };
+    for score in calibrate(11, 300, &lawn_mower(3, 9, 25.0, 80.0), &config) {
+        println!("{score:.2?}");
+        assert!(score.z.abs() < LIMIT, "{score:?}");
+    }
+}
+
+#[test]
+#[ignore = "long"]
+fn the_posterior_is_calibrated_over_many_runs() {
+    let config = ShadowingGridConfig { margin_m: 100.0, segment_m: 0.0, ..Default::default() };
+    for score in calibrate(12, 2000, &lawn_mower(4, 25, 15.0, 80.0), &config) {
+        println!("{score:.2?}");
+        assert!(score.z.abs() < LIMIT, "{score:?}");
+    }
+}

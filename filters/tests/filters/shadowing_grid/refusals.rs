@@ -1,0 +1,125 @@
+//! What is refused, and with which words.
+
+use foxhunt_core::Pose;
+use foxhunt_filters::{
+    Intercept, ShadowingGrid, ShadowingGridConfig, ShadowingGridError as Error, Slope,
+};
+use nalgebra::Vector2;
+
+use super::world::{lawn_mower, level};
+
+fn flight() -> Vec<(Pose, f64)> {
+    let place = Vector2::new(40.0, 20.0);
+    lawn_mower(2, 10, 10.0, 40.0).into_iter().map(|r| (r, 3.0 * level(&place, &r))).collect()
+}
+
+fn refusal(readings: &[(Pose, f64)], config: ShadowingGridConfig) -> Error {
+    let estimator = ShadowingGrid::new(config).expect("in range");
+    estimator.locate(readings, level).expect_err("not to be located")
+}
+
+#[test]
+fn a_reading_that_is_not_finite_is_named() {
+    for value in [f64::NAN, f64::INFINITY] {
+        let mut readings = flight();
+        readings[7].1 = value;
+        readings[9].1 = f64::NAN;
+        let error = refusal(&readings, ShadowingGridConfig::default());
+        assert!(matches!(error, Error::Value { index: 7, .. }), "{error}");
+        assert!(error.to_string().contains(&value.to_string()));
+    }
+    let mut readings = flight();
+    readings[4].0.position.z = f64::NAN;
+    assert_eq!(refusal(&readings, ShadowingGridConfig::default()), Error::Receiver { index: 4 });
+}
+
+#[test]
+fn too_short_a_flight_is_refused() {
+    let few = |segments| Error::TooFew { segments, segment_m: 10.0 };
+    assert_eq!(refusal(&[], ShadowingGridConfig::default()), few(0));
+    // 39 m are four segments of 10 m, 29 m are three.
+    let path = |metres: u8| -> Vec<_> {
+        (0..=metres).map(|i| (Pose::at(f64::from(i), 0.0, 20.0), f64::from(i % 7))).collect()
+    };
+    assert_eq!(refusal(&path(29), ShadowingGridConfig::default()), few(3));
+    assert!(ShadowingGrid::default().locate(&path(39), level).is_ok());
+}
+
+#[test]
+fn one_place_locates_nothing() {
+    let readings: Vec<_> =
+        (0..9_u8).map(|i| (Pose::at(3.0, -2.0, 10.0 + f64::from(i)), f64::from(i))).collect();
+    for segment_m in [0.0, 10.0] {
+        let config = ShadowingGridConfig { segment_m, ..Default::default() };
+        assert_eq!(refusal(&readings, config), Error::OnePlace { east: 3.0, north: -2.0 });
+    }
+}
+
+#[test]
+fn coinciding_places_without_a_nugget_are_refused() {
+    let mut readings = flight();
+    readings[5].0 = readings[4].0;
+    let config = ShadowingGridConfig { nugget: 0.0, segment_m: 0.0, ..Default::default() };
+    assert_eq!(refusal(&readings, config), Error::Correlation { length_m: 15.0 });
+}
+
+#[test]
+fn a_regressor_that_is_finite_nowhere_is_refused() {
+    let error = ShadowingGrid::default().locate(&flight(), |_, _| f64::NAN);
+    assert!(matches!(error, Err(Error::Posterior { cells }) if cells > 1000), "{error:?}");
+    // Receivers a universe apart: no cell size makes sense, and nothing hangs.
+    let mut readings = flight();
+    readings[0].0.position.x = 1e300;
+    let far = refusal(&readings, ShadowingGridConfig { segment_m: 0.0, ..Default::default() });
+    assert!(matches!(far, Error::Posterior { .. }), "{far}");
+}
+
+#[test]
+fn settings_outside_of_their_range_are_named() {
+    let with = |change: fn(&mut ShadowingGridConfig)| {
+        let mut config = ShadowingGridConfig::default();
+        change(&mut config);
+        match ShadowingGrid::new(config).expect_err("out of range") {
+            Error::Parameter(error) => error.name,
+            other => panic!("{other}"),
+        }
+    };
+    assert_eq!(with(|c| c.intercept = Intercept::Known(f64::NAN)), "the intercept");
+    assert_eq!(with(|c| c.slope = Slope::Known(f64::INFINITY)), "the slope");
+    assert_eq!(with(|c| c.slope = Slope::Nodes(vec![])), "the number of slopes");
+    assert_eq!(with(|c| c.slope = Slope::Nodes(vec![(f64::NAN, 1.0)])), "the slope");
+    assert_eq!(with(|c| c.slope = Slope::Nodes(vec![(2.0, 0.0)])), "the slope's weight");
+    assert_eq!(with(|c| c.correlation_lengths_m.clear()), "the number of correlation lengths");
+    assert_eq!(with(|c| c.correlation_lengths_m[1] = 0.0), "correlation_length_m");
+    assert_eq!(with(|c| c.nugget = 1.1), "nugget");
+    assert_eq!(with(|c| c.nugget = f64::NAN), "nugget");
+    assert_eq!(with(|c| c.margin_m = -1.0), "margin_m");
+    assert_eq!(with(|c| c.cell_m = 0.0), "cell_m");
+    assert_eq!(with(|c| c.max_cells = 99), "max_cells");
+    assert_eq!(with(|c| c.segment_m = -0.1), "segment_m");
+    assert_eq!(with(|c| c.max_segments = 3), "max_segments");
+}
+
+#[test]
+fn a_gaussian_slope_is_its_nodes_or_a_refusal() {
+    let Ok(Slope::Nodes(nodes)) = Slope::gaussian(2.0, 0.5, 1.0, 3.0, 0.5) else {
+        panic!("proper")
+    };
+    let expected = [(1.0, -2.0), (1.5, -0.5), (2.0, 0.0), (2.5, -0.5), (3.0, -2.0)];
+    assert_eq!(nodes.len(), expected.len());
+    for ((value, weight), (b, log_weight)) in nodes.iter().zip(expected) {
+        assert!((value - b).abs() < 1e-12 && (weight.ln() - log_weight).abs() < 1e-12);
+    }
+    for (mean, sd, lower, upper, step) in [
+        (f64::NAN, 0.5, 1.0, 3.0, 0.5),
+        (2.0, 0.0, 1.0, 3.0, 0.5),
+        (2.0, 0.5, f64::NAN, 3.0, 0.5),
+        (2.0, 0.5, 1.0, 0.9, 0.5),
+        (2.0, 0.5, 1.0, f64::INFINITY, 0.5),
+        (2.0, 0.5, 1.0, 3.0, 0.0),
+        (2.0, 0.5, 1.0, 3.0, 1e-6),
+    ] {
+        let slope = Slope::gaussian(mean, sd, lower, upper, step);
+        assert!(matches!(slope, Err(Error::Parameter(_))), "{slope:?}");
+    }
+}

@@ -1,0 +1,59 @@
+//! The model, written out anew: fields drawn from it, and the level's regressor.
+
+use foxhunt_core::Pose;
+use nalgebra::{DMatrix, DVector, Vector2};
+use rand::{RngExt, rngs::Xoshiro256PlusPlus};
+use rand_distr::StandardNormal;
+
+/// −10 log₁₀ of the distance to a target 1 m above the ground.
+pub(super) fn level(cell: &Vector2<f64>, receiver: &Pose) -> f64 {
+    let apart = receiver.position - nalgebra::Vector3::new(cell.x, cell.y, 1.0);
+    -10.0 * apart.norm().log10()
+}
+
+/// A lawn-mower track: `legs` legs of `count` receivers `step_m` apart, legs `apart_m` apart,
+/// from (0, 0) to the north-east at a height of 30 m.
+pub(super) fn lawn_mower(legs: u8, count: u8, step_m: f64, apart_m: f64) -> Vec<Pose> {
+    let leg = |leg: u8| {
+        (0..count).map(move |i| {
+            let along = if leg.is_multiple_of(2) { i } else { count - 1 - i };
+            Pose::at(step_m * f64::from(along), apart_m * f64::from(leg), 30.0)
+        })
+    };
+    (0..legs).flat_map(leg).collect()
+}
+
+/// What a field is drawn with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Truth {
+    pub(super) place: Vector2<f64>,
+    pub(super) intercept: f64,
+    pub(super) slope: f64,
+    pub(super) sigma: f64,
+    pub(super) length_m: f64,
+    pub(super) nugget: f64,
+}
+
+/// The correlation matrix of the model.
+pub(super) fn correlation(receivers: &[Pose], length_m: f64, nugget: f64) -> DMatrix<f64> {
+    let n = receivers.len();
+    DMatrix::from_fn(n, n, |i, j| {
+        let (a, b) = (receivers[i].position, receivers[j].position);
+        let own = if i == j { nugget } else { 0.0 };
+        (1.0 - nugget) * (-(a.x - b.x).hypot(a.y - b.y) / length_m).exp() + own
+    })
+}
+
+/// Readings a + b x + e, e ~ N(0, σ² C).
+pub(super) fn readings(
+    receivers: &[Pose],
+    truth: &Truth,
+    rng: &mut Xoshiro256PlusPlus,
+) -> Vec<(Pose, f64)> {
+    let factor = correlation(receivers, truth.length_m, truth.nugget).cholesky();
+    let factor = factor.expect("a nugget makes it positive definite").unpack();
+    let white = DVector::from_fn(receivers.len(), |_, _| rng.sample::<f64, _>(StandardNormal));
+    let field = factor * white * truth.sigma;
+    let expected = |r: &Pose| truth.intercept + truth.slope * level(&truth.place, r);
+    receivers.iter().zip(&field).map(|(r, e)| (*r, expected(r) + e)).collect()
+}

@@ -1,7 +1,0 @@
-mod heard;
-mod planner;
-#[cfg(test)]
-mod tests;
-
-use heard::Heard;
-pub use planner::{SurgeCast, SurgeCastConfig};

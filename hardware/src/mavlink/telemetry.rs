@@ -1,0 +1,208 @@
+use std::collections::VecDeque;
+
+use foxhunt_wire::mavlink::{
+    Autopilot, FlightMode, Frame,
+    dialect::{
+        ATTITUDE_DATA, AUTOPILOT_VERSION_DATA, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA,
+        HEARTBEAT_DATA, HOME_POSITION_DATA, MavAutopilot, MavLandedState, MavMessage, MavModeFlag,
+        MavResult, MavSeverity, MavType, POSITION_TARGET_GLOBAL_INT_DATA, SYS_STATUS_DATA,
+    },
+};
+#[cfg(feature = "receivers")]
+use foxhunt_wire::receivers::SikStatus;
+
+use super::MavlinkConfig;
+
+/// A message's content, and when it came.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Timed<T> {
+    pub(super) at: f64,
+    pub(super) value: T,
+}
+
+/// A SiK telemetry radio's report of its link (RADIO_STATUS).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RadioStatus {
+    /// When it came, in seconds of the driver's clock.
+    pub time: f64,
+    /// How strong the other radio is here, in the radio's own units; 255 is none.
+    pub rssi: u8,
+    /// How strong this radio is there.
+    pub remote_rssi: u8,
+    /// The noise here.
+    pub noise: u8,
+    /// The noise there.
+    pub remote_noise: u8,
+}
+
+/// The newest of each message of the autopilot.
+#[derive(Debug, Default)]
+pub(super) struct Telemetry {
+    /// Which system and component it is, and whose firmware.
+    pub(super) who: Option<(u8, u8, Autopilot)>,
+    /// When anything of it came last.
+    pub(super) last: Option<f64>,
+    pub(super) heartbeat: Option<Timed<HEARTBEAT_DATA>>,
+    pub(super) position: Option<Timed<GLOBAL_POSITION_INT_DATA>>,
+    pub(super) attitude: Option<Timed<ATTITUDE_DATA>>,
+    pub(super) gps: Option<Timed<GPS_RAW_INT_DATA>>,
+    /// Flags of the estimator, the same bits from both firmwares.
+    pub(super) estimator: Option<Timed<u16>>,
+    pub(super) status: Option<Timed<SYS_STATUS_DATA>>,
+    pub(super) home: Option<Timed<HOME_POSITION_DATA>>,
+    pub(super) target: Option<Timed<POSITION_TARGET_GLOBAL_INT_DATA>>,
+    pub(super) landed: Option<Timed<MavLandedState>>,
+    pub(super) version: Option<AUTOPILOT_VERSION_DATA>,
+    pub(super) radio: Option<RadioStatus>,
+    /// Where these reports are passed on to.
+    #[cfg(feature = "receivers")]
+    pub(super) feed: Option<crate::SikFeed>,
+    /// The last texts, the newest last.
+    pub(super) texts: VecDeque<Timed<(MavSeverity, String)>>,
+    /// Answers to orders that nobody has looked at yet: the order's number and what was answered.
+    pub(super) acks: VecDeque<(u32, MavResult)>,
+}
+
+/// How old its landed state may be, in seconds.
+const LANDED_S: f64 = 3.0;
+
+/// How many texts and answers are kept.
+const KEPT: usize = 16;
+
+impl Telemetry {
+    /// Takes a message of the autopilot, or one about the link to it; those of others are not ours.
+    pub(super) fn take(&mut self, now: f64, config: &MavlinkConfig, frame: &Frame) {
+        if let MavMessage::RADIO_STATUS(radio) = &frame.message {
+            let (rssi, remote_rssi) = (radio.rssi, radio.remrssi);
+            let (noise, remote_noise) = (radio.noise, radio.remnoise);
+            self.radio = Some(RadioStatus { time: now, rssi, remote_rssi, noise, remote_noise });
+            #[cfg(feature = "receivers")]
+            if let Some(feed) = &self.feed {
+                let (remrssi, remnoise) = (remote_rssi, remote_noise);
+                feed.push(SikStatus { rssi, remrssi, noise, remnoise });
+            }
+            return;
+        }
+        let Ok(system) = u8::try_from(frame.header.system_id) else { return };
+        let component = frame.header.component_id;
+        if let (None, MavMessage::HEARTBEAT(heartbeat)) = (self.who, &frame.message) {
+            self.meet(config, system, component, heartbeat);
+        }
+        if self.who.is_none_or(|(s, c, _)| (s, c) != (system, component)) {
+            return;
+        }
+        self.last = Some(now);
+        match &frame.message {
+            MavMessage::HEARTBEAT(value) => self.heartbeat = timed(now, value),
+            MavMessage::GLOBAL_POSITION_INT(value) => self.position = timed(now, value),
+            MavMessage::ATTITUDE(value) => self.attitude = timed(now, value),
+            MavMessage::GPS_RAW_INT(value) => self.gps = timed(now, value),
+            MavMessage::EKF_STATUS_REPORT(value) => {
+                self.estimator = timed(now, &value.flags.bits());
+            }
+            MavMessage::ESTIMATOR_STATUS(value) => {
+                self.estimator = timed(now, &value.flags.bits());
+            }
+            MavMessage::SYS_STATUS(value) => self.status = timed(now, value),
+            MavMessage::HOME_POSITION(value) => self.home = timed(now, value),
+            MavMessage::POSITION_TARGET_GLOBAL_INT(value) => self.target = timed(now, value),
+            MavMessage::EXTENDED_SYS_STATE(value) => {
+                self.landed = timed(now, &value.landed_state);
+            }
+            MavMessage::AUTOPILOT_VERSION(value) => self.version = Some(value.clone()),
+            MavMessage::STATUSTEXT(value) => {
+                let text: Vec<u8> = value.text.iter().copied().take_while(|b| *b != 0).collect();
+                let text = String::from_utf8_lossy(&text).trim().to_owned();
+                keep(&mut self.texts, Timed { at: now, value: (value.severity, text) });
+            }
+            MavMessage::COMMAND_ACK(value)
+                if [0, config.ground_system_id].contains(&value.target_system) =>
+            {
+                keep(&mut self.acks, (value.command as u32, value.result));
+            }
+            _ => {}
+        }
+    }
+
+    fn meet(&mut self, config: &MavlinkConfig, system: u8, component: u8, beat: &HEARTBEAT_DATA) {
+        // Ground stations, gimbals and cameras have heartbeats, too.
+        if beat.mavtype == MavType::MAV_TYPE_GCS
+            || beat.autopilot == MavAutopilot::MAV_AUTOPILOT_INVALID
+            || config.system_id.is_some_and(|wanted| wanted != system)
+        {
+            return;
+        }
+        let announced = match beat.autopilot {
+            MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA => Some(Autopilot::ArduPilot),
+            MavAutopilot::MAV_AUTOPILOT_PX4 => Some(Autopilot::Px4),
+            _ => None,
+        };
+        self.who = config.autopilot.or(announced).map(|autopilot| (system, component, autopilot));
+    }
+
+    pub(super) fn autopilot(&self) -> Autopilot {
+        self.who.map_or(Autopilot::default(), |(_, _, autopilot)| autopilot)
+    }
+
+    /// The mode of the last heartbeat.
+    pub(super) fn mode(&self) -> Option<FlightMode> {
+        let custom = self.heartbeat.as_ref()?.value.custom_mode;
+        Some(FlightMode { autopilot: self.autopilot(), custom })
+    }
+
+    pub(super) fn armed(&self) -> bool {
+        let armed = MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED;
+        self.heartbeat.as_ref().is_some_and(|beat| beat.value.base_mode.contains(armed))
+    }
+
+    /// Seconds since its last heartbeat.
+    pub(super) fn without_heartbeat(&self, now: f64) -> f64 {
+        self.heartbeat.as_ref().map_or(f64::INFINITY, |beat| now - beat.at)
+    }
+
+    /// Whether it is in the air, by its last reports.
+    pub(super) fn airborne(&self, now: f64) -> bool {
+        let landed = self.landed.filter(|landed| now - landed.at <= LANDED_S);
+        match landed.map(|landed| landed.value) {
+            Some(MavLandedState::MAV_LANDED_STATE_ON_GROUND) => false,
+            Some(MavLandedState::MAV_LANDED_STATE_UNDEFINED) | None => {
+                self.armed() && self.up().is_some_and(|up| up > 0.5)
+            }
+            Some(_) => true,
+        }
+    }
+
+    /// Metres above its launch place.
+    pub(super) fn up(&self) -> Option<f64> {
+        Some(f64::from(self.position.as_ref()?.value.relative_alt) * 1e-3)
+    }
+
+    /// What is left in the battery, from 0 to 1.
+    pub(super) fn battery(&self) -> Option<f64> {
+        let percent = self.status.as_ref()?.value.battery_remaining;
+        (0..=100).contains(&percent).then(|| f64::from(percent) / 100.0)
+    }
+
+    /// What it complained of since `since`, the newest first.
+    pub(super) fn complaints(&self, since: f64) -> impl Iterator<Item = &str> {
+        self.texts.iter().rev().filter_map(move |text| {
+            let (severity, words) = &text.value;
+            let bad = *severity as u32 <= MavSeverity::MAV_SEVERITY_WARNING as u32
+                || words.starts_with("PreArm")
+                || words.starts_with("Arm");
+            (bad && text.at >= since).then_some(words.as_str())
+        })
+    }
+}
+
+#[expect(clippy::unnecessary_wraps, reason = "fields of this type are assigned from it")]
+fn timed<T: Clone>(at: f64, value: &T) -> Option<Timed<T>> {
+    Some(Timed { at, value: value.clone() })
+}
+
+fn keep<T>(queue: &mut VecDeque<T>, item: T) {
+    if queue.len() >= KEPT {
+        queue.pop_front();
+    }
+    queue.push_back(item);
+}

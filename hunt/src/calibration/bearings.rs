@@ -1,0 +1,63 @@
+use foxhunt_core::BearingExtractor;
+use foxhunt_sensors::{BearingOffset, Calibrated, ParameterError};
+use serde::{Deserialize, Serialize};
+
+/// By how much bearings are off, measured minus true, over the heading h of the nose, in degrees
+/// counter-clockwise: offset + sin · sin h + cos · cos h with h counter-clockwise from East; and
+/// what makes their σ honest, σ² → (scale · σ)² + floor².
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BearingCalibration {
+    /// The constant: boresight and yaw together.
+    pub offset_deg_ccw: f64,
+    /// What goes with the sine of the heading.
+    pub sin_heading_deg: f64,
+    /// What goes with its cosine.
+    pub cos_heading_deg: f64,
+    /// What σ is multiplied by.
+    pub sigma_scale: f64,
+    /// What is added to it in squares.
+    pub sigma_floor_deg: f64,
+}
+
+impl Default for BearingCalibration {
+    /// No offset; σ as it is.
+    fn default() -> Self {
+        Self {
+            offset_deg_ccw: 0.0,
+            sin_heading_deg: 0.0,
+            cos_heading_deg: 0.0,
+            sigma_scale: 1.0,
+            sigma_floor_deg: 0.0,
+        }
+    }
+}
+
+impl BearingCalibration {
+    /// The offset in radians.
+    #[must_use]
+    pub fn offset(&self) -> BearingOffset {
+        BearingOffset {
+            constant: self.offset_deg_ccw.to_radians(),
+            sin_heading: self.sin_heading_deg.to_radians(),
+            cos_heading: self.cos_heading_deg.to_radians(),
+        }
+    }
+
+    /// What a σ in radians becomes.
+    #[must_use]
+    pub fn sigma(&self, sigma: f64) -> f64 {
+        (self.sigma_scale * sigma).hypot(self.sigma_floor_deg.to_radians())
+    }
+
+    /// Corrects the bearings of an extractor by this calibration.
+    ///
+    /// # Errors
+    ///
+    /// Names the number that is out of its range.
+    pub fn wrap<X: BearingExtractor>(&self, extractor: X) -> Result<Calibrated<X>, ParameterError> {
+        Calibrated::new(extractor)
+            .with_offset(self.offset())?
+            .with_sigma(self.sigma_scale, self.sigma_floor_deg.to_radians())
+    }
+}

@@ -1,0 +1,163 @@
+use foxhunt_sensors::{
+    LogDistance, ParameterError, PathLossFit, StationAntenna, StationFit, StationPattern,
+};
+use foxhunt_wire::geodesy::{compass_deg_to_radians, radians_to_compass_deg};
+use serde::{Deserialize, Serialize};
+
+use super::BearingCalibration;
+
+/// The path loss, P = P₀ − 10 γ log₁₀ d.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PathLossSection {
+    /// P₀: the mean power over a turn at one metre, in dBm.
+    pub p0_dbm: f64,
+    /// γ: the path-loss exponent.
+    pub exponent: f64,
+    /// The covariance of P₀ and γ, in dB² and dB.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covariance: Option<[[f64; 2]; 2]>,
+    /// Whether γ was held by a bound.
+    #[serde(default)]
+    pub at_bound: bool,
+    /// The noise's standard deviation in dB.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma_db: Option<f64>,
+    /// How many points it is from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub points: Option<usize>,
+}
+
+impl PathLossSection {
+    pub(super) fn law(&self) -> Result<LogDistance, ParameterError> {
+        LogDistance::new(self.p0_dbm, self.exponent)
+    }
+}
+
+impl From<&PathLossFit> for PathLossSection {
+    fn from(fit: &PathLossFit) -> Self {
+        let c = &fit.covariance;
+        Self {
+            p0_dbm: fit.reference_dbm,
+            exponent: fit.exponent,
+            covariance: Some([[c[(0, 0)], c[(0, 1)]], [c[(1, 0)], c[(1, 1)]]]),
+            at_bound: fit.at_bound,
+            sigma_db: Some(fit.sigma_db),
+            points: Some(fit.points),
+        }
+    }
+}
+
+/// Bearings: what they are corrected by, and how sure that is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BearingSection {
+    /// Whose bearings these were: the extractor's name, or `recorded` for ready-made ones. Another
+    /// extractor has another σ.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub extractor: Option<String>,
+    /// How many bearings it is from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bearings: Option<usize>,
+    /// What they are corrected by.
+    pub correction: BearingCalibration,
+    /// Half the 95 % intervals of offset, sine and cosine, in degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub half_intervals_deg: Option<[f64; 3]>,
+    /// The 95 % interval of the σ's scale.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma_scale_interval: Option<[f64; 2]>,
+    /// The 95 % interval of the σ's floor, in degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma_floor_interval_deg: Option<[f64; 2]>,
+}
+
+/// A station of fixed antennas.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StationSection {
+    /// The half-power beamwidth of each antenna.
+    pub beamwidth_deg: f64,
+    /// How much weaker each receives from behind.
+    pub front_to_back_db: f64,
+    /// The scale of what the pattern does not explain.
+    pub residual_db: f64,
+    /// The power at which half the bursts are received; not known where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor_dbm: Option<f64>,
+    /// Over how many dB the probability of reception rises.
+    #[serde(default = "one_db")]
+    pub floor_width_db: f64,
+    /// The antennas.
+    pub antennas: Vec<StationAntennaSection>,
+}
+
+fn one_db() -> f64 {
+    1.0
+}
+
+/// One of a station's antennas.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StationAntennaSection {
+    /// Its boresight in recordings, by which it is identified.
+    pub recorded_deg_compass: f64,
+    /// Where it does look.
+    pub boresight_deg_compass: f64,
+    /// Half the 95 % interval of that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub half_interval_deg: Option<f64>,
+    /// How much stronger than the others it receives.
+    #[serde(default)]
+    pub gain_db: f64,
+    /// What the site does to it: the coefficients of cos θ, sin θ, cos 2θ, … in dB, θ
+    /// counter-clockwise from East.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub site_db: Vec<f64>,
+}
+
+impl StationSection {
+    /// The pattern.
+    ///
+    /// # Errors
+    ///
+    /// Names the number that is out of its range.
+    pub fn build(&self) -> Result<StationPattern, ParameterError> {
+        let antenna = |own: &StationAntennaSection| StationAntenna {
+            recorded_boresight: compass_deg_to_radians(own.recorded_deg_compass),
+            boresight: compass_deg_to_radians(own.boresight_deg_compass),
+            gain_db: own.gain_db,
+            site_db: own.site_db.clone(),
+        };
+        let antennas = self.antennas.iter().map(antenna).collect();
+        let beamwidth = self.beamwidth_deg.to_radians();
+        let pattern = StationPattern::new(antennas, beamwidth, self.front_to_back_db)?
+            .with_residual_db(self.residual_db)?;
+        match self.floor_dbm {
+            Some(floor) => pattern.with_floor(floor, self.floor_width_db),
+            None => Ok(pattern),
+        }
+    }
+}
+
+impl From<&StationFit> for StationSection {
+    fn from(fit: &StationFit) -> Self {
+        let pattern = &fit.pattern;
+        let antenna = |(own, half): (&StationAntenna, &f64)| StationAntennaSection {
+            recorded_deg_compass: radians_to_compass_deg(own.recorded_boresight),
+            boresight_deg_compass: radians_to_compass_deg(own.boresight),
+            half_interval_deg: Some(half.to_degrees()).filter(|half| half.is_finite()),
+            gain_db: own.gain_db,
+            site_db: own.site_db.clone(),
+        };
+        let intervals = &fit.boresight_half_intervals;
+        Self {
+            beamwidth_deg: pattern.beamwidth().to_degrees(),
+            front_to_back_db: pattern.front_to_back_db(),
+            residual_db: pattern.residual_db(),
+            floor_dbm: pattern.floor().map(|[dbm, _]| dbm),
+            floor_width_db: pattern.floor().map_or(one_db(), |[_, width]| width),
+            antennas: pattern.antennas().iter().zip(intervals).map(antenna).collect(),
+        }
+    }
+}

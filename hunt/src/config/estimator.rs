@@ -1,0 +1,287 @@
+use std::sync::Arc;
+
+use foxhunt_core::{
+    ConstantVelocity, Estimate, EstimatorError, RandomWalk, State,
+    parameter::{not_negative, positive},
+};
+use foxhunt_filters::{GridConfig, GridFilter, Handover, Leading, OutOfOrder, RaoBlackwellised};
+use foxhunt_sensors::{FreePathLossRssBearing, FreePowerRssBearing};
+use nalgebra::Vector4;
+use serde::{Deserialize, Serialize};
+
+use super::{AnyModel, AnyMotion, BoxedEstimator, FilterConfig, ReceiverModel, filter::generator};
+use crate::hunt::{TimeStep, Track, TrackConfig};
+
+/// An estimator: a filter, what it takes for known, and how receptions are put to it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EstimatorConfig {
+    /// The filter.
+    pub filter: FilterConfig,
+    /// The random walk of the beacon's East and North: metres per √second, or per step where a
+    /// prediction counts steps.
+    pub drift: f64,
+    /// σ of each coordinate of a beacon's place before the first reception, in metres, where the
+    /// estimator has its own; the hunt's where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior_sigma_m: Option<f64>,
+    /// σ in dB of the model's reference power, which is then estimated along with the place; known
+    /// where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub power_sigma_db: Option<f64>,
+    /// σ of the model's path-loss exponent, which is then estimated along with the reference
+    /// power; known where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exponent_sigma: Option<f64>,
+    /// How the beacon moves, where it does; it stays where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moving: Option<MovingConfig>,
+    /// A reception that comes at most so many seconds late is used at its own time; one that comes
+    /// late is used as if it were new where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lag_s: Option<f64>,
+    /// The filter begins after so many observations, from what a grid made of these; at once
+    /// where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_on_grid: Option<u32>,
+    /// How receptions are put to it; everything as it was read unless given.
+    #[serde(default)]
+    pub track: TrackConfig,
+}
+
+/// A beacon that moves at a nearly constant velocity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MovingConfig {
+    /// √q: the root of the acceleration's spectral density, in m s⁻² per √Hz.
+    pub acceleration_density: f64,
+    /// σ of the velocity's East and North before the first reception, in m/s.
+    pub speed_sigma: f64,
+}
+
+/// The random walk of an unknown reference power in dB per √second: enough that a particle filter
+/// does not freeze on its first draws.
+const POWER_DRIFT: f64 = 0.02;
+
+/// The random walk of an unknown exponent per √second, for the same reason.
+const EXPONENT_DRIFT: f64 = 0.001;
+
+impl EstimatorConfig {
+    /// What it believes before the first reception, of what the hunt believes.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when its own σ is not positive.
+    pub fn prior(&self, hunt: &Estimate<2>) -> Result<Estimate<2>, EstimatorError> {
+        Ok(match self.prior_sigma_m {
+            Some(sigma) => Estimate::isotropic(hunt.mean, positive("prior_sigma_m", sigma)?),
+            None => *hunt,
+        })
+    }
+
+    /// Builds the track of a beacon over a model of level and bearing from what the hunt believes;
+    /// `seed` is for filters that draw random numbers. With `monitored` it keeps its innovations.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError`] when the prior or a parameter does not make one.
+    pub fn track(
+        &self,
+        model: impl Into<ReceiverModel>,
+        prior: &Estimate<2>,
+        seed: u64,
+        monitored: bool,
+    ) -> Result<Track, EstimatorError> {
+        self.track.check()?;
+        let model = model.into();
+        let estimator = self.build(model.clone(), prior, seed)?;
+        let track = if monitored {
+            Track::monitored::<2, 2>(estimator, model, self.track)
+        } else {
+            Track::new::<2, 2>(estimator, self.track)
+        };
+        Ok(track.with_prior(self.prior(prior)?))
+    }
+
+    /// Builds the estimator of a beacon's place from a model of level and bearing and the hunt's
+    /// prior; `seed` is for filters that draw random numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError`] when the prior or a parameter does not make one.
+    pub fn build(
+        &self,
+        model: impl Into<ReceiverModel>,
+        prior: &Estimate<2>,
+        seed: u64,
+    ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
+        let prior = self.prior(prior)?;
+        let estimator = self.build_in_order(model.into(), &prior, seed)?;
+        let Some(lag_s) = self.lag_s else { return Ok(estimator) };
+        if self.track.time_step == TimeStep::PerReception {
+            return Err(EstimatorError::Unsupported {
+                what: "lag_s where time counts receptions, not seconds,",
+            });
+        }
+        Ok(Box::new(OutOfOrder::from_first(estimator, lag_s)?))
+    }
+
+    /// The estimator of receptions that come in the order of their time.
+    fn build_in_order(
+        &self,
+        model: ReceiverModel,
+        prior: &Estimate<2>,
+        seed: u64,
+    ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
+        let place: AnyModel<2, 2> = Arc::new(model.clone());
+        if let Some(moving) = self.moving {
+            if self.power_sigma_db.is_some() || self.exponent_sigma.is_some() {
+                return Err(EstimatorError::Unsupported {
+                    what: "an unknown power or exponent (power_sigma_db, exponent_sigma) with a \
+                           beacon that may move",
+                });
+            }
+            return self.build_moving(place, Arc::new(model), moving, prior, seed);
+        }
+        let law = *model.model().propagation();
+        let power_sigma = self.power_sigma_db.map(|s| positive("power_sigma_db", s)).transpose()?;
+        let exponent_sigma =
+            self.exponent_sigma.map(|s| positive("exponent_sigma", s)).transpose()?;
+        match (power_sigma, exponent_sigma) {
+            (None, None) => self.build_over(place, prior, seed),
+            (Some(sigma), None) => {
+                let prior = with_power(prior, law.reference_dbm(), sigma);
+                let model = model.map(FreePowerRssBearing::from);
+                if let FilterConfig::RaoBlackwellised { count } = self.filter {
+                    let rng = generator(count, seed)?;
+                    let cloud: RaoBlackwellised<_, _, _, 3, 2, 1> =
+                        RaoBlackwellised::new(self.walk()?, model, prior, count, rng)?;
+                    return Ok(Box::new(Leading::new(cloud)));
+                }
+                let filter = self.build_over::<3, 2>(Arc::new(model), &prior, seed)?;
+                Ok(Box::new(Leading::new(filter)))
+            }
+            (Some(sigma), Some(exponent_sigma)) => {
+                let place = with_power(prior, law.reference_dbm(), sigma);
+                let mean = place.mean.push(law.exponent());
+                let mut prior = Estimate::isotropic(mean, exponent_sigma);
+                prior.covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&place.covariance);
+                let free = FreePathLossRssBearing::new();
+                let free = free.with_target_up(model.model().target_up())?;
+                let model = model.map(|_| free);
+                let filter = self.build_over::<4, 2>(Arc::new(model), &prior, seed)?;
+                Ok(Box::new(Leading::new(filter)))
+            }
+            (None, Some(_)) => Err(EstimatorError::Unsupported {
+                what: "an unknown exponent (exponent_sigma) with a known power",
+            }),
+        }
+    }
+
+    /// Builds the estimator of a state that begins with the place and otherwise does not move.
+    fn build_over<const N: usize, const M: usize>(
+        &self,
+        model: AnyModel<N, M>,
+        prior: &Estimate<N>,
+        seed: u64,
+    ) -> Result<BoxedEstimator<N, M>, EstimatorError> {
+        let filter = self.filter;
+        let walk: AnyMotion<N> = Arc::new(self.walk()?);
+        let Some(observations) = self.start_on_grid else {
+            return filter.build(walk, model, prior, seed);
+        };
+        // What cannot be built fails now, not after the first observations.
+        let _ = filter.build::<N, M>(Arc::clone(&walk), Arc::clone(&model), prior, seed)?;
+        let grid =
+            GridFilter::new(Arc::clone(&walk), Arc::clone(&model), *prior, GridConfig::default())?;
+        let build = move |first: Estimate<N>| {
+            filter.build(Arc::clone(&walk), Arc::clone(&model), &first, seed)
+        };
+        Ok(Box::new(Handover::new(grid, observations, build)))
+    }
+
+    /// Builds the estimator of a place and its velocity; of the place alone until it has started
+    /// from a grid.
+    fn build_moving(
+        &self,
+        place_model: AnyModel<2, 2>,
+        model: AnyModel<4, 2>,
+        moving: MovingConfig,
+        prior: &Estimate<2>,
+        seed: u64,
+    ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
+        let speed_sigma = positive("speed_sigma", moving.speed_sigma)?;
+        let acceleration_density = positive("acceleration_density", moving.acceleration_density)?;
+        let motion: AnyMotion<4> = Arc::new(ConstantVelocity { acceleration_density });
+        let filter = self.filter;
+        let build = move |place: Estimate<2>| {
+            let still = Vector4::new(place.mean.x, place.mean.y, 0.0, 0.0);
+            let mut prior = Estimate::isotropic(still, speed_sigma);
+            prior.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&place.covariance);
+            let whole = filter.build(Arc::clone(&motion), Arc::clone(&model), &prior, seed)?;
+            Ok(Leading::<_, 4>::new(whole))
+        };
+        let whole = build(*prior)?;
+        let Some(observations) = self.start_on_grid else { return Ok(Box::new(whole)) };
+        // On the grid the target walks as far in a second as its velocity may take it.
+        let walk: AnyMotion<2> = Arc::new(RandomWalk::uniform(speed_sigma));
+        let grid = GridFilter::new(walk, place_model, *prior, GridConfig::default())?;
+        Ok(Box::new(Handover::new(grid, observations, build)))
+    }
+
+    /// The random walk of East, North and what stands behind them in the state, such as a
+    /// reference power.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Parameter`] when the drift is negative or not finite.
+    pub fn walk<const N: usize>(&self) -> Result<RandomWalk<N>, EstimatorError> {
+        let place = not_negative("drift", self.drift)?;
+        let drift = State::from_fn(|row, _| match row {
+            0 | 1 => place,
+            2 => POWER_DRIFT,
+            _ => EXPONENT_DRIFT,
+        });
+        Ok(RandomWalk { drift })
+    }
+}
+
+/// A place and, independent of it, a reference power in dBm.
+fn with_power(place: &Estimate<2>, reference_dbm: f64, sigma_db: f64) -> Estimate<3> {
+    let mut prior = Estimate::isotropic(place.mean.push(reference_dbm), sigma_db);
+    prior.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&place.covariance);
+    prior
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_sensors::{LogDistance, RssBearing};
+    use nalgebra::Vector2;
+
+    use super::*;
+    use crate::registry::Registry;
+
+    #[test]
+    fn settings_that_would_not_be_used_are_refused() {
+        let model = RssBearing::new(LogDistance::new(-29.06, 2.765).expect("in range"));
+        let prior = Estimate::isotropic(Vector2::zeros(), 10.0);
+        let registry = Registry::builtin();
+        let config = |name| {
+            let entry = registry.estimator(name).expect("it has a name");
+            *entry.settings().expect("a stream estimator of the program")
+        };
+        let refused = |config: EstimatorConfig| match config.build(model, &prior, 1).err() {
+            Some(EstimatorError::Unsupported { what }) => what,
+            other => panic!("{other:?}"),
+        };
+        let late = EstimatorConfig { lag_s: Some(5.0), ..config("ukf-pritzl2018") };
+        assert!(refused(late).contains("lag_s"));
+        let moving = EstimatorConfig { power_sigma_db: Some(5.0), ..config("imm") };
+        assert!(refused(moving).contains("power_sigma_db"));
+        let cloud =
+            EstimatorConfig { power_sigma_db: None, ..config("particle-rao-blackwellised") };
+        assert!(refused(cloud).contains("reference power"));
+        let seconds = EstimatorConfig { lag_s: Some(5.0), ..config("ukf") };
+        assert!(seconds.build(model, &prior, 1).is_ok());
+    }
+}

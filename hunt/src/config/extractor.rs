@@ -1,0 +1,229 @@
+use foxhunt_core::{
+    BearingExtractor,
+    parameter::{ParameterError, positive},
+};
+use foxhunt_sensors::{
+    AntennaConfig, AntennaError, CrossCorrelation, FirstHarmonic, MainLobeFit, Maximum,
+    MaximumLikelihood, Pritzl2018, Residuals,
+};
+use serde::{Deserialize, Serialize};
+
+use super::RegistryError;
+
+/// A bearing extractor chosen at run time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum ExtractorConfig {
+    /// The maximum of the moving mean, with its 2 dB width as σ (Pritzl 2018, §4.1–4.2).
+    Pritzl2018(Pritzl2018),
+    /// [`Maximum`].
+    Maximum(LobeConfig),
+    /// [`FirstHarmonic`] of the power.
+    FirstHarmonic(LobeConfig),
+    /// [`FirstHarmonic`] of the level in dB.
+    FirstHarmonicDb(LobeConfig),
+    /// [`MainLobeFit`].
+    MainLobe(LobeConfig),
+    /// [`CrossCorrelation`].
+    CrossCorrelation(KnownAntennaConfig),
+    /// [`MaximumLikelihood`] with [`Residuals::Gaussian`].
+    MaximumLikelihood(KnownAntennaConfig),
+    /// [`MaximumLikelihood`] with [`Residuals::StudentT`].
+    MaximumLikelihoodT(KnownAntennaConfig),
+    /// [`MaximumLikelihood`] with [`Residuals::Reflection`].
+    MaximumLikelihoodReflection(KnownAntennaConfig),
+    /// One that a [`Registry`](crate::registry::Registry) knows by a name.
+    Registered {
+        /// The name.
+        name: String,
+    },
+}
+
+/// Settings of an extractor that knows no more of the antenna than that it has a main lobe.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LobeConfig {
+    /// σ of the level against a path-loss law, in dB.
+    pub rss_sigma_db: f64,
+}
+
+impl Default for LobeConfig {
+    /// 7.9 dB, as the reference has it.
+    fn default() -> Self {
+        Self { rss_sigma_db: 7.9 }
+    }
+}
+
+/// Settings of an extractor that knows the antenna.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct KnownAntennaConfig {
+    /// The antenna.
+    pub antenna: AntennaConfig,
+    /// How far beacons are above the horizon, in degrees; below it where negative.
+    pub elevation_deg: f64,
+    /// σ of a reading in dB, where a turn does not show it.
+    pub sample_sigma_db: f64,
+    /// σ in dB of what the pattern leaves of a boresight's mean, whatever the number of readings.
+    pub misfit_sigma_db: f64,
+    /// σ of the level against a path-loss law, in dB.
+    pub rss_sigma_db: f64,
+    /// Bearings with a larger σ are none, in degrees.
+    pub max_sigma_deg: f64,
+    /// Turns in which fewer boresights hold a reading have no bearing.
+    pub min_positions: u16,
+    /// The degrees of freedom of Student's t, for the extractor that has them.
+    pub degrees: f64,
+}
+
+impl Default for KnownAntennaConfig {
+    /// The reference patch, beacons on the horizon, readings of 2 dB, no misfit, 7.9 dB for the
+    /// level, bearings up to 57° from 8 boresights on, 4 degrees of freedom.
+    fn default() -> Self {
+        Self {
+            antenna: AntennaConfig::default(),
+            elevation_deg: 0.0,
+            sample_sigma_db: 2.0,
+            misfit_sigma_db: 0.0,
+            rss_sigma_db: 7.9,
+            max_sigma_deg: 57.0,
+            min_positions: 8,
+            degrees: 4.0,
+        }
+    }
+}
+
+/// Why there is no extractor.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExtractorConfigError {
+    /// The antenna cannot be built.
+    #[error("extractor.antenna: {0}")]
+    Antenna(#[from] AntennaError),
+    /// A field is out of its range.
+    #[error("extractor: {0}")]
+    Field(#[from] ParameterError),
+    /// Its name is not known.
+    #[error("extractor.name: {0}")]
+    Name(#[from] RegistryError),
+    /// It is known by name alone, and no registry is at hand; or its entry is itself a name.
+    #[error("extractor.name is {name:?}, which stands for nothing but a name")]
+    Circle {
+        /// The name.
+        name: String,
+    },
+}
+
+/// An extractor that was chosen at run time, for any thread.
+pub type BoxedExtractor = Box<dyn BearingExtractor + Send + Sync>;
+
+impl ExtractorConfig {
+    /// Builds the extractor; reads the antenna's file, if it has one.
+    ///
+    /// # Errors
+    ///
+    /// [`ExtractorConfigError`] names what is out of its range.
+    pub fn build(&self) -> Result<BoxedExtractor, ExtractorConfigError> {
+        let harmonic = |config: &LobeConfig, harmonic: FirstHarmonic| {
+            harmonic.with_rss_sigma_db(config.rss_sigma_db)
+        };
+        Ok(match self {
+            Self::Pritzl2018(extractor) => Box::new(*extractor),
+            Self::Maximum(c) => Box::new(Maximum::default().with_rss_sigma_db(c.rss_sigma_db)?),
+            Self::FirstHarmonic(c) => Box::new(harmonic(c, FirstHarmonic::default())?),
+            Self::FirstHarmonicDb(c) => Box::new(harmonic(c, FirstHarmonic::in_decibels())?),
+            Self::MainLobe(c) => {
+                Box::new(MainLobeFit::default().with_rss_sigma_db(c.rss_sigma_db)?)
+            }
+            Self::CrossCorrelation(c) => Box::new(
+                CrossCorrelation::new(c.antenna.build()?)
+                    .with_rss_sigma_db(c.rss_sigma_db)?
+                    .with_max_sigma(c.max_sigma_deg.to_radians())?,
+            ),
+            Self::MaximumLikelihood(c) => c.likelihood(Residuals::Gaussian)?,
+            Self::MaximumLikelihoodT(c) => {
+                c.likelihood(Residuals::StudentT { degrees: c.degrees })?
+            }
+            Self::MaximumLikelihoodReflection(c) => c.likelihood(Residuals::Reflection)?,
+            Self::Registered { name } => {
+                return Err(ExtractorConfigError::Circle { name: name.clone() });
+            }
+        })
+    }
+
+    /// The extractor with another antenna; `None` for one that does not know its antenna.
+    #[must_use]
+    pub fn with_antenna(mut self, antenna: &AntennaConfig) -> Option<Self> {
+        match &mut self {
+            Self::CrossCorrelation(known)
+            | Self::MaximumLikelihood(known)
+            | Self::MaximumLikelihoodT(known)
+            | Self::MaximumLikelihoodReflection(known) => known.antenna = antenna.clone(),
+            _ => return None,
+        }
+        Some(self)
+    }
+}
+
+impl KnownAntennaConfig {
+    fn likelihood(&self, residuals: Residuals) -> Result<BoxedExtractor, ExtractorConfigError> {
+        positive("degrees", self.degrees)?;
+        let extractor = MaximumLikelihood::new(self.antenna.build()?)
+            .with_elevation(self.elevation_deg.to_radians())?
+            .with_sample_sigma_db(self.sample_sigma_db)?
+            .with_misfit_sigma_db(self.misfit_sigma_db)?
+            .with_rss_sigma_db(self.rss_sigma_db)?
+            .with_max_sigma(self.max_sigma_deg.to_radians())?
+            .with_min_positions(self.min_positions)?;
+        Ok(Box::new(extractor.with_residuals(residuals)))
+    }
+}
+
+impl Default for ExtractorConfig {
+    /// The reference's.
+    fn default() -> Self {
+        Self::Pritzl2018(Pritzl2018::default())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::registry::Registry;
+
+    #[test]
+    fn what_is_written_is_read_back_and_built() {
+        for named in Registry::builtin().extractors() {
+            let config = named.config();
+            let text = toml::to_string(&config).expect("plain data");
+            assert!(text.contains(&format!("kind = \"{}\"", named.name)), "{text}");
+            assert_eq!(toml::from_str::<ExtractorConfig>(&text), Ok(config.clone()));
+            let bare = format!("kind = \"{}\"", named.name);
+            assert_eq!(toml::from_str::<ExtractorConfig>(&bare), Ok(config.clone()));
+            assert!(config.build().is_ok(), "{}", named.name);
+        }
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        for (text, expected) in [
+            ("kind = 'maximum'\nwindow = 7", "window"),
+            ("kind = 'maximum-likelihood'\nantena = 'dipole'", "antena"),
+            ("kind = 'magic'", "magic"),
+        ] {
+            let error = toml::from_str::<ExtractorConfig>(text).expect_err(text).to_string();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+        for (text, expected) in [
+            ("kind = 'maximum'\nrss_sigma_db = 0", "rss_sigma_db is 0"),
+            ("kind = 'maximum-likelihood'\nmin_positions = 2", "min_positions is 2"),
+            ("kind = 'cross-correlation'\nantenna = { file = 'no.msi' }", "no.msi"),
+            ("kind = 'maximum-likelihood-t'\nelevation_deg = 100", "elevation"),
+        ] {
+            let config = toml::from_str::<ExtractorConfig>(text).expect(text);
+            let error = config.build().map(|_| ()).expect_err(text).to_string();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+    }
+}

@@ -1,0 +1,443 @@
+use std::{f64::consts::TAU, sync::Arc};
+
+use foxhunt_core::{
+    Estimate, EstimatorError, MeasurementModel, MotionModel, OutlierMixture, RandomWalk, State,
+    parameter::{as_value, in_range, not_negative, positive, require},
+};
+#[cfg(feature = "batch")]
+use foxhunt_filters::{BatchEstimator, Loss};
+use foxhunt_filters::{
+    Ckf, Ekf, FirstBearing, Gate, GaussianSum, GridConfig, GridFilter, Imm, Iterations, Kalman,
+    KldSampling, NoiseScales, ParticleFilter, Transition, Ukf, Unscented, split,
+};
+use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+use serde::{Deserialize, Serialize};
+
+use super::BoxedEstimator;
+
+/// How a target moves, of any kind: filters are compiled once for each size of state.
+pub type AnyMotion<const N: usize> = Arc<dyn MotionModel<N>>;
+
+/// What a receiver measures, of any kind.
+pub type AnyModel<const N: usize, const M: usize> = Arc<dyn MeasurementModel<N, M>>;
+
+/// What is believed before the first observation, where two moments are not all of it.
+///
+/// An [`Estimate`] is one: a Gaussian.
+pub trait Prior<const N: usize> {
+    /// Its first two moments.
+    fn moments(&self) -> Estimate<N>;
+
+    /// Whether the moments are all there is.
+    fn is_gaussian(&self) -> bool;
+
+    /// A state drawn from it.
+    fn draw(&self, rng: &mut Xoshiro256PlusPlus) -> State<N>;
+
+    /// Gaussians side by side that make it up: `parts` along each axis.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError`] when there are too many parts or none.
+    fn sum(&self, parts: usize) -> Result<Vec<(f64, Estimate<N>)>, EstimatorError>;
+
+    /// Gaussians in a row whose ranges from the receiver are in geometric progression, where it is
+    /// about a range: then the first bearing is part of it.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError`] when there are too many parts or none.
+    fn row(&self, parts: usize) -> Result<Option<Vec<(f64, Estimate<N>)>>, EstimatorError>;
+}
+
+impl<const N: usize> Prior<N> for Estimate<N> {
+    fn moments(&self) -> Estimate<N> {
+        *self
+    }
+
+    fn is_gaussian(&self) -> bool {
+        true
+    }
+
+    fn draw(&self, rng: &mut Xoshiro256PlusPlus) -> State<N> {
+        use rand::RngExt;
+        let normal = State::from_fn(|_, _| rng.sample(rand_distr::StandardNormal));
+        let factor = self.covariance.cholesky().map(|factor| factor.unpack());
+        factor.map_or(self.mean, |factor| self.mean + factor * normal)
+    }
+
+    fn sum(&self, parts: usize) -> Result<Vec<(f64, Estimate<N>)>, EstimatorError> {
+        Ok(split(self, [parts, parts])?.into_iter().collect())
+    }
+
+    fn row(&self, _: usize) -> Result<Option<Vec<(f64, Estimate<N>)>>, EstimatorError> {
+        Ok(None)
+    }
+}
+
+/// A filter chosen at run time, over any motion and measurement model.
+///
+/// `iterations` is how often, at most, an update of the Kalman family is linearised; 1 unless
+/// given.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[non_exhaustive]
+pub enum FilterConfig {
+    /// The extended Kalman filter.
+    Ekf {
+        /// What keeps outliers out.
+        gate: GateConfig,
+        /// How often an update is linearised, each time about its own posterior.
+        #[serde(default = "once")]
+        iterations: u32,
+    },
+    /// The cubature Kalman filter.
+    Cubature {
+        /// What keeps outliers out.
+        gate: GateConfig,
+        /// Outliers; none where absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        outliers: Option<OutlierConfig>,
+        /// How often an update is linearised, each time about its own posterior.
+        #[serde(default = "once")]
+        iterations: u32,
+    },
+    /// The unscented Kalman filter.
+    Ukf {
+        /// What keeps outliers out.
+        gate: GateConfig,
+        /// α: how far the sigma points lie from the mean.
+        alpha: f64,
+        /// β: what is known of the distribution; 2 for a Gaussian.
+        beta: f64,
+        /// κ: the secondary scaling.
+        kappa: f64,
+        /// How often an update is linearised, each time about its own posterior.
+        #[serde(default = "once")]
+        iterations: u32,
+    },
+    /// A sum of Gaussians, each run by a cubature filter.
+    GaussianSum {
+        /// How many there are along each axis of the prior.
+        parts: usize,
+        /// Outliers; none where absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        outliers: Option<OutlierConfig>,
+        /// How often an update is linearised, each time about its own posterior.
+        #[serde(default = "once")]
+        iterations: u32,
+    },
+    /// A bank of cubature filters in a row along the first bearing.
+    RangeParameterised {
+        /// How many there are.
+        parts: usize,
+        /// How often an update is linearised, each time about its own posterior.
+        #[serde(default = "once")]
+        iterations: u32,
+    },
+    /// Interacting multiple models: the motion that is given, and standing still.
+    Imm {
+        /// How long the target stays still, and how long it moves, on average in seconds.
+        sojourn_s: [f64; 2],
+        /// The random walk of a still target, in metres per √second.
+        still_drift: f64,
+        /// How often an update is linearised, each time about its own posterior.
+        #[serde(default = "once")]
+        iterations: u32,
+    },
+    /// The most probable place, solved anew over all observations after each.
+    #[cfg(feature = "batch")]
+    Batch {
+        /// What a residual costs.
+        loss: Loss,
+    },
+    /// Recursive Bayes over the cells of an area.
+    Grid {
+        /// Cells along each side; twice as many where the belief asks for it.
+        side: usize,
+        /// How far σ of a measurement's first component, the level, may be from its stated value:
+        /// the standard deviation of its logarithm. Exact where absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        level_noise_spread: Option<f64>,
+    },
+    /// The particle filter: bootstrap proposals, regularised resampling.
+    Particle {
+        /// How many particles, at the most where their number adapts.
+        count: usize,
+        /// How many there are follows from the bins of this side, in the state's units, that the
+        /// belief occupies; fixed where absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        adaptive_bin: Option<f64>,
+    },
+    /// A cloud of places, each with a Gaussian of the reference power, which has to be unknown.
+    RaoBlackwellised {
+        /// How many particles.
+        count: usize,
+    },
+}
+
+/// The default of `iterations`.
+const fn once() -> u32 {
+    1
+}
+
+/// Outliers: observations evenly spread over all that there may be.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OutlierConfig {
+    /// Their share, in [0, 1).
+    pub share: f64,
+    /// The volume that they are spread over: for level and bearing in dB rad.
+    pub support: f64,
+}
+
+impl OutlierConfig {
+    /// The mixture of an observation of M components, the volume spread evenly over them.
+    fn build<const M: usize>(self) -> Result<OutlierMixture<M>, EstimatorError> {
+        let Self { share, support } = self;
+        positive("the support of outliers", support)?;
+        let widths = match M {
+            2 => std::array::from_fn(|i| if i == 0 { support / TAU } else { TAU }),
+            _ => [support.powf(1.0 / as_value(M)); M],
+        };
+        Ok(OutlierMixture::new(share, widths)?)
+    }
+}
+
+/// What keeps outliers out, chosen at run time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum GateConfig {
+    /// Nothing.
+    Open,
+    /// A gate that lets in this share of what a consistent filter sees.
+    Probability(f64),
+    /// The reference's rule with its two exceptions (Pritzl 2018, §4.4).
+    Pritzl2018,
+}
+
+impl GateConfig {
+    pub(crate) fn build(self) -> Result<Gate, EstimatorError> {
+        match self {
+            Self::Open => Ok(Gate::open()),
+            Self::Probability(probability) => Gate::probability(probability),
+            Self::Pritzl2018 => Ok(Gate::pritzl2018()),
+        }
+    }
+}
+
+impl FilterConfig {
+    /// Builds the filter over two models and a prior; `seed` is for those that draw random numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError`] when the prior or a parameter does not make one.
+    pub fn build<const N: usize, const M: usize>(
+        &self,
+        motion: AnyMotion<N>,
+        model: AnyModel<N, M>,
+        prior: &dyn Prior<N>,
+        seed: u64,
+    ) -> Result<BoxedEstimator<N, M>, EstimatorError> {
+        let moments = prior.moments();
+        Ok(match *self {
+            Self::Ekf { gate, iterations } => Box::new(
+                Ekf::new(motion, model, moments)?
+                    .with_gate(gate.build()?)
+                    .with_iterations(Iterations::at_most(iterations)?),
+            ),
+            Self::Cubature { gate, outliers, iterations } => {
+                let filter = Ckf::new(motion, model, moments)?
+                    .with_gate(gate.build()?)
+                    .with_iterations(Iterations::at_most(iterations)?);
+                match outliers {
+                    Some(outliers) => Box::new(filter.with_outliers(outliers.build()?)),
+                    None => Box::new(filter),
+                }
+            }
+            Self::Ukf { gate, alpha, beta, kappa, iterations } => Box::new(
+                Ukf::new(motion, model, moments)?
+                    .with_transform(Unscented::new(alpha, beta, kappa)?)?
+                    .with_gate(gate.build()?)
+                    .with_iterations(Iterations::at_most(iterations)?),
+            ),
+            Self::GaussianSum { parts, outliers, iterations } => {
+                let filter = Ckf::new(motion, model, moments)?
+                    .with_iterations(Iterations::at_most(iterations)?);
+                let sum = GaussianSum::new(&filter, prior.sum(parts)?)?;
+                match outliers {
+                    Some(outliers) => Box::new(sum.with_outliers(outliers.build()?)),
+                    None => Box::new(sum),
+                }
+            }
+            Self::RangeParameterised { parts, iterations } => {
+                let filter = Ckf::new(motion, model, moments)?
+                    .with_iterations(Iterations::at_most(iterations)?);
+                match prior.row(parts)? {
+                    Some(row) => Box::new(GaussianSum::new(&filter, row)?),
+                    None => Box::new(FirstBearing::new(filter, parts)?),
+                }
+            }
+            Self::Imm { sojourn_s, still_drift, iterations } => {
+                let still: AnyMotion<N> = Arc::new(still_walk(still_drift, &moments)?);
+                let iterations = Iterations::at_most(iterations)?;
+                let modes = [still, motion]
+                    .into_iter()
+                    .map(|motion| {
+                        let filter = Ckf::new(motion, Arc::clone(&model), moments)?;
+                        Ok((0.5, filter.with_iterations(iterations)))
+                    })
+                    .collect::<Result<Vec<_>, EstimatorError>>()?;
+                let imm = Imm::new(modes, Transition::sojourn(&sojourn_s)?)?;
+                Box::new(imm.with_innovation(Kalman::innovation))
+            }
+            #[cfg(feature = "batch")]
+            Self::Batch { loss } => {
+                let batch = BatchEstimator::new(as_walk(&motion, &moments)?, model, moments)?;
+                Box::new(batch.with_loss(loss)?)
+            }
+            Self::Grid { side, level_noise_spread } => {
+                let noise_scales = level_noise_spread.map(noise_scales).transpose()?;
+                let config = GridConfig { side, most_per_side: 2 * side, noise_scales, area: None };
+                Box::new(GridFilter::new(motion, model, moments, config)?)
+            }
+            Self::Particle { count, adaptive_bin } => {
+                let mut rng = generator(count, seed)?;
+                let cloud = if prior.is_gaussian() {
+                    ParticleFilter::new(motion, model, moments, count, rng)?
+                } else {
+                    let states: Vec<_> = (0..count).map(|_| prior.draw(&mut rng)).collect();
+                    ParticleFilter::from_samples(motion, model, &states, rng)?
+                };
+                match adaptive_bin {
+                    Some(bin) => {
+                        let size = KldSampling::new(State::repeat(bin), FEWEST.min(count), count)?;
+                        Box::new(cloud.with_adaptive_size(size))
+                    }
+                    None => Box::new(cloud),
+                }
+            }
+            Self::RaoBlackwellised { .. } => {
+                return Err(EstimatorError::Unsupported {
+                    what: "a Rao-Blackwellised cloud without a reference power in its state",
+                });
+            }
+        })
+    }
+
+    /// The filter with another gate, where it has one.
+    #[must_use]
+    pub fn with_gate(mut self, other: GateConfig) -> Self {
+        if let Self::Ekf { gate, .. } | Self::Cubature { gate, .. } | Self::Ukf { gate, .. } =
+            &mut self
+        {
+            *gate = other;
+        }
+        self
+    }
+
+    /// The filter with so many particles, where it has particles.
+    #[must_use]
+    pub fn with_particles(mut self, particles: usize) -> Self {
+        if let Self::Particle { count, .. } | Self::RaoBlackwellised { count } = &mut self {
+            *count = particles;
+        }
+        self
+    }
+
+    /// The filter with a share of outliers, where it is a Gaussian sum, which needs to know it.
+    #[must_use]
+    pub fn with_outliers_of_sum(mut self, share: OutlierConfig) -> Self {
+        if let Self::GaussianSum { outliers, .. } = &mut self {
+            *outliers = Some(share);
+        }
+        self
+    }
+}
+
+/// A target at rest: its place drifts, and what else is in its state goes on as it may, a velocity
+/// that it does not use among it.
+fn still_walk<const N: usize>(
+    drift: f64,
+    prior: &Estimate<N>,
+) -> Result<RandomWalk<N>, EstimatorError> {
+    not_negative("still_drift", drift)?;
+    // Within ten seconds it may be anything again that it was before the first observation.
+    let rest = |row: usize| (prior.covariance[(row, row)] / 10.0).sqrt();
+    Ok(RandomWalk { drift: State::from_fn(|row, _| if row < 2 { drift } else { rest(row) }) })
+}
+
+/// A motion that is a random walk, as one.
+#[cfg(feature = "batch")]
+fn as_walk<const N: usize>(
+    motion: &AnyMotion<N>,
+    prior: &Estimate<N>,
+) -> Result<RandomWalk<N>, EstimatorError> {
+    let noise = motion.noise_factor(&prior.mean, 1.0);
+    let drift = noise.diagonal();
+    let moved = (motion.propagate(&prior.mean, 1.0) - prior.mean).norm()
+        + (noise - nalgebra::SMatrix::from_diagonal(&drift)).norm();
+    let name = "what the target moves in a second";
+    require(moved <= 1e-9, name, moved, "0: a batch is of one place")?;
+    Ok(RandomWalk { drift })
+}
+
+/// A log-normal distribution of the factor on a level's σ, at five nodes three quarters of a
+/// deviation apart in its logarithm.
+fn noise_scales(spread: f64) -> Result<NoiseScales, EstimatorError> {
+    require(spread > 0.0 && spread <= 3.0, "level_noise_spread", spread, "in (0, 3]")?;
+    let node =
+        |deviations: f64| ((spread * deviations).exp(), (-0.5 * deviations * deviations).exp());
+    Ok(NoiseScales { component: 0, factors: [-1.5, -0.75, 0.0, 0.75, 1.5].map(node).to_vec() })
+}
+
+/// The largest cloud that a file may ask for.
+const MOST_PARTICLES: usize = 10_000_000;
+
+/// The smallest cloud whose size adapts.
+const FEWEST: usize = 500;
+
+/// The generator of a cloud of `count` particles.
+///
+/// # Errors
+///
+/// [`EstimatorError::Parameter`] when there are too many: a number from a file must not be able to
+/// ask for all memory there is.
+pub(super) fn generator(count: usize, seed: u64) -> Result<Xoshiro256PlusPlus, EstimatorError> {
+    in_range("count", as_value(count), 0.0..=as_value(MOST_PARTICLES), "at most 10 000 000")?;
+    Ok(Xoshiro256PlusPlus::seed_from_u64(seed))
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_sensors::{LogDistance, RssBearing};
+
+    use super::*;
+
+    #[test]
+    fn an_update_is_linearised_once_by_default() {
+        let read = |kind: &str, rest: &str| {
+            let text = format!(r#"{{"kind": "{kind}", "gate": "open"{rest}}}"#);
+            serde_json::from_str::<FilterConfig>(&text)
+        };
+        for (kind, rest) in
+            [("ekf", ""), ("cubature", ""), ("ukf", r#", "alpha": 1, "beta": 2, "kappa": 0"#)]
+        {
+            let bare = read(kind, rest).expect("as it was before there were iterations");
+            for (iterations, same) in [(1, true), (2, false)] {
+                let given = read(kind, &format!(r#"{rest}, "iterations": {iterations}"#));
+                assert_eq!(given.expect("in order") == bare, same, "{kind}, {iterations}");
+            }
+            let never = read(kind, &format!(r#"{rest}, "iterations": 0"#)).expect("a number");
+            let model = RssBearing::new(LogDistance::new(-29.06, 2.765).expect("in range"));
+            let walk = Arc::new(RandomWalk::uniform(0.1));
+            let prior = Estimate::isotropic(State::<2>::zeros(), 1.0);
+            let refused = never.build::<2, 2>(walk, Arc::new(model), &prior, 0).err();
+            let Some(EstimatorError::Parameter(error)) = refused else {
+                panic!("{kind}: {refused:?}");
+            };
+            assert_eq!(error.name, "iterations", "{kind}");
+        }
+    }
+}

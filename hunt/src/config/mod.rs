@@ -1,0 +1,23 @@
+//! Parts picked at run time: what stands in files and on the command line.
+
+mod boxed;
+mod estimator;
+mod extractor;
+mod filter;
+mod model;
+mod planner;
+mod registry_error;
+mod shape;
+mod source;
+
+pub use boxed::{BoxedEstimator, CloneEstimator};
+pub use estimator::{EstimatorConfig, MovingConfig};
+pub use extractor::{
+    BoxedExtractor, ExtractorConfig, ExtractorConfigError, KnownAntennaConfig, LobeConfig,
+};
+pub use filter::{AnyModel, AnyMotion, FilterConfig, GateConfig, OutlierConfig, Prior};
+pub use model::{ModelConfig, ReceiverModel};
+pub use planner::{PlannerConfig, PlannerConfigError};
+pub use registry_error::RegistryError;
+pub use shape::{BoxedShape, ShapeConfig};
+pub use source::SourceConfig;

@@ -1,0 +1,316 @@
+use std::iter::repeat_n;
+
+use foxhunt_core::{FormationPlanner, PlanError, parameter::ParameterError};
+use foxhunt_formation::{
+    Arcs, ArcsConfig, Coverage, CoverageConfig, CoverageError, Emulate, FollowConfig,
+    FollowEstimate, Hold, Information, InformationConfig, Orbit, OrbitConfig, SteepestDescent,
+    SteepestDescentConfig, SurgeCast, SurgeCastConfig, Waypoints,
+};
+use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
+
+use super::{BoxedShape, RegistryError, ShapeConfig};
+#[cfg(feature = "maps")]
+use crate::planners::{BayesianOptimisation, BayesianOptimisationConfig};
+
+/// A planner chosen at run time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[non_exhaustive]
+pub enum PlannerConfig {
+    /// A shape that follows the estimate (Pritzl 2018, §5.2).
+    FollowEstimate {
+        /// Its parameters; the reference's unless given.
+        #[serde(default)]
+        follow: FollowConfig,
+        /// How the drones stand; a polygon of `follow.circumradius_m` unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        shape: Option<ShapeConfig>,
+    },
+    /// A shape over one place after the other (Pritzl 2018, §7.3 and §7.4).
+    Waypoints {
+        /// East and North of each place.
+        places_m: Vec<[f64; 2]>,
+        /// From the polygon's centre to each of several drones; 6 m unless given.
+        #[serde(default = "reference_circumradius")]
+        circumradius_m: f64,
+        /// How the drones stand; a polygon of that circumradius unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        shape: Option<ShapeConfig>,
+        /// How far the shape is turned counter-clockwise, with a polygon the direction of the
+        /// first drone seen from the centre; 0 unless given.
+        #[serde(default)]
+        rotation_deg: f64,
+        /// The drones' altitude.
+        up_m: f64,
+        /// How many turns each place is worth; 1 unless given.
+        #[serde(default = "once")]
+        turns_at_each: u16,
+        /// How often all places are flown to; 1 unless given.
+        #[serde(default = "once")]
+        rounds: u16,
+    },
+    /// A shape that sweeps an area in rows, back and forth (Pritzl 2018, §7.4).
+    LawnMower {
+        /// East and North of each corner of the area, in their order.
+        corners_m: Vec<[f64; 2]>,
+        /// How far rows and places are apart; as in the reference's sweep unless given.
+        #[serde(default)]
+        coverage: CoverageConfig,
+        /// How the drones stand; a polygon of 6 m unless given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        shape: Option<ShapeConfig>,
+        /// The drones' altitude.
+        up_m: f64,
+        /// How often the area is swept; 1 unless given.
+        #[serde(default = "once")]
+        rounds: u16,
+    },
+    /// Where the next turns are expected to shrink the ellipse most.
+    Information {
+        /// Its parameters; the defaults unless given.
+        #[serde(default)]
+        information: InformationConfig,
+    },
+    /// Each drone down the gradient of the posterior bound.
+    SteepestDescent(SteepestDescentConfig),
+    /// To where the level is expected to be highest, by a Gaussian process of levels.
+    #[cfg(feature = "maps")]
+    BayesianOptimisation(BayesianOptimisationConfig),
+    /// Everyone stays and listens.
+    Hold {
+        /// For this many turns.
+        turns: u32,
+    },
+    /// Around the estimate.
+    Orbit(OrbitConfig),
+    /// On a spiral towards the estimate, then around it.
+    Arcs(ArcsConfig),
+    /// Along the bearings while the level rises, across them when it falls.
+    SurgeCast(SurgeCastConfig),
+    /// Few drones fly the places of many, one after the other (Pritzl 2018, §7.2).
+    Emulated {
+        /// For how many drones the planner plans.
+        virtual_drones: u16,
+        /// Which planner.
+        planner: Box<PlannerConfig>,
+    },
+    /// One that a [`Registry`](crate::registry::Registry) knows by a name.
+    Registered {
+        /// The name.
+        name: String,
+    },
+}
+
+/// The default of `turns_at_each` and `rounds`.
+const fn once() -> u16 {
+    1
+}
+
+/// The reference's circumradius in metres (Pritzl 2018, §5.2).
+pub(super) const fn reference_circumradius() -> f64 {
+    FollowConfig::pritzl2018().circumradius_m
+}
+
+impl PlannerConfig {
+    /// Builds the planner.
+    ///
+    /// # Errors
+    ///
+    /// [`PlannerConfigError`] names what is out of its range.
+    pub fn build(&self) -> Result<Box<dyn FormationPlanner>, PlannerConfigError> {
+        Ok(match self {
+            Self::FollowEstimate { follow, shape } => {
+                let planner = FollowEstimate::new(*follow)?;
+                match shape {
+                    Some(shape) => Box::new(planner.with_shape(shape.build()?)),
+                    None => Box::new(planner),
+                }
+            }
+            Self::Waypoints {
+                places_m,
+                circumradius_m,
+                shape,
+                rotation_deg,
+                up_m,
+                turns_at_each,
+                rounds,
+            } => {
+                let each = usize::from(*turns_at_each);
+                let path = "places_m, turns_at_each and rounds in all";
+                bounded(path, [places_m.len(), each, usize::from(*rounds)])?;
+                let round = places_m.iter().flat_map(|p| repeat_n(Vector2::from(*p), each));
+                let places: Vec<_> = repeat_n(round, usize::from(*rounds)).flatten().collect();
+                let shape = shape_or_polygon(shape.as_ref(), *circumradius_m)?;
+                Box::new(Waypoints::new(places, shape, rotation_deg.to_radians(), *up_m)?)
+            }
+            Self::LawnMower { corners_m, coverage, shape, up_m, rounds } => {
+                let corners: Vec<_> = corners_m.iter().map(|p| Vector2::from(*p)).collect();
+                let (sweep, rounds) = (Coverage::new(&corners, coverage)?, usize::from(*rounds));
+                bounded(
+                    "the places of the sweep and rounds in all",
+                    [sweep.places().len(), rounds, 1],
+                )?;
+                let places = sweep.places().repeat(rounds);
+                let shape = shape_or_polygon(shape.as_ref(), reference_circumradius())?;
+                Box::new(Waypoints::new(places, shape, 0.0, *up_m)?)
+            }
+            Self::Information { information } => Box::new(Information::new(*information)?),
+            Self::SteepestDescent(config) => Box::new(SteepestDescent::new(*config)?),
+            #[cfg(feature = "maps")]
+            Self::BayesianOptimisation(config) => Box::new(BayesianOptimisation::new(*config)?),
+            Self::Hold { turns } => Box::new(Hold::new(*turns)),
+            Self::Orbit(config) => Box::new(Orbit::new(*config)?),
+            Self::Arcs(config) => Box::new(Arcs::new(*config)?),
+            Self::SurgeCast(config) => Box::new(SurgeCast::new(*config)?),
+            Self::Emulated { virtual_drones, planner } => {
+                Box::new(Emulate::new(planner.build()?, usize::from(*virtual_drones))?)
+            }
+            Self::Registered { name } => {
+                return Err(PlannerConfigError::NoRegistry { name: name.clone() });
+            }
+        })
+    }
+}
+
+/// A path holds this many places at most.
+const MOST_PLACES: usize = 10_000;
+
+/// Refuses a path of too many places before it is made.
+fn bounded(field: &'static str, counts: [usize; 3]) -> Result<(), ParameterError> {
+    let places = counts.into_iter().fold(1, usize::saturating_mul);
+    if places <= MOST_PLACES {
+        return Ok(());
+    }
+    let value = u32::try_from(places).map_or(f64::INFINITY, f64::from);
+    Err(ParameterError { name: field, value, requirement: "at most 10000 places" })
+}
+
+fn shape_or_polygon(
+    shape: Option<&ShapeConfig>,
+    circumradius_m: f64,
+) -> Result<BoxedShape, ParameterError> {
+    shape.unwrap_or(&ShapeConfig::Polygon { circumradius_m }).build()
+}
+
+/// Why there is no planner.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlannerConfigError {
+    /// A field is out of its range.
+    #[error("planner: {0}")]
+    Parameter(#[from] ParameterError),
+    /// The waypoints make no path.
+    #[error("planner.places_m: {0}")]
+    Path(#[from] PlanError),
+    /// The area cannot be swept.
+    #[error("planner.corners_m: {0}")]
+    Area(#[source] CoverageError),
+    /// Its name is not known.
+    #[error("planner.name: {0}")]
+    Name(#[from] RegistryError),
+    /// It is known by name alone, and no registry is at hand.
+    #[error("planner.name is {name:?}, which stands for nothing without a registry")]
+    NoRegistry {
+        /// The name.
+        name: String,
+    },
+}
+
+impl From<CoverageError> for PlannerConfigError {
+    fn from(error: CoverageError) -> Self {
+        match error {
+            CoverageError::Parameter(error) => Self::Parameter(error),
+            error => Self::Area(error),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> PlannerConfig {
+        toml::from_str(text).expect("a planner")
+    }
+
+    #[test]
+    fn files_name_shapes_and_keep_their_old_keys() {
+        let old = parse("kind = \"follow-estimate\"\nfollow = { circumradius_m = 8.0 }");
+        let follow = FollowConfig { circumradius_m: 8.0, ..FollowConfig::pritzl2018() };
+        assert_eq!(old, PlannerConfig::FollowEstimate { follow, shape: None });
+        let line = parse("kind = \"follow-estimate\"\nshape = { kind = \"line\", spacing_m = 8 }");
+        let shape = Some(ShapeConfig::Line { spacing_m: 8.0 });
+        assert_eq!(line, PlannerConfig::FollowEstimate { follow: Default::default(), shape });
+        let old = parse(
+            "kind = \"waypoints\"\nplaces_m = [[1.0, 2.0]]\ncircumradius_m = 0.0\nup_m = 4.0",
+        );
+        assert!(old.build().is_ok());
+        for text in [
+            "kind = \"waypoints\"\nplaces_m = [[1, 2]]\nup_m = 4\n[shape]\nkind = \"offsets\"\n\
+             offsets_m = [[0, 0], [5, 0]]",
+            "kind = \"lawn-mower\"\ncorners_m = [[0, 0], [65, 0], [65, 50]]\nup_m = 4\n\
+             coverage = { margin_m = 2 }\nshape = { kind = \"scaled\", scale = 2, shape = \
+             { kind = \"polygon\", circumradius_m = 3 } }",
+            "kind = \"orbit\"\nradius_m = 12\naltitude = { elevation_limit_rad = 0.4 }",
+            "kind = \"arcs\"\nshrink = 0.5\nsettling = { laps = 2 }",
+            "kind = \"surge-cast\"\ncast_m = 5",
+            "kind = \"information\"\ninformation = { horizon = 2, criterion = \"entropy\" }",
+            "kind = \"steepest-descent\"\nstep_m = 10",
+            #[cfg(feature = "maps")]
+            "kind = \"bayesian-optimisation\"\nreach_m = 40",
+            "kind = \"emulated\"\nvirtual_drones = 3\nplanner = { kind = \"follow-estimate\" }",
+        ] {
+            let config = parse(text);
+            assert!(config.build().is_ok(), "{config:?}: {:?}", config.build().err());
+            let written = toml::to_string(&config).expect("a table");
+            assert_eq!(parse(&written), config, "{written}");
+        }
+    }
+
+    #[test]
+    fn what_is_out_of_range_is_named_with_its_value() {
+        for (text, expected) in [
+            ("kind = \"follow-estimate\"\nfollow = { settled_m = -2 }", "settled_m is -2;"),
+            (
+                "kind = \"follow-estimate\"\nshape = { kind = \"line\", spacing_m = 0 }",
+                "spacing_m is 0;",
+            ),
+            (
+                "kind = \"waypoints\"\nplaces_m = [[0, 0], [9, 0]]\nup_m = 4\nturns_at_each = \
+                 100\nrounds = 51",
+                "rounds in all is 10200;",
+            ),
+            (
+                "kind = \"lawn-mower\"\ncorners_m = [[0, 0], [9, 0], [9, 9], [0, 9]]\nup_m = 4\n\
+                 coverage = { row_spacing_m = 1, along_spacing_m = 1, margin_m = 0 }\nrounds = \
+                 65535",
+                "rounds in all is ",
+            ),
+            ("kind = \"orbit\"\nradius_m = -7", "radius_m is -7;"),
+            ("kind = \"orbit\"\naltitude = { most_m = 1 }", "most_m is 1;"),
+            ("kind = \"arcs\"\nshrink = 1.5", "shrink is 1.5;"),
+            ("kind = \"surge-cast\"\nmost_casts = 0", "most_casts is 0;"),
+            ("kind = \"information\"\ninformation = { turn_s = 0 }", "turn_s is 0;"),
+            ("kind = \"information\"\ninformation = { places = 4 }", "places is 4;"),
+            ("kind = \"steepest-descent\"\nstep_m = -3", "step_m is -3;"),
+            (
+                "kind = \"emulated\"\nvirtual_drones = 0\nplanner = { kind = \"orbit\" }",
+                "virtual_drones is 0;",
+            ),
+            (
+                "kind = \"lawn-mower\"\ncorners_m = [[0, 0], [9, 0]]\nup_m = 4",
+                "corners_m: 2 corners",
+            ),
+            (
+                "kind = \"waypoints\"\nplaces_m = [[0, 0]]\nup_m = 4\ncircumradius_m = -1",
+                "circumradius_m is -1;",
+            ),
+        ] {
+            let Err(error) = parse(text).build() else { panic!("{text} was built") };
+            let error = error.to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+        assert!(toml::from_str::<PlannerConfig>("kind = \"orbit\"\nradius = 3").is_err());
+    }
+}

@@ -1,0 +1,29 @@
+/// Why something that has a name cannot be had.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RegistryError {
+    /// There is nothing of this name.
+    #[error("{name:?} is no {what}; those are {}", known.join(", "))]
+    Unknown {
+        /// What was looked for: an estimator, an extractor, a planner, a source.
+        what: &'static str,
+        /// By which name.
+        name: String,
+        /// The names that there are.
+        known: Vec<String>,
+    },
+    /// The estimator takes all receptions at once, and there is a stream of them.
+    #[error("the estimator {estimator} needs all receptions at once; it works in `locate`")]
+    NeedsAllAtOnce {
+        /// Its name.
+        estimator: String,
+    },
+    /// The estimator is built by its registrant's own code and has no settings to change.
+    #[error("the estimator {estimator} has no setting {setting}")]
+    NoSetting {
+        /// Its name.
+        estimator: String,
+        /// Which setting was given.
+        setting: &'static str,
+    },
+}

@@ -1,0 +1,69 @@
+use foxhunt_core::Belief;
+use nalgebra::Vector2;
+
+/// How many places stand for a belief in a log.
+const PLACES: u32 = 300;
+
+/// A belief of fewer samples than this is given by its moments.
+const LEAST: u32 = 100;
+
+/// Places of equal weight that stand for a cloud, or a grid; `None` for a belief that its two
+/// moments give.
+///
+/// They are drawn systematically at even steps of the cumulative weight, without a random number,
+/// so that a hunt is the same whether it is logged or not.
+pub(super) fn cloud(belief: &dyn Belief) -> Option<Vec<Vector2<f64>>> {
+    let (mut samples, mut total) = (0_u32, 0.0);
+    belief.visit_positions(&mut |_, weight| {
+        samples = samples.saturating_add(1);
+        total += weight;
+    });
+    if samples < LEAST || !(total > 0.0 && total.is_finite()) {
+        return None;
+    }
+    let step = total / f64::from(PLACES);
+    let (mut places, mut passed, mut next) = (Vec::new(), 0.0, 0.5 * step);
+    belief.visit_positions(&mut |place, weight| {
+        passed += weight;
+        while next < passed && next < total {
+            places.push(*place);
+            next += step;
+        }
+    });
+    places.iter().flatten().all(|coordinate| coordinate.is_finite()).then_some(places)
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_core::Estimate;
+
+    use super::*;
+
+    /// Places on the East axis, each as heavy as its number.
+    struct Ladder(u32);
+
+    impl Belief for Ladder {
+        fn position(&self) -> Estimate<2> {
+            Estimate::isotropic(Vector2::zeros(), 1.0)
+        }
+
+        fn visit_positions(&self, visit: &mut dyn FnMut(&Vector2<f64>, f64)) {
+            let count = f64::from(self.0);
+            for rung in 1..=self.0 {
+                let weight = 2.0 * f64::from(rung) / (count * (count + 1.0));
+                visit(&Vector2::new(f64::from(rung), 0.0), weight);
+            }
+        }
+    }
+
+    #[test]
+    fn a_cloud_keeps_its_weights_and_a_gaussian_has_none() {
+        let places = cloud(&Ladder(1000)).expect("many samples");
+        assert_eq!(places.len(), 300);
+        // A density that rises from 0 to 1000 has its mean at two thirds.
+        let mean = places.iter().map(|place| place.x).sum::<f64>() / 300.0;
+        assert!((mean - 667.0).abs() < 1.5, "{mean}");
+        assert_eq!(cloud(&Estimate::isotropic(Vector2::zeros(), 1.0)), None);
+        assert_eq!(cloud(&Ladder(99)), None);
+    }
+}

@@ -1,0 +1,65 @@
+use foxhunt_core::{EstimatorError, PlanError, Quantity, parameter::FieldError};
+use foxhunt_formation::{AirspaceError, PhaseError, TrafficError};
+
+/// Why a hunt could not begin or go on.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum HuntError {
+    /// There is nobody to fly, or nothing to look for.
+    #[error("a hunt needs at least one {missing}")]
+    Nothing {
+        /// What there is none of.
+        missing: &'static str,
+    },
+    /// A field of the configuration is out of its range.
+    #[error(transparent)]
+    Config(#[from] FieldError),
+    /// A beacon's estimator could not be made.
+    #[error("no estimator for beacon {beacon}")]
+    Estimator {
+        /// The beacon's name.
+        beacon: String,
+        /// Why not.
+        source: EstimatorError,
+    },
+    /// The estimators measure what the receptions do not hold.
+    #[error("the estimator measures {quantity}; the receptions hold {}", names(.measured))]
+    NotMeasured {
+        /// What no reception holds.
+        quantity: Quantity,
+        /// What they hold.
+        measured: Vec<Quantity>,
+    },
+    /// The planner had no plan.
+    #[error("no plan for beacon {beacon}")]
+    Plan {
+        /// The beacon's name.
+        beacon: String,
+        /// Why not.
+        source: PlanError,
+    },
+    /// The airspace is none.
+    #[error("airspace: {0}")]
+    Airspace(#[from] AirspaceError),
+    /// The drones do not begin as they may, or a distance is out of its range.
+    #[error(transparent)]
+    Traffic(#[from] TrafficError),
+    /// The log to go on from is another hunt's.
+    #[error("the log is another hunt's: number {} is {logged:?} in it, and here {expected:?}", .beacon + 1)]
+    OtherHunt {
+        /// Which beacon, counted from 0.
+        beacon: usize,
+        /// Its name in the log.
+        logged: String,
+        /// Its name in this hunt; empty where there is none of that number.
+        expected: String,
+    },
+    /// A signal came in a phase that it does not belong to.
+    #[error(transparent)]
+    Phase(#[from] PhaseError),
+}
+
+fn names(quantities: &[Quantity]) -> String {
+    let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
+    names.join(", ")
+}

@@ -1,0 +1,349 @@
+use std::mem;
+
+use foxhunt_core::{BeaconId, PlanError, Pose, Station, Target, Waypoint};
+use foxhunt_formation::{
+    Airspace, Attendance, Duty, Endurance, Traffic, TrafficConfig, TrafficError, Travel,
+};
+use nalgebra::Vector3;
+
+use super::{Command, Event, HuntConfig, HuntError, outbox::Outbox};
+
+mod homeward;
+
+pub(super) use homeward::Recall;
+
+/// The drones of a hunt: where they are, who takes part, and how each gets to its goal.
+#[derive(Debug)]
+pub(super) struct Flight {
+    drones: Vec<FlownDrone>,
+    traffic: Traffic,
+    endurance: Option<Endurance>,
+    /// Why the formation that was planned last is not flown to.
+    unaffordable: Option<String>,
+    /// How long the last turn took, in seconds.
+    turn_s: f64,
+    /// When the present turn began.
+    listening: f64,
+    returns: bool,
+    /// When it began, and since when the drones are on their way home.
+    began: f64,
+    recalled: Option<f64>,
+    /// When the time of the way home was computed last.
+    return_checked: f64,
+    move_timeout_s: f64,
+    flown_m: f64,
+}
+
+/// One drone of a flight.
+#[derive(Debug)]
+struct FlownDrone {
+    station: Station,
+    attendance: Attendance,
+    home: Vector3<f64>,
+    /// The duty that was logged last.
+    logged_duty: Duty,
+    /// The state of its way that was logged last.
+    logged_travel: Travel,
+    /// The last order that was logged.
+    ordered: Option<Vector3<f64>>,
+    /// The beacons of which it owes a sweep.
+    owed: Vec<BeaconId>,
+    /// Whether these are waited for.
+    awaited: bool,
+    /// Its order to land, while it does not take it.
+    landing: Option<LandingRefused>,
+}
+
+/// An order to land that a drone does not take.
+#[derive(Clone, Copy, Debug)]
+struct LandingRefused {
+    /// Since when, in seconds.
+    since: f64,
+    /// When the order is repeated.
+    repeat_at: f64,
+}
+
+impl Flight {
+    pub(super) fn new(
+        config: &HuntConfig,
+        time: f64,
+        stations: Vec<Station>,
+    ) -> Result<Self, HuntError> {
+        let starts: Vec<Vector3<f64>> = stations.iter().map(|s| s.pose.position).collect();
+        let traffic = TrafficConfig {
+            separation_m: config.separation_m,
+            // Half of it is for arriving.
+            tolerance_m: 2.0 * config.arrival_tolerance_m,
+            stopping_m: config.stopping_m,
+            void: config.void,
+        };
+        let traffic = Traffic::new(&Airspace::new(&config.airspace)?, traffic, &starts)?;
+        let homes = traffic.homes(&starts);
+        let drone = |(station, home): (Station, Vector3<f64>)| FlownDrone {
+            attendance: Attendance::new(config.attendance, time, station.pose.position),
+            station,
+            home,
+            logged_duty: Duty::Formation,
+            logged_travel: Travel::There,
+            ordered: None,
+            owed: Vec::new(),
+            awaited: false,
+            landing: None,
+        };
+        Ok(Self {
+            drones: stations.into_iter().zip(homes).map(drone).collect(),
+            traffic,
+            endurance: config
+                .endurance
+                .map(Endurance::new)
+                .transpose()
+                .map_err(|error| error.within("endurance"))?,
+            unaffordable: None,
+            turn_s: 0.0,
+            listening: time,
+            returns: config.return_home || config.endurance.is_some(),
+            began: time,
+            recalled: None,
+            return_checked: time,
+            move_timeout_s: config.move_timeout_s,
+            flown_m: 0.0,
+        })
+    }
+
+    pub(super) fn drone_count(&self) -> usize {
+        self.drones.len()
+    }
+
+    pub(super) fn stations(&self) -> Vec<Station> {
+        self.drones.iter().map(|drone| drone.station).collect()
+    }
+
+    pub(super) fn homes(&self) -> Vec<Vector3<f64>> {
+        self.drones.iter().map(|drone| drone.home).collect()
+    }
+
+    /// Goes on with a flight that began at `began`, from where it had come.
+    pub(super) fn continue_from(&mut self, began: f64, homes: &[Vector3<f64>]) {
+        self.began = began;
+        if homes.len() == self.drones.len() {
+            for (drone, home) in self.drones.iter_mut().zip(self.traffic.homes(homes)) {
+                drone.home = home;
+            }
+        }
+    }
+
+    pub(super) fn set_flown_m(&mut self, flown_m: f64) {
+        self.flown_m = flown_m;
+    }
+
+    /// How far all drones have flown together, in metres, between the places that were reported.
+    pub(super) fn flown_m(&self) -> f64 {
+        self.flown_m
+    }
+
+    /// Whether the drones fly home when all is done.
+    pub(super) fn returns(&self) -> bool {
+        self.returns
+    }
+
+    pub(super) fn located(&mut self, time: f64, drone: usize, pose: Pose) {
+        let Some(located) = self.drones.get_mut(drone) else { return };
+        self.flown_m += (pose.position - located.station.pose.position).norm();
+        located.station.pose = pose;
+        self.traffic.locate(drone, &pose.position);
+        let under_way = self.traffic.status(drone) == Travel::UnderWay;
+        located.attendance.located(time, pose.position, under_way);
+    }
+
+    /// Takes note that a drone did not take its order, which is repeated.
+    pub(super) fn not_sent(&mut self, drone: usize) {
+        // Only a drone that does not exist is an error, and that has no order.
+        let _ = self.traffic.repeat(drone);
+    }
+
+    /// Lets time pass: sends those that may fly on, and logs who drops out and who comes back.
+    pub(super) fn pass(&mut self, time: f64, outbox: &mut Outbox) {
+        for drone in &mut self.drones {
+            drone.attendance.pass(time);
+        }
+        if self.recalled.is_some() {
+            self.land_those_at_home(time, outbox);
+        }
+        for order in self.traffic.step() {
+            let to = order.to;
+            let Some(drone) = self.drones.get_mut(order.drone) else { continue };
+            if drone.ordered.replace(to) != Some(to) {
+                outbox.emit(Event::Sent { time, drone: order.drone, to, reason: order.reason });
+            }
+            outbox.order(Command::GoTo { drone: order.drone, goal: Waypoint { position: to } });
+        }
+        for (index, drone) in self.drones.iter_mut().enumerate() {
+            let duty = drone.attendance.duty();
+            if mem::replace(&mut drone.logged_duty, duty) != duty {
+                outbox.emit(Event::DutyChanged { time, drone: index, duty });
+                if matches!(duty, Duty::Still | Duty::Lost) {
+                    // Nobody waits for it to make way any longer.
+                    let _ = self.traffic.hold(index);
+                    let _ = self.traffic.give_up(index);
+                }
+            }
+            // Drones of a formation may have exchanged their goals.
+            if let Some(position) = self.traffic.goal(index) {
+                drone.station.goal = Waypoint { position };
+            }
+            let travel = self.traffic.status(index);
+            let before = mem::replace(&mut drone.logged_travel, travel);
+            let reason = match travel {
+                Travel::Waiting => "others are in its way",
+                Travel::Blocked => "there is no permitted way to its goal",
+                _ => continue,
+            };
+            if before != travel {
+                outbox.emit(Event::Held { time, drone: index, reason: reason.to_owned() });
+            }
+        }
+    }
+
+    /// The drones that take a place in the formation: those that can, or else those of which
+    /// anything may still be hoped for.
+    fn placed(&self) -> Vec<usize> {
+        let ranks: [&[Duty]; 3] = [&[Duty::Formation], &[Duty::Still, Duty::Silent], &[Duty::Lost]];
+        let of = |rank: &[Duty]| -> Vec<usize> {
+            let drones = self.drones.iter().enumerate();
+            let on_duty = drones.filter(|(_, drone)| rank.contains(&drone.attendance.duty()));
+            on_duty.map(|(index, _)| index).collect()
+        };
+        ranks.into_iter().map(of).find(|placed| !placed.is_empty()).unwrap_or_default()
+    }
+
+    /// Has `plan` set the goals of those that take part, makes places of them that may be flown to,
+    /// and sends each drone to one of them. On an error the drones' goals stay.
+    pub(super) fn form<T>(
+        &mut self,
+        time: f64,
+        targets: &[Target<'_>],
+        outbox: &mut Outbox,
+        plan: impl FnOnce(&mut [Station], &mut Outbox) -> Result<T, PlanError>,
+    ) -> Result<T, PlanError> {
+        for drone in &mut self.drones {
+            drone.attendance.give_another_chance(time);
+        }
+        let drones = self.placed();
+        let mut stations: Vec<Station> =
+            drones.iter().map(|drone| self.drones[*drone].station).collect();
+        let planned = plan(&mut stations, outbox)?;
+        let places: Vec<Vector3<f64>> = stations.iter().map(|s| s.goal.position).collect();
+        if let Some(bad) = places.iter().find(|place| !place.iter().all(|c| c.is_finite())) {
+            return Err(PlanError::NotFinite { east: bad.x, north: bad.y });
+        }
+        let homes = self.homes();
+        self.traffic.believe(targets.iter().map(|target| target.belief));
+        // Every drone exists and every place is finite.
+        let formation = self.traffic.form(&drones, &places).map_err(no_place)?;
+        let elapsed = time - self.began;
+        self.unaffordable = self.endurance.as_ref().and_then(|endurance| {
+            let left_s = endurance.left_s(elapsed);
+            // Where there is no way for one of them it will stay, and the way home of all is
+            // computed again and again.
+            let needed_s = endurance.round_s(&self.traffic, &formation, &homes, self.turn_s)?;
+            (needed_s >= left_s).then(|| {
+                format!(
+                    "the next turn and the way home take up to {needed_s:.0} s, and {left_s:.0} s \
+                     are left"
+                )
+            })
+        });
+        if self.unaffordable.is_some() {
+            return Ok(planned);
+        }
+        self.traffic.depart(&formation).map_err(no_place)?;
+        for (drone, position) in formation.iter() {
+            self.drones[drone].station.goal = Waypoint { position };
+        }
+        let goals = self.drones.iter().map(|drone| drone.station.goal.position).collect();
+        outbox.emit(Event::GoalsSet { time, goals });
+        for moved in formation.moved {
+            outbox.emit(Event::GoalMoved {
+                time,
+                drone: moved.drone,
+                wanted: moved.wanted,
+                goal: moved.goal,
+                reason: moved.reason,
+            });
+        }
+        Ok(planned)
+    }
+
+    /// Whether every drone is where it is to listen, as far as it will get there.
+    pub(super) fn is_formed(&self) -> bool {
+        let settled = |(index, drone): (usize, &FlownDrone)| {
+            drone.attendance.is_astray()
+                || matches!(self.traffic.status(index), Travel::There | Travel::Blocked)
+        };
+        self.drones.iter().enumerate().all(settled)
+    }
+
+    /// Has every drone in the air turn its antenna, those that deliver nothing included.
+    pub(super) fn listen(&mut self, time: f64, beacons: &[BeaconId], outbox: &mut Outbox) {
+        self.listening = time;
+        let counts =
+            |drone: &FlownDrone| matches!(drone.attendance.duty(), Duty::Formation | Duty::Still);
+        let some_count = self.drones.iter().any(counts);
+        for (index, drone) in self.drones.iter_mut().enumerate() {
+            if matches!(drone.attendance.duty(), Duty::Returning | Duty::Landed) {
+                continue;
+            }
+            drone.owed = beacons.to_vec();
+            drone.awaited = counts(drone) || !some_count;
+            outbox.order(Command::Listen { drone: index, beacons: beacons.to_vec() });
+        }
+    }
+
+    /// Takes note of what a drone has delivered of a turn that ended at `ended`, and returns
+    /// whether it is of the last turn and not of an earlier one; `None` where there is no such
+    /// drone.
+    pub(super) fn delivered(
+        &mut self,
+        time: f64,
+        drone: usize,
+        beacon: BeaconId,
+        ended: f64,
+    ) -> Option<bool> {
+        let drone = self.drones.get_mut(drone)?;
+        // One without a time is of no use and will not come again.
+        let late = ended < self.listening;
+        if !late {
+            drone.owed.retain(|other| *other != beacon);
+            self.turn_s = time - self.listening;
+        }
+        if ended.is_finite() {
+            drone.attendance.delivered();
+        }
+        Some(!late)
+    }
+
+    /// Whose sweeps a drone still owes, awaited or late.
+    pub(super) fn owed_by(&self, drone: usize) -> &[BeaconId] {
+        self.drones.get(drone).map_or(&[], |drone| &drone.owed)
+    }
+
+    /// Whether a sweep is waited for.
+    pub(super) fn is_waiting(&self) -> bool {
+        self.drones.iter().any(|drone| drone.awaited && !drone.owed.is_empty())
+    }
+
+    /// Waits no longer for the sweeps that are owed; those that come late are used.
+    pub(super) fn give_up_turns(&mut self, time: f64, waited_s: f64, outbox: &mut Outbox) {
+        for (index, drone) in self.drones.iter_mut().enumerate() {
+            if mem::take(&mut drone.awaited) && !drone.owed.is_empty() {
+                drone.attendance.missed();
+                outbox.emit(Event::Missing { time, drone: index, waited_s });
+            }
+        }
+    }
+}
+
+/// A formation that cannot be flown: its places are none.
+fn no_place(_: TrafficError) -> PlanError {
+    PlanError::NoPlace
+}

@@ -1,0 +1,957 @@
+use std::{collections::BTreeSet, fmt, mem};
+
+use foxhunt_core::{
+    BeaconId, BearingExtractor, ByQuantity, Correction, Decision, Estimate, EstimatorError,
+    FormationPlanner, Intake, NoBearing, Outcome, PlanError, Pose, Quantity, Reception, Stage,
+    Station, Sweep, Target,
+};
+use foxhunt_filters::consistency::NisHealth;
+use foxhunt_formation::{Phase, PhaseError, Phases, Progress, Signal, StopWatch};
+use nalgebra::{Vector2, Vector3};
+
+use super::{
+    Command, Event, Fix, HuntConfig, HuntError, Track, TrackStep,
+    cloud::cloud,
+    flight::{Flight, Recall},
+    outbox::Outbox,
+};
+
+mod resume;
+
+/// What an estimator of a hunt is made for.
+#[derive(Clone, Copy, Debug)]
+pub struct Search<'a> {
+    /// Which beacon is searched for.
+    pub beacon: BeaconId,
+    /// Its name.
+    pub name: &'a str,
+    /// What is believed of its place before the first reception.
+    pub prior: Estimate<2>,
+}
+
+/// What makes a hunt's estimators: one track for each beacon.
+///
+/// Every `FnMut(&Search<'_>) -> Result<Track, EstimatorError>` is one.
+///
+/// ```
+/// use foxhunt_core::RandomWalk;
+/// use foxhunt_filters::Ukf;
+/// use foxhunt_hunt::hunt::{Search, Track, TrackConfig, Tracks};
+/// use foxhunt_sensors::{LogDistance, RssBearing};
+///
+/// let model = RssBearing::new(LogDistance::new(-29.06, 2.765)?);
+/// let tracks = move |search: &Search<'_>| {
+///     let filter = Ukf::new(RandomWalk::uniform(0.02), model, search.prior)?;
+///     Ok(Track::new(filter, TrackConfig::default()))
+/// };
+/// let _: Box<dyn Tracks> = Box::new(tracks);
+/// # Ok::<(), foxhunt_sensors::ParameterError>(())
+/// ```
+pub trait Tracks {
+    /// Makes the track of a beacon.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError`] when the prior or a parameter does not make one.
+    fn begin(&mut self, search: &Search<'_>) -> Result<Track, EstimatorError>;
+}
+
+impl<F: FnMut(&Search<'_>) -> Result<Track, EstimatorError>> Tracks for F {
+    fn begin(&mut self, search: &Search<'_>) -> Result<Track, EstimatorError> {
+        self(search)
+    }
+}
+
+/// What a hunt is made of.
+pub struct Parts {
+    /// Makes a level and a bearing of a turn.
+    pub extractor: Box<dyn BearingExtractor>,
+    /// Decides where to listen.
+    pub planner: Box<dyn FormationPlanner>,
+    /// Makes the estimators.
+    pub tracks: Box<dyn Tracks>,
+    /// What the receptions of its drones may hold. An estimator that measures anything else is
+    /// refused when the hunt is made.
+    pub quantities: Vec<Quantity>,
+}
+
+impl Parts {
+    /// Parts whose receptions hold level and bearing.
+    pub fn new(
+        extractor: impl BearingExtractor + 'static,
+        planner: impl FormationPlanner + 'static,
+        tracks: impl FnMut(&Search<'_>) -> Result<Track, EstimatorError> + 'static,
+    ) -> Self {
+        Self {
+            extractor: Box::new(extractor),
+            planner: Box::new(planner),
+            tracks: Box::new(tracks),
+            quantities: vec![Quantity::RSS, Quantity::BEARING],
+        }
+    }
+
+    /// Adds quantities that the sources measure besides level and bearing.
+    #[must_use]
+    pub fn with_quantities(mut self, quantities: &[Quantity]) -> Self {
+        self.quantities.extend_from_slice(quantities);
+        self
+    }
+}
+
+impl fmt::Debug for Parts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Parts").field("quantities", &self.quantities).finish_non_exhaustive()
+    }
+}
+
+/// A hunt for one beacon after the other with a formation of drones; where turns are
+/// [shared](HuntConfig::shared_turns), every turn asks all of them, and the planner may weigh them.
+///
+/// It does no I/O and reads no clock: [`start`](Self::start), [`located`](Self::located),
+/// [`advance`](Self::advance) and [`sweep`](Self::sweep) take what happened, or
+/// [`reception`](Self::reception) where the drones make their own of their sweeps;
+/// [`poll_command`](Self::poll_command) and [`poll_event`](Self::poll_event) give what is to be
+/// done and what is to be logged. So the same code runs simulated, replayed and flown;
+/// [`drive`](super::drive) moves data between it and devices.
+///
+/// A drone that delivers nothing, does not move or is not located drops out of the formation and
+/// never stops the hunt; one that comes back is taken in again. A hunt that was broken off
+/// [goes on](Self::resume) from its log.
+pub struct Hunt {
+    extractor: Box<dyn BearingExtractor>,
+    planner: Box<dyn FormationPlanner>,
+    tracks: Box<dyn Tracks>,
+    config: HuntConfig,
+    targets: Vec<SearchedTarget>,
+    /// Absent until the hunt has begun.
+    flight: Option<Flight>,
+    phases: Phases,
+    since: f64,
+    /// The beacon that is searched for.
+    current: usize,
+    /// How often the present position was measured without receiving anything.
+    attempts: u32,
+    fixes: Vec<Fix>,
+    outbox: Outbox,
+    /// Which receptions were fused: drone, beacon, and the bits of the time.
+    fused: BTreeSet<(usize, BeaconId, u64)>,
+}
+
+/// A beacon that is to be found.
+#[derive(Debug)]
+struct SearchedTarget {
+    name: String,
+    state: SearchState,
+}
+
+/// How far the search for a beacon is.
+#[derive(Debug)]
+enum SearchState {
+    /// It has not begun.
+    Waiting,
+    /// It is on.
+    Active(Box<ActiveSearch>),
+    /// There is a fix.
+    Done,
+}
+
+/// The search for one beacon.
+#[derive(Debug)]
+struct ActiveSearch {
+    track: Track,
+    /// Formation positions, before the present one, at which it was received.
+    measured: u32,
+    /// Receptions fused at the present position.
+    received: u32,
+    /// How often it was not received where others were.
+    put_off: u32,
+    watch: StopWatch,
+    /// When the search began, in seconds.
+    began: f64,
+    /// How far all drones had flown by then, in metres.
+    flown_before_m: f64,
+}
+
+impl ActiveSearch {
+    /// How far the search has come at a time, when all drones have flown so far together.
+    fn progress(&self, time: f64, flown_m: f64) -> Progress {
+        Progress {
+            time_s: time - self.began,
+            path_m: flown_m - self.flown_before_m,
+            positions: self.measured,
+            estimate: self.track.position(),
+        }
+    }
+}
+
+impl SearchedTarget {
+    fn waiting(name: String) -> Self {
+        Self { name, state: SearchState::Waiting }
+    }
+
+    fn is_done(&self) -> bool {
+        matches!(self.state, SearchState::Done)
+    }
+
+    fn search(&self) -> Option<&ActiveSearch> {
+        match &self.state {
+            SearchState::Active(search) => Some(search),
+            _ => None,
+        }
+    }
+
+    fn search_mut(&mut self) -> Option<&mut ActiveSearch> {
+        match &mut self.state {
+            SearchState::Active(search) => Some(search),
+            _ => None,
+        }
+    }
+}
+
+impl Hunt {
+    /// A hunt for `beacons`, in their order, that has not begun.
+    ///
+    /// # Errors
+    ///
+    /// When there is no beacon, a field of the configuration is out of its range, no estimator can
+    /// be made, or it measures what the receptions do not hold.
+    pub fn new(parts: Parts, beacons: Vec<String>, config: HuntConfig) -> Result<Self, HuntError> {
+        config.check()?;
+        let Parts { extractor, planner, mut tracks, quantities } = parts;
+        let Some(name) = beacons.first().filter(|_| u16::try_from(beacons.len()).is_ok()) else {
+            return Err(HuntError::Nothing { missing: "beacon" });
+        };
+        let centre = config.prior_centre_m.map_or(Vector2::zeros(), Vector2::from);
+        let prior = Estimate::isotropic(centre, config.prior_sigma_m);
+        let search = Search { beacon: BeaconId(0), name, prior };
+        let trial = tracks
+            .begin(&search)
+            .map_err(|source| HuntError::Estimator { beacon: name.clone(), source })?;
+        let fed = |quantity: &Quantity| quantities.contains(quantity);
+        if let Some(&quantity) = trial.quantities().iter().find(|quantity| !fed(quantity)) {
+            return Err(HuntError::NotMeasured { quantity, measured: quantities });
+        }
+        Ok(Self {
+            extractor,
+            planner,
+            tracks,
+            config,
+            targets: beacons.into_iter().map(SearchedTarget::waiting).collect(),
+            flight: None,
+            phases: Phases::default(),
+            since: 0.0,
+            current: 0,
+            attempts: 0,
+            fixes: Vec::new(),
+            outbox: Outbox::default(),
+            fused: BTreeSet::new(),
+        })
+    }
+
+    /// Begins with the first beacon from where the drones stand, which is their home.
+    ///
+    /// # Errors
+    ///
+    /// When there is no drone, the hunt has begun before (it goes on as it was), two drones are
+    /// nearer to each other than the separation, one is where it may not fly, or there is no plan
+    /// or estimator.
+    pub fn start(&mut self, time: f64, stations: Vec<Station>) -> Result<(), HuntError> {
+        if stations.is_empty() {
+            return Err(HuntError::Nothing { missing: "drone" });
+        }
+        let phase = self.phases.phase();
+        if phase != Phase::Idle {
+            return Err(PhaseError { phase, signal: Signal::Begin }.into());
+        }
+        self.flight = Some(Flight::new(&self.config, time, stations)?);
+        self.begin_beacon(time).inspect_err(|_| self.reset())
+    }
+
+    /// As if it had not begun.
+    fn reset(&mut self) {
+        self.flight = None;
+        self.outbox = Outbox::default();
+        self.phases = Phases::default();
+        self.since = 0.0;
+        self.current = 0;
+        self.fixes.clear();
+        self.fused.clear();
+        for target in &mut self.targets {
+            target.state = SearchState::Waiting;
+        }
+    }
+
+    /// Takes note of where a drone is; to be called as often as that is known. One that is not
+    /// located for a while is lost.
+    pub fn located(&mut self, time: f64, drone: usize, pose: Pose) {
+        if let Some(flight) = &mut self.flight {
+            flight.located(time, drone, pose);
+        }
+    }
+
+    /// Lets time pass: drones fly on, arrive and drop out, and those that deliver nothing are given
+    /// up.
+    ///
+    /// # Errors
+    ///
+    /// When there is no estimator for the next beacon.
+    pub fn advance(&mut self, time: f64) -> Result<(), HuntError> {
+        let all_found = self.all_found();
+        let beacons = f64::from(u32::try_from(self.beacons_of_turn().len()).unwrap_or(u32::MAX));
+        let Some(flight) = &mut self.flight else { return Ok(()) };
+        flight.pass(time, &mut self.outbox);
+        if !all_found && let Some(reason) = flight.must_return(time) {
+            return self.recall(time, reason);
+        }
+        self.stop_by_budget(time)?;
+        let Some(flight) = &mut self.flight else { return Ok(()) };
+        let waited_s = time - self.since;
+        match self.phases.phase() {
+            Phase::Start | Phase::Moving(_) => {
+                if flight.is_formed() || waited_s >= self.config.move_timeout_s {
+                    self.signal(time, Signal::Arrived)?;
+                    self.attempts = 0;
+                    self.listen(time);
+                }
+                Ok(())
+            }
+            Phase::Measuring(_) => {
+                if waited_s >= self.config.turn_timeout_s * beacons {
+                    flight.give_up_turns(time, waited_s, &mut self.outbox);
+                }
+                if flight.is_waiting() { Ok(()) } else { self.position_done(time) }
+            }
+            Phase::Idle | Phase::Finished(_) => Ok(()),
+        }
+    }
+
+    /// Notes that a device failed; the hunt goes on. The same failure is one event in each phase.
+    pub fn device_failed(&mut self, time: f64, drone: Option<usize>, reason: String) {
+        self.outbox.failed(time, drone, reason);
+    }
+
+    /// Notes that a drone did not take its order to fly somewhere; the order is repeated.
+    pub fn not_sent(&mut self, time: f64, drone: usize, reason: String) {
+        if let Some(flight) = &mut self.flight {
+            flight.not_sent(drone);
+        }
+        self.device_failed(time, Some(drone), reason);
+    }
+
+    /// Notes that a drone did not take its order to land; the order is repeated for a while.
+    pub fn not_landed(&mut self, time: f64, drone: usize, reason: String) {
+        if let Some(flight) = &mut self.flight {
+            flight.not_landed(time, drone);
+        }
+        self.device_failed(time, Some(drone), reason);
+    }
+
+    /// The next thing to be done, each once.
+    pub fn poll_command(&mut self) -> Option<Command> {
+        self.outbox.next_command()
+    }
+
+    /// The next thing to be logged, each once, in the order in which it happened.
+    pub fn poll_event(&mut self) -> Option<Event> {
+        self.outbox.next_event()
+    }
+
+    /// Whether a drone still owes a sweep, awaited or late.
+    #[must_use]
+    pub fn awaits(&self, drone: usize) -> bool {
+        !self.owed_by(drone).is_empty()
+    }
+
+    /// Of which beacons a drone still owes a sweep.
+    #[must_use]
+    pub fn owed_by(&self, drone: usize) -> &[BeaconId] {
+        self.flight.as_ref().map_or(&[], |flight| flight.owed_by(drone))
+    }
+
+    /// How many drones there are; none before the start.
+    #[must_use]
+    pub fn drone_count(&self) -> usize {
+        self.flight.as_ref().map_or(0, Flight::drone_count)
+    }
+
+    /// Where the drones are and shall go; none before the start.
+    #[must_use]
+    pub fn stations(&self) -> Vec<Station> {
+        self.flight.as_ref().map_or_else(Vec::new, Flight::stations)
+    }
+
+    /// What the formation is doing.
+    #[must_use]
+    pub fn phase(&self) -> Phase {
+        self.phases.phase()
+    }
+
+    /// Whether every beacon is done, and the drones are home if they were to go there.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        self.all_found() && self.flight.as_ref().is_none_or(Flight::is_over)
+    }
+
+    /// What was found so far, in the order in which the searches ended.
+    #[must_use]
+    pub fn fixes(&self) -> &[Fix] {
+        &self.fixes
+    }
+
+    /// How many beacons are to be found, those that are done included.
+    #[must_use]
+    pub fn beacon_count(&self) -> usize {
+        self.targets.len()
+    }
+
+    /// What is believed of the beacon that is searched for now.
+    #[must_use]
+    pub fn estimate(&self) -> Option<Estimate<2>> {
+        Some(self.targets.get(self.current)?.search()?.track.position())
+    }
+
+    /// What is believed of every beacon that is searched for, and was found of those that are done.
+    #[must_use]
+    pub fn believed(&self) -> Vec<Believed<'_>> {
+        let mut believed = Vec::new();
+        for (index, target) in self.targets.iter().enumerate() {
+            let beacon = beacon_id(index);
+            let fix = || self.fixes.iter().find(|fix| fix.beacon == beacon).map(|fix| fix.estimate);
+            let estimate = target.search().map(|search| search.track.position()).or_else(fix);
+            let name = &target.name;
+            believed.extend(estimate.map(|estimate| Believed { beacon, name, estimate }));
+        }
+        believed
+    }
+
+    /// Whether there is a fix of every beacon.
+    fn all_found(&self) -> bool {
+        self.fixes.len() == self.targets.len()
+    }
+
+    /// The beacons of a turn: the one that is searched for, and all that are not done where turns
+    /// are shared.
+    fn beacons_of_turn(&self) -> Vec<BeaconId> {
+        let shared = self.config.shared_turns;
+        let open = |(index, target): &(usize, &SearchedTarget)| {
+            (shared || *index == self.current) && !target.is_done()
+        };
+        let open = self.targets.iter().enumerate().filter(open);
+        open.map(|(index, _)| beacon_id(index)).collect()
+    }
+
+    fn signal(&mut self, time: f64, signal: Signal) -> Result<(), HuntError> {
+        let phase = self.phases.signal(signal)?;
+        self.since = time;
+        self.outbox.emit(Event::PhaseChanged { time, phase });
+        Ok(())
+    }
+
+    /// Has every drone that is in the air turn its antenna.
+    fn listen(&mut self, time: f64) {
+        self.since = time;
+        let beacons = self.beacons_of_turn();
+        if let Some(flight) = &mut self.flight {
+            flight.listen(time, &beacons, &mut self.outbox);
+        }
+    }
+
+    /// What is believed of a beacon before the first reception.
+    fn prior(&self) -> Estimate<2> {
+        let centre = self.config.prior_centre_m.map(Vector2::from);
+        let centre = centre.unwrap_or_else(|| centroid(&self.stations()));
+        Estimate::isotropic(centre, self.config.prior_sigma_m)
+    }
+
+    /// Takes a drone's sweep. One that cannot be used is an event, never an error; one that comes
+    /// late, when it is no longer awaited, is used as long as its beacon is still searched for.
+    pub fn sweep(&mut self, time: f64, drone: usize, sweep: &Sweep<'_>) {
+        if !self.is_searched(sweep.beacon) {
+            self.note_delivery(time, drone, sweep.beacon, sweep.time);
+            return;
+        }
+        match self.read(sweep) {
+            Ok((reception, lack)) => self.fuse(time, drone, &reception, lack),
+            Err(reason) => self.nothing_received(time, drone, sweep.beacon, sweep.time, reason),
+        }
+    }
+
+    /// What the hunt's extractor reads in a sweep, or why it is of no use; for drones that send
+    /// [receptions](Self::reception) rather than sweeps.
+    ///
+    /// # Errors
+    ///
+    /// The reason in words, as it is logged.
+    pub fn extract(&self, sweep: &Sweep<'_>) -> Result<Reception, String> {
+        self.read(sweep).map(|(reception, _)| reception)
+    }
+
+    /// The reception of a sweep, and why there is no bearing in it.
+    fn read(&self, sweep: &Sweep<'_>) -> Result<(Reception, Option<NoBearing>), String> {
+        if !(sweep.time.is_finite() && sweep.receiver.is_finite()) {
+            return Err(format!(
+                "its end, {} s, or {:?} is not finite",
+                sweep.time, sweep.receiver
+            ));
+        }
+        // A source of ranges has no pattern to extract anything of.
+        if sweep.samples.is_empty() && !sweep.measured.is_empty() {
+            return Ok((Reception::without_pattern(sweep), None));
+        }
+        let reading = self.extractor.extract(sweep).map_err(|error| error.to_string())?;
+        Ok((Reception::new(sweep, &reading), reading.bearing.err()))
+    }
+
+    /// Takes a drone's reception of a beacon, extracted on board. It is fused once: the same
+    /// drone's reception of the same beacon at the same time, to the bit, makes no difference,
+    /// however often it comes. One that cannot be used is an event.
+    pub fn reception(&mut self, time: f64, drone: usize, reception: &Reception) {
+        self.fuse(time, drone, reception, None);
+    }
+
+    fn fuse(&mut self, time: f64, drone: usize, reception: &Reception, lack: Option<NoBearing>) {
+        let beacon = reception.beacon;
+        if self.has_fused(drone, reception) {
+            return;
+        }
+        let Some(in_time) = self.note_delivery(time, drone, beacon, reception.time) else { return };
+        let listening = matches!(self.phases.phase(), Phase::Measuring(_));
+        let index = usize::from(beacon.0);
+        let Some(search) = self.targets.get_mut(index).and_then(SearchedTarget::search_mut) else {
+            return;
+        };
+        if !(reception.time.is_finite() && reception.receiver.is_finite()) {
+            let Reception { time: ended, receiver, .. } = reception;
+            let reason = format!("its end, {ended} s, or {receiver:?} is not finite");
+            return self.outbox.emit(Event::Refused { time, drone, reason });
+        }
+        // What no observation can be made of, a NaN from another computer, must not stand in the
+        // log: it could not be read back.
+        let pair = ByQuantity([Quantity::RSS, Quantity::BEARING]);
+        if let Err(error) = pair.observation(reception) {
+            return self.outbox.emit(Event::Refused { time, drone, reason: error.to_string() });
+        }
+        let mut reception = *reception;
+        let assumed = self.config.receiver_sigma_m.map(Vector3::repeat);
+        reception.receiver_sigma_m = reception.receiver_sigma_m.or(assumed);
+        self.fused.insert((drone, beacon, reception.time.to_bits()));
+        let first_position = search.measured == 0;
+        self.outbox.emit(Event::Received { time, drone, first_position, reception });
+        let reason = match search.track.update(&reception, first_position) {
+            Ok(TrackStep::Updated { correction, degrees_of_freedom }) => {
+                // A late one is of the place where it was made, and not of this position.
+                let counts = in_time && listening && correction != Correction::Empty;
+                search.received += u32::from(counts);
+                self.outbox.emit(Event::Corrected {
+                    time,
+                    drone,
+                    beacon: Some(beacon),
+                    correction,
+                    degrees_of_freedom: Some(degrees_of_freedom),
+                    estimate: search.track.position(),
+                });
+                if let Some(NisHealth::Diverged { average, interval }) = search.track.alarm() {
+                    let average_nis = average;
+                    let event = Event::FilterDiverged { time, beacon, average_nis, interval };
+                    self.outbox.emit(event);
+                }
+                self.planner.observe(&reception);
+                return;
+            }
+            Ok(TrackStep::Skipped) => {
+                lack.map_or_else(|| "it has no bearing".to_owned(), |lack| lack.to_string())
+            }
+            Err(error) => error.to_string(),
+        };
+        self.outbox.emit(Event::Refused { time, drone, reason });
+    }
+
+    /// Takes note that nothing of use was received of a beacon in a drone's turn, which ended at
+    /// `ended`.
+    pub fn nothing_received(
+        &mut self,
+        time: f64,
+        drone: usize,
+        beacon: BeaconId,
+        ended: f64,
+        reason: String,
+    ) {
+        let known = self.note_delivery(time, drone, beacon, ended).is_some();
+        if known && self.is_searched(beacon) {
+            self.outbox.emit(Event::Refused { time, drone, reason });
+        }
+    }
+
+    /// Whether a drone's reception came before: of the same beacon at the same time, to the bit.
+    #[must_use]
+    pub fn has_fused(&self, drone: usize, reception: &Reception) -> bool {
+        self.fused.contains(&(drone, reception.beacon, reception.time.to_bits()))
+    }
+
+    /// Whether a beacon's search has not begun, so that receptions of it are of no use yet.
+    #[must_use]
+    pub fn is_yet_to_come(&self, beacon: BeaconId) -> bool {
+        let target = self.targets.get(usize::from(beacon.0));
+        target.is_some_and(|target| !target.is_done() && target.search().is_none())
+    }
+
+    fn is_searched(&self, beacon: BeaconId) -> bool {
+        self.targets.get(usize::from(beacon.0)).is_some_and(|target| target.search().is_some())
+    }
+
+    fn note_delivery(
+        &mut self,
+        time: f64,
+        drone: usize,
+        beacon: BeaconId,
+        ended: f64,
+    ) -> Option<bool> {
+        self.flight.as_mut()?.delivered(time, drone, beacon, ended)
+    }
+
+    /// Adds a beacon that has shown up: the next turn asks it where turns are shared, and otherwise
+    /// it has its turn after those before it.
+    ///
+    /// # Errors
+    ///
+    /// When the hunt is over, there is no room for another number, or no estimator.
+    pub fn add_beacon(&mut self, time: f64, name: String) -> Result<BeaconId, HuntError> {
+        let phase = self.phases.phase();
+        if self.all_found() {
+            return Err(PhaseError { phase, signal: Signal::Begin }.into());
+        }
+        let index = self.targets.len();
+        if u16::try_from(index + 1).is_err() {
+            return Err(HuntError::Nothing { missing: "number that is free for another beacon" });
+        }
+        self.targets.push(SearchedTarget::waiting(name));
+        if self.config.shared_turns && phase != Phase::Idle {
+            let begun = self.begin_search(time, index);
+            begun.inspect_err(|_| self.targets.truncate(index))?;
+        }
+        Ok(beacon_id(index))
+    }
+
+    /// Turns to the first beacon that is not done.
+    fn begin_beacon(&mut self, time: f64) -> Result<(), HuntError> {
+        let Some(next) = self.targets.iter().position(|target| !target.is_done()) else {
+            return Ok(());
+        };
+        self.current = next;
+        for beacon in self.beacons_of_turn() {
+            self.begin_search(time, usize::from(beacon.0))?;
+        }
+        let planned = self.plan(time, |planner, targets, stations| match targets {
+            // Nothing was received of it yet.
+            [] => planner.begin(stations),
+            [target, ..] => planner.resume(target.belief, stations),
+        });
+        if let Err(source) = planned {
+            let beacon = self.targets[next].name.clone();
+            if self.fixes.is_empty() {
+                return Err(HuntError::Plan { beacon, source });
+            }
+            self.signal(time, Signal::Begin)?;
+            return self.give_up(time, Outcome::NoPlan, source.to_string());
+        }
+        self.signal(time, Signal::Begin)?;
+        self.recalled_for_cost(time)?;
+        Ok(())
+    }
+
+    /// Recalls everyone if the formation that was just planned cannot be afforded.
+    fn recalled_for_cost(&mut self, time: f64) -> Result<bool, HuntError> {
+        let recall = self.flight.as_mut().and_then(Flight::cannot_afford);
+        let recalled = recall.is_some();
+        if let Some(recall) = recall {
+            self.recall(time, recall)?;
+        }
+        Ok(recalled)
+    }
+
+    /// Makes a belief of a beacon, unless there is one.
+    fn begin_search(&mut self, time: f64, index: usize) -> Result<(), HuntError> {
+        if !matches!(self.targets[index].state, SearchState::Waiting) {
+            return Ok(());
+        }
+        let (beacon, hunt_prior) = (beacon_id(index), self.prior());
+        let name = self.targets[index].name.clone();
+        let flown_m = self.flight.as_ref().map_or(0.0, Flight::flown_m);
+        let search = self.new_search(index, &hunt_prior, time, flown_m)?;
+        let prior = search.track.prior();
+        let hunt_prior = (prior != hunt_prior).then_some(hunt_prior);
+        self.targets[index].state = SearchState::Active(Box::new(search));
+        self.outbox.emit(Event::BeaconStarted { time, beacon, name, prior, hunt_prior });
+        Ok(())
+    }
+
+    /// A search that begins at a time from what the hunt believes of the beacon's place.
+    fn new_search(
+        &mut self,
+        index: usize,
+        prior: &Estimate<2>,
+        began: f64,
+        flown_before_m: f64,
+    ) -> Result<ActiveSearch, HuntError> {
+        let name = &self.targets[index].name;
+        let search = Search { beacon: beacon_id(index), name, prior: *prior };
+        let track = self
+            .tracks
+            .begin(&search)
+            .map_err(|source| HuntError::Estimator { beacon: name.clone(), source })?;
+        let watch = StopWatch::new(self.config.stop);
+        Ok(ActiveSearch {
+            track,
+            measured: 0,
+            received: 0,
+            put_off: 0,
+            watch,
+            began,
+            flown_before_m,
+        })
+    }
+
+    /// Goes on when every drone of the present formation position has delivered or was given up.
+    fn position_done(&mut self, time: f64) -> Result<(), HuntError> {
+        let received = |target: &SearchedTarget| target.search().is_some_and(|s| s.received > 0);
+        let received: Vec<bool> = self.targets.iter().map(received).collect();
+        for search in self.targets.iter_mut().filter_map(SearchedTarget::search_mut) {
+            search.measured += u32::from(mem::take(&mut search.received) > 0);
+        }
+        self.stop_by_rule(time, &received)?;
+        if self.targets[self.current].is_done() {
+            return self.next_beacon(time);
+        }
+        if !received[self.current] {
+            let open = |index: &usize| received[*index] && !self.targets[*index].is_done();
+            return match (0..received.len()).find(open) {
+                Some(other) => self.put_off(time, other),
+                None => self.listen_again(time),
+            };
+        }
+        let decided =
+            self.plan(time, |planner, targets, stations| planner.plan_together(targets, stations));
+        self.decided(time, decided)
+    }
+
+    /// Listens once more where nothing was received, or gives the present beacon up: the planner
+    /// would take an estimate that did not move for one that has settled.
+    fn listen_again(&mut self, time: f64) -> Result<(), HuntError> {
+        self.attempts += 1;
+        if self.attempts < self.config.attempts {
+            self.listen(time);
+            return Ok(());
+        }
+        let reason = format!("nothing was received of it in {} turns", self.attempts);
+        self.give_up_without_signal(time, reason)
+    }
+
+    /// Goes on with another beacon that was received where the present one was not, and comes back
+    /// to this one; it is given up when that has happened too often, so that every hunt ends.
+    fn put_off(&mut self, time: f64, other: usize) -> Result<(), HuntError> {
+        if let Some(search) = self.targets[self.current].search_mut() {
+            search.put_off += 1;
+            if search.put_off >= self.config.attempts {
+                let reason = format!("others were received without it {} times", search.put_off);
+                return self.give_up_without_signal(time, reason);
+            }
+        }
+        self.current = other;
+        let decided = self.plan(time, |planner, targets, stations| match targets {
+            [] => Err(PlanError::NoPlace),
+            [target, ..] => planner.resume(target.belief, stations),
+        });
+        self.decided(time, decided.map(|()| Decision::Listen(Stage::Searching)))
+    }
+
+    fn give_up_without_signal(&mut self, time: f64, reason: String) -> Result<(), HuntError> {
+        let before = self.targets[self.current].search().is_some_and(|s| s.measured > 0);
+        let outcome = if before { Outcome::SignalLost } else { Outcome::NoSignal };
+        self.give_up(time, outcome, reason)
+    }
+
+    /// Ends the searches whose time or path is used up, wherever the drones are.
+    fn stop_by_budget(&mut self, time: f64) -> Result<(), HuntError> {
+        let flown_m = self.flight.as_ref().map_or(0.0, Flight::flown_m);
+        for index in 0..self.targets.len() {
+            let Some(search) = self.targets[index].search() else { continue };
+            let Progress { time_s, path_m, .. } = search.progress(time, flown_m);
+            let Some(stop) = self.config.stop.budget(time_s, path_m) else { continue };
+            if index == self.current {
+                return self.give_up(time, stop.outcome, stop.to_string());
+            }
+            let (beacon, outcome, reason) = (beacon_id(index), stop.outcome, stop.to_string());
+            self.outbox.emit(Event::Stopped { time, beacon, outcome, reason });
+            self.close(time, index, outcome);
+        }
+        Ok(())
+    }
+
+    /// Ends the searches that a rule of the configuration ends, among those with a reception at
+    /// this position.
+    fn stop_by_rule(&mut self, time: f64, received: &[bool]) -> Result<(), HuntError> {
+        let flown_m = self.flight.as_ref().map_or(0.0, Flight::flown_m);
+        for index in (0..received.len()).filter(|index| received[*index]) {
+            let Some(search) = self.targets[index].search_mut() else { continue };
+            let progress = search.progress(time, flown_m);
+            if let Some(stop) = search.watch.check(&progress) {
+                let (beacon, outcome, reason) = (beacon_id(index), stop.outcome, stop.to_string());
+                self.outbox.emit(Event::Stopped { time, beacon, outcome, reason });
+                if index == self.current {
+                    self.signal(time, Signal::Decided(Decision::Finish(outcome)))?;
+                }
+                self.close(time, index, outcome);
+            }
+        }
+        Ok(())
+    }
+
+    /// Calls the planner with what is believed of the present beacon and then of the others of a
+    /// shared turn, none where nothing was received yet, and sends the drones.
+    fn plan<T>(
+        &mut self,
+        time: f64,
+        decide: impl FnOnce(
+            &mut dyn FormationPlanner,
+            &[Target<'_>],
+            &mut [Station],
+        ) -> Result<T, PlanError>,
+    ) -> Result<T, PlanError> {
+        let Some(flight) = &mut self.flight else { return Err(PlanError::NoPlace) };
+        let others = (0..self.targets.len()).filter(|index| *index != self.current);
+        let searched = |index: usize| Some((index, self.targets[index].search()?));
+        let current = searched(self.current).filter(|(_, search)| search.track.steps() > 0);
+        let others = others.filter_map(searched).filter(|_| current.is_some());
+        let targets: Vec<_> = current
+            .into_iter()
+            .chain(others)
+            .map(|(index, search)| Target {
+                beacon: beacon_id(index),
+                belief: search.track.belief(),
+            })
+            .collect();
+        let (planner, outbox) = (&mut self.planner, &mut self.outbox);
+        flight.form(time, &targets, outbox, |stations, outbox| {
+            let decision = decide(planner.as_mut(), &targets, stations)?;
+            let mut reason = String::new();
+            if planner.explain(&mut reason).is_ok() && !reason.is_empty() {
+                outbox.emit(Event::Planned { time, beacon: beacon_id(self.current), reason });
+            }
+            Ok(decision)
+        })
+    }
+
+    /// Does what the planner decided.
+    fn decided(
+        &mut self,
+        time: f64,
+        decision: Result<Decision, PlanError>,
+    ) -> Result<(), HuntError> {
+        let decision = match decision {
+            Ok(decision) => decision,
+            Err(error) => return self.give_up(time, Outcome::NoPlan, error.to_string()),
+        };
+        if matches!(decision, Decision::Listen(_)) && self.recalled_for_cost(time)? {
+            return Ok(());
+        }
+        self.signal(time, Signal::Decided(decision))?;
+        if let Phase::Finished(outcome) = self.phases.phase() {
+            self.close(time, self.current, outcome);
+            return self.next_beacon(time);
+        }
+        Ok(())
+    }
+
+    /// Ends the search for the present beacon for a reason that the planner does not know.
+    fn give_up(&mut self, time: f64, outcome: Outcome, reason: String) -> Result<(), HuntError> {
+        let beacon = beacon_id(self.current);
+        self.outbox.emit(Event::Stopped { time, beacon, outcome, reason });
+        self.signal(time, Signal::GivenUp(outcome))?;
+        self.close(time, self.current, outcome);
+        self.next_beacon(time)
+    }
+
+    /// Ends all searches, those that have not begun included, and sends the drones home.
+    fn recall(&mut self, time: f64, reason: Recall) -> Result<(), HuntError> {
+        let Recall { outcome, reason } = reason;
+        if !matches!(self.phases.phase(), Phase::Idle | Phase::Finished(_)) {
+            self.signal(time, Signal::GivenUp(outcome))?;
+        }
+        if let Some(flight) = &mut self.flight {
+            flight.go_home(time, reason.clone(), &mut self.outbox);
+        }
+        for index in 0..self.targets.len() {
+            if !self.targets[index].is_done() {
+                self.begin_search(time, index)?;
+                let (beacon, reason) = (beacon_id(index), reason.clone());
+                self.outbox.emit(Event::Stopped { time, beacon, outcome, reason });
+                self.close(time, index, outcome);
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes a fix of what is believed of a beacon.
+    fn close(&mut self, time: f64, index: usize, outcome: Outcome) {
+        let target = &mut self.targets[index];
+        let SearchState::Active(search) = mem::replace(&mut target.state, SearchState::Done) else {
+            return;
+        };
+        let fix = Fix {
+            beacon: beacon_id(index),
+            name: target.name.clone(),
+            estimate: search.track.position(),
+            steps: search.track.steps(),
+            formation_positions: search.measured,
+            outcome,
+        };
+        if let Some(places) = cloud(search.track.belief()) {
+            self.outbox.emit(Event::Cloud { time, beacon: fix.beacon, places });
+        }
+        self.outbox.emit(Event::BeaconFinished { time, fix: fix.clone() });
+        self.fixes.push(fix);
+    }
+
+    /// Goes on with the next beacon, or home after the last.
+    fn next_beacon(&mut self, time: f64) -> Result<(), HuntError> {
+        if !self.all_found() {
+            return self.begin_beacon(time);
+        }
+        if let Some(flight) = self.flight.as_mut().filter(|flight| flight.returns()) {
+            flight.go_home(time, "every beacon is done".to_owned(), &mut self.outbox);
+        }
+        Ok(())
+    }
+}
+
+/// What is believed of one of a hunt's beacons.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Believed<'a> {
+    /// Which beacon.
+    pub beacon: BeaconId,
+    /// Its name.
+    pub name: &'a str,
+    /// Where it is believed to be.
+    pub estimate: Estimate<2>,
+}
+
+/// Beacons are counted in sixteen bits, which `new` and `take_in` see to.
+fn beacon_id(index: usize) -> BeaconId {
+    BeaconId(u16::try_from(index).unwrap_or(u16::MAX))
+}
+
+fn centroid(stations: &[Station]) -> Vector2<f64> {
+    let count = u32::try_from(stations.len()).unwrap_or(u32::MAX).max(1);
+    stations.iter().map(|s| s.pose.position.xy()).sum::<Vector2<f64>>() / f64::from(count)
+}
+
+impl fmt::Debug for Hunt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Hunt")
+            .field("config", &self.config)
+            .field("targets", &self.targets)
+            .field("phase", &self.phases.phase())
+            .field("fixes", &self.fixes)
+            .finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,25 @@
+//! The hunt: sweeps and receptions go in, corrections, goals and events come out.
+
+mod cloud;
+mod command;
+mod config;
+mod drive;
+mod error;
+mod event;
+mod flight;
+mod machine;
+mod outbox;
+mod place_estimate;
+mod track;
+
+pub use command::Command;
+pub use config::HuntConfig;
+pub use drive::{
+    BoxedDrone, BoxedSource, BoxedVehicle, DeviceError, Devices, DriveError, Drone, Erased,
+    boxed_source, drive,
+};
+pub use error::HuntError;
+pub use event::{Event, Fix, FlightStage};
+pub use machine::{Believed, Hunt, Parts, Search, Tracks};
+pub use place_estimate::PlaceEstimate;
+pub use track::{Components, TimeStep, Track, TrackConfig, TrackError, TrackStep, WithoutBearing};

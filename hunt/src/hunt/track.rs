@@ -1,0 +1,447 @@
+use std::mem;
+
+use foxhunt_core::{
+    BearingModes, Belief, ByQuantity, Correction, Estimate, Estimator, EstimatorError, Intake,
+    MeasurementModel, ObservationError, Quantity, Reception, parameter::ParameterError,
+};
+use foxhunt_filters::consistency::{Monitored, NisHealth, NisWatchdog, Whiteness};
+use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
+
+/// How receptions are put to an estimator.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrackConfig {
+    /// What a prediction's Δt counts; by default seconds.
+    pub time_step: TimeStep,
+    /// σ of the level in dB while the first formation position of a beacon is measured; the
+    /// reading's own where absent, as by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_position_rss_sigma_db: Option<f64>,
+    /// σ of the level in dB after that; the reading's own where absent, as by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rss_sigma_db: Option<f64>,
+    /// What is done with a reception without a bearing; by default its level is used.
+    pub without_bearing: WithoutBearing,
+    /// Which of level and bearing are used; by default both.
+    pub components: Components,
+}
+
+impl TrackConfig {
+    /// The reference's (Pritzl 2018, §4.4 and §5.1): a step for every pattern used, σ of the
+    /// level 1000 dB at the first formation position and 7.9 dB after it, no pattern without a
+    /// bearing.
+    #[must_use]
+    pub const fn pritzl2018() -> Self {
+        Self {
+            time_step: TimeStep::PerReception,
+            first_position_rss_sigma_db: Some(1000.0),
+            rss_sigma_db: Some(7.9),
+            without_bearing: WithoutBearing::Discard,
+            components: Components::Both,
+        }
+    }
+
+    /// Refuses what is out of its range.
+    ///
+    /// # Errors
+    ///
+    /// [`ParameterError`] names the field.
+    pub fn check(&self) -> Result<(), ParameterError> {
+        use foxhunt_core::parameter::positive;
+        for (name, sigma) in [
+            ("first_position_rss_sigma_db", self.first_position_rss_sigma_db),
+            ("rss_sigma_db", self.rss_sigma_db),
+        ] {
+            sigma.map(|sigma| positive(name, sigma)).transpose()?;
+        }
+        Ok(())
+    }
+
+    /// The reception with the σ and the components of this configuration.
+    fn apply_to(&self, reception: &Reception, first_position: bool) -> Reception {
+        let mut used = *reception;
+        let first = self.first_position_rss_sigma_db.filter(|_| first_position);
+        if let (Some(sigma), Some(level)) = (first.or(self.rss_sigma_db), &mut used.level) {
+            // The correlation with the bearing stays as it was read.
+            used.covariance *= sigma / level.sigma_db;
+            level.sigma_db = sigma;
+        }
+        match self.components {
+            Components::Both => {}
+            Components::RssOnly => {
+                used.bearing = None;
+                used.modes = BearingModes::default();
+            }
+            Components::BearingOnly => {
+                used.level = None;
+                used.covariance = 0.0;
+            }
+        }
+        used
+    }
+}
+
+/// What a prediction's Δt counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TimeStep {
+    /// Seconds between the receptions.
+    #[default]
+    Elapsed,
+    /// One for every reception, the first included.
+    PerReception,
+}
+
+/// What is done with a reception without a bearing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum WithoutBearing {
+    /// Its level is used.
+    #[default]
+    UseLevel,
+    /// Nothing: it makes no step at all.
+    Discard,
+}
+
+/// Which of level and bearing an estimator is given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Components {
+    /// Both.
+    #[default]
+    Both,
+    /// Signal strength alone.
+    RssOnly,
+    /// Bearings alone (Pritzl 2018, §7, by a σ of the level of 1000 dB).
+    BearingOnly,
+}
+
+/// From this σ in dB on a level counts as no degree of freedom (Pritzl 2018, §4.4).
+const NO_LEVEL_SIGMA_DB: f64 = 1000.0;
+
+/// One beacon's estimator, whatever its state and its measurement, and how receptions are put to
+/// it. The only way of a reception into an estimator: live, simulated, replayed and from a file.
+pub struct Track {
+    estimator: Box<dyn Fed>,
+    config: TrackConfig,
+    prior: Estimate<2>,
+    time: Option<f64>,
+    steps: u32,
+    watchdog: NisWatchdog,
+    health: NisHealth,
+    /// Whether the last reception was the one at which the filter began to count as diverged.
+    alarm: bool,
+}
+
+impl Track {
+    /// A track that is fed by the names of its model's quantities ([`ByQuantity`]).
+    pub fn new<const N: usize, const M: usize>(
+        estimator: impl Estimator<N, M> + 'static,
+        config: TrackConfig,
+    ) -> Self {
+        let intake = ByQuantity(estimator.quantities());
+        Self::of(Joined { estimator, intake }, config)
+    }
+
+    /// A track that is fed by an intake of its own.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::Quantity`] when the intake's components are not those of the estimator's
+    /// model.
+    pub fn with_intake<const N: usize, const M: usize>(
+        estimator: impl Estimator<N, M> + 'static,
+        intake: impl Intake<M> + 'static,
+        config: TrackConfig,
+    ) -> Result<Self, EstimatorError> {
+        let pairs = intake.quantities().into_iter().zip(estimator.quantities());
+        for (component, (fed, expected)) in pairs.enumerate() {
+            if fed != expected {
+                return Err(EstimatorError::Quantity { component, fed, expected });
+            }
+        }
+        Ok(Self::of(Joined { estimator, intake }, config))
+    }
+
+    /// A track that keeps the normalised innovations over `model`, for
+    /// [whiteness](Self::add_innovations_to).
+    pub fn monitored<const N: usize, const M: usize>(
+        estimator: impl Estimator<N, M> + 'static,
+        model: impl MeasurementModel<N, M> + 'static,
+        config: TrackConfig,
+    ) -> Self {
+        let intake = ByQuantity(estimator.quantities());
+        let estimator = Monitored::new(estimator, model);
+        Self::of(Watched(Joined { estimator, intake }), config)
+    }
+
+    fn of(estimator: impl Fed + 'static, config: TrackConfig) -> Self {
+        let watchdog = NisWatchdog::default();
+        Self {
+            prior: estimator.position(),
+            estimator: Box::new(estimator),
+            config,
+            time: None,
+            steps: 0,
+            health: watchdog.health(),
+            watchdog,
+            alarm: false,
+        }
+    }
+
+    /// Sets what the log calls the prior, where the first two moments of the estimator are not
+    /// exactly those that it was made of.
+    #[must_use]
+    pub fn with_prior(self, prior: Estimate<2>) -> Self {
+        Self { prior, ..self }
+    }
+
+    /// Sets when the prior is of, in seconds; that of the first reception unless given.
+    #[must_use]
+    pub fn starting_at(self, time: f64) -> Self {
+        Self { time: Some(time), ..self }
+    }
+
+    /// Predicts to the reception's time and conditions the belief on it. For a reception that is
+    /// older than the one before no time passes; an estimator that goes back in time, such as
+    /// [`OutOfOrder`](foxhunt_filters::OutOfOrder), uses it at its own, where steps count seconds.
+    ///
+    /// # Errors
+    ///
+    /// [`TrackError`] when the reception is no observation or the estimator refuses it. Nothing
+    /// was updated then; a prediction may have been made.
+    pub fn update(
+        &mut self,
+        reception: &Reception,
+        first_position: bool,
+    ) -> Result<TrackStep, TrackError> {
+        self.alarm = false;
+        // What the turn itself lacks counts, not what `components` strike out.
+        if !reception.has_bearing() && self.config.without_bearing == WithoutBearing::Discard {
+            return Ok(TrackStep::Skipped);
+        }
+        let used = self.config.apply_to(reception, first_position);
+        self.estimator.check(&used)?;
+        let now = self.time.map_or(used.time, |before| before.max(used.time));
+        let dt = match self.config.time_step {
+            TimeStep::PerReception => 1.0,
+            TimeStep::Elapsed => now - self.time.unwrap_or(now),
+        };
+        self.estimator.predict(dt)?;
+        self.time = Some(now);
+        let (correction, degrees) = self.estimator.update(&used)?;
+        self.steps += u32::from(correction != Correction::Empty);
+        let before = mem::replace(&mut self.health, self.watchdog.observe(&correction, degrees));
+        let diverged = |health| matches!(health, NisHealth::Diverged { .. });
+        self.alarm = diverged(self.health) && !diverged(before);
+        Ok(TrackStep::Updated { correction, degrees_of_freedom: degrees })
+    }
+
+    /// What its estimator measures.
+    #[must_use]
+    pub fn quantities(&self) -> Vec<Quantity> {
+        self.estimator.quantities()
+    }
+
+    /// What is believed of the beacon's place.
+    #[must_use]
+    pub fn belief(&self) -> &dyn Belief {
+        self.estimator.as_belief()
+    }
+
+    /// The first two moments of the beacon's place.
+    #[must_use]
+    pub fn position(&self) -> Estimate<2> {
+        self.estimator.position()
+    }
+
+    /// The first two moments of the beacon's place before the first reception.
+    #[must_use]
+    pub fn prior(&self) -> Estimate<2> {
+        self.prior
+    }
+
+    /// The consistency of the normalised innovations of the last 10 receptions, at 10⁻⁴
+    /// ([`NisWatchdog::default`]).
+    pub fn health(&self) -> NisHealth {
+        self.health
+    }
+
+    /// The consistency, if the last reception was the one at which the filter began to count as
+    /// diverged.
+    #[must_use]
+    pub fn alarm(&self) -> Option<NisHealth> {
+        self.alarm.then_some(self.health)
+    }
+
+    /// Adds its normalised innovations as one run; none unless it is [monitored](Self::monitored).
+    pub fn add_innovations_to(&self, whiteness: &mut Whiteness) {
+        self.estimator.add_innovations_to(whiteness);
+    }
+
+    /// How many receptions went through the estimator, rejected ones included.
+    #[must_use]
+    pub fn steps(&self) -> u32 {
+        self.steps
+    }
+}
+
+impl std::fmt::Debug for Track {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Track")
+            .field("quantities", &self.quantities())
+            .field("config", &self.config)
+            .field("position", &self.position())
+            .field("steps", &self.steps)
+            .finish_non_exhaustive()
+    }
+}
+
+/// What became of a reception.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[must_use = "nothing else says whether the reception was used"]
+pub enum TrackStep {
+    /// It went through the estimator.
+    Updated {
+        /// What the estimator did.
+        correction: Correction,
+        /// How many components the reception had for it: the degrees of freedom of the normalised
+        /// innovation squared. A level of σ 1000 dB or more counts for none.
+        degrees_of_freedom: usize,
+    },
+    /// It has no bearing, and without one it is not used.
+    Skipped,
+}
+
+/// Why a reception could not be used.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TrackError {
+    /// It is no observation.
+    #[error("the reception is no observation: {0}")]
+    Observation(#[from] ObservationError),
+    /// The estimator refused it.
+    #[error("the estimator cannot use it: {0}")]
+    Estimator(#[from] EstimatorError),
+}
+
+/// An estimator that takes receptions: its dimensions are hidden.
+trait Fed: Belief {
+    fn quantities(&self) -> Vec<Quantity>;
+
+    /// Refuses a reception that no observation can be made of, before anything is predicted.
+    fn check(&self, reception: &Reception) -> Result<(), ObservationError>;
+
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError>;
+
+    /// What the update did, and its degrees of freedom.
+    fn update(&mut self, reception: &Reception) -> Result<(Correction, usize), TrackError>;
+
+    fn as_belief(&self) -> &dyn Belief;
+
+    fn add_innovations_to(&self, _whiteness: &mut Whiteness) {}
+}
+
+struct Joined<E, I, const N: usize, const M: usize> {
+    estimator: E,
+    intake: I,
+}
+
+impl<E, I, const N: usize, const M: usize> Belief for Joined<E, I, N, M>
+where
+    E: Estimator<N, M>,
+{
+    fn position(&self) -> Estimate<2> {
+        self.estimator.estimate().position()
+    }
+
+    fn visit_positions(&self, visit: &mut dyn FnMut(&Vector2<f64>, f64)) {
+        self.estimator.visit_samples(&mut |state, weight| {
+            visit(&state.fixed_rows::<2>(0).into_owned(), weight);
+        });
+    }
+}
+
+impl<E, I, const N: usize, const M: usize> Fed for Joined<E, I, N, M>
+where
+    E: Estimator<N, M>,
+    I: Intake<M>,
+{
+    fn quantities(&self) -> Vec<Quantity> {
+        self.intake.quantities().to_vec()
+    }
+
+    fn check(&self, reception: &Reception) -> Result<(), ObservationError> {
+        self.intake.observation(reception).map(|_| ())
+    }
+
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+        self.estimator.predict(dt)
+    }
+
+    fn update(&mut self, reception: &Reception) -> Result<(Correction, usize), TrackError> {
+        let Some(observation) = self.intake.observation(reception)? else {
+            return Ok((Correction::Empty, 0));
+        };
+        let useless = |component: usize| {
+            let level = self.intake.quantities()[component] == Quantity::RSS;
+            let sigma = observation.noise()[(component, component)].sqrt();
+            level && sigma >= NO_LEVEL_SIGMA_DB
+        };
+        let degrees = (0..M).filter(|&i| observation.has(i) && !useless(i)).count();
+        Ok((self.estimator.update(&observation)?, degrees))
+    }
+
+    fn as_belief(&self) -> &dyn Belief {
+        self
+    }
+}
+
+/// An estimator that keeps its innovations.
+struct Watched<E, H, I, const N: usize, const M: usize>(Joined<Monitored<E, H, M>, I, N, M>);
+
+impl<E, H, I, const N: usize, const M: usize> Belief for Watched<E, H, I, N, M>
+where
+    E: Estimator<N, M>,
+    H: MeasurementModel<N, M>,
+{
+    fn position(&self) -> Estimate<2> {
+        self.0.position()
+    }
+
+    fn visit_positions(&self, visit: &mut dyn FnMut(&Vector2<f64>, f64)) {
+        self.0.visit_positions(visit);
+    }
+}
+
+impl<E, H, I, const N: usize, const M: usize> Fed for Watched<E, H, I, N, M>
+where
+    E: Estimator<N, M>,
+    H: MeasurementModel<N, M>,
+    I: Intake<M>,
+{
+    fn quantities(&self) -> Vec<Quantity> {
+        self.0.quantities()
+    }
+
+    fn check(&self, reception: &Reception) -> Result<(), ObservationError> {
+        self.0.check(reception)
+    }
+
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+        self.0.predict(dt)
+    }
+
+    fn update(&mut self, reception: &Reception) -> Result<(Correction, usize), TrackError> {
+        self.0.update(reception)
+    }
+
+    fn as_belief(&self) -> &dyn Belief {
+        self
+    }
+
+    fn add_innovations_to(&self, whiteness: &mut Whiteness) {
+        whiteness.add_run(self.0.estimator.innovations());
+    }
+}

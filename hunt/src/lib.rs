@@ -1,0 +1,16 @@
+//! The hunt: what joins sweeps, estimators, planners and drones, its log, and what stands in files.
+//!
+//! [`hunt`] imports nothing of the other modules: it works with any implementors of the traits of
+//! `foxhunt-core`. Above it lie [`config`], which makes parts of what stands in files and on
+//! command lines; [`locate`], the estimators that take all receptions at once; the [`registry`] of
+//! all that has a name; the [`log`]; and [`scenario`]s.
+
+pub mod calibration;
+pub mod config;
+pub mod hunt;
+pub mod locate;
+pub mod log;
+#[cfg(feature = "maps")]
+pub mod planners;
+pub mod registry;
+pub mod scenario;

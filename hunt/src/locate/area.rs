@@ -1,0 +1,101 @@
+use foxhunt_core::{Estimate, Reception};
+#[cfg(feature = "batch")]
+use foxhunt_sensors::FreePowerRssBearing;
+use foxhunt_sensors::{LogDistance, ParameterError, Propagation};
+use nalgebra::Vector2;
+
+/// The exponent where neither it nor the reference power is known: between free space and
+/// clutter (the median of the VHF recordings that the project is tested on).
+pub(crate) const FREE_EXPONENT: f64 = 2.3;
+
+/// σ of the reference power before the first reception, in dB: from a tag to a hand-held radio.
+pub(crate) const FREE_POWER_SIGMA_DB: f64 = 20.0;
+
+/// The square that is searched: it holds every receiver and the margin about them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Area {
+    centre: Vector2<f64>,
+    half_side: f64,
+}
+
+impl Area {
+    pub(crate) fn about(receptions: &[Reception], margin: f64) -> Self {
+        let places = receptions.iter().map(|reception| reception.receiver.position.xy());
+        let (low, high) = places.fold(
+            (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY)),
+            |(low, high), place| (low.inf(&place), high.sup(&place)),
+        );
+        Self { centre: (low + high) / 2.0, half_side: (high - low).max() / 2.0 + margin }
+    }
+
+    /// A Gaussian with the moments of a uniform density over the square.
+    pub(crate) fn prior(&self) -> Estimate<2> {
+        Estimate::isotropic(self.centre, self.half_side / 3.0_f64.sqrt())
+    }
+
+    /// The centres of the square's ninths.
+    #[cfg(feature = "batch")]
+    pub(crate) fn starts(&self) -> Vec<Vector2<f64>> {
+        let step = self.half_side * 2.0 / 3.0;
+        let row = |north: f64| [-step, 0.0, step].map(|east| Vector2::new(east, north));
+        [-step, 0.0, step].into_iter().flat_map(row).map(|way| self.centre + way).collect()
+    }
+}
+
+/// The model of a transmitter of unknown power, and the prior of its place and power: the power
+/// is the one of a transmitter in the middle of the area, to within 20 dB.
+#[cfg(feature = "batch")]
+pub(crate) fn free_power(
+    receptions: &[Reception],
+    area: &Area,
+    up: f64,
+) -> Result<(FreePowerRssBearing, Estimate<3>), ParameterError> {
+    let model = FreePowerRssBearing::new(FREE_EXPONENT)?.with_target_up(up)?;
+    let place = area.prior();
+    let power = reference_power(receptions, &place.mean, up)?;
+    let mut prior = Estimate::isotropic(place.mean.push(power), FREE_POWER_SIGMA_DB);
+    prior.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&place.covariance);
+    Ok((model, prior))
+}
+
+/// The reference power that the levels have on average if the transmitter is at a place.
+pub(crate) fn reference_power(
+    receptions: &[Reception],
+    place: &Vector2<f64>,
+    up: f64,
+) -> Result<f64, ParameterError> {
+    let unit = LogDistance::new(0.0, FREE_EXPONENT)?;
+    let levels: Vec<f64> = receptions
+        .iter()
+        .filter_map(|reception| {
+            let range = (place.push(up) - reception.receiver.position).norm();
+            Some(reception.level?.rss_dbm - unit.rss_dbm(range))
+        })
+        .collect();
+    let count = u32::try_from(levels.len()).unwrap_or(u32::MAX).max(1);
+    Ok(levels.iter().sum::<f64>() / f64::from(count))
+}
+
+#[cfg(all(test, feature = "batch"))]
+mod tests {
+    use foxhunt_core::Pose;
+
+    use super::*;
+
+    #[test]
+    fn the_starts_are_spread_over_the_square() {
+        let at = |east, north| Reception {
+            receiver: Pose::at(east, north, 0.0),
+            ..Reception::default()
+        };
+        // 100 m wide and a margin of 10 m: a half side of 60 m about (50, 20).
+        let area = Area::about(&[at(0.0, 0.0), at(100.0, 40.0)], 10.0);
+        let starts = area.starts();
+        assert_eq!(starts.len(), 9);
+        for (start, place) in [(0, (10.0, -20.0)), (4, (50.0, 20.0)), (5, (90.0, 20.0))] {
+            assert!((starts[start] - Vector2::new(place.0, place.1)).norm() < 1e-9, "{start}");
+        }
+        let prior = area.prior();
+        assert!((prior.covariance[(0, 0)] - 1200.0).abs() < 1e-9, "{prior:?}");
+    }
+}

@@ -1,0 +1,90 @@
+use foxhunt_core::{EstimatorError, Quantity, parameter::ParameterError};
+#[cfg(feature = "batch")]
+use foxhunt_filters::BatchError;
+use foxhunt_filters::ShadowingGridError;
+
+use crate::{config::RegistryError, hunt::TrackError};
+
+/// Why a transmitter was not located.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LocateError {
+    /// Nothing was received.
+    #[error("none of {receptions} receptions holds a level, a bearing or anything else")]
+    Nothing {
+        /// How many receptions there were.
+        receptions: usize,
+    },
+    /// The estimator with a name cannot use the receptions.
+    #[error("the estimator {estimator}: {source}")]
+    Named {
+        /// Which estimator.
+        estimator: String,
+        /// Why not.
+        source: Box<LocateError>,
+    },
+    /// The estimator works on levels alone, and there are none.
+    #[error("it needs received levels, and there are none")]
+    NoLevels,
+    /// The estimator works on bearings alone, and there are none.
+    #[error("it needs bearings, and there are none")]
+    NoBearings,
+    /// The estimator works on a quantity that no reception holds.
+    #[error("it needs {quantity}, and no reception holds it")]
+    NoQuantity {
+        /// Which one.
+        quantity: Quantity,
+    },
+    /// The estimator needs to know the power.
+    #[error("it needs the transmitter's power and the exponent (--p0-dbm, --exponent)")]
+    NoPower,
+    /// The estimator needs to know where the reference receiver is.
+    #[error("it needs the place of the reference receiver (--reference-m)")]
+    NoReference,
+    /// The bearings are too few, or do not meet.
+    #[cfg(feature = "batch")]
+    #[error(
+        "it finds no place where the bearings meet ({0}); batch-multistart and particle hold to \
+         the searched area and may do"
+    )]
+    Bearings(#[source] BatchError),
+    /// The receptions have no most probable place, or it was not found.
+    #[cfg(feature = "batch")]
+    #[error("it finds no place: {0}")]
+    Batch(#[from] BatchError),
+    /// The grid cannot use the levels.
+    #[error(transparent)]
+    Grid(#[from] ShadowingGridError),
+    /// A parameter is out of its range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The estimator cannot be made.
+    #[error("the estimator cannot start: {0}")]
+    Start(EstimatorError),
+    /// The estimator has no such setting.
+    #[error(transparent)]
+    Setting(#[from] RegistryError),
+    /// No reception was used: none holds what the estimator measures, or its gate kept all out.
+    #[error(
+        "the estimator {estimator} used none of {receptions} receptions; it measures {}",
+        quantities.iter().map(|quantity| quantity.name()).collect::<Vec<_>>().join(", ")
+    )]
+    NotUsed {
+        /// Which estimator.
+        estimator: String,
+        /// How many receptions there were.
+        receptions: usize,
+        /// What it measures.
+        quantities: Vec<Quantity>,
+    },
+    /// The estimator cannot use a reception.
+    #[error("reception {index} (at {time} s) cannot be used: {source}")]
+    Reception {
+        /// Which reception, from 0.
+        index: usize,
+        /// When it was made, in seconds.
+        time: f64,
+        /// Why not.
+        source: TrackError,
+    },
+}

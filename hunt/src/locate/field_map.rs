@@ -1,0 +1,29 @@
+use foxhunt_core::Reception;
+use foxhunt_filters::{FieldMap, FieldMapConfig};
+use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+
+use super::{LocateConfig, LocateError, Located, Locator, located::levels};
+
+/// Where the level is highest on a map without any law of propagation (`filters::FieldMap`): a
+/// baseline, that cannot know of a transmitter outside of the receivers' area.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HighestOnMap;
+
+impl Locator for HighestOnMap {
+    fn locate(
+        &self,
+        receptions: &[Reception],
+        config: &LocateConfig,
+    ) -> Result<Located, LocateError> {
+        let levels = levels(receptions)?;
+        let map = FieldMapConfig { margin_m: config.margin_m, ..FieldMapConfig::default() };
+        let mut generator = Xoshiro256PlusPlus::seed_from_u64(config.seed);
+        let field = FieldMap::fit(&levels, &map)?;
+        let maximum = field.maximum(&mut generator)?;
+        Ok(Located {
+            observations: levels.len(),
+            border_mass: Some(maximum.map.border_mass()),
+            ..Located::at(maximum.position)
+        })
+    }
+}

@@ -1,0 +1,250 @@
+//! The registry: everything that has a name, open to a user's own entries.
+//!
+//! A name means one thing wherever it is used: hunts, replays, `locate`, trials, campaigns and
+//! lists read the same entry. What a caller cannot honour is an error, never dropped.
+
+mod combined;
+mod entries;
+mod estimators;
+mod extractors;
+mod field;
+mod locators;
+mod parts;
+mod planners;
+mod stream;
+
+pub use crate::config::RegistryError;
+pub use entries::{
+    EstimatorEntry, ExtractorEntry, MakeExtractor, MakePlanner, MakeSource, MakeTrack, Need, Needs,
+    PlannerEntry, Recipe, SourceEntry, TrackRequest, beacon_seed,
+};
+pub use estimators::DEFAULT_ESTIMATOR;
+pub use extractors::{RECOMMENDED_EXTRACTOR, antenna_named};
+pub use field::Field;
+pub use parts::{HuntExtractor, HuntParts, PartsError};
+
+use std::sync::Arc;
+
+use foxhunt_core::{BearingExtractor, FormationPlanner};
+
+use crate::{
+    config::{ExtractorConfig, ExtractorConfigError, PlannerConfig, PlannerConfigError},
+    locate::Locator,
+};
+
+/// Everything that has a name.
+#[derive(Clone, Debug)]
+pub struct Registry {
+    estimators: Vec<EstimatorEntry>,
+    extractors: Vec<ExtractorEntry>,
+    planners: Vec<PlannerEntry>,
+    sources: Vec<SourceEntry>,
+}
+
+impl Registry {
+    /// What the library brings.
+    #[must_use]
+    pub fn builtin() -> Self {
+        Self {
+            estimators: estimators::builtin(),
+            extractors: extractors::builtin(),
+            planners: planners::builtin(),
+            sources: Vec::new(),
+        }
+    }
+
+    /// Adds an estimator, or replaces the one of its name.
+    #[must_use]
+    pub fn with_estimator(mut self, entry: EstimatorEntry) -> Self {
+        put(&mut self.estimators, entry, |entry| &entry.name);
+        self
+    }
+
+    /// Adds an extractor, or replaces the one of its name.
+    #[must_use]
+    pub fn with_extractor(mut self, entry: ExtractorEntry) -> Self {
+        put(&mut self.extractors, entry, |entry| &entry.name);
+        self
+    }
+
+    /// Adds a planner, or replaces the one of its name.
+    #[must_use]
+    pub fn with_planner(mut self, entry: PlannerEntry) -> Self {
+        put(&mut self.planners, entry, |entry| &entry.name);
+        self
+    }
+
+    /// Adds a source of sweeps for simulated worlds, or replaces the one of its name.
+    #[must_use]
+    pub fn with_source(mut self, entry: SourceEntry) -> Self {
+        put(&mut self.sources, entry, |entry| &entry.name);
+        self
+    }
+
+    /// Every estimator, in the order of the list.
+    #[must_use]
+    pub fn estimators(&self) -> &[EstimatorEntry] {
+        &self.estimators
+    }
+
+    /// Every extractor.
+    #[must_use]
+    pub fn extractors(&self) -> &[ExtractorEntry] {
+        &self.extractors
+    }
+
+    /// Every planner.
+    #[must_use]
+    pub fn planners(&self) -> &[PlannerEntry] {
+        &self.planners
+    }
+
+    /// Every source besides those of [`SourceConfig`](crate::config::SourceConfig).
+    #[must_use]
+    pub fn sources(&self) -> &[SourceEntry] {
+        &self.sources
+    }
+
+    /// The estimator of a name.
+    ///
+    /// # Errors
+    ///
+    /// [`RegistryError::Unknown`] lists the names that there are.
+    pub fn estimator(&self, name: &str) -> Result<&EstimatorEntry, RegistryError> {
+        find("estimator", &self.estimators, name, |entry| &entry.name)
+    }
+
+    /// The extractor of a name.
+    ///
+    /// # Errors
+    ///
+    /// [`RegistryError::Unknown`] lists the names that there are.
+    pub fn extractor(&self, name: &str) -> Result<&ExtractorEntry, RegistryError> {
+        find("extractor", &self.extractors, name, |entry| &entry.name)
+    }
+
+    /// The planner of a name.
+    ///
+    /// # Errors
+    ///
+    /// [`RegistryError::Unknown`] lists the names that there are.
+    pub fn planner(&self, name: &str) -> Result<&PlannerEntry, RegistryError> {
+        find("planner", &self.planners, name, |entry| &entry.name)
+    }
+
+    /// The source of a name.
+    ///
+    /// # Errors
+    ///
+    /// [`RegistryError::Unknown`] lists the names that there are.
+    pub fn source(&self, name: &str) -> Result<&SourceEntry, RegistryError> {
+        find("source", &self.sources, name, |entry| &entry.name)
+    }
+
+    /// Builds an extractor; one that is registered under a name by its entry.
+    ///
+    /// # Errors
+    ///
+    /// [`ExtractorConfigError`] names what is out of its range or not known.
+    pub fn build_extractor(
+        &self,
+        config: &ExtractorConfig,
+    ) -> Result<Box<dyn BearingExtractor + Send + Sync>, ExtractorConfigError> {
+        match config {
+            ExtractorConfig::Registered { name } => match &self.extractor(name)?.recipe {
+                Recipe::Settings(ExtractorConfig::Registered { .. }) => {
+                    Err(ExtractorConfigError::Circle { name: name.clone() })
+                }
+                Recipe::Settings(settings) => settings.build(),
+                Recipe::Own(build) => Ok(build()),
+            },
+            config => config.build(),
+        }
+    }
+
+    /// Builds a planner; one that is registered under a name by its entry, in a field.
+    ///
+    /// # Errors
+    ///
+    /// [`PlannerConfigError`] names what is out of its range or not known.
+    pub fn build_planner(
+        &self,
+        config: &PlannerConfig,
+        field: &Field,
+    ) -> Result<Box<dyn FormationPlanner>, PlannerConfigError> {
+        match config {
+            PlannerConfig::Registered { name } => match &self.planner(name)?.recipe {
+                Recipe::Settings(settings) => settings(field).build(),
+                Recipe::Own(build) => Ok(build(field)),
+            },
+            config => config.build(),
+        }
+    }
+}
+
+impl Default for Registry {
+    /// [`Registry::builtin`].
+    fn default() -> Self {
+        Self::builtin()
+    }
+}
+
+/// What locates with an estimator that takes all receptions at once.
+type AtOnce = Arc<dyn Locator>;
+
+fn put<E>(entries: &mut Vec<E>, entry: E, name: impl Fn(&E) -> &str) {
+    match entries.iter().position(|known| name(known) == name(&entry)) {
+        Some(index) => entries[index] = entry,
+        None => entries.push(entry),
+    }
+}
+
+fn find<'a, E>(
+    what: &'static str,
+    entries: &'a [E],
+    name: &str,
+    name_of: impl Fn(&E) -> &str,
+) -> Result<&'a E, RegistryError> {
+    entries.iter().find(|entry| name_of(entry) == name).ok_or_else(|| RegistryError::Unknown {
+        what,
+        name: name.to_owned(),
+        known: entries.iter().map(|entry| name_of(entry).to_owned()).collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::FilterConfig;
+
+    #[test]
+    fn names_are_found_and_differ() {
+        let registry = Registry::builtin();
+        for (index, entry) in registry.estimators().iter().enumerate() {
+            let found = registry.estimator(&entry.name).expect("it is listed");
+            assert!(std::ptr::eq(found, &registry.estimators()[index]), "{} twice", entry.name);
+        }
+        for entry in registry.extractors() {
+            assert!(registry.extractor(&entry.name).is_ok());
+        }
+        let error = registry.estimator("kalman").expect_err("no such name").to_string();
+        assert!(error.contains("\"kalman\"") && error.contains("ukf-pritzl2018"), "{error}");
+    }
+
+    #[test]
+    fn an_entry_of_ones_own_is_added_or_replaces() {
+        let count = Registry::builtin().estimators().len();
+        let settings = |registry: &Registry, name: &str| {
+            *registry.estimator(name).expect("known").settings().expect("settings")
+        };
+        let mut small = settings(&Registry::builtin(), "particle");
+        small.filter = FilterConfig::Particle { count: 100, adaptive_bin: None };
+        let own = |name: &str| {
+            EstimatorEntry::of_settings(name.to_owned(), "a small cloud", "none", small)
+        };
+        let registry = Registry::builtin().with_estimator(own("tiny")).with_estimator(own("ukf"));
+        assert_eq!(registry.estimators().len(), count + 1);
+        assert_eq!(settings(&registry, "tiny"), small);
+        assert_eq!(settings(&registry, "ukf"), small);
+    }
+}

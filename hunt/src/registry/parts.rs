@@ -1,0 +1,104 @@
+use foxhunt_core::{Quantity, parameter::ParameterError};
+use foxhunt_sensors::{AntennaError, Calibrated};
+use nalgebra::Vector3;
+
+use super::{EstimatorEntry, Field, Registry, RegistryError, TrackRequest, entries::beacon_seed};
+use crate::{
+    calibration::BearingCalibration,
+    config::{
+        BoxedExtractor, ExtractorConfig, ExtractorConfigError, ModelConfig, PlannerConfigError,
+    },
+    hunt::{Hunt, HuntConfig, HuntError, Parts, Search},
+};
+
+/// An extractor that was chosen at run time, with the calibration of its bearings.
+pub type HuntExtractor = Calibrated<BoxedExtractor>;
+
+/// What a hunt is made of, as it stands in files.
+#[derive(Clone, Debug)]
+pub struct HuntParts<'a> {
+    /// What the names in it mean.
+    pub registry: &'a Registry,
+    /// What makes a level and a bearing of a turn.
+    pub extractor: &'a ExtractorConfig,
+    /// How the bearings err; as they are where absent.
+    pub bearings: Option<BearingCalibration>,
+    /// The planner and what it needs to know.
+    pub field: Field,
+    /// What the estimators take for the law of propagation.
+    pub model: &'a ModelConfig,
+    /// What estimates.
+    pub estimator: &'a EstimatorEntry,
+    /// Time-outs, tolerances, the prior.
+    pub hunt: &'a HuntConfig,
+    /// The beacons' names, in their order.
+    pub beacons: Vec<String>,
+    /// What the drones' sources measure besides level and bearing.
+    pub quantities: Vec<Quantity>,
+    /// The seed of estimators that draw random numbers.
+    pub seed: u64,
+}
+
+impl HuntParts<'_> {
+    /// Puts them together.
+    ///
+    /// # Errors
+    ///
+    /// [`PartsError`] names the part that cannot be built.
+    pub fn build(self) -> Result<Hunt, PartsError> {
+        let estimator = self.estimator.clone();
+        estimator.require_stream()?;
+        let model = self.model.build()?;
+        let reference = self.model.reference_m.map(Vector3::from);
+        let seed = self.seed;
+        let tracks = move |search: &Search<'_>| {
+            let seed = beacon_seed(seed, search.beacon);
+            let request = TrackRequest { search: *search, model: &model, reference, seed };
+            estimator.track(&request, false)
+        };
+        let planner = self.registry.build_planner(&self.field.planner, &self.field)?;
+        let extractor = self.registry.hunt_extractor(self.extractor, self.bearings)?;
+        let parts = Parts::new(extractor, planner, tracks).with_quantities(&self.quantities);
+        Ok(Hunt::new(parts, self.beacons, self.hunt.clone())?)
+    }
+}
+
+impl Registry {
+    /// Builds the extractor of a hunt alone: for a drone that makes receptions of its own sweeps.
+    ///
+    /// # Errors
+    ///
+    /// [`PartsError`] names what is out of range.
+    pub fn hunt_extractor(
+        &self,
+        extractor: &ExtractorConfig,
+        bearings: Option<BearingCalibration>,
+    ) -> Result<HuntExtractor, PartsError> {
+        let extractor = self.build_extractor(extractor)?;
+        bearings.unwrap_or_default().wrap(extractor).map_err(PartsError::Bearings)
+    }
+}
+
+/// Why a hunt could not be put together.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PartsError {
+    /// The estimator's law of propagation is out of range.
+    #[error("the model: {0}")]
+    Model(#[from] AntennaError),
+    /// The extractor cannot be built.
+    #[error("the extractor: {0}")]
+    Extractor(#[from] ExtractorConfigError),
+    /// The calibration of bearings is out of range.
+    #[error("the bearings: {0}")]
+    Bearings(#[source] ParameterError),
+    /// The planner cannot be built.
+    #[error("the planner: {0}")]
+    Planner(#[from] PlannerConfigError),
+    /// A name is not known, or cannot be honoured.
+    #[error(transparent)]
+    Name(#[from] RegistryError),
+    /// The hunt cannot be built.
+    #[error(transparent)]
+    Hunt(#[from] HuntError),
+}

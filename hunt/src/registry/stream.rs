@@ -1,0 +1,115 @@
+use foxhunt_core::{BeaconId, Correction, Reception};
+use foxhunt_sensors::{LogDistance, RssBearing};
+
+use super::{EstimatorEntry, Registry, RegistryError, TrackRequest};
+use crate::{
+    config::{EstimatorConfig, ReceiverModel},
+    hunt::{Components, Search, TrackStep},
+    locate::{
+        Area, FREE_EXPONENT, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Power,
+        reference_power,
+    },
+};
+
+impl EstimatorEntry {
+    /// Locates a transmitter that stays where it is, from the receptions of one or more drones: one
+    /// drone after the other, each in the order of its path. An estimator that takes all at once
+    /// gets them so; any other one gets them in the order of time, through a
+    /// [`Track`](crate::hunt::Track) as in flight.
+    ///
+    /// # Errors
+    ///
+    /// [`LocateError`] when there is too little to go by, or the estimator cannot use it.
+    pub fn locate(
+        &self,
+        receptions: &[Reception],
+        config: &LocateConfig,
+    ) -> Result<Located, LocateError> {
+        let holds = |r: &Reception| r.level.is_some() || r.has_bearing() || !r.measured.is_empty();
+        if !receptions.iter().any(holds) {
+            return Err(LocateError::Nothing { receptions: receptions.len() });
+        }
+        let Some(locator) = self.locator() else { return in_time(receptions, self, config) };
+        locator.locate(receptions, config).map_err(|source| LocateError::Named {
+            estimator: self.name.clone().into_owned(),
+            source: Box::new(source),
+        })
+    }
+}
+
+impl Registry {
+    /// The estimator that suits some receptions of a still transmitter: the grid with correlated
+    /// shadowing where there are levels alone, else the particle filter, which takes bearings as
+    /// they are.
+    ///
+    /// # Errors
+    ///
+    /// [`RegistryError`] where it is not in the registry.
+    pub fn suited_to(&self, receptions: &[Reception]) -> Result<&EstimatorEntry, RegistryError> {
+        let bearings = receptions.iter().any(Reception::has_bearing);
+        self.estimator(if bearings { "particle" } else { "shadowing-grid" })
+    }
+}
+
+/// One reception after the other, in the order of time.
+fn in_time(
+    receptions: &[Reception],
+    estimator: &EstimatorEntry,
+    config: &LocateConfig,
+) -> Result<Located, LocateError> {
+    let area = Area::about(receptions, config.margin_m);
+    let prior = area.prior();
+    let (law, free) = match config.power {
+        Power::Known { reference_dbm, exponent } => {
+            (LogDistance::new(reference_dbm, exponent)?, false)
+        }
+        Power::Free => {
+            let power = reference_power(receptions, &prior.mean, config.target_up_m)?;
+            (LogDistance::new(power, FREE_EXPONENT)?, true)
+        }
+    };
+    let model: ReceiverModel = RssBearing::new(law).with_target_up(config.target_up_m)?.into();
+    // Who does not use levels needs no power; who has settings is given the one that is not known.
+    let uses_levels = estimator
+        .settings()
+        .is_some_and(|settings| settings.track.components != Components::BearingOnly);
+    let estimator = if free && uses_levels {
+        let change = |settings: &mut EstimatorConfig| {
+            settings.power_sigma_db = Some(FREE_POWER_SIGMA_DB);
+        };
+        estimator.with_settings("power_sigma_db", change)?
+    } else {
+        estimator.clone()
+    };
+    let beacon = BeaconId(0);
+    let request = TrackRequest {
+        search: Search { beacon, name: "transmitter", prior },
+        model: &model,
+        reference: config.reference_m,
+        seed: config.seed,
+    };
+    let mut track = estimator.track(&request, false).map_err(LocateError::Start)?;
+    let mut used = 0;
+    let mut rejected = 0;
+    let mut in_time: Vec<(usize, &Reception)> = receptions.iter().enumerate().collect();
+    in_time.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time));
+    for (index, reception) in in_time {
+        // A recording has no formation positions.
+        match track.update(reception, false) {
+            Ok(TrackStep::Updated { correction: Correction::Fused { .. }, .. }) => used += 1,
+            Ok(TrackStep::Updated { correction: Correction::Rejected { .. }, .. }) => rejected += 1,
+            Ok(TrackStep::Updated { .. } | TrackStep::Skipped) => {}
+            Err(source) => {
+                return Err(LocateError::Reception { index, time: reception.time, source });
+            }
+        }
+    }
+    if used == 0 {
+        return Err(LocateError::NotUsed {
+            estimator: estimator.name.clone().into_owned(),
+            receptions: receptions.len(),
+            quantities: track.quantities(),
+        });
+    }
+    Ok(Located { observations: used, rejected, ..Located::at(track.position()) })
+}

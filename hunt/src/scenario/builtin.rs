@@ -1,0 +1,57 @@
+use super::Scenario;
+
+/// The scenario that is flown when none is named.
+pub const DEFAULT_SCENARIO: &str = "pritzl-6.1";
+
+/// The built-in scenarios' texts, by name.
+const TEXTS: [(&str, &str); 13] = [
+    ("pritzl-6.1", include_str!("../../scenarios/pritzl-6.1.toml")),
+    ("pritzl-7.2", include_str!("../../scenarios/pritzl-7.2.toml")),
+    ("pritzl-7.3", include_str!("../../scenarios/pritzl-7.3.toml")),
+    ("pritzl-7.4", include_str!("../../scenarios/pritzl-7.4.toml")),
+    ("pritzl-7.4.1", include_str!("../../scenarios/pritzl-7.4.1.toml")),
+    ("pritzl-7.5", include_str!("../../scenarios/pritzl-7.5.toml")),
+    ("isaacs-static", include_str!("../../scenarios/isaacs-static-flown.toml")),
+    ("isaacs-line", include_str!("../../scenarios/isaacs-line-flown.toml")),
+    ("isaacs-circle", include_str!("../../scenarios/isaacs-circle-flown.toml")),
+    ("far-start", include_str!("../../scenarios/far-start.toml")),
+    ("three-beacons", include_str!("../../scenarios/three-beacons.toml")),
+    ("one-drone", include_str!("../../scenarios/one-drone.toml")),
+    ("rough-field", include_str!("../../scenarios/rough-field.toml")),
+];
+
+pub(super) fn text_of(name: &str) -> Option<&'static str> {
+    TEXTS.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
+}
+
+/// The scenarios that need no file.
+#[must_use]
+pub fn builtin_scenarios() -> Vec<Scenario> {
+    TEXTS
+        .iter()
+        .map(|(name, text)| Scenario::parse(text, name).expect("a test parses each of them"))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clock_that_does_not_move_is_refused() {
+        let text = TEXTS[0].1.to_owned() + "\n[simulation]\ntick_s = 1e-300\n";
+        let error = Scenario::parse(&text, "slow.toml").expect_err("it would never end");
+        let error = error.to_string();
+        assert!(error.contains("slow.toml: simulation.tick_s is"), "{error}");
+    }
+
+    #[test]
+    fn every_text_is_a_scenario_of_its_name() {
+        let registry = crate::registry::Registry::builtin();
+        for (name, text) in TEXTS {
+            let scenario = Scenario::parse(text, name).expect("a built-in scenario is in order");
+            assert_eq!(scenario.name, name);
+            assert!(registry.estimator(&scenario.estimator).is_ok());
+        }
+    }
+}

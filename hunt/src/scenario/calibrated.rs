@@ -1,0 +1,41 @@
+use foxhunt_core::parameter::ParameterError;
+
+use super::Scenario;
+use crate::{
+    calibration::{BearingCalibration, CalibrationFile},
+    config::BoxedExtractor,
+};
+
+impl CalibrationFile {
+    /// An extractor with what is known of bearings: that of the station if there is one, else
+    /// `extractor` with its bearings corrected.
+    ///
+    /// # Errors
+    ///
+    /// Names the number that is out of its range.
+    pub fn extractor(&self, extractor: BoxedExtractor) -> Result<BoxedExtractor, ParameterError> {
+        match (&self.station, &self.bearings) {
+            (Some(station), _) => Ok(Box::new(station.build()?)),
+            (None, Some(bearings)) => Ok(Box::new(bearings.correction.wrap(extractor)?)),
+            (None, None) => Ok(extractor),
+        }
+    }
+
+    /// What corrects bearings; nothing where the file has none.
+    #[must_use]
+    pub fn bearing_calibration(&self) -> BearingCalibration {
+        self.bearings.as_ref().map_or_else(<_>::default, |bearings| bearings.correction)
+    }
+
+    /// Sets what is known of a scenario's hunt: the path loss of its model, the errors of its
+    /// bearings. What is true in it stays.
+    pub fn apply_to(&self, scenario: &mut Scenario) {
+        if let Some(path_loss) = &self.path_loss {
+            scenario.model.reference_dbm = path_loss.p0_dbm;
+            scenario.model.exponent = path_loss.exponent;
+        }
+        if let Some(bearings) = &self.bearings {
+            scenario.bearings = Some(bearings.correction);
+        }
+    }
+}

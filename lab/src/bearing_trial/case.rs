@@ -1,0 +1,73 @@
+/// What is wrong with the turns of a campaign of bearings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BearingCase {
+    /// Its name, as `foxhunt compare extractors` takes it.
+    pub name: &'static str,
+    /// What it is, in a line.
+    pub about: &'static str,
+    /// How many distinct boresights a turn has, equally spaced.
+    pub boresights: u16,
+    /// The share of boresights without a reading, each by chance.
+    pub lost: f64,
+    /// The share of the circle, in one piece, without a reading.
+    pub blocked: f64,
+    /// The amplitude of a reflection over that of the direct wave.
+    pub reflected: f64,
+}
+
+impl BearingCase {
+    /// How many positions a turn has that the boresights are sorted into.
+    pub const POSITIONS: u16 = 128;
+
+    /// How many readings each boresight has.
+    pub const READINGS: u16 = 6;
+
+    /// σ of a reading in dB.
+    pub const SIGMA_DB: f64 = 2.0;
+}
+
+/// Every case that has a name.
+#[must_use]
+pub fn bearing_cases() -> [BearingCase; 5] {
+    let clean = BearingCase {
+        name: "bearing-clean",
+        about: "turns of 128 × 6 readings with nothing but noise",
+        boresights: BearingCase::POSITIONS,
+        lost: 0.0,
+        blocked: 0.0,
+        reflected: 0.0,
+    };
+    [
+        clean,
+        BearingCase {
+            name: "bearing-lost",
+            about: "turns with 30 % of the positions lost, each by chance",
+            lost: 0.3,
+            ..clean
+        },
+        BearingCase {
+            name: "bearing-reflector",
+            about: "turns with a reflection at half amplitude, its direction and phase by chance",
+            reflected: 0.5,
+            ..clean
+        },
+        BearingCase {
+            name: "bearing-65",
+            about: "turns of a body: 65 × 6 readings sorted into 128 positions",
+            boresights: 65,
+            ..clean
+        },
+        BearingCase {
+            name: "bearing-block",
+            about: "turns with 30 % of the circle missing in one piece, anywhere",
+            blocked: 0.3,
+            ..clean
+        },
+    ]
+}
+
+/// The case of a name.
+#[must_use]
+pub fn bearing_case_named(name: &str) -> Option<BearingCase> {
+    bearing_cases().into_iter().find(|case| case.name == name)
+}

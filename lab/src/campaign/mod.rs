@@ -1,0 +1,22 @@
+//! Seeded Monte Carlo: the same scenario many times, and the statistics of each contender.
+
+mod antennas;
+mod fleet_watch;
+mod fleets;
+mod planners;
+mod run;
+
+pub use antennas::{
+    AntennaComparison, AntennaSetup, AntennasReport, SetupCampaign, antennas_campaign,
+};
+pub use fleet_watch::{Breach, Violation};
+pub use fleets::{FailedRun, FleetsReport, fleets_campaign};
+pub use planners::{
+    OutcomeCount, PLANNER_SCENARIOS, PlannedBeacon, PlannerCampaign, PlannerComparison,
+    PlannersReport, planners_campaign,
+};
+pub(crate) use run::Sample;
+pub use run::{
+    BeaconCampaign, CampaignError, CampaignReport, Checkpoint, EstimatorCampaign, OWN, Repetition,
+    campaign, campaign_with,
+};

@@ -1,0 +1,174 @@
+use foxhunt_core::Outcome;
+use serde::Serialize;
+
+use foxhunt_hunt::{
+    registry::{EstimatorEntry, PlannerEntry, Registry},
+    scenario::Scenario,
+};
+
+use super::{
+    BeaconCampaign, CampaignError, Repetition,
+    run::{Flights, Flown, beacon_names, durations, simulate, summarise},
+};
+use crate::{
+    Paired, Runner, Spread,
+    simulation::{SearchProgress, Setup},
+};
+
+/// The built-in scenarios in which planners are compared: near, far, several beacons in shared
+/// turns, and one drone alone.
+pub const PLANNER_SCENARIOS: [&str; 4] = ["pritzl-6.1", "far-start", "three-beacons", "one-drone"];
+
+/// A scenario's hunts with each planner.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlannersReport {
+    /// The scenario's name.
+    pub scenario: String,
+    /// The estimator's name, the same for every planner.
+    pub estimator: String,
+    /// How many hunts each planner flew.
+    pub runs: u32,
+    /// The seed of the first run; run i has this plus i, with every planner.
+    pub seed: u64,
+    /// The planners, in the order of the call.
+    pub planners: Vec<PlannerCampaign>,
+    /// Every planner but the first against the first, by beacon.
+    pub comparisons: Vec<PlannerComparison>,
+}
+
+/// One planner's campaign.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlannerCampaign {
+    /// The planner's name.
+    pub planner: String,
+    /// How long a hunt took in simulated seconds; absent where none came to an end.
+    pub duration_s: Option<Spread>,
+    /// The beacons, in their order.
+    pub beacons: Vec<PlannedBeacon>,
+}
+
+/// One planner on one beacon over all runs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlannedBeacon {
+    /// The figures that every campaign has.
+    #[serde(flatten)]
+    pub figures: BeaconCampaign,
+    /// How the searches ended, the most frequent end first; those of a hunt that could not go on
+    /// are not among them.
+    pub outcomes: Vec<OutcomeCount>,
+}
+
+/// In how many runs a search ended so.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct OutcomeCount {
+    /// How.
+    pub outcome: Outcome,
+    /// In how many.
+    pub runs: u32,
+}
+
+impl OutcomeCount {
+    /// Counts ends, the most frequent one first.
+    pub(super) fn of(outcomes: impl IntoIterator<Item = Outcome>) -> Vec<Self> {
+        let mut counts: Vec<Self> = Vec::new();
+        for outcome in outcomes {
+            match counts.iter_mut().find(|count| count.outcome == outcome) {
+                Some(count) => count.runs += 1,
+                None => counts.push(Self { outcome, runs: 1 }),
+            }
+        }
+        counts.sort_by_key(|count| std::cmp::Reverse(count.runs));
+        counts
+    }
+}
+
+/// How two planners compare run by run: the ratios of the first one's figures over the second
+/// one's. A figure is absent where less than two runs have it with both; runs in which one of them
+/// never got to 3 m have no ratio to compare, and `never` counts them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlannerComparison {
+    /// The beacon's name.
+    pub beacon: String,
+    /// The planner whose figures are divided.
+    pub planner: String,
+    /// By this one's.
+    pub against: String,
+    /// Steps until the 95 % ellipse's semi-major axis is below 3 m.
+    pub steps_to_3m: Option<Paired>,
+    /// Simulated seconds until then.
+    pub time_to_3m_s: Option<Paired>,
+    /// Metres that all drones flew.
+    pub path_m: Option<Paired>,
+    /// Metres from the estimate to the truth.
+    pub error_m: Option<Paired>,
+}
+
+/// Flies a scenario with each planner, otherwise as [`campaign`](super::campaign) does.
+///
+/// Runs of one number share their seed, so that beacons, drones and what belongs to places are the
+/// same with every planner; what a drone draws at a place is not, as they fly elsewhere.
+///
+/// # Errors
+///
+/// [`CampaignError`] when the scenario, the estimator or a planner cannot be built.
+pub fn planners_campaign(
+    registry: &Registry,
+    scenario: &Scenario,
+    estimator: &EstimatorEntry,
+    planners: &[PlannerEntry],
+    repetition: &Repetition<'_>,
+) -> Result<PlannersReport, CampaignError> {
+    let runner = Runner::new(repetition.jobs)?;
+    let field = scenario.field();
+    let mut flown: Vec<(&PlannerEntry, Vec<Flown>)> = Vec::new();
+    for planner in planners {
+        let scenario = &Scenario { planner: planner.config(&field), ..scenario.clone() };
+        let setup = Setup { scenario, estimator, registry };
+        flown.push((planner, repetition.of(&runner, &Flights(|seed| simulate(&setup, seed)))?));
+    }
+    let beacons = beacon_names(scenario);
+    let mut comparisons = Vec::new();
+    if let Some(((against, theirs), others)) = flown.split_first() {
+        for (index, beacon) in beacons.iter().enumerate() {
+            for (planner, own) in others {
+                let runs = || own.iter().zip(theirs);
+                let progress = |figure: fn(&SearchProgress) -> Option<f64>| {
+                    let of = move |run: &Flown| figure(&run.progress(index)?);
+                    Paired::of(runs().filter_map(|(own, other)| Some((of(own)?, of(other)?))))
+                };
+                let errors = runs().filter_map(|(own, other)| {
+                    Some((own.sample(index)?.error_m, other.sample(index)?.error_m))
+                });
+                comparisons.push(PlannerComparison {
+                    beacon: beacon.clone(),
+                    planner: planner.name.clone().into_owned(),
+                    against: against.name.clone().into_owned(),
+                    steps_to_3m: progress(|search| search.steps_to_3m.map(f64::from)),
+                    time_to_3m_s: progress(|search| search.time_to_3m_s),
+                    path_m: progress(|search| Some(search.path_m)),
+                    error_m: Paired::of(errors),
+                });
+            }
+        }
+    }
+    let planners = flown.iter().map(|(planner, flown)| {
+        let figures = summarise(&estimator.name, &beacons, flown).beacons;
+        let beacon = |(index, figures)| {
+            let outcomes = flown.iter().filter_map(|run| run.outcome(index));
+            PlannedBeacon { figures, outcomes: OutcomeCount::of(outcomes) }
+        };
+        PlannerCampaign {
+            planner: planner.name.clone().into_owned(),
+            duration_s: durations(flown),
+            beacons: figures.into_iter().enumerate().map(beacon).collect(),
+        }
+    });
+    Ok(PlannersReport {
+        scenario: scenario.name.clone(),
+        estimator: estimator.name.clone().into_owned(),
+        runs: repetition.runs,
+        seed: repetition.seed,
+        planners: planners.collect(),
+        comparisons,
+    })
+}

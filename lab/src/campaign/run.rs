@@ -1,0 +1,368 @@
+use std::convert::Infallible;
+
+use foxhunt_core::Outcome;
+use foxhunt_filters::consistency::{ChiSquaredAverage, Coverage, Verdict};
+use foxhunt_hunt::{
+    registry::{EstimatorEntry, Registry},
+    scenario::Scenario,
+};
+use serde::Serialize;
+
+use crate::{
+    Experiment, FirstPassage, Runner, Spread, StepSpread, ThreadsError,
+    simulation::{Found, SearchProgress, Setup, Simulated, SimulationError},
+};
+
+/// What a report calls a planner or an estimator that is the scenario's own.
+pub const OWN: &str = "scenario's own";
+
+/// What a campaign came to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CampaignReport {
+    /// The scenario's name.
+    pub scenario: String,
+    /// The planner: the scenario's own, [`OWN`], unless the caller names another one; absent where
+    /// nothing flies.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub planner: Option<String>,
+    /// How many hunts each estimator flew.
+    pub runs: u32,
+    /// The seed of the first run; run i has this plus i.
+    pub seed: u64,
+    /// The estimators, in the order of the call.
+    pub estimators: Vec<EstimatorCampaign>,
+}
+
+/// One estimator's campaign.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EstimatorCampaign {
+    /// The estimator's name.
+    pub estimator: String,
+    /// The beacons, in their order.
+    pub beacons: Vec<BeaconCampaign>,
+}
+
+/// One estimator on one beacon over all runs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BeaconCampaign {
+    /// The beacon's name.
+    pub name: String,
+    /// From the estimate to the truth; absent when every run failed, like all that follows.
+    pub error_m: Option<Spread>,
+    /// Receptions that went through the estimator.
+    pub steps: Option<StepSpread>,
+    /// After how many steps the semi-major axis of the 95 % ellipse was below 3 m for the first
+    /// time, over all runs; absent where nothing flies. A run that could not go on never got
+    /// there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steps_to_3m: Option<FirstPassage>,
+    /// The same in simulated seconds, from when the search for this beacon began.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_to_3m_s: Option<FirstPassage>,
+    /// How far all drones together flew from the beginning of the search to its end, in metres,
+    /// over the runs in which it ended; absent where nothing flies.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub path_m: Option<Spread>,
+    /// The average normalised estimation error squared; 2 for a consistent estimator.
+    pub anees: Option<f64>,
+    /// Where a consistent estimator's ANEES lies with 95 %.
+    pub anees_interval: Option<[f64; 2]>,
+    /// Whether the errors are as large as the covariances claim, by the ANEES.
+    pub verdict: Verdict,
+    /// The share of truths inside the 95 % ellipse.
+    pub coverage_95: Option<f64>,
+    /// Where the true share lies with at least 95 %.
+    pub coverage_95_interval: Option<[f64; 2]>,
+    /// The average normalised innovation squared over all steps that have one.
+    pub anis: Option<f64>,
+    /// Where a consistent estimator's ANIS lies with 95 %.
+    pub anis_interval: Option<[f64; 2]>,
+    /// Runs without a fix: nothing received before the search ended, not over in time, or an
+    /// estimate without a positive definite covariance.
+    pub failed: u32,
+    /// The root mean square of a bound on the error of any estimator, such as the posterior
+    /// Cramér-Rao bound, at the end; where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bound_m: Option<f64>,
+    /// The root mean square error over the whole track, not only at its end; where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub track_rms_m: Option<f64>,
+    /// The errors on the way, where the scenario asks for them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub checkpoints: Vec<Checkpoint>,
+}
+
+/// The errors after some of the measurements.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Checkpoint {
+    /// After how many.
+    pub measurements: u32,
+    /// From the estimate to the truth; absent when every run failed, like what follows.
+    pub error_m: Option<Spread>,
+    /// The average normalised estimation error squared; 2 for a consistent estimator.
+    pub anees: Option<f64>,
+    /// The root mean square of a bound on the error of any estimator, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bound_m: Option<f64>,
+}
+
+/// The figures of one beacon in one run.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Sample {
+    pub(crate) error_m: f64,
+    pub(crate) nees: f64,
+    pub(crate) steps: u32,
+    /// The normalised innovations squared with their degrees of freedom.
+    pub(crate) nis: Vec<(f64, usize)>,
+}
+
+impl BeaconCampaign {
+    /// The statistics of the good ones of `total` runs, without checkpoints and bounds, and without
+    /// the figures of flights alone.
+    pub(crate) fn of(name: &str, good: &[Sample], total: u32) -> Self {
+        let column = |value: fn(&Sample) -> f64| -> Vec<f64> { good.iter().map(value).collect() };
+        let count = u32::try_from(good.len()).unwrap_or(u32::MAX);
+        let (anees, mut anis) = (anees(good), ChiSquaredAverage::default());
+        let mut coverage = Coverage::new(0.95, 0.95).expect("both are in (0, 1)");
+        for sample in good {
+            coverage.add_nees(sample.nees);
+            anis.extend(sample.nis.iter().copied());
+        }
+        Self {
+            name: name.to_owned(),
+            error_m: Spread::of(&column(|sample| sample.error_m)),
+            steps: StepSpread::of(&column(|sample| f64::from(sample.steps))),
+            steps_to_3m: None,
+            time_to_3m_s: None,
+            path_m: None,
+            anees: anees.average(),
+            anees_interval: anees.interval(),
+            verdict: anees.verdict(),
+            coverage_95: coverage.share(),
+            coverage_95_interval: coverage.interval(),
+            anis: anis.average(),
+            anis_interval: anis.interval(),
+            failed: total - count,
+            bound_m: None,
+            track_rms_m: None,
+            checkpoints: Vec::new(),
+        }
+    }
+}
+
+impl Checkpoint {
+    /// The statistics of the good runs after so many measurements, without a bound.
+    pub(crate) fn of(measurements: u32, good: &[Sample]) -> Self {
+        let errors: Vec<f64> = good.iter().map(|sample| sample.error_m).collect();
+        let (error_m, anees) = (Spread::of(&errors), anees(good).average());
+        Self { measurements, error_m, anees, bound_m: None }
+    }
+}
+
+fn anees(good: &[Sample]) -> ChiSquaredAverage {
+    let mut anees = ChiSquaredAverage::default();
+    anees.extend(good.iter().map(|sample| (sample.nees, 2)));
+    anees
+}
+
+/// Hunts that are flown by `fly`, one for each seed.
+///
+/// A hunt that could not go on is a failed run; a setup that cannot be built would fail every run
+/// alike and is an error.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Flights<F>(pub(super) F);
+
+impl<F> Experiment for Flights<F>
+where
+    F: Fn(u64) -> Result<Simulated, SimulationError> + Sync,
+{
+    type Run = Flown;
+    type Error = SimulationError;
+
+    fn run(&self, seed: u64) -> Result<Flown, SimulationError> {
+        match (self.0)(seed) {
+            Ok(hunt) => Ok(Flown(Some(hunt))),
+            Err(SimulationError::TooLong { .. } | SimulationError::Drive(_)) => Ok(Flown(None)),
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// What one hunt came to; none where it could not go on.
+#[derive(Clone, Debug)]
+pub(super) struct Flown(Option<Simulated>);
+
+impl Flown {
+    fn found(&self, beacon: usize) -> Option<&Found> {
+        let found = &self.0.as_ref()?.found;
+        found.iter().find(|found| usize::from(found.fix.beacon.0) == beacon)
+    }
+
+    /// The figures of a beacon, if they are good for a statistic.
+    pub(super) fn sample(&self, beacon: usize) -> Option<Sample> {
+        let found = self.found(beacon)?;
+        let sample = Sample {
+            error_m: found.error_m(),
+            nees: found.nees()?,
+            steps: found.fix.steps,
+            nis: found.nis.clone(),
+        };
+        // However the search ended: without a reception the estimate is the prior.
+        let received = found.fix.steps > 0;
+        (received && sample.nees.is_finite() && sample.error_m.is_finite()).then_some(sample)
+    }
+
+    /// How the search for a beacon ended, if it did.
+    pub(super) fn outcome(&self, beacon: usize) -> Option<Outcome> {
+        Some(self.found(beacon)?.fix.outcome)
+    }
+
+    /// How the search for a beacon came along, if it ended.
+    pub(super) fn progress(&self, beacon: usize) -> Option<SearchProgress> {
+        Some(self.found(beacon)?.progress)
+    }
+}
+
+/// How long the hunts took that came to an end.
+pub(super) fn durations(runs: &[Flown]) -> Option<Spread> {
+    let durations = runs.iter().filter_map(|run| Some(run.0.as_ref()?.duration_s));
+    Spread::of(&durations.collect::<Vec<_>>())
+}
+
+/// The statistics of one contender's hunts for these beacons.
+pub(super) fn summarise(name: &str, beacons: &[String], runs: &[Flown]) -> EstimatorCampaign {
+    let total = u32::try_from(runs.len()).unwrap_or(u32::MAX);
+    let beacon = |(index, beacon): (usize, &String)| {
+        let good: Vec<Sample> = runs.iter().filter_map(|run| run.sample(index)).collect();
+        let progress: Vec<_> = runs.iter().map(|run| run.progress(index)).collect();
+        let steps = progress.iter().map(|run| run.and_then(|run| run.steps_to_3m).map(f64::from));
+        let times = progress.iter().map(|run| run.and_then(|run| run.time_to_3m_s));
+        let paths: Vec<f64> = progress.iter().flatten().map(|run| run.path_m).collect();
+        BeaconCampaign {
+            steps_to_3m: FirstPassage::of(steps),
+            time_to_3m_s: FirstPassage::of(times),
+            path_m: Spread::of(&paths),
+            ..BeaconCampaign::of(beacon, &good, total)
+        }
+    };
+    let beacons = beacons.iter().enumerate().map(beacon).collect();
+    EstimatorCampaign { estimator: name.to_owned(), beacons }
+}
+
+/// The names of all beacons of a scenario, those that appear later included.
+pub(super) fn beacon_names(scenario: &Scenario) -> Vec<String> {
+    scenario.world.beacons.iter().map(|beacon| beacon.name.clone()).collect()
+}
+
+/// How often, from which seed on and on how many threads a campaign runs.
+#[derive(Clone, Copy)]
+pub struct Repetition<'a> {
+    /// How many runs each contender has.
+    pub runs: u32,
+    /// The seed of the first run; run i has this plus i, for every contender the same.
+    pub seed: u64,
+    /// How many threads.
+    pub jobs: usize,
+    /// Called after each run, from any thread.
+    pub progress: &'a (dyn Fn() + Sync),
+}
+
+impl std::fmt::Debug for Repetition<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { runs, seed, jobs, .. } = self;
+        f.debug_struct("Repetition")
+            .field("runs", runs)
+            .field("seed", seed)
+            .field("jobs", jobs)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Repetition<'_> {
+    /// So many runs from the seed 1 on, on all processors, without progress.
+    #[must_use]
+    pub fn new(runs: u32) -> Self {
+        let jobs = std::thread::available_parallelism().map_or(1, Into::into);
+        Self { runs, seed: 1, jobs, progress: &|| () }
+    }
+
+    /// Runs an experiment.
+    pub(crate) fn of<E: Experiment>(
+        &self,
+        runner: &Runner,
+        experiment: &E,
+    ) -> Result<Vec<E::Run>, E::Error> {
+        runner.run(experiment, self.runs, self.seed, self.progress)
+    }
+}
+
+/// Flies a scenario with each estimator. The result does not depend on the number of threads.
+///
+/// # Errors
+///
+/// [`CampaignError`] when the scenario or an estimator cannot be built. A single run that goes
+/// wrong is counted in [`BeaconCampaign::failed`].
+pub fn campaign(
+    registry: &Registry,
+    scenario: &Scenario,
+    estimators: &[EstimatorEntry],
+    repetition: &Repetition<'_>,
+) -> Result<CampaignReport, CampaignError> {
+    let runner = Runner::new(repetition.jobs)?;
+    let beacons = beacon_names(scenario);
+    let estimators = estimators
+        .iter()
+        .map(|estimator| {
+            let setup = Setup { scenario, estimator, registry };
+            let runs = repetition.of(&runner, &Flights(|seed| simulate(&setup, seed)))?;
+            Ok(summarise(&estimator.name, &beacons, &runs))
+        })
+        .collect::<Result<_, CampaignError>>()?;
+    Ok(CampaignReport {
+        scenario: scenario.name.clone(),
+        planner: Some(OWN.to_owned()),
+        runs: repetition.runs,
+        seed: repetition.seed,
+        estimators,
+    })
+}
+
+/// Flies hunts of any parts: `fly` makes the world, the hunt and the drones of a seed and flies
+/// them, as with [`simulation::fly`](crate::simulation::fly). `name` is what the report calls them,
+/// and `beacons` are the beacons' names, in their order.
+///
+/// # Errors
+///
+/// [`CampaignError`] when a run cannot be built. A single run that goes wrong is counted in
+/// [`BeaconCampaign::failed`].
+pub fn campaign_with(
+    name: &str,
+    beacons: &[String],
+    repetition: &Repetition<'_>,
+    fly: impl Fn(u64) -> Result<Simulated, SimulationError> + Sync,
+) -> Result<CampaignReport, CampaignError> {
+    let runs = repetition.of(&Runner::new(repetition.jobs)?, &Flights(fly))?;
+    Ok(CampaignReport {
+        scenario: name.to_owned(),
+        planner: None,
+        runs: repetition.runs,
+        seed: repetition.seed,
+        estimators: vec![summarise(name, beacons, &runs)],
+    })
+}
+
+pub(super) fn simulate(setup: &Setup<'_>, seed: u64) -> Result<Simulated, SimulationError> {
+    setup.simulate(seed, |_| Ok::<_, Infallible>(()))
+}
+
+/// Why there is no campaign.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CampaignError {
+    /// The threads could not be started.
+    #[error(transparent)]
+    Threads(#[from] ThreadsError),
+    /// A hunt could not be built.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
+}

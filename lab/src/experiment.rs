@@ -1,0 +1,94 @@
+use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
+
+/// Something that is done many times, each time with another seed, to see how its results spread.
+///
+/// ```
+/// use std::convert::Infallible;
+///
+/// use foxhunt_lab::{Experiment, Runner};
+///
+/// /// The last digit of the seed.
+/// struct LastDigit;
+///
+/// impl Experiment for LastDigit {
+///     type Run = u64;
+///     type Error = Infallible;
+///
+///     fn run(&self, seed: u64) -> Result<u64, Infallible> {
+///         Ok(seed % 10)
+///     }
+/// }
+///
+/// let runs = Runner::new(2)?.run(&LastDigit, 4, 18, &|| ())?;
+/// assert_eq!(runs, [8, 9, 0, 1]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub trait Experiment: Sync {
+    /// What one run comes to.
+    type Run: Send;
+    /// Why the experiment cannot be run at all: no run could.
+    type Error: Send;
+
+    /// Runs it once. The same seed gives the same run.
+    ///
+    /// # Errors
+    ///
+    /// Ends the whole experiment; a run that goes wrong by chance is a result, not an error.
+    fn run(&self, seed: u64) -> Result<Self::Run, Self::Error>;
+}
+
+/// The threads that experiments run on.
+#[derive(Debug)]
+pub struct Runner {
+    pool: ThreadPool,
+}
+
+impl Runner {
+    /// A runner of so many threads.
+    ///
+    /// # Errors
+    ///
+    /// [`ThreadsError`] when they cannot be started.
+    pub fn new(jobs: usize) -> Result<Self, ThreadsError> {
+        let pool = ThreadPoolBuilder::new().num_threads(jobs).build();
+        let pool = pool.map_err(|error| ThreadsError { jobs, reason: error.to_string() })?;
+        Ok(Self { pool })
+    }
+
+    /// Runs an experiment `runs` times. Run i has the seed `first_seed` + i; the result, in the
+    /// order of the seeds, does not depend on the number of threads. `progress` is called after
+    /// each run, from any thread.
+    ///
+    /// # Errors
+    ///
+    /// Those of the experiment.
+    pub fn run<E: Experiment>(
+        &self,
+        experiment: &E,
+        runs: u32,
+        first_seed: u64,
+        progress: &(dyn Fn() + Sync),
+    ) -> Result<Vec<E::Run>, E::Error> {
+        let one = |run: u32| {
+            let outcome = experiment.run(seed_of(first_seed, run));
+            progress();
+            outcome
+        };
+        self.pool.install(|| (0..runs).into_par_iter().map(one).collect())
+    }
+}
+
+/// The seed of a run.
+pub(crate) fn seed_of(first_seed: u64, run: u32) -> u64 {
+    first_seed.wrapping_add(u64::from(run))
+}
+
+/// The threads of an experiment could not be started.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{jobs} threads cannot be started: {reason}")]
+pub struct ThreadsError {
+    /// How many.
+    pub jobs: usize,
+    /// Why not.
+    pub reason: String,
+}

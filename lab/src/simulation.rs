@@ -1,0 +1,187 @@
+//! Flies simulated hunts.
+
+mod record;
+
+pub use record::{Found, SearchProgress, Simulated};
+
+use foxhunt_core::{BeaconId, Station};
+use foxhunt_hunt::{
+    hunt::{Devices, DriveError, Drone, Event, Hunt, HuntError, drive},
+    log::{LOG_VERSION, LogHeader, LoggedBeacon},
+    registry::{EstimatorEntry, PartsError, Registry, RegistryError},
+    scenario::{Scenario, SimulationConfig, SourcesError},
+};
+use foxhunt_sim::{SimError, World};
+use nalgebra::Vector2;
+
+use record::Record;
+
+/// What is flown in a simulation.
+#[derive(Clone, Copy, Debug)]
+pub struct Setup<'a> {
+    /// The world, the drones and how they go about it.
+    pub scenario: &'a Scenario,
+    /// What estimates.
+    pub estimator: &'a EstimatorEntry,
+    /// What the names in the scenario mean.
+    pub registry: &'a Registry,
+}
+
+impl Setup<'_> {
+    /// The header that a log of this hunt begins with.
+    #[must_use]
+    pub fn log_header(&self, seed: u64) -> LogHeader {
+        let Self { scenario, estimator, .. } = self;
+        let beacon = |b: foxhunt_sim::BeaconConfig| LoggedBeacon {
+            truth: Some(Vector2::new(b.east_m, b.north_m)),
+            name: b.name,
+            course: b.course,
+        };
+        LogHeader {
+            foxhunt_log: LOG_VERSION,
+            scenario: scenario.name.clone(),
+            seed,
+            estimator_name: estimator.name.clone().into_owned(),
+            estimator: estimator.settings().copied(),
+            model: scenario.model.clone(),
+            planner: Some(scenario.planner.clone()),
+            beacons: scenario.world.drawn_beacons(seed).into_iter().map(beacon).collect(),
+            epoch_unix_s: None,
+            homes: Vec::new(),
+        }
+    }
+
+    /// Flies it and hands each event to `on_event` as it happens. The same setup and seed fly the
+    /// same hunt.
+    ///
+    /// # Errors
+    ///
+    /// [`SimulationError`] when the scenario cannot be built or the hunt cannot go on; whatever
+    /// `on_event` returns ends the hunt, too.
+    pub fn simulate<O: std::error::Error + Send + Sync + 'static>(
+        &self,
+        seed: u64,
+        on_event: impl FnMut(&Event) -> Result<(), O>,
+    ) -> Result<Simulated, SimulationError> {
+        self.simulate_watched(seed, on_event, |_| ())
+    }
+
+    /// Flies it, and `watch` is called with the true world at every tick.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`simulate`](Self::simulate).
+    pub fn simulate_watched<O: std::error::Error + Send + Sync + 'static>(
+        &self,
+        seed: u64,
+        on_event: impl FnMut(&Event) -> Result<(), O>,
+        watch: impl FnMut(&World),
+    ) -> Result<Simulated, SimulationError> {
+        let Self { scenario, estimator, registry } = self;
+        let world = World::new(&scenario.world, seed)?;
+        let mut hunt = scenario.parts(registry, estimator, seed)?.build()?;
+        let mut drones = Vec::with_capacity(world.drone_count());
+        for (drone, source) in scenario.sources(registry, &world)?.into_iter().enumerate() {
+            drones.push(Drone { source, vehicle: world.vehicle(drone)? });
+        }
+        fly_watched(&mut hunt, &world, &mut drones, scenario.simulation, on_event, watch)
+    }
+}
+
+/// Flies a hunt of any parts in a simulated world to its end. Beacons of the world that the hunt
+/// does not know are added when they appear.
+///
+/// # Errors
+///
+/// [`SimulationError`] when the hunt cannot begin or go on, or takes too long; whatever
+/// `on_event` returns ends the hunt, too.
+pub fn fly<D: Devices, O: std::error::Error + Send + Sync + 'static>(
+    hunt: &mut Hunt,
+    world: &World,
+    drones: &mut [D],
+    config: SimulationConfig,
+    on_event: impl FnMut(&Event) -> Result<(), O>,
+) -> Result<Simulated, SimulationError> {
+    fly_watched(hunt, world, drones, config, on_event, |_| ())
+}
+
+/// Flies a hunt of any parts, and `watch` is called with the true world at every tick.
+///
+/// # Errors
+///
+/// Those of [`fly`].
+pub fn fly_watched<D: Devices, O: std::error::Error + Send + Sync + 'static>(
+    hunt: &mut Hunt,
+    world: &World,
+    drones: &mut [D],
+    config: SimulationConfig,
+    mut on_event: impl FnMut(&Event) -> Result<(), O>,
+    mut watch: impl FnMut(&World),
+) -> Result<Simulated, SimulationError> {
+    let mut record = Record::default();
+    let stations = (0..world.drone_count())
+        .map(|drone| Ok(Station::holding(world.pose(drone)?)))
+        .collect::<Result<_, SimError>>()?;
+    hunt.start(world.time(), stations)?;
+    loop {
+        watch(world);
+        drive(hunt, drones, world.time())?;
+        add_who_appeared(hunt, world).map_err(DriveError::Hunt)?;
+        while let Some(event) = hunt.poll_event() {
+            record.note(&event, world);
+            on_event(&event).map_err(|error| SimulationError::Log(Box::new(error)))?;
+        }
+        if hunt.is_finished() {
+            return Ok(record.finish(hunt.fixes(), world)?);
+        }
+        if world.time() > config.limit_s {
+            return Err(SimulationError::TooLong { limit_s: config.limit_s });
+        }
+        world.advance(config.tick_s)?;
+    }
+}
+
+/// Adds the beacons that have appeared since to a hunt that is still on.
+fn add_who_appeared(hunt: &mut Hunt, world: &World) -> Result<(), HuntError> {
+    while let Ok(next) = u16::try_from(hunt.beacon_count()).map(BeaconId)
+        && hunt.fixes().len() < hunt.beacon_count()
+        && world.appears_after_s(next).is_some_and(|appears| appears <= world.time())
+        && let Some(name) = world.beacon_name(next)
+    {
+        hunt.add_beacon(world.time(), name)?;
+    }
+    Ok(())
+}
+
+/// Why a scenario could not be flown to its end.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SimulationError {
+    /// The world cannot be built.
+    #[error("the world of the scenario: {0}")]
+    World(#[from] SimError),
+    /// The hunt cannot be put together.
+    #[error("the scenario: {0}")]
+    Parts(#[from] PartsError),
+    /// The sources cannot be built.
+    #[error("the scenario: {0}")]
+    Sources(#[from] SourcesError),
+    /// A name is not known.
+    #[error("the scenario: {0}")]
+    Name(#[from] RegistryError),
+    /// The hunt cannot begin.
+    #[error(transparent)]
+    Hunt(#[from] HuntError),
+    /// The hunt could not go on.
+    #[error(transparent)]
+    Drive(#[from] DriveError),
+    /// It took too long.
+    #[error("the hunt was not over after {limit_s} simulated seconds (simulation.limit_s)")]
+    TooLong {
+        /// The limit.
+        limit_s: f64,
+    },
+    /// The events could not be kept.
+    #[error("the log: {0}")]
+    Log(Box<dyn std::error::Error + Send + Sync>),
+}

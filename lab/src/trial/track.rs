@@ -1,0 +1,116 @@
+use std::sync::Arc;
+
+use foxhunt_core::{BeaconId, ConstantVelocity, Estimate, EstimatorError, RandomWalk};
+use foxhunt_hunt::{
+    config::{AnyMotion, EstimatorConfig, GateConfig, OutlierConfig, Prior as _},
+    hunt::{Components, Search, TimeStep, Track},
+    registry::{EstimatorEntry, TrackRequest},
+};
+use foxhunt_sensors::{BearingOnly, LogDistance, RssBearing};
+
+use super::{
+    TargetMotion, Trial, TrialError,
+    prior::{Leading, Prior},
+};
+
+/// Builds the track of one run.
+///
+/// An estimator of the library's parts is that of its name, with what a trial brings itself:
+/// motion, prior, number of particles, the share of outliers, and a start from the prior instead of
+/// a grid. Without outliers it has no gate, which would keep out bearings that are far from what a
+/// poor linearisation expects. One of a user's own is built as for a hunt.
+///
+/// # Errors
+///
+/// [`TrialError`] when it cannot be built, or has a setting that a trial cannot honour.
+pub(super) fn track(
+    trial: &Trial,
+    entry: &EstimatorEntry,
+    prior: &Prior,
+    seed: u64,
+) -> Result<Track, TrialError> {
+    let track = match entry.settings() {
+        Some(settings) => of_settings(trial, entry, settings, prior, seed)?,
+        None => {
+            entry.require_stream()?;
+            own(entry, prior, seed)?
+        }
+    };
+    // The first prediction is to the first bearing that is not part of the prior.
+    Ok(track.starting_at(0.0))
+}
+
+fn own(entry: &EstimatorEntry, prior: &Prior, seed: u64) -> Result<Track, TrialError> {
+    let moments: Estimate<2> = Leading(prior).moments();
+    // Levels are missing, so that any law will do.
+    let model = RssBearing::new(LogDistance::new(-30.0, 2.0)?).into();
+    let search = Search { beacon: BeaconId(0), name: "target", prior: moments };
+    let request = TrackRequest { search, model: &model, reference: None, seed };
+    Ok(entry.track(&request, false)?)
+}
+
+fn of_settings(
+    trial: &Trial,
+    entry: &EstimatorEntry,
+    settings: &EstimatorConfig,
+    prior: &Prior,
+    seed: u64,
+) -> Result<Track, TrialError> {
+    let unsuited = |needs| {
+        Err(TrialError::Unsuited {
+            estimator: entry.name.clone().into_owned(),
+            trial: trial.name.clone(),
+            needs,
+        })
+    };
+    if settings.power_sigma_db.is_some() || settings.exponent_sigma.is_some() {
+        return unsuited("levels (power_sigma_db)");
+    }
+    if settings.track.components == Components::RssOnly {
+        return unsuited("levels (track.components)");
+    }
+    if settings.track.time_step == TimeStep::PerReception {
+        return unsuited("steps that count receptions (track.time_step)");
+    }
+    if settings.lag_s.is_some() {
+        return unsuited("receptions that come late (lag_s)");
+    }
+    match trial.motion {
+        TargetMotion::Still if settings.moving.is_some() => unsuited("a target that moves"),
+        TargetMotion::Still => build::<2>(trial, settings, Arc::new(still()), prior, seed),
+        TargetMotion::ConstantVelocity { acceleration_density } => {
+            let motion = Arc::new(ConstantVelocity { acceleration_density });
+            build::<4>(trial, settings, motion, prior, seed)
+        }
+    }
+}
+
+fn build<const N: usize>(
+    trial: &Trial,
+    settings: &EstimatorConfig,
+    motion: AnyMotion<N>,
+    prior: &Prior,
+    seed: u64,
+) -> Result<Track, TrialError> {
+    let bearings = &trial.bearings;
+    let share = bearings.outlier_share;
+    let mut model = BearingOnly::new().with_bias(bearings.bias_rad)?;
+    let mut filter = settings.filter.with_particles(trial.particles);
+    if share > 0.0 {
+        model = model.with_outliers(share)?;
+        let support = std::f64::consts::TAU;
+        filter = filter
+            .with_gate(GateConfig::Probability(0.999))
+            .with_outliers_of_sum(OutlierConfig { share, support });
+    } else {
+        filter = filter.with_gate(GateConfig::Open);
+    }
+    let estimator: Result<_, EstimatorError> =
+        filter.build::<N, 1>(motion, Arc::new(model), &Leading(prior), seed);
+    Ok(Track::new::<N, 1>(estimator?, settings.track))
+}
+
+/// The motion of a still target's two components: not at all.
+fn still() -> RandomWalk<2> {
+    RandomWalk::uniform(0.0)
+}

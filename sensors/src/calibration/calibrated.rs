@@ -1,0 +1,101 @@
+use foxhunt_core::{
+    BearingExtractor, BearingMode, BearingModes, NoBearing, NoReading, Reading, Sweep, angle,
+    parameter::{ParameterError, finite, not_negative, positive},
+};
+
+use super::BearingOffset;
+
+/// An extractor whose bearings are calibrated: a known offset is taken off, and σ is made what
+/// recordings with truth showed it to be, σ² → (scale · σ)² + floor².
+///
+/// Competing directions are corrected alike. The correlation of level and bearing stays. A σ that
+/// grows beyond that of a direction of which nothing is known (π/√3) is no bearing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Calibrated<X> {
+    extractor: X,
+    offset: BearingOffset,
+    scale: f64,
+    floor: f64,
+}
+
+impl<X> Calibrated<X> {
+    /// The extractor as it is: no offset, σ as it says.
+    #[must_use]
+    pub fn new(extractor: X) -> Self {
+        Self { extractor, offset: BearingOffset::default(), scale: 1.0, floor: 0.0 }
+    }
+
+    /// The same with bearings that are off by `offset`, measured minus true.
+    ///
+    /// # Errors
+    ///
+    /// When a number of it is not finite.
+    pub fn with_offset(self, offset: BearingOffset) -> Result<Self, ParameterError> {
+        finite("constant", offset.constant)?;
+        finite("sin_heading", offset.sin_heading)?;
+        finite("cos_heading", offset.cos_heading)?;
+        Ok(Self { offset, ..self })
+    }
+
+    /// The same with σ² → (`scale` · σ)² + `floor`², the floor in radians.
+    ///
+    /// # Errors
+    ///
+    /// When the scale or the floor is negative or not finite, or both are 0.
+    pub fn with_sigma(self, scale: f64, floor: f64) -> Result<Self, ParameterError> {
+        let (scale, floor) = (not_negative("scale", scale)?, not_negative("floor", floor)?);
+        positive("scale + floor", scale + floor)?;
+        Ok(Self { scale, floor, ..self })
+    }
+
+    fn sigma(&self, sigma: f64) -> f64 {
+        libm::hypot(self.scale * sigma, self.floor)
+    }
+
+    /// A direction with its error at the heading towards it taken off.
+    fn angle(&self, sweep: &Sweep<'_>, direction: f64) -> f64 {
+        angle::wrap(direction - self.offset.at(heading_towards(sweep, direction)))
+    }
+
+    fn modes(&self, sweep: &Sweep<'_>, modes: &BearingModes) -> BearingModes {
+        let mut corrected = [BearingMode::default(); BearingModes::CAPACITY];
+        let own = modes.as_slice();
+        for (new, mode) in corrected.iter_mut().zip(own) {
+            let angle = self.angle(sweep, mode.angle);
+            *new = BearingMode { angle, sigma: self.sigma(mode.sigma), ..*mode };
+        }
+        BearingModes::new(&corrected[..own.len()]).unwrap_or_default()
+    }
+}
+
+/// σ of a direction that may be any: the root of the mean square of a uniform angle.
+const ANY_DIRECTION: f64 = 1.813_799_364_234_217_8;
+
+impl<X: BearingExtractor> BearingExtractor for Calibrated<X> {
+    fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
+        let reading = self.extractor.extract(sweep)?;
+        // Directions that compete may be too far apart for a bearing.
+        let modes = self.modes(sweep, &reading.modes);
+        let Ok(bearing) = reading.bearing else { return Ok(Reading { modes, ..reading }) };
+        let (angle, sigma) = (self.angle(sweep, bearing.angle), self.sigma(bearing.sigma));
+        if sigma > bearing.sigma.max(ANY_DIRECTION) {
+            let too_wide = Err(NoBearing::TooWide { sigma, limit: ANY_DIRECTION });
+            return Ok(Reading { bearing: too_wide, covariance: 0.0, modes, ..reading });
+        }
+        Ok(Reading {
+            bearing: Ok(foxhunt_core::Bearing { angle, sigma, ..bearing }),
+            covariance: reading.covariance * (sigma / bearing.sigma),
+            modes,
+            ..reading
+        })
+    }
+}
+
+/// Where the nose pointed while the antenna looked to a direction: that of the nearest sample, so
+/// that it holds for an antenna that is turned by a body, too.
+#[must_use]
+pub fn heading_towards(sweep: &Sweep<'_>, direction: f64) -> f64 {
+    let off = |boresight: f64| angle::distance(boresight, direction);
+    let nearest = sweep.samples.iter().min_by(|a, b| off(a.boresight).total_cmp(&off(b.boresight)));
+    nearest.map_or(sweep.receiver.heading, |sample| sample.receiver.heading)
+}

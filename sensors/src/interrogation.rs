@@ -1,0 +1,123 @@
+use foxhunt_core::{Pose, Radio, Sample, Unanswered, angle};
+
+use crate::turn_recorder::{TurnRecorder, nearest_position};
+
+/// How beacons are interrogated, and how their answers are attributed to time and place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Timing {
+    /// From one request to the next, at least, in seconds.
+    pub(crate) spacing: f64,
+    /// How long an answer is waited for, in seconds.
+    pub(crate) answer_timeout: f64,
+    /// When between request (0) and answer (1) the power was measured.
+    pub(crate) measured_at: f64,
+    /// Where the antenna looks, in radians from the nose.
+    pub(crate) mount_offset: f64,
+    /// How many positions make a turn.
+    pub(crate) positions: u16,
+}
+
+/// A round of requests to one beacon after the other, over and over again, each answer attributed
+/// to where and when its power was measured.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Interrogation {
+    /// Which beacon is next.
+    next: usize,
+    /// When the last request was sent.
+    last: Option<f64>,
+    /// The request without an answer yet: when and from where it was sent.
+    pending: Option<(f64, Pose)>,
+    /// Answers whose power or place was not finite.
+    pub(crate) dropped: u32,
+}
+
+impl Interrogation {
+    /// Whether an answer is waited for.
+    pub(crate) fn is_pending(&self) -> bool {
+        self.pending.is_some()
+    }
+
+    /// Sends a request to the next beacon if it is time to; whether it was.
+    pub(crate) fn request<R: Radio>(
+        &mut self,
+        radio: &mut R,
+        recorder: &mut TurnRecorder,
+        timing: &Timing,
+        now: f64,
+        here: Pose,
+    ) -> Result<bool, R::Error> {
+        // One request at a time, however quick the radio: a poll ends. Sums of steps are forgiven a
+        // nanosecond.
+        let early = |last: f64| now <= last || now < last + timing.spacing - 1e-9;
+        if self.last.is_some_and(early) {
+            return Ok(false);
+        }
+        radio.request(recorder.beacon(self.next).beacon)?;
+        self.last = Some(now);
+        self.pending = Some((now, here));
+        Ok(true)
+    }
+
+    /// Takes the answer if it has come, and gives up one that is late; whether the request is
+    /// settled.
+    pub(crate) fn poll<R: Radio>(
+        &mut self,
+        radio: &mut R,
+        recorder: &mut TurnRecorder,
+        timing: &Timing,
+        now: f64,
+        here: Option<Pose>,
+    ) -> Result<bool, R::Error> {
+        let Some((requested, from)) = self.pending else { return Ok(true) };
+        let answer = radio.poll();
+        if !matches!(answer, Ok(Some(_))) && now >= requested + timing.answer_timeout {
+            self.give_up(recorder, timing);
+            return answer.map(|_| true);
+        }
+        let Some(rss_dbm) = answer? else { return Ok(false) };
+        match here {
+            Some(here) if rss_dbm.is_finite() => {
+                let share = timing.measured_at;
+                let receiver = between(&from, &here, share);
+                let boresight = angle::wrap(receiver.heading + timing.mount_offset);
+                recorder.beacon(self.next).samples.push(Sample {
+                    time: requested + (now - requested) * share,
+                    receiver,
+                    boresight,
+                    position: nearest_position(boresight, timing.positions),
+                    rss_dbm,
+                });
+            }
+            _ => self.dropped += 1,
+        }
+        self.settle(recorder);
+        Ok(true)
+    }
+
+    /// Records the pending request as unanswered, if there is one.
+    pub(crate) fn give_up(&mut self, recorder: &mut TurnRecorder, timing: &Timing) {
+        let Some((_, from)) = self.pending else { return };
+        let boresight = angle::wrap(from.heading + timing.mount_offset);
+        let position = nearest_position(boresight, timing.positions);
+        recorder.beacon(self.next).unanswered.push(Unanswered { boresight, position });
+        self.settle(recorder);
+    }
+
+    fn settle(&mut self, recorder: &TurnRecorder) {
+        self.pending = None;
+        self.next = (self.next + 1) % recorder.count().max(1);
+    }
+}
+
+/// The pose a share of the way from one to another, the short way round; with a velocity where both
+/// have one.
+fn between(from: &Pose, to: &Pose, share: f64) -> Pose {
+    let turned = |from: f64, to: f64| from + angle::wrap(to - from) * share;
+    Pose {
+        position: from.position + (to.position - from.position) * share,
+        heading: angle::wrap(turned(from.heading, to.heading)),
+        pitch: turned(from.pitch, to.pitch),
+        roll: turned(from.roll, to.roll),
+        velocity: from.velocity.zip(to.velocity).map(|(from, to)| from + (to - from) * share),
+    }
+}

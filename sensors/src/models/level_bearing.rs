@@ -1,0 +1,182 @@
+use core::f64::consts::TAU;
+
+use foxhunt_core::{
+    MeasurementModel, Observation, Pose, Quantity, State, angle, log_likelihoods_one_by_one,
+    parameter::{self, ParameterError},
+};
+use nalgebra::{RowVector2, SMatrix, Vector2};
+
+use super::{FreePathLoss, FreePower, LevelLaw, Sight};
+use crate::{LogDistance, Propagation};
+
+/// Signal strength and bearing, z = [P(d) in dBm, atan2(N, E) in radians] (Pritzl 2018, eq. 3.7),
+/// of a transmitter whose law of the level has `P` unknown parameters.
+///
+/// d is the slant range; the bearing is the direction from the receiver to the target in the
+/// world frame. Exactly over the target the bearing is 0 with a zero Jacobian: it holds nothing.
+/// The state is (East, North, …, the law's parameters), N ≥ 2 + P. For a transmitter without
+/// bearings leave the bearing out of the observations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LevelBearing<L, const P: usize> {
+    law: L,
+    target_up: f64,
+}
+
+/// Signal strength and bearing of a transmitter whose law of the level is known: any
+/// [`Propagation`], over states whose first components are the target's East and North.
+pub type RssBearing<L> = LevelBearing<L, 0>;
+
+/// Signal strength and bearing of a transmitter whose power nobody calibrated: the last state
+/// component is its P₀ in dBm, z = [P₀ − 10 γ log₁₀ d, atan2(N, E)] with γ known.
+///
+/// The state is (East, North, …, P₀), N ≥ 3.
+pub type FreePowerRssBearing = LevelBearing<FreePower, 1>;
+
+/// Signal strength and bearing where neither power nor exponent is known: the last two state
+/// components are P₀ in dBm and γ, z = [P₀ − 10 γ log₁₀ d, atan2(N, E)].
+///
+/// The state is (East, North, …, P₀, γ), N ≥ 4. Power and exponent can only be distinguished
+/// from several ranges: give both a prior that means something.
+pub type FreePathLossRssBearing = LevelBearing<FreePathLoss, 2>;
+
+impl<L: Propagation> LevelBearing<L, 0> {
+    /// The model for a target on the ground, Up = 0.
+    #[must_use]
+    pub fn new(propagation: L) -> Self {
+        Self::with_law(propagation)
+    }
+
+    /// How power falls with range.
+    #[must_use]
+    pub fn propagation(&self) -> &L {
+        &self.law
+    }
+}
+
+impl LevelBearing<FreePower, 1> {
+    /// The model for a target on the ground, Up = 0, and the path-loss exponent γ.
+    ///
+    /// # Errors
+    ///
+    /// When the exponent is not a positive number.
+    pub fn new(exponent: f64) -> Result<Self, ParameterError> {
+        Ok(Self::with_law(FreePower::new(exponent)?))
+    }
+}
+
+impl LevelBearing<FreePathLoss, 2> {
+    /// The model for a target on the ground, Up = 0.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::with_law(FreePathLoss)
+    }
+}
+
+/// That of [`new`](FreePathLossRssBearing::new).
+impl Default for LevelBearing<FreePathLoss, 2> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The law with its reference power forgotten.
+impl From<RssBearing<LogDistance>> for FreePowerRssBearing {
+    fn from(known: RssBearing<LogDistance>) -> Self {
+        Self { law: known.law.into(), target_up: known.target_up }
+    }
+}
+
+impl<L: LevelLaw<P>, const P: usize> LevelBearing<L, P> {
+    /// The model for a target on the ground, Up = 0, and a law of its level.
+    #[must_use]
+    pub fn with_law(law: L) -> Self {
+        Self { law, target_up: 0.0 }
+    }
+
+    /// Sets the target's height in metres.
+    ///
+    /// # Errors
+    ///
+    /// When the height is not finite.
+    pub fn with_target_up(self, target_up: f64) -> Result<Self, ParameterError> {
+        Ok(Self { target_up: parameter::finite("target_up", target_up)?, ..self })
+    }
+
+    /// The law of the level.
+    #[must_use]
+    pub fn law(&self) -> &L {
+        &self.law
+    }
+
+    /// The height of the target above the ground, in metres.
+    #[must_use]
+    pub fn target_up(&self) -> f64 {
+        self.target_up
+    }
+}
+
+/// The last components of a state.
+fn parameters<const N: usize, const P: usize>(component: impl Fn(usize) -> f64) -> [f64; P] {
+    const { assert!(N >= 2 + P, "a state holds East, North and the law's parameters") };
+    core::array::from_fn(|i| component(N - P + i))
+}
+
+impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for LevelBearing<L, P> {
+    fn quantities(&self) -> [Quantity; 2] {
+        [Quantity::RSS, Quantity::BEARING]
+    }
+
+    fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector2<f64> {
+        let parameters = parameters::<N, P>(|i| state[i]);
+        let sight = Sight::new(state, receiver, self.target_up);
+        Vector2::new(self.law.level_dbm(&parameters, sight.range()), sight.bearing())
+    }
+
+    fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 2, N> {
+        let parameters = parameters::<N, P>(|i| state[i]);
+        let sight = Sight::new(state, receiver, self.target_up);
+        let range = sight.range();
+        let slope =
+            sight.range_slope().map(|along| self.law.range_slope(&parameters, range, along));
+        let mut jacobian = SMatrix::<f64, 2, N>::zeros();
+        [jacobian[(0, 0)], jacobian[(0, 1)]] = slope;
+        for (i, derivative) in self.law.sensitivity(&parameters, range).into_iter().enumerate() {
+            jacobian[(0, N - P + i)] = derivative;
+        }
+        [jacobian[(1, 0)], jacobian[(1, 1)]] = sight.bearing_slope();
+        jacobian
+    }
+
+    /// The noise is read once instead of once per state.
+    fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<2>, out: &mut [f64]) {
+        if !observation.is_plain() {
+            return log_likelihoods_one_by_one(self, columns, observation, out);
+        }
+        let root = observation
+            .noise()
+            .cholesky()
+            .expect("an observation is only made with a positive definite noise")
+            .unpack();
+        // A missing component is decoupled, of unit variance, and its residual is struck out.
+        let present = observation.mask(RowVector2::repeat(1.0));
+        let degrees = present.sum();
+        let constant = -0.5 * degrees * libm::log(TAU) - libm::log(root[(0, 0)] * root[(1, 1)]);
+        let whiten_rss = present[0] / root[(0, 0)];
+        let whiten_bearing = present[1] / root[(1, 1)];
+        let coupling = root[(1, 0)];
+        let (rss, bearing) = (observation.value()[0], observation.value()[1]);
+        let receiver = observation.receiver().position;
+        let up = self.target_up - receiver.z;
+
+        let places = columns[0].iter().zip(columns[1]);
+        for (i, (out, (east, north))) in out.iter_mut().zip(places).enumerate() {
+            let parameters = parameters::<N, P>(|component| columns[component][i]);
+            let (x, y) = (east - receiver.x, north - receiver.y);
+            let range = libm::sqrt(x * x + y * y + up * up);
+            let first = (rss - self.law.level_dbm(&parameters, range)) * whiten_rss;
+            let turned = angle::wrap(bearing - libm::atan2(y, x));
+            let second = (turned - coupling * first) * whiten_bearing;
+            *out = constant - 0.5 * (first * first + second * second);
+        }
+    }
+}

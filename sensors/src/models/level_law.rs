@@ -1,0 +1,127 @@
+use foxhunt_core::parameter::ParameterError;
+
+use crate::{LogDistance, Propagation};
+
+/// The law of the received level where some of its parameters are unknown: these, `P` of them, are
+/// the last components of the state.
+///
+/// Every [`Propagation`] is such a law without unknown parameters.
+///
+/// ```
+/// use foxhunt_core::{MeasurementModel, Pose, nalgebra::Vector3};
+/// use foxhunt_sensors::{Friis, LevelBearing, LevelLaw, Propagation};
+///
+/// /// Free space with an obstacle of unknown loss in dB before the receiver.
+/// struct Obstructed(Friis);
+///
+/// impl LevelLaw<1> for Obstructed {
+///     fn level_dbm(&self, [loss]: &[f64; 1], range: f64) -> f64 {
+///         self.0.rss_dbm(range) - loss
+///     }
+///
+///     fn range_slope(&self, _: &[f64; 1], range: f64, along: f64) -> f64 {
+///         along * self.0.slope(range)
+///     }
+///
+///     fn sensitivity(&self, _: &[f64; 1], _: f64) -> [f64; 1] {
+///         [-1.0]
+///     }
+/// }
+///
+/// # fn main() -> Result<(), foxhunt_sensors::ParameterError> {
+/// let law = Obstructed(Friis::new(20.0, 0.0, 0.0, 0.125)?);
+/// let model = LevelBearing::<_, 1>::with_law(law);
+/// let state = Vector3::new(30.0, 40.0, 6.0);
+/// let jacobian = model.jacobian(&state, &Pose::default());
+/// assert!((jacobian[(0, 2)] + 1.0).abs() < 1e-12);
+/// # Ok(())
+/// # }
+/// ```
+///
+/// # Laws
+///
+/// All methods are finite at every range for finite parameters; `range_slope` and `sensitivity` are
+/// the derivatives of `level_dbm`. Checked with the model: `laws::measurement_model`.
+pub trait LevelLaw<const P: usize> {
+    /// The mean received power in dBm at `range` metres.
+    fn level_dbm(&self, parameters: &[f64; P], range: f64) -> f64;
+
+    /// Its derivative over a coordinate with which the range grows by `along` metres per metre, in
+    /// dB per metre: `along` ∂P/∂d.
+    fn range_slope(&self, parameters: &[f64; P], range: f64, along: f64) -> f64;
+
+    /// Its derivatives over the parameters.
+    fn sensitivity(&self, parameters: &[f64; P], range: f64) -> [f64; P];
+}
+
+/// A law that is known.
+impl<L: Propagation> LevelLaw<0> for L {
+    fn level_dbm(&self, _: &[f64; 0], range: f64) -> f64 {
+        self.rss_dbm(range)
+    }
+
+    fn range_slope(&self, _: &[f64; 0], range: f64, along: f64) -> f64 {
+        along * self.slope(range)
+    }
+
+    fn sensitivity(&self, _: &[f64; 0], _: f64) -> [f64; 0] {
+        []
+    }
+}
+
+/// The log-distance law P₀ − 10 γ log₁₀ d with an unknown P₀ in dBm and a known γ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FreePower {
+    /// The law with P₀ = 0.
+    loss: LogDistance,
+}
+
+impl FreePower {
+    /// The law with the path-loss exponent γ.
+    ///
+    /// # Errors
+    ///
+    /// When the exponent is not a positive number.
+    pub fn new(exponent: f64) -> Result<Self, ParameterError> {
+        Ok(Self { loss: LogDistance::new(0.0, exponent)? })
+    }
+}
+
+/// The law with its reference power forgotten.
+impl From<LogDistance> for FreePower {
+    fn from(law: LogDistance) -> Self {
+        Self { loss: law.without_reference() }
+    }
+}
+
+impl LevelLaw<1> for FreePower {
+    fn level_dbm(&self, [power]: &[f64; 1], range: f64) -> f64 {
+        power + self.loss.rss_dbm(range)
+    }
+
+    fn range_slope(&self, _: &[f64; 1], range: f64, along: f64) -> f64 {
+        along * self.loss.slope(range)
+    }
+
+    fn sensitivity(&self, _: &[f64; 1], _: f64) -> [f64; 1] {
+        [1.0]
+    }
+}
+
+/// The log-distance law P₀ − 10 γ log₁₀ d with an unknown P₀ in dBm and an unknown γ.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FreePathLoss;
+
+impl LevelLaw<2> for FreePathLoss {
+    fn level_dbm(&self, [power, exponent]: &[f64; 2], range: f64) -> f64 {
+        power + exponent * LogDistance::UNIT.rss_dbm(range)
+    }
+
+    fn range_slope(&self, [_, exponent]: &[f64; 2], range: f64, along: f64) -> f64 {
+        exponent * (along * LogDistance::UNIT.slope(range))
+    }
+
+    fn sensitivity(&self, _: &[f64; 2], range: f64) -> [f64; 2] {
+        [1.0, LogDistance::UNIT.rss_dbm(range)]
+    }
+}
