@@ -109,3 +109,8 @@ pub mod prelude {
     #[doc(no_inline)]
     pub use foxhunt_lab::{Experiment, Runner, simulation::Setup};
 }
+
+/// The README's examples, which are tested as the documentation's are.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

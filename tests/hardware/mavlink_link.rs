@@ -125,5 +125,5 @@ fn what_examine_finds() {
     let before = world.clock().now();
     let findings = alone.examine(&mut || world.advance(0.1).expect("time passes"));
     assert!(world.clock().now() - before < 7.0);
-    assert!(findings.iter().any(|finding| finding.text == "nothing was heard"), "{findings:?}");
+    assert!(findings.iter().any(|finding| finding.text == "nothing was received"), "{findings:?}");
 }

@@ -1,5 +1,7 @@
 //! The command line, and the names that its arguments take.
 
+#[cfg(all(test, feature = "full"))]
+mod documented;
 mod names;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
