@@ -1,6 +1,9 @@
 //! Angles and circular statistics: the one place where an angle wraps.
 
-use core::f64::consts::{PI, TAU};
+use core::{
+    f64::consts::{PI, TAU},
+    ops::AddAssign,
+};
 
 /// Wraps `angle` onto [−π, π).
 ///
@@ -32,9 +35,21 @@ pub struct Resultant {
 impl Resultant {
     /// Adds one direction, in radians, with a weight.
     pub fn add(&mut self, angle: f64, weight: f64) {
-        self.cos += weight * libm::cos(angle);
-        self.sin += weight * libm::sin(angle);
+        let (sin, cos) = libm::sincos(angle);
+        self.cos += weight * cos;
+        self.sin += weight * sin;
         self.weight += weight;
+    }
+
+    /// Its mean direction with this weight; [`None`] where the directions cancel, as in
+    /// [`direction`](Self::direction).
+    #[must_use]
+    pub fn with_weight(&self, weight: f64, least_length: f64) -> Option<Self> {
+        let length = self.length();
+        (length > least_length).then(|| {
+            let scale = weight / (length * self.weight);
+            Self { cos: self.cos * scale, sin: self.sin * scale, weight }
+        })
     }
 
     /// The mean direction, or `None` where the directions cancel: a resultant length below
@@ -48,6 +63,15 @@ impl Resultant {
     #[must_use]
     pub fn length(&self) -> f64 {
         if self.weight > 0.0 { libm::hypot(self.sin, self.cos) / self.weight } else { 0.0 }
+    }
+}
+
+impl AddAssign for Resultant {
+    /// Adds all directions of another resultant.
+    fn add_assign(&mut self, other: Self) {
+        self.cos += other.cos;
+        self.sin += other.sin;
+        self.weight += other.weight;
     }
 }
 

@@ -1,4 +1,6 @@
-use super::round_half_away;
+use foxhunt_core::angle::Resultant;
+
+use super::{pattern::LEAST_RESULTANT, round_half_away};
 
 /// One position of a turn: what was measured there, and what its neighbours make of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -13,6 +15,8 @@ pub struct Cell {
     pub(super) smoothed_dbm: f64,
     /// The circular mean of the samples' boresights; without samples, nominal plus yaw.
     pub(super) angle: f64,
+    /// The samples' boresights.
+    pub(super) boresights: Resultant,
 }
 
 impl Cell {
@@ -33,6 +37,15 @@ impl Cell {
     #[must_use]
     pub fn angle(&self) -> f64 {
         self.angle
+    }
+
+    /// Where the antenna looked, with a weight.
+    pub(super) fn direction(&self, weight: f64) -> Resultant {
+        self.boresights.with_weight(weight, LEAST_RESULTANT).unwrap_or_else(|| {
+            let mut nominal = Resultant::default();
+            nominal.add(self.angle, weight);
+            nominal
+        })
     }
 
     /// The moving mean about it, in dBm; `None` where the whole window is empty.

@@ -16,6 +16,7 @@ use super::Pattern;
 #[must_use]
 pub fn resultant_confidence(pattern: &Pattern) -> f64 {
     let cells = pattern.cells();
+    let maximum_dbm = pattern.maximum_dbm();
     let (mut resultant, mut measured) = (Resultant::default(), 0.0);
     for (index, cell) in cells.iter().enumerate() {
         let Some(mean_dbm) = cell.mean_dbm() else { continue };
@@ -27,8 +28,8 @@ pub fn resultant_confidence(pattern: &Pattern) -> f64 {
         let arc = arc.min(FRAC_PI_4);
         measured += arc;
         // Relative to the strongest, so that no power underflows.
-        let relative_db = mean_dbm - pattern.maximum_dbm();
-        resultant.add(cell.angle(), arc * libm::exp10(0.1 * relative_db));
+        let relative_db = mean_dbm - maximum_dbm;
+        resultant += cell.direction(arc * libm::exp10(0.1 * relative_db));
     }
     (resultant.length() * (measured / TAU)).clamp(0.0, 1.0)
 }

@@ -31,16 +31,24 @@ impl Pattern {
     /// [`NoReading`] when there are no samples, or names the first that is not finite or out of
     /// the turn, or the turn that is longer than [`CAPACITY`](Self::CAPACITY).
     pub fn new(sweep: &Sweep<'_>, window: u16) -> Result<Self, NoReading> {
-        check(sweep)?;
-        let mut pattern = Self {
-            cells: [Cell::default(); Self::CAPACITY as usize],
-            positions: sweep.positions,
-            measured: 0,
-            rss_dbm: 0.0,
-        };
-        pattern.average(sweep);
-        pattern.smooth(window / 2);
+        let mut pattern = Self::empty();
+        pattern.fill(sweep, window)?;
         Ok(pattern)
+    }
+
+    /// A turn of no positions, to be filled.
+    pub(super) fn empty() -> Self {
+        let cells = [Cell::default(); Self::CAPACITY as usize];
+        Self { cells, positions: 0, measured: 0, rss_dbm: 0.0 }
+    }
+
+    /// Puts a sweep in order where an empty pattern is: 20 kB are not moved.
+    pub(super) fn fill(&mut self, sweep: &Sweep<'_>, window: u16) -> Result<(), NoReading> {
+        check(sweep)?;
+        self.positions = sweep.positions;
+        self.average(sweep);
+        self.smooth(window / 2);
+        Ok(())
     }
 
     /// The positions, in order round the circle.
@@ -69,14 +77,18 @@ impl Pattern {
 
     /// Per-position means of power and angle (Pritzl 2018, eqs. 4.1 and 4.2).
     fn average(&mut self, sweep: &Sweep<'_>) {
-        let mut angles = [Resultant::default(); Self::CAPACITY as usize];
+        // An antenna that stands while it is sampled has one boresight for several samples.
+        let (mut boresight, mut unit) = (f64::NAN, Resultant::default());
         for sample in sweep.samples {
+            if sample.boresight.to_bits() != boresight.to_bits() {
+                boresight = sample.boresight;
+                unit = Resultant::from_iter([boresight]);
+            }
             let i = usize::from(sample.position);
             self.cells[i].count = self.cells[i].count.saturating_add(1);
             self.cells[i].mean_dbm += sample.rss_dbm;
-            angles[i].add(sample.boresight, 1.0);
+            self.cells[i].boresights += unit;
         }
-        let mut yaw = Resultant::default();
         let mut sum = 0.0;
         for (i, cell) in (0..sweep.positions).zip(&mut self.cells) {
             cell.angle = nominal(i, sweep.positions);
@@ -86,12 +98,22 @@ impl Pattern {
             cell.mean_dbm /= f64::from(cell.count);
             sum += cell.mean_dbm;
             self.measured += 1;
-            if let Some(angle) = angles[usize::from(i)].direction(LEAST_RESULTANT) {
-                yaw.add(angle - cell.angle, 1.0);
+            if let Some(angle) = cell.boresights.direction(LEAST_RESULTANT) {
                 cell.angle = angle;
             }
         }
         self.rss_dbm = sum / f64::from(self.measured);
+        if self.measured < self.positions {
+            self.turn_unmeasured();
+        }
+    }
+
+    /// Turns the positions without samples by the mean yaw of the others.
+    fn turn_unmeasured(&mut self) {
+        let cells = (0..self.positions).zip(&mut self.cells);
+        let yaw: Resultant = (cells.filter(|(_, cell)| cell.boresights.length() > LEAST_RESULTANT))
+            .map(|(i, cell)| cell.angle - nominal(i, self.positions))
+            .collect();
         // Where the offsets cancel there is no yaw to speak of, and the nominal angle stands.
         let yaw = yaw.direction(LEAST_RESULTANT).unwrap_or(0.0);
         for cell in self.cells.iter_mut().filter(|cell| cell.count == 0) {
@@ -121,7 +143,7 @@ impl Pattern {
 }
 
 /// Directions whose mean resultant is shorter than this cancel up to rounding.
-const LEAST_RESULTANT: f64 = 1e-9;
+pub(super) const LEAST_RESULTANT: f64 = 1e-9;
 
 /// Where position `i` of a turn looks, in radians from the antenna's zero.
 fn nominal(i: u16, positions: u16) -> f64 {

@@ -90,7 +90,8 @@ fn above(pattern: &Pattern, level: f64) -> impl Iterator<Item = &Cell> {
 
 impl BearingExtractor for Pritzl2018 {
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
-        let pattern = self.pattern(sweep)?;
+        let mut pattern = Pattern::empty();
+        pattern.fill(sweep, self.window)?;
         Ok(Reading {
             rss_dbm: pattern.rss_dbm(),
             rss_sigma_db: self.rss_sigma_db,
