@@ -92,8 +92,14 @@ pub(crate) fn mean_pose(samples: &[Sample]) -> Option<Pose> {
     let mut position = Vector3::zeros();
     let mut velocity = Some(Vector3::zeros());
     let (mut pitch, mut roll, mut count) = (0.0, 0.0, 0.0);
+    // A drone that hovers has one heading for all samples.
+    let (mut held, mut unit) = (f64::NAN, Resultant::default());
     for Sample { receiver, .. } in samples {
-        heading.add(receiver.heading, 1.0);
+        if receiver.heading.to_bits() != held.to_bits() {
+            held = receiver.heading;
+            unit = Resultant::from_iter([held]);
+        }
+        heading += unit;
         position += receiver.position;
         velocity = velocity.zip(receiver.velocity).map(|(sum, velocity)| sum + velocity);
         pitch += receiver.pitch;

@@ -297,7 +297,7 @@ impl Hunt {
     /// When there is no estimator for the next beacon.
     pub fn advance(&mut self, time: f64) -> Result<(), HuntError> {
         let all_found = self.all_found();
-        let beacons = f64::from(u32::try_from(self.beacons_of_turn().len()).unwrap_or(u32::MAX));
+        let beacons = u32::try_from(self.beacons_of_turn().count()).unwrap_or(u32::MAX);
         let Some(flight) = &mut self.flight else { return Ok(()) };
         flight.pass(time, &mut self.outbox);
         if !all_found && let Some(reason) = flight.must_return(time) {
@@ -316,7 +316,7 @@ impl Hunt {
                 Ok(())
             }
             Phase::Measuring(_) => {
-                if waited_s >= self.config.turn_timeout_s * beacons {
+                if waited_s >= self.config.turn_timeout_s * f64::from(beacons) {
                     flight.give_up_turns(time, waited_s, &mut self.outbox);
                 }
                 if flight.is_waiting() { Ok(()) } else { self.position_done(time) }
@@ -431,13 +431,12 @@ impl Hunt {
 
     /// The beacons of a turn: the one that is searched for, and all that are not done where turns
     /// are shared.
-    fn beacons_of_turn(&self) -> Vec<BeaconId> {
+    fn beacons_of_turn(&self) -> impl Iterator<Item = BeaconId> {
         let shared = self.config.shared_turns;
-        let open = |(index, target): &(usize, &SearchedTarget)| {
+        let open = move |(index, target): &(usize, &SearchedTarget)| {
             (shared || *index == self.current) && !target.is_done()
         };
-        let open = self.targets.iter().enumerate().filter(open);
-        open.map(|(index, _)| beacon_id(index)).collect()
+        self.targets.iter().enumerate().filter(open).map(|(index, _)| beacon_id(index))
     }
 
     fn signal(&mut self, time: f64, signal: Signal) -> Result<(), HuntError> {
@@ -450,7 +449,7 @@ impl Hunt {
     /// Has every drone that is in the air turn its antenna.
     fn listen(&mut self, time: f64) {
         self.since = time;
-        let beacons = self.beacons_of_turn();
+        let beacons: Vec<_> = self.beacons_of_turn().collect();
         if let Some(flight) = &mut self.flight {
             flight.listen(time, &beacons, &mut self.outbox);
         }
@@ -638,7 +637,8 @@ impl Hunt {
             return Ok(());
         };
         self.current = next;
-        for beacon in self.beacons_of_turn() {
+        let beacons: Vec<_> = self.beacons_of_turn().collect();
+        for beacon in beacons {
             self.begin_search(time, usize::from(beacon.0))?;
         }
         let planned = self.plan(time, |planner, targets, stations| match targets {

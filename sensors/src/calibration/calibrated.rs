@@ -1,5 +1,6 @@
 use foxhunt_core::{
-    BearingExtractor, BearingMode, BearingModes, NoBearing, NoReading, Reading, Sweep, angle,
+    BearingExtractor, BearingMode, BearingModes, NoBearing, NoReading, Reading, Sample, Sweep,
+    angle,
     parameter::{ParameterError, finite, not_negative, positive},
 };
 
@@ -54,6 +55,9 @@ impl<X> Calibrated<X> {
 
     /// A direction with its error at the heading towards it taken off.
     fn angle(&self, sweep: &Sweep<'_>, direction: f64) -> f64 {
+        if self.offset == BearingOffset::default() {
+            return angle::wrap(direction);
+        }
         angle::wrap(direction - self.offset.at(heading_towards(sweep, direction)))
     }
 
@@ -95,7 +99,7 @@ impl<X: BearingExtractor> BearingExtractor for Calibrated<X> {
 /// that it holds for an antenna that is turned by a body, too.
 #[must_use]
 pub fn heading_towards(sweep: &Sweep<'_>, direction: f64) -> f64 {
-    let off = |boresight: f64| angle::distance(boresight, direction);
-    let nearest = sweep.samples.iter().min_by(|a, b| off(a.boresight).total_cmp(&off(b.boresight)));
-    nearest.map_or(sweep.receiver.heading, |sample| sample.receiver.heading)
+    let off = |sample: &Sample| (angle::distance(sample.boresight, direction), sample.receiver);
+    let nearest = sweep.samples.iter().map(off).min_by(|a, b| a.0.total_cmp(&b.0));
+    nearest.map_or(sweep.receiver.heading, |(_, receiver)| receiver.heading)
 }
