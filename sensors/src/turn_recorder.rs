@@ -27,6 +27,13 @@ impl TurnRecorder {
         Self { sweeps: beacons.iter().map(empty).collect(), ..Self::default() }
     }
 
+    /// Makes room for so many samples of each beacon.
+    pub(crate) fn reserve(&mut self, samples: usize) {
+        for sweep in &mut self.sweeps {
+            sweep.samples.reserve_exact(samples);
+        }
+    }
+
     /// The record of one of the beacons, by its place among those of the turn.
     pub(crate) fn beacon(&mut self, index: usize) -> &mut OwnedSweep {
         &mut self.sweeps[index]

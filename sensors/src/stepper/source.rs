@@ -37,6 +37,9 @@ pub struct StepperSource<R, T, V, C> {
     last_pose: Pose,
 }
 
+/// A turn begins with room for at most so many samples of each beacon; it may have more.
+const MOST_RESERVED: usize = 4096;
+
 /// Whether a step was taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Progress {
@@ -203,6 +206,9 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
         let backwards = self.stands_at > (self.config.positions() - 1) / 2;
         self.turn = (!beacons.is_empty()).then(|| Turn::new(beacons.len(), backwards));
         self.recorder = TurnRecorder::new(beacons);
+        let each = usize::from(self.config.samples_per_position());
+        let samples = usize::from(self.config.positions()).saturating_mul(each);
+        self.recorder.reserve(samples.min(MOST_RESERVED));
         self.dropped = 0;
         Ok(())
     }

@@ -145,33 +145,34 @@ impl Receiver {
         arrival: &Arrival<'_>,
         turned: f64,
     ) -> (f64, f64) {
-        let (beacon, from) = (usize::from(arrival.beacon.0), arrival.receiver.position);
+        let Arrival { receiver, port, .. } = *arrival;
+        let (beacon, from) = (usize::from(arrival.beacon.0), receiver.position);
+        let path = || Path::new(channel, beacon, from, arrival.to);
         let known = self.ways.iter().position(|way| way.path.beacon() == beacon);
-        let known = known.map(|index| self.ways.swap_remove(index));
-        let way = known.filter(|way| way.path.is_between(&from, &arrival.to));
-        let (path, look) = match way {
-            Some(way) => (way.path, way.look),
-            None => (Path::new(channel, beacon, from, arrival.to), None),
-        };
-        let (receiver, port) = (arrival.receiver, arrival.port);
-        let same = |look: &Look| {
-            look.receiver == receiver
-                && look.turned.to_bits() == turned.to_bits()
+        let index = known.unwrap_or_else(|| {
+            self.ways.push(Way { path: path(), look: None });
+            self.ways.len() - 1
+        });
+        let way = &mut self.ways[index];
+        if !way.path.is_between(&from, &arrival.to) {
+            *way = Way { path: path(), look: None };
+        }
+        let same = |look: &&Look| {
+            look.turned.to_bits() == turned.to_bits()
+                && look.receiver == receiver
                 && look.port.is_same(port)
         };
-        let gain_db = match look.filter(same) {
-            Some(look) => look.gain_db,
-            None => path.gain_db(channel, &receiver, turned, port),
-        };
-        let levels = (path.level_dbm, gain_db);
+        if let Some(look) = way.look.as_ref().filter(same) {
+            return (way.path.level_dbm, look.gain_db);
+        }
+        let gain_db = way.path.gain_db(channel, &receiver, turned, port);
         let port = match port {
             Port::Directional => Some(Port::Directional),
             Port::Omnidirectional => Some(Port::Omnidirectional),
             Port::Own(_) => None,
         };
-        let look = port.map(|port| Look { receiver, turned, port, gain_db });
-        self.ways.push(Way { path, look });
-        levels
+        way.look = port.map(|port| Look { receiver, turned, port, gain_db });
+        (way.path.level_dbm, gain_db)
     }
 
     fn pattern_for(&mut self, channel: &Channel, arrival: &Arrival<'_>) -> Pattern {
