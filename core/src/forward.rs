@@ -159,6 +159,7 @@ macro_rules! forward_shared {
             fn log_likelihood(&self, state: &State<N>, observation: &Observation<M>) -> f64 {
                 (**self).log_likelihood(state, observation)
             }
+            #[inline(always)]
             fn log_likelihoods(
                 &self,
                 columns: [&[f64]; N],
@@ -181,6 +182,10 @@ macro_rules! forward_shared {
             }
             fn jacobian(&self, state: &State<N>, dt: f64) -> SMatrix<f64, N, N> {
                 (**self).jacobian(state, dt)
+            }
+            #[inline(always)]
+            fn move_columns(&self, columns: [&mut [f64]; N], white: [&[f64]; N], dt: f64) {
+                (**self).move_columns(columns, white, dt);
             }
         }
     )+};

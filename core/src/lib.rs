@@ -32,6 +32,7 @@ mod axis;
 mod bearing_modes;
 mod belief;
 mod devices;
+pub mod elementary;
 mod estimate;
 mod estimator;
 mod extractor;

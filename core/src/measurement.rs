@@ -65,6 +65,11 @@ pub trait MeasurementModel<const N: usize, const M: usize> {
 
     /// [`log_likelihood`](Self::log_likelihood) of many states at once, held as one column for
     /// each component; sets `out`. Columns and `out` are of one length.
+    ///
+    /// One state after the other unless overridden. An override is a plain loop over the columns
+    /// with the functions of [`elementary`](crate::elementary), and `#[inline(always)]`: whoever
+    /// calls it may then compile it for wider vectors.
+    #[inline(always)]
     fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<M>, out: &mut [f64]) {
         log_likelihoods_one_by_one(self, columns, observation, out);
     }
@@ -72,6 +77,7 @@ pub trait MeasurementModel<const N: usize, const M: usize> {
 
 /// [`MeasurementModel::log_likelihoods`] by one state after the other: for an override that cannot
 /// do better for some observations, as for those of an uncertain receiver.
+#[inline]
 pub fn log_likelihoods_one_by_one<const N: usize, const M: usize>(
     model: &(impl MeasurementModel<N, M> + ?Sized),
     columns: [&[f64]; N],

@@ -75,6 +75,8 @@ mod shadowing_grid;
 mod smoother;
 mod transform;
 mod triangle;
+#[cfg(feature = "alloc")]
+mod vectorised;
 
 #[cfg(feature = "batch")]
 pub use batch::{BatchError, BatchEstimator, BatchFix, BatchSolver, Loss};

@@ -18,4 +18,20 @@ pub fn motion_model<const N: usize>(model: &impl MotionModel<N>, state: &State<N
     let numeric = numeric_jacobian(state, |x| model.propagate(x, dt), minus);
     let error = (model.jacobian(state, dt) - numeric).norm();
     assert!(error <= 1e-6 * (1.0 + numeric.norm()), "the jacobian is off by {error}");
+
+    // Three states at once: each from its own column and with its own noise.
+    let states = [*state, state * 0.5, -state];
+    let white = [1.0, -0.3, 2.0]
+        .map(|draw| State::from_fn(|row, _| if row % 2 == 0 { draw } else { 0.7 - draw }));
+    let column = |states: &[State<N>; 3]| -> [[f64; 3]; N] {
+        core::array::from_fn(|row| states.map(|state| state[row]))
+    };
+    let (mut moved, noise) = (column(&states), column(&white));
+    model.move_columns(moved.each_mut().map(|c| &mut c[..]), noise.each_ref().map(|c| &c[..]), dt);
+    for (i, (state, white)) in states.iter().zip(&white).enumerate() {
+        let one = model.propagate(state, dt) + model.noise_factor(state, dt) * white;
+        let all = State::from_fn(|row, _| moved[row][i]);
+        let error = minus(&all, &one).norm();
+        assert!(error <= 1e-12 * (1.0 + one.norm()), "columns are moved elsewhere, by {error}");
+    }
 }

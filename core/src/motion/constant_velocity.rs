@@ -33,6 +33,21 @@ impl MotionModel<4> for ConstantVelocity {
     fn jacobian(&self, _state: &State<4>, dt: f64) -> Matrix4<f64> {
         transition(dt)
     }
+
+    #[inline(always)]
+    fn move_columns(&self, columns: [&mut [f64]; 4], white: [&[f64]; 4], dt: f64) {
+        let factor = self.noise_factor(&State::zeros(), dt);
+        let (place, coupling, rate) = (factor[(0, 0)], factor[(2, 0)], factor[(2, 2)]);
+        let [east, north, east_rate, north_rate] = columns;
+        for (x, v, first, second) in
+            [(east, east_rate, white[0], white[2]), (north, north_rate, white[1], white[3])]
+        {
+            for (((x, v), first), second) in x.iter_mut().zip(v).zip(first).zip(second) {
+                *x += *v * dt + place * first;
+                *v += coupling * first + rate * second;
+            }
+        }
+    }
 }
 
 fn transition(dt: f64) -> Matrix4<f64> {

@@ -15,7 +15,8 @@ use crate::{Axis, State, numeric_jacobian};
 /// # Laws
 ///
 /// Checked by `laws::motion_model`, feature `laws`: `propagate(x, 0) = x`,
-/// `noise_factor(x, 0) = 0`, `jacobian` agrees with finite differences.
+/// `noise_factor(x, 0) = 0`, `jacobian` agrees with finite differences, `move_columns` with
+/// `propagate` and `noise_factor`.
 pub trait MotionModel<const N: usize> {
     /// f(x, Δt): the state after `dt` seconds without noise.
     fn propagate(&self, state: &State<N>, dt: f64) -> State<N>;
@@ -35,5 +36,20 @@ pub trait MotionModel<const N: usize> {
     fn jacobian(&self, state: &State<N>, dt: f64) -> SMatrix<f64, N, N> {
         let axes = self.axes();
         numeric_jacobian(state, |x| self.propagate(x, dt), |a, b| Axis::difference(&axes, a, b))
+    }
+
+    /// x ← f(x, Δt) + L ξ for many states at once, held as one column for each component, as are
+    /// their ξ; no angle is wrapped. All columns are of one length.
+    ///
+    /// One state after the other unless overridden. An override is a plain loop over the columns,
+    /// and `#[inline(always)]`: whoever calls it may then compile it for wider vectors.
+    #[inline(always)]
+    fn move_columns(&self, mut columns: [&mut [f64]; N], white: [&[f64]; N], dt: f64) {
+        for i in 0..columns.first().map_or(0, |column| column.len()) {
+            let state = State::from_fn(|row, _| columns[row][i]);
+            let noise = self.noise_factor(&state, dt) * State::from_fn(|row, _| white[row][i]);
+            let moved = self.propagate(&state, dt) + noise;
+            columns.iter_mut().zip(&moved).for_each(|(column, value)| column[i] = *value);
+        }
     }
 }

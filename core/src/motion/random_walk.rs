@@ -31,4 +31,13 @@ impl<const N: usize> MotionModel<N> for RandomWalk<N> {
     fn jacobian(&self, _state: &State<N>, _dt: f64) -> SMatrix<f64, N, N> {
         SMatrix::identity()
     }
+
+    #[inline(always)]
+    fn move_columns(&self, columns: [&mut [f64]; N], white: [&[f64]; N], dt: f64) {
+        let root = libm::sqrt(dt);
+        for ((column, white), drift) in columns.into_iter().zip(white).zip(&self.drift) {
+            let drift = drift * root;
+            column.iter_mut().zip(white).for_each(|(x, white)| *x += drift * white);
+        }
+    }
 }

@@ -1,8 +1,8 @@
-use core::f64::consts::TAU;
+use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{
-    MeasurementModel, Observation, OutlierMixture, Pose, Quantity, State, angle,
-    gaussian_log_likelihood,
+    MeasurementModel, Observation, OutlierMixture, Pose, Quantity, State, angle, elementary,
+    gaussian_log_likelihood, log_likelihoods_one_by_one,
     parameter::{self, ParameterError},
 };
 use nalgebra::{SMatrix, Vector1};
@@ -77,6 +77,38 @@ impl<const N: usize> MeasurementModel<N, 1> for BearingOnly {
                 outliers.log_density(gaussian, observation)
             }
             _ => gaussian,
+        }
+    }
+
+    #[inline(always)]
+    fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<1>, out: &mut [f64]) {
+        if !observation.is_plain() || observation.is_empty() {
+            return log_likelihoods_one_by_one(self, columns, observation, out);
+        }
+        let place = observation.receiver().position;
+        let bearing = angle::wrap(observation.value()[0] - self.bias);
+        let slope = -0.5 / observation.noise()[(0, 0)];
+        let square = |east: f64, north: f64| {
+            let off = bearing - elementary::atan2(north - place.y, east - place.x);
+            let off = if off > PI { off - TAU } else { off };
+            let off = if off < -PI { off + TAU } else { off };
+            off * off
+        };
+        let peak = observation.log_density(&Vector1::zeros());
+        let places = out.iter_mut().zip(columns[0]).zip(columns[1]);
+        match self.outliers.filter(|outliers| outliers.share() > 0.0) {
+            Some(outliers) => {
+                let [peak, even] = outliers.log_parts(peak, observation).map(libm::exp);
+                for ((out, east), north) in places {
+                    let normal = peak * elementary::exp(slope * square(*east, *north));
+                    *out = elementary::ln(normal + even);
+                }
+            }
+            None => {
+                for ((out, east), north) in places {
+                    *out = peak + slope * square(*east, *north);
+                }
+            }
         }
     }
 }

@@ -1,0 +1,165 @@
+//! Elementary functions without branches, so that a loop over columns is vectorised.
+//!
+//! The reductions and polynomials are those of fdlibm (Sun Microsystems 1993). There is no fused
+//! multiplication in them and no table: a vector of any width gives the same bits as one number
+//! after the other, on every processor. Each is inlined wherever it stands, into functions that
+//! are compiled for wider vectors too.
+
+use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, LOG2_E, PI};
+
+/// Adding it rounds a number below 2⁵¹ to a whole one, which then stands in the lowest bits.
+const ROUND: f64 = 6_755_399_441_055_744.0;
+/// ln 2 in two parts, the first of 33 bits: its product with an exponent is exact.
+const LN_2: [f64; 2] = [6.931_471_803_691_238_164_90e-1, 1.908_214_929_270_587_700_02e-10];
+
+/// eˣ to 1 unit in the last place: 0 below −708, infinite above 709.
+#[inline(always)]
+#[must_use]
+pub fn exp(x: f64) -> f64 {
+    let shifted = x * LOG2_E + ROUND;
+    let n = shifted - ROUND;
+    let (high, low) = (x - n * LN_2[0], n * LN_2[1]);
+    let r = high - low;
+    let z = r * r;
+    let even = 1.666_666_666_666_660_190_37e-1
+        + z * (-2.777_777_777_701_559_338_42e-3
+            + z * (6.613_756_321_437_934_361_17e-5
+                + z * (-1.653_390_220_546_525_153_90e-6 + z * 4.138_136_797_057_238_460_39e-8)));
+    let c = r - z * even;
+    let y = 1.0 + (r * c / (2.0 - c) - low + high);
+    let scale = f64::from_bits((shifted.to_bits() << 52).wrapping_add(1023 << 52));
+    let value = if x < -708.0 { 0.0 } else { y * scale };
+    if x > 709.0 { f64::INFINITY } else { value }
+}
+
+/// ln x of a finite number, to 1 unit in the last place: −∞ below the smallest normal number, NaN
+/// below 0.
+#[inline(always)]
+#[must_use]
+pub fn ln(x: f64) -> f64 {
+    // x = 2ᵏ (1 + f) with √½ ≤ 1 + f < √2.
+    const ROOT_HALF: u64 = 0x3fe6_a09e << 32;
+    const BIASED: f64 = 4_503_599_627_370_496.0 + 1023.0;
+    let bits = x.to_bits().wrapping_add((0x3ff << 52) - ROOT_HALF);
+    let k = f64::from_bits((0x433 << 52) | (bits >> 52)) - BIASED;
+    let f = f64::from_bits((bits & ((1 << 52) - 1)) + ROOT_HALF) - 1.0;
+    let half_square = 0.5 * f * f;
+    let s = f / (2.0 + f);
+    let z = s * s;
+    let w = z * z;
+    let even = w
+        * (3.999_999_999_940_941_908e-1
+            + w * (2.222_219_843_214_978_396e-1 + w * 1.531_383_769_920_937_332e-1));
+    let odd = z
+        * (6.666_666_666_666_735_130e-1
+            + w * (2.857_142_874_366_239_149e-1
+                + w * (1.818_357_216_161_805_012e-1 + w * 1.479_819_860_511_658_591e-1)));
+    let value = s * (half_square + (even + odd)) + k * LN_2[1] - half_square + f + k * LN_2[0];
+    let small = if x >= 0.0 { f64::NEG_INFINITY } else { f64::NAN };
+    if x >= f64::MIN_POSITIVE { value } else { small }
+}
+
+/// The direction of (x, y) in [−π, π] to 9·10⁻¹⁶; 0 at the origin. Neither may be beyond 10³⁰⁰.
+#[inline(always)]
+#[must_use]
+pub fn atan2(y: f64, x: f64) -> f64 {
+    /// tan(π/8).
+    const MIDDLE: f64 = 0.414_213_562_373_095_1;
+    let (across, along) = (y.abs(), x.abs());
+    let steep = across > along;
+    let (low, high) = if steep { (along, across) } else { (across, along) };
+    // Above π/8, atan t = π/4 + atan((t − 1) / (t + 1)).
+    let far = low > MIDDLE * high;
+    let (above, below) = (if far { low - high } else { low }, if far { low + high } else { high });
+    let t = if low + high <= 0.0 { 0.0 } else { above / below };
+    let z = t * t;
+    let w = z * z;
+    let even = z
+        * (3.333_333_333_333_293_180_27e-1
+            + w * (1.428_571_427_250_346_637_11e-1
+                + w * (9.090_887_133_436_506_561_96e-2
+                    + w * (6.661_073_137_387_531_206_69e-2
+                        + w * (4.976_877_994_615_932_360_17e-2
+                            + w * 1.628_582_011_536_578_236_23e-2)))));
+    let odd = w
+        * (-1.999_999_999_987_648_324_76e-1
+            + w * (-1.111_111_040_546_235_578_80e-1
+                + w * (-7.691_876_205_044_829_994_95e-2
+                    + w * (-5.833_570_133_790_573_486_45e-2
+                        + w * -3.653_157_274_421_691_552_70e-2))));
+    let angle = (t - t * (even + odd)) + if far { FRAC_PI_4 } else { 0.0 };
+    let angle = if steep { FRAC_PI_2 - angle } else { angle };
+    let angle = if x < 0.0 { PI - angle } else { angle };
+    angle.copysign(y)
+}
+
+/// (sin x, cos x) for |x| ≤ π/4, to 1 unit in the last place of 1.
+#[inline(always)]
+#[must_use]
+pub fn sin_cos_octant(x: f64) -> (f64, f64) {
+    let z = x * x;
+    let sin = -1.666_666_666_666_663_243_48e-1
+        + z * (8.333_333_333_322_489_461_24e-3
+            + z * (-1.984_126_982_985_794_931_34e-4
+                + z * (2.755_731_370_707_006_767_89e-6
+                    + z * (-2.505_076_025_340_686_341_95e-8
+                        + z * 1.589_690_995_211_550_102_21e-10))));
+    let cos = 4.166_666_666_666_660_190_37e-2
+        + z * (-1.388_888_888_887_410_957_49e-3
+            + z * (2.480_158_728_947_672_941_78e-5
+                + z * (-2.755_731_435_139_066_330_35e-7
+                    + z * (2.087_572_321_298_174_827_90e-9
+                        - z * 1.135_964_755_778_819_482_65e-11))));
+    (x + x * z * sin, 1.0 - (0.5 * z - z * z * cos))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers spread evenly over [−reach, reach].
+    fn spread(reach: f64) -> impl Iterator<Item = f64> {
+        (-100_000..=100_000_i32).map(move |i| f64::from(i) * reach / 100_000.0)
+    }
+
+    #[test]
+    fn they_agree_with_libm() {
+        const ULP: f64 = f64::EPSILON;
+        for x in spread(707.9) {
+            let (near, far) = (exp(x), exp(x / 700.0));
+            assert!((near / libm::exp(x) - 1.0).abs() <= 2.0 * ULP, "exp {x}: {near}");
+            assert!((far / libm::exp(x / 700.0) - 1.0).abs() <= 2.0 * ULP, "exp {x}");
+            let value = libm::exp(x);
+            let exact = libm::log(value);
+            assert!((ln(value) - exact).abs() <= ULP * exact.abs(), "ln {value}");
+            let value = 1.0 + x / 2000.0;
+            let exact = libm::log(value);
+            assert!((ln(value) - exact).abs() <= ULP * exact.abs(), "ln {value}");
+        }
+        for x in spread(FRAC_PI_4) {
+            let (sin, cos) = sin_cos_octant(x);
+            assert!((sin - libm::sin(x)).abs() <= ULP && (cos - libm::cos(x)).abs() <= ULP, "{x}");
+        }
+        for turn in spread(PI) {
+            for range in [1e-250, 1e-3, 1.0, 7e5, 1e250] {
+                let (y, x) = (range * libm::sin(turn), range * libm::cos(turn));
+                let off = atan2(y, x) - libm::atan2(y, x);
+                assert!(off.abs() <= 9e-16, "{y}, {x}: {off}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_ends_are_as_they_are_described() {
+        assert_eq!(exp(f64::NEG_INFINITY).to_bits(), 0);
+        assert_eq!((exp(-1e300).to_bits(), exp(-709.0).to_bits()), (0, 0));
+        assert!(exp(1e300).is_infinite() && exp(f64::NAN).is_nan());
+        assert!((exp(0.0) - 1.0).abs() <= 0.0 && ln(1.0).abs() <= 0.0);
+        assert!(ln(0.0) < -f64::MAX && ln(-1.0).is_nan() && ln(f64::NAN).is_nan());
+        assert!(atan2(0.0, 0.0).abs() <= 0.0);
+        assert!(atan2(f64::NAN, 0.0).is_nan() && atan2(1.0, f64::NAN).is_nan());
+        for (y, x) in [(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0), (2.0, 2.0), (-2.0, -2.0)] {
+            assert!((atan2(y, x) - libm::atan2(y, x)).abs() <= 9e-16, "{y}, {x}");
+        }
+    }
+}
