@@ -94,12 +94,12 @@ impl MeasurementModel<4, 1> for Columns {
     fn log_likelihoods(&self, columns: [&[f64]; 4], observation: &Observation<1>, out: &mut [f64]) {
         let place = observation.receiver().position;
         let bearing = angle::wrap(observation.value()[0] - BIAS);
-        let peak = (1.0 - SHARE) / (SIGMA * TAU.sqrt());
+        let (peak, slope) = ((1.0 - SHARE) / (SIGMA * TAU.sqrt()), -0.5 / (SIGMA * SIGMA));
         for ((out, east), north) in out.iter_mut().zip(columns[0]).zip(columns[1]) {
             let off = bearing - elementary::atan2(north - place.y, east - place.x);
             let off = if off > PI { off - TAU } else { off };
-            let off = if off < -PI { off + TAU } else { off } / SIGMA;
-            *out = elementary::ln(peak * elementary::exp(-0.5 * off * off) + SHARE / TAU);
+            let off = if off < -PI { off + TAU } else { off };
+            *out = elementary::ln(peak * elementary::exp(slope * off * off) + SHARE / TAU);
         }
     }
 }

@@ -1,7 +1,12 @@
 use foxhunt_core::{
     Covariance, Estimator, MeasurementModel, Observation, State, absorb_receiver_noise,
 };
+#[cfg(feature = "alloc")]
+use foxhunt_core::{Estimate, visit_cubature_points};
 use nalgebra::SVector;
+
+/// What samples and their weights are shown to.
+type Visit<'a, const N: usize> = dyn FnMut(&State<N>, f64) + 'a;
 
 /// How an observation differs from what was expected: the raw material of consistency checks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,15 +35,35 @@ impl<const M: usize> Innovation<M> {
         model: &(impl MeasurementModel<N, M> + ?Sized),
         observation: &Observation<M>,
     ) -> Option<Self> {
+        let mean = estimator.estimate().mean;
+        Self::of_samples(&mean, |visit| estimator.visit_samples(visit), model, observation)
+    }
+
+    /// The same from the cubature points of a belief's moments alone.
+    #[cfg(feature = "alloc")]
+    pub(crate) fn of_moments<const N: usize>(
+        estimate: &Estimate<N>,
+        model: &(impl MeasurementModel<N, M> + ?Sized),
+        observation: &Observation<M>,
+    ) -> Option<Self> {
+        let visit_points = |visit: &mut Visit<'_, N>| visit_cubature_points(estimate, visit);
+        Self::of_samples(&estimate.mean, visit_points, model, observation)
+    }
+
+    fn of_samples<const N: usize>(
+        mean: &State<N>,
+        visit_samples: impl FnOnce(&mut Visit<'_, N>),
+        model: &(impl MeasurementModel<N, M> + ?Sized),
+        observation: &Observation<M>,
+    ) -> Option<Self> {
         if observation.is_empty() {
             return None;
         }
-        let mean = estimator.estimate().mean;
-        let observation = &absorb_receiver_noise(model, &mean, observation);
+        let observation = &absorb_receiver_noise(model, mean, observation);
         let expected = |x: &State<N>| model.expected(x, observation.receiver());
-        let centre = expected(&mean);
+        let centre = expected(mean);
         let (mut shift, mut square) = (SVector::<f64, M>::zeros(), Covariance::<M>::zeros());
-        estimator.visit_samples(&mut |state, weight| {
+        visit_samples(&mut |state, weight| {
             let deviation = model.residual(&expected(state), &centre);
             shift += deviation * weight;
             square += deviation * (deviation * weight).transpose();

@@ -31,3 +31,55 @@ impl<K: Kernel> pulp::WithSimd for Dispatched<K> {
         self.0.run()
     }
 }
+
+/// So many sums run side by side: two or more wide vectors, and the same ones everywhere.
+const LANES: usize = 16;
+
+/// Folds what `of` makes of each pair into lanes, and these into one number.
+#[inline(always)]
+fn fold(a: &[f64], b: &[f64], from: f64, with: impl Fn(f64, f64, f64) -> f64) -> [f64; LANES] {
+    let mut lanes = [from; LANES];
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    for (a, b) in a.iter().zip(b) {
+        for ((lane, a), b) in lanes.iter_mut().zip(a).zip(b) {
+            *lane = with(*lane, *a, *b);
+        }
+    }
+    for ((lane, a), b) in lanes.iter_mut().zip(a_rest).zip(b_rest) {
+        *lane = with(*lane, *a, *b);
+    }
+    lanes
+}
+
+/// Σ aᵢ bᵢ.
+#[inline(always)]
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    total(fold(a, b, 0.0, |sum, a, b| sum + a * b))
+}
+
+/// Σ aᵢ.
+#[inline(always)]
+pub(crate) fn sum(a: &[f64]) -> f64 {
+    total(fold(a, a, 0.0, |sum, a, _| sum + a))
+}
+
+/// The sum of the lanes, in pairs.
+#[inline(always)]
+fn total(mut lanes: [f64; LANES]) -> f64 {
+    let mut half = LANES;
+    while half > 1 {
+        half /= 2;
+        for lane in 0..half {
+            lanes[lane] += lanes[half + lane];
+        }
+    }
+    lanes[0]
+}
+
+/// The largest, NaN aside; −∞ if there is none.
+#[inline(always)]
+pub(crate) fn largest(a: &[f64]) -> f64 {
+    let larger = |most: f64, a: f64| if a > most { a } else { most };
+    let lanes = fold(a, a, f64::NEG_INFINITY, |most, a, _| larger(most, a));
+    lanes.into_iter().fold(f64::NEG_INFINITY, larger)
+}

@@ -1,8 +1,12 @@
-use alloc::{vec, vec::Vec};
+use alloc::vec::Vec;
 
-use foxhunt_core::{Axis, Covariance, Estimate, EstimatorError, Role, State, angle::Resultant};
+use foxhunt_core::{EstimatorError, MeasurementModel, Observation, Role, State, elementary};
 
-use crate::count::number;
+use super::white::CHUNK;
+use crate::{
+    count::number,
+    vectorised::{self, Kernel},
+};
 
 /// Weighted states, one column for each component.
 #[derive(Clone, Debug)]
@@ -18,24 +22,13 @@ impl<const N: usize> Cloud<N> {
 
     /// No particle at all.
     pub(super) fn empty() -> Self {
-        let weights = Weights { linear: Vec::new(), log: Vec::new() };
-        Self { columns: core::array::from_fn(|_| Vec::new()), weights }
-    }
-
-    /// Becomes `other`, in the memory that it has if that is enough.
-    pub(super) fn copy_from(&mut self, other: &Self) {
-        self.resize(other.len());
-        for (column, others) in self.columns.iter_mut().zip(&other.columns) {
-            column.copy_from_slice(others);
-        }
-        self.weights.copy_from(&other.weights);
+        Self { columns: core::array::from_fn(|_| Vec::new()), weights: Weights::none() }
     }
 
     /// Makes room for `count` particles; what they hold is of no use.
     pub(super) fn resize(&mut self, count: usize) {
         self.columns.iter_mut().for_each(|column| column.resize(count, 0.0));
-        self.weights.linear.resize(count, 0.0);
-        self.weights.log.resize(count, 0.0);
+        self.weights.resize(count);
     }
 
     pub(super) fn state(&self, particle: usize) -> State<N> {
@@ -45,8 +38,7 @@ impl<const N: usize> Cloud<N> {
     /// Adds a particle without a weight yet.
     pub(super) fn push(&mut self, state: &State<N>) {
         self.columns.iter_mut().zip(state.iter()).for_each(|(column, value)| column.push(*value));
-        self.weights.linear.push(0.0);
-        self.weights.log.push(0.0);
+        self.weights.resize(self.weights.linear.len() + 1);
     }
 
     pub(super) fn set(&mut self, particle: usize, state: &State<N>) {
@@ -61,132 +53,175 @@ impl<const N: usize> Cloud<N> {
 pub(super) struct Weights {
     pub(super) linear: Vec<f64>,
     pub(super) log: Vec<f64>,
+    /// 1 / Σ w².
+    effective_sample_size: f64,
+    /// While they are made: the largest logarithm of each chunk.
+    peaks: Vec<f64>,
 }
 
 impl Weights {
     pub(super) fn even(count: usize) -> Self {
-        let share = 1.0 / number(count);
-        Self { linear: vec![share; count], log: vec![libm::log(share); count] }
+        let mut weights = Self::none();
+        weights.resize(count);
+        weights.fill_even();
+        weights
+    }
+
+    fn none() -> Self {
+        let (linear, log, peaks) = (Vec::new(), Vec::new(), Vec::new());
+        Self { linear, log, effective_sample_size: 0.0, peaks }
+    }
+
+    fn resize(&mut self, count: usize) {
+        self.linear.resize(count, 0.0);
+        self.log.resize(count, 0.0);
+        self.peaks.resize(count.div_ceil(CHUNK), 0.0);
     }
 
     pub(super) fn fill_even(&mut self) {
         let share = 1.0 / number(self.linear.len());
         self.linear.fill(share);
         self.log.fill(libm::log(share));
-    }
-
-    pub(super) fn copy_from(&mut self, other: &Self) {
-        self.linear.copy_from_slice(&other.linear);
-        self.log.copy_from_slice(&other.log);
+        self.effective_sample_size = number(self.linear.len());
     }
 
     /// 1 / Σ w².
     pub(super) fn effective_sample_size(&self) -> f64 {
-        1.0 / self.linear.iter().map(|w| w * w).sum::<f64>()
+        self.effective_sample_size
     }
 
-    /// Makes the posterior weights, `self.log` being the log-likelihoods and `prior` the weights
-    /// so far; returns the log-evidence ln Σ wᵢ p(z | xᵢ).
+    /// Makes the posterior weights, `prior` being the weights so far; returns the log-evidence
+    /// ln Σ wᵢ p(z | xᵢ). Where `likelihoods` are [`Given`], they stand in `self.log`.
     ///
     /// # Errors
     ///
     /// When a likelihood is NaN or infinite, or none is positive; `self` is then of no use.
-    pub(super) fn condition(&mut self, prior: &Self) -> Result<f64, EstimatorError> {
-        let mut best = f64::NEG_INFINITY;
-        for (log, before) in self.log.iter_mut().zip(&prior.log) {
-            // A particle that was impossible stays so, whatever it makes of this observation.
-            if log.is_nan() || *log >= f64::INFINITY {
-                return Err(EstimatorError::NotFinite { role: Role::Expected });
-            }
-            *log += before;
-            best = best.max(*log);
+    pub(super) fn condition(
+        &mut self,
+        prior: &Self,
+        likelihoods: &impl Likelihoods,
+    ) -> Result<f64, EstimatorError> {
+        let weights = &mut *self;
+        let (best, total) = vectorised::run(Multiply { likelihoods, prior: &prior.log, weights });
+        if total.is_nan() {
+            return Err(EstimatorError::NotFinite { role: Role::Expected });
         }
         if best <= f64::NEG_INFINITY {
             return Err(EstimatorError::Impossible { particles: self.log.len() });
         }
-        let mut total = 0.0;
-        for (weight, log) in self.linear.iter_mut().zip(&self.log) {
-            *weight = libm::exp(log - best);
-            total += *weight;
-        }
         let evidence = best + libm::log(total);
-        for (weight, log) in self.linear.iter_mut().zip(&mut self.log) {
-            *weight /= total;
-            *log -= evidence;
-        }
+        let weights = &mut *self;
+        self.effective_sample_size =
+            1.0 / vectorised::run(Normalise { best, total, evidence, weights });
         Ok(evidence)
     }
 }
 
-/// The weighted mean and covariance of states in columns.
-///
-/// Deviations on an angle are taken about the direction of the cloud's resultant, so that neither
-/// ±π nor a stray particle matters; where the directions cancel, about the first state.
-pub(super) fn moments<const N: usize>(
-    columns: &[Vec<f64>; N],
-    weights: &[f64],
-    axes: &[Axis; N],
-) -> Estimate<N> {
-    let state = |i: usize| -> State<N> { State::from_fn(|row, _| columns[row][i]) };
-    let origin = State::from_fn(|row, _| match axes[row] {
-        Axis::Linear => columns[row][0],
-        Axis::Angle => {
-            let mut resultant = Resultant::default();
-            columns[row].iter().zip(weights).for_each(|(angle, w)| resultant.add(*angle, *w));
-            resultant.direction(1e-9).unwrap_or(columns[row][0])
-        }
-    });
-    let mean = origin
-        + weights.iter().enumerate().fold(State::zeros(), |sum: State<N>, (i, w)| {
-            sum + Axis::difference(axes, &state(i), &origin) * *w
-        });
-    let mut covariance = Covariance::zeros();
-    for (i, w) in weights.iter().enumerate() {
-        let deviation = Axis::difference(axes, &state(i), &mean);
-        covariance += deviation * (deviation * *w).transpose();
+/// Log-likelihoods of particles.
+pub(super) trait Likelihoods {
+    /// Sets those of the particles from `first` on; `#[inline(always)]`.
+    fn set(&self, first: usize, out: &mut [f64]);
+}
+
+/// They are there already.
+pub(super) struct Given;
+
+impl Likelihoods for Given {
+    #[inline(always)]
+    fn set(&self, _first: usize, _out: &mut [f64]) {}
+}
+
+/// Those of a model for the states in columns.
+pub(super) struct Modelled<'a, H, const N: usize, const M: usize> {
+    pub(super) model: &'a H,
+    pub(super) columns: &'a [Vec<f64>; N],
+    pub(super) observation: &'a Observation<M>,
+}
+
+impl<H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihoods
+    for Modelled<'_, H, N, M>
+{
+    #[inline(always)]
+    fn set(&self, first: usize, out: &mut [f64]) {
+        let columns = self.columns.each_ref().map(|column| &column[first..first + out.len()]);
+        self.model.log_likelihoods(columns, self.observation, out);
     }
-    covariance.fill_upper_triangle_with_lower_triangle();
-    Estimate { mean: Axis::difference(axes, &mean, &State::zeros()), covariance }
+}
+
+/// Adds log-likelihoods to logarithms of weights, and takes them relative to the largest of each
+/// chunk out of the logarithm. Returns the largest and the sum relative to it, which is NaN where
+/// a likelihood is NaN or infinite.
+struct Multiply<'a, L> {
+    likelihoods: &'a L,
+    prior: &'a [f64],
+    weights: &'a mut Weights,
+}
+
+impl<L: Likelihoods> Kernel for Multiply<'_, L> {
+    type Output = (f64, f64);
+
+    #[inline(always)]
+    fn run(self) -> (f64, f64) {
+        let Weights { linear, log, peaks, .. } = self.weights;
+        let (mut best, mut total) = (f64::NEG_INFINITY, 0.0);
+        let columns = log.chunks_mut(CHUNK).zip(linear.chunks_mut(CHUNK));
+        let chunks = columns.zip(self.prior.chunks(CHUNK)).zip(peaks).enumerate();
+        for (chunk, (((log, linear), prior), peak)) in chunks {
+            self.likelihoods.set(chunk * CHUNK, log);
+            // A particle that was impossible stays so, whatever it makes of this observation.
+            log.iter_mut().zip(prior).for_each(|(log, before)| *log += before);
+            *peak = vectorised::largest(log);
+            let origin = if *peak > f64::NEG_INFINITY { *peak } else { 0.0 };
+            for (weight, log) in linear.iter_mut().zip(&*log) {
+                *weight = elementary::exp(log - origin);
+            }
+            let sum = vectorised::sum(linear);
+            if *peak > best {
+                total *= elementary::exp(best - *peak);
+                best = *peak;
+            }
+            total += if sum > 0.0 { sum * elementary::exp(*peak - best) } else { sum };
+        }
+        (best, total)
+    }
+}
+
+/// Divides all weights by their sum; returns the sum of their squares.
+struct Normalise<'a> {
+    best: f64,
+    total: f64,
+    evidence: f64,
+    weights: &'a mut Weights,
+}
+
+impl Kernel for Normalise<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let Weights { linear, log, peaks, .. } = self.weights;
+        let mut squares = 0.0;
+        let columns = linear.chunks_mut(CHUNK).zip(log.chunks_mut(CHUNK));
+        for ((linear, log), peak) in columns.zip(peaks) {
+            let scale = elementary::exp(*peak - self.best) / self.total;
+            linear.iter_mut().for_each(|weight| *weight *= scale);
+            log.iter_mut().for_each(|log| *log -= self.evidence);
+            squares += vectorised::dot(linear, linear);
+        }
+        squares
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use foxhunt_core::nalgebra::Vector2;
-
     use super::*;
-
-    #[test]
-    fn moments_of_a_cloud_across_the_cut() {
-        let axes = [Axis::Linear, Axis::Angle];
-        let columns = [vec![1.0, 3.0, 5.0], vec![-3.1, 3.1, 3.0]];
-        let estimate = moments(&columns, &[0.5, 0.25, 0.25], &axes);
-        // By hand: the angles are −3.1, −3.1832 and −3.2832, unwrapped.
-        let turned: [f64; 3] = [-3.1, 3.1 - core::f64::consts::TAU, 3.0 - core::f64::consts::TAU];
-        let angle = 0.5 * turned[0] + 0.25 * (turned[1] + turned[2]);
-        let mean = Vector2::new(2.5, foxhunt_core::angle::wrap(angle));
-        assert!((estimate.mean - mean).norm() < 1e-14, "{}", estimate.mean);
-        let variance = |w: [f64; 3]| -> f64 {
-            w.iter().zip(turned).map(|(w, t)| w * (t - angle) * (t - angle)).sum()
-        };
-        assert!((estimate.covariance[(1, 1)] - variance([0.5, 0.25, 0.25])).abs() < 1e-14);
-        assert!((estimate.covariance[(0, 0)] - 2.75).abs() < 1e-14);
-    }
-
-    #[test]
-    fn a_stray_first_particle_does_not_split_the_others() {
-        // Seen from 3.0, −0.3 and 0.1 lie on different sides.
-        let columns = [vec![3.0, -0.3, 0.1]];
-        let estimate = moments(&columns, &[0.0, 0.5, 0.5], &[Axis::Angle]);
-        assert!((estimate.mean[0] + 0.1).abs() < 1e-14, "{}", estimate.mean);
-        assert!((estimate.covariance[0] - 0.04).abs() < 1e-14, "{}", estimate.covariance);
-    }
 
     #[test]
     fn weights_far_below_the_smallest_number_are_still_distinguished() {
         let prior = Weights::even(4);
         let mut posterior = Weights::even(4);
-        posterior.log = vec![-2000.0, -2000.0 + libm::log(3.0), f64::NEG_INFINITY, -3000.0];
-        let evidence = posterior.condition(&prior).expect("two are possible");
+        posterior.log = alloc::vec![-2000.0, -2000.0 + libm::log(3.0), f64::NEG_INFINITY, -3000.0];
+        let evidence = posterior.condition(&prior, &Given).expect("two are possible");
         assert!((evidence + 2000.0).abs() < 1e-12, "ln(¼ (1 + 3)) = 0: {evidence}");
         let expected = [0.25, 0.75, 0.0, 0.0];
         for (weight, expected) in posterior.linear.iter().zip(expected) {
@@ -195,8 +230,8 @@ mod tests {
         assert!((posterior.effective_sample_size() - 1.6).abs() < 1e-12);
         // What is left at −∞ makes no NaN the next time.
         let mut again = Weights::even(4);
-        again.log = vec![-1.0; 4];
-        let evidence = again.condition(&posterior).expect("possible");
+        again.log = alloc::vec![-1.0; 4];
+        let evidence = again.condition(&posterior, &Given).expect("possible");
         assert!((evidence + 1.0).abs() < 1e-12);
         assert!(again.linear.iter().all(|w| w.is_finite()));
     }
@@ -207,7 +242,7 @@ mod tests {
         let condition = |logs: [f64; 2]| {
             let mut weights = Weights::even(2);
             weights.log.copy_from_slice(&logs);
-            weights.condition(&prior)
+            weights.condition(&prior, &Given)
         };
         let not_finite = Err(EstimatorError::NotFinite { role: Role::Expected });
         assert_eq!(condition([0.0, f64::NAN]), not_finite);

@@ -6,7 +6,7 @@ use foxhunt_core::{
 };
 use rand::Rng;
 
-use super::filter::ParticleFilter;
+use super::{cloud::Modelled, filter::ParticleFilter};
 use crate::{Innovation, count::number};
 
 impl<F, H, R, const N: usize, const M: usize> Estimator<N, M> for ParticleFilter<F, H, R, N, M>
@@ -21,10 +21,14 @@ where
             return Ok(());
         }
         let mut rng = self.rng.clone();
-        self.prepare_moved(dt, &mut rng);
-        self.belief = self.belief_of(&self.spare.columns, &self.spare.weights)?;
+        let anew = self.prepare_moved(dt, &mut rng);
+        let weights = if anew { &self.spare.weights } else { &self.cloud.weights };
+        self.belief = self.belief_of(&self.spare.columns, weights)?;
         self.rng = rng;
-        mem::swap(&mut self.cloud, &mut self.spare);
+        mem::swap(&mut self.cloud.columns, &mut self.spare.columns);
+        if anew {
+            mem::swap(&mut self.cloud.weights, &mut self.spare.weights);
+        }
         Ok(())
     }
 
@@ -33,13 +37,14 @@ where
         if observation.is_empty() && !observation.is_censored() {
             return Ok(Correction::Empty);
         }
-        let nis = Innovation::of_belief(&*self, &self.measurement, observation)
+        let moments = self.belief.estimate();
+        let nis = Innovation::of_moments(moments, &self.measurement, observation)
             .map(|innovation| innovation.nis);
         let count = self.cloud.len();
         self.spare.resize(count);
-        let columns: [&[f64]; N] = core::array::from_fn(|row| &self.cloud.columns[row][..]);
-        self.measurement.log_likelihoods(columns, observation, &mut self.spare.weights.log);
-        let log_evidence = self.spare.weights.condition(&self.cloud.weights)?;
+        let (model, columns) = (&self.measurement, &self.cloud.columns);
+        let likelihoods = Modelled { model, columns, observation };
+        let log_evidence = self.spare.weights.condition(&self.cloud.weights, &likelihoods)?;
         let size = self.spare.weights.effective_sample_size();
         let log_evidence = if size < self.progressive * number(count) {
             self.correct_in_stages(observation)?
@@ -92,9 +97,10 @@ mod tests {
         let prior = Estimate::isotropic(Vector1::zeros(), 1.0);
         let rng = Xoshiro256PlusPlus::seed_from_u64(1);
         let mut filter = ParticleFilter::new(RandomWalk::uniform(0.1), Itself, prior, 64, rng)
+            .and_then(|filter| filter.with_progressive_correction(0.0))
             .expect("a proper prior");
         let places = |filter: &ParticleFilter<_, _, _, 1, 1>| {
-            let mut places = [&filter.cloud, &filter.spare, &filter.reserve].map(|cloud| {
+            let mut places = [&filter.cloud, &filter.spare].map(|cloud| {
                 let weights = &cloud.weights;
                 [cloud.columns[0].as_ptr(), weights.linear.as_ptr(), weights.log.as_ptr()]
             });

@@ -7,18 +7,23 @@ use foxhunt_core::{
 use rand::{Rng, RngExt};
 
 use super::{
-    cloud::{Cloud, Weights, moments},
-    kernel::{Kernel, silverman, white},
+    cloud::{Cloud, Weights},
+    kernel::{Kernel, silverman},
     kld::KldSampling,
+    moments::moments,
     resampling::Resampling,
+    step::Step,
+    white::white,
 };
-use crate::{Gaussian, count::number};
+use crate::{Gaussian, count::number, vectorised};
 
 /// The bootstrap particle filter (Gordon, Salmond & Smith 1993), its resampling regularised.
 ///
-/// Owns its generator: one stream, so two filters made alike run alike. Particles lie in columns,
-/// one for each component of the state; all memory is taken when the filter is made, unless its
-/// size adapts.
+/// Owns its generator, which seeds another one for each chunk of particles, so two filters made
+/// alike run alike. Particles lie in columns, one for each component of the state, and are worked
+/// on by columns ([`MotionModel::move_columns`], [`MeasurementModel::log_likelihoods`]). All
+/// memory is taken when the filter is made, 16 N + 36 bytes for each particle, unless its size
+/// adapts; an update in stages takes a third cloud while it lasts.
 ///
 /// The cloud is resampled where its effective sample size has fallen below a share of its
 /// particles, at the start of the next `predict`: between two updates at one time copies would
@@ -46,9 +51,7 @@ pub struct ParticleFilter<F, H, R, const N: usize, const M: usize> {
     pub(super) belief: Gaussian<N>,
     /// Where a step is prepared, to be taken as a whole or not at all.
     pub(super) spare: Cloud<N>,
-    /// Where an update is made in stages.
-    pub(super) reserve: Cloud<N>,
-    pub(super) ancestors: Vec<usize>,
+    pub(super) ancestors: Vec<u32>,
     pub(super) resampling: Resampling,
     threshold: f64,
     /// Silverman's unless given.
@@ -99,6 +102,7 @@ where
     ) -> Result<Self, EstimatorError> {
         let count = samples.len();
         require(count > N, "particles", number(count), "more than the state has components")?;
+        require(u32::try_from(count).is_ok(), "particles", number(count), "below 2³²")?;
         let columns = core::array::from_fn(|row| samples.iter().map(|x| x[row]).collect());
         let cloud = Cloud { columns, weights: Weights::even(count) };
         let belief = moments(&cloud.columns, &cloud.weights.linear, &motion.axes());
@@ -108,7 +112,6 @@ where
             rng,
             belief: Gaussian::new(belief, Role::Prior)?,
             spare: cloud.clone(),
-            reserve: cloud.clone(),
             cloud,
             ancestors: vec![0; count],
             resampling: Resampling::default(),
@@ -205,30 +208,35 @@ where
         self.bandwidth.unwrap_or_else(|| silverman(N, particles))
     }
 
-    /// Makes `spare` the next generation of the cloud: resampled if that is due, then moved.
-    pub(super) fn prepare_moved(&mut self, dt: f64, rng: &mut R) {
+    /// Makes the columns of `spare` the next generation of the cloud: resampled if that is due,
+    /// then moved. Whether its weights are new too.
+    pub(super) fn prepare_moved(&mut self, dt: f64, rng: &mut R) -> bool {
         let count = self.cloud.len();
         let due = self.effective_sample_size() < self.threshold * number(count);
         if let Some(size) = self.size
             && (due || self.is_off(&size))
         {
-            return self.prepare_as_many_as(&size, dt, rng);
+            self.prepare_as_many_as(&size, dt, rng);
+            return true;
         }
         let kernel = self.kernel().filter(|_| due);
         self.spare.resize(count);
-        self.ancestors.resize(count, 0);
         if due {
-            self.resampling.draw(&self.cloud.weights.linear, rng, &mut self.ancestors);
+            self.ancestors.resize(count, 0);
+            let (weights, scratch) = (&self.cloud.weights.linear, &mut self.spare.weights.linear);
+            self.resampling.draw(weights, rng, scratch, &mut self.ancestors);
             self.spare.weights.fill_even();
-        } else {
-            self.ancestors.iter_mut().enumerate().for_each(|(i, ancestor)| *ancestor = i);
-            self.spare.weights.copy_from(&self.cloud.weights);
         }
-        for i in 0..count {
-            let state = self.cloud.state(self.ancestors[i]);
-            let moved = self.moved(state, kernel.as_ref(), dt, rng);
-            self.spare.set(i, &moved);
-        }
+        vectorised::run(Step {
+            key: rng.next_u64(),
+            from: &self.cloud.columns,
+            to: &mut self.spare.columns,
+            ancestors: due.then_some(&self.ancestors[..]),
+            kernel: kernel.as_ref(),
+            motion: Some((&self.motion, dt)),
+            axes: self.motion.axes(),
+        });
+        due
     }
 
     /// Whether there are more than twice or less than half the particles that are needed. Those

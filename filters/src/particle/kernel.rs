@@ -1,8 +1,8 @@
-use foxhunt_core::{Axis, State};
+use foxhunt_core::{Axis, State, angle};
 use nalgebra::SMatrix;
-use rand::{Rng, RngExt};
-use rand_distr::StandardNormal;
+use rand::Rng;
 
+use super::white::{CHUNK, white};
 use crate::count::number;
 
 /// Sets the copies of a particle apart and keeps both moments of the cloud (Liu & West 2001):
@@ -35,15 +35,28 @@ impl<const N: usize> Kernel<N> {
         let deviation = Axis::difference(&self.axes, state, &self.mean);
         self.mean + deviation * self.shrinkage + self.spread * white(rng)
     }
+
+    /// The same for columns of particles, given the draws from N(0, I).
+    #[inline(always)]
+    pub(super) fn spread_columns(&self, columns: &mut [&mut [f64]; N], white: &[[f64; CHUNK]; N]) {
+        for (row, column) in columns.iter_mut().enumerate() {
+            let (mean, axis) = (self.mean[row], self.axes[row]);
+            for x in column.iter_mut() {
+                let deviation = match axis {
+                    Axis::Linear => *x - mean,
+                    Axis::Angle => angle::wrap(*x - mean),
+                };
+                *x = mean + deviation * self.shrinkage;
+            }
+            for (white, factor) in white.iter().zip(&self.spread.row(row)) {
+                column.iter_mut().zip(white).for_each(|(x, white)| *x += factor * white);
+            }
+        }
+    }
 }
 
 /// The bandwidth that is best for a Gaussian (Silverman 1986, §4.3.2), below 1.
 pub(super) fn silverman(dimension: usize, count: usize) -> f64 {
     let (n, count) = (number(dimension), number(count));
     libm::pow(4.0 / ((n + 2.0) * count), 1.0 / (n + 4.0)).min(0.99)
-}
-
-/// A draw from N(0, I).
-pub(super) fn white<R: Rng, const N: usize>(rng: &mut R) -> State<N> {
-    State::from_fn(|_, _| rng.sample(StandardNormal))
 }

@@ -1,14 +1,16 @@
 use core::mem;
 
-use foxhunt_core::{Axis, EstimatorError, MeasurementModel, MotionModel, Observation, Role, State};
+use foxhunt_core::{EstimatorError, MeasurementModel, MotionModel, Observation, Role};
 use rand::Rng;
 
 use super::{
-    cloud::{Cloud, Weights, moments},
+    cloud::{Cloud, Given, Weights},
     filter::ParticleFilter,
     kernel::Kernel,
+    moments::moments,
+    step::Step,
 };
-use crate::{Gaussian, count::number};
+use crate::{Gaussian, count::number, vectorised};
 
 /// The share of its effective sample size that a cloud keeps in each stage.
 pub(super) const KEPT: f64 = 0.5;
@@ -37,20 +39,19 @@ where
         observation: &Observation<M>,
     ) -> Result<f64, EstimatorError> {
         let mut rng = self.rng.clone();
+        let mut corrected = self.cloud.clone();
         // Out of the filter for a while; an empty cloud takes no memory.
-        let mut corrected = mem::replace(&mut self.reserve, Cloud::empty());
         let mut next = mem::replace(&mut self.spare, Cloud::empty());
         let mut ancestors = mem::take(&mut self.ancestors);
-        corrected.copy_from(&self.cloud);
         next.resize(corrected.len());
         ancestors.resize(corrected.len(), 0);
         let outcome =
             self.apply_in_stages(observation, &mut corrected, &mut next, &mut ancestors, &mut rng);
         if let Ok((belief, _)) = outcome {
-            mem::swap(&mut self.cloud, &mut corrected);
+            self.cloud = corrected;
             (self.belief, self.rng) = (belief, rng);
         }
-        (self.reserve, self.spare, self.ancestors) = (corrected, next, ancestors);
+        (self.spare, self.ancestors) = (next, ancestors);
         outcome.map(|(_, log_evidence)| log_evidence)
     }
 
@@ -60,7 +61,7 @@ where
         observation: &Observation<M>,
         cloud: &mut Cloud<N>,
         next: &mut Cloud<N>,
-        ancestors: &mut [usize],
+        ancestors: &mut [u32],
         rng: &mut R,
     ) -> Result<(Gaussian<N>, f64), EstimatorError> {
         let (mut belief, mut left, mut log_evidence) = (self.belief, 1.0, 0.0);
@@ -77,7 +78,7 @@ where
                 _ => exponent(&cloud.weights, &next.weights.log, left),
             };
             next.weights.log.iter_mut().for_each(|log| *log *= exponent);
-            log_evidence += next.weights.condition(&cloud.weights)?;
+            log_evidence += next.weights.condition(&cloud.weights, &Given)?;
             mem::swap(&mut cloud.weights, &mut next.weights);
             left -= exponent;
             belief = self.belief_of(&cloud.columns, &cloud.weights)?;
@@ -96,7 +97,7 @@ where
         belief: &Gaussian<N>,
         from: &Cloud<N>,
         next: &mut Cloud<N>,
-        ancestors: &mut [usize],
+        ancestors: &mut [u32],
         rng: &mut R,
     ) {
         let axes = self.motion.axes();
@@ -105,12 +106,17 @@ where
         let belief = Gaussian::new(own, Role::Posterior).unwrap_or(*belief);
         let bandwidth = self.bandwidth_of(from.len());
         let kernel = Kernel::new(belief.mean(), belief.factor(), bandwidth, axes);
-        self.resampling.draw(&from.weights.linear, rng, ancestors);
-        for (i, ancestor) in ancestors.iter().enumerate() {
-            let state = from.state(*ancestor);
-            let state = kernel.as_ref().map_or(state, |kernel| kernel.draw(&state, rng));
-            next.set(i, &Axis::difference(&axes, &state, &State::zeros()));
-        }
+        let scratch = &mut next.weights.linear;
+        self.resampling.draw(&from.weights.linear, rng, scratch, ancestors);
+        vectorised::run(Step::<F, N> {
+            key: rng.next_u64(),
+            from: &from.columns,
+            to: &mut next.columns,
+            ancestors: Some(ancestors),
+            kernel: kernel.as_ref(),
+            motion: None,
+            axes,
+        });
         next.weights.fill_even();
     }
 }

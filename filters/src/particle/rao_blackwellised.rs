@@ -8,11 +8,13 @@ use nalgebra::SMatrix;
 use rand::Rng;
 
 use super::{
-    cloud::{Cloud, Weights, moments},
-    kernel::{Kernel, silverman, white},
+    cloud::{Cloud, Given, Weights},
+    kernel::{Kernel, silverman},
     marginal::{Linearised, Particle, Tempered},
+    moments::moments,
     progressive::{KEPT, MOST_STAGES, largest_exponent},
     resampling::Resampling,
+    white::white,
 };
 use crate::{Gaussian, count::number};
 
@@ -169,15 +171,16 @@ where
     /// The cloud resampled, its copies set apart.
     fn regularised(&self, from: &Conditional<N, K>, rng: &mut R) -> Conditional<N, K> {
         let axes = self.motion.axes();
-        let mut ancestors = vec![0; from.len()];
-        self.resampling.draw(&from.means.weights.linear, rng, &mut ancestors);
+        let (mut ancestors, mut scratch) = (vec![0; from.len()], vec![0.0; from.len()]);
+        let weights = &from.means.weights.linear;
+        self.resampling.draw(weights, rng, &mut scratch, &mut ancestors);
         let between = moments(&from.means.columns, &from.means.weights.linear, &axes);
         let factor = semidefinite_factor(&between.covariance);
         let bandwidth = silverman(N - K, from.len());
         let kernel = Kernel::new(&between.mean, &factor, bandwidth, axes);
         let mut next = from.clone();
         for (i, ancestor) in ancestors.into_iter().enumerate() {
-            let Particle { state, spread } = from.particle(ancestor);
+            let Particle { state, spread } = from.particle(ancestor as usize);
             let state = kernel.as_ref().map_or(state, |kernel| kernel.draw(&state, rng));
             next.set(i, &Particle { state, spread }, &axes);
         }
@@ -210,7 +213,7 @@ where
             let size = |exponent| {
                 let size = Tempered::new(observation, exponent).and_then(|noise| {
                     log_densities(&linear, &noise, &mut weights);
-                    weights.condition(prior)
+                    weights.condition(prior, &Given)
                 });
                 size.map_or(f64::NAN, |_| weights.effective_sample_size())
             };
@@ -249,7 +252,7 @@ where
     ) -> Result<(Conditional<N, K>, f64), EstimatorError> {
         let (mut next, axes) = (from.clone(), self.motion.axes());
         log_densities(linear, noise, &mut next.means.weights);
-        let log_evidence = next.means.weights.condition(&from.means.weights)?;
+        let log_evidence = next.means.weights.condition(&from.means.weights, &Given)?;
         for (i, linear) in linear.iter().enumerate() {
             let corrected = from.particle(i).corrected(linear, noise);
             let role = Role::Innovation;

@@ -1,7 +1,7 @@
 use foxhunt_core::{Estimate, EstimatorError, MeasurementModel, MotionModel, Role};
 use rand::Rng;
 
-use super::{filter::ParticleFilter, kernel::white};
+use super::{filter::ParticleFilter, white::white};
 use crate::{Gaussian, Reinitialise};
 
 /// Draws the cloud anew: what was not Gaussian in it is lost.

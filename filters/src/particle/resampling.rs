@@ -1,6 +1,10 @@
 use rand::{Rng, RngExt};
 
-use crate::count::number;
+use super::white::{CHUNK, Draws};
+use crate::{
+    count::number,
+    vectorised::{self, Kernel},
+};
 
 /// How a particle filter draws the ancestors of its next generation. Each scheme draws a particle
 /// of weight w n w times on average.
@@ -22,53 +26,93 @@ pub enum Resampling {
 
 impl Resampling {
     /// Fills `ancestors` with indices into `weights`, which sum to 1; those of weight 0 are never
-    /// drawn.
-    pub(super) fn draw(self, weights: &[f64], rng: &mut impl Rng, ancestors: &mut [usize]) {
+    /// drawn. There is room in `scratch` for as many numbers.
+    pub(super) fn draw(
+        self,
+        weights: &[f64],
+        rng: &mut impl Rng,
+        scratch: &mut [f64],
+        ancestors: &mut [u32],
+    ) {
         match self {
             Self::Systematic => systematic(weights, rng, ancestors),
-            Self::Multinomial => multinomial(weights, rng, ancestors),
+            Self::Multinomial => multinomial(weights, rng, scratch, ancestors),
             Self::Stratified => stratified(weights, rng, ancestors),
-            Self::Residual => residual(weights, rng, ancestors),
+            Self::Residual => residual(weights, rng, scratch, ancestors),
         }
     }
 }
 
-fn systematic(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [usize]) {
-    let count = number(ancestors.len());
+fn systematic(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [u32]) {
+    let strides = number(ancestors.len());
     let start: f64 = rng.random();
-    let mut walk = Walk::new(weights);
-    for (i, ancestor) in ancestors.iter_mut().enumerate() {
-        *ancestor = walk.to((number(i) + start) / count);
+    let last = weights.iter().rposition(|w| *w > 0.0).unwrap_or(0);
+    // Each particle is written where its copies begin, over one that has none, and the largest so
+    // far is the ancestor: there is no branch to be predicted.
+    ancestors.fill(0);
+    let mut reach = 0.0;
+    for (i, weight) in weights[..=last].iter().enumerate() {
+        let before = reach * strides - start;
+        let first = count(before);
+        let first = first + usize::from(number(first) < before);
+        if let Some(ancestor) = ancestors.get_mut(first) {
+            *ancestor = index(i);
+        }
+        reach += weight;
+    }
+    let mut largest = 0;
+    for ancestor in ancestors {
+        largest = largest.max(*ancestor);
+        *ancestor = largest;
     }
 }
 
-fn stratified(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [usize]) {
+fn stratified(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [u32]) {
     let count = number(ancestors.len());
-    let mut walk = Walk::new(weights);
+    let mut walk = Walk::over(weights, |weight| weight);
     for (i, ancestor) in ancestors.iter_mut().enumerate() {
         *ancestor = walk.to((number(i) + rng.random::<f64>()) / count);
     }
 }
 
-fn multinomial(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [usize]) {
-    let mut walk = Walk::new(weights);
-    ascending(ancestors.len(), rng, |i, mark| ancestors[i] = walk.to(mark));
-}
-
-/// Visits `count` independent uniform numbers in ascending order.
-fn ascending(count: usize, rng: &mut impl Rng, mut visit: impl FnMut(usize, f64)) {
-    // Without sorting: the largest of k is distributed as U^(1/k), the others as k − 1 uniform
-    // numbers below it (Devroye 1986, §V.3.1). Taken from 1 downwards, as 1 − u is uniform too,
-    // they ascend.
-    let mut below = 1.0;
-    for i in 0..count {
-        let draw: f64 = 1.0 - rng.random::<f64>();
-        below *= libm::exp(libm::log(draw) / number(count - i));
-        visit(i, 1.0 - below);
+fn multinomial(weights: &[f64], rng: &mut impl Rng, scratch: &mut [f64], ancestors: &mut [u32]) {
+    let marks = &mut scratch[..ancestors.len()];
+    let total = vectorised::run(Ascending { key: rng.next_u64(), marks: &mut *marks });
+    let mut walk = Walk::over(weights, |weight| weight * total);
+    for (ancestor, mark) in ancestors.iter_mut().zip(marks) {
+        *ancestor = walk.to(*mark);
     }
 }
 
-fn residual(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [usize]) {
+/// Independent uniform numbers in ascending order, but for a factor that it returns.
+///
+/// Without sorting: the sums of k of n + 1 exponential numbers over that of all of them are
+/// distributed so (Devroye 1986, §V.2.2).
+struct Ascending<'a> {
+    key: u64,
+    marks: &'a mut [f64],
+}
+
+impl Kernel for Ascending<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let (mut draws, mut sum) = (Draws::new(self.key), 0.0);
+        for (chunk, marks) in self.marks.chunks_mut(CHUNK).enumerate() {
+            draws.fill_exponential(chunk, marks);
+            for mark in marks {
+                sum += *mark;
+                *mark = sum;
+            }
+        }
+        let (mut last, blocks) = ([0.0], self.marks.len().div_ceil(CHUNK));
+        draws.fill_exponential(blocks, &mut last);
+        sum + last[0]
+    }
+}
+
+fn residual(weights: &[f64], rng: &mut impl Rng, scratch: &mut [f64], ancestors: &mut [u32]) {
     let all = number(ancestors.len());
     // A share that rounding left just below a whole copy is one.
     let copies = |weight: f64| libm::floor(weight * all * (1.0 + 4.0 * f64::EPSILON));
@@ -81,19 +125,22 @@ fn residual(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [usize]) {
     let whole = whole.min(ancestors.len());
 
     // The draws, in order, go to the end of `ancestors`, and are merged from there.
-    let drawn = ancestors.len() - whole;
-    let mut walk = Walk::over(weights, |weight| rest(weight) / broken);
-    ascending(drawn, rng, |i, mark| ancestors[whole + i] = walk.to(mark));
+    let marks = &mut scratch[whole..ancestors.len()];
+    let total = vectorised::run(Ascending { key: rng.next_u64(), marks: &mut *marks });
+    let mut walk = Walk::over(weights, |weight| rest(weight) / broken * total);
+    for (ancestor, mark) in ancestors[whole..].iter_mut().zip(marks) {
+        *ancestor = walk.to(*mark);
+    }
     let (mut write, mut read) = (0, whole);
     for (i, weight) in weights.iter().enumerate() {
         for _ in 0..count(copies(*weight)) {
             if write < read {
-                ancestors[write] = i;
+                ancestors[write] = index(i);
                 write += 1;
             }
         }
-        while read < ancestors.len() && ancestors[read] == i {
-            ancestors[write] = i;
+        while read < ancestors.len() && ancestors[read] == index(i) {
+            ancestors[write] = index(i);
             write += 1;
             read += 1;
         }
@@ -110,6 +157,12 @@ fn count(copies: f64) -> usize {
     copies as usize
 }
 
+/// The index of a particle: there are fewer than 2³².
+#[expect(clippy::cast_possible_truncation, reason = "checked where a cloud is made")]
+fn index(particle: usize) -> u32 {
+    particle as u32
+}
+
 /// A walk up the cumulative sum of what `share` makes of weights.
 struct Walk<'a, S> {
     weights: &'a [f64],
@@ -120,12 +173,6 @@ struct Walk<'a, S> {
     last: usize,
 }
 
-impl<'a> Walk<'a, fn(f64) -> f64> {
-    fn new(weights: &'a [f64]) -> Self {
-        Self::over(weights, |weight| weight)
-    }
-}
-
 impl<'a, S: Fn(f64) -> f64> Walk<'a, S> {
     fn over(weights: &'a [f64], share: S) -> Self {
         let last = weights.iter().rposition(|w| share(*w) > 0.0).unwrap_or(0);
@@ -133,13 +180,13 @@ impl<'a, S: Fn(f64) -> f64> Walk<'a, S> {
         Self { weights, share, at: 0, reach, last }
     }
 
-    /// The particle whose share of [0, 1) holds `mark`; marks ascend.
-    fn to(&mut self, mark: f64) -> usize {
+    /// The particle whose share holds `mark`; marks ascend.
+    fn to(&mut self, mark: f64) -> u32 {
         while self.reach <= mark && self.at < self.last {
             self.at += 1;
             self.reach += (self.share)(self.weights[self.at]);
         }
-        self.at
+        index(self.at)
     }
 }
 
@@ -158,12 +205,12 @@ mod tests {
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
         let mut totals = [0.0; 6];
         for _ in 0..DRAWS {
-            let mut ancestors = [usize::MAX; 6];
-            scheme.draw(&WEIGHTS, &mut rng, &mut ancestors);
+            let mut ancestors = [u32::MAX; 6];
+            scheme.draw(&WEIGHTS, &mut rng, &mut [0.0; 6], &mut ancestors);
             assert!(ancestors.is_sorted());
             let mut counts = [0; 6];
             for ancestor in ancestors {
-                counts[ancestor] += 1;
+                counts[ancestor as usize] += 1;
             }
             each(&counts);
             for (total, count) in totals.iter_mut().zip(counts) {
@@ -221,9 +268,9 @@ mod tests {
             assert!((mean - 6.0 * weight).abs() < 5.0 * libm::sqrt(0.5 / 20_000.0), "{mean}");
         }
         // Even weights are all copied once.
-        let mut ancestors = [usize::MAX; 10];
+        let mut ancestors = [u32::MAX; 10];
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(2);
-        Resampling::Residual.draw(&[0.1; 10], &mut rng, &mut ancestors);
+        Resampling::Residual.draw(&[0.1; 10], &mut rng, &mut [0.0; 10], &mut ancestors);
         assert_eq!(ancestors, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
     }
 

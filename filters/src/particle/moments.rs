@@ -1,0 +1,138 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::{
+    Axis, Covariance, Estimate, State,
+    angle::{self, Resultant},
+};
+
+use super::white::CHUNK;
+use crate::vectorised::{self, Kernel};
+
+/// The weighted mean and covariance of states in columns.
+///
+/// Deviations on an angle are taken about the direction of the cloud's resultant, so that neither
+/// ±π nor a stray particle matters; where the directions cancel, about the first state.
+pub(super) fn moments<const N: usize>(
+    columns: &[Vec<f64>; N],
+    weights: &[f64],
+    axes: &[Axis; N],
+) -> Estimate<N> {
+    let origin = core::array::from_fn(|row| match axes[row] {
+        Axis::Linear => None,
+        Axis::Angle => {
+            let mut resultant = Resultant::default();
+            columns[row].iter().zip(weights).for_each(|(angle, w)| resultant.add(*angle, *w));
+            Some(resultant.direction(1e-9).unwrap_or(columns[row][0]))
+        }
+    });
+    let Moments { mut mean, scatter, .. } = vectorised::run(Sum { columns, weights, origin });
+    for (mean, origin) in mean.iter_mut().zip(origin) {
+        *mean = origin.map_or(*mean, |origin| angle::wrap(*mean + origin));
+    }
+    Estimate { mean, covariance: scatter }
+}
+
+/// The weight of some particles, their mean, and their weighted squares about it.
+struct Moments<const N: usize> {
+    weight: f64,
+    mean: State<N>,
+    scatter: Covariance<N>,
+}
+
+impl<const N: usize> Moments<N> {
+    /// Adds those of other particles (Chan, Golub & LeVeque 1979).
+    fn add(&mut self, other: &Self) {
+        let weight = self.weight + other.weight;
+        if weight > 0.0 {
+            let apart = other.mean - self.mean;
+            self.mean += apart * (other.weight / weight);
+            self.scatter += other.scatter;
+            self.scatter += apart * (apart * (self.weight * other.weight / weight)).transpose();
+            self.weight = weight;
+        }
+    }
+}
+
+/// Sums up the moments of a cloud, its angles about an origin. The weights sum to 1.
+struct Sum<'a, const N: usize> {
+    columns: &'a [Vec<f64>; N],
+    weights: &'a [f64],
+    origin: [Option<f64>; N],
+}
+
+impl<const N: usize> Kernel for Sum<'_, N> {
+    type Output = Moments<N>;
+
+    #[inline(always)]
+    fn run(self) -> Moments<N> {
+        let (mean, scatter) = (State::zeros(), Covariance::zeros());
+        let mut all = Moments { weight: 0.0, mean, scatter };
+        let (mut deviations, mut weighted) = ([[0.0; CHUNK]; N], [0.0; CHUNK]);
+        for (chunk, weights) in self.weights.chunks(CHUNK).enumerate() {
+            let first = chunk * CHUNK;
+            let mut part = Moments { weight: vectorised::sum(weights), mean, scatter };
+            for (row, deviations) in deviations.iter_mut().enumerate() {
+                let column = &self.columns[row][first..first + weights.len()];
+                let deviations = &mut deviations[..weights.len()];
+                match self.origin[row] {
+                    None => deviations.copy_from_slice(column),
+                    Some(origin) => deviations
+                        .iter_mut()
+                        .zip(column)
+                        .for_each(|(deviation, x)| *deviation = angle::wrap(x - origin)),
+                }
+                if part.weight > 0.0 {
+                    part.mean[row] = vectorised::dot(deviations, weights) / part.weight;
+                }
+                deviations.iter_mut().for_each(|deviation| *deviation -= part.mean[row]);
+            }
+            let weighted = &mut weighted[..weights.len()];
+            for row in 0..N {
+                let own = &deviations[row][..weights.len()];
+                for ((weighted, own), weight) in weighted.iter_mut().zip(own).zip(weights) {
+                    *weighted = own * weight;
+                }
+                for (column, other) in deviations.iter().enumerate().take(row + 1) {
+                    let product = vectorised::dot(weighted, &other[..weights.len()]);
+                    part.scatter[(row, column)] = product;
+                    part.scatter[(column, row)] = product;
+                }
+            }
+            all.add(&part);
+        }
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_core::nalgebra::Vector2;
+
+    use super::*;
+
+    #[test]
+    fn moments_of_a_cloud_across_the_cut() {
+        let axes = [Axis::Linear, Axis::Angle];
+        let columns = [alloc::vec![1.0, 3.0, 5.0], alloc::vec![-3.1, 3.1, 3.0]];
+        let estimate = moments(&columns, &[0.5, 0.25, 0.25], &axes);
+        // By hand: the angles are −3.1, −3.1832 and −3.2832, unwrapped.
+        let turned: [f64; 3] = [-3.1, 3.1 - core::f64::consts::TAU, 3.0 - core::f64::consts::TAU];
+        let angle = 0.5 * turned[0] + 0.25 * (turned[1] + turned[2]);
+        let mean = Vector2::new(2.5, foxhunt_core::angle::wrap(angle));
+        assert!((estimate.mean - mean).norm() < 1e-14, "{}", estimate.mean);
+        let variance = |w: [f64; 3]| -> f64 {
+            w.iter().zip(turned).map(|(w, t)| w * (t - angle) * (t - angle)).sum()
+        };
+        assert!((estimate.covariance[(1, 1)] - variance([0.5, 0.25, 0.25])).abs() < 1e-14);
+        assert!((estimate.covariance[(0, 0)] - 2.75).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_stray_first_particle_does_not_split_the_others() {
+        // Seen from 3.0, −0.3 and 0.1 lie on different sides.
+        let columns = [alloc::vec![3.0, -0.3, 0.1]];
+        let estimate = moments(&columns, &[0.0, 0.5, 0.5], &[Axis::Angle]);
+        assert!((estimate.mean[0] + 0.1).abs() < 1e-14, "{}", estimate.mean);
+        assert!((estimate.covariance[0] - 0.04).abs() < 1e-14, "{}", estimate.covariance);
+    }
+}

@@ -1,0 +1,61 @@
+use alloc::vec::Vec;
+
+use foxhunt_core::{Axis, MotionModel, angle};
+
+use super::{
+    kernel,
+    white::{CHUNK, Draws},
+};
+use crate::vectorised::Kernel;
+
+/// Carries a cloud on into other columns, a chunk after the other, each with a generator of its
+/// own.
+pub(super) struct Step<'a, F, const N: usize> {
+    pub(super) key: u64,
+    pub(super) from: &'a [Vec<f64>; N],
+    pub(super) to: &'a mut [Vec<f64>; N],
+    /// Whose copies the particles are; their own where there are none.
+    pub(super) ancestors: Option<&'a [u32]>,
+    /// Sets them apart first.
+    pub(super) kernel: Option<&'a kernel::Kernel<N>>,
+    /// Moves them then, for so long.
+    pub(super) motion: Option<(&'a F, f64)>,
+    pub(super) axes: [Axis; N],
+}
+
+impl<F: MotionModel<N>, const N: usize> Kernel for Step<'_, F, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let count = self.from[0].len();
+        let (mut draws, mut white) = (Draws::new(self.key), [[0.0; CHUNK]; N]);
+        for chunk in 0..count.div_ceil(CHUNK) {
+            let range = chunk * CHUNK..count.min((chunk + 1) * CHUNK);
+            let mut to = self.to.each_mut().map(|column| &mut column[range.clone()]);
+            for (to, from) in to.iter_mut().zip(self.from) {
+                match self.ancestors {
+                    None => to.copy_from_slice(&from[range.clone()]),
+                    Some(ancestors) => to
+                        .iter_mut()
+                        .zip(&ancestors[range.clone()])
+                        .for_each(|(to, ancestor)| *to = from[*ancestor as usize]),
+                }
+            }
+            if let Some(kernel) = self.kernel {
+                draws.fill_white(2 * chunk, &mut white, range.len());
+                kernel.spread_columns(&mut to, &white);
+            }
+            if let Some((motion, dt)) = self.motion {
+                draws.fill_white(2 * chunk + 1, &mut white, range.len());
+                let white = white.each_ref().map(|white| &white[..range.len()]);
+                motion.move_columns(to.each_mut().map(|column| &mut **column), white, dt);
+            }
+            for (column, axis) in to.iter_mut().zip(self.axes) {
+                if axis == Axis::Angle {
+                    column.iter_mut().for_each(|x| *x = angle::wrap(*x));
+                }
+            }
+        }
+    }
+}
