@@ -1,12 +1,7 @@
 use foxhunt_core::{
     Covariance, Estimator, MeasurementModel, Observation, State, absorb_receiver_noise,
 };
-#[cfg(feature = "alloc")]
-use foxhunt_core::{Estimate, visit_cubature_points};
 use nalgebra::SVector;
-
-/// What samples and their weights are shown to.
-type Visit<'a, const N: usize> = dyn FnMut(&State<N>, f64) + 'a;
 
 /// How an observation differs from what was expected: the raw material of consistency checks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,20 +34,10 @@ impl<const M: usize> Innovation<M> {
         Self::of_samples(&mean, |visit| estimator.visit_samples(visit), model, observation)
     }
 
-    /// The same from the cubature points of a belief's moments alone.
-    #[cfg(feature = "alloc")]
-    pub(crate) fn of_moments<const N: usize>(
-        estimate: &Estimate<N>,
-        model: &(impl MeasurementModel<N, M> + ?Sized),
-        observation: &Observation<M>,
-    ) -> Option<Self> {
-        let visit_points = |visit: &mut Visit<'_, N>| visit_cubature_points(estimate, visit);
-        Self::of_samples(&estimate.mean, visit_points, model, observation)
-    }
-
-    fn of_samples<const N: usize>(
+    /// The same from samples of a belief with this mean; their weights sum to 1.
+    pub(crate) fn of_samples<const N: usize>(
         mean: &State<N>,
-        visit_samples: impl FnOnce(&mut Visit<'_, N>),
+        visit_samples: impl FnOnce(&mut dyn FnMut(&State<N>, f64)),
         model: &(impl MeasurementModel<N, M> + ?Sized),
         observation: &Observation<M>,
     ) -> Option<Self> {

@@ -85,6 +85,11 @@ impl Weights {
         self.effective_sample_size = number(self.linear.len());
     }
 
+    /// Its columns, for other use until it is made anew.
+    pub(super) fn scratch(&mut self) -> [&mut [f64]; 2] {
+        [&mut self.linear, &mut self.log]
+    }
+
     /// 1 / Σ w².
     pub(super) fn effective_sample_size(&self) -> f64 {
         self.effective_sample_size

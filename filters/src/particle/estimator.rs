@@ -21,9 +21,10 @@ where
             return Ok(());
         }
         let mut rng = self.rng.clone();
-        let anew = self.prepare_moved(dt, &mut rng);
+        let (anew, moments) = self.prepare_moved(dt, &mut rng);
         let weights = if anew { &self.spare.weights } else { &self.cloud.weights };
-        self.belief = self.belief_of(&self.spare.columns, weights)?;
+        let moments = moments.unwrap_or_else(|| self.moments(&self.spare.columns, weights));
+        self.belief = self.belief_of(moments, weights)?;
         self.rng = rng;
         mem::swap(&mut self.cloud.columns, &mut self.spare.columns);
         if anew {
@@ -37,8 +38,9 @@ where
         if observation.is_empty() && !observation.is_censored() {
             return Ok(Correction::Empty);
         }
-        let moments = self.belief.estimate();
-        let nis = Innovation::of_moments(moments, &self.measurement, observation)
+        let visit_some = |visit: &mut dyn FnMut(&State<N>, f64)| self.visit_some(visit);
+        let mean = self.belief.mean();
+        let nis = Innovation::of_samples(mean, visit_some, &self.measurement, observation)
             .map(|innovation| innovation.nis);
         let count = self.cloud.len();
         self.spare.resize(count);
@@ -49,7 +51,8 @@ where
         let log_evidence = if size < self.progressive * number(count) {
             self.correct_in_stages(observation)?
         } else {
-            self.belief = self.belief_of(&self.cloud.columns, &self.spare.weights)?;
+            let weights = &self.spare.weights;
+            self.belief = self.belief_of(self.moments(&self.cloud.columns, weights), weights)?;
             mem::swap(&mut self.cloud.weights, &mut self.spare.weights);
             log_evidence
         };

@@ -182,7 +182,12 @@ where
         self.cloud.weights.effective_sample_size()
     }
 
-    /// The moments of the cloud's states, or of those under way, under these weights.
+    /// The moments of states in columns.
+    pub(super) fn moments(&self, columns: &[Vec<f64>; N], weights: &Weights) -> Estimate<N> {
+        moments(columns, &weights.linear, &self.motion.axes())
+    }
+
+    /// The belief of a cloud with these moments and weights.
     ///
     /// A cloud of effective size k misses the k-th part of its spread, all of it if one particle
     /// has all the weight. So the k-th part of what one particle stands for is added, the n-th
@@ -191,10 +196,9 @@ where
     /// sample size shows.
     pub(super) fn belief_of(
         &self,
-        columns: &[Vec<f64>; N],
+        mut belief: Estimate<N>,
         weights: &Weights,
     ) -> Result<Gaussian<N>, EstimatorError> {
-        let mut belief = moments(columns, &weights.linear, &self.motion.axes());
         let cell = libm::pow(number(weights.linear.len()), -2.0 / number(N));
         // Nothing as long as the weights are even; a collapsed cloud keeps the least that f64 can
         // factor beside it.
@@ -204,30 +208,43 @@ where
         Gaussian::new(belief, Role::Posterior)
     }
 
+    /// Visits so many particles that their moments are those of the cloud to a twentieth of its
+    /// spread: all of a small one or one whose weights are uneven, and else every k-th, 256 or more.
+    pub(super) fn visit_some(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
+        let (weights, count) = (&self.cloud.weights.linear, self.cloud.len());
+        let sound = self.effective_sample_size() >= 0.25 * number(count);
+        let stride = if sound { (count / 256).max(1) } else { 1 };
+        let total: f64 = weights.iter().step_by(stride).sum();
+        for (i, weight) in weights.iter().enumerate().step_by(stride) {
+            visit(&self.cloud.state(i), weight / total);
+        }
+    }
+
     pub(super) fn bandwidth_of(&self, particles: usize) -> f64 {
         self.bandwidth.unwrap_or_else(|| silverman(N, particles))
     }
 
     /// Makes the columns of `spare` the next generation of the cloud: resampled if that is due,
-    /// then moved. Whether its weights are new too.
-    pub(super) fn prepare_moved(&mut self, dt: f64, rng: &mut R) -> bool {
+    /// then moved. Whether its weights are new too, and its moments where they are known.
+    pub(super) fn prepare_moved(&mut self, dt: f64, rng: &mut R) -> (bool, Option<Estimate<N>>) {
         let count = self.cloud.len();
         let due = self.effective_sample_size() < self.threshold * number(count);
         if let Some(size) = self.size
             && (due || self.is_off(&size))
         {
             self.prepare_as_many_as(&size, dt, rng);
-            return true;
+            return (true, None);
         }
         let kernel = self.kernel().filter(|_| due);
         self.spare.resize(count);
         if due {
             self.ancestors.resize(count, 0);
-            let (weights, scratch) = (&self.cloud.weights.linear, &mut self.spare.weights.linear);
+            let (weights, scratch) = (&self.cloud.weights.linear, self.spare.weights.scratch());
             self.resampling.draw(weights, rng, scratch, &mut self.ancestors);
             self.spare.weights.fill_even();
         }
-        vectorised::run(Step {
+        let weights = if due { &self.spare.weights } else { &self.cloud.weights };
+        let moments = vectorised::run(Step {
             key: rng.next_u64(),
             from: &self.cloud.columns,
             to: &mut self.spare.columns,
@@ -235,8 +252,9 @@ where
             kernel: kernel.as_ref(),
             motion: Some((&self.motion, dt)),
             axes: self.motion.axes(),
+            weights: Some(&weights.linear),
         });
-        due
+        (due, moments)
     }
 
     /// Whether there are more than twice or less than half the particles that are needed. Those

@@ -25,21 +25,79 @@ pub(super) fn moments<const N: usize>(
             Some(resultant.direction(1e-9).unwrap_or(columns[row][0]))
         }
     });
-    let Moments { mut mean, scatter, .. } = vectorised::run(Sum { columns, weights, origin });
-    for (mean, origin) in mean.iter_mut().zip(origin) {
+    let mut estimate = vectorised::run(Sum { columns, weights, origin }).estimate();
+    for (mean, origin) in estimate.mean.iter_mut().zip(origin) {
         *mean = origin.map_or(*mean, |origin| angle::wrap(*mean + origin));
     }
-    Estimate { mean, covariance: scatter }
+    estimate
 }
 
 /// The weight of some particles, their mean, and their weighted squares about it.
-struct Moments<const N: usize> {
+pub(super) struct Moments<const N: usize> {
     weight: f64,
     mean: State<N>,
     scatter: Covariance<N>,
 }
 
+impl<const N: usize> Default for Moments<N> {
+    fn default() -> Self {
+        Self { weight: 0.0, mean: State::zeros(), scatter: Covariance::zeros() }
+    }
+}
+
 impl<const N: usize> Moments<N> {
+    /// Adds the particles of a chunk, each angle about its origin; `space` is for their deviations.
+    #[inline(always)]
+    pub(super) fn add_chunk(
+        &mut self,
+        columns: [&[f64]; N],
+        weights: &[f64],
+        origin: [Option<f64>; N],
+        space: &mut [[f64; CHUNK]; N],
+    ) {
+        let mut part = Self { weight: vectorised::sum(weights), ..Self::default() };
+        for (row, column) in columns.into_iter().enumerate() {
+            let deviations = &mut space[row][..weights.len()];
+            let mean = match origin[row] {
+                None => vectorised::dot(column, weights),
+                Some(origin) => {
+                    for (deviation, x) in deviations.iter_mut().zip(column) {
+                        *deviation = angle::wrap(x - origin);
+                    }
+                    vectorised::dot(deviations, weights)
+                }
+            };
+            let mean = if part.weight > 0.0 { mean / part.weight } else { 0.0 };
+            part.mean[row] = mean;
+            match origin[row] {
+                None => {
+                    for (deviation, x) in deviations.iter_mut().zip(column) {
+                        *deviation = x - mean;
+                    }
+                }
+                Some(_) => deviations.iter_mut().for_each(|deviation| *deviation -= mean),
+            }
+        }
+        let mut weighted = [0.0; CHUNK];
+        let weighted = &mut weighted[..weights.len()];
+        for row in 0..N {
+            for ((weighted, own), weight) in weighted.iter_mut().zip(&space[row]).zip(weights) {
+                *weighted = own * weight;
+            }
+            for (column, other) in space.iter().enumerate().take(row + 1) {
+                let product = vectorised::dot(weighted, &other[..weights.len()]);
+                part.scatter[(row, column)] = product;
+                part.scatter[(column, row)] = product;
+            }
+        }
+        self.add(&part);
+    }
+
+    /// What they are if all weights have been added.
+    pub(super) fn estimate(&self) -> Estimate<N> {
+        Estimate { mean: self.mean, covariance: self.scatter }
+    }
+
     /// Adds those of other particles (Chan, Golub & LeVeque 1979).
     fn add(&mut self, other: &Self) {
         let weight = self.weight + other.weight;
@@ -65,40 +123,11 @@ impl<const N: usize> Kernel for Sum<'_, N> {
 
     #[inline(always)]
     fn run(self) -> Moments<N> {
-        let (mean, scatter) = (State::zeros(), Covariance::zeros());
-        let mut all = Moments { weight: 0.0, mean, scatter };
-        let (mut deviations, mut weighted) = ([[0.0; CHUNK]; N], [0.0; CHUNK]);
+        let (mut all, mut space) = (Moments::default(), [[0.0; CHUNK]; N]);
         for (chunk, weights) in self.weights.chunks(CHUNK).enumerate() {
             let first = chunk * CHUNK;
-            let mut part = Moments { weight: vectorised::sum(weights), mean, scatter };
-            for (row, deviations) in deviations.iter_mut().enumerate() {
-                let column = &self.columns[row][first..first + weights.len()];
-                let deviations = &mut deviations[..weights.len()];
-                match self.origin[row] {
-                    None => deviations.copy_from_slice(column),
-                    Some(origin) => deviations
-                        .iter_mut()
-                        .zip(column)
-                        .for_each(|(deviation, x)| *deviation = angle::wrap(x - origin)),
-                }
-                if part.weight > 0.0 {
-                    part.mean[row] = vectorised::dot(deviations, weights) / part.weight;
-                }
-                deviations.iter_mut().for_each(|deviation| *deviation -= part.mean[row]);
-            }
-            let weighted = &mut weighted[..weights.len()];
-            for row in 0..N {
-                let own = &deviations[row][..weights.len()];
-                for ((weighted, own), weight) in weighted.iter_mut().zip(own).zip(weights) {
-                    *weighted = own * weight;
-                }
-                for (column, other) in deviations.iter().enumerate().take(row + 1) {
-                    let product = vectorised::dot(weighted, &other[..weights.len()]);
-                    part.scatter[(row, column)] = product;
-                    part.scatter[(column, row)] = product;
-                }
-            }
-            all.add(&part);
+            let part = self.columns.each_ref().map(|column| &column[first..first + weights.len()]);
+            all.add_chunk(part, weights, self.origin, &mut space);
         }
         all
     }

@@ -81,7 +81,8 @@ where
             log_evidence += next.weights.condition(&cloud.weights, &Given)?;
             mem::swap(&mut cloud.weights, &mut next.weights);
             left -= exponent;
-            belief = self.belief_of(&cloud.columns, &cloud.weights)?;
+            belief =
+                self.belief_of(self.moments(&cloud.columns, &cloud.weights), &cloud.weights)?;
             if left <= 0.0 {
                 break;
             }
@@ -106,9 +107,9 @@ where
         let belief = Gaussian::new(own, Role::Posterior).unwrap_or(*belief);
         let bandwidth = self.bandwidth_of(from.len());
         let kernel = Kernel::new(belief.mean(), belief.factor(), bandwidth, axes);
-        let scratch = &mut next.weights.linear;
+        let scratch = next.weights.scratch();
         self.resampling.draw(&from.weights.linear, rng, scratch, ancestors);
-        vectorised::run(Step::<F, N> {
+        let _ = vectorised::run(Step::<F, N> {
             key: rng.next_u64(),
             from: &from.columns,
             to: &mut next.columns,
@@ -116,6 +117,7 @@ where
             kernel: kernel.as_ref(),
             motion: None,
             axes,
+            weights: None,
         });
         next.weights.fill_even();
     }

@@ -171,9 +171,9 @@ where
     /// The cloud resampled, its copies set apart.
     fn regularised(&self, from: &Conditional<N, K>, rng: &mut R) -> Conditional<N, K> {
         let axes = self.motion.axes();
-        let (mut ancestors, mut scratch) = (vec![0; from.len()], vec![0.0; from.len()]);
+        let (mut ancestors, mut scratch) = (vec![0; from.len()], Weights::even(from.len()));
         let weights = &from.means.weights.linear;
-        self.resampling.draw(weights, rng, &mut scratch, &mut ancestors);
+        self.resampling.draw(weights, rng, scratch.scratch(), &mut ancestors);
         let between = moments(&from.means.columns, &from.means.weights.linear, &axes);
         let factor = semidefinite_factor(&between.covariance);
         let bandwidth = silverman(N - K, from.len());

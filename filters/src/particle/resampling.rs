@@ -26,12 +26,13 @@ pub enum Resampling {
 
 impl Resampling {
     /// Fills `ancestors` with indices into `weights`, which sum to 1; those of weight 0 are never
-    /// drawn. There is room in `scratch` for as many numbers.
+    /// drawn. There is room in each of
+    /// `scratch` for as many numbers.
     pub(super) fn draw(
         self,
         weights: &[f64],
         rng: &mut impl Rng,
-        scratch: &mut [f64],
+        scratch: [&mut [f64]; 2],
         ancestors: &mut [u32],
     ) {
         match self {
@@ -46,25 +47,11 @@ impl Resampling {
 fn systematic(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [u32]) {
     let strides = number(ancestors.len());
     let start: f64 = rng.random();
-    let last = weights.iter().rposition(|w| *w > 0.0).unwrap_or(0);
-    // Each particle is written where its copies begin, over one that has none, and the largest so
-    // far is the ancestor: there is no branch to be predicted.
-    ancestors.fill(0);
-    let mut reach = 0.0;
-    for (i, weight) in weights[..=last].iter().enumerate() {
+    copies(weights, ancestors, |reach| {
         let before = reach * strides - start;
-        let first = count(before);
-        let first = first + usize::from(number(first) < before);
-        if let Some(ancestor) = ancestors.get_mut(first) {
-            *ancestor = index(i);
-        }
-        reach += weight;
-    }
-    let mut largest = 0;
-    for ancestor in ancestors {
-        largest = largest.max(*ancestor);
-        *ancestor = largest;
-    }
+        let whole = floor(before);
+        whole + usize::from(number(whole) < before)
+    });
 }
 
 fn stratified(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [u32]) {
@@ -75,12 +62,61 @@ fn stratified(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [u32]) {
     }
 }
 
-fn multinomial(weights: &[f64], rng: &mut impl Rng, scratch: &mut [f64], ancestors: &mut [u32]) {
-    let marks = &mut scratch[..ancestors.len()];
+fn multinomial(
+    weights: &[f64],
+    rng: &mut impl Rng,
+    [marks, begins]: [&mut [f64]; 2],
+    ancestors: &mut [u32],
+) {
+    let count = ancestors.len();
+    let (marks, begins) = (&mut marks[..count], &mut begins[..count]);
     let total = vectorised::run(Ascending { key: rng.next_u64(), marks: &mut *marks });
-    let mut walk = Walk::over(weights, |weight| weight * total);
-    for (ancestor, mark) in ancestors.iter_mut().zip(marks) {
-        *ancestor = walk.to(*mark);
+    // As many bins as marks: how many marks lie in the bins before each, as the bits of a number.
+    let bins = number(count) / total;
+    let bin = |mark: f64| floor(mark * bins).min(count - 1);
+    begins.fill(0.0);
+    for (i, mark) in marks.iter().enumerate() {
+        if let Some(begin) = begins.get_mut(bin(*mark) + 1) {
+            *begin = f64::from_bits(i as u64 + 1);
+        }
+    }
+    let mut before = 0;
+    for begin in &mut *begins {
+        before = before.max(begin.to_bits());
+        *begin = f64::from_bits(before);
+    }
+    copies(weights, ancestors, |reach| {
+        let reach = reach * total;
+        let mut first = index_of(begins[bin(reach)]);
+        // A bin holds one mark on average and seldom more than four.
+        while let Some(near) = marks.get(first..).and_then(<[f64]>::first_chunk::<4>) {
+            let below = near.iter().map(|mark| usize::from(*mark < reach)).sum::<usize>();
+            first += below;
+            if below < 4 {
+                return first;
+            }
+        }
+        first + marks[first..].iter().take_while(|mark| **mark < reach).count()
+    });
+}
+
+/// Writes each particle where its copies begin, which `begin` makes of the sum of the weights
+/// before it, over one that has none; the largest so far is then the ancestor. There is no branch
+/// to be predicted.
+fn copies(weights: &[f64], ancestors: &mut [u32], begin: impl Fn(f64) -> usize) {
+    let last = weights.iter().rposition(|w| *w > 0.0).unwrap_or(0);
+    ancestors.fill(0);
+    let mut reach = 0.0;
+    for (i, weight) in weights[..=last].iter().enumerate() {
+        if let Some(ancestor) = ancestors.get_mut(begin(reach)) {
+            *ancestor = index(i);
+        }
+        reach += weight;
+    }
+    let mut largest = 0;
+    for ancestor in ancestors {
+        largest = largest.max(*ancestor);
+        *ancestor = largest;
     }
 }
 
@@ -112,20 +148,25 @@ impl Kernel for Ascending<'_> {
     }
 }
 
-fn residual(weights: &[f64], rng: &mut impl Rng, scratch: &mut [f64], ancestors: &mut [u32]) {
+fn residual(
+    weights: &[f64],
+    rng: &mut impl Rng,
+    [marks, _]: [&mut [f64]; 2],
+    ancestors: &mut [u32],
+) {
     let all = number(ancestors.len());
     // A share that rounding left just below a whole copy is one.
     let copies = |weight: f64| libm::floor(weight * all * (1.0 + 4.0 * f64::EPSILON));
     let rest = |weight: f64| (weight * all - copies(weight)).max(0.0);
     let (mut whole, mut broken) = (0, 0.0);
     for weight in weights {
-        whole += count(copies(*weight));
+        whole += floor(copies(*weight));
         broken += rest(*weight);
     }
     let whole = whole.min(ancestors.len());
 
     // The draws, in order, go to the end of `ancestors`, and are merged from there.
-    let marks = &mut scratch[whole..ancestors.len()];
+    let marks = &mut marks[whole..ancestors.len()];
     let total = vectorised::run(Ascending { key: rng.next_u64(), marks: &mut *marks });
     let mut walk = Walk::over(weights, |weight| rest(weight) / broken * total);
     for (ancestor, mark) in ancestors[whole..].iter_mut().zip(marks) {
@@ -133,7 +174,7 @@ fn residual(weights: &[f64], rng: &mut impl Rng, scratch: &mut [f64], ancestors:
     }
     let (mut write, mut read) = (0, whole);
     for (i, weight) in weights.iter().enumerate() {
-        for _ in 0..count(copies(*weight)) {
+        for _ in 0..floor(copies(*weight)) {
             if write < read {
                 ancestors[write] = index(i);
                 write += 1;
@@ -147,14 +188,20 @@ fn residual(weights: &[f64], rng: &mut impl Rng, scratch: &mut [f64], ancestors:
     }
 }
 
-/// A whole number that is no larger than a cloud.
+/// The whole part of a number that is no larger than a cloud; 0 of a negative one.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "a share of a count, rounded down"
 )]
-fn count(copies: f64) -> usize {
-    copies as usize
+fn floor(share: f64) -> usize {
+    share as usize
+}
+
+/// The index whose bits a number holds.
+#[expect(clippy::cast_possible_truncation, reason = "what is stored is below 2³²")]
+fn index_of(bits: f64) -> usize {
+    bits.to_bits() as usize
 }
 
 /// The index of a particle: there are fewer than 2³².
@@ -206,7 +253,7 @@ mod tests {
         let mut totals = [0.0; 6];
         for _ in 0..DRAWS {
             let mut ancestors = [u32::MAX; 6];
-            scheme.draw(&WEIGHTS, &mut rng, &mut [0.0; 6], &mut ancestors);
+            scheme.draw(&WEIGHTS, &mut rng, [&mut [0.0; 6], &mut [0.0; 6]], &mut ancestors);
             assert!(ancestors.is_sorted());
             let mut counts = [0; 6];
             for ancestor in ancestors {
@@ -270,7 +317,12 @@ mod tests {
         // Even weights are all copied once.
         let mut ancestors = [u32::MAX; 10];
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(2);
-        Resampling::Residual.draw(&[0.1; 10], &mut rng, &mut [0.0; 10], &mut ancestors);
+        Resampling::Residual.draw(
+            &[0.1; 10],
+            &mut rng,
+            [&mut [0.0; 10], &mut [0.0; 10]],
+            &mut ancestors,
+        );
         assert_eq!(ancestors, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
     }
 

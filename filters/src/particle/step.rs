@@ -1,15 +1,16 @@
 use alloc::vec::Vec;
 
-use foxhunt_core::{Axis, MotionModel, angle};
+use foxhunt_core::{Axis, Estimate, MotionModel, angle};
 
 use super::{
     kernel,
+    moments::Moments,
     white::{CHUNK, Draws},
 };
 use crate::vectorised::Kernel;
 
-/// Carries a cloud on into other columns, a chunk after the other, each with a generator of its
-/// own.
+/// Carries a cloud on into other columns, a chunk after the other, each with random numbers of its
+/// own. Returns the moments of what comes of it, if its weights are known and no axis is an angle.
 pub(super) struct Step<'a, F, const N: usize> {
     pub(super) key: u64,
     pub(super) from: &'a [Vec<f64>; N],
@@ -21,25 +22,30 @@ pub(super) struct Step<'a, F, const N: usize> {
     /// Moves them then, for so long.
     pub(super) motion: Option<(&'a F, f64)>,
     pub(super) axes: [Axis; N],
+    /// Those of the particles that come of it.
+    pub(super) weights: Option<&'a [f64]>,
 }
 
 impl<F: MotionModel<N>, const N: usize> Kernel for Step<'_, F, N> {
-    type Output = ();
+    type Output = Option<Estimate<N>>;
 
     #[inline(always)]
-    fn run(self) {
+    fn run(self) -> Option<Estimate<N>> {
         let count = self.from[0].len();
         let (mut draws, mut white) = (Draws::new(self.key), [[0.0; CHUNK]; N]);
+        let weights = self.weights.filter(|_| !self.axes.contains(&Axis::Angle));
+        let mut moments = Moments::default();
         for chunk in 0..count.div_ceil(CHUNK) {
             let range = chunk * CHUNK..count.min((chunk + 1) * CHUNK);
             let mut to = self.to.each_mut().map(|column| &mut column[range.clone()]);
             for (to, from) in to.iter_mut().zip(self.from) {
                 match self.ancestors {
                     None => to.copy_from_slice(&from[range.clone()]),
-                    Some(ancestors) => to
-                        .iter_mut()
-                        .zip(&ancestors[range.clone()])
-                        .for_each(|(to, ancestor)| *to = from[*ancestor as usize]),
+                    Some(ancestors) => {
+                        for (to, ancestor) in to.iter_mut().zip(&ancestors[range.clone()]) {
+                            *to = from[*ancestor as usize];
+                        }
+                    }
                 }
             }
             if let Some(kernel) = self.kernel {
@@ -56,6 +62,12 @@ impl<F: MotionModel<N>, const N: usize> Kernel for Step<'_, F, N> {
                     column.iter_mut().for_each(|x| *x = angle::wrap(*x));
                 }
             }
+            if let Some(weights) = weights {
+                // The draws have been used.
+                let to = to.each_ref().map(|column| &**column);
+                moments.add_chunk(to, &weights[range], [None; N], &mut white);
+            }
         }
+        weights.map(|_| moments.estimate())
     }
 }
