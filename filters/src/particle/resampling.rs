@@ -1,3 +1,5 @@
+use core::hint;
+
 use rand::{Rng, RngExt};
 
 use super::white::{CHUNK, Draws};
@@ -36,73 +38,92 @@ impl Resampling {
         ancestors: &mut [u32],
     ) {
         match self {
-            Self::Systematic => systematic(weights, rng, ancestors),
-            Self::Multinomial => multinomial(weights, rng, scratch, ancestors),
+            Self::Systematic => {
+                let start = rng.random();
+                vectorised::run(Systematic { weights, start, ancestors });
+            }
+            Self::Multinomial => {
+                let key = rng.next_u64();
+                vectorised::run(Multinomial { weights, key, scratch, ancestors });
+            }
             Self::Stratified => stratified(weights, rng, ancestors),
             Self::Residual => residual(weights, rng, scratch, ancestors),
         }
     }
 }
 
-fn systematic(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [u32]) {
-    let strides = number(ancestors.len());
-    let start: f64 = rng.random();
-    copies(weights, ancestors, |reach| {
-        let before = reach * strides - start;
-        let whole = floor(before);
-        whole + usize::from(number(whole) < before)
-    });
+struct Systematic<'a> {
+    weights: &'a [f64],
+    start: f64,
+    ancestors: &'a mut [u32],
 }
 
-fn stratified(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [u32]) {
-    let count = number(ancestors.len());
-    let mut walk = Walk::over(weights, |weight| weight);
-    for (i, ancestor) in ancestors.iter_mut().enumerate() {
-        *ancestor = walk.to((number(i) + rng.random::<f64>()) / count);
+impl Kernel for Systematic<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let strides = number(self.ancestors.len());
+        copies(self.weights, self.ancestors, |reach| {
+            let before = (reach * strides - self.start).max(0.0);
+            let nearest = nearest(before);
+            nearest + usize::from(number(nearest) < before)
+        });
     }
 }
 
-fn multinomial(
-    weights: &[f64],
-    rng: &mut impl Rng,
-    [marks, begins]: [&mut [f64]; 2],
-    ancestors: &mut [u32],
-) {
-    let count = ancestors.len();
-    let (marks, begins) = (&mut marks[..count], &mut begins[..count]);
-    let total = vectorised::run(Ascending { key: rng.next_u64(), marks: &mut *marks });
-    // As many bins as marks: how many marks lie in the bins before each, as the bits of a number.
-    let bins = number(count) / total;
-    let bin = |mark: f64| floor(mark * bins).min(count - 1);
-    begins.fill(0.0);
-    for (i, mark) in marks.iter().enumerate() {
-        if let Some(begin) = begins.get_mut(bin(*mark) + 1) {
-            *begin = f64::from_bits(i as u64 + 1);
-        }
-    }
-    let mut before = 0;
-    for begin in &mut *begins {
-        before = before.max(begin.to_bits());
-        *begin = f64::from_bits(before);
-    }
-    copies(weights, ancestors, |reach| {
-        let reach = reach * total;
-        let mut first = index_of(begins[bin(reach)]);
-        // A bin holds one mark on average and seldom more than four.
-        while let Some(near) = marks.get(first..).and_then(<[f64]>::first_chunk::<4>) {
-            let below = near.iter().map(|mark| usize::from(*mark < reach)).sum::<usize>();
-            first += below;
-            if below < 4 {
-                return first;
+struct Multinomial<'a> {
+    weights: &'a [f64],
+    key: u64,
+    scratch: [&'a mut [f64]; 2],
+    ancestors: &'a mut [u32],
+}
+
+impl Kernel for Multinomial<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { weights, key, scratch: [marks, begins], ancestors } = self;
+        let count = ancestors.len();
+        let (marks, begins) = (&mut marks[..count], &mut begins[..count]);
+        let total = Ascending { key, marks: &mut *marks }.run();
+        // As many bins as marks: how many marks lie in the bins before each, as the bits of a
+        // number.
+        let bins = number(count) / total;
+        begins.fill(0.0);
+        for (i, mark) in marks.iter().enumerate() {
+            if let Some(begin) = begins.get_mut(nearest(mark * bins) + 1) {
+                *begin = f64::from_bits(i as u64 + 1);
             }
         }
-        first + marks[first..].iter().take_while(|mark| **mark < reach).count()
-    });
+        let mut before = 0;
+        for begin in &mut *begins {
+            before = larger(before, begin.to_bits());
+            *begin = f64::from_bits(before);
+        }
+        copies(weights, ancestors, |reach| {
+            let reach = reach * total;
+            let mut first = index_of(begins[nearest(reach * bins).min(count - 1)]);
+            // A bin holds one mark on average and seldom more than four.
+            while let Some(near) = marks.get(first..).and_then(<[f64]>::first_chunk::<4>) {
+                // The sign of a difference: of positive numbers the bits are ordered alike.
+                let below = |mark: &f64| mark.to_bits().wrapping_sub(reach.to_bits()) >> 63;
+                let below: u64 = near.iter().map(below).sum();
+                first += index_of(f64::from_bits(below));
+                if below < 4 {
+                    return first;
+                }
+            }
+            first + marks[first..].iter().take_while(|mark| **mark < reach).count()
+        });
+    }
 }
 
 /// Writes each particle where its copies begin, which `begin` makes of the sum of the weights
 /// before it, over one that has none; the largest so far is then the ancestor. There is no branch
 /// to be predicted.
+#[inline(always)]
 fn copies(weights: &[f64], ancestors: &mut [u32], begin: impl Fn(f64) -> usize) {
     let last = weights.iter().rposition(|w| *w > 0.0).unwrap_or(0);
     ancestors.fill(0);
@@ -115,8 +136,22 @@ fn copies(weights: &[f64], ancestors: &mut [u32], begin: impl Fn(f64) -> usize) 
     }
     let mut largest = 0;
     for ancestor in ancestors {
-        largest = largest.max(*ancestor);
+        largest = larger(largest, *ancestor);
         *ancestor = largest;
+    }
+}
+
+/// The larger one, by no branch: nothing could predict it.
+#[inline(always)]
+fn larger<T: Copy + PartialOrd>(a: T, b: T) -> T {
+    hint::select_unpredictable(b > a, b, a)
+}
+
+fn stratified(weights: &[f64], rng: &mut impl Rng, ancestors: &mut [u32]) {
+    let count = number(ancestors.len());
+    let mut walk = Walk::over(weights, |weight| weight);
+    for (i, ancestor) in ancestors.iter_mut().enumerate() {
+        *ancestor = walk.to((number(i) + rng.random::<f64>()) / count);
     }
 }
 
@@ -196,6 +231,14 @@ fn residual(
 )]
 fn floor(share: f64) -> usize {
     share as usize
+}
+
+/// The whole number nearest to one that is not negative, and below 2³².
+#[inline(always)]
+fn nearest(share: f64) -> usize {
+    // The sum has no room for a fraction: two instructions, where a cast is a dozen.
+    const WHOLE: f64 = 4_503_599_627_370_496.0;
+    index_of(f64::from_bits((share + WHOLE).to_bits() & 0xffff_ffff))
 }
 
 /// The index whose bits a number holds.
