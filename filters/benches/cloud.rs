@@ -161,6 +161,7 @@ struct Particle {
 }
 
 /// The loop that one would write instead.
+#[expect(clippy::cast_precision_loss, reason = "counts of particles")]
 fn plain_loop(scheme: Resampling, particles: usize, seed: u64) -> Step {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let count = particles as f64;

@@ -6,7 +6,7 @@
 //! | [`Ukf`] | Gaussian, quadratic about its mean | `expected`, `residual` | never |
 //! | [`Ckf`] | Gaussian, exact to degree 3 | `expected`, `residual` | never |
 //! | [`GridFilter`] | mass of cells over an area | `log_likelihoods`, or `expected` and `jacobian` | as the cells follow the belief |
-//! | [`ParticleFilter`] | weighted cloud | `log_likelihoods`, `expected`, `residual` | once, when it is made, unless its size adapts |
+//! | [`ParticleFilter`] | weighted cloud | `log_likelihoods`, `expected`, `residual` | when it is made; as its size adapts; in an update by stages |
 //! | [`RaoBlackwellised`] | cloud of Gaussians | `expected`, `jacobian`, `residual` | at every step |
 //! | [`Bank`] | weighted sum of other estimators' | what they need | with its components |
 //! | [`FirstBearing`] | the same, in a row along the first bearing | what its Kalman filters need | in every step |

@@ -19,8 +19,8 @@ use crate::{Gaussian, count::number, vectorised};
 
 /// The bootstrap particle filter (Gordon, Salmond & Smith 1993), its resampling regularised.
 ///
-/// Owns its generator, which seeds another one for each chunk of particles, so two filters made
-/// alike run alike. Particles lie in columns, one for each component of the state, and are worked
+/// Owns its generator, which draws a key for each step; the step's random numbers are a hash of that
+/// (SplitMix64, Steele, Lea & Flood 2014). So two filters made alike run alike. Particles lie in columns, one for each component of the state, and are worked
 /// on by columns ([`MotionModel::move_columns`], [`MeasurementModel::log_likelihoods`]). All
 /// memory is taken when the filter is made, 16 N + 36 bytes for each particle, unless its size
 /// adapts; an update in stages takes a third cloud while it lasts.
@@ -41,6 +41,9 @@ use crate::{Gaussian, count::number, vectorised};
 /// sample size after an update would be below a tenth of the particles, the likelihood is applied
 /// in stages, p(z | x)^φ with Σ φ = 1, each of which keeps half of it, with a resampling by the
 /// kernel in between: progressive correction (Musso, Oudjane & Le Gland 2001).
+///
+/// The normalised innovation squared of an update is that of every k-th particle of a large cloud,
+/// 256 or more.
 #[derive(Clone, Debug)]
 pub struct ParticleFilter<F, H, R, const N: usize, const M: usize> {
     pub(super) motion: F,
