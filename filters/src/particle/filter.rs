@@ -1,7 +1,7 @@
 use alloc::{vec, vec::Vec};
 
 use foxhunt_core::{
-    Axis, Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State,
+    Axis, Covariance, Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State,
     parameter::{ParameterError, in_range, require},
 };
 use rand::{Rng, RngExt};
@@ -43,7 +43,7 @@ use crate::{Gaussian, count::number, vectorised};
 /// kernel in between: progressive correction (Musso, Oudjane & Le Gland 2001).
 ///
 /// The normalised innovation squared of an update is that of every k-th particle of a large cloud,
-/// 256 or more.
+/// 256 or more, shifted and stretched to the moments of all.
 #[derive(Clone, Debug)]
 pub struct ParticleFilter<F, H, R, const N: usize, const M: usize> {
     pub(super) motion: F,
@@ -211,15 +211,31 @@ where
         Gaussian::new(belief, Role::Posterior)
     }
 
-    /// Visits so many particles that their moments are those of the cloud to a twentieth of its
-    /// spread: all of a small one or one whose weights are uneven, and else every k-th, 256 or more.
+    /// Visits all particles of a small cloud or one whose weights are uneven, and else every k-th,
+    /// 256 or more, shifted and stretched so that their moments are those of the cloud.
     pub(super) fn visit_some(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
         let (weights, count) = (&self.cloud.weights.linear, self.cloud.len());
         let sound = self.effective_sample_size() >= 0.25 * number(count);
         let stride = if sound { (count / 256).max(1) } else { 1 };
-        let total: f64 = weights.iter().step_by(stride).sum();
-        for (i, weight) in weights.iter().enumerate().step_by(stride) {
-            visit(&self.cloud.state(i), weight / total);
+        let (axes, centre) = (self.motion.axes(), self.belief.mean());
+        let some = || weights.iter().enumerate().step_by(stride);
+        let total: f64 = some().map(|(_, weight)| weight).sum();
+        let deviation = |i| Axis::difference(&axes, &self.cloud.state(i), centre);
+        let mean = some().fold(State::zeros(), |sum: State<N>, (i, w)| sum + deviation(i) * *w);
+        let mean = mean / total;
+        let mut covariance = Covariance::<N>::zeros();
+        for (i, weight) in some().filter(|_| stride > 1) {
+            let off = deviation(i) - mean;
+            covariance += off * (off * (weight / total)).transpose();
+        }
+        let own = covariance.cholesky().and_then(|own| own.unpack().try_inverse());
+        let Some(own) = own.filter(|_| stride > 1) else {
+            weights.iter().enumerate().for_each(|(i, w)| visit(&self.cloud.state(i), *w));
+            return;
+        };
+        let stretch = self.belief.factor() * own;
+        for (i, weight) in some() {
+            visit(&(centre + stretch * (deviation(i) - mean)), weight / total);
         }
     }
 
