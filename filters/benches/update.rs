@@ -1,8 +1,10 @@
 //! One predict and one update of each estimator on the reference's problem, beside what one
 //! would use instead.
 
+use std::hint::black_box;
+
 use adskalman::{ObservationModel, StateAndCovariance};
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use foxhunt_core::{
     Estimate, Estimator, MeasurementModel, Observation, Pose, Quantity, RandomWalk, State,
     angle::wrap,
@@ -10,6 +12,8 @@ use foxhunt_core::{
 };
 use foxhunt_filters::{Ekf, ParticleFilter, Ukf};
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+
+mod beacon;
 
 /// RSS and bearing (Pritzl 2018, eq. 3.7) with the field calibration.
 #[derive(Clone, Copy)]
@@ -121,5 +125,58 @@ fn updates(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, updates);
+/// A step by hand.
+type ByHand = fn(&Estimate<2>, &Observation<2>) -> Option<Estimate<2>>;
+
+/// 48 steps of a filter, owned and boxed, and of the same filter by hand over static matrices. Both
+/// go on from one sweep to the next, as the ones do that count instructions (`examples/steps.rs`).
+fn beacon_steps<E: Estimator<2, 2> + Clone + 'static>(
+    criterion: &mut Criterion,
+    name: &str,
+    filter: &E,
+    by_hand: ByHand,
+) {
+    let sweep = beacon::sweep();
+    agree(filter.clone(), by_hand, &sweep);
+    let mut group = criterion.benchmark_group(format!("48 steps, still beacon, {name}"));
+    group.throughput(Throughput::Elements(48));
+    let mut owned = filter.clone();
+    group.bench_function("owned", |bencher| bencher.iter(|| run(&mut owned, &sweep)));
+    let mut boxed: Box<dyn Estimator<2, 2>> = black_box(Box::new(filter.clone()));
+    group.bench_function("boxed", |bencher| bencher.iter(|| run(&mut *boxed, &sweep)));
+    group.bench_function("by hand", |bencher| {
+        let mut belief = beacon::prior();
+        bencher.iter(|| {
+            for observation in &sweep {
+                belief = by_hand(&belief, black_box(observation)).expect("positive definite");
+            }
+        });
+    });
+    group.finish();
+}
+
+fn run<E: Estimator<2, 2> + ?Sized>(filter: &mut E, sweep: &[Observation<2>]) {
+    for observation in sweep {
+        filter.predict(black_box(1.0)).expect("a proper step");
+        let _ = black_box(filter.update(black_box(observation)).expect("possible"));
+    }
+}
+
+/// What is compared is the same filter.
+fn agree(mut filter: impl Estimator<2, 2>, by_hand: ByHand, sweep: &[Observation<2>]) {
+    let mut belief = beacon::prior();
+    for (step, observation) in sweep.iter().enumerate() {
+        belief = by_hand(&belief, observation).expect("positive definite");
+        run(&mut filter, core::slice::from_ref(observation));
+        let error = (filter.estimate().mean - belief.mean).amax();
+        assert!(error < 1e-6, "step {step}: by hand {}, off by {error}", belief.mean);
+    }
+}
+
+fn beacons(criterion: &mut Criterion) {
+    beacon_steps(criterion, "UKF", &beacon::ukf(), beacon::hand_ukf);
+    beacon_steps(criterion, "EKF", &beacon::ekf(), beacon::hand_ekf);
+}
+
+criterion_group!(benches, updates, beacons);
 criterion_main!(benches);
