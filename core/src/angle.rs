@@ -12,7 +12,11 @@ use core::{
 /// assert!((wrap(3.5 * core::f64::consts::PI) + 0.5 * core::f64::consts::PI).abs() < 1e-12);
 /// ```
 #[must_use]
+#[inline]
 pub fn wrap(angle: f64) -> f64 {
+    if (-PI..PI).contains(&angle) {
+        return angle;
+    }
     let wrapped = libm::remainder(angle, TAU);
     if wrapped >= PI { wrapped - TAU } else { wrapped }
 }

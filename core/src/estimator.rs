@@ -157,8 +157,9 @@ impl EstimatorError {
     /// # Errors
     ///
     /// [`EstimatorError::TimeStep`] when it is negative or not finite.
+    #[inline]
     pub fn check_time_step(dt: f64) -> Result<(), Self> {
-        if dt >= 0.0 && dt.is_finite() { Ok(()) } else { Err(Self::TimeStep { dt }) }
+        if (0.0..=f64::MAX).contains(&dt) { Ok(()) } else { Err(Self::TimeStep { dt }) }
     }
 }
 

@@ -153,6 +153,15 @@ macro_rules! forward_shared {
             fn residual(&self, z: &SVector<f64, M>, expected: &SVector<f64, M>) -> SVector<f64, M> {
                 (**self).residual(z, expected)
             }
+            fn expected_change(
+                &self,
+                state: &State<N>,
+                expected: &SVector<f64, M>,
+                offset: &State<N>,
+                receiver: &Pose,
+            ) -> SVector<f64, M> {
+                (**self).expected_change(state, expected, offset, receiver)
+            }
             fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
                 (**self).jacobian(state, receiver)
             }
@@ -173,6 +182,15 @@ macro_rules! forward_shared {
         impl<T: ?Sized + MotionModel<N>, const N: usize> MotionModel<N> for $pointer {
             fn propagate(&self, state: &State<N>, dt: f64) -> State<N> {
                 (**self).propagate(state, dt)
+            }
+            fn propagated_change(
+                &self,
+                state: &State<N>,
+                propagated: &State<N>,
+                offset: &State<N>,
+                dt: f64,
+            ) -> State<N> {
+                (**self).propagated_change(state, propagated, offset, dt)
             }
             fn noise_factor(&self, state: &State<N>, dt: f64) -> SMatrix<f64, N, N> {
                 (**self).noise_factor(state, dt)

@@ -33,6 +33,15 @@ pub fn measurement_model<const N: usize, const M: usize>(
 
     walk_round(model, state, receiver);
 
+    for size in [1e-3, 1.0] {
+        let offset = State::from_fn(|i, _| if i % 2 == 0 { size } else { -0.7 * size });
+        let change = model.expected_change(state, &expected, &offset, receiver);
+        let difference = model.residual(&model.expected(&(state + offset), receiver), &expected);
+        let error = model.residual(&change, &difference).norm();
+        let room = 1e-9 * (1.0 + expected.norm() + difference.norm());
+        assert!(error <= room, "expected_change is off by {error}");
+    }
+
     let numeric =
         numeric_jacobian(state, |x| model.expected(x, receiver), |a, b| model.residual(a, b));
     let error = (model.jacobian(state, receiver) - numeric).norm();

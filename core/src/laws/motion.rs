@@ -15,6 +15,12 @@ pub fn motion_model<const N: usize>(model: &impl MotionModel<N>, state: &State<N
     let factor = model.noise_factor(state, dt);
     assert!(factor.iter().all(|v| v.is_finite()), "the noise factor is not finite: {factor}");
 
+    let (propagated, offset) = (model.propagate(state, dt), State::repeat(1e-3));
+    let change = model.propagated_change(state, &propagated, &offset, dt);
+    let difference = minus(&model.propagate(&(state + offset), dt), &propagated);
+    let error = minus(&change, &difference).norm();
+    assert!(error <= 1e-9 * (1.0 + propagated.norm()), "propagated_change is off by {error}");
+
     let numeric = numeric_jacobian(state, |x| model.propagate(x, dt), minus);
     let error = (model.jacobian(state, dt) - numeric).norm();
     assert!(error <= 1e-6 * (1.0 + numeric.norm()), "the jacobian is off by {error}");

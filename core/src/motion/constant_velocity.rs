@@ -17,6 +17,16 @@ impl MotionModel<4> for ConstantVelocity {
         transition(dt) * state
     }
 
+    fn propagated_change(
+        &self,
+        _state: &State<4>,
+        _propagated: &State<4>,
+        offset: &State<4>,
+        dt: f64,
+    ) -> State<4> {
+        transition(dt) * offset
+    }
+
     fn noise_factor(&self, _state: &State<4>, dt: f64) -> Matrix4<f64> {
         let root = self.acceleration_density * libm::sqrt(dt);
         let (position, coupling, velocity) = (dt / libm::sqrt(3.0), libm::sqrt(3.0) / 2.0, 0.5);

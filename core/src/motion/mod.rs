@@ -15,8 +15,9 @@ use crate::{Axis, State, numeric_jacobian};
 /// # Laws
 ///
 /// Checked by `laws::motion_model`, feature `laws`: `propagate(x, 0) = x`,
-/// `noise_factor(x, 0) = 0`, `jacobian` agrees with finite differences, `move_columns` with
-/// `propagate` and `noise_factor`.
+/// `noise_factor(x, 0) = 0`, `propagated_change` agrees with the difference of two propagated
+/// states, `jacobian` with finite differences, `move_columns` with `propagate` and
+/// `noise_factor`.
 pub trait MotionModel<const N: usize> {
     /// f(x, Δt): the state after `dt` seconds without noise.
     fn propagate(&self, state: &State<N>, dt: f64) -> State<N>;
@@ -26,6 +27,18 @@ pub trait MotionModel<const N: usize> {
     /// A factor is required and not Q, so that Q is positive semi-definite by construction and
     /// a particle is moved by L ξ with no factorisation.
     fn noise_factor(&self, state: &State<N>, dt: f64) -> SMatrix<f64, N, N>;
+
+    /// f(x + δ, Δt) ⊖ f(x, Δt) with x the `state`, δ the `offset` and f(x, Δt) where x is
+    /// `propagated` to; a linear motion saves the digits that the difference loses.
+    fn propagated_change(
+        &self,
+        state: &State<N>,
+        propagated: &State<N>,
+        offset: &State<N>,
+        dt: f64,
+    ) -> State<N> {
+        Axis::difference(&self.axes(), &self.propagate(&(state + offset), dt), propagated)
+    }
 
     /// The geometry of each state component.
     fn axes(&self) -> [Axis; N] {

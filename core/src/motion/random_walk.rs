@@ -24,6 +24,16 @@ impl<const N: usize> MotionModel<N> for RandomWalk<N> {
         *state
     }
 
+    fn propagated_change(
+        &self,
+        _state: &State<N>,
+        _propagated: &State<N>,
+        offset: &State<N>,
+        _dt: f64,
+    ) -> State<N> {
+        *offset
+    }
+
     fn noise_factor(&self, _state: &State<N>, dt: f64) -> SMatrix<f64, N, N> {
         SMatrix::from_diagonal(&(self.drift * libm::sqrt(dt)))
     }

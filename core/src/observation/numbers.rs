@@ -236,6 +236,11 @@ impl<const M: usize> Observation<M> {
         self.len() == 0
     }
 
+    /// Whether no component is missing.
+    fn is_whole(&self) -> bool {
+        self.present == [true; M]
+    }
+
     /// R with each missing component decoupled and of unit variance.
     ///
     /// Together with [`mask`](Self::mask) this is the same as striking the
@@ -264,12 +269,18 @@ impl<const M: usize> Observation<M> {
     /// Zeroes the missing components' rows.
     #[must_use]
     pub fn strike<const A: usize>(&self, matrix: SMatrix<f64, M, A>) -> SMatrix<f64, M, A> {
+        if self.is_whole() {
+            return matrix;
+        }
         SMatrix::from_fn(|i, j| if self.present[i] { matrix[(i, j)] } else { 0.0 })
     }
 
     /// Zeroes the missing components' columns.
     #[must_use]
     pub fn mask<const A: usize>(&self, matrix: SMatrix<f64, A, M>) -> SMatrix<f64, A, M> {
+        if self.is_whole() {
+            return matrix;
+        }
         SMatrix::from_fn(|i, j| if self.present[j] { matrix[(i, j)] } else { 0.0 })
     }
 }

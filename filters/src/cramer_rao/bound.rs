@@ -211,7 +211,7 @@ fn whitened_square<const N: usize>(
         return Ok(Covariance::zeros());
     }
     // A noiseless component leaves the triangle with a zero.
-    let lower = triangle_of(noise);
+    let lower = triangle::lower_root([*noise]);
     let white = lower
         .solve_lower_triangular(turn)
         .filter(|white| white.iter().all(|v| v.is_finite()))
@@ -219,16 +219,9 @@ fn whitened_square<const N: usize>(
     Ok(white.transpose() * white)
 }
 
-/// The lower triangular T with T Tᵀ = A Aᵀ.
-fn triangle_of<const N: usize>(a: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
-    let mut lower = SMatrix::<f64, N, N>::zeros();
-    a.column_iter().for_each(|column| triangle::add_to_lower(&mut lower, column.into_owned()));
-    lower
-}
-
-/// F⁻¹ = Fᵀ T⁻ᵀ T⁻¹.
+/// F⁻¹ = Fᵀ T⁻ᵀ T⁻¹ with the lower triangular T, T Tᵀ = F Fᵀ.
 fn inverse<const N: usize>(f: &SMatrix<f64, N, N>) -> Option<SMatrix<f64, N, N>> {
-    let lower = triangle_of(f);
+    let lower = triangle::lower_root([*f]);
     let left = lower.solve_lower_triangular(&SMatrix::identity())?;
     let inverse = f.transpose() * lower.tr_solve_lower_triangular(&left)?;
     inverse.iter().all(|v| v.is_finite()).then_some(inverse)

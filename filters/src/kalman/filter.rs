@@ -147,8 +147,9 @@ where
         &self,
         observation: &Observation<M>,
     ) -> Result<Innovation<M>, EstimatorError> {
-        let observation = self.at_known_receiver(observation);
-        Ok(self.linearisation(&observation).about_prior()?.innovation())
+        let mut absorbed = None;
+        let observation = self.at_known_receiver(observation, &mut absorbed);
+        Ok(self.linearisation(observation).about_prior()?.innovation())
     }
 
     /// How far the measurement is from linear over the belief: the variance of the observation that
@@ -160,7 +161,8 @@ where
     ///
     /// [`EstimatorError::NotFinite`] when the model's expectation is not.
     pub fn nonlinearity(&self, observation: &Observation<M>) -> Result<f64, EstimatorError> {
-        let observation = self.at_known_receiver(observation);
+        let mut absorbed = None;
+        let observation = self.at_known_receiver(observation, &mut absorbed);
         let map = AtReceiver(&self.measurement, observation.receiver());
         let image = Unscented::default().image(&self.belief, &map);
         let left = observation.strike(image.unexplained);
@@ -185,9 +187,22 @@ where
         self.belief = belief;
     }
 
-    /// The observation with the noise of an uncertain receiver in its own.
-    fn at_known_receiver(&self, observation: &Observation<M>) -> Observation<M> {
-        absorb_receiver_noise(&self.measurement, self.belief.mean(), observation)
+    /// The observation with the noise of an uncertain receiver in its own; only then is there a
+    /// second one, `absorbed`.
+    #[inline]
+    fn at_known_receiver<'a>(
+        &self,
+        observation: &'a Observation<M>,
+        absorbed: &'a mut Option<Observation<M>>,
+    ) -> &'a Observation<M> {
+        match observation.receiver_sigma() {
+            None => observation,
+            Some(_) => absorbed.insert(absorb_receiver_noise(
+                &self.measurement,
+                self.belief.mean(),
+                observation,
+            )),
+        }
     }
 
     fn linearisation<'a>(
@@ -212,23 +227,18 @@ where
         }
         let noise: SMatrix<f64, N, N> = self.motion.noise_factor(self.belief.mean(), dt);
         let image = self.transform.image(&self.belief, &OverTime::new(&self.motion, dt));
-        let mut factor = image.unexplained;
-        for column in image.whitened_cross.row_iter().map(|row| row.transpose()) {
-            triangle::add_to_lower(&mut factor, column);
-        }
-        for column in noise.column_iter() {
-            triangle::add_to_lower(&mut factor, column.into_owned());
-        }
-        self.belief = Gaussian::from_factor(image.mean, factor, &self.motion.axes())?;
-        Ok(())
+        let carried = image.whitened_cross.transpose();
+        let factor = triangle::lower_root([carried, noise, image.unexplained]);
+        self.belief.step_to(image.mean, factor, &self.motion.axes())
     }
 
     fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
         if observation.is_empty() {
             return Ok(Correction::Empty);
         }
-        let observation = self.at_known_receiver(observation);
-        let linearisation = self.linearisation(&observation);
+        let mut absorbed = None;
+        let observation = self.at_known_receiver(observation, &mut absorbed);
+        let linearisation = self.linearisation(observation);
         let first = linearisation.about_prior()?;
         let nis = first.nis();
         let (out, record) = self.record.judge(&self.gate, nis, observation.len());
@@ -236,16 +246,22 @@ where
             self.record = record;
             return Ok(Correction::Rejected { nis, limit });
         }
-        let (posterior, last) = linearisation.iterate(first, self.iterations)?;
-        let log_evidence = last.log_evidence();
-        let (belief, log_evidence) = match &self.outliers {
-            Some(mixture) => {
-                let parts = mixture.log_parts(log_evidence, &observation);
-                mix(&self.belief, &posterior, parts, &self.motion.axes())?
+        let axes = self.motion.axes();
+        let log_evidence = if self.iterations.max() == 1 && self.outliers.is_none() {
+            let log_evidence = first.log_evidence();
+            let (mean, factor) = first.posterior(&self.belief);
+            self.belief.step_to(mean, factor, &axes)?;
+            log_evidence
+        } else {
+            let (mut belief, mut log_evidence) = linearisation.iterate(first, self.iterations)?;
+            if let Some(mixture) = &self.outliers {
+                let parts = mixture.log_parts(log_evidence, observation);
+                (belief, log_evidence) = mix(&self.belief, &belief, parts, &axes)?;
             }
-            None => (posterior, log_evidence),
+            self.belief = belief;
+            log_evidence
         };
-        (self.belief, self.record) = (belief, record);
+        self.record = record;
         Ok(Correction::Fused { nis: Some(nis), log_evidence, effective_sample_size: None })
     }
 

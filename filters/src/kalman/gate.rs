@@ -97,6 +97,7 @@ impl Gate {
 
     /// The limit for an observation of `dof` components.
     #[must_use]
+    #[inline]
     pub fn limit(&self, dof: usize) -> f64 {
         match dof {
             0 => f64::INFINITY,
@@ -134,6 +135,7 @@ pub(super) struct Record {
 
 impl Record {
     /// The limit that keeps this NIS out, if it is kept out, and the record afterwards.
+    #[inline]
     pub(super) fn judge(self, gate: &Gate, nis: f64, dof: usize) -> (Option<f64>, Self) {
         let limit = gate.limit(dof);
         let out =

@@ -1,4 +1,4 @@
-use foxhunt_core::{Axis, EstimatorError, MeasurementModel, Observation, Role, State};
+use foxhunt_core::{Axis, EstimatorError, MeasurementModel, Observation, State};
 use nalgebra::{SMatrix, SVector};
 
 use super::{iterations::Iterations, models::AtReceiver, regression::Regression};
@@ -36,12 +36,14 @@ where
     H: MeasurementModel<N, M>,
 {
     /// The regression about the prior.
+    #[inline]
     pub(super) fn about_prior(&self) -> Result<Regression<N, M>, EstimatorError> {
         let (image, residual) = self.image(self.prior);
         Regression::new(&image, residual, self.observation)
     }
 
-    /// The posterior about the last of the centres, and the regression that led to it.
+    /// The posterior about the last of the centres, and the log-evidence of the regression that led
+    /// to it.
     ///
     /// Its mean is a Gauss-Newton step from the centre N(m, P) on
     ///
@@ -56,16 +58,17 @@ where
     /// there shrinks with the range for ever. So the last posterior is kept only if none before
     /// it fits the exact one better, by [`SLACK`] of its free energy. Nor does an iteration fail
     /// where the textbook's update does not: it ends.
+    #[inline(never)]
     pub(super) fn iterate(
         &self,
         first: Regression<N, M>,
         iterations: Iterations,
-    ) -> Result<(Gaussian<N>, Regression<N, M>), EstimatorError> {
+    ) -> Result<(Gaussian<N>, f64), EstimatorError> {
         let textbook = self.posterior(&first)?;
         if iterations.max() == 1 {
-            return Ok((textbook, first));
+            return Ok((textbook, first.log_evidence()));
         }
-        let (mut best, mut least) = ((textbook, first), f64::INFINITY);
+        let (mut best, mut least) = ((textbook, first.log_evidence()), f64::INFINITY);
         let (mut centre, mut regression, mut full) = (*self.prior, first, textbook);
         let mut left = iterations.max();
         loop {
@@ -73,14 +76,15 @@ where
             let posterior = self.damped(&centre, &regression, &full)?;
             let (image, residual) = self.image(&posterior);
             let energy = self.free_energy(&posterior, &image, &residual);
+            let reached = (posterior, regression.log_evidence());
             if energy < least {
-                (best, least) = ((posterior, regression), energy);
+                (best, least) = (reached, energy);
             }
             left -= 1;
             // Where the model has no numbers there is no going on.
             if settled || left == 0 || !energy.is_finite() {
                 let kept = energy <= least + SLACK;
-                return Ok(if kept { (posterior, regression) } else { best });
+                return Ok(if kept { reached } else { best });
             }
             let Ok(next) = self.about(&posterior, &image, &residual) else { return Ok(best) };
             let Ok(onward) = self.posterior(&next) else { return Ok(best) };
@@ -88,6 +92,7 @@ where
         }
     }
 
+    #[inline]
     fn image(&self, centre: &Gaussian<N>) -> (Image<N, M>, SVector<f64, M>) {
         let map = AtReceiver(self.measurement, self.observation.receiver());
         let image = self.transform.image(centre, &map);
@@ -117,9 +122,7 @@ where
     }
 
     fn posterior(&self, regression: &Regression<N, M>) -> Result<Gaussian<N>, EstimatorError> {
-        let (mean, factor) = regression
-            .posterior(self.prior)
-            .ok_or(EstimatorError::NotPositiveDefinite { role: Role::Posterior })?;
+        let (mean, factor) = regression.posterior(self.prior);
         Gaussian::from_factor(mean, factor, &self.axes)
     }
 

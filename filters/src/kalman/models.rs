@@ -30,6 +30,10 @@ impl<F: MotionModel<N>, const N: usize> Map<N, N> for OverTime<'_, F, N> {
     fn minus(&self, y: &State<N>, z: &State<N>) -> State<N> {
         Axis::difference(&self.axes, y, z)
     }
+
+    fn change(&self, x: &State<N>, image: &State<N>, offset: &State<N>) -> State<N> {
+        self.motion.propagated_change(x, image, offset, self.dt)
+    }
 }
 
 /// h(·; pose).
@@ -46,5 +50,9 @@ impl<H: MeasurementModel<N, M>, const N: usize, const M: usize> Map<N, M> for At
 
     fn minus(&self, y: &SVector<f64, M>, z: &SVector<f64, M>) -> SVector<f64, M> {
         self.0.residual(y, z)
+    }
+
+    fn change(&self, x: &State<N>, image: &SVector<f64, M>, offset: &State<N>) -> SVector<f64, M> {
+        self.0.expected_change(x, image, offset, self.1)
     }
 }

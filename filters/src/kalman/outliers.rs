@@ -19,11 +19,10 @@ pub(super) fn mix<const N: usize>(
     let log_evidence = log_add(log_sound, log_outlier);
     let sound = libm::exp(log_sound - log_evidence).min(1.0);
     let step = Axis::difference(axes, posterior.mean(), prior.mean());
-    let mut factor: SMatrix<f64, N, N> = posterior.factor() * libm::sqrt(sound);
-    for column in prior.factor().column_iter() {
-        triangle::add_to_lower(&mut factor, column * libm::sqrt(1.0 - sound));
-    }
-    triangle::add_to_lower(&mut factor, step * libm::sqrt(sound * (1.0 - sound)));
+    let mut between = SMatrix::<f64, N, N>::zeros();
+    between.set_column(0, &(step * libm::sqrt(sound * (1.0 - sound))));
+    let parts = [posterior.factor() * libm::sqrt(sound), prior.factor() * libm::sqrt(1.0 - sound)];
+    let factor = triangle::lower_root([parts[0], parts[1], between]);
     let belief = Gaussian::from_factor(prior.mean() + step * sound, factor, axes)?;
     Ok((belief, log_evidence))
 }

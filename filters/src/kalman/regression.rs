@@ -1,67 +1,74 @@
-use foxhunt_core::{EstimatorError, Observation, Role, noise};
+use foxhunt_core::{
+    EstimatorError, Observation, Role,
+    noise::{self, LogProduct},
+};
 use nalgebra::{SMatrix, SVector};
 
-use crate::{Gaussian, Image, Innovation, triangle};
+use crate::{
+    Gaussian, Image, Innovation,
+    triangle::{self, Conditioned},
+};
 
-/// The regression of the state on one observation, with every covariance in factored form.
+/// The regression of the state on one observation, in square roots.
 ///
-/// S = R + W Wᵀ + Vᵀ V. Missing components are struck out of V, W and y, and stand in R as a
-/// unit row.
+/// With G Gᵀ = R + W Wᵀ and x = x̂ + L ξ, ξ ~ N(0, I), the observation is G⁻¹ y = B ξ plus white
+/// noise, B = G⁻¹ Vᵀ; and the covariance of y is S = R + W Wᵀ + Vᵀ V = G (I + B Bᵀ) Gᵀ. No square
+/// is subtracted and S is never formed.
+///
+/// Missing components are struck out of V, W and y, and stand in R as a unit row.
 #[derive(Clone, Copy)]
 pub(super) struct Regression<const N: usize, const M: usize> {
     whitened_cross: SMatrix<f64, N, M>,
-    /// G Gᵀ = R + W Wᵀ: the noise, and what the regression does not explain.
+    /// G, lower triangular: the noise, and what the regression does not explain.
     unexplained: SMatrix<f64, M, M>,
-    /// H Hᵀ = S.
-    innovation: SMatrix<f64, M, M>,
     expected: SVector<f64, M>,
     residual: SVector<f64, M>,
-    /// H⁻¹ y.
-    white: SVector<f64, M>,
+    /// ξ, given y.
+    known: Conditioned<N>,
     dof: usize,
 }
 
 impl<const N: usize, const M: usize> Regression<N, M> {
     /// `residual` is z ⊖ `image.mean`.
+    #[inline(always)]
     pub(super) fn new(
         image: &Image<N, M>,
         residual: SVector<f64, M>,
         observation: &Observation<M>,
     ) -> Result<Self, EstimatorError> {
-        let finite = |mut values: core::slice::Iter<'_, f64>| values.all(|v| v.is_finite());
-        if ![image.mean.as_slice(), residual.as_slice()].iter().all(|v| finite(v.iter()))
-            || ![image.whitened_cross.as_slice(), image.unexplained.as_slice()]
-                .iter()
-                .all(|v| finite(v.iter()))
-        {
+        let Image { mean: expected, whitened_cross, unexplained } = *image;
+        let sum = triangle::nan_unless_finite(&expected)
+            + triangle::nan_unless_finite(&residual)
+            + triangle::nan_unless_finite(&whitened_cross)
+            + triangle::nan_unless_finite(&unexplained);
+        if sum.is_nan() {
             return Err(EstimatorError::NotFinite { role: Role::Expected });
         }
         let residual = observation.strike(residual);
-        let whitened_cross = observation.mask(image.whitened_cross);
-        let left = observation.strike(image.unexplained);
+        let whitened_cross = observation.mask(whitened_cross);
+        let left = observation.strike(unexplained);
 
-        let mut unexplained = *observation.noise_factor();
-        for column in left.column_iter() {
-            triangle::add_to_lower(&mut unexplained, column.into_owned());
+        let unexplained = triangle::lower_root([*observation.noise_factor(), left]);
+        if (0..M).any(|i| unexplained[(i, i)] <= 0.0) {
+            return Err(EstimatorError::NotPositiveDefinite { role: Role::Innovation });
         }
-        let mut innovation = unexplained;
-        for row in whitened_cross.row_iter() {
-            triangle::add_to_lower(&mut innovation, row.transpose());
-        }
-        let white = innovation
-            .solve_lower_triangular(&residual)
-            .ok_or(EstimatorError::NotPositiveDefinite { role: Role::Innovation })?;
-        let (expected, dof) = (image.mean, observation.len());
-        Ok(Self { whitened_cross, unexplained, innovation, expected, residual, white, dof })
+        let white = triangle::solve_lower(&unexplained, residual);
+        let seen = triangle::solve_lower(&unexplained, whitened_cross.transpose());
+        let (known, dof) = (Conditioned::on(seen, white), observation.len());
+        Ok(Self { whitened_cross, unexplained, expected, residual, known, dof })
     }
 
     pub(super) fn nis(&self) -> f64 {
-        self.white.norm_squared()
+        self.known.square
     }
 
     /// ln N(y; 0, S).
+    #[inline(always)]
     pub(super) fn log_evidence(&self) -> f64 {
-        noise::gaussian(&self.residual, &self.innovation, self.dof)
+        let mut root = LogProduct::default();
+        (0..M).for_each(|i| root.multiply(self.unexplained[(i, i)]));
+        (0..N).for_each(|i| root.multiply(self.known.roots[i]));
+        noise::log_density(self.nis(), root.ln(), self.dof)
     }
 
     /// Another residual's square in the metric of what is not explained: rᵀ (R + W Wᵀ)⁻¹ r.
@@ -71,35 +78,22 @@ impl<const N: usize, const M: usize> Regression<N, M> {
     }
 
     pub(super) fn innovation(&self) -> Innovation<M> {
-        Innovation {
-            residual: self.residual,
-            expected: self.expected,
-            covariance: triangle::square(&self.innovation),
-            nis: self.nis(),
-        }
+        let explained = self.whitened_cross.tr_mul(&self.whitened_cross);
+        let mut covariance = triangle::square(&self.unexplained) + explained;
+        covariance.fill_upper_triangle_with_lower_triangle();
+        let Self { residual, expected, .. } = *self;
+        Innovation { residual, expected, covariance, nis: self.nis() }
     }
 
-    /// The posterior's mean and factor, one form for all transforms:
+    /// The posterior's mean x̂ + L E[ξ] and factor L T, one form for all transforms: with the
+    /// covariance T Tᵀ of ξ it is, by Woodbury's identity,
     ///
-    /// x̂⁺ = x̂ + L V S⁻¹ y, and by Woodbury's identity
-    /// P⁺ = P − Pxz S⁻¹ Pxzᵀ = L (I + V (G Gᵀ)⁻¹ Vᵀ)⁻¹ Lᵀ = (L U⁻ᵀ)(L U⁻ᵀ)ᵀ
+    /// P⁺ = P − Pxz S⁻¹ Pxzᵀ = L (I + Bᵀ B)⁻¹ Lᵀ = (L T)(L T)ᵀ;
     ///
-    /// with U upper triangular and U Uᵀ = I + V (G Gᵀ)⁻¹ Vᵀ, a sum of squares; so that the new
-    /// factor L U⁻ᵀ is lower triangular with a positive diagonal whatever was measured.
-    pub(super) fn posterior(
-        &self,
-        prior: &Gaussian<N>,
-    ) -> Option<(SVector<f64, N>, SMatrix<f64, N, N>)> {
-        let step = self.innovation.tr_solve_lower_triangular(&self.white)?;
-        let mean = prior.mean() + prior.factor() * (self.whitened_cross * step);
-
-        let information =
-            self.unexplained.solve_lower_triangular(&self.whitened_cross.transpose())?;
-        let mut upper = SMatrix::identity();
-        for row in information.row_iter() {
-            triangle::add_to_upper(&mut upper, row.transpose());
-        }
-        let factor = upper.solve_upper_triangular(&prior.factor().transpose())?.transpose();
-        Some((mean, factor.lower_triangle()))
+    /// lower triangular with a positive diagonal whatever was measured.
+    #[inline(always)]
+    pub(super) fn posterior(&self, prior: &Gaussian<N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
+        let factor = triangle::product(prior.factor(), &self.known.factor);
+        (prior.mean() + prior.factor() * self.known.mean, factor)
     }
 }

@@ -10,6 +10,17 @@ pub trait Map<const A: usize, const B: usize> {
 
     /// `y ⊖ z` in the image.
     fn minus(&self, y: &SVector<f64, B>, z: &SVector<f64, B>) -> SVector<f64, B>;
+
+    /// The image of `x + offset` ⊖ `image`, that of `x`; a map that has a form of it with fewer
+    /// roundings overrides it.
+    fn change(
+        &self,
+        x: &SVector<f64, A>,
+        image: &SVector<f64, B>,
+        offset: &SVector<f64, A>,
+    ) -> SVector<f64, B> {
+        self.minus(&self.value(&(x + offset)), image)
+    }
 }
 
 /// What becomes of a Gaussian x ~ N(x̂, L Lᵀ) under a map.

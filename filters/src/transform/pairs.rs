@@ -1,6 +1,6 @@
 use nalgebra::{SMatrix, SVector};
 
-use crate::{Gaussian, Image, Map, count::number, triangle::add_to_lower};
+use crate::{Gaussian, Image, Map, count::number, triangle::lower_root};
 
 /// The image by symmetric pairs of points x̂ ± c lᵢ about the mean, with lᵢ the columns of L; what
 /// the [`Unscented`](crate::Unscented) and the [`Cubature`](crate::Cubature) transform share.
@@ -15,9 +15,10 @@ use crate::{Gaussian, Image, Map, count::number, triangle::add_to_lower};
 ///
 /// - ŷ = f(x̂) + s,
 /// - V = L⁻¹ Pxy has the rows dᵢᵀ,
-/// - Pyy − Vᵀ V = c² Σ (sᵢ − s̄)(sᵢ − s̄)ᵀ + k s sᵀ,
+/// - Pyy − Vᵀ V = c² Σ (sᵢ − s̄)(sᵢ − s̄)ᵀ + k s sᵀ = Σ wᵢ wᵢᵀ, wᵢ = c (sᵢ − s̄) + √(k / n) s,
 ///
-/// with c the `spread` and k ≥ 0 the `kurtosis`.
+/// with c the `spread` and k ≥ 0 the `kurtosis`; in the last sum the mixed terms vanish, because
+/// those of the sᵢ − s̄ do.
 pub(super) fn image<const A: usize, const B: usize>(
     source: &Gaussian<A>,
     map: &impl Map<A, B>,
@@ -29,17 +30,18 @@ pub(super) fn image<const A: usize, const B: usize>(
     let mut curvatures = SMatrix::<f64, B, A>::zeros();
     for i in 0..A {
         let offset = source.factor().column(i) * spread;
-        let ahead = map.minus(&map.value(&(source.mean() + offset)), &centre);
-        let behind = map.minus(&map.value(&(source.mean() - offset)), &centre);
+        let ahead = map.change(source.mean(), &centre, &offset);
+        let behind = map.change(source.mean(), &centre, &-offset);
         whitened_cross.set_row(i, &((ahead - behind) / (2.0 * spread)).transpose());
         curvatures.set_column(i, &((ahead + behind) / (2.0 * spread * spread)));
     }
 
     let curvature: SVector<f64, B> = curvatures.column_sum();
-    let mut unexplained = SMatrix::zeros();
-    add_to_lower(&mut unexplained, curvature * libm::sqrt(kurtosis));
-    for each in curvatures.column_iter() {
-        add_to_lower(&mut unexplained, (each - curvature / number(A)) * spread);
-    }
+    let common = curvature * (libm::sqrt(kurtosis / number(A)) - spread / number(A));
+    curvatures.column_iter_mut().for_each(|mut each| {
+        each *= spread;
+        each += common;
+    });
+    let unexplained = lower_root([curvatures]);
     Image { mean: centre + curvature, whitened_cross, unexplained }
 }

@@ -70,6 +70,16 @@ where
         self.model.residual(z, expected)
     }
 
+    fn expected_change(
+        &self,
+        state: &State<N>,
+        expected: &SVector<f64, M>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> SVector<f64, M> {
+        self.model.expected_change(state, expected, offset, receiver)
+    }
+
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
         self.model.jacobian(state, receiver)
     }

@@ -132,6 +132,25 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
         Vector2::new(self.law.level_dbm(&parameters, sight.range()), sight.bearing())
     }
 
+    /// From how range and bearing change, where that is plain: no large numbers are subtracted.
+    fn expected_change(
+        &self,
+        state: &State<N>,
+        expected: &Vector2<f64>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> Vector2<f64> {
+        let sight = Sight::new(state, receiver, self.target_up);
+        let change = sight.change(offset[0], offset[1]).and_then(|(growth, turn)| {
+            let offsets = parameters::<N, P>(|i| offset[i]);
+            Some(Vector2::new(self.law.level_change(&offsets, growth)?, turn))
+        });
+        change.unwrap_or_else(|| {
+            let moved = self.expected(&(state + offset), receiver);
+            MeasurementModel::<N, 2>::residual(self, &moved, expected)
+        })
+    }
+
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 2, N> {
         let parameters = parameters::<N, P>(|i| state[i]);
         let sight = Sight::new(state, receiver, self.target_up);

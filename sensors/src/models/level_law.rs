@@ -50,6 +50,14 @@ pub trait LevelLaw<const P: usize> {
     /// dB per metre: `along` ∂P/∂d.
     fn range_slope(&self, parameters: &[f64; P], range: f64, along: f64) -> f64;
 
+    /// P(d √(1 + g)) − P(d) in dB when the parameters grow by `offsets` and the square of the range
+    /// by g = `growth`, a share of it; `None` where there is no form of it with fewer roundings
+    /// than the difference.
+    fn level_change(&self, offsets: &[f64; P], growth: f64) -> Option<f64> {
+        let _ = (offsets, growth);
+        None
+    }
+
     /// Its derivatives over the parameters.
     fn sensitivity(&self, parameters: &[f64; P], range: f64) -> [f64; P];
 }
@@ -62,6 +70,10 @@ impl<L: Propagation> LevelLaw<0> for L {
 
     fn range_slope(&self, _: &[f64; 0], range: f64, along: f64) -> f64 {
         along * self.slope(range)
+    }
+
+    fn level_change(&self, _: &[f64; 0], growth: f64) -> Option<f64> {
+        self.change(growth)
     }
 
     fn sensitivity(&self, _: &[f64; 0], _: f64) -> [f64; 0] {
@@ -101,6 +113,10 @@ impl LevelLaw<1> for FreePower {
 
     fn range_slope(&self, _: &[f64; 1], range: f64, along: f64) -> f64 {
         along * self.loss.slope(range)
+    }
+
+    fn level_change(&self, [power]: &[f64; 1], growth: f64) -> Option<f64> {
+        self.loss.change(growth).map(|change| power + change)
     }
 
     fn sensitivity(&self, _: &[f64; 1], _: f64) -> [f64; 1] {

@@ -13,19 +13,47 @@ pub(super) struct Sight(Vector3<f64>);
 
 impl Sight {
     /// From `receiver` to the target in `state` at the height `target_up`.
+    #[inline]
     pub(super) fn new<const N: usize>(state: &State<N>, receiver: &Pose, target_up: f64) -> Self {
         const { assert!(N >= 2, "a state holds East and North") };
         Self(Vector3::new(state[0], state[1], target_up) - receiver.position)
     }
 
     /// The slant range.
+    #[inline]
     pub(super) fn range(&self) -> f64 {
-        libm::hypot(self.ground(), self.0.z)
+        let square = self.0.norm_squared();
+        // Between, no square is lost that would count.
+        if (1e-200..1e300).contains(&square) { libm::sqrt(square) } else { self.odd_range() }
+    }
+
+    #[cold]
+    fn odd_range(&self) -> f64 {
+        libm::hypot(libm::hypot(self.0.x, self.0.y), self.0.z)
     }
 
     /// The direction, counter-clockwise from East; 0 exactly overhead.
+    #[inline]
     pub(super) fn bearing(&self) -> f64 {
         libm::atan2(self.0.y, self.0.x)
+    }
+
+    /// What becomes of range and bearing when the target moves by so much: how much the square of
+    /// the range grows, as a share of it, and how far the bearing turns. `None` where the two
+    /// places had better be looked at one by one: near overhead, beyond the largest numbers, and
+    /// where the target comes nearer than half way.
+    #[inline]
+    pub(super) fn change(&self, east: f64, north: f64) -> Option<(f64, f64)> {
+        let (x, y) = (self.0.x, self.0.y);
+        let ground = self.ground_squared();
+        let (along, across) = (ground + x * east + y * north, x * north - y * east);
+        let more = east * (2.0 * x + east) + north * (2.0 * y + north);
+        let growth = more / self.0.norm_squared();
+        let plain = ground >= 4.0 * OVERHEAD * OVERHEAD
+            && along >= 0.5 * ground
+            && along.is_finite()
+            && growth.is_finite();
+        plain.then(|| (growth, libm::atan(across / along)))
     }
 
     /// ∂P(d)/∂(East, North).
@@ -34,6 +62,7 @@ impl Sight {
     }
 
     /// ∂d/∂(East, North): zero overhead, and where the range overflows.
+    #[inline]
     pub(super) fn range_slope(&self) -> [f64; 2] {
         let range = self.range();
         if range >= OVERHEAD && range.is_finite() {
@@ -43,17 +72,19 @@ impl Sight {
         }
     }
 
-    /// ∂bearing/∂(East, North): zero overhead, where a bearing says nothing.
+    /// ∂bearing/∂(East, North): zero overhead, where a bearing says nothing, and where the square
+    /// of the range overflows, where it turns by nothing.
+    #[inline]
     pub(super) fn bearing_slope(&self) -> [f64; 2] {
-        let ground = self.ground();
-        if ground >= OVERHEAD && ground.is_finite() {
-            [-self.0.y / ground / ground, self.0.x / ground / ground]
+        let ground = self.ground_squared();
+        if ground >= OVERHEAD * OVERHEAD && ground.is_finite() {
+            [-self.0.y / ground, self.0.x / ground]
         } else {
             [0.0; 2]
         }
     }
 
-    fn ground(&self) -> f64 {
-        libm::hypot(self.0.x, self.0.y)
+    fn ground_squared(&self) -> f64 {
+        self.0.x * self.0.x + self.0.y * self.0.y
     }
 }

@@ -47,6 +47,10 @@ impl Propagation for Friis {
         let (range, inside) = clamp(range);
         if inside { -20.0 / (LN_10 * range) } else { 0.0 }
     }
+
+    fn change(&self, growth: f64) -> Option<f64> {
+        Some(-10.0 / LN_10 * libm::log1p(growth))
+    }
 }
 
 #[cfg(test)]

@@ -35,6 +35,13 @@ pub trait Propagation {
 
     /// Its derivative at `range`, in dB per metre.
     fn slope(&self, range: f64) -> f64;
+
+    /// P(d √(1 + g)) − P(d) in dB for a square of the range that grows by g = `growth`, a share of
+    /// it; `None` where that depends on d, or has no form with fewer roundings than the difference.
+    fn change(&self, growth: f64) -> Option<f64> {
+        let _ = growth;
+        None
+    }
 }
 
 /// A borrowed law is a law.
@@ -46,6 +53,10 @@ impl<P: ?Sized + Propagation> Propagation for &P {
     fn slope(&self, range: f64) -> f64 {
         (**self).slope(range)
     }
+
+    fn change(&self, growth: f64) -> Option<f64> {
+        (**self).change(growth)
+    }
 }
 
 /// The ranges over which the laws of this crate are followed; beyond either end the power stays
@@ -54,6 +65,7 @@ impl<P: ?Sized + Propagation> Propagation for &P {
 const RANGES: RangeInclusive<f64> = 1e-3..=1e300;
 
 /// `range` within [`RANGES`], and whether it was there already.
+#[inline]
 pub(crate) fn clamp(range: f64) -> (f64, bool) {
     (range.clamp(*RANGES.start(), *RANGES.end()), RANGES.contains(&range))
 }

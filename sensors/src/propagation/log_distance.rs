@@ -71,13 +71,20 @@ impl LogDistance {
 }
 
 impl Propagation for LogDistance {
+    #[inline]
     fn rss_dbm(&self, range: f64) -> f64 {
         self.reference_dbm - 10.0 * self.exponent * libm::log10(clamp(range).0)
     }
 
+    #[inline]
     fn slope(&self, range: f64) -> f64 {
         let (range, inside) = clamp(range);
         if inside { -10.0 * self.exponent / (LN_10 * range) } else { 0.0 }
+    }
+
+    #[inline]
+    fn change(&self, growth: f64) -> Option<f64> {
+        Some(-5.0 / LN_10 * self.exponent * libm::log1p(growth))
     }
 }
 
