@@ -48,7 +48,11 @@ impl<const N: usize, const M: usize> Regression<N, M> {
         let whitened_cross = observation.mask(whitened_cross);
         let left = observation.strike(unexplained);
 
-        let unexplained = triangle::lower_root([*observation.noise_factor(), left]);
+        // A straight map leaves nothing but the noise.
+        let unexplained = match left == SMatrix::<f64, M, M>::zeros() {
+            true => *observation.noise_factor(),
+            false => triangle::lower_root([*observation.noise_factor(), left]),
+        };
         if (0..M).any(|i| unexplained[(i, i)] <= 0.0) {
             return Err(EstimatorError::NotPositiveDefinite { role: Role::Innovation });
         }

@@ -19,6 +19,7 @@ use crate::{Gaussian, Image, Map, count::number, triangle::lower_root};
 ///
 /// with c the `spread` and k ≥ 0 the `kurtosis`; in the last sum the mixed terms vanish, because
 /// those of the sᵢ − s̄ do.
+#[inline]
 pub(super) fn image<const A: usize, const B: usize>(
     source: &Gaussian<A>,
     map: &impl Map<A, B>,
@@ -26,22 +27,20 @@ pub(super) fn image<const A: usize, const B: usize>(
     kurtosis: f64,
 ) -> Image<A, B> {
     let centre = map.value(source.mean());
+    let half = 0.5 / spread;
     let mut whitened_cross = SMatrix::<f64, A, B>::zeros();
-    let mut curvatures = SMatrix::<f64, B, A>::zeros();
+    // c sᵢ, then wᵢ.
+    let mut bent = SMatrix::<f64, B, A>::zeros();
     for i in 0..A {
         let offset = source.factor().column(i) * spread;
         let ahead = map.change(source.mean(), &centre, &offset);
         let behind = map.change(source.mean(), &centre, &-offset);
-        whitened_cross.set_row(i, &((ahead - behind) / (2.0 * spread)).transpose());
-        curvatures.set_column(i, &((ahead + behind) / (2.0 * spread * spread)));
+        whitened_cross.set_row(i, &((ahead - behind) * half).transpose());
+        bent.set_column(i, &((ahead + behind) * half));
     }
 
-    let curvature: SVector<f64, B> = curvatures.column_sum();
+    let curvature: SVector<f64, B> = bent.column_sum() / spread;
     let common = curvature * (libm::sqrt(kurtosis / number(A)) - spread / number(A));
-    curvatures.column_iter_mut().for_each(|mut each| {
-        each *= spread;
-        each += common;
-    });
-    let unexplained = lower_root([curvatures]);
-    Image { mean: centre + curvature, whitened_cross, unexplained }
+    bent.column_iter_mut().for_each(|mut each| each += common);
+    Image { mean: centre + curvature, whitened_cross, unexplained: lower_root([bent]) }
 }

@@ -1,7 +1,7 @@
 use foxhunt_core::{Pose, State};
 use nalgebra::Vector3;
 
-use crate::Propagation;
+use crate::{Propagation, near_zero};
 
 /// Nearer than this to overhead, in metres, a bearing has no slope. It is far below any
 /// position's σ, so only the singularity itself is cut out.
@@ -46,14 +46,14 @@ impl Sight {
     pub(super) fn change(&self, east: f64, north: f64) -> Option<(f64, f64)> {
         let (x, y) = (self.0.x, self.0.y);
         let ground = self.ground_squared();
-        let (along, across) = (ground + x * east + y * north, x * north - y * east);
-        let more = east * (2.0 * x + east) + north * (2.0 * y + north);
-        let growth = more / self.0.norm_squared();
+        let (forth, across) = (x * east + y * north, x * north - y * east);
+        let along = ground + forth;
+        let growth = (forth + forth + (east * east + north * north)) / self.0.norm_squared();
         let plain = ground >= 4.0 * OVERHEAD * OVERHEAD
             && along >= 0.5 * ground
-            && along.is_finite()
-            && growth.is_finite();
-        plain.then(|| (growth, libm::atan(across / along)))
+            && along <= f64::MAX
+            && growth <= f64::MAX;
+        plain.then(|| (growth, near_zero::atan(across / along)))
     }
 
     /// ∂P(d)/∂(East, North).

@@ -1,6 +1,7 @@
 use core::f64::consts::{LN_10, PI};
 
 use super::{Propagation, clamp};
+use crate::near_zero;
 use foxhunt_core::parameter::{self, ParameterError};
 
 /// Free space: P = Pt + Dt + Dr + 20 log₁₀(λ / 4πd) (Friis 1946; Pritzl 2018, eq. 3.4).
@@ -49,7 +50,7 @@ impl Propagation for Friis {
     }
 
     fn change(&self, growth: f64) -> Option<f64> {
-        Some(-10.0 / LN_10 * libm::log1p(growth))
+        Some(-10.0 / LN_10 * near_zero::ln_1p(growth))
     }
 }
 

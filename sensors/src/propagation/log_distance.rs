@@ -1,6 +1,7 @@
 use core::f64::consts::LN_10;
 
 use super::{Propagation, clamp};
+use crate::near_zero;
 use foxhunt_core::parameter::{self, ParameterError};
 
 /// The log-distance law, P(d) = P₀ − 10 γ log₁₀(d / 1 m) (Pritzl 2018, eq. 3.7).
@@ -84,7 +85,7 @@ impl Propagation for LogDistance {
 
     #[inline]
     fn change(&self, growth: f64) -> Option<f64> {
-        Some(-5.0 / LN_10 * self.exponent * libm::log1p(growth))
+        Some(-5.0 / LN_10 * self.exponent * near_zero::ln_1p(growth))
     }
 }
 
