@@ -1,4 +1,4 @@
-use foxhunt_core::{Axis, Covariance, Estimate, EstimatorError, Role, State};
+use foxhunt_core::{Axis, Covariance, Estimate, EstimatorError, Role, State, angle};
 use nalgebra::SMatrix;
 
 use crate::{count::number, triangle};
@@ -47,12 +47,15 @@ impl<const N: usize> Gaussian<N> {
     #[inline(always)]
     pub(crate) fn step_to(
         &mut self,
-        mean: State<N>,
+        mut mean: State<N>,
         factor: SMatrix<f64, N, N>,
         axes: &[Axis; N],
     ) -> Result<(), EstimatorError> {
-        // An angle of the state is kept on [−π, π).
-        let mean = Axis::difference(axes, &mean, &State::zeros());
+        for (value, axis) in mean.iter_mut().zip(axes) {
+            if *axis == Axis::Angle {
+                *value = angle::wrap(*value);
+            }
+        }
         let covariance = triangle::square(&factor);
         let finite = !triangle::nan_unless_finite(&mean).is_nan();
         if finite && is_well_conditioned(&factor, &covariance) {

@@ -15,20 +15,23 @@ pub(crate) fn lower_root<const D: usize, const K: usize, const B: usize>(
     let mut root = SMatrix::<f64, D, D>::zeros();
     for k in 0..D {
         let square = dot(&blocks, k, k);
-        // Nothing is left of the row. A NaN is not caught here: it must come out.
-        if square <= 0.0 {
-            continue;
-        }
-        root[(k, k)] = libm::sqrt(square);
+        // Where nothing is left of the row. A NaN is not caught here: it must come out.
+        let (pivot, length) = match square <= 0.0 {
+            true => (1.0, 1.0),
+            false => (square, libm::sqrt(square)),
+        };
+        root[(k, k)] = square;
         for i in k + 1..D {
-            let along = dot(&blocks, k, i) / square;
-            root[(i, k)] = along * root[(k, k)];
+            root[(i, k)] = dot(&blocks, k, i);
+            let along = root[(i, k)] / pivot;
             for block in &mut blocks {
                 for column in 0..K {
                     block[(i, column)] -= along * block[(k, column)];
                 }
             }
         }
+        // A column at once, as it is stored: what is stored in parts is slow to be read as a whole.
+        root.column_mut(k).unscale_mut(length);
     }
     root
 }
@@ -54,9 +57,9 @@ fn dot<const D: usize, const K: usize, const B: usize>(
 pub(crate) struct Conditioned<const N: usize> {
     /// The mean of ξ.
     pub(crate) mean: SVector<f64, N>,
-    /// T, lower triangular: T Tᵀ is the covariance of ξ.
+    /// T, lower triangular with a unit diagonal: T D⁻¹ Tᵀ is the covariance of ξ.
     pub(crate) factor: SMatrix<f64, N, N>,
-    /// 1 / Tᵢᵢ, at least 1; the square of their product is |I + B Bᵀ|.
+    /// √D, at least 1; the square of their product is |I + B Bᵀ|.
     pub(crate) roots: SVector<f64, N>,
     /// eᵀ (I + B Bᵀ)⁻¹ e.
     pub(crate) square: f64,
@@ -91,11 +94,6 @@ impl<const N: usize> Conditioned<N> {
             e -= below * along;
             roots[k] = libm::sqrt(square);
         }
-        for k in 0..N {
-            for i in k..N {
-                factor[(i, k)] /= roots[k];
-            }
-        }
         Self { mean, factor, roots, square: mean.norm_squared() + e.norm_squared() }
     }
 }
@@ -120,7 +118,15 @@ pub(crate) fn product<const D: usize>(
     l: &SMatrix<f64, D, D>,
     k: &SMatrix<f64, D, D>,
 ) -> SMatrix<f64, D, D> {
-    SMatrix::from_fn(|i, j| (j..=i).map(|m| l[(i, m)] * k[(m, j)]).sum())
+    let mut product = SMatrix::<f64, D, D>::zeros();
+    for j in 0..D {
+        for i in j..D {
+            for m in j..=i {
+                product[(i, j)] += l[(i, m)] * k[(m, j)];
+            }
+        }
+    }
+    product
 }
 
 /// L⁻¹ Y of a lower triangular L. On few dimensions nalgebra's own, over views of lengths known at
@@ -143,7 +149,7 @@ pub(crate) fn solve_lower<const D: usize, const C: usize>(
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix2x3, Matrix3, Vector2, Vector3};
+    use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 
     use super::*;
 
@@ -193,12 +199,13 @@ mod tests {
             let b = Matrix2x3::new(1.0, -0.3, 0.2, 0.4, 2.0, -1.0) * scale;
             let e = Vector2::new(0.7, -1.3) * scale;
             let Conditioned { mean, factor, roots, square: nis } = Conditioned::on(b, e);
-            let innovation = b * b.transpose() + nalgebra::Matrix2::identity();
+            let innovation = b * b.transpose() + Matrix2::identity();
             let inverse = innovation.try_inverse().expect("definite");
             let room = 1e-15 * (1.0 + scale * scale);
             assert!((mean - b.transpose() * inverse * e).norm() < 10.0 * room);
             let covariance = Matrix3::identity() - b.transpose() * inverse * b;
-            assert!((square(&factor) - covariance).norm() < 10.0 * room);
+            let scaled = factor * Matrix3::from_diagonal(&roots.map(|root| 1.0 / root));
+            assert!((square(&scaled) - covariance).norm() < 10.0 * room);
             assert!((factor - factor.lower_triangle()).norm() <= 0.0);
             assert!((nis - (e.transpose() * inverse * e)[0]).abs() < 10.0 * room);
             let determinant = roots.iter().product::<f64>().powi(2) / innovation.determinant();
@@ -212,9 +219,8 @@ mod tests {
         let b = nalgebra::RowVector2::new(1e9, 1e9);
         let known = Conditioned::on(b, nalgebra::Vector1::new(1e9));
         assert!((known.mean - Vector2::repeat(0.5)).norm() < 1e-15);
-        assert!(
-            (square(&known.factor) - nalgebra::Matrix2::new(0.5, -0.5, -0.5, 0.5)).norm() < 1e-14
-        );
+        let factor = known.factor * Matrix2::from_diagonal(&known.roots.map(|root| 1.0 / root));
+        assert!((square(&factor) - Matrix2::new(0.5, -0.5, -0.5, 0.5)).norm() < 1e-14);
         assert!((known.square - 0.5).abs() < 1e-14);
     }
 

@@ -89,15 +89,18 @@ impl<const N: usize, const M: usize> Regression<N, M> {
         Innovation { residual, expected, covariance, nis: self.nis() }
     }
 
-    /// The posterior's mean x̂ + L E[ξ] and factor L T, one form for all transforms: with the
-    /// covariance T Tᵀ of ξ it is, by Woodbury's identity,
+    /// The posterior's mean x̂ + L E[ξ] and factor L T D^-½, one form for all transforms: with the
+    /// covariance T D⁻¹ Tᵀ of ξ it is, by Woodbury's identity,
     ///
-    /// P⁺ = P − Pxz S⁻¹ Pxzᵀ = L (I + Bᵀ B)⁻¹ Lᵀ = (L T)(L T)ᵀ;
+    /// P⁺ = P − Pxz S⁻¹ Pxzᵀ = L (I + Bᵀ B)⁻¹ Lᵀ = L T D⁻¹ Tᵀ Lᵀ;
     ///
     /// lower triangular with a positive diagonal whatever was measured.
     #[inline(always)]
     pub(super) fn posterior(&self, prior: &Gaussian<N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
-        let factor = triangle::product(prior.factor(), &self.known.factor);
+        let mut factor = triangle::product(prior.factor(), &self.known.factor);
+        for (mut column, root) in factor.column_iter_mut().zip(self.known.roots.iter()) {
+            column /= *root;
+        }
         (prior.mean() + prior.factor() * self.known.mean, factor)
     }
 }

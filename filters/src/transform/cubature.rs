@@ -13,6 +13,7 @@ use crate::{Gaussian, Image, Map, Transform, count::number};
 pub struct Cubature;
 
 impl Transform for Cubature {
+    #[inline(always)]
     fn image<const A: usize, const B: usize>(
         &self,
         source: &Gaussian<A>,

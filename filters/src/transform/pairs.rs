@@ -19,7 +19,7 @@ use crate::{Gaussian, Image, Map, count::number, triangle::lower_root};
 ///
 /// with c the `spread` and k ≥ 0 the `kurtosis`; in the last sum the mixed terms vanish, because
 /// those of the sᵢ − s̄ do.
-#[inline]
+#[inline(always)]
 pub(super) fn image<const A: usize, const B: usize>(
     source: &Gaussian<A>,
     map: &impl Map<A, B>,

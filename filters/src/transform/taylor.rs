@@ -10,15 +10,17 @@ use crate::{Gaussian, Image, Map, Transform};
 pub struct Taylor;
 
 impl Transform for Taylor {
+    #[inline(always)]
     fn image<const A: usize, const B: usize>(
         &self,
         source: &Gaussian<A>,
         map: &impl Map<A, B>,
     ) -> Image<A, B> {
-        Image {
-            mean: map.value(source.mean()),
-            whitened_cross: (map.jacobian(source.mean()) * source.factor()).transpose(),
-            unexplained: SMatrix::zeros(),
+        let mut whitened_cross = SMatrix::<f64, A, B>::zeros();
+        let jacobian = map.jacobian(source.mean());
+        for (i, column) in source.factor().column_iter().enumerate() {
+            whitened_cross.set_row(i, &(jacobian * column).transpose());
         }
+        Image { mean: map.value(source.mean()), whitened_cross, unexplained: SMatrix::zeros() }
     }
 }

@@ -89,6 +89,7 @@ impl Default for Unscented {
 }
 
 impl Transform for Unscented {
+    #[inline(always)]
     fn image<const A: usize, const B: usize>(
         &self,
         source: &Gaussian<A>,

@@ -4,7 +4,7 @@ use foxhunt_core::{
     MeasurementModel, Observation, Pose, Quantity, State, angle, log_likelihoods_one_by_one,
     parameter::{self, ParameterError},
 };
-use nalgebra::{RowVector2, SMatrix, Vector2};
+use nalgebra::{RowVector2, SMatrix, SVector, Vector2};
 
 use super::{FreePathLoss, FreePower, LevelLaw, Sight};
 use crate::{LogDistance, Propagation};
@@ -121,6 +121,19 @@ fn parameters<const N: usize, const P: usize>(component: impl Fn(usize) -> f64) 
     core::array::from_fn(|i| component(N - P + i))
 }
 
+/// h(x + δ) ⊖ h(x), one by one; apart from where it is rarely called.
+#[cold]
+#[inline(never)]
+fn difference<const N: usize, const M: usize>(
+    model: &impl MeasurementModel<N, M>,
+    state: &State<N>,
+    expected: &SVector<f64, M>,
+    offset: &State<N>,
+    receiver: &Pose,
+) -> SVector<f64, M> {
+    model.residual(&model.expected(&(state + offset), receiver), expected)
+}
+
 impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for LevelBearing<L, P> {
     fn quantities(&self) -> [Quantity; 2] {
         [Quantity::RSS, Quantity::BEARING]
@@ -133,6 +146,7 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
     }
 
     /// From how range and bearing change, where that is plain: no large numbers are subtracted.
+    #[inline(always)]
     fn expected_change(
         &self,
         state: &State<N>,
@@ -145,12 +159,10 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
             let offsets = parameters::<N, P>(|i| offset[i]);
             Some(Vector2::new(self.law.level_change(&offsets, growth)?, turn))
         });
-        change.unwrap_or_else(|| {
-            let moved = self.expected(&(state + offset), receiver);
-            MeasurementModel::<N, 2>::residual(self, &moved, expected)
-        })
+        change.unwrap_or_else(|| difference(self, state, expected, offset, receiver))
     }
 
+    #[inline(always)]
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 2, N> {
         let parameters = parameters::<N, P>(|i| state[i]);
         let sight = Sight::new(state, receiver, self.target_up);
