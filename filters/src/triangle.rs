@@ -137,11 +137,12 @@ pub(crate) fn solve_lower<const D: usize, const C: usize>(
     mut y: SMatrix<f64, D, C>,
 ) -> SMatrix<f64, D, C> {
     for i in 0..D {
+        let inverse = 1.0 / l[(i, i)];
         for c in 0..C {
             for j in 0..i {
                 y[(i, c)] -= l[(i, j)] * y[(j, c)];
             }
-            y[(i, c)] /= l[(i, i)];
+            y[(i, c)] *= inverse;
         }
     }
     y

@@ -34,7 +34,6 @@ pub struct Image<const A: usize, const B: usize> {
     pub mean: SVector<f64, B>,
     /// V = L⁻¹ Pxy: the covariance of y with the whitened x.
     pub whitened_cross: SMatrix<f64, A, B>,
-    /// W, lower triangular: W Wᵀ is the covariance of y that the regression leaves. Zero for a
-    /// linear map.
+    /// W: W Wᵀ is the covariance of y that the regression leaves. Zero for a linear map.
     pub unexplained: SMatrix<f64, B, B>,
 }

@@ -42,5 +42,12 @@ pub(super) fn image<const A: usize, const B: usize>(
     let curvature: SVector<f64, B> = bent.column_sum() / spread;
     let common = curvature * (libm::sqrt(kurtosis / number(A)) - spread / number(A));
     bent.column_iter_mut().for_each(|mut each| each += common);
-    Image { mean: centre + curvature, whitened_cross, unexplained: lower_root([bent]) }
+    let unexplained = if A > B {
+        lower_root([bent])
+    } else {
+        let mut padded = SMatrix::<f64, B, B>::zeros();
+        bent.column_iter().enumerate().for_each(|(i, each)| padded.set_column(i, &each));
+        padded
+    };
+    Image { mean: centre + curvature, whitened_cross, unexplained }
 }

@@ -48,7 +48,9 @@ impl Sight {
         let ground = self.ground_squared();
         let (forth, across) = (x * east + y * north, x * north - y * east);
         let along = ground + forth;
-        let growth = (forth + forth + (east * east + north * north)) / self.0.norm_squared();
+        // The same quotient for all changes of one sight.
+        let scale = 1.0 / self.0.norm_squared();
+        let growth = (forth + forth + (east * east + north * north)) * scale;
         let plain = ground >= 4.0 * OVERHEAD * OVERHEAD
             && along >= 0.5 * ground
             && along <= f64::MAX
