@@ -16,11 +16,8 @@ impl Transform for Taylor {
         source: &Gaussian<A>,
         map: &impl Map<A, B>,
     ) -> Image<A, B> {
-        let mut whitened_cross = SMatrix::<f64, A, B>::zeros();
         let jacobian = map.jacobian(source.mean());
-        for (i, column) in source.factor().column_iter().enumerate() {
-            whitened_cross.set_row(i, &(jacobian * column).transpose());
-        }
+        let whitened_cross = source.factor().tr_mul(&jacobian.transpose());
         Image { mean: map.value(source.mean()), whitened_cross, unexplained: SMatrix::zeros() }
     }
 }

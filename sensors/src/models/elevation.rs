@@ -110,6 +110,19 @@ where
         self.model.residual(z, expected)
     }
 
+    fn expected_change(
+        &self,
+        state: &State<N>,
+        expected: &SVector<f64, M>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> SVector<f64, M> {
+        match &self.pattern {
+            Some(_) => self.residual(&self.expected(&(state + offset), receiver), expected),
+            None => self.model.expected_change(state, expected, offset, receiver),
+        }
+    }
+
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
         let mut jacobian = self.model.jacobian(state, receiver);
         let Some(pattern) = &self.pattern else { return jacobian };
