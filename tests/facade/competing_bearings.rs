@@ -99,14 +99,15 @@ fn run(
 }
 
 /// Those that can take both directions for what they are know how good they are, and are better
-/// than with the moments alone; seeds 1 to 120, one false alarm in a thousand for each.
+/// than with the moments alone; seeds 1 to 500, one false alarm in a thousand for each, and a
+/// covariance that is wrong by 1.3 is noticed.
 #[test]
 fn mixtures_keep_both_directions() {
-    const RUNS: u32 = 120;
+    const RUNS: u32 = 500;
     for (name, power_sigma_db) in
         [("grid", None), ("grid", Some(6.0)), ("particle", None), ("gaussian-sum", None)]
     {
-        let (by_moments, _) = run(name, power_sigma_db, RUNS, true);
+        let (by_moments, _) = run(name, power_sigma_db, RUNS / 5, true);
         let (rms, nees) = run(name, power_sigma_db, RUNS, false);
         assert_eq!(nees.verdict(), Verdict::Consistent, "{name}: ANEES {:?}", nees.average());
         assert!(rms < 0.85 * by_moments, "{name}: rms {rms} m, by moments {by_moments} m");

