@@ -51,7 +51,7 @@ fn names_in_logs_stay() {
     is_written(Phase::Measuring(Stage::Finishing), measuring);
     let finished = r#"{"name":"finished","detail":"no_signal"}"#;
     is_written(Phase::Finished(Outcome::NoSignal), finished);
-    let before = r#"{"name":"finished","detail":"nothing_received"}"#;
+    let before = r#"{"name":"finished","detail":"nothing_heard"}"#;
     let phase = serde_json::from_str::<Phase>(before).expect("of an older log");
     assert_eq!(phase, Phase::Finished(Outcome::NoSignal));
 }
