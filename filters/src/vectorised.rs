@@ -1,5 +1,7 @@
 //! Loops over columns, compiled once more for wide vectors.
 
+use foxhunt_core::elementary;
+
 /// A loop that runs on wide vectors where the processor has them. There is no fused multiplication
 /// and no sum whose order is left open in one, so that its bits are the same everywhere.
 pub(crate) trait Kernel {
@@ -82,4 +84,65 @@ pub(crate) fn largest(a: &[f64]) -> f64 {
     let larger = |most: f64, a: f64| if a > most { a } else { most };
     let lanes = fold(a, a, f64::NEG_INFINITY, |most, a, _| larger(most, a));
     lanes.into_iter().fold(f64::NEG_INFINITY, larger)
+}
+
+/// ln Σ exp(aᵢ).
+pub(crate) struct LogSumExp<'a>(pub(crate) &'a [f64]);
+
+impl Kernel for LogSumExp<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let most = largest(self.0);
+        if most <= f64::NEG_INFINITY {
+            return most;
+        }
+        let lanes = fold(self.0, self.0, 0.0, |sum, a, _| sum + elementary::exp(a - most));
+        most + libm::log(total(lanes))
+    }
+}
+
+/// Σ aᵢ.
+pub(crate) struct Sum<'a>(pub(crate) &'a [f64]);
+
+impl Kernel for Sum<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        sum(self.0)
+    }
+}
+
+/// Σ aᵢ bᵢ.
+pub(crate) struct Dot<'a>(pub(crate) &'a [f64], pub(crate) &'a [f64]);
+
+impl Kernel for Dot<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        dot(self.0, self.1)
+    }
+}
+
+/// Sets each of `out` to `of` what stands in the same row of the columns; `of` also takes
+/// what was there before.
+pub(crate) struct Map<'a, O, const K: usize> {
+    pub(crate) columns: [&'a [f64]; K],
+    pub(crate) of: O,
+    pub(crate) out: &'a mut [f64],
+}
+
+impl<O: Fn([f64; K], f64) -> f64, const K: usize> Kernel for Map<'_, O, K> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let columns = self.columns.map(|column| &column[..self.out.len()]);
+        for (i, out) in self.out.iter_mut().enumerate() {
+            *out = (self.of)(columns.map(|column| column[i]), *out);
+        }
+    }
 }

@@ -1,36 +1,60 @@
 use alloc::{vec, vec::Vec};
 
-use crate::count::number;
+use foxhunt_core::elementary;
+
+use crate::{
+    count::number,
+    vectorised::{Kernel, Map, largest, run},
+};
 
 /// Convolves a density over square rows with a Gaussian along each side, given and left as
 /// logarithms; `variance` counts in cells². What spreads beyond the border is lost.
 pub(super) fn blur(logs: &mut [f64], side: usize, variance: [f64; 2]) {
-    let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let best = largest(logs);
     if best <= f64::NEG_INFINITY || variance.iter().all(|v| *v < 1e-12) {
         return;
     }
-    let mut density: Vec<f64> = logs.iter().map(|log| libm::exp(log - best)).collect();
+    let mut density = vec![0.0; logs.len()];
+    let exp = |[log]: [f64; 1], _| elementary::exp(log - best);
+    run(Map { columns: [logs], of: exp, out: &mut density });
+    let mut blurred = vec![0.0; logs.len()];
     for (along, variance) in variance.into_iter().enumerate() {
         let taps = taps(variance, side);
-        let (step, across) = if along == 0 { (1, side) } else { (side, 1) };
-        let mut line = vec![0.0; side];
-        for start in (0..side).map(|i| i * across) {
-            for (i, value) in line.iter_mut().enumerate() {
-                let at = |i: usize| density[start + i * step];
-                *value = taps[0] * at(i);
-                for (reach, tap) in taps.iter().enumerate().skip(1) {
-                    let below = i.checked_sub(reach).map_or(0.0, at);
-                    let above = if i + reach < side { at(i + reach) } else { 0.0 };
-                    *value += tap * (below + above);
-                }
-            }
-            line.iter().enumerate().for_each(|(i, value)| density[start + i * step] = *value);
-        }
+        run(Convolution { density: &density, side, along, taps: &taps, out: &mut blurred });
+        core::mem::swap(&mut density, &mut blurred);
     }
-    for (log, density) in logs.iter_mut().zip(density) {
+    let log = |[density]: [f64; 1], before| {
+        let log = best + elementary::ln(density);
         // A density too small for its number stays what it was.
-        if density > 0.0 {
-            *log = best + libm::log(density);
+        if density >= f64::MIN_POSITIVE { log } else { before }
+    };
+    run(Map { columns: [&density], of: log, out: logs });
+}
+
+/// A convolution along one side, 0 along the rows.
+struct Convolution<'a> {
+    density: &'a [f64],
+    side: usize,
+    along: usize,
+    taps: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl Kernel for Convolution<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { density, side, along, taps, out } = self;
+        // Across the rows all of them are one line, whose neighbours are a row apart.
+        let (length, step) = if along == 0 { (side, 1) } else { (density.len(), side) };
+        for (line, out) in density.chunks_exact(length).zip(out.chunks_exact_mut(length)) {
+            out.iter_mut().zip(line).for_each(|(out, v)| *out = taps[0] * v);
+            for (reach, tap) in taps.iter().enumerate().skip(1) {
+                let away = reach * step;
+                out[away..].iter_mut().zip(line).for_each(|(out, v)| *out += tap * v);
+                out.iter_mut().zip(&line[away..]).for_each(|(out, v)| *out += tap * v);
+            }
         }
     }
 }

@@ -1,11 +1,14 @@
 use alloc::{vec, vec::Vec};
 use core::f64::consts::TAU;
 
-use foxhunt_core::{Covariance, State};
+use foxhunt_core::{Covariance, EstimatorError, Role, State, elementary};
 use nalgebra::Vector2;
 
-use super::Lattice;
-use crate::count::number;
+use super::{Lattice, lattice::Stencil};
+use crate::{
+    count::number,
+    vectorised::{Kernel, Map, Sum, run},
+};
 
 /// What is believed in each cell of a lattice, one column for each number.
 ///
@@ -132,11 +135,97 @@ impl<const N: usize> Columns<N> {
 
     /// ln p(x) of every cell under each hypothesis.
     pub(super) fn log_marginals(&self) -> Vec<Vec<f64>> {
-        let column = |j: usize| {
-            let cells = self.hypotheses[j][0].len();
-            (0..cells).map(|i| self.cell(j, i).log_marginal()).collect()
+        let marginals = |(j, columns): (usize, &Vec<Vec<f64>>)| {
+            let mut logs = columns[0].clone();
+            if N == 3 {
+                let (shift, information) = (&columns[1][..], &columns[2][..]);
+                run(Map { columns: [shift, information], of: add_log_integral, out: &mut logs });
+            } else if N > 3 {
+                let cells = logs.iter_mut().enumerate();
+                cells.for_each(|(i, log)| *log = self.cell(j, i).log_marginal());
+            }
+            logs
         };
-        (0..self.hypotheses()).map(column).collect()
+        self.hypotheses.iter().enumerate().map(marginals).collect()
+    }
+
+    /// l, then η, then the rows of Λ up to its diagonal.
+    pub(super) fn columns_mut(&mut self, hypothesis: usize) -> &mut [Vec<f64>] {
+        &mut self.hypotheses[hypothesis]
+    }
+
+    /// The mean of the further components in every cell, 0 where there is none.
+    pub(super) fn means(&self, hypothesis: usize) -> Vec<Vec<f64>> {
+        let columns = &self.hypotheses[hypothesis];
+        let mut means = vec![vec![0.0; columns[0].len()]; N - 2];
+        if N == 3 {
+            let of = |[shift, information]: [f64; 2], _| {
+                let mean = shift / information;
+                if information > 0.0 { mean } else { 0.0 }
+            };
+            run(Map { columns: [&columns[1], &columns[2]], of, out: &mut means[0] });
+        } else if N > 3 {
+            for index in 0..columns[0].len() {
+                if let Some((mean, _)) = self.cell(hypothesis, index).conditional() {
+                    (2..N).for_each(|i| means[i - 2][index] = mean[i]);
+                }
+            }
+        }
+        means
+    }
+
+    /// The mean covariance of the further components, cells weighed by these weights; 0 in the
+    /// first two components.
+    pub(super) fn spread(&self, hypothesis: usize, weights: &[f64]) -> Covariance<N> {
+        let mut spread = Covariance::zeros();
+        let columns = &self.hypotheses[hypothesis];
+        if N == 3 {
+            let of = |[weight, information]: [f64; 2], _| {
+                let share = weight / information;
+                if information > 0.0 { share } else { 0.0 }
+            };
+            let mut shares = vec![0.0; weights.len()];
+            run(Map { columns: [weights, &columns[2]], of, out: &mut shares });
+            spread[(2, 2)] = run(Sum(&shares));
+        } else if N > 3 {
+            for (index, weight) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
+                let conditional = self.cell(hypothesis, index).conditional();
+                spread += conditional.map_or(Covariance::zeros(), |(_, within)| within * *weight);
+            }
+        }
+        spread
+    }
+
+    /// Gives every cell the log-density `after` instead of `before`, and its further components the
+    /// covariance `more`.
+    pub(super) fn spread_behind(
+        &mut self,
+        hypothesis: usize,
+        before: &[f64],
+        after: &[f64],
+        more: &Covariance<N>,
+    ) -> Result<(), EstimatorError> {
+        let still = more.norm_squared() <= 0.0;
+        if still {
+            let of = |[before, after]: [f64; 2], log| {
+                let moved = log + (after - before);
+                if before > f64::NEG_INFINITY { moved } else { log }
+            };
+            run(Map { columns: [before, after], of, out: self.logs_mut(hypothesis) });
+        }
+        for (index, (before, after)) in before.iter().zip(after).enumerate() {
+            // Where nothing was possible, there is no difference to add.
+            if still && (*before > f64::NEG_INFINITY || *after <= f64::NEG_INFINITY) {
+                continue;
+            }
+            let no_factor = EstimatorError::NotPositiveDefinite { role: Role::Posterior };
+            let (mean, within) = self.cell(hypothesis, index).conditional().ok_or(no_factor)?;
+            let mut covariance = within + more;
+            (0..2).for_each(|i| covariance[(i, i)] = 1.0);
+            let cell = Cell::of(*after, &mean, &covariance).ok_or(no_factor)?;
+            self.set(hypothesis, index, &cell);
+        }
+        Ok(())
     }
 
     /// The same belief over other cells. Beyond the old ones l is what it is on their border, and
@@ -147,46 +236,77 @@ impl<const N: usize> Columns<N> {
         to: &Lattice,
         fall: impl Fn(&Vector2<f64>) -> f64,
     ) -> Self {
-        let mut columns = Self::new(self.hypotheses(), to.len());
         let last = number(from.side()) - 0.5;
-        for index in 0..to.len() {
-            let place = to.place(index);
-            let at = from.coordinates(&place);
+        let mut falls = Vec::new();
+        let mut stencils = Vec::with_capacity(to.len());
+        let [east, north] = to.places();
+        for (index, (east, north)) in east.iter().zip(&north).enumerate() {
+            let at = from.coordinates(&Vector2::new(*east, *north));
             let inside = at.map(|c| c.clamp(-0.5, last));
-            let fall = if (at - inside).norm_squared() > 0.0 {
-                fall(&(from.steps() * (at - inside)))
-            } else {
-                0.0
-            };
-            let pairs = columns.hypotheses.iter_mut().zip(&self.hypotheses);
-            for (new, old) in pairs {
-                for (new, old) in new.iter_mut().zip(old) {
-                    new[index] = from.read(old, &at);
-                }
-                new[0][index] += fall;
+            if (at - inside).norm_squared() > 0.0 {
+                falls.push((index, fall(&(from.steps() * (at - inside)))));
             }
+            stencils.push(from.stencil(&at));
+        }
+        let mut columns = Self::new(self.hypotheses(), to.len());
+        for (new, old) in columns.hypotheses.iter_mut().zip(&self.hypotheses) {
+            for (out, column) in new.iter_mut().zip(old) {
+                run(Reading { stencils: &stencils, column, side: from.side(), out });
+            }
+            falls.iter().for_each(|(index, fall)| new[0][*index] += fall);
         }
         columns
     }
 }
 
+/// A column read between its cells.
+struct Reading<'a> {
+    stencils: &'a [Stencil],
+    column: &'a [f64],
+    side: usize,
+    out: &'a mut [f64],
+}
+
+impl Kernel for Reading<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (out, stencil) in self.out.iter_mut().zip(self.stencils) {
+            *out = stencil.read(self.column, self.side);
+        }
+    }
+}
+
+/// ln p(x) of a cell with one component behind the place, from η, Λ and l.
+#[inline(always)]
+fn add_log_integral([shift, information]: [f64; 2], log: f64) -> f64 {
+    let integral = shift * shift / information - elementary::ln(information / TAU);
+    if information > 0.0 { log + 0.5 * integral } else { f64::NEG_INFINITY }
+}
+
 /// ln p(x) of every cell, whatever the hypothesis.
 pub(super) fn log_densities(marginals: &[Vec<f64>]) -> Vec<f64> {
     let Some((first, others)) = marginals.split_first() else { return Vec::new() };
-    let mut total = first.clone();
-    for other in others {
-        for (sum, log) in total.iter_mut().zip(other) {
-            *sum = log_add(*sum, *log);
-        }
+    let mut most = first.clone();
+    if others.is_empty() {
+        return most;
     }
-    total
-}
-
-/// ln(eᵃ + eᵇ).
-fn log_add(a: f64, b: f64) -> f64 {
-    let (low, high) = if a < b { (a, b) } else { (b, a) };
-    // Below, the smaller one is lost in the sum.
-    if low < high - 40.0 { high } else { high + libm::log1p(libm::exp(low - high)) }
+    let larger = |[a]: [f64; 1], most| if a > most { a } else { most };
+    others.iter().for_each(|a| run(Map { columns: [a], of: larger, out: &mut most }));
+    let mut sum = vec![0.0; most.len()];
+    let add = |[a, most]: [f64; 2], sum| {
+        let part = elementary::exp(a - most);
+        // Where nothing is possible, there is no difference.
+        if a > f64::NEG_INFINITY { sum + part } else { sum }
+    };
+    marginals.iter().for_each(|a| run(Map { columns: [a, &most], of: add, out: &mut sum }));
+    run(Map {
+        columns: [&sum],
+        of: |[sum]: [f64; 1], most| most + elementary::ln(sum),
+        out: &mut most,
+    });
+    most
 }
 
 #[cfg(test)]

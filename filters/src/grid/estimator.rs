@@ -1,8 +1,8 @@
-use alloc::vec::Vec;
+use alloc::{vec, vec::Vec};
 
 use foxhunt_core::{
     Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel,
-    Observation, Quantity, Role, State,
+    Observation, Quantity, State, elementary,
     parameter::{ParameterError, require},
 };
 use nalgebra::{Matrix2, Vector2};
@@ -10,10 +10,13 @@ use nalgebra::{Matrix2, Vector2};
 use super::{
     Columns, Lattice, Likelihood, Window,
     blur::blur,
-    columns::{Cell, log_densities},
+    columns::log_densities,
     filter::{GridFilter, REACH, log_total, normalise, shift},
 };
-use crate::Innovation;
+use crate::{
+    Innovation,
+    vectorised::{Map, run},
+};
 
 /// How often, at most, the cells are laid out anew for one observation: each time they become at
 /// least 1.5 times finer, or twice, or half as wide again.
@@ -122,22 +125,30 @@ where
     fn weighted_states(&self) -> Vec<(State<N>, f64)> {
         let area = self.lattice.cell_area();
         let log_least = libm::log(LEAST_VISITED / area);
+        let cells = self.lattice.len();
+        let (mut weights, mut shares) = (vec![0.0; cells], vec![0.0; cells]);
+        let mut behind = vec![vec![0.0; cells]; N - 2];
+        for (hypothesis, logs) in self.marginals.iter().enumerate() {
+            let share = |[log]: [f64; 1], _| {
+                let share = area * elementary::exp(log);
+                if log > log_least { share } else { 0.0 }
+            };
+            run(Map { columns: [logs], of: share, out: &mut shares });
+            let add = |[share]: [f64; 1], sum| sum + share;
+            run(Map { columns: [&shares], of: add, out: &mut weights });
+            for (sum, mean) in behind.iter_mut().zip(self.columns.means(hypothesis)) {
+                let add = |[share, mean]: [f64; 2], sum| sum + share * mean;
+                run(Map { columns: [&shares, &mean], of: add, out: sum });
+            }
+        }
+        let places = self.lattice.places();
         let mut states = Vec::new();
-        for index in 0..self.lattice.len() {
-            let (mut behind, mut weight) = (State::<N>::zeros(), 0.0);
-            for (hypothesis, logs) in self.marginals.iter().enumerate() {
-                if logs[index] > log_least {
-                    let share = area * libm::exp(logs[index]);
-                    let cell = self.columns.cell(hypothesis, index);
-                    behind += cell.conditional().map_or(State::zeros(), |(mean, _)| mean) * share;
-                    weight += share;
-                }
-            }
-            if weight > 0.0 {
-                let mut state = self.reference + behind / weight;
-                state.fixed_rows_mut::<2>(0).copy_from(&self.lattice.place(index));
-                states.push((state, weight));
-            }
+        for (index, weight) in weights.into_iter().enumerate().filter(|(_, w)| *w > 0.0) {
+            let state = State::from_fn(|i, _| match i {
+                0 | 1 => places[i][index],
+                _ => self.reference[i] + behind[i - 2][index] / weight,
+            });
+            states.push((state, weight));
         }
         let total: f64 = states.iter().map(|(_, weight)| weight).sum();
         states.iter_mut().for_each(|(_, weight)| *weight /= total);
@@ -257,20 +268,10 @@ fn diffuse<const N: usize>(
     let mut behind = *spread;
     behind.fixed_columns_mut::<2>(0).fill(0.0);
     behind.fixed_rows_mut::<2>(0).fill(0.0);
-    for (hypothesis, mut logs) in columns.log_marginals().into_iter().enumerate() {
+    for (hypothesis, before) in columns.log_marginals().into_iter().enumerate() {
+        let mut logs = before.clone();
         blur(&mut logs, lattice.side(), variance);
-        if N == 2 {
-            columns.logs_mut(hypothesis).copy_from_slice(&logs);
-            continue;
-        }
-        for (index, log) in logs.into_iter().enumerate() {
-            let no_factor = EstimatorError::NotPositiveDefinite { role: Role::Posterior };
-            let (mean, within) = columns.cell(hypothesis, index).conditional().ok_or(no_factor)?;
-            let mut covariance = within + behind;
-            (0..2).for_each(|i| covariance[(i, i)] = 1.0);
-            let cell = Cell::of(log, &mean, &covariance).ok_or(no_factor)?;
-            columns.set(hypothesis, index, &cell);
-        }
+        columns.spread_behind(hypothesis, &before, &logs, &behind)?;
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
-use alloc::vec::Vec;
+use alloc::{vec, vec::Vec};
 
 use foxhunt_core::{
-    Covariance, Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State,
+    Covariance, Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State, elementary,
 };
 use nalgebra::{Matrix2, Vector2};
 
@@ -10,7 +10,10 @@ use super::{
     columns::{Cell, log_densities},
     estimator::slope_of_place,
 };
-use crate::Gaussian;
+use crate::{
+    Gaussian,
+    vectorised::{Dot, LogSumExp, Map, Sum, run},
+};
 
 /// How far a lattice goes from the mean of a Gaussian, in standard deviations.
 pub(super) const REACH: f64 = 8.0;
@@ -179,17 +182,28 @@ where
         let (mut square, mut within) = (Covariance::<N>::zeros(), Covariance::<N>::zeros());
         // What is lost beside 1 only costs time.
         let least = libm::log(1e-18 / area);
+        let mut places = lattice.places();
+        for (axis, places) in places.iter_mut().enumerate() {
+            places.iter_mut().for_each(|place| *place -= origin[axis]);
+        }
+        let (mut weights, mut weighted) = (vec![0.0; lattice.len()], vec![0.0; lattice.len()]);
         for (hypothesis, logs) in marginals.iter().enumerate() {
-            for (index, log) in logs.iter().enumerate().filter(|(_, log)| **log > least) {
-                let weight = area * libm::exp(*log);
-                let (mut state, spread) = conditional(&columns.cell(hypothesis, index))?;
-                let place = lattice.place(index) - origin;
-                state.fixed_rows_mut::<2>(0).copy_from(&place);
-                total += weight;
-                mean += state * weight;
-                square += state * (state * weight).transpose();
-                within += spread * weight;
+            let of = |[log]: [f64; 1], _| {
+                let weight = area * elementary::exp(log);
+                if log > least { weight } else { 0.0 }
+            };
+            run(Map { columns: [logs], of, out: &mut weights });
+            total += run(Sum(&weights));
+            let behind = columns.means(hypothesis);
+            let states: [&[f64]; N] =
+                core::array::from_fn(|i| if i < 2 { &places[i][..] } else { &behind[i - 2] });
+            for i in 0..N {
+                let of = |[weight, x]: [f64; 2], _| weight * x;
+                run(Map { columns: [&weights, states[i]], of, out: &mut weighted });
+                mean[i] += run(Sum(&weighted));
+                (0..=i).for_each(|j| square[(i, j)] += run(Dot(&weighted, states[j])));
             }
+            within += columns.spread(hypothesis, &weights);
         }
         mean /= total;
         let mut covariance = (square + within) / total - mean * mean.transpose();
@@ -206,24 +220,9 @@ where
     }
 }
 
-/// The mean and covariance of the further components in a cell.
-fn conditional<const N: usize>(
-    cell: &Cell<N>,
-) -> Result<(State<N>, Covariance<N>), EstimatorError> {
-    if N == 2 {
-        return Ok((State::zeros(), Covariance::zeros()));
-    }
-    cell.conditional().ok_or(EstimatorError::NotPositiveDefinite { role: Role::Posterior })
-}
-
 /// ln ∫ of a density over the lattice.
 pub(super) fn log_total(logs: &[f64], lattice: &Lattice) -> f64 {
-    let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if best <= f64::NEG_INFINITY {
-        return best;
-    }
-    let sum: f64 = logs.iter().map(|log| libm::exp(log - best)).sum();
-    best + libm::log(sum * lattice.cell_area())
+    run(LogSumExp(logs)) + libm::log(lattice.cell_area())
 }
 
 /// Makes a density integrate to 1; what it is then, under each hypothesis.

@@ -1,3 +1,5 @@
+use alloc::vec::Vec;
+
 use foxhunt_core::{EstimatorError, parameter::require};
 use nalgebra::{LU, Matrix2, U2, Vector2};
 
@@ -87,46 +89,84 @@ impl Lattice {
         self.centre + self.half_sides * at
     }
 
+    /// The centres of all cells, East and North as columns.
+    pub(super) fn places(&self) -> [Vec<f64>; 2] {
+        let along = |i: usize| (2.0 * number(i) + 1.0) / number(self.side) - 1.0;
+        let along: Vec<f64> = (0..self.side).map(along).collect();
+        [0, 1].map(|axis| {
+            let (half, centre) = (self.half_sides.row(axis), self.centre[axis]);
+            let mut places = Vec::with_capacity(self.len());
+            for y in &along {
+                places.extend(along.iter().map(|x| centre + (half[0] * x + half[1] * y)));
+            }
+            places
+        })
+    }
+
     /// Where a place lies, counted in cells from the centre of the first.
     pub(super) fn coordinates(&self, place: &Vector2<f64>) -> Vector2<f64> {
         let at = self.factor.solve(&(place - self.centre)).expect("the rectangle has an area");
         (at + Vector2::repeat(1.0)) * (0.5 * number(self.side)) - Vector2::repeat(0.5)
     }
 
-    /// Whether a cell has no neighbour on some side.
-    pub(super) fn on_border(&self, index: usize) -> bool {
-        let (column, row) = (index % self.side, index / self.side);
-        column == 0 || row == 0 || column + 1 == self.side || row + 1 == self.side
+    /// The cells that have no neighbour on some side.
+    pub(super) fn border(&self) -> impl Iterator<Item = usize> {
+        let (side, last) = (self.side, self.len() - self.side);
+        let ends = (0..side).flat_map(move |i| [i * side, i * side + side - 1]);
+        (0..side).chain(last..last + side).chain(ends)
     }
 
-    /// A column over the cells, read between them by cubic convolution (Keys 1981), which is
-    /// exact for quadratics, the logarithms of Gaussians; `at` as from
-    /// [`coordinates`](Self::coordinates). Outside, what stands on the border. Where a number
-    /// that it takes is infinite, the nearest cell's.
-    pub(super) fn read(&self, column: &[f64], at: &Vector2<f64>) -> f64 {
+    /// How a column over the cells is read at a place; `at` as from
+    /// [`coordinates`](Self::coordinates). Outside, what stands on the border.
+    pub(super) fn stencil(&self, at: &Vector2<f64>) -> Stencil {
         let last = number(self.side - 1);
         let at = at.map(|c| c.clamp(0.0, last));
-        let low = at.map(|c| libm::floor(c).min(last - 1.0));
-        let (weights_x, weights_y) = (keys(at.x - low.x), keys(at.y - low.y));
-        let (x, y) = (index(low.x), index(low.y));
-        let inside = x >= 1 && y >= 1 && x + 2 < self.side && y + 2 < self.side;
-        let mut sum = 0.0;
-        for (j, wy) in weights_y.iter().enumerate() {
-            let along: f64 = if inside {
-                let first = (y + j - 1) * self.side + x - 1;
-                weights_x.iter().zip(&column[first..first + 4]).map(|(wx, v)| wx * v).sum()
-            } else {
-                let line = |x: usize| column_at(column, self.side, x, y + j);
-                weights_x.iter().enumerate().map(|(i, wx)| wx * line(x + i)).sum()
-            };
-            sum += wy * along;
+        let nearest = at.map(libm::round);
+        let ((x, weights_x), (y, weights_y)) = (taps(at.x, self.side), taps(at.y, self.side));
+        Stencil {
+            first: y * self.side + x,
+            nearest: index(nearest.y) * self.side + index(nearest.x),
+            weights_x,
+            weights_y,
         }
-        if sum.is_finite() {
-            sum
-        } else {
-            let nearest = at.map(libm::round);
-            column[index(nearest.y) * self.side + index(nearest.x)]
+    }
+}
+
+/// How a column is read between cells by cubic convolution (Keys 1981), which is exact for
+/// quadratics, the logarithms of Gaussians: the weights of 4 × 4 cells.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stencil {
+    /// The cell of the first weights.
+    first: usize,
+    nearest: usize,
+    weights_x: [f64; 4],
+    weights_y: [f64; 4],
+}
+
+impl Stencil {
+    /// Where a number that it takes is infinite, the nearest cell's.
+    #[inline(always)]
+    pub(super) fn read(&self, column: &[f64], side: usize) -> f64 {
+        let mut along = [0.0; 4];
+        for (j, weight) in self.weights_y.iter().enumerate() {
+            let first = self.first + j * side;
+            along.iter_mut().zip(&column[first..first + 4]).for_each(|(sum, v)| *sum += weight * v);
         }
+        let [a, b, c, d] = self.weights_x;
+        let sum = (a * along[0] + b * along[1]) + (c * along[2] + d * along[3]);
+        if sum.is_finite() { sum } else { column[self.nearest] }
+    }
+}
+
+/// The first of four neighbours along a side, and their weights. One step outside the lattice
+/// stands the quadratic through the three cells beside it.
+fn taps(at: f64, side: usize) -> (usize, [f64; 4]) {
+    let low = libm::floor(at).min(number(side - 2));
+    let [a, b, c, d] = keys(at - low);
+    match index(low) {
+        0 => (0, [b + 3.0 * a, c - 3.0 * a, d + a, 0.0]),
+        low if low + 2 == side => (side - 4, [0.0, a + d, b - 3.0 * d, c + 3.0 * d]),
+        low => (low - 1, [a, b, c, d]),
     }
 }
 
@@ -141,16 +181,6 @@ fn keys(t: f64) -> [f64; 4] {
     ]
 }
 
-/// The cell at (x − 1, y − 1); one step outside, the quadratic through the three beside it.
-fn column_at(column: &[f64], side: usize, x: usize, y: usize) -> f64 {
-    let beyond = |i: usize, at: &dyn Fn(usize) -> f64| match i {
-        0 => 3.0 * at(1) - 3.0 * at(2) + at(3),
-        i if i == side + 1 => 3.0 * at(side) - 3.0 * at(side - 1) + at(side - 2),
-        _ => at(i),
-    };
-    beyond(y, &|y| beyond(x, &|x| column[(y - 1) * side + x - 1]))
-}
-
 #[expect(clippy::cast_possible_truncation, reason = "clamped to the lattice")]
 #[expect(clippy::cast_sign_loss, reason = "clamped to the lattice")]
 fn index(coordinate: f64) -> usize {
@@ -159,8 +189,6 @@ fn index(coordinate: f64) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use alloc::vec::Vec;
-
     use super::*;
 
     fn lattice() -> Lattice {
@@ -190,7 +218,7 @@ mod tests {
             let place = lattice.centre
                 + lattice.half_sides
                     * ((at * 2.0 + Vector2::repeat(1.0)) / 9.0 - Vector2::repeat(1.0));
-            let error = lattice.read(&column, &at) - quadratic(&place);
+            let error = lattice.stencil(&at).read(&column, 9) - quadratic(&place);
             assert!(error.abs() < 1e-11, "off by {error} at {at}");
         }
     }
@@ -200,7 +228,8 @@ mod tests {
         let lattice = lattice();
         let mut column = [0.5; 81];
         column[40] = f64::NEG_INFINITY;
-        assert!((lattice.read(&column, &Vector2::new(3.2, 4.0)) - 0.5).abs() < 1e-15);
-        assert!(lattice.read(&column, &Vector2::new(3.9, 4.1)) <= f64::NEG_INFINITY);
+        let read = |x, y| lattice.stencil(&Vector2::new(x, y)).read(&column, 9);
+        assert!((read(3.2, 4.0) - 0.5).abs() < 1e-15);
+        assert!(read(3.9, 4.1) <= f64::NEG_INFINITY);
     }
 }

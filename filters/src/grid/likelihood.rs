@@ -1,4 +1,5 @@
 use alloc::{vec, vec::Vec};
+use core::ops::Range;
 
 use foxhunt_core::{
     EstimatorError, MeasurementModel, Observation, Role, State, absorb_receiver_noise,
@@ -6,6 +7,7 @@ use foxhunt_core::{
 use nalgebra::{SMatrix, SVector};
 
 use super::{Columns, GridConfig, Lattice};
+use crate::vectorised::{Map, run};
 
 /// The likelihood of an observation in every cell.
 pub(super) struct Likelihood<'a, H, const N: usize, const M: usize> {
@@ -60,12 +62,10 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
         posterior: &mut Columns<N>,
         lattice: &Lattice,
     ) -> Result<(), EstimatorError> {
-        let places: Vec<_> = (0..lattice.len()).map(|i| lattice.place(i)).collect();
-        let columns: [Vec<f64>; N] =
-            core::array::from_fn(|row| places.iter().map(|place| place[row]).collect());
-        let mut logs = vec![0.0; places.len()];
+        let places = lattice.places();
+        let columns: [&[f64]; N] = core::array::from_fn(|row| &places[row][..]);
+        let mut logs = vec![0.0; lattice.len()];
         for (hypothesis, observation) in self.observations.iter().enumerate() {
-            let columns = core::array::from_fn(|row| &columns[row][..]);
             self.measurement.log_likelihoods(columns, observation, &mut logs);
             if logs.iter().any(|log| log.is_nan() || *log >= f64::INFINITY) {
                 return Err(EstimatorError::NotFinite { role: Role::Expected });
@@ -83,38 +83,58 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
         posterior: &mut Columns<N>,
         lattice: &Lattice,
     ) -> Result<(), EstimatorError> {
-        let not_finite = EstimatorError::NotFinite { role: Role::Expected };
         let Some(first) = self.observations.first() else { return Ok(()) };
-        let competing = self.competing();
-        let mut noises = self.noises(None)?;
-        for index in 0..lattice.len() {
-            let mut state = self.reference;
-            state.fixed_rows_mut::<2>(0).copy_from(&lattice.place(index));
-            if first.receiver_sigma().is_some() {
-                noises = self.noises(Some(&state))?;
+        let places = lattice.places();
+        let (residuals, slopes) = self.linearised(&places, first);
+        if !residuals.iter().chain(slopes.iter().flatten()).flatten().all(|v| v.is_finite()) {
+            return Err(EstimatorError::NotFinite { role: Role::Expected });
+        }
+        let linear = Linear { residuals, slopes };
+        if first.receiver_sigma().is_some() {
+            // The noise is another one in every cell.
+            for index in 0..lattice.len() {
+                let state = self.state(&places, index);
+                let noises = self.noises(Some(&state))?;
+                linear.add_to(posterior, &noises, index..index + 1);
             }
-            let (residual, slope) = self.at(&state, first);
-            if !residual.iter().chain(slope.iter()).all(|v| v.is_finite()) {
-                return Err(not_finite);
-            }
-            let residual = first.strike(residual);
-            let slope = first.strike(slope);
-            for (hypothesis, (at_zero, root)) in noises.iter().enumerate() {
-                let white: SMatrix<f64, M, N> = root.solve_lower_triangular_unchecked(&slope);
-                let mut cell = posterior.cell(hypothesis, index);
-                let away = root.solve_lower_triangular_unchecked(&residual);
-                cell.log += at_zero - 0.5 * away.norm_squared();
-                cell.shift += white.tr_mul(&away);
-                cell.information += white.tr_mul(&white);
-                if let Some(bearing) = competing.get(hypothesis) {
-                    let [mixture, moments] =
-                        bearing.each_ref().map(|o| self.measurement.log_likelihood(&state, o));
-                    cell.log += mixture - moments;
-                }
-                posterior.set(hypothesis, index, &cell);
+        } else {
+            linear.add_to(posterior, &self.noises(None)?, 0..lattice.len());
+        }
+        for (hypothesis, bearing) in self.competing().iter().enumerate() {
+            for (index, log) in posterior.logs_mut(hypothesis).iter_mut().enumerate() {
+                let state = self.state(&places, index);
+                let [mixture, moments] =
+                    bearing.each_ref().map(|o| self.measurement.log_likelihood(&state, o));
+                *log += mixture - moments;
             }
         }
         Ok(())
+    }
+
+    /// A cell's state, n at the reference.
+    fn state(&self, places: &[Vec<f64>; 2], index: usize) -> State<N> {
+        State::from_fn(|i, _| if i < 2 { places[i][index] } else { self.reference[i] })
+    }
+
+    /// r and C of every cell, with 0 for what is missing.
+    fn linearised(
+        &self,
+        places: &[Vec<f64>; 2],
+        observation: &Observation<M>,
+    ) -> ([Vec<f64>; M], [[Vec<f64>; N]; M]) {
+        let cells = places[0].len();
+        let mut residuals = core::array::from_fn(|_| vec![0.0; cells]);
+        let mut slopes: [[Vec<f64>; N]; M] =
+            core::array::from_fn(|_| core::array::from_fn(|_| vec![0.0; cells]));
+        for index in 0..cells {
+            let (residual, slope) = self.at(&self.state(places, index), observation);
+            let (residual, slope) = (observation.strike(residual), observation.strike(slope));
+            for row in 0..M {
+                residuals[row][index] = residual[row];
+                (2..N).for_each(|i| slopes[row][i][index] = slope[(row, i)]);
+            }
+        }
+        (residuals, slopes)
     }
 
     /// Where directions compete for a bearing that has no part in the further components: the
@@ -128,7 +148,7 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
         self.observations.iter().filter_map(bearing).collect()
     }
 
-    /// The log-density of no residual and the factor of the noise, under each hypothesis; that of
+    /// The log-density of no residual and the inverse of the noise, under each hypothesis; that of
     /// an uncertain receiver as it stands for a target in `state`.
     fn noises(
         &self,
@@ -139,8 +159,8 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
                 Some(state) => absorb_receiver_noise(self.measurement, state, observation),
                 None => *observation,
             };
-            let root = observation.noise().cholesky()?.unpack();
-            Some((observation.log_density(&SVector::zeros()), root))
+            let information = observation.noise().cholesky()?.inverse();
+            Some((observation.log_density(&SVector::zeros()), information))
         };
         let not_definite = EstimatorError::NotPositiveDefinite { role: Role::Innovation };
         self.observations.iter().map(|o| noise(o).ok_or(not_definite)).collect()
@@ -157,5 +177,49 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
         let mut slope = self.measurement.jacobian(state, receiver);
         slope.fixed_columns_mut::<2>(0).fill(0.0);
         (self.measurement.residual(observation.value(), &expected), slope)
+    }
+}
+
+/// The residual r at n = 0 of every cell and its slope C over n, a column for each number.
+struct Linear<const N: usize, const M: usize> {
+    residuals: [Vec<f64>; M],
+    /// Of each component over those of the state; nothing is known of the first two.
+    slopes: [[Vec<f64>; N]; M],
+}
+
+impl<const N: usize, const M: usize> Linear<N, M> {
+    /// Adds ln N(r − C n; 0, R) in these cells, given the log-density of 0 and W = R⁻¹ under each
+    /// hypothesis: − ½ rᵀ W r to l, Cᵀ W r to η and Cᵀ W C to Λ.
+    fn add_to(
+        &self,
+        columns: &mut Columns<N>,
+        noises: &[(f64, SMatrix<f64, M, M>)],
+        cells: Range<usize>,
+    ) {
+        for (hypothesis, (at_zero, information)) in noises.iter().enumerate() {
+            let (logs, rest) = columns.columns_mut(hypothesis).split_at_mut(1);
+            logs[0][cells.clone()].iter_mut().for_each(|log| *log += at_zero);
+            for (a, b) in (0..M).flat_map(|a| (0..M).map(move |b| (a, b))) {
+                let weight = information[(a, b)];
+                if weight.abs() <= 0.0 {
+                    continue;
+                }
+                let add = |factor: f64, x: &[f64], y: &[f64], out: &mut [f64]| {
+                    let columns = [&x[cells.clone()], &y[cells.clone()]];
+                    let of = |[x, y]: [f64; 2], sum| sum + factor * (x * y);
+                    run(Map { columns, of, out: &mut out[cells.clone()] });
+                };
+                add(-0.5 * weight, &self.residuals[a], &self.residuals[b], &mut logs[0]);
+                let mut row = N - 2;
+                for i in 2..N {
+                    let slope = &self.slopes[a][i];
+                    add(weight, slope, &self.residuals[b], &mut rest[i - 2]);
+                    for j in 2..=i {
+                        add(weight, slope, &self.slopes[b][j], &mut rest[row]);
+                        row += 1;
+                    }
+                }
+            }
+        }
     }
 }

@@ -1,7 +1,10 @@
-use foxhunt_core::EstimatorError;
+use alloc::vec;
+
+use foxhunt_core::{EstimatorError, elementary};
 use nalgebra::{Matrix2, Vector2};
 
 use super::Lattice;
+use crate::vectorised::{Dot, Map, Sum, largest, run};
 
 /// Cells below the most likely one by more than this, in nats, are not worth their memory: eight
 /// standard deviations of a Gaussian.
@@ -35,39 +38,53 @@ impl Window {
     /// It lies along the belief's principal axes, or, where the target cannot leave the `widest`
     /// lattice, along that one's sides and within it: an edge must not cut through cells.
     pub(super) fn of(lattice: &Lattice, widest: Option<&Lattice>, logs: &[f64]) -> Option<Self> {
-        let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let best = largest(logs);
         if best <= f64::NEG_INFINITY {
             return None;
         }
-        let inside = || logs.iter().enumerate().filter(|(_, log)| **log > best - DEPTH);
-        let (mut total, mut squares, mut mean) = (0.0, 0.0, Vector2::zeros());
-        let mut cut = false;
-        for (i, log) in inside() {
-            let weight = libm::exp(log - best);
-            total += weight;
-            squares += weight * weight;
-            mean += lattice.place(i) * weight;
-            cut |= *log > best - BORDER && lattice.on_border(i);
-        }
+        let mut weights = vec![0.0; logs.len()];
+        let weight = |[log]: [f64; 1], _| {
+            let weight = elementary::exp(log - best);
+            if log > best - DEPTH { weight } else { 0.0 }
+        };
+        run(Map { columns: [logs], of: weight, out: &mut weights });
+        let cut = lattice.border().any(|i| logs[i] > best - BORDER);
+        let (total, squares) = (run(Sum(&weights)), run(Dot(&weights, &weights)));
+        let [east, north] = lattice.places();
+        let mut mean = Vector2::new(run(Dot(&weights, &east)), run(Dot(&weights, &north)));
         mean /= total;
         // A cell's own spread keeps a belief in few cells from having no direction.
         let steps = lattice.steps();
         let mut spread = steps * steps.transpose() / 12.0;
-        for (i, log) in inside() {
-            let deviation = lattice.place(i) - mean;
-            spread += deviation * deviation.transpose() * (libm::exp(log - best) / total);
+        let deviations = [(east, mean.x), (north, mean.y)].map(|(mut places, mean)| {
+            places.iter_mut().for_each(|place| *place -= mean);
+            places
+        });
+        let mut weighted = vec![0.0; logs.len()];
+        for (i, deviation) in deviations.iter().enumerate() {
+            let of = |[weight, x]: [f64; 2], _| weight * x;
+            run(Map { columns: [&weights, deviation], of, out: &mut weighted });
+            for (j, other) in deviations.iter().enumerate() {
+                spread[(i, j)] += run(Dot(&weighted, other)) / total;
+            }
         }
         let directions = match widest {
             Some(_) => Matrix2::identity(),
             None => spread.symmetric_eigen().eigenvectors,
         };
-        let (mut low, mut high) =
-            (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
-        for (i, _) in inside() {
-            let at = directions.tr_mul(&(lattice.place(i) - mean));
-            low = low.inf(&at);
-            high = high.sup(&at);
-        }
+        // How far it goes from the mean along the way `towards`.
+        let mut reach = |towards: Vector2<f64>| {
+            let of = |[weight, x, y]: [f64; 3], _| {
+                let at = towards.x * x + towards.y * y;
+                if weight > 0.0 { at } else { f64::NEG_INFINITY }
+            };
+            let columns = [&weights, &deviations[0], &deviations[1]].map(|column| &column[..]);
+            run(Map { columns, of, out: &mut weighted });
+            largest(&weighted)
+        };
+        let mut reaches =
+            |sign: f64| Vector2::from_fn(|k, _| sign * reach(directions.column(k) * sign));
+        let (low, high) = (reaches(-1.0), reaches(1.0));
         // A cell and a half about: what lies between the cells is not known to be outside.
         let margin = directions.tr_mul(&steps).abs() * Vector2::repeat(1.5);
         let (mut low, mut high) = (low - margin, high + margin);
