@@ -177,6 +177,16 @@ macro_rules! forward_shared {
             ) {
                 (**self).log_likelihoods(columns, observation, out);
             }
+            #[inline(always)]
+            fn residuals(
+                &self,
+                columns: [&[f64]; N],
+                z: &SVector<f64, M>,
+                receiver: &Pose,
+                out: [&mut [f64]; M],
+            ) {
+                (**self).residuals(columns, z, receiver, out);
+            }
         }
 
         impl<T: ?Sized + MotionModel<N>, const N: usize> MotionModel<N> for $pointer {

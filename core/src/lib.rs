@@ -67,7 +67,7 @@ pub use extractor::{Bearing, BearingExtractor, NoBearing, NoReading, Reading};
 pub use intake::{ByQuantity, Intake};
 pub use measurement::{
     MeasurementModel, absorb_receiver_noise, gaussian_log_likelihood, log_likelihoods_one_by_one,
-    numeric_jacobian,
+    numeric_jacobian, residuals_one_by_one,
 };
 pub use motion::{ConstantVelocity, CoordinatedTurn, MotionModel, RandomWalk};
 pub use observation::{Observation, ObservationError};

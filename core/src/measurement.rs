@@ -34,7 +34,7 @@ use crate::{Axis, Observation, Pose, Quantity, State, noise};
 /// Checked by `laws::measurement_model`, feature `laws`: `expected` is finite for every finite
 /// state; `residual(z, z) = 0`; a turn of 2π on an [`Axis::Angle`] changes no residual;
 /// `expected_change` agrees with the difference of two expectations, `jacobian` with finite
-/// differences, `log_likelihoods` with `log_likelihood`.
+/// differences; `log_likelihoods` and `residuals` agree with `log_likelihood` and `residual`.
 pub trait MeasurementModel<const N: usize, const M: usize> {
     /// What each component is: its name with its unit, and its geometry. **This method owns the
     /// wrap**: means and residuals in every estimator follow from it.
@@ -86,6 +86,37 @@ pub trait MeasurementModel<const N: usize, const M: usize> {
     #[inline(always)]
     fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<M>, out: &mut [f64]) {
         log_likelihoods_one_by_one(self, columns, observation, out);
+    }
+
+    /// z ⊖ h(x) of many states at once, held as one column for each component, as are the
+    /// residuals; sets `out`. All columns are of one length.
+    ///
+    /// Overridden as [`log_likelihoods`](Self::log_likelihoods) is.
+    #[inline(always)]
+    fn residuals(
+        &self,
+        columns: [&[f64]; N],
+        z: &SVector<f64, M>,
+        receiver: &Pose,
+        out: [&mut [f64]; M],
+    ) {
+        residuals_one_by_one(self, columns, z, receiver, out);
+    }
+}
+
+/// [`MeasurementModel::residuals`] by one state after the other.
+#[inline]
+pub fn residuals_one_by_one<const N: usize, const M: usize>(
+    model: &(impl MeasurementModel<N, M> + ?Sized),
+    columns: [&[f64]; N],
+    z: &SVector<f64, M>,
+    receiver: &Pose,
+    out: [&mut [f64]; M],
+) {
+    for i in 0..columns[0].len() {
+        let state = State::from_fn(|row, _| columns[row][i]);
+        let residual = model.residual(z, &model.expected(&state, receiver));
+        (0..M).for_each(|row| out[row][i] = residual[row]);
     }
 }
 

@@ -4,14 +4,17 @@
 //! `STEPS=60 WHAT=doubted SIDE=64` takes that many steps and measures nothing, for a tool that
 //! counts instructions; `WHAT` may also be `plain`.
 
-use core::{f64::consts::LN_10, hint::black_box};
+use core::{
+    f64::consts::{LN_10, PI, TAU},
+    hint::black_box,
+};
 use std::{env, sync::Arc};
 
 use criterion::{BenchmarkId, Criterion};
 use foxhunt_core::{
     Estimate, Estimator, MeasurementModel, MotionModel, Observation, Pose, Quantity, RandomWalk,
-    State, angle,
-    nalgebra::{Matrix2, SMatrix, Vector2},
+    State, angle, elementary,
+    nalgebra::{Matrix2, SMatrix, Vector2, Vector3},
 };
 use foxhunt_filters::{GridConfig, GridFilter, NoiseScales};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
@@ -53,17 +56,39 @@ impl<const N: usize> MeasurementModel<N, 2> for LevelBearing {
         jacobian
     }
     fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<2>, out: &mut [f64]) {
-        let (receiver, z) = (observation.receiver(), observation.value());
+        let (receiver, z) = (observation.receiver().position, observation.value());
         let noise = observation.noise();
         let constant = observation.log_density(&Vector2::zeros());
         let [weight_rss, weight_bearing] = [0, 1].map(|i| -0.5 / noise[(i, i)]);
         for (i, out) in out.iter_mut().enumerate() {
             let power = if N > 2 { columns[2][i] } else { POWER_DBM };
-            let expected = measured(columns[0][i], columns[1][i], power, receiver);
-            let y = Vector2::new(z.x - expected.x, angle::wrap(z.y - expected.y));
-            *out = constant + weight_rss * y.x * y.x + weight_bearing * y.y * y.y;
+            let [level, bearing] = off(z, [columns[0][i], columns[1][i], power], receiver);
+            *out = constant + weight_rss * level * level + weight_bearing * bearing * bearing;
         }
     }
+    fn residuals(
+        &self,
+        columns: [&[f64]; N],
+        z: &Vector2<f64>,
+        receiver: &Pose,
+        [levels, bearings]: [&mut [f64]; 2],
+    ) {
+        for (i, (level, bearing)) in levels.iter_mut().zip(bearings).enumerate() {
+            let power = if N > 2 { columns[2][i] } else { POWER_DBM };
+            [*level, *bearing] = off(z, [columns[0][i], columns[1][i], power], receiver.position);
+        }
+    }
+}
+
+/// The residual of a level and a bearing, the latter from −π to π.
+#[inline(always)]
+fn off(z: &Vector2<f64>, [east, north, power]: [f64; 3], receiver: Vector3<f64>) -> [f64; 2] {
+    let (x, y) = (east - receiver.x, north - receiver.y);
+    let square = x * x + y * y + receiver.z * receiver.z;
+    let turned = z.y - elementary::atan2(y, x);
+    let turned = if turned > PI { turned - TAU } else { turned };
+    let turned = if turned < -PI { turned + TAU } else { turned };
+    [z.x - power + 0.5 * LOSS / LN_10 * elementary::ln(square), turned]
 }
 
 /// Receptions by three drones, in turn, on their way round the target.

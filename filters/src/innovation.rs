@@ -53,6 +53,18 @@ impl<const M: usize> Innovation<M> {
             shift += deviation * weight;
             square += deviation * (deviation * weight).transpose();
         });
+        Self::of_deviations(&centre, &shift, &square, model, observation)
+    }
+
+    /// The same from Σ w d and Σ w d dᵀ of the deviations d from `centre`, the receiver's
+    /// uncertain place being in the observation's noise.
+    pub(crate) fn of_deviations<const N: usize>(
+        centre: &SVector<f64, M>,
+        shift: &SVector<f64, M>,
+        square: &Covariance<M>,
+        model: &(impl MeasurementModel<N, M> + ?Sized),
+        observation: &Observation<M>,
+    ) -> Option<Self> {
         let spread = square - shift * shift.transpose();
         let expected = centre + shift;
         let residual = model.residual(observation.value(), &expected);

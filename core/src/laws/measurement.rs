@@ -1,5 +1,7 @@
 use core::f64::consts::TAU;
 
+use nalgebra::SVector;
+
 use crate::{
     Axis, BearingMode, BearingModes, MeasurementModel, Observation, Pose, State, noise::log_add,
     numeric_jacobian,
@@ -75,7 +77,7 @@ pub fn measurement_model<const N: usize, const M: usize>(
     assert!(nothing.abs() < 1e-12, "an empty observation has the log-likelihood {nothing}");
 }
 
-/// The log-likelihoods of many states are those of each.
+/// The log-likelihoods and the residuals of many states are those of each.
 fn likelihoods<const N: usize, const M: usize>(
     model: &impl MeasurementModel<N, M>,
     state: &State<N>,
@@ -92,6 +94,16 @@ fn likelihoods<const N: usize, const M: usize>(
             (one - many).abs() <= 1e-9 * (1.0 + one.abs()),
             "log_likelihoods is {many}, log_likelihood {one}"
         );
+    }
+    let mut rows = [[f64::NAN; 2]; M];
+    let (z, receiver) = (observation.value(), observation.receiver());
+    model.residuals(columns, z, receiver, rows.each_mut().map(|row| &mut row[..]));
+    for (i, x) in [*state, nearby].iter().enumerate() {
+        let many = SVector::<f64, M>::from_fn(|row, _| rows[row][i]);
+        let one = model.residual(z, &model.expected(x, receiver));
+        // An angle just behind may be −π or π.
+        let off = model.residual(&many, &one).norm();
+        assert!(off <= 1e-9 * (1.0 + one.norm()), "residuals is {many}, residual {one}");
     }
 }
 

@@ -165,11 +165,11 @@ impl<const N: usize> Columns<N> {
             };
             run(Map { columns: [&columns[1], &columns[2]], of, out: &mut means[0] });
         } else if N > 3 {
-            for index in 0..columns[0].len() {
+            (0..columns[0].len()).for_each(|index| {
                 if let Some((mean, _)) = self.cell(hypothesis, index).conditional() {
                     (2..N).for_each(|i| means[i - 2][index] = mean[i]);
                 }
-            }
+            });
         }
         means
     }

@@ -2,10 +2,10 @@ use alloc::{vec, vec::Vec};
 
 use foxhunt_core::{
     Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel,
-    Observation, Quantity, State, elementary,
+    Observation, Quantity, State, absorb_receiver_noise, elementary,
     parameter::{ParameterError, require},
 };
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix2, SVector, Vector2};
 
 use super::{
     Columns, Lattice, Likelihood, Window,
@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     Innovation,
-    vectorised::{Map, run},
+    vectorised::{Dot, Map, Sum, run},
 };
 
 /// How often, at most, the cells are laid out anew for one observation: each time they become at
@@ -93,8 +93,7 @@ where
         shift(&mut posterior, -log_evidence);
         marginals.iter_mut().flatten().for_each(|log| *log -= log_evidence);
         let belief = self.moments(&posterior, &marginals, &lattice)?;
-        let nis = Innovation::of_belief(&*self, &self.measurement, observation)
-            .map(|innovation| innovation.nis);
+        let nis = self.innovation(observation).map(|innovation| innovation.nis);
         (self.lattice, self.columns) = (lattice, posterior);
         (self.marginals, self.belief) = (marginals, belief);
         Ok(Correction::Fused { nis, log_evidence, effective_sample_size: None })
@@ -109,8 +108,9 @@ where
     }
 
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
-        for (state, weight) in self.weighted_states() {
-            visit(&state, weight);
+        let (states, weights) = self.weighted_states();
+        for (index, weight) in weights.into_iter().enumerate() {
+            visit(&State::from_fn(|i, _| states[i][index]), weight);
         }
     }
 }
@@ -120,9 +120,35 @@ where
     F: MotionModel<N>,
     H: MeasurementModel<N, M>,
 {
-    /// The states of the cells, the further components at their mean over all hypotheses, and
-    /// their weights, which sum to 1.
-    fn weighted_states(&self) -> Vec<(State<N>, f64)> {
+    /// [`Innovation::of_belief`], by columns.
+    fn innovation(&self, observation: &Observation<M>) -> Option<Innovation<M>> {
+        if observation.is_empty() {
+            return None;
+        }
+        let (model, mean) = (&self.measurement, self.belief.mean());
+        let observation = absorb_receiver_noise(model, mean, observation);
+        let receiver = observation.receiver();
+        let centre = model.expected(mean, receiver);
+        let (states, weights) = self.weighted_states();
+        let states = states.each_ref().map(|column| &column[..]);
+        let mut deviations: [Vec<f64>; M] = core::array::from_fn(|_| vec![0.0; weights.len()]);
+        let columns = deviations.each_mut().map(|column| &mut column[..]);
+        model.residuals(states, &centre, receiver, columns);
+        let (mut shift, mut square) = (SVector::<f64, M>::zeros(), Covariance::<M>::zeros());
+        let mut weighted = vec![0.0; weights.len()];
+        for i in 0..M {
+            let of = |[weight, x]: [f64; 2], _| weight * x;
+            run(Map { columns: [&weights, &deviations[i]], of, out: &mut weighted });
+            // The residuals of the centre point the other way.
+            shift[i] = -run(Sum(&weighted));
+            (0..M).for_each(|j| square[(i, j)] = run(Dot(&weighted, &deviations[j])));
+        }
+        Innovation::of_deviations(&centre, &shift, &square, model, &observation)
+    }
+
+    /// The states of the cells, the further components at their mean over all hypotheses, as
+    /// columns, and their weights, which sum to 1.
+    fn weighted_states(&self) -> ([Vec<f64>; N], Vec<f64>) {
         let area = self.lattice.cell_area();
         let log_least = libm::log(LEAST_VISITED / area);
         let cells = self.lattice.len();
@@ -142,17 +168,16 @@ where
             }
         }
         let places = self.lattice.places();
-        let mut states = Vec::new();
-        for (index, weight) in weights.into_iter().enumerate().filter(|(_, w)| *w > 0.0) {
-            let state = State::from_fn(|i, _| match i {
-                0 | 1 => places[i][index],
-                _ => self.reference[i] + behind[i - 2][index] / weight,
-            });
-            states.push((state, weight));
-        }
-        let total: f64 = states.iter().map(|(_, weight)| weight).sum();
-        states.iter_mut().for_each(|(_, weight)| *weight /= total);
-        states
+        let visited: Vec<usize> = (0..cells).filter(|i| weights[*i] > 0.0).collect();
+        let states = core::array::from_fn(|row| {
+            let component = |i: &usize| match row {
+                0 | 1 => places[row][*i],
+                _ => self.reference[row] + behind[row - 2][*i] / weights[*i],
+            };
+            visited.iter().map(component).collect()
+        });
+        let total = run(Sum(&weights));
+        (states, visited.into_iter().map(|i| weights[i] / total).collect())
     }
 
     /// A belief over other cells. Beyond its own it falls from what stands on the border as a

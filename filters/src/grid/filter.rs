@@ -193,7 +193,11 @@ where
                 if log > least { weight } else { 0.0 }
             };
             run(Map { columns: [logs], of, out: &mut weights });
-            total += run(Sum(&weights));
+            let mass = run(Sum(&weights));
+            if mass <= 0.0 {
+                continue;
+            }
+            total += mass;
             let behind = columns.means(hypothesis);
             let states: [&[f64]; N] =
                 core::array::from_fn(|i| if i < 2 { &places[i][..] } else { &behind[i - 2] });
@@ -231,7 +235,8 @@ pub(super) fn normalise<const N: usize>(
     lattice: &Lattice,
 ) -> Vec<Vec<f64>> {
     let mut marginals = columns.log_marginals();
-    let total = log_total(&log_densities(&marginals), lattice);
+    let totals: Vec<f64> = marginals.iter().map(|logs| run(LogSumExp(logs))).collect();
+    let total = log_total(&totals, lattice);
     shift(columns, -total);
     marginals.iter_mut().flatten().for_each(|log| *log -= total);
     marginals

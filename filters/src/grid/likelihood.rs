@@ -1,8 +1,11 @@
 use alloc::{vec, vec::Vec};
-use core::ops::Range;
+use core::{
+    f64::consts::{PI, TAU},
+    ops::Range,
+};
 
 use foxhunt_core::{
-    EstimatorError, MeasurementModel, Observation, Role, State, absorb_receiver_noise,
+    Axis, EstimatorError, MeasurementModel, Observation, Role, State, absorb_receiver_noise,
 };
 use nalgebra::{SMatrix, SVector};
 
@@ -116,22 +119,47 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
         State::from_fn(|i, _| if i < 2 { places[i][index] } else { self.reference[i] })
     }
 
-    /// r and C of every cell, with 0 for what is missing.
+    /// r and C of every cell, with 0 for what is missing and no column for a slope of 0.
     fn linearised(
         &self,
         places: &[Vec<f64>; 2],
         observation: &Observation<M>,
     ) -> ([Vec<f64>; M], [[Vec<f64>; N]; M]) {
         let cells = places[0].len();
-        let mut residuals = core::array::from_fn(|_| vec![0.0; cells]);
+        let present = observation.strike(SVector::<f64, M>::repeat(1.0));
+        let residuals_at = |state: &State<N>| {
+            let behind: Vec<Vec<f64>> = (2..N).map(|i| vec![state[i]; cells]).collect();
+            let states =
+                core::array::from_fn(|i| if i < 2 { &places[i][..] } else { &behind[i - 2][..] });
+            let mut columns: [Vec<f64>; M] = core::array::from_fn(|_| vec![0.0; cells]);
+            let out = columns.each_mut().map(|column| &mut column[..]);
+            let (z, receiver) = (observation.value(), observation.receiver());
+            self.measurement.residuals(states, z, receiver, out);
+            for (row, column) in columns.iter_mut().enumerate() {
+                column.iter_mut().filter(|_| present[row] <= 0.0).for_each(|r| *r = 0.0);
+            }
+            columns
+        };
+        let axes = self.measurement.axes();
+        let residuals = residuals_at(&self.reference);
         let mut slopes: [[Vec<f64>; N]; M] =
-            core::array::from_fn(|_| core::array::from_fn(|_| vec![0.0; cells]));
-        for index in 0..cells {
-            let (residual, slope) = self.at(&self.state(places, index), observation);
-            let (residual, slope) = (observation.strike(residual), observation.strike(slope));
-            for row in 0..M {
-                residuals[row][index] = residual[row];
-                (2..N).for_each(|i| slopes[row][i][index] = slope[(row, i)]);
+            core::array::from_fn(|_| core::array::from_fn(|_| Vec::new()));
+        for i in 2..N {
+            // The model is linear in n, whatever the step.
+            let step = libm::fmax(1.0, self.reference[i].abs());
+            let mut state = self.reference;
+            state[i] += step;
+            for (row, mut column) in residuals_at(&state).into_iter().enumerate() {
+                let turn = if axes[row] == Axis::Angle { TAU } else { 0.0 };
+                let of = |[residual]: [f64; 1], moved| {
+                    let off: f64 = residual - moved;
+                    let off = if off > PI { off - turn } else { off };
+                    (if off < -PI { off + turn } else { off }) / step
+                };
+                run(Map { columns: [&residuals[row]], of, out: &mut column });
+                if column.iter().any(|slope| slope.abs() > 0.0 || slope.is_nan()) {
+                    slopes[row][i] = column;
+                }
             }
         }
         (residuals, slopes)
@@ -183,7 +211,7 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
 /// The residual r at n = 0 of every cell and its slope C over n, a column for each number.
 struct Linear<const N: usize, const M: usize> {
     residuals: [Vec<f64>; M],
-    /// Of each component over those of the state; nothing is known of the first two.
+    /// Of each component over those of the state; empty where there is none.
     slopes: [[Vec<f64>; N]; M],
 }
 
@@ -213,9 +241,15 @@ impl<const N: usize, const M: usize> Linear<N, M> {
                 let mut row = N - 2;
                 for i in 2..N {
                     let slope = &self.slopes[a][i];
+                    if slope.is_empty() {
+                        row += i - 1;
+                        continue;
+                    }
                     add(weight, slope, &self.residuals[b], &mut rest[i - 2]);
-                    for j in 2..=i {
-                        add(weight, slope, &self.slopes[b][j], &mut rest[row]);
+                    for other in &self.slopes[b][2..=i] {
+                        if !other.is_empty() {
+                            add(weight, slope, other, &mut rest[row]);
+                        }
                         row += 1;
                     }
                 }

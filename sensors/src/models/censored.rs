@@ -98,6 +98,16 @@ where
             *out += self.silence(&state, observation);
         }
     }
+
+    fn residuals(
+        &self,
+        columns: [&[f64]; N],
+        z: &SVector<f64, M>,
+        receiver: &Pose,
+        out: [&mut [f64]; M],
+    ) {
+        self.model.residuals(columns, z, receiver, out);
+    }
 }
 
 /// ln Φ(x). Below −30, where Φ nears the least f64, by its asymptotic series (Abramowitz & Stegun

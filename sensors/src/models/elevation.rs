@@ -4,6 +4,7 @@ use foxhunt_core::{
     MeasurementModel, Observation, Pose, Quantity, State, gaussian_log_likelihood,
     log_likelihoods_one_by_one,
     parameter::{self, ParameterError},
+    residuals_one_by_one,
 };
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -155,6 +156,19 @@ where
         match &self.pattern {
             Some(_) => log_likelihoods_one_by_one(self, columns, observation, out),
             None => self.model.log_likelihoods(columns, observation, out),
+        }
+    }
+
+    fn residuals(
+        &self,
+        columns: [&[f64]; N],
+        z: &SVector<f64, M>,
+        receiver: &Pose,
+        out: [&mut [f64]; M],
+    ) {
+        match &self.pattern {
+            Some(_) => residuals_one_by_one(self, columns, z, receiver, out),
+            None => self.model.residuals(columns, z, receiver, out),
         }
     }
 }

@@ -1,7 +1,8 @@
-use core::f64::consts::TAU;
+use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{
-    MeasurementModel, Observation, Pose, Quantity, State, angle, log_likelihoods_one_by_one,
+    MeasurementModel, Observation, Pose, Quantity, State, angle, elementary,
+    log_likelihoods_one_by_one,
     parameter::{self, ParameterError},
 };
 use nalgebra::{RowVector2, SMatrix, SVector, Vector2};
@@ -208,6 +209,31 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
             let turned = angle::wrap(bearing - libm::atan2(y, x));
             let second = (turned - coupling * first) * whiten_bearing;
             *out = constant - 0.5 * (first * first + second * second);
+        }
+    }
+
+    /// One loop for each component; that of the bearing has no branches.
+    fn residuals(
+        &self,
+        columns: [&[f64]; N],
+        z: &Vector2<f64>,
+        receiver: &Pose,
+        [levels, bearings]: [&mut [f64]; 2],
+    ) {
+        let receiver = receiver.position;
+        let (rss, bearing) = (z[0], angle::wrap(z[1]));
+        let up = self.target_up - receiver.z;
+        let places = || columns[0].iter().zip(columns[1]);
+        for (i, (out, (east, north))) in levels.iter_mut().zip(places()).enumerate() {
+            let parameters = parameters::<N, P>(|component| columns[component][i]);
+            let (x, y) = (east - receiver.x, north - receiver.y);
+            let range = libm::sqrt(x * x + y * y + up * up);
+            *out = rss - self.law.level_dbm(&parameters, range);
+        }
+        for (out, (east, north)) in bearings.iter_mut().zip(places()) {
+            let off = bearing - elementary::atan2(north - receiver.y, east - receiver.x);
+            let off = if off > PI { off - TAU } else { off };
+            *out = if off < -PI { off + TAU } else { off };
         }
     }
 }
