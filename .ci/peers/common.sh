@@ -55,6 +55,6 @@ driver_test() {
 # The program with all drivers, and more features if they are given, such as `--features
 # foxhunt-cli/ros2`; sets $foxhunt.
 foxhunt_program() {
-    cargo build --quiet --locked --workspace --bins --features foxhunt-cli/full "$@" || fail "the program does not build"
+    cargo build --quiet --locked -p foxhunt-cli --bins --features full "$@" || fail "the program does not build"
     foxhunt=${CARGO_TARGET_DIR:-$root/target}/debug/foxhunt
 }

@@ -57,8 +57,8 @@ impl<const N: usize, const M: usize> Regression<N, M> {
             return Err(EstimatorError::NotPositiveDefinite { role: Role::Innovation });
         }
         let white = triangle::solve_lower(&unexplained, residual);
-        let seen = triangle::solve_lower(&unexplained, whitened_cross.transpose());
-        let (known, dof) = (Conditioned::on(seen, white), observation.len());
+        let slope = triangle::solve_lower(&unexplained, whitened_cross.transpose());
+        let (known, dof) = (Conditioned::on(slope, white), observation.len());
         Ok(Self { whitened_cross, unexplained, expected, residual, known, dof })
     }
 
