@@ -1,9 +1,9 @@
 //! Elementary functions without branches, so that a loop over columns is vectorised.
 //!
-//! The reductions and most polynomials are those of fdlibm (Sun Microsystems 1993). There is no fused
-//! multiplication in them and no table: a vector of any width gives the same bits as one number
-//! after the other, on every processor. Each is inlined wherever it stands, into functions that
-//! are compiled for wider vectors too.
+//! The reductions and most polynomials are those of fdlibm (Sun Microsystems 1993). There is no
+//! fused multiplication in them and no table: a vector of any width gives the same bits as one
+//! number after the other, on every processor. Each is inlined wherever it stands, into functions
+//! that are compiled for wider vectors too.
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, LOG2_E, PI};
 

@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_seen_sharply_is_known_to_the_last_digits() {
+    fn what_is_measured_sharply_is_known_to_the_last_digits() {
         // One sum of both components, to a 10⁹th: half of it each, and their difference as before.
         let b = nalgebra::RowVector2::new(1e9, 1e9);
         let known = Conditioned::on(b, nalgebra::Vector1::new(1e9));

@@ -241,8 +241,9 @@ fn levels_make_no_difference_to_estimators_of_bearings() {
     assert_ne!(still, moving);
 }
 
-/// What the program before version 0.2 found in the same recordings; `batch-multistart` had the name
-/// `batch`. A particle cloud is not among them: its stream of random numbers is another one now.
+/// What the program before version 0.2 found in the same recordings, where `batch-multistart` was
+/// called `batch`. A particle cloud is not among them: its stream of random numbers is another one
+/// now.
 #[test]
 fn recordings_lead_to_the_places_that_they_led_to() {
     let flight = "aerpaw_afar/afar_exp288_loc1_1hz.csv";

@@ -243,8 +243,9 @@ fn logs_of_older_versions_replay_to_the_bit() {
     assert!(Log::parse(&newer, Path::new("toy.jsonl")).is_err());
 }
 
-/// Hunts of scenario `one-drone`, seed 3, flown and logged before version 6. Filters round otherwise
-/// since then, and a cloud draws other random numbers: it lands within a standard deviation.
+/// Hunts of scenario `one-drone`, seed 3, flown and logged before version 6. Filters round
+/// otherwise since then, and a cloud draws other random numbers: it lands within a standard
+/// deviation.
 #[test]
 fn logs_of_the_program_before_version_6_lead_to_the_same_fixes() {
     let registry = Registry::builtin();

@@ -19,11 +19,12 @@ use crate::{Gaussian, count::number, vectorised};
 
 /// The bootstrap particle filter (Gordon, Salmond & Smith 1993), its resampling regularised.
 ///
-/// Owns its generator, which draws a key for each step; the step's random numbers are a hash of that
-/// (SplitMix64, Steele, Lea & Flood 2014). So two filters made alike run alike. Particles lie in columns, one for each component of the state, and are worked
-/// on by columns ([`MotionModel::move_columns`], [`MeasurementModel::log_likelihoods`]). All
-/// memory is taken when the filter is made, 16 N + 36 bytes for each particle, unless its size
-/// adapts; an update in stages takes a third cloud while it lasts.
+/// Owns its generator, which draws a key for each step; the step's random numbers are a hash of
+/// that (SplitMix64, Steele, Lea & Flood 2014). So two filters made alike run alike. Particles lie
+/// in columns, one for each component of the state, and are worked on by columns
+/// ([`MotionModel::move_columns`], [`MeasurementModel::log_likelihoods`]). All memory is taken when
+/// the filter is made, 16 N + 36 bytes for each particle, unless its size adapts; an update in
+/// stages takes a third cloud while it lasts.
 ///
 /// The cloud is resampled where its effective sample size has fallen below a share of its
 /// particles, at the start of the next `predict`: between two updates at one time copies would

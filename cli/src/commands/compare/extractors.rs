@@ -62,7 +62,8 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
 
 /// What the columns mean.
 const LEGEND: &str = "Errors and σ in degrees. For a consistent extractor error/σ is 1 in the \
-     root mean square, and 95 % of the\nerrors lie within 1.96 σ. r is the correlation of σ and error.";
+     root mean square, and 95 % of the\nerrors lie within 1.96 σ. r is the correlation \
+     of σ and error.";
 
 fn text(report: &BearingReport) -> String {
     let mut rows = table(&[
