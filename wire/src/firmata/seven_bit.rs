@@ -1,5 +1,7 @@
 //! Values in bytes of seven bits, the lowest first.
 
+use std::str::Utf8Chunk;
+
 use super::FirmataError;
 
 /// The largest magnitude that has room beside the sign.
@@ -36,12 +38,15 @@ pub(super) fn encode_text(text: &str, into: &mut Vec<u8>) {
     into.extend(text.bytes().flat_map(|byte| [byte & 0x7F, byte >> 7]));
 }
 
-/// `None` where half a byte is missing, or more than a byte is there. What is no UTF-8 is replaced.
+/// `None` where half a byte is missing, or more than a byte is there. A byte that is no UTF-8 becomes
+/// a question mark: a text does not grow on the way, so what was read fits into a message again.
 pub(super) fn decode_text(bytes: &[u8]) -> Option<String> {
     let (pairs, rest) = bytes.as_chunks::<2>();
     let byte = |[low, high]: &[u8; 2]| (*high < 2).then(|| low | high << 7);
     let text: Vec<u8> = pairs.iter().map(byte).collect::<Option<_>>()?;
-    rest.is_empty().then(|| String::from_utf8_lossy(&text).into_owned())
+    let readable =
+        |chunk: Utf8Chunk<'_>| format!("{}{}", chunk.valid(), "?".repeat(chunk.invalid().len()));
+    rest.is_empty().then(|| text.utf8_chunks().map(readable).collect())
 }
 
 fn low(bits: u32) -> u8 {
@@ -60,6 +65,13 @@ mod tests {
         assert!(refused.contains("steps is -2147483648"), "{refused}");
         assert_eq!(decode_i32([0, 0, 0, 0, 0x10]), None);
         assert_eq!(decode_i32([0, 0, 0, 0, 0x08]), Some(0), "minus nothing");
+    }
+
+    #[test]
+    fn a_text_that_is_no_utf_8_keeps_its_length() {
+        let bytes: Vec<u8> =
+            b"a\xE9\xFFz".iter().flat_map(|byte| [byte & 0x7F, byte >> 7]).collect();
+        assert_eq!(decode_text(&bytes).as_deref(), Some("a??z"));
     }
 
     proptest! {
