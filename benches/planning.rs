@@ -3,6 +3,7 @@
 
 use std::hint::black_box;
 
+use belief::{Cloud, drones};
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use foxhunt::{
     formation::{
@@ -12,41 +13,9 @@ use foxhunt::{
     prelude::*,
 };
 use nalgebra::{Matrix2, Vector2, Vector3};
-use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
-use rand_distr::{Distribution, StandardNormal};
 
-/// Particles of equal weight.
-struct Cloud {
-    places: Vec<Vector2<f64>>,
-    moments: Estimate<2>,
-}
-
-impl Cloud {
-    /// 2000 particles in equal parts about the middles.
-    fn about(middles: &[[f64; 2]], sigma: f64) -> Self {
-        let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
-        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
-        let places: Vec<_> = (0..2000)
-            .map(|i| {
-                Vector2::from(middles[i % middles.len()]) + Vector2::new(normal(), normal()) * sigma
-            })
-            .collect();
-        let mean = places.iter().sum::<Vector2<f64>>() / 2000.0;
-        let square = |place: &Vector2<f64>| (place - mean) * (place - mean).transpose();
-        let covariance = places.iter().map(square).sum::<Matrix2<f64>>() / 2000.0;
-        Self { places, moments: Estimate { mean, covariance } }
-    }
-}
-
-impl Belief for Cloud {
-    fn position(&self) -> Estimate<2> {
-        self.moments
-    }
-
-    fn visit_positions(&self, visit: &mut dyn FnMut(&Vector2<f64>, f64)) {
-        self.places.iter().for_each(|place| visit(place, 1.0 / 2000.0));
-    }
-}
+#[path = "problems/belief.rs"]
+mod belief;
 
 /// The best polygon of 21 × 21 centres, 8 radii and 3 rotations by the expected log-determinant of
 /// the next turn, over the first 64 particles.
@@ -89,8 +58,7 @@ fn listens(planner: &mut impl FormationPlanner, belief: &Cloud, stations: &mut [
 fn planning(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("one plan for 8 drones");
     group.sample_size(20);
-    let drones: Vec<Station> =
-        (0..8).map(|i| Station::holding(Pose::at(4.0 * f64::from(i), -50.0, 4.0))).collect();
+    let drones = drones();
     let config = InformationConfig::default();
     for (name, belief) in [
         ("one mode", Cloud::about(&[[20.0, 30.0]], 15.0)),

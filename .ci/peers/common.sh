@@ -52,9 +52,9 @@ driver_test() {
     grep -q "1 passed" <<<"$said"
 }
 
-# The program with all drivers, and more features if they are given, such as `--features
-# foxhunt-cli/ros2`; sets $foxhunt.
+# The program with all drivers, built as the tests build it, and more features if they are given,
+# such as `--features foxhunt-cli/ros2`; sets $foxhunt.
 foxhunt_program() {
-    cargo build --quiet --locked -p foxhunt-cli --bins --features full "$@" || fail "the program does not build"
+    cargo test --quiet --locked --workspace --test program --no-run "$@" || fail "the program does not build"
     foxhunt=${CARGO_TARGET_DIR:-$root/target}/debug/foxhunt
 }

@@ -72,7 +72,7 @@ def wait_for(what, met, fusing, limit_s=300):
 
 def hunt():
     (folder / "field.toml").write_text(
-        (here.parent.parent / "scenarios" / "pritzl-6.1.toml").read_text()
+        (here.parent.parent / "hunt" / "scenarios" / "pritzl-6.1.toml").read_text()
         # A computer that is busy for a moment is busy for long by a fast clock: 30 s on the wall.
         + "\n[hunt]\nshared_turns = true\nattendance = { lost_after_s = 300 }\n")
     observer = start("observer", python, here / f"peer_{middleware}.py", SPEED, OWN_LEVEL_DBM,

@@ -56,6 +56,12 @@ impl Resultant {
         })
     }
 
+    /// It with all its weights multiplied by a factor.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self { cos: self.cos * factor, sin: self.sin * factor, weight: self.weight * factor }
+    }
+
     /// The mean direction, or `None` where the directions cancel: a resultant length below
     /// `least_length` is rounding, not a direction.
     #[must_use]

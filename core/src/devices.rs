@@ -21,6 +21,13 @@ pub trait Radio {
     ///
     /// Whatever the link says.
     fn poll(&mut self) -> Result<Option<f64>, Self::Error>;
+
+    /// The next time at which a [`poll`](Self::poll) may give an answer or fail, in seconds of its
+    /// clock; infinite where none is outstanding. `None`, unless overridden, where that is not
+    /// known.
+    fn next_event(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// A motor that turns the antenna about the drone's vertical axis.
@@ -44,6 +51,13 @@ pub trait Rotator {
     ///
     /// Whatever the link says.
     fn poll(&mut self) -> Result<Option<f64>, Self::Error>;
+
+    /// The next time at which a [`poll`](Self::poll) may differ from the one before, in seconds of
+    /// its clock; infinite where it stands until it is ordered to turn. `None`, unless overridden,
+    /// where that is not known.
+    fn next_event(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// A clock that is passed in: nothing in the libraries asks the system for the time.

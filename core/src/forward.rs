@@ -47,6 +47,9 @@ macro_rules! forward {
             fn poll(&mut self) -> Result<Option<Sweep<'_>>, T::Error> {
                 (**self).poll()
             }
+            fn next_event(&self) -> Option<f64> {
+                (**self).next_event()
+            }
         }
 
         impl<T: ?Sized + BearingExtractor> BearingExtractor for $pointer {
@@ -102,6 +105,9 @@ macro_rules! forward {
             fn land(&mut self) -> Result<(), T::Error> {
                 (**self).land()
             }
+            fn next_event(&self) -> Option<f64> {
+                (**self).next_event()
+            }
         }
 
         impl<T: ?Sized + Spinner> Spinner for $pointer {
@@ -118,6 +124,9 @@ macro_rules! forward {
             fn poll(&mut self) -> Result<Option<f64>, T::Error> {
                 (**self).poll()
             }
+            fn next_event(&self) -> Option<f64> {
+                (**self).next_event()
+            }
         }
 
         impl<T: ?Sized + Rotator> Rotator for $pointer {
@@ -127,6 +136,9 @@ macro_rules! forward {
             }
             fn poll(&mut self) -> Result<Option<f64>, T::Error> {
                 (**self).poll()
+            }
+            fn next_event(&self) -> Option<f64> {
+                (**self).next_event()
             }
         }
     )+};

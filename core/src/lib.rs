@@ -53,6 +53,7 @@ mod planner;
 mod pose;
 mod quantity;
 mod reception;
+pub mod vectorised;
 mod vehicle;
 
 pub use nalgebra;

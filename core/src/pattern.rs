@@ -84,4 +84,15 @@ pub trait PatternSource {
     ///
     /// Whatever the hardware says; a source may be polled again after an error.
     fn poll(&mut self) -> Result<Option<Sweep<'_>>, Self::Error>;
+
+    /// The next time at which a [`poll`](Self::poll) may do anything, in seconds of the clock of
+    /// its devices: before it, a poll takes no step and lends nothing, unless somebody else uses
+    /// these devices. Infinite where nothing happens before the next [`begin`](Self::begin);
+    /// `None`, unless overridden, where it is not known.
+    ///
+    /// A simulation goes from one event to the next and leaves out the polls in between. It may be
+    /// too early, which costs a poll, and never too late.
+    fn next_event(&self) -> Option<f64> {
+        None
+    }
 }

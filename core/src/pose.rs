@@ -55,10 +55,13 @@ impl Pose {
 
     /// Whether every number in it is finite.
     #[must_use]
+    #[inline]
     pub fn is_finite(&self) -> bool {
         let Self { position, heading, pitch, roll, velocity } = self;
-        let velocity = velocity.as_ref().into_iter().flatten();
-        position.iter().chain([heading, pitch, roll]).chain(velocity).all(|n| n.is_finite())
+        // Zero times a number that is not finite is none.
+        let zero = |v: &Vector3<f64>| 0.0 * v.x + 0.0 * v.y + 0.0 * v.z;
+        let angles = 0.0 * heading + 0.0 * pitch + 0.0 * roll;
+        (zero(position) + angles + velocity.as_ref().map_or(0.0, zero)).is_finite()
     }
 }
 

@@ -38,6 +38,13 @@ pub trait Vehicle {
         position.z = 0.0;
         self.go_to(&Waypoint { position })
     }
+
+    /// The next time at which its [`pose`](Self::pose) may change or fail, in seconds of its clock,
+    /// unless it is given an order; infinite where it stays as it is. `None`, unless overridden,
+    /// where that is not known, as while it moves.
+    fn next_event(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// An aircraft that can turn about its vertical axis for as long as it is asked to, while it hovers

@@ -1,38 +1,6 @@
-//! Loops over columns, compiled once more for wide vectors.
+//! Sums and maps over columns, on wide vectors where the processor has them.
 
-use foxhunt_core::elementary;
-
-/// A loop that runs on wide vectors where the processor has them. There is no fused multiplication
-/// and no sum whose order is left open in one, so that its bits are the same everywhere.
-pub(crate) trait Kernel {
-    /// What it returns.
-    type Output;
-
-    /// Runs it; `#[inline(always)]`, as is everything in it that shall be vectorised.
-    fn run(self) -> Self::Output;
-}
-
-/// Runs a kernel on the widest vectors that there are.
-#[inline]
-pub(crate) fn run<K: Kernel>(kernel: K) -> K::Output {
-    #[cfg(feature = "std")]
-    return pulp::Arch::new().dispatch(Dispatched(kernel));
-    #[cfg(not(feature = "std"))]
-    return kernel.run();
-}
-
-#[cfg(feature = "std")]
-struct Dispatched<K>(K);
-
-#[cfg(feature = "std")]
-impl<K: Kernel> pulp::WithSimd for Dispatched<K> {
-    type Output = K::Output;
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _simd: S) -> K::Output {
-        self.0.run()
-    }
-}
+pub(crate) use foxhunt_core::vectorised::{Kernel, run};
 
 /// So many sums run side by side: two or more wide vectors, and the same ones everywhere.
 const LANES: usize = 16;
@@ -86,20 +54,15 @@ pub(crate) fn largest(a: &[f64]) -> f64 {
     lanes.into_iter().fold(f64::NEG_INFINITY, larger)
 }
 
-/// ln Σ exp(aᵢ).
-pub(crate) struct LogSumExp<'a>(pub(crate) &'a [f64]);
+/// The largest, NaN aside; −∞ if there is none.
+pub(crate) struct Largest<'a>(pub(crate) &'a [f64]);
 
-impl Kernel for LogSumExp<'_> {
+impl Kernel for Largest<'_> {
     type Output = f64;
 
     #[inline(always)]
     fn run(self) -> f64 {
-        let most = largest(self.0);
-        if most <= f64::NEG_INFINITY {
-            return most;
-        }
-        let lanes = fold(self.0, self.0, 0.0, |sum, a, _| sum + elementary::exp(a - most));
-        most + libm::log(total(lanes))
+        largest(self.0)
     }
 }
 

@@ -170,6 +170,10 @@ impl<V: Vehicle> Vehicle for Shared<V> {
     fn land(&mut self) -> Result<(), V::Error> {
         self.0.borrow_mut().land()
     }
+
+    fn next_event(&self) -> Option<f64> {
+        self.0.borrow().next_event()
+    }
 }
 
 impl<V: Spinner> Spinner for Shared<V> {

@@ -69,14 +69,54 @@ impl Runner {
         first_seed: u64,
         progress: &(dyn Fn() + Sync),
     ) -> Result<Vec<E::Run>, E::Error> {
+        let mut all = Vec::new();
+        self.run_each(experiment, runs, first_seed, progress, |_, run| {
+            all.push(run);
+            Ok(())
+        })?;
+        Ok(all)
+    }
+
+    /// Runs an experiment as [`run`](Self::run) does and hands each run to `take` with its seed, in
+    /// the order of the seeds, instead of keeping them: however many there are, no more than some
+    /// hundreds for each thread are in memory at a time.
+    ///
+    /// # Errors
+    ///
+    /// Those of the experiment and of `take`, which ends it.
+    pub fn run_each<E: Experiment>(
+        &self,
+        experiment: &E,
+        runs: u32,
+        first_seed: u64,
+        progress: &(dyn Fn() + Sync),
+        mut take: impl FnMut(u64, E::Run) -> Result<(), E::Error>,
+    ) -> Result<(), E::Error> {
         let one = |run: u32| {
             let outcome = experiment.run(seed_of(first_seed, run));
             progress();
             outcome
         };
-        self.pool.install(|| (0..runs).into_par_iter().map(one).collect())
+        let threads = u32::try_from(self.pool.current_num_threads()).unwrap_or(u32::MAX);
+        let batch = RUNS_PER_THREAD.saturating_mul(threads);
+        let mut begun = 0;
+        while begun < runs {
+            let end = begun.saturating_add(batch).min(runs);
+            let done: Vec<E::Run> = self
+                .pool
+                .install(|| (begun..end).into_par_iter().map(one).collect::<Result<_, _>>())?;
+            for (run, outcome) in (begun..end).zip(done) {
+                take(seed_of(first_seed, run), outcome)?;
+            }
+            begun = end;
+        }
+        Ok(())
     }
 }
+
+/// How many runs a thread has before all wait for the last of them: enough for that to cost
+/// nothing, and few enough to be kept.
+const RUNS_PER_THREAD: u32 = 256;
 
 /// The seed of a run.
 pub(crate) fn seed_of(first_seed: u64, run: u32) -> u64 {

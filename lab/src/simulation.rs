@@ -6,7 +6,7 @@ pub use record::{Found, SearchProgress, Simulated};
 
 use foxhunt_core::{BeaconId, Station};
 use foxhunt_hunt::{
-    hunt::{Devices, DriveError, Drone, Event, Hunt, HuntError, drive},
+    hunt::{Agenda, Devices, DriveError, Drone, Event, Hunt, HuntError},
     log::{LOG_VERSION, LogHeader, LoggedBeacon},
     registry::{EstimatorEntry, PartsError, Registry, RegistryError},
     scenario::{Scenario, SimulationConfig, SourcesError},
@@ -66,7 +66,8 @@ impl Setup<'_> {
         self.simulate_watched(seed, on_event, |_| ())
     }
 
-    /// Flies it, and `watch` is called with the true world at every tick.
+    /// Flies it, and `watch` is called with the true world at every tick at which anything happens:
+    /// at each while a drone moves.
     ///
     /// # Errors
     ///
@@ -91,6 +92,10 @@ impl Setup<'_> {
 /// Flies a hunt of any parts in a simulated world to its end. Beacons of the world that the hunt
 /// does not know are added when they appear.
 ///
+/// It goes from one event to the next, in whole ticks. Devices of one's own are polled at every
+/// tick unless they know their [next event](foxhunt_core::PatternSource::next_event) by the world's
+/// clock; what comes of it is the same.
+///
 /// # Errors
 ///
 /// [`SimulationError`] when the hunt cannot begin or go on, or takes too long; whatever
@@ -105,7 +110,8 @@ pub fn fly<D: Devices, O: std::error::Error + Send + Sync + 'static>(
     fly_watched(hunt, world, drones, config, on_event, |_| ())
 }
 
-/// Flies a hunt of any parts, and `watch` is called with the true world at every tick.
+/// Flies a hunt of any parts, and `watch` is called with the true world at every tick at which
+/// anything happens: at each while a drone moves.
 ///
 /// # Errors
 ///
@@ -123,10 +129,11 @@ pub fn fly_watched<D: Devices, O: std::error::Error + Send + Sync + 'static>(
         .map(|drone| Ok(Station::holding(world.pose(drone)?)))
         .collect::<Result<_, SimError>>()?;
     hunt.start(world.time(), stations)?;
+    let mut agenda = Agenda::new(config.tick_s);
     loop {
         watch(world);
-        drive(hunt, drones, world.time())?;
-        add_who_appeared(hunt, world).map_err(DriveError::Hunt)?;
+        agenda.drive(hunt, drones, world.time())?;
+        let appears_at = add_who_appeared(hunt, world).map_err(DriveError::Hunt)?;
         while let Some(event) = hunt.poll_event() {
             record.note(&event, world);
             on_event(&event).map_err(|error| SimulationError::Log(Box::new(error)))?;
@@ -137,20 +144,25 @@ pub fn fly_watched<D: Devices, O: std::error::Error + Send + Sync + 'static>(
         if world.time() > config.limit_s {
             return Err(SimulationError::TooLong { limit_s: config.limit_s });
         }
-        world.advance(config.tick_s)?;
+        let next = agenda.next_event().map_or(0.0, |event| event.min(appears_at));
+        world.advance_until(next.min(config.limit_s), config.tick_s)?;
     }
 }
 
-/// Adds the beacons that have appeared since to a hunt that is still on.
-fn add_who_appeared(hunt: &mut Hunt, world: &World) -> Result<(), HuntError> {
+/// Adds the beacons that have appeared since to a hunt that is still on; when the next one appears,
+/// infinite where none does.
+fn add_who_appeared(hunt: &mut Hunt, world: &World) -> Result<f64, HuntError> {
     while let Ok(next) = u16::try_from(hunt.beacon_count()).map(BeaconId)
         && hunt.fixes().len() < hunt.beacon_count()
-        && world.appears_after_s(next).is_some_and(|appears| appears <= world.time())
-        && let Some(name) = world.beacon_name(next)
+        && let Some(appears_at) = world.appears_after_s(next)
     {
+        if appears_at > world.time() {
+            return Ok(appears_at);
+        }
+        let Some(name) = world.beacon_name(next) else { break };
         hunt.add_beacon(world.time(), name)?;
     }
-    Ok(())
+    Ok(f64::INFINITY)
 }
 
 /// Why a scenario could not be flown to its end.

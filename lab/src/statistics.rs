@@ -1,7 +1,106 @@
+use ddsketchy::DDSketch;
 use serde::Serialize;
-use statrs::statistics::{Data, OrderStatistics, Statistics};
+use statrs::statistics::{Data, OrderStatistics};
 
-/// How errors are spread, in metres.
+/// Up to so many values quantiles are exact; beyond, they are those of a sketch.
+const EXACT: usize = 1 << 16;
+
+/// The relative error of a sketch's quantiles.
+const SKETCH_ERROR: f64 = 1e-3;
+
+/// A sketch's largest number of buckets: nine decades at that error.
+const SKETCH_BUCKETS: usize = 10_400;
+
+/// Running figures of any number of values in bounded memory, in the order in which they come: the
+/// mean and the mean square by Welford's recurrence (1962), and quantiles.
+///
+/// Up to 65 536 values the quantiles are exact. Beyond, they come from a sketch with logarithmic
+/// buckets (Masson, Rim & Lee 2019, DDSketch) and err by at most a thousandth of the quantile, for
+/// values that span up to nine decades. Values are positive, zero or infinite.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Running {
+    count: f64,
+    mean: f64,
+    mean_square: f64,
+    max: f64,
+    infinite: u32,
+    exact: Vec<f64>,
+    /// Of the finite values, once there are too many.
+    sketch: Option<DDSketch>,
+}
+
+impl Running {
+    pub(crate) fn add(&mut self, value: f64) {
+        self.count += 1.0;
+        self.mean += (value - self.mean) / self.count;
+        self.mean_square += (value * value - self.mean_square) / self.count;
+        self.max = if self.count > 1.0 { self.max.max(value) } else { value };
+        self.infinite = self.infinite.saturating_add(u32::from(value.is_infinite()));
+        match &mut self.sketch {
+            Some(sketch) if value.is_finite() => sketch.add(value),
+            Some(_) => {}
+            None => self.exact.push(value),
+        }
+        if self.exact.len() > EXACT {
+            let mut sketch = DDSketch::with_max_bins(SKETCH_ERROR, SKETCH_BUCKETS)
+                .expect("the error is between 0 and 1");
+            let values = std::mem::take(&mut self.exact);
+            values.iter().filter(|value| value.is_finite()).for_each(|value| sketch.add(*value));
+            self.sketch = Some(sketch);
+        }
+    }
+
+    /// A tenth, the median and nine tenths; `None` where there are no values.
+    fn quantiles(&self) -> Option<[f64; 3]> {
+        const AT: [f64; 3] = [0.1, 0.5, 0.9];
+        if self.count < 1.0 {
+            return None;
+        }
+        let Some(sketch) = &self.sketch else {
+            let mut data = Data::new(self.exact.clone());
+            return Some(AT.map(|p| data.quantile(p)));
+        };
+        // The infinite ones are above all others.
+        let finite = self.count - f64::from(self.infinite);
+        Some(AT.map(|p| {
+            let below = p * self.count / finite;
+            let within = (below <= 1.0).then(|| sketch.quantile(below).ok()).flatten();
+            within.unwrap_or(f64::INFINITY)
+        }))
+    }
+
+    /// The spread of errors; `None` where there are no values.
+    pub(crate) fn spread(&self) -> Option<Spread> {
+        let [p10, p50, p90] = self.quantiles()?;
+        let (mean, rms) = (self.mean, self.mean_square.sqrt());
+        Some(Spread { p10, p50, p90, mean, rms, max: self.max })
+    }
+
+    /// The spread of step counts; `None` where there are no values.
+    pub(crate) fn step_spread(&self) -> Option<StepSpread> {
+        let [p10, p50, p90] = self.quantiles()?;
+        Some(StepSpread { mean: self.mean, p10, p50, p90 })
+    }
+
+    /// The spread of what some runs never reach, which are infinite; `None` where there is no run.
+    pub(crate) fn first_passage(&self) -> Option<FirstPassage> {
+        // Between an infinite value and any other one lies no finite one.
+        let [p10, p50, p90] =
+            self.quantiles()?.map(|value| Some(value).filter(|value| value.is_finite()));
+        Some(FirstPassage { p10, p50, p90, never: self.infinite })
+    }
+}
+
+impl FromIterator<f64> for Running {
+    fn from_iter<I: IntoIterator<Item = f64>>(values: I) -> Self {
+        let mut running = Self::default();
+        values.into_iter().for_each(|value| running.add(value));
+        running
+    }
+}
+
+/// How errors are spread, in metres. Of more than 65 536 values the quantiles err by up to a
+/// thousandth; all else is exact.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
     /// A tenth of the values is below.
@@ -22,15 +121,7 @@ impl Spread {
     /// The spread of some values; `None` where there are none.
     #[must_use]
     pub fn of(values: &[f64]) -> Option<Self> {
-        let [p10, p50, p90] = quantiles(values)?;
-        Some(Self {
-            p10,
-            p50,
-            p90,
-            mean: values.mean(),
-            rms: values.quadratic_mean(),
-            max: values.max(),
-        })
+        values.iter().copied().collect::<Running>().spread()
     }
 }
 
@@ -51,8 +142,7 @@ impl StepSpread {
     /// The spread of some values; `None` where there are none.
     #[must_use]
     pub fn of(values: &[f64]) -> Option<Self> {
-        let [p10, p50, p90] = quantiles(values)?;
-        Some(Self { mean: values.mean(), p10, p50, p90 })
+        values.iter().copied().collect::<Running>().step_spread()
     }
 }
 
@@ -77,21 +167,9 @@ impl FirstPassage {
     /// no run.
     #[must_use]
     pub fn of(runs: impl IntoIterator<Item = Option<f64>>) -> Option<Self> {
-        let values: Vec<f64> = runs.into_iter().map(|run| run.unwrap_or(f64::INFINITY)).collect();
-        let never = values.iter().filter(|value| value.is_infinite()).count();
-        // Between an infinite value and any other one lies no finite one.
-        let [p10, p50, p90] =
-            quantiles(&values)?.map(|value| Some(value).filter(|value| value.is_finite()));
-        Some(Self { p10, p50, p90, never: u32::try_from(never).unwrap_or(u32::MAX) })
+        let values = runs.into_iter().map(|run| run.unwrap_or(f64::INFINITY));
+        values.collect::<Running>().first_passage()
     }
-}
-
-fn quantiles(values: &[f64]) -> Option<[f64; 3]> {
-    if values.is_empty() {
-        return None;
-    }
-    let mut data = Data::new(values.to_vec());
-    Some([0.1, 0.5, 0.9].map(|p| data.quantile(p)))
 }
 
 #[cfg(test)]
@@ -111,6 +189,32 @@ mod tests {
         assert_relative_eq!(spread.rms, (338_350.0_f64 / 101.0).sqrt(), epsilon = 1e-12);
         assert!((spread.p90 - 90.0).abs() < 1.0 && (spread.p10 - 10.0).abs() < 1.0);
         assert_eq!(Spread::of(&[]), None);
+    }
+
+    /// Half as many values again as are kept: exponential ones, by the inverse of their
+    /// distribution at equal steps, so that their quantiles are known.
+    #[test]
+    fn quantiles_of_many_values_err_by_a_thousandth() {
+        let count = u32::try_from(EXACT + EXACT / 2).expect("a small number");
+        let share = |i: u32| (f64::from(i) + 0.5) / f64::from(count);
+        // In an order that is neither that of the values nor its reverse.
+        let shuffled = (0..count).map(|i| i.wrapping_mul(7919) % count);
+        let values = shuffled.map(|i| -(-share(i)).ln_1p());
+        let running: Running = values.collect();
+        assert!(running.sketch.is_some() && running.exact.is_empty());
+        let spread = running.spread().expect("there are values");
+        for (p, found) in [(0.1_f64, spread.p10), (0.5, spread.p50), (0.9, spread.p90)] {
+            let exact = -(-p).ln_1p();
+            assert!((found / exact - 1.0).abs() < 1.1 * SKETCH_ERROR, "{p}: {found}, {exact}");
+        }
+        assert_relative_eq!(spread.mean, 1.0, epsilon = 1e-4);
+        // A quarter more that never get there: the ninth tenth is among these, the median at 5/8.
+        let mut running = running;
+        (0..count / 4).for_each(|_| running.add(f64::INFINITY));
+        let passage = running.first_passage().expect("there are runs");
+        assert_eq!((passage.never, passage.p90), (count / 4, None));
+        let exact = -(-0.625_f64).ln_1p();
+        assert!((passage.p50.expect("the median") / exact - 1.0).abs() < 1.1 * SKETCH_ERROR);
     }
 
     #[test]

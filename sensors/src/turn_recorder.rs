@@ -70,6 +70,11 @@ impl TurnRecorder {
         self.ended = Some(time);
     }
 
+    /// Whether there is a sweep that was not lent yet, of a turn that is over or not.
+    pub(crate) fn has_more(&self) -> bool {
+        self.lent < self.sweeps.len()
+    }
+
     /// The next sweep of a turn that is over, each once; `fallback` is where the receiver was if
     /// there is no sample.
     pub(crate) fn lend(
@@ -97,7 +102,6 @@ pub(crate) fn mean_pose(samples: &[Sample]) -> Option<Pose> {
     let last = samples.last()?;
     let mut heading = Resultant::default();
     let mut position = Vector3::zeros();
-    let mut velocity = Some(Vector3::zeros());
     let (mut pitch, mut roll, mut count) = (0.0, 0.0, 0.0);
     // A drone that hovers has one heading for all samples.
     let (mut held, mut unit) = (f64::NAN, Resultant::default());
@@ -108,11 +112,12 @@ pub(crate) fn mean_pose(samples: &[Sample]) -> Option<Pose> {
         }
         heading += unit;
         position += receiver.position;
-        velocity = velocity.zip(receiver.velocity).map(|(sum, velocity)| sum + velocity);
         pitch += receiver.pitch;
         roll += receiver.roll;
         count += 1.0;
     }
+    let velocities = samples.iter().map(|sample| sample.receiver.velocity);
+    let velocity = velocities.sum::<Option<Vector3<f64>>>();
     // The attitude of a body that turned meanwhile is that of no one heading.
     if heading.length() < HELD {
         pitch = 0.0;

@@ -12,7 +12,7 @@ use crate::{
     LateSource, SimBody, SimClock, SimError, SimOmnidirectional, SimRadio, SimRotator, SimStepper,
     SimVehicle, WorldConfig,
     devices::OnBoard,
-    truth::{Channel, Drone, Port, Streams, Truth, beacon_of},
+    truth::{Channel, Drone, Port, Streams, Truth, beacon_of, is_due},
 };
 
 /// A simulated world. Clones and devices are handles to the same one.
@@ -59,6 +59,30 @@ impl World {
         }
         truth.advance(dt);
         Ok(())
+    }
+
+    /// Lets time pass in steps of `dt` seconds, one at least, until the moment `until` has come: as
+    /// [`advance`](Self::advance) does step by step.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::TimeStep`] for a step that is not positive or too small to be added to the time,
+    /// or a moment that never comes.
+    pub fn advance_until(&self, until: f64, dt: f64) -> Result<(), SimError> {
+        let truth = &mut *self.truth.borrow_mut();
+        if until.is_nan() || until == f64::INFINITY {
+            return Err(SimError::TimeStep { dt: until });
+        }
+        loop {
+            let next = truth.time + dt;
+            if !(next > truth.time && next.is_finite()) {
+                return Err(SimError::TimeStep { dt });
+            }
+            truth.advance(dt);
+            if is_due(until, truth.time) {
+                return Ok(());
+            }
+        }
     }
 
     /// Seconds since the beginning.

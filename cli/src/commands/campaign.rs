@@ -1,5 +1,12 @@
+use std::{
+    fs::File,
+    io::{BufWriter, Write},
+    path::PathBuf,
+};
+
 use foxhunt::{
-    campaign::campaign, registry::EstimatorEntry, scenario::DEFAULT_SCENARIO, trial::builtin_trials,
+    campaign::campaign_watched, registry::EstimatorEntry, report::HuntReport,
+    scenario::DEFAULT_SCENARIO, trial::builtin_trials,
 };
 
 use super::{
@@ -24,6 +31,10 @@ pub(crate) struct Args {
     scenario: String,
     #[command(flatten)]
     runs: Runs,
+    /// A file that the result of every hunt is written to, one JSON value in each line; hunts that
+    /// could not go on have none
+    #[arg(long, value_name = "FILE")]
+    hunts_to: Option<PathBuf>,
     /// An estimator, again for each more; the scenario's own unless given
     #[arg(long, value_name = "NAME")]
     estimator: Vec<String>,
@@ -47,10 +58,21 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             args.scenario
         ));
     }
+    let path = args.hunts_to.as_deref();
+    let file = path.map(|path| File::create(path).map_err(|error| CliError::writing(path, error)));
+    let mut file = file.transpose()?.map(BufWriter::new);
     let report = args.runs.with_progress("hunts", estimators.len(), |repetition| {
-        campaign(registry, &scenario, &estimators, repetition)
+        campaign_watched(registry, &scenario, &estimators, repetition, |hunt| {
+            let Some(file) = &mut file else { return Ok(()) };
+            let hunt = HuntReport { planner: args.planning.name().to_owned(), ..hunt.clone() };
+            serde_json::to_writer(&mut *file, &hunt)?;
+            file.write_all(b"\n")
+        })
     });
     let mut report = report.map_err(|error| choice::campaign_error(error, &args.scenario))?;
+    if let (Some(file), Some(path)) = (&mut file, path) {
+        file.flush().map_err(|error| CliError::writing(path, error))?;
+    }
     report.planner = Some(args.planning.name().to_owned());
     output.result(&report, tables)
 }

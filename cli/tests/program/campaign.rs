@@ -1,4 +1,8 @@
-use crate::support::{foxhunt, has};
+use std::{ffi::OsString, fs};
+
+use serde_json::Value;
+
+use crate::support::{folder, foxhunt, has};
 
 #[test]
 fn a_name_may_be_a_trial_and_a_scenario() {
@@ -60,6 +64,34 @@ fn a_campaign_is_the_same_for_any_number_of_jobs() {
         assert!(beacon["path_m"]["p10"].as_f64().expect("a number") > 10.0);
         assert_eq!(beacon["anees_interval"].as_array().map(Vec::len), Some(2));
     }
+}
+
+#[test]
+fn every_hunt_of_a_campaign_may_be_kept() {
+    let file = folder("every_hunt").join("hunts.jsonl");
+    let args = ["campaign", "--json", "--runs", "3", "--seed", "5", "--planner", "hold"];
+    let estimators = ["--estimator", "ukf-pritzl2018", "--estimator", "ekf-pritzl2018"];
+    let mut args: Vec<OsString> = args.iter().chain(&estimators).map(OsString::from).collect();
+    args.extend(["--hunts-to".into(), file.clone().into_os_string()]);
+    let report = foxhunt(args).json();
+    let lines = fs::read_to_string(&file).expect("it was written");
+    let hunts: Vec<Value> = lines
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("a JSON value in each line"))
+        .collect();
+    let seeds: Vec<_> = hunts.iter().filter_map(|hunt| hunt["seed"].as_u64()).collect();
+    assert_eq!(seeds, [5, 6, 7, 5, 6, 7]);
+    assert!(hunts.iter().all(|hunt| hunt["planner"] == "hold"));
+    for (estimator, hunts) in hunts.chunks(3).enumerate() {
+        let estimator = &report["estimators"][estimator];
+        assert!(hunts.iter().all(|hunt| hunt["estimator"] == estimator["estimator"]));
+        let error = |hunt: &Value| hunt["beacons"][0]["error_m"].as_f64().expect("a number");
+        let mean = hunts.iter().map(error).sum::<f64>() / 3.0;
+        let reported = estimator["beacons"][0]["error_m"]["mean"].as_f64().expect("a number");
+        assert!((mean - reported).abs() < 1e-9, "{mean}, {reported}");
+    }
+    foxhunt(["campaign", "--runs", "1", "--hunts-to", "/no/such/folder/x"])
+        .failed(1, &["/no/such/folder/x"]);
 }
 
 #[test]

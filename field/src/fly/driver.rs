@@ -141,6 +141,10 @@ impl<D: Radio> Radio for Driver<D> {
     fn poll(&mut self) -> Result<Option<f64>, DeviceError> {
         self.0.poll().map_err(DeviceError::new)
     }
+
+    fn next_event(&self) -> Option<f64> {
+        self.0.next_event()
+    }
 }
 
 impl<D: Rotator> Rotator for Driver<D> {
@@ -152,6 +156,10 @@ impl<D: Rotator> Rotator for Driver<D> {
 
     fn poll(&mut self) -> Result<Option<f64>, DeviceError> {
         self.0.poll().map_err(DeviceError::new)
+    }
+
+    fn next_event(&self) -> Option<f64> {
+        self.0.next_event()
     }
 }
 
@@ -172,6 +180,10 @@ impl<D: Vehicle> Vehicle for Driver<D> {
 
     fn land(&mut self) -> Result<(), DeviceError> {
         self.0.land().map_err(DeviceError::new)
+    }
+
+    fn next_event(&self) -> Option<f64> {
+        self.0.next_event()
     }
 }
 

@@ -42,4 +42,8 @@ impl<S: PatternSource> PatternSource for Tapped<S> {
         }
         Ok(sweep)
     }
+
+    fn next_event(&self) -> Option<f64> {
+        self.source.next_event()
+    }
 }

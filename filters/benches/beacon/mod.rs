@@ -13,19 +13,22 @@ use foxhunt_sensors::{LogDistance, RssBearing};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 
-const REFERENCE_DBM: f64 = -29.06;
-const EXPONENT: f64 = 2.765;
-const DRIFT: f64 = 0.1957;
-const SIGMAS: [f64; 2] = [7.9, 0.5];
+pub(crate) const REFERENCE_DBM: f64 = -29.06;
+pub(crate) const EXPONENT: f64 = 2.765;
+pub(crate) const DRIFT: f64 = 0.1957;
+pub(crate) const SIGMAS: [f64; 2] = [7.9, 0.5];
+/// How far the sigma points spread.
+pub(crate) const ALPHA: f64 = 1e-3;
 
-/// One round of a receiver on a circle of 10 m, 4 m up, the beacon 20 m from its centre.
+/// One round of a receiver on a circle of 10 m, 4 m up, the beacon 20 m from its centre. No bearing
+/// and none that is expected comes near ±π, so that filters agree that know nothing of angles.
 pub(crate) fn sweep() -> Vec<Observation<2>> {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
-    let beacon = Vector2::new(-16.0, 12.0);
+    let beacon = Vector2::new(16.0, -12.0);
     let noise = Matrix2::from_diagonal(&Vector2::from(SIGMAS.map(|sigma| sigma * sigma)));
     let measured = (0..48_u8).map(|step| {
         let around = TAU * f64::from(step) / 48.0;
-        let receiver = Vector3::new(10.0 * around.cos(), 10.0 * around.sin(), 4.0);
+        let receiver = Vector3::new(-10.0 * around.cos(), -10.0 * around.sin(), 4.0);
         let errors = SIGMAS.map(|sigma| sigma * rng.sample::<f64, _>(StandardNormal));
         let value = expected(&beacon, &receiver) + Vector2::from(errors);
         Observation::new(f64::from(step), Pose::level(receiver, 0.0), value, noise)
@@ -103,7 +106,6 @@ pub(crate) fn hand_ekf(belief: &Estimate<2>, observation: &Observation<2>) -> Op
 /// A step of the scaled unscented filter by hand: α = 10⁻³, β = 2, κ = 3 − n. As the beacon is
 /// still, no sigma points are drawn to predict.
 pub(crate) fn hand_ukf(belief: &Estimate<2>, observation: &Observation<2>) -> Option<Estimate<2>> {
-    const ALPHA: f64 = 1e-3;
     const SPREAD: f64 = ALPHA * ALPHA * 3.0;
     const SIDE: f64 = 0.5 / SPREAD;
     const CENTRE: f64 = 1.0 - 2.0 / SPREAD;

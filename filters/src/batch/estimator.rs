@@ -4,27 +4,38 @@ use foxhunt_core::{
     Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, Observation,
     Quantity, RandomWalk, Role, State, parameter::not_negative, visit_cubature_points,
 };
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector2};
 
 use super::{
     BatchError, BatchSolver, Loss,
     belief::{laplace, posterior},
+    expansion::Expansion,
+    iteration::End,
     modes::Modes,
-    problem::Datum,
+    problem::{Datum, Problem},
 };
 use crate::{Ekf, Gaussian, count::number};
 
 /// A recursive face of [`BatchSolver`]: keeps every observation of a still target, and after each
-/// solves maximum a posteriori anew over all of them.
+/// has the maximum a posteriori over all of them.
 ///
 /// Nothing is linearised for good: what came early is linearised again about what was learned
-/// later. Each update starts from the optima of the last one, at most four, the prior's mean and,
+/// later. A solution starts from the optima of the last one, at most four, the prior's mean and,
 /// as long as there are few observations, its cubature points; the belief is the Gaussian about the
 /// best optimum with the inverse of the information there, or with the prior's spread about it as
 /// long as the observations leave a curved direction open, such as the ring of levels from one
-/// place. An update takes time in proportion to the observations kept.
+/// place.
 ///
-/// Bearings from the optimum's own place are left out of a solution, as in the solver.
+/// Between solutions the cost is that of the last one, expanded to third order about its optima,
+/// and that of each new observation about the same places. All observations are solved for anew
+/// where an optimum has come so far that the curvature there is another one by a twentieth, as
+/// soon as there are twice as many, and after each one as long as there are fewer than 32 or a
+/// curved direction is open. So a flight takes time in proportion to its observations, and mean
+/// and σ are those of the whole solution to about a hundredth of σ.
+///
+/// Bearings from the optimum's own place are left out of a solution, as in the solver. Which ones
+/// is then decided anew as soon as there are a tenth more observations; until then a whole solution
+/// may leave out others, and differ by a part of σ.
 ///
 /// A target that drifts: the drift since the observations began is added to the estimate. As soon
 /// as it exceeds a hundredth of the posterior's variance in any direction, the batch is closed: the
@@ -40,8 +51,7 @@ pub struct BatchEstimator<H, const N: usize, const M: usize> {
     solver: BatchSolver<H, N>,
     motion: RandomWalk<N>,
     data: Vec<Datum<M>>,
-    /// The optima of the last solution, the best first.
-    modes: Vec<State<N>>,
+    known: Known<N>,
     /// The belief about where the target was when the batch began, and stayed.
     still: Gaussian<N>,
     /// The variance of the drift since then.
@@ -52,6 +62,59 @@ pub struct BatchEstimator<H, const N: usize, const M: usize> {
     log_evidence: f64,
 }
 
+/// What an update comes to.
+struct Solution<const N: usize> {
+    best: End<N>,
+    /// The belief about a target that stays.
+    still: Estimate<N>,
+    known: Known<N>,
+}
+
+/// What a solution leaves for the next one.
+#[derive(Clone, Debug)]
+struct Known<const N: usize> {
+    /// The optima when all observations were last solved for, the best first.
+    optima: Vec<State<N>>,
+    /// The cost about those that may become the best; none where it is not to be relied upon.
+    expansions: Vec<Expansion<N>>,
+    /// What turns the cost into a log-density.
+    normaliser: f64,
+    /// From how many observations on all are solved for anew.
+    lasts: usize,
+    /// The place of the best optimum then.
+    best: Estimate<2>,
+    /// Where observations with angles were made near there, and whether these were left out.
+    near: Vec<(Vector2<f64>, bool)>,
+}
+
+impl<const N: usize> Known<N> {
+    fn none(prior: &Gaussian<N>) -> Self {
+        Self {
+            optima: Vec::new(),
+            expansions: Vec::new(),
+            normaliser: 0.0,
+            lasts: 0,
+            best: prior.estimate().position(),
+            near: Vec::new(),
+        }
+    }
+
+    /// Whether what was observed at a place may come to lie within a standard deviation of the
+    /// optimum, as long as that stays within one.
+    fn is_near(&self, place: &Vector2<f64>) -> bool {
+        (place - self.best.mean).norm_squared() < 4.0 * self.best.covariance.trace()
+    }
+
+    /// Whether the same angles would be left out at another optimum.
+    fn leaves_out_the_same(&self, other: &Estimate<2>) -> bool {
+        let within = |place: &Vector2<f64>, of: &Estimate<2>| {
+            (place - of.mean).norm_squared() < of.covariance.trace()
+        };
+        let same = |(place, out): &(Vector2<f64>, bool)| within(place, other) == *out;
+        within(&other.mean, &self.best) && self.near.iter().all(same)
+    }
+}
+
 /// How much of the posterior's variance the drift within a batch may be.
 const DRIFT_SHARE: f64 = 0.01;
 
@@ -60,6 +123,13 @@ const MOST_MODES: usize = 4;
 
 /// With more components than this times N, the optima are taken for known.
 const FEW: usize = 4;
+
+/// With fewer observations the cost changes its shape too much to be expanded.
+const FEWEST: usize = 32;
+
+/// An optimum that is less likely than the best by so many nats does not become the best before all
+/// observations are solved for again.
+const BEHIND: f64 = 15.0;
 
 impl<H, const N: usize, const M: usize> BatchEstimator<H, N, M>
 where
@@ -85,7 +155,7 @@ where
             solver: BatchSolver::new(measurement).with_gaussian(prior),
             motion,
             data: Vec::new(),
-            modes: Vec::new(),
+            known: Known::none(&prior),
             still: prior,
             drifted: SVector::zeros(),
             belief: prior,
@@ -109,7 +179,7 @@ where
     }
 
     fn starts(&self) -> Vec<State<N>> {
-        let mut starts = self.modes.clone();
+        let mut starts = self.known.optima.clone();
         let Some(prior) = &self.solver.prior else { return starts };
         starts.push(*prior.mean());
         if self.data.len() * M <= FEW * N {
@@ -118,20 +188,73 @@ where
         starts
     }
 
-    /// Takes over what a search found; the belief is left as it was where that is improper.
-    fn adopt(&mut self, modes: &Modes<N>, data: &[Datum<M>]) -> Result<f64, EstimatorError> {
-        let best = modes.ends.first().ok_or(EstimatorError::NotConverged { iterations: 0 })?;
-        let problem = self.solver.problem(data, 1.0);
-        let peak = Gaussian::new(laplace(best)?, Role::Posterior)?;
-        let still = Gaussian::new(posterior(&problem, best)?, Role::Posterior)?;
+    /// The solution by the expansions about the last one's optima, where they suffice for the
+    /// newest observation.
+    fn follow(&self) -> Option<Solution<N>> {
+        let (newest, rest) = self.data.split_last()?;
+        if self.known.expansions.is_empty() || rest.len() >= self.known.lasts {
+            return None;
+        }
+        let own = self.solver.problem(core::slice::from_ref(newest), 1.0);
+        let own = Problem { prior: None, ..own };
+        let mut known = self.known.clone();
+        known.normaliser += newest.normaliser();
+        known.expansions.iter_mut().for_each(|expansion| expansion.add(&own));
+        let ends: Option<Vec<End<N>>> = known.expansions.iter().map(Expansion::minimum).collect();
+        let best = ends?.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+        let still = laplace(&best).ok()?;
+        let place = newest.observation.receiver().position.xy();
+        if own.has_angle(newest) && known.is_near(&place) {
+            known.near.push((place, false));
+        }
+        let same = known.leaves_out_the_same(&still.position());
+        same.then_some(Solution { best, still, known })
+    }
+
+    /// The solution over all observations.
+    fn solve(&self) -> Result<Solution<N>, EstimatorError> {
+        let mut data = self.data.clone();
+        let Modes { mut ends, .. } = self.solver.search(&mut data, &self.starts(), 1.0)?;
+        ends.truncate(MOST_MODES);
+        let optima = ends.iter().map(|end| end.state).collect();
+        let best = ends.first().ok_or(EstimatorError::NotConverged { iterations: 0 })?.clone();
+        let problem = self.solver.problem(&data, 1.0);
+        let (peak, still) = (laplace(&best)?, posterior(&problem, &best)?);
+        ends.retain(|end| end.cost < best.cost + BEHIND && data.len() >= FEWEST && still == peak);
+        let mut known = Known {
+            optima,
+            expansions: ends.iter().map(|end| Expansion::new(&problem, end)).collect(),
+            normaliser: problem.normaliser(),
+            lasts: 2 * data.len(),
+            best: peak.position(),
+            near: Vec::new(),
+        };
+        for (whole, used) in self.data.iter().zip(&data) {
+            let place = whole.observation.receiver().position.xy();
+            if problem.has_angle(whole) && known.is_near(&place) {
+                known.near.push((place, !problem.has_angle(used)));
+            }
+        }
+        if known.near.iter().any(|(_, out)| *out) {
+            known.lasts = data.len() + data.len() / 10;
+        }
+        Ok(Solution { best, still, known })
+    }
+
+    /// Takes over a solution, and returns what it adds to the log-evidence; the belief is left as
+    /// it was where that is improper.
+    fn adopt(&mut self, solution: Solution<N>) -> Result<f64, EstimatorError> {
+        let Solution { best, still, known } = solution;
+        let peak = Gaussian::new(laplace(&best)?, Role::Posterior)?;
+        let still = Gaussian::new(still, Role::Posterior)?;
         let belief = drifted(&still, &self.drifted)?;
         // Laplace: the density at the optimum times the volume of the Gaussian about it.
         let log_root: f64 = peak.factor().diagonal().iter().map(|d| libm::log(*d)).sum();
         let volume = 0.5 * number(N) * libm::log(core::f64::consts::TAU) + log_root;
-        let whole = problem.normaliser() - best.cost + volume;
+        let whole = known.normaliser - best.cost + volume;
         let gained = whole - self.log_evidence;
         (self.still, self.belief, self.log_evidence) = (still, belief, whole);
-        self.modes = modes.ends.iter().take(MOST_MODES).map(|end| end.state).collect();
+        self.known = known;
         Ok(gained)
     }
 }
@@ -153,7 +276,7 @@ where
         // The trace bounds the largest share that any direction has.
         if root.norm_squared() > DRIFT_SHARE {
             self.data.clear();
-            self.modes.clear();
+            self.known = Known::none(&belief);
             self.solver.prior = Some(belief);
             (self.still, self.drifted, self.log_evidence) = (belief, SVector::zeros(), 0.0);
         } else {
@@ -172,10 +295,8 @@ where
         let innovation = linear.innovation(observation)?;
         let nis = (!observation.is_empty()).then_some(innovation.nis);
         self.data.push(Datum::new(*observation));
-        let mut data = self.data.clone();
-        let found =
-            self.solver.search(&mut data, &self.starts(), 1.0).map_err(EstimatorError::from);
-        match found.and_then(|modes| self.adopt(&modes, &data)) {
+        let solution = self.follow().map_or_else(|| self.solve(), Ok);
+        match solution.and_then(|solution| self.adopt(solution)) {
             Ok(log_evidence) => {
                 Ok(Correction::Fused { nis, log_evidence, effective_sample_size: None })
             }

@@ -4,6 +4,7 @@ mod belief;
 mod curvature;
 mod error;
 mod estimator;
+mod expansion;
 mod fix;
 mod iteration;
 mod loss;

@@ -56,7 +56,7 @@ impl<const M: usize> Datum<M> {
     }
 
     /// The Gaussian's normaliser: −½ m ln 2π − ln |R|^½.
-    fn normaliser(&self) -> f64 {
+    pub(super) fn normaliser(&self) -> f64 {
         let log_root: f64 =
             self.observation.noise_factor().diagonal().iter().map(|d| libm::log(*d)).sum();
         -0.5 * number(self.observation.len()) * libm::log(TAU) - log_root

@@ -1,24 +1,121 @@
-use alloc::{vec, vec::Vec};
+use alloc::{borrow::Cow, vec, vec::Vec};
 use core::f64::consts::TAU;
 
 use foxhunt_core::{Covariance, EstimatorError, Role, State, elementary};
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 
 use super::{Lattice, lattice::Stencil};
 use crate::{
     count::number,
-    vectorised::{Kernel, Map, Sum, run},
+    vectorised::{Dot, Kernel, Map, Sum, run},
 };
+
+/// A number of every cell.
+#[derive(Clone, Debug)]
+pub(super) enum Column {
+    /// The same one in all of them.
+    Same(f64),
+    /// Each its own.
+    Each(Vec<f64>),
+}
+
+impl Column {
+    fn at(&self, index: usize) -> f64 {
+        match self {
+            Self::Same(value) => *value,
+            Self::Each(column) => column[index],
+        }
+    }
+
+    /// The numbers of so many cells, each its own from now on.
+    pub(super) fn each_mut(&mut self, cells: usize) -> &mut [f64] {
+        if let Self::Same(value) = *self {
+            *self = Self::Each(vec![value; cells]);
+        }
+        match self {
+            Self::Same(_) => unreachable!("each has just become its own"),
+            Self::Each(column) => column,
+        }
+    }
+
+    /// Adds a factor times the product of two numbers of every one of so many cells.
+    pub(super) fn add_product(&mut self, cells: usize, factor: f64, x: &Self, y: &Self) {
+        match (&mut *self, x, y) {
+            (Self::Same(sum), Self::Same(x), Self::Same(y)) => *sum += factor * (x * y),
+            _ if x.is_zero() || y.is_zero() => {}
+            _ => add_product(self.each_mut(cells), factor, x, y),
+        }
+    }
+
+    /// Its product with another number of each of so many cells, as a factor and a column.
+    pub(super) fn times<'a>(&self, cells: usize, other: &'a Self) -> (f64, Cow<'a, Self>) {
+        match self {
+            Self::Same(factor) => (*factor, Cow::Borrowed(other)),
+            Self::Each(_) => {
+                let mut product = Self::Same(0.0);
+                product.add_product(cells, 1.0, self, other);
+                (1.0, Cow::Owned(product))
+            }
+        }
+    }
+
+    /// Whether it is 0 in all cells alike.
+    pub(super) fn is_zero(&self) -> bool {
+        matches!(self, Self::Same(value) if value.abs() <= 0.0)
+    }
+}
+
+/// Adds a factor times the product of two numbers of every cell.
+pub(super) fn add_product(sums: &mut [f64], factor: f64, x: &Column, y: &Column) {
+    match (x, y) {
+        (Column::Same(x), Column::Same(y)) => {
+            let more = factor * (x * y);
+            run(Map { columns: [], of: |_: [f64; 0], sum| sum + more, out: sums });
+        }
+        (Column::Same(same), Column::Each(each)) | (Column::Each(each), Column::Same(same)) => {
+            let factor = factor * same;
+            if factor.abs() > 0.0 {
+                run(Map { columns: [each], of: |[x]: [f64; 1], sum| sum + factor * x, out: sums });
+            }
+        }
+        (Column::Each(x), Column::Each(y)) => {
+            run(Map {
+                columns: [x, y],
+                of: |[x, y]: [f64; 2], sum| sum + factor * (x * y),
+                out: sums,
+            });
+        }
+    }
+}
 
 /// What is believed in each cell of a lattice, one column for each number.
 ///
 /// Of a state of `N` components the first two are the cell's place. The others, n, are Gaussian
 /// given the place: ln p(x, n) = l + ηᵀ n − ½ nᵀ Λ n, so that l, η and Λ are sums over the
 /// observations, as smooth over the lattice as these. n counts from the prior's mean.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Columns<const N: usize> {
-    /// One for each factor of the doubted noise: l, then η, then the rows of Λ up to its diagonal.
-    hypotheses: Vec<Vec<Vec<f64>>>,
+    hypotheses: Vec<Hypothesis>,
+}
+
+/// The columns under one factor of the doubted noise.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Hypothesis {
+    /// l.
+    pub(super) logs: Vec<f64>,
+    /// η.
+    pub(super) shifts: Vec<Vec<f64>>,
+    /// The rows of Λ up to its diagonal: the same in all cells where the measurement has one slope
+    /// over n, as a level has over a reference power.
+    pub(super) information: Vec<Column>,
+}
+
+impl Hypothesis {
+    fn copy_from(&mut self, other: &Self) {
+        self.logs.clone_from(&other.logs);
+        self.shifts.clone_from(&other.shifts);
+        self.information.clone_from(&other.information);
+    }
 }
 
 /// One cell under one hypothesis: l, and η and Λ in the components behind the place, where the
@@ -87,106 +184,132 @@ impl<const N: usize> Cell<N> {
 }
 
 impl<const N: usize> Columns<N> {
-    /// As many columns as `hypotheses` need over `cells`.
-    pub(super) fn new(hypotheses: usize, cells: usize) -> Self {
-        let rest = N - 2;
-        let columns = vec![vec![0.0; cells]; 1 + rest + rest * (rest + 1) / 2];
-        Self { hypotheses: vec![columns; hypotheses] }
+    /// As many columns as `hypotheses` need over `cells`; l and η are 0, Λ is `information`.
+    pub(super) fn new(hypotheses: usize, cells: usize, information: &Covariance<N>) -> Self {
+        let shifts = vec![vec![0.0; cells]; N - 2];
+        let information = (2..N).flat_map(|i| (2..=i).map(move |j| information[(i, j)]));
+        let information = information.map(Column::Same).collect();
+        let hypothesis = Hypothesis { logs: vec![0.0; cells], shifts, information };
+        Self { hypotheses: vec![hypothesis; hypotheses] }
     }
 
-    pub(super) fn hypotheses(&self) -> usize {
-        self.hypotheses.len()
+    /// Becomes a copy in the memory it has.
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        self.hypotheses.resize_with(other.hypotheses.len(), Hypothesis::default);
+        for (own, other) in self.hypotheses.iter_mut().zip(&other.hypotheses) {
+            own.copy_from(other);
+        }
     }
 
-    /// l of every cell.
-    pub(super) fn logs_mut(&mut self, hypothesis: usize) -> &mut [f64] {
-        &mut self.hypotheses[hypothesis][0]
+    pub(super) fn hypotheses(&self) -> &[Hypothesis] {
+        &self.hypotheses
+    }
+
+    pub(super) fn hypotheses_mut(&mut self) -> &mut [Hypothesis] {
+        &mut self.hypotheses
+    }
+
+    /// Adds a constant to every log-density.
+    pub(super) fn shift(&mut self, by: f64) {
+        if by.abs() <= 0.0 {
+            return;
+        }
+        for hypothesis in &mut self.hypotheses {
+            run(Map { columns: [], of: |_: [f64; 0], log| log + by, out: &mut hypothesis.logs });
+        }
     }
 
     pub(super) fn cell(&self, hypothesis: usize, index: usize) -> Cell<N> {
-        let columns = &self.hypotheses[hypothesis];
-        let mut column = columns.iter().map(|column| column[index]);
-        let mut next = || column.next().unwrap_or(0.0);
+        let Hypothesis { logs, shifts, information } = &self.hypotheses[hypothesis];
         let mut cell =
-            Cell { log: next(), shift: State::zeros(), information: Covariance::identity() };
-        (2..N).for_each(|i| cell.shift[i] = next());
-        for i in 2..N {
-            for j in 2..=i {
-                cell.information[(i, j)] = next();
-                cell.information[(j, i)] = cell.information[(i, j)];
-            }
+            Cell { log: logs[index], shift: State::zeros(), information: Covariance::identity() };
+        (2..N).for_each(|i| cell.shift[i] = shifts[i - 2][index]);
+        for ((i, j), column) in behind().zip(information) {
+            cell.information[(i, j)] = column.at(index);
+            cell.information[(j, i)] = cell.information[(i, j)];
         }
         cell
     }
 
     pub(super) fn set(&mut self, hypothesis: usize, index: usize, cell: &Cell<N>) {
-        let mut columns = self.hypotheses[hypothesis].iter_mut();
-        let mut put = |value| {
-            if let Some(column) = columns.next() {
-                column[index] = value;
+        let Hypothesis { logs, shifts, information } = &mut self.hypotheses[hypothesis];
+        logs[index] = cell.log;
+        (2..N).for_each(|i| shifts[i - 2][index] = cell.shift[i]);
+        for ((i, j), column) in behind().zip(information) {
+            let value = cell.information[(i, j)];
+            match column {
+                Column::Same(same) if same.to_bits() == value.to_bits() => {}
+                _ => column.each_mut(logs.len())[index] = value,
             }
-        };
-        put(cell.log);
-        (2..N).for_each(|i| put(cell.shift[i]));
-        for i in 2..N {
-            (2..=i).for_each(|j| put(cell.information[(i, j)]));
         }
     }
 
-    /// ln p(x) of every cell under each hypothesis.
-    pub(super) fn log_marginals(&self) -> Vec<Vec<f64>> {
-        let marginals = |(j, columns): (usize, &Vec<Vec<f64>>)| {
-            let mut logs = columns[0].clone();
-            if N == 3 {
-                let (shift, information) = (&columns[1][..], &columns[2][..]);
-                run(Map { columns: [shift, information], of: add_log_integral, out: &mut logs });
-            } else if N > 3 {
-                let cells = logs.iter_mut().enumerate();
-                cells.for_each(|(i, log)| *log = self.cell(j, i).log_marginal());
+    /// ln p(x) of every cell.
+    pub(super) fn log_marginals(&self, hypothesis: usize, out: &mut [f64]) {
+        let Hypothesis { logs, shifts, information } = &self.hypotheses[hypothesis];
+        if N == 2 {
+            return out.copy_from_slice(logs);
+        }
+        if N > 3 {
+            let cells = out.iter_mut().enumerate();
+            return cells.for_each(|(i, log)| *log = self.cell(hypothesis, i).log_marginal());
+        }
+        match &information[0] {
+            Column::Same(information) => {
+                let of = |[log, shift]: [f64; 2], _| log + log_integral(shift, *information);
+                run(Map { columns: [logs, &shifts[0]], of, out });
             }
-            logs
-        };
-        self.hypotheses.iter().enumerate().map(marginals).collect()
+            Column::Each(information) => {
+                let of =
+                    |[log, shift, information]: [f64; 3], _| log + log_integral(shift, information);
+                run(Map { columns: [logs, &shifts[0], information], of, out });
+            }
+        }
     }
 
-    /// l, then η, then the rows of Λ up to its diagonal.
-    pub(super) fn columns_mut(&mut self, hypothesis: usize) -> &mut [Vec<f64>] {
-        &mut self.hypotheses[hypothesis]
-    }
-
-    /// The mean of the further components in every cell, 0 where there is none.
-    pub(super) fn means(&self, hypothesis: usize) -> Vec<Vec<f64>> {
-        let columns = &self.hypotheses[hypothesis];
-        let mut means = vec![vec![0.0; columns[0].len()]; N - 2];
+    /// The mean of the further components in every cell, 0 where there is none; sets `out`.
+    pub(super) fn means(&self, hypothesis: usize, out: &mut [Vec<f64>]) {
+        let Hypothesis { shifts, information, .. } = &self.hypotheses[hypothesis];
         if N == 3 {
-            let of = |[shift, information]: [f64; 2], _| {
-                let mean = shift / information;
-                if information > 0.0 { mean } else { 0.0 }
-            };
-            run(Map { columns: [&columns[1], &columns[2]], of, out: &mut means[0] });
-        } else if N > 3 {
-            (0..columns[0].len()).for_each(|index| {
-                if let Some((mean, _)) = self.cell(hypothesis, index).conditional() {
-                    (2..N).for_each(|i| means[i - 2][index] = mean[i]);
+            let (shifts, out) = (&shifts[0], &mut out[0]);
+            match &information[0] {
+                Column::Same(information) => {
+                    let of = |[shift]: [f64; 1], _| mean_behind(shift, *information);
+                    run(Map { columns: [shifts], of, out });
                 }
-            });
+                Column::Each(information) => {
+                    let of = |[shift, information]: [f64; 2], _| mean_behind(shift, information);
+                    run(Map { columns: [shifts, information], of, out });
+                }
+            }
+        } else if N > 3 {
+            for index in 0..out[0].len() {
+                let conditional = self.cell(hypothesis, index).conditional();
+                let mean = conditional.map_or(State::zeros(), |(mean, _)| mean);
+                (2..N).for_each(|i| out[i - 2][index] = mean[i]);
+            }
         }
-        means
     }
 
-    /// The mean covariance of the further components, cells weighed by these weights; 0 in the
-    /// first two components.
+    /// The sum of the covariances of the further components, each times its cell's weight; 0 in
+    /// the first two components.
     pub(super) fn spread(&self, hypothesis: usize, weights: &[f64]) -> Covariance<N> {
         let mut spread = Covariance::zeros();
-        let columns = &self.hypotheses[hypothesis];
+        let information = &self.hypotheses[hypothesis].information;
         if N == 3 {
-            let of = |[weight, information]: [f64; 2], _| {
-                let share = weight / information;
-                if information > 0.0 { share } else { 0.0 }
+            spread[(2, 2)] = match &information[0] {
+                Column::Same(information) if *information > 0.0 => run(Sum(weights)) / information,
+                Column::Same(_) => 0.0,
+                Column::Each(information) => {
+                    let of = |[information]: [f64; 1], _| {
+                        let variance = 1.0 / information;
+                        if information > 0.0 { variance } else { 0.0 }
+                    };
+                    let mut variances = vec![0.0; weights.len()];
+                    run(Map { columns: [information], of, out: &mut variances });
+                    run(Dot(weights, &variances))
+                }
             };
-            let mut shares = vec![0.0; weights.len()];
-            run(Map { columns: [weights, &columns[2]], of, out: &mut shares });
-            spread[(2, 2)] = run(Sum(&shares));
         } else if N > 3 {
             for (index, weight) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
                 let conditional = self.cell(hypothesis, index).conditional();
@@ -196,117 +319,212 @@ impl<const N: usize> Columns<N> {
         spread
     }
 
-    /// Gives every cell the log-density `after` instead of `before`, and its further components the
-    /// covariance `more`.
-    pub(super) fn spread_behind(
+    /// Gives every cell the density e^`log_one` times its weight, and its further components the
+    /// covariance `more`. A weight too small for its number leaves the density what it was.
+    pub(super) fn diffuse(
         &mut self,
         hypothesis: usize,
-        before: &[f64],
-        after: &[f64],
+        weights: &[f64],
+        log_one: f64,
         more: &Covariance<N>,
     ) -> Result<(), EstimatorError> {
-        let still = more.norm_squared() <= 0.0;
-        if still {
-            let of = |[before, after]: [f64; 2], log| {
-                let moved = log + (after - before);
-                if before > f64::NEG_INFINITY { moved } else { log }
-            };
-            run(Map { columns: [before, after], of, out: self.logs_mut(hypothesis) });
-        }
-        for (index, (before, after)) in before.iter().zip(after).enumerate() {
-            // Where nothing was possible, there is no difference to add.
-            if still && (*before > f64::NEG_INFINITY || *after <= f64::NEG_INFINITY) {
-                continue;
+        let no_factor = EstimatorError::NotPositiveDefinite { role: Role::Posterior };
+        if N > 3 {
+            for (index, weight) in weights.iter().enumerate() {
+                let cell = self.cell(hypothesis, index);
+                let (mean, within) = cell.conditional().ok_or(no_factor)?;
+                let mut covariance = within + more;
+                (0..2).for_each(|i| covariance[(i, i)] = 1.0);
+                let log = log_density(*weight, log_one, cell.log_marginal());
+                let cell = Cell::of(log, &mean, &covariance).ok_or(no_factor)?;
+                self.set(hypothesis, index, &cell);
             }
-            let no_factor = EstimatorError::NotPositiveDefinite { role: Role::Posterior };
-            let (mean, within) = self.cell(hypothesis, index).conditional().ok_or(no_factor)?;
-            let mut covariance = within + more;
-            (0..2).for_each(|i| covariance[(i, i)] = 1.0);
-            let cell = Cell::of(*after, &mean, &covariance).ok_or(no_factor)?;
-            self.set(hypothesis, index, &cell);
+            return Ok(());
+        }
+        let Hypothesis { logs, shifts, information } = &mut self.hypotheses[hypothesis];
+        let Some((shifts, information)) = shifts.first_mut().zip(information.first_mut()) else {
+            let of = |[weight]: [f64; 1], log| log_density(weight, log_one, log);
+            run(Map { columns: [weights], of, out: logs });
+            return Ok(());
+        };
+        let more = more[(2, 2)];
+        match information {
+            Column::Same(information) => {
+                let before = *information;
+                if before.is_nan() || before <= 0.0 {
+                    return Err(no_factor);
+                }
+                let information_at = |_| before;
+                run(Diffusion { weights, log_one, shifts, information_at, more, logs });
+                *information = wider(before, more);
+                let ratio = *information / before;
+                run(Map { columns: [], of: |_: [f64; 0], shift| shift * ratio, out: shifts });
+            }
+            Column::Each(information) => {
+                if !information.iter().all(|information| *information > 0.0) {
+                    return Err(no_factor);
+                }
+                let information_at = |index: usize| information[index];
+                run(Diffusion { weights, log_one, shifts, information_at, more, logs });
+                let of = |[before]: [f64; 1], shift| shift * (wider(before, more) / before);
+                run(Map { columns: [information], of, out: shifts });
+                run(Map {
+                    columns: [],
+                    of: |_: [f64; 0], before| wider(before, more),
+                    out: information,
+                });
+            }
         }
         Ok(())
     }
 
-    /// The same belief over other cells. Beyond the old ones l is what it is on their border, and
-    /// what `fall` makes of the way from there, which is never positive.
+    /// Makes `out` the same belief over other cells. Beyond the old ones l is what it is on their
+    /// border, and what `fall` makes of the way from there, which is never positive.
     pub(super) fn over(
         &self,
         from: &Lattice,
         to: &Lattice,
         fall: impl Fn(&Vector2<f64>) -> f64,
-    ) -> Self {
+        out: &mut Self,
+    ) {
+        out.hypotheses.resize_with(self.hypotheses.len(), Hypothesis::default);
+        let (mut old, mut new) = (Vec::new(), Vec::new());
+        for (to_fill, hypothesis) in out.hypotheses.iter_mut().zip(&self.hypotheses) {
+            let Hypothesis { logs, shifts, information } = to_fill;
+            shifts.resize_with(N - 2, Vec::new);
+            information.clone_from(&hypothesis.information);
+            old.push(&hypothesis.logs[..]);
+            old.extend(hypothesis.shifts.iter().map(|column| &column[..]));
+            for column in core::iter::once(logs).chain(shifts) {
+                column.resize(to.len(), 0.0);
+                new.push(&mut column[..]);
+            }
+            for (column, to_fill) in hypothesis.information.iter().zip(information) {
+                if let (Column::Each(column), Column::Each(to_fill)) = (column, to_fill) {
+                    to_fill.resize(to.len(), 0.0);
+                    old.push(column);
+                    new.push(&mut to_fill[..]);
+                }
+            }
+        }
+        let (origin, steps) = to.in_coordinates_of(from);
+        run(Reading {
+            origin,
+            steps,
+            sides: [from.side(), to.side()],
+            columns: &old,
+            out: &mut new,
+        });
         let last = number(from.side()) - 0.5;
-        let mut falls = Vec::new();
-        let mut stencils = Vec::with_capacity(to.len());
-        let [east, north] = to.places();
-        for (index, (east, north)) in east.iter().zip(&north).enumerate() {
-            let at = from.coordinates(&Vector2::new(*east, *north));
-            let inside = at.map(|c| c.clamp(-0.5, last));
-            if (at - inside).norm_squared() > 0.0 {
-                falls.push((index, fall(&(from.steps() * (at - inside)))));
-            }
-            stencils.push(from.stencil(&at));
+        let beyond = |index: usize| {
+            let cell = Vector2::new(number(index % to.side()), number(index / to.side()));
+            let at = origin + steps * cell;
+            at - at.map(|c| c.clamp(-0.5, last))
+        };
+        // The old cells are convex: they hold all that lies between new ones that they hold.
+        let corners = [0, to.side() - 1, to.len() - to.side(), to.len() - 1];
+        if corners.into_iter().all(|corner| beyond(corner).norm_squared() <= 0.0) {
+            return;
         }
-        let mut columns = Self::new(self.hypotheses(), to.len());
-        for (new, old) in columns.hypotheses.iter_mut().zip(&self.hypotheses) {
-            for (out, column) in new.iter_mut().zip(old) {
-                run(Reading { stencils: &stencils, column, side: from.side(), out });
+        for index in 0..to.len() {
+            let beyond = beyond(index);
+            if beyond.norm_squared() > 0.0 {
+                let fall = fall(&(from.steps() * beyond));
+                out.hypotheses.iter_mut().for_each(|hypothesis| hypothesis.logs[index] += fall);
             }
-            falls.iter().for_each(|(index, fall)| new[0][*index] += fall);
         }
-        columns
     }
 }
 
-/// A column read between its cells.
-struct Reading<'a> {
-    stencils: &'a [Stencil],
-    column: &'a [f64],
-    side: usize,
-    out: &'a mut [f64],
+/// The components behind the place in pairs, as the rows of Λ up to its diagonal.
+fn behind() -> impl Iterator<Item = (usize, usize)> {
+    (2..).flat_map(|i| (2..=i).map(move |j| (i, j)))
 }
 
-impl Kernel for Reading<'_> {
+/// Columns read between their cells.
+struct Reading<'a, 'b> {
+    /// Where the first new cell is, counted in old ones, and how far its neighbours are from it.
+    origin: Vector2<f64>,
+    steps: Matrix2<f64>,
+    /// Of the old and the new cells.
+    sides: [usize; 2],
+    columns: &'a [&'b [f64]],
+    out: &'a mut [&'b mut [f64]],
+}
+
+impl Kernel for Reading<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        for (out, stencil) in self.out.iter_mut().zip(self.stencils) {
-            *out = stencil.read(self.column, self.side);
+        let Self { origin, steps, sides: [old, new], columns, out } = self;
+        for row in 0..new {
+            let start = origin + steps.column(1) * number(row);
+            for along in 0..new {
+                let stencil = Stencil::at(&(start + steps.column(0) * number(along)), old);
+                for (out, column) in out.iter_mut().zip(columns) {
+                    out[row * new + along] = stencil.read(column, old);
+                }
+            }
         }
     }
 }
 
-/// ln p(x) of a cell with one component behind the place, from η, Λ and l.
+/// The mean of the one component behind the place, 0 where there is none.
 #[inline(always)]
-fn add_log_integral([shift, information]: [f64; 2], log: f64) -> f64 {
-    let integral = shift * shift / information - elementary::ln(information / TAU);
-    if information > 0.0 { log + 0.5 * integral } else { f64::NEG_INFINITY }
+fn mean_behind(shift: f64, information: f64) -> f64 {
+    let mean = shift * (1.0 / information);
+    if information > 0.0 { mean } else { 0.0 }
 }
 
-/// ln p(x) of every cell, whatever the hypothesis.
-pub(super) fn log_densities(marginals: &[Vec<f64>]) -> Vec<f64> {
-    let Some((first, others)) = marginals.split_first() else { return Vec::new() };
-    let mut most = first.clone();
-    if others.is_empty() {
-        return most;
+/// The log-density of a cell with a weight, one of 1 having `log_one`; what it was `before` where
+/// the weight is too small for its number.
+#[inline(always)]
+fn log_density(weight: f64, log_one: f64, before: f64) -> f64 {
+    let log = log_one + elementary::ln(weight);
+    if weight >= f64::MIN_POSITIVE { log } else { before }
+}
+
+/// What becomes of l when a cell has a weight and the one component behind the place becomes less
+/// certain, its mean staying.
+struct Diffusion<'a, I> {
+    weights: &'a [f64],
+    log_one: f64,
+    /// η and Λ before.
+    shifts: &'a [f64],
+    information_at: I,
+    /// What is added to the component's variance.
+    more: f64,
+    logs: &'a mut [f64],
+}
+
+impl<I: Fn(usize) -> f64> Kernel for Diffusion<'_, I> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let columns = self.weights.iter().zip(self.shifts);
+        for (index, (log, (weight, shift))) in self.logs.iter_mut().zip(columns).enumerate() {
+            let information = (self.information_at)(index);
+            let wider = wider(information, self.more);
+            let before = *log + log_integral(*shift, information);
+            let after = log_density(*weight, self.log_one, before);
+            *log = after - log_integral(shift * (wider / information), wider);
+        }
     }
-    let larger = |[a]: [f64; 1], most| if a > most { a } else { most };
-    others.iter().for_each(|a| run(Map { columns: [a], of: larger, out: &mut most }));
-    let mut sum = vec![0.0; most.len()];
-    let add = |[a, most]: [f64; 2], sum| {
-        let part = elementary::exp(a - most);
-        // Where nothing is possible, there is no difference.
-        if a > f64::NEG_INFINITY { sum + part } else { sum }
-    };
-    marginals.iter().for_each(|a| run(Map { columns: [a, &most], of: add, out: &mut sum }));
-    run(Map {
-        columns: [&sum],
-        of: |[sum]: [f64; 1], most| most + elementary::ln(sum),
-        out: &mut most,
-    });
-    most
+}
+
+/// Λ of the one component behind the place when its variance grows.
+#[inline(always)]
+fn wider(information: f64, more: f64) -> f64 {
+    1.0 / (1.0 / information + more)
+}
+
+/// ln ∫ exp(η n − ½ Λ n²) dn over the one component behind the place.
+#[inline(always)]
+fn log_integral(shift: f64, information: f64) -> f64 {
+    let integral = 0.5 * (shift * shift * (1.0 / information) - elementary::ln(information / TAU));
+    if information > 0.0 { integral } else { f64::NEG_INFINITY }
 }
 
 #[cfg(test)]
@@ -324,7 +542,7 @@ mod tests {
             .copy_from(&nalgebra::Matrix2::new(4.0, 1.0, 1.0, 2.0));
         let cell = Cell::of(-3.0, &mean, &covariance).expect("definite");
         assert!((cell.log_marginal() + 3.0).abs() < 1e-14);
-        let mut columns = Columns::<4>::new(2, 3);
+        let mut columns = Columns::<4>::new(2, 3, &Matrix4::identity());
         columns.set(1, 2, &cell);
         let (found, spread) = columns.cell(1, 2).conditional().expect("definite");
         assert!((found - mean).norm() < 1e-14);

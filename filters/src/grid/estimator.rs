@@ -1,21 +1,20 @@
 use alloc::{vec, vec::Vec};
+use core::mem;
 
 use foxhunt_core::{
     Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel,
-    Observation, Quantity, State, absorb_receiver_noise, elementary,
+    Observation, Quantity, State, absorb_receiver_noise,
     parameter::{ParameterError, require},
 };
 use nalgebra::{Matrix2, SVector, Vector2};
 
 use super::{
-    Columns, Lattice, Likelihood, Window,
-    blur::blur,
-    columns::log_densities,
-    filter::{GridFilter, REACH, log_total, normalise, shift},
+    Columns, Lattice, Likelihood, Weights, Window,
+    filter::{GridFilter, REACH, log_total},
 };
 use crate::{
     Innovation,
-    vectorised::{Dot, Map, Sum, run},
+    vectorised::{Dot, Largest, Map, Sum, run},
 };
 
 /// How often, at most, the cells are laid out anew for one observation: each time they become at
@@ -28,6 +27,10 @@ const LEAST_REACH: f64 = 5.5;
 
 /// Cells of less probability are not shown: all that there may be of them come to 10⁻⁷.
 const LEAST_VISITED: f64 = 1e-12;
+
+/// Cells less likely than the likeliest by this, 4.9 standard deviations of a Gaussian, have no
+/// part in what is expected of an observation.
+const LEAST_LIKELY: f64 = 6e-6;
 
 /// ∂f/∂x over the place, after refusing a motion of the further components that is not a random
 /// walk, such as that of a velocity.
@@ -55,10 +58,10 @@ where
         if dt <= 0.0 {
             return Ok(());
         }
-        let (lattice, mut columns) = self.moved(dt)?;
-        let marginals = normalise(&mut columns, &lattice);
-        self.belief = self.moments(&columns, &marginals, &lattice)?;
-        (self.lattice, self.columns, self.marginals) = (lattice, columns, marginals);
+        let (mut columns, mut weights) = mem::take(&mut self.spare);
+        let lattice = self.moved(dt, &mut columns, &mut weights)?;
+        self.belief = weights.moments(&columns, &lattice, &self.reference)?;
+        self.take(lattice, columns, weights);
         Ok(())
     }
 
@@ -66,36 +69,35 @@ where
         if observation.is_empty() && !observation.is_censored() {
             return Ok(Correction::Empty);
         }
+        let (mut columns, mut weights) = mem::take(&mut self.spare);
         let likelihood =
             Likelihood::new(&self.measurement, self.reference, observation, &self.config);
         let place = self.belief.estimate().position();
         let mut lattice = self.lattice.clone();
-        let mut posterior = likelihood.times(&self.columns, &lattice)?;
-        let mut marginals = posterior.log_marginals();
-        let mut logs = log_densities(&marginals);
+        columns.copy_from(&self.columns);
+        let mut pool = mem::take(&mut self.pool);
+        likelihood.multiply(&mut columns, &lattice, &mut pool)?;
+        let mut log_one = weights.set(&columns);
         for _ in 0..LAYOUTS {
-            let Some(window) = Window::of(&lattice, self.widest.as_ref(), &logs) else { break };
+            let widest = self.widest.as_ref();
+            let Some(window) = Window::of(&lattice, widest, weights.all()) else { break };
             let (side, most) = (self.config.side, self.config.most_per_side);
-            let Some(better) = window.better(&lattice, self.widest.as_ref(), side, most)? else {
-                break;
-            };
+            let Some(better) = window.better(&lattice, widest, side, most)? else { break };
             // Read from the prior as it was, not from what was read from it.
-            let prior = self.over(&self.columns, &self.lattice, &better, &place);
-            posterior = likelihood.times(&prior, &better)?;
-            marginals = posterior.log_marginals();
-            logs = log_densities(&marginals);
+            self.over(&self.columns, &self.lattice, &better, &place, &mut columns);
+            likelihood.multiply(&mut columns, &better, &mut pool)?;
+            log_one = weights.set(&columns);
             lattice = better;
         }
-        let log_evidence = log_total(&logs, &lattice);
-        if log_evidence <= f64::NEG_INFINITY {
+        if log_one <= f64::NEG_INFINITY {
             return Err(EstimatorError::Impossible { particles: lattice.len() });
         }
-        shift(&mut posterior, -log_evidence);
-        marginals.iter_mut().flatten().for_each(|log| *log -= log_evidence);
-        let belief = self.moments(&posterior, &marginals, &lattice)?;
+        let log_evidence = log_one + log_total(&weights, &lattice);
+        columns.shift(-log_evidence);
+        let belief = weights.moments(&columns, &lattice, &self.reference)?;
         let nis = self.innovation(observation).map(|innovation| innovation.nis);
-        (self.lattice, self.columns) = (lattice, posterior);
-        (self.marginals, self.belief) = (marginals, belief);
+        (self.belief, self.pool) = (belief, pool);
+        self.take(lattice, columns, weights);
         Ok(Correction::Fused { nis, log_evidence, effective_sample_size: None })
     }
 
@@ -108,10 +110,11 @@ where
     }
 
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<N>, f64)) {
-        let (states, weights) = self.weighted_states();
-        for (index, weight) in weights.into_iter().enumerate() {
-            visit(&State::from_fn(|i, _| states[i][index]), weight);
-        }
+        let weights = self.weights.all();
+        let least = LEAST_VISITED * self.weights.total();
+        let visited = || weights.iter().enumerate().filter(|(_, weight)| **weight > least);
+        let total: f64 = visited().map(|(_, weight)| weight).sum();
+        visited().for_each(|(index, weight)| visit(&self.state(index), weight / total));
     }
 }
 
@@ -129,76 +132,91 @@ where
         let observation = absorb_receiver_noise(model, mean, observation);
         let receiver = observation.receiver();
         let centre = model.expected(mean, receiver);
-        let (states, weights) = self.weighted_states();
+        let (states, weights) = self.likely_states();
         let states = states.each_ref().map(|column| &column[..]);
         let mut deviations: [Vec<f64>; M] = core::array::from_fn(|_| vec![0.0; weights.len()]);
         let columns = deviations.each_mut().map(|column| &mut column[..]);
         model.residuals(states, &centre, receiver, columns);
+        let total = run(Sum(&weights));
         let (mut shift, mut square) = (SVector::<f64, M>::zeros(), Covariance::<M>::zeros());
         let mut weighted = vec![0.0; weights.len()];
         for i in 0..M {
             let of = |[weight, x]: [f64; 2], _| weight * x;
             run(Map { columns: [&weights, &deviations[i]], of, out: &mut weighted });
             // The residuals of the centre point the other way.
-            shift[i] = -run(Sum(&weighted));
-            (0..M).for_each(|j| square[(i, j)] = run(Dot(&weighted, &deviations[j])));
+            shift[i] = -run(Sum(&weighted)) / total;
+            (0..M).for_each(|j| square[(i, j)] = run(Dot(&weighted, &deviations[j])) / total);
         }
         Innovation::of_deviations(&centre, &shift, &square, model, &observation)
     }
 
-    /// The states of the cells, the further components at their mean over all hypotheses, as
-    /// columns, and their weights, which sum to 1.
-    fn weighted_states(&self) -> ([Vec<f64>; N], Vec<f64>) {
-        let area = self.lattice.cell_area();
-        let log_least = libm::log(LEAST_VISITED / area);
-        let cells = self.lattice.len();
-        let (mut weights, mut shares) = (vec![0.0; cells], vec![0.0; cells]);
-        let mut behind = vec![vec![0.0; cells]; N - 2];
-        for (hypothesis, logs) in self.marginals.iter().enumerate() {
-            let share = |[log]: [f64; 1], _| {
-                let share = area * elementary::exp(log);
-                if log > log_least { share } else { 0.0 }
-            };
-            run(Map { columns: [logs], of: share, out: &mut shares });
-            let add = |[share]: [f64; 1], sum| sum + share;
-            run(Map { columns: [&shares], of: add, out: &mut weights });
-            for (sum, mean) in behind.iter_mut().zip(self.columns.means(hypothesis)) {
-                let add = |[share, mean]: [f64; 2], sum| sum + share * mean;
-                run(Map { columns: [&shares, &mean], of: add, out: sum });
-            }
-        }
-        let places = self.lattice.places();
-        let visited: Vec<usize> = (0..cells).filter(|i| weights[*i] > 0.0).collect();
-        let states = core::array::from_fn(|row| {
-            let component = |i: &usize| match row {
-                0 | 1 => places[row][*i],
-                _ => self.reference[row] + behind[row - 2][*i] / weights[*i],
-            };
-            visited.iter().map(component).collect()
-        });
-        let total = run(Sum(&weights));
-        (states, visited.into_iter().map(|i| weights[i] / total).collect())
+    /// The state of a cell, the further components at their mean over all hypotheses.
+    fn state(&self, index: usize) -> State<N> {
+        let place = self.lattice.place(index);
+        State::from_fn(|i, _| match i {
+            0 | 1 => place[i],
+            _ => self.reference[i] + self.weights.mean_behind(i, index),
+        })
     }
 
-    /// A belief over other cells. Beyond its own it falls from what stands on the border as a
-    /// Gaussian of the belief's covariance falls from its mean.
+    /// The states of the cells that carry the belief, as columns, and their weights.
+    fn likely_states(&self) -> ([Vec<f64>; N], Vec<f64>) {
+        let (weights, side) = (self.weights.all(), self.lattice.side());
+        let carrying = || self.lattice.carrying(weights, LEAST_LIKELY * run(Largest(weights)));
+        let count = carrying().map(|cells| cells.len()).sum();
+        let mut states: [Vec<f64>; N] = core::array::from_fn(|_| Vec::with_capacity(count));
+        let mut likely = Vec::with_capacity(count);
+        let mut places = [Vec::new(), Vec::new()];
+        for cells in carrying() {
+            let row = cells.start / side;
+            self.lattice.places(row..row + 1, &mut places);
+            let within = cells.start - row * side..cells.end - row * side;
+            for (i, column) in states.iter_mut().enumerate() {
+                match places.get(i) {
+                    Some(places) => column.extend_from_slice(&places[within.clone()]),
+                    None => {
+                        let mean = |index| self.reference[i] + self.weights.mean_behind(i, index);
+                        column.extend(cells.clone().map(mean));
+                    }
+                }
+            }
+            likely.extend_from_slice(&weights[cells]);
+        }
+        (states, likely)
+    }
+
+    /// Makes a step's result the belief, and what that was the next one's memory.
+    fn take(&mut self, lattice: Lattice, columns: Columns<N>, weights: Weights<N>) {
+        self.lattice = lattice;
+        self.spare =
+            (mem::replace(&mut self.columns, columns), mem::replace(&mut self.weights, weights));
+    }
+
+    /// Makes `out` a belief over other cells. Beyond its own it falls from what stands on the
+    /// border as a Gaussian of the belief's covariance falls from its mean.
     fn over(
         &self,
         columns: &Columns<N>,
         from: &Lattice,
         to: &Lattice,
         place: &Estimate<2>,
-    ) -> Columns<N> {
+        out: &mut Columns<N>,
+    ) {
         let factor = place.covariance.cholesky();
         let fall = |beyond: &Vector2<f64>| match &factor {
             Some(factor) if self.widest.is_none() => -0.5 * beyond.dot(&factor.solve(beyond)),
             _ => f64::NEG_INFINITY,
         };
-        columns.over(from, to, fall)
+        columns.over(from, to, fall, out);
     }
 
-    /// Where the cells and what is believed in them are after `dt`.
-    fn moved(&self, dt: f64) -> Result<(Lattice, Columns<N>), EstimatorError> {
+    /// Where the cells are after `dt`; sets what is believed in them.
+    fn moved(
+        &self,
+        dt: f64,
+        columns: &mut Columns<N>,
+        weights: &mut Weights<N>,
+    ) -> Result<Lattice, EstimatorError> {
         let mean = self.belief.mean();
         let slope = slope_of_place(&self.motion, mean, dt)?;
         let noise = self.motion.noise_factor(mean, dt);
@@ -209,8 +227,9 @@ where
         state.fixed_rows_mut::<2>(0).copy_from(&self.lattice.centre());
         let centre = self.motion.propagate(&state, dt).fixed_rows::<2>(0).into_owned();
         let mut lattice = self.lattice.moved(centre, &slope)?;
-        let mut columns = self.columns.clone();
-        shift(&mut columns, -libm::log(libm::fabs(slope.determinant())));
+        columns.copy_from(&self.columns);
+        columns.shift(-libm::log(libm::fabs(slope.determinant())));
+        let mut before = Some(&self.weights);
 
         let mut place = self.belief.estimate().position();
         place.mean = self.motion.propagate(mean, dt).fixed_rows::<2>(0).into_owned();
@@ -221,13 +240,16 @@ where
             let part = spread * share;
             place.covariance += noise * share;
             if let Some(wider) = self.widened(&lattice, &place, &(noise * share))? {
-                columns = self.over(&columns, &lattice, &wider, &place);
+                let narrow = columns.clone();
+                self.over(&narrow, &lattice, &wider, &place, columns);
                 lattice = wider;
+                weights.set(columns);
+                before = None;
             }
-            diffuse(&mut columns, &lattice, &part)?;
+            diffuse(columns, before.take(), weights, &lattice, &part)?;
             left = if share < left { left - share } else { 0.0 };
         }
-        Ok((lattice, columns))
+        Ok(lattice)
     }
 
     /// The lattice that a belief with these moments, which this noise has made, needs instead of
@@ -276,9 +298,12 @@ fn resolved_share(belief: &Matrix2<f64>, noise: &Matrix2<f64>) -> f64 {
     if ratio > 3.0 { 3.0 / ratio } else { 1.0 }
 }
 
-/// Spreads the place by the noise's first two components, and the further components by the rest.
+/// Spreads the place by the noise's first two components, and the further components by the rest;
+/// leaves a density that integrates to 1. The weights are those of `before`, where given.
 fn diffuse<const N: usize>(
     columns: &mut Columns<N>,
+    before: Option<&Weights<N>>,
+    weights: &mut Weights<N>,
     lattice: &Lattice,
     spread: &Covariance<N>,
 ) -> Result<(), EstimatorError> {
@@ -293,10 +318,10 @@ fn diffuse<const N: usize>(
     let mut behind = *spread;
     behind.fixed_columns_mut::<2>(0).fill(0.0);
     behind.fixed_rows_mut::<2>(0).fill(0.0);
-    for (hypothesis, before) in columns.log_marginals().into_iter().enumerate() {
-        let mut logs = before.clone();
-        blur(&mut logs, lattice.side(), variance);
-        columns.spread_behind(hypothesis, &before, &logs, &behind)?;
+    weights.blur(before, lattice.side(), variance);
+    let log_one = -log_total(weights, lattice);
+    for (hypothesis, weights) in weights.each().iter().enumerate() {
+        columns.diffuse(hypothesis, weights, log_one, &behind)?;
     }
     Ok(())
 }

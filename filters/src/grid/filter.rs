@@ -1,18 +1,14 @@
-use alloc::{vec, vec::Vec};
+use alloc::vec::Vec;
 
-use foxhunt_core::{
-    Covariance, Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State, elementary,
-};
+use foxhunt_core::{Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State};
 use nalgebra::{Matrix2, Vector2};
 
 use super::{
-    Columns, GridConfig, Lattice,
-    columns::{Cell, log_densities},
-    estimator::slope_of_place,
+    Columns, GridConfig, Lattice, Pool, Weights, columns::Cell, estimator::slope_of_place,
 };
 use crate::{
     Gaussian,
-    vectorised::{Dot, LogSumExp, Map, Sum, run},
+    vectorised::{Sum, run},
 };
 
 /// How far a lattice goes from the mean of a Gaussian, in standard deviations.
@@ -75,9 +71,12 @@ pub struct GridFilter<F, H, const N: usize, const M: usize> {
     /// The lattice that covers all of an area that the target cannot leave.
     pub(super) widest: Option<Lattice>,
     pub(super) lattice: Lattice,
+    /// Of a density that integrates to 1.
     pub(super) columns: Columns<N>,
-    /// ln p(x) of the columns' cells, under each hypothesis.
-    pub(super) marginals: Vec<Vec<f64>>,
+    pub(super) weights: Weights<N>,
+    /// What the next step is worked out in.
+    pub(super) spare: (Columns<N>, Weights<N>),
+    pub(super) pool: Pool,
     pub(super) belief: Gaussian<N>,
 }
 
@@ -123,8 +122,12 @@ where
             }
         };
         let mut columns = prior_columns(&prior, &lattice, &config)?;
-        let marginals = normalise(&mut columns, &lattice);
-        let mut filter = Self {
+        let mut weights = Weights::default();
+        let log_one = weights.set(&columns);
+        columns.shift(-(log_one + log_total(&weights, &lattice)));
+        let belief = weights.moments(&columns, &lattice, &reference)?;
+        let spare = Default::default();
+        Ok(Self {
             motion,
             measurement,
             config,
@@ -132,21 +135,19 @@ where
             widest,
             lattice,
             columns,
-            marginals,
-            belief: prior,
-        };
-        filter.belief = filter.moments(&filter.columns, &filter.marginals, &filter.lattice)?;
-        Ok(filter)
+            weights,
+            spare,
+            pool: Pool::default(),
+            belief,
+        })
     }
 
     /// The centre of each cell, East and North in metres, with the probability that the target is
     /// in it; they sum to 1. Cells are laid out row by row.
     pub fn cells(&self) -> impl Iterator<Item = (Vector2<f64>, f64)> {
-        let area = self.lattice.cell_area();
-        let logs = log_densities(&self.marginals);
-        logs.into_iter()
-            .enumerate()
-            .map(move |(i, log)| (self.lattice.place(i), area * libm::exp(log)))
+        let scale = 1.0 / self.weights.total();
+        let weights = self.weights.all().iter().enumerate();
+        weights.map(move |(i, weight)| (self.lattice.place(i), scale * weight))
     }
 
     /// How many cells there are along each side.
@@ -164,89 +165,14 @@ where
     /// The probability of each of the doubted noise's factors, in their order.
     #[must_use]
     pub fn noise_scale_probabilities(&self) -> Vec<f64> {
-        let area = self.lattice.cell_area();
-        let mass = |logs: &Vec<f64>| logs.iter().map(|log| area * libm::exp(*log)).sum();
-        self.marginals.iter().map(mass).collect()
-    }
-
-    /// The moments of a normalised density.
-    pub(super) fn moments(
-        &self,
-        columns: &Columns<N>,
-        marginals: &[Vec<f64>],
-        lattice: &Lattice,
-    ) -> Result<Gaussian<N>, EstimatorError> {
-        let area = lattice.cell_area();
-        let origin = lattice.centre();
-        let (mut total, mut mean) = (0.0, State::<N>::zeros());
-        let (mut square, mut within) = (Covariance::<N>::zeros(), Covariance::<N>::zeros());
-        // What is lost beside 1 only costs time.
-        let least = libm::log(1e-18 / area);
-        let mut places = lattice.places();
-        for (axis, places) in places.iter_mut().enumerate() {
-            places.iter_mut().for_each(|place| *place -= origin[axis]);
-        }
-        let (mut weights, mut weighted) = (vec![0.0; lattice.len()], vec![0.0; lattice.len()]);
-        for (hypothesis, logs) in marginals.iter().enumerate() {
-            let of = |[log]: [f64; 1], _| {
-                let weight = area * elementary::exp(log);
-                if log > least { weight } else { 0.0 }
-            };
-            run(Map { columns: [logs], of, out: &mut weights });
-            let mass = run(Sum(&weights));
-            if mass <= 0.0 {
-                continue;
-            }
-            total += mass;
-            let behind = columns.means(hypothesis);
-            let states: [&[f64]; N] =
-                core::array::from_fn(|i| if i < 2 { &places[i][..] } else { &behind[i - 2] });
-            for i in 0..N {
-                let of = |[weight, x]: [f64; 2], _| weight * x;
-                run(Map { columns: [&weights, states[i]], of, out: &mut weighted });
-                mean[i] += run(Sum(&weighted));
-                (0..=i).for_each(|j| square[(i, j)] += run(Dot(&weighted, states[j])));
-            }
-            within += columns.spread(hypothesis, &weights);
-        }
-        mean /= total;
-        let mut covariance = (square + within) / total - mean * mean.transpose();
-        covariance.fill_upper_triangle_with_lower_triangle();
-        // A belief within a single cell is known to the cell and no better.
-        let steps = lattice.steps();
-        let cell = steps * steps.transpose() * 1e-6;
-        let mut place = covariance.fixed_view_mut::<2, 2>(0, 0);
-        place += cell;
-        mean += self.reference;
-        let mut centre = mean.fixed_rows_mut::<2>(0);
-        centre += origin;
-        Gaussian::new(Estimate { mean, covariance }, Role::Posterior)
+        let mass = |weights: &Vec<f64>| run(Sum(weights)) / self.weights.total();
+        self.weights.each().iter().map(mass).collect()
     }
 }
 
-/// ln ∫ of a density over the lattice.
-pub(super) fn log_total(logs: &[f64], lattice: &Lattice) -> f64 {
-    run(LogSumExp(logs)) + libm::log(lattice.cell_area())
-}
-
-/// Makes a density integrate to 1; what it is then, under each hypothesis.
-pub(super) fn normalise<const N: usize>(
-    columns: &mut Columns<N>,
-    lattice: &Lattice,
-) -> Vec<Vec<f64>> {
-    let mut marginals = columns.log_marginals();
-    let totals: Vec<f64> = marginals.iter().map(|logs| run(LogSumExp(logs))).collect();
-    let total = log_total(&totals, lattice);
-    shift(columns, -total);
-    marginals.iter_mut().flatten().for_each(|log| *log -= total);
-    marginals
-}
-
-/// Adds a constant to every log-density.
-pub(super) fn shift<const N: usize>(columns: &mut Columns<N>, by: f64) {
-    for hypothesis in 0..columns.hypotheses() {
-        columns.logs_mut(hypothesis).iter_mut().for_each(|log| *log += by);
-    }
+/// ln ∫ of a density over the lattice, whose weights count from that of a weight of 1.
+pub(super) fn log_total<const N: usize>(weights: &Weights<N>, lattice: &Lattice) -> f64 {
+    libm::log(weights.total() * lattice.cell_area())
 }
 
 /// The prior over the cells, not normalised: Gaussian in the place unless there is an area, and
@@ -259,6 +185,7 @@ fn prior_columns<const N: usize>(
     let whole = [(1.0, 1.0)];
     let factors = config.noise_scales.as_ref().map_or(&whole[..], |scales| &scales.factors);
     let sum: f64 = factors.iter().map(|(_, weight)| weight).sum();
+    let log_weights: Vec<f64> = factors.iter().map(|(_, weight)| libm::log(weight / sum)).collect();
     // With P = L Lᵀ and the place whitened by L's first block, the rest has the mean and the
     // factor in L's other rows.
     let factor = prior.factor();
@@ -266,7 +193,9 @@ fn prior_columns<const N: usize>(
     rest.fixed_columns_mut::<2>(0).fill(0.0);
     let mut spread = rest * rest.transpose();
     (0..2).for_each(|i| spread[(i, i)] = 1.0);
-    let mut columns = Columns::new(factors.len(), lattice.len());
+    let no_factor = EstimatorError::NotPositiveDefinite { role: Role::Prior };
+    let first = Cell::of(0.0, &State::zeros(), &spread).ok_or(no_factor)?;
+    let mut columns = Columns::new(factors.len(), lattice.len(), &first.information);
     for index in 0..lattice.len() {
         let mut white = State::<N>::zeros();
         let place = lattice.place(index) - prior.mean().fixed_rows::<2>(0);
@@ -278,11 +207,9 @@ fn prior_columns<const N: usize>(
         }
         let mut mean: State<N> = factor * white;
         mean.fixed_rows_mut::<2>(0).fill(0.0);
-        let cell = Cell::of(log, &mean, &spread)
-            .ok_or(EstimatorError::NotPositiveDefinite { role: Role::Prior })?;
-        for (hypothesis, (_, weight)) in factors.iter().enumerate() {
-            let log = cell.log + libm::log(weight / sum);
-            columns.set(hypothesis, index, &Cell { log, ..cell });
+        let cell = Cell::of(log, &mean, &spread).ok_or(no_factor)?;
+        for (hypothesis, log_weight) in log_weights.iter().enumerate() {
+            columns.set(hypothesis, index, &Cell { log: cell.log + log_weight, ..cell });
         }
     }
     Ok(columns)

@@ -1,9 +1,16 @@
-use alloc::vec::Vec;
+use alloc::{vec, vec::Vec};
+use core::ops::Range;
 
 use foxhunt_core::{EstimatorError, parameter::require};
 use nalgebra::{LU, Matrix2, U2, Vector2};
 
-use crate::count::number;
+use crate::{
+    count::number,
+    vectorised::{Kernel, dot, run, sum},
+};
+
+/// So many cells are looked at together.
+const SEVERAL: usize = 16;
 
 /// Equal cells over a rectangle that may lie aslant.
 #[derive(Clone, Debug)]
@@ -15,6 +22,8 @@ pub(super) struct Lattice {
     factor: LU<f64, U2, U2>,
     /// Cells along each side.
     side: usize,
+    /// Where they are along it, the whole side being −1 to 1.
+    along: Vec<f64>,
 }
 
 impl Lattice {
@@ -31,12 +40,12 @@ impl Lattice {
         let value = libm::fabs(half_sides.determinant());
         let proper = value > 0.0 && value.is_finite() && centre.iter().all(|c| c.is_finite());
         require(proper, "the area of the grid", value, "a positive number")?;
-        Ok(Self { centre, half_sides, factor: half_sides.lu(), side })
+        Ok(Self { centre, half_sides, factor: half_sides.lu(), side, along: along(side) })
     }
 
     /// The same rectangle in other cells.
     pub(super) fn with_side(&self, side: usize) -> Self {
-        Self { side, ..self.clone() }
+        Self { side, along: along(side), ..self.clone() }
     }
 
     /// Where the cells are after an affine motion.
@@ -84,23 +93,56 @@ impl Lattice {
 
     /// The centre of a cell.
     pub(super) fn place(&self, index: usize) -> Vector2<f64> {
-        let along = |i: usize| (2.0 * number(i) + 1.0) / number(self.side) - 1.0;
-        let at = Vector2::new(along(index % self.side), along(index / self.side));
+        let at = Vector2::new(self.along[index % self.side], self.along[index / self.side]);
         self.centre + self.half_sides * at
     }
 
-    /// The centres of all cells, East and North as columns.
-    pub(super) fn places(&self) -> [Vec<f64>; 2] {
-        let along = |i: usize| (2.0 * number(i) + 1.0) / number(self.side) - 1.0;
-        let along: Vec<f64> = (0..self.side).map(along).collect();
-        [0, 1].map(|axis| {
-            let (half, centre) = (self.half_sides.row(axis), self.centre[axis]);
-            let mut places = Vec::with_capacity(self.len());
-            for y in &along {
-                places.extend(along.iter().map(|x| centre + (half[0] * x + half[1] * y)));
-            }
-            places
+    /// The centres of the cells of some rows, East and North as columns; sets `out`.
+    pub(super) fn places(&self, rows: Range<usize>, out: &mut [Vec<f64>; 2]) {
+        let along = &self.along;
+        for (axis, out) in out.iter_mut().enumerate() {
+            let half = [self.half_sides[(axis, 0)], self.half_sides[(axis, 1)]];
+            out.resize(rows.len() * self.side, 0.0);
+            run(Places { along, rows: rows.clone(), half, centre: self.centre[axis], out });
+        }
+    }
+
+    /// The moments of the cells' places, each with its weight, about the centre.
+    pub(super) fn moments(&self, weights: &[f64]) -> Moments {
+        let [total, x, xx, y, xy, yy] = run(Sums { weights, along: &self.along });
+        let half = &self.half_sides;
+        Moments {
+            total,
+            first: half * Vector2::new(x, y),
+            second: half * Matrix2::new(xx, xy, xy, yy) * half.transpose(),
+        }
+    }
+
+    /// The cells of each row from the first to the last of more than this weight.
+    pub(super) fn carrying(
+        &self,
+        weights: &[f64],
+        least: f64,
+    ) -> impl Iterator<Item = Range<usize>> {
+        let rows = weights.chunks_exact(self.side).enumerate();
+        // Most cells before the first and behind the last are passed by several at once.
+        let any = move |some: &[f64]| some.iter().fold(false, |any, w| any | (*w > least));
+        rows.filter_map(move |(row, weights)| {
+            let start = SEVERAL * weights.chunks(SEVERAL).position(any)?;
+            let first = start + weights[start..].iter().position(|weight| *weight > least)?;
+            let end = weights.len() - SEVERAL * weights.rchunks(SEVERAL).position(any)?;
+            let last = weights[..end].iter().rposition(|weight| *weight > least)?;
+            let start = row * weights.len();
+            Some(start + first..start + last + 1)
         })
+    }
+
+    /// Where the first cell is, counted in another lattice's cells from the centre of the first of
+    /// these, and how far its neighbours are from it along either side.
+    pub(super) fn in_coordinates_of(&self, other: &Self) -> (Vector2<f64>, Matrix2<f64>) {
+        let origin = other.coordinates(&self.place(0));
+        let steps = self.steps() * (0.5 * number(other.side));
+        (origin, other.factor.solve(&steps).expect("the rectangle has an area"))
     }
 
     /// Where a place lies, counted in cells from the centre of the first.
@@ -115,20 +157,75 @@ impl Lattice {
         let ends = (0..side).flat_map(move |i| [i * side, i * side + side - 1]);
         (0..side).chain(last..last + side).chain(ends)
     }
+}
 
-    /// How a column over the cells is read at a place; `at` as from
-    /// [`coordinates`](Self::coordinates). Outside, what stands on the border.
-    pub(super) fn stencil(&self, at: &Vector2<f64>) -> Stencil {
-        let last = number(self.side - 1);
-        let at = at.map(|c| c.clamp(0.0, last));
-        let nearest = at.map(libm::round);
-        let ((x, weights_x), (y, weights_y)) = (taps(at.x, self.side), taps(at.y, self.side));
-        Stencil {
-            first: y * self.side + x,
-            nearest: index(nearest.y) * self.side + index(nearest.x),
-            weights_x,
-            weights_y,
+/// Σ w, Σ w x and Σ w x xᵀ over cells at x with the weights w.
+pub(super) struct Moments {
+    pub(super) total: f64,
+    pub(super) first: Vector2<f64>,
+    pub(super) second: Matrix2<f64>,
+}
+
+/// Where so many cells are along a side, the whole side being −1 to 1.
+fn along(side: usize) -> Vec<f64> {
+    (0..side).map(|i| (2.0 * number(i) + 1.0) / number(side) - 1.0).collect()
+}
+
+/// East or North of the cells of some rows.
+struct Places<'a> {
+    /// Where cells are along a side of the lattice, −1 to 1.
+    along: &'a [f64],
+    rows: Range<usize>,
+    /// Of the half sides.
+    half: [f64; 2],
+    centre: f64,
+    out: &'a mut [f64],
+}
+
+impl Kernel for Places<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { along, rows, half, centre, out } = self;
+        for (out, y) in out.chunks_exact_mut(along.len()).zip(&along[rows]) {
+            let across = half[1] * y;
+            out.iter_mut().zip(along).for_each(|(out, x)| *out = centre + (half[0] * x + across));
         }
+    }
+}
+
+/// The sums of w, w x, w x², w y, w x y and w y² over square rows of weights w.
+struct Sums<'a> {
+    weights: &'a [f64],
+    /// x and y of the cells along a side.
+    along: &'a [f64],
+}
+
+impl Kernel for Sums<'_> {
+    type Output = [f64; 6];
+
+    #[inline(always)]
+    fn run(self) -> [f64; 6] {
+        let along = self.along;
+        // Of each column of cells, those of w, w y and w y².
+        let mut columns = vec![0.0; 3 * along.len()];
+        let (plain, rest) = columns.split_at_mut(along.len());
+        let (once, twice) = rest.split_at_mut(along.len());
+        for (row, y) in self.weights.chunks_exact(along.len()).zip(along) {
+            for (((plain, once), twice), weight) in
+                plain.iter_mut().zip(&mut *once).zip(&mut *twice).zip(row)
+            {
+                let weighted = y * weight;
+                *plain += weight;
+                *once += weighted;
+                *twice += y * weighted;
+            }
+        }
+        let sums = [sum(plain), dot(plain, along), sum(once), dot(once, along), sum(twice)];
+        plain.iter_mut().zip(along).for_each(|(plain, x)| *plain *= x);
+        let [total, x, y, xy, yy] = sums;
+        [total, x, dot(plain, along), y, xy, yy]
     }
 }
 
@@ -144,6 +241,17 @@ pub(super) struct Stencil {
 }
 
 impl Stencil {
+    /// The one for a place in a lattice with so many cells to a side; `at` as from
+    /// [`Lattice::coordinates`]. Outside, what stands on the border.
+    #[inline(always)]
+    pub(super) fn at(at: &Vector2<f64>, side: usize) -> Self {
+        let last = number(side - 1);
+        let at = at.map(|c| c.clamp(0.0, last));
+        let ((x, weights_x), (y, weights_y)) = (taps(at.x, side), taps(at.y, side));
+        let nearest = index(at.y + 0.5) * side + index(at.x + 0.5);
+        Self { first: y * side + x, nearest, weights_x, weights_y }
+    }
+
     /// Where a number that it takes is infinite, the nearest cell's.
     #[inline(always)]
     pub(super) fn read(&self, column: &[f64], side: usize) -> f64 {
@@ -160,10 +268,11 @@ impl Stencil {
 
 /// The first of four neighbours along a side, and their weights. One step outside the lattice
 /// stands the quadratic through the three cells beside it.
+#[inline(always)]
 fn taps(at: f64, side: usize) -> (usize, [f64; 4]) {
-    let low = libm::floor(at).min(number(side - 2));
-    let [a, b, c, d] = keys(at - low);
-    match index(low) {
+    let low = index(at).min(side - 2);
+    let [a, b, c, d] = keys(at - number(low));
+    match low {
         0 => (0, [b + 3.0 * a, c - 3.0 * a, d + a, 0.0]),
         low if low + 2 == side => (side - 4, [0.0, a + d, b - 3.0 * d, c + 3.0 * d]),
         low => (low - 1, [a, b, c, d]),
@@ -171,6 +280,7 @@ fn taps(at: f64, side: usize) -> (usize, [f64; 4]) {
 }
 
 /// The weights of four neighbours for a place at the share `t` of the way between the middle two.
+#[inline(always)]
 fn keys(t: f64) -> [f64; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [
@@ -181,6 +291,7 @@ fn keys(t: f64) -> [f64; 4] {
     ]
 }
 
+#[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "clamped to the lattice")]
 #[expect(clippy::cast_sign_loss, reason = "clamped to the lattice")]
 fn index(coordinate: f64) -> usize {
@@ -208,6 +319,47 @@ mod tests {
     }
 
     #[test]
+    fn what_carries_a_row_goes_from_its_first_to_its_last_cell() {
+        let half_sides = Matrix2::identity();
+        let lattice = Lattice::new(Vector2::zeros(), half_sides, 50).expect("it has an area");
+        let mut weights = vec![0.1; lattice.len()];
+        for index in [3, 40, 60, 130, 149, 2499] {
+            weights[index] = 0.5;
+        }
+        let carrying: Vec<_> = lattice.carrying(&weights, 0.2).collect();
+        assert_eq!(carrying, [3..41, 60..61, 130..150, 2499..2500]);
+    }
+
+    #[test]
+    fn moments_are_those_of_the_places() {
+        let lattice = lattice();
+        let weight = |i: usize| number(i % 7) + 0.1 * number(i % 4);
+        let weights: Vec<f64> = (0..lattice.len()).map(weight).collect();
+        let Moments { total, first, second } = lattice.moments(&weights);
+        let (mut sum, mut mean, mut square) = (0.0, Vector2::zeros(), Matrix2::zeros());
+        for (i, weight) in weights.iter().enumerate() {
+            let x = lattice.place(i) - lattice.centre();
+            sum += weight;
+            mean += x * *weight;
+            square += x * x.transpose() * *weight;
+        }
+        assert!((total - sum).abs() < 1e-12 * sum);
+        assert!((first - mean).norm() < 1e-12 * sum && (second - square).norm() < 1e-11 * sum);
+    }
+
+    #[test]
+    fn another_lattice_has_coordinates_in_this_one() {
+        let (old, new) = (lattice(), lattice().with_side(5));
+        let turned = Matrix2::new(0.6, -0.8, 0.8, 0.6);
+        let new = new.moved(Vector2::new(4.0, -1.0), &turned).expect("it has an area");
+        let (origin, steps) = new.in_coordinates_of(&old);
+        for i in 0..new.len() {
+            let at = origin + steps * Vector2::new(number(i % 5), number(i / 5));
+            assert!((at - old.coordinates(&new.place(i))).norm() < 1e-12);
+        }
+    }
+
+    #[test]
     fn a_quadratic_is_read_exactly_up_to_the_border() {
         let lattice = lattice();
         let quadratic =
@@ -218,17 +370,16 @@ mod tests {
             let place = lattice.centre
                 + lattice.half_sides
                     * ((at * 2.0 + Vector2::repeat(1.0)) / 9.0 - Vector2::repeat(1.0));
-            let error = lattice.stencil(&at).read(&column, 9) - quadratic(&place);
+            let error = Stencil::at(&at, 9).read(&column, 9) - quadratic(&place);
             assert!(error.abs() < 1e-11, "off by {error} at {at}");
         }
     }
 
     #[test]
     fn what_is_impossible_beside_a_place_does_not_spread() {
-        let lattice = lattice();
         let mut column = [0.5; 81];
         column[40] = f64::NEG_INFINITY;
-        let read = |x, y| lattice.stencil(&Vector2::new(x, y)).read(&column, 9);
+        let read = |x, y| Stencil::at(&Vector2::new(x, y), 9).read(&column, 9);
         assert!((read(3.2, 4.0) - 0.5).abs() < 1e-15);
         assert!(read(3.9, 4.1) <= f64::NEG_INFINITY);
     }

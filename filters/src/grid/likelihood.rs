@@ -1,16 +1,19 @@
 use alloc::{vec, vec::Vec};
-use core::{
-    f64::consts::{PI, TAU},
-    ops::Range,
-};
+use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{
-    Axis, EstimatorError, MeasurementModel, Observation, Role, State, absorb_receiver_noise,
+    Axis, Covariance, EstimatorError, MeasurementModel, Observation, Pose, Role, State, noise,
 };
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{SVector, Vector3};
 
-use super::{Columns, GridConfig, Lattice};
-use crate::vectorised::{Map, run};
+use super::{
+    Columns, GridConfig, Lattice,
+    columns::{Column, Hypothesis, add_product},
+};
+use crate::vectorised::{Kernel, Map, run};
+
+/// So many cells, in whole rows, go to a model at once: their columns stay in the nearest cache.
+const BLOCK: usize = 1024;
 
 /// The likelihood of an observation in every cell.
 pub(super) struct Likelihood<'a, H, const N: usize, const M: usize> {
@@ -19,6 +22,8 @@ pub(super) struct Likelihood<'a, H, const N: usize, const M: usize> {
     reference: State<N>,
     /// The observation under each hypothesis of its noise.
     observations: Vec<Observation<M>>,
+    /// The component whose noise is in doubt.
+    doubted: Option<usize>,
 }
 
 impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'a, H, N, M> {
@@ -37,44 +42,52 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
             }
             None => vec![*observation],
         };
-        Self { measurement, reference, observations }
+        let doubted = config.noise_scales.as_ref().map(|scales| scales.component);
+        Self { measurement, reference, observations, doubted }
     }
 
-    /// The posterior over the prior's cells, not normalised.
+    /// Makes the prior over the cells the posterior, not normalised.
     ///
     /// # Errors
     ///
     /// [`EstimatorError::NotFinite`] when a likelihood is NaN or +∞.
-    pub(super) fn times(
+    pub(super) fn multiply(
         &self,
-        prior: &Columns<N>,
+        columns: &mut Columns<N>,
         lattice: &Lattice,
-    ) -> Result<Columns<N>, EstimatorError> {
-        let mut posterior = prior.clone();
+        pool: &mut Pool,
+    ) -> Result<(), EstimatorError> {
         if N == 2 {
-            self.add_log_likelihoods(&mut posterior, lattice)?;
+            self.add_log_likelihoods(columns, lattice)
         } else {
-            self.add_linear(&mut posterior, lattice)?;
+            self.add_linear(columns, lattice, pool)
         }
-        Ok(posterior)
     }
 
     /// ln p(z | x) as the model has it.
     fn add_log_likelihoods(
         &self,
-        posterior: &mut Columns<N>,
+        columns: &mut Columns<N>,
         lattice: &Lattice,
     ) -> Result<(), EstimatorError> {
-        let places = lattice.places();
-        let columns: [&[f64]; N] = core::array::from_fn(|row| &places[row][..]);
-        let mut logs = vec![0.0; lattice.len()];
-        for (hypothesis, observation) in self.observations.iter().enumerate() {
-            self.measurement.log_likelihoods(columns, observation, &mut logs);
-            if logs.iter().any(|log| log.is_nan() || *log >= f64::INFINITY) {
-                return Err(EstimatorError::NotFinite { role: Role::Expected });
+        let side = lattice.side();
+        let rows = (BLOCK / side).max(1);
+        let mut places = [Vec::new(), Vec::new()];
+        let mut logs = vec![0.0; rows * side];
+        for first in (0..side).step_by(rows) {
+            let last = (first + rows).min(side);
+            lattice.places(first..last, &mut places);
+            let states: [&[f64]; N] = core::array::from_fn(|row| &places[row][..]);
+            let logs = &mut logs[..(last - first) * side];
+            for (hypothesis, observation) in
+                columns.hypotheses_mut().iter_mut().zip(&self.observations)
+            {
+                self.measurement.log_likelihoods(states, observation, logs);
+                let sums = &mut hypothesis.logs[first * side..last * side];
+                if !run(AddBounded { logs, sums }) {
+                    return Err(EstimatorError::NotFinite { role: Role::Expected });
+                }
             }
-            let sums = posterior.logs_mut(hypothesis).iter_mut().zip(&logs);
-            sums.for_each(|(sum, log)| *sum += log);
         }
         Ok(())
     }
@@ -83,175 +96,335 @@ impl<'a, H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihood<'
     /// model's slope there.
     fn add_linear(
         &self,
-        posterior: &mut Columns<N>,
+        columns: &mut Columns<N>,
         lattice: &Lattice,
+        pool: &mut Pool,
     ) -> Result<(), EstimatorError> {
         let Some(first) = self.observations.first() else { return Ok(()) };
-        let places = lattice.places();
-        let (residuals, slopes) = self.linearised(&places, first);
-        if !residuals.iter().chain(slopes.iter().flatten()).flatten().all(|v| v.is_finite()) {
-            return Err(EstimatorError::NotFinite { role: Role::Expected });
+        let mut places = [pool.take(0), pool.take(0)];
+        lattice.places(0..lattice.side(), &mut places);
+        let linear = self.linearised(&places, first, pool)?;
+        let spread = first
+            .receiver_sigma()
+            .map(|sigma| self.receiver_spread(&places, first.receiver(), sigma, pool));
+        let hypotheses = columns.hypotheses_mut().iter_mut();
+        for (hypothesis, observation) in hypotheses.zip(&self.observations) {
+            let noise = match &spread {
+                Some(spread) => Noise::with_receiver(observation, spread, lattice.len())?,
+                None => Noise::of(observation)?,
+            };
+            linear.add_to(hypothesis, &noise);
         }
-        let linear = Linear { residuals, slopes };
-        if first.receiver_sigma().is_some() {
-            // The noise is another one in every cell.
-            for index in 0..lattice.len() {
-                let state = self.state(&places, index);
-                let noises = self.noises(Some(&state))?;
-                linear.add_to(posterior, &noises, index..index + 1);
-            }
-        } else {
-            linear.add_to(posterior, &self.noises(None)?, 0..lattice.len());
-        }
-        for (hypothesis, bearing) in self.competing().iter().enumerate() {
-            for (index, log) in posterior.logs_mut(hypothesis).iter_mut().enumerate() {
-                let state = self.state(&places, index);
-                let [mixture, moments] =
-                    bearing.each_ref().map(|o| self.measurement.log_likelihood(&state, o));
-                *log += mixture - moments;
-            }
-        }
+        self.add_competing(columns, &linear, &places);
+        places.into_iter().for_each(|column| pool.give(column));
+        linear.residuals.into_iter().for_each(|column| pool.give_column(column));
         Ok(())
     }
 
-    /// A cell's state, n at the reference.
-    fn state(&self, places: &[Vec<f64>; 2], index: usize) -> State<N> {
-        State::from_fn(|i, _| if i < 2 { places[i][index] } else { self.reference[i] })
+    /// The residuals at a state's further components, as columns.
+    fn residuals_at(
+        &self,
+        places: &[Vec<f64>; 2],
+        state: &State<N>,
+        z: &SVector<f64, M>,
+        receiver: &Pose,
+        pool: &mut Pool,
+    ) -> [Vec<f64>; M] {
+        let cells = places[0].len();
+        let behind = columns_behind(cells, state, pool);
+        let mut columns: [Vec<f64>; M] = core::array::from_fn(|_| pool.take(cells));
+        let out = columns.each_mut().map(|column| &mut column[..]);
+        self.measurement.residuals(states(places, &behind), z, receiver, out);
+        behind.into_iter().for_each(|column| pool.give(column));
+        columns
     }
 
-    /// r and C of every cell, with 0 for what is missing and no column for a slope of 0.
+    /// r and C of every cell, with 0 for what is missing.
     fn linearised(
         &self,
         places: &[Vec<f64>; 2],
         observation: &Observation<M>,
-    ) -> ([Vec<f64>; M], [[Vec<f64>; N]; M]) {
-        let cells = places[0].len();
-        let present = observation.strike(SVector::<f64, M>::repeat(1.0));
-        let residuals_at = |state: &State<N>| {
-            let behind: Vec<Vec<f64>> = (2..N).map(|i| vec![state[i]; cells]).collect();
-            let states =
-                core::array::from_fn(|i| if i < 2 { &places[i][..] } else { &behind[i - 2][..] });
-            let mut columns: [Vec<f64>; M] = core::array::from_fn(|_| vec![0.0; cells]);
-            let out = columns.each_mut().map(|column| &mut column[..]);
+        pool: &mut Pool,
+    ) -> Result<Linear<N, M>, EstimatorError> {
+        let not_finite = EstimatorError::NotFinite { role: Role::Expected };
+        let residuals_at = |state: &State<N>, pool: &mut Pool| {
             let (z, receiver) = (observation.value(), observation.receiver());
-            self.measurement.residuals(states, z, receiver, out);
+            let mut columns = self.residuals_at(places, state, z, receiver, pool);
             for (row, column) in columns.iter_mut().enumerate() {
-                column.iter_mut().filter(|_| present[row] <= 0.0).for_each(|r| *r = 0.0);
+                if !observation.has(row) {
+                    column.fill(0.0);
+                }
             }
             columns
         };
         let axes = self.measurement.axes();
-        let residuals = residuals_at(&self.reference);
-        let mut slopes: [[Vec<f64>; N]; M] =
-            core::array::from_fn(|_| core::array::from_fn(|_| Vec::new()));
+        let residuals = residuals_at(&self.reference, pool);
+        if !residuals.iter().all(|column| run(Extent(column))[0].is_finite()) {
+            return Err(not_finite);
+        }
+        let mut slopes: [[Column; N]; M] =
+            core::array::from_fn(|_| core::array::from_fn(|_| Column::Same(0.0)));
         for i in 2..N {
             // The model is linear in n, whatever the step.
             let step = libm::fmax(1.0, self.reference[i].abs());
             let mut state = self.reference;
             state[i] += step;
-            for (row, mut column) in residuals_at(&state).into_iter().enumerate() {
-                let turn = if axes[row] == Axis::Angle { TAU } else { 0.0 };
-                let of = |[residual]: [f64; 1], moved| {
-                    let off: f64 = residual - moved;
-                    let off = if off > PI { off - turn } else { off };
-                    (if off < -PI { off + turn } else { off }) / step
-                };
-                run(Map { columns: [&residuals[row]], of, out: &mut column });
-                if column.iter().any(|slope| slope.abs() > 0.0 || slope.is_nan()) {
-                    slopes[row][i] = column;
+            for (row, mut column) in residuals_at(&state, pool).into_iter().enumerate() {
+                subtract(&mut column, &residuals[row], axes[row], 1.0 / step);
+                let [least, most] = run(Extent(&column));
+                let size = libm::fmax(least.abs(), most.abs());
+                if !size.is_finite() {
+                    return Err(not_finite);
                 }
+                // Apart by no more than what roundings of the levels make of one slope.
+                slopes[row][i] = if most - least <= 1e-9 * size {
+                    pool.give(column);
+                    Column::Same(0.5 * (least + most))
+                } else {
+                    Column::Each(column)
+                };
             }
         }
-        (residuals, slopes)
+        Ok(Linear { residuals: residuals.map(Column::Each), slopes })
     }
 
-    /// Where directions compete for a bearing that has no part in the further components: the
-    /// bearing alone under each hypothesis, as a mixture and by the moments that the quadratic has.
-    fn competing(&self) -> Vec<[Observation<M>; 2]> {
-        let bearing = |observation: &Observation<M>| {
-            let (bearing, alone) = observation.competing_bearing()?;
-            let (_, slope) = self.at(&self.reference, observation);
-            (slope.row(bearing).norm_squared() <= 0.0).then_some(alone)
-        };
-        self.observations.iter().filter_map(bearing).collect()
-    }
-
-    /// The log-density of no residual and the inverse of the noise, under each hypothesis; that of
-    /// an uncertain receiver as it stands for a target in `state`.
-    fn noises(
+    /// Where directions compete for a bearing that has no part in the further components: puts the
+    /// mixture in the place of the moments that the quadratic has.
+    fn add_competing(
         &self,
-        state: Option<&State<N>>,
-    ) -> Result<Vec<(f64, SMatrix<f64, M, M>)>, EstimatorError> {
-        let noise = |observation: &Observation<M>| {
-            let observation = match state {
-                Some(state) => absorb_receiver_noise(self.measurement, state, observation),
-                None => *observation,
+        columns: &mut Columns<N>,
+        linear: &Linear<N, M>,
+        places: &[Vec<f64>; 2],
+    ) {
+        if self.observations.first().is_none_or(|first| first.bearing_modes().is_none()) {
+            return;
+        }
+        let behind = columns_behind(places[0].len(), &self.reference, &mut Pool::default());
+        let mut ratios = vec![0.0; places[0].len()];
+        let mut moments = ratios.clone();
+        for (j, (hypothesis, observation)) in
+            columns.hypotheses_mut().iter_mut().zip(&self.observations).enumerate()
+        {
+            let Some((bearing, [mixture, gaussian])) = observation.competing_bearing() else {
+                return;
             };
-            let information = observation.noise().cholesky()?.inverse();
-            Some((observation.log_density(&SVector::zeros()), information))
-        };
-        let not_definite = EstimatorError::NotPositiveDefinite { role: Role::Innovation };
-        self.observations.iter().map(|o| noise(o).ok_or(not_definite)).collect()
+            if !linear.slopes[bearing].iter().all(Column::is_zero) {
+                return;
+            }
+            // The bearing alone is the same whatever the noise of the others.
+            if j == 0 || self.doubted == Some(bearing) {
+                let states = states(places, &behind);
+                self.measurement.log_likelihoods(states, &mixture, &mut ratios);
+                self.measurement.log_likelihoods(states, &gaussian, &mut moments);
+                let of = |[moments]: [f64; 1], mixture| mixture - moments;
+                run(Map { columns: [&moments], of, out: &mut ratios });
+            }
+            let add = |[ratio]: [f64; 1], log| log + ratio;
+            run(Map { columns: [&ratios], of: add, out: &mut hypothesis.logs });
+        }
     }
 
-    /// The residual at a state, and the slope over what lies behind its place.
-    fn at(
+    /// G Σ Gᵀ of every cell, as [`absorb_receiver_noise`](foxhunt_core::absorb_receiver_noise) has
+    /// it, a column for each entry.
+    fn receiver_spread(
         &self,
-        state: &State<N>,
-        observation: &Observation<M>,
-    ) -> (SVector<f64, M>, SMatrix<f64, M, N>) {
-        let receiver = observation.receiver();
-        let expected = self.measurement.expected(state, receiver);
-        let mut slope = self.measurement.jacobian(state, receiver);
-        slope.fixed_columns_mut::<2>(0).fill(0.0);
-        (self.measurement.residual(observation.value(), &expected), slope)
+        places: &[Vec<f64>; 2],
+        receiver: &Pose,
+        sigma: &Vector3<f64>,
+        pool: &mut Pool,
+    ) -> [[Vec<f64>; M]; M] {
+        let axes = self.measurement.axes();
+        let cells = places[0].len();
+        let mut spread: [[Vec<f64>; M]; M] =
+            core::array::from_fn(|_| core::array::from_fn(|_| vec![0.0; cells]));
+        for axis in 0..3 {
+            let mut at = |step: f64| {
+                let mut receiver = *receiver;
+                receiver.position[axis] += step;
+                self.residuals_at(places, &self.reference, &SVector::zeros(), &receiver, pool)
+            };
+            let (mut slopes, low) = (at(sigma[axis]), at(-sigma[axis]));
+            for (row, column) in slopes.iter_mut().enumerate() {
+                subtract(column, &low[row], axes[row], 0.5);
+            }
+            for (a, row) in spread.iter_mut().enumerate() {
+                for (b, out) in row.iter_mut().enumerate() {
+                    let of = |[a, b]: [f64; 2], sum| sum + a * b;
+                    run(Map { columns: [&slopes[a], &slopes[b]], of, out });
+                }
+            }
+            slopes.into_iter().chain(low).for_each(|column| pool.give(column));
+        }
+        spread
     }
 }
 
-/// The residual r at n = 0 of every cell and its slope C over n, a column for each number.
+/// Columns whose memory is used again: a heap gives large ones back to the system, and takes them
+/// anew page by page.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Pool(Vec<Vec<f64>>);
+
+impl Pool {
+    /// A column of so many cells, of any content.
+    fn take(&mut self, cells: usize) -> Vec<f64> {
+        let mut column = self.0.pop().unwrap_or_default();
+        column.resize(cells, 0.0);
+        column
+    }
+
+    fn give(&mut self, column: Vec<f64>) {
+        self.0.push(column);
+    }
+
+    fn give_column(&mut self, column: Column) {
+        if let Column::Each(column) = column {
+            self.give(column);
+        }
+    }
+}
+
+/// A state's further components, each as a column over so many cells.
+fn columns_behind<const N: usize>(
+    cells: usize,
+    state: &State<N>,
+    pool: &mut Pool,
+) -> Vec<Vec<f64>> {
+    let column = |i: usize| {
+        let mut column = pool.take(cells);
+        column.fill(state[i]);
+        column
+    };
+    (2..N).map(column).collect()
+}
+
+fn states<'a, const N: usize>(places: &'a [Vec<f64>; 2], behind: &'a [Vec<f64>]) -> [&'a [f64]; N] {
+    core::array::from_fn(|i| if i < 2 { &places[i][..] } else { &behind[i - 2][..] })
+}
+
+/// Residuals that a component has with another expectation, made `factor` times the change of that
+/// expectation; the short way round on an angle.
+fn subtract(moved: &mut [f64], residuals: &[f64], axis: Axis, factor: f64) {
+    let turn = if axis == Axis::Angle { TAU } else { 0.0 };
+    let of = |[residual]: [f64; 1], moved| {
+        let off: f64 = residual - moved;
+        let off = if off > PI { off - turn } else { off };
+        (if off < -PI { off + turn } else { off }) * factor
+    };
+    run(Map { columns: [residuals], of, out: moved });
+}
+
+/// Adds to each sum; whether nothing was NaN or +∞.
+struct AddBounded<'a> {
+    logs: &'a [f64],
+    sums: &'a mut [f64],
+}
+
+impl Kernel for AddBounded<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run(self) -> bool {
+        let mut unbounded = false;
+        for (sum, log) in self.sums.iter_mut().zip(self.logs) {
+            unbounded |= log.is_nan() | (*log >= f64::INFINITY);
+            *sum += log;
+        }
+        !unbounded
+    }
+}
+
+/// The least and the largest number; NaN and NaN unless all are finite.
+struct Extent<'a>(&'a [f64]);
+
+impl Kernel for Extent<'_> {
+    type Output = [f64; 2];
+
+    #[inline(always)]
+    fn run(self) -> [f64; 2] {
+        let mut extent = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut odd = false;
+        for x in self.0 {
+            let [least, most] = &mut extent;
+            *least = if *x < *least { *x } else { *least };
+            *most = if *x > *most { *x } else { *most };
+            odd |= !x.is_finite();
+        }
+        if odd { [f64::NAN; 2] } else { extent }
+    }
+}
+
+/// The residual r at n = 0 of every cell and its slope C over n.
 struct Linear<const N: usize, const M: usize> {
-    residuals: [Vec<f64>; M],
-    /// Of each component over those of the state; empty where there is none.
-    slopes: [[Vec<f64>; N]; M],
+    residuals: [Column; M],
+    /// Of each component over those of the state.
+    slopes: [[Column; N]; M],
+}
+
+/// A noise of every cell: the log-density of no residual, and W = R⁻¹.
+struct Noise<const M: usize> {
+    at_zero: Column,
+    information: [[Column; M]; M],
+}
+
+impl<const M: usize> Noise<M> {
+    /// The same one in all cells: that of the observation.
+    fn of(observation: &Observation<M>) -> Result<Self, EstimatorError> {
+        let not_definite = EstimatorError::NotPositiveDefinite { role: Role::Innovation };
+        let information = observation.noise().cholesky().ok_or(not_definite)?.inverse();
+        let entry = |a: usize, b: usize| Column::Same(information[(a, b)]);
+        Ok(Self {
+            at_zero: Column::Same(observation.log_density(&SVector::zeros())),
+            information: core::array::from_fn(|a| core::array::from_fn(|b| entry(a, b))),
+        })
+    }
+
+    /// The observation's and what an uncertain receiver adds to it.
+    fn with_receiver(
+        observation: &Observation<M>,
+        spread: &[[Vec<f64>; M]; M],
+        cells: usize,
+    ) -> Result<Self, EstimatorError> {
+        let not_definite = EstimatorError::NotPositiveDefinite { role: Role::Innovation };
+        let mut at_zero = vec![0.0; cells];
+        let mut entries: [[Vec<f64>; M]; M] =
+            core::array::from_fn(|_| core::array::from_fn(|_| vec![0.0; cells]));
+        let noise = observation.noise();
+        for (index, at_zero) in at_zero.iter_mut().enumerate() {
+            let more = Covariance::<M>::from_fn(|a, b| spread[a][b][index]);
+            let more = observation.mask(observation.mask(more).transpose());
+            let root = (noise + more).cholesky().ok_or(not_definite)?;
+            let zero = SVector::zeros();
+            *at_zero = noise::gaussian(&zero, root.l_dirty(), observation.len());
+            let information = root.inverse();
+            for (a, row) in entries.iter_mut().enumerate() {
+                row.iter_mut().enumerate().for_each(|(b, out)| out[index] = information[(a, b)]);
+            }
+        }
+        let information = entries.map(|row| row.map(Column::Each));
+        Ok(Self { at_zero: Column::Each(at_zero), information })
+    }
 }
 
 impl<const N: usize, const M: usize> Linear<N, M> {
-    /// Adds ln N(r − C n; 0, R) in these cells, given the log-density of 0 and W = R⁻¹ under each
-    /// hypothesis: − ½ rᵀ W r to l, Cᵀ W r to η and Cᵀ W C to Λ.
-    fn add_to(
-        &self,
-        columns: &mut Columns<N>,
-        noises: &[(f64, SMatrix<f64, M, M>)],
-        cells: Range<usize>,
-    ) {
-        for (hypothesis, (at_zero, information)) in noises.iter().enumerate() {
-            let (logs, rest) = columns.columns_mut(hypothesis).split_at_mut(1);
-            logs[0][cells.clone()].iter_mut().for_each(|log| *log += at_zero);
-            for (a, b) in (0..M).flat_map(|a| (0..M).map(move |b| (a, b))) {
-                let weight = information[(a, b)];
-                if weight.abs() <= 0.0 {
-                    continue;
-                }
-                let add = |factor: f64, x: &[f64], y: &[f64], out: &mut [f64]| {
-                    let columns = [&x[cells.clone()], &y[cells.clone()]];
-                    let of = |[x, y]: [f64; 2], sum| sum + factor * (x * y);
-                    run(Map { columns, of, out: &mut out[cells.clone()] });
-                };
-                add(-0.5 * weight, &self.residuals[a], &self.residuals[b], &mut logs[0]);
-                let mut row = N - 2;
-                for i in 2..N {
-                    let slope = &self.slopes[a][i];
-                    if slope.is_empty() {
-                        row += i - 1;
-                        continue;
-                    }
-                    add(weight, slope, &self.residuals[b], &mut rest[i - 2]);
-                    for other in &self.slopes[b][2..=i] {
-                        if !other.is_empty() {
-                            add(weight, slope, other, &mut rest[row]);
-                        }
-                        row += 1;
-                    }
+    /// Adds ln N(r − C n; 0, R) to every cell: − ½ rᵀ W r to l, Cᵀ W r to η and Cᵀ W C to Λ.
+    fn add_to(&self, hypothesis: &mut Hypothesis, noise: &Noise<M>) {
+        let Hypothesis { logs, shifts, information } = hypothesis;
+        let cells = logs.len();
+        add_product(logs, 1.0, &noise.at_zero, &Column::Same(1.0));
+        for (a, b) in (0..M).flat_map(|a| (0..M).map(move |b| (a, b))) {
+            let weight = &noise.information[a][b];
+            if weight.is_zero() {
+                continue;
+            }
+            let weighted = weight.times(cells, &self.residuals[b]);
+            add_product(logs, -0.5 * weighted.0, &self.residuals[a], &weighted.1);
+            let mut entries = information.iter_mut();
+            for i in 2..N {
+                let slope = &self.slopes[a][i];
+                add_product(&mut shifts[i - 2], weighted.0, slope, &weighted.1);
+                for (j, entry) in (2..=i).zip(&mut entries) {
+                    let other = weight.times(cells, &self.slopes[b][j]);
+                    entry.add_product(cells, other.0, slope, &other.1);
                 }
             }
         }

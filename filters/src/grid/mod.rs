@@ -7,6 +7,7 @@ mod estimator;
 mod filter;
 mod lattice;
 mod likelihood;
+mod weights;
 mod window;
 
 pub use config::{GridConfig, NoiseScales};
@@ -14,5 +15,6 @@ pub use filter::GridFilter;
 
 use columns::Columns;
 use lattice::Lattice;
-use likelihood::Likelihood;
+use likelihood::{Likelihood, Pool};
+use weights::Weights;
 use window::Window;

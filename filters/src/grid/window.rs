@@ -1,10 +1,8 @@
-use alloc::vec;
-
-use foxhunt_core::{EstimatorError, elementary};
+use foxhunt_core::EstimatorError;
 use nalgebra::{Matrix2, Vector2};
 
-use super::Lattice;
-use crate::vectorised::{Dot, Map, Sum, largest, run};
+use super::{Lattice, lattice::Moments};
+use crate::vectorised::{Dot, Largest, run};
 
 /// Cells below the most likely one by more than this, in nats, are not worth their memory: eight
 /// standard deviations of a Gaussian.
@@ -33,68 +31,47 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// The window of a belief with these log-densities; `None` when none is finite.
+    /// The window of a belief with these weights; `None` when none is positive.
     ///
     /// It lies along the belief's principal axes, or, where the target cannot leave the `widest`
     /// lattice, along that one's sides and within it: an edge must not cut through cells.
-    pub(super) fn of(lattice: &Lattice, widest: Option<&Lattice>, logs: &[f64]) -> Option<Self> {
-        let best = largest(logs);
-        if best <= f64::NEG_INFINITY {
+    pub(super) fn of(lattice: &Lattice, widest: Option<&Lattice>, weights: &[f64]) -> Option<Self> {
+        let best = run(Largest(weights));
+        if best.is_nan() || best <= 0.0 {
             return None;
         }
-        let mut weights = vec![0.0; logs.len()];
-        let weight = |[log]: [f64; 1], _| {
-            let weight = elementary::exp(log - best);
-            if log > best - DEPTH { weight } else { 0.0 }
-        };
-        run(Map { columns: [logs], of: weight, out: &mut weights });
-        let cut = lattice.border().any(|i| logs[i] > best - BORDER);
-        let (total, squares) = (run(Sum(&weights)), run(Dot(&weights, &weights)));
-        let [east, north] = lattice.places();
-        let mut mean = Vector2::new(run(Dot(&weights, &east)), run(Dot(&weights, &north)));
-        mean /= total;
+        let at_border = best * libm::exp(-BORDER);
+        let cut = lattice.border().any(|i| weights[i] > at_border);
+        let squares = run(Dot(weights, weights));
+        let Moments { total, first, second } = lattice.moments(weights);
+        let mean = first / total;
         // A cell's own spread keeps a belief in few cells from having no direction.
         let steps = lattice.steps();
-        let mut spread = steps * steps.transpose() / 12.0;
-        let deviations = [(east, mean.x), (north, mean.y)].map(|(mut places, mean)| {
-            places.iter_mut().for_each(|place| *place -= mean);
-            places
-        });
-        let mut weighted = vec![0.0; logs.len()];
-        for (i, deviation) in deviations.iter().enumerate() {
-            let of = |[weight, x]: [f64; 2], _| weight * x;
-            run(Map { columns: [&weights, deviation], of, out: &mut weighted });
-            for (j, other) in deviations.iter().enumerate() {
-                spread[(i, j)] += run(Dot(&weighted, other)) / total;
-            }
-        }
+        let spread = second / total - mean * mean.transpose() + steps * steps.transpose() / 12.0;
         let directions = match widest {
             Some(_) => Matrix2::identity(),
             None => spread.symmetric_eigen().eigenvectors,
         };
-        // How far it goes from the mean along the way `towards`.
-        let mut reach = |towards: Vector2<f64>| {
-            let of = |[weight, x, y]: [f64; 3], _| {
-                let at = towards.x * x + towards.y * y;
-                if weight > 0.0 { at } else { f64::NEG_INFINITY }
-            };
-            let columns = [&weights, &deviations[0], &deviations[1]].map(|column| &column[..]);
-            run(Map { columns, of, out: &mut weighted });
-            largest(&weighted)
-        };
-        let mut reaches =
-            |sign: f64| Vector2::from_fn(|k, _| sign * reach(directions.column(k) * sign));
-        let (low, high) = (reaches(-1.0), reaches(1.0));
+        // How far it goes along each: as far as the ends of the rows of cells do.
+        let (mut low, mut high) =
+            (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
+        for cells in lattice.carrying(weights, best * libm::exp(-DEPTH)) {
+            for end in [cells.start, cells.end - 1] {
+                let at = directions.tr_mul(&(lattice.place(end) - lattice.centre()));
+                (low, high) = (low.inf(&at), high.sup(&at));
+            }
+        }
         // A cell and a half about: what lies between the cells is not known to be outside.
         let margin = directions.tr_mul(&steps).abs() * Vector2::repeat(1.5);
         let (mut low, mut high) = (low - margin, high + margin);
         if let Some(widest) = widest {
-            let (centre, half) = (widest.centre() - mean, widest.half_sides().diagonal());
+            let (centre, half) =
+                (widest.centre() - lattice.centre(), widest.half_sides().diagonal());
             low = low.sup(&(centre - half));
             high = high.inf(&(centre + half));
         }
         let half = (high - low) * 0.5;
-        let centre = mean + directions * ((high + low) * 0.5);
+        let centre = lattice.centre() + directions * ((high + low) * 0.5);
         let half_sides = directions * Matrix2::from_diagonal(&half);
         let effective_cells = total * total / squares;
         Some(Self { centre, half_sides, cut, effective_cells })

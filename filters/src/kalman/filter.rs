@@ -149,7 +149,9 @@ where
     ) -> Result<Innovation<M>, EstimatorError> {
         let mut absorbed = None;
         let observation = self.at_known_receiver(observation, &mut absorbed);
-        Ok(self.linearisation(observation).about_prior()?.innovation())
+        let regression = self.linearisation(observation).about_prior();
+        regression.check()?;
+        Ok(regression.innovation())
     }
 
     /// How far the measurement is from linear over the belief: the variance of the observation that
@@ -239,7 +241,8 @@ where
         let mut absorbed = None;
         let observation = self.at_known_receiver(observation, &mut absorbed);
         let linearisation = self.linearisation(observation);
-        let first = linearisation.about_prior()?;
+        let first = linearisation.about_prior();
+        first.check()?;
         let nis = first.nis();
         let (out, record) = self.record.judge(&self.gate, nis, observation.len());
         if let Some(limit) = out {
@@ -247,20 +250,21 @@ where
             return Ok(Correction::Rejected { nis, limit });
         }
         let axes = self.motion.axes();
-        let log_evidence = if self.iterations.max() == 1 && self.outliers.is_none() {
-            let log_evidence = first.log_evidence();
-            let (mean, factor) = first.posterior(&self.belief);
+        let (mean, factor) = first.posterior(&self.belief);
+        let mut log_evidence = first.log_evidence();
+        if self.iterations.max() == 1 && self.outliers.is_none() {
             self.belief.step_to(mean, factor, &axes)?;
-            log_evidence
         } else {
-            let (mut belief, mut log_evidence) = linearisation.iterate(first, self.iterations)?;
+            let mut belief = Gaussian::from_factor(mean, factor, &axes)?;
+            if self.iterations.max() > 1 {
+                (belief, log_evidence) = linearisation.iterate(belief, self.iterations)?;
+            }
             if let Some(mixture) = &self.outliers {
                 let parts = mixture.log_parts(log_evidence, observation);
                 (belief, log_evidence) = mix(&self.belief, &belief, parts, &axes)?;
             }
             self.belief = belief;
-            log_evidence
-        };
+        }
         self.record = record;
         Ok(Correction::Fused { nis: Some(nis), log_evidence, effective_sample_size: None })
     }

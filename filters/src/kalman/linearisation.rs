@@ -36,14 +36,14 @@ where
     H: MeasurementModel<N, M>,
 {
     /// The regression about the prior.
-    #[inline]
-    pub(super) fn about_prior(&self) -> Result<Regression<N, M>, EstimatorError> {
+    #[inline(always)]
+    pub(super) fn about_prior(&self) -> Regression<N, M> {
         let (image, residual) = self.image(self.prior);
         Regression::new(&image, residual, self.observation)
     }
 
     /// The posterior about the last of the centres, and the log-evidence of the regression that led
-    /// to it.
+    /// to it; `textbook` is the one about the prior.
     ///
     /// Its mean is a Gauss-Newton step from the centre N(m, P) on
     ///
@@ -61,20 +61,19 @@ where
     #[inline(never)]
     pub(super) fn iterate(
         &self,
-        first: Regression<N, M>,
+        textbook: Gaussian<N>,
         iterations: Iterations,
     ) -> Result<(Gaussian<N>, f64), EstimatorError> {
-        let textbook = self.posterior(&first)?;
-        if iterations.max() == 1 {
-            return Ok((textbook, first.log_evidence()));
-        }
+        // Once more: what is handed over has to lie in memory, at the cost of every other update.
+        let (image, residual) = self.moments(self.prior);
+        let first = self.about(self.prior, &image, &residual);
         let (mut best, mut least) = ((textbook, first.log_evidence()), f64::INFINITY);
         let (mut centre, mut regression, mut full) = (*self.prior, first, textbook);
         let mut left = iterations.max();
         loop {
             let settled = self.divergence(&full, &centre) <= iterations.tolerance();
             let posterior = self.damped(&centre, &regression, &full)?;
-            let (image, residual) = self.image(&posterior);
+            let (image, residual) = self.moments(&posterior);
             let energy = self.free_energy(&posterior, &image, &residual);
             let reached = (posterior, regression.log_evidence());
             if energy < least {
@@ -86,13 +85,17 @@ where
                 let kept = energy <= least + SLACK;
                 return Ok(if kept { reached } else { best });
             }
-            let Ok(next) = self.about(&posterior, &image, &residual) else { return Ok(best) };
+            let next = self.about(&posterior, &image, &residual);
+            if next.check().is_err() {
+                return Ok(best);
+            }
             let Ok(onward) = self.posterior(&next) else { return Ok(best) };
             (centre, regression, full) = (posterior, next, onward);
         }
     }
 
-    #[inline]
+    /// What is expected about a centre, and how the observation differs from it.
+    #[inline(always)]
     fn image(&self, centre: &Gaussian<N>) -> (Image<N, M>, SVector<f64, M>) {
         let map = AtReceiver(self.measurement, self.observation.receiver());
         let image = self.transform.image(centre, &map);
@@ -100,13 +103,20 @@ where
         (image, residual)
     }
 
+    /// The same for the iterations: one copy of it in the program.
+    #[inline(never)]
+    fn moments(&self, centre: &Gaussian<N>) -> (Image<N, M>, SVector<f64, M>) {
+        self.image(centre)
+    }
+
     /// The regression about a centre with this image and residual.
+    #[inline(never)]
     fn about(
         &self,
         centre: &Gaussian<N>,
         image: &Image<N, M>,
         residual: &SVector<f64, M>,
-    ) -> Result<Regression<N, M>, EstimatorError> {
+    ) -> Regression<N, M> {
         let back = Axis::difference(&self.axes, self.prior.mean(), centre.mean());
         let factor = centre.factor();
         let spread: SMatrix<f64, N, N> =
@@ -139,7 +149,7 @@ where
         let cost = |candidate: &Gaussian<N>| {
             let away = Axis::difference(&self.axes, candidate.mean(), self.prior.mean());
             let white = self.prior.factor().solve_lower_triangular_unchecked(&away);
-            let residual = self.image(candidate).1;
+            let residual = self.moments(candidate).1;
             white.norm_squared() + regression.misfit(&residual, self.observation)
         };
         let (highest, step) =

@@ -35,31 +35,35 @@ impl<const N: usize, const M: usize> Regression<N, M> {
         image: &Image<N, M>,
         residual: SVector<f64, M>,
         observation: &Observation<M>,
-    ) -> Result<Self, EstimatorError> {
-        let Image { mean: expected, whitened_cross, unexplained } = *image;
-        let sum = triangle::nan_unless_finite(&expected)
-            + triangle::nan_unless_finite(&residual)
-            + triangle::nan_unless_finite(&whitened_cross)
-            + triangle::nan_unless_finite(&unexplained);
-        if sum.is_nan() {
-            return Err(EstimatorError::NotFinite { role: Role::Expected });
-        }
+    ) -> Self {
+        let Image { mean: expected, whitened_cross, unexplained: left } = *image;
         let residual = observation.strike(residual);
         let whitened_cross = observation.mask(whitened_cross);
-        let left = observation.strike(unexplained);
+        let left = observation.strike(left);
 
         // A straight map leaves nothing but the noise.
         let unexplained = match left == SMatrix::<f64, M, M>::zeros() {
             true => *observation.noise_factor(),
             false => triangle::lower_root([*observation.noise_factor(), left]),
         };
-        if (0..M).any(|i| unexplained[(i, i)] <= 0.0) {
-            return Err(EstimatorError::NotPositiveDefinite { role: Role::Innovation });
-        }
         let white = triangle::solve_lower(&unexplained, residual);
         let slope = triangle::solve_lower(&unexplained, whitened_cross.transpose());
         let (known, dof) = (Conditioned::on(slope, white), observation.len());
-        Ok(Self { whitened_cross, unexplained, expected, residual, known, dof })
+        Self { whitened_cross, unexplained, expected, residual, known, dof }
+    }
+
+    /// Refuses what was made of numbers that are not finite, or without noise.
+    #[inline(always)]
+    pub(super) fn check(&self) -> Result<(), EstimatorError> {
+        // Every number goes into this square, and what is not finite makes it so.
+        if self.known.square.is_finite() {
+            return Ok(());
+        }
+        let least = (0..M).map(|i| self.unexplained[(i, i)]).fold(f64::INFINITY, f64::min);
+        let sum = triangle::nan_unless_finite(&self.residual)
+            + triangle::nan_unless_finite(&self.whitened_cross)
+            + triangle::nan_unless_finite(&self.unexplained);
+        refuse(sum.is_nan(), least)
     }
 
     pub(super) fn nis(&self) -> f64 {
@@ -103,4 +107,17 @@ impl<const N: usize, const M: usize> Regression<N, M> {
         }
         (prior.mean() + prior.factor() * self.known.mean, factor)
     }
+}
+
+/// Why there is no innovation, unless its square is but too large a number.
+#[cold]
+#[inline(never)]
+fn refuse(not_finite: bool, least_root: f64) -> Result<(), EstimatorError> {
+    if not_finite {
+        return Err(EstimatorError::NotFinite { role: Role::Expected });
+    }
+    if least_root <= 0.0 {
+        return Err(EstimatorError::NotPositiveDefinite { role: Role::Innovation });
+    }
+    Ok(())
 }

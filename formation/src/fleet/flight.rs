@@ -192,6 +192,12 @@ impl Flight {
         }
     }
 
+    /// Whether it rests, has no order to come, and nothing changes when it is located there again.
+    pub(super) fn is_settled(&self) -> bool {
+        let rests = matches!(self.travel(), Travel::There | Travel::Blocked);
+        rests && self.due.is_none() && self.former.is_none()
+    }
+
     /// Whether the leg that it was ordered to leave is released when it is next located.
     pub(super) fn turns(&self) -> bool {
         self.former.is_some() && self.due.is_none()

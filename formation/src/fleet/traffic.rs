@@ -102,7 +102,8 @@ impl Traffic {
     /// Where the targets may be, for the void constraint. It holds for ways that are looked for
     /// from now on; without it there is none.
     pub fn believe<'a>(&mut self, targets: impl IntoIterator<Item = &'a dyn Belief>) {
-        self.clouds = targets.into_iter().map(Cloud::of).collect();
+        let constrained = targets.into_iter().filter(|_| self.config.void.is_some());
+        self.clouds = constrained.map(Cloud::of).collect();
     }
 
     /// Takes note of where a drone is. What it has flown of its line is released; where it is
@@ -272,6 +273,13 @@ impl Traffic {
         }
         let flights = self.flights.iter_mut().enumerate();
         flights.filter_map(|(drone, flight)| flight.order(drone)).collect()
+    }
+
+    /// Whether every drone rests where it is, at its goal or because there is no way to it, so that
+    /// [`step`](Self::step) does nothing until one is located elsewhere or sent somewhere.
+    #[must_use]
+    pub fn is_settled(&self) -> bool {
+        !self.changed && self.flights.iter().all(Flight::is_settled)
     }
 
     /// How far a drone has come. One that does not exist is there.

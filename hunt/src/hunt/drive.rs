@@ -111,7 +111,16 @@ impl<S: PatternSource> PatternSource for Erased<S> {
     }
 
     fn poll(&mut self) -> Result<Option<Sweep<'_>>, DeviceError> {
-        self.0.poll().map_err(DeviceError::new)
+        // Not `map_err`, which moves a sweep's bytes even where there is none.
+        match self.0.poll() {
+            Ok(None) => Ok(None),
+            Ok(Some(sweep)) => Ok(Some(sweep)),
+            Err(error) => Err(DeviceError::new(error)),
+        }
+    }
+
+    fn next_event(&self) -> Option<f64> {
+        self.0.next_event()
     }
 }
 
@@ -133,6 +142,10 @@ impl<V: Vehicle> Vehicle for Erased<V> {
     fn land(&mut self) -> Result<(), DeviceError> {
         self.0.land().map_err(DeviceError::new)
     }
+
+    fn next_event(&self) -> Option<f64> {
+        self.0.next_event()
+    }
 }
 
 /// Moves data once between a hunt and its drones: reads where they are, lets time pass, carries out
@@ -146,10 +159,111 @@ impl<V: Vehicle> Vehicle for Erased<V> {
 ///
 /// [`DriveError`] when the hunt cannot go on, or there are fewer drones than it began with.
 pub fn drive<D: Devices>(hunt: &mut Hunt, drones: &mut [D], time: f64) -> Result<(), DriveError> {
-    let count = hunt.drone_count();
-    let Some(drones) = drones.get_mut(..count) else {
-        return Err(DriveError::Drones { devices: drones.len(), drones: count });
-    };
+    let drones = devices_of(hunt, drones)?;
+    drive_flight(hunt, drones, time)?;
+    for (drone, devices) in drones.iter_mut().enumerate() {
+        take_sweeps(hunt, drone, devices.devices().0, time);
+    }
+    Ok(())
+}
+
+/// What [`drive`] would do next, and when, for loops that own the time: a simulation goes from one
+/// event to the next instead of looking at everything at every step.
+///
+/// Devices that know nothing of their [next event](PatternSource::next_event) are polled at every
+/// call. The hunt is the same as with [`drive`] at every step.
+#[derive(Clone, Debug)]
+pub struct Agenda {
+    /// From one possible call to the next, in seconds.
+    step_s: f64,
+    /// When the hunt or a vehicle is next to be looked at; absent where that is at once.
+    flight: Option<f64>,
+    /// The same of each drone's source.
+    sources: Vec<Option<f64>>,
+}
+
+/// What is due within a microsecond is due: times are sums of steps, and to poll a device too early
+/// changes nothing.
+const EARLY_S: f64 = 1e-6;
+
+impl Agenda {
+    /// For a loop in steps of so many seconds, which leaves out those at which nothing is due.
+    #[must_use]
+    pub fn new(step_s: f64) -> Self {
+        Self { step_s, flight: None, sources: Vec::new() }
+    }
+
+    /// Does what is due at `time`; to be called again at [`next_event`](Self::next_event).
+    ///
+    /// # Errors
+    ///
+    /// Those of [`drive`].
+    pub fn drive<D: Devices>(
+        &mut self,
+        hunt: &mut Hunt,
+        drones: &mut [D],
+        time: f64,
+    ) -> Result<(), DriveError> {
+        let drones = devices_of(hunt, drones)?;
+        let is_due = |event: Option<f64>| event.is_none_or(|event| time + EARLY_S >= event);
+        if is_due(self.look_at_flight()) {
+            drive_flight(hunt, drones, time)?;
+            self.flight = None;
+            // It may have had them begin a turn.
+            self.sources.clear();
+            self.sources.resize(drones.len(), None);
+        }
+        let mut polled = false;
+        for (drone, (devices, event)) in drones.iter_mut().zip(&mut self.sources).enumerate() {
+            if !is_due(*event) {
+                continue;
+            }
+            *event = Some(f64::INFINITY);
+            if hunt.awaits(drone) {
+                let (source, _) = devices.devices();
+                polled |= take_sweeps(hunt, drone, source, time);
+                *event = source.next_event();
+            }
+        }
+        if polled {
+            self.flight = None;
+        } else if self.flight.is_none() {
+            let mut vehicles = drones.iter_mut().map(|devices| devices.devices().1.next_event());
+            self.flight = hunt.next_event().and_then(|event| vehicles.try_fold(event, earlier));
+        }
+        Ok(())
+    }
+
+    /// When it is to be called again at the latest, in seconds; absent where that is at once.
+    #[must_use]
+    pub fn next_event(&self) -> Option<f64> {
+        self.sources.iter().copied().try_fold(self.look_at_flight()?, earlier)
+    }
+
+    /// When the drones are next to be looked at: one step before anything happens to them, too, so
+    /// that the hunt knows that they were well until then.
+    fn look_at_flight(&self) -> Option<f64> {
+        self.flight.map(|event| event - self.step_s)
+    }
+}
+
+/// The earlier of two events; absent where the second is at once.
+fn earlier(one: f64, other: Option<f64>) -> Option<f64> {
+    Some(one.min(other?))
+}
+
+/// The devices of a hunt's drones.
+fn devices_of<'a, D>(hunt: &Hunt, drones: &'a mut [D]) -> Result<&'a mut [D], DriveError> {
+    let (devices, count) = (drones.len(), hunt.drone_count());
+    drones.get_mut(..count).ok_or(DriveError::Drones { devices, drones: count })
+}
+
+/// Reads where the drones are, lets time pass and carries out commands.
+fn drive_flight<D: Devices>(
+    hunt: &mut Hunt,
+    drones: &mut [D],
+    time: f64,
+) -> Result<(), DriveError> {
     for (drone, devices) in drones.iter_mut().enumerate() {
         match devices.devices().1.pose() {
             Ok(pose) if pose.is_finite() => hunt.located(time, drone, pose),
@@ -180,25 +294,29 @@ pub fn drive<D: Devices>(hunt: &mut Hunt, drones: &mut [D], time: f64) -> Result
             }
         }
     }
-    for (drone, devices) in drones.iter_mut().enumerate() {
-        let (source, _) = devices.devices();
-        // A turn that is over lends a sweep for each beacon; a source that lends without end is not
-        // polled any further.
-        for _ in 0..hunt.beacon_count() {
-            if !hunt.awaits(drone) {
-                break;
-            }
-            match source.poll() {
-                Ok(Some(sweep)) => hunt.sweep(time, drone, &sweep),
-                Ok(None) => break,
-                Err(error) => {
-                    hunt.device_failed(time, Some(drone), error.to_string());
-                    break;
-                }
+    Ok(())
+}
+
+/// Takes the sweeps that a drone's source has ready; whether there was one, or it failed.
+fn take_sweeps(hunt: &mut Hunt, drone: usize, source: &mut impl PatternSource, time: f64) -> bool {
+    let mut happened = false;
+    // A turn that is over lends a sweep for each beacon; a source that lends without end is not
+    // polled any further.
+    for _ in 0..hunt.beacon_count() {
+        if !hunt.awaits(drone) {
+            break;
+        }
+        match source.poll() {
+            Ok(Some(sweep)) => hunt.sweep(time, drone, &sweep),
+            Ok(None) => break,
+            Err(error) => {
+                hunt.device_failed(time, Some(drone), error.to_string());
+                return true;
             }
         }
+        happened = true;
     }
-    Ok(())
+    happened
 }
 
 /// Why a hunt could not be driven on.

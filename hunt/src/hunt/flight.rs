@@ -332,6 +332,13 @@ impl Flight {
         self.drones.iter().any(|drone| drone.awaited && !drone.owed.is_empty())
     }
 
+    /// The next time at which [`pass`](Self::pass) or the way home can change anything while every
+    /// drone stays where it is and is located; `None` while one flies or is on its way home.
+    pub(super) fn next_event(&self) -> Option<f64> {
+        let settled = self.recalled.is_none() && self.traffic.is_settled();
+        settled.then(|| self.endurance.as_ref().map_or(f64::INFINITY, |_| self.return_check_at()))
+    }
+
     /// Waits no longer for the sweeps that are owed; those that come late are used.
     pub(super) fn give_up_turns(&mut self, time: f64, waited_s: f64, outbox: &mut Outbox) {
         for (index, drone) in self.drones.iter_mut().enumerate() {

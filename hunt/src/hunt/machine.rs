@@ -297,7 +297,7 @@ impl Hunt {
     /// When there is no estimator for the next beacon.
     pub fn advance(&mut self, time: f64) -> Result<(), HuntError> {
         let all_found = self.all_found();
-        let beacons = u32::try_from(self.beacons_of_turn().count()).unwrap_or(u32::MAX);
+        let turn_timeout_s = self.turn_timeout_s();
         let Some(flight) = &mut self.flight else { return Ok(()) };
         flight.pass(time, &mut self.outbox);
         if !all_found && let Some(reason) = flight.must_return(time) {
@@ -316,13 +316,34 @@ impl Hunt {
                 Ok(())
             }
             Phase::Measuring(_) => {
-                if waited_s >= self.config.turn_timeout_s * f64::from(beacons) {
+                if waited_s >= turn_timeout_s {
                     flight.give_up_turns(time, waited_s, &mut self.outbox);
                 }
                 if flight.is_waiting() { Ok(()) } else { self.position_done(time) }
             }
             Phase::Idle | Phase::Finished(_) => Ok(()),
         }
+    }
+
+    /// The next time at which [`advance`](Self::advance) does anything, in seconds, as long as no
+    /// drone delivers anything and all stay where they are and are located; `None` where that is
+    /// not known, as while one flies. A hunt that only waits for sweeps is over their time at most.
+    #[must_use]
+    pub fn next_event(&self) -> Option<f64> {
+        let flight = self.flight.as_ref().filter(|flight| flight.is_waiting())?;
+        if !(matches!(self.phases.phase(), Phase::Measuring(_)) && self.outbox.is_empty()) {
+            return None;
+        }
+        let turn = self.since + self.turn_timeout_s();
+        let searches = self.targets.iter().filter_map(SearchedTarget::search);
+        let budgets = searches.filter_map(|search| Some(search.began + self.config.stop.time_s?));
+        Some(budgets.fold(turn.min(flight.next_event()?), f64::min))
+    }
+
+    /// How long the sweeps of a turn are waited for, in seconds.
+    fn turn_timeout_s(&self) -> f64 {
+        let beacons = u32::try_from(self.beacons_of_turn().count()).unwrap_or(u32::MAX);
+        self.config.turn_timeout_s * f64::from(beacons)
     }
 
     /// Notes that a device failed; the hunt goes on. The same failure is one event in each phase.

@@ -15,7 +15,7 @@ mod track;
 pub use command::Command;
 pub use config::HuntConfig;
 pub use drive::{
-    BoxedDrone, BoxedSource, BoxedVehicle, DeviceError, Devices, DriveError, Drone, Erased,
+    Agenda, BoxedDrone, BoxedSource, BoxedVehicle, DeviceError, Devices, DriveError, Drone, Erased,
     boxed_source, drive,
 };
 pub use error::HuntError;

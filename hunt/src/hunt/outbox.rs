@@ -32,6 +32,10 @@ impl Outbox {
         }
     }
 
+    pub(super) fn is_empty(&self) -> bool {
+        self.commands.is_empty() && self.events.is_empty()
+    }
+
     pub(super) fn next_command(&mut self) -> Option<Command> {
         self.commands.pop_front()
     }

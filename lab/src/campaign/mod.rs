@@ -15,8 +15,8 @@ pub use planners::{
     OutcomeCount, PLANNER_SCENARIOS, PlannedBeacon, PlannerCampaign, PlannerComparison,
     PlannersReport, planners_campaign,
 };
-pub(crate) use run::Sample;
 pub use run::{
     BeaconCampaign, CampaignError, CampaignReport, Checkpoint, EstimatorCampaign, OWN, Repetition,
-    campaign, campaign_with,
+    campaign, campaign_watched, campaign_with,
 };
+pub(crate) use run::{BeaconSummary, Sample};

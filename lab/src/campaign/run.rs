@@ -10,7 +10,9 @@ use serde::Serialize;
 
 use crate::{
     Experiment, FirstPassage, Runner, Spread, StepSpread, ThreadsError,
+    report::HuntReport,
     simulation::{Found, SearchProgress, Setup, Simulated, SimulationError},
+    statistics::Running,
 };
 
 /// What a report calls a planner or an estimator that is the scenario's own.
@@ -116,22 +118,47 @@ pub(crate) struct Sample {
     pub(crate) nis: Vec<(f64, usize)>,
 }
 
-impl BeaconCampaign {
+/// The running statistics of one beacon, over good runs as they come.
+#[derive(Clone, Debug)]
+pub(crate) struct BeaconSummary {
+    errors: Running,
+    steps: Running,
+    anees: ChiSquaredAverage,
+    anis: ChiSquaredAverage,
+    coverage: Coverage,
+}
+
+impl Default for BeaconSummary {
+    fn default() -> Self {
+        Self {
+            errors: Running::default(),
+            steps: Running::default(),
+            anees: ChiSquaredAverage::default(),
+            anis: ChiSquaredAverage::default(),
+            coverage: Coverage::new(0.95, 0.95).expect("both are in (0, 1)"),
+        }
+    }
+}
+
+impl BeaconSummary {
+    /// Adds a good run.
+    pub(crate) fn add(&mut self, sample: &Sample) {
+        self.errors.add(sample.error_m);
+        self.steps.add(f64::from(sample.steps));
+        self.anees.add(sample.nees, 2);
+        self.coverage.add_nees(sample.nees);
+        self.anis.extend(sample.nis.iter().copied());
+    }
+
     /// The statistics of the good ones of `total` runs, without checkpoints and bounds, and without
     /// the figures of flights alone.
-    pub(crate) fn of(name: &str, good: &[Sample], total: u32) -> Self {
-        let column = |value: fn(&Sample) -> f64| -> Vec<f64> { good.iter().map(value).collect() };
-        let count = u32::try_from(good.len()).unwrap_or(u32::MAX);
-        let (anees, mut anis) = (anees(good), ChiSquaredAverage::default());
-        let mut coverage = Coverage::new(0.95, 0.95).expect("both are in (0, 1)");
-        for sample in good {
-            coverage.add_nees(sample.nees);
-            anis.extend(sample.nis.iter().copied());
-        }
-        Self {
+    pub(crate) fn report(&self, name: &str, total: u32) -> BeaconCampaign {
+        let Self { errors, steps, anees, anis, coverage } = self;
+        let good = u32::try_from(coverage.count()).unwrap_or(u32::MAX);
+        BeaconCampaign {
             name: name.to_owned(),
-            error_m: Spread::of(&column(|sample| sample.error_m)),
-            steps: StepSpread::of(&column(|sample| f64::from(sample.steps))),
+            error_m: errors.spread(),
+            steps: steps.step_spread(),
             steps_to_3m: None,
             time_to_3m_s: None,
             path_m: None,
@@ -142,7 +169,7 @@ impl BeaconCampaign {
             coverage_95_interval: coverage.interval(),
             anis: anis.average(),
             anis_interval: anis.interval(),
-            failed: total - count,
+            failed: total.saturating_sub(good),
             bound_m: None,
             track_rms_m: None,
             checkpoints: Vec::new(),
@@ -231,22 +258,65 @@ pub(super) fn durations(runs: &[Flown]) -> Option<Spread> {
 
 /// The statistics of one contender's hunts for these beacons.
 pub(super) fn summarise(name: &str, beacons: &[String], runs: &[Flown]) -> EstimatorCampaign {
-    let total = u32::try_from(runs.len()).unwrap_or(u32::MAX);
-    let beacon = |(index, beacon): (usize, &String)| {
-        let good: Vec<Sample> = runs.iter().filter_map(|run| run.sample(index)).collect();
-        let progress: Vec<_> = runs.iter().map(|run| run.progress(index)).collect();
-        let steps = progress.iter().map(|run| run.and_then(|run| run.steps_to_3m).map(f64::from));
-        let times = progress.iter().map(|run| run.and_then(|run| run.time_to_3m_s));
-        let paths: Vec<f64> = progress.iter().flatten().map(|run| run.path_m).collect();
-        BeaconCampaign {
-            steps_to_3m: FirstPassage::of(steps),
-            time_to_3m_s: FirstPassage::of(times),
-            path_m: Spread::of(&paths),
-            ..BeaconCampaign::of(beacon, &good, total)
+    let mut summary = FlightsSummary::new(beacons);
+    runs.iter().for_each(|run| summary.add(run));
+    summary.report(name)
+}
+
+/// The running statistics of hunts for some beacons.
+struct FlightsSummary<'a> {
+    runs: u32,
+    beacons: Vec<FlownBeacon<'a>>,
+}
+
+/// The running statistics of hunts for one beacon.
+struct FlownBeacon<'a> {
+    name: &'a str,
+    good: BeaconSummary,
+    steps_to_3m: Running,
+    time_to_3m_s: Running,
+    path_m: Running,
+}
+
+impl<'a> FlightsSummary<'a> {
+    fn new(beacons: &'a [String]) -> Self {
+        let beacon = |name: &'a String| FlownBeacon {
+            name,
+            good: BeaconSummary::default(),
+            steps_to_3m: Running::default(),
+            time_to_3m_s: Running::default(),
+            path_m: Running::default(),
+        };
+        Self { runs: 0, beacons: beacons.iter().map(beacon).collect() }
+    }
+
+    fn add(&mut self, run: &Flown) {
+        self.runs += 1;
+        for (index, beacon) in self.beacons.iter_mut().enumerate() {
+            if let Some(sample) = run.sample(index) {
+                beacon.good.add(&sample);
+            }
+            let progress = run.progress(index);
+            let or_never = |value: Option<f64>| value.unwrap_or(f64::INFINITY);
+            let steps = progress.and_then(|run| run.steps_to_3m).map(f64::from);
+            beacon.steps_to_3m.add(or_never(steps));
+            beacon.time_to_3m_s.add(or_never(progress.and_then(|run| run.time_to_3m_s)));
+            if let Some(progress) = progress {
+                beacon.path_m.add(progress.path_m);
+            }
         }
-    };
-    let beacons = beacons.iter().enumerate().map(beacon).collect();
-    EstimatorCampaign { estimator: name.to_owned(), beacons }
+    }
+
+    fn report(&self, name: &str) -> EstimatorCampaign {
+        let beacon = |beacon: &FlownBeacon<'_>| BeaconCampaign {
+            steps_to_3m: beacon.steps_to_3m.first_passage(),
+            time_to_3m_s: beacon.time_to_3m_s.first_passage(),
+            path_m: beacon.path_m.spread(),
+            ..beacon.good.report(beacon.name, self.runs)
+        };
+        let beacons = self.beacons.iter().map(beacon).collect();
+        EstimatorCampaign { estimator: name.to_owned(), beacons }
+    }
 }
 
 /// The names of all beacons of a scenario, those that appear later included.
@@ -286,7 +356,7 @@ impl Repetition<'_> {
         Self { runs, seed: 1, jobs, progress: &|| () }
     }
 
-    /// Runs an experiment.
+    /// Runs an experiment and keeps its runs.
     pub(crate) fn of<E: Experiment>(
         &self,
         runner: &Runner,
@@ -294,9 +364,27 @@ impl Repetition<'_> {
     ) -> Result<Vec<E::Run>, E::Error> {
         runner.run(experiment, self.runs, self.seed, self.progress)
     }
+
+    /// Flies hunts and keeps their statistics alone; `take` is given those that came to an end.
+    fn fly<F: Fn(u64) -> Result<Simulated, SimulationError> + Sync>(
+        &self,
+        runner: &Runner,
+        flights: &Flights<F>,
+        name: &str,
+        beacons: &[String],
+        mut take: impl FnMut(u64, &Simulated) -> Result<(), SimulationError>,
+    ) -> Result<EstimatorCampaign, SimulationError> {
+        let mut summary = FlightsSummary::new(beacons);
+        runner.run_each(flights, self.runs, self.seed, self.progress, |seed, run| {
+            summary.add(&run);
+            run.0.as_ref().map_or(Ok(()), |hunt| take(seed, hunt))
+        })?;
+        Ok(summary.report(name))
+    }
 }
 
-/// Flies a scenario with each estimator. The result does not depend on the number of threads.
+/// Flies a scenario with each estimator. The result does not depend on the number of threads, and
+/// the memory that it takes not on the number of runs.
 ///
 /// # Errors
 ///
@@ -308,14 +396,34 @@ pub fn campaign(
     estimators: &[EstimatorEntry],
     repetition: &Repetition<'_>,
 ) -> Result<CampaignReport, CampaignError> {
+    campaign_watched(registry, scenario, estimators, repetition, |_| Ok::<_, Infallible>(()))
+}
+
+/// Flies a [`campaign`] and hands the report of each hunt to `on_hunt`, estimator by estimator in
+/// the order of the seeds, but of those that could not go on.
+///
+/// # Errors
+///
+/// Those of [`campaign`]; whatever `on_hunt` returns ends it, too.
+pub fn campaign_watched<O: std::error::Error + Send + Sync + 'static>(
+    registry: &Registry,
+    scenario: &Scenario,
+    estimators: &[EstimatorEntry],
+    repetition: &Repetition<'_>,
+    mut on_hunt: impl FnMut(&HuntReport) -> Result<(), O>,
+) -> Result<CampaignReport, CampaignError> {
     let runner = Runner::new(repetition.jobs)?;
     let beacons = beacon_names(scenario);
     let estimators = estimators
         .iter()
         .map(|estimator| {
             let setup = Setup { scenario, estimator, registry };
-            let runs = repetition.of(&runner, &Flights(|seed| simulate(&setup, seed)))?;
-            Ok(summarise(&estimator.name, &beacons, &runs))
+            let flights = Flights(|seed| simulate(&setup, seed));
+            let name = &estimator.name;
+            Ok(repetition.fly(&runner, &flights, name, &beacons, |seed, hunt| {
+                on_hunt(&HuntReport::new(seed, name, OWN, hunt))
+                    .map_err(|error| SimulationError::Log(Box::new(error)))
+            })?)
         })
         .collect::<Result<_, CampaignError>>()?;
     Ok(CampaignReport {
@@ -341,13 +449,14 @@ pub fn campaign_with(
     repetition: &Repetition<'_>,
     fly: impl Fn(u64) -> Result<Simulated, SimulationError> + Sync,
 ) -> Result<CampaignReport, CampaignError> {
-    let runs = repetition.of(&Runner::new(repetition.jobs)?, &Flights(fly))?;
+    let runner = Runner::new(repetition.jobs)?;
+    let summary = repetition.fly(&runner, &Flights(fly), name, beacons, |_, _| Ok(()))?;
     Ok(CampaignReport {
         scenario: name.to_owned(),
         planner: None,
         runs: repetition.runs,
         seed: repetition.seed,
-        estimators: vec![summarise(name, beacons, &runs)],
+        estimators: vec![summary],
     })
 }
 

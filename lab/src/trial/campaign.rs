@@ -3,7 +3,10 @@ use foxhunt_hunt::registry::EstimatorEntry;
 use super::{Trial, TrialError, TrialRun, bound::bounds, run_trial};
 use crate::{
     Experiment, Runner,
-    campaign::{BeaconCampaign, CampaignReport, Checkpoint, EstimatorCampaign, Repetition, Sample},
+    campaign::{
+        BeaconCampaign, BeaconSummary, CampaignReport, Checkpoint, EstimatorCampaign, Repetition,
+        Sample,
+    },
     experiment::seed_of,
 };
 
@@ -63,7 +66,9 @@ fn summarise(
         let index = index(bearings);
         good.iter().filter_map(|run| sample(run, index)).collect()
     };
-    let mut beacon = BeaconCampaign::of("target", &samples_at(trial.bearings.count), total);
+    let mut summary = BeaconSummary::default();
+    samples_at(trial.bearings.count).iter().for_each(|sample| summary.add(sample));
+    let mut beacon = summary.report("target", total);
     beacon.checkpoints = trial
         .checkpoints
         .iter()

@@ -1,6 +1,6 @@
 use foxhunt_core::angle::Resultant;
 
-use super::{pattern::LEAST_RESULTANT, round_half_away};
+use super::pattern::LEAST_RESULTANT;
 
 /// One position of a turn: what was measured there, and what its neighbours make of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -13,6 +13,10 @@ pub struct Cell {
     pub(super) mean_dbm: f64,
     /// The moving mean in dBm, if its window had anything.
     pub(super) smoothed_dbm: f64,
+    /// The same in whole dBm, halves away from zero.
+    pub(super) rounded_dbm: f64,
+    /// Whether all samples have one boresight.
+    pub(super) steady: bool,
     /// The circular mean of the samples' boresights; without samples, nominal plus yaw.
     pub(super) angle: f64,
     /// The samples' boresights.
@@ -41,6 +45,9 @@ impl Cell {
 
     /// Where the antenna looked, with a weight.
     pub(super) fn direction(&self, weight: f64) -> Resultant {
+        if self.steady {
+            return self.boresights.scaled(weight / f64::from(self.count));
+        }
         self.boresights.with_weight(weight, LEAST_RESULTANT).unwrap_or_else(|| {
             let mut nominal = Resultant::default();
             nominal.add(self.angle, weight);
@@ -57,6 +64,6 @@ impl Cell {
     /// The moving mean in whole dBm, halves away from zero.
     #[must_use]
     pub fn rounded_dbm(&self) -> Option<f64> {
-        self.smoothed_dbm().map(round_half_away)
+        (self.window > 0).then_some(self.rounded_dbm)
     }
 }

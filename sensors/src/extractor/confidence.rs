@@ -1,8 +1,11 @@
-use core::f64::consts::{FRAC_PI_4, TAU};
+use core::{
+    f64::consts::{FRAC_PI_4, LN_10, TAU},
+    mem,
+};
 
-use foxhunt_core::angle::Resultant;
+use foxhunt_core::{angle::Resultant, elementary};
 
-use super::Pattern;
+use super::{Cell, Pattern};
 
 /// How far a turn looks like one transmitter seen through one main lobe: the mean resultant
 /// length of the received power over the circle (Mardia & Jupp 2000, §2.3), times the share of the
@@ -18,18 +21,21 @@ pub fn resultant_confidence(pattern: &Pattern) -> f64 {
     let cells = pattern.cells();
     let maximum_dbm = pattern.maximum_dbm();
     let (mut resultant, mut measured) = (Resultant::default(), 0.0);
+    let is_empty = |cell: &&Cell| cell.count() == 0;
+    let first = cells.iter().take_while(is_empty).count();
+    let mut before = first + cells.iter().rev().take_while(is_empty).count();
     for (index, cell) in cells.iter().enumerate() {
         let Some(mean_dbm) = cell.mean_dbm() else { continue };
-        let empty_after = cells.iter().cycle().skip(index + 1).take_while(|c| c.count() == 0);
-        let empty_before =
-            cells.iter().rev().cycle().skip(cells.len() - index).take_while(|c| c.count() == 0);
-        let gaps = [empty_before.take(cells.len()).count(), empty_after.take(cells.len()).count()];
+        let next = cells.iter().skip(index + 1);
+        let empty = next.take_while(is_empty).count();
+        let after = if index + 1 + empty < cells.len() { empty } else { empty + first };
+        let gaps = [mem::replace(&mut before, after), after];
         let arc = gaps.iter().map(|gap| 0.5 * arc(gap + 1, cells.len())).sum::<f64>();
         let arc = arc.min(FRAC_PI_4);
         measured += arc;
         // Relative to the strongest, so that no power underflows.
         let relative_db = mean_dbm - maximum_dbm;
-        resultant += cell.direction(arc * libm::exp10(0.1 * relative_db));
+        resultant += cell.direction(arc * elementary::exp(0.1 * LN_10 * relative_db));
     }
     (resultant.length() * (measured / TAU)).clamp(0.0, 1.0)
 }

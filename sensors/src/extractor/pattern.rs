@@ -1,11 +1,11 @@
 use core::f64::consts::TAU;
 
 use foxhunt_core::{
-    NoReading, Sweep,
+    NoReading, Sample, Sweep,
     angle::{self, Resultant},
 };
 
-use super::Cell;
+use super::{Cell, round_half_away};
 
 /// A turn of the antenna in order (Pritzl 2018, §4.1): what each position measured on average,
 /// and the moving mean around the circle, which fills gaps from their neighbours.
@@ -78,29 +78,37 @@ impl Pattern {
     /// Per-position means of power and angle (Pritzl 2018, eqs. 4.1 and 4.2).
     fn average(&mut self, sweep: &Sweep<'_>) {
         // An antenna that stands while it is sampled has one boresight for several samples.
-        let (mut boresight, mut unit) = (f64::NAN, Resultant::default());
-        for sample in sweep.samples {
-            if sample.boresight.to_bits() != boresight.to_bits() {
-                boresight = sample.boresight;
-                unit = Resultant::from_iter([boresight]);
+        let same = |a: &Sample, b: &Sample| {
+            a.position == b.position && a.boresight.to_bits() == b.boresight.to_bits()
+        };
+        for run in sweep.samples.chunk_by(same) {
+            let Some(&Sample { position, boresight, .. }) = run.first() else { continue };
+            let cell = &mut self.cells[usize::from(position)];
+            if cell.count == 0 {
+                (cell.angle, cell.steady) = (boresight, true);
+            } else {
+                cell.steady &= cell.angle.to_bits() == boresight.to_bits();
             }
-            let i = usize::from(sample.position);
-            self.cells[i].count = self.cells[i].count.saturating_add(1);
-            self.cells[i].mean_dbm += sample.rss_dbm;
-            self.cells[i].boresights += unit;
+            cell.mean_dbm = run.iter().fold(cell.mean_dbm, |sum, sample| sum + sample.rss_dbm);
+            let count = u32::try_from(run.len()).unwrap_or(u32::MAX);
+            cell.count = cell.count.saturating_add(count);
+            cell.boresights.add(boresight, f64::from(count));
         }
         let mut sum = 0.0;
         for (i, cell) in (0..sweep.positions).zip(&mut self.cells) {
-            cell.angle = nominal(i, sweep.positions);
+            let nominal = nominal(i, sweep.positions);
             if cell.count == 0 {
+                cell.angle = nominal;
                 continue;
             }
             cell.mean_dbm /= f64::from(cell.count);
             sum += cell.mean_dbm;
             self.measured += 1;
-            if let Some(angle) = cell.boresights.direction(LEAST_RESULTANT) {
-                cell.angle = angle;
-            }
+            cell.angle = if cell.steady {
+                angle::wrap(cell.angle)
+            } else {
+                cell.boresights.direction(LEAST_RESULTANT).unwrap_or(nominal)
+            };
         }
         self.rss_dbm = sum / f64::from(self.measured);
         if self.measured < self.positions {
@@ -128,16 +136,18 @@ impl Pattern {
         let reach = usize::from(reach).min((turn - 1) / 2);
         for i in 0..turn {
             let (mut sum, mut window) = (0.0, 0_u16);
-            for step in 0..=2 * reach {
-                let neighbour = &self.cells[(i + turn - reach + step) % turn];
-                if let Some(mean) = neighbour.mean_dbm() {
+            let mut at = if i < reach { i + turn - reach } else { i - reach };
+            for _ in 0..=2 * reach {
+                if let Some(mean) = self.cells[at].mean_dbm() {
                     sum += mean;
                     window += 1;
                 }
+                at = if at + 1 < turn { at + 1 } else { 0 };
             }
             let cell = &mut self.cells[i];
             cell.window = window;
             cell.smoothed_dbm = if window > 0 { sum / f64::from(window) } else { 0.0 };
+            cell.rounded_dbm = round_half_away(cell.smoothed_dbm);
         }
     }
 }

@@ -4,10 +4,11 @@ use foxhunt_core::{
     MeasurementModel, Observation, OutlierMixture, Pose, Quantity, State, angle, elementary,
     gaussian_log_likelihood, log_likelihoods_one_by_one,
     parameter::{self, ParameterError},
+    vectorised::run,
 };
 use nalgebra::{SMatrix, Vector1};
 
-use super::Sight;
+use super::{Sight, columns::BearingResiduals, sight::difference};
 
 /// The bearing alone, z = atan2(N, E) + μ (Isaacs et al. 2014, eq. 29), if need be with a share
 /// of reflections that point anywhere (eq. 30).
@@ -63,11 +64,37 @@ impl<const N: usize> MeasurementModel<N, 1> for BearingOnly {
         Vector1::new(angle::wrap(Sight::new(state, receiver, 0.0).bearing() + self.bias))
     }
 
+    #[inline(always)]
+    fn expected_change(
+        &self,
+        state: &State<N>,
+        expected: &Vector1<f64>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> Vector1<f64> {
+        let change = Sight::new(state, receiver, 0.0).change(offset[0], offset[1]);
+        change.map_or_else(
+            || difference(self, state, expected, offset, receiver),
+            |(_, turn)| Vector1::new(turn),
+        )
+    }
+
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 1, N> {
         let sight = Sight::new(state, receiver, 0.0);
         let mut jacobian = SMatrix::<f64, 1, N>::zeros();
         [jacobian[(0, 0)], jacobian[(0, 1)]] = sight.bearing_slope();
         jacobian
+    }
+
+    fn residuals(
+        &self,
+        columns: [&[f64]; N],
+        z: &Vector1<f64>,
+        receiver: &Pose,
+        [out]: [&mut [f64]; 1],
+    ) {
+        let (places, bearing) = ([columns[0], columns[1]], angle::wrap(z[0] - self.bias));
+        run(BearingResiduals { places, receiver, bearing, out });
     }
 
     fn log_likelihood(&self, state: &State<N>, observation: &Observation<1>) -> f64 {

@@ -1,10 +1,15 @@
 use foxhunt_core::{
     MeasurementModel, Pose, Quantity, State,
     parameter::{self, ParameterError},
+    vectorised::run,
 };
 use nalgebra::{SMatrix, Vector1, Vector3};
 
-use super::{Sight, range_difference::reference_at};
+use super::{
+    Sight,
+    columns::{BLOCK, LevelResiduals},
+    range_difference::reference_at,
+};
 use crate::{LogDistance, Propagation};
 
 /// How much stronger the signal is at the receiver than at a reference receiver: z = P(d) − P(d₀) =
@@ -46,6 +51,20 @@ impl DifferentialRss {
     }
 }
 
+impl DifferentialRss {
+    /// A level less those that a receiver would have of many targets.
+    fn levels<'a>(
+        &'a self,
+        places: [&'a [f64]; 2],
+        receiver: &'a Pose,
+        level: f64,
+        out: &'a mut [f64],
+    ) -> LevelResiduals<'a, LogDistance, 0> {
+        let (law, target_up) = (&self.loss, self.target_up);
+        LevelResiduals { law, parameters: [], places, target_up, receiver, level, out }
+    }
+}
+
 impl<const N: usize> MeasurementModel<N, 1> for DifferentialRss {
     fn quantities(&self) -> [Quantity; 1] {
         [Quantity::RSS_DIFFERENCE]
@@ -64,5 +83,24 @@ impl<const N: usize> MeasurementModel<N, 1> for DifferentialRss {
         jacobian[(0, 0)] = own[0] - reference[0];
         jacobian[(0, 1)] = own[1] - reference[1];
         jacobian
+    }
+
+    /// The loss on the way to the reference, less that to the receiver.
+    fn residuals(
+        &self,
+        columns: [&[f64]; N],
+        z: &Vector1<f64>,
+        receiver: &Pose,
+        [out]: [&mut [f64]; 1],
+    ) {
+        let mut reference = [0.0; BLOCK];
+        for (block, out) in out.chunks_mut(BLOCK).enumerate() {
+            let rows = block * BLOCK..block * BLOCK + out.len();
+            let places = [0, 1].map(|axis| &columns[axis][rows.clone()]);
+            let reference = &mut reference[..out.len()];
+            run(self.levels(places, &self.reference, 0.0, reference));
+            run(self.levels(places, receiver, z[0], out));
+            out.iter_mut().zip(reference).for_each(|(out, level)| *out -= *level);
+        }
     }
 }

@@ -4,7 +4,6 @@ use foxhunt_core::{
     MeasurementModel, Observation, Pose, Quantity, State, gaussian_log_likelihood,
     log_likelihoods_one_by_one,
     parameter::{self, ParameterError},
-    residuals_one_by_one,
 };
 use nalgebra::{SMatrix, SVector, Vector3};
 
@@ -166,9 +165,15 @@ where
         receiver: &Pose,
         out: [&mut [f64]; M],
     ) {
-        match &self.pattern {
-            Some(_) => residuals_one_by_one(self, columns, z, receiver, out),
-            None => self.model.residuals(columns, z, receiver, out),
+        let mut out = out;
+        self.model.residuals(columns, z, receiver, out.each_mut().map(|column| &mut **column));
+        let Some(pattern) = &self.pattern else { return };
+        for (i, level) in out[0].iter_mut().enumerate() {
+            let state = State::<N>::from_fn(|row, _| columns[row][i]);
+            let (angle, _) = elevation(&self.sight(&state, receiver));
+            if angle.is_finite() {
+                *level -= pattern.gain_db(angle);
+            }
         }
     }
 }

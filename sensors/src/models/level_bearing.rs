@@ -1,13 +1,18 @@
-use core::f64::consts::{PI, TAU};
+use core::f64::consts::TAU;
 
 use foxhunt_core::{
     MeasurementModel, Observation, Pose, Quantity, State, angle, elementary,
     log_likelihoods_one_by_one,
     parameter::{self, ParameterError},
+    vectorised::{Kernel, run},
 };
-use nalgebra::{RowVector2, SMatrix, SVector, Vector2};
+use nalgebra::{RowVector2, SMatrix, Vector2};
 
-use super::{FreePathLoss, FreePower, LevelLaw, Sight};
+use super::{
+    FreePathLoss, FreePower, LevelLaw, Sight,
+    columns::{BLOCK, BearingResiduals, LevelResiduals},
+    sight::difference,
+};
 use crate::{LogDistance, Propagation};
 
 /// Signal strength and bearing, z = [P(d) in dBm, atan2(N, E) in radians] (Pritzl 2018, eq. 3.7),
@@ -117,22 +122,9 @@ impl<L: LevelLaw<P>, const P: usize> LevelBearing<L, P> {
 }
 
 /// The last components of a state.
-fn parameters<const N: usize, const P: usize>(component: impl Fn(usize) -> f64) -> [f64; P] {
+fn parameters<const N: usize, const P: usize, T>(component: impl Fn(usize) -> T) -> [T; P] {
     const { assert!(N >= 2 + P, "a state holds East, North and the law's parameters") };
     core::array::from_fn(|i| component(N - P + i))
-}
-
-/// h(x + δ) ⊖ h(x), one by one; apart from where it is rarely called.
-#[cold]
-#[inline(never)]
-fn difference<const N: usize, const M: usize>(
-    model: &impl MeasurementModel<N, M>,
-    state: &State<N>,
-    expected: &SVector<f64, M>,
-    offset: &State<N>,
-    receiver: &Pose,
-) -> SVector<f64, M> {
-    model.residual(&model.expected(&(state + offset), receiver), expected)
 }
 
 impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for LevelBearing<L, P> {
@@ -141,7 +133,7 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
     }
 
     fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector2<f64> {
-        let parameters = parameters::<N, P>(|i| state[i]);
+        let parameters = parameters::<N, P, _>(|i| state[i]);
         let sight = Sight::new(state, receiver, self.target_up);
         Vector2::new(self.law.level_dbm(&parameters, sight.range()), sight.bearing())
     }
@@ -157,7 +149,7 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
     ) -> Vector2<f64> {
         let sight = Sight::new(state, receiver, self.target_up);
         let change = sight.change(offset[0], offset[1]).and_then(|(growth, turn)| {
-            let offsets = parameters::<N, P>(|i| offset[i]);
+            let offsets = parameters::<N, P, _>(|i| offset[i]);
             Some(Vector2::new(self.law.level_change(&offsets, growth)?, turn))
         });
         change.unwrap_or_else(|| difference(self, state, expected, offset, receiver))
@@ -165,7 +157,7 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
 
     #[inline(always)]
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 2, N> {
-        let parameters = parameters::<N, P>(|i| state[i]);
+        let parameters = parameters::<N, P, _>(|i| state[i]);
         let sight = Sight::new(state, receiver, self.target_up);
         let range = sight.range();
         let slope =
@@ -179,40 +171,16 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
         jacobian
     }
 
-    /// The noise is read once instead of once per state.
+    /// By columns, unless the receiver's place is uncertain; several directions as their mixture.
     fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<2>, out: &mut [f64]) {
-        if !observation.is_plain() {
+        if observation.receiver_sigma().is_some() {
             return log_likelihoods_one_by_one(self, columns, observation, out);
         }
-        let root = observation
-            .noise()
-            .cholesky()
-            .expect("an observation is only made with a positive definite noise")
-            .unpack();
-        // A missing component is decoupled, of unit variance, and its residual is struck out.
-        let present = observation.mask(RowVector2::repeat(1.0));
-        let degrees = present.sum();
-        let constant = -0.5 * degrees * libm::log(TAU) - libm::log(root[(0, 0)] * root[(1, 1)]);
-        let whiten_rss = present[0] / root[(0, 0)];
-        let whiten_bearing = present[1] / root[(1, 1)];
-        let coupling = root[(1, 0)];
-        let (rss, bearing) = (observation.value()[0], observation.value()[1]);
-        let receiver = observation.receiver().position;
-        let up = self.target_up - receiver.z;
-
-        let places = columns[0].iter().zip(columns[1]);
-        for (i, (out, (east, north))) in out.iter_mut().zip(places).enumerate() {
-            let parameters = parameters::<N, P>(|component| columns[component][i]);
-            let (x, y) = (east - receiver.x, north - receiver.y);
-            let range = libm::sqrt(x * x + y * y + up * up);
-            let first = (rss - self.law.level_dbm(&parameters, range)) * whiten_rss;
-            let turned = angle::wrap(bearing - libm::atan2(y, x));
-            let second = (turned - coupling * first) * whiten_bearing;
-            *out = constant - 0.5 * (first * first + second * second);
-        }
+        let parameters = parameters::<N, P, _>(|row| columns[row]);
+        let places = [columns[0], columns[1]];
+        run(LogLikelihoods { model: self, parameters, places, observation, out });
     }
 
-    /// One loop for each component; that of the bearing has no branches.
     fn residuals(
         &self,
         columns: [&[f64]; N],
@@ -220,20 +188,84 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
         receiver: &Pose,
         [levels, bearings]: [&mut [f64]; 2],
     ) {
-        let receiver = receiver.position;
-        let (rss, bearing) = (z[0], angle::wrap(z[1]));
-        let up = self.target_up - receiver.z;
-        let places = || columns[0].iter().zip(columns[1]);
-        for (i, (out, (east, north))) in levels.iter_mut().zip(places()).enumerate() {
-            let parameters = parameters::<N, P>(|component| columns[component][i]);
-            let (x, y) = (east - receiver.x, north - receiver.y);
-            let range = libm::sqrt(x * x + y * y + up * up);
-            *out = rss - self.law.level_dbm(&parameters, range);
-        }
-        for (out, (east, north)) in bearings.iter_mut().zip(places()) {
-            let off = bearing - elementary::atan2(north - receiver.y, east - receiver.x);
-            let off = if off > PI { off - TAU } else { off };
-            *out = if off < -PI { off + TAU } else { off };
+        let parameters = parameters::<N, P, _>(|row| columns[row]);
+        let places = [columns[0], columns[1]];
+        run(self.levels(parameters, places, receiver, z[0], levels));
+        run(BearingResiduals { places, receiver, bearing: angle::wrap(z[1]), out: bearings });
+    }
+}
+
+impl<L: LevelLaw<P>, const P: usize> LevelBearing<L, P> {
+    /// The residuals of many levels.
+    #[inline(always)]
+    fn levels<'a>(
+        &'a self,
+        parameters: [&'a [f64]; P],
+        places: [&'a [f64]; 2],
+        receiver: &'a Pose,
+        level: f64,
+        out: &'a mut [f64],
+    ) -> LevelResiduals<'a, L, P> {
+        let (law, target_up) = (&self.law, self.target_up);
+        LevelResiduals { law, parameters, places, target_up, receiver, level, out }
+    }
+}
+
+/// The log-likelihood of an observation, from a receiver at a known place, for many targets.
+struct LogLikelihoods<'a, L, const P: usize> {
+    model: &'a LevelBearing<L, P>,
+    parameters: [&'a [f64]; P],
+    places: [&'a [f64]; 2],
+    observation: &'a Observation<2>,
+    out: &'a mut [f64],
+}
+
+impl<L: LevelLaw<P>, const P: usize> Kernel for LogLikelihoods<'_, L, P> {
+    type Output = ();
+
+    /// The noise is read once instead of once per state.
+    #[inline(always)]
+    fn run(self) {
+        let Self { model, parameters, places, observation, out } = self;
+        let receiver = observation.receiver();
+        let mut residuals = [[0.0; BLOCK]; 2];
+        for (direction, (weight, one)) in observation.hypotheses().enumerate() {
+            let root = one
+                .noise()
+                .cholesky()
+                .expect("an observation is only made with a positive definite noise")
+                .unpack();
+            // A missing component is decoupled, of unit variance, and its residual is struck out.
+            let present = one.mask(RowVector2::repeat(1.0));
+            let constant = libm::log(weight)
+                - 0.5 * present.sum() * libm::log(TAU)
+                - libm::log(root[(0, 0)] * root[(1, 1)]);
+            let whiten_rss = present[0] / root[(0, 0)];
+            let whiten_bearing = present[1] / root[(1, 1)];
+            let coupling = root[(1, 0)];
+            let (level, bearing) = (one.value()[0], angle::wrap(one.value()[1]));
+            for (block, out) in out.chunks_mut(BLOCK).enumerate() {
+                let rows = block * BLOCK..block * BLOCK + out.len();
+                let places = places.map(|column| &column[rows.clone()]);
+                let parameters = parameters.map(|column| &column[rows.clone()]);
+                let [levels, bearings] =
+                    residuals.each_mut().map(|column| &mut column[..out.len()]);
+                model.levels(parameters, places, receiver, level, levels).run();
+                BearingResiduals { places, receiver, bearing, out: bearings }.run();
+                for ((out, level), turned) in out.iter_mut().zip(levels).zip(bearings) {
+                    let first = *level * whiten_rss;
+                    let second = (*turned - coupling * first) * whiten_bearing;
+                    let log = constant - 0.5 * (first * first + second * second);
+                    *out = if direction == 0 { log } else { log_add(*out, log) };
+                }
+            }
         }
     }
+}
+
+/// ln(eᵃ + eᵇ) of finite numbers.
+#[inline(always)]
+fn log_add(a: f64, b: f64) -> f64 {
+    let (low, high) = if a < b { (a, b) } else { (b, a) };
+    high + elementary::ln(1.0 + elementary::exp(low - high))
 }

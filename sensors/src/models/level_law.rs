@@ -41,7 +41,8 @@ use crate::{LogDistance, Propagation};
 /// # Laws
 ///
 /// All methods are finite at every range for finite parameters; `range_slope` and `sensitivity` are
-/// the derivatives of `level_dbm`. Checked with the model: `laws::measurement_model`.
+/// the derivatives of `level_dbm`; `levels_dbm` agrees with it. Checked with the model:
+/// `laws::measurement_model`.
 pub trait LevelLaw<const P: usize> {
     /// The mean received power in dBm at `range` metres.
     fn level_dbm(&self, parameters: &[f64; P], range: f64) -> f64;
@@ -60,6 +61,15 @@ pub trait LevelLaw<const P: usize> {
 
     /// Its derivatives over the parameters.
     fn sensitivity(&self, parameters: &[f64; P], range: f64) -> [f64; P];
+
+    /// The levels in dBm at many ranges, in the place of the squares of these in m²; a column for
+    /// each parameter. Overridden as [`Propagation::many_rss_dbm`] is.
+    #[inline(always)]
+    fn levels_dbm(&self, parameters: [&[f64]; P], squares: &mut [f64]) {
+        for (i, x) in squares.iter_mut().enumerate() {
+            *x = self.level_dbm(&parameters.map(|column| column[i]), libm::sqrt(*x));
+        }
+    }
 }
 
 /// A law that is known.
@@ -78,6 +88,11 @@ impl<L: Propagation> LevelLaw<0> for L {
 
     fn sensitivity(&self, _: &[f64; 0], _: f64) -> [f64; 0] {
         []
+    }
+
+    #[inline(always)]
+    fn levels_dbm(&self, _: [&[f64]; 0], squares: &mut [f64]) {
+        self.many_rss_dbm(squares);
     }
 }
 
@@ -122,6 +137,12 @@ impl LevelLaw<1> for FreePower {
     fn sensitivity(&self, _: &[f64; 1], _: f64) -> [f64; 1] {
         [1.0]
     }
+
+    #[inline(always)]
+    fn levels_dbm(&self, [powers]: [&[f64]; 1], squares: &mut [f64]) {
+        self.loss.many_rss_dbm(squares);
+        squares.iter_mut().zip(powers).for_each(|(level, power)| *level += power);
+    }
 }
 
 /// The log-distance law P₀ − 10 γ log₁₀ d with an unknown P₀ in dBm and an unknown γ.
@@ -139,5 +160,13 @@ impl LevelLaw<2> for FreePathLoss {
 
     fn sensitivity(&self, _: &[f64; 2], range: f64) -> [f64; 2] {
         [1.0, LogDistance::UNIT.rss_dbm(range)]
+    }
+
+    #[inline(always)]
+    fn levels_dbm(&self, [powers, exponents]: [&[f64]; 2], squares: &mut [f64]) {
+        LogDistance::UNIT.many_rss_dbm(squares);
+        for ((level, power), exponent) in squares.iter_mut().zip(powers).zip(exponents) {
+            *level = power + exponent * *level;
+        }
     }
 }

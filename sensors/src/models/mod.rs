@@ -3,6 +3,7 @@
 mod bearing_mixture;
 mod bearing_only;
 mod censored;
+mod columns;
 mod differential_rss;
 #[cfg(feature = "alloc")]
 mod elevation;

@@ -1,6 +1,7 @@
 use foxhunt_core::{
     MeasurementModel, Pose, Quantity, State,
     parameter::{self, ParameterError},
+    vectorised::{Kernel, run},
 };
 use nalgebra::{SMatrix, Vector1, Vector3};
 
@@ -67,6 +68,47 @@ impl<const N: usize> MeasurementModel<N, 1> for RangeDifference {
         jacobian[(0, 0)] = own[0] - reference[0];
         jacobian[(0, 1)] = own[1] - reference[1];
         jacobian
+    }
+
+    fn residuals(
+        &self,
+        columns: [&[f64]; N],
+        z: &Vector1<f64>,
+        receiver: &Pose,
+        [out]: [&mut [f64]; 1],
+    ) {
+        let (places, target_up) = ([columns[0], columns[1]], self.target_up);
+        let receivers = [receiver, &self.reference].map(|pose| pose.position);
+        run(Differences { places, target_up, receivers, difference: z[0], out });
+    }
+}
+
+/// A measured difference of ranges less those of many targets; sets `out`.
+struct Differences<'a> {
+    /// East and North.
+    places: [&'a [f64]; 2],
+    target_up: f64,
+    /// Where the receiver and the reference are.
+    receivers: [Vector3<f64>; 2],
+    difference: f64,
+    out: &'a mut [f64],
+}
+
+impl Kernel for Differences<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let ups = self.receivers.map(|place| self.target_up - place.z);
+        for ((out, east), north) in self.out.iter_mut().zip(self.places[0]).zip(self.places[1]) {
+            let range = |i: usize| {
+                let (x, y) = (east - self.receivers[i].x, north - self.receivers[i].y);
+                libm::sqrt(x * x + y * y + ups[i] * ups[i])
+            };
+            let expected = range(0) - range(1);
+            let expected = if expected.is_finite() { expected } else { 0.0 };
+            *out = self.difference - expected;
+        }
     }
 }
 

@@ -1,10 +1,11 @@
 use foxhunt_core::{
     MeasurementModel, Pose, Quantity, State,
     parameter::{self, ParameterError},
+    vectorised::run,
 };
 use nalgebra::{SMatrix, Vector1};
 
-use super::Sight;
+use super::{Sight, columns::LevelResiduals, sight::difference};
 use crate::Propagation;
 
 /// Received signal strength alone: z = P(d) in dBm, d the slant range (Pritzl 2018, eq. 3.7).
@@ -49,10 +50,42 @@ impl<P: Propagation, const N: usize> MeasurementModel<N, 1> for Rss<P> {
         Vector1::new(self.propagation.rss_dbm(sight.range()))
     }
 
+    #[inline(always)]
+    fn expected_change(
+        &self,
+        state: &State<N>,
+        expected: &Vector1<f64>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> Vector1<f64> {
+        let sight = Sight::new(state, receiver, self.target_up);
+        let change = sight.change(offset[0], offset[1]);
+        let change = change.and_then(|(growth, _)| self.propagation.change(growth));
+        change.map_or_else(|| difference(self, state, expected, offset, receiver), Vector1::new)
+    }
+
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 1, N> {
         let sight = Sight::new(state, receiver, self.target_up);
         let mut jacobian = SMatrix::<f64, 1, N>::zeros();
         [jacobian[(0, 0)], jacobian[(0, 1)]] = sight.power_slope(&self.propagation);
         jacobian
+    }
+
+    fn residuals(
+        &self,
+        columns: [&[f64]; N],
+        z: &Vector1<f64>,
+        receiver: &Pose,
+        [out]: [&mut [f64]; 1],
+    ) {
+        run(LevelResiduals {
+            law: &self.propagation,
+            parameters: [],
+            places: [columns[0], columns[1]],
+            target_up: self.target_up,
+            receiver,
+            level: z[0],
+            out,
+        });
     }
 }

@@ -1,5 +1,10 @@
-use foxhunt_core::{MeasurementModel, Observation, Pose, Quantity, State, gaussian_log_likelihood};
+use foxhunt_core::{
+    MeasurementModel, Observation, Pose, Quantity, State, gaussian_log_likelihood,
+    log_likelihoods_one_by_one,
+};
 use nalgebra::{SMatrix, SVector};
+
+use super::columns::BLOCK;
 
 /// Two models of one state, measured at once: the `MA` components of the first, then the `MB` of
 /// the second.
@@ -78,6 +83,21 @@ where
         join(&self.first.residual(&first, &a), &self.second.residual(&second, &b))
     }
 
+    #[inline(always)]
+    fn expected_change(
+        &self,
+        state: &State<N>,
+        expected: &SVector<f64, M>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> SVector<f64, M> {
+        let (first, second) = split(expected);
+        join(
+            &self.first.expected_change(state, &first, offset, receiver),
+            &self.second.expected_change(state, &second, offset, receiver),
+        )
+    }
+
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
         join(&self.first.jacobian(state, receiver), &self.second.jacobian(state, receiver))
     }
@@ -91,18 +111,32 @@ where
     }
 
     fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<M>, out: &mut [f64]) {
-        let coupled = is_coupled(observation, MA);
-        let (first, second) = (observation.marginal::<MA>(0), observation.marginal::<MB>(MA));
-        if !coupled {
-            self.first.log_likelihoods(columns, &first, out);
+        if is_coupled(observation, MA) {
+            return log_likelihoods_one_by_one(self, columns, observation, out);
         }
-        for (i, out) in out.iter_mut().enumerate() {
-            let state = State::from_fn(|row, _| columns[row][i]);
-            if coupled {
-                *out = gaussian_log_likelihood(self, &state, observation);
-            } else {
-                *out += self.second.log_likelihood(&state, &second);
-            }
+        self.first.log_likelihoods(columns, &observation.marginal(0), out);
+        let second = observation.marginal(MA);
+        let mut more = [0.0; BLOCK];
+        for (block, out) in out.chunks_mut(BLOCK).enumerate() {
+            let rows = block * BLOCK..block * BLOCK + out.len();
+            let more = &mut more[..out.len()];
+            self.second.log_likelihoods(columns.map(|c| &c[rows.clone()]), &second, more);
+            out.iter_mut().zip(more).for_each(|(out, more)| *out += *more);
         }
+    }
+
+    fn residuals(
+        &self,
+        columns: [&[f64]; N],
+        z: &SVector<f64, M>,
+        receiver: &Pose,
+        out: [&mut [f64]; M],
+    ) {
+        let (first, second) = split(z);
+        let mut out = out.into_iter();
+        let mut next = || out.next().expect("a stack has the components of both models");
+        let (above, below) = (core::array::from_fn(|_| next()), core::array::from_fn(|_| next()));
+        self.first.residuals(columns, &first, receiver, above);
+        self.second.residuals(columns, &second, receiver, below);
     }
 }

@@ -1,6 +1,6 @@
 use core::f64::consts::{LN_10, PI};
 
-use super::{Propagation, clamp};
+use super::{Propagation, clamp, many_log_distance};
 use crate::near_zero;
 use foxhunt_core::parameter::{self, ParameterError};
 
@@ -51,6 +51,11 @@ impl Propagation for Friis {
 
     fn change(&self, growth: f64) -> Option<f64> {
         Some(-10.0 / LN_10 * near_zero::ln_1p(growth))
+    }
+
+    #[inline(always)]
+    fn many_rss_dbm(&self, squares: &mut [f64]) {
+        many_log_distance(squares, self.rss_dbm(1.0), 2.0);
     }
 }
 

@@ -1,4 +1,6 @@
-use core::ops::RangeInclusive;
+use core::{f64::consts::LN_10, ops::RangeInclusive};
+
+use foxhunt_core::elementary;
 
 /// Received power against the slant range between transmitter and receiver.
 ///
@@ -28,7 +30,8 @@ use core::ops::RangeInclusive;
 /// # Laws
 ///
 /// Both methods are finite at every range, 0 and infinity among them; `slope` is the
-/// derivative of `rss_dbm`, and 0 outside the ranges over which the law is followed.
+/// derivative of `rss_dbm`, and 0 outside the ranges over which the law is followed;
+/// `many_rss_dbm` agrees with `rss_dbm`.
 pub trait Propagation {
     /// The mean received power in dBm at `range` metres.
     fn rss_dbm(&self, range: f64) -> f64;
@@ -41,6 +44,15 @@ pub trait Propagation {
     fn change(&self, growth: f64) -> Option<f64> {
         let _ = growth;
         None
+    }
+
+    /// The powers in dBm at many ranges, in the place of the squares of these in m².
+    ///
+    /// One range after the other unless overridden. An override is a plain loop with the functions
+    /// of [`elementary`], and `#[inline(always)]`: models compile it for wider vectors.
+    #[inline(always)]
+    fn many_rss_dbm(&self, squares: &mut [f64]) {
+        squares.iter_mut().for_each(|x| *x = self.rss_dbm(libm::sqrt(*x)));
     }
 }
 
@@ -57,6 +69,11 @@ impl<P: ?Sized + Propagation> Propagation for &P {
     fn change(&self, growth: f64) -> Option<f64> {
         (**self).change(growth)
     }
+
+    #[inline(always)]
+    fn many_rss_dbm(&self, squares: &mut [f64]) {
+        (**self).many_rss_dbm(squares);
+    }
 }
 
 /// The ranges over which the laws of this crate are followed; beyond either end the power stays
@@ -68,4 +85,15 @@ const RANGES: RangeInclusive<f64> = 1e-3..=1e300;
 #[inline]
 pub(crate) fn clamp(range: f64) -> (f64, bool) {
     (range.clamp(*RANGES.start(), *RANGES.end()), RANGES.contains(&range))
+}
+
+/// P₁ − 10 γ log₁₀ d of many ranges, in the place of the squares of these: what is received at one
+/// metre, and γ.
+#[inline(always)]
+pub(crate) fn many_log_distance(squares: &mut [f64], at_one_metre: f64, exponent: f64) {
+    let least = RANGES.start() * RANGES.start();
+    let scale = 5.0 / LN_10 * exponent;
+    squares.iter_mut().for_each(|x| {
+        *x = at_one_metre - scale * elementary::ln(x.clamp(least, f64::MAX));
+    });
 }

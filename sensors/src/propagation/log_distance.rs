@@ -1,8 +1,11 @@
 use core::f64::consts::LN_10;
 
-use super::{Propagation, clamp};
+use super::{Propagation, clamp, many_log_distance};
 use crate::near_zero;
-use foxhunt_core::parameter::{self, ParameterError};
+use foxhunt_core::{
+    elementary,
+    parameter::{self, ParameterError},
+};
 
 /// The log-distance law, P(d) = P₀ − 10 γ log₁₀(d / 1 m) (Pritzl 2018, eq. 3.7).
 ///
@@ -74,7 +77,7 @@ impl LogDistance {
 impl Propagation for LogDistance {
     #[inline]
     fn rss_dbm(&self, range: f64) -> f64 {
-        self.reference_dbm - 10.0 * self.exponent * libm::log10(clamp(range).0)
+        self.reference_dbm - 10.0 / LN_10 * self.exponent * elementary::ln(clamp(range).0)
     }
 
     #[inline]
@@ -86,6 +89,11 @@ impl Propagation for LogDistance {
     #[inline]
     fn change(&self, growth: f64) -> Option<f64> {
         Some(-5.0 / LN_10 * self.exponent * near_zero::ln_1p(growth))
+    }
+
+    #[inline(always)]
+    fn many_rss_dbm(&self, squares: &mut [f64]) {
+        many_log_distance(squares, self.reference_dbm, self.exponent);
     }
 }
 

@@ -29,12 +29,24 @@ pub struct StepperSource<R, T, V, C> {
     rotator: T,
     vehicle: V,
     clock: C,
-    turn: Option<Turn>,
+    turn: Turn,
     /// Where the antenna was last sent, in the turn's positions.
     stands_at: u16,
     recorder: TurnRecorder,
     dropped: u32,
     last_pose: Pose,
+    aim: Option<Aim>,
+}
+
+/// Where the antenna looks: the same for all samples at a position of a drone that hovers.
+#[derive(Clone, Copy, Debug)]
+struct Aim {
+    /// From the nose, and the nose itself, in radians.
+    angle: f64,
+    heading: f64,
+    /// In the world.
+    boresight: f64,
+    position: u16,
 }
 
 /// A turn begins with room for at most so many samples of each beacon; it may have more.
@@ -61,11 +73,12 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             rotator,
             vehicle,
             clock,
-            turn: None,
+            turn: Turn::new(0, false),
             stands_at: 0,
             recorder: TurnRecorder::default(),
             dropped: 0,
             last_pose: Pose::default(),
+            aim: None,
         }
     }
 
@@ -83,49 +96,49 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
     }
 
     /// Takes every step that can be taken now; true when the turn is complete.
-    fn advance(&mut self, turn: &mut Turn) -> Result<bool, Failure<R, T, V>> {
+    fn advance(&mut self) -> Result<bool, Failure<R, T, V>> {
         loop {
-            let outcome = self.step(turn);
-            match outcome {
+            match self.step() {
                 Ok(Progress::Complete) => return Ok(true),
                 Ok(Progress::Stepped) => {}
-                Ok(Progress::Waiting) if self.expire(turn) => {}
+                Ok(Progress::Waiting) if self.expire() => {}
                 Ok(Progress::Waiting) => return Ok(false),
                 Err(error) => {
-                    self.expire(turn);
+                    self.expire();
                     return Err(error);
                 }
             }
         }
     }
 
-    fn step(&mut self, turn: &mut Turn) -> Result<Progress, Failure<R, T, V>> {
-        match turn.phase {
+    fn step(&mut self) -> Result<Progress, Failure<R, T, V>> {
+        match self.turn.phase {
+            Phase::Idle => return Ok(Progress::Waiting),
             Phase::Order => {
                 // The first position's time runs from the first attempt: a motor that refuses
                 // orders must not stop the turn.
                 let first = self.config.first_timeout();
-                turn.deadline.get_or_insert_with(|| self.clock.now() + first);
-                let position = turn.position(self.config.positions());
+                self.turn.deadline.get_or_insert_with(|| self.clock.now() + first);
+                let position = self.turn.position(self.config.positions());
                 self.stands_at = position;
                 let angle = TAU * f64::from(position) / f64::from(self.config.positions());
                 self.rotator.turn_to(angle).map_err(StepperError::Rotator)?;
-                turn.phase = Phase::Turn;
+                self.turn.phase = Phase::Turn;
             }
             Phase::Turn => match self.rotator.poll().map_err(StepperError::Rotator)? {
                 Some(angle) if angle.is_finite() => {
-                    turn.phase = Phase::Request { angle, answers: 0 }
+                    self.turn.phase = Phase::Request { angle, answers: 0 };
                 }
                 _ => return Ok(Progress::Waiting),
             },
             Phase::Request { answers, .. } if answers >= self.config.samples_per_position() => {
-                turn.next(&self.config, self.clock.now());
+                self.turn.next(&self.config, self.clock.now());
             }
             Phase::Request { angle, answers } => {
-                if !self.expire(turn) {
-                    let beacon = self.recorder.beacon(turn.beacon).beacon;
+                if !self.expire() {
+                    let beacon = self.recorder.beacon(self.turn.beacon).beacon;
                     self.radio.request(beacon).map_err(StepperError::Radio)?;
-                    turn.phase = Phase::Await { angle, answers };
+                    self.turn.phase = Phase::Await { angle, answers };
                 }
             }
             Phase::Await { angle, answers } => {
@@ -133,7 +146,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                     return Ok(Progress::Waiting);
                 };
                 let (answers, time) = (answers + 1, self.clock.now());
-                turn.phase = if rss_dbm.is_finite() {
+                self.turn.phase = if rss_dbm.is_finite() {
                     Phase::Locate { angle, answers, rss_dbm, time }
                 } else {
                     self.dropped += 1;
@@ -144,27 +157,37 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                 let receiver = self.vehicle.pose().map_err(StepperError::Vehicle)?;
                 self.recorder.add_place_sigma(self.vehicle.position_sigma());
                 if receiver.is_finite() {
-                    let boresight = receiver.heading + angle + self.config.mount_offset();
-                    let boresight = angle::wrap(boresight);
-                    let position = nearest_position(angle, self.config.positions());
+                    let Aim { boresight, position, .. } = self.aim(angle, receiver.heading);
                     let sample = Sample { time, receiver, boresight, position, rss_dbm };
-                    self.recorder.beacon(turn.beacon).samples.push(sample);
+                    self.recorder.beacon(self.turn.beacon).samples.push(sample);
                     self.last_pose = receiver;
                 } else {
                     self.dropped += 1;
                 }
-                turn.phase = Phase::Request { angle, answers };
+                self.turn.phase = Phase::Request { angle, answers };
             }
-            Phase::Finish { .. } => return self.finish(turn),
+            Phase::Finish { .. } => return self.finish(),
         }
         Ok(Progress::Stepped)
     }
 
+    /// Where the antenna looks that is turned by `angle` from a nose at `heading`.
+    fn aim(&mut self, angle: f64, heading: f64) -> Aim {
+        let bits = |angle: f64, heading: f64| [angle.to_bits(), heading.to_bits()];
+        let same = |aim: &Aim| bits(aim.angle, aim.heading) == bits(angle, heading);
+        if let Some(aim) = self.aim.filter(same) {
+            return aim;
+        }
+        let boresight = angle::wrap(heading + angle + self.config.mount_offset());
+        let position = nearest_position(angle, self.config.positions());
+        *self.aim.insert(Aim { angle, heading, boresight, position })
+    }
+
     /// Ends the turn; without samples only the vehicle knows where it took place.
-    fn finish(&mut self, turn: &Turn) -> Result<Progress, Failure<R, T, V>> {
+    fn finish(&mut self) -> Result<Progress, Failure<R, T, V>> {
         if self.recorder.is_empty() {
             // A vehicle that does not answer holds the turn up for one more time-out at most.
-            let late = turn.deadline.is_some_and(|deadline| self.clock.now() >= deadline);
+            let late = self.turn.deadline.is_some_and(|deadline| self.clock.now() >= deadline);
             match self.vehicle.pose() {
                 Ok(pose) if pose.is_finite() => {
                     self.recorder.add_place_sigma(self.vehicle.position_sigma());
@@ -178,23 +201,22 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
     }
 
     /// Goes on to the next beacon or position if the present one's time is up.
-    fn expire(&mut self, turn: &mut Turn) -> bool {
+    fn expire(&mut self) -> bool {
         let now = self.clock.now();
+        let turn = &mut self.turn;
         let late = turn.deadline.is_some_and(|deadline| now >= deadline);
-        let expired = late && !matches!(turn.phase, Phase::Finish { .. });
-        if expired {
-            self.dropped += u32::from(matches!(turn.phase, Phase::Locate { .. }));
-            if let Phase::Await { angle, .. } = turn.phase {
-                let position = nearest_position(angle, self.config.positions());
-                let boresight = angle + self.config.mount_offset();
-                self.recorder
-                    .beacon(turn.beacon)
-                    .unanswered
-                    .push(Unanswered { boresight, position });
-            }
-            turn.next(&self.config, now);
+        if !late || matches!(turn.phase, Phase::Idle | Phase::Finish { .. }) {
+            return false;
         }
-        expired
+        self.dropped += u32::from(matches!(turn.phase, Phase::Locate { .. }));
+        if let Phase::Await { angle, .. } = turn.phase {
+            let position = nearest_position(angle, self.config.positions());
+            let boresight = angle + self.config.mount_offset();
+            let unanswered = Unanswered { boresight, position };
+            self.recorder.beacon(turn.beacon).unanswered.push(unanswered);
+        }
+        turn.next(&self.config, now);
+        true
     }
 }
 
@@ -204,7 +226,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
     fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Self::Error> {
         // From the end that is nearer to where the antenna was last sent.
         let backwards = self.stands_at > (self.config.positions() - 1) / 2;
-        self.turn = (!beacons.is_empty()).then(|| Turn::new(beacons.len(), backwards));
+        self.turn = Turn::new(beacons.len(), backwards);
         self.recorder = TurnRecorder::new(beacons);
         let each = usize::from(self.config.samples_per_position());
         let samples = usize::from(self.config.positions()).saturating_mul(each);
@@ -214,19 +236,17 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
     }
 
     fn poll(&mut self) -> Result<Option<Sweep<'_>>, Self::Error> {
-        if let Some(mut turn) = self.turn {
-            let outcome = self.advance(&mut turn);
-            self.turn = Some(turn);
-            if !outcome? {
+        if self.turn.phase != Phase::Idle {
+            if !self.advance()? {
                 return Ok(None);
             }
-            self.turn = None;
-            let ended = match turn.phase {
+            let ended = match self.turn.phase {
                 Phase::Finish { time } => time,
                 _ => self.clock.now(),
             };
+            self.turn.phase = Phase::Idle;
             self.recorder.end(ended);
-            for sweep in self.recorder.beacons_mut() {
+            for sweep in self.recorder.beacons_mut().filter(|sweep| !sweep.unanswered.is_empty()) {
                 // Until now they were from the nose, whose heading is not known where no answer
                 // came.
                 let heading = mean_pose(&sweep.samples).unwrap_or(self.last_pose).heading;
@@ -236,5 +256,15 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
             }
         }
         Ok(self.recorder.lend(self.config.positions(), self.config.floor_dbm(), self.last_pose))
+    }
+
+    fn next_event(&self) -> Option<f64> {
+        let device = match self.turn.phase {
+            Phase::Idle => return (!self.recorder.has_more()).then_some(f64::INFINITY),
+            Phase::Turn => self.rotator.next_event(),
+            Phase::Await { .. } => self.radio.next_event(),
+            _ => None,
+        };
+        device.map(|event| self.turn.deadline.map_or(event, |deadline| deadline.min(event)))
     }
 }

@@ -20,6 +20,8 @@ pub(super) struct Turn {
 /// What the source does next at a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Phase {
+    /// There is no turn, or it is over.
+    Idle,
     /// Order the rotator to turn.
     Order,
     /// Wait until it stands.
@@ -35,8 +37,10 @@ pub(super) enum Phase {
 }
 
 impl Turn {
+    /// A turn that begins, if there are any beacons.
     pub(super) fn new(beacons: usize, backwards: bool) -> Self {
-        Self { beacons, beacon: 0, done: 0, backwards, deadline: None, phase: Phase::Order }
+        let phase = if beacons > 0 { Phase::Order } else { Phase::Idle };
+        Self { beacons, beacon: 0, done: 0, backwards, deadline: None, phase }
     }
 
     /// The position that the antenna is at or on its way to, of so many.
@@ -70,7 +74,7 @@ impl Turn {
             Phase::Request { angle, .. }
             | Phase::Await { angle, .. }
             | Phase::Locate { angle, .. } => Some(angle),
-            Phase::Order | Phase::Turn | Phase::Finish { .. } => None,
+            Phase::Idle | Phase::Order | Phase::Turn | Phase::Finish { .. } => None,
         }
     }
 }

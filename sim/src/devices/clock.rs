@@ -9,6 +9,7 @@ use crate::truth::Truth;
 pub struct SimClock(pub(crate) Rc<RefCell<Truth>>);
 
 impl Clock for SimClock {
+    #[inline]
     fn now(&self) -> f64 {
         self.0.borrow().time
     }

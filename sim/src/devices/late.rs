@@ -55,4 +55,9 @@ impl<S: PatternSource> PatternSource for LateSource<S> {
         self.lent = come.then(|| self.under_way.pop_front()).flatten().map(|(_, sweep)| sweep);
         Ok(self.lent.as_ref().map(OwnedSweep::as_sweep))
     }
+
+    fn next_event(&self) -> Option<f64> {
+        let comes = self.under_way.front().map_or(f64::INFINITY, |(time, _)| *time);
+        Some(self.source.next_event()?.min(comes))
+    }
 }

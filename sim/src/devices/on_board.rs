@@ -23,6 +23,7 @@ impl OnBoard {
     }
 
     /// The drone at the present time.
+    #[inline]
     pub(crate) fn with<T>(&self, act: impl FnOnce(&mut Drone, f64) -> T) -> T {
         let truth = &mut *self.truth.borrow_mut();
         act(&mut truth.drones[self.drone], truth.time)
@@ -33,12 +34,18 @@ impl OnBoard {
     /// # Errors
     ///
     /// [`SimError::Link`] while there is none.
+    #[inline]
     pub(super) fn over_link<T>(
         &self,
         act: impl FnOnce(&mut Drone, f64) -> T,
     ) -> Result<T, SimError> {
-        self.with(|drone, now| drone.is_linked(now).then(|| act(drone, now)))
-            .ok_or(SimError::Link { drone: self.drone })
+        self.with(|drone, now| {
+            if drone.is_linked(now) {
+                Ok(act(drone, now))
+            } else {
+                Err(SimError::Link { drone: self.drone })
+            }
+        })
     }
 
     /// The drone in its world.

@@ -30,7 +30,13 @@ impl Radio for SimRadio {
         })
     }
 
+    #[inline]
     fn poll(&mut self) -> Result<Option<f64>, SimError> {
         Ok(self.on_board.with(|drone, now| drone.receiver.take_answer(now)))
+    }
+
+    #[inline]
+    fn next_event(&self) -> Option<f64> {
+        Some(self.on_board.with(|drone, _| drone.receiver.answers_at()))
     }
 }

@@ -21,7 +21,13 @@ impl Rotator for SimRotator {
         Ok(())
     }
 
+    #[inline]
     fn poll(&mut self) -> Result<Option<f64>, SimError> {
         Ok(self.0.with(|drone, now| drone.motor.standing(now)))
+    }
+
+    #[inline]
+    fn next_event(&self) -> Option<f64> {
+        Some(self.0.with(|drone, now| drone.motor.stands_at(now)))
     }
 }

@@ -11,6 +11,7 @@ pub struct SimVehicle(pub(crate) OnBoard);
 impl Vehicle for SimVehicle {
     type Error = SimError;
 
+    #[inline]
     fn pose(&mut self) -> Result<Pose, SimError> {
         self.0.over_link(|drone, _| drone.reported_pose())
     }
@@ -20,6 +21,10 @@ impl Vehicle for SimVehicle {
     /// [`SimError::Goal`] for a goal that is not finite; the older goal stays then.
     fn go_to(&mut self, goal: &Waypoint) -> Result<(), SimError> {
         self.0.over_link(|drone, now| drone.go_to(goal.position, now))?
+    }
+
+    fn next_event(&self) -> Option<f64> {
+        self.0.with(|drone, now| drone.next_event(now))
     }
 }
 

@@ -26,6 +26,7 @@ impl Body {
         })
     }
 
+    #[inline]
     pub(crate) fn pose(&self) -> Pose {
         match self {
             Self::Kinematic(body) => body.pose(),
@@ -38,6 +39,15 @@ impl Body {
         match self {
             Self::Kinematic(body) => body.velocity(),
             Self::Quadrotor(body) => body.velocity(),
+        }
+    }
+
+    /// Whether it stays as it is until it is ordered to move. A quadrotor never does: it hovers.
+    #[inline]
+    pub(super) fn rests(&self) -> bool {
+        match self {
+            Self::Kinematic(body) => body.rests(),
+            Self::Quadrotor(_) => false,
         }
     }
 

@@ -5,7 +5,7 @@ use super::{
     Channel,
     body::Body,
     course::Course,
-    receiver::{Arrival, Port, Receiver},
+    receiver::{Arrival, Port, Receiver, Signal},
     streams::Streams,
     turntable::Turntable,
 };
@@ -66,7 +66,15 @@ impl Drone {
     }
 
     /// Flies for `dt` seconds from `begin` on.
+    #[inline]
     pub(super) fn advance(&mut self, begin: f64, dt: f64) {
+        if !(self.body.rests() && self.failures.stuck.is_empty()) {
+            self.fly(begin, dt);
+        }
+    }
+
+    fn fly(&mut self, begin: f64, dt: f64) {
+        self.receiver.forget_last();
         let stuck = self.failures.stuck.iter().any(|stuck| stuck.contains(begin));
         if stuck != self.held {
             let here = self.body.pose().position;
@@ -79,8 +87,20 @@ impl Drone {
     }
 
     /// Whether anyone has a link to it.
+    #[inline]
     pub(crate) fn is_linked(&self, now: f64) -> bool {
         !self.failures.lost.iter().any(|lost| lost.contains(now))
+    }
+
+    /// When its pose or its link may next change, unless it is sent somewhere; `None` while that
+    /// is at any moment.
+    pub(crate) fn next_event(&self, now: f64) -> Option<f64> {
+        let DroneConfig { stuck, lost, .. } = &self.failures;
+        let held = stuck.iter().any(|stuck| stuck.contains(now));
+        let rests = self.body.rests() && held == self.held && self.is_linked(now);
+        let changes = stuck.iter().chain(lost).flat_map(|time| [Some(time.from_s), time.to_s]);
+        let changes = changes.flatten().filter(|change| *change > now);
+        rests.then(|| changes.fold(f64::INFINITY, f64::min))
     }
 
     /// Whether its radio works.
@@ -120,10 +140,11 @@ impl Drone {
         {
             self.receiver.end_patterns();
         }
-        let latency = self.receiver.latency();
-        let arrival =
-            self.arrival(channel, (id, beacon), port, self.motor.angle(now), [now, now + latency]);
-        self.receiver.request(channel, &arrival, now);
+        let turned = self.motor.angle(now);
+        let signal = self.signal(channel, (id, beacon), port, turned, now);
+        let answer_at = now + self.receiver.latency();
+        let transmitted = signal.reaches && beacon.answers_at(now) && self.receives(answer_at);
+        self.receiver.answer(channel, signal.power_dbm, transmitted, answer_at);
     }
 
     /// The reading of one sample of a beacon at the time `now`, through an antenna that is turned
@@ -137,33 +158,37 @@ impl Drone {
         turned: f64,
         now: f64,
     ) -> Option<f64> {
-        let arrival = self.arrival(channel, (id, beacon), port, turned, [now, now]);
-        self.receiver.draw(channel, &arrival)
+        let signal = self.signal(channel, (id, beacon), port, turned, now);
+        let transmitted = signal.reaches && beacon.answers_at(now) && self.receives(now);
+        self.receiver.draw(channel, signal.power_dbm, transmitted)
     }
 
-    /// The signal of a beacon that transmits at the first of two times and is read at the second.
-    fn arrival<'a>(
-        &self,
+    /// The signal of a beacon that transmits at a time: while neither of them moves, the last one.
+    fn signal(
+        &mut self,
         channel: &Channel,
         (id, beacon): (BeaconId, &BeaconConfig),
-        port: Port<'a>,
+        port: Port<'_>,
         turned: f64,
-        [sent, read]: [f64; 2],
-    ) -> Arrival<'a> {
-        let receiver = self.body.pose();
-        let reached = channel.reaches(&receiver.position);
-        Arrival {
-            beacon: id,
-            receiver,
-            to: beacon.place_at(sent),
-            turned,
-            spun: self.body.heading(),
-            port,
-            transmitted: reached && beacon.answers_at(sent) && self.receives(read),
+        sent: f64,
+    ) -> Signal {
+        let still = self.body.rests() && beacon.course.is_none();
+        if still && let Some(last) = self.receiver.last(id, port, turned) {
+            return last;
         }
+        let receiver = self.body.pose();
+        let (to, spun) = (beacon.place_at(sent), self.body.heading());
+        let arrival = Arrival { beacon: id, receiver, to, turned, spun, port };
+        let power_dbm = self.receiver.power_dbm(channel, &arrival);
+        let signal = Signal { power_dbm, reaches: channel.reaches(&receiver.position) };
+        if still {
+            self.receiver.keep_last(&arrival, signal);
+        }
+        signal
     }
 
     /// Its pose as it reports it: with a velocity if its autopilot measures one.
+    #[inline]
     pub(crate) fn reported_pose(&self) -> Pose {
         let velocity = self.reports_velocity.then(|| self.body.velocity());
         Pose { velocity, ..self.body.pose() }

@@ -15,6 +15,8 @@ pub(crate) struct Kinematics {
     /// How fast it turns, in radians per second.
     rate: f64,
     goal: Vector3<f64>,
+    /// Whether it is at its goal and does not turn.
+    rests: bool,
     path_length: f64,
 }
 
@@ -22,11 +24,19 @@ impl Kinematics {
     /// A body that stays at `pose` until it is sent elsewhere.
     pub(super) fn new(limits: KinematicConfig, pose: Pose) -> Self {
         let (goal, heading) = (pose.position, pose.heading);
-        Self { limits, cruise: limits.speed_mps, pose, heading, rate: 0.0, goal, path_length: 0.0 }
+        let cruise = limits.speed_mps;
+        Self { limits, cruise, pose, heading, rate: 0.0, goal, rests: true, path_length: 0.0 }
     }
 
+    #[inline]
     pub(crate) fn pose(&self) -> Pose {
         self.pose
+    }
+
+    /// Whether it is at its goal and does not turn.
+    #[inline]
+    pub(super) fn rests(&self) -> bool {
+        self.rests
     }
 
     /// Where its nose points, a turn more being 2π more.
@@ -36,6 +46,7 @@ impl Kinematics {
 
     pub(super) fn spin(&mut self, rate: f64) {
         self.rate = rate;
+        self.rests = false;
     }
 
     /// Metres flown so far.
@@ -49,6 +60,7 @@ impl Kinematics {
             return Err(SimError::Goal { east: goal.x, north: goal.y, up: goal.z });
         }
         self.goal = goal;
+        self.rests = false;
         Ok(())
     }
 
@@ -56,6 +68,7 @@ impl Kinematics {
     pub(super) fn put_down(&mut self) {
         self.pose.position.z = 0.0;
         self.goal = self.pose.position;
+        self.rests = false;
     }
 
     #[cfg(feature = "emulators")]
@@ -77,11 +90,16 @@ impl Kinematics {
 
     /// Moves for `dt` seconds.
     pub(super) fn advance(&mut self, dt: f64) {
-        if self.rate.abs() > 0.0 {
+        if self.rests {
+            return;
+        }
+        let turns = self.rate.abs() > 0.0;
+        if turns {
             self.heading += self.rate * dt;
             self.pose.heading = angle::wrap(self.heading);
         }
         if self.pose.position == self.goal {
+            self.rests = !turns;
             return;
         }
         let way = self.goal - self.pose.position;

@@ -36,12 +36,13 @@ pub(crate) struct Truth {
 ///
 /// [`SimError::Beacon`] if there is no such beacon.
 pub(crate) fn beacon_of(beacons: &[BeaconConfig], id: BeaconId) -> Result<&BeaconConfig, SimError> {
-    let error = SimError::Beacon { beacon: id.0, beacons: beacons.len() };
-    beacons.get(usize::from(id.0)).ok_or(error)
+    let error = || SimError::Beacon { beacon: id.0, beacons: beacons.len() };
+    beacons.get(usize::from(id.0)).ok_or_else(error)
 }
 
 /// Whether the moment `at` has come. A nanosecond is forgiven: time is a sum of steps, and its
 /// rounding must not cost a step more.
+#[inline]
 pub(crate) fn is_due(at: f64, now: f64) -> bool {
     now >= at - 1e-9
 }

@@ -16,6 +16,17 @@ pub(super) struct Path {
     reflected: Vec<(Vector3<f64>, f64, f64)>,
 }
 
+/// Where the waves of a path come from in the body's own frame: what does not change while neither
+/// moves nor the body turns, whatever its antenna does.
+#[derive(Clone, Debug)]
+pub(super) struct Arrivals {
+    pose: Pose,
+    /// The azimuth from the nose and the elevation of the direct wave.
+    direct: (f64, f64),
+    /// The reflected ones; their azimuths are from the nose.
+    reflected: Vec<ReflectedWave>,
+}
+
 impl Path {
     /// From the receiver at `from` to the beacon at `to`.
     pub(super) fn new(
@@ -43,27 +54,35 @@ impl Path {
         self.from == *from && self.to == *to
     }
 
-    /// The antenna's gain over its mean on this way, in dB; the antenna is turned by `turned` from
-    /// the nose. Of an omnidirectional one, what reflections add.
-    pub(super) fn gain_db(
-        &self,
-        channel: &Channel,
-        pose: &Pose,
-        turned: f64,
-        port: Port<'_>,
-    ) -> f64 {
+    /// Where its waves come from at a receiver in a pose.
+    pub(super) fn arrivals(&self, pose: &Pose) -> Arrivals {
         let arrival = |sight: &Vector3<f64>| {
             let body = pose.to_body(sight);
-            let azimuth = libm::atan2(body.y, body.x) - turned;
+            let azimuth = libm::atan2(body.y, body.x);
             (azimuth, libm::atan2(body.z, libm::hypot(body.x, body.y)))
         };
         let wave = |(sight, amplitude, phase): &(Vector3<f64>, f64, f64)| {
             let (azimuth, elevation) = arrival(sight);
             ReflectedWave { azimuth, elevation, amplitude: *amplitude, phase: *phase }
         };
+        let reflected = self.reflected.iter().map(wave).collect();
+        Arrivals { pose: *pose, direct: arrival(&(self.to - self.from)), reflected }
+    }
+}
+
+impl Arrivals {
+    /// Whether they are those of a receiver in a pose.
+    pub(super) fn are_at(&self, pose: &Pose) -> bool {
+        self.pose == *pose
+    }
+
+    /// The antenna's gain over its mean, in dB; the antenna is turned by `turned` from the nose. Of
+    /// an omnidirectional one, what reflections add.
+    pub(super) fn gain_db(&self, channel: &Channel, turned: f64, port: Port<'_>) -> f64 {
+        let wave = |wave: &ReflectedWave| ReflectedWave { azimuth: wave.azimuth - turned, ..*wave };
         let reflected: Vec<_> = self.reflected.iter().map(wave).collect();
-        let (azimuth, elevation) = arrival(&(self.to - self.from));
-        channel.relative_gain_db(azimuth, elevation, &reflected, port)
+        let (azimuth, elevation) = self.direct;
+        channel.relative_gain_db(azimuth - turned, elevation, &reflected, port)
     }
 }
 
@@ -79,7 +98,8 @@ mod tests {
         let config = ChannelConfig { antenna, ..ChannelConfig::default() };
         let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
         let channel = Channel::new(&config, 1, &mut rng).expect("in order");
-        Path::new(&channel, 0, pose.position, to).gain_db(&channel, pose, turned, Port::Directional)
+        let path = Path::new(&channel, 0, pose.position, to);
+        path.arrivals(pose).gain_db(&channel, turned, Port::Directional)
     }
 
     #[test]

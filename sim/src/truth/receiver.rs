@@ -6,7 +6,11 @@ use nalgebra::Vector3;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
-use super::{Channel, is_due, path::Path, streams::Streams};
+use super::{
+    Channel, is_due,
+    path::{Arrivals, Path},
+    streams::Streams,
+};
 
 /// A drone that moves farther than this begins a new pattern, in metres: fading is another one
 /// there.
@@ -22,6 +26,8 @@ pub(crate) struct Receiver {
     patterns: Vec<Pattern>,
     /// The last ones, of different beacons.
     ways: Vec<Way>,
+    /// The last sample's, of a drone that has not moved since.
+    last: Option<Look>,
     answer: Option<Answer>,
 }
 
@@ -37,6 +43,15 @@ pub(crate) enum Port<'a> {
 }
 
 impl Port<'_> {
+    /// It, if it is one of the channel's own.
+    fn of_the_channel(self) -> Option<Port<'static>> {
+        match self {
+            Self::Directional => Some(Port::Directional),
+            Self::Omnidirectional => Some(Port::Omnidirectional),
+            Self::Own(_) => None,
+        }
+    }
+
     /// Whether it is one of the channel's own, and then the same as another one.
     fn is_same(self, other: Port<'_>) -> bool {
         use Port::{Directional, Omnidirectional};
@@ -57,9 +72,14 @@ pub(super) struct Arrival<'a> {
     pub(super) spun: f64,
     /// Through which antenna.
     pub(super) port: Port<'a>,
-    /// Whether the beacon transmits, its signal reaches the place, and the radio works when the
-    /// answer comes.
-    pub(super) transmitted: bool,
+}
+
+/// What comes in of a beacon at a place, but for each sample's own noise.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Signal {
+    pub(super) power_dbm: f64,
+    /// Whether anything is received at the place.
+    pub(super) reaches: bool,
 }
 
 /// What the samples of one pattern share.
@@ -73,20 +93,21 @@ struct Pattern {
     bearing_error: f64,
 }
 
-/// The path from a beacon, and the antenna's gain along it.
+/// The path from a beacon, and where its waves come from.
 #[derive(Clone, Debug)]
 struct Way {
     path: Path,
-    look: Option<Look>,
+    arrivals: Arrivals,
 }
 
-/// The gain in one direction, which does not change while neither drone, beacon nor antenna moves.
+/// The signal in one direction, which does not change while neither drone, beacon nor antenna
+/// moves.
 #[derive(Clone, Copy, Debug)]
 struct Look {
-    receiver: Pose,
+    beacon: BeaconId,
     turned: f64,
     port: Port<'static>,
-    gain_db: f64,
+    signal: Signal,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -97,7 +118,7 @@ struct Answer {
 
 impl Receiver {
     pub(super) fn new(streams: Streams, latency: f64) -> Self {
-        Self { streams, latency, patterns: Vec::new(), ways: Vec::new(), answer: None }
+        Self { streams, latency, patterns: Vec::new(), ways: Vec::new(), last: None, answer: None }
     }
 
     /// From a request to its answer, in seconds.
@@ -108,28 +129,69 @@ impl Receiver {
     /// Ends all patterns: the next sample of any beacon begins a new one.
     pub(crate) fn end_patterns(&mut self) {
         self.patterns.clear();
+        self.last = None;
     }
 
-    /// Draws the answer to a request at the time `now`; an older one that was not taken is given
-    /// up.
-    pub(super) fn request(&mut self, channel: &Channel, arrival: &Arrival<'_>, now: f64) {
-        let time = now + self.latency;
-        let reading = self.draw(channel, arrival);
+    /// The drone has moved: nothing is as it was.
+    pub(super) fn forget_last(&mut self) {
+        self.last = None;
+    }
+
+    /// The last sample's signal, if it was of the same beacon through the same antenna in the same
+    /// direction, and the drone has not moved since.
+    pub(super) fn last(&self, beacon: BeaconId, port: Port<'_>, turned: f64) -> Option<Signal> {
+        let look = self.last.as_ref()?;
+        let same = look.beacon == beacon
+            && look.turned.to_bits() == turned.to_bits()
+            && look.port.is_same(port);
+        same.then_some(look.signal)
+    }
+
+    /// Keeps a sample's signal for the next one.
+    pub(super) fn keep_last(&mut self, arrival: &Arrival<'_>, signal: Signal) {
+        let Arrival { beacon, turned, port, .. } = *arrival;
+        self.last = port.of_the_channel().map(|port| Look { beacon, turned, port, signal });
+    }
+
+    /// Draws the answer that comes at a time; an older one that was not taken is given up.
+    pub(super) fn answer(
+        &mut self,
+        channel: &Channel,
+        power_dbm: f64,
+        transmitted: bool,
+        time: f64,
+    ) {
+        let reading = self.draw(channel, power_dbm, transmitted);
         self.answer = reading.map(|rss_dbm| Answer { time, rss_dbm });
     }
 
-    /// Draws what the receiver reads, in dBm; `None` for a sample that is lost, below the floor or
-    /// not transmitted.
-    pub(super) fn draw(&mut self, channel: &Channel, arrival: &Arrival<'_>) -> Option<f64> {
-        let pattern = self.pattern_for(channel, arrival);
-        // The pattern's error turns everything that the antenna receives.
-        let turned = arrival.turned - pattern.bearing_error;
-        let (level_dbm, gain_db) = self.level_and_gain(channel, arrival, turned);
+    /// Draws what the receiver reads of a signal, in dBm; `None` for a sample that is lost, below
+    /// the floor or not transmitted.
+    pub(super) fn draw(
+        &mut self,
+        channel: &Channel,
+        power_dbm: f64,
+        transmitted: bool,
+    ) -> Option<f64> {
         let noise: f64 = self.streams.sample.sample(StandardNormal);
-        let power_dbm = level_dbm + gain_db + pattern.offset_db + channel.sample_sigma_db * noise;
+        let power_dbm = power_dbm + channel.sample_sigma_db * noise;
 
         let lost = self.streams.loss.random::<f64>() < channel.loss_probability;
-        channel.reading_dbm(power_dbm).filter(|_| !lost && arrival.transmitted)
+        channel.reading_dbm(power_dbm).filter(|_| !lost && transmitted)
+    }
+
+    /// What comes in but for each sample's own noise, in dBm.
+    pub(super) fn power_dbm(&mut self, channel: &Channel, arrival: &Arrival<'_>) -> f64 {
+        let pattern = self.pattern_for(channel, arrival);
+        let Way { path, arrivals } = self.way(channel, arrival);
+        // The pattern's error turns everything that the antenna receives.
+        let turned = arrival.turned - pattern.bearing_error;
+        path.level_dbm + arrivals.gain_db(channel, turned, arrival.port) + pattern.offset_db
+    }
+
+    /// When the answer that is on its way comes; infinite where none is.
+    pub(crate) fn answers_at(&self) -> f64 {
+        self.answer.map_or(f64::INFINITY, |answer| answer.time)
     }
 
     /// The answer's power in dBm, once it has come.
@@ -137,42 +199,26 @@ impl Receiver {
         self.answer.take_if(|answer| is_due(answer.time, now)).map(|answer| answer.rss_dbm)
     }
 
-    /// The level over a level turn, and the gain over its mean there. Samples in one place and
-    /// direction have it from the last of them.
-    fn level_and_gain(
-        &mut self,
-        channel: &Channel,
-        arrival: &Arrival<'_>,
-        turned: f64,
-    ) -> (f64, f64) {
-        let Arrival { receiver, port, .. } = *arrival;
-        let (beacon, from) = (usize::from(arrival.beacon.0), receiver.position);
-        let path = || Path::new(channel, beacon, from, arrival.to);
+    /// The way of a signal.
+    fn way(&mut self, channel: &Channel, arrival: &Arrival<'_>) -> &Way {
+        let (beacon, receiver) = (usize::from(arrival.beacon.0), &arrival.receiver);
+        let way = || {
+            let path = Path::new(channel, beacon, receiver.position, arrival.to);
+            let arrivals = path.arrivals(receiver);
+            Way { path, arrivals }
+        };
         let known = self.ways.iter().position(|way| way.path.beacon() == beacon);
         let index = known.unwrap_or_else(|| {
-            self.ways.push(Way { path: path(), look: None });
+            self.ways.push(way());
             self.ways.len() - 1
         });
-        let way = &mut self.ways[index];
-        if !way.path.is_between(&from, &arrival.to) {
-            *way = Way { path: path(), look: None };
+        let known = &mut self.ways[index];
+        if !known.path.is_between(&receiver.position, &arrival.to) {
+            *known = way();
+        } else if !known.arrivals.are_at(receiver) {
+            known.arrivals = known.path.arrivals(receiver);
         }
-        let same = |look: &&Look| {
-            look.turned.to_bits() == turned.to_bits()
-                && look.receiver == receiver
-                && look.port.is_same(port)
-        };
-        if let Some(look) = way.look.as_ref().filter(same) {
-            return (way.path.level_dbm, look.gain_db);
-        }
-        let gain_db = way.path.gain_db(channel, &receiver, turned, port);
-        let port = match port {
-            Port::Directional => Some(Port::Directional),
-            Port::Omnidirectional => Some(Port::Omnidirectional),
-            Port::Own(_) => None,
-        };
-        way.look = port.map(|port| Look { receiver, turned, port, gain_db });
-        (way.path.level_dbm, gain_db)
+        known
     }
 
     fn pattern_for(&mut self, channel: &Channel, arrival: &Arrival<'_>) -> Pattern {

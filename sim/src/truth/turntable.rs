@@ -39,7 +39,14 @@ impl Turntable {
         })
     }
 
+    /// When it comes to a standstill; infinite where it stands.
+    #[inline]
+    pub(crate) fn stands_at(&self, now: f64) -> f64 {
+        if is_due(self.arrival, now) { f64::INFINITY } else { self.arrival }
+    }
+
     /// Where it stands; `None` while it turns.
+    #[inline]
     pub(crate) fn standing(&self, now: f64) -> Option<f64> {
         is_due(self.arrival, now).then_some(self.to)
     }

@@ -1,8 +1,8 @@
 //! The grid against exact posteriors, brute force and statistics.
 
 use foxhunt_core::{
-    ConstantVelocity, Correction, Estimate, Estimator, EstimatorError, MeasurementModel,
-    Observation, OutlierMixture, Pose, Quantity, RandomWalk, State, laws,
+    BearingMode, BearingModes, ConstantVelocity, Correction, Estimate, Estimator, EstimatorError,
+    MeasurementModel, Observation, OutlierMixture, Pose, Quantity, RandomWalk, State, laws,
     nalgebra::{Matrix1, Matrix2, Matrix3, Vector1, Vector2, Vector3},
 };
 use foxhunt_filters::{Ekf, GridConfig, GridFilter, Handover, Kalman, NoiseScales, Taylor};
@@ -200,6 +200,47 @@ fn an_unknown_power_is_integrated_out_exactly() {
     assert!(away < 5e-3, "the mean is off by {away}");
     let off = (estimate.covariance - covariance).amax();
     assert!(off < 2e-2 * covariance.amax(), "the covariance is off by {off}");
+}
+
+#[test]
+fn a_power_that_is_all_but_known_changes_nothing() {
+    // Receivers that know their place to some metres, and bearings that two directions compete for:
+    // the one grid takes likelihoods, the other one completes squares in every cell. Not both at
+    // once, as an uncertain place makes level and bearing one noise, which directions do not share.
+    let place = Estimate::isotropic(Vector2::new(3.0, -2.0), 5.0);
+    let mut prior = Estimate::isotropic(place.mean.push(FIELD.p0_dbm), 5.0);
+    prior.covariance[(2, 2)] = 1e-8;
+    let walk = RandomWalk { drift: Vector2::repeat(0.2) };
+    let mut known = GridFilter::new(walk, FIELD, place, self::cells(64)).expect("proper");
+    let walk = RandomWalk { drift: Vector3::new(0.2, 0.2, 0.0) };
+    let mut free = GridFilter::new(walk, FreePower, prior, self::cells(64)).expect("proper");
+    let mode = |weight, angle, sigma| BearingMode { weight, angle, sigma };
+    for (at, bearing) in around().zip([2.9, -1.4, 0.3, 1.2]) {
+        let plain = observed(at, Vector2::new(-62.0, bearing), 4.0, 0.3);
+        let vague = plain.with_receiver_sigma(Vector3::new(2.0, 1.0, 3.0)).expect("proper");
+        let modes = BearingModes::new(&[mode(0.7, bearing, 0.2), mode(0.3, bearing + 1.0, 0.4)]);
+        let several =
+            |observation: Observation<2>| observation.with_bearing_modes(1, modes.expect("proper"));
+        for observation in [vague, several(plain), several(vague).without(0)] {
+            known.predict(1.0).expect("a proper step");
+            free.predict(1.0).expect("a proper step");
+            let reported = (known.update(&observation), free.update(&observation));
+            let (
+                Ok(Correction::Fused { log_evidence: one, nis: Some(one_nis), .. }),
+                Ok(Correction::Fused { log_evidence: other, nis: Some(other_nis), .. }),
+            ) = reported
+            else {
+                panic!("not fused: {reported:?}");
+            };
+            // The power's own variance is 10⁻⁸ dB².
+            assert!((one - other).abs() < 1e-6, "at {at:?}: evidence {one}, not {other}");
+            assert!((one_nis - other_nis).abs() < 1e-6 * (1.0 + one_nis));
+            let (one, other) = (known.estimate(), free.estimate());
+            assert!((one.mean - other.mean.xy()).norm() < 1e-6, "{} {}", one.mean, other.mean);
+            let within: Matrix2<f64> = other.covariance.fixed_view::<2, 2>(0, 0).into_owned();
+            assert!((one.covariance - within).norm() < 1e-5, "{}", one.covariance - within);
+        }
+    }
 }
 
 #[test]

@@ -34,9 +34,13 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// At most `count` cells: the places are halved by weight across their wider axis again and
-    /// again, as in a k-d tree (Bentley 1975). Nothing is drawn at random.
-    pub(super) fn of(belief: &dyn Belief, count: usize) -> Result<Self, PlanError> {
+    /// At most as many cells as `count` makes of whether it is nearly Gaussian: the places are
+    /// halved by weight across their wider axis again and again, as in a k-d tree (Bentley 1975).
+    /// Nothing is drawn at random.
+    pub(super) fn of(
+        belief: &dyn Belief,
+        count: impl FnOnce(bool) -> usize,
+    ) -> Result<Self, PlanError> {
         let moments = belief.position();
         let [east, north] = [moments.mean.x, moments.mean.y];
         let numbers = moments.mean.iter().chain(moments.covariance.iter());
@@ -59,6 +63,7 @@ impl Cells {
         for (_, weight) in &mut places {
             *weight /= total;
         }
+        let count = count(gaussian);
         let mut cells = Vec::with_capacity(count);
         split(&mut places, count, &mut cells);
         let moments = if shaped { moments_of(&places) } else { moments };
@@ -165,7 +170,7 @@ mod tests {
         let mut places = gaussian(Vector2::new(3.0, -4.0), 2.0);
         places.extend(gaussian(Vector2::new(20.0, 9.0), 5.0));
         let cloud = Cloud(places);
-        let cells = Cells::of(&cloud, 50).expect("finite");
+        let cells = Cells::of(&cloud, |_| 50).expect("finite");
         assert_eq!(cells.cells.len(), 50);
         let truth = cloud.position();
         let weight: f64 = cells.cells.iter().map(|cell| cell.weight).sum();
@@ -185,15 +190,15 @@ mod tests {
     #[test]
     fn the_places_show_the_shape() {
         let one = Cloud(gaussian(Vector2::zeros(), 3.0));
-        assert!(Cells::of(&one, 64).expect("finite").gaussian);
+        assert!(Cells::of(&one, |_| 64).expect("finite").gaussian);
         let mut places = gaussian(Vector2::zeros(), 3.0);
         places.extend(gaussian(Vector2::new(40.0, 0.0), 3.0));
-        assert!(!Cells::of(&Cloud(places), 64).expect("finite").gaussian);
+        assert!(!Cells::of(&Cloud(places), |_| 64).expect("finite").gaussian);
         let ring = (0..200).map(f64::from).map(|i| Vector2::new(libm::cos(i), libm::sin(i)));
-        assert!(!Cells::of(&Cloud(ring.collect()), 64).expect("finite").gaussian);
+        assert!(!Cells::of(&Cloud(ring.collect()), |_| 64).expect("finite").gaussian);
         // Four cubature points are a Gaussian, and many cells are made of it.
         let moments = Estimate::isotropic(Vector2::new(1.0, 2.0), 7.0);
-        let cells = Cells::of(&moments, 64).expect("finite");
+        let cells = Cells::of(&moments, |_| 64).expect("finite");
         assert!(cells.gaussian && cells.cells.len() == 64);
         assert_eq!(cells.moments, moments);
     }
@@ -202,10 +207,10 @@ mod tests {
     fn one_heavy_place_and_nonsense() {
         let mut places: Vec<_> = gaussian(Vector2::zeros(), 1.0);
         places.extend(core::iter::repeat_n(Vector2::new(5.0, 5.0), 2000));
-        assert!(Cells::of(&Cloud(places), 64).is_ok());
+        assert!(Cells::of(&Cloud(places), |_| 64).is_ok());
         let nowhere = Estimate { mean: Vector2::repeat(f64::NAN), covariance: Matrix2::zeros() };
-        assert!(Cells::of(&nowhere, 64).is_err());
+        assert!(Cells::of(&nowhere, |_| 64).is_err());
         let point = Estimate { mean: Vector2::zeros(), covariance: Matrix2::zeros() };
-        assert!(Cells::of(&point, 64).is_ok());
+        assert!(Cells::of(&point, |_| 64).is_ok());
     }
 }

@@ -1,5 +1,6 @@
 use alloc::vec::Vec;
 
+use foxhunt_core::elementary;
 use nalgebra::{Vector2, Vector3};
 
 use super::{InformationConfig, Objective, TurnInformation, cells::Cell, worth::ExpectedPosterior};
@@ -37,7 +38,8 @@ pub(super) struct Rollout {
 pub(super) struct Course {
     /// Until the ellipse is small enough, in seconds.
     pub(super) to_ellipse_s: f64,
-    /// What is learned within the horizon, in nats, and how long that takes.
+    /// What is learned within the horizon, in nats, where the rate of that is made best, and how
+    /// long it takes.
     pub(super) nats: f64,
     pub(super) seconds: f64,
 }
@@ -70,7 +72,7 @@ impl Rollout {
 
     /// Half the trace of a drone's information at a squared distance on the ground.
     fn worth(&self, range2: f64) -> f64 {
-        let steps = 0.5 * libm::log(range2 / (NEAREST_M * NEAREST_M)) / LN_STEP;
+        let steps = elementary::ln(range2 * (1.0 / (NEAREST_M * NEAREST_M))) * (0.5 / LN_STEP);
         let last = self.worth.len() - 1;
         #[expect(
             clippy::cast_possible_truncation,
@@ -101,27 +103,32 @@ impl Rollout {
         while large > self.wanted {
             let range2 = self.best_m * self.best_m + large + small;
             let worth = self.drones * self.worth(range2);
-            let gain = [libm::log1p(large * worth), libm::log1p(small * worth)];
-            let lacking = libm::log(large / self.wanted);
-            // The last turn counts as much as it takes, so that small differences are felt.
-            let share = lacking / gain[0].max(f64::MIN_POSITIVE);
+            let grown = [1.0 + large * worth, 1.0 + small * worth];
             let moved = travel / self.config.speed_mps;
-            if turn >= self.config.horizon {
-                // Beyond the horizon every turn is as good as this one would be.
-                course.to_ellipse_s += moved + share * self.config.turn_s;
+            // No logarithms but for the last turn.
+            let enough = large <= self.wanted * grown[0];
+            if enough || turn >= self.config.horizon {
+                // It counts as much as it takes, so that small differences are felt; beyond the
+                // horizon every turn is as good as this one would be.
+                let gain = libm::log1p(large * worth);
+                let share = libm::log(large / self.wanted) / gain.max(f64::MIN_POSITIVE);
+                let seconds = moved + share * self.config.turn_s;
+                course.to_ellipse_s += seconds;
+                if turn < self.config.horizon {
+                    course.seconds += seconds;
+                    course.nats += 0.5 * share * (gain + libm::log1p(small * worth));
+                }
                 return course;
             }
-            let whole = share.min(1.0);
-            let seconds = moved + whole * self.config.turn_s;
+            let seconds = moved + self.config.turn_s;
             course.to_ellipse_s += seconds;
             course.seconds += seconds;
-            course.nats += 0.5 * whole * (gain[0] + gain[1]);
-            if share <= 1.0 {
-                return course;
+            if self.config.objective == Objective::InformationRate {
+                course.nats += 0.5 * libm::log(grown[0] * grown[1]);
             }
             travel = libm::sqrt(large + small);
-            large /= 1.0 + large * worth;
-            small /= 1.0 + small * worth;
+            large /= grown[0];
+            small /= grown[1];
             turn += 1;
         }
         course

@@ -24,6 +24,8 @@ struct Aim {
     /// P⁻¹, where its moments are all that is known.
     information: Option<Matrix2<f64>>,
     power: Power,
+    /// What the formation looked at last would leave of it.
+    posterior: ExpectedPosterior,
 }
 
 /// A formation and what is expected of it.
@@ -47,7 +49,6 @@ pub(super) struct Search<'a, S: ?Sized> {
     from: Vec<Vector3<f64>>,
     aims: Vec<Aim>,
     rollout: Rollout,
-    posterior: ExpectedPosterior,
 }
 
 impl<'a, S: TurnInformation + ?Sized> Search<'a, S> {
@@ -64,7 +65,7 @@ impl<'a, S: TurnInformation + ?Sized> Search<'a, S> {
         let aims = beliefs.iter().map(aim).collect::<Result<_, _>>()?;
         let from = stations.iter().map(|station| station.pose.position).collect();
         let rollout = Rollout::new(turn, config, stations.len());
-        Ok(Self { turn, config, from, aims, rollout, posterior: ExpectedPosterior::default() })
+        Ok(Self { turn, config, from, aims, rollout })
     }
 
     /// The best formation, and what turning again where everyone is would be worth.
@@ -105,16 +106,14 @@ impl<'a, S: TurnInformation + ?Sized> Search<'a, S> {
             .max(travel.height_m / self.config.climb_mps);
         let seconds = moved + self.config.turn_s;
         let (mut nats, mut total) = (0.0, Course::default());
-        for aim in &self.aims {
-            let (turn, places) = (self.turn, &candidate.places);
-            match &aim.information {
-                Some(prior) => {
-                    self.posterior.by_fisher(turn, &aim.belief, &aim.power, prior, places)
-                }
-                None => self.posterior.by_entropy(turn, &aim.belief, &aim.power, places),
+        let (turn, places) = (self.turn, &candidate.places);
+        for Aim { belief, information, power, posterior } in &mut self.aims {
+            match information {
+                Some(prior) => posterior.by_fisher(turn, belief, power, prior, places),
+                None => posterior.by_entropy(turn, belief, power, places),
             }
-            let course = self.rollout.after(&self.posterior, &aim.belief.cells, &candidate.places);
-            nats += self.posterior.nats;
+            let course = self.rollout.after(posterior, &belief.cells, places);
+            nats += posterior.nats;
             total.nats += course.nats;
             // One turn serves all targets.
             total.seconds = total.seconds.max(course.seconds);
@@ -190,22 +189,19 @@ fn aim<S: TurnInformation + ?Sized>(
     belief: &dyn Belief,
 ) -> Result<Aim, PlanError> {
     let count = usize::try_from(config.places).unwrap_or(usize::MAX);
-    let mut cells = Cells::of(belief, count)?;
-    let fisher = match config.criterion {
-        Criterion::Automatic => cells.gaussian,
+    let fisher = |gaussian| match config.criterion {
+        Criterion::Automatic => gaussian,
         Criterion::Fisher => true,
         Criterion::Entropy => false,
     };
-    if !fisher {
-        // Every pair of cells counts: twice as many take four times as long.
-        cells = Cells::of(belief, count.div_ceil(2))?;
-    }
-    let belief = cells;
+    // Every pair of cells counts by entropy: twice as many take four times as long.
+    let belief =
+        Cells::of(belief, |gaussian| if fisher(gaussian) { count } else { count.div_ceil(2) })?;
     // A belief that is flat or a point has no information matrix; its cells still differ in place.
-    let factor = belief.moments.covariance.cholesky().filter(|_| fisher);
+    let factor = belief.moments.covariance.cholesky().filter(|_| fisher(belief.gaussian));
     let information = factor.map(|factor| factor.solve(&Matrix2::identity()));
     let power = Power::of(turn, &belief, received_at, config.power_sigma_db);
-    Ok(Aim { belief, information, power })
+    Ok(Aim { belief, information, power, posterior: ExpectedPosterior::default() })
 }
 
 #[cfg(test)]

@@ -127,7 +127,7 @@ impl<S: TurnInformation> SteepestDescent<S> {
 
     /// Where the steepest step leads, how long it is and what it is expected to teach.
     fn step(&self, belief: &dyn Belief, stations: &[Station]) -> Result<Step, PlanError> {
-        let cells = Cells::of(belief, PLACES)?;
+        let cells = Cells::of(belief, |_| PLACES)?;
         let Some(factor) = cells.moments.covariance.cholesky() else {
             return Err(PlanError::NoPlace);
         };

@@ -1,15 +1,19 @@
 use alloc::vec::Vec;
-use core::f64::consts::PI;
+use core::{f64::consts::PI, ops::Range};
 
 use foxhunt_core::angle;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use super::{TurnInformation, cells::Cells, power::Power};
+use super::{
+    TurnInformation,
+    cells::{Cell, Cells},
+    power::Power,
+};
 
 /// A bearing without information is uniform on the circle, whose variance is π²/3.
 const UNIFORM: f64 = PI * PI / 3.0;
 
-/// The posterior that a turn is expected to leave of a belief.
+/// The posterior that a turn is expected to leave of a belief: one for each belief and power.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ExpectedPosterior {
     /// How much is learned, in nats.
@@ -17,8 +21,39 @@ pub(super) struct ExpectedPosterior {
     /// The posterior variances along its principal axes if the target is in a cell, the larger one
     /// first; for each cell.
     pub(super) axes: Vec<[f64; 2]>,
-    /// What would be read from each cell: level and bearing of each drone in turn.
-    readings: Vec<Vec<Reading>>,
+    /// What each drone contributes where it is; most formations differ from the last one in a
+    /// single drone.
+    drones: Vec<Drone>,
+    /// Sums over the drones for each pair of cells of a row.
+    row: [Vec<f64>; 3],
+}
+
+/// What a drone at a place contributes.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Drone {
+    place: Option<Vector3<f64>>,
+    /// What it teaches of a target in each cell.
+    taught: Vec<Taught>,
+    /// What it would read from each cell, where cells are compared by that.
+    readings: Vec<Readings>,
+    /// For each pair of cells, by rows: the parts of their divergence.
+    pairs: [Vec<f64>; 3],
+}
+
+/// What a turn teaches of a target in a cell: the power known, and what is taken off that for the
+/// power in doubt.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Taught {
+    information: Matrix2<f64>,
+    weighted: Vector2<f64>,
+    level_information: f64,
+}
+
+/// The numbers that are read of one cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Readings {
+    level: Reading,
+    bearing: Reading,
 }
 
 /// One number that is read, of one cell.
@@ -57,25 +92,90 @@ pub(super) fn axes(covariance: &Matrix2<f64>) -> [f64; 2] {
 /// levels with the power in doubt, which they share. Levels have the covariance σ² I + τ 1 1ᵀ,
 /// whose inverse is by Sherman and Morrison; their gradients are those of the difference to the
 /// levels received before.
-fn information_of_all<S: TurnInformation + ?Sized>(
-    turn: &S,
-    belief: &Cells,
-    power: &Power,
-    index: usize,
-    places: &[Vector3<f64>],
-) -> Matrix2<f64> {
-    let cell = &belief.cells[index];
-    let known = power.at(index);
+fn information_of_all(drones: &[Drone], power: &Power, index: usize) -> Matrix2<f64> {
     let (mut sum, mut weighted, mut information) = (Matrix2::zeros(), Vector2::zeros(), 0.0);
-    for place in places {
-        let fisher = turn.fisher(&cell.mean, place);
-        let gradient = fisher.level_gradient - known.level_gradient;
-        sum += fisher.bearing + gradient * gradient.transpose() * fisher.level_information;
-        weighted += gradient * fisher.level_information;
-        information += fisher.level_information;
+    for drone in drones {
+        let taught = &drone.taught[index];
+        sum += taught.information;
+        weighted += taught.weighted;
+        information += taught.level_information;
     }
-    let shared = known.variance / (1.0 + known.variance * information);
+    let variance = power.at(index).variance;
+    let shared = variance / (1.0 + variance * information);
     sum - weighted * weighted.transpose() * shared
+}
+
+impl Drone {
+    /// Sets what it teaches at a place.
+    fn teach<S: TurnInformation + ?Sized>(
+        &mut self,
+        turn: &S,
+        belief: &Cells,
+        power: &Power,
+        place: &Vector3<f64>,
+    ) {
+        let taught = |(index, cell): (usize, &Cell)| {
+            let fisher = turn.fisher(&cell.mean, place);
+            let gradient = fisher.level_gradient - power.at(index).level_gradient;
+            let weighted = gradient * fisher.level_information;
+            Taught {
+                information: fisher.bearing + weighted * gradient.transpose(),
+                weighted,
+                level_information: fisher.level_information,
+            }
+        };
+        self.taught.clear();
+        self.taught.extend(belief.cells.iter().enumerate().map(taught));
+    }
+
+    /// Sets what it would read at a place, and how that distinguishes the cells.
+    fn read<S: TurnInformation + ?Sized>(
+        &mut self,
+        turn: &S,
+        belief: &Cells,
+        power: &Power,
+        place: &Vector3<f64>,
+    ) {
+        let read = |(index, cell): (usize, &Cell)| {
+            let known = power.at(index);
+            let expected = turn.expected(&cell.mean, place);
+            let mut jacobian = turn.jacobian(&cell.mean, place);
+            let mut level_row = jacobian.row_mut(0);
+            level_row -= known.level_gradient.transpose();
+            let spread = jacobian * cell.covariance * jacobian.transpose();
+            let level = expected.level_sigma_db * expected.level_sigma_db + spread[(0, 0)];
+            let bearing = expected.bearing_sigma * expected.bearing_sigma + spread[(1, 1)];
+            Readings {
+                level: Reading::new(expected.level_db - known.level_db, level),
+                bearing: Reading::new(expected.bearing, bearing.min(UNIFORM)),
+            }
+        };
+        self.readings.clear();
+        self.readings.extend(belief.cells.iter().enumerate().map(read));
+        let [twice, weighted, information] = &mut self.pairs;
+        for parts in [&mut *twice, &mut *weighted, &mut *information] {
+            parts.clear();
+        }
+        for of in &self.readings {
+            for from in &self.readings {
+                let level = of.level.value - from.level.value;
+                let bearing = of.bearing.value - from.bearing.value;
+                // Most differences are in range already, and wrapping is slow.
+                let bearing = if bearing.abs() < PI { bearing } else { angle::wrap(bearing) };
+                twice.push(
+                    one(&of.level, &from.level, level) + one(&of.bearing, &from.bearing, bearing),
+                );
+                weighted.push(level * from.level.precision);
+                information.push(from.level.precision);
+            }
+        }
+    }
+}
+
+impl Reading {
+    fn new(value: f64, variance: f64) -> Self {
+        Self { value, variance, precision: 1.0 / variance, log_variance: libm::log(variance) }
+    }
 }
 
 impl ExpectedPosterior {
@@ -90,11 +190,12 @@ impl ExpectedPosterior {
         information: &Matrix2<f64>,
         places: &[Vector3<f64>],
     ) {
+        self.move_to(places, |drone, place| drone.teach(turn, belief, power, place));
         let prior = libm::log(information.determinant());
         self.axes.clear();
         self.nats = 0.0;
         for (index, cell) in belief.cells.iter().enumerate() {
-            let posterior = information + information_of_all(turn, belief, power, index, places);
+            let posterior = information + information_of_all(&self.drones, power, index);
             self.nats += 0.5 * cell.weight * (libm::log(posterior.determinant()) - prior);
             self.axes.push(axes_of_inverse(&posterior));
         }
@@ -116,22 +217,29 @@ impl ExpectedPosterior {
         places: &[Vector3<f64>],
     ) {
         let cells = &belief.cells;
-        self.read(turn, belief, power, places);
+        self.move_to(places, |drone, place| {
+            drone.teach(turn, belief, power, place);
+            drone.read(turn, belief, power, place);
+        });
         self.axes.clear();
         self.nats = 0.0;
         let mut within = Vec::with_capacity(cells.len());
         for (index, cell) in cells.iter().enumerate() {
-            let taught = information_of_all(turn, belief, power, index, places);
+            let taught = information_of_all(&self.drones, power, index);
             let gain = Matrix2::identity() + cell.covariance * taught;
             self.nats += 0.5 * cell.weight * libm::log(gain.determinant().max(1.0));
             let rest = gain.lu().solve(&cell.covariance).unwrap_or(cell.covariance);
             within.push(0.5 * (rest + rest.transpose()));
         }
         for (i, cell) in cells.iter().enumerate() {
+            self.add_up_row(i * cells.len()..(i + 1) * cells.len());
+            let [twice, weighted, information] = &self.row;
             let (mut sum, mut first, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
             for (j, other) in cells.iter().enumerate() {
                 let variance = power.at(j).variance;
-                let divergence = divergence(&self.readings[i], &self.readings[j], variance);
+                // Sherman and Morrison again: what all levels have in common may be the power.
+                let shared = variance / (1.0 + variance * information[j]);
+                let divergence = 0.5 * (twice[j] - weighted[j] * weighted[j] * shared);
                 let weight = other.weight * libm::exp(-divergence);
                 let off = other.mean - cell.mean;
                 sum += weight;
@@ -144,56 +252,35 @@ impl ExpectedPosterior {
         }
     }
 
-    /// Fills in what would be read from each cell.
-    fn read<S: TurnInformation + ?Sized>(
+    /// Sets anew what those drones contribute that are not where they were.
+    fn move_to(
         &mut self,
-        turn: &S,
-        belief: &Cells,
-        power: &Power,
         places: &[Vector3<f64>],
+        mut contribute: impl FnMut(&mut Drone, &Vector3<f64>),
     ) {
-        self.readings.resize(belief.cells.len(), Vec::new());
-        for (index, (cell, readings)) in belief.cells.iter().zip(&mut self.readings).enumerate() {
-            let known = power.at(index);
-            readings.clear();
-            for place in places {
-                let expected = turn.expected(&cell.mean, place);
-                let mut jacobian = turn.jacobian(&cell.mean, place);
-                let mut level_row = jacobian.row_mut(0);
-                level_row -= known.level_gradient.transpose();
-                let spread = jacobian * cell.covariance * jacobian.transpose();
-                let level = expected.level_sigma_db * expected.level_sigma_db + spread[(0, 0)];
-                let bearing = expected.bearing_sigma * expected.bearing_sigma + spread[(1, 1)];
-                let level_db = expected.level_db - known.level_db;
-                for (value, variance) in
-                    [(level_db, level), (expected.bearing, bearing.min(UNIFORM))]
-                {
-                    let log_variance = libm::log(variance);
-                    let precision = 1.0 / variance;
-                    readings.push(Reading { value, variance, precision, log_variance });
-                }
+        self.drones.resize(places.len(), Drone::default());
+        for (drone, place) in self.drones.iter_mut().zip(places) {
+            if drone.place != Some(*place) {
+                contribute(drone, place);
+                drone.place = Some(*place);
             }
         }
     }
-}
 
-/// About the Kullback-Leibler divergence of what is read of one cell from what is read of another,
-/// of which the power is in doubt by a variance in dB²: the numbers are taken for independent
-/// Gaussians, bearings as well, and the power in doubt takes off the means' part alone.
-fn divergence(of: &[Reading], from: &[Reading], power_variance: f64) -> f64 {
-    let (mut twice, mut weighted, mut information) = (0.0, 0.0, 0.0);
-    for (of, from) in of.chunks_exact(2).zip(from.chunks_exact(2)) {
-        let level = of[0].value - from[0].value;
-        let bearing = of[1].value - from[1].value;
-        // Most differences are in range already, and wrapping is slow.
-        let bearing = if bearing.abs() < PI { bearing } else { angle::wrap(bearing) };
-        twice += one(&of[0], &from[0], level) + one(&of[1], &from[1], bearing);
-        weighted += level * from[0].precision;
-        information += from[0].precision;
+    /// Adds up the parts of the Kullback-Leibler divergence of what is read of one cell from what
+    /// is read of each other: twice that, the power known; the difference of the levels, weighted;
+    /// and what they hold about the power. The numbers are taken for independent Gaussians,
+    /// bearings as well, and the power in doubt takes off the means' part alone.
+    fn add_up_row(&mut self, pairs: Range<usize>) {
+        for (part, sums) in self.row.iter_mut().enumerate() {
+            sums.clear();
+            sums.resize(pairs.len(), 0.0);
+            for drone in &self.drones {
+                let parts = &drone.pairs[part][pairs.clone()];
+                sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
+            }
+        }
     }
-    // Sherman and Morrison again: what all levels have in common may be the power.
-    let shared = power_variance / (1.0 + power_variance * information);
-    0.5 * (twice - weighted * weighted * shared)
 }
 
 /// Twice the divergence of one number.
@@ -210,7 +297,7 @@ mod tests {
     use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
     use super::*;
-    use crate::planners::information::{ExpectedReading, RssBearingTurn, cells::Cell};
+    use crate::planners::information::{ExpectedReading, RssBearingTurn};
 
     /// Points of equal weight.
     fn points(places: &[[f64; 2]]) -> Cells {

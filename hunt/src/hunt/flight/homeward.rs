@@ -47,6 +47,11 @@ impl Flight {
         Some(Recall { outcome, reason })
     }
 
+    /// When the way home is computed again.
+    pub(in crate::hunt) fn return_check_at(&self) -> f64 {
+        self.return_checked + RETURN_CHECKED_EVERY_S
+    }
+
     /// Why the formation that was just planned cannot be flown to, if it cannot; once.
     pub(in crate::hunt) fn cannot_afford(&mut self) -> Option<Recall> {
         let reason = self.unaffordable.take()?;

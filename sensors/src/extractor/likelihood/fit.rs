@@ -2,7 +2,12 @@ use alloc::vec::Vec;
 
 use foxhunt_core::Sweep;
 
-use super::{gain_table::GainTable, looks::Looks, posterior::Node, silence::Silence};
+use super::{
+    gain_table::GainTable,
+    looks::{Look, Looks},
+    posterior::Node,
+    silence::Silence,
+};
 use crate::Antenna;
 
 /// A turn laid against a known antenna: what the ways of judging residuals have in common.
@@ -62,6 +67,17 @@ impl<'a, A: Antenna> Fit<'a, A> {
             let bearing = self.looks.origin + offset;
             let tilted = |look| self.table.tilted(self.antenna, look, bearing);
             out.extend(self.looks.looks.iter().map(tilted));
+        }
+    }
+
+    /// The gain about its mean along one look, for a signal from each node.
+    pub(super) fn gains_of(&self, look: &Look, out: &mut [f64; NODES as usize]) {
+        if self.looks.level {
+            return self.table.around(-look.offset, out);
+        }
+        for (node, out) in (0..NODES).zip(out) {
+            let bearing = self.looks.origin + node_offset(node);
+            *out = self.table.tilted(self.antenna, look, bearing);
         }
     }
 

@@ -3,7 +3,7 @@ use core::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
-use super::looks::Look;
+use super::{fit::NODES, looks::Look};
 use crate::Antenna;
 
 /// An antenna's gain about its mean over a turn, tabulated for beacons at one elevation: a fit asks
@@ -45,18 +45,32 @@ impl GainTable {
     }
 
     /// The value and its slope per radian.
+    #[inline]
     pub(super) fn with_slope(&self, azimuth: f64) -> (f64, f64) {
-        let turns = azimuth / TAU;
-        let place = (turns - libm::floor(turns)) * f64::from(ROWS);
-        #[expect(clippy::cast_possible_truncation, reason = "it lies between 0 and ROWS")]
-        #[expect(clippy::cast_sign_loss, reason = "as above")]
-        let row = place as usize;
+        let (row, share) = row_of(azimuth);
         // One more row than a turn has: the first again.
-        let row = row.min(self.rows.len() - 2);
         let (from, to) = (self.rows[row], self.rows[row + 1]);
-        #[expect(clippy::cast_precision_loss, reason = "there are fewer than 2^52 rows")]
-        let share = place - row as f64;
         (from + (to - from) * share, (to - from) * (f64::from(ROWS) / TAU))
+    }
+
+    /// The values for bearings at equal steps over a turn, from `azimuth` on. A step is a whole
+    /// number of rows, so that all of them lie at one place between two rows.
+    pub(super) fn around(&self, azimuth: f64, out: &mut [f64; NODES as usize]) {
+        const STEP: usize = (ROWS / NODES) as usize;
+        const { assert!(ROWS.is_multiple_of(NODES), "a step is a whole number of rows") };
+        let (first, share) = row_of(azimuth);
+        // Up to the turn's end, and on from its beginning.
+        let (before, after) = out.split_at_mut((usize::from(ROWS) - first).div_ceil(STEP));
+        let begin = first % STEP;
+        for (out, rows) in [(before, &self.rows[first..]), (after, &self.rows[begin..])] {
+            for (value, rows) in out.iter_mut().zip(rows.chunks(STEP)) {
+                // The last row of a turn stands in the next chunk where a chunk ends.
+                *value = rows[0];
+            }
+            for (value, rows) in out.iter_mut().zip(rows[1..].chunks(STEP)) {
+                *value += (rows[0] - *value) * share;
+            }
+        }
     }
 
     /// The gain over its mean through a tilted antenna, for a beacon in the world direction
@@ -72,4 +86,16 @@ impl GainTable {
         let azimuth = libm::atan2(body.y, body.x) - look.mount;
         antenna.gain_dbi(azimuth, libm::asin(body.z.clamp(-1.0, 1.0))) - self.mean_db
     }
+}
+
+/// The row before an azimuth, and how far it is on to the next one.
+#[inline]
+fn row_of(azimuth: f64) -> (usize, f64) {
+    const ROW: i32 = ROWS as i32;
+    let place = azimuth * (f64::from(ROWS) / TAU);
+    #[expect(clippy::cast_possible_truncation, reason = "a few turns at most")]
+    let whole = place as i32;
+    let below = whole - i32::from(f64::from(whole) > place);
+    let row = below.rem_euclid(ROW) as usize;
+    (row, place - f64::from(below))
 }

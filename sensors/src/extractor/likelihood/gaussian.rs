@@ -9,21 +9,24 @@ use crate::Antenna;
 /// The log likelihood of Gaussian residuals over a turn of bearings, the level profiled out, each
 /// variance `inflation` times what the looks say.
 pub(super) fn nodes<A: Antenna>(fit: &Fit<'_, A>, inflation: f64) -> Vec<Node> {
+    const COUNT: usize = NODES as usize;
     let (reference, _) = fit.looks.spread();
-    let mut gains = Vec::new();
-    let node = |node| {
-        let offset = node_offset(node);
-        fit.gains(offset, &mut gains);
-        let (mut ones, mut sum, mut squares) = (0.0, 0.0, 0.0);
-        for ((look, gain), variance) in fit.looks.looks.iter().zip(&gains).zip(&fit.variances) {
-            let (weight, rest) = (1.0 / variance, look.mean_dbm - reference - gain);
-            ones += weight;
-            sum += weight * rest;
-            squares += weight * rest * rest;
+    let (mut gains, mut ones) = ([0.0; COUNT], 0.0);
+    let (mut sums, mut squares) = ([0.0; COUNT], [0.0; COUNT]);
+    for (look, variance) in fit.looks.looks.iter().zip(&fit.variances) {
+        let (weight, rest) = (1.0 / variance, look.mean_dbm - reference);
+        ones += weight;
+        fit.gains_of(look, &mut gains);
+        for ((gain, sum), square) in gains.iter().zip(&mut sums).zip(&mut squares) {
+            let rest = rest - gain;
+            *sum += weight * rest;
+            *square += weight * rest * rest;
         }
+    }
+    let node = |(node, (sum, squares)): (u16, (&f64, &f64))| {
         let log_density = -0.5 * (squares - sum * sum / ones) / inflation;
         let (information, weighted) = (ones / inflation, (sum + reference * ones) / inflation);
-        fit.node(offset, (log_density, information, weighted), |_| 0.0)
+        fit.node(node_offset(node), (log_density, information, weighted), |_| 0.0)
     };
-    (0..NODES).map(node).collect()
+    (0..NODES).zip(sums.iter().zip(&squares)).map(node).collect()
 }

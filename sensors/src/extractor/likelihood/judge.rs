@@ -82,7 +82,7 @@ pub(super) fn reflection<A: Antenna>(
         return Judged { posterior, residual_db: misfit.residual_db };
     }
     let fit = &fit.measured(fit.variances.clone());
-    let two = TwoPaths { fit, amplitude };
+    let two = TwoPaths::new(fit, amplitude);
     let found = two.search(offset, level);
     let Some(best) = found.first() else { return gaussian(fit) };
     let residuals = two.residuals(best);
@@ -90,7 +90,7 @@ pub(super) fn reflection<A: Antenna>(
         None => one_or_two(fit, amplitude, found),
         Some(variances) => {
             let fit = fit.measured(variances);
-            let two = TwoPaths { fit: &fit, amplitude };
+            let two = TwoPaths::new(&fit, amplitude);
             let found = two.search(offset, level);
             one_or_two(&fit, amplitude, found)
         }
@@ -102,7 +102,7 @@ fn one_or_two<A: Antenna>(
     amplitude: &GainTable,
     found: Vec<super::two_paths::Paths>,
 ) -> Judged {
-    let two = TwoPaths { fit, amplitude };
+    let two = TwoPaths::new(fit, amplitude);
     let Some(best) = found.first() else { return gaussian(fit) };
     let misfit = Misfit::new(fit, best.unknowns[BEARING], &two.residuals(best), TWO_PATHS);
     let inflation = misfit.inflation();

@@ -1,7 +1,5 @@
 use alloc::vec::Vec;
-use core::f64::consts::PI;
-
-use foxhunt_core::angle;
+use core::f64::consts::{PI, TAU};
 
 use super::fit::Fit;
 use crate::Antenna;
@@ -68,33 +66,57 @@ fn correlated<A: Antenna>(fit: &Fit<'_, A>, offset: f64, residuals: &[f64]) -> f
     let pulls: Vec<f64> = slopes.iter().zip(&fit.variances).map(|(s, v)| (s - mean) / v).collect();
     let normal: Vec<f64> =
         residuals.iter().zip(&fit.variances).map(|(r, v)| r / libm::sqrt(*v)).collect();
-    let (mut products, mut counts, mut joint) = ([0.0; LAGS], [0.0; LAGS], [0.0; LAGS]);
-    let (mut square, mut own, mut count) = (0.0, 0.0, 0.0);
-    for (i, look) in fit.looks.looks.iter().enumerate() {
-        count += 1.0;
-        square += normal[i] * normal[i];
-        own += pulls[i] * pulls[i] * fit.variances[i];
-        for (j, other) in fit.looks.looks.iter().enumerate().skip(i + 1) {
-            let lag = angle::distance(look.offset, other.offset) / PI;
-            #[expect(clippy::cast_possible_truncation, reason = "it lies between 0 and LAGS")]
-            #[expect(clippy::cast_sign_loss, reason = "as above")]
-            let lag = ((lag * 36.0 + BETWEEN) as usize).min(LAGS - 1);
-            products[lag] += normal[i] * normal[j];
-            counts[lag] += 1.0;
-            joint[lag] += pulls[i] * pulls[j] * libm::sqrt(fit.variances[i] * fit.variances[j]);
-        }
-    }
+    let square: f64 = normal.iter().map(|rest| rest * rest).sum();
+    let joint: Vec<f64> =
+        pulls.iter().zip(&fit.variances).map(|(pull, v)| pull * libm::sqrt(*v)).collect();
+    let own: f64 = joint.iter().map(|pull| pull * pull).sum();
+    let mut order: Vec<usize> = (0..residuals.len()).collect();
+    let offset_of = |i: &usize| fit.looks.looks[*i].offset;
+    order.sort_unstable_by(|a, b| offset_of(a).total_cmp(&offset_of(b)));
+    let count = order.len();
+    // How many looks follow each one up to the present lag: pairs are visited lag by lag, since few
+    // lags correlate.
+    let mut reached: Vec<usize> = core::iter::repeat_n(1, count).collect();
     let mut sum = own;
     for lag in 0..LAGS {
-        if counts[lag] < 1.0 {
+        let (mut products, mut pairs, mut both) = (0.0, 0.0, 0.0);
+        for (first, reached) in reached.iter_mut().enumerate() {
+            let i = order[first];
+            while *reached < count {
+                let (turned, j) = match order.get(first + *reached) {
+                    Some(j) => (offset_of(j) - offset_of(&i), *j),
+                    None => {
+                        let j = order[first + *reached - count];
+                        (TAU - (offset_of(&i) - offset_of(&j)), j)
+                    }
+                };
+                // Half a turn on, a pair is met from its other look.
+                let wraps = first + *reached >= count;
+                if turned > PI || (wraps && turned >= PI) || lag_of(turned) > lag {
+                    break;
+                }
+                products += normal[i] * normal[j];
+                pairs += 1.0;
+                both += joint[i] * joint[j];
+                *reached += 1;
+            }
+        }
+        if pairs < 1.0 {
             continue;
         }
-        let correlation = products[lag] / counts[lag] / (square / count);
+        let correlation = products / pairs / (square / fit.looks.len());
         // Chance alone correlates by this much.
-        if correlation < 1.0 / libm::sqrt(counts[lag]) {
+        if correlation < 1.0 / libm::sqrt(pairs) {
             break;
         }
-        sum += 2.0 * correlation.min(1.0) * joint[lag];
+        sum += 2.0 * correlation.min(1.0) * both;
     }
     (sum / own).max(1.0)
+}
+
+/// The lag of two looks so many radians apart, up to half a turn.
+#[expect(clippy::cast_possible_truncation, reason = "it lies between 0 and LAGS")]
+#[expect(clippy::cast_sign_loss, reason = "as above")]
+fn lag_of(turned: f64) -> usize {
+    ((turned / PI * 36.0 + BETWEEN) as usize).min(LAGS - 1)
 }

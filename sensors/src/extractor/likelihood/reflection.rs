@@ -35,7 +35,7 @@ const TOO_DEAR: f64 = 20.0;
 /// Before a turn there is a reflection that matters with this probability.
 const PROBABLE: f64 = 0.2;
 
-impl<A: Antenna> TwoPaths<'_, A> {
+impl TwoPaths<'_> {
     /// The places where the two paths fit best, best first.
     pub(super) fn search(&self, bearing: f64, level: f64) -> Vec<Paths> {
         let mut found: Vec<Paths> = Vec::new();
@@ -44,25 +44,18 @@ impl<A: Antenna> TwoPaths<'_, A> {
             for in_phase in [0.3, -0.3] {
                 let start: SVector<f64, UNKNOWNS> =
                     [bearing, level, reflection, in_phase, 0.15].into();
-                found.push(self.descend(&start, 0, ROUNDS, TOLERANCE));
+                found.push(self.descend(&self.coarse, &start, 0, ROUNDS, TOLERANCE));
             }
         }
-        found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let mut kept: Vec<Paths> = Vec::new();
-        for paths in found {
-            let near = |other: &Paths, which: usize, reach: f64| {
-                angle::distance(other.unknowns[which], paths.unknowns[which]) < reach
-            };
-            let same = |other: &Paths| near(other, BEARING, 0.03) && near(other, REFLECTION, 0.15);
-            let best = kept.first().map_or(paths.cost, |best| best.cost);
-            let wanted = paths.cost < best + TOO_DEAR && kept.len() < FOLLOWED;
-            if wanted && !kept.iter().any(same) {
-                kept.push(paths);
-            }
+        // What looks alike from afar may differ from near, and what is dear may be cheap.
+        let mut near = distinct(found, 2 * FOLLOWED, 2.0 * TOO_DEAR);
+        for paths in &mut near {
+            *paths = self.descend(&self.fine, &paths.unknowns, 0, ROUNDS, TOLERANCE);
         }
+        let mut kept = distinct(near, FOLLOWED, TOO_DEAR);
         // Which start led there shall not be seen in the result.
         for paths in &mut kept {
-            *paths = self.descend(&paths.unknowns, 0, 2 * ROUNDS, TOLERANCE * 1e-9);
+            *paths = self.descend(&self.fine, &paths.unknowns, 0, 2 * ROUNDS, TOLERANCE * 1e-9);
         }
         kept
     }
@@ -78,7 +71,7 @@ impl<A: Antenna> TwoPaths<'_, A> {
                 let mut unknowns = paths.unknowns;
                 for gone in 0..NODES / 2 {
                     unknowns[BEARING] = index * step;
-                    let here = self.descend(&unknowns, 1, 3, TOLERANCE);
+                    let here = self.descend(&self.fine, &unknowns, 1, 3, TOLERANCE);
                     unknowns = here.unknowns;
                     if gone > NEAREST && (here.cost - least) / inflation > HOPELESS {
                         break;
@@ -98,6 +91,24 @@ impl<A: Antenna> TwoPaths<'_, A> {
         let hopeless = Node { log_density: lowest, ..hopeless };
         nodes.into_iter().map(|node| node.unwrap_or(hopeless)).collect()
     }
+}
+
+/// Those that differ in a direction, the best first: so many at most, and none that costs so much
+/// more than the best.
+fn distinct(mut found: Vec<Paths>, most: usize, too_dear: f64) -> Vec<Paths> {
+    found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let mut kept: Vec<Paths> = Vec::new();
+    for paths in found {
+        let near = |other: &Paths, which: usize, reach: f64| {
+            angle::distance(other.unknowns[which], paths.unknowns[which]) < reach
+        };
+        let same = |other: &Paths| near(other, BEARING, 0.03) && near(other, REFLECTION, 0.15);
+        let best = kept.first().map_or(paths.cost, |best| best.cost);
+        if paths.cost < best + too_dear && kept.len() < most && !kept.iter().any(same) {
+            kept.push(paths);
+        }
+    }
+    kept
 }
 
 /// A node's number from a count that goes round.

@@ -1,10 +1,10 @@
 use alloc::vec::Vec;
 use core::f64::consts::{LN_2, TAU};
 
+use foxhunt_core::elementary;
 use nalgebra::{SMatrix, SVector};
 
-use super::{fit::Fit, gain_table::GainTable, looks::Look, posterior::Node};
-use crate::Antenna;
+use super::{fit::Fit, gain_table::GainTable, posterior::Node};
 
 /// Unknowns of two paths: the bearing, the level, the reflection's bearing, and its amplitude over
 /// the direct one's, in phase and in quadrature.
@@ -35,9 +35,61 @@ const LONGEST: f64 = 0.35;
 /// φ)|², with the antenna's amplitude a, the reflection's bearing θ′ and its complex amplitude
 /// z, the same all round.
 #[derive(Debug)]
-pub(super) struct TwoPaths<'a, A> {
-    pub(super) fit: &'a Fit<'a, A>,
-    pub(super) amplitude: &'a GainTable,
+pub(super) struct TwoPaths<'a> {
+    amplitude: &'a GainTable,
+    /// Every look.
+    pub(super) fine: Columns,
+    /// Neighbours taken for one look: as good to find out where to look closer.
+    pub(super) coarse: Columns,
+}
+
+/// Looks in columns.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Columns {
+    offset: Vec<f64>,
+    mean_dbm: Vec<f64>,
+    /// 1 / the variance of the mean.
+    precision: Vec<f64>,
+}
+
+/// So many looks show where two paths may come from; with half as many, directions that compete
+/// were lost.
+const COARSE: usize = 64;
+
+impl Columns {
+    fn push(&mut self, offset: f64, mean_dbm: f64, precision: f64) {
+        self.offset.push(offset);
+        self.mean_dbm.push(mean_dbm);
+        self.precision.push(precision);
+    }
+
+    fn of<A>(fit: &Fit<'_, A>) -> Self {
+        let mut columns = Self::default();
+        for (look, variance) in fit.looks.looks.iter().zip(&fit.variances) {
+            columns.push(look.offset, look.mean_dbm, 1.0 / variance);
+        }
+        columns
+    }
+
+    /// The same with neighbours taken together.
+    fn coarse(&self) -> Self {
+        let together = self.offset.len() / COARSE;
+        if together < 2 {
+            return self.clone();
+        }
+        let mut order: Vec<usize> = (0..self.offset.len()).collect();
+        order.sort_unstable_by(|a, b| self.offset[*a].total_cmp(&self.offset[*b]));
+        let mut columns = Self::default();
+        for group in order.chunks(together) {
+            let sum = |of: &dyn Fn(usize) -> f64| -> f64 {
+                group.iter().map(|i| self.precision[*i] * of(*i)).sum()
+            };
+            let precision = sum(&|_| 1.0);
+            let offset = sum(&|i| self.offset[i]) / precision;
+            columns.push(offset, sum(&|i| self.mean_dbm[i]) / precision, precision);
+        }
+        columns
+    }
 }
 
 /// Two paths laid against a turn.
@@ -50,41 +102,69 @@ pub(super) struct Paths {
     pull: Vector,
 }
 
-/// What two paths leave along one look, in dB, and how it changes with the unknowns.
+/// What two paths leave along one look, in dB, and how it changes with the unknowns but the level.
 struct Term {
     rest: f64,
-    slopes: Vector,
+    slopes: [f64; 4],
 }
 
-impl<A: Antenna> TwoPaths<'_, A> {
-    fn term(&self, look: &Look, unknowns: &Vector) -> Term {
+/// The unknowns that [`Term::slopes`] are of.
+const SLOPES: [usize; 4] = [BEARING, REFLECTION, IN_PHASE, QUADRATURE];
+
+impl<'a> TwoPaths<'a> {
+    pub(super) fn new<A>(fit: &Fit<'_, A>, amplitude: &'a GainTable) -> Self {
+        let fine = Columns::of(fit);
+        Self { amplitude, coarse: fine.coarse(), fine }
+    }
+
+    #[inline]
+    fn term(&self, offset: f64, mean_dbm: f64, unknowns: &Vector) -> Term {
         let (x, y) = (unknowns[IN_PHASE], unknowns[QUADRATURE]);
-        let (direct, direct_slope) = self.amplitude.with_slope(unknowns[BEARING] - look.offset);
-        let (other, other_slope) = self.amplitude.with_slope(unknowns[REFLECTION] - look.offset);
+        let (direct, direct_slope) = self.amplitude.with_slope(unknowns[BEARING] - offset);
+        let (other, other_slope) = self.amplitude.with_slope(unknowns[REFLECTION] - offset);
         let (re, im) = (direct + x * other, y * other);
         let power = (re * re + im * im).max(1e-12);
         let factor = DB / power;
         Term {
-            rest: look.mean_dbm - unknowns[LEVEL] - 0.5 * DB * libm::log(power),
-            slopes: Vector::from([
+            rest: mean_dbm - unknowns[LEVEL] - 0.5 * DB * elementary::ln(power),
+            slopes: [
                 factor * re * direct_slope,
-                1.0,
                 factor * (re * x + im * y) * other_slope,
                 factor * re * other,
                 factor * im * other,
-            ]),
+            ],
         }
     }
 
-    fn at(&self, unknowns: &Vector) -> Paths {
+    fn at(&self, looks: &Columns, unknowns: &Vector) -> Paths {
         let prior = 1.0 / (AMPLITUDE_SIGMA * AMPLITUDE_SIGMA);
-        let (mut normal, mut pull, mut cost) = (Matrix::zeros(), Vector::zeros(), 0.0);
-        for (look, variance) in self.fit.looks.looks.iter().zip(&self.fit.variances) {
-            let Term { rest, slopes } = self.term(look, unknowns);
-            let scaled = slopes / *variance;
-            cost += rest * rest / variance;
-            pull += scaled * rest;
-            normal += scaled * slopes.transpose();
+        // The level's slope is 1: its products with the others are their sums.
+        let (mut ones, mut rests, mut cost) = (0.0, 0.0, 0.0);
+        let (mut sums, mut pulls, mut products) = ([0.0; 4], [0.0; 4], [[0.0; 4]; 4]);
+        let columns = looks.offset.iter().zip(&looks.mean_dbm).zip(&looks.precision);
+        for ((offset, mean_dbm), precision) in columns {
+            let Term { rest, slopes } = self.term(*offset, *mean_dbm, unknowns);
+            let weighted = precision * rest;
+            ones += precision;
+            rests += weighted;
+            cost += weighted * rest;
+            for i in 0..4 {
+                let scaled = precision * slopes[i];
+                sums[i] += scaled;
+                pulls[i] += slopes[i] * weighted;
+                for j in 0..=i {
+                    products[i][j] += scaled * slopes[j];
+                }
+            }
+        }
+        let (mut normal, mut pull) = (Matrix::zeros(), Vector::zeros());
+        (normal[(LEVEL, LEVEL)], pull[LEVEL]) = (ones, rests);
+        for (i, row) in SLOPES.into_iter().enumerate() {
+            pull[row] = pulls[i];
+            (normal[(row, LEVEL)], normal[(LEVEL, row)]) = (sums[i], sums[i]);
+            for (j, column) in SLOPES.into_iter().enumerate().take(i + 1) {
+                (normal[(row, column)], normal[(column, row)]) = (products[i][j], products[i][j]);
+            }
         }
         for part in [IN_PHASE, QUADRATURE] {
             cost += unknowns[part] * unknowns[part] * prior;
@@ -99,12 +179,13 @@ impl<A: Antenna> TwoPaths<'_, A> {
     /// stay. Ends where a round gains less than the tolerance.
     pub(super) fn descend(
         &self,
+        looks: &Columns,
         start: &Vector,
         fixed: usize,
         rounds: u32,
         tolerance: f64,
     ) -> Paths {
-        let mut best = self.at(start);
+        let mut best = self.at(looks, start);
         let mut damping = 1e-2;
         for _ in 0..rounds {
             let (mut normal, mut pull) = (best.normal, best.pull);
@@ -123,7 +204,7 @@ impl<A: Antenna> TwoPaths<'_, A> {
             if longest > LONGEST {
                 step *= LONGEST / longest;
             }
-            let next = self.at(&(best.unknowns + step));
+            let next = self.at(looks, &(best.unknowns + step));
             if next.cost < best.cost {
                 let gained = best.cost - next.cost;
                 best = next;
@@ -140,8 +221,8 @@ impl<A: Antenna> TwoPaths<'_, A> {
 
     /// What the two paths leave of each look's mean, in dB.
     pub(super) fn residuals(&self, paths: &Paths) -> Vec<f64> {
-        let looks = self.fit.looks.looks.iter();
-        looks.map(|look| self.term(look, &paths.unknowns).rest).collect()
+        let looks = self.fine.offset.iter().zip(&self.fine.mean_dbm);
+        looks.map(|(offset, mean)| self.term(*offset, *mean, &paths.unknowns).rest).collect()
     }
 }
 

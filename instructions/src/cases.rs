@@ -1,0 +1,117 @@
+//! What is counted: each case is made ready first, and only its work is counted.
+
+use std::{convert::Infallible, error::Error};
+
+use foxhunt::{
+    config::BoxedEstimator,
+    filters::Resampling,
+    formation::{Information, InformationConfig},
+    prelude::*,
+    registry::RECOMMENDED_EXTRACTOR,
+};
+
+#[path = "../../filters/benches/beacon/mod.rs"]
+mod beacon;
+#[path = "../../filters/benches/bearings/mod.rs"]
+mod bearings;
+#[path = "../../benches/problems/belief.rs"]
+mod belief;
+#[path = "../../benches/problems/reception.rs"]
+mod reception;
+#[path = "../../benches/problems/turn.rs"]
+mod turn;
+
+/// What is counted; its result is what it found, so that nothing of it is left out.
+pub(crate) type Work = Box<dyn FnOnce() -> f64>;
+
+/// A case by name.
+pub(crate) type Case = (&'static str, fn() -> Result<Work, Box<dyn Error>>);
+
+/// Every case.
+pub(crate) const CASES: [Case; 14] = [
+    ("ukf, 48 steps", || Ok(steps(beacon::ukf()))),
+    ("ukf by hand, 48 steps", || Ok(steps_by_hand(beacon::hand_ukf))),
+    ("ekf, 48 steps", || Ok(steps(beacon::ekf()))),
+    ("ekf by hand, 48 steps", || Ok(steps_by_hand(beacon::hand_ekf))),
+    ("cloud of 10000, multinomial, 10 steps", || Ok(cloud(Resampling::Multinomial))),
+    ("cloud of 10000, systematic, 10 steps", || Ok(cloud(Resampling::Systematic))),
+    ("grid, 4 receptions", || receptions("grid", 4)),
+    ("default, 4 receptions", || receptions("default", 4)),
+    ("batch, 1000 observations", || receptions("batch", 1000)),
+    ("extractor of the reference, a turn", || extraction("pritzl2018")),
+    ("recommended extractor, a turn", || extraction(RECOMMENDED_EXTRACTOR)),
+    ("information planner, a decision", decision),
+    ("hunt pritzl-6.1 with ukf-pritzl2018", || hunt("ukf-pritzl2018")),
+    ("hunt pritzl-6.1 with ekf", || hunt("ekf")),
+];
+
+fn steps(mut filter: impl Estimator<2, 2> + 'static) -> Work {
+    let sweep = beacon::sweep();
+    Box::new(move || {
+        for observation in &sweep {
+            filter.predict(1.0).expect("a proper step");
+            let _ = filter.update(observation).expect("possible");
+        }
+        filter.estimate().mean.x
+    })
+}
+
+fn steps_by_hand(step: fn(&Estimate<2>, &Observation<2>) -> Option<Estimate<2>>) -> Work {
+    let (mut belief, sweep) = (beacon::prior(), beacon::sweep());
+    Box::new(move || {
+        for observation in &sweep {
+            belief = step(&belief, observation).expect("positive definite");
+        }
+        belief.mean.x
+    })
+}
+
+fn cloud(scheme: Resampling) -> Work {
+    let mut step = bearings::of("columns", scheme, 10_000, 1);
+    let observations = bearings::observations();
+    Box::new(move || observations[..10].iter().map(|o| step(o).mean.x).sum())
+}
+
+fn receptions(name: &str, count: u32) -> Result<Work, Box<dyn Error>> {
+    let registry = Registry::builtin();
+    let estimator = reception::in_the_middle(registry.estimator(name)?);
+    let mut estimator: BoxedEstimator<2, 2> = estimator.ok_or("it has no settings")?;
+    let observations: Vec<_> = (12..12 + count).map(reception::observation).collect();
+    Ok(Box::new(move || {
+        for observation in &observations {
+            reception::receive(&mut estimator, observation);
+        }
+        estimator.estimate().mean.x
+    }))
+}
+
+fn extraction(name: &str) -> Result<Work, Box<dyn Error>> {
+    let registry = Registry::builtin();
+    let extractor = registry.build_extractor(&registry.extractor(name)?.config())?;
+    let samples = turn::turn(0.5);
+    Ok(Box::new(move || {
+        let sweep = Sweep { positions: 128, samples: &samples, ..Sweep::default() };
+        extractor.extract(&sweep).expect("a turn of a beacon in range").rss_dbm
+    }))
+}
+
+fn decision() -> Result<Work, Box<dyn Error>> {
+    let mut planner = Information::new(InformationConfig::default())?;
+    let belief = belief::Cloud::about(&[[20.0, 30.0]], 15.0);
+    let mut drones = belief::drones();
+    Ok(Box::new(move || {
+        let _ = planner.plan(&belief, &mut drones).expect("a belief that can be planned from");
+        drones[0].goal.position.x
+    }))
+}
+
+fn hunt(estimator: &'static str) -> Result<Work, Box<dyn Error>> {
+    let (registry, scenario) = (Registry::builtin(), Scenario::find("pritzl-6.1")?);
+    let _ = registry.estimator(estimator)?;
+    Ok(Box::new(move || {
+        let estimator = registry.estimator(estimator).expect("it was there before");
+        let setup = Setup { scenario: &scenario, estimator, registry: &registry };
+        let hunt = setup.simulate(1, |_| Ok::<_, Infallible>(())).expect("a hunt that ends");
+        hunt.found.iter().map(|found| found.error_m()).sum()
+    }))
+}
