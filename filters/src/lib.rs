@@ -84,8 +84,8 @@ mod vectorised;
 pub use batch::{BatchError, BatchEstimator, BatchFix, BatchSolver, Loss};
 #[cfg(feature = "batch")]
 pub use bearings::{
-    BearingFix, BearingLine, BearingWeights, Lenth1981, RepeatedMedianFix, instrumental_variables,
-    pseudolinear, repeated_median, stansfield,
+    BearingFix, BearingGrid, BearingGridFix, BearingLine, BearingWeights, Lenth1981,
+    RepeatedMedianFix, instrumental_variables, pseudolinear, repeated_median, stansfield,
 };
 #[cfg(feature = "alloc")]
 pub use cramer_rao::{CramerRaoError, FisherQuadrature, PosteriorCramerRao};
@@ -111,8 +111,8 @@ pub use particle::{KldSampling, ParticleFilter, RaoBlackwellised, Resampling};
 pub use ranges::{SlantRange, SlantRangeDifference, multilaterate, spherical_intersection};
 #[cfg(feature = "alloc")]
 pub use shadowing_grid::{
-    Intercept, Marginal, PosteriorMap, ShadowingFix, ShadowingGrid, ShadowingGridConfig,
-    ShadowingGridError, Slope,
+    Intercept, Marginal, PlacePrior, PosteriorMap, ShadowingFix, ShadowingGrid,
+    ShadowingGridConfig, ShadowingGridError, Slope,
 };
 #[cfg(feature = "alloc")]
 pub use smoother::rauch_tung_striebel;

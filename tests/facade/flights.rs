@@ -74,15 +74,16 @@ fn autonomous_flights_are_located() {
             println!("{team}/{place}: {error:.0} m, ellipse {:.0} m", ellipse.semi_major);
             held += u32::from(nees <= 5.991);
             if place == 3 {
-                assert!(ellipse.semi_major > 150.0, "the ellipse of place 3 is too sure");
+                assert!(ellipse.semi_major > 100.0, "the ellipse of place 3 is too sure");
             }
             errors.push(error);
         }
     }
     errors.sort_by(f64::total_cmp);
     let median = (errors[2] + errors[3]) / 2.0;
-    assert!(median <= 40.0, "the median error is {median} m");
-    assert!(held >= 5, "{held} of 6 ellipses hold the truth");
+    let mean = errors.iter().sum::<f64>() / 6.0;
+    assert!(median <= 37.0 && mean <= 48.0, "median {median} m, mean {mean} m");
+    assert_eq!(held, 6, "ellipses that hold the truth");
 }
 
 /// Two flights whose clocks both begin at 0 are two paths: what lies between the two drones was
@@ -150,7 +151,7 @@ fn hand_held_bearings() -> Option<(Vec<Reception>, Vector2<f64>)> {
     let folder = recordings("lenth1981")?;
     let recording =
         Recording::read(folder.join("bearings.csv"), &ReadOptions::default()).expect("it is read");
-    let truth = foxhunt::recorded::recorded_truth(std::slice::from_ref(&recording))
+    let truth = foxhunt::recorded::recorded_truth(std::slice::from_ref(&recording), None)
         .expect("truth.csv is beside it");
     let extractor = ExtractorConfig::default().build().expect("the default");
     let received = receptions(&[recording], None, extractor.as_ref(), &ReceptionConfig::default())

@@ -38,7 +38,10 @@ pub fn learn_antenna(
                 let way = place - from?;
                 (way.norm() > f64::MIN_POSITIVE).then(|| way.y.atan2(way.x))
             };
-            let begins = || recording.records().iter().find(|record| record.line == sweep.line);
+            let begins = || {
+                let mut records = recording.records().iter();
+                records.find(|r| r.line == sweep.line && r.beacon.as_deref() == beacon)
+            };
             let bearing = match known {
                 KnownDirection::Recorded => {
                     begins().and_then(|record| record.truth).and_then(towards)

@@ -1,7 +1,18 @@
 use foxhunt_core::{NoReading, ObservationError};
 use foxhunt_sensors::{CalibrationError, LearnPatternError};
 
-use crate::recording::RecordingError;
+use crate::recording::{RecordingError, near_miss::did_you_mean};
+
+/// This many names are listed; of more the rest is counted.
+const LISTED: usize = 100;
+
+fn list(names: &[String]) -> String {
+    let listed = names.iter().take(LISTED).cloned().collect::<Vec<_>>().join(", ");
+    match names.len().saturating_sub(LISTED) {
+        0 => listed,
+        more => format!("{listed} and {more} more"),
+    }
+}
 
 /// Why nothing could be made of a recording. Each names the file, and the line where there is one.
 #[derive(Debug, thiserror::Error)]
@@ -60,13 +71,17 @@ pub enum RecordedError {
         file: String,
     },
     /// The recording holds several beacons, and none is chosen.
-    #[error("the recording holds {}; choose one with --beacon", beacons.join(", "))]
+    #[error("the recording holds {}; choose one with --beacon", list(beacons))]
     SeveralBeacons {
         /// Their names.
         beacons: Vec<String>,
     },
     /// The chosen beacon is not in the recording.
-    #[error("no row is of beacon {wanted:?}; the recording holds {}", beacons.join(", "))]
+    #[error(
+        "no row is of beacon {wanted:?}{}; the recording holds {}",
+        did_you_mean(wanted, beacons.iter().map(String::as_str)),
+        list(beacons)
+    )]
     NoSuchBeacon {
         /// The chosen one.
         wanted: String,

@@ -135,8 +135,9 @@ fn located(
     beacon: Option<&str>,
     config: &StationConfig,
 ) -> Result<Vec<(RecordedSweep, f64)>, RecordedError> {
+    let chosen = recording.records().iter().filter(|r| r.beacon.as_deref() == beacon);
     let truths: BTreeMap<u64, Vector2<f64>> =
-        recording.records().iter().filter_map(|r| Some((r.line, r.truth?))).collect();
+        chosen.filter_map(|r| Some((r.line, r.truth?))).collect();
     let mut located = Vec::new();
     for sweep in recording.sweeps(config.positions)? {
         if sweep.beacon_name.as_deref() != beacon {

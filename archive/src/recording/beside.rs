@@ -1,33 +1,52 @@
 use std::{
+    borrow::Cow,
     collections::BTreeMap,
     fs, io,
     path::{Path, PathBuf},
 };
 
-use super::{Column, Mapping, RecordingError, Value, table::Table};
+use super::{
+    Beside, Column, RecordingError, Source,
+    decompress::decompressed,
+    near_miss::did_you_mean,
+    table::{Row, Table},
+};
 
-/// The constants that lie in other files; what is fixed already stays.
-pub(super) fn read_beside(
-    mapping: &Mapping,
-    name: &str,
-    folder: Option<&Path>,
-    fixed: &mut BTreeMap<Column, Value>,
-) -> Result<(), RecordingError> {
-    for beside in &mapping.beside {
-        let wanted: Vec<_> =
-            beside.columns.iter().filter(|(column, _)| !fixed.contains_key(column)).collect();
-        let Some((first, _)) = wanted.first() else { continue };
+/// A table that lies beside a recording, by what its rows are named.
+pub(super) struct Joined {
+    /// What messages call it.
+    pub(super) file: String,
+    /// The columns of ours that name a row; none where one row holds for all.
+    pub(super) by: Vec<Column>,
+    optional: bool,
+    rows: BTreeMap<Vec<String>, Row>,
+    /// Where the values of each column of ours are.
+    pub(super) columns: BTreeMap<Column, (Vec<usize>, Source)>,
+}
+
+impl Joined {
+    /// Reads the table out of a recording's folder, for the columns that are not in `given`; `None`
+    /// where it gives nothing, or may be absent and is.
+    pub(super) fn read(
+        beside: &Beside,
+        format: &str,
+        name: &str,
+        folder: Option<&Path>,
+        given: impl Fn(Column) -> bool,
+    ) -> Result<Option<Self>, RecordingError> {
+        let wanted: Vec<_> = beside.columns.iter().filter(|(column, _)| !given(**column)).collect();
+        let Some((first, _)) = wanted.first() else { return Ok(None) };
         let path: Option<PathBuf> = folder.map(|folder| folder.join(&beside.file));
+        let file = path.as_ref().map_or_else(|| beside.file.clone(), |p| p.display().to_string());
         let bytes = match path.as_ref().map(fs::read).transpose() {
             Err(source) if source.kind() != io::ErrorKind::NotFound => {
-                let file = path.map_or_else(String::new, |path| path.display().to_string());
                 return Err(RecordingError::Read { file, source });
             }
             bytes => bytes.ok().flatten(),
         };
         let Some(bytes) = bytes else {
             if beside.optional {
-                continue;
+                return Ok(None);
             }
             return Err(RecordingError::NothingBeside {
                 file: name.to_owned(),
@@ -35,28 +54,57 @@ pub(super) fn read_beside(
                 column: first.name().to_owned(),
             });
         };
-        let file = path.map_or_else(|| beside.file.clone(), |path| path.display().to_string());
-        let mut table = Table::open(&file, &bytes)?;
-        let mut indices = Vec::new();
+        let bytes = decompressed(&bytes, &file)?;
+        let mut table = Table::open(&file, &bytes, None)?;
+        let mut columns = BTreeMap::new();
         for (column, source) in wanted {
-            let index = table.index_of(source)?.ok_or_else(|| RecordingError::MissingColumn {
-                file: file.clone(),
-                line: table.header_line(),
-                column: source.clone(),
-                format: mapping.name.clone(),
-            })?;
-            indices.push((*column, index));
+            let indices = table.require(&source.columns, format)?;
+            columns.insert(*column, (indices, source.clone()));
         }
-        let mut rows = 0;
+        let keys = beside.by.values().map(|source| table.require(&source.columns, format));
+        let keys: Vec<Vec<usize>> = keys.collect::<Result<_, _>>()?;
+        let mut rows: BTreeMap<Vec<String>, Row> = BTreeMap::new();
+        let mut read = 0;
         while let Some(row) = table.next()? {
-            rows += 1;
-            for (column, index) in &indices {
-                fixed.insert(*column, Value::Text(row.cell(*index).to_owned()));
+            read += 1;
+            let mut key = Vec::new();
+            for (source, indices) in beside.by.values().zip(&keys) {
+                key.extend(row.value(indices, source)?.map(Cow::into_owned));
             }
+            // A row without a name is of nobody.
+            if key.len() < keys.len() {
+                continue;
+            }
+            if let Some(before) = rows.get(&key)
+                && !key.is_empty()
+            {
+                let (first, line) = (before.line(), row.line());
+                let name = key.join(", ");
+                return Err(RecordingError::DuplicateRow { file, line, name, first });
+            }
+            rows.insert(key, row);
         }
-        if rows != 1 {
-            return Err(RecordingError::NotOneRow { file, rows });
+        if keys.is_empty() && read != 1 {
+            return Err(RecordingError::NotOneRow { file, rows: read });
+        }
+        let by = beside.by.keys().copied().collect();
+        Ok(Some(Self { file, by, optional: beside.optional, rows, columns }))
+    }
+
+    /// The row of these names; `None` where there need not be one.
+    pub(super) fn row(
+        &self,
+        names: &[String],
+        wrong: impl FnOnce(String) -> RecordingError,
+    ) -> Result<Option<&Row>, RecordingError> {
+        match self.rows.get(names) {
+            None if self.optional => Ok(None),
+            None => {
+                let known: Vec<String> = self.rows.keys().map(|key| key.join(", ")).collect();
+                let meant = did_you_mean(&names.join(", "), known.iter().map(String::as_str));
+                Err(wrong(format!("{}{meant}", self.file)))
+            }
+            row => Ok(row),
         }
     }
-    Ok(())
 }

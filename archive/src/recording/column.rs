@@ -2,6 +2,8 @@ use std::fmt;
 
 use serde::Deserialize;
 
+use super::near_miss::did_you_mean;
+
 /// A column of our own format; other formats are mapped onto these. Each name carries its unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Deserialize)]
 #[serde(try_from = "String")]
@@ -144,6 +146,17 @@ impl Column {
         }
     }
 
+    /// Whether it names who transmits or receives.
+    pub(super) fn is_name(self) -> bool {
+        matches!(self, Self::Beacon | Self::Drone)
+    }
+
+    /// Whether its numbers are degrees of a circle.
+    pub(super) fn is_angle(self) -> bool {
+        use Column::{AntennaDeg, BearingDegCompass, BoresightDegCompass, HeadingDegCompass};
+        matches!(self, AntennaDeg | BearingDegCompass | BoresightDegCompass | HeadingDegCompass)
+    }
+
     fn spec(self) -> (&'static str, Kind) {
         match self {
             Self::Beacon => ("beacon", Kind::Text),
@@ -197,8 +210,9 @@ impl TryFrom<String> for Column {
 
     fn try_from(name: String) -> Result<Self, String> {
         Self::ALL.into_iter().find(|column| column.name() == name).ok_or_else(|| {
-            let known: Vec<_> = Self::ALL.iter().map(|column| column.name()).collect();
-            format!("{name:?} is no column of ours; those are {}", known.join(", "))
+            let known = Self::ALL.map(Self::name);
+            let meant = did_you_mean(&name, known);
+            format!("{name:?} is no column of ours{meant}; those are {}", known.join(", "))
         })
     }
 }
@@ -214,5 +228,6 @@ mod tests {
         }
         let message = Column::try_from("rss_dbmm".to_owned()).expect_err("a slip");
         assert!(message.contains("rss_dbmm") && message.contains("rss_dbm,"), "{message}");
+        assert!(message.contains("did you mean \"rss_dbm\"?"), "{message}");
     }
 }

@@ -1,5 +1,7 @@
 use foxhunt_core::parameter::{FieldError, ParameterError};
 
+use super::near_miss::question;
+
 /// Why a recording cannot be read or written. Every message names the file, and where there is one
 /// the line, the column and the value.
 #[derive(Debug, thiserror::Error)]
@@ -53,8 +55,9 @@ pub enum RecordingError {
     /// No known format has such a header.
     #[error(
         "{file}, line {line}: no known format has the columns {header}; the nearest, {nearest}, \
-         also needs {}; known are {}",
+         also needs {}{}; known are {}",
         lacks.join(" and "),
+        question(meant.as_deref()),
         known.join(", ")
     )]
     UnknownFormat {
@@ -65,9 +68,11 @@ pub enum RecordingError {
         /// The file's columns.
         header: String,
         /// The format that lacks least.
-        nearest: String,
+        nearest: Box<str>,
         /// What it lacks; `a|b` means either.
         lacks: Box<[String]>,
+        /// The column of the file that may be meant by one of these.
+        meant: Option<Box<str>>,
         /// The known formats.
         known: Box<[String]>,
     },
@@ -97,7 +102,8 @@ pub enum RecordingError {
     },
     /// A column that the format needs is not in the file.
     #[error(
-        "{file}, line {line}: the header has no column {column:?}, which the format {format} needs"
+        "{file}, line {line}: the header has no column {column:?}, which the format {format} \
+         needs{}", question(meant.as_deref())
     )]
     MissingColumn {
         /// The file.
@@ -108,6 +114,8 @@ pub enum RecordingError {
         column: String,
         /// The format.
         format: String,
+        /// The column of the file that may be meant.
+        meant: Option<String>,
     },
     /// A column that is used is there more than once.
     #[error("{file}, line {line}: the header names the column {column:?} more than once")]
@@ -174,6 +182,30 @@ pub enum RecordingError {
         file: String,
         /// How many rows it has.
         rows: u64,
+    },
+    /// A file beside a recording has two rows of the same name.
+    #[error("{file}, line {line}: {name:?} has a row already, in line {first}")]
+    DuplicateRow {
+        /// The file.
+        file: String,
+        /// The second row's line, from 1.
+        line: u64,
+        /// The name.
+        name: String,
+        /// The first row's line, from 1.
+        first: u64,
+    },
+    /// A file beside a recording has no row for one of the recording's names.
+    #[error("{file}, line {line}: {name:?} has no row in {beside}")]
+    NotBeside {
+        /// The recording.
+        file: String,
+        /// The line, from 1.
+        line: u64,
+        /// The name.
+        name: String,
+        /// The file beside it, and which of its names may be meant.
+        beside: String,
     },
     /// No row is left.
     #[error("{file}: none of {rows} rows is of use{dropped}")]

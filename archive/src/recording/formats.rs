@@ -1,14 +1,17 @@
 use std::sync::LazyLock;
 
-use super::{Mapping, RecordingError};
+use super::{Mapping, RecordingError, near_miss::near_miss};
 
 /// Our own format first: it is preferred where two fit equally well.
-const TEXTS: [&str; 6] = [
+const TEXTS: [&str; 9] = [
     include_str!("../../formats/foxhunt.toml"),
     include_str!("../../formats/aerpaw-afar.toml"),
+    include_str!("../../formats/aerpaw-tower.toml"),
     include_str!("../../formats/lenth1981.toml"),
+    include_str!("../../formats/otter-telemetry.toml"),
     include_str!("../../formats/rssi-distance.toml"),
     include_str!("../../formats/uavrt-rotation.toml"),
+    include_str!("../../formats/ucsd-collars.toml"),
     include_str!("../../formats/uri-yagi-station.toml"),
 ];
 
@@ -44,12 +47,18 @@ pub(super) fn recognise(
         // In thousandths of what it needs, so that short headers are not always the nearest.
         lacks.len() * 1000 / mapping.header.len().max(1)
     });
+    let lacks: Box<[String]> = nearest.map(|m| m.lacks(columns)).unwrap_or_default().into();
+    let meant = lacks
+        .iter()
+        .flat_map(|entry| entry.split('|'))
+        .find_map(|name| near_miss(name, columns.iter().map(String::as_str)).map(Box::from));
     Err(RecordingError::UnknownFormat {
         file: file.to_owned(),
         line,
         header: columns.join(", "),
-        nearest: nearest.map(|m| m.name.clone()).unwrap_or_default(),
-        lacks: nearest.map(|m| m.lacks(columns)).unwrap_or_default().into(),
+        nearest: nearest.map(|m| m.name.as_str()).unwrap_or_default().into(),
+        lacks,
+        meant,
         known: known().into(),
     })
 }
@@ -93,7 +102,7 @@ mod tests {
         assert_eq!(ours.name, "foxhunt");
         assert!(Column::ALL.into_iter().eq(ours.columns.keys().copied()));
         for (column, source) in &ours.columns {
-            assert_eq!(source.column, column.name());
+            assert_eq!(source.columns, [column.name()]);
             assert!(source.optional, "{column}");
         }
     }

@@ -13,7 +13,7 @@ pub struct Mapping {
     pub name: String,
     /// What it is, in a line.
     pub description: String,
-    /// The columns by which a file is recognised; `a|b` is either.
+    /// The columns by which a file is recognised; `a|b` is either, `*` any part of a name.
     pub header: Vec<String>,
     /// Where each column of ours comes from.
     pub columns: BTreeMap<Column, Source>,
@@ -26,9 +26,13 @@ pub struct Mapping {
     /// What a turn is where there is no `turn` column.
     #[serde(default)]
     pub turns: Turns,
-    /// Constants that lie in other files of the same folder.
+    /// Tables that lie in other files of the same folder.
     #[serde(default)]
     pub beside: Vec<Beside>,
+    /// Columns of which each is of one beacon or drone.
+    pub melt: Option<Melt>,
+    /// What separates the cells, one character; found by the header unless given.
+    pub separator: Option<char>,
 }
 
 /// A rule that a row must pass to be kept.
@@ -60,18 +64,48 @@ pub enum Turns {
     GapS(f64),
 }
 
-/// A one-row CSV file in the recording's folder that holds constants, such as the receiver's
-/// place.
+/// A CSV file in the recording's folder that is joined to it: a row for each beacon or drone, such
+/// as the stations' places, or a single row that holds for all.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Beside {
     /// The file's name, without a folder.
     pub file: String,
     /// Which of its columns is which of ours.
-    pub columns: BTreeMap<Column, String>,
-    /// Whether recordings without this file can be read.
+    pub columns: BTreeMap<Column, Source>,
+    /// Which of its columns name the beacon or the drone that a row is of; the file has one row
+    /// where there is none.
+    #[serde(default)]
+    pub by: BTreeMap<Column, Source>,
+    /// Whether recordings without this file can be read, and rows whose name is not in it.
     #[serde(default)]
     pub optional: bool,
+}
+
+/// Columns side by side that hold the same of different beacons or drones: each row becomes one
+/// row for each of them.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Melt {
+    /// The columns' names, with `*` where the name of the beacon or drone stands.
+    pub columns: String,
+    /// Whose names they are: `beacon` or `drone`.
+    pub name: Column,
+    /// What their cells hold.
+    pub value: Column,
+}
+
+impl Melt {
+    /// The name that a column's name holds; `None` where it is no such column.
+    pub(super) fn name_in<'c>(&self, column: &'c str) -> Option<&'c str> {
+        name_in(&self.columns, column)
+    }
+}
+
+/// What stands for the `*` of a pattern; `None` where the column's name does not fit it.
+fn name_in<'c>(pattern: &str, column: &'c str) -> Option<&'c str> {
+    let (before, after) = pattern.split_once('*')?;
+    column.strip_prefix(before)?.strip_suffix(after).filter(|name| !name.is_empty())
 }
 
 impl Mapping {
@@ -115,24 +149,14 @@ impl Mapping {
             let source = FieldError { field, value, requirement };
             Err(RecordingError::MappingField { file: file.to_owned(), source })
         };
-        for (column, source) in &self.columns {
-            let plain = (source.scale - 1.0).abs() < f64::EPSILON && source.offset.abs() < 1e-300;
-            let scale = source.scale;
-            if !scale.is_finite() || scale.abs() < f64::MIN_POSITIVE {
-                let field = format!("columns.{column}.scale");
-                return refuse(field, scale.to_string(), "a finite number other than 0");
-            }
-            if !source.offset.is_finite() {
-                let field = format!("columns.{column}.offset");
-                return refuse(field, source.offset.to_string(), "finite");
-            }
-            if column.kind() == Kind::Text && !plain {
-                let field = format!("columns.{column}");
-                return refuse(
-                    field,
-                    source.column.clone(),
-                    "a column without scale or offset: it holds texts",
-                );
+        let own = self.columns.iter().map(|(column, source)| ("columns", column, source));
+        let joined = self.beside.iter().flat_map(|beside| {
+            let columns = beside.columns.iter().map(|(column, source)| ("columns", column, source));
+            columns.chain(beside.by.iter().map(|(column, source)| ("by", column, source)))
+        });
+        for (table, column, source) in own.chain(joined) {
+            if let Some((field, value, requirement)) = wrong_source(*column, source) {
+                return refuse(format!("{table}.{column}{field}"), value, requirement);
             }
         }
         for (index, rule) in self.keep.iter().enumerate() {
@@ -158,14 +182,73 @@ impl Mapping {
                 let requirement = "a file's name without a folder";
                 return refuse("beside.file".to_owned(), beside.file.clone(), requirement);
             }
+            if let Some(column) = beside.by.keys().find(|column| !column.is_name()) {
+                return refuse("beside.by".to_owned(), column.to_string(), "beacon or drone");
+            }
+            let named = beside.columns.keys().find(|column| column.is_name());
+            if let (Some(column), false) = (named, beside.by.is_empty()) {
+                let requirement = "no name, for rows are found by their names";
+                return refuse("beside.columns".to_owned(), column.to_string(), requirement);
+            }
+        }
+        if let Some(melt) = &self.melt {
+            if melt.columns.matches('*').count() != 1 {
+                let requirement = "a column's name with one * in it";
+                return refuse("melt.columns".to_owned(), melt.columns.clone(), requirement);
+            }
+            if !melt.name.is_name() {
+                return refuse("melt.name".to_owned(), melt.name.to_string(), "beacon or drone");
+            }
+            if melt.value.kind() == Kind::Text {
+                return refuse(
+                    "melt.value".to_owned(),
+                    melt.value.to_string(),
+                    "a number's column",
+                );
+            }
+            for column in [melt.name, melt.value] {
+                if self.columns.contains_key(&column) || self.constants.contains_key(&column) {
+                    let requirement = "one that nothing else fills";
+                    return refuse("melt".to_owned(), column.to_string(), requirement);
+                }
+            }
+        }
+        let separates =
+            |c: char| c.is_ascii() && !c.is_ascii_alphanumeric() && !"\"#\r\n".contains(c);
+        if let Some(separator) = self.separator.filter(|separator| !separates(*separator)) {
+            let requirement = "an ASCII character that is no letter, digit, quote or #";
+            return refuse("separator".to_owned(), separator.to_string(), requirement);
         }
         Ok(())
     }
 
     /// The entries of `header` that a file's columns do not satisfy.
     pub(super) fn lacks(&self, columns: &[String]) -> Vec<String> {
-        let has = |entry: &&String| entry.split('|').any(|name| columns.iter().any(|c| c == name));
+        let is = |name: &str, column: &String| column == name || name_in(name, column).is_some();
+        let has =
+            |entry: &&String| entry.split('|').any(|name| columns.iter().any(|c| is(name, c)));
         self.header.iter().filter(|entry| !has(entry)).cloned().collect()
+    }
+}
+
+/// What is wrong with the source of a column: the field, its value and what it must be.
+fn wrong_source(column: Column, source: &Source) -> Option<(&'static str, String, &'static str)> {
+    let (scale, offset) = (source.scale, source.offset);
+    let plain = (scale - 1.0).abs() < f64::EPSILON && offset.abs() < 1e-300 && !source.wrap;
+    let text = column.kind() == Kind::Text;
+    if !scale.is_finite() || scale.abs() < f64::MIN_POSITIVE {
+        Some((".scale", scale.to_string(), "a finite number other than 0"))
+    } else if !offset.is_finite() {
+        Some((".offset", offset.to_string(), "finite"))
+    } else if text && !plain {
+        let requirement = "a column without scale, offset or wrap: it holds texts";
+        Some(("", source.label(), requirement))
+    } else if !text && source.columns.len() > 1 {
+        Some((".columns", source.label(), "a single column: only names and times are joined"))
+    } else if source.wrap && !column.is_angle() {
+        Some((".wrap", source.wrap.to_string(), "false: this is no angle of a circle"))
+    } else {
+        None
     }
 }
 

@@ -6,9 +6,11 @@
 
 mod beside;
 mod column;
+mod decompress;
 mod error;
 mod formats;
 mod mapping;
+pub(crate) mod near_miss;
 mod options;
 mod parse;
 mod plan;
@@ -26,7 +28,7 @@ mod write;
 pub use column::Column;
 pub use error::{FieldProblem, RecordingError};
 pub use formats::builtin_mappings;
-pub use mapping::{Beside, Keep, Mapping, Turns};
+pub use mapping::{Beside, Keep, Mapping, Melt, Turns};
 pub use options::ReadOptions;
 pub use record::{Dropped, Record, RecordedBearing, Recording};
 pub use recorded_source::{RecordedSource, RecordingEnded};

@@ -21,7 +21,6 @@ impl Reader<'_> {
     /// The row's record; the first row with a place sets the frame.
     pub(super) fn record(
         &self,
-        stem: &str,
         frame: &mut Option<LocalFrame>,
     ) -> Result<Result<Record, LeftOut>, RecordingError> {
         if let Some(rule) = self.first_failed()? {
@@ -54,9 +53,9 @@ impl Reader<'_> {
             }
         };
         Ok(Ok(Record {
-            line: self.row.line,
+            line: self.row.line(),
             beacon: self.text(Column::Beacon)?.map(Into::into),
-            drone: self.text(Column::Drone)?.map_or_else(|| stem.to_owned(), Into::into),
+            drone: self.text(Column::Drone)?.map_or_else(|| self.stem.to_owned(), Into::into),
             time: self.time()?,
             receiver: position.map(|position| Pose::level(position, heading)),
             boresight: boresight_deg.map(compass_deg_to_radians),

@@ -1,21 +1,38 @@
-use std::collections::BTreeMap;
+use std::{borrow::Cow, collections::BTreeMap};
 
-use super::{Column, Keep, Mapping, RecordingError, Source, Value, table::Table};
+use super::{Column, Keep, Mapping, RecordingError, Source, Value, beside::Joined, table::Table};
 
 /// A mapping fitted to one file's header.
 pub(super) struct Plan {
     pub(super) origins: BTreeMap<Column, Origin>,
     pub(super) rules: Vec<Rule>,
+    /// The tables beside the file.
+    pub(super) joined: Vec<Joined>,
+    /// The columns that become rows of their own; empty where the mapping melts nothing.
+    pub(super) melted: Vec<Melted>,
     /// The file's columns that nothing reads.
     pub(super) ignored: Vec<String>,
 }
 
+/// A column that is of one beacon or drone.
+pub(super) struct Melted {
+    pub(super) index: usize,
+    pub(super) name: String,
+    pub(super) column: String,
+}
+
 /// Where a column's values come from.
 pub(super) enum Origin {
-    /// From a cell of each row.
-    Cell { index: usize, source: Source },
+    /// From cells of each row.
+    Cells { indices: Vec<usize>, source: Source },
     /// The same for every row.
     Fixed(String),
+    /// From cells of the row of a table beside the file.
+    Joined { table: usize, indices: Vec<usize>, source: Source },
+    /// The name of the melted column.
+    MeltedName,
+    /// The cell of the melted column.
+    MeltedValue,
 }
 
 /// A rule of the mapping, with the place of its column.
@@ -72,44 +89,61 @@ const MEASUREMENTS: [Column; 6] = [
 ];
 
 impl Plan {
-    /// Fits `mapping` to the file; `fixed` are constants that override it.
+    /// Fits `mapping` and the tables beside the file to it; `fixed` are constants that override
+    /// both.
     pub(super) fn new(
         mapping: &Mapping,
         fixed: &BTreeMap<Column, Value>,
+        joined: Vec<Joined>,
         table: &Table<'_>,
     ) -> Result<Self, RecordingError> {
-        let file = table.file();
-        let line = table.header_line();
-        let require = |column: &str| {
-            table.index_of(column)?.ok_or_else(|| RecordingError::MissingColumn {
-                file: file.to_owned(),
-                line,
-                column: column.to_owned(),
-                format: mapping.name.clone(),
-            })
-        };
         let mut origins = BTreeMap::new();
         for (column, value) in &mapping.constants {
             origins.insert(*column, Origin::Fixed(value.to_string()));
         }
-        for (column, source) in &mapping.columns {
-            if fixed.contains_key(column)
-                || source.optional && table.index_of(&source.column)?.is_none()
-            {
+        // The last one stays: what is in front of it in this list is not even looked for.
+        let given = |column: &Column| {
+            fixed.contains_key(column) || joined.iter().any(|j| j.columns.contains_key(column))
+        };
+        for (column, source) in mapping.columns.iter().filter(|(column, _)| !given(column)) {
+            if source.optional && table.indices_of(&source.columns)?.is_none() {
                 continue;
             }
-            let index = require(&source.column)?;
-            origins.insert(*column, Origin::Cell { index, source: source.clone() });
+            let indices = table.require(&source.columns, &mapping.name)?;
+            origins.insert(*column, Origin::Cells { indices, source: source.clone() });
+        }
+        let mut melted = Vec::new();
+        if let Some(melt) = &mapping.melt {
+            for (index, column) in table.header().iter().enumerate() {
+                if let Some(name) = melt.name_in(column) {
+                    let (name, column) = (name.to_owned(), column.clone());
+                    melted.push(Melted { index, name, column });
+                }
+            }
+            if melted.is_empty() {
+                return Err(table.missing_column(&melt.columns, &mapping.name));
+            }
+            origins.insert(melt.name, Origin::MeltedName);
+            origins.insert(melt.value, Origin::MeltedValue);
+        }
+        for (number, joined) in joined.iter().enumerate() {
+            for (column, (indices, source)) in &joined.columns {
+                let (indices, source) = (indices.clone(), source.clone());
+                origins.insert(*column, Origin::Joined { table: number, indices, source });
+            }
         }
         for (column, value) in fixed {
             origins.insert(*column, Origin::Fixed(value.to_string()));
         }
         let rule = |keep: &Keep| {
-            Ok(Rule { index: require(&keep.column)?, label: label(keep), keep: keep.clone() })
+            let index = table.require(std::slice::from_ref(&keep.column), &mapping.name)?;
+            let index = index.first().copied().unwrap_or_default();
+            Ok(Rule { index, label: label(keep), keep: keep.clone() })
         };
         let rules = mapping.keep.iter().map(rule).collect::<Result<Vec<_>, RecordingError>>()?;
-        let plan = Self { ignored: ignored(table.header(), &origins, &rules), origins, rules };
-        plan.check(file, line)?;
+        let ignored = ignored(table.header(), &origins, &rules, &melted);
+        let plan = Self { origins, rules, joined, melted, ignored };
+        plan.check(table.file(), table.header_line())?;
         Ok(plan)
     }
 
@@ -119,15 +153,17 @@ impl Plan {
     }
 
     /// What messages call a column: the file's own name for it.
-    pub(super) fn label(&self, column: Column) -> &str {
+    pub(super) fn label(&self, column: Column) -> Cow<'static, str> {
         match self.origins.get(&column) {
-            Some(Origin::Cell { source, .. }) => &source.column,
-            _ => column.name(),
+            Some(Origin::Cells { source, .. } | Origin::Joined { source, .. }) => {
+                Cow::Owned(source.label())
+            }
+            _ => Cow::Borrowed(column.name()),
         }
     }
 
     fn check(&self, file: &str, line: u64) -> Result<(), RecordingError> {
-        let label = |column| self.label(column).to_owned();
+        let label = |column| self.label(column).into_owned();
         for (column, other) in CONFLICTS {
             if self.has(column) && self.has(other) {
                 return Err(RecordingError::Conflict {
@@ -147,6 +183,12 @@ impl Plan {
                 return incomplete(label(column), other.name());
             }
         }
+        for joined in &self.joined {
+            // Without a name of its own a drone has the file's.
+            if joined.by.contains(&Column::Beacon) && !self.has(Column::Beacon) {
+                return incomplete(joined.file.clone(), Column::Beacon.name());
+            }
+        }
         if !MEASUREMENTS.iter().any(|column| self.has(*column)) {
             let names = MEASUREMENTS.map(Column::name).join(" or ");
             return incomplete("a recording".to_owned(), &names);
@@ -155,13 +197,20 @@ impl Plan {
     }
 }
 
-fn ignored(header: &[String], origins: &BTreeMap<Column, Origin>, rules: &[Rule]) -> Vec<String> {
+fn ignored(
+    header: &[String],
+    origins: &BTreeMap<Column, Origin>,
+    rules: &[Rule],
+    melted: &[Melted],
+) -> Vec<String> {
     let read = |wanted: usize| {
-        let cells = origins.values().filter_map(|origin| match origin {
-            Origin::Cell { index, .. } => Some(*index),
-            Origin::Fixed(_) => None,
+        let cells = origins.values().flat_map(|origin| match origin {
+            Origin::Cells { indices, .. } => indices.as_slice(),
+            _ => &[],
         });
-        cells.chain(rules.iter().map(|rule| rule.index)).any(|index| index == wanted)
+        let rules = rules.iter().map(|rule| rule.index);
+        let melted = melted.iter().map(|melted| melted.index);
+        cells.copied().chain(rules).chain(melted).any(|index| index == wanted)
     };
     let unread = header.iter().enumerate().filter(|(index, _)| !read(*index));
     unread.map(|(_, name)| name.clone()).collect()

@@ -1,8 +1,8 @@
 use std::{fs, io::Read, path::Path};
 
 use super::{
-    Column, Dropped, ReadOptions, Recording, RecordingError, beside::read_beside, formats,
-    parse::LeftOut, plan::Plan, row::Reader, table::Table,
+    Column, Dropped, ReadOptions, Recording, RecordingError, beside::Joined,
+    decompress::decompressed, formats, parse::LeftOut, plan::Plan, row::Reader, table::Table,
 };
 
 /// What every recording drops rows for, besides the mapping's rules.
@@ -80,32 +80,46 @@ impl Recording {
         folder: Option<&Path>,
         options: &ReadOptions,
     ) -> Result<Self, RecordingError> {
-        let mut table = Table::open(name, bytes)?;
+        let bytes = decompressed(bytes, name)?;
+        let separator = options.format.as_ref().and_then(|mapping| mapping.separator);
+        let mut table = Table::open(name, &bytes, separator)?;
         let mapping = match &options.format {
             Some(mapping) => mapping,
             None => formats::recognise(name, table.header_line(), table.header())?,
         };
-        let mut fixed = options.constants.clone();
-        read_beside(mapping, name, folder, &mut fixed)?;
-        let plan = Plan::new(mapping, &fixed, &table)?;
+        let mut joined: Vec<Joined> = Vec::new();
+        for beside in &mapping.beside {
+            let given = |column| {
+                let before = joined.iter().any(|joined| joined.columns.contains_key(&column));
+                before || options.constants.contains_key(&column)
+            };
+            joined.extend(Joined::read(beside, &mapping.name, name, folder, given)?);
+        }
+        let plan = Plan::new(mapping, &options.constants, joined, &table)?;
 
         let rules = plan.rules.iter().map(|rule| rule.label.as_str());
         let rules = rules.chain([NOT_MEASURED, NOT_LOCATED]);
         let mut dropped: Vec<Dropped> =
             rules.map(|rule| Dropped { rule: rule.to_owned(), rows: 0 }).collect();
-        let stem = Path::new(name).file_stem().map(|stem| stem.to_string_lossy().into_owned());
-        let stem = stem.unwrap_or_else(|| name.to_owned());
+        let stem = stem(name);
         let mut frame = options.frame;
         let mut rows = 0;
         let mut records = Vec::new();
         while let Some(row) = table.next()? {
             rows += 1;
-            let reader = Reader { plan: &plan, row: &row };
-            match reader.record(&stem, &mut frame)? {
-                Ok(record) => records.push(record),
-                Err(LeftOut(rule)) => {
-                    if let Some(dropped) = dropped.get_mut(rule) {
-                        dropped.rows += 1;
+            let columns = if plan.melted.is_empty() {
+                vec![None]
+            } else {
+                plan.melted.iter().map(Some).collect()
+            };
+            for melted in columns {
+                let reader = Reader { plan: &plan, row: &row, melted, stem: &stem };
+                match reader.record(&mut frame)? {
+                    Ok(record) => records.push(record),
+                    Err(LeftOut(rule)) => {
+                        if let Some(dropped) = dropped.get_mut(rule) {
+                            dropped.rows += 1;
+                        }
                     }
                 }
             }
@@ -126,6 +140,7 @@ impl Recording {
             format: mapping.name.clone(),
             frame,
             in_degrees: plan.has(Column::LatDeg),
+            names_drones: plan.has(Column::Drone),
             calibrated: !plan.has(Column::RssDb),
             turns: mapping.turns,
             rows,
@@ -134,4 +149,11 @@ impl Recording {
             records,
         })
     }
+}
+
+/// A file's name without folder and endings: what a drone is called that has no name.
+fn stem(file: &str) -> String {
+    let stem = Path::new(file).file_stem().map_or(file.into(), |stem| stem.to_string_lossy());
+    let compressed = file.ends_with(".gz").then(|| stem.strip_suffix(".csv")).flatten();
+    compressed.unwrap_or(&stem).to_owned()
 }

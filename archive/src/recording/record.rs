@@ -1,5 +1,5 @@
 use foxhunt_core::{MeasuredList, Pose};
-use foxhunt_wire::geodesy::LocalFrame;
+use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 use nalgebra::Vector2;
 
 use super::Turns;
@@ -56,6 +56,7 @@ pub struct Recording {
     pub(super) frame: Option<LocalFrame>,
     pub(super) in_degrees: bool,
     pub(super) calibrated: bool,
+    pub(super) names_drones: bool,
     pub(super) turns: Turns,
     pub(super) rows: u64,
     pub(super) dropped: Vec<Dropped>,
@@ -139,6 +140,31 @@ impl Recording {
     #[must_use]
     pub fn drones(&self) -> Vec<&str> {
         distinct(self.records.iter().map(|record| record.drone.as_str()))
+    }
+
+    /// Whether the recording names its drones; a drone is called as the file otherwise.
+    #[must_use]
+    pub fn names_drones(&self) -> bool {
+        self.names_drones
+    }
+
+    /// The recording of each drone alone, in the order of their names.
+    #[must_use]
+    pub fn by_drone(&self) -> Vec<Self> {
+        let mut drones = self.drones();
+        drones.sort_unstable();
+        let of = |drone: &str| {
+            let own = self.records.iter().filter(|record| record.drone == drone);
+            Self { records: own.cloned().collect(), ..self.clone() }
+        };
+        drones.into_iter().map(of).collect()
+    }
+
+    /// Where on Earth the receiver was first; `None` where the recording has no such places.
+    #[must_use]
+    pub fn first_place(&self) -> Option<Geodetic> {
+        let receiver = self.records.iter().find_map(|record| record.receiver)?;
+        Some(self.frame?.to_geodetic(&receiver.position))
     }
 }
 

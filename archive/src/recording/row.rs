@@ -1,18 +1,22 @@
 use std::borrow::Cow;
 
-use chrono::NaiveDateTime;
+use chrono::{DateTime, NaiveDateTime};
 
 use super::{
     Column, FieldProblem, RecordingError,
     column::Kind,
-    plan::{Origin, Plan, Rule},
+    plan::{Melted, Origin, Plan, Rule},
     table::Row,
 };
 
 /// One row, read by a plan.
 pub(super) struct Reader<'r> {
     pub(super) plan: &'r Plan,
-    pub(super) row: &'r Row<'r>,
+    pub(super) row: &'r Row,
+    /// Which of the melted columns it is read for, where the plan has such.
+    pub(super) melted: Option<&'r Melted>,
+    /// The name of a drone that has none of its own.
+    pub(super) stem: &'r str,
 }
 
 impl Reader<'_> {
@@ -48,31 +52,64 @@ impl Reader<'_> {
 
     /// The error that this row's column is wrong.
     pub(super) fn wrong(&self, column: Column, problem: FieldProblem) -> RecordingError {
-        let cell = match self.plan.origins.get(&column) {
-            Some(Origin::Cell { index, .. }) => self.row.cell(*index),
-            Some(Origin::Fixed(text)) => text,
-            None => "",
-        };
-        self.row.wrong(self.plan.label(column), cell, problem)
+        let label = self.plan.label(column);
+        match self.plan.origins.get(&column) {
+            Some(Origin::Cells { indices, source }) => {
+                let cells = self.row.joined(indices, &source.between).unwrap_or_default();
+                self.row.wrong(&label, &cells, problem)
+            }
+            Some(Origin::Joined { table, indices, source }) => {
+                let row = self.beside(*table).ok().flatten().unwrap_or(self.row);
+                let cells = row.joined(indices, &source.between).unwrap_or_default();
+                row.wrong(&label, &cells, problem)
+            }
+            Some(Origin::Fixed(text)) => self.row.wrong(&label, text, problem),
+            Some(Origin::MeltedName | Origin::MeltedValue) => {
+                let cell = self.melted.map_or("", |melted| self.row.cell(melted.index));
+                let label = self.melted.map_or("", |melted| &melted.column);
+                self.row.wrong(label, cell, problem)
+            }
+            None => self.row.wrong(&label, "", problem),
+        }
+    }
+
+    /// The row of a table beside the file that this one is joined with.
+    fn beside(&self, table: usize) -> Result<Option<&Row>, RecordingError> {
+        let Some(joined) = self.plan.joined.get(table) else { return Ok(None) };
+        let mut names = Vec::new();
+        for column in &joined.by {
+            let name = match self.text(*column)? {
+                None if *column == Column::Drone => self.stem.to_owned(),
+                None => return Ok(None),
+                Some(name) => name.into_owned(),
+            };
+            names.push(name);
+        }
+        joined.row(&names, |beside| RecordingError::NotBeside {
+            file: self.row.file().to_owned(),
+            line: self.row.line(),
+            name: names.join(", "),
+            beside,
+        })
     }
 
     /// A text; `None` where the file or the row has none.
     pub(super) fn text(&self, column: Column) -> Result<Option<Cow<'_, str>>, RecordingError> {
-        let (index, source) = match self.plan.origins.get(&column) {
-            None => return Ok(None),
-            Some(Origin::Fixed(text)) => return Ok(Some(Cow::Borrowed(text))),
-            Some(Origin::Cell { index, source }) => (*index, source),
-        };
-        let cell = self.row.cell(index);
-        if cell.is_empty() || source.missing.iter().any(|value| value.is(cell)) {
-            return Ok(None);
-        }
-        if source.lookup.is_empty() {
-            return Ok(Some(Cow::Borrowed(cell)));
-        }
-        match source.lookup.get(cell) {
-            Some(value) => Ok(Some(Cow::Owned(value.to_string()))),
-            None => Err(self.wrong(column, FieldProblem::NotInLookup)),
+        match self.plan.origins.get(&column) {
+            None => Ok(None),
+            Some(Origin::Fixed(text)) => Ok(Some(Cow::Borrowed(text))),
+            Some(Origin::Cells { indices, source }) => self.row.value(indices, source),
+            Some(Origin::Joined { table, indices, source }) => match self.beside(*table)? {
+                Some(row) => row.value(indices, source),
+                None => Ok(None),
+            },
+            Some(Origin::MeltedName) => {
+                Ok(self.melted.map(|melted| Cow::Borrowed(melted.name.as_str())))
+            }
+            Some(Origin::MeltedValue) => {
+                let cell = self.melted.map(|melted| self.row.cell(melted.index));
+                Ok(cell.filter(|cell| !cell.is_empty()).map(Cow::Borrowed))
+            }
         }
     }
 
@@ -81,7 +118,10 @@ impl Reader<'_> {
         let Some(text) = self.text(column)? else { return Ok(None) };
         let raw: f64 = text.parse().map_err(|_| self.wrong(column, FieldProblem::NotANumber))?;
         let value = match self.plan.origins.get(&column) {
-            Some(Origin::Cell { source, .. }) => raw * source.scale + source.offset,
+            Some(Origin::Cells { source, .. } | Origin::Joined { source, .. }) => {
+                let value = raw * source.scale + source.offset;
+                if source.wrap { value.rem_euclid(360.0) } else { value }
+            }
             _ => raw,
         };
         if !value.is_finite() {
@@ -129,11 +169,15 @@ impl Reader<'_> {
     }
 }
 
-/// `YYYY-MM-DD HH:MM:SS`, with a `T` for the space, a fraction and a `Z` if one likes.
+/// `YYYY-MM-DD HH:MM:SS`, with a `T` for the space, a fraction, and a `Z` or an offset from UTC
+/// such as `+02:00` if one likes.
 fn seconds_since_1970(text: &str) -> Option<f64> {
-    let text = text.strip_suffix('Z').unwrap_or(text);
-    let parse = |format| NaiveDateTime::parse_from_str(text, format).ok();
-    let time = parse("%Y-%m-%d %H:%M:%S%.f").or_else(|| parse("%Y-%m-%dT%H:%M:%S%.f"))?.and_utc();
+    let text = text.strip_suffix('Z').unwrap_or(text).replacen('T', " ", 1);
+    let in_utc = NaiveDateTime::parse_from_str(&text, "%Y-%m-%d %H:%M:%S%.f");
+    let time = match in_utc {
+        Ok(time) => time.and_utc(),
+        Err(_) => DateTime::parse_from_str(&text, "%Y-%m-%d %H:%M:%S%.f%:z").ok()?.to_utc(),
+    };
     #[expect(clippy::cast_precision_loss, reason = "chrono's years end long before 2^53 seconds")]
     let whole = time.timestamp() as f64;
     Some(whole + f64::from(time.timestamp_subsec_nanos()) * 1e-9)
@@ -148,6 +192,9 @@ mod tests {
         // `date -u -d '2021-03-21 16:51:48' +%s`
         assert_eq!(seconds_since_1970("2021-03-21 16:51:48"), Some(1_616_345_508.0));
         assert_eq!(seconds_since_1970("2021-03-21T16:51:48.25Z"), Some(1_616_345_508.25));
+        for east in ["2021-03-21 18:51:48+02:00", "2021-03-21T11:51:48.000-05:00"] {
+            assert_eq!(seconds_since_1970(east), Some(1_616_345_508.0), "{east}");
+        }
         assert_eq!(seconds_since_1970("1969-12-31 23:59:59"), Some(-1.0));
         for wrong in ["2021-02-30 00:00:00", "2021-03-21", "16:51:48", "2021-03-21 16:51:48 x"] {
             assert_eq!(seconds_since_1970(wrong), None, "{wrong}");

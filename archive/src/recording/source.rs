@@ -11,11 +11,14 @@ use super::Value;
 /// how its cells are converted.
 ///
 /// The cell is read as follows: empty or one of `missing` is no value; `lookup` replaces it;
-/// a number is then multiplied by `scale` and raised by `offset`.
+/// a number is then multiplied by `scale`, raised by `offset` and, where it `wrap`s, brought to
+/// within a circle. Of several columns the cells are joined to one; if one is empty, all are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Source {
-    /// The file's column.
-    pub column: String,
+    /// The file's columns: one, or several that together are a name or a time.
+    pub columns: Vec<String>,
+    /// What stands between the cells of several columns; a space unless given.
+    pub between: String,
     /// What its numbers are multiplied by; 1 unless given.
     pub scale: f64,
     /// What is then added; 0 unless given.
@@ -24,6 +27,9 @@ pub struct Source {
     pub lookup: BTreeMap<String, Value>,
     /// Cells that mean "no value", besides empty ones.
     pub missing: Vec<Value>,
+    /// Whether an angle in degrees may be of any number of circles; it is refused beyond one
+    /// unless given.
+    pub wrap: bool,
     /// Whether files without this column are of the format too.
     pub optional: bool,
 }
@@ -33,13 +39,20 @@ impl Source {
     #[must_use]
     pub fn column(name: &str) -> Self {
         Self {
-            column: name.to_owned(),
+            columns: vec![name.to_owned()],
+            between: " ".to_owned(),
             scale: 1.0,
             offset: 0.0,
             lookup: BTreeMap::new(),
             missing: Vec::new(),
+            wrap: false,
             optional: false,
         }
+    }
+
+    /// What messages call it: the names of its columns.
+    pub(super) fn label(&self) -> String {
+        self.columns.join(" and ")
     }
 }
 
@@ -47,7 +60,9 @@ impl Source {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Table {
-    column: String,
+    column: Option<String>,
+    columns: Option<Vec<String>>,
+    between: Option<String>,
     #[serde(default = "one")]
     scale: f64,
     #[serde(default)]
@@ -57,8 +72,13 @@ struct Table {
     #[serde(default)]
     missing: Vec<Value>,
     #[serde(default)]
+    wrap: bool,
+    #[serde(default)]
     optional: bool,
 }
+
+const ONE_OR_SEVERAL: &str =
+    "it needs either `column`, or `columns` with two or more names and, if need be, `between`";
 
 fn one() -> f64 {
     1.0
@@ -72,7 +92,7 @@ impl<'de> Deserialize<'de> for Source {
             type Value = Source;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a column's name or a table with `column`")
+                f.write_str("a column's name or a table with `column` or `columns`")
             }
 
             fn visit_str<E: Error>(self, name: &str) -> Result<Source, E> {
@@ -81,12 +101,19 @@ impl<'de> Deserialize<'de> for Source {
 
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Source, A::Error> {
                 let table = Table::deserialize(MapAccessDeserializer::new(map))?;
+                let (columns, between) = match (table.column, table.columns, table.between) {
+                    (Some(column), None, None) => (vec![column], None),
+                    (None, Some(columns), between) if columns.len() > 1 => (columns, between),
+                    _ => return Err(A::Error::custom(ONE_OR_SEVERAL)),
+                };
                 Ok(Source {
-                    column: table.column,
+                    columns,
+                    between: between.unwrap_or_else(|| " ".to_owned()),
                     scale: table.scale,
                     offset: table.offset,
                     lookup: table.lookup,
                     missing: table.missing,
+                    wrap: table.wrap,
                     optional: table.optional,
                 })
             }

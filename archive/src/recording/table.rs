@@ -1,13 +1,15 @@
+use std::{borrow::Cow, sync::Arc};
+
 use csv::{ByteRecord, StringRecord, Trim};
 
-use super::{FieldProblem, RecordingError};
+use super::{FieldProblem, RecordingError, Source, near_miss::near_miss};
 
 /// Longer cells are cut in messages: an unclosed quote swallows the rest of the file.
 const SHOWN: usize = 60;
 
 /// A CSV file with a header, read row by row; lines that begin with `#` are comments.
 pub(super) struct Table<'b> {
-    file: String,
+    file: Arc<str>,
     bytes: &'b [u8],
     reader: csv::Reader<&'b [u8]>,
     header: Vec<String>,
@@ -18,23 +20,29 @@ pub(super) struct Table<'b> {
 }
 
 /// One row.
-pub(super) struct Row<'t> {
-    table: &'t Table<'t>,
-    pub(super) line: u64,
+pub(super) struct Row {
+    file: Arc<str>,
+    line: u64,
     cells: StringRecord,
 }
 
 impl<'b> Table<'b> {
-    /// Reads the header.
-    pub(super) fn open(file: &str, bytes: &'b [u8]) -> Result<Self, RecordingError> {
+    /// Reads the header; what separates its cells is what comes most often in it unless given.
+    pub(super) fn open(
+        file: &str,
+        bytes: &'b [u8],
+        separator: Option<char>,
+    ) -> Result<Self, RecordingError> {
+        let given = separator.and_then(|separator| u8::try_from(separator).ok());
         let reader = csv::ReaderBuilder::new()
+            .delimiter(given.unwrap_or_else(|| most_frequent_separator(bytes)))
             .has_headers(false)
             .flexible(true)
             .trim(Trim::All)
             .comment(Some(b'#'))
             .from_reader(bytes);
         let mut table = Self {
-            file: file.to_owned(),
+            file: file.into(),
             bytes,
             reader,
             header: Vec::new(),
@@ -71,7 +79,7 @@ impl<'b> Table<'b> {
         let first = found.next().map(|(index, _)| index);
         if found.next().is_some() {
             return Err(RecordingError::DuplicateColumn {
-                file: self.file.clone(),
+                file: self.file.to_string(),
                 line: self.header_line,
                 column: column.to_owned(),
             });
@@ -79,13 +87,44 @@ impl<'b> Table<'b> {
         Ok(first)
     }
 
+    /// Where columns are; `None` where one of them is not.
+    pub(super) fn indices_of(
+        &self,
+        columns: &[String],
+    ) -> Result<Option<Vec<usize>>, RecordingError> {
+        columns.iter().map(|column| self.index_of(column)).collect()
+    }
+
+    /// Where columns are that a format needs.
+    pub(super) fn require(
+        &self,
+        columns: &[String],
+        format: &str,
+    ) -> Result<Vec<usize>, RecordingError> {
+        let require = |column: &String| {
+            self.index_of(column)?.ok_or_else(|| self.missing_column(column, format))
+        };
+        columns.iter().map(require).collect()
+    }
+
+    /// The error that a column is missing that a format needs.
+    pub(super) fn missing_column(&self, column: &str, format: &str) -> RecordingError {
+        RecordingError::MissingColumn {
+            file: self.file.to_string(),
+            line: self.header_line,
+            column: column.to_owned(),
+            format: format.to_owned(),
+            meant: near_miss(column, self.header.iter().map(String::as_str)).map(str::to_owned),
+        }
+    }
+
     /// The next row, as long as the header.
-    pub(super) fn next(&mut self) -> Result<Option<Row<'_>>, RecordingError> {
+    pub(super) fn next(&mut self) -> Result<Option<Row>, RecordingError> {
         let Some((line, cells)) = self.advance()? else { return Ok(None) };
         if cells.len() != self.header.len() {
             let last = cells.len().saturating_sub(1);
             return Err(RecordingError::FieldCount {
-                file: self.file.clone(),
+                file: self.file.to_string(),
                 line,
                 expected: self.header.len(),
                 found: cells.len(),
@@ -93,12 +132,12 @@ impl<'b> Table<'b> {
                 value: shown(cells.get(last).unwrap_or_default()),
             });
         }
-        Ok(Some(Row { table: self, line, cells }))
+        Ok(Some(Row { file: Arc::clone(&self.file), line, cells }))
     }
 
     fn advance(&mut self) -> Result<Option<(u64, StringRecord)>, RecordingError> {
         let more = self.reader.read_byte_record(&mut self.record).map_err(|error| {
-            RecordingError::Read { file: self.file.clone(), source: error.into() }
+            RecordingError::Read { file: self.file.to_string(), source: error.into() }
         })?;
         if !more {
             return Ok(None);
@@ -111,7 +150,7 @@ impl<'b> Table<'b> {
                 let index = error.utf8_error().field();
                 let cell = self.record.get(index).unwrap_or_default();
                 Err(RecordingError::NotUtf8 {
-                    file: self.file.clone(),
+                    file: self.file.to_string(),
                     line,
                     column: self.column_name(index),
                     value: shown(&String::from_utf8_lossy(cell)),
@@ -149,22 +188,79 @@ impl<'b> Table<'b> {
     }
 }
 
-impl Row<'_> {
+impl Row {
+    /// What the row's file is called.
+    pub(super) fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// The row's line in its file, from 1.
+    pub(super) fn line(&self) -> u64 {
+        self.line
+    }
+
     /// A cell, without the spaces around it.
     pub(super) fn cell(&self, index: usize) -> &str {
         self.cells.get(index).unwrap_or_default()
     }
 
+    /// The cells of several columns as one; none where one of them is empty.
+    pub(super) fn joined(&self, indices: &[usize], between: &str) -> Option<Cow<'_, str>> {
+        if let [index] = indices {
+            let cell = self.cell(*index);
+            return (!cell.is_empty()).then_some(Cow::Borrowed(cell));
+        }
+        let cells: Vec<&str> = indices.iter().map(|index| self.cell(*index)).collect();
+        let whole = cells.iter().all(|cell| !cell.is_empty());
+        whole.then(|| Cow::Owned(cells.join(between)))
+    }
+
+    /// What a column of ours has in this row, as its source reads it; numbers are not yet scaled.
+    pub(super) fn value(
+        &self,
+        indices: &[usize],
+        source: &Source,
+    ) -> Result<Option<Cow<'_, str>>, RecordingError> {
+        let Some(cell) = self.joined(indices, &source.between) else { return Ok(None) };
+        if source.missing.iter().any(|value| value.is(&cell)) {
+            return Ok(None);
+        }
+        if source.lookup.is_empty() {
+            return Ok(Some(cell));
+        }
+        match source.lookup.get(cell.as_ref()) {
+            Some(value) => Ok(Some(Cow::Owned(value.to_string()))),
+            None => Err(self.wrong(&source.label(), &cell, FieldProblem::NotInLookup)),
+        }
+    }
+
     /// The error that a cell is wrong.
     pub(super) fn wrong(&self, column: &str, cell: &str, problem: FieldProblem) -> RecordingError {
         RecordingError::Field {
-            file: self.table.file.clone(),
+            file: self.file.to_string(),
             line: self.line,
             column: column.to_owned(),
             value: shown(cell),
             problem,
         }
     }
+}
+
+/// Which of comma, semicolon and tab the header has most of; a comma where it has none.
+fn most_frequent_separator(bytes: &[u8]) -> u8 {
+    let mut lines = bytes.split(|byte| matches!(byte, b'\n' | b'\r'));
+    let header = lines.find(|line| !line.is_empty() && !line.starts_with(b"#"));
+    let header = header.unwrap_or_default();
+    let mut counts = [(b'\t', 0_usize), (b';', 0), (b',', 0)];
+    let mut quoted = false;
+    for byte in header {
+        quoted ^= *byte == b'"';
+        for (_, count) in counts.iter_mut().filter(|(separator, _)| separator == byte && !quoted) {
+            *count += 1;
+        }
+    }
+    // Of equals the last one wins.
+    counts.into_iter().max_by_key(|(_, count)| *count).map_or(b',', |(separator, _)| separator)
 }
 
 /// A cell as messages show it.
@@ -181,10 +277,10 @@ mod tests {
     use super::*;
 
     fn lines(text: &str) -> Vec<(u64, String)> {
-        let mut table = Table::open("t.csv", text.as_bytes()).expect("a header");
+        let mut table = Table::open("t.csv", text.as_bytes(), None).expect("a header");
         let mut lines = vec![(table.header_line(), table.header().join("|"))];
         while let Some(row) = table.next().expect("whole rows") {
-            lines.push((row.line, format!("{}|{}", row.cell(0), row.cell(1))));
+            lines.push((row.line(), format!("{}|{}", row.cell(0), row.cell(1))));
         }
         lines
     }
@@ -208,14 +304,30 @@ mod tests {
     }
 
     #[test]
+    fn separators_are_found_by_the_header() {
+        for (text, header) in [
+            ("a;b,c;d\n", "a|b,c|d"),
+            ("# x;y;z\na\tb\tc;d\n", "a|b|c;d"),
+            ("\"a;b;c\",d,e\n", "a;b;c|d|e"),
+            ("a,b;c\n", "a|b;c"),
+            ("a\n", "a"),
+        ] {
+            let table = Table::open("t.csv", text.as_bytes(), None).expect("a header");
+            assert_eq!(table.header().join("|"), header);
+        }
+        let stated = Table::open("t.csv", b"a,b|c,d\n", Some('|')).expect("a header");
+        assert_eq!(stated.header(), ["a,b", "c,d"]);
+    }
+
+    #[test]
     fn broken_files_are_refused() {
-        let open = |bytes: &'static [u8]| Table::open("t.csv", bytes).map(|_| ());
+        let open = |bytes: &'static [u8]| Table::open("t.csv", bytes, None).map(|_| ());
         assert!(matches!(open(b""), Err(RecordingError::Empty { .. })));
         assert!(matches!(open(b"# nothing\n\n"), Err(RecordingError::Empty { .. })));
         assert!(matches!(open(b" , \n"), Err(RecordingError::Empty { .. })));
         let message = open(b"a,\xff\n1,2").expect_err("not text").to_string();
         assert!(message.contains("t.csv, line 1, column 2"), "{message}");
-        let mut table = Table::open("t.csv", b"a,b\n1,2\n1,2,3\n").expect("a header");
+        let mut table = Table::open("t.csv", b"a,b\n1,2\n1,2,3\n", None).expect("a header");
         assert!(table.next().is_ok());
         let message = table.next().map(|_| ()).expect_err("three").to_string();
         for part in ["t.csv, line 3", "3 fields instead of 2", "column 3", "\"3\""] {

@@ -8,11 +8,13 @@ use foxhunt_archive::{
 use foxhunt_core::{Bearing, Level, Pose, Reception};
 use foxhunt_filters::BatchError;
 use foxhunt_hunt::{
-    locate::{LocateConfig, LocateError, Located, Power},
+    locate::{LocateConfig, LocateError, Located, Power, learn_bearing_sigma},
     registry::Registry,
 };
 use foxhunt_sensors::Pritzl2018;
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand_distr::StandardNormal;
 
 use crate::support::shared;
 
@@ -75,7 +77,7 @@ fn a_straight_flight_has_a_rival_and_a_bent_one_has_none() {
     let target = Vector2::new(120.0, 60.0);
     let mirrored = Vector2::new(120.0, -60.0);
     let known = Power::Known { reference_dbm: REFERENCE_DBM, exponent: EXPONENT };
-    for power in [known, Power::Free] {
+    for power in [known, Power::FreeReference { exponent: EXPONENT }, Power::Free] {
         let config = LocateConfig { power, margin_m: 100.0, ..LocateConfig::default() };
         let straight = levels(&flight(target, false));
         let located = locate(&straight, "batch-multistart", &config).expect("it is solved");
@@ -111,6 +113,65 @@ fn a_known_power_is_used_and_not_estimated() {
     assert!(known(0.0) < 2.0, "{}", known(0.0));
     assert!(known(20.0) > 20.0, "{}", known(20.0));
     assert!(error(Power::Free) < 5.0, "{}", error(Power::Free));
+}
+
+/// An exponent alone leaves the power free: levels that are all off by as much lead to the same
+/// place, another exponent to another one.
+#[test]
+fn an_exponent_can_be_known_without_the_power() {
+    let target = Vector2::new(120.0, 60.0);
+    let bent = levels(&flight(target, true));
+    let louder: Vec<Reception> = bent.iter().map(|r| off_by(r, 33.0, 2.0)).collect();
+    for estimator in ["shadowing-grid", "batch-multistart", "grid"] {
+        let place = |receptions: &[Reception], exponent| {
+            let power = Power::FreeReference { exponent };
+            let config = LocateConfig { power, margin_m: 100.0, ..LocateConfig::default() };
+            locate(receptions, estimator, &config).expect("it is located").estimate.mean
+        };
+        let right = place(&bent, EXPONENT);
+        assert!((right - target).norm() < 10.0, "{estimator}: {right}");
+        // The louder levels have σ 2 dB, too, so that only the power differs.
+        let same_sigma: Vec<Reception> = bent.iter().map(|r| off_by(r, 0.0, 2.0)).collect();
+        let moved = place(&louder, EXPONENT) - place(&same_sigma, EXPONENT);
+        assert!(moved.norm() < 0.1, "{estimator}: {moved}");
+        let other = place(&bent, 2.0 * EXPONENT);
+        assert!((other - right).norm() > 1.0, "{estimator}: {other}");
+    }
+}
+
+/// A file in UTM metres has its places six hundred and four thousand kilometres from the origin;
+/// what is found lies there too, as exactly as about the origin.
+#[test]
+fn metres_keep_their_origin() {
+    let target = Vector2::new(120.0, 60.0);
+    let origin = Vector3::new(608_377.25, 4_074_518.75, 0.0);
+    let here = flight(target, true);
+    let there: Vec<Reception> = here
+        .iter()
+        .map(|reception| {
+            let mut moved = *reception;
+            moved.receiver.position += origin;
+            moved
+        })
+        .collect();
+    let config = LocateConfig { margin_m: 100.0, ..LocateConfig::default() };
+    for (names, pick) in [
+        (&["shadowing-grid", "field-map"][..], levels as fn(&[Reception]) -> Vec<Reception>),
+        (&["lenth1981", "lenth1981-andrews", "stansfield"], bearings),
+        (
+            &["batch-multistart", "batch", "grid", "ukf", "particle", "default"],
+            <[Reception]>::to_vec,
+        ),
+    ] {
+        for name in names {
+            let near = locate(&pick(&here), name, &config).expect("it is located").estimate;
+            let far = locate(&pick(&there), name, &config).expect("it is located").estimate;
+            let off = (far.mean - near.mean - origin.xy()).norm();
+            // A place of 4·10⁶ m is known to 5·10⁻¹⁰ m, and clouds may draw another particle.
+            let spread = near.covariance.trace().sqrt();
+            assert!(off < 0.05 * spread.max(1.0), "{name}: {off} of {spread}");
+        }
+    }
 }
 
 /// One level in ten, all of them in one stretch of the flight, is 40 dB too high; the loss bears
@@ -253,22 +314,22 @@ fn recordings_lead_to_the_places_that_they_led_to() {
             flight,
             "shadowing-grid",
             [
-                -78.46384518560197,
-                74.25734772861735,
-                3086.984120927601,
-                181.05943993917154,
-                3289.892467295662,
+                -79.89593778657839,
+                72.08709280343466,
+                3538.0298295842676,
+                995.688747072998,
+                3308.2181214575485,
             ],
         ),
         (
             flight,
             "field-map",
             [
-                -85.69651477430641,
-                66.00594617428801,
-                20733.346283111132,
-                7864.617565333336,
-                19622.191036444437,
+                -87.45579544068755,
+                62.658163501550554,
+                23969.326225777768,
+                8094.39899466667,
+                22249.371285777754,
             ],
         ),
         (
@@ -343,4 +404,34 @@ fn recordings_lead_to_the_places_that_they_led_to() {
             assert!(close, "{file}, {name}: {found:?}");
         }
     }
+}
+
+/// 60 transmitters with four bearings each that are off by 3° where 10° are taken for true: σ is
+/// learned to its standard error, 1 in √(2 · 122), times 3.29.
+#[test]
+fn sigma_of_bearings_is_learned_from_several_transmitters() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(31);
+    let receivers = [(0.0, 0.0), (900.0, 100.0), (100.0, 800.0), (800.0, 900.0)];
+    let (taken, true_sigma) = (10.0_f64.to_radians(), 3.0_f64.to_radians());
+    let transmitters: Vec<Vec<Reception>> = (0..60)
+        .map(|_| {
+            let (east, north) = (1000.0 * rng.random::<f64>(), 1000.0 * rng.random::<f64>());
+            let bearing = |&(x, y): &(f64, f64)| {
+                let error: f64 = rng.sample(StandardNormal);
+                let angle = (north - y).atan2(east - x) + true_sigma * error;
+                Reception {
+                    receiver: Pose::at(x, y, 0.0),
+                    bearing: Some(Bearing { angle, sigma: taken, confidence: 1.0 }),
+                    ..Reception::default()
+                }
+            };
+            receivers.iter().map(bearing).collect()
+        })
+        .collect();
+    let config = LocateConfig::default();
+    let (factor, freedom) = learn_bearing_sigma(transmitters.iter().map(Vec::as_slice), &config);
+    assert!((freedom - 122.0).abs() < 1e-9, "{freedom}");
+    // The two degrees of freedom of before pull towards 10°, and are a part of the answer.
+    let expected = ((2.0 + 120.0 * 0.09) / 122.0_f64).sqrt();
+    assert!((factor / expected - 1.0).abs() < 3.29 / 244.0_f64.sqrt(), "{factor} for {expected}");
 }

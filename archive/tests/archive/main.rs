@@ -4,6 +4,7 @@ mod locate;
 mod recordings {
     mod errors;
     mod generated;
+    mod joined;
     mod quantities;
     mod real;
     mod round_trip;

@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
 use foxhunt::{
-    calibration::CalibrationFile,
+    calibration::{CalibrationFile, StationSection},
     config::BoxedExtractor,
     core::BearingMode,
     geodesy::radians_to_compass_deg,
@@ -11,7 +11,7 @@ use foxhunt::{
 use serde::Serialize;
 
 use super::{
-    calibration::{Calibration, calibrated},
+    calibration::{Calibration, calibrated, parts},
     extraction::Extraction,
     recorded::Reading,
 };
@@ -126,17 +126,21 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let files = std::slice::from_ref(&args.file);
     let recordings = args.reading.read(files)?;
     for recording in &recordings {
-        let file = args.calibration.or_shipped(&own, recording.format());
+        let file = args.calibration.or_shipped(&own, recording);
         let mut read = Vec::new();
-        for (name, extractor) in extractors(args, registry, &file)? {
-            let turns = bearings(recording, extractor.as_ref(), args.reading.positions)
-                .map_err(CliError::input)?;
-            read.extend(turns.into_iter().enumerate().map(|(turn, read)| (turn, name, read)));
+        for (number, part) in parts(recording, &file).into_iter().enumerate() {
+            for (name, extractor) in extractors(args, registry, &file, part.station)? {
+                let extractor = extractor.as_ref();
+                let turns = bearings(&part.recording, extractor, args.reading.positions)
+                    .map_err(CliError::input)?;
+                let turns = turns.into_iter().enumerate();
+                read.extend(turns.map(|(turn, read)| ((number, turn), name, read)));
+            }
         }
         // Turn by turn; a stable sort leaves the extractors in their order.
         read.sort_by_key(|(turn, ..)| *turn);
         let wanted = args.reading.wanted();
-        let of_beacon = |(.., read): &&(usize, &str, BearingReading)| {
+        let of_beacon = |(.., read): &&((usize, usize), &str, BearingReading)| {
             wanted.is_none_or(|name| read.sweep.beacon_name.as_deref() == Some(name))
         };
         // A name that is not in the recording is an error, not an empty table.
@@ -163,14 +167,15 @@ fn extractors<'a>(
     args: &'a Args,
     registry: &'a Registry,
     file: &CalibrationFile,
+    station: Option<&StationSection>,
 ) -> Result<Vec<(&'a str, BoxedExtractor)>, CliError> {
     let chosen = if args.all {
         args.extraction.all(registry)?
     } else {
         vec![(args.extraction.name(), args.extraction.build(registry)?)]
     };
-    if file.station.is_none() {
-        let calibrate = |(name, built)| Ok((name, calibrated(file, name, built)?));
+    if station.is_none() {
+        let calibrate = |(name, built)| Ok((name, calibrated(file, None, name, built)?));
         return chosen.into_iter().map(calibrate).collect();
     }
     // A station has an extractor of its own; the others do not know its antennas.
@@ -178,11 +183,11 @@ fn extractors<'a>(
         return Ok(chosen);
     }
     let extractor = args.extraction.build(registry)?;
-    let mut station = vec![("station", calibrated(file, "station", extractor)?)];
+    let mut own = vec![("station", calibrated(file, station, "station", extractor)?)];
     if args.all {
-        station.extend(chosen);
+        own.extend(chosen);
     }
-    Ok(station)
+    Ok(own)
 }
 
 fn turns(report: &Report) -> String {

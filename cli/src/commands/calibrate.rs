@@ -1,4 +1,4 @@
-use std::{fs, path::PathBuf};
+use std::{collections::BTreeMap, fs, path::PathBuf};
 
 use foxhunt::{
     calibration::{CalibrationFile, PathLossSection, StationSection},
@@ -12,6 +12,7 @@ use foxhunt::{
 };
 
 use super::{
+    calibration::station_place,
     calibration_report::{Report, Skipped, text},
     extraction::Extraction,
     recorded::{LatLon, Reading, no_degrees},
@@ -104,19 +105,32 @@ fn fit(
     let mut report = Report::new(recordings, beacon.clone());
     let records = || recordings.iter().flat_map(Recording::records);
 
-    if station_boresights(recordings).is_some() {
+    let stand = |recording: Recording| station_boresights(&[recording]).is_some();
+    if recordings.iter().flat_map(Recording::by_drone).all(stand) {
         let station = StationConfig {
             positions: config.positions,
             least_range_m: args.least_range_m,
             truth: config.truth,
         };
-        match fit_boresights(recordings, beacon.as_deref(), &station) {
-            Ok(fitted) => {
-                extractor = Box::new(fitted.fit.pattern.clone());
-                report.file.station = Some(StationSection::from(&fitted.fit));
-                report.station = Some((&fitted).into());
+        let stations = by_station(recordings);
+        let single = stations.len() == 1;
+        for (name, own) in stations {
+            match fit_boresights(&own, beacon.as_deref(), &station) {
+                Ok(fitted) => {
+                    if single {
+                        extractor = Box::new(fitted.fit.pattern.clone());
+                    }
+                    let place = own.first().and_then(station_place);
+                    let section = StationSection::from(&fitted.fit);
+                    let section = StationSection { name, place, ..section };
+                    report.file.stations.push(section);
+                    report.stations.push((&fitted).into());
+                }
+                Err(error) => {
+                    let whose = name.map_or_else(String::new, |name| format!("{name}: "));
+                    report.skip("station", format!("{whose}{error}"));
+                }
             }
-            Err(error) => report.skip("station", error.to_string()),
         }
         let why = "the antennas do not turn: their boresights are the station's";
         report.skip("bearings", why.to_owned());
@@ -145,12 +159,23 @@ fn fit(
         Ok(calibration) => CliError::input(format!("{NO_FALL} (γ {})", calibration.fit.exponent)),
         Err(error) => CliError::input(error),
     };
-    let CalibrationFile { bearings, station, .. } = &report.file;
-    if bearings.is_none() && station.is_none() {
+    let CalibrationFile { bearings, stations, .. } = &report.file;
+    if bearings.is_none() && stations.is_empty() {
         return Err(why);
     }
     report.skipped.insert(0, Skipped { what: "path loss", why: why.to_string() });
     Ok(report)
+}
+
+/// What each receiver recorded, by its name: its antennas are fitted alone. Recordings that do not
+/// name it are of one.
+fn by_station(recordings: &[Recording]) -> BTreeMap<Option<String>, Vec<Recording>> {
+    let mut stations: BTreeMap<Option<String>, Vec<Recording>> = BTreeMap::new();
+    for own in recordings.iter().flat_map(Recording::by_drone) {
+        let name = own.drones().first().filter(|_| own.names_drones()).map(|n| (*n).to_owned());
+        stations.entry(name).or_default().push(own);
+    }
+    stations
 }
 
 /// Why a path loss that was fitted is not used.

@@ -2,7 +2,11 @@
 
 use std::{borrow::Cow, path::PathBuf};
 
-use foxhunt::{calibration::CalibrationFile, config::BoxedExtractor};
+use foxhunt::{
+    calibration::{CalibrationFile, StationPlace, StationSection},
+    config::BoxedExtractor,
+    recording::Recording,
+};
 
 use crate::{
     error::{CliError, InFile},
@@ -27,31 +31,70 @@ impl Calibration {
     }
 
     /// The file that was [`read`](Self::read); where none is given, the calibration that comes with
-    /// the program for recordings of this format.
+    /// the program for a station of this recording.
     pub(super) fn or_shipped<'a>(
         &self,
         read: &'a CalibrationFile,
-        format: &str,
+        recording: &Recording,
     ) -> Cow<'a, CalibrationFile> {
+        let format = recording.format();
         match CalibrationFile::shipped(format) {
             Some(shipped) if self.calibration.is_none() => {
-                warn(&format!("  calibration: {format}, as it comes with the program"));
-                Cow::Owned(shipped)
+                if parts(recording, &shipped).iter().any(|part| part.station.is_some()) {
+                    warn(&format!("  calibration: {format}, as it comes with the program"));
+                    return Cow::Owned(shipped);
+                }
+                warn(&format!(
+                    "  calibration: none; {format}, which comes with the program, is that of a \
+                     station at another place"
+                ));
+                Cow::Borrowed(read)
             }
             _ => Cow::Borrowed(read),
         }
     }
 }
 
-/// The extractor of this name, calibrated. The σ of another extractor is not its own.
+/// A recording, or one drone's part of it, and the station whose turns it holds.
+pub(super) struct Part<'r, 'f> {
+    pub(super) recording: Cow<'r, Recording>,
+    pub(super) station: Option<&'f StationSection>,
+}
+
+/// The parts of a recording that are read in different ways: where stations are calibrated, each
+/// drone's own.
+pub(super) fn parts<'r, 'f>(
+    recording: &'r Recording,
+    file: &'f CalibrationFile,
+) -> Vec<Part<'r, 'f>> {
+    if file.stations.is_empty() {
+        return vec![Part { recording: Cow::Borrowed(recording), station: None }];
+    }
+    let part = |own: Recording| {
+        let place = station_place(&own);
+        let station = own.drones().first().and_then(|name| file.station(name, place));
+        Part { station, recording: Cow::Owned(own) }
+    };
+    recording.by_drone().into_iter().map(part).collect()
+}
+
+/// Where a recording's receiver stands, as calibrations have it.
+pub(super) fn station_place(recording: &Recording) -> Option<StationPlace> {
+    let place = recording.first_place()?;
+    Some(StationPlace { lat_deg: place.lat_deg, lon_deg: place.lon_deg })
+}
+
+/// The extractor of this name, calibrated; the station's own where it reads one. The σ of another
+/// extractor is not its own.
 pub(super) fn calibrated(
     file: &CalibrationFile,
+    station: Option<&StationSection>,
     name: &str,
     extractor: BoxedExtractor,
 ) -> Result<BoxedExtractor, CliError> {
     let mut file = Cow::Borrowed(file);
     let whose = file.bearings.as_ref().and_then(|bearings| bearings.extractor.clone());
-    let other = |whose: &String| whose != name && whose != "recorded" && file.station.is_none();
+    let other = |whose: &String| whose != name && whose != "recorded" && station.is_none();
     if let Some(whose) = whose.filter(other) {
         warn(&format!("  the bearings of {whose} were calibrated: the σ of {name} stays as it is"));
         if let Some(bearings) = &mut file.to_mut().bearings {
@@ -59,7 +102,7 @@ pub(super) fn calibrated(
             bearings.correction.sigma_floor_deg = 0.0;
         }
     }
-    file.extractor(extractor).map_err(|error| {
+    file.extractor(station, extractor).map_err(|error| {
         CliError::input(InFile { file: "--calibration".to_owned(), source: Box::new(error) })
     })
 }

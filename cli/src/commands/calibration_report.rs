@@ -25,7 +25,8 @@ pub(super) struct Report {
     #[serde(flatten)]
     path_loss: Option<PathLoss>,
     bearings: Option<Bearings>,
-    pub(super) station: Option<Station>,
+    /// In the order of the file's.
+    pub(super) stations: Vec<Station>,
     /// What could not be fitted.
     pub(super) skipped: Vec<Skipped>,
 }
@@ -134,7 +135,7 @@ impl Report {
             calibrated: recordings.iter().all(Recording::is_calibrated),
             path_loss: None,
             bearings: None,
-            station: None,
+            stations: Vec::new(),
             skipped: Vec::new(),
         }
     }
@@ -240,7 +241,8 @@ pub(super) fn text(report: &Report) -> String {
     let mut lines = Vec::new();
     lines.extend(report.path_loss.as_ref().map(|fit| path_loss(fit, report.calibrated)));
     lines.extend(report.bearings.as_ref().map(bearings));
-    if let (Some(station), Some(section)) = (&report.station, &report.file.station) {
+    for (station, section) in report.stations.iter().zip(&report.file.stations) {
+        lines.extend(section.name.as_ref().map(|name| format!("station {name}:")));
         lines.push(antennas(&section.antennas));
         lines.push(format!(
             "beamwidth {:.0}°, front to back {:.1} dB, residual {:.1} dB; {} bursts in {} groups",

@@ -1,23 +1,19 @@
 use std::path::PathBuf;
 
 use foxhunt::{
-    calibration::CalibrationFile,
-    core::{Ellipse, EstimatorError, nalgebra::Vector2},
+    core::{Ellipse, nalgebra::Vector2},
     geodesy::Geodetic,
     hunt::PlaceEstimate,
-    locate::{LocateConfig, LocateError, Located, Power, Rival},
-    recorded::{ReceptionConfig, receptions, recorded_truth},
+    locate::{Explanation, Located, Region, Rival},
     recording::Recording,
+    registry::Registry,
     report::Place,
 };
 use serde::Serialize;
 
 use super::{
-    calibration::{Calibration, calibrated},
-    choice,
-    extraction::Extraction,
-    parameter::{EastNorthUp, Parameter},
-    recorded::{LatLon, Reading, no_degrees},
+    locating::{Locating, NAMELESS, Prepared, not_located, truth},
+    recorded::LatLon,
 };
 use crate::{
     context::Context,
@@ -31,11 +27,12 @@ use crate::{
 /// Estimates the place of one transmitter from one or several recordings: turns of a directional
 /// antenna, levels of an omnidirectional one, ready-made bearings, ranges or differences. Without
 /// --p0-dbm and --exponent, or a --calibration that has them, the transmitter's power is estimated
-/// along with its place.
+/// along with its place; with --exponent alone, the power is.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt locate flight.csv\n  \
                         foxhunt locate uav1.csv uav2.csv --truth 50.0755,14.4378 \
-                        --p0-dbm -29.06 --exponent 2.765")]
+                        --p0-dbm -29.06 --exponent 2.765\n  \
+                        foxhunt locate bearings.csv --every-beacon")]
 pub(crate) struct Args {
     /// Recordings: CSV with named columns
     #[arg(required = true, value_name = "FILE")]
@@ -44,38 +41,11 @@ pub(crate) struct Args {
     /// unless given
     #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     truth: Option<LatLon>,
-    /// The estimator (`foxhunt list estimators` describes them); chosen by what was recorded unless
-    /// given
-    #[arg(long, value_name = "NAME")]
-    estimator: Option<String>,
-    /// The power at one metre in dBm, or `free` where it is not known
-    #[arg(long, value_name = "V|free", default_value = "free", allow_hyphen_values = true)]
-    p0_dbm: Parameter,
-    /// The path-loss exponent, or `free` where it is not known
-    #[arg(long, value_name = "V|free", default_value = "free", allow_hyphen_values = true)]
-    exponent: Parameter,
-    /// How high the transmitter is above the ground, in metres
-    #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true)]
-    target_up_m: f64,
-    /// How far the transmitter may lie beyond the area that was flown over, in metres
-    #[arg(long, value_name = "M", default_value_t = 200.0)]
-    margin_m: f64,
-    /// How uncertain the receiver's own place is, in metres on each axis, as its GNSS has it; known
-    /// unless given
-    #[arg(long, value_name = "M")]
-    receiver_sigma_m: Option<f64>,
-    /// Where the reference receiver of range and level differences is, in metres of the local frame
-    #[arg(long, value_name = "E,N,U", allow_hyphen_values = true)]
-    reference_m: Option<EastNorthUp>,
-    /// The seed of estimators that draw random numbers
-    #[arg(long, default_value_t = 1, value_name = "N")]
-    seed: u64,
+    /// Locate every beacon of the recordings, one after the other
+    #[arg(long, conflicts_with = "beacon")]
+    every_beacon: bool,
     #[command(flatten)]
-    calibration: Calibration,
-    #[command(flatten)]
-    extraction: Extraction,
-    #[command(flatten)]
-    reading: Reading,
+    locating: Locating,
 }
 
 /// A place that was found, as JSON has it.
@@ -92,6 +62,13 @@ struct Report {
     rejected: usize,
     /// The probability on the border of the area that was searched, for estimators with one.
     border_mass: Option<f64>,
+    /// What explains the receptions, for estimators that weigh explanations.
+    explanation: Option<Explanation>,
+    /// Whether the ellipse is a poor picture of the regions.
+    ellipse_is_poor: bool,
+    /// The smallest region that holds the transmitter with 95 %, for estimators with a posterior
+    /// density; places are East and North in metres.
+    regions_95: Vec<Region>,
     /// Other places that are nearly as probable, for estimators that look for them.
     rivals: Vec<RivalPlace>,
 }
@@ -119,100 +96,59 @@ struct Estimated {
     covariance_m2: [[f64; 2]; 2],
 }
 
-/// With more probability than this on the border of the area the place is in doubt.
-const MUCH_BORDER: f64 = 0.05;
-
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry } = context;
-    check(args)?;
-    let own = args.calibration.read()?;
-    // Mistakes of the command line are reported before those of files.
-    power(args, &own)?;
-    let recordings = args.reading.read(&args.files)?;
-    let beacon = args.reading.beacon(&recordings)?;
-    let format = recordings.first().map_or("", Recording::format);
-    let calibration = args.calibration.or_shipped(&own, format);
-    let power = power(args, &calibration)?;
-    let mut extractor = args.extraction.build(registry)?;
-    // A station has an extractor of its own, unless another one is given.
-    if calibration.station.is_none() || !args.extraction.is_given() {
-        extractor = calibrated(&calibration, args.extraction.name(), extractor)?;
+    let prepared = args.locating.prepare(&args.files, registry)?;
+    if args.every_beacon {
+        return output.result(&every(args, registry, &prepared)?, |reports| places(reports));
     }
-    let reading = ReceptionConfig {
-        positions: args.reading.positions,
-        bearings: calibration.bearing_calibration(),
-        receiver_sigma_m: args.receiver_sigma_m,
-        ..ReceptionConfig::default()
-    };
-    let received = receptions(&recordings, beacon.as_deref(), extractor.as_ref(), &reading)
-        .map_err(CliError::input)?;
-
-    let estimator = match &args.estimator {
-        Some(name) => choice::estimator(registry, name, "--estimator")?,
-        None => registry.suited_to(&received).map_err(CliError::input)?,
-    };
-    let config = LocateConfig {
-        power,
-        target_up_m: args.target_up_m,
-        margin_m: args.margin_m,
-        reference_m: args.reference_m.map(Into::into),
-        seed: args.seed,
-    };
-    let truth = truth(args, &recordings)?;
-    let located = estimator.locate(&received, &config).map_err(|error| match error {
-        LocateError::Start(EstimatorError::Unsupported { .. }) => CliError::input(error),
-        LocateError::Start(_) => CliError::failure(error),
-        error => CliError::input(error),
-    })?;
-    if located.border_mass.is_some_and(|mass| mass > MUCH_BORDER) {
-        warn(
-            "the place is in doubt: it may lie outside the area that was searched; \
-             see --margin-m",
-        );
-    }
-    let name = estimator.name.to_string();
-    let report = Report::new(name, beacon, &recordings, args.target_up_m, truth, &located);
-    output.result(&report, place)
+    let beacon = args.locating.beacon(prepared.recordings())?;
+    let report = one(args, registry, &prepared, beacon)?;
+    output.result(&report, |report| places(std::slice::from_ref(report)))
 }
 
-/// Refuses numbers that are out of range.
-fn check(args: &Args) -> Result<(), CliError> {
-    if !args.target_up_m.is_finite() {
-        return Err(CliError::input(format!("--target-up-m is {}, no height", args.target_up_m)));
+/// Where a beacon is.
+fn one(
+    args: &Args,
+    registry: &Registry,
+    prepared: &Prepared,
+    beacon: Option<String>,
+) -> Result<Report, CliError> {
+    let received = prepared.receptions(beacon.as_deref())?;
+    let estimator = args.locating.estimator(registry, &received)?;
+    let truth = truth(args.truth, prepared.recordings(), beacon.as_deref())?;
+    let located = estimator.locate(&received, prepared.config()).map_err(not_located)?;
+    if located.is_at_border() {
+        let whose = beacon.as_deref().map_or_else(String::new, |name| format!(" of {name}"));
+        warn(&format!(
+            "the place{whose} is in doubt: it may lie outside the area that was searched; \
+             see --margin-m"
+        ));
     }
-    if !(args.margin_m > 0.0 && args.margin_m.is_finite()) {
-        let message = format!("--margin-m is {}; it must be positive", args.margin_m);
-        return Err(CliError::input(message));
-    }
-    Ok(())
+    let (name, up) = (estimator.name.to_string(), prepared.config().target_up_m);
+    Ok(Report::new(name, beacon, prepared.recordings(), up, truth, &located))
 }
 
-/// What is known of the transmitter's power, by the flags or else by the calibration.
-fn power(args: &Args, calibration: &CalibrationFile) -> Result<Power, CliError> {
-    match (args.p0_dbm, args.exponent) {
-        (Parameter::Free, Parameter::Free) => {
-            Ok(calibration.path_loss.as_ref().map_or(Power::Free, |law| Power::Known {
-                reference_dbm: law.p0_dbm,
-                exponent: law.exponent,
-            }))
-        }
-        (Parameter::Value(reference_dbm), Parameter::Value(exponent)) => {
-            Ok(Power::Known { reference_dbm, exponent })
-        }
-        _ => Err(CliError::input("--p0-dbm and --exponent go together: both numbers or both free")),
-    }
-}
-
-/// Where the transmitter truly is, if that is known.
-fn truth(args: &Args, recordings: &[Recording]) -> Result<Option<Vector2<f64>>, CliError> {
-    match args.truth {
-        None => Ok(recorded_truth(recordings)),
-        Some(truth) => {
-            let frame = recordings.iter().find_map(Recording::frame);
-            let place = truth.in_frame(frame).ok_or_else(|| no_degrees("--truth"))?;
-            Ok(Some(place.into()))
+/// Where each beacon is; one that is not located is reported on standard error.
+fn every(args: &Args, registry: &Registry, prepared: &Prepared) -> Result<Vec<Report>, CliError> {
+    let mut beacons: Vec<Option<&str>> = Vec::new();
+    for beacon in prepared.recordings().iter().flat_map(Recording::beacons) {
+        if !beacons.contains(&beacon) {
+            beacons.push(beacon);
         }
     }
+    let mut reports = Vec::new();
+    let mut failed = None;
+    for beacon in beacons {
+        match one(args, registry, prepared, beacon.map(str::to_owned)) {
+            Ok(report) => reports.push(report),
+            Err(error) => {
+                warn(&format!("{} is not located: {error}", beacon.unwrap_or(NAMELESS)));
+                failed = Some(error);
+            }
+        }
+    }
+    failed.filter(|_| reports.is_empty()).map_or(Ok(reports), Err)
 }
 
 impl Report {
@@ -259,13 +195,17 @@ impl Report {
             observations: located.observations,
             rejected: located.rejected,
             border_mass: located.border_mass,
+            explanation: located.explanation.clone(),
+            ellipse_is_poor: located.ellipse_is_poor(),
+            regions_95: located.regions_95.clone(),
             rivals,
         }
     }
 }
 
-fn place(report: &Report) -> String {
-    let mut place = table(&[
+fn places(reports: &[Report]) -> String {
+    let named = reports.len() > 1;
+    let mut columns = vec![
         "estimator",
         "lat °",
         "lon °",
@@ -277,28 +217,110 @@ fn place(report: &Report) -> String {
         "NEES",
         "used",
         "rejected",
-    ]);
-    let axes = report.ellipse_95.map(|e| format!("{:.1} × {:.1}", e.semi_major, e.semi_minor));
-    place.add_row([
-        report.estimator.clone(),
-        number(report.estimate.lat_deg, 6),
-        number(report.estimate.lon_deg, 6),
-        number(report.estimate.east_m, 1),
-        number(report.estimate.north_m, 1),
-        text(axes),
-        number(report.ellipse_95.map(|e| e.orientation.to_degrees()), 0),
-        number(report.error_m, 1),
-        number(report.nees, 2),
-        report.observations.to_string(),
-        report.rejected.to_string(),
-    ]);
-    let legend = "East and north from the first usable position; the ellipse's semi-axes, and the \
-                  direction of the\nlonger one counter-clockwise from East.";
-    let rivals = if report.rivals.is_empty() { String::new() } else { rivals(&report.rivals) };
-    format!("{place}\n{legend}{rivals}")
+    ];
+    if named {
+        columns.insert(0, "beacon");
+    }
+    let mut places = table(&columns);
+    for report in reports {
+        let axes = report.ellipse_95.map(|e| format!("{:.1} × {:.1}", e.semi_major, e.semi_minor));
+        let mut row = vec![
+            report.estimator.clone(),
+            number(report.estimate.lat_deg, 6),
+            number(report.estimate.lon_deg, 6),
+            number(report.estimate.east_m, 1),
+            number(report.estimate.north_m, 1),
+            text(axes),
+            number(report.ellipse_95.map(|e| e.orientation.to_degrees()), 0),
+            number(report.error_m, 1),
+            number(report.nees, 2),
+            report.observations.to_string(),
+            report.rejected.to_string(),
+        ];
+        if named {
+            row.insert(0, report.beacon.clone().unwrap_or_else(|| NAMELESS.to_owned()));
+        }
+        places.add_row(row);
+    }
+    let from = match reports.first() {
+        Some(Report { estimate: Estimated { lat_deg: None, .. }, .. }) => "as in the recordings",
+        _ => "from the first usable position",
+    };
+    let legend = format!(
+        "East and north {from}; the ellipse's semi-axes, and the direction of the\nlonger one \
+         counter-clockwise from East."
+    );
+    let details: String = reports.iter().map(details).collect();
+    format!("{places}\n{legend}{details}")
 }
 
-fn rivals(rivals: &[RivalPlace]) -> String {
+/// What a row of the table does not show: what explains the levels, regions and rivals.
+fn details(report: &Report) -> String {
+    let whose = report.beacon.as_ref().map_or_else(String::new, |name| format!(" of {name}"));
+    let explanation = report.explanation.as_ref().map(|explanation| explained(explanation, &whose));
+    let regions = Some(&report.regions_95).filter(|_| report.ellipse_is_poor);
+    let regions = regions.map(|parts| regions_of(parts, &whose));
+    let rivals = Some(&report.rivals).filter(|rivals| !rivals.is_empty());
+    let rivals = rivals.map(|rivals| rivals_of(rivals, &whose));
+    [explanation, regions, rivals].into_iter().flatten().collect()
+}
+
+/// What explains the levels best, in a sentence.
+fn explained(explanation: &Explanation, whose: &str) -> String {
+    let likeliest = |values: &[(f64, f64)]| {
+        let best = values.iter().max_by(|a, b| a.1.total_cmp(&b.1)).copied();
+        best.unwrap_or((f64::NAN, f64::NAN))
+    };
+    let Explanation { exponent, dipoles, sigma_db, correlation_lengths_m, own_shares } =
+        explanation;
+    let (length_m, of_length) = likeliest(correlation_lengths_m);
+    let (share, of_share) = likeliest(own_shares);
+    format!(
+        "\nThe levels{whose} are best explained by an exponent of {:.1} ± {:.1}, {:.1} ± {:.1} \
+         vertical dipoles on the way, and shadowing of {:.0} ± {:.0} dB\nover {length_m:.0} m \
+         ({:.0} %), {:.0} % of its variance each reading's own ({:.0} %).",
+        exponent.mean,
+        exponent.sd,
+        dipoles.mean,
+        dipoles.sd,
+        sigma_db.mean,
+        sigma_db.sd,
+        100.0 * of_length,
+        100.0 * share,
+        100.0 * of_share,
+    )
+}
+
+/// The parts of the region that an ellipse does not show.
+fn regions_of(regions: &[Region], whose: &str) -> String {
+    if regions.is_empty() {
+        return String::new();
+    }
+    let mut parts = table(&["part", "probability", "hectares", "east m", "north m"]);
+    for (number_of, region) in (1..).zip(regions) {
+        let range = |along: fn(&Vector2<f64>) -> f64| {
+            let values = region.outline.iter().map(along);
+            let (low, high) = values
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+                    (low.min(value), high.max(value))
+                });
+            format!("{low:.0} … {high:.0}")
+        };
+        parts.add_row([
+            i32::to_string(&number_of),
+            number(Some(region.probability), 2),
+            number(Some(1e-4 * region.area_m2), 1),
+            range(|place| place.x),
+            range(|place| place.y),
+        ]);
+    }
+    format!(
+        "\n\nThe ellipse{whose} is a poor picture; the smallest region that holds the transmitter \
+         with 95 %\n(outlines in the output of --json):\n{parts}"
+    )
+}
+
+fn rivals_of(rivals: &[RivalPlace], whose: &str) -> String {
     let mut places =
         table(&["rival", "lat °", "lon °", "east m", "north m", "relative density", "error m"]);
     for (number_of, rival) in (1..).zip(rivals) {
@@ -313,7 +335,7 @@ fn rivals(rivals: &[RivalPlace]) -> String {
         ]);
     }
     format!(
-        "\n\nOther places fit nearly as well, and the ellipse does not include \
+        "\n\nOther places{whose} fit nearly as well, and the ellipse does not include \
          them:\n{places}\nThe density is that of the posterior, over that at the place above."
     )
 }

@@ -13,6 +13,7 @@ pub(crate) mod fleets;
 #[cfg(feature = "hardware")]
 pub(crate) mod fly;
 pub(crate) mod hunt;
+pub(crate) mod judge;
 pub(crate) mod list;
 pub(crate) mod locate;
 #[cfg(feature = "hardware")]
@@ -29,6 +30,7 @@ mod extraction;
 mod fixes;
 #[cfg(feature = "hardware")]
 mod flight_plan;
+mod locating;
 mod notices;
 mod overrides;
 mod parameter;
@@ -52,6 +54,7 @@ pub(crate) enum Command {
     Replay(replay::Args),
     Calibrate(calibrate::Args),
     Locate(locate::Args),
+    Judge(judge::Args),
     Bearing(bearing::Args),
     Antenna(antenna::Args),
     #[cfg(feature = "hardware")]
@@ -87,6 +90,7 @@ pub(crate) fn run(command: Command, context: Context<'_>) -> Result<(), CliError
         Command::Replay(args) => replay::run(&args, context),
         Command::Calibrate(args) => calibrate::run(&args, context),
         Command::Locate(args) => locate::run(&args, context),
+        Command::Judge(args) => judge::run(&args, context),
         Command::Bearing(args) => bearing::run(&args, context),
         Command::Antenna(args) => antenna::run(&args, context.output),
         #[cfg(feature = "hardware")]

@@ -50,7 +50,7 @@ fn a_misaligned_antenna_is_calibrated_and_corrected() {
     let report = foxhunt(["calibrate", "--json", &flight, "--out", file]).json();
     has(
         &report,
-        &["p0_dbm", "exponent", "covariance", "region_95", "bearings", "station", "skipped"],
+        &["p0_dbm", "exponent", "covariance", "region_95", "bearings", "stations", "skipped"],
     );
     has(&report["region_95"], &["semi_major", "semi_minor", "orientation_deg"]);
     let [low, high] = [0, 1].map(|end| number(&report["exponent_interval_95"][end]));
@@ -171,4 +171,103 @@ fn a_station_has_bearings_without_further_words() {
     let turns = report.json()["turns"].as_array().expect("a list").clone();
     let bearings = turns.iter().filter(|turn| turn["bearing_deg_compass"].is_number());
     assert!(turns.len() == 1078 && bearings.count() > 900);
+}
+
+/// Bursts that two stations receive from a tag that walks around both, for two days; what is
+/// recorded as 0° looks to `off` degrees on the compass, and so on clockwise.
+fn bursts(offs: [f64; 2]) -> String {
+    let mut text = "drone,turn,time_s,lat_deg,lon_deg,boresight_deg_compass,rss_dbm,beacon,\
+                    truth_lat_deg,truth_lon_deg\n"
+        .to_owned();
+    for burst in 0..72_u16 {
+        let around = f64::from(burst) * 2.1;
+        // A degree of latitude is 111.2 km, one of longitude 71.7 km.
+        let tag = (50.0 + 0.018 * around.sin(), 14.0 + 0.028 * around.cos());
+        let time = 1200.0 * f64::from(burst);
+        for (name, lon, off) in [("east", 14.002, offs[0]), ("west", 13.998, offs[1])] {
+            let towards = (71.7 * (tag.1 - lon)).atan2(111.2 * (tag.0 - 50.0)).to_degrees();
+            for recorded in [0.0, 90.0, 180.0, 270.0] {
+                let away = (recorded + off - towards).to_radians().cos();
+                let odd = f64::from((burst * 7 + 3) % 5) - 2.0;
+                let level = -70.0 - 10.0 * (1.0 - away) + 0.3 * odd;
+                let (lat, tag_lon) = tag;
+                writeln!(
+                    text,
+                    "{name},{burst},{time},50,{lon},{recorded},{level:.1},tag,{lat:.6},{tag_lon:.6}"
+                )
+                .expect("a text takes it all");
+            }
+        }
+    }
+    text
+}
+
+#[test]
+fn each_station_has_antennas_of_its_own() {
+    let folder = folder("stations");
+    let file = write(&folder, "bursts.csv", &bursts([30.0, -40.0]));
+    let out = folder.join("calibration.toml");
+    let out = out.to_str().expect("the target folder is UTF-8");
+    let report = foxhunt(["calibrate", "--json", &file, "--out", out]).json();
+    assert_eq!(report["stations"].as_array().map(Vec::len), Some(2), "{report}");
+    // By name, each where it stands; boresights are off by 30° and by −40°.
+    for (number, (name, lon, off)) in
+        [("east", 14.002, 30.0), ("west", 13.998, -40.0)].into_iter().enumerate()
+    {
+        let section = &report["calibration"]["station"][number];
+        assert_eq!(section["name"], name);
+        assert!((self::number(&section["place"]["lon_deg"]) - lon).abs() < 1e-9, "{section}");
+        for antenna in section["antennas"].as_array().expect("a list") {
+            let deg = |field: &str| self::number(&antenna[field]);
+            let error = deg("boresight_deg_compass") - deg("recorded_deg_compass") - off;
+            let error = (error + 180.0).rem_euclid(360.0) - 180.0;
+            assert!(error.abs() < 15.0, "{name}: {antenna}");
+        }
+    }
+    // The bearings of both are then near the truth; of the other's calibration, 70° off.
+    let text = fs::read_to_string(out).expect("it was written");
+    let swap = text.replace("east", "x").replace("west", "east").replace("\"x\"", "\"west\"");
+    let swap = swap.replace("14.002", "@").replace("13.998", "14.002").replace('@', "13.998");
+    let median_error = |calibration: &str| {
+        let turns = foxhunt(["bearing", "--json", &file, "--calibration", calibration]).json();
+        let mut errors: Vec<f64> = turns["turns"]
+            .as_array()
+            .expect("a list")
+            .iter()
+            .filter(|turn| turn["bearing_deg_compass"].is_number())
+            .map(|turn| {
+                let lon = if turn["drone"] == "east" { 14.002 } else { 13.998 };
+                let around = 2.1 * number(&turn["turn"]);
+                let tag = (0.018 * around.sin(), 14.0 + 0.028 * around.cos());
+                let towards = (71.7 * (tag.1 - lon)).atan2(111.2 * tag.0).to_degrees();
+                let error = number(&turn["bearing_deg_compass"]) - towards;
+                ((error + 180.0).rem_euclid(360.0) - 180.0).abs()
+            })
+            .collect();
+        errors.sort_by(f64::total_cmp);
+        assert!(errors.len() > 72, "{}", errors.len());
+        errors[errors.len() / 2]
+    };
+    assert!(median_error(out) < 15.0, "{}", median_error(out));
+    let swapped = write(&folder, "swapped.toml", &swap);
+    assert!(median_error(&swapped) > 40.0, "{}", median_error(&swapped));
+}
+
+#[test]
+fn a_shipped_calibration_is_of_one_place() {
+    let folder = folder("elsewhere");
+    write(&folder, "station.csv", "lat_deg,lon_deg\n50,14\n");
+    let mut text = "time,antenna,rssi_dbm,tag_lat_deg,tag_lon_deg\n".to_owned();
+    for antenna in 1..=4 {
+        writeln!(text, "2026-05-01 10:00:00,{antenna},-{}0,50.01,14", 6 + antenna)
+            .expect("a text takes it all");
+    }
+    let file = write(&folder, "detections.csv", &text);
+    let elsewhere = foxhunt(["bearing", &file, "--positions", "4"]);
+    assert!(elsewhere.stderr.contains("calibration: none"), "{elsewhere:?}");
+    write(&folder, "station.csv", "lat_deg,lon_deg\n41.5208,-71.5993\n");
+    let text = text.replace("50.01,14", "41.53,-71.6");
+    let file = write(&folder, "detections.csv", &text);
+    let there = foxhunt(["bearing", &file, "--positions", "4"]);
+    assert!(there.stderr.contains("as it comes with the program"), "{there:?}");
 }

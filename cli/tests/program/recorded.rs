@@ -204,3 +204,158 @@ fn real_flights_when_they_are_there() {
     let bearing = good["bearing_deg_compass"].as_f64().expect("a number");
     assert!((186.0..=206.0).contains(&bearing), "{bearing}");
 }
+
+#[test]
+fn fixes_are_judged_beside_baselines() {
+    let folder = folder("judge");
+    // Two beacons, one passed at 30 m and one to the side, levels with ±2 dB.
+    let mut text = "beacon,east_m,north_m,up_m,rss_dbm,truth_east_m,truth_north_m\n".to_owned();
+    for (name, x, y) in [("a", 80.0_f64, 30.0_f64), ("b", 150.0, -60.0)] {
+        for i in 0..60 {
+            let east = 10.0 * f64::from(i % 20);
+            let north = 50.0 * f64::from(i / 20) - 50.0;
+            let ripple = 2.0 * (1.7 * f64::from(i)).sin();
+            let range = (east - x).hypot(north - y).hypot(20.0);
+            let rss = -30.0 - 23.0 * range.log10() + ripple;
+            writeln!(text, "{name},{east},{north},20,{rss},{x},{y}").expect("a text takes it all");
+        }
+    }
+    let file = write(&folder, "two.csv", &text);
+    let report = foxhunt(["judge", "--json", &file]).json();
+    let fixes = report["fixes"].as_array().expect("a list");
+    assert_eq!(fixes.len(), 2, "{report}");
+    for fix in fixes {
+        has(fix, &["file", "beacon", "receptions", "answers"]);
+        let names: Vec<_> = fix["answers"].as_array().into_iter().flatten().collect();
+        let names: Vec<_> = names.iter().filter_map(|a| a["estimator"].as_str()).collect();
+        assert_eq!(names, ["shadowing-grid", "strongest", "least-absolute"], "{fix}");
+    }
+    // The same as `locate` of one beacon.
+    let alone = foxhunt(["locate", "--json", "--beacon", "b", &file]).json();
+    let answer = &fixes[1]["answers"][0];
+    assert_eq!(answer["error_m"], alone["error_m"]);
+    assert_eq!(answer["nees"], alone["nees"]);
+    let ours = &report["estimators"][0];
+    assert_eq!((&ours["fixes"], &ours["failed"]), (&2.into(), &0.into()), "{ours}");
+    let mean = 0.5
+        * fixes.iter().map(|fix| fix["answers"][0]["error_m"].as_f64().unwrap_or(1e9)).sum::<f64>();
+    assert!((ours["mean_error_m"].as_f64().expect("two fixes") - mean).abs() < 1e-9, "{ours}");
+    // The robust fit of the true law comes near; the strongest level is on the path.
+    let of = |name: &str| {
+        let all = report["estimators"].as_array().expect("a list");
+        let one = all.iter().find(|of| of["estimator"] == name).expect("it took part");
+        one["median_error_m"].as_f64().expect("it was located")
+    };
+    assert!(of("least-absolute") < 10.0 && of("shadowing-grid") < 25.0, "{report}");
+    assert!(of("strongest") < 40.0, "{report}");
+
+    let table = foxhunt(["judge", &file, "--against", "field-map,batch-multistart"]);
+    assert!(table.code == 0 && table.stdout.contains("batch-multistart"), "{table:?}");
+    assert!(!table.stdout.contains("least-absolute"), "{table:?}");
+    let untrue = write(&folder, "untrue.csv", "east_m,north_m,up_m,rss_dbm\n0,0,9,-50\n");
+    foxhunt(["judge", &untrue]).failed(2, &["untrue.csv", "no truth", "--truth"]);
+    foxhunt(["judge", &file, "--against", "strongst"]).failed(2, &["strongst"]);
+}
+
+#[test]
+fn an_explanation_and_regions_come_with_levels() {
+    let folder = folder("explained");
+    // Along a line there are two places alike: one region on each side.
+    let mut text = "east_m,north_m,up_m,rss_dbm\n".to_owned();
+    for i in 0..80 {
+        let east = 5.0 * f64::from(i);
+        let ripple = 1.0 * (1.7 * f64::from(i)).sin();
+        let rss = -30.0 - 23.0 * (east - 200.0).hypot(80.0).hypot(10.0).log10() + ripple;
+        writeln!(text, "{east},0,10,{rss}").expect("a text takes it all");
+    }
+    let file = write(&folder, "straight.csv", &text);
+    let report = foxhunt(["locate", "--json", &file]).json();
+    has(&report["explanation"], &["exponent", "dipoles", "sigma_db", "correlation_lengths_m"]);
+    let regions = report["regions_95"].as_array().expect("a list");
+    assert!(regions.len() == 2 && report["ellipse_is_poor"] == true, "{report}");
+    let held: f64 = regions.iter().filter_map(|region| region["probability"].as_f64()).sum();
+    assert!((held - 0.95).abs() < 0.02, "{held}");
+    for region in regions {
+        let outline = region["outline"].as_array().expect("a ring");
+        assert!(outline.len() > 4 && outline.first() == outline.last(), "{region}");
+    }
+    let text = foxhunt(["locate", &file]);
+    assert!(text.stdout.contains("best explained by an exponent"), "{text:?}");
+    assert!(text.stdout.contains("poor picture"), "{text:?}");
+}
+/// Bearings of three beacons in UTM metres, each with its own truth; those of one do not meet.
+const THREE: &str = "east_m,north_m,bearing_deg_compass,beacon,truth_east_m,truth_north_m\n\
+                     600000,4000000,45,fox,600050,4000050\n600100,4000000,316,fox,600050,4000050\n\
+                     600050,3999970,359,fox,600050,4000050\n600000,4000000,90,hare,600080,4000000\n\
+                     600080,3999960,1,hare,600080,4000000\n600070,4000060,171,hare,600080,4000000\n\
+                     600000,4000000,90,owl,600080,4000000\n";
+
+#[test]
+fn one_beacon_of_several_is_chosen_by_its_name() {
+    let folder = folder("beacons");
+    let file = write(&folder, "three.csv", THREE);
+    foxhunt(["locate", &file]).failed(2, &["holds fox, hare, owl", "--beacon"]);
+    let slip = ["locate", &file, "--beacon", "har"];
+    foxhunt(slip).failed(2, &["\"har\"", "did you mean \"hare\"?", "fox, hare, owl"]);
+    let args = ["locate", "--json", &file, "--estimator", "lenth1981", "--beacon"];
+    for (beacon, east, north) in [("fox", 600_050.0, 4_000_050.0), ("hare", 600_080.0, 4e6)] {
+        let report = foxhunt(args.iter().copied().chain([beacon])).json();
+        let place = |name: &str| report["estimate"][name].as_f64().expect("a number");
+        // In the metres of the file, and against the truth of this beacon.
+        let miss = (place("east_m") - east).hypot(place("north_m") - north);
+        assert!(miss < 5.0, "{report}");
+        assert!((report["error_m"].as_f64().expect("a number") - miss).abs() < 1e-6, "{report}");
+    }
+}
+
+#[test]
+fn every_beacon_is_located_and_who_is_not_is_named() {
+    let folder = folder("every-beacon");
+    let file = write(&folder, "three.csv", THREE);
+    let args = ["locate", &file, "--estimator", "lenth1981", "--every-beacon"];
+    let run = foxhunt(args);
+    assert_eq!(run.code, 0, "{run:?}");
+    for part in ["fox", "hare", "as in the recordings"] {
+        assert!(run.stdout.contains(part), "{run:?}");
+    }
+    assert!(run.stderr.contains("owl is not located: ") && !run.stdout.contains("owl"), "{run:?}");
+    let reports = foxhunt(args.iter().chain(&["--json"])).json();
+    let names: Vec<_> =
+        reports.as_array().expect("a list").iter().map(|r| r["beacon"].as_str()).collect();
+    assert_eq!(names, [Some("fox"), Some("hare")]);
+    foxhunt(args.iter().chain(&["--beacon", "fox"])).failed(2, &["--beacon"]);
+}
+
+#[test]
+fn an_exponent_alone_leaves_the_power_free() {
+    let folder = folder("exponent");
+    let mut text = "east_m,north_m,rss_db,truth_east_m,truth_north_m\n".to_owned();
+    for i in 0..40 {
+        let (sin, cos) = (0.17 * f64::from(i)).sin_cos();
+        let (east, north) = (80.0 * cos, 60.0 * sin);
+        let level = 12.0 - 30.0 * (east - 20.0).hypot(north - 10.0).log10();
+        writeln!(text, "{east},{north},{level},20,10").expect("a text takes it all");
+    }
+    let file = write(&folder, "levels.csv", &text);
+    let args = ["locate", "--json", "--margin-m", "20", &file];
+    let report = foxhunt(args.iter().chain(&["--exponent", "3"])).json();
+    assert!(report["error_m"].as_f64().expect("a number") < 5.0, "{report}");
+    foxhunt(args.iter().chain(&["--p0-dbm", "12"])).failed(2, &["--p0-dbm needs --exponent"]);
+}
+
+#[test]
+fn a_receiver_that_stands_flew_no_path() {
+    let folder = folder("tower");
+    let rows = |moved: f64| {
+        let row = |i: i32| format!("{},0,{}\n", 600.0 + moved * f64::from(i), -60 - i % 3);
+        format!("east_m,north_m,rss_dbm\n{}", (0..30).map(row).collect::<String>())
+    };
+    for (name, moved, part) in
+        [("still.csv", 0.0, "the receiver did not move"), ("near.csv", 0.1, "too few places")]
+    {
+        let file = write(&folder, name, &rows(moved));
+        let run = foxhunt(["locate", &file]);
+        assert!(run.stderr.contains(part) && !run.stderr.contains("path"), "{run:?}");
+        assert_eq!(run.code, 2);
+    }
+}

@@ -140,7 +140,7 @@ fn in_front(bearings: &[(BearingLine, f64)], fix: Estimate<2>) -> Result<Estimat
     if mean_cosine > 0.0 { Ok(fix) } else { Err(BatchError::Contradiction { mean_cosine }) }
 }
 
-fn checked(bearings: &[(BearingLine, f64)]) -> Result<(), BatchError> {
+pub(super) fn checked(bearings: &[(BearingLine, f64)]) -> Result<(), BatchError> {
     let lines: Vec<BearingLine> = bearings.iter().map(|(line, _)| *line).collect();
     check(lines.iter(), 2)?;
     for (index, (_, sigma)) in bearings.iter().enumerate() {

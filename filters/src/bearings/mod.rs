@@ -1,5 +1,6 @@
 //! Where lines of bearing meet.
 
+mod grid;
 mod lenth1981;
 mod line;
 mod linear;
@@ -7,6 +8,7 @@ mod moments;
 mod repeated_median;
 mod weights;
 
+pub use grid::{BearingGrid, BearingGridFix};
 pub use lenth1981::{BearingFix, Lenth1981};
 pub use line::BearingLine;
 pub use linear::{instrumental_variables, pseudolinear, stansfield};

@@ -62,7 +62,8 @@ impl FieldMap {
     /// place, or have one value.
     pub fn fit(readings: &[(Pose, f64)], config: &FieldMapConfig) -> Result<Self, BatchError> {
         config.check()?;
-        let segments = Segments::along(readings, config.segment_m, config.max_segments as usize);
+        let most = config.max_segments as usize;
+        let segments = Segments::along(readings, config.segment_m, most, 0.5);
         let Segments { receivers, values, .. } = segments.map_err(BatchError::from)?;
         let places: Vec<_> = receivers.iter().map(|r| r.position.xy()).collect();
         let shares =

@@ -1,6 +1,7 @@
 use alloc::{vec, vec::Vec};
 
-use foxhunt_core::parameter::{finite, in_range, not_negative, positive, require};
+use foxhunt_core::parameter::{ParameterError, finite, in_range, not_negative, positive, require};
+use nalgebra::Vector2;
 
 use super::ShadowingGridError;
 
@@ -13,7 +14,7 @@ pub enum Intercept {
     Known(f64),
 }
 
-/// What is known of the slope b: for a received level, the path-loss exponent.
+/// What is known of a coefficient: for a received level, of the path-loss exponent.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Slope {
     /// Its value.
@@ -55,6 +56,23 @@ impl Slope {
         Ok(Self::Nodes((0..=last).map(node).collect()))
     }
 
+    /// Names what is out of range: a value, the number of nodes, or a weight.
+    fn check(&self, [value, number, weight]: [&'static str; 3]) -> Result<(), ParameterError> {
+        match self {
+            Self::Known(known) => {
+                finite(value, *known)?;
+            }
+            Self::Nodes(nodes) => {
+                require(!nodes.is_empty(), number, 0.0, "at least 1")?;
+                for node in nodes {
+                    finite(value, node.0)?;
+                    positive(weight, node.1)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// The nodes with the logarithms of their weights.
     pub(super) fn log_nodes(&self) -> Vec<(f64, f64)> {
         match self {
@@ -64,49 +82,96 @@ impl Slope {
     }
 }
 
+/// What is known of the target's place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlacePrior {
+    /// It lies within the receivers' bounding box and the margin about it, anywhere with equal
+    /// density: the answer depends on the margin.
+    Even,
+    /// The density is even within the receivers' bounding box and falls beyond it as Student's t
+    /// with three degrees of freedom, (1 + d²/s²)^(−5/2) for a distance d from a box with half the
+    /// diagonal s: flights are flown where a target is looked for. The search begins with the
+    /// margin and widens until next to nothing lies on its border.
+    NearReceivers,
+}
+
+impl PlacePrior {
+    /// The log-density of a place, up to a constant.
+    pub(crate) fn log_density(
+        self,
+        low: &Vector2<f64>,
+        high: &Vector2<f64>,
+    ) -> impl Fn(&Vector2<f64>) -> f64 {
+        let scale = 0.5 * (high - low).norm();
+        let (low, high) = (*low, *high);
+        move |place| match self {
+            Self::Even => 0.0,
+            Self::NearReceivers => {
+                let beyond = (low - place).sup(&(place - high)).sup(&Vector2::zeros()).norm();
+                -2.5 * libm::log1p((beyond / scale) * (beyond / scale))
+            }
+        }
+    }
+}
+
 /// How [`ShadowingGrid`](super::ShadowingGrid) models the readings and where it looks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadowingGridConfig {
     /// What is known of the intercept.
     pub intercept: Intercept,
-    /// What is known of the slope.
+    /// What is known of the slope, the coefficient of the first regressor.
     pub slope: Slope,
+    /// What is known of the coefficient of the second regressor: for a received level, how many
+    /// vertical dipoles are on the way.
+    pub gain: Slope,
+    /// What is known of the target's place.
+    pub place: PlacePrior,
     /// The distances, in metres, over which the correlation of two readings falls to 1/e;
     /// equally likely before.
     pub correlation_lengths_m: Vec<f64>,
-    /// The share of the variance that is every reading's own, in [0, 1].
-    pub nugget: f64,
-    /// How far the search goes beyond the receivers' bounding box, in metres.
+    /// The shares of the variance that may be every reading's own, in [0, 1]; equally likely
+    /// before.
+    pub nuggets: Vec<f64>,
+    /// How far the search goes beyond the receivers' bounding box, in metres; farther where the
+    /// prior of the place has more there.
     pub margin_m: f64,
     /// The side of a cell in metres; larger where the area would take more than `max_cells`.
     pub cell_m: f64,
     /// The most cells a grid may have; at least 100.
     pub max_cells: u32,
-    /// The horizontal length of path, in metres, whose readings are made one; 0 keeps every
-    /// reading. Longer where the path would make more than `max_segments`.
+    /// The length of path, in metres, whose readings are made one; 0 keeps every reading. Longer
+    /// where the path would make more than `max_segments`.
     pub segment_m: f64,
+    /// Which quantile of a segment's readings stands for them, in [0, 1].
+    pub quantile: f64,
     /// The most segments, at least 4: time grows with their square, memory too.
     pub max_segments: u32,
 }
 
-/// For a received level over −10 log₁₀ of the distance: flat intercept; slope N(2.3, 0.5²) on
-/// 1, 1.25 … 4, between free space's 2 and the 2.7 to 3.5 of towns (Rappaport 2002, table 4.2);
-/// correlation lengths 15, 25 and 40 m, between the 10 m of street canyons and the 50 m of base
-/// stations above roofs (3GPP TR 38.901, table 7.5-6); nugget 0.2; margin 200 m, cells of 10 m,
-/// at most 40 000; segments of 10 m, at most 300.
+/// For a received level over −10 log₁₀ of the distance and 20 log₁₀ of the elevation's cosine: flat
+/// intercept; slope N(2.3, 0.5²) on 1, 1.25 … 4, between free space's 2 and the 2.7 to 3.5 of towns
+/// (Rappaport 2002, table 4.2); gain N(0.5, 1²) on −1.5, −1 … 2.5, from antennas that look down to
+/// two vertical dipoles; the place near the receivers; correlation lengths 15, 30 … 240 m, from
+/// the 10 m of street canyons (3GPP TR 38.901, table 7.5-6) to the hundreds of suburbs (Gudmundson
+/// 1991) and of an antenna's own lobes; nuggets 0.03, 0.1 and 0.3; margin 200 m, cells of 10 m, at
+/// most 4000; segments of 25 m, at most 150, of which the 0.9 quantile stands: fading takes power
+/// away, and adds next to none.
 impl Default for ShadowingGridConfig {
     fn default() -> Self {
-        let slope = Slope::gaussian(2.3, 0.5, 1.0, 4.0, 0.25);
+        let proper = "the limits are finite and in order";
         Self {
             intercept: Intercept::Flat,
-            slope: slope.expect("the limits are finite and in order"),
-            correlation_lengths_m: vec![15.0, 25.0, 40.0],
-            nugget: 0.2,
+            slope: Slope::gaussian(2.3, 0.5, 1.0, 4.0, 0.25).expect(proper),
+            gain: Slope::gaussian(0.5, 1.0, -1.5, 2.5, 0.5).expect(proper),
+            place: PlacePrior::NearReceivers,
+            correlation_lengths_m: vec![15.0, 30.0, 60.0, 120.0, 240.0],
+            nuggets: vec![0.03, 0.1, 0.3],
             margin_m: 200.0,
             cell_m: 10.0,
-            max_cells: 40_000,
-            segment_m: 10.0,
-            max_segments: 300,
+            max_cells: 4000,
+            segment_m: 25.0,
+            quantile: 0.9,
+            max_segments: 150,
         }
     }
 }
@@ -117,29 +182,46 @@ impl ShadowingGridConfig {
         if let Intercept::Known(value) = self.intercept {
             finite("the intercept", value)?;
         }
-        match &self.slope {
-            Slope::Known(value) => {
-                finite("the slope", *value)?;
-            }
-            Slope::Nodes(nodes) => {
-                require(!nodes.is_empty(), "the number of slopes", 0.0, "at least 1")?;
-                for &(value, weight) in nodes {
-                    finite("the slope", value)?;
-                    positive("the slope's weight", weight)?;
-                }
-            }
-        }
+        self.slope.check(["the slope", "the number of slopes", "the slope's weight"])?;
+        self.gain.check(["the gain", "the number of gains", "the gain's weight"])?;
         let lengths = !self.correlation_lengths_m.is_empty();
         require(lengths, "the number of correlation lengths", 0.0, "at least 1")?;
         for &length_m in &self.correlation_lengths_m {
             positive("correlation_length_m", length_m)?;
         }
-        in_range("nugget", self.nugget, 0.0..=1.0, "in [0, 1]")?;
+        require(!self.nuggets.is_empty(), "the number of nuggets", 0.0, "at least 1")?;
+        for &nugget in &self.nuggets {
+            in_range("nugget", nugget, 0.0..=1.0, "in [0, 1]")?;
+        }
+        in_range("quantile", self.quantile, 0.0..=1.0, "in [0, 1]")?;
         not_negative("margin_m", self.margin_m)?;
         positive("cell_m", self.cell_m)?;
         require(self.max_cells >= 100, "max_cells", self.max_cells.into(), "at least 100")?;
         not_negative("segment_m", self.segment_m)?;
         require(self.max_segments >= 4, "max_segments", self.max_segments.into(), "at least 4")?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn beyond_the_receivers_the_density_is_students() {
+        // Half the diagonal of 60 m by 80 m is 50 m.
+        let (low, high) = (Vector2::new(-10.0, 0.0), Vector2::new(50.0, 80.0));
+        let density = |east, north| {
+            let prior = PlacePrior::NearReceivers.log_density(&low, &high);
+            libm::exp(prior(&Vector2::new(east, north)))
+        };
+        let students = |beyond: f64| libm::pow(1.0 + (beyond / 50.0) * (beyond / 50.0), -2.5);
+        for (east, north, beyond) in
+            [(20.0, 5.0, 0.0), (150.0, 40.0, 100.0), (20.0, -30.0, 30.0), (-40.0, 120.0, 50.0)]
+        {
+            assert!((density(east, north) - students(beyond)).abs() < 1e-12, "{east} {north}");
+        }
+        let even = PlacePrior::Even.log_density(&low, &high);
+        assert!(even(&Vector2::new(1e6, 0.0)).abs() < 1e-300);
     }
 }

@@ -22,7 +22,10 @@ pub enum ShadowingGridError {
         index: usize,
     },
     /// Too little was flown: a, b, σ and a place need four segments.
-    #[error("{segments} segments of {segment_m} m of path, and 4 are needed")]
+    #[error(
+        "the receivers were at too few places, {segments} at least {segment_m} m apart: levels \
+         from 4 are needed"
+    )]
     TooFew {
         /// How many segments the readings made.
         segments: usize,
@@ -30,7 +33,10 @@ pub enum ShadowingGridError {
         segment_m: f64,
     },
     /// All readings were taken above one place; their values hold nothing about another.
-    #[error("all readings were taken at ({east}, {north}) m")]
+    #[error(
+        "the receiver did not move: all levels are from ({east}, {north}) m, and from one place \
+         they hold nothing about another"
+    )]
     OnePlace {
         /// Its East in metres.
         east: f64,

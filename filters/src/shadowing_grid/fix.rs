@@ -15,10 +15,14 @@ pub struct ShadowingFix {
     pub intercept: Marginal,
     /// The slope b, in the readings' unit per unit of the regressor.
     pub slope: Marginal,
+    /// The gain c, in the readings' unit per unit of the second regressor.
+    pub gain: Marginal,
     /// The standard deviation σ of shadowing and noise together, in the readings' unit.
     pub sigma: Marginal,
     /// The correlation lengths in metres, each with its posterior probability.
     pub correlation_lengths_m: Vec<(f64, f64)>,
+    /// The nuggets, each with its posterior probability.
+    pub nuggets: Vec<(f64, f64)>,
     /// The probability of the outermost ring of the searched cells. A large one (such as 0.2; an
     /// even spread over 100 × 100 cells has 0.04) means that the target may be outside of the
     /// searched area, and that `position` is then of little use.
@@ -34,6 +38,14 @@ pub struct ShadowingFix {
     pub refined: Option<PosteriorMap>,
 }
 
+impl ShadowingFix {
+    /// The posterior on the finest cells.
+    #[must_use]
+    pub fn finest(&self) -> &PosteriorMap {
+        self.refined.as_ref().unwrap_or(&self.map)
+    }
+}
+
 /// The cells with a probability, as a planner sees them.
 impl Belief for ShadowingFix {
     fn position(&self) -> Estimate<2> {
@@ -41,7 +53,9 @@ impl Belief for ShadowingFix {
     }
 
     fn visit_positions(&self, visit: &mut dyn FnMut(&Vector2<f64>, f64)) {
-        let map = self.refined.as_ref().unwrap_or(&self.map);
-        map.cells().filter(|&(_, mass)| mass > 0.0).for_each(|(place, mass)| visit(&place, mass));
+        self.finest()
+            .cells()
+            .filter(|&(_, mass)| mass > 0.0)
+            .for_each(|(place, mass)| visit(&place, mass));
     }
 }

@@ -1,4 +1,5 @@
 use alloc::vec::Vec;
+use core::ops::Range;
 
 use foxhunt_core::{Covariance, Estimate};
 use nalgebra::{Matrix2, Vector2};
@@ -116,13 +117,60 @@ impl PosteriorMap {
     /// `cell_m`²/12 to each variance.
     #[must_use]
     pub fn estimate(&self) -> Estimate<2> {
-        let mean = self.cells().fold(Vector2::zeros(), |sum, (place, mass)| sum + place * mass);
-        let covariance = self.cells().fold(Matrix2::zeros(), |sum, (place, mass)| {
-            let deviation = place - mean;
+        self.about(self.cells().fold(Vector2::zeros(), |sum, (place, mass)| sum + place * mass))
+    }
+
+    /// A place with the mean squared deviations from it: the covariance that an estimate other
+    /// than the mean has.
+    #[must_use]
+    pub fn about(&self, place: Vector2<f64>) -> Estimate<2> {
+        let covariance = self.cells().fold(Matrix2::zeros(), |sum, (cell, mass)| {
+            let deviation = cell - place;
             sum + deviation * deviation.transpose() * mass
         });
         let within = self.grid.cell_m * self.grid.cell_m / 12.0;
-        Estimate { mean, covariance: covariance + Covariance::from_diagonal_element(within) }
+        let covariance = covariance + Covariance::from_diagonal_element(within);
+        Estimate { mean: place, covariance }
+    }
+
+    /// The least probability of a cell of the smallest region that holds the target with a
+    /// probability: the region of highest posterior density (Box & Tiao 1973) is the cells that
+    /// have as much or more.
+    #[must_use]
+    pub fn highest_density(&self, probability: f64) -> f64 {
+        let mut mass = self.mass.clone();
+        mass.sort_unstable_by(|a, b| b.total_cmp(a));
+        let mut held = 0.0;
+        let least = mass.iter().find(|&&mass| {
+            held += mass;
+            held >= probability
+        });
+        least.or(mass.last()).copied().unwrap_or(0.0)
+    }
+
+    /// The spatial median, East and North in metres: the place from which the target is least far
+    /// on average (Weiszfeld 1937). A part of the mass that lies far off moves the mean with its
+    /// distance, and the median no more than any other part of its size.
+    #[must_use]
+    pub fn median(&self) -> Vector2<f64> {
+        let mut median = self.estimate().mean;
+        // A cell is a square, not a point: half of it keeps the weights finite.
+        let nearest = 0.5 * self.grid.cell_m;
+        for _ in 0..200 {
+            let (mut sum, mut total) = (Vector2::zeros(), 0.0);
+            for (place, mass) in self.cells() {
+                let weight = mass / (place - median).norm().max(nearest);
+                sum += place * weight;
+                total += weight;
+            }
+            let next = sum / total;
+            let step = (next - median).norm();
+            median = next;
+            if step < 1e-3 * self.grid.cell_m {
+                break;
+            }
+        }
+        median
     }
 
     /// A grid of finer cells over the mass, if the cells are too coarse for it and `max_cells`
@@ -138,6 +186,52 @@ impl PosteriorMap {
         let (low, high) = self.extent_of_mass();
         let finer = Grid::over(low, high, wanted_m, max_cells);
         (finer.cell_m < 0.8 * cell_m).then_some(finer)
+    }
+
+    /// The area of all cells.
+    pub(super) fn area_m2(&self) -> f64 {
+        f64::from(self.grid.columns)
+            * f64::from(self.grid.rows)
+            * self.grid.cell_m
+            * self.grid.cell_m
+    }
+
+    /// The corners of a rectangle without the outer rows and columns that hold little: as long as
+    /// the lightest of the four sides fits into `share`, it is left out.
+    pub(super) fn without(&self, share: f64) -> (Vector2<f64>, Vector2<f64>) {
+        let (mut columns, mut rows) = (0..self.columns(), 0..self.rows());
+        let row = |row: usize, columns: &Range<usize>| -> f64 {
+            columns.clone().map(|column| self.mass[row * self.columns() + column]).sum()
+        };
+        let column = |column: usize, rows: &Range<usize>| -> f64 {
+            rows.clone().map(|row| self.mass[row * self.columns() + column]).sum()
+        };
+        let mut left = share;
+        while columns.len() > 1 && rows.len() > 1 {
+            let sides = [
+                row(rows.start, &columns),
+                row(rows.end - 1, &columns),
+                column(columns.start, &rows),
+                column(columns.end - 1, &rows),
+            ];
+            let lightest = (0..4).min_by(|&a, &b| sides[a].total_cmp(&sides[b])).unwrap_or(0);
+            left -= sides[lightest];
+            if left < 0.0 {
+                break;
+            }
+            match lightest {
+                0 => rows.start += 1,
+                1 => rows.end -= 1,
+                2 => columns.start += 1,
+                _ => columns.end -= 1,
+            }
+        }
+        let corner = self.grid.south_west - Vector2::repeat(0.5 * self.grid.cell_m);
+        #[expect(clippy::cast_precision_loss, reason = "cells are numbered by a u32")]
+        let at = |column: usize, row: usize| {
+            corner + Vector2::new(column as f64, row as f64) * self.grid.cell_m
+        };
+        (at(columns.start, rows.start), at(columns.end, rows.end))
     }
 
     /// The standard deviation along the ellipse's minor axis, without the cells' own.
@@ -171,9 +265,9 @@ impl PosteriorMap {
 /// From three cells per standard deviation on, the cell's own variance is below 1 %.
 const FINE_ENOUGH: f64 = 3.0;
 
-/// e⁻²⁵, the density of a Gaussian at seven standard deviations: a cell below it is left out of
-/// the finer grid. So far down also because a coarse grid may miss the top of a narrow peak.
-const NEGLIGIBLE: f64 = 1.4e-11;
+/// The density of a Gaussian at six standard deviations: a cell below it is left out of the finer
+/// grid. So far down also because a coarse grid may miss the top of a narrow peak.
+const NEGLIGIBLE: f64 = 1.5e-8;
 
 #[cfg(test)]
 mod tests {
@@ -205,6 +299,44 @@ mod tests {
         let twelfth = 1.0 / 12.0;
         let expected = Matrix2::new(0.1875 + twelfth, 0.3125, 0.3125, 0.6875 + twelfth);
         assert!((estimate.covariance - expected).norm() < 1e-12);
+    }
+
+    #[test]
+    fn mass_far_off_moves_the_mean_and_not_the_median() {
+        let grid = Grid::over(Vector2::zeros(), Vector2::new(100.0, 10.0), 1.0, 1000);
+        let mut mass = alloc::vec![0.0; 1000];
+        (mass[505], mass[599]) = (0.9, 0.1);
+        let map = PosteriorMap::new(grid, mass);
+        let mean = map.estimate().mean;
+        assert!((mean - Vector2::new(14.9, 5.5)).norm() < 1e-9, "{mean}");
+        let median = map.median();
+        assert!((median - Vector2::new(5.5, 5.5)).norm() < 0.1, "{median}");
+        // 0.1 · 94² away from the median along East, and a cell's own share.
+        let about = map.about(Vector2::new(5.5, 5.5)).covariance;
+        assert!((about[(0, 0)] - 883.6 - 1.0 / 12.0).abs() < 1e-9, "{about}");
+    }
+
+    #[test]
+    fn light_rows_and_columns_are_left_out() {
+        let grid = Grid::over(Vector2::zeros(), Vector2::new(4.0, 3.0), 1.0, 100);
+        let mass = [[0.001, 0.0, 0.0, 0.0], [0.0, 0.5, 0.4, 0.0], [0.0, 0.01, 0.089, 0.0]];
+        let map = PosteriorMap::new(grid, mass.as_flattened().to_vec());
+        let corners = |share| {
+            let (low, high) = map.without(share);
+            [low.x, low.y, high.x, high.y].map(|side| alloc::format!("{side:.0}")).join(" ")
+        };
+        assert_eq!(corners(0.0), "0 0 3 3");
+        assert_eq!(corners(0.002), "1 1 3 3");
+        assert_eq!(corners(0.11), "1 1 3 2");
+    }
+
+    #[test]
+    fn the_region_of_highest_density_is_the_smallest() {
+        let grid = Grid::over(Vector2::zeros(), Vector2::new(2.0, 2.0), 1.0, 100);
+        let map = PosteriorMap::new(grid, alloc::vec![0.1, 0.4, 0.2, 0.3]);
+        for (probability, least) in [(0.3, 0.4), (0.5, 0.3), (0.7, 0.3), (0.85, 0.2), (1.0, 0.1)] {
+            assert!((map.highest_density(probability) - least).abs() < 1e-15, "{probability}");
+        }
     }
 
     #[test]

@@ -12,7 +12,7 @@ use super::{
     whitener::{LANES, Row},
 };
 
-/// The readings' likelihood of a place, with a and σ integrated out, b and ℓ summed over.
+/// The readings' likelihood of a place, with a and σ integrated out and all else summed over.
 #[derive(Debug)]
 pub(super) struct Likelihood {
     receivers: Vec<Pose>,
@@ -20,10 +20,11 @@ pub(super) struct Likelihood {
     /// of rounding.
     offset: f64,
     intercept_is_flat: bool,
-    /// One per correlation length.
+    /// One per correlation length and nugget, the nuggets of a length side by side.
     regressions: Vec<Regression>,
-    /// The slopes and their log-weights.
+    /// The values of slope and gain with their log-weights.
     slopes: Vec<(f64, f64)>,
+    gains: Vec<(f64, f64)>,
     /// n − 1 degrees of freedom, n if the intercept is known.
     freedom: f64,
     /// E σ / √SSR.
@@ -35,24 +36,42 @@ pub(super) struct Likelihood {
 pub(super) struct Posterior {
     pub(super) map: PosteriorMap,
     pub(super) intercept: Mixture,
-    pub(super) slope: Mixture,
     pub(super) sigma: Mixture,
-    /// The probability of each correlation length.
-    pub(super) lengths: Vec<f64>,
+    pub(super) shares: Shares,
 }
 
-/// What one cell and one correlation length give: the log-mass, not normalised, and means and
-/// variances given the cell.
-#[derive(Clone, Copy, Debug)]
+/// The probability of each slope, gain and correlation.
+#[derive(Clone, Debug)]
+pub(super) struct Shares {
+    pub(super) slopes: Vec<f64>,
+    pub(super) gains: Vec<f64>,
+    pub(super) correlations: Vec<f64>,
+}
+
+impl Shares {
+    fn each(&mut self) -> impl Iterator<Item = &mut f64> {
+        self.slopes.iter_mut().chain(&mut self.gains).chain(&mut self.correlations)
+    }
+
+    /// Adds the shares of a part of all probability.
+    fn add(&mut self, weight: f64, part: &mut Self) {
+        for (sum, share) in self.each().zip(part.each()) {
+            *sum += weight * *share;
+        }
+    }
+}
+
+/// What one cell gives: the log-mass, not normalised, and all else given the cell.
+#[derive(Clone, Debug)]
 struct Conditional {
     log_mass: f64,
-    intercept: (f64, f64),
-    slope: (f64, f64),
-    sigma: (f64, f64),
+    intercept: Mixture,
+    sigma: Mixture,
+    shares: Shares,
 }
 
 impl Likelihood {
-    /// Factors the correlation for each length.
+    /// Factors each correlation.
     pub(super) fn new(
         config: &ShadowingGridConfig,
         segments: Segments,
@@ -67,17 +86,26 @@ impl Likelihood {
         for value in &mut values {
             *value -= offset;
         }
-        let regression = |&length_m: &f64| {
-            Regression::new(&receivers, &values, intercept_is_flat, length_m, config.nugget)
+        let of_length = |&length_m: &f64| config.nuggets.iter().map(move |&g| (length_m, g));
+        let regression = |(length_m, nugget)| {
+            Regression::new(&receivers, &values, intercept_is_flat, length_m, nugget)
                 .ok_or(ShadowingGridError::Correlation { length_m })
         };
-        let regressions =
-            config.correlation_lengths_m.iter().map(regression).collect::<Result<_, _>>()?;
+        let lengths = config.correlation_lengths_m.iter();
+        let regressions = lengths.flat_map(of_length).map(regression).collect::<Result<_, _>>()?;
         let freedom = if intercept_is_flat { n - 1.0 } else { n };
         let ratio = libm::lgamma(0.5 * (freedom - 1.0)) - libm::lgamma(0.5 * freedom);
         let sigma_ratio = libm::exp(ratio) * core::f64::consts::FRAC_1_SQRT_2;
-        let slopes = config.slope.log_nodes();
-        Ok(Self { receivers, offset, intercept_is_flat, regressions, slopes, freedom, sigma_ratio })
+        Ok(Self {
+            receivers,
+            offset,
+            intercept_is_flat,
+            regressions,
+            slopes: config.slope.log_nodes(),
+            gains: config.gain.log_nodes(),
+            freedom,
+            sigma_ratio,
+        })
     }
 
     /// Where the readings came from, after thinning.
@@ -85,108 +113,159 @@ impl Likelihood {
         &self.receivers
     }
 
-    /// The posterior over a grid whose cells are equally likely before.
-    pub(super) fn posterior<F>(
+    /// The posterior over a grid, from the log-density of places before the readings.
+    pub(super) fn posterior(
         &self,
         grid: Grid,
-        regressor: &F,
-    ) -> Result<Posterior, ShadowingGridError>
-    where
-        F: Fn(&Vector2<f64>, &Pose) -> f64,
-    {
-        let cells = self.conditionals(&grid, regressor);
+        regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
+        log_prior: &impl Fn(&Vector2<f64>) -> f64,
+    ) -> Result<Posterior, ShadowingGridError> {
+        let mut cells = self.conditionals(&grid, regressors);
+        for (index, cell) in cells.iter_mut().enumerate() {
+            cell.log_mass += log_prior(&grid.centre(index));
+        }
         let peak = cells.iter().map(|c| c.log_mass).fold(f64::NEG_INFINITY, f64::max);
         if !peak.is_finite() {
             return Err(ShadowingGridError::Posterior { cells: grid.len() });
         }
-        let mut mass = vec![0.0; grid.len()];
-        let mut lengths = vec![0.0; self.regressions.len()];
-        let (mut intercept, mut slope, mut sigma) = <(Mixture, Mixture, Mixture)>::default();
-        for (mass, cells) in mass.iter_mut().zip(cells.chunks(self.regressions.len())) {
-            for (cell, length) in cells.iter().zip(&mut lengths) {
-                let weight = libm::exp(cell.log_mass - peak);
-                *mass += weight;
-                *length += weight;
-                intercept.add(weight, cell.intercept.0, cell.intercept.1);
-                slope.add(weight, cell.slope.0, cell.slope.1);
-                sigma.add(weight, cell.sigma.0, cell.sigma.1);
+        let mut mass: Vec<f64> = cells.iter().map(|c| libm::exp(c.log_mass - peak)).collect();
+        let total: f64 = mass.iter().sum();
+        let mut shares = self.no_shares();
+        let (mut intercept, mut sigma) = <(Mixture, Mixture)>::default();
+        for (mass, cell) in mass.iter_mut().zip(&mut cells) {
+            *mass /= total;
+            if *mass > 0.0 {
+                shares.add(*mass, &mut cell.shares);
+                intercept.add(*mass, cell.intercept.mean(), cell.intercept.variance());
+                sigma.add(*mass, cell.sigma.mean(), cell.sigma.variance());
             }
         }
-        let total: f64 = lengths.iter().sum();
-        for share in mass.iter_mut().chain(&mut lengths) {
-            *share /= total;
-        }
-        Ok(Posterior { map: PosteriorMap::new(grid, mass), intercept, slope, sigma, lengths })
+        Ok(Posterior { map: PosteriorMap::new(grid, mass), intercept, sigma, shares })
     }
 
-    /// Every cell under every correlation length, the lengths of a cell side by side.
-    fn conditionals<F>(&self, grid: &Grid, regressor: &F) -> Vec<Conditional>
-    where
-        F: Fn(&Vector2<f64>, &Pose) -> f64,
-    {
-        let mut conditionals = Vec::with_capacity(grid.len() * self.regressions.len());
+    fn no_shares(&self) -> Shares {
+        Shares {
+            slopes: vec![0.0; self.slopes.len()],
+            gains: vec![0.0; self.gains.len()],
+            correlations: vec![0.0; self.regressions.len()],
+        }
+    }
+
+    /// Every cell, given that the target is there.
+    fn conditionals(
+        &self,
+        grid: &Grid,
+        regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
+    ) -> Vec<Conditional> {
+        let mut conditionals = Vec::with_capacity(grid.len());
+        let has_gain = self.gains.iter().any(|&(gain, _)| gain != 0.0);
         let mut x: Vec<Row> = vec![[0.0; LANES]; self.receivers.len()];
-        let mut white = x.clone();
+        let mut g = if has_gain { x.clone() } else { Vec::new() };
+        let (mut white_x, mut white_g) = (x.clone(), g.clone());
+        let mut log_masses = Vec::new();
         for begin in (0..grid.len()).step_by(LANES) {
             // Past the last cell the lanes repeat it; their results are not read.
             let lanes = LANES.min(grid.len() - begin);
             let places: [_; LANES] =
                 core::array::from_fn(|k| grid.centre(begin + k.min(lanes - 1)));
-            for (row, receiver) in x.iter_mut().zip(&self.receivers) {
-                *row = core::array::from_fn(|k| regressor(&places[k], receiver));
+            for (i, receiver) in self.receivers.iter().enumerate() {
+                let both: [_; LANES] = core::array::from_fn(|k| regressors(&places[k], receiver));
+                x[i] = both.map(|[slope, _]| slope);
+                if let Some(row) = g.get_mut(i) {
+                    *row = both.map(|[_, gain]| gain);
+                }
             }
-            // A constant in x is the intercept's: taking it out first saves digits.
-            let mut origin = [0.0; LANES];
-            if let Some(first) = x.first().filter(|_| self.intercept_is_flat) {
-                origin = *first;
-            }
-            for row in &mut x {
-                *row = core::array::from_fn(|k| row[k] - origin[k]);
-            }
+            let origins = [self.without_origin(&mut x), self.without_origin(&mut g)];
             let blocks: Vec<[Products; LANES]> = (self.regressions.iter())
                 .map(|regression| {
-                    white.copy_from_slice(&x);
-                    regression.products(&mut white)
+                    white_x.copy_from_slice(&x);
+                    white_g.copy_from_slice(&g);
+                    regression.products(&mut white_x, &mut white_g)
                 })
                 .collect();
             for k in 0..lanes {
-                let lengths = self.regressions.iter().zip(&blocks);
-                conditionals
-                    .extend(lengths.map(|(r, block)| self.conditional(r, &block[k], origin[k])));
+                let products = blocks.iter().map(|block| &block[k]);
+                let origin = origins.map(|row| row[k]);
+                conditionals.push(self.conditional(products, origin, &mut log_masses));
             }
         }
         conditionals
     }
 
-    /// ln p(values | cell, ℓ) up to a constant: Σ_b w_b |C|^−½ (u·u)^−½ SSR(b)^(−ν/2)
-    /// (Handcock & Stein 1993), and the moments of a, b, σ that go with it.
-    fn conditional(&self, regression: &Regression, x: &Products, origin: f64) -> Conditional {
-        let log_mass = |&(b, log_weight): &(f64, f64)| {
-            let residual_square = regression.residual_square(x, b);
-            let log_mass = log_weight - 0.5 * self.freedom * libm::log(residual_square);
-            (b, residual_square, if log_mass.is_nan() { f64::NEG_INFINITY } else { log_mass })
+    /// Takes the first row from all: a constant in a regressor is the intercept's, and taking it
+    /// out first saves digits.
+    fn without_origin(&self, rows: &mut [Row]) -> Row {
+        let origin = rows.first().copied().filter(|_| self.intercept_is_flat);
+        let origin = origin.unwrap_or([0.0; LANES]);
+        for row in rows {
+            *row = core::array::from_fn(|k| row[k] - origin[k]);
+        }
+        origin
+    }
+
+    /// ln p(values | cell) up to a constant: Σ w_b w_c |C|^−½ (u·u)^−½ SSR(b, c)^(−ν/2) over the
+    /// slopes, the gains and the correlations (Handcock & Stein 1993), and what goes with it.
+    fn conditional<'a>(
+        &self,
+        products: impl Iterator<Item = &'a Products> + Clone,
+        origin: [f64; 2],
+        log_masses: &mut Vec<(f64, f64)>,
+    ) -> Conditional {
+        let correlations = || self.regressions.iter().zip(products.clone());
+        log_masses.clear();
+        let mut peak = f64::NEG_INFINITY;
+        for (regression, products) in correlations() {
+            for &(b, b_weight) in &self.slopes {
+                for &(c, c_weight) in &self.gains {
+                    let square = regression.residual_square(products, b, c);
+                    let log_mass = regression.log_scale() + b_weight + c_weight
+                        - 0.5 * self.freedom * libm::log(square);
+                    let log_mass = if log_mass.is_nan() { f64::NEG_INFINITY } else { log_mass };
+                    peak = peak.max(log_mass);
+                    log_masses.push((log_mass, square));
+                }
+            }
+        }
+        let mut given = Conditional {
+            log_mass: f64::NEG_INFINITY,
+            intercept: Mixture::default(),
+            sigma: Mixture::default(),
+            shares: self.no_shares(),
         };
-        let peak = self.slopes.iter().map(log_mass).fold(f64::NEG_INFINITY, |m, n| m.max(n.2));
-        let (mut intercept, mut slope, mut sigma) = <(Mixture, Mixture, Mixture)>::default();
-        let mut total = 0.0;
-        for (b, residual_square, log_mass) in self.slopes.iter().map(log_mass) {
-            let weight = if peak.is_finite() { libm::exp(log_mass - peak) } else { 0.0 };
-            total += weight;
-            slope.add(weight, b, 0.0);
-            // σ² is inverse gamma, of shape ν/2 and scale SSR/2; a is Student's t about â.
-            let square = residual_square / (self.freedom - 2.0);
-            let mean = self.sigma_ratio * libm::sqrt(residual_square);
-            sigma.add(weight, mean, square - mean * mean);
-            let variance =
-                if self.intercept_is_flat { square / regression.ones_square() } else { 0.0 };
-            let best = self.offset + regression.intercept(x, b) - b * origin;
-            intercept.add(weight, best, variance);
+        if !peak.is_finite() {
+            return given;
         }
-        Conditional {
-            log_mass: regression.log_scale() + peak + libm::log(total),
-            intercept: (intercept.mean(), intercept.variance()),
-            slope: (slope.mean(), slope.variance()),
-            sigma: (sigma.mean(), sigma.variance()),
+        let (mut total, mut log_masses) = (0.0, log_masses.iter());
+        let Shares { slopes, gains, correlations: shares } = &mut given.shares;
+        for ((regression, products), correlation) in correlations().zip(shares) {
+            let per_one = 1.0 / regression.ones_square();
+            for (&(b, _), slope) in self.slopes.iter().zip(&mut *slopes) {
+                for (&(c, _), gain) in self.gains.iter().zip(&mut *gains) {
+                    let Some(&(log_mass, square)) = log_masses.next() else { break };
+                    let weight = libm::exp(log_mass - peak);
+                    // Less than 10⁻¹⁶ of the whole even if all others were as small.
+                    if weight < 1e-20 {
+                        continue;
+                    }
+                    total += weight;
+                    *correlation += weight;
+                    *slope += weight;
+                    *gain += weight;
+                    // σ² is inverse gamma, of shape ν/2 and scale SSR/2; a is Student's t about â.
+                    let variance = square / (self.freedom - 2.0);
+                    let mean = self.sigma_ratio * libm::sqrt(square);
+                    given.sigma.add(weight, mean, variance - mean * mean);
+                    let of_intercept =
+                        if self.intercept_is_flat { variance * per_one } else { 0.0 };
+                    let best = self.offset + regression.intercept(products, b, c)
+                        - b * origin[0]
+                        - c * origin[1];
+                    given.intercept.add(weight, best, of_intercept);
+                }
+            }
         }
+        given.log_mass = peak + libm::log(total);
+        given.shares.each().for_each(|share| *share /= total);
+        given
     }
 }

@@ -2,30 +2,33 @@ use foxhunt_core::Pose;
 use nalgebra::Vector2;
 
 use super::{
-    ShadowingFix, ShadowingGridConfig, ShadowingGridError, grid::Grid, likelihood::Likelihood,
-    path::Segments,
+    ShadowingFix, ShadowingGridConfig, ShadowingGridError, Slope, likelihood::Likelihood,
+    marginal::Mixture, path::Segments, search::Search,
 };
 
 /// A batch estimator for one still target and many readings of an omnidirectional receiver.
 ///
 /// The model of the readings, after thinning along the path, is
-/// `value_i = a + b · regressor(cell, receiver_i) + e_i`, e ~ N(0, σ² C),
-/// `C_ij = (1 − nugget) exp(−D_ij/ℓ) + nugget δ_ij` with D the horizontal distance of the
-/// receivers (Gudmundson 1991, "Correlation model for shadow fading in mobile radio systems").
-/// a has a flat prior or is known, b is known or has a prior on nodes, σ has the prior 1/σ, ℓ is
-/// one of a few lengths. With a and σ integrated out (Handcock & Stein 1993, "A Bayesian
-/// analysis of kriging") the likelihood of a cell, a slope and a length is
+/// `value_i = a + b · x(cell, receiver_i) + c · g(cell, receiver_i) + e_i`, e ~ N(0, σ² C),
+/// `C_ij = (1 − nugget) exp(−D_ij/ℓ) + nugget δ_ij` with D the distance of the receivers
+/// (Gudmundson 1991, "Correlation model for shadow fading in mobile radio systems"). a has a flat
+/// prior or is known, b and c are known or have a prior on nodes, σ has the prior 1/σ, ℓ and the
+/// nugget are each one of a few. With a and σ integrated out (Handcock & Stein 1993, "A Bayesian
+/// analysis of kriging") the likelihood of a cell, a slope, a gain and a correlation is
 /// |C|^−½ (u·u)^−½ SSR^(−(n−1)/2), where C = L Lᵀ, u = L⁻¹ 1 and SSR is the square of
-/// L⁻¹ (values − b x) less its part along u; with a known it is |C|^−½ SSR^(−n/2).
+/// L⁻¹ (values − b x − c g) less its part along u; with a known it is |C|^−½ SSR^(−n/2).
 ///
-/// For a received level in dB the regressor is −10 log₁₀ of the distance, a the level at 1 m and
-/// b the path-loss exponent.
+/// For a received level in dB x is −10 log₁₀ of the distance, a the level at 1 m and b the
+/// path-loss exponent; g is 20 log₁₀ of the elevation's cosine, the gain of a vertical dipole
+/// over the angle, and c the number of such antennas.
 ///
 /// ```
 /// use foxhunt_core::{Pose, nalgebra::Vector2};
 /// use foxhunt_filters::ShadowingGrid;
 /// let level = |cell: &Vector2<f64>, receiver: &Pose| {
-///     -10.0 * (receiver.position - cell.push(1.0)).norm().log10()
+///     let way = receiver.position - cell.push(1.0);
+///     let cosine = (way.xy().norm() / way.norm()).max(0.1);
+///     [-10.0 * way.norm().log10(), 20.0 * cosine.log10()]
 /// };
 /// // Two legs of a flight at 30 m; the transmitter is at (120, 60).
 /// let legs = [(0.0, 0.0), (1.0, 100.0)];
@@ -36,7 +39,7 @@ use super::{
 ///     .enumerate()
 ///     .map(|(i, pose)| {
 ///         let fading_db = 2.0 * (i as f64).sin();
-///         (pose, -40.0 + 2.5 * level(&Vector2::new(120.0, 60.0), &pose) + fading_db)
+///         (pose, -40.0 + 2.5 * level(&Vector2::new(120.0, 60.0), &pose)[0] + fading_db)
 ///     })
 ///     .collect();
 /// let fix = ShadowingGrid::default().locate(&readings, level)?;
@@ -68,10 +71,11 @@ impl ShadowingGrid {
 
     /// Locates the target of `readings`, given in the order in which they were taken.
     ///
-    /// `regressor` is x for a target at the given East and North and a receiver; a place for
-    /// which it is not finite is held impossible. Where the posterior is narrow for the cells,
-    /// up to six finer grids around the mass follow, each of a quarter of
-    /// `max_cells` at most.
+    /// `regressors` are x and g for a target at the given East and North and a receiver; a place
+    /// for which they are not finite is held impossible. Where the prior of the place reaches
+    /// beyond the area and there is mass on its border, up to six wider grids follow; where the
+    /// posterior is narrow for the cells, up to six finer ones around the mass, each of a quarter
+    /// of `max_cells` at most.
     ///
     /// # Errors
     ///
@@ -81,35 +85,52 @@ impl ShadowingGrid {
     pub fn locate<F>(
         &self,
         readings: &[(Pose, f64)],
-        regressor: F,
+        regressors: F,
     ) -> Result<ShadowingFix, ShadowingGridError>
     where
-        F: Fn(&Vector2<f64>, &Pose) -> f64,
+        F: Fn(&Vector2<f64>, &Pose) -> [f64; 2],
     {
         let config = &self.config;
-        let segments = Segments::along(readings, config.segment_m, config.max_segments as usize)?;
+        let most = config.max_segments as usize;
+        let segments = Segments::along(readings, config.segment_m, most, config.quantile)?;
         let segment_m = segments.segment_m;
         let likelihood = Likelihood::new(config, segments)?;
 
         let (low, high) = bounds(likelihood.receivers());
-        let margin = Vector2::repeat(config.margin_m);
-        let grid = Grid::over(low - margin, high + margin, config.cell_m, config.max_cells);
-        let searched = likelihood.posterior(grid, &regressor)?;
-        let mut refined = None;
-        for _ in 0..REFINEMENTS {
-            let last = refined.as_ref().unwrap_or(&searched);
-            let Some(finer) = last.map.finer(config.max_cells / 4) else { break };
-            refined = Some(likelihood.posterior(finer, &regressor)?);
-        }
+        let log_prior = config.place.log_density(&low, &high);
+        let search = Search {
+            low,
+            high,
+            place: config.place,
+            margin_m: config.margin_m,
+            cell_m: config.cell_m,
+            max_cells: config.max_cells,
+        };
+        let posterior = |grid| likelihood.posterior(grid, &regressors, &log_prior);
+        let (searched, refined) = search.run(posterior, |posterior| &posterior.map)?;
 
         let best = refined.as_ref().unwrap_or(&searched);
-        let lengths = config.correlation_lengths_m.iter().copied();
+        let marginal = |nodes: &Slope, shares: &[f64]| {
+            let nodes = nodes.log_nodes();
+            Mixture::of(nodes.iter().map(|node| node.0).zip(shares.iter().copied())).marginal()
+        };
+        let nuggets = config.nuggets.len();
+        let of_correlations = |belongs: &dyn Fn(usize) -> bool| -> f64 {
+            let shares = best.shares.correlations.iter().enumerate();
+            shares.filter(|(i, _)| belongs(*i)).map(|(_, share)| share).sum()
+        };
+        let of_length = |(i, &length_m)| (length_m, of_correlations(&|k| k / nuggets == i));
+        let of_nugget = |(i, &nugget)| (nugget, of_correlations(&|k| k % nuggets == i));
         Ok(ShadowingFix {
             position: best.map.estimate(),
             intercept: best.intercept.marginal(),
-            slope: best.slope.marginal(),
+            slope: marginal(&config.slope, &best.shares.slopes),
+            gain: marginal(&config.gain, &best.shares.gains),
             sigma: best.sigma.marginal(),
-            correlation_lengths_m: lengths.zip(best.lengths.iter().copied()).collect(),
+            correlation_lengths_m: (config.correlation_lengths_m.iter().enumerate())
+                .map(of_length)
+                .collect(),
+            nuggets: config.nuggets.iter().enumerate().map(of_nugget).collect(),
             border_mass: searched.map.border_mass(),
             segments: likelihood.receivers().len(),
             segment_m,
@@ -119,11 +140,8 @@ impl ShadowingGrid {
     }
 }
 
-/// Each refinement makes cells up to four times smaller: six reach 4096.
-const REFINEMENTS: u8 = 6;
-
 /// The corners of the receivers' bounding box.
-fn bounds(receivers: &[Pose]) -> (Vector2<f64>, Vector2<f64>) {
+pub(crate) fn bounds(receivers: &[Pose]) -> (Vector2<f64>, Vector2<f64>) {
     let places = receivers.iter().map(|receiver| receiver.position.xy());
     let nowhere = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
     places.fold(nowhere, |(low, high), place| (low.inf(&place), high.sup(&place)))

@@ -1,5 +1,6 @@
 /// The posterior mean and standard deviation of one number.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Marginal {
     /// The mean.
     pub mean: f64,
@@ -37,6 +38,13 @@ impl Mixture {
     /// The variance: that of the components and that between them.
     pub(super) fn variance(&self) -> f64 {
         if self.weight > 0.0 { self.spread / self.weight } else { 0.0 }
+    }
+
+    /// The numbers with their probabilities.
+    pub(super) fn of(numbers: impl Iterator<Item = (f64, f64)>) -> Self {
+        let mut mixture = Self::default();
+        numbers.for_each(|(number, probability)| mixture.add(probability, number, 0.0));
+        mixture
     }
 
     /// Mean and standard deviation.

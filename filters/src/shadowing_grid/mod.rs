@@ -1,9 +1,10 @@
 //! Where a transmitter of unknown power is, from many spatially correlated readings at once.
 //!
-//! The readings, thinned along the path, are `value_i = a + b x_i(cell) + e_i` with
+//! The readings, thinned along the path, are `value_i = a + b x_i(cell) + c g_i(cell) + e_i` with
 //! e ~ N(0, σ² C): neighbours fade together (Gudmundson 1991). On every cell of a grid a and σ
-//! are integrated out in closed form (Handcock & Stein 1993), b and the correlation length by
-//! sums; what remains is the posterior of the target's place.
+//! are integrated out in closed form (Handcock & Stein 1993), b, c and the correlation by sums;
+//! what remains is the posterior of the target's place, an average over all these explanations
+//! by their evidence.
 
 mod config;
 mod error;
@@ -14,15 +15,19 @@ mod locate;
 mod marginal;
 mod path;
 mod regression;
+mod search;
 mod whitener;
 
-pub use config::{Intercept, ShadowingGridConfig, Slope};
+pub use config::{Intercept, PlacePrior, ShadowingGridConfig, Slope};
 pub use error::ShadowingGridError;
 pub use fix::ShadowingFix;
 pub use grid::PosteriorMap;
 pub use locate::ShadowingGrid;
+#[cfg(feature = "batch")]
+pub(crate) use locate::bounds;
 pub use marginal::Marginal;
 
-#[cfg(feature = "batch")]
 #[cfg(feature = "field-map")]
-pub(crate) use {grid::Grid, path::Segments};
+pub(crate) use path::Segments;
+#[cfg(feature = "batch")]
+pub(crate) use {grid::Grid, search::Search};

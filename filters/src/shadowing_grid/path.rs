@@ -9,21 +9,22 @@ use super::ShadowingGridError;
 pub(crate) struct Segments {
     /// The mean pose of each segment.
     pub(crate) receivers: Vec<Pose>,
-    /// The median value of each segment.
+    /// The value of each segment, a quantile of its readings.
     pub(crate) values: Vec<f64>,
     /// The length of a segment in metres, after it was made long enough for the cap.
     pub(crate) segment_m: f64,
 }
 
 impl Segments {
-    /// Cuts the path at every `segment_m` metres flown horizontally, counted from its start.
+    /// Cuts the path at every `segment_m` metres flown, counted from its start.
     ///
     /// A jump, or a slow receiver, moves on by as many segments as it flew; one that hovers
-    /// stays in its own. A segment's value is its median, which one bad reading does not move.
+    /// stays in its own. A segment's value is a quantile: one bad reading does not move its median.
     pub(crate) fn along(
         readings: &[(Pose, f64)],
         segment_m: f64,
         max_segments: usize,
+        quantile: f64,
     ) -> Result<Self, ShadowingGridError> {
         for (index, (receiver, value)) in readings.iter().enumerate() {
             if !value.is_finite() {
@@ -34,10 +35,10 @@ impl Segments {
             }
         }
         let flown_m = distances_flown(readings);
-        if let (Some((fourth, _)), Some(&total_m)) = (readings.get(3), flown_m.last())
-            && total_m <= 0.0
+        if let [(first, _), _, _, _, ..] = readings
+            && readings.iter().all(|(pose, _)| pose.position.xy() == first.position.xy())
         {
-            let (east, north) = (fourth.position.x, fourth.position.y);
+            let (east, north) = (first.position.x, first.position.y);
             return Err(ShadowingGridError::OnePlace { east, north });
         }
         let mut segment_m = segment_m;
@@ -57,7 +58,7 @@ impl Segments {
         for group in groups {
             let readings = readings.get(group).unwrap_or_default();
             thinned.receivers.push(mean_pose(readings));
-            thinned.values.push(median(readings));
+            thinned.values.push(quantile_of(readings, quantile));
         }
         let segments = thinned.receivers.len();
         if segments < 4 {
@@ -67,12 +68,12 @@ impl Segments {
     }
 }
 
-/// The horizontal distance flown until each reading.
+/// The distance flown until each reading.
 fn distances_flown(readings: &[(Pose, f64)]) -> Vec<f64> {
-    let (mut flown_m, mut last) = (0.0, readings.first().map(|(pose, _)| pose.position.xy()));
+    let (mut flown_m, mut last) = (0.0, readings.first().map(|(pose, _)| pose.position));
     let mut distances = Vec::with_capacity(readings.len());
     for (pose, _) in readings {
-        let here = pose.position.xy();
+        let here = pose.position;
         flown_m += last.map_or(0.0, |last| (here - last).norm());
         distances.push(flown_m);
         last = Some(here);
@@ -108,15 +109,21 @@ fn mean_pose(readings: &[(Pose, f64)]) -> Pose {
     Pose::level(sum / count, headings.direction(1e-9).unwrap_or(first))
 }
 
-/// The middle value, or the mean of the middle two.
-fn median(readings: &[(Pose, f64)]) -> f64 {
+/// A quantile of the values, between two of them by a straight line (Hyndman & Fan 1996, type 7).
+fn quantile_of(readings: &[(Pose, f64)], quantile: f64) -> f64 {
     let mut values: Vec<f64> = readings.iter().map(|&(_, value)| value).collect();
     values.sort_unstable_by(f64::total_cmp);
-    let half = values.len() / 2;
-    match values.get(half.saturating_sub(1)..=half) {
-        Some(&[below, above]) if values.len().is_multiple_of(2) => 0.5 * (below + above),
-        _ => values.get(half).copied().unwrap_or(f64::NAN),
-    }
+    #[expect(clippy::cast_precision_loss, reason = "readings do not come by the quadrillion")]
+    let at = quantile * values.len().saturating_sub(1) as f64;
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "within the values, as the quantile is in [0, 1]"
+    )]
+    let below = at as usize;
+    let value = |index: usize| values.get(index).copied();
+    let low = value(below).unwrap_or(f64::NAN);
+    value(below + 1).map_or(low, |high| low + (at - libm::floor(at)) * (high - low))
 }
 
 #[cfg(test)]
@@ -140,7 +147,7 @@ mod tests {
             (55.0, 8.0), // a jump over two segments
             (53.0, 9.0), // flying back counts as flown: still 57 of 60 m
         ]);
-        let segments = Segments::along(&readings, 10.0, 300).expect("proper");
+        let segments = Segments::along(&readings, 10.0, 300, 0.5).expect("proper");
         let east: Vec<f64> = segments.receivers.iter().map(|r| r.position.x).collect();
         let expected = [4.0, 13.0, 20.0, 54.0];
         assert_eq!(east.len(), expected.len());
@@ -151,9 +158,26 @@ mod tests {
     }
 
     #[test]
+    fn a_high_quantile_passes_over_fades() {
+        let readings =
+            path(&[(0.0, -60.0), (1.0, -50.0), (2.0, -90.0), (3.0, -52.0), (4.0, -85.0)]);
+        let quantile = |q| quantile_of(&readings, q);
+        assert!((quantile(0.9) - -50.8).abs() < 1e-12 && (quantile(1.0) - -50.0).abs() < 1e-12);
+        assert!((quantile(0.5) - -60.0).abs() < 1e-12 && (quantile(0.0) - -90.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn climbing_is_flying() {
+        let climb = |up| (Pose::at(if up > 40 { 1.0 } else { 0.0 }, 0.0, f64::from(up)), 0.0);
+        let readings: Vec<_> = (0..50).map(climb).collect();
+        let segments = Segments::along(&readings, 10.0, 300, 0.5).expect("proper");
+        assert_eq!(segments.values.len(), 5);
+    }
+
+    #[test]
     fn a_length_of_zero_keeps_every_reading() {
         let readings = path(&[(0.0, 1.0), (0.0, 2.0), (1.0, 3.0), (1.0, 4.0), (1.0, 5.0)]);
-        let segments = Segments::along(&readings, 0.0, 300).expect("proper");
+        let segments = Segments::along(&readings, 0.0, 300, 0.5).expect("proper");
         assert_eq!(segments.values, [1.0, 2.0, 3.0, 4.0, 5.0]);
     }
 
@@ -161,7 +185,7 @@ mod tests {
     fn the_cap_makes_segments_longer() {
         let readings: Vec<_> = (0..1000).map(|i| (f64::from(i), f64::from(i))).collect();
         for wanted in [0.0, 1.0, 3.0] {
-            let segments = Segments::along(&path(&readings), wanted, 40).expect("proper");
+            let segments = Segments::along(&path(&readings), wanted, 40, 0.5).expect("proper");
             assert!((36..=40).contains(&segments.values.len()), "{}", segments.values.len());
             assert!(segments.segment_m > 24.9 && segments.segment_m < 28.0);
         }

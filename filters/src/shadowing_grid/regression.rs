@@ -4,8 +4,8 @@ use foxhunt_core::Pose;
 
 use super::whitener::{LANES, Row, Whitener};
 
-/// The readings, whitened under one correlation length, and cleared of their mean where the
-/// intercept is unknown.
+/// The readings, whitened under one correlation length and nugget, and cleared of their mean where
+/// the intercept is unknown.
 #[derive(Clone, Debug)]
 pub(super) struct Regression {
     whitener: Whitener,
@@ -19,19 +19,22 @@ pub(super) struct Regression {
     value_square: f64,
     /// The intercept of the values alone, u·L⁻¹p / u·u.
     mean: f64,
-    /// −½ ln |C| − ½ ln u·u, what the likelihood owes to the correlation length.
+    /// −½ ln |C| − ½ ln u·u, what the likelihood owes to the correlation.
     log_scale: f64,
 }
 
-/// The products of one cell's whitened regressor x: with them every slope costs O(1).
+/// The products of one cell's whitened regressors, x of the slope and g of the gain: with them
+/// every pair of coefficients costs O(1).
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Products {
-    /// x·x, less its part along u.
-    square: f64,
-    /// x·r.
-    value: f64,
-    /// x·u / u·u, what a unit of slope takes from the intercept.
-    ones: f64,
+    /// x·x and g·g, less their parts along u.
+    squares: [f64; 2],
+    /// x·g, less its part along u.
+    cross: f64,
+    /// x·r and g·r.
+    values: [f64; 2],
+    /// x·u / u·u and g·u / u·u, what a unit of a coefficient takes from the intercept.
+    ones: [f64; 2],
 }
 
 impl Regression {
@@ -59,35 +62,49 @@ impl Regression {
         Some(Self { whitener, values, ones, ones_square, value_square, mean, log_scale })
     }
 
-    /// The products of [`LANES`] regressors, one per column of `x`, which is overwritten.
-    pub(super) fn products(&self, x: &mut [Row]) -> [Products; LANES] {
+    /// The products of [`LANES`] pairs of regressors, one per column of `x` and `g`, which are
+    /// overwritten; `g` is empty where the gain is known to be 0.
+    pub(super) fn products(&self, x: &mut [Row], g: &mut [Row]) -> [Products; LANES] {
         self.whitener.whiten(x);
-        let (mut square, mut value, mut ones) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        self.whitener.whiten(g);
+        let [mut xx, mut xr, mut xu] = [[0.0; LANES]; 3];
         for ((row, r), u) in x.iter().zip(&self.values).zip(&self.ones) {
             for (k, x) in row.iter().enumerate() {
-                square[k] += x * x;
-                value[k] += x * r;
-                ones[k] += x * u;
+                xx[k] += x * x;
+                xr[k] += x * r;
+                xu[k] += x * u;
             }
         }
+        let [mut gg, mut gx, mut gr, mut gu] = [[0.0; LANES]; 4];
+        for (((row, x), r), u) in g.iter().zip(&*x).zip(&self.values).zip(&self.ones) {
+            for (k, g) in row.iter().enumerate() {
+                gg[k] += g * g;
+                gx[k] += g * x[k];
+                gr[k] += g * r;
+                gu[k] += g * u;
+            }
+        }
+        let per_one = 1.0 / self.ones_square;
         core::array::from_fn(|k| Products {
-            square: square[k] - ones[k] * ones[k] / self.ones_square,
-            value: value[k],
-            ones: ones[k] / self.ones_square,
+            squares: [xx[k] - xu[k] * xu[k] * per_one, gg[k] - gu[k] * gu[k] * per_one],
+            cross: gx[k] - gu[k] * xu[k] * per_one,
+            values: [xr[k], gr[k]],
+            ones: [xu[k] * per_one, gu[k] * per_one],
         })
     }
 
-    /// The squared residuals that remain with the slope `b` and the best intercept,
-    /// SSR = r·r − 2 b x·r + b² x·x; not below what rounding makes of 0.
-    pub(super) fn residual_square(&self, x: &Products, b: f64) -> f64 {
-        let explained = b * b * x.square;
+    /// The squared residuals that remain with the slope `b`, the gain `c` and the best intercept,
+    /// SSR = |r − b x − c g|²; not below what rounding makes of 0.
+    pub(super) fn residual_square(&self, products: &Products, b: f64, c: f64) -> f64 {
+        let Products { squares, cross, values, .. } = products;
+        let explained = b * b * squares[0] + 2.0 * b * c * cross + c * c * squares[1];
         let floor = 1e-14 * (self.value_square + explained) + f64::MIN_POSITIVE;
-        (self.value_square - 2.0 * b * x.value + explained).max(floor)
+        (self.value_square - 2.0 * (b * values[0] + c * values[1]) + explained).max(floor)
     }
 
-    /// The best intercept with the slope `b`, â = u·(r − b x) / u·u.
-    pub(super) fn intercept(&self, x: &Products, b: f64) -> f64 {
-        self.mean - b * x.ones
+    /// The best intercept with the slope `b` and the gain `c`, â = u·(r − b x − c g) / u·u.
+    pub(super) fn intercept(&self, products: &Products, b: f64, c: f64) -> f64 {
+        self.mean - b * products.ones[0] - c * products.ones[1]
     }
 
     /// u·u: the intercept's variance is σ² over this.
@@ -95,7 +112,7 @@ impl Regression {
         self.ones_square
     }
 
-    /// The part of the log-likelihood that no cell and no slope changes.
+    /// The part of the log-likelihood that no cell and no coefficient changes.
     pub(super) fn log_scale(&self) -> f64 {
         self.log_scale
     }

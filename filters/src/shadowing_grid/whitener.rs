@@ -20,7 +20,7 @@ pub(super) struct Whitener {
 }
 
 impl Whitener {
-    /// Factors `C_ij = (1 − nugget) exp(−D_ij/ℓ) + nugget δ_ij`, D the horizontal distance
+    /// Factors `C_ij = (1 − nugget) exp(−D_ij/ℓ) + nugget δ_ij`, D the distance
     /// (Gudmundson 1991); `None` where C is not positive definite.
     pub(super) fn new(receivers: &[Pose], length_m: f64, nugget: f64) -> Option<Self> {
         let n = receivers.len();
@@ -28,7 +28,7 @@ impl Whitener {
             if i == j {
                 return 1.0;
             }
-            let apart_m = (receivers[i].position.xy() - receivers[j].position.xy()).norm();
+            let apart_m = (receivers[i].position - receivers[j].position).norm();
             (1.0 - nugget) * libm::exp(-apart_m / length_m)
         });
         let factor = correlation.cholesky()?.unpack();
@@ -77,8 +77,8 @@ mod tests {
         }
         // Written out anew, from the model's definition.
         let c = DMatrix::from_fn(5, 5, |i, j| {
-            let (a, b) = (receivers[i].position, receivers[j].position);
-            let apart_m = libm::hypot(a.x - b.x, a.y - b.y);
+            let apart = receivers[i].position - receivers[j].position;
+            let apart_m = libm::sqrt(apart.dot(&apart));
             0.8 * libm::exp(-apart_m / 25.0) + if i == j { 0.2 } else { 0.0 }
         });
         let dense = DMatrix::from_fn(5, LANES, |i, k| x[i][k]);

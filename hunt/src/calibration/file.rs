@@ -1,8 +1,14 @@
-use std::{fs, path::Path};
+use std::{fmt, fs, path::Path};
 
-use serde::{Deserialize, Serialize};
+use serde::{
+    Deserialize, Deserializer, Serialize,
+    de::{
+        MapAccess, SeqAccess, Visitor,
+        value::{MapAccessDeserializer, SeqAccessDeserializer},
+    },
+};
 
-use super::{BearingSection, CalibrationFileError, PathLossSection, StationSection};
+use super::{BearingSection, CalibrationFileError, PathLossSection, StationPlace, StationSection};
 
 /// The version of the file that this program writes and reads.
 pub const CALIBRATION_VERSION: u32 = 1;
@@ -29,9 +35,39 @@ pub struct CalibrationFile {
     /// How bearings err; as they are where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bearings: Option<BearingSection>,
-    /// The antennas of a station; an antenna that turns where absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub station: Option<StationSection>,
+    /// The antennas of stations, one table `[station]` or several `[[station]]`; antennas that turn
+    /// where absent. The first one that is of a receiver counts.
+    #[serde(
+        default,
+        rename = "station",
+        deserialize_with = "one_or_several",
+        skip_serializing_if = "Vec::is_empty"
+    )]
+    pub stations: Vec<StationSection>,
+}
+
+/// A table, or a list of tables.
+fn one_or_several<'de, D>(deserializer: D) -> Result<Vec<StationSection>, D::Error>
+where
+    D: Deserializer<'de>,
+{
+    struct OneOrSeveral;
+    impl<'de> Visitor<'de> for OneOrSeveral {
+        type Value = Vec<StationSection>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a table [station] or several [[station]]")
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+            StationSection::deserialize(MapAccessDeserializer::new(map)).map(|one| vec![one])
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Self::Value, A::Error> {
+            Vec::deserialize(SeqAccessDeserializer::new(list))
+        }
+    }
+    deserializer.deserialize_any(OneOrSeveral)
 }
 
 impl Default for CalibrationFile {
@@ -43,7 +79,7 @@ impl Default for CalibrationFile {
             beacon: None,
             path_loss: None,
             bearings: None,
-            station: None,
+            stations: Vec::new(),
         }
     }
 }
@@ -54,6 +90,12 @@ impl CalibrationFile {
     pub fn shipped(format: &str) -> Option<Self> {
         let (name, text) = SHIPPED.iter().find(|(known, _)| *known == format)?;
         Some(Self::parse(text, name).expect("a test parses each of them"))
+    }
+
+    /// The station of this name at this place.
+    #[must_use]
+    pub fn station(&self, name: &str, place: Option<StationPlace>) -> Option<&StationSection> {
+        self.stations.iter().find(|station| station.is_of(name, place))
     }
 
     /// Reads a calibration from a TOML file.
@@ -96,7 +138,7 @@ impl CalibrationFile {
             let nothing = foxhunt_sensors::Pritzl2018::default();
             bearings.correction.wrap(nothing).map_err(wrong("bearings.correction"))?;
         }
-        if let Some(station) = &read.station {
+        for station in &read.stations {
             station.build().map_err(wrong("station"))?;
         }
         Ok(read)
@@ -141,14 +183,16 @@ mod tests {
                 sigma_scale_interval: Some([0.1, 0.3]),
                 sigma_floor_interval_deg: Some([0.0, 1.0]),
             }),
-            station: Some(StationSection {
+            stations: vec![StationSection {
+                name: Some("hill".to_owned()),
+                place: Some(StationPlace { lat_deg: 50.0, lon_deg: 14.25 }),
                 beamwidth_deg: 36.0,
                 front_to_back_db: 16.0,
                 residual_db: 4.8,
                 floor_dbm: Some(-107.0),
                 floor_width_db: 1.2,
                 antennas: vec![antenna(65.0), antenna(245.0)],
-            }),
+            }],
             ..CalibrationFile::default()
         }
     }
@@ -166,9 +210,34 @@ mod tests {
     #[test]
     fn what_comes_with_the_program_is_in_order() {
         for (name, _) in SHIPPED {
-            assert!(CalibrationFile::shipped(name).is_some_and(|file| file.station.is_some()));
+            let file = CalibrationFile::shipped(name).expect("it is shipped");
+            // Boresights are never those of another station.
+            assert!(!file.stations.is_empty() && file.stations.iter().all(|s| s.place.is_some()));
         }
         assert_eq!(CalibrationFile::shipped("no-such-format"), None);
+    }
+
+    #[test]
+    fn stations_are_known_by_name_and_place() {
+        let mut file = whole();
+        let hill = file.stations[0].clone();
+        file.stations.push(StationSection { name: Some("mill".to_owned()), ..hill.clone() });
+        file.stations.push(StationSection { name: None, place: None, ..hill });
+        let file = CalibrationFile::parse(&file.to_toml(), "c.toml").expect("as written");
+        let at = |lat_deg, lon_deg| Some(StationPlace { lat_deg, lon_deg });
+        let index = |name, place| {
+            let found = file.station(name, place).expect("the last one is of any");
+            file.stations.iter().position(|station| std::ptr::eq(station, found))
+        };
+        // 0.0005° are 56 m, 0.001° are 111 m.
+        assert_eq!(index("hill", at(50.0005, 14.25)), Some(0));
+        assert_eq!(index("mill", at(50.0005, 14.25)), Some(1));
+        assert_eq!(index("hill", at(50.001, 14.25)), Some(2));
+        assert_eq!(index("hill", None), Some(2));
+        assert_eq!(index("tower", at(50.0, 14.25)), Some(2));
+        // One table, as earlier versions wrote it.
+        let one = whole().to_toml().replace("[[station]]", "[station]");
+        assert_eq!(CalibrationFile::parse(&one, "c.toml").expect("a table"), whole());
     }
 
     #[test]
@@ -178,6 +247,7 @@ mod tests {
             ("exponent = 2.765", "exponent = -1.0", "path_loss: exponent is -1"),
             ("sigma_scale = 1.0", "sigma_scale = -1.0", "bearings.correction: scale is -1"),
             ("beamwidth_deg = 36.0", "beamwidth_deg = 190.0", "station: beamwidth"),
+            ("lat_deg = 50.0", "lat_deg = 95.0", "station: place.lat_deg is 95"),
             ("foxhunt_calibration = 1", "foxhunt_calibration = 7", "is 7; this program reads 1"),
             ("beacon = \"fox\"", "becon = \"fox\"", "becon"),
         ] {

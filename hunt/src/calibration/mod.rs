@@ -8,4 +8,6 @@ mod sections;
 pub use bearings::BearingCalibration;
 pub use error::CalibrationFileError;
 pub use file::{CALIBRATION_VERSION, CalibrationFile};
-pub use sections::{BearingSection, PathLossSection, StationAntennaSection, StationSection};
+pub use sections::{
+    BearingSection, PathLossSection, StationAntennaSection, StationPlace, StationSection,
+};

@@ -1,7 +1,8 @@
+use foxhunt_core::parameter::in_range;
 use foxhunt_sensors::{
     LogDistance, ParameterError, PathLossFit, StationAntenna, StationFit, StationPattern,
 };
-use foxhunt_wire::geodesy::{compass_deg_to_radians, radians_to_compass_deg};
+use foxhunt_wire::geodesy::{Geodetic, LocalFrame, compass_deg_to_radians, radians_to_compass_deg};
 use serde::{Deserialize, Serialize};
 
 use super::BearingCalibration;
@@ -72,10 +73,17 @@ pub struct BearingSection {
     pub sigma_floor_interval_deg: Option<[f64; 2]>,
 }
 
-/// A station of fixed antennas.
+/// A station of fixed antennas. Boresights belong to the hardware, so a station is known by its
+/// name, its place or both.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StationSection {
+    /// What recordings call it; any name where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Where it stands; anywhere where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<StationPlace>,
     /// The half-power beamwidth of each antenna.
     pub beamwidth_deg: f64,
     /// How much weaker each receives from behind.
@@ -90,6 +98,32 @@ pub struct StationSection {
     pub floor_width_db: f64,
     /// The antennas.
     pub antennas: Vec<StationAntennaSection>,
+}
+
+/// Where a station stands, in degrees (WGS84).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StationPlace {
+    /// Its latitude.
+    pub lat_deg: f64,
+    /// Its longitude.
+    pub lon_deg: f64,
+}
+
+/// As far from its place a station is still the same one, in metres: GNSS receivers err by less,
+/// and two stations are farther apart.
+const SAME_PLACE_M: f64 = 100.0;
+
+impl StationPlace {
+    fn is_near(self, other: StationPlace) -> bool {
+        let geodetic = |place: StationPlace| Geodetic {
+            lat_deg: place.lat_deg,
+            lon_deg: place.lon_deg,
+            alt_m: 0.0,
+        };
+        let frame = LocalFrame::new(geodetic(self));
+        frame.is_ok_and(|frame| frame.to_local(&geodetic(other)).norm() <= SAME_PLACE_M)
+    }
 }
 
 fn one_db() -> f64 {
@@ -117,12 +151,23 @@ pub struct StationAntennaSection {
 }
 
 impl StationSection {
+    /// Whether it is the station of this name at this place, as far as it names them.
+    #[must_use]
+    pub fn is_of(&self, name: &str, place: Option<StationPlace>) -> bool {
+        self.name.as_deref().is_none_or(|own| own == name)
+            && self.place.is_none_or(|own| place.is_some_and(|place| own.is_near(place)))
+    }
+
     /// The pattern.
     ///
     /// # Errors
     ///
     /// Names the number that is out of its range.
     pub fn build(&self) -> Result<StationPattern, ParameterError> {
+        if let Some(StationPlace { lat_deg, lon_deg }) = self.place {
+            in_range("place.lat_deg", lat_deg, -90.0..=90.0, "between -90 and 90")?;
+            in_range("place.lon_deg", lon_deg, -180.0..=360.0, "between -180 and 360")?;
+        }
         let antenna = |own: &StationAntennaSection| StationAntenna {
             recorded_boresight: compass_deg_to_radians(own.recorded_deg_compass),
             boresight: compass_deg_to_radians(own.boresight_deg_compass),
@@ -152,6 +197,8 @@ impl From<&StationFit> for StationSection {
         };
         let intervals = &fit.boresight_half_intervals;
         Self {
+            name: None,
+            place: None,
             beamwidth_deg: pattern.beamwidth().to_degrees(),
             front_to_back_db: pattern.front_to_back_db(),
             residual_db: pattern.residual_db(),

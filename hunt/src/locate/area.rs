@@ -4,7 +4,7 @@ use foxhunt_sensors::FreePowerRssBearing;
 use foxhunt_sensors::{LogDistance, ParameterError, Propagation};
 use nalgebra::Vector2;
 
-/// The exponent where neither it nor the reference power is known: between free space and
+/// The exponent where it is not known: between free space and
 /// clutter (the median of the VHF recordings that the project is tested on).
 pub(crate) const FREE_EXPONENT: f64 = 2.3;
 
@@ -33,12 +33,21 @@ impl Area {
         Estimate::isotropic(self.centre, self.half_side / 3.0_f64.sqrt())
     }
 
-    /// The centres of the square's ninths.
+    /// The length of a side in metres.
     #[cfg(feature = "batch")]
-    pub(crate) fn starts(&self) -> Vec<Vector2<f64>> {
-        let step = self.half_side * 2.0 / 3.0;
-        let row = |north: f64| [-step, 0.0, step].map(|east| Vector2::new(east, north));
-        [-step, 0.0, step].into_iter().flat_map(row).map(|way| self.centre + way).collect()
+    pub(crate) fn side(&self) -> f64 {
+        2.0 * self.half_side
+    }
+
+    /// The centres of as many equal squares along each side, row by row from the south-west.
+    #[cfg(feature = "batch")]
+    pub(crate) fn lattice(&self, along: u8) -> impl Iterator<Item = Vector2<f64>> {
+        let step = self.side() / f64::from(along);
+        let corner = self.centre - Vector2::repeat(self.half_side - 0.5 * step);
+        let at = move |east: u8, north: u8| {
+            corner + Vector2::new(f64::from(east), f64::from(north)) * step
+        };
+        (0..along).flat_map(move |north| (0..along).map(move |east| at(east, north)))
     }
 }
 
@@ -49,10 +58,11 @@ pub(crate) fn free_power(
     receptions: &[Reception],
     area: &Area,
     up: f64,
+    exponent: f64,
 ) -> Result<(FreePowerRssBearing, Estimate<3>), ParameterError> {
-    let model = FreePowerRssBearing::new(FREE_EXPONENT)?.with_target_up(up)?;
+    let model = FreePowerRssBearing::new(exponent)?.with_target_up(up)?;
     let place = area.prior();
-    let power = reference_power(receptions, &place.mean, up)?;
+    let power = reference_power(receptions, &place.mean, up, exponent)?;
     let mut prior = Estimate::isotropic(place.mean.push(power), FREE_POWER_SIGMA_DB);
     prior.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&place.covariance);
     Ok((model, prior))
@@ -63,8 +73,9 @@ pub(crate) fn reference_power(
     receptions: &[Reception],
     place: &Vector2<f64>,
     up: f64,
+    exponent: f64,
 ) -> Result<f64, ParameterError> {
-    let unit = LogDistance::new(0.0, FREE_EXPONENT)?;
+    let unit = LogDistance::new(0.0, exponent)?;
     let levels: Vec<f64> = receptions
         .iter()
         .filter_map(|reception| {
@@ -90,7 +101,7 @@ mod tests {
         };
         // 100 m wide and a margin of 10 m: a half side of 60 m about (50, 20).
         let area = Area::about(&[at(0.0, 0.0), at(100.0, 40.0)], 10.0);
-        let starts = area.starts();
+        let starts: Vec<_> = area.lattice(3).collect();
         assert_eq!(starts.len(), 9);
         for (start, place) in [(0, (10.0, -20.0)), (4, (50.0, 20.0)), (5, (90.0, 20.0))] {
             assert!((starts[start] - Vector2::new(place.0, place.1)).norm() < 1e-9, "{start}");

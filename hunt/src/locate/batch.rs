@@ -30,7 +30,7 @@ impl Locator for MultiStart {
     ) -> Result<Located, LocateError> {
         let area = Area::about(receptions, config.margin_m);
         let up = config.target_up_m;
-        let starts = area.starts();
+        let starts = area.lattice(3).collect::<Vec<_>>();
         let observations = pairs(receptions)?;
         match config.power {
             Power::Known { reference_dbm, exponent } => {
@@ -38,11 +38,12 @@ impl Locator for MultiStart {
                     .with_target_up(up)?;
                 Ok(located(&observations, &solve(&observations, model, area.prior(), &starts)?))
             }
-            Power::Free => {
-                let (model, prior) = free_power(receptions, &area, up)?;
+            Power::Free | Power::FreeReference { .. } => {
+                let exponent = config.power.exponent();
+                let (model, prior) = free_power(receptions, &area, up, exponent)?;
                 let mut with_power = Vec::with_capacity(starts.len());
                 for place in starts {
-                    with_power.push(place.push(reference_power(receptions, &place, up)?));
+                    with_power.push(place.push(reference_power(receptions, &place, up, exponent)?));
                 }
                 Ok(located(&observations, &solve(&observations, model, prior, &with_power)?))
             }

@@ -1,10 +1,10 @@
 use foxhunt_core::{Estimate, Reception};
 use foxhunt_filters::{
-    BatchError, BearingLine, BearingWeights, Lenth1981, instrumental_variables, pseudolinear,
-    repeated_median, stansfield,
+    BatchError, BearingGrid, BearingGridFix, BearingLine, BearingWeights, Lenth1981,
+    instrumental_variables, pseudolinear, repeated_median, stansfield,
 };
 
-use super::{LocateConfig, LocateError, Located, Locator};
+use super::{LocateConfig, LocateError, Located, Locator, region::regions};
 
 /// Where the bearings meet, whatever their own σ: it follows from how they scatter
 /// (`filters::Lenth1981`).
@@ -26,6 +26,63 @@ impl Locator for Lenth {
             ..Located::at(fix.position)
         })
     }
+}
+
+/// The posterior of the place under bearings whose σ is known up to a factor, common to all of them
+/// (`filters::BearingGrid`).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Posterior;
+
+impl Locator for Posterior {
+    fn locate(
+        &self,
+        receptions: &[Reception],
+        config: &LocateConfig,
+    ) -> Result<Located, LocateError> {
+        let (fix, count) = posterior(receptions, config)?;
+        Ok(Located {
+            observations: count,
+            border_mass: Some(fix.border_mass),
+            regions_95: regions(&fix.map, 0.95),
+            ..Located::at(fix.map.about(fix.map.median()))
+        })
+    }
+}
+
+fn posterior(
+    receptions: &[Reception],
+    config: &LocateConfig,
+) -> Result<(BearingGridFix, usize), LocateError> {
+    let weighted: Vec<_> = receptions.iter().filter_map(weighted_line).collect();
+    if weighted.is_empty() {
+        return Err(LocateError::NoBearings);
+    }
+    let grid = BearingGrid {
+        freedom: config.bearing_freedom,
+        margin_m: config.margin_m,
+        ..BearingGrid::default()
+    };
+    let fix = grid.locate(&weighted).map_err(LocateError::Bearings)?;
+    Ok((fix, weighted.len()))
+}
+
+/// How the bearings of several transmitters err in common, learned from how those of each meet: the
+/// factor on their σ, and the degrees of freedom it is known with. σ belongs to receivers and
+/// observers, not to a transmitter; transmitters that cannot be located teach nothing.
+#[must_use]
+pub fn learn_bearing_sigma<'a>(
+    transmitters: impl IntoIterator<Item = &'a [Reception]>,
+    config: &LocateConfig,
+) -> (f64, f64) {
+    let (mut misfit, mut freedom) = (config.bearing_freedom, config.bearing_freedom);
+    for receptions in transmitters {
+        // A place takes two of the bearings' degrees of freedom.
+        if let Ok((fix, count @ 3..)) = posterior(receptions, config) {
+            misfit += fix.misfit;
+            freedom += f64::from(u32::try_from(count - 2).unwrap_or(u32::MAX));
+        }
+    }
+    ((misfit / freedom).sqrt(), freedom)
 }
 
 /// Where the bearings meet by medians (`filters::repeated_median`).

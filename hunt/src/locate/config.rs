@@ -1,5 +1,7 @@
 use nalgebra::Vector3;
 
+use super::area::FREE_EXPONENT;
+
 /// How a transmitter is located.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LocateConfig {
@@ -7,8 +9,12 @@ pub struct LocateConfig {
     pub power: Power,
     /// How high above the ground of the local frame the transmitter is taken to be, in metres.
     pub target_up_m: f64,
-    /// How far the transmitter may lie beyond the area of the receivers, in metres.
+    /// How far beyond the area of the receivers a transmitter is looked for, in metres; the grids
+    /// begin there, and go farther where they have to.
     pub margin_m: f64,
+    /// How many bearings the knowledge of their σ is worth, for estimators that take it for known
+    /// up to a factor.
+    pub bearing_freedom: f64,
     /// Where the reference receiver of range and level differences is: East, North and Up in
     /// metres.
     pub reference_m: Option<Vector3<f64>>,
@@ -22,6 +28,11 @@ pub enum Power {
     /// Nothing: the reference power is estimated along with the place. The exponent is, too, where
     /// the estimator can; else it is 2.3.
     Free,
+    /// The exponent alone: the reference power is estimated along with the place.
+    FreeReference {
+        /// γ.
+        exponent: f64,
+    },
     /// P(d) = P₀ − 10 γ log₁₀ d.
     Known {
         /// P₀ in dBm.
@@ -31,9 +42,27 @@ pub enum Power {
     },
 }
 
+impl Power {
+    /// The exponent, for estimators that do not estimate it.
+    pub(crate) fn exponent(self) -> f64 {
+        match self {
+            Self::Free => FREE_EXPONENT,
+            Self::FreeReference { exponent } | Self::Known { exponent, .. } => exponent,
+        }
+    }
+}
+
 impl Default for LocateConfig {
-    /// Free power, a transmitter on the ground, 200 m beyond the area of the receivers, seed 1.
+    /// Free power, a transmitter on the ground, 200 m beyond the area of the receivers, two degrees
+    /// of freedom for the bearings' σ, seed 1.
     fn default() -> Self {
-        Self { power: Power::Free, target_up_m: 0.0, margin_m: 200.0, reference_m: None, seed: 1 }
+        Self {
+            power: Power::Free,
+            target_up_m: 0.0,
+            margin_m: 200.0,
+            bearing_freedom: 2.0,
+            reference_m: None,
+            seed: 1,
+        }
     }
 }

@@ -1,9 +1,14 @@
 #[cfg(feature = "batch")]
 use foxhunt_core::{ByQuantity, Intake, Observation, Quantity};
 use foxhunt_core::{Ellipse, Estimate, Pose, Reception};
+use foxhunt_filters::Marginal;
 use nalgebra::Vector2;
+use serde::Serialize;
 
-use super::{LocateConfig, LocateError};
+use super::{LocateConfig, LocateError, Region};
+
+/// With more probability than this on the border of the area the place is in doubt.
+const MUCH_ON_BORDER: f64 = 0.05;
 
 /// A transmitter's place.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +25,12 @@ pub struct Located {
     /// The probability on the border of the area that was searched, where the estimator searches an
     /// area: where it is large, the transmitter may lie outside.
     pub border_mass: Option<f64>,
+    /// What explains the receptions, where the estimator weighs explanations.
+    pub explanation: Option<Explanation>,
+    /// The smallest region that holds the transmitter with 95 %, in parts that do not touch, where
+    /// the estimator has a posterior density: an ellipse is a poor picture of two places, of a
+    /// ridge and of a border.
+    pub regions_95: Vec<Region>,
     /// Other places that are nearly as probable, the most probable first, where the estimator
     /// looks for them: levels from a straight flight are the same on either side.
     pub rivals: Vec<Rival>,
@@ -34,6 +45,23 @@ pub struct Rival {
     pub relative_density: f64,
 }
 
+/// What a law of propagation has to be for the receptions: means and deviations, or values with
+/// their probabilities, over all places and all else that is not known.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Explanation {
+    /// The path-loss exponent γ.
+    pub exponent: Marginal,
+    /// How many vertical dipoles are on the way: 0 where no antenna's gain falls with the
+    /// elevation, 2 where the receiver's and the transmitter's do.
+    pub dipoles: Marginal,
+    /// σ of shadowing and noise together, in dB.
+    pub sigma_db: Marginal,
+    /// The distances over which shadowing falls to 1/e, in metres, each with its probability.
+    pub correlation_lengths_m: Vec<(f64, f64)>,
+    /// The shares of the variance that are each reading's own, each with its probability.
+    pub own_shares: Vec<(f64, f64)>,
+}
+
 impl Located {
     /// A place without anything else.
     #[must_use]
@@ -44,6 +72,8 @@ impl Located {
             observations: 0,
             rejected: 0,
             border_mass: None,
+            explanation: None,
+            regions_95: Vec::new(),
             rivals: Vec::new(),
         }
     }
@@ -53,6 +83,38 @@ impl Located {
     #[must_use]
     pub fn ellipse_95(&self) -> Option<Ellipse> {
         self.own_ellipse_95.or_else(|| self.estimate.ellipse(0.95))
+    }
+
+    /// Whether the [`ellipse_95`](Self::ellipse_95) holds a place; `None` without one.
+    #[must_use]
+    pub fn ellipse_95_holds(&self, place: &Vector2<f64>) -> Option<bool> {
+        let ellipse = self.ellipse_95()?;
+        let (sin, cos) = ellipse.orientation.sin_cos();
+        let away = place - self.estimate.mean;
+        let along = (cos * away.x + sin * away.y) / ellipse.semi_major;
+        let across = (cos * away.y - sin * away.x) / ellipse.semi_minor;
+        Some(along.hypot(across) <= 1.0)
+    }
+
+    /// Whether the ellipse is a poor picture of where the transmitter may be: the region that holds
+    /// it is in parts, fills less than half of the ellipse, or reaches the border of the area that
+    /// was searched.
+    #[must_use]
+    pub fn ellipse_is_poor(&self) -> bool {
+        let ellipse_m2 = self.ellipse_95().map_or(f64::INFINITY, |ellipse| {
+            core::f64::consts::PI * ellipse.semi_major * ellipse.semi_minor
+        });
+        let region_m2: f64 = self.regions_95.iter().map(|region| region.area_m2).sum();
+        let parts = self.regions_95.iter().filter(|region| region.probability >= 0.02).count();
+        let has_regions = !self.regions_95.is_empty();
+        parts > 1 || has_regions && region_m2 < 0.5 * ellipse_m2 || self.is_at_border()
+    }
+
+    /// Whether so much probability lies on the border of the area that was searched that the
+    /// transmitter may lie outside.
+    #[must_use]
+    pub fn is_at_border(&self) -> bool {
+        self.border_mass.is_some_and(|mass| mass > MUCH_ON_BORDER)
     }
 }
 

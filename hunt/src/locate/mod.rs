@@ -9,21 +9,31 @@ mod config;
 mod error;
 #[cfg(feature = "maps")]
 mod field_map;
+#[cfg(feature = "batch")]
+mod least_absolute;
 mod located;
 #[cfg(feature = "batch")]
 mod ranges;
+mod region;
 mod shadowing_grid;
+mod strongest;
 
-pub(crate) use area::{Area, FREE_EXPONENT, FREE_POWER_SIGMA_DB, reference_power};
+pub(crate) use area::{Area, FREE_POWER_SIGMA_DB, reference_power};
 #[cfg(feature = "batch")]
 pub(crate) use batch::MultiStart;
 #[cfg(feature = "batch")]
-pub(crate) use bearings::{ClosedForm, Lenth, RepeatedMedian};
+pub use bearings::learn_bearing_sigma;
+#[cfg(feature = "batch")]
+pub(crate) use bearings::{ClosedForm, Lenth, Posterior, RepeatedMedian};
 pub use config::{LocateConfig, Power};
 pub use error::LocateError;
 #[cfg(feature = "maps")]
 pub(crate) use field_map::HighestOnMap;
-pub use located::{Located, Locator, Rival};
+#[cfg(feature = "batch")]
+pub(crate) use least_absolute::LeastAbsolute;
+pub use located::{Explanation, Located, Locator, Rival};
 #[cfg(feature = "batch")]
 pub(crate) use ranges::{Multilateration, RangeDifferences};
+pub use region::Region;
 pub(crate) use shadowing_grid::CorrelatedShadowing;
+pub(crate) use strongest::Strongest;

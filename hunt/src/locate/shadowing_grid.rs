@@ -1,15 +1,22 @@
 use foxhunt_core::{Pose, Reception};
-use foxhunt_filters::{Intercept, ShadowingGrid, ShadowingGridConfig, Slope};
+use foxhunt_filters::{Intercept, PlacePrior, ShadowingGrid, ShadowingGridConfig, Slope};
 use foxhunt_sensors::{LogDistance, Propagation};
 use nalgebra::Vector2;
 
-use super::{LocateConfig, LocateError, Located, Locator, Power, located::levels};
+use super::{
+    Explanation, LocateConfig, LocateError, Located, Locator, Power, located::levels,
+    region::regions,
+};
 
-/// All levels at once on a grid, with shadowing that is correlated along the flight
-/// (`filters::ShadowingGrid`): P₀ and γ are the intercept and the slope over −10 log₁₀ of
-/// the range.
+/// All levels at once on a grid, with shadowing that is correlated along the flight and antennas
+/// whose gain falls with the elevation (`filters::ShadowingGrid`): P₀ and γ are the intercept and
+/// the slope over −10 log₁₀ of the range, the gain's regressor is that of a vertical dipole.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CorrelatedShadowing;
+
+/// The cosine below which a dipole's null is filled, by the airframe's and the ground's
+/// reflections: 20 dB below the maximum.
+const NULL: f64 = 0.1;
 
 impl Locator for CorrelatedShadowing {
     fn locate(
@@ -18,8 +25,10 @@ impl Locator for CorrelatedShadowing {
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         let levels = levels(receptions)?;
+        let defaults = ShadowingGridConfig::default();
         let (intercept, slope) = match config.power {
-            Power::Free => (Intercept::Flat, ShadowingGridConfig::default().slope),
+            Power::Free => (Intercept::Flat, defaults.slope),
+            Power::FreeReference { exponent } => (Intercept::Flat, Slope::Known(exponent)),
             Power::Known { reference_dbm, exponent } => {
                 (Intercept::Known(reference_dbm), Slope::Known(exponent))
             }
@@ -27,18 +36,32 @@ impl Locator for CorrelatedShadowing {
         let grid = ShadowingGrid::new(ShadowingGridConfig {
             intercept,
             slope,
+            place: PlacePrior::NearReceivers,
             margin_m: config.margin_m,
             ..ShadowingGridConfig::default()
         })?;
         let unit = LogDistance::new(0.0, 1.0)?;
         let up = config.target_up_m;
         let fix = grid.locate(&levels, |cell: &Vector2<f64>, receiver: &Pose| {
-            unit.rss_dbm((cell.push(up) - receiver.position).norm())
+            let way = cell.push(up) - receiver.position;
+            let range = way.norm();
+            let cosine = (way.xy().norm() / range).hypot(NULL);
+            [unit.rss_dbm(range), 20.0 * cosine.log10()]
         })?;
+        let map = fix.finest();
+        let estimate = map.about(map.median());
         Ok(Located {
             observations: levels.len(),
             border_mass: Some(fix.border_mass),
-            ..Located::at(fix.position)
+            regions_95: regions(map, 0.95),
+            explanation: Some(Explanation {
+                exponent: fix.slope,
+                dipoles: fix.gain,
+                sigma_db: fix.sigma,
+                correlation_lengths_m: fix.correlation_lengths_m.clone(),
+                own_shares: fix.nuggets.clone(),
+            }),
+            ..Located::at(estimate)
         })
     }
 }

@@ -4,7 +4,7 @@ use foxhunt_core::Quantity;
 use foxhunt_filters::BearingWeights;
 
 use super::{EstimatorEntry, Need, Needs};
-use crate::locate::CorrelatedShadowing;
+use crate::locate::{CorrelatedShadowing, Strongest};
 
 /// Where the paper's weights begin to fall (Lenth 1981, table 2).
 #[cfg(feature = "batch")]
@@ -20,13 +20,23 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
         all_at_once: true,
     };
     #[cfg_attr(not(feature = "batch"), expect(unused_mut, reason = "more follow with batch"))]
-    let mut entries = vec![EstimatorEntry::at_once(
-        "shadowing-grid",
-        "all levels at once on a grid, with shadowing that is correlated along the flight",
-        "Gudmundson 1991; Handcock & Stein 1993",
-        needs(Need::Required, Need::Unused),
-        CorrelatedShadowing,
-    )];
+    let mut entries = vec![
+        EstimatorEntry::at_once(
+            "shadowing-grid",
+            "all levels at once on a grid: an average over exponents, antennas and correlations of \
+             shadowing, by their evidence",
+            "Gudmundson 1991; Handcock & Stein 1993; Hoeting et al. 1999",
+            needs(Need::Required, Need::Unused),
+            CorrelatedShadowing,
+        ),
+        EstimatorEntry::at_once(
+            "strongest",
+            "the place of the strongest level: a baseline that needs no law of propagation",
+            "",
+            needs(Need::Required, Need::Unused),
+            Strongest,
+        ),
+    ];
     #[cfg(feature = "maps")]
     entries.push(EstimatorEntry::at_once(
         "field-map",
@@ -38,7 +48,8 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
     #[cfg(feature = "batch")]
     {
         use crate::locate::{
-            ClosedForm, Lenth, MultiStart, Multilateration, RangeDifferences, RepeatedMedian,
+            ClosedForm, LeastAbsolute, Lenth, MultiStart, Multilateration, Posterior,
+            RangeDifferences, RepeatedMedian,
         };
         let bearings = needs(Need::Unused, Need::Required);
         let lenth = |name: &'static str, weights, about: &'static str| {
@@ -50,11 +61,26 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
         let others = vec![Quantity::RANGE_DIFFERENCE];
         entries.extend([
             EstimatorEntry::at_once(
+                "least-absolute",
+                "the log-distance law with the least absolute residuals: a baseline that takes \
+                 levels for independent",
+                "Koenker & Bassett 1978; Hooke & Jeeves 1961",
+                needs(Need::Required, Need::Unused),
+                LeastAbsolute,
+            ),
+            EstimatorEntry::at_once(
                 "batch-multistart",
                 "the most probable place from nine starts, Student's t, with its rivals",
                 "Levenberg 1944; Marquardt 1963; Lange, Little & Taylor 1989",
                 needs(Need::Used, Need::Used),
                 MultiStart,
+            ),
+            EstimatorEntry::at_once(
+                "bearing-grid",
+                "the posterior over bearings whose σ is known up to a factor, with its regions",
+                "Gelman et al. 2013",
+                bearings.clone(),
+                Posterior,
             ),
             lenth(
                 "lenth1981",

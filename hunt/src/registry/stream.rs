@@ -6,8 +6,7 @@ use crate::{
     config::{EstimatorConfig, ReceiverModel},
     hunt::{Components, Search, TrackStep},
     locate::{
-        Area, FREE_EXPONENT, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Power,
-        reference_power,
+        Area, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Power, reference_power,
     },
 };
 
@@ -39,15 +38,22 @@ impl EstimatorEntry {
 
 impl Registry {
     /// The estimator that suits some receptions of a still transmitter: the grid with correlated
-    /// shadowing where there are levels alone, else the particle filter, which takes bearings as
-    /// they are.
+    /// shadowing where there are levels alone; with `batch` the grid of bearings where there are
+    /// bearings alone, each with one direction; else the particle filter, which takes them as they
+    /// are.
     ///
     /// # Errors
     ///
     /// [`RegistryError`] where it is not in the registry.
     pub fn suited_to(&self, receptions: &[Reception]) -> Result<&EstimatorEntry, RegistryError> {
         let bearings = receptions.iter().any(Reception::has_bearing);
-        self.estimator(if bearings { "particle" } else { "shadowing-grid" })
+        let plain =
+            |r: &Reception| r.level.is_none() && r.bearing.is_some() && r.measured.is_empty();
+        self.estimator(match bearings {
+            true if cfg!(feature = "batch") && receptions.iter().all(plain) => "bearing-grid",
+            true => "particle",
+            false => "shadowing-grid",
+        })
     }
 }
 
@@ -63,9 +69,10 @@ fn in_time(
         Power::Known { reference_dbm, exponent } => {
             (LogDistance::new(reference_dbm, exponent)?, false)
         }
-        Power::Free => {
-            let power = reference_power(receptions, &prior.mean, config.target_up_m)?;
-            (LogDistance::new(power, FREE_EXPONENT)?, true)
+        Power::Free | Power::FreeReference { .. } => {
+            let (exponent, up) = (config.power.exponent(), config.target_up_m);
+            let power = reference_power(receptions, &prior.mean, up, exponent)?;
+            (LogDistance::new(power, exponent)?, true)
         }
     };
     let model: ReceiverModel = RssBearing::new(law).with_target_up(config.target_up_m)?.into();

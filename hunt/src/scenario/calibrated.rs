@@ -2,19 +2,23 @@ use foxhunt_core::parameter::ParameterError;
 
 use super::Scenario;
 use crate::{
-    calibration::{BearingCalibration, CalibrationFile},
+    calibration::{BearingCalibration, CalibrationFile, StationSection},
     config::BoxedExtractor,
 };
 
 impl CalibrationFile {
-    /// An extractor with what is known of bearings: that of the station if there is one, else
+    /// An extractor with what is known of bearings: that of the station if it is one, else
     /// `extractor` with its bearings corrected.
     ///
     /// # Errors
     ///
     /// Names the number that is out of its range.
-    pub fn extractor(&self, extractor: BoxedExtractor) -> Result<BoxedExtractor, ParameterError> {
-        match (&self.station, &self.bearings) {
+    pub fn extractor(
+        &self,
+        station: Option<&StationSection>,
+        extractor: BoxedExtractor,
+    ) -> Result<BoxedExtractor, ParameterError> {
+        match (station, &self.bearings) {
             (Some(station), _) => Ok(Box::new(station.build()?)),
             (None, Some(bearings)) => Ok(Box::new(bearings.correction.wrap(extractor)?)),
             (None, None) => Ok(extractor),

@@ -88,9 +88,11 @@ fn an_unknown_header_is_an_error_that_names_what_it_lacks() {
     let RecordingError::UnknownFormat { nearest, lacks, known, .. } = &message else {
         panic!("{message}")
     };
-    assert_eq!((nearest.as_str(), &lacks[..]), ("rssi-distance", &["distance_m".to_owned()][..]));
+    assert_eq!((nearest.as_ref(), &lacks[..]), ("rssi-distance", &["distance_m".to_owned()][..]));
     assert_eq!(known[0], "foxhunt");
-    assert_names("tag,rssi_db,distance\n", &["line 1", "tag, rssi_db, distance", "uavrt-rotation"]);
+    let parts =
+        ["line 1", "tag, rssi_db, distance", "did you mean \"distance\"?", "uavrt-rotation"];
+    assert_names("tag,rssi_db,distance\n", &parts);
 }
 
 #[test]

@@ -12,7 +12,7 @@ use std::{
 use foxhunt_archive::{
     recorded::{
         CalibrateConfig, ReceptionConfig, StationConfig, bearings, calibrate, fit_boresights,
-        receptions,
+        receptions, recorded_truth,
     },
     recording::{ReadOptions, Recording, builtin_mappings},
 };
@@ -49,6 +49,16 @@ fn frame() -> LocalFrame {
 /// A normal deviate, by the sum of twelve uniform ones.
 fn normal(rng: &mut Xoshiro256PlusPlus) -> f64 {
     (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
+}
+
+/// The animals and days of the hand-made bearings.
+const OTTERS: [(&str, &str); 4] =
+    [("Arthur", "1.0"), ("Arthur", "2.0"), ("Caren", "1.0"), ("Caren", "2.0")];
+
+/// Where the otter of that number is, in UTM metres.
+fn otter(number: usize) -> Vector2<f64> {
+    let step = [0.0, 1.0, 2.0, 3.0][number];
+    Vector2::new(609_500.0 + 700.0 * step, 4_074_700.0 + 900.0 * step * step)
 }
 
 fn bearing_from(east: f64, north: f64) -> f64 {
@@ -173,6 +183,56 @@ fn generate() -> BTreeMap<&'static str, String> {
     }
     add("foxhunt/ranges.csv", ranges);
     add("foxhunt/differences.csv", differences);
+
+    // Up, around the target at 40 m, and down again.
+    let mut lines =
+        vec!["time_s,lat_deg,lon_deg,alt_agl_m,yaw_deg,pitch_deg,roll_deg,rss_db".to_owned()];
+    for i in 0..60_u32 {
+        let (sin, cos) = (TAU * f64::from(i) / 60.0).sin_cos();
+        let place = Vector3::new(60.0 + 80.0 * cos, 40.0 + 50.0 * sin, 0.0);
+        let up = (8.0 * f64::from(i.min(59 - i))).min(40.0);
+        let at = frame.to_geodetic(&place);
+        let level = 20.0 - 23.0 * range_from(place + Vector3::z() * up).log10();
+        let level = level + 1.5 * normal(&mut rng);
+        let (lat, lon) = (at.lat_deg, at.lon_deg);
+        lines
+            .push(format!("{i},{lat:.8},{lon:.8},{up:.1},{:.1},1,-2,{level:.2}", -4.0 + 6.0 * sin));
+    }
+    add("aerpaw-tower.csv", lines);
+
+    // Two animals on two days, four bearings each, in UTM metres; some lead past North.
+    let mut lines = vec!["rx_x_m,rx_y_m,bearing_deg,animal,day".to_owned()];
+    let mut truths = vec!["tx_x_m,tx_y_m,animal,day".to_owned()];
+    for (number, (animal, day)) in OTTERS.into_iter().enumerate() {
+        let target = otter(number);
+        truths.push(format!("{},{},{animal},{day}", target.x, target.y));
+        for i in 0..4_u32 {
+            let (sin, cos) = (1.0 + 1.5 * f64::from(i)).sin_cos();
+            let receiver = target + 800.0 * Vector2::new(cos, sin);
+            let error = 3.0_f64.to_radians() * normal(&mut rng);
+            let compass = radians_to_compass_deg((-sin).atan2(-cos) + error);
+            let compass = if i == 2 { compass + 360.0 } else { compass - 360.0 * f64::from(i / 3) };
+            let (x, y) = (receiver.x, receiver.y);
+            lines.push(format!("{x:.2},{y:.2},{compass:.2},{animal},{day}"));
+        }
+    }
+    add("otter-telemetry/bearings.csv", lines);
+    add("otter-telemetry/truth.csv", truths);
+
+    // A flight over two collars, of which one has a place; in the middle it receives nothing.
+    let mut lines = vec!["lat_deg,lon_deg,alt_m,c172541000_dB,c172742000_dB".to_owned()];
+    for i in 0..40_u32 {
+        let place = Vector3::new(4.0 * f64::from(i), 15.0 * f64::from(i % 8), 0.0);
+        let at = frame.to_geodetic(&place);
+        let level = -10.0 - 20.0 * range_from(place).log10() + normal(&mut rng);
+        let other = -30.0 + normal(&mut rng);
+        let other = if i < 30 { format!("{other:.2}") } else { String::new() };
+        lines.push(format!("{:.8},{:.8},100,{level:.2},{other}", at.lat_deg, at.lon_deg));
+    }
+    add("ucsd-collars/run.csv", lines);
+    let at = frame.to_geodetic(&TARGET.push(0.0));
+    let truth = format!("172541000,{:.8},{:.8}", at.lat_deg, at.lon_deg);
+    add("ucsd-collars/ucsd_truth.csv", vec!["collar_hz,lat_deg,lon_deg".to_owned(), truth]);
     files
 }
 
@@ -308,4 +368,52 @@ fn ranges_and_range_differences_locate() {
         let located = located(&differences, estimator);
         assert!(miss(&located) < 2.0 && located.observations == 12, "{estimator}: {located:?}");
     }
+}
+
+#[test]
+fn a_flight_over_a_tower_without_the_ground() {
+    let recording = read("aerpaw-tower.csv");
+    assert_eq!((recording.format(), recording.rows()), ("aerpaw-tower", 60));
+    // The first second and the last.
+    let dropped: Vec<_> = recording.dropped().iter().map(|d| (d.rule.as_str(), d.rows)).collect();
+    assert_eq!(dropped, [("alt_agl_m ≥ 2", 2)]);
+    assert_eq!(recording.ignored_columns(), ["pitch_deg", "roll_deg"]);
+    assert!(recording.records().iter().all(|r| r.receiver.is_some_and(|p| p.position.z >= 8.0)));
+}
+
+#[test]
+fn animals_and_days_are_beacons_with_a_truth_each() {
+    let recordings = [read("otter-telemetry/bearings.csv")];
+    assert_eq!(recordings[0].format(), "otter-telemetry");
+    let names = OTTERS.map(|(animal, day)| format!("{animal}-{day}"));
+    assert!(recordings[0].beacons().into_iter().eq(names.iter().map(|name| Some(name.as_str()))));
+    assert_eq!(recorded_truth(&recordings, None), None, "no row is of a nameless beacon");
+    for (number, name) in names.iter().enumerate() {
+        assert_eq!(recorded_truth(&recordings, Some(name)), Some(otter(number)), "{name}");
+        let config = ReceptionConfig::default();
+        let received = receptions(&recordings, Some(name), &Pritzl2018::default(), &config);
+        let received = received.expect("they are of use");
+        assert_eq!(received.len(), 4);
+        // Of 3° at 800 m; the place comes out in the file's own metres.
+        let located = located(&received, "lenth1981");
+        let miss = (located.estimate.mean - otter(number)).norm();
+        assert!(miss < 120.0 && located.observations == 4, "{name}: {located:?}");
+    }
+}
+
+#[test]
+fn columns_side_by_side_are_beacons() {
+    let recordings = [read("ucsd-collars/run.csv")];
+    assert_eq!((recordings[0].format(), recordings[0].rows()), ("ucsd-collars", 40));
+    assert_eq!(recordings[0].beacons(), [Some("172541000"), Some("172742000")]);
+    assert_eq!(recordings[0].records().len(), 40 + 30);
+    assert_eq!(
+        (recordings[0].dropped()[0].rule.as_str(), recordings[0].dropped()[0].rows),
+        ("a measurement", 10)
+    );
+    assert!(recordings[0].ignored_columns().is_empty());
+    assert_eq!(received("ucsd-collars/run.csv", Some("172742000")).len(), 30);
+    let truth = recorded_truth(&recordings, Some("172541000")).expect("it is in the table");
+    assert!((truth - TARGET).norm() < 0.01, "{truth}");
+    assert_eq!(recorded_truth(&recordings, Some("172742000")), None);
 }

@@ -3,7 +3,10 @@
 
 use std::{f64::consts::PI, path::Path};
 
-use foxhunt_archive::recording::{Column, ReadOptions, Recording, RecordingError};
+use foxhunt_archive::{
+    recorded::recorded_truth,
+    recording::{Column, Mapping, ReadOptions, Recording, RecordingError},
+};
 use foxhunt_core::{BeaconId, angle::distance};
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame, compass_deg_to_radians};
 use nalgebra::Vector2;
@@ -212,4 +215,74 @@ fn the_yagi_station_receives_bursts() {
     let difference = moved.records()[0].truth.expect("a tag") - truth - shift.xy();
     // The two frames' axes differ by the curvature over 2.3 km.
     assert!(difference.norm() < 1.0, "{difference}");
+}
+
+#[test]
+fn tower_flights_lose_what_was_recorded_on_the_ground() {
+    for (flight, rows, low) in [
+        ("100m_fs20MHz", 913, 17),
+        ("40m_fs10MHz", 858, 25),
+        ("40m_fs20MHz", 919, 86),
+        ("40m_fs5MHz", 894, 61),
+        ("70m_fs20MHz", 884, 21),
+    ] {
+        let Some(path) = shared(&format!("aerpaw_tower/flight_{flight}.csv")) else { return };
+        let recording = read(&path);
+        assert_eq!((recording.format(), recording.rows()), ("aerpaw-tower", rows), "{flight}");
+        assert_eq!(recording.dropped()[0].rows, low, "{flight}");
+        assert_eq!(recording.records().len() as u64, rows - low, "{flight}");
+    }
+}
+
+#[test]
+fn every_otter_and_day_has_a_truth_of_its_own() {
+    let Some(path) = shared("otter_telemetr/bearings.csv") else { return };
+    let recordings = [read(&path)];
+    assert_eq!(recordings[0].format(), "otter-telemetry");
+    assert_eq!((recordings[0].rows(), recordings[0].records().len()), (312, 312));
+    assert_eq!(recordings[0].frame(), None, "UTM metres stay what they are");
+    let beacons = recordings[0].beacons();
+    assert_eq!(beacons.len(), 78);
+    let mut truths = Vec::new();
+    for beacon in beacons {
+        let of = recordings[0].records().iter().filter(|record| record.beacon.as_deref() == beacon);
+        assert_eq!(of.count(), 4, "{beacon:?}");
+        let truth = recorded_truth(&recordings, beacon).expect("it is in truth.csv");
+        assert!((6e5..6.3e5).contains(&truth.x) && (4.06e6..4.1e6).contains(&truth.y), "{truth}");
+        if !truths.contains(&truth) {
+            truths.push(truth);
+        }
+    }
+    // One otter was at the same place on two days.
+    assert_eq!(truths.len(), 77);
+    let arthur = recorded_truth(&recordings, Some("Arthur-15509.0")).expect("the first");
+    assert_eq!((arthur.x, arthur.y), (609_583.402_365_280_5, 4_074_725.165_636_958_6));
+}
+
+#[test]
+fn collars_side_by_side_are_beacons_with_places() {
+    for (run, rows) in [("000419", 136), ("000427", 152)] {
+        let Some(path) = shared(&format!("pulses/ucsd_run_{run}.csv")) else { return };
+        let recordings = [read(&path)];
+        assert_eq!(recordings[0].format(), "ucsd-collars");
+        assert_eq!(recordings[0].rows(), rows, "{run}");
+        let names = ["172541000", "172582000", "172742000"];
+        assert_eq!(recordings[0].beacons(), names.map(Some));
+        assert_eq!(recordings[0].records().len() as u64, 3 * rows);
+        for name in names {
+            assert!(recorded_truth(&recordings, Some(name)).is_some(), "{run}, {name}");
+        }
+    }
+}
+
+#[test]
+fn pulses_of_a_semicolon_file_are_read_by_a_mapping() {
+    let Some(path) = shared("pulses/pyrt_umr_150172kHz.csv") else { return };
+    let mapping = "name = 'pyradiotracking'\ndescription = 'pulses'\nheader = ['Device', 'Time']\n\
+                   [columns]\ndrone = 'Device'\ntime_utc = 'Time'\nrss_db = 'max (dBW)'\n\
+                   beacon = 'Frequency'\n[constants]\nrange_m = 100\n";
+    let mapping = Mapping::parse(mapping, "m.toml").expect("a mapping");
+    let options = ReadOptions::default().with_format(mapping);
+    let recording = Recording::read(&path, &options).expect("a recording");
+    assert_eq!(recording.records().len(), 4_720);
 }

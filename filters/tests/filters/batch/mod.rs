@@ -1,5 +1,6 @@
 //! The batch estimators against published figures, bounds, laws and statistics.
 
+mod bearing_grid;
 mod field_map;
 mod lenth1981;
 mod linear_bearings;

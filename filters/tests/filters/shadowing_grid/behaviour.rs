@@ -3,16 +3,19 @@
 use core::f64::consts::FRAC_PI_6;
 
 use foxhunt_core::{Belief, Pose};
-use foxhunt_filters::{Intercept, ShadowingFix, ShadowingGrid, ShadowingGridConfig, Slope};
+use foxhunt_filters::{
+    Intercept, PlacePrior, ShadowingFix, ShadowingGrid, ShadowingGridConfig, Slope,
+};
 use nalgebra::{Matrix2, Rotation2, Vector2};
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
-use super::world::{Truth, lawn_mower, level, readings};
+use super::world::{Truth, lawn_mower, level, readings, simple};
 
 const TRUTH: Truth = Truth {
     place: Vector2::new(130.0, 50.0),
     intercept: -40.0,
     slope: 2.5,
+    gain: 0.0,
     sigma: 2.0,
     length_m: 25.0,
     nugget: 0.2,
@@ -29,7 +32,7 @@ fn locate(readings: &[(Pose, f64)], config: ShadowingGridConfig) -> ShadowingFix
 }
 
 fn keeping_all() -> ShadowingGridConfig {
-    ShadowingGridConfig { segment_m: 0.0, margin_m: 100.0, ..Default::default() }
+    ShadowingGridConfig { margin_m: 100.0, ..simple() }
 }
 
 #[test]
@@ -147,8 +150,27 @@ fn a_target_outside_of_the_searched_area_shows_on_its_border() {
 }
 
 #[test]
+fn near_the_receivers_the_margin_does_not_matter() {
+    let outside = Truth { place: Vector2::new(290.0, 50.0), sigma: 1.0, ..TRUTH };
+    for truth in [TRUTH, Truth { sigma: 6.0, ..TRUTH }, outside] {
+        let readings = flight(5, &truth);
+        let fixes = [50.0, 200.0, 800.0].map(|margin_m| {
+            let place = PlacePrior::NearReceivers;
+            let fix = locate(&readings, ShadowingGridConfig { place, margin_m, ..simple() });
+            (fix.finest().median(), fix.position.covariance.determinant().powf(0.25))
+        });
+        for (median, sd) in fixes {
+            let apart = (median - fixes[0].0).norm();
+            assert!(apart < 0.05 * fixes[0].1, "{apart} of {}", fixes[0].1);
+            assert!((sd / fixes[0].1 - 1.0).abs() < 0.05, "{fixes:?}");
+        }
+    }
+}
+
+#[test]
 fn the_caps_hold_and_are_reported() {
-    let config = ShadowingGridConfig { max_cells: 500, max_segments: 15, ..Default::default() };
+    let config =
+        ShadowingGridConfig { max_cells: 500, segment_m: 10.0, max_segments: 15, ..simple() };
     let fix = locate(&flight(6, &TRUTH), config);
     assert!(fix.map.mass().len() <= 500 && fix.map.cell_m() > 10.0);
     assert!(fix.segments <= 15 && fix.segments > 10 && fix.segment_m > 40.0, "{}", fix.segment_m);
@@ -173,7 +195,7 @@ fn the_belief_is_the_map() {
 fn a_place_where_the_regressor_is_not_finite_is_impossible() {
     let estimator = ShadowingGrid::new(keeping_all()).expect("in range");
     let north_only = |cell: &Vector2<f64>, receiver: &Pose| {
-        if cell.y < 60.0 { f64::NAN } else { level(cell, receiver) }
+        if cell.y < 60.0 { [f64::NAN; 2] } else { level(cell, receiver) }
     };
     let fix = estimator.locate(&flight(8, &TRUTH), north_only).expect("a posterior");
     assert!(fix.map.cells().all(|(place, mass)| if place.y < 60.0 {

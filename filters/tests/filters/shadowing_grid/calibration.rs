@@ -8,7 +8,7 @@ use foxhunt_filters::{Marginal, ShadowingFix, ShadowingGrid, ShadowingGridConfig
 use nalgebra::Vector2;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
-use super::world::{Truth, lawn_mower, level, readings};
+use super::world::{Truth, lawn_mower, level, readings, simple};
 
 /// A sum of independent numbers, the mean and the variance it should have.
 #[derive(Clone, Copy, Debug, Default)]
@@ -69,6 +69,8 @@ struct Calibration {
     rank_square: Tally,
     border: Tally,
     lengths: [Tally; 3],
+    nuggets: [Tally; 2],
+    gain: Squares,
     intercept: Squares,
     slope: Squares,
     sigma: Squares,
@@ -111,10 +113,16 @@ impl Calibration {
             fix.border_mass * (1.0 - fix.border_mass),
         );
 
+        let count = |tally: &mut Tally, is: bool, p: f64| {
+            tally.add(f64::from(u8::from(is)), p, p * (1.0 - p));
+        };
         for (tally, (length_m, p)) in self.lengths.iter_mut().zip(&fix.correlation_lengths_m) {
-            let is = f64::from(u8::from((length_m - truth.length_m).abs() < 0.1));
-            tally.add(is, *p, p * (1.0 - p));
+            count(tally, (length_m - truth.length_m).abs() < 0.1, *p);
         }
+        for (tally, (nugget, p)) in self.nuggets.iter_mut().zip(&fix.nuggets) {
+            count(tally, (nugget - truth.nugget).abs() < 1e-3, *p);
+        }
+        self.gain.add(&fix.gain, truth.gain);
         self.intercept.add(&fix.intercept, truth.intercept);
         self.slope.add(&fix.slope, truth.slope);
         self.sigma.add(&fix.sigma, truth.sigma);
@@ -130,6 +138,8 @@ impl Calibration {
             self.lengths[0].score("the first correlation length"),
             self.lengths[1].score("the second"),
             self.lengths[2].score("the third"),
+            self.nuggets[0].score("the first nugget"),
+            self.gain.score("gain"),
             self.intercept.score("intercept"),
             self.slope.score("slope"),
             self.sigma.score("sigma"),
@@ -140,8 +150,8 @@ impl Calibration {
 /// Nothing farther off than 3.29 standard deviations: a false-alarm rate of 0.1 % per score.
 const LIMIT: f64 = 3.29;
 
-/// A slope from its prior's nodes.
-fn draw_slope(slope: &Slope, rng: &mut Xoshiro256PlusPlus) -> f64 {
+/// A coefficient from its prior's nodes.
+fn draw(slope: &Slope, rng: &mut Xoshiro256PlusPlus) -> f64 {
     let Slope::Nodes(nodes) = slope else { panic!("the default has nodes") };
     let mut left = rng.random::<f64>() * nodes.iter().map(|n| n.1).sum::<f64>();
     for (value, weight) in nodes {
@@ -174,10 +184,11 @@ fn calibrate(seed: u64, runs: u32, receivers: &[Pose], config: &ShadowingGridCon
             place: Vector2::new(side(last.x, rng.random()), side(last.y, rng.random())),
             // a is flat and σ scales: the result may not depend on what they are.
             intercept: -50.0 + 100.0 * rng.random::<f64>(),
-            slope: draw_slope(&config.slope, &mut rng),
+            slope: draw(&config.slope, &mut rng),
+            gain: draw(&config.gain, &mut rng),
             sigma: 2.0 * (2.3 * rng.random::<f64>()).exp(),
             length_m: config.correlation_lengths_m[rng.random_range(0..3)],
-            nugget: config.nugget,
+            nugget: config.nuggets[rng.random_range(0..2)],
         };
         let readings = readings(receivers, &truth, &mut rng);
         let fix = estimator.locate(&readings, level).expect("a posterior");
@@ -187,15 +198,16 @@ fn calibrate(seed: u64, runs: u32, receivers: &[Pose], config: &ShadowingGridCon
     calibration.scores()
 }
 
+/// Gain and nugget are unknown, too.
+fn with_all_unknown() -> ShadowingGridConfig {
+    let gain = Slope::gaussian(0.5, 1.0, -1.0, 2.0, 0.5).expect("in order");
+    ShadowingGridConfig { gain, nuggets: vec![0.1, 0.3], ..simple() }
+}
+
 #[test]
 fn the_posterior_is_calibrated() {
-    let config = ShadowingGridConfig {
-        margin_m: 60.0,
-        cell_m: 15.0,
-        max_cells: 4000,
-        segment_m: 0.0,
-        ..Default::default()
-    };
+    let config =
+        ShadowingGridConfig { margin_m: 60.0, cell_m: 15.0, max_cells: 4000, ..with_all_unknown() };
     for score in calibrate(11, 300, &lawn_mower(3, 9, 25.0, 80.0), &config) {
         println!("{score:.2?}");
         assert!(score.z.abs() < LIMIT, "{score:?}");
@@ -205,7 +217,7 @@ fn the_posterior_is_calibrated() {
 #[test]
 #[ignore = "long"]
 fn the_posterior_is_calibrated_over_many_runs() {
-    let config = ShadowingGridConfig { margin_m: 100.0, segment_m: 0.0, ..Default::default() };
+    let config = ShadowingGridConfig { margin_m: 100.0, ..with_all_unknown() };
     for score in calibrate(12, 2000, &lawn_mower(4, 25, 15.0, 80.0), &config) {
         println!("{score:.2?}");
         assert!(score.z.abs() < LIMIT, "{score:?}");

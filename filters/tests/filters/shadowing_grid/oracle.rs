@@ -7,7 +7,7 @@ use foxhunt_filters::{
 use nalgebra::{DMatrix, DVector};
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
-use super::world::{Truth, correlation, lawn_mower, level, readings};
+use super::world::{Truth, correlation, lawn_mower, level, readings, simple};
 
 /// Sums of weight, weight × number and weight × number².
 #[derive(Clone, Copy, Default)]
@@ -32,17 +32,20 @@ struct Direct {
     mass: Vec<f64>,
     intercept: Marginal,
     slope: Marginal,
+    gain: Marginal,
     sigma: Marginal,
     lengths: Vec<f64>,
+    nuggets: Vec<f64>,
 }
 
-/// Σ over cells, lengths, slopes, intercepts and ln σ of
-/// w_b |σ² C|^−½ exp(−½ (p − a − b x)ᵀ (σ² C)⁻¹ (p − a − b x)); d ln σ is the prior 1/σ.
+/// Σ over cells, lengths, nuggets, slopes, gains, intercepts and ln σ of
+/// w_b w_c |σ² C|^−½ exp(−½ rᵀ (σ² C)⁻¹ r), r = p − a − b x − c g; d ln σ is the prior 1/σ.
 fn integrate(
     fix: &ShadowingFix,
     readings: &[(Pose, f64)],
     config: &ShadowingGridConfig,
     slopes: &[(f64, f64)],
+    gains: &[(f64, f64)],
 ) -> Direct {
     let receivers: Vec<Pose> = readings.iter().map(|r| r.0).collect();
     let values = DVector::from_iterator(readings.len(), readings.iter().map(|r| r.1));
@@ -52,28 +55,39 @@ fn integrate(
         Intercept::Flat => (-1000..1000).map(|i| -40.0 + 0.6 * f64::from(i)).collect(),
     };
     let sigmas: Vec<f64> = (0..85).map(|i| 0.3 * (0.1 * f64::from(i)).exp()).collect();
-    let correlations: Vec<(DMatrix<f64>, f64)> = (config.correlation_lengths_m.iter())
-        .map(|&length_m| {
-            let c = correlation(&receivers, length_m, config.nugget);
-            (c.clone().try_inverse().expect("regular"), c.determinant())
-        })
-        .collect();
+    let mut correlations: Vec<([usize; 2], DMatrix<f64>, f64)> = Vec::new();
+    for (i, &length_m) in config.correlation_lengths_m.iter().enumerate() {
+        for (j, &nugget) in config.nuggets.iter().enumerate() {
+            let c = correlation(&receivers, length_m, nugget);
+            let inverse = c.clone().try_inverse().expect("regular");
+            correlations.push(([i, j], inverse, c.determinant()));
+        }
+    }
     let mut mass = Vec::new();
     let (mut intercept, mut slope, mut sigma) = <(Sums, Sums, Sums)>::default();
-    let mut lengths = vec![0.0; correlations.len()];
+    let mut gain = Sums::default();
+    let mut lengths = vec![0.0; config.correlation_lengths_m.len()];
+    let mut nuggets = vec![0.0; config.nuggets.len()];
     for (cell, _) in fix.map.cells() {
-        let x = DVector::from_iterator(readings.len(), receivers.iter().map(|r| level(&cell, r)));
+        let regressor = |which: usize| {
+            let values = receivers.iter().map(|r| level(&cell, r)[which]);
+            DVector::from_iterator(readings.len(), values)
+        };
+        let (x, g) = (regressor(0), regressor(1));
         let mut total = 0.0;
-        for ((inverse, determinant), length) in correlations.iter().zip(&mut lengths) {
-            for &(b, prior) in slopes {
+        for ([i, j], inverse, determinant) in &correlations {
+            let coefficients = slopes.iter().flat_map(|b| gains.iter().map(move |c| (b, c)));
+            for (&(b, b_prior), &(c, c_prior)) in coefficients {
                 for &a in &intercepts {
-                    let residual = (&values - &x * b).add_scalar(-a);
+                    let residual = (&values - &x * b - &g * c).add_scalar(-a);
                     let square = residual.dot(&(inverse * &residual));
                     for &s in &sigmas {
-                        let weight = prior * (-0.5 * square / (s * s)).exp()
+                        let weight = b_prior * c_prior * (-0.5 * square / (s * s)).exp()
                             / (s.powi(n) * determinant.sqrt());
                         total += weight;
-                        *length += weight;
+                        lengths[*i] += weight;
+                        nuggets[*j] += weight;
+                        gain.add(weight, c);
                         intercept.add(weight, a);
                         slope.add(weight, b);
                         sigma.add(weight, s);
@@ -84,70 +98,88 @@ fn integrate(
         mass.push(total);
     }
     let total: f64 = mass.iter().sum();
-    for share in mass.iter_mut().chain(&mut lengths) {
+    for share in mass.iter_mut().chain(&mut lengths).chain(&mut nuggets) {
         *share /= total;
     }
-    let [intercept, slope, sigma] = [intercept, slope, sigma].map(|sums| sums.marginal());
-    Direct { mass, intercept, slope, sigma, lengths }
+    let [intercept, slope, gain, sigma] =
+        [intercept, slope, gain, sigma].map(|sums| sums.marginal());
+    Direct { mass, intercept, slope, gain, sigma, lengths, nuggets }
 }
 
+const WORLD: Truth = Truth {
+    place: nalgebra::Vector2::new(70.0, 10.0),
+    intercept: -35.0,
+    slope: 2.5,
+    gain: 1.0,
+    sigma: 5.0,
+    length_m: 25.0,
+    nugget: 0.2,
+};
+
 /// Eight readings over 25 cells, too few for a finer grid: the fix is the map's.
-fn check(intercept: Intercept, slope: Slope, slopes: &[(f64, f64)], correlation_lengths_m: &[f64]) {
+fn check(intercept: Intercept, slope: Slope, slopes: &[(f64, f64)], config: ShadowingGridConfig) {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
-    let truth = Truth {
-        place: nalgebra::Vector2::new(70.0, 10.0),
-        intercept: -35.0,
-        slope: 2.5,
-        sigma: 5.0,
-        length_m: 25.0,
-        nugget: 0.2,
-    };
-    let readings = readings(&lawn_mower(2, 4, 20.0, 60.0), &truth, &mut rng);
+    let readings = readings(&lawn_mower(2, 4, 20.0, 60.0), &WORLD, &mut rng);
     let config = ShadowingGridConfig {
         intercept,
         slope,
-        correlation_lengths_m: correlation_lengths_m.to_vec(),
-        nugget: 0.3,
         margin_m: 20.0,
         cell_m: 20.0,
         max_cells: 100,
-        segment_m: 0.0,
-        ..ShadowingGridConfig::default()
+        ..config
+    };
+    let gains = match &config.gain {
+        Slope::Known(gain) => vec![(*gain, 1.0)],
+        Slope::Nodes(nodes) => nodes.clone(),
     };
     let fix = ShadowingGrid::new(config.clone()).expect("in range");
     let fix = fix.locate(&readings, level).expect("a posterior");
     assert!(fix.refined.is_none() && fix.map.mass().len() == 25);
-    let direct = integrate(&fix, &readings, &config, slopes);
+    let direct = integrate(&fix, &readings, &config, slopes, &gains);
     // The sum is exact to 1e-7 or so: smooth integrands, and tails cut at ±600 dB and 1200 dB.
     for (mass, expected) in fix.map.mass().iter().zip(&direct.mass) {
         assert!((mass / expected - 1.0).abs() < 1e-6, "{mass} for {expected}");
     }
-    for ((_, share), expected) in fix.correlation_lengths_m.iter().zip(&direct.lengths) {
+    let shares = fix.correlation_lengths_m.iter().chain(&fix.nuggets);
+    for ((_, share), expected) in shares.zip(direct.lengths.iter().chain(&direct.nuggets)) {
         assert!((share - expected).abs() < 1e-6, "{share} for {expected}");
     }
     // Second moments reach farther into the tails: 1e-4.
-    for (marginal, expected) in
-        [(fix.intercept, direct.intercept), (fix.slope, direct.slope), (fix.sigma, direct.sigma)]
-    {
+    for (marginal, expected) in [
+        (fix.intercept, direct.intercept),
+        (fix.slope, direct.slope),
+        (fix.gain, direct.gain),
+        (fix.sigma, direct.sigma),
+    ] {
         let close = |a: f64, b: f64| (a - b).abs() < 1e-4 * (1.0 + b.abs());
         assert!(close(marginal.mean, expected.mean), "{marginal:?} for {expected:?}");
         assert!(close(marginal.sd, expected.sd), "{marginal:?} for {expected:?}");
     }
 }
 
+/// One nugget and the given lengths, without gain.
+fn lengths(correlation_lengths_m: &[f64]) -> ShadowingGridConfig {
+    let correlation_lengths_m = correlation_lengths_m.to_vec();
+    ShadowingGridConfig { correlation_lengths_m, nuggets: vec![0.3], ..simple() }
+}
+
 #[test]
 fn everything_unknown_is_what_integration_gives() {
     let nodes = [(1.5, 0.2), (2.5, 0.7), (3.5, 0.4)];
-    check(Intercept::Flat, Slope::Nodes(nodes.to_vec()), &nodes, &[15.0, 60.0]);
+    let gain = Slope::Nodes(vec![(0.0, 1.0), (1.5, 0.4)]);
+    let config = ShadowingGridConfig { gain, nuggets: vec![0.3, 0.1], ..lengths(&[15.0, 60.0]) };
+    check(Intercept::Flat, Slope::Nodes(nodes.to_vec()), &nodes, config);
 }
 
 #[test]
 fn a_known_intercept_is_what_integration_gives() {
     let nodes = [(2.0, 1.0), (3.0, 0.5)];
-    check(Intercept::Known(-33.0), Slope::Nodes(nodes.to_vec()), &nodes, &[15.0, 25.0, 60.0]);
+    let slope = Slope::Nodes(nodes.to_vec());
+    check(Intercept::Known(-33.0), slope, &nodes, lengths(&[15.0, 25.0, 60.0]));
 }
 
 #[test]
-fn a_known_slope_is_what_integration_gives() {
-    check(Intercept::Flat, Slope::Known(2.2), &[(2.2, 1.0)], &[30.0]);
+fn a_known_slope_and_gain_are_what_integration_gives() {
+    let config = ShadowingGridConfig { gain: Slope::Known(1.0), ..lengths(&[30.0]) };
+    check(Intercept::Flat, Slope::Known(2.2), &[(2.2, 1.0)], config);
 }

@@ -6,11 +6,11 @@ use foxhunt_filters::{
 };
 use nalgebra::Vector2;
 
-use super::world::{lawn_mower, level};
+use super::world::{lawn_mower, level, simple};
 
 fn flight() -> Vec<(Pose, f64)> {
     let place = Vector2::new(40.0, 20.0);
-    lawn_mower(2, 10, 10.0, 40.0).into_iter().map(|r| (r, 3.0 * level(&place, &r))).collect()
+    lawn_mower(2, 10, 10.0, 40.0).into_iter().map(|r| (r, 3.0 * level(&place, &r)[0])).collect()
 }
 
 fn refusal(readings: &[(Pose, f64)], config: ShadowingGridConfig) -> Error {
@@ -24,25 +24,27 @@ fn a_reading_that_is_not_finite_is_named() {
         let mut readings = flight();
         readings[7].1 = value;
         readings[9].1 = f64::NAN;
-        let error = refusal(&readings, ShadowingGridConfig::default());
+        let error = refusal(&readings, simple());
         assert!(matches!(error, Error::Value { index: 7, .. }), "{error}");
         assert!(error.to_string().contains(&value.to_string()));
     }
     let mut readings = flight();
     readings[4].0.position.z = f64::NAN;
-    assert_eq!(refusal(&readings, ShadowingGridConfig::default()), Error::Receiver { index: 4 });
+    assert_eq!(refusal(&readings, simple()), Error::Receiver { index: 4 });
 }
 
 #[test]
 fn too_short_a_flight_is_refused() {
     let few = |segments| Error::TooFew { segments, segment_m: 10.0 };
-    assert_eq!(refusal(&[], ShadowingGridConfig::default()), few(0));
+    let cut = || ShadowingGridConfig { segment_m: 10.0, ..simple() };
+    assert_eq!(refusal(&[], cut()), few(0));
     // 39 m are four segments of 10 m, 29 m are three.
     let path = |metres: u8| -> Vec<_> {
         (0..=metres).map(|i| (Pose::at(f64::from(i), 0.0, 20.0), f64::from(i % 7))).collect()
     };
-    assert_eq!(refusal(&path(29), ShadowingGridConfig::default()), few(3));
-    assert!(ShadowingGrid::default().locate(&path(39), level).is_ok());
+    assert_eq!(refusal(&path(29), cut()), few(3));
+    let estimator = ShadowingGrid::new(cut()).expect("in range");
+    assert!(estimator.locate(&path(39), level).is_ok());
 }
 
 #[test]
@@ -50,7 +52,7 @@ fn one_place_locates_nothing() {
     let readings: Vec<_> =
         (0..9_u8).map(|i| (Pose::at(3.0, -2.0, 10.0 + f64::from(i)), f64::from(i))).collect();
     for segment_m in [0.0, 10.0] {
-        let config = ShadowingGridConfig { segment_m, ..Default::default() };
+        let config = ShadowingGridConfig { segment_m, ..simple() };
         assert_eq!(refusal(&readings, config), Error::OnePlace { east: 3.0, north: -2.0 });
     }
 }
@@ -59,18 +61,18 @@ fn one_place_locates_nothing() {
 fn coinciding_places_without_a_nugget_are_refused() {
     let mut readings = flight();
     readings[5].0 = readings[4].0;
-    let config = ShadowingGridConfig { nugget: 0.0, segment_m: 0.0, ..Default::default() };
+    let config = ShadowingGridConfig { nuggets: vec![0.2, 0.0], ..simple() };
     assert_eq!(refusal(&readings, config), Error::Correlation { length_m: 15.0 });
 }
 
 #[test]
 fn a_regressor_that_is_finite_nowhere_is_refused() {
-    let error = ShadowingGrid::default().locate(&flight(), |_, _| f64::NAN);
+    let error = ShadowingGrid::default().locate(&flight(), |_, _| [f64::NAN; 2]);
     assert!(matches!(error, Err(Error::Posterior { cells }) if cells > 1000), "{error:?}");
     // Receivers a universe apart: no cell size makes sense, and nothing hangs.
     let mut readings = flight();
     readings[0].0.position.x = 1e300;
-    let far = refusal(&readings, ShadowingGridConfig { segment_m: 0.0, ..Default::default() });
+    let far = refusal(&readings, simple());
     assert!(matches!(far, Error::Posterior { .. }), "{far}");
 }
 
@@ -91,8 +93,11 @@ fn settings_outside_of_their_range_are_named() {
     assert_eq!(with(|c| c.slope = Slope::Nodes(vec![(2.0, 0.0)])), "the slope's weight");
     assert_eq!(with(|c| c.correlation_lengths_m.clear()), "the number of correlation lengths");
     assert_eq!(with(|c| c.correlation_lengths_m[1] = 0.0), "correlation_length_m");
-    assert_eq!(with(|c| c.nugget = 1.1), "nugget");
-    assert_eq!(with(|c| c.nugget = f64::NAN), "nugget");
+    assert_eq!(with(|c| c.gain = Slope::Nodes(vec![(0.0, -1.0)])), "the gain's weight");
+    assert_eq!(with(|c| c.nuggets.clear()), "the number of nuggets");
+    assert_eq!(with(|c| c.nuggets[1] = 1.1), "nugget");
+    assert_eq!(with(|c| c.nuggets[0] = f64::NAN), "nugget");
+    assert_eq!(with(|c| c.quantile = 1.01), "quantile");
     assert_eq!(with(|c| c.margin_m = -1.0), "margin_m");
     assert_eq!(with(|c| c.cell_m = 0.0), "cell_m");
     assert_eq!(with(|c| c.max_cells = 99), "max_cells");

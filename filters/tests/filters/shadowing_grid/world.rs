@@ -1,14 +1,32 @@
 //! The model, written out anew: fields drawn from it, and the level's regressor.
 
 use foxhunt_core::Pose;
+use foxhunt_filters::{PlacePrior, ShadowingGridConfig, Slope};
 use nalgebra::{DMatrix, DVector, Vector2};
 use rand::{RngExt, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 
-/// −10 log₁₀ of the distance to a target 1 m above the ground.
-pub(super) fn level(cell: &Vector2<f64>, receiver: &Pose) -> f64 {
+/// −10 log₁₀ of the distance to a target 1 m above the ground, and 20 log₁₀ of the cosine of its
+/// elevation, not below −20 dB.
+pub(super) fn level(cell: &Vector2<f64>, receiver: &Pose) -> [f64; 2] {
     let apart = receiver.position - nalgebra::Vector3::new(cell.x, cell.y, 1.0);
-    -10.0 * apart.norm().log10()
+    let cosine = apart.xy().norm() / apart.norm();
+    [-10.0 * apart.norm().log10(), 20.0 * cosine.max(0.1).log10()]
+}
+
+/// Few unknowns and every reading: no gain, an even place, three lengths, one nugget.
+pub(super) fn simple() -> ShadowingGridConfig {
+    ShadowingGridConfig {
+        gain: Slope::Known(0.0),
+        place: PlacePrior::Even,
+        correlation_lengths_m: vec![15.0, 25.0, 40.0],
+        nuggets: vec![0.2],
+        max_cells: 40_000,
+        segment_m: 0.0,
+        quantile: 0.5,
+        max_segments: 300,
+        ..ShadowingGridConfig::default()
+    }
 }
 
 /// A lawn-mower track: `legs` legs of `count` receivers `step_m` apart, legs `apart_m` apart,
@@ -29,6 +47,7 @@ pub(super) struct Truth {
     pub(super) place: Vector2<f64>,
     pub(super) intercept: f64,
     pub(super) slope: f64,
+    pub(super) gain: f64,
     pub(super) sigma: f64,
     pub(super) length_m: f64,
     pub(super) nugget: f64,
@@ -54,6 +73,9 @@ pub(super) fn readings(
     let factor = factor.expect("a nugget makes it positive definite").unpack();
     let white = DVector::from_fn(receivers.len(), |_, _| rng.sample::<f64, _>(StandardNormal));
     let field = factor * white * truth.sigma;
-    let expected = |r: &Pose| truth.intercept + truth.slope * level(&truth.place, r);
+    let expected = |r: &Pose| {
+        let [x, g] = level(&truth.place, r);
+        truth.intercept + truth.slope * x + truth.gain * g
+    };
     receivers.iter().zip(&field).map(|(r, e)| (*r, expected(r) + e)).collect()
 }

@@ -2,7 +2,7 @@
 //! in `hunt`, `campaign`, `compare`, `replay` and `locate`.
 //!
 //! ```text
-//! cargo run -p foxhunt-cli --example own_estimator -- \
+//! cargo run -p foxhunt-cli --example own_program -- \
 //!     campaign --runs 10 --estimator bare-cubature --estimator ekf
 //! ```
 

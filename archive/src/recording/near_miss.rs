@@ -1,0 +1,44 @@
+/// How alike two names are at least, from 0 to 1, for one to be suggested for the other.
+const ALIKE: f64 = 0.8;
+
+/// The known name that a wrong one is most like, if there is one.
+pub(crate) fn near_miss<'k>(
+    wrong: &str,
+    known: impl IntoIterator<Item = &'k str>,
+) -> Option<&'k str> {
+    let alike = |name: &'k str| (strsim::jaro(&name.to_lowercase(), &wrong.to_lowercase()), name);
+    let scored = known.into_iter().map(alike).filter(|(score, _)| *score >= ALIKE);
+    let best = scored.reduce(|best, next| if next.0 > best.0 { next } else { best });
+    best.map(|(_, name)| name)
+}
+
+/// The end of a message about a wrong name: a question, or nothing where no known one is like it.
+pub(crate) fn did_you_mean<'k>(wrong: &str, known: impl IntoIterator<Item = &'k str>) -> String {
+    question(near_miss(wrong, known))
+}
+
+/// Whether that name was meant, as the end of a message.
+pub(crate) fn question(meant: Option<&str>) -> String {
+    meant.map_or_else(String::new, |name| format!("; did you mean {name:?}?"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slips_find_the_name_that_was_meant() {
+        let known = ["rss_dbm", "rss_db", "lat_deg", "lon_deg", "bearing_deg_compass"];
+        for (wrong, meant) in [
+            ("rss_dmb", Some("rss_dbm")),
+            ("LAT_DEG", Some("lat_deg")),
+            ("bearing_compass", Some("bearing_deg_compass")),
+            ("n", None),
+            ("quality", None),
+        ] {
+            assert_eq!(near_miss(wrong, known), meant, "{wrong}");
+        }
+        assert_eq!(did_you_mean("lat", ["lat_deg"]), "; did you mean \"lat_deg\"?");
+        assert_eq!(did_you_mean("x", known), "");
+    }
+}

@@ -1,0 +1,281 @@
+use std::path::PathBuf;
+
+use foxhunt::{
+    Spread,
+    core::{Reception, nalgebra::Vector2},
+    filters::consistency::Coverage,
+    locate::Located,
+    recording::Recording,
+    registry::{EstimatorEntry, Registry},
+};
+use serde::Serialize;
+
+use super::{
+    choice,
+    locating::{Locating, NAMELESS, Prepared, truth},
+    recorded::LatLon,
+};
+use crate::{
+    context::Context,
+    error::CliError,
+    table::{number, table},
+};
+
+/// Judge estimators on recordings whose transmitter's place is known
+///
+/// Locates each beacon of each recording by itself and compares the place with the truth: error,
+/// NEES, and how often the 95 % ellipse holds it, for an estimator and for baselines beside it. The
+/// truth takes part in no fix.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  foxhunt judge flight.csv --truth 50.0755,14.4378\n  \
+                        foxhunt judge bearings.csv --against lenth1981,pseudolinear")]
+pub(crate) struct Args {
+    /// Recordings: CSV with named columns; each beacon of each is one fix
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Where the transmitter of all recordings is, in degrees (WGS84); the recordings' own truth
+    /// unless given
+    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
+    truth: Option<LatLon>,
+    /// The estimators beside it, by name; for levels `strongest` and `least-absolute`, for bearings
+    /// `lenth1981` and `pseudolinear` unless given
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    against: Vec<String>,
+    #[command(flatten)]
+    locating: Locating,
+}
+
+/// What came out, as JSON has it.
+#[derive(Debug, Serialize)]
+struct Report {
+    fixes: Vec<Fix>,
+    estimators: Vec<Summary>,
+}
+
+/// One beacon of one recording.
+#[derive(Debug, Serialize)]
+struct Fix {
+    file: String,
+    beacon: Option<String>,
+    receptions: usize,
+    /// The estimator that is judged first, then those beside it.
+    answers: Vec<Answer>,
+}
+
+/// What one estimator made of a fix.
+#[derive(Debug, Serialize)]
+struct Answer {
+    estimator: String,
+    /// Absent where it found no place, for the reason of `failure`.
+    error_m: Option<f64>,
+    nees: Option<f64>,
+    /// Whether the 95 % ellipse holds the truth.
+    inside_95: Option<bool>,
+    failure: Option<String>,
+}
+
+/// One estimator over all fixes.
+#[derive(Debug, Serialize)]
+struct Summary {
+    estimator: String,
+    fixes: usize,
+    /// How many fixes it found no place for.
+    failed: usize,
+    median_error_m: Option<f64>,
+    mean_error_m: Option<f64>,
+    mean_nees: Option<f64>,
+    /// How many of its 95 % ellipses hold the truth.
+    inside_95: usize,
+    /// Where the share of ellipses that hold the truth lies with 95 % (Clopper & Pearson 1934).
+    coverage_interval: Option<[f64; 2]>,
+    /// In how many fixes the estimator that is judged first is nearer than this one.
+    first_is_nearer: Option<usize>,
+}
+
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let Context { output, registry } = context;
+    let beside = args.against.iter().map(|name| choice::estimator(registry, name, "--against"));
+    let beside = beside.collect::<Result<Vec<_>, _>>()?;
+    let prepared = args.locating.prepare(&args.files, registry)?;
+    let mut fixes = Vec::new();
+    for (number, recording) in prepared.recordings().iter().enumerate() {
+        for beacon in recording.beacons() {
+            if args.locating.wanted().is_some_and(|wanted| Some(wanted) != beacon) {
+                continue;
+            }
+            fixes.push(judge(args, &prepared, registry, &beside, (number, recording), beacon)?);
+        }
+    }
+    let report = Report { estimators: summaries(&fixes)?, fixes };
+    output.result(&report, text)
+}
+
+/// One fix by every estimator.
+fn judge(
+    args: &Args,
+    prepared: &Prepared,
+    registry: &Registry,
+    beside: &[&EstimatorEntry],
+    (number, recording): (usize, &Recording),
+    beacon: Option<&str>,
+) -> Result<Fix, CliError> {
+    let file = recording.file();
+    let name = beacon.unwrap_or(NAMELESS);
+    let known = truth(args.truth, std::slice::from_ref(recording), beacon)?.ok_or_else(|| {
+        CliError::input(format!(
+            "{file}: the beacon {name} has no truth, or one that moves; see --truth"
+        ))
+    })?;
+    let received = prepared.receptions_of(number, beacon)?;
+    let own = args.locating.estimator(registry, &received)?;
+    let usual;
+    let beside = if beside.is_empty() {
+        usual = baselines(registry, &received);
+        usual.as_slice()
+    } else {
+        beside
+    };
+    let answer = |estimator: &&EstimatorEntry| match estimator.locate(&received, prepared.config())
+    {
+        Ok(located) => Answer::new(estimator, &located, &known),
+        Err(error) => Answer::failed(estimator, error.to_string()),
+    };
+    Ok(Fix {
+        file: file.to_owned(),
+        beacon: beacon.map(str::to_owned),
+        receptions: received.len(),
+        answers: std::iter::once(&own).chain(beside).map(answer).collect(),
+    })
+}
+
+/// The estimators that people use where they have nothing else.
+fn baselines<'a>(registry: &'a Registry, received: &[Reception]) -> Vec<&'a EstimatorEntry> {
+    let names = if received.iter().any(Reception::has_bearing) {
+        ["lenth1981", "pseudolinear"]
+    } else {
+        ["strongest", "least-absolute"]
+    };
+    // A registry of one's own need not have them.
+    names.iter().filter_map(|name| registry.estimator(name).ok()).collect()
+}
+
+impl Answer {
+    fn new(estimator: &EstimatorEntry, located: &Located, truth: &Vector2<f64>) -> Self {
+        Self {
+            estimator: estimator.name.to_string(),
+            error_m: Some((located.estimate.mean - truth).norm()),
+            nees: located.estimate.nees(truth),
+            inside_95: located.ellipse_95_holds(truth),
+            failure: None,
+        }
+    }
+
+    fn failed(estimator: &EstimatorEntry, reason: String) -> Self {
+        Self {
+            estimator: estimator.name.to_string(),
+            error_m: None,
+            nees: None,
+            inside_95: None,
+            failure: Some(reason),
+        }
+    }
+}
+
+/// Every estimator over all fixes, in the order of their first answers.
+fn summaries(fixes: &[Fix]) -> Result<Vec<Summary>, CliError> {
+    let mut names: Vec<&str> = Vec::new();
+    for answer in fixes.iter().flat_map(|fix| &fix.answers) {
+        if !names.contains(&answer.estimator.as_str()) {
+            names.push(&answer.estimator);
+        }
+    }
+    names.into_iter().map(|name| summary(fixes, name)).collect()
+}
+
+fn summary(fixes: &[Fix], name: &str) -> Result<Summary, CliError> {
+    let mut coverage = Coverage::new(0.95, 0.95).map_err(CliError::failure)?;
+    let (mut errors, mut nees) = (Vec::new(), Vec::new());
+    let (mut failed, mut inside, mut nearer, mut is_first) = (0, 0, 0, false);
+    for fix in fixes {
+        let Some(answer) = fix.answers.iter().find(|answer| answer.estimator == name) else {
+            continue;
+        };
+        failed += usize::from(answer.failure.is_some());
+        errors.extend(answer.error_m);
+        nees.extend(answer.nees);
+        if let Some(held) = answer.inside_95 {
+            coverage.add(held);
+            inside += usize::from(held);
+        }
+        let first = fix.answers.first();
+        is_first |= first.is_some_and(|first| first.estimator == name);
+        let first_m = first.and_then(|first| first.error_m);
+        nearer += usize::from(matches!((first_m, answer.error_m), (Some(a), Some(b)) if a < b));
+    }
+    let spread = Spread::of(&errors);
+    Ok(Summary {
+        estimator: name.to_owned(),
+        fixes: errors.len() + failed,
+        failed,
+        median_error_m: spread.map(|spread| spread.p50),
+        mean_error_m: spread.map(|spread| spread.mean),
+        mean_nees: Spread::of(&nees).map(|spread| spread.mean),
+        inside_95: inside,
+        coverage_interval: coverage.interval(),
+        first_is_nearer: (!is_first).then_some(nearer),
+    })
+}
+
+fn text(report: &Report) -> String {
+    let mut fixes =
+        table(&["recording", "beacon", "receptions", "estimator", "error m", "NEES", "in 95 %"]);
+    for fix in &report.fixes {
+        for answer in &fix.answers {
+            let inside = match (&answer.failure, answer.inside_95) {
+                (Some(_), _) => "no place",
+                (None, Some(true)) => "yes",
+                (None, Some(false)) => "no",
+                (None, None) => "-",
+            };
+            fixes.add_row([
+                fix.file.rsplit('/').next().unwrap_or_default().to_owned(),
+                fix.beacon.clone().unwrap_or_else(|| "-".to_owned()),
+                fix.receptions.to_string(),
+                answer.estimator.clone(),
+                number(answer.error_m, 1),
+                number(answer.nees, 2),
+                inside.to_owned(),
+            ]);
+        }
+    }
+    let mut all = table(&[
+        "estimator",
+        "fixes",
+        "no place",
+        "median m",
+        "mean m",
+        "mean NEES",
+        "in 95 %",
+        "share (95 %)",
+        "first nearer",
+    ]);
+    for of in &report.estimators {
+        let share = of.coverage_interval.map(|[low, high]| format!("{low:.2} … {high:.2}"));
+        all.add_row([
+            of.estimator.clone(),
+            of.fixes.to_string(),
+            of.failed.to_string(),
+            number(of.median_error_m, 1),
+            number(of.mean_error_m, 1),
+            number(of.mean_nees, 2),
+            of.inside_95.to_string(),
+            share.unwrap_or_else(|| "-".to_owned()),
+            of.first_is_nearer.map_or_else(|| "-".to_owned(), |count| count.to_string()),
+        ]);
+    }
+    format!(
+        "{fixes}\n\n{all}\nA consistent estimator in the plane has a mean NEES of 2; `share` is \
+         where the share of its 95 % ellipses\nthat hold the truth lies. `first nearer` counts the \
+         fixes in which the first estimator has the smaller error."
+    )
+}

@@ -1,0 +1,294 @@
+//! What the commands that locate transmitters from recordings have in common.
+
+use std::{borrow::Cow, path::PathBuf};
+
+use foxhunt::{
+    calibration::CalibrationFile,
+    config::BoxedExtractor,
+    core::{EstimatorError, Reception, nalgebra::Vector2},
+    locate::{LocateConfig, LocateError, Power},
+    recorded::{ReceptionConfig, receptions, recorded_truth},
+    recording::Recording,
+    registry::{EstimatorEntry, Registry},
+};
+
+use super::{
+    calibration::{Calibration, Part, calibrated, parts},
+    choice,
+    extraction::Extraction,
+    parameter::{EastNorthUp, Parameter},
+    recorded::{LatLon, Reading, no_degrees},
+};
+use crate::error::CliError;
+
+/// What stands for the name of a beacon without one.
+pub(super) const NAMELESS: &str = "(no name)";
+
+/// How transmitters are located.
+#[derive(Debug, clap::Args)]
+pub(super) struct Locating {
+    /// The estimator (`foxhunt list estimators` describes them); chosen by what was recorded unless
+    /// given
+    #[arg(long, value_name = "NAME")]
+    estimator: Option<String>,
+    /// The power at one metre in dBm, or `free` where it is not known; needs --exponent
+    #[arg(long, value_name = "V|free", default_value = "free", allow_hyphen_values = true)]
+    p0_dbm: Parameter,
+    /// The path-loss exponent, or `free` where it is not known
+    #[arg(long, value_name = "V|free", default_value = "free", allow_hyphen_values = true)]
+    exponent: Parameter,
+    /// How high the transmitter is above the ground, in metres
+    #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true)]
+    target_up_m: f64,
+    /// How far beyond the area that was flown over the transmitter is looked for, in metres; the
+    /// default estimators of levels alone and of bearings alone begin there, and go farther where
+    /// they have to
+    #[arg(long, value_name = "M", default_value_t = 200.0)]
+    margin_m: f64,
+    /// How uncertain the receiver's own place is, in metres on each axis, as its GNSS has it; known
+    /// unless given
+    #[arg(long, value_name = "M")]
+    receiver_sigma_m: Option<f64>,
+    /// Where the reference receiver of range and level differences is, in metres of the local frame
+    #[arg(long, value_name = "E,N,U", allow_hyphen_values = true)]
+    reference_m: Option<EastNorthUp>,
+    /// The seed of estimators that draw random numbers
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+    #[command(flatten)]
+    calibration: Calibration,
+    #[command(flatten)]
+    extraction: Extraction,
+    #[command(flatten)]
+    reading: Reading,
+}
+
+/// Recordings, and how transmitters are located from them.
+pub(super) struct Prepared {
+    recordings: Vec<Recording>,
+    /// The parts of each recording that are read in different ways.
+    parts: Vec<Vec<Extracted>>,
+    reading: ReceptionConfig,
+    config: LocateConfig,
+}
+
+/// What is read with one extractor: the part of a recording, or all of it.
+struct Extracted {
+    part: Option<Recording>,
+    extractor: BoxedExtractor,
+}
+
+impl Locating {
+    /// Reads recordings and what the flags name.
+    pub(super) fn prepare(
+        &self,
+        files: &[PathBuf],
+        registry: &Registry,
+    ) -> Result<Prepared, CliError> {
+        self.check()?;
+        let own = self.calibration.read()?;
+        // Mistakes of the command line are reported before those of files.
+        self.power(&own)?;
+        let recordings = self.reading.read(files)?;
+        let calibration = match recordings.first() {
+            Some(first) => self.calibration.or_shipped(&own, first),
+            None => Cow::Borrowed(&own),
+        };
+        let extracted = |recording| self.extracted(registry, recording, &calibration);
+        let parts = recordings.iter().map(extracted).collect::<Result<_, _>>()?;
+        let reading = ReceptionConfig {
+            positions: self.reading.positions,
+            bearings: calibration.bearing_calibration(),
+            receiver_sigma_m: self.receiver_sigma_m,
+            ..ReceptionConfig::default()
+        };
+        let config = LocateConfig {
+            power: self.power(&calibration)?,
+            target_up_m: self.target_up_m,
+            margin_m: self.margin_m,
+            reference_m: self.reference_m.map(Into::into),
+            seed: self.seed,
+            ..LocateConfig::default()
+        };
+        let prepared = Prepared { recordings, parts, reading, config };
+        #[cfg(feature = "batch")]
+        let prepared = prepared.with_learned_sigma()?;
+        Ok(prepared)
+    }
+
+    /// The parts of a recording, each with the extractor of the command line, calibrated. A station
+    /// has one of its own, unless another one is given.
+    fn extracted(
+        &self,
+        registry: &Registry,
+        recording: &Recording,
+        calibration: &CalibrationFile,
+    ) -> Result<Vec<Extracted>, CliError> {
+        let extracted = |Part { recording, station }: Part<'_, '_>| {
+            let mut extractor = self.extraction.build(registry)?;
+            if station.is_none() || !self.extraction.is_given() {
+                let name = self.extraction.name();
+                extractor = calibrated(calibration, station, name, extractor)?;
+            }
+            let part = match recording {
+                Cow::Borrowed(_) => None,
+                Cow::Owned(part) => Some(part),
+            };
+            Ok(Extracted { part, extractor })
+        };
+        parts(recording, calibration).into_iter().map(extracted).collect()
+    }
+
+    /// The beacon that is meant.
+    pub(super) fn beacon(&self, recordings: &[Recording]) -> Result<Option<String>, CliError> {
+        self.reading.beacon(recordings)
+    }
+
+    /// The name of the beacon of the command line.
+    pub(super) fn wanted(&self) -> Option<&str> {
+        self.reading.wanted()
+    }
+
+    /// The estimator of the command line, or the one that suits what was received.
+    pub(super) fn estimator<'a>(
+        &self,
+        registry: &'a Registry,
+        received: &[Reception],
+    ) -> Result<&'a EstimatorEntry, CliError> {
+        match &self.estimator {
+            Some(name) => choice::estimator(registry, name, "--estimator"),
+            None => registry.suited_to(received).map_err(CliError::input),
+        }
+    }
+
+    /// Refuses numbers that are out of range.
+    fn check(&self) -> Result<(), CliError> {
+        if !self.target_up_m.is_finite() {
+            return Err(CliError::input(format!(
+                "--target-up-m is {}, no height",
+                self.target_up_m
+            )));
+        }
+        if !(self.margin_m > 0.0 && self.margin_m.is_finite()) {
+            let message = format!("--margin-m is {}; it must be positive", self.margin_m);
+            return Err(CliError::input(message));
+        }
+        Ok(())
+    }
+
+    /// What is known of the transmitter's power, by the flags or else by the calibration.
+    fn power(&self, calibration: &CalibrationFile) -> Result<Power, CliError> {
+        match (self.p0_dbm, self.exponent) {
+            (Parameter::Free, Parameter::Free) => {
+                Ok(calibration.path_loss.as_ref().map_or(Power::Free, |law| Power::Known {
+                    reference_dbm: law.p0_dbm,
+                    exponent: law.exponent,
+                }))
+            }
+            (Parameter::Value(reference_dbm), Parameter::Value(exponent)) => {
+                Ok(Power::Known { reference_dbm, exponent })
+            }
+            (Parameter::Free, Parameter::Value(exponent)) => Ok(Power::FreeReference { exponent }),
+            (Parameter::Value(_), Parameter::Free) => Err(CliError::input(
+                "--p0-dbm needs --exponent: no estimator knows the power alone",
+            )),
+        }
+    }
+}
+
+impl Prepared {
+    /// All recordings, in one frame.
+    pub(super) fn recordings(&self) -> &[Recording] {
+        &self.recordings
+    }
+
+    /// What the flags and the calibration state of the transmitter and the search.
+    pub(super) fn config(&self) -> &LocateConfig {
+        &self.config
+    }
+
+    /// Takes σ of ready-made bearings that have none of their own from how those of all beacons
+    /// meet, where there are several: it belongs to the receivers, not to a beacon.
+    #[cfg(feature = "batch")]
+    fn with_learned_sigma(mut self) -> Result<Self, CliError> {
+        use foxhunt::{locate::learn_bearing_sigma, recording::Record};
+
+        use crate::output::warn;
+
+        let of_unknown_sigma = |record: &Record| {
+            record.boresight.is_none() && record.bearing.is_some_and(|b| b.sigma.is_none())
+        };
+        let mut records = self.recordings.iter().flat_map(Recording::records);
+        if !records.any(of_unknown_sigma) {
+            return Ok(self);
+        }
+        let mut beacons = Vec::new();
+        for (number, recording) in self.recordings.iter().enumerate() {
+            for beacon in recording.beacons() {
+                beacons.push(self.receptions_of(number, beacon)?);
+            }
+        }
+        if beacons.len() > 1 {
+            let each = beacons.iter().map(Vec::as_slice);
+            let (factor, freedom) = learn_bearing_sigma(each, &self.config);
+            self.reading.bearing_sigma *= factor;
+            self.config.bearing_freedom = freedom;
+            let sigma_deg = self.reading.bearing_sigma.to_degrees();
+            warn(&format!(
+                "  σ of bearings without one: {sigma_deg:.1}°, from how those of {} beacons meet",
+                beacons.len()
+            ));
+        }
+        Ok(self)
+    }
+
+    /// The receptions of a beacon in all recordings.
+    pub(super) fn receptions(&self, beacon: Option<&str>) -> Result<Vec<Reception>, CliError> {
+        let mut received = Vec::new();
+        for number in 0..self.recordings.len() {
+            received.append(&mut self.receptions_of(number, beacon)?);
+        }
+        Ok(received)
+    }
+
+    /// The receptions of a beacon in one recording, counted from 0.
+    pub(super) fn receptions_of(
+        &self,
+        number: usize,
+        beacon: Option<&str>,
+    ) -> Result<Vec<Reception>, CliError> {
+        let mut received = Vec::new();
+        let whole = self.recordings.get(number);
+        for Extracted { part, extractor } in self.parts.get(number).into_iter().flatten() {
+            let part = part.as_ref().or(whole).map(std::slice::from_ref).unwrap_or_default();
+            let more = receptions(part, beacon, extractor.as_ref(), &self.reading);
+            received.append(&mut more.map_err(CliError::input)?);
+        }
+        Ok(received)
+    }
+}
+
+/// Whose fault it is that nothing was located.
+pub(super) fn not_located(error: LocateError) -> CliError {
+    match error {
+        LocateError::Start(EstimatorError::Unsupported { .. }) => CliError::input(error),
+        LocateError::Start(_) => CliError::failure(error),
+        error => CliError::input(error),
+    }
+}
+
+/// Where the transmitter truly is, if that is known, by the command line or the recordings.
+pub(super) fn truth(
+    given: Option<LatLon>,
+    recordings: &[Recording],
+    beacon: Option<&str>,
+) -> Result<Option<Vector2<f64>>, CliError> {
+    match given {
+        None => Ok(recorded_truth(recordings, beacon)),
+        Some(truth) => {
+            let frame = recordings.iter().find_map(Recording::frame);
+            let place = truth.in_frame(frame).ok_or_else(|| no_degrees("--truth"))?;
+            Ok(Some(place.into()))
+        }
+    }
+}

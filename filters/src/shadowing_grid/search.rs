@@ -1,0 +1,73 @@
+use nalgebra::Vector2;
+
+use super::{
+    PlacePrior,
+    grid::{Grid, PosteriorMap},
+};
+
+/// Where a grid looks, and how fine it gets.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Search {
+    /// The corners of the receivers' bounding box.
+    pub(crate) low: Vector2<f64>,
+    pub(crate) high: Vector2<f64>,
+    pub(crate) place: PlacePrior,
+    pub(crate) margin_m: f64,
+    pub(crate) cell_m: f64,
+    pub(crate) max_cells: u32,
+}
+
+impl Search {
+    /// The posterior over the whole area that has to be searched, and on finer cells around the
+    /// mass where the first are too coarse for it. Where the prior of the place reaches beyond the
+    /// margin and there is mass on the border, up to six wider grids come first.
+    pub(crate) fn run<P, E>(
+        &self,
+        mut posterior: impl FnMut(Grid) -> Result<P, E>,
+        map: impl Fn(&P) -> &PosteriorMap,
+    ) -> Result<(P, Option<P>), E> {
+        let mut within = |margin_m: f64| {
+            let margin = Vector2::repeat(margin_m);
+            let (low, high) = (self.low - margin, self.high + margin);
+            posterior(Grid::over(low, high, self.cell_m, self.max_cells))
+        };
+        let mut margin_m = self.margin_m;
+        let mut searched = within(margin_m)?;
+        if self.place == PlacePrior::NearReceivers {
+            for _ in 0..WIDENINGS {
+                if map(&searched).border_mass() < LITTLE_ON_BORDER {
+                    break;
+                }
+                margin_m = 2.0 * margin_m.max(0.25 * (self.high - self.low).norm());
+                searched = within(margin_m)?;
+            }
+            // Cells where the mass is, however wide the search was.
+            for _ in 0..TRIMMINGS {
+                let (from, to) = map(&searched).without(LITTLE_ON_BORDER);
+                if (to - from).product() > 0.8 * map(&searched).area_m2() {
+                    break;
+                }
+                searched = posterior(Grid::over(from, to, self.cell_m, self.max_cells))?;
+            }
+        }
+        let mut refined = None;
+        for _ in 0..REFINEMENTS {
+            let last = refined.as_ref().unwrap_or(&searched);
+            let Some(finer) = map(last).finer(self.max_cells / 4) else { break };
+            refined = Some(posterior(finer)?);
+        }
+        Ok((searched, refined))
+    }
+}
+
+/// Each refinement makes cells up to four times smaller: six reach 4096.
+const REFINEMENTS: u8 = 6;
+
+/// Each widening doubles the margin: six reach 64 times.
+const WIDENINGS: u8 = 6;
+
+/// Each trimming shows on finer cells where there is more to trim.
+const TRIMMINGS: u8 = 3;
+
+/// A border with less probability does not move the answer.
+const LITTLE_ON_BORDER: f64 = 2e-3;

@@ -1,0 +1,153 @@
+use foxhunt_core::{Estimate, Pose, Reception};
+use foxhunt_filters::BatchError;
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use super::{Area, LocateConfig, LocateError, Located, Locator, Power, located::levels};
+
+/// The place, the exponent and P₀ of a log-distance law for which the absolute residuals of the
+/// levels have the least sum: what most people fit. A baseline: its covariance (Koenker & Bassett
+/// 1978, theorem 4.2, with Laplace's density) takes levels for independent, which those along a
+/// flight are not.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LeastAbsolute;
+
+/// The exponents that a law may have.
+const EXPONENTS: core::ops::RangeInclusive<f64> = 1.0..=5.0;
+
+/// One fit's levels, and what is known.
+struct Fit<'a> {
+    levels: &'a [(Pose, f64)],
+    up: f64,
+    reference_dbm: Option<f64>,
+    exponent: Option<f64>,
+}
+
+impl Fit<'_> {
+    /// −10 log₁₀ of each range.
+    fn attenuations(&self, place: Vector2<f64>) -> impl Iterator<Item = f64> {
+        let place = place.push(self.up);
+        // Nearer than a metre the law has no meaning.
+        self.levels
+            .iter()
+            .map(move |(pose, _)| -10.0 * (place - pose.position).norm().max(1.0).log10())
+    }
+
+    /// The mean absolute residual of a place and an exponent, with the best P₀.
+    fn cost(&self, at: &Vector3<f64>) -> f64 {
+        let exponent = self.exponent.unwrap_or(at.z);
+        let values = self.levels.iter().map(|(_, level)| level);
+        let mut residuals: Vec<f64> =
+            values.zip(self.attenuations(at.xy())).map(|(level, x)| level - exponent * x).collect();
+        let half = residuals.len() / 2;
+        let middle = self
+            .reference_dbm
+            .unwrap_or_else(|| *residuals.select_nth_unstable_by(half, f64::total_cmp).1);
+        let possible = self.exponent.is_some() || EXPONENTS.contains(&at.z);
+        let beyond = if possible { 0.0 } else { f64::INFINITY };
+        beyond + mean(residuals.iter().map(|residual| (residual - middle).abs()))
+    }
+
+    /// The least cost from a start on, by steps along the axes that halve where none helps
+    /// (Hooke & Jeeves 1961).
+    fn descend(&self, start: Vector3<f64>, step_m: f64) -> (Vector3<f64>, f64) {
+        let (mut at, mut step) = (start, Vector3::new(step_m, step_m, 0.4));
+        let mut cost = self.cost(&at);
+        while step.x > 0.05 {
+            let mut improved = false;
+            for axis in 0..3 {
+                for sign in [1.0, -1.0] {
+                    let mut next = at;
+                    next[axis] += sign * step[axis];
+                    let next_cost = self.cost(&next);
+                    if next_cost < cost {
+                        (at, cost, improved) = (next, next_cost, true);
+                    }
+                }
+            }
+            if !improved {
+                step *= 0.5;
+            }
+        }
+        (at, cost)
+    }
+}
+
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = u32::try_from(values.len()).unwrap_or(u32::MAX);
+    values.sum::<f64>() / f64::from(count)
+}
+
+impl Locator for LeastAbsolute {
+    fn locate(
+        &self,
+        receptions: &[Reception],
+        config: &LocateConfig,
+    ) -> Result<Located, LocateError> {
+        let levels = levels(receptions)?;
+        if levels.len() < 5 {
+            return Err(BatchError::TooFew { what: "levels", have: levels.len(), need: 5 }.into());
+        }
+        let (reference_dbm, exponent) = match config.power {
+            Power::Free => (None, None),
+            Power::FreeReference { exponent } => (None, Some(exponent)),
+            Power::Known { reference_dbm, exponent } => (Some(reference_dbm), Some(exponent)),
+        };
+        let fit = Fit { levels: &levels, up: config.target_up_m, reference_dbm, exponent };
+        let area = Area::about(receptions, config.margin_m);
+        let mut starts: Vec<(Vector3<f64>, f64)> = area
+            .lattice(STARTS)
+            .map(|place| place.push(config.power.exponent()))
+            .map(|start| (start, fit.cost(&start)))
+            .collect();
+        starts.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let step_m = area.side() / f64::from(STARTS);
+        let ends = starts.iter().take(DESCENTS).map(|start| fit.descend(start.0, step_m));
+        let (best, cost) = ends
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .filter(|(_, cost)| cost.is_finite())
+            .ok_or(BatchError::Flat { rcond: 0.0 })?;
+        // Σ g gᵀ of the residuals' gradients, without their mean, which is P₀'s.
+        let gradient = |step: Vector2<f64>| {
+            let exponent = exponent.unwrap_or(best.z);
+            let (ahead, behind) =
+                (fit.attenuations(best.xy() + step), fit.attenuations(best.xy() - step));
+            let slope: Vec<f64> =
+                ahead.zip(behind).map(|(a, b)| 0.5 * exponent * (a - b)).collect();
+            slope
+        };
+        let mut columns = [
+            gradient(Vector2::x()),
+            gradient(Vector2::y()),
+            if exponent.is_some() {
+                vec![0.0; levels.len()]
+            } else {
+                fit.attenuations(best.xy()).collect()
+            },
+        ];
+        if reference_dbm.is_none() {
+            for column in &mut columns {
+                let middle = mean(column.iter().copied());
+                column.iter_mut().for_each(|value| *value -= middle);
+            }
+        }
+        let product = |i: usize, j: usize| -> f64 {
+            columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum()
+        };
+        let mut information = Matrix3::from_fn(product);
+        if exponent.is_some() {
+            information[(2, 2)] = 1.0;
+        }
+        let covariance = information.cholesky().ok_or(BatchError::Flat { rcond: 0.0 })?.inverse();
+        let covariance = (covariance * (cost * cost)).fixed_view::<2, 2>(0, 0).into_owned();
+        Ok(Located {
+            observations: levels.len(),
+            ..Located::at(Estimate { mean: best.xy(), covariance })
+        })
+    }
+}
+
+/// How many starts there are along each side of the area.
+const STARTS: u8 = 15;
+
+/// From how many of them, the best, a descent begins.
+const DESCENTS: usize = 6;

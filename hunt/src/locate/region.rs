@@ -1,0 +1,50 @@
+use contour::ContourBuilder;
+use foxhunt_filters::PosteriorMap;
+use geo::{Area, Contains, LineString, Point, Polygon};
+use nalgebra::Vector2;
+use serde::Serialize;
+
+/// A connected part of the smallest region that holds a transmitter with a given probability.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Region {
+    /// The probability that the transmitter is in this part.
+    pub probability: f64,
+    /// How large it is, in square metres.
+    pub area_m2: f64,
+    /// The border, East and North in metres, counter-clockwise; the last place is the first.
+    pub outline: Vec<Vector2<f64>>,
+    /// The borders of what is left out within it.
+    pub holes: Vec<Vec<Vector2<f64>>>,
+}
+
+/// The region of highest posterior density with a probability (Box & Tiao 1973), the most probable
+/// part first.
+pub(super) fn regions(map: &PosteriorMap, probability: f64) -> Vec<Region> {
+    let cell_m = map.cell_m();
+    let corner = map.south_west() - Vector2::repeat(0.5 * cell_m);
+    // The contour goes between the last cell that belongs to the region and the first that does
+    // not, by their masses.
+    let least = map.highest_density(probability);
+    let contours = ContourBuilder::new(map.columns(), map.rows(), true)
+        .x_origin(corner.x)
+        .y_origin(corner.y)
+        .x_step(cell_m)
+        .y_step(cell_m)
+        .contours(map.mass(), &[least]);
+    let Ok([contour]) = contours.as_deref() else { return Vec::new() };
+    let held: Vec<(Point, f64)> = (map.cells().filter(|&(_, mass)| mass >= least))
+        .map(|(place, mass)| (Point::new(place.x, place.y), mass))
+        .collect();
+    let ring = |ring: &LineString| -> Vec<Vector2<f64>> {
+        ring.coords().map(|at| Vector2::new(at.x, at.y)).collect()
+    };
+    let region = |polygon: &Polygon| Region {
+        probability: held.iter().filter(|(at, _)| polygon.contains(at)).map(|(_, mass)| mass).sum(),
+        area_m2: polygon.unsigned_area(),
+        outline: ring(polygon.exterior()),
+        holes: polygon.interiors().iter().map(ring).collect(),
+    };
+    let mut regions: Vec<Region> = contour.geometry().iter().map(region).collect();
+    regions.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    regions
+}
