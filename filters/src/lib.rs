@@ -75,6 +75,8 @@ mod ranges;
 mod shadowing_grid;
 #[cfg(feature = "alloc")]
 mod smoother;
+#[cfg(feature = "batch")]
+mod track_grid;
 mod transform;
 mod triangle;
 #[cfg(feature = "alloc")]
@@ -116,4 +118,6 @@ pub use shadowing_grid::{
 };
 #[cfg(feature = "alloc")]
 pub use smoother::rauch_tung_striebel;
+#[cfg(feature = "batch")]
+pub use track_grid::{TrackGrid, TrackGridFix, TrackModel};
 pub use transform::{Cubature, Image, Kappa, Map, Taylor, Transform, Unscented};

@@ -5,6 +5,7 @@ mod bearing;
 mod bearing_errors;
 mod calibrate;
 mod error;
+mod listeners;
 mod receptions;
 mod selection;
 mod station;
@@ -15,9 +16,10 @@ pub use bearing::{BearingReading, LOW_CONFIDENCE, bearings};
 pub use bearing_errors::{BearingsFit, calibrate_bearings};
 pub use calibrate::{CalibrateConfig, Calibration, calibrate};
 pub use error::RecordedError;
+pub use listeners::listeners;
 pub use receptions::{ReceptionConfig, receptions};
 pub use selection::{Selection, only_beacon};
 pub use station::{
     CrossValidation, StationCalibration, StationConfig, fit_boresights, station_boresights,
 };
-pub use truth::recorded_truth;
+pub use truth::{recorded_truth, recorded_way, truth_at};

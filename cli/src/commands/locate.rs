@@ -1,7 +1,10 @@
+#[cfg(feature = "batch")]
+mod tracked;
+
 use std::path::PathBuf;
 
 use foxhunt::{
-    core::{Ellipse, nalgebra::Vector2},
+    core::{Ellipse, Estimate, nalgebra::Vector2},
     geodesy::Geodetic,
     hunt::PlaceEstimate,
     locate::{Explanation, Located, Region, Rival},
@@ -32,7 +35,8 @@ use crate::{
 #[command(after_help = "Examples:\n  foxhunt locate flight.csv\n  \
                         foxhunt locate uav1.csv uav2.csv --truth 50.0755,14.4378 \
                         --p0-dbm -29.06 --exponent 2.765\n  \
-                        foxhunt locate bearings.csv --every-beacon")]
+                        foxhunt locate bearings.csv --every-beacon\n  \
+                        foxhunt locate stations.csv --track")]
 pub(crate) struct Args {
     /// Recordings: CSV with named columns
     #[arg(required = true, value_name = "FILE")]
@@ -44,6 +48,14 @@ pub(crate) struct Args {
     /// Locate every beacon of the recordings, one after the other
     #[arg(long, conflicts_with = "beacon")]
     every_beacon: bool,
+    /// Track a transmitter that moves: its place at each time, from all that was received before
+    /// and after, by one or several receivers
+    #[cfg(feature = "batch")]
+    #[arg(long, conflicts_with_all = ["estimator", "every_beacon"])]
+    track: bool,
+    #[cfg(feature = "batch")]
+    #[command(flatten)]
+    tracking: tracked::Tracking,
     #[command(flatten)]
     locating: Locating,
 }
@@ -103,6 +115,11 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         return output.result(&every(args, registry, &prepared)?, |reports| places(reports));
     }
     let beacon = args.locating.beacon(prepared.recordings())?;
+    #[cfg(feature = "batch")]
+    if args.track {
+        let report = tracked::report(&args.tracking, args.truth, &prepared, beacon)?;
+        return output.result(&report, tracked::text);
+    }
     let report = one(args, registry, &prepared, beacon)?;
     output.result(&report, |report| places(std::slice::from_ref(report)))
 }
@@ -151,6 +168,18 @@ fn every(args: &Args, registry: &Registry, prepared: &Prepared) -> Result<Vec<Re
     failed.filter(|_| reports.is_empty()).map_or(Ok(reports), Err)
 }
 
+impl Estimated {
+    fn new(estimate: &Estimate<2>, on_earth: Option<Geodetic>) -> Self {
+        Self {
+            lat_deg: on_earth.map(|place| place.lat_deg),
+            lon_deg: on_earth.map(|place| place.lon_deg),
+            east_m: estimate.mean.x,
+            north_m: estimate.mean.y,
+            covariance_m2: PlaceEstimate::from(estimate).covariance_m2,
+        }
+    }
+}
+
 impl Report {
     fn new(
         estimator: String,
@@ -177,17 +206,10 @@ impl Report {
             }
         };
         let rivals = located.rivals.iter().map(rival).collect();
-        let on_earth = on_earth(&estimate.mean);
         Self {
             estimator,
             beacon,
-            estimate: Estimated {
-                lat_deg: on_earth.map(|place| place.lat_deg),
-                lon_deg: on_earth.map(|place| place.lon_deg),
-                east_m: estimate.mean.x,
-                north_m: estimate.mean.y,
-                covariance_m2: PlaceEstimate::from(estimate).covariance_m2,
-            },
+            estimate: Estimated::new(estimate, on_earth(&estimate.mean)),
             ellipse_95: located.ellipse_95(),
             truth: truth.map(Place::from),
             error_m: truth.map(|truth| (estimate.mean - truth).norm()),

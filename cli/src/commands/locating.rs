@@ -242,6 +242,18 @@ impl Prepared {
         Ok(self)
     }
 
+    /// The receptions of every beacon in all recordings.
+    #[cfg(feature = "batch")]
+    pub(super) fn every_reception(&self) -> Result<Vec<Reception>, CliError> {
+        let mut received = Vec::new();
+        for (number, recording) in self.recordings.iter().enumerate() {
+            for beacon in recording.beacons() {
+                received.append(&mut self.receptions_of(number, beacon)?);
+            }
+        }
+        Ok(received)
+    }
+
     /// The receptions of a beacon in all recordings.
     pub(super) fn receptions(&self, beacon: Option<&str>) -> Result<Vec<Reception>, CliError> {
         let mut received = Vec::new();

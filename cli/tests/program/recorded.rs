@@ -359,3 +359,41 @@ fn a_receiver_that_stands_flew_no_path() {
         assert_eq!(run.code, 2);
     }
 }
+
+/// A transmitter that goes east at 1 m/s between three stations, and their bearings of it.
+fn passing() -> String {
+    let mut text = "drone,time_s,east_m,north_m,bearing_deg_compass,bearing_sigma_deg,\
+                    truth_east_m,truth_north_m\n"
+        .to_owned();
+    for burst in 0..20 {
+        let time = 30.0 * f64::from(burst);
+        let (east, north) = (100.0 + time, 300.0);
+        for (name, x, y) in [("a", 0.0, 0.0), ("b", 800.0, 0.0), ("c", 400.0, 700.0)] {
+            let (ahead, left): (f64, f64) = (north - y, east - x);
+            let compass = left.atan2(ahead).to_degrees().rem_euclid(360.0);
+            writeln!(text, "{name},{time},{x},{y},{compass},4,{east},{north}").expect("a text");
+        }
+    }
+    text
+}
+
+#[test]
+#[cfg(feature = "batch")]
+fn a_transmitter_that_moves_has_a_track() {
+    let folder = folder("track");
+    let file = write(&folder, "stations.csv", &passing());
+    let report = foxhunt(["locate", &file, "--track", "--json"]).json();
+    let places = report["places"].as_array().expect("places").clone();
+    assert_eq!(places.len(), 20);
+    has(&places[0], &["time_s", "estimate", "ellipse_95", "regions_95", "error_m", "inside_95"]);
+    let error = report["median_error_m"].as_f64().expect("the truth is in the file");
+    assert!(error < 40.0, "{error} m off");
+    assert_eq!(report["inside_95"], serde_json::json!([20, 20]));
+    let table = foxhunt(["locate", &file, "--track"]);
+    assert!(table.stdout.contains("20 ellipses hold the truth"), "{table:?}");
+    // Without times there is no track, and without --track no window.
+    let timeless = write(&folder, "timeless.csv", &sweep().replace("time_s", "seconds"));
+    foxhunt(["locate", &timeless, "--track"]).failed(2, &["timeless.csv", "time"]);
+    foxhunt(["locate", &file, "--window-s", "10"]).failed(2, &["--track"]);
+    foxhunt(["locate", &file, "--track", "--window-s", "0"]).failed(2, &["window_s"]);
+}

@@ -22,6 +22,14 @@ pub enum BatchError {
         /// Which number, and what it must be.
         error: ParameterError,
     },
+    /// Times do not ascend.
+    #[error("time {index}: {seconds} s after the one before; it must be later")]
+    Order {
+        /// Which time, from 0.
+        index: usize,
+        /// How long after the one before, in seconds.
+        seconds: f64,
+    },
     /// A setting is out of its range.
     #[error(transparent)]
     Parameter(#[from] ParameterError),

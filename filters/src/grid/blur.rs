@@ -5,16 +5,17 @@ use crate::{
     vectorised::{Kernel, run},
 };
 
-/// Convolves weights over square rows with a Gaussian along one side, 0 along the rows; `variance`
-/// counts in cells². Sets `out`; what spreads beyond the border is lost.
-pub(super) fn blur(weights: &[f64], out: &mut [f64], side: usize, along: usize, variance: f64) {
-    run(Convolution { weights, side, along, taps: &taps(variance, side), out });
+/// Convolves weights over rows of `columns` cells with a Gaussian along one side, 0 along the rows;
+/// `variance` counts in cells². Sets `out`; what spreads beyond the border is lost.
+pub(crate) fn blur(weights: &[f64], out: &mut [f64], columns: usize, along: usize, variance: f64) {
+    let side = if along == 0 { columns } else { weights.len() / columns };
+    run(Convolution { weights, columns, along, taps: &taps(variance, side), out });
 }
 
 /// A convolution along one side, 0 along the rows.
 struct Convolution<'a> {
     weights: &'a [f64],
-    side: usize,
+    columns: usize,
     along: usize,
     taps: &'a [f64],
     out: &'a mut [f64],
@@ -25,9 +26,10 @@ impl Kernel for Convolution<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { weights, side, along, taps, out } = self;
-        for (row, out) in out.chunks_exact_mut(side).enumerate() {
-            let line = &weights[row * side..][..side];
+        let Self { weights, columns, along, taps, out } = self;
+        let rows = weights.len() / columns;
+        for (row, out) in out.chunks_exact_mut(columns).enumerate() {
+            let line = &weights[row * columns..][..columns];
             out.iter_mut().zip(line).for_each(|(out, v)| *out = taps[0] * v);
             for (reach, tap) in taps.iter().enumerate().skip(1) {
                 let add = |out: &mut [f64], from: &[f64]| {
@@ -38,10 +40,10 @@ impl Kernel for Convolution<'_> {
                     add(out, &line[reach..]);
                 } else {
                     if row >= reach {
-                        add(out, &weights[(row - reach) * side..]);
+                        add(out, &weights[(row - reach) * columns..]);
                     }
-                    if row + reach < side {
-                        add(out, &weights[(row + reach) * side..]);
+                    if row + reach < rows {
+                        add(out, &weights[(row + reach) * columns..]);
                     }
                 }
             }

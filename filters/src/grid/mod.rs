@@ -13,6 +13,9 @@ mod window;
 pub use config::{GridConfig, NoiseScales};
 pub use filter::GridFilter;
 
+#[cfg(feature = "batch")]
+pub(crate) use blur::blur;
+
 use columns::Columns;
 use lattice::Lattice;
 use likelihood::{Likelihood, Pool};

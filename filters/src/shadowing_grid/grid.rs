@@ -40,6 +40,16 @@ impl Grid {
         self.columns as usize * self.rows as usize
     }
 
+    /// The side of a cell in metres.
+    pub(crate) fn cell_m(&self) -> f64 {
+        self.cell_m
+    }
+
+    /// How many cells there are from west to east.
+    pub(crate) fn columns(&self) -> usize {
+        self.columns as usize
+    }
+
     /// The centre of a cell, counted from the south-west along the rows.
     pub(crate) fn centre(&self, index: usize) -> Vector2<f64> {
         let (column, row) = self.column_and_row(index);
@@ -198,7 +208,7 @@ impl PosteriorMap {
 
     /// The corners of a rectangle without the outer rows and columns that hold little: as long as
     /// the lightest of the four sides fits into `share`, it is left out.
-    pub(super) fn without(&self, share: f64) -> (Vector2<f64>, Vector2<f64>) {
+    pub(crate) fn without(&self, share: f64) -> (Vector2<f64>, Vector2<f64>) {
         let (mut columns, mut rows) = (0..self.columns(), 0..self.rows());
         let row = |row: usize, columns: &Range<usize>| -> f64 {
             columns.clone().map(|column| self.mass[row * self.columns() + column]).sum()

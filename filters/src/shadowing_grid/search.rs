@@ -26,6 +26,22 @@ impl Search {
         mut posterior: impl FnMut(Grid) -> Result<P, E>,
         map: impl Fn(&P) -> &PosteriorMap,
     ) -> Result<(P, Option<P>), E> {
+        let searched = self.cover(&mut posterior, &map)?;
+        let mut refined = None;
+        for _ in 0..REFINEMENTS {
+            let last = refined.as_ref().unwrap_or(&searched);
+            let Some(finer) = map(last).finer(self.max_cells / 4) else { break };
+            refined = Some(posterior(finer)?);
+        }
+        Ok((searched, refined))
+    }
+
+    /// The posterior over the whole area that has to be searched, as [`run`](Self::run) begins.
+    pub(crate) fn cover<P, E>(
+        &self,
+        mut posterior: impl FnMut(Grid) -> Result<P, E>,
+        map: impl Fn(&P) -> &PosteriorMap,
+    ) -> Result<P, E> {
         let mut within = |margin_m: f64| {
             let margin = Vector2::repeat(margin_m);
             let (low, high) = (self.low - margin, self.high + margin);
@@ -50,13 +66,7 @@ impl Search {
                 searched = posterior(Grid::over(from, to, self.cell_m, self.max_cells))?;
             }
         }
-        let mut refined = None;
-        for _ in 0..REFINEMENTS {
-            let last = refined.as_ref().unwrap_or(&searched);
-            let Some(finer) = map(last).finer(self.max_cells / 4) else { break };
-            refined = Some(posterior(finer)?);
-        }
-        Ok((searched, refined))
+        Ok(searched)
     }
 }
 

@@ -1,3 +1,4 @@
+use foxhunt_core::Pose;
 use nalgebra::Vector3;
 
 use super::area::FREE_EXPONENT;
@@ -65,4 +66,17 @@ impl Default for LocateConfig {
             seed: 1,
         }
     }
+}
+
+/// A receiver that listens in one place for some time: what it does not hear in it counts too.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Listener {
+    /// Where it is.
+    pub receiver: Pose,
+    /// The times between which it listens, in seconds.
+    pub from: f64,
+    /// See [`from`](Self::from).
+    pub until: f64,
+    /// The level below which it hears nothing, in dBm.
+    pub floor_dbm: f64,
 }

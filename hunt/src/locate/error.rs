@@ -52,6 +52,10 @@ pub enum LocateError {
     #[cfg(feature = "batch")]
     #[error("it finds no place: {0}")]
     Batch(#[from] BatchError),
+    /// The receptions do not make a track.
+    #[cfg(feature = "batch")]
+    #[error("it finds no track: {0}")]
+    Track(#[source] BatchError),
     /// The grid cannot use the levels.
     #[error(transparent)]
     Grid(#[from] ShadowingGridError),

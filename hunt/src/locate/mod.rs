@@ -1,4 +1,4 @@
-//! Where a still transmitter is, from all that was received of it at once.
+//! Where a transmitter is, or was, from all that was received of it at once.
 
 mod area;
 #[cfg(feature = "batch")]
@@ -13,6 +13,8 @@ mod field_map;
 mod least_absolute;
 mod located;
 #[cfg(feature = "batch")]
+mod moving;
+#[cfg(feature = "batch")]
 mod ranges;
 mod region;
 mod shadowing_grid;
@@ -25,13 +27,15 @@ pub(crate) use batch::MultiStart;
 pub use bearings::learn_bearing_sigma;
 #[cfg(feature = "batch")]
 pub(crate) use bearings::{ClosedForm, Lenth, Posterior, RepeatedMedian};
-pub use config::{LocateConfig, Power};
+pub use config::{Listener, LocateConfig, Power};
 pub use error::LocateError;
 #[cfg(feature = "maps")]
 pub(crate) use field_map::HighestOnMap;
 #[cfg(feature = "batch")]
 pub(crate) use least_absolute::LeastAbsolute;
 pub use located::{Explanation, Located, Locator, Rival};
+#[cfg(feature = "batch")]
+pub use moving::{Tracked, TrackingConfig, track};
 #[cfg(feature = "batch")]
 pub(crate) use ranges::{Multilateration, RangeDifferences};
 pub use region::Region;

@@ -12,3 +12,4 @@ mod refusals;
 mod silence;
 mod solver;
 mod stress;
+mod track_grid;

@@ -1,0 +1,213 @@
+//! A transmitter that moves.
+
+use foxhunt::{
+    Spread,
+    core::{Ellipse, nalgebra::Vector2},
+    filters::consistency::Coverage,
+    locate::{Located, Region, Tracked, TrackingConfig, track},
+    recorded::{listeners, recorded_way, truth_at},
+    recording::Recording,
+    report::Place,
+};
+use serde::Serialize;
+
+use super::{
+    super::{
+        locating::{Prepared, not_located},
+        recorded::{LatLon, no_degrees},
+    },
+    Estimated,
+};
+use crate::{
+    error::CliError,
+    output::warn,
+    table::{number, table, text as cell},
+};
+
+/// How a transmitter is tracked.
+#[derive(Debug, clap::Args)]
+pub(super) struct Tracking {
+    /// With --track: how long a time window is, in seconds; what is received in one is of one place
+    #[arg(long, value_name = "S", default_value_t = 30.0, requires = "track")]
+    window_s: f64,
+    /// With --track: over how many seconds shadowing and reflections stay alike; what is received
+    /// within them counts as one reading
+    #[arg(long, value_name = "S", default_value_t = 240.0, requires = "track")]
+    correlation_s: f64,
+    /// With --track: the speeds that the transmitter may have, in m/s
+    #[arg(long, value_name = "V", value_delimiter = ',', requires = "track",
+          default_values_t = [0.3, 1.0, 3.0, 10.0])]
+    speed_mps: Vec<f64>,
+}
+
+/// A track, as JSON has it.
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    beacon: Option<String>,
+    places: Vec<Passed>,
+    /// The speeds that it may have, in m/s, each with its probability.
+    speeds_mps: Vec<(f64, f64)>,
+    /// The path-loss exponents, each with its probability; empty without levels.
+    exponents: Vec<(f64, f64)>,
+    border_mass: f64,
+    median_error_m: Option<f64>,
+    mean_error_m: Option<f64>,
+    mean_nees: Option<f64>,
+    /// How many of the ellipses hold the truth, of how many whose truth is known.
+    inside_95: Option<[usize; 2]>,
+    /// Where the share of ellipses that hold the truth lies with 95 % (Clopper & Pearson 1934), as
+    /// far as places of different times may be taken for independent.
+    coverage_interval: Option<[f64; 2]>,
+}
+
+/// A place at a time.
+#[derive(Debug, Serialize)]
+struct Passed {
+    time_s: f64,
+    estimate: Estimated,
+    ellipse_95: Option<Ellipse>,
+    ellipse_is_poor: bool,
+    regions_95: Vec<Region>,
+    observations: usize,
+    truth: Option<Place>,
+    error_m: Option<f64>,
+    nees: Option<f64>,
+    inside_95: Option<bool>,
+}
+
+/// Truths farther apart than this are not interpolated, in seconds.
+const TRUTH_GAP_S: f64 = 300.0;
+
+pub(super) fn report(
+    tracking: &Tracking,
+    truth: Option<LatLon>,
+    prepared: &Prepared,
+    beacon: Option<String>,
+) -> Result<Report, CliError> {
+    let recordings = prepared.recordings();
+    let timeless =
+        |recording: &&Recording| recording.records().iter().any(|record| record.time.is_none());
+    if let Some(recording) = recordings.iter().find(timeless) {
+        let message = format!("{}: --track needs the time of each row", recording.file());
+        return Err(CliError::input(message));
+    }
+    let received = prepared.receptions(beacon.as_deref())?;
+    let listeners = listeners(recordings, &prepared.every_reception()?);
+    let config = TrackingConfig {
+        window_s: tracking.window_s,
+        correlation_s: tracking.correlation_s,
+        speeds_mps: tracking.speed_mps.clone(),
+    };
+    let tracked = track(&received, &listeners, prepared.config(), &config).map_err(not_located)?;
+    if tracked.border_mass > 0.05 {
+        warn("the track is in doubt: it may leave the area that was searched; see --margin-m");
+    }
+    let frame = recordings.iter().find_map(Recording::frame);
+    let stays = truth
+        .map(|truth| truth.in_frame(frame).ok_or_else(|| no_degrees("--truth")))
+        .transpose()?;
+    let way = recorded_way(recordings, beacon.as_deref());
+    let up = prepared.config().target_up_m;
+    let passed = |(time_s, located): &(f64, Located)| {
+        let estimate = &located.estimate;
+        let on_earth = frame.map(|frame| frame.to_geodetic(&estimate.mean.push(up)));
+        let truth: Option<Vector2<f64>> =
+            stays.map(Into::into).or_else(|| truth_at(&way, *time_s, TRUTH_GAP_S));
+        Passed {
+            time_s: *time_s,
+            estimate: Estimated::new(estimate, on_earth),
+            ellipse_95: located.ellipse_95(),
+            ellipse_is_poor: located.ellipse_is_poor(),
+            regions_95: located.regions_95.clone(),
+            observations: located.observations,
+            truth: truth.map(Place::from),
+            error_m: truth.map(|truth| (estimate.mean - truth).norm()),
+            nees: truth.and_then(|truth| estimate.nees(&truth)),
+            inside_95: truth.and_then(|truth| located.ellipse_95_holds(&truth)),
+        }
+    };
+    let places = tracked.places.iter().map(passed).collect();
+    Report::new(beacon, places, tracked)
+}
+
+impl Report {
+    fn new(
+        beacon: Option<String>,
+        places: Vec<Passed>,
+        tracked: Tracked,
+    ) -> Result<Self, CliError> {
+        let Tracked { speeds_mps, exponents, border_mass, .. } = tracked;
+        let mut coverage = Coverage::new(0.95, 0.95).map_err(CliError::failure)?;
+        let held: Vec<bool> = places.iter().filter_map(|place| place.inside_95).collect();
+        held.iter().for_each(|held| coverage.add(*held));
+        let inside = held.iter().filter(|held| **held).count();
+        let spread = |of: fn(&Passed) -> Option<f64>| {
+            Spread::of(&places.iter().filter_map(of).collect::<Vec<_>>())
+        };
+        let errors = spread(|place| place.error_m);
+        let mean_nees = spread(|place| place.nees).map(|spread| spread.mean);
+        Ok(Self {
+            beacon,
+            speeds_mps,
+            exponents,
+            border_mass,
+            median_error_m: errors.map(|spread| spread.p50),
+            mean_error_m: errors.map(|spread| spread.mean),
+            mean_nees,
+            inside_95: (!held.is_empty()).then_some([inside, held.len()]),
+            coverage_interval: coverage.interval(),
+            places,
+        })
+    }
+}
+
+pub(super) fn text(report: &Report) -> String {
+    let mut places = table(&[
+        "time s",
+        "lat °",
+        "lon °",
+        "east m",
+        "north m",
+        "95 % ellipse m",
+        "along °",
+        "error m",
+        "NEES",
+        "used",
+    ]);
+    for place in &report.places {
+        let axes = place.ellipse_95.map(|e| format!("{:.1} × {:.1}", e.semi_major, e.semi_minor));
+        places.add_row([
+            number(Some(place.time_s), 1),
+            number(place.estimate.lat_deg, 6),
+            number(place.estimate.lon_deg, 6),
+            number(Some(place.estimate.east_m), 1),
+            number(Some(place.estimate.north_m), 1),
+            cell(axes),
+            number(place.ellipse_95.map(|e| e.orientation.to_degrees()), 0),
+            number(place.error_m, 1),
+            number(place.nees, 2),
+            place.observations.to_string(),
+        ]);
+    }
+    let likeliest = |values: &[(f64, f64)]| {
+        values.iter().max_by(|a, b| a.1.total_cmp(&b.1)).copied().unwrap_or((f64::NAN, f64::NAN))
+    };
+    let (speed, of_speed) = likeliest(&report.speeds_mps);
+    let mut out =
+        format!("{places}\nThe likeliest speed is {speed} m/s ({:.0} %)", 100.0 * of_speed);
+    if !report.exponents.is_empty() {
+        let (exponent, of_exponent) = likeliest(&report.exponents);
+        out += &format!(", the likeliest exponent {exponent} ({:.0} %)", 100.0 * of_exponent);
+    }
+    out += ".";
+    if let (Some([inside, of]), Some([low, high])) = (report.inside_95, report.coverage_interval) {
+        out += &format!(
+            "\nOver {of} times: error {} m in the median, {} m on average; mean NEES {}; {inside} \
+             ellipses hold the truth\n({low:.2} to {high:.2} of them, were the times independent).",
+            number(report.median_error_m, 1),
+            number(report.mean_error_m, 1),
+            number(report.mean_nees, 2),
+        );
+    }
+    out
+}

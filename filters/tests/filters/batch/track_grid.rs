@@ -1,0 +1,142 @@
+//! Tracks over a grid, judged by the smoother for linear Gaussian problems.
+
+use foxhunt_core::{Estimate, Pose, RandomWalk};
+use foxhunt_filters::{BatchError, TrackGrid, TrackModel, rauch_tung_striebel};
+use nalgebra::{Matrix2, Vector2};
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand_distr::StandardNormal;
+
+/// The target walks by so much in a square root of a second, in metres.
+const WALK: f64 = 4.0;
+
+/// σ of a measured place, in metres.
+const SIGMA: f64 = 25.0;
+
+/// Places measured of a target that walks at random.
+struct Measured {
+    walk: f64,
+    places: Vec<Vector2<f64>>,
+}
+
+impl TrackModel for Measured {
+    fn variance(&self, seconds: f64) -> f64 {
+        self.walk * self.walk * seconds
+    }
+
+    fn add_log_likelihoods(&self, time: usize, [east, north]: [&[f64]; 2], out: &mut [f64]) {
+        let z = self.places[time];
+        for ((out, east), north) in out.iter_mut().zip(east).zip(north) {
+            *out -= (Vector2::new(*east, *north) - z).norm_squared() / (2.0 * SIGMA * SIGMA);
+        }
+    }
+}
+
+fn normal(rng: &mut Xoshiro256PlusPlus, sigma: f64) -> Vector2<f64> {
+    Vector2::from_fn(|_, _| sigma * rng.sample::<f64, _>(StandardNormal))
+}
+
+/// Times, true places and measured ones.
+fn walk(seed: u64) -> (Vec<f64>, Vec<Vector2<f64>>, Vec<Vector2<f64>>) {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let (mut at, mut time) = (Vector2::new(40.0, -30.0), 0.0);
+    let (mut times, mut truths, mut measured) = (Vec::new(), Vec::new(), Vec::new());
+    for step in 0..25 {
+        let dt = if step % 5 == 4 { 60.0 } else { 10.0 };
+        (time, at) = (time + dt, at + normal(&mut rng, WALK * f64::sqrt(dt)));
+        times.push(time);
+        truths.push(at);
+        measured.push(at + normal(&mut rng, SIGMA));
+    }
+    (times, truths, measured)
+}
+
+/// Receivers that do not measure: they only bound the search.
+fn receivers() -> [Pose; 2] {
+    [Pose::at(-250.0, -250.0, 0.0), Pose::at(250.0, 250.0, 0.0)]
+}
+
+fn nothing_in_common(_: usize, _: [&[f64]; 2], _: &mut [f64]) {}
+
+#[test]
+fn a_linear_gaussian_track_is_the_smoothers() {
+    let (times, _, places) = walk(3);
+    let filtered = {
+        // A flat prior: after the first measurement that is what is believed.
+        let mut estimates: Vec<(f64, Estimate<2>)> = Vec::new();
+        for (time, z) in times.iter().zip(&places) {
+            let updated = match estimates.last() {
+                None => Estimate { mean: *z, covariance: Matrix2::identity() * SIGMA * SIGMA },
+                Some((before, belief)) => {
+                    let p = belief.covariance[(0, 0)] + WALK * WALK * (time - before);
+                    let gain = p / (p + SIGMA * SIGMA);
+                    let mean = belief.mean + gain * (z - belief.mean);
+                    Estimate { mean, covariance: Matrix2::identity() * (1.0 - gain) * p }
+                }
+            };
+            estimates.push((*time, updated));
+        }
+        estimates
+    };
+    let motion = RandomWalk::uniform(WALK);
+    let expected = rauch_tung_striebel(&motion, &filtered).expect("times ascend");
+    let model = Measured { walk: WALK, places };
+    let fix = TrackGrid { max_cells: 40_000, ..TrackGrid::default() }
+        .smooth(&receivers(), &times, &[model], nothing_in_common)
+        .expect("a track");
+    for ((_, expected), map) in expected.iter().zip(&fix.maps) {
+        let got = map.estimate();
+        assert!(
+            (got.mean - expected.mean).norm() < 0.06 * SIGMA,
+            "{} for {}",
+            got.mean,
+            expected.mean
+        );
+        let ratio = got.covariance[(0, 0)] / expected.covariance[(0, 0)];
+        assert!((ratio - 1.0).abs() < 0.08, "{ratio} at {} {}", expected.mean, got.covariance);
+    }
+    assert!(fix.border_mass < 0.01, "{}", fix.border_mass);
+}
+
+#[test]
+fn models_are_weighed_by_their_evidence_and_tracks_are_consistent() {
+    const TRACKS: u32 = 40;
+    let (mut nees, mut count, mut right) = (0.0, 0.0, 0.0);
+    for seed in 0..TRACKS {
+        let (times, truths, places) = walk(100 + u64::from(seed));
+        let models =
+            [0.25, 1.0, 4.0].map(|factor| Measured { walk: WALK * factor, places: places.clone() });
+        let fix = TrackGrid::default()
+            .smooth(&receivers(), &times, &models, nothing_in_common)
+            .expect("a track");
+        right += fix.probabilities[1];
+        for (truth, map) in truths.iter().zip(&fix.maps) {
+            nees += map.estimate().nees(truth).expect("a covariance");
+            count += 1.0;
+        }
+    }
+    // 1000 places, of which a few in a row depend on each other: two standard errors of 0.1.
+    let nees: f64 = nees / count;
+    assert!((nees - 2.0).abs() < 0.4, "mean NEES {nees}");
+    assert!(right > 0.8 * f64::from(TRACKS), "the true model has {right} of {TRACKS}");
+}
+
+#[test]
+fn bad_input_is_named() {
+    let model = || Measured { walk: 1.0, places: vec![Vector2::zeros(); 3] };
+    let grid = TrackGrid::default();
+    let smooth = |times: &[f64]| {
+        grid.smooth(&receivers(), times, &[model()], nothing_in_common).expect_err("refused")
+    };
+    assert_eq!(smooth(&[0.0, 1.0, 1.0]), BatchError::Order { index: 2, seconds: 0.0 });
+    assert!(smooth(&[0.0, f64::NAN]).to_string().contains("time 1: NaN s"));
+    assert!(smooth(&[]).to_string().contains("0 times"));
+    let none: [Measured; 0] = [];
+    let error = grid.smooth(&receivers(), &[0.0], &none, nothing_in_common).expect_err("no model");
+    assert!(error.to_string().contains("0 models"), "{error}");
+    let small = TrackGrid { max_cells: 10, ..grid };
+    let error = small.smooth(&receivers(), &[0.0], &[model()], nothing_in_common);
+    assert!(error.expect_err("too few").to_string().contains("max_cells"));
+    let nowhere = |_: usize, _: [&[f64]; 2], out: &mut [f64]| out.fill(f64::NEG_INFINITY);
+    let error = grid.smooth(&receivers(), &[0.0], &[model()], nowhere).expect_err("no place fits");
+    assert_eq!(error, BatchError::Flat { rcond: 0.0 });
+}

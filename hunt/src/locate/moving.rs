@@ -1,0 +1,498 @@
+use core::f64::consts::LN_10;
+
+use foxhunt_core::{
+    ByQuantity, Intake, MeasurementModel, Observation, Pose, Quantity, Reception, elementary,
+    parameter::positive,
+};
+use foxhunt_filters::{PosteriorMap, TrackGrid, TrackModel};
+use foxhunt_sensors::BearingOnly;
+
+use super::{Listener, LocateConfig, LocateError, Located, Power, region::regions};
+
+/// How a moving transmitter is tracked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackingConfig {
+    /// How long a time window is, in seconds: what is received within it is of one place.
+    pub window_s: f64,
+    /// What is received within so many seconds counts as one reading: shadowing and reflections
+    /// change only as the transmitter goes some hundred metres. Errors that fall to 1/e in τ are worth
+    /// a reading each 2 τ.
+    pub correlation_s: f64,
+    /// The root mean square speeds that it may have, in m/s, equally likely before.
+    pub speeds_mps: Vec<f64>,
+}
+
+/// Windows of 30 s; speeds of 0.3, 1, 3 and 10 m/s, from a resting animal's to a flying one's.
+impl Default for TrackingConfig {
+    fn default() -> Self {
+        Self { window_s: 30.0, correlation_s: 240.0, speeds_mps: vec![0.3, 1.0, 3.0, 10.0] }
+    }
+}
+
+/// Where a moving transmitter was, and why.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tracked {
+    /// The time of each window in which something was received, in seconds, and the place then,
+    /// given all that was received before and after.
+    pub places: Vec<(f64, Located)>,
+    /// The speeds that it may have, in m/s, each with its probability.
+    pub speeds_mps: Vec<(f64, f64)>,
+    /// The path-loss exponents, each with its probability; empty without levels.
+    pub exponents: Vec<(f64, f64)>,
+    /// The probability on the border of the area that was searched, averaged over time.
+    pub border_mass: f64,
+}
+
+/// Tracks a transmitter that moves: levels, bearings and silences of one or several receivers,
+/// brought together in time windows and smoothed over time ([`TrackGrid`]).
+///
+/// A level has the log-distance law with a residual of 7 dB and the tails of a Student's t of four
+/// degrees of freedom, what shadowing and the body of whoever carries the transmitter do; where the
+/// power is not known, it is averaged over powers and exponents by their evidence. A bearing has
+/// its competing directions, and one in twenty points anywhere. A listener that hears nothing
+/// while another does was out of reach, or lost the burst (one in ten).
+///
+/// # Errors
+///
+/// [`LocateError`] where there is too little to go by, or the receptions cannot be used.
+pub fn track(
+    receptions: &[Reception],
+    listeners: &[Listener],
+    locate: &LocateConfig,
+    config: &TrackingConfig,
+) -> Result<Tracked, LocateError> {
+    positive("window_s", config.window_s)?;
+    for &speed in &config.speeds_mps {
+        positive("speed_mps", speed)?;
+    }
+    positive("correlation_s", config.correlation_s)?;
+    let mut windows = windows(receptions, listeners, config.window_s)?;
+    let mut before = f64::NEG_INFINITY;
+    for window in &mut windows {
+        window.share = ((window.time - before) / config.correlation_s).min(1.0);
+        before = window.time;
+    }
+    let receivers: Vec<Pose> = receptions.iter().map(|r| r.receiver).collect();
+    let laws = laws(&windows, locate.power);
+    let walk = |speed_mps: f64| {
+        let up = locate.target_up_m;
+        laws.iter().map({
+            let windows = &windows;
+            move |&(weight, law)| Walk { speed_mps, weight, law, up, windows }
+        })
+    };
+    let walks: Vec<Walk<'_>> = config.speeds_mps.iter().copied().flat_map(walk).collect();
+    let times: Vec<f64> = windows.iter().map(|window| window.time).collect();
+    let grid = TrackGrid { margin_m: locate.margin_m, ..TrackGrid::default() };
+    let fix = grid
+        .smooth(&receivers, &times, &walks, |time, places, out| {
+            windows[time].add_bearings(places, out);
+        })
+        .map_err(LocateError::Track)?;
+    let located = |((time, map), window): ((f64, &PosteriorMap), &Window)| {
+        let place = Located {
+            observations: window.heard.iter().map(|heard| heard.count).sum(),
+            border_mass: Some(map.border_mass()),
+            regions_95: regions(map, 0.95),
+            ..Located::at(map.about(map.median()))
+        };
+        (time, place)
+    };
+    let maps = times.iter().copied().zip(&fix.maps);
+    let share = |of: &dyn Fn(&Walk<'_>) -> Option<f64>| {
+        let mut shares: Vec<(f64, f64)> = Vec::new();
+        for (walk, probability) in walks.iter().zip(&fix.probabilities) {
+            let Some(value) = of(walk) else { continue };
+            match shares.iter_mut().find(|share| share.0.total_cmp(&value).is_eq()) {
+                Some(share) => share.1 += probability,
+                None => shares.push((value, *probability)),
+            }
+        }
+        shares
+    };
+    Ok(Tracked {
+        places: maps.zip(&windows).map(located).collect(),
+        speeds_mps: share(&|walk| Some(walk.speed_mps)),
+        exponents: share(&|walk| walk.law.map(|law| law.exponent)),
+        border_mass: fix.border_mass,
+    })
+}
+
+/// Readings of a receiver that has moved by less than this are of one place, in metres.
+const APART_M: f64 = 25.0;
+
+/// The scale of a level's residual in dB; with four degrees of freedom σ is 7 dB (3GPP TR 38.901,
+/// table 7.4.1-1: 4 to 8 dB).
+const LEVEL_SCALE_DB: f64 = 5.0;
+
+/// How much a known power is off for all of a track, in dB: how the transmitter is worn and held, and
+/// where it goes.
+const COMMON_SIGMA_DB: f64 = 8.0;
+
+/// How many bursts a listener within reach loses.
+const LOST: f64 = 0.1;
+
+/// How many bearings point anywhere, reflections that the extractor did not find among them.
+const OUTLIERS: f64 = 0.05;
+
+/// How long the transmitter keeps its velocity, in seconds.
+const PERSISTENCE_S: f64 = 60.0;
+
+/// What was received in a time window.
+#[derive(Debug)]
+struct Window {
+    /// The mean time of its receptions.
+    time: f64,
+    /// How much of it is new: errors are those of the window before for the rest.
+    share: f64,
+    heard: Vec<Heard>,
+    silent: Vec<Listener>,
+}
+
+/// What a receiver heard in one place.
+#[derive(Debug)]
+struct Heard {
+    receiver: Pose,
+    count: usize,
+    /// The sum of the levels, and how many there are.
+    levels: (f64, u32),
+    bearings: Vec<Observation<1>>,
+}
+
+impl Heard {
+    fn level_dbm(&self) -> Option<f64> {
+        let (sum, count) = self.levels;
+        (count > 0).then(|| sum / f64::from(count))
+    }
+}
+
+fn windows(
+    receptions: &[Reception],
+    listeners: &[Listener],
+    window_s: f64,
+) -> Result<Vec<Window>, LocateError> {
+    let mut ordered: Vec<(usize, &Reception)> = receptions.iter().enumerate().collect();
+    ordered.sort_by(|a, b| a.1.time.total_cmp(&b.1.time));
+    let mut windows: Vec<Window> = Vec::new();
+    let mut of_window: Vec<(usize, &Reception)> = Vec::new();
+    let mut ordered = ordered.into_iter().peekable();
+    while let Some(first) = ordered.peek().map(|(_, reception)| reception.time) {
+        of_window.clear();
+        while let Some(next) = ordered.next_if(|(_, r)| r.time < first + window_s) {
+            of_window.push(next);
+        }
+        let window = Window::of(&of_window, listeners, first + window_s)?;
+        if !window.heard.is_empty() {
+            windows.push(window);
+        }
+    }
+    if windows.is_empty() {
+        return Err(LocateError::Nothing { receptions: receptions.len() });
+    }
+    Ok(windows)
+}
+
+impl Window {
+    fn of(
+        receptions: &[(usize, &Reception)],
+        listeners: &[Listener],
+        until: f64,
+    ) -> Result<Self, LocateError> {
+        let mut heard: Vec<Heard> = Vec::new();
+        let (mut sum_s, mut count, mut first) = (0.0, 0.0, f64::INFINITY);
+        for &(index, reception) in receptions {
+            let bearing = ByQuantity([Quantity::BEARING]).observation(reception);
+            let bearing = bearing.map_err(|source| LocateError::Reception {
+                index,
+                time: reception.time,
+                source: source.into(),
+            })?;
+            if bearing.is_none() && reception.level.is_none() {
+                continue;
+            }
+            (sum_s, count, first) =
+                (sum_s + reception.time, count + 1.0, first.min(reception.time));
+            let here = reception.receiver;
+            let same =
+                |heard: &&mut Heard| (heard.receiver.position - here.position).norm() < APART_M;
+            let of_place = match heard.iter_mut().find(same) {
+                Some(of_place) => of_place,
+                None => {
+                    let (receiver, bearings) = (here, Vec::new());
+                    heard.push(Heard { receiver, count: 0, levels: (0.0, 0), bearings });
+                    let Some(of_place) = heard.last_mut() else { continue };
+                    of_place
+                }
+            };
+            of_place.count += 1;
+            if let Some(level) = reception.level {
+                of_place.levels.0 += level.rss_dbm;
+                of_place.levels.1 += 1;
+            }
+            of_place.bearings.extend(bearing);
+        }
+        let silent = |listener: &&Listener| {
+            let away = |heard: &Heard| {
+                (heard.receiver.position - listener.receiver.position).norm() >= APART_M
+            };
+            listener.from <= first && until <= listener.until && heard.iter().all(away)
+        };
+        let silent = listeners.iter().filter(silent).copied().collect();
+        Ok(Self { time: sum_s / count, share: 1.0, heard, silent })
+    }
+
+    /// Adds the log likelihood of the bearings.
+    fn add_bearings(&self, places: [&[f64]; 2], out: &mut [f64]) {
+        let Ok(model) = BearingOnly::new().with_outliers(OUTLIERS) else { return };
+        let mut one = vec![0.0; out.len()];
+        for heard in self.heard.iter().filter(|heard| !heard.bearings.is_empty()) {
+            #[expect(clippy::cast_precision_loss, reason = "readings of a window are few")]
+            let share = self.share / heard.bearings.len() as f64;
+            for bearing in &heard.bearings {
+                MeasurementModel::<2, 1>::log_likelihoods(&model, places, bearing, &mut one);
+                out.iter_mut().zip(&one).for_each(|(out, one)| *out += share * one);
+            }
+        }
+    }
+}
+
+/// How a level falls with the distance.
+#[derive(Clone, Copy, Debug)]
+struct Law {
+    reference_dbm: f64,
+    exponent: f64,
+}
+
+/// The laws that may hold, each with its prior weight; none without levels.
+fn laws(windows: &[Window], power: Power) -> Vec<(f64, Option<Law>)> {
+    let heard = || windows.iter().flat_map(|window| &window.heard);
+    let mut levels: Vec<f64> = heard().filter_map(Heard::level_dbm).collect();
+    levels.sort_by(f64::total_cmp);
+    let Some(&median) = levels.get(levels.len() / 2) else { return vec![(1.0, None)] };
+    let exponents: Vec<(f64, f64)> = match power {
+        Power::Known { reference_dbm, exponent } => {
+            let law = |offset: f64| {
+                let reference_dbm = reference_dbm + COMMON_SIGMA_DB * offset;
+                ((-0.5 * offset * offset).exp(), Some(Law { reference_dbm, exponent }))
+            };
+            return [-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0].map(law).to_vec();
+        }
+        Power::FreeReference { exponent } => vec![(exponent, 1.0)],
+        // N(2.3, 0.5²), as for transmitters that stand still.
+        Power::Free => [1.8, 2.4, 3.0]
+            .map(|exponent: f64| (exponent, (-2.0 * (exponent - 2.3).powi(2)).exp()))
+            .to_vec(),
+    };
+    // The power is such that the median level comes from 30 m, 42 m … 5.4 km.
+    let laws = exponents.into_iter().flat_map(|(exponent, weight)| {
+        (0..16).map(move |half_octave| {
+            let range_m = 30.0 * 2.0_f64.powf(0.5 * f64::from(half_octave));
+            let reference_dbm = median + 10.0 * exponent * range_m.log10();
+            (weight, Some(Law { reference_dbm, exponent }))
+        })
+    });
+    laws.collect()
+}
+
+/// A target that walks with a speed, and a law that its levels follow.
+#[derive(Clone, Copy, Debug)]
+struct Walk<'a> {
+    speed_mps: f64,
+    weight: f64,
+    law: Option<Law>,
+    up: f64,
+    windows: &'a [Window],
+}
+
+impl TrackModel for Walk<'_> {
+    fn weight(&self) -> f64 {
+        self.weight
+    }
+
+    /// A velocity that forgets itself (Uhlenbeck & Ornstein 1930; for animals Johnson et al. 2008).
+    fn variance(&self, seconds: f64) -> f64 {
+        let forgotten = -(-seconds / PERSISTENCE_S).exp_m1();
+        self.speed_mps.powi(2) * PERSISTENCE_S * (seconds - PERSISTENCE_S * forgotten)
+    }
+
+    fn add_log_likelihoods(&self, time: usize, [east, north]: [&[f64]; 2], out: &mut [f64]) {
+        let (Some(law), Some(window)) = (self.law, self.windows.get(time)) else { return };
+        // Per ln of the squared range.
+        let slope = 5.0 * law.exponent / LN_10;
+        let residual = |from: &Pose, level: f64, east: f64, north: f64| {
+            let (x, y) = (east - from.position.x, north - from.position.y);
+            let square = x * x + y * y + (self.up - from.position.z).powi(2);
+            let expected = law.reference_dbm - slope * elementary::ln(square.max(1.0));
+            (level - expected) / LEVEL_SCALE_DB
+        };
+        for heard in &window.heard {
+            let Some(level) = heard.level_dbm() else { continue };
+            for ((out, east), north) in out.iter_mut().zip(east).zip(north) {
+                let t = residual(&heard.receiver, level, *east, *north);
+                *out -= window.share * 2.5 * elementary::ln(1.0 + 0.25 * t * t);
+            }
+        }
+        for silent in &window.silent {
+            for ((out, east), north) in out.iter_mut().zip(east).zip(north) {
+                let t = residual(&silent.receiver, silent.floor_dbm, *east, *north);
+                let heard = LOST + (1.0 - LOST) * students_below(t);
+                *out += window.share * elementary::ln(heard);
+            }
+        }
+    }
+}
+
+/// The probability of less than `t` under Student's t of four degrees of freedom.
+fn students_below(t: f64) -> f64 {
+    let square = 1.0 + 0.25 * t * t;
+    0.5 + 0.375 * (t / square.sqrt()) * (1.0 - t * t / (12.0 * square))
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_core::{Bearing, Level};
+    use nalgebra::Vector2;
+    use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+    use rand_distr::StandardNormal;
+    use statrs::distribution::{ContinuousCDF, StudentsT};
+
+    use super::*;
+
+    #[test]
+    fn the_distribution_is_students() {
+        let students = StudentsT::new(0.0, 1.0, 4.0).expect("a distribution");
+        for t in [-7.0, -1.3, -0.2, 0.0, 0.4, 2.0, 11.0] {
+            assert!((students_below(t) - students.cdf(t)).abs() < 1e-9, "{t}");
+        }
+    }
+
+    /// Three stations, each of which hears down to −95 dBm.
+    const STATIONS: [[f64; 2]; 3] = [[0.0, 0.0], [900.0, 100.0], [300.0, 800.0]];
+
+    /// An error that is forgotten over `memory_s`, of σ 1.
+    fn next_error(error: f64, dt: f64, memory_s: f64, rng: &mut Xoshiro256PlusPlus) -> f64 {
+        let kept = (-dt / memory_s).exp();
+        let new: f64 = rng.sample(StandardNormal);
+        kept * error + (1.0 - kept * kept).sqrt() * new
+    }
+
+    /// What stations receive of a burst each 20 s from a transmitter that walks at 1 m/s, and where
+    /// it is: levels of P₀ −25 dBm and exponent 2.6 with σ 6 dB, bearings with σ 15°.
+    fn walk(seed: u64, memory_s: f64) -> (Vec<Reception>, Vec<(f64, Vector2<f64>)>) {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let (mut place, mut velocity) = (Vector2::new(400.0, 300.0), [0.7, 0.1]);
+        let mut errors = [[0.0; 2]; 3];
+        let (mut received, mut way) = (Vec::new(), Vec::new());
+        let sigma = 15.0_f64.to_radians();
+        for burst in 0..40 {
+            let time = 20.0 * f64::from(burst);
+            for (station, errors) in STATIONS.iter().zip(&mut errors) {
+                for error in errors.iter_mut() {
+                    *error = next_error(*error, 20.0, memory_s, &mut rng);
+                }
+                let ahead = place - Vector2::from(*station);
+                let rss_dbm = -25.0 - 26.0 * ahead.norm().log10() + 6.0 * errors[0];
+                if rss_dbm > -95.0 {
+                    let angle = ahead.y.atan2(ahead.x) + sigma * errors[1];
+                    received.push(Reception {
+                        time,
+                        receiver: Pose::at(station[0], station[1], 0.0),
+                        level: Some(Level { rss_dbm, sigma_db: 6.0 }),
+                        bearing: Some(Bearing { angle, sigma, confidence: 1.0 }),
+                        ..Reception::default()
+                    });
+                }
+            }
+            way.push((time, place));
+            velocity = velocity.map(|v| 0.71 * next_error(v / 0.71, 20.0, 60.0, &mut rng));
+            place += Vector2::from(velocity) * 20.0;
+        }
+        (received, way)
+    }
+
+    fn listeners() -> Vec<Listener> {
+        let listens = |[east, north]: [f64; 2]| Listener {
+            receiver: Pose::at(east, north, 0.0),
+            from: 0.0,
+            until: 800.0,
+            floor_dbm: -95.0,
+        };
+        STATIONS.map(listens).to_vec()
+    }
+
+    /// Errors, NEES and whether the ellipse holds the truth, over all places of some tracks.
+    fn judged(tracks: u64, memory_s: f64, config: &TrackingConfig) -> (f64, f64, f64) {
+        let (mut error, mut nees, mut held, mut count) = (0.0, 0.0, 0.0, 0.0);
+        for seed in 0..tracks {
+            let (received, way) = walk(700 + seed, memory_s);
+            let tracked = track(&received, &listeners(), &LocateConfig::default(), config);
+            for (time, located) in tracked.expect("a track").places {
+                // A window's time is that of its bursts on average: between two of them.
+                let at = |&&(other, _): &&(f64, Vector2<f64>)| other <= time + 1e-9;
+                let (before, from) = *way.iter().rfind(at).expect("a burst before");
+                let to = way.iter().find(|(other, _)| *other > time).map_or(from, |(_, to)| *to);
+                let truth = from.lerp(&to, (time - before) / 20.0);
+                error += (located.estimate.mean - truth).norm();
+                nees += located.estimate.nees(&truth).expect("a covariance");
+                held += f64::from(u8::from(located.ellipse_95_holds(&truth) == Some(true)));
+                count += 1.0;
+            }
+        }
+        (error / count, nees / count, held / count)
+    }
+
+    #[test]
+    fn ellipses_of_a_network_hold_what_they_promise() {
+        // Every burst has errors of its own, so that a window of one burst is a reading.
+        let alone =
+            TrackingConfig { window_s: 15.0, correlation_s: 15.0, ..TrackingConfig::default() };
+        let (error_m, nees, held) = judged(5, 1e-3, &alone);
+        assert!(error_m < 60.0, "{error_m} m off");
+        assert!((0.8..2.4).contains(&nees) && held > 0.93, "mean NEES {nees}, {held} held");
+        // Errors that stay for minutes, as those of reflections do, and the defaults: an error that
+        // falls to 1/e in 120 s has as many independent readings as one in 240 s.
+        let (error_m, nees, held) = judged(16, 120.0, &TrackingConfig::default());
+        assert!(error_m < 150.0, "{error_m} m off");
+        assert!((1.0..3.2).contains(&nees) && held > 0.85, "mean NEES {nees}, {held} held");
+        // Taken for independent, such errors make ellipses that are too small.
+        let (_, nees, held) = judged(6, 240.0, &alone);
+        assert!(nees > 4.0 && held < 0.75, "mean NEES {nees}, {held} held");
+    }
+
+    #[test]
+    fn silence_is_a_reading() {
+        // One station hears levels alone: the transmitter is on a circle about it, but not near
+        // the others, which hear nothing.
+        let receiver = Pose::at(0.0, 0.0, 0.0);
+        let level = Some(Level { rss_dbm: -90.0, sigma_db: 6.0 });
+        let at = |time: f64| Reception { time, receiver, level, ..Reception::default() };
+        let received: Vec<Reception> = (0..6).map(|i| at(10.0 + 200.0 * f64::from(i))).collect();
+        let power = Power::Known { reference_dbm: -25.0, exponent: 2.6 };
+        let config = LocateConfig { power, ..LocateConfig::default() };
+        let mean = |listeners: &[Listener]| {
+            let tracked = track(&received, listeners, &config, &TrackingConfig::default());
+            let places = tracked.expect("a track").places;
+            places.iter().map(|(_, located)| located.estimate.mean.sum()).sum::<f64>() / 6.0_f64
+        };
+        let (without, with) = (mean(&[]), mean(&listeners()));
+        assert!(without.abs() < 40.0, "{without}: no direction is preferred");
+        assert!(with < -80.0, "{with}: away from the silent stations in the north-east");
+    }
+
+    #[test]
+    fn bad_input_is_named() {
+        let config = TrackingConfig::default();
+        let refused = |received: &[Reception], config: &TrackingConfig| {
+            let error = track(received, &[], &LocateConfig::default(), config);
+            error.expect_err("refused").to_string()
+        };
+        assert!(refused(&[], &config).contains("0 receptions"));
+        let window = TrackingConfig { window_s: 0.0, ..config.clone() };
+        assert!(refused(&[], &window).contains("window_s"));
+        let speed = TrackingConfig { speeds_mps: vec![f64::NAN], ..config.clone() };
+        assert!(refused(&[], &speed).contains("speed_mps"));
+        let none = TrackingConfig { speeds_mps: Vec::new(), ..config };
+        let (received, _) = walk(1, 1.0);
+        assert!(refused(&received, &none).contains("0 models"));
+    }
+}
