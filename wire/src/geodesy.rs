@@ -144,6 +144,33 @@ pub fn radians_to_compass_deg(radians: f64) -> f64 {
     if turned >= 360.0 { 0.0 } else { turned }
 }
 
+/// The meridian convergence of UTM at a place: how far east of true North the northing of its zone
+/// points, in degrees (Snyder 1987, eq. 8-12, of the sphere: the ellipsoid's differs by less than
+/// 10⁻⁴°).
+#[must_use]
+pub fn grid_convergence_deg(place: &Geodetic) -> f64 {
+    let east = f64::to_radians(place.lon_deg - utm_central_meridian_deg(place));
+    (east.tan() * place.lat_deg.to_radians().sin()).atan().to_degrees()
+}
+
+/// The central meridian of a place's UTM zone, with the exceptions for Norway and Svalbard.
+fn utm_central_meridian_deg(place: &Geodetic) -> f64 {
+    let lon_deg = (place.lon_deg + 180.0).rem_euclid(360.0) - 180.0;
+    let within = |west, east| (west..east).contains(&lon_deg);
+    if (56.0..64.0).contains(&place.lat_deg) && within(3.0, 12.0) {
+        9.0
+    } else if (72.0..=84.0).contains(&place.lat_deg) && within(0.0, 42.0) {
+        match lon_deg {
+            ..9.0 => 3.0,
+            9.0..21.0 => 15.0,
+            21.0..33.0 => 27.0,
+            _ => 39.0,
+        }
+    } else {
+        (lon_deg / 6.0).floor() * 6.0 + 3.0
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::f64::consts::{FRAC_PI_4, PI};
@@ -213,6 +240,25 @@ mod tests {
             assert!((back - compass).abs() < 1e-12, "{radians} made {back}°");
         }
         assert!(radians_to_compass_deg(FRAC_PI_2.next_up()) < 360.0);
+    }
+
+    #[test]
+    fn grids_converge_as_their_projection_does() {
+        // By differences of Krüger's series of the projection itself (Karney 2011, eq. 35), in Python.
+        for (lat_deg, lon_deg, expected) in [
+            (37.0, -8.0, 0.601_855),
+            (35.727_451, -78.695_974, 1.345_875),
+            (50.0755, 14.4378, -0.431_152),
+            (-33.8688, 151.2093, 0.998_172),
+            (60.39, 5.32, -3.200_503),
+            (78.2, 20.8, 5.678_241),
+            (78.2, 15.6, 0.587_321),
+            (50.0755, 374.4378, -0.431_152),
+            (0.0, 1.5, 0.0),
+        ] {
+            let made = grid_convergence_deg(&Geodetic { lat_deg, lon_deg, alt_m: 0.0 });
+            assert!((made - expected).abs() < 1e-4, "{lat_deg}, {lon_deg}: {made}");
+        }
     }
 
     #[test]

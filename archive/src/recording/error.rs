@@ -1,4 +1,5 @@
 use foxhunt_core::parameter::{FieldError, ParameterError};
+use foxhunt_wire::declination::DeclinationError;
 
 use super::near_miss::question;
 
@@ -298,6 +299,21 @@ pub enum FieldProblem {
     /// It cannot be measured with such a standard deviation.
     #[error("is no measurement")]
     NotAMeasurement,
+    /// It is counted from magnetic or grid North, and the place on Earth is not known.
+    #[error(
+        "is counted from a North that depends on the place, and the recording has no places in \
+         degrees; state by how many degrees it is east of true North"
+    )]
+    NoPlace,
+    /// It is counted from magnetic North, and the day is not known.
+    #[error(
+        "is counted from magnetic North, which depends on the day, and the recording has no \
+         time_utc; give a date"
+    )]
+    NoDate,
+    /// It is counted from magnetic North, which is not known there and then.
+    #[error("is counted from magnetic North: {0}")]
+    NoDeclination(DeclinationError),
     /// It is not near the frame's origin.
     #[error("is {distance_km:.0} km from the frame's origin; at most {limit_km} km make sense")]
     TooFar {

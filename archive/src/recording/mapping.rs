@@ -3,7 +3,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 use foxhunt_core::parameter::FieldError;
 use serde::Deserialize;
 
-use super::{Column, RecordingError, Source, Value, column::Kind, formats};
+use super::{Column, North, RecordingError, Source, Value, column::Kind, formats};
 
 /// How a CSV format's columns become ours.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -20,6 +20,9 @@ pub struct Mapping {
     /// Values that are the same for every row.
     #[serde(default)]
     pub constants: BTreeMap<Column, Value>,
+    /// What angles are counted from.
+    #[serde(default)]
+    pub north: North,
     /// Which rows are kept: those that pass every rule.
     #[serde(default)]
     pub keep: Vec<Keep>,
@@ -286,6 +289,9 @@ mod tests {
             ("columns = {}\nturns = { gap_s = -1 }", "turns.gap_s"),
             ("columns = {}\nturns = 'spiral'", "spiral"),
             ("columns = {}\nbeside = [{ file = '../x', columns = {} }]", "../x"),
+            ("north = 'up'\ncolumns = {}", "up is no North"),
+            ("north = 181\ncolumns = {}", "181 is no North"),
+            ("north = nan\ncolumns = {}", "NaN is no North"),
             ("columns = {}\nextra = 1", "extra"),
         ] {
             let message = message(text);

@@ -28,15 +28,9 @@ impl Reader<'_> {
         }
         let rules = self.plan.rules.len();
         let rss_dbm = self.number(Column::RssDbm)?.or(self.number(Column::RssDb)?);
-        let bearing = match self.number(Column::BearingDegCompass)? {
-            None => None,
-            Some(deg) => Some(RecordedBearing {
-                angle: compass_deg_to_radians(deg),
-                sigma: self.number(Column::BearingSigmaDeg)?.map(f64::to_radians),
-            }),
-        };
+        let bearing_deg = self.number(Column::BearingDegCompass)?;
         let measured = self.measured()?;
-        if rss_dbm.is_none() && bearing.is_none() && measured.is_empty() {
+        if rss_dbm.is_none() && bearing_deg.is_none() && measured.is_empty() {
             return Ok(Err(LeftOut(rules)));
         }
         let position = self.receiver_position(frame)?;
@@ -44,9 +38,27 @@ impl Reader<'_> {
             return Ok(Err(LeftOut(rules + 1)));
         }
         let heading_deg = self.number(Column::HeadingDegCompass)?;
-        let heading = heading_deg.map_or(0.0, compass_deg_to_radians);
+        let own_boresight_deg = self.number(Column::BoresightDegCompass)?;
+        let angles = [
+            (Column::BearingDegCompass, bearing_deg),
+            (Column::HeadingDegCompass, heading_deg),
+            (Column::BoresightDegCompass, own_boresight_deg),
+        ];
+        let north_deg = match angles.into_iter().find(|(_, angle)| angle.is_some()) {
+            Some((column, _)) => self.north_deg(column, *frame, position)?,
+            None => 0.0,
+        };
+        let radians = |deg: f64| compass_deg_to_radians(north_deg + deg);
+        let bearing = match bearing_deg {
+            None => None,
+            Some(deg) => Some(RecordedBearing {
+                angle: radians(deg),
+                sigma: self.number(Column::BearingSigmaDeg)?.map(f64::to_radians),
+            }),
+        };
+        let heading = heading_deg.map_or(0.0, radians);
         let boresight_deg = match self.number(Column::AntennaDeg)? {
-            None => self.number(Column::BoresightDegCompass)?,
+            None => own_boresight_deg,
             Some(antenna) => {
                 let missing = || self.wrong(Column::HeadingDegCompass, FieldProblem::Missing);
                 Some(heading_deg.ok_or_else(missing)? + antenna)
@@ -58,7 +70,7 @@ impl Reader<'_> {
             drone: self.text(Column::Drone)?.map_or_else(|| self.stem.to_owned(), Into::into),
             time: self.time()?,
             receiver: position.map(|position| Pose::level(position, heading)),
-            boresight: boresight_deg.map(compass_deg_to_radians),
+            boresight: boresight_deg.map(radians),
             position: self.number(Column::Position)?.map(whole).and_then(|i| i.try_into().ok()),
             turn: self.number(Column::Turn)?.map(whole),
             rss_dbm,

@@ -102,6 +102,7 @@ impl Recording {
         let mut dropped: Vec<Dropped> =
             rules.map(|rule| Dropped { rule: rule.to_owned(), rows: 0 }).collect();
         let stem = stem(name);
+        let north = options.north.unwrap_or(mapping.north);
         let mut frame = options.frame;
         let mut rows = 0;
         let mut records = Vec::new();
@@ -113,7 +114,8 @@ impl Recording {
                 plan.melted.iter().map(Some).collect()
             };
             for melted in columns {
-                let reader = Reader { plan: &plan, row: &row, melted, stem: &stem };
+                let (north, date_s) = (north, options.date_s);
+                let reader = Reader { plan: &plan, row: &row, melted, stem: &stem, north, date_s };
                 match reader.record(&mut frame)? {
                     Ok(record) => records.push(record),
                     Err(LeftOut(rule)) => {
@@ -140,6 +142,7 @@ impl Recording {
             format: mapping.name.clone(),
             frame,
             in_degrees: plan.has(Column::LatDeg),
+            north,
             names_drones: plan.has(Column::Drone),
             calibrated: !plan.has(Column::RssDb),
             turns: mapping.turns,

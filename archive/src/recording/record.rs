@@ -2,7 +2,7 @@ use foxhunt_core::{MeasuredList, Pose};
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 use nalgebra::Vector2;
 
-use super::Turns;
+use super::{North, Turns};
 
 /// One row of a recording, in our units and frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,6 +55,7 @@ pub struct Recording {
     pub(super) format: String,
     pub(super) frame: Option<LocalFrame>,
     pub(super) in_degrees: bool,
+    pub(super) north: North,
     pub(super) calibrated: bool,
     pub(super) names_drones: bool,
     pub(super) turns: Turns,
@@ -97,6 +98,13 @@ impl Recording {
     #[must_use]
     pub fn frame(&self) -> Option<LocalFrame> {
         self.frame
+    }
+
+    /// What the file counts its angles from; those of the records are counted from the frame's
+    /// East.
+    #[must_use]
+    pub fn north(&self) -> North {
+        self.north
     }
 
     /// Whether `rss_dbm` is in dBm, and not about an unknown reference.

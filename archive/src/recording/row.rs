@@ -3,7 +3,7 @@ use std::borrow::Cow;
 use chrono::{DateTime, NaiveDateTime};
 
 use super::{
-    Column, FieldProblem, RecordingError,
+    Column, FieldProblem, North, RecordingError,
     column::Kind,
     plan::{Melted, Origin, Plan, Rule},
     table::Row,
@@ -17,6 +17,10 @@ pub(super) struct Reader<'r> {
     pub(super) melted: Option<&'r Melted>,
     /// The name of a drone that has none of its own.
     pub(super) stem: &'r str,
+    /// What angles are counted from.
+    pub(super) north: North,
+    /// A day in seconds since 1970, where the rows have no time of their own that is one.
+    pub(super) date_s: Option<f64>,
 }
 
 impl Reader<'_> {
@@ -156,7 +160,7 @@ impl Reader<'_> {
         if self.plan.has(Column::TimeUtc) {
             let missing = || self.wrong(Column::TimeUtc, FieldProblem::Missing);
             let text = self.text(Column::TimeUtc)?.ok_or_else(missing)?;
-            let seconds = seconds_since_1970(&text);
+            let seconds = utc_seconds(&text);
             return Ok(Some(
                 seconds.ok_or_else(|| self.wrong(Column::TimeUtc, FieldProblem::NotATime))?,
             ));
@@ -169,9 +173,10 @@ impl Reader<'_> {
     }
 }
 
-/// `YYYY-MM-DD HH:MM:SS`, with a `T` for the space, a fraction, and a `Z` or an offset from UTC
-/// such as `+02:00` if one likes.
-fn seconds_since_1970(text: &str) -> Option<f64> {
+/// The seconds since 1970 of `YYYY-MM-DD HH:MM:SS`, with a `T` for the space, a fraction, and a `Z`
+/// or an offset from UTC such as `+02:00` if one likes; `None` for what is no such time.
+#[must_use]
+pub fn utc_seconds(text: &str) -> Option<f64> {
     let text = text.strip_suffix('Z').unwrap_or(text).replacen('T', " ", 1);
     let in_utc = NaiveDateTime::parse_from_str(&text, "%Y-%m-%d %H:%M:%S%.f");
     let time = match in_utc {
@@ -188,16 +193,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_seconds_since_1970() {
+    fn times_are_utc_seconds() {
         // `date -u -d '2021-03-21 16:51:48' +%s`
-        assert_eq!(seconds_since_1970("2021-03-21 16:51:48"), Some(1_616_345_508.0));
-        assert_eq!(seconds_since_1970("2021-03-21T16:51:48.25Z"), Some(1_616_345_508.25));
+        assert_eq!(utc_seconds("2021-03-21 16:51:48"), Some(1_616_345_508.0));
+        assert_eq!(utc_seconds("2021-03-21T16:51:48.25Z"), Some(1_616_345_508.25));
         for east in ["2021-03-21 18:51:48+02:00", "2021-03-21T11:51:48.000-05:00"] {
-            assert_eq!(seconds_since_1970(east), Some(1_616_345_508.0), "{east}");
+            assert_eq!(utc_seconds(east), Some(1_616_345_508.0), "{east}");
         }
-        assert_eq!(seconds_since_1970("1969-12-31 23:59:59"), Some(-1.0));
+        assert_eq!(utc_seconds("1969-12-31 23:59:59"), Some(-1.0));
         for wrong in ["2021-02-30 00:00:00", "2021-03-21", "16:51:48", "2021-03-21 16:51:48 x"] {
-            assert_eq!(seconds_since_1970(wrong), None, "{wrong}");
+            assert_eq!(utc_seconds(wrong), None, "{wrong}");
         }
     }
 }

@@ -6,7 +6,7 @@ use clap::value_parser;
 use foxhunt::{
     geodesy::{Geodetic, LocalFrame},
     recorded::{RecordedError, Selection, only_beacon},
-    recording::{Mapping, ReadOptions, Recording},
+    recording::{Mapping, North, ReadOptions, Recording, utc_seconds},
 };
 
 use crate::{error::CliError, output::warn};
@@ -21,9 +21,29 @@ pub(crate) struct Reading {
     /// The beacon, where the recording holds several
     #[arg(long, value_name = "NAME")]
     beacon: Option<String>,
+    /// What bearings, headings and boresights are counted from: `true` North, `magnetic` North (by
+    /// the World Magnetic Model on the day of the recording's time_utc or of --date), `grid` North
+    /// of UTM, or a North so many degrees east of true North; as the format has it unless given
+    #[arg(long, value_name = "true|magnetic|grid|DEG", allow_hyphen_values = true)]
+    north: Option<North>,
+    /// The day of magnetic North, for recordings without time_utc
+    #[arg(long, value_name = "YYYY-MM-DD")]
+    date: Option<Day>,
     /// The number of positions in a turn of the antenna
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = value_parser!(u16).range(1..=360))]
     pub(super) positions: u16,
+}
+
+/// A day, as the command line has it: its first second, since 1970.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Day(f64);
+
+impl FromStr for Day {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        utc_seconds(&format!("{text} 00:00:00")).map(Self).ok_or("it must be YYYY-MM-DD")
+    }
 }
 
 /// A place in degrees, as the command line has it.
@@ -63,7 +83,8 @@ impl LatLon {
 
 impl Reading {
     fn options(&self) -> Result<ReadOptions, CliError> {
-        let options = ReadOptions::default();
+        let (north, date_s) = (self.north, self.date.map(|Day(first_s)| first_s));
+        let options = ReadOptions { north, date_s, ..ReadOptions::default() };
         Ok(match &self.format {
             Some(format) => options.with_format(Mapping::find(format).map_err(CliError::input)?),
             None => options,
@@ -76,6 +97,11 @@ impl Reading {
         let recordings = Recording::read_all(files, &options).map_err(CliError::input)?;
         for recording in &recordings {
             narrate(recording);
+        }
+        if self.date.is_some() && recordings.iter().all(|r| r.north() != North::Magnetic) {
+            return Err(CliError::input(
+                "--date is of use for magnetic North alone (--north magnetic)",
+            ));
         }
         Ok(recordings)
     }

@@ -66,6 +66,35 @@ fn bearings_cross_at_the_transmitter() {
 }
 
 #[test]
+fn compass_bearings_take_a_date() {
+    let folder = folder("north");
+    let text = "lat_deg,lon_deg,bearing_deg_compass\n25.03,121.56,45\n25.03,121.57,315\n";
+    let file = write(&folder, "bearings.csv", text);
+    let place = |more: &[&str]| {
+        let report = foxhunt(["locate", "--json", &file].iter().chain(more)).json();
+        ["east_m", "north_m"].map(|axis| report["estimate"][axis].as_f64().expect("a number"))
+    };
+    // Two bearings from the ends of 1008 m that meet at a right angle: all that a declination of
+    // -5.06° does is to turn the fix about the middle of their circle.
+    let [east, north] = place(&[]);
+    let [compass_east, compass_north] = place(&["--north", "magnetic", "--date", "2026-09-05"]);
+    assert!((compass_east - east + 88.0).abs() < 30.0, "{east} {compass_east}");
+    assert!((compass_north - north).abs() < 60.0, "{north} {compass_north}");
+    let stated = place(&["--north", "-5.057"]);
+    assert!((stated[0] - compass_east).abs() < 1.0 && (stated[1] - compass_north).abs() < 1.0);
+    for (more, part) in [
+        (&["--north", "magnetic"][..], "time_utc"),
+        (&["--north", "up"], "up is no North"),
+        (&["--date", "2026-09-05"], "--north magnetic"),
+        (&["--north", "magnetic", "--date", "2019-12-31"], "2020 to 2029"),
+        (&["--north", "magnetic", "--date", "2026-09"], "YYYY-MM-DD"),
+    ] {
+        let refused = foxhunt(["locate", &file].iter().chain(more));
+        assert!(refused.code == 2 && refused.stderr.contains(part), "{refused:?}");
+    }
+}
+
+#[test]
 fn degrees_come_back_as_degrees() {
     let folder = folder("degrees");
     // The second place is 0.001° to the East, 71.7 m at this latitude; the beacon between them and

@@ -1,8 +1,8 @@
 //! What single columns of our own format come to mean.
 
-use std::f64::consts::{FRAC_PI_4, PI};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
-use foxhunt_archive::recording::{Column, Mapping, ReadOptions, Record, Recording};
+use foxhunt_archive::recording::{Column, Mapping, North, ReadOptions, Record, Recording};
 use foxhunt_core::angle::distance;
 use nalgebra::{Vector2, Vector3};
 
@@ -100,5 +100,87 @@ fn a_constant_replaces_a_column_that_is_not_there() {
     for text in ["y,bearing_deg\n2,45\n", "x,y,bearing_deg\n9,2,45\n"] {
         let recording = Recording::from_reader(text.as_bytes(), "b.csv", &options).expect("a row");
         assert!((place(&recording.records()[0]).xy() - Vector2::new(3.0, 2.0)).norm() < 1e-12);
+    }
+}
+
+/// The compass angle from true North that each row's bearing, heading and boresight came to.
+fn turned(text: &str, options: &ReadOptions) -> Result<Vec<[f64; 3]>, String> {
+    let recording = Recording::from_reader(text.as_bytes(), "b.csv", options);
+    let recording = recording.map_err(|error| error.to_string())?;
+    let compass = |radians: f64| (FRAC_PI_2 - radians).to_degrees().rem_euclid(360.0);
+    let angles = |record: &Record| {
+        let bearing = record.bearing.map_or(f64::NAN, |bearing| compass(bearing.angle));
+        let heading = compass(record.receiver.expect("located").heading);
+        [bearing, heading, record.boresight.map_or(f64::NAN, compass)]
+    };
+    Ok(recording.records().iter().map(angles).collect())
+}
+
+#[test]
+fn magnetic_angles_are_turned_by_the_declination_of_place_and_day() {
+    let magnetic = ReadOptions::default().with_north(North::Magnetic);
+    let angles = |text: &str, options: &ReadOptions| turned(text, options).expect("a declination");
+    // NOAA's calculator (WMM2025): -5.057° at Taipei on 2026-09-05, -5.144° on 2029-01-01; it gives
+    // three digits, and heights of 0.
+    let by_time = "lat_deg,lon_deg,time_utc,bearing_deg_compass,heading_deg_compass,antenna_deg\n\
+                   25.03,121.56,2026-09-05 12:00:00,90,350,30\n\
+                   25.03,121.56,2029-01-01 00:00:00,2,0,0\n";
+    let [first, second] = angles(by_time, &magnetic)[..] else { panic!("two rows") };
+    for (made, expected) in first.into_iter().chain(second).zip([
+        90.0 - 5.057,
+        350.0 - 5.057,
+        20.0 - 5.057,
+        362.0 - 5.144,
+        360.0 - 5.144,
+        360.0 - 5.144,
+    ]) {
+        assert!((made - expected).abs() < 2e-3, "{made} {expected}");
+    }
+    // 2026-09-05 12:00, where rows have no time or one of an origin of their own.
+    let dated = magnetic.clone().with_date(1_788_609_600.0);
+    for text in [
+        "lat_deg,lon_deg,bearing_deg_compass\n25.03,121.56,90\n",
+        "lat_deg,lon_deg,time_s,bearing_deg_compass\n25.03,121.56,3,90\n",
+    ] {
+        assert!((angles(text, &dated)[0][0] - 84.943).abs() < 2e-3);
+        let error = turned(text, &magnetic).expect_err("no day");
+        for part in ["b.csv, line 2, bearing_deg_compass: \"90\"", "magnetic", "date"] {
+            assert!(error.contains(part), "{error}");
+        }
+    }
+    let error = turned("east_m,north_m,bearing_deg_compass\n0,0,90\n", &dated);
+    assert!(error.expect_err("nowhere").contains("no places in degrees"));
+    let old = by_time.replace("2029", "2019");
+    let error = turned(&old, &magnetic).expect_err("before the model");
+    assert!(error.contains("line 3") && error.contains("2020 to 2029"), "{error}");
+    // Levels alone need no North.
+    let levels = "east_m,north_m,rss_dbm\n0,0,-60\n";
+    assert!(turned(levels, &magnetic).is_ok());
+}
+
+#[test]
+fn stated_and_grid_north_turn_angles_too() {
+    let degrees = "lat_deg,lon_deg,bearing_deg_compass\n-33.8688,151.2093,10\n";
+    let metres = "east_m,north_m,bearing_deg_compass\n600000,4000000,10\n";
+    let mapped = |north: &str| {
+        let text = format!(
+            "name = 'm'\ndescription = 'd'\nheader = []\nnorth = {north}\n[columns]\n\
+             lat_deg = 'lat_deg'\nlon_deg = 'lon_deg'\nbearing_deg_compass = 'bearing_deg_compass'\n"
+        );
+        ReadOptions::default().with_format(Mapping::parse(&text, "m.toml").expect("a mapping"))
+    };
+    let given = |north| ReadOptions::default().with_north(north);
+    // The convergence of UTM zone 56 there is 0.998172°, by differences of Krüger's series.
+    for (text, options, expected) in [
+        (degrees, given(North::Stated(12.5)), 22.5),
+        (metres, given(North::Stated(-11.0)), 359.0),
+        (degrees, given(North::Grid), 10.998_172),
+        (metres, given(North::Grid), 10.0),
+        (degrees, mapped("'grid'"), 10.998_172),
+        (degrees, mapped("-2.5"), 7.5),
+        (degrees, mapped("-2.5").with_north(North::True), 10.0),
+    ] {
+        let made = turned(text, &options).expect("a North")[0][0];
+        assert!((made - expected).abs() < 1e-4, "{options:?}: {made}");
     }
 }
