@@ -86,8 +86,9 @@ mod vectorised;
 pub use batch::{BatchError, BatchEstimator, BatchFix, BatchSolver, Loss};
 #[cfg(feature = "batch")]
 pub use bearings::{
-    BearingFix, BearingGrid, BearingGridFix, BearingLine, BearingWeights, Lenth1981,
-    RepeatedMedianFix, instrumental_variables, pseudolinear, repeated_median, stansfield,
+    BearingFix, BearingGrid, BearingGridFix, BearingLine, BearingWeights, CommonErrors, Lenth1981,
+    RepeatedMedianFix, StationError, instrumental_variables, pseudolinear, repeated_median,
+    stansfield,
 };
 #[cfg(feature = "alloc")]
 pub use cramer_rao::{CramerRaoError, FisherQuadrature, PosteriorCramerRao};

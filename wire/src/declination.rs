@@ -1,3 +1,5 @@
+//! Where compasses point to.
+
 use world_magnetic_model::{
     Error, GeomagneticField, WarningZone,
     time::Date,

@@ -7,7 +7,7 @@ use foxhunt::{
     core::{Ellipse, Estimate, nalgebra::Vector2},
     geodesy::Geodetic,
     hunt::PlaceEstimate,
-    locate::{Explanation, Located, Region, Rival},
+    locate::{CommonErrors, Explanation, Located, Region, Rival},
     recording::Recording,
     registry::Registry,
     report::Place,
@@ -76,6 +76,8 @@ struct Report {
     border_mass: Option<f64>,
     /// What explains the receptions, for estimators that weigh explanations.
     explanation: Option<Explanation>,
+    /// What the bearings of each place have in common, where some place has several.
+    common_errors: Option<CommonErrors>,
     /// Whether the ellipse is a poor picture of the regions.
     ellipse_is_poor: bool,
     /// The smallest region that holds the transmitter with 95 %, for estimators with a posterior
@@ -218,6 +220,7 @@ impl Report {
             rejected: located.rejected,
             border_mass: located.border_mass,
             explanation: located.explanation.clone(),
+            common_errors: located.common_errors.clone(),
             ellipse_is_poor: located.ellipse_is_poor(),
             regions_95: located.regions_95.clone(),
             rivals,
@@ -280,11 +283,12 @@ fn places(reports: &[Report]) -> String {
 fn details(report: &Report) -> String {
     let whose = report.beacon.as_ref().map_or_else(String::new, |name| format!(" of {name}"));
     let explanation = report.explanation.as_ref().map(|explanation| explained(explanation, &whose));
+    let common = report.common_errors.as_ref().map(|common| in_common(common, &whose));
     let regions = Some(&report.regions_95).filter(|_| report.ellipse_is_poor);
     let regions = regions.map(|parts| regions_of(parts, &whose));
     let rivals = Some(&report.rivals).filter(|rivals| !rivals.is_empty());
     let rivals = rivals.map(|rivals| rivals_of(rivals, &whose));
-    [explanation, regions, rivals].into_iter().flatten().collect()
+    [explanation, common, regions, rivals].into_iter().flatten().collect()
 }
 
 /// What explains the levels best, in a sentence.
@@ -310,6 +314,28 @@ fn explained(explanation: &Explanation, whose: &str) -> String {
         100.0 * of_length,
         100.0 * share,
         100.0 * of_share,
+    )
+}
+
+/// What the bearings of each place have in common.
+fn in_common(common: &CommonErrors, whose: &str) -> String {
+    let mut stations = table(&["station", "east m", "north m", "bearings", "error ° ccw", "±"]);
+    for (number_of, station) in (1..).zip(&common.stations) {
+        stations.add_row([
+            i32::to_string(&number_of),
+            number(Some(station.place.x), 1),
+            number(Some(station.place.y), 1),
+            station.bearings.to_string(),
+            number(Some(station.error_deg_ccw.mean), 1),
+            number(Some(station.error_deg_ccw.sd), 1),
+        ]);
+    }
+    let shares: Vec<String> = (common.sigmas_deg.iter())
+        .map(|(deg, probability)| format!("{deg:.0}° ({:.0} %)", 100.0 * probability))
+        .collect();
+    format!(
+        "\n\nBearings{whose} from one place share an error, with a σ of {}:\n{stations}",
+        shares.join(", ")
     )
 }
 

@@ -48,6 +48,27 @@ fn a_turn_has_a_bearing() {
 }
 
 #[test]
+fn bearings_of_one_place_share_an_error() {
+    let folder = folder("common");
+    let text = "east_m,north_m,bearing_deg_compass,bearing_sigma_deg\n\
+                0,0,60,3\n1,0,62,3\n0,1,61,3\n1000,0,315,3\n1000,1,313,3\n500,1200,180,3\n";
+    let file = write(&folder, "bearings.csv", text);
+    let ran = foxhunt(["locate", "--json", &file]);
+    let common = &ran.json()["common_errors"];
+    let stations = common["stations"].as_array().expect("three places");
+    let bearings: Vec<_> = stations.iter().map(|station| station["bearings"].as_u64()).collect();
+    assert_eq!(bearings, [Some(3), Some(2), Some(1)]);
+    has(&stations[0], &["place", "error_deg_ccw"]);
+    assert_eq!(common["sigmas_deg"].as_array().map(Vec::len), Some(5));
+    let table = foxhunt(["locate", &file]).stdout;
+    assert!(table.contains("share an error") && table.contains("error ° ccw"), "{table}");
+    // One at each place: nothing is in common.
+    let text = "east_m,north_m,bearing_deg_compass\n0,0,60\n1000,0,315\n500,1200,180\n";
+    let file = write(&folder, "single.csv", text);
+    assert!(foxhunt(["locate", "--json", &file]).json()["common_errors"].is_null());
+}
+
+#[test]
 fn bearings_cross_at_the_transmitter() {
     let folder = folder("locate");
     let text = "time_s,east_m,north_m,bearing_deg_compass,bearing_sigma_deg,truth_east_m,truth_north_m\n\

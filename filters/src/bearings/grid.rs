@@ -1,16 +1,17 @@
 use alloc::vec::Vec;
+use core::f64::consts::PI;
 
 use foxhunt_core::{
     Pose,
-    parameter::{positive, require},
+    parameter::{in_range, positive, require},
 };
 use nalgebra::Vector2;
 
 use super::{BearingLine, linear::checked};
 use crate::{
-    PlacePrior, PosteriorMap,
+    Marginal, PlacePrior, PosteriorMap,
     batch::BatchError,
-    shadowing_grid::{Grid, Search, bounds},
+    shadowing_grid::{Grid, Mixture, Search, bounds},
 };
 
 /// The posterior of a target's place from bearings whose σ is known up to a factor.
@@ -20,11 +21,23 @@ use crate::{
 /// s integrated out a place has the likelihood (ν + Σ 2 (1 − cos Δθ_i)/σ_i²)^(−(n+ν)/2): Student's
 /// t, so that few bearings that do not quite meet make a wide region, and many that do a narrow one
 /// (Gelman et al. 2013, section 3.2). The place's prior is [`PlacePrior::NearReceivers`].
+///
+/// **Common errors.** What a compass or a site does to one bearing it does to all that are taken at
+/// the same place: station j adds b_j ~ N(0, τ²) to each. Where some place has two bearings or more
+/// their scatter is that of s σ e alone, and b is integrated out: with W = Σ 1/σ_i² and the
+/// resultant R e^(iδ) = Σ e^(iΔθ_i)/σ_i² of a station its part of the sum becomes
+/// 2 (W − R) + 2 R (1 − cos δ)/(1 + R τ²), and the likelihood has a factor (1 + W τ²)^(−1/2): a
+/// covariance D + τ² 1 1ᵀ, by Sherman, Morrison and Woodbury. The values of τ are averaged by their
+/// evidence. They are taken as they are for the s that the scatter has; what is left unknown of s
+/// holds for both. Where no place has two bearings, b is a part of σ e.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BearingGrid {
     /// The degrees of freedom ν of the bearings' common variance: how many bearings its knowledge
     /// is worth.
     pub freedom: f64,
+    /// What σ the error may have that all bearings of one place share, in radians; all are as
+    /// probable before the bearings.
+    pub common_sigmas: [f64; 5],
     /// How far the search goes beyond the receivers at first, in metres.
     pub margin_m: f64,
     /// The most cells, at least 100.
@@ -32,10 +45,12 @@ pub struct BearingGrid {
 }
 
 /// Two degrees of freedom: of the σ that bearings come with little more than the order of magnitude
-/// is known. A margin of 200 m, 4000 cells.
+/// is known. No common error, or one with a σ of 5°, 10°, 20° or 40°, about the 8° to 25° by which
+/// the turns of a real hover were off together. A margin of 200 m, 4000 cells.
 impl Default for BearingGrid {
     fn default() -> Self {
-        Self { freedom: 2.0, margin_m: 200.0, max_cells: 4000 }
+        let common_sigmas = [0.0, 5.0, 10.0, 20.0, 40.0].map(f64::to_radians);
+        Self { freedom: 2.0, common_sigmas, margin_m: 200.0, max_cells: 4000 }
     }
 }
 
@@ -46,9 +61,35 @@ pub struct BearingGridFix {
     pub map: PosteriorMap,
     /// The probability of the outermost ring of all cells that were searched.
     pub border_mass: f64,
-    /// The least Σ 2 (1 − cos Δθ_i)/σ_i² of all cells, which is near n − 2 where the σ are true.
+    /// The least sum of squares of all cells, over the bearings' σ, which is near n − 2 where the σ
+    /// are true.
     pub misfit: f64,
+    /// What the bearings of each place have in common; `None` where no place has two of them.
+    pub common: Option<CommonErrors>,
 }
+
+/// The errors that all bearings of one place share.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CommonErrors {
+    /// The values of their σ in radians, each with its probability.
+    pub sigmas: Vec<(f64, f64)>,
+    /// Each place.
+    pub stations: Vec<StationError>,
+}
+
+/// The error that all bearings of a place share.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StationError {
+    /// Where the first of them was taken, East and North in metres.
+    pub place: Vector2<f64>,
+    /// How many there are.
+    pub bearings: usize,
+    /// The error, measured minus true, in radians.
+    pub error: Marginal,
+}
+
+/// Receivers as near as this to each other, in metres, are at one place: so far a hover drifts.
+const SAME_PLACE_M: f64 = 5.0;
 
 impl BearingGrid {
     /// Locates the target of bearings, each with its σ in radians.
@@ -62,6 +103,9 @@ impl BearingGrid {
         positive("the bearings' degrees of freedom", self.freedom)?;
         positive("margin_m", self.margin_m)?;
         require(self.max_cells >= 100, "max_cells", self.max_cells.into(), "at least 100")?;
+        for sigma in self.common_sigmas {
+            in_range("common_sigmas", sigma, 0.0..=PI, "from 0 to π")?;
+        }
         checked(bearings)?;
         let at = |line: &BearingLine| Pose::at(line.receiver.x, line.receiver.y, 0.0);
         let receivers: Vec<Pose> = bearings.iter().map(|(line, _)| at(line)).collect();
@@ -79,14 +123,12 @@ impl BearingGrid {
             max_cells: self.max_cells,
         };
         let log_prior = search.place.log_density(&low, &high);
-        #[expect(clippy::cast_precision_loss, reason = "bearings do not come by the quadrillion")]
-        let exponent = 0.5 * (bearings.len() as f64 + self.freedom);
+        let model = Model::new(self, bearings);
         let posterior = |grid: Grid| {
             let log_mass: Vec<f64> = (0..grid.len())
                 .map(|cell| {
                     let place = grid.centre(cell);
-                    log_prior(&place)
-                        - exponent * libm::log(self.freedom + misfit(bearings, &place))
+                    log_prior(&place) + model.at(&place).log_likelihood
                 })
                 .collect();
             let peak = log_mass.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -101,24 +143,154 @@ impl BearingGrid {
         let (searched, refined) = search.run(posterior, |map| map)?;
         let border_mass = searched.border_mass();
         let map = refined.unwrap_or(searched);
-        let misfits = map.cells().map(|(place, _)| misfit(bearings, &place));
+        let misfits = map.cells().map(|(place, _)| model.at(&place).misfit);
         let misfit = misfits.fold(f64::INFINITY, f64::min);
-        Ok(BearingGridFix { map, border_mass, misfit })
+        let common = (model.sigmas.len() > 1).then(|| model.common_errors(&map));
+        Ok(BearingGridFix { map, border_mass, misfit, common })
     }
 }
 
-/// Σ 2 (1 − cos Δθ_i)/σ_i².
-fn misfit(bearings: &[(BearingLine, f64)], place: &Vector2<f64>) -> f64 {
-    let of_one = |(line, sigma): &(BearingLine, f64)| {
-        let way = place - line.receiver;
-        let range = way.norm();
-        // At the receiver itself every direction is as good as any other: the mean over all.
-        let cosine = if range > 0.0 {
-            (way.x * libm::cos(line.bearing) + way.y * libm::sin(line.bearing)) / range
-        } else {
-            0.0
+/// A bearing's direction as a vector, from where it was taken, with its weight 1/σ².
+struct Ray {
+    receiver: Vector2<f64>,
+    towards: Vector2<f64>,
+    weight: f64,
+}
+
+/// The bearings, place by place, and what their errors may have in common.
+struct Model {
+    stations: Vec<Vec<Ray>>,
+    /// The values of τ over what s is by the scatter within the places; 0 alone where there is none.
+    sigmas: Vec<f64>,
+    /// That s.
+    scale: f64,
+    freedom: f64,
+    count: f64,
+}
+
+/// A place under the bearings.
+struct Likelihood {
+    log_likelihood: f64,
+    /// The sum of squares, averaged over the values of τ.
+    misfit: f64,
+    /// How probable each value of τ is there, and the sum of squares under it.
+    of_sigmas: [(f64, f64); 5],
+}
+
+impl Model {
+    fn new(config: &BearingGrid, bearings: &[(BearingLine, f64)]) -> Self {
+        let mut stations: Vec<Vec<Ray>> = Vec::new();
+        for (line, sigma) in bearings {
+            let ray = Ray {
+                receiver: line.receiver,
+                towards: Vector2::new(libm::cos(line.bearing), libm::sin(line.bearing)),
+                weight: 1.0 / (sigma * sigma),
+            };
+            let near = |first: &Ray| (first.receiver - ray.receiver).norm() <= SAME_PLACE_M;
+            match stations.iter_mut().find(|rays| rays.first().is_some_and(near)) {
+                Some(station) => station.push(ray),
+                None => stations.push(alloc::vec![ray]),
+            }
+        }
+        // The scatter about each place's own mean direction is free of what is common to it.
+        let within = |rays: &Vec<Ray>| {
+            let weight: f64 = rays.iter().map(|ray| ray.weight).sum();
+            let resultant: Vector2<f64> = rays.iter().map(|ray| ray.towards * ray.weight).sum();
+            2.0 * (weight - resultant.norm()).max(0.0)
         };
-        2.0 * (1.0 - cosine) / (sigma * sigma)
-    };
-    bearings.iter().map(of_one).sum()
+        let scatter: f64 = stations.iter().map(within).sum();
+        let repeated = as_f64(bearings.len() - stations.len());
+        let scale = libm::sqrt((config.freedom + scatter) / (config.freedom + repeated));
+        let sigmas = if repeated > 0.0 {
+            config.common_sigmas.iter().map(|sigma| sigma / scale).collect()
+        } else {
+            alloc::vec![0.0]
+        };
+        Self { stations, sigmas, scale, freedom: config.freedom, count: as_f64(bearings.len()) }
+    }
+
+    /// Each place's Σ 1/σ², and its resultant as cosine and sine of the error if the target is at a
+    /// place.
+    fn resultants(&self, place: &Vector2<f64>) -> impl Iterator<Item = (f64, Vector2<f64>)> {
+        self.stations.iter().map(move |rays| {
+            let (mut weight, mut resultant) = (0.0, Vector2::zeros());
+            for ray in rays {
+                weight += ray.weight;
+                let way = place - ray.receiver;
+                let range = way.norm();
+                // At the receiver itself every direction is as good as any other: the mean over all.
+                if range > 0.0 {
+                    let error = Vector2::new(way.dot(&ray.towards), way.perp(&ray.towards));
+                    resultant += error * (ray.weight / range);
+                }
+            }
+            (weight, resultant)
+        })
+    }
+
+    fn at(&self, place: &Vector2<f64>) -> Likelihood {
+        let exponent = 0.5 * (self.count + self.freedom);
+        let mut squares = [0.0; 5];
+        let mut halved_logs = [0.0; 5];
+        for (weight, resultant) in self.resultants(place) {
+            let length = resultant.norm();
+            for ((sigma, square), log) in self.sigmas.iter().zip(&mut squares).zip(&mut halved_logs)
+            {
+                let variance = sigma * sigma;
+                *square += 2.0 * (weight - length)
+                    + 2.0 * (length - resultant.x) / (1.0 + length * variance);
+                *log -= 0.5 * libm::log1p(weight * variance);
+            }
+        }
+        let logs = squares.iter().zip(&halved_logs).take(self.sigmas.len());
+        let logs = logs.map(|(square, log)| log - exponent * libm::log(self.freedom + square));
+        let peak = logs.clone().fold(f64::NEG_INFINITY, f64::max);
+        let mut of_sigmas = [(0.0, 0.0); 5];
+        let mut total = 0.0;
+        for ((own, log), square) in of_sigmas.iter_mut().zip(logs).zip(squares) {
+            *own = (libm::exp(log - peak), square);
+            total += own.0;
+        }
+        let mut misfit = 0.0;
+        for (probability, square) in &mut of_sigmas {
+            *probability /= total;
+            misfit += *probability * *square;
+        }
+        Likelihood { log_likelihood: peak + libm::log(total), misfit, of_sigmas }
+    }
+
+    /// What the bearings of each place have in common, over all places where the target may be.
+    fn common_errors(&self, map: &PosteriorMap) -> CommonErrors {
+        let mut sigmas: Vec<(f64, f64)> =
+            self.sigmas.iter().map(|sigma| (sigma * self.scale, 0.0)).collect();
+        let mut errors = alloc::vec![Mixture::default(); self.stations.len()];
+        for (place, mass) in map.cells() {
+            let likelihood = self.at(&place);
+            let of_sigmas = || self.sigmas.iter().zip(likelihood.of_sigmas);
+            for ((_, (probability, _)), (_, sum)) in of_sigmas().zip(&mut sigmas) {
+                *sum += mass * probability;
+            }
+            for ((_, resultant), error) in self.resultants(&place).zip(&mut errors) {
+                let length = resultant.norm();
+                for (sigma, (probability, square)) in of_sigmas() {
+                    let variance = sigma * sigma / (1.0 + length * sigma * sigma);
+                    let mean = variance * length * libm::atan2(resultant.y, resultant.x);
+                    // The mean of s² given all bearings, of which a place takes two.
+                    let scale = (self.freedom + square) / (self.freedom + self.count - 2.0);
+                    error.add(mass * probability, mean, scale * variance);
+                }
+            }
+        }
+        let station = |(rays, error): (&Vec<Ray>, Mixture)| {
+            let place = rays.first().map(|ray| ray.receiver).unwrap_or_default();
+            StationError { place, bearings: rays.len(), error: error.marginal() }
+        };
+        let stations = self.stations.iter().zip(errors).map(station).collect();
+        CommonErrors { sigmas, stations }
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "bearings do not come by the quadrillion")]
+fn as_f64(count: usize) -> f64 {
+    count as f64
 }

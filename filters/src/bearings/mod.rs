@@ -8,7 +8,7 @@ mod moments;
 mod repeated_median;
 mod weights;
 
-pub use grid::{BearingGrid, BearingGridFix};
+pub use grid::{BearingGrid, BearingGridFix, CommonErrors, StationError};
 pub use lenth1981::{BearingFix, Lenth1981};
 pub use line::BearingLine;
 pub use linear::{instrumental_variables, pseudolinear, stansfield};

@@ -10,7 +10,7 @@ pub struct Marginal {
 
 /// The first two moments of a mixture, component by component.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Mixture {
+pub(crate) struct Mixture {
     weight: f64,
     mean: f64,
     /// Σ w (variance + (mean − mixture's mean)²).
@@ -19,7 +19,7 @@ pub(super) struct Mixture {
 
 impl Mixture {
     /// Adds a component (West 1979): no difference of large squares.
-    pub(super) fn add(&mut self, weight: f64, mean: f64, variance: f64) {
+    pub(crate) fn add(&mut self, weight: f64, mean: f64, variance: f64) {
         if weight <= 0.0 {
             return;
         }
@@ -31,24 +31,24 @@ impl Mixture {
     }
 
     /// The mean.
-    pub(super) fn mean(&self) -> f64 {
+    pub(crate) fn mean(&self) -> f64 {
         self.mean
     }
 
     /// The variance: that of the components and that between them.
-    pub(super) fn variance(&self) -> f64 {
+    pub(crate) fn variance(&self) -> f64 {
         if self.weight > 0.0 { self.spread / self.weight } else { 0.0 }
     }
 
     /// The numbers with their probabilities.
-    pub(super) fn of(numbers: impl Iterator<Item = (f64, f64)>) -> Self {
+    pub(crate) fn of(numbers: impl Iterator<Item = (f64, f64)>) -> Self {
         let mut mixture = Self::default();
         numbers.for_each(|(number, probability)| mixture.add(probability, number, 0.0));
         mixture
     }
 
     /// Mean and standard deviation.
-    pub(super) fn marginal(&self) -> Marginal {
+    pub(crate) fn marginal(&self) -> Marginal {
         Marginal { mean: self.mean, sd: libm::sqrt(self.variance()) }
     }
 }

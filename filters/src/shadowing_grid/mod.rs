@@ -30,4 +30,4 @@ pub use marginal::Marginal;
 #[cfg(feature = "field-map")]
 pub(crate) use path::Segments;
 #[cfg(feature = "batch")]
-pub(crate) use {grid::Grid, search::Search};
+pub(crate) use {grid::Grid, marginal::Mixture, search::Search};

@@ -1,10 +1,12 @@
 use foxhunt_core::{Estimate, Reception};
 use foxhunt_filters::{
-    BatchError, BearingGrid, BearingGridFix, BearingLine, BearingWeights, Lenth1981,
+    BatchError, BearingGrid, BearingGridFix, BearingLine, BearingWeights, Lenth1981, Marginal,
     instrumental_variables, pseudolinear, repeated_median, stansfield,
 };
 
-use super::{LocateConfig, LocateError, Located, Locator, region::regions};
+use super::{
+    CommonErrors, LocateConfig, LocateError, Located, Locator, StationError, region::regions,
+};
 
 /// Where the bearings meet, whatever their own σ: it follows from how they scatter
 /// (`filters::Lenth1981`).
@@ -28,8 +30,8 @@ impl Locator for Lenth {
     }
 }
 
-/// The posterior of the place under bearings whose σ is known up to a factor, common to all of them
-/// (`filters::BearingGrid`).
+/// The posterior of the place under bearings whose σ is known up to a factor, common to all of
+/// them, where those of one place may share an error (`filters::BearingGrid`).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Posterior;
 
@@ -44,8 +46,22 @@ impl Locator for Posterior {
             observations: count,
             border_mass: Some(fix.border_mass),
             regions_95: regions(&fix.map, 0.95),
+            common_errors: fix.common.map(in_degrees),
             ..Located::at(fix.map.about(fix.map.median()))
         })
+    }
+}
+
+fn in_degrees(common: foxhunt_filters::CommonErrors) -> CommonErrors {
+    let station = |own: foxhunt_filters::StationError| {
+        let Marginal { mean, sd } = own.error;
+        let error_deg_ccw = Marginal { mean: mean.to_degrees(), sd: sd.to_degrees() };
+        StationError { place: own.place, bearings: own.bearings, error_deg_ccw }
+    };
+    let degrees = |(sigma, probability): (f64, f64)| (sigma.to_degrees(), probability);
+    CommonErrors {
+        sigmas_deg: common.sigmas.into_iter().map(degrees).collect(),
+        stations: common.stations.into_iter().map(station).collect(),
     }
 }
 

@@ -27,6 +27,9 @@ pub struct Located {
     pub border_mass: Option<f64>,
     /// What explains the receptions, where the estimator weighs explanations.
     pub explanation: Option<Explanation>,
+    /// What the bearings of each place have in common, where the estimator weighs that and there
+    /// are places with several.
+    pub common_errors: Option<CommonErrors>,
     /// The smallest region that holds the transmitter with 95 %, in parts that do not touch, where
     /// the estimator has a posterior density: an ellipse is a poor picture of two places, of a
     /// ridge and of a border.
@@ -62,6 +65,26 @@ pub struct Explanation {
     pub own_shares: Vec<(f64, f64)>,
 }
 
+/// The errors that all bearings of one place share, as a compass and a site make them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CommonErrors {
+    /// The values of their σ in degrees, each with its probability.
+    pub sigmas_deg: Vec<(f64, f64)>,
+    /// Each place.
+    pub stations: Vec<StationError>,
+}
+
+/// The error that all bearings of a place share.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct StationError {
+    /// Where the first of them was taken, East and North in metres.
+    pub place: Vector2<f64>,
+    /// How many there are.
+    pub bearings: usize,
+    /// The error, measured minus true, in degrees counter-clockwise.
+    pub error_deg_ccw: Marginal,
+}
+
 impl Located {
     /// A place without anything else.
     #[must_use]
@@ -73,6 +96,7 @@ impl Located {
             rejected: 0,
             border_mass: None,
             explanation: None,
+            common_errors: None,
             regions_95: Vec::new(),
             rivals: Vec::new(),
         }

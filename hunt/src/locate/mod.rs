@@ -33,7 +33,7 @@ pub use error::LocateError;
 pub(crate) use field_map::HighestOnMap;
 #[cfg(feature = "batch")]
 pub(crate) use least_absolute::LeastAbsolute;
-pub use located::{Explanation, Located, Locator, Rival};
+pub use located::{CommonErrors, Explanation, Located, Locator, Rival, StationError};
 #[cfg(feature = "batch")]
 pub use moving::{Tracked, TrackingConfig, track};
 #[cfg(feature = "batch")]
