@@ -64,9 +64,9 @@ pub use antenna::{
 #[cfg(feature = "alloc")]
 pub use body::{BodyConfig, BodyError, BodySource};
 pub use calibration::{
-    BearingError, BearingOffset, BearingOffsetFit, Calibrated, CalibrationError, Correlation,
-    KnownBearing, OffsetTerms, PathLossFit, SigmaFit, fit_bearing_offset, fit_log_distance,
-    fit_sigma, heading_towards,
+    AtSite, BearingError, BearingOffset, BearingOffsetFit, Calibrated, CalibrationError,
+    Correlation, KnownBearing, OffsetTerms, PathLossFit, SigmaFit, Site, fit_bearing_offset,
+    fit_log_distance, fit_sigma, heading_towards,
 };
 #[cfg(feature = "alloc")]
 pub use calibration::{StationBurst, StationFit, fit_station};

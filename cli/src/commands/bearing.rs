@@ -11,7 +11,7 @@ use foxhunt::{
 use serde::Serialize;
 
 use super::{
-    calibration::{Calibration, calibrated, parts},
+    calibration::{Calibration, Surroundings, calibrated, parts},
     extraction::Extraction,
     recorded::Reading,
 };
@@ -43,6 +43,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     calibration: Calibration,
     #[command(flatten)]
+    surroundings: Surroundings,
+    #[command(flatten)]
     reading: Reading,
 }
 
@@ -51,6 +53,9 @@ pub(crate) struct Args {
 struct Report {
     file: String,
     format: String,
+    /// What surrounds the receiver, in the σ of bearings without a calibration.
+    site: &'static str,
+    site_sigma_deg: f64,
     /// Whether levels are in dBm, and not about an unknown reference.
     calibrated: bool,
     turns: Vec<Turn>,
@@ -150,6 +155,8 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         let report = Report {
             file: recording.file().to_owned(),
             format: recording.format().to_owned(),
+            site: args.surroundings.site().name(),
+            site_sigma_deg: args.surroundings.site().sigma().to_degrees(),
             calibrated: recording.is_calibrated(),
             turns: read
                 .iter()
@@ -175,15 +182,19 @@ fn extractors<'a>(
         vec![(args.extraction.name(), args.extraction.build(registry)?)]
     };
     if station.is_none() {
-        let calibrate = |(name, built)| Ok((name, calibrated(file, None, name, built)?));
+        let calibrate =
+            |(name, built)| Ok((name, calibrated(file, None, name, built, &args.surroundings)?));
         return chosen.into_iter().map(calibrate).collect();
     }
     // A station has an extractor of its own; the others do not know its antennas.
+    let around = |(name, built)| (name, args.surroundings.around(built));
+    let chosen = chosen.into_iter().map(around);
     if args.extraction.is_given() && !args.all {
-        return Ok(chosen);
+        return Ok(chosen.collect());
     }
     let extractor = args.extraction.build(registry)?;
-    let mut own = vec![("station", calibrated(file, station, "station", extractor)?)];
+    let extractor = calibrated(file, station, "station", extractor, &args.surroundings)?;
+    let mut own = vec![("station", extractor)];
     if args.all {
         own.extend(chosen);
     }
@@ -230,7 +241,9 @@ fn turns(report: &Report) -> String {
     }
     lines.push(format!(
         "Bearings are clockwise from North. A confidence below {LOW_CONFIDENCE} is low: do not \
-         rely on the bearing."
+         rely on the bearing.\nσ without a calibration holds {:.0}° of what a site does to bearings \
+         ({}); see --site.",
+        report.site_sigma_deg, report.site
     ));
     lines.join("\n")
 }

@@ -6,6 +6,7 @@ use foxhunt::{
     calibration::{CalibrationFile, StationPlace, StationSection},
     config::BoxedExtractor,
     recording::Recording,
+    sensors::{AtSite, Site},
 };
 
 use crate::{
@@ -19,6 +20,43 @@ pub(super) struct Calibration {
     /// What `foxhunt calibrate --out` wrote: path loss, errors of bearings, a station's antennas
     #[arg(long = "calibration", value_name = "FILE")]
     calibration: Option<PathBuf>,
+}
+
+/// What surrounds the receivers.
+#[derive(Debug, clap::Args)]
+pub(super) struct Surroundings {
+    /// What surrounds the receiver: open, forest, street, indoors or unknown. It is in the σ of
+    /// bearings of turns without a calibration; unknown, which is wide, unless given
+    #[arg(long, value_name = "SITE", hide_possible_values = true)]
+    site: Option<Site>,
+}
+
+impl Surroundings {
+    /// The site; unknown unless given.
+    pub(super) fn site(&self) -> Site {
+        self.site.unwrap_or_default()
+    }
+
+    /// Prints what the σ of turns holds where nobody named a site.
+    pub(super) fn narrate(&self) {
+        if self.site.is_none() {
+            let deg = Site::default().sigma().to_degrees();
+            warn(&format!("  σ of bearings of turns: {deg:.0}°, of an unknown site; see --site"));
+        }
+    }
+
+    /// An extractor whose σ holds what the site does to bearings.
+    pub(super) fn around(&self, extractor: BoxedExtractor) -> BoxedExtractor {
+        Box::new(AtSite::new(extractor, self.site()))
+    }
+
+    /// An extractor whose σ is calibrated, which needs no site.
+    fn needless(&self, name: &str, extractor: BoxedExtractor) -> BoxedExtractor {
+        if let Some(site) = self.site {
+            warn(&format!("  --site {site}: not used, the σ of {name} is calibrated"));
+        }
+        extractor
+    }
 }
 
 impl Calibration {
@@ -85,24 +123,32 @@ pub(super) fn station_place(recording: &Recording) -> Option<StationPlace> {
 }
 
 /// The extractor of this name, calibrated; the station's own where it reads one. The σ of another
-/// extractor is not its own.
+/// extractor is not its own, and one that is not calibrated holds what the site does.
 pub(super) fn calibrated(
     file: &CalibrationFile,
     station: Option<&StationSection>,
     name: &str,
     extractor: BoxedExtractor,
+    surroundings: &Surroundings,
 ) -> Result<BoxedExtractor, CliError> {
     let mut file = Cow::Borrowed(file);
+    let mut is_calibrated = station.is_some() || file.bearings.is_some();
     let whose = file.bearings.as_ref().and_then(|bearings| bearings.extractor.clone());
     let other = |whose: &String| whose != name && whose != "recorded" && station.is_none();
     if let Some(whose) = whose.filter(other) {
         warn(&format!("  the bearings of {whose} were calibrated: the σ of {name} stays as it is"));
+        is_calibrated = false;
         if let Some(bearings) = &mut file.to_mut().bearings {
             bearings.correction.sigma_scale = 1.0;
             bearings.correction.sigma_floor_deg = 0.0;
         }
     }
-    file.extractor(station, extractor).map_err(|error| {
+    let extractor = file.extractor(station, extractor).map_err(|error| {
         CliError::input(InFile { file: "--calibration".to_owned(), source: Box::new(error) })
+    })?;
+    Ok(if is_calibrated {
+        surroundings.needless(name, extractor)
+    } else {
+        surroundings.around(extractor)
     })
 }

@@ -13,7 +13,7 @@ use foxhunt::{
 };
 
 use super::{
-    calibration::{Calibration, Part, calibrated, parts},
+    calibration::{Calibration, Part, Surroundings, calibrated, parts},
     choice,
     extraction::Extraction,
     parameter::{EastNorthUp, Parameter},
@@ -58,6 +58,8 @@ pub(super) struct Locating {
     #[command(flatten)]
     calibration: Calibration,
     #[command(flatten)]
+    surroundings: Surroundings,
+    #[command(flatten)]
     extraction: Extraction,
     #[command(flatten)]
     reading: Reading,
@@ -94,6 +96,14 @@ impl Locating {
             Some(first) => self.calibration.or_shipped(&own, first),
             None => Cow::Borrowed(&own),
         };
+        let turns =
+            |recording: &Recording| recording.records().iter().any(|r| r.boresight.is_some());
+        if calibration.bearings.is_none()
+            && calibration.stations.is_empty()
+            && recordings.iter().any(turns)
+        {
+            self.surroundings.narrate();
+        }
         let extracted = |recording| self.extracted(registry, recording, &calibration);
         let parts = recordings.iter().map(extracted).collect::<Result<_, _>>()?;
         let reading = ReceptionConfig {
@@ -125,11 +135,13 @@ impl Locating {
         calibration: &CalibrationFile,
     ) -> Result<Vec<Extracted>, CliError> {
         let extracted = |Part { recording, station }: Part<'_, '_>| {
-            let mut extractor = self.extraction.build(registry)?;
-            if station.is_none() || !self.extraction.is_given() {
-                let name = self.extraction.name();
-                extractor = calibrated(calibration, station, name, extractor)?;
-            }
+            let extractor = self.extraction.build(registry)?;
+            let (name, around) = (self.extraction.name(), &self.surroundings);
+            let extractor = if station.is_none() || !self.extraction.is_given() {
+                calibrated(calibration, station, name, extractor, around)?
+            } else {
+                around.around(extractor)
+            };
             let part = match recording {
                 Cow::Borrowed(_) => None,
                 Cow::Owned(part) => Some(part),

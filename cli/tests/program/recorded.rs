@@ -48,6 +48,38 @@ fn a_turn_has_a_bearing() {
 }
 
 #[test]
+fn sigma_holds_the_site_unless_it_is_calibrated() {
+    let folder = folder("site");
+    let file = write(&folder, "sweep.csv", &sweep());
+    let calibration = "foxhunt_calibration = 1\n[bearings]\nextractor = \"first-harmonic\"\n\
+                       [bearings.correction]\nsigma_floor_deg = 3.0\n";
+    let calibration = write(&folder, "calibration.toml", calibration);
+    let sigma = |extractor: &str, more: &[&str]| {
+        let ran =
+            foxhunt(["bearing", "--json", &file, "--extractor", extractor].iter().chain(more));
+        let sigma = ran.json()["turns"][0]["bearing_sigma_deg"].as_f64().expect("a number");
+        (sigma * sigma, ran.stderr)
+    };
+    let open = sigma("first-harmonic", &["--site", "open"]).0;
+    for (more, expected) in [
+        (&[][..], 38.0 * 38.0),
+        (&["--site", "unknown"], 38.0 * 38.0),
+        (&["--site", "forest"], 16.0 * 16.0),
+        (&["--calibration", &calibration], 9.0),
+    ] {
+        let made = sigma("first-harmonic", more).0;
+        assert!((made - open - expected + 36.0).abs() < 1e-6, "{more:?}: {made} {open}");
+    }
+    // The σ of another extractor is not calibrated.
+    let other = sigma("main-lobe", &["--calibration", &calibration]).0;
+    assert!((other - sigma("main-lobe", &[]).0).abs() < 1e-9);
+    let needless = ["--calibration", &calibration, "--site", "open"];
+    assert!(sigma("first-harmonic", &needless).1.contains("--site open: not used"));
+    let refused = foxhunt(["bearing", &file, "--site", "moon"]);
+    assert!(refused.code == 2 && refused.stderr.contains("open, forest"), "{refused:?}");
+}
+
+#[test]
 fn bearings_of_one_place_share_an_error() {
     let folder = folder("common");
     let text = "east_m,north_m,bearing_deg_compass,bearing_sigma_deg\n\

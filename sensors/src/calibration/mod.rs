@@ -6,6 +6,7 @@ mod error;
 mod fit;
 mod offset;
 mod sigma;
+mod site;
 #[cfg(feature = "alloc")]
 mod station;
 mod student;
@@ -16,5 +17,6 @@ pub use error::CalibrationError;
 pub use fit::{PathLossFit, fit_log_distance};
 pub use offset::{BearingOffset, BearingOffsetFit, KnownBearing, OffsetTerms, fit_bearing_offset};
 pub use sigma::{BearingError, SigmaFit, fit_sigma};
+pub use site::{AtSite, Site};
 #[cfg(feature = "alloc")]
 pub use station::{StationBurst, StationFit, fit_station};
