@@ -12,7 +12,7 @@
 //! | always | [`core`], [`filters`], [`sensors`], [`formation`] |
 //! | `hunt` | [`hunt`], [`registry`], [`config`], [`scenario`], [`log`], [`locate`], [`calibration`], [`sim`] |
 //! | `lab` | [`simulation`], [`campaign`], [`trial`], [`bearing_trial`], [`report`] |
-//! | `archive` | [`recording`], [`recorded`], [`replay`], [`geodesy`]; with `pictures` also `picture` |
+//! | `archive` | [`recording`], [`recorded`], [`replay`], [`movebank`], [`geodesy`]; with `pictures` also `picture` |
 //! | `hardware` | `fly`, `network`, `hardware`, `wire` |
 //! | `batch`, `maps` | estimators over all observations at once, in `filters` and by name |
 //!
@@ -75,7 +75,7 @@ pub use foxhunt_lab::{
 #[cfg(feature = "pictures")]
 pub use foxhunt_archive::picture;
 #[cfg(feature = "archive")]
-pub use foxhunt_archive::{recorded, recording, replay};
+pub use foxhunt_archive::{movebank, recorded, recording, replay};
 #[cfg(feature = "archive")]
 pub use foxhunt_wire::geodesy;
 

@@ -55,7 +55,7 @@ impl Joined {
             });
         };
         let bytes = decompressed(&bytes, &file)?;
-        let mut table = Table::open(&file, &bytes, None)?;
+        let mut table = Table::open(&file, &bytes, None, &[])?;
         let mut columns = BTreeMap::new();
         for (column, source) in wanted {
             let indices = table.require(&source.columns, format)?;

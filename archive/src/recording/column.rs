@@ -15,7 +15,7 @@ pub enum Column {
     Drone,
     /// `time_s`: seconds since any origin.
     TimeS,
-    /// `time_utc`: `YYYY-MM-DD HH:MM:SS`, read as seconds since 1970.
+    /// `time_utc`: `YYYY-MM-DD HH:MM:SS`, read as seconds since 1970, or that number itself.
     TimeUtc,
     /// `lat_deg`: the receiver's WGS84 latitude.
     LatDeg,
@@ -45,8 +45,13 @@ pub enum Column {
     RssDbm,
     /// `rss_db`: the received power relative to an unknown reference.
     RssDb,
+    /// `floor_dbm`: the level, as the levels are given, at or below which the receiver's noise
+    /// stands for the beacon's power.
+    FloorDbm,
     /// `bearing_deg_compass`: a ready-made bearing from the receiver to the beacon.
     BearingDegCompass,
+    /// `relative_bearing_deg`: the same clockwise from the drone's nose.
+    RelativeBearingDeg,
     /// `bearing_sigma_deg`: its standard deviation.
     BearingSigmaDeg,
     /// `range_m`: the distance to the beacon; known and for calibration, or measured where there
@@ -93,7 +98,7 @@ const LEAST_SIGMA: f64 = 1e-6;
 
 impl Column {
     /// Every column.
-    pub const ALL: [Self; 30] = [
+    pub const ALL: [Self; 32] = [
         Self::Beacon,
         Self::Drone,
         Self::TimeS,
@@ -112,7 +117,9 @@ impl Column {
         Self::Turn,
         Self::RssDbm,
         Self::RssDb,
+        Self::FloorDbm,
         Self::BearingDegCompass,
+        Self::RelativeBearingDeg,
         Self::BearingSigmaDeg,
         Self::RangeM,
         Self::RangeSigmaM,
@@ -153,8 +160,15 @@ impl Column {
 
     /// Whether its numbers are degrees of a circle.
     pub(super) fn is_angle(self) -> bool {
-        use Column::{AntennaDeg, BearingDegCompass, BoresightDegCompass, HeadingDegCompass};
-        matches!(self, AntennaDeg | BearingDegCompass | BoresightDegCompass | HeadingDegCompass)
+        use Column as C;
+        matches!(
+            self,
+            C::AntennaDeg
+                | C::BearingDegCompass
+                | C::BoresightDegCompass
+                | C::HeadingDegCompass
+                | C::RelativeBearingDeg
+        )
     }
 
     fn spec(self) -> (&'static str, Kind) {
@@ -179,7 +193,9 @@ impl Column {
             Self::RssDbm => ("rss_dbm", Kind::Number(-250.0, 100.0)),
             // Wide enough for any scale, too narrow for the usual stand-ins for "nothing".
             Self::RssDb => ("rss_db", Kind::Number(-500.0, 500.0)),
+            Self::FloorDbm => ("floor_dbm", Kind::Number(-500.0, 500.0)),
             Self::BearingDegCompass => ("bearing_deg_compass", Kind::Number(-360.0, 360.0)),
+            Self::RelativeBearingDeg => ("relative_bearing_deg", Kind::Number(-360.0, 360.0)),
             Self::BearingSigmaDeg => ("bearing_sigma_deg", Kind::Number(LEAST_SIGMA, 180.0)),
             Self::RangeM => ("range_m", Kind::Number(1e-3, FAR)),
             Self::RangeSigmaM => ("range_sigma_m", Kind::Number(LEAST_SIGMA, FAR)),

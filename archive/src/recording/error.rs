@@ -218,6 +218,30 @@ pub enum RecordingError {
         /// How many of them each rule dropped.
         dropped: String,
     },
+    /// A file with the power of many frequencies, of which none is chosen.
+    #[error("{file}: the format {format} holds many frequencies; choose one with --frequency-hz")]
+    NoBand {
+        /// The file.
+        file: String,
+        /// The format.
+        format: String,
+    },
+    /// A track is no GPX.
+    #[error("{file}, line {line}: this is no GPX: {problem}")]
+    NotGpx {
+        /// The file.
+        file: String,
+        /// The line, from 1.
+        line: u64,
+        /// Why not.
+        problem: String,
+    },
+    /// A track has no point with place and time.
+    #[error("{file}: no point of a track (trkpt) has a time")]
+    NoTrack {
+        /// The file.
+        file: String,
+    },
     /// Files in local metres and files in degrees do not share a frame.
     #[error("{file} is in local metres and {other} in degrees; a frame must be given for both")]
     MixedFrames {
@@ -296,6 +320,15 @@ pub enum FieldProblem {
     /// The mapping's lookup does not list it.
     #[error("is not among the values that the mapping knows")]
     NotInLookup,
+    /// It is where receivers without a fix report to be.
+    #[error("is where a receiver without a fix reports to be")]
+    NoFix,
+    /// The row is earlier than the one before.
+    #[error("is {by_s} s earlier than the row before, and times rise in this format")]
+    Backwards {
+        /// How much earlier, in seconds.
+        by_s: f64,
+    },
     /// It cannot be measured with such a standard deviation.
     #[error("is no measurement")]
     NotAMeasurement,

@@ -3,13 +3,18 @@ use std::sync::LazyLock;
 use super::{Mapping, RecordingError, near_miss::near_miss};
 
 /// Our own format first: it is preferred where two fit equally well.
-const TEXTS: [&str; 9] = [
+const TEXTS: [&str; 14] = [
     include_str!("../../formats/foxhunt.toml"),
     include_str!("../../formats/aerpaw-afar.toml"),
     include_str!("../../formats/aerpaw-tower.toml"),
+    include_str!("../../formats/hackrf-sweep.toml"),
+    include_str!("../../formats/krakensdr.toml"),
     include_str!("../../formats/lenth1981.toml"),
+    include_str!("../../formats/motus.toml"),
+    include_str!("../../formats/movebank.toml"),
     include_str!("../../formats/otter-telemetry.toml"),
     include_str!("../../formats/rssi-distance.toml"),
+    include_str!("../../formats/rtl-power.toml"),
     include_str!("../../formats/uavrt-rotation.toml"),
     include_str!("../../formats/ucsd-collars.toml"),
     include_str!("../../formats/uri-yagi-station.toml"),
@@ -37,12 +42,14 @@ pub(super) fn recognise(
     line: u64,
     columns: &[String],
 ) -> Result<&'static Mapping, RecordingError> {
-    let fits = SHIPPED.iter().filter(|mapping| mapping.lacks(columns).is_empty());
+    let with_header = || SHIPPED.iter().filter(|mapping| !mapping.header.is_empty());
+    let fits = with_header().filter(|mapping| mapping.lacks(columns).is_empty());
     // `rev`, for of equals the last one would win.
-    if let Some(best) = fits.rev().max_by_key(|mapping| mapping.header.len()) {
+    let fits: Vec<_> = fits.collect();
+    if let Some(best) = fits.into_iter().rev().max_by_key(|mapping| mapping.header.len()) {
         return Ok(best);
     }
-    let nearest = SHIPPED.iter().min_by_key(|mapping| {
+    let nearest = with_header().min_by_key(|mapping| {
         let lacks = mapping.lacks(columns);
         // In thousandths of what it needs, so that short headers are not always the nearest.
         lacks.len() * 1000 / mapping.header.len().max(1)
@@ -75,7 +82,7 @@ mod tests {
         let names: BTreeSet<_> = known().into_iter().collect();
         assert_eq!(names.len(), TEXTS.len(), "names are unique");
         for mapping in builtin_mappings() {
-            assert!(!mapping.header.is_empty() && !mapping.description.is_empty());
+            assert!(!mapping.description.is_empty());
         }
     }
 

@@ -13,8 +13,20 @@ pub struct Mapping {
     pub name: String,
     /// What it is, in a line.
     pub description: String,
-    /// The columns by which a file is recognised; `a|b` is either, `*` any part of a name.
+    /// The columns by which a file is recognised; `a|b` is either, `*` any part of a name. A file
+    /// without a header is not recognised.
+    #[serde(default)]
     pub header: Vec<String>,
+    /// The names of the columns of files without a header, from the first on. What a row has
+    /// beyond them is not read, but by `spectrum`.
+    #[serde(default)]
+    pub names: Vec<String>,
+    /// Rows that hold the power of many frequencies.
+    pub spectrum: Option<Spectrum>,
+    /// Whether the times of a drone and a beacon rise from row to row; a file whose times fall is
+    /// refused.
+    #[serde(default)]
+    pub rising: bool,
     /// Where each column of ours comes from.
     pub columns: BTreeMap<Column, Source>,
     /// Values that are the same for every row.
@@ -50,6 +62,29 @@ pub struct Keep {
     pub max: Option<f64>,
     /// The one value to keep.
     pub equals: Option<Value>,
+    /// The one value to leave out.
+    pub differs: Option<Value>,
+    /// Whether files without the column are kept whole.
+    #[serde(default)]
+    pub optional: bool,
+}
+
+/// Bins of power over frequency behind the named columns of a row; those of the wanted frequency
+/// are read, the strongest of them.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Spectrum {
+    /// The column with the lowest frequency of a row in hertz.
+    pub low: String,
+    /// The column with the highest one.
+    pub high: String,
+    /// The column with the width of a bin in hertz.
+    pub step: String,
+    /// How many widths the middle of the first bin lies above the lowest frequency.
+    #[serde(default)]
+    pub first: f64,
+    /// What their cells hold.
+    pub value: Column,
 }
 
 /// What makes a turn of the antenna out of a drone's readings of one beacon.
@@ -163,8 +198,9 @@ impl Mapping {
             }
         }
         for (index, rule) in self.keep.iter().enumerate() {
-            if rule.min.is_none() && rule.max.is_none() && rule.equals.is_none() {
-                let requirement = "a rule with min, max or equals";
+            let values = [&rule.equals, &rule.differs];
+            if rule.min.is_none() && rule.max.is_none() && values == [&None, &None] {
+                let requirement = "a rule with min, max, equals or differs";
                 return refuse(format!("keep[{index}]"), rule.column.clone(), requirement);
             }
             for bound in [rule.min, rule.max].into_iter().flatten() {
@@ -216,6 +252,24 @@ impl Mapping {
                 }
             }
         }
+        if !self.names.is_empty() && !self.header.is_empty() {
+            let requirement = "absent beside header: they are of files without one";
+            return refuse("names".to_owned(), self.names.join(", "), requirement);
+        }
+        if let Some(spectrum) = &self.spectrum {
+            if self.names.is_empty() {
+                let requirement = "with names: bins are what a row has beyond them";
+                return refuse("spectrum".to_owned(), spectrum.low.clone(), requirement);
+            }
+            if !matches!(spectrum.value, Column::RssDbm | Column::RssDb) {
+                let value = spectrum.value.to_string();
+                return refuse("spectrum.value".to_owned(), value, "rss_dbm or rss_db");
+            }
+            if !spectrum.first.is_finite() {
+                let first = spectrum.first.to_string();
+                return refuse("spectrum.first".to_owned(), first, "finite");
+            }
+        }
         let separates =
             |c: char| c.is_ascii() && !c.is_ascii_alphanumeric() && !"\"#\r\n".contains(c);
         if let Some(separator) = self.separator.filter(|separator| !separates(*separator)) {
@@ -239,11 +293,13 @@ fn wrong_source(column: Column, source: &Source) -> Option<(&'static str, String
     let (scale, offset) = (source.scale, source.offset);
     let plain = (scale - 1.0).abs() < f64::EPSILON && offset.abs() < 1e-300 && !source.wrap;
     let text = column.kind() == Kind::Text;
+    // Times may be numbers.
+    let scaled = column == Column::TimeUtc && !source.wrap;
     if !scale.is_finite() || scale.abs() < f64::MIN_POSITIVE {
         Some((".scale", scale.to_string(), "a finite number other than 0"))
     } else if !offset.is_finite() {
         Some((".offset", offset.to_string(), "finite"))
-    } else if text && !plain {
+    } else if text && !plain && !scaled {
         let requirement = "a column without scale, offset or wrap: it holds texts";
         Some(("", source.label(), requirement))
     } else if !text && source.columns.len() > 1 {
@@ -293,6 +349,12 @@ mod tests {
             ("north = 181\ncolumns = {}", "181 is no North"),
             ("north = nan\ncolumns = {}", "NaN is no North"),
             ("columns = {}\nextra = 1", "extra"),
+            ("names = ['x']\ncolumns = {}", "names"),
+            ("columns = { time_utc = { column = 'x', scale = 0 } }", "columns.time_utc.scale"),
+            (
+                "columns = {}\nspectrum = { low = 'a', high = 'b', step = 'c', value = 'rss_db' }",
+                "spectrum",
+            ),
         ] {
             let message = message(text);
             let named = message.contains("m.toml") && message.contains(expected);

@@ -1,8 +1,9 @@
 use std::collections::BTreeMap;
 
+use foxhunt_core::parameter::{ParameterError, finite, not_negative, positive};
 use foxhunt_wire::geodesy::LocalFrame;
 
-use super::{Column, Mapping, North, Value};
+use super::{Column, Mapping, North, Rover, Value};
 
 /// How a recording is to be read. The default recognises the format by the header, puts the
 /// frame's origin at the first usable position and overrides nothing.
@@ -18,6 +19,32 @@ pub struct ReadOptions {
     pub date_s: Option<f64>,
     /// Values that every row has, whatever the file or its mapping holds.
     pub constants: BTreeMap<Column, Value>,
+    /// Where the receiver was at what time, instead of the file's own places.
+    pub rover: Option<Rover>,
+    /// What is added to the file's times, in seconds, to make them UTC for the rover's.
+    pub clock_offset_s: f64,
+    /// Which frequencies are read from files with the power of many.
+    pub band: Option<Band>,
+}
+
+/// Frequencies from which a level is read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Band {
+    pub(super) frequency_hz: f64,
+    pub(super) bandwidth_hz: f64,
+}
+
+impl Band {
+    /// The frequencies within half a bandwidth of the middle, both in hertz; the nearest bin
+    /// where none is.
+    ///
+    /// # Errors
+    ///
+    /// Names the frequency that is not positive, or the bandwidth that is negative.
+    pub fn new(frequency_hz: f64, bandwidth_hz: f64) -> Result<Self, ParameterError> {
+        let frequency_hz = positive("frequency_hz", frequency_hz)?;
+        Ok(Self { frequency_hz, bandwidth_hz: not_negative("bandwidth_hz", bandwidth_hz)? })
+    }
 }
 
 impl ReadOptions {
@@ -32,6 +59,24 @@ impl ReadOptions {
     #[must_use]
     pub fn with_frame(mut self, frame: LocalFrame) -> Self {
         self.frame = Some(frame);
+        self
+    }
+
+    /// Sets the track along which the receiver was, and what is added to the file's times to make
+    /// them UTC, in seconds.
+    ///
+    /// # Errors
+    ///
+    /// Names the offset that is not finite.
+    pub fn with_rover(self, rover: Rover, clock_offset_s: f64) -> Result<Self, ParameterError> {
+        let clock_offset_s = finite("clock_offset_s", clock_offset_s)?;
+        Ok(Self { rover: Some(rover), clock_offset_s, ..self })
+    }
+
+    /// Sets the frequencies that are read from files with the power of many.
+    #[must_use]
+    pub fn with_band(mut self, band: Band) -> Self {
+        self.band = Some(band);
         self
     }
 

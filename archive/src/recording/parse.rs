@@ -2,7 +2,10 @@ use foxhunt_core::{Measured, MeasuredList, Pose, Quantity};
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame, compass_deg_to_radians};
 use nalgebra::{Vector2, Vector3};
 
-use super::{Column, FieldProblem, Record, RecordedBearing, RecordingError, row::Reader};
+use super::{
+    Column, FieldProblem, Record, RecordedBearing, RecordingError, Rover,
+    row::{Reader, whole},
+};
 
 /// No hunt is this wide: what is farther from the origin is a mistake in the file.
 const LIMIT_KM: f64 = 200.0;
@@ -28,13 +31,21 @@ impl Reader<'_> {
         }
         let rules = self.plan.rules.len();
         let rss_dbm = self.number(Column::RssDbm)?.or(self.number(Column::RssDb)?);
-        let bearing_deg = self.number(Column::BearingDegCompass)?;
+        let bearing_deg = self.bearing_deg_compass()?;
         let measured = self.measured()?;
         if rss_dbm.is_none() && bearing_deg.is_none() && measured.is_empty() {
             return Ok(Err(LeftOut(rules)));
         }
-        let position = self.receiver_position(frame)?;
-        if position.is_none() && (self.plan.has(Column::LatDeg) || self.plan.has(Column::EastM)) {
+        let (time, at) = (self.time()?, self.rover);
+        let position = match at {
+            Some((rover, offset_s)) => {
+                let place = time.and_then(|time| rover.place(time + offset_s));
+                place.map(|place| self.on_track(&place, rover, frame)).transpose()?
+            }
+            None => self.receiver_position(frame)?,
+        };
+        let has_places = self.plan.has(Column::LatDeg) || self.plan.has(Column::EastM);
+        if position.is_none() && (has_places || at.is_some()) {
             return Ok(Err(LeftOut(rules + 1)));
         }
         let heading_deg = self.number(Column::HeadingDegCompass)?;
@@ -68,12 +79,13 @@ impl Reader<'_> {
             line: self.row.line(),
             beacon: self.text(Column::Beacon)?.map(Into::into),
             drone: self.text(Column::Drone)?.map_or_else(|| self.stem.to_owned(), Into::into),
-            time: self.time()?,
+            time,
             receiver: position.map(|position| Pose::level(position, heading)),
             boresight: boresight_deg.map(radians),
             position: self.number(Column::Position)?.map(whole).and_then(|i| i.try_into().ok()),
             turn: self.number(Column::Turn)?.map(whole),
             rss_dbm,
+            floor_dbm: self.number(Column::FloorDbm)?,
             bearing,
             measured,
             known_range: if self.plan.has(Column::RangeSigmaM) {
@@ -83,6 +95,49 @@ impl Reader<'_> {
             },
             truth: self.truth(frame)?,
         }))
+    }
+
+    /// A ready-made bearing, clockwise from North.
+    fn bearing_deg_compass(&self) -> Result<Option<f64>, RecordingError> {
+        let Some(relative) = self.number(Column::RelativeBearingDeg)? else {
+            return self.number(Column::BearingDegCompass);
+        };
+        let heading = self.number(Column::HeadingDegCompass)?;
+        let missing = || self.wrong(Column::HeadingDegCompass, FieldProblem::Missing);
+        Ok(Some(heading.ok_or_else(missing)? + relative))
+    }
+
+    /// A place on a track; the track's begin is the frame's origin where there is no other.
+    fn on_track(
+        &self,
+        place: &Geodetic,
+        rover: &Rover,
+        frame: &mut Option<LocalFrame>,
+    ) -> Result<Vector3<f64>, RecordingError> {
+        let here = match *frame {
+            Some(frame) => frame,
+            None => LocalFrame::new(rover.begin())
+                .map_err(|_| self.wrong(Column::LatDeg, FieldProblem::NotFinite))?,
+        };
+        let local = here.to_local(place);
+        self.near_origin(&local, rover.file(), &format!("{}, {}", place.lat_deg, place.lon_deg))?;
+        *frame = Some(here);
+        Ok(local)
+    }
+
+    /// Refuses a place that is too far from the frame's origin.
+    fn near_origin(
+        &self,
+        local: &Vector3<f64>,
+        column: &str,
+        value: &str,
+    ) -> Result<(), RecordingError> {
+        let distance_km = local.norm() / 1e3;
+        if distance_km.is_nan() || distance_km > LIMIT_KM {
+            let problem = FieldProblem::TooFar { distance_km, limit_km: LIMIT_KM };
+            return Err(self.row.wrong(column, value, problem));
+        }
+        Ok(())
     }
 
     /// What the row has besides level and bearing; a quantity is measured where it has a σ.
@@ -144,6 +199,11 @@ impl Reader<'_> {
             return Err(swapped);
         }
         let Some((lat_deg, lon_deg)) = self.pair(lat, lon)? else { return Ok(None) };
+        let columns = format!("{}, {}", self.plan.label(lat), self.plan.label(lon));
+        let both = format!("{lat_deg}, {lon_deg}");
+        if lat_deg.abs() < f64::MIN_POSITIVE && lon_deg.abs() < f64::MIN_POSITIVE {
+            return Err(self.row.wrong(&columns, &both, FieldProblem::NoFix));
+        }
         let at_origin = frame.map_or(0.0, |frame| frame.origin().alt_m);
         let place = Geodetic { lat_deg, lon_deg, alt_m: altitude.unwrap_or(at_origin) };
         let here = match *frame {
@@ -151,12 +211,7 @@ impl Reader<'_> {
             None => LocalFrame::new(place).map_err(|_| self.wrong(lat, FieldProblem::NotFinite))?,
         };
         let local = here.to_local(&place);
-        let distance_km = local.norm() / 1e3;
-        if distance_km.is_nan() || distance_km > LIMIT_KM {
-            let problem = FieldProblem::TooFar { distance_km, limit_km: LIMIT_KM };
-            let columns = format!("{}, {}", self.plan.label(lat), self.plan.label(lon));
-            return Err(self.row.wrong(&columns, &format!("{lat_deg}, {lon_deg}"), problem));
-        }
+        self.near_origin(&local, &columns, &both)?;
         *frame = Some(here);
         Ok(Some(local))
     }
@@ -166,10 +221,4 @@ impl Reader<'_> {
         let swapped = parse(lat)?.abs() > 90.0 && parse(lat)?.abs() <= 180.0;
         (swapped && parse(lon)?.abs() <= 90.0).then(|| self.wrong(lat, FieldProblem::Swapped))
     }
-}
-
-/// A whole number that the column's bounds keep within 32 bits.
-#[expect(clippy::cast_possible_truncation, reason = "the column's kind bounds it")]
-fn whole(value: f64) -> u32 {
-    value as u32
 }

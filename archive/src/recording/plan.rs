@@ -1,6 +1,8 @@
 use std::{borrow::Cow, collections::BTreeMap};
 
-use super::{Column, Keep, Mapping, RecordingError, Source, Value, beside::Joined, table::Table};
+use super::{
+    Band, Column, Keep, Mapping, ReadOptions, RecordingError, Source, beside::Joined, table::Table,
+};
 
 /// A mapping fitted to one file's header.
 pub(super) struct Plan {
@@ -12,6 +14,8 @@ pub(super) struct Plan {
     pub(super) melted: Vec<Melted>,
     /// The file's columns that nothing reads.
     pub(super) ignored: Vec<String>,
+    /// The names of the file's columns.
+    pub(super) names: Vec<String>,
 }
 
 /// A column that is of one beacon or drone.
@@ -33,6 +37,8 @@ pub(super) enum Origin {
     MeltedName,
     /// The cell of the melted column.
     MeltedValue,
+    /// The strongest of the bins from a cell on that lie in a band.
+    Bins { low: usize, high: usize, step: usize, from: usize, first: f64, band: Band },
 }
 
 /// A rule of the mapping, with the place of its column.
@@ -43,7 +49,7 @@ pub(super) struct Rule {
 }
 
 /// Columns that exclude each other: both hold the same.
-const CONFLICTS: [(Column, Column); 11] = [
+const CONFLICTS: [(Column, Column); 12] = [
     (Column::TimeS, Column::TimeUtc),
     (Column::LatDeg, Column::EastM),
     (Column::AltAglM, Column::AltM),
@@ -51,6 +57,7 @@ const CONFLICTS: [(Column, Column); 11] = [
     (Column::AltM, Column::UpM),
     (Column::AntennaDeg, Column::BoresightDegCompass),
     (Column::RssDbm, Column::RssDb),
+    (Column::BearingDegCompass, Column::RelativeBearingDeg),
     (Column::TruthLatDeg, Column::TruthEastM),
     (Column::LatDeg, Column::TruthEastM),
     (Column::EastM, Column::TruthLatDeg),
@@ -66,7 +73,7 @@ const NEEDS: [(Column, Column); 17] = [
     (Column::AltM, Column::LatDeg),
     (Column::UpM, Column::EastM),
     (Column::AntennaDeg, Column::HeadingDegCompass),
-    (Column::BearingSigmaDeg, Column::BearingDegCompass),
+    (Column::RelativeBearingDeg, Column::HeadingDegCompass),
     (Column::RangeSigmaM, Column::RangeM),
     (Column::RangeDifferenceM, Column::RangeDifferenceSigmaM),
     (Column::RangeDifferenceSigmaM, Column::RangeDifferenceM),
@@ -78,32 +85,47 @@ const NEEDS: [(Column, Column); 17] = [
     (Column::TruthNorthM, Column::TruthEastM),
 ];
 
+/// Columns that a rover's track stands for.
+const PLACES: [Column; 7] = [
+    Column::LatDeg,
+    Column::LonDeg,
+    Column::AltAglM,
+    Column::AltM,
+    Column::EastM,
+    Column::NorthM,
+    Column::UpM,
+];
+
 /// Columns of which a recording has at least one. A range is a measurement where it has a σ.
-const MEASUREMENTS: [Column; 6] = [
+const MEASUREMENTS: [Column; 7] = [
     Column::RssDbm,
     Column::RssDb,
     Column::BearingDegCompass,
+    Column::RelativeBearingDeg,
     Column::RangeSigmaM,
     Column::RangeDifferenceM,
     Column::RssDifferenceDb,
 ];
 
 impl Plan {
-    /// Fits `mapping` and the tables beside the file to it; `fixed` are constants that override
-    /// both.
+    /// Fits `mapping` and the tables beside the file to it; the options' constants override both,
+    /// and their rover all places.
     pub(super) fn new(
         mapping: &Mapping,
-        fixed: &BTreeMap<Column, Value>,
+        options: &ReadOptions,
         joined: Vec<Joined>,
         table: &Table<'_>,
     ) -> Result<Self, RecordingError> {
+        let fixed = &options.constants;
         let mut origins = BTreeMap::new();
         for (column, value) in &mapping.constants {
             origins.insert(*column, Origin::Fixed(value.to_string()));
         }
         // The last one stays: what is in front of it in this list is not even looked for.
         let given = |column: &Column| {
-            fixed.contains_key(column) || joined.iter().any(|j| j.columns.contains_key(column))
+            options.rover.is_some() && PLACES.contains(column)
+                || fixed.contains_key(column)
+                || joined.iter().any(|j| j.columns.contains_key(column))
         };
         for (column, source) in mapping.columns.iter().filter(|(column, _)| !given(column)) {
             if source.optional && table.indices_of(&source.columns)?.is_none() {
@@ -132,18 +154,43 @@ impl Plan {
                 origins.insert(*column, Origin::Joined { table: number, indices, source });
             }
         }
+        if let Some(spectrum) = &mapping.spectrum {
+            let index = |column: &str| table.require_one(column, &mapping.name);
+            let (low, high) = (index(&spectrum.low)?, index(&spectrum.high)?);
+            let step = index(&spectrum.step)?;
+            let band = options.band.ok_or_else(|| RecordingError::NoBand {
+                file: table.file().to_owned(),
+                format: mapping.name.clone(),
+            })?;
+            let (from, first) = (table.header().len(), spectrum.first);
+            let bins = Origin::Bins { low, high, step, from, first, band };
+            origins.insert(spectrum.value, bins);
+        }
         for (column, value) in fixed {
             origins.insert(*column, Origin::Fixed(value.to_string()));
         }
-        let rule = |keep: &Keep| {
-            let index = table.require(std::slice::from_ref(&keep.column), &mapping.name)?;
-            let index = index.first().copied().unwrap_or_default();
-            Ok(Rule { index, label: label(keep), keep: keep.clone() })
-        };
-        let rules = mapping.keep.iter().map(rule).collect::<Result<Vec<_>, RecordingError>>()?;
+        let mut rules = Vec::new();
+        for keep in &mapping.keep {
+            if keep.optional && table.index_of(&keep.column)?.is_none() {
+                continue;
+            }
+            let index = table.require_one(&keep.column, &mapping.name)?;
+            rules.push(Rule { index, label: label(keep), keep: keep.clone() });
+        }
         let ignored = ignored(table.header(), &origins, &rules, &melted);
-        let plan = Self { origins, rules, joined, melted, ignored };
+        let names = table.header().to_vec();
+        let plan = Self { origins, rules, joined, melted, ignored, names };
         plan.check(table.file(), table.header_line())?;
+        if let Some(rover) = &options.rover
+            && !plan.has(Column::TimeUtc)
+        {
+            return Err(RecordingError::Incomplete {
+                file: table.file().to_owned(),
+                line: table.header_line(),
+                column: format!("the track {}", rover.file()),
+                needs: Column::TimeUtc.name().to_owned(),
+            });
+        }
         Ok(plan)
     }
 
@@ -183,6 +230,10 @@ impl Plan {
                 return incomplete(label(column), other.name());
             }
         }
+        let bearings = [Column::BearingDegCompass, Column::RelativeBearingDeg];
+        if self.has(Column::BearingSigmaDeg) && !bearings.iter().any(|column| self.has(*column)) {
+            return incomplete(label(Column::BearingSigmaDeg), Column::BearingDegCompass.name());
+        }
         for joined in &self.joined {
             // Without a name of its own a drone has the file's.
             if joined.by.contains(&Column::Beacon) && !self.has(Column::Beacon) {
@@ -205,12 +256,13 @@ fn ignored(
 ) -> Vec<String> {
     let read = |wanted: usize| {
         let cells = origins.values().flat_map(|origin| match origin {
-            Origin::Cells { indices, .. } => indices.as_slice(),
-            _ => &[],
+            Origin::Cells { indices, .. } => indices.clone(),
+            Origin::Bins { low, high, step, .. } => vec![*low, *high, *step],
+            _ => Vec::new(),
         });
         let rules = rules.iter().map(|rule| rule.index);
         let melted = melted.iter().map(|melted| melted.index);
-        cells.copied().chain(rules).chain(melted).any(|index| index == wanted)
+        cells.chain(rules).chain(melted).any(|index| index == wanted)
     };
     let unread = header.iter().enumerate().filter(|(index, _)| !read(*index));
     unread.map(|(_, name)| name.clone()).collect()
@@ -221,5 +273,6 @@ fn label(keep: &Keep) -> String {
     parts.extend(keep.min.map(|min| format!("{} ≥ {min}", keep.column)));
     parts.extend(keep.max.map(|max| format!("{} ≤ {max}", keep.column)));
     parts.extend(keep.equals.as_ref().map(|value| format!("{} = {value}", keep.column)));
+    parts.extend(keep.differs.as_ref().map(|value| format!("{} ≠ {value}", keep.column)));
     parts.join(" and ")
 }

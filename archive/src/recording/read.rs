@@ -1,7 +1,7 @@
-use std::{fs, io::Read, path::Path};
+use std::{collections::BTreeMap, fs, io::Read, path::Path};
 
 use super::{
-    Column, Dropped, ReadOptions, Recording, RecordingError, beside::Joined,
+    Column, Dropped, ReadOptions, Recording, RecordingError, Rover, beside::Joined,
     decompress::decompressed, formats, parse::LeftOut, plan::Plan, row::Reader, table::Table,
 };
 
@@ -82,7 +82,8 @@ impl Recording {
     ) -> Result<Self, RecordingError> {
         let bytes = decompressed(bytes, name)?;
         let separator = options.format.as_ref().and_then(|mapping| mapping.separator);
-        let mut table = Table::open(name, &bytes, separator)?;
+        let names = options.format.as_ref().map_or(&[][..], |mapping| mapping.names.as_slice());
+        let mut table = Table::open(name, &bytes, separator, names)?;
         let mapping = match &options.format {
             Some(mapping) => mapping,
             None => formats::recognise(name, table.header_line(), table.header())?,
@@ -95,15 +96,19 @@ impl Recording {
             };
             joined.extend(Joined::read(beside, &mapping.name, name, folder, given)?);
         }
-        let plan = Plan::new(mapping, &options.constants, joined, &table)?;
+        let plan = Plan::new(mapping, options, joined, &table)?;
 
         let rules = plan.rules.iter().map(|rule| rule.label.as_str());
-        let rules = rules.chain([NOT_MEASURED, NOT_LOCATED]);
+        let rover = options.rover.as_ref();
+        let located = rover.map_or_else(|| NOT_LOCATED.to_owned(), Rover::label);
+        let rules = rules.chain([NOT_MEASURED, located.as_str()]);
         let mut dropped: Vec<Dropped> =
             rules.map(|rule| Dropped { rule: rule.to_owned(), rows: 0 }).collect();
         let stem = stem(name);
         let north = options.north.unwrap_or(mapping.north);
         let mut frame = options.frame;
+        let rover = rover.map(|rover| (rover, options.clock_offset_s));
+        let mut last_times = BTreeMap::new();
         let mut rows = 0;
         let mut records = Vec::new();
         while let Some(row) = table.next()? {
@@ -115,9 +120,19 @@ impl Recording {
             };
             for melted in columns {
                 let (north, date_s) = (north, options.date_s);
-                let reader = Reader { plan: &plan, row: &row, melted, stem: &stem, north, date_s };
+                let (plan, row, stem) = (&plan, &row, stem.as_str());
+                let reader = Reader { plan, row, melted, stem, north, date_s, rover };
                 match reader.record(&mut frame)? {
-                    Ok(record) => records.push(record),
+                    Ok(record) => {
+                        if let (true, Some(time)) = (mapping.rising, record.time) {
+                            let of = (record.drone.clone(), record.beacon.clone());
+                            let by_s = last_times.insert(of, time).unwrap_or(time) - time;
+                            if by_s > 0.0 {
+                                return Err(reader.backwards(by_s));
+                            }
+                        }
+                        records.push(record);
+                    }
                     Err(LeftOut(rule)) => {
                         if let Some(dropped) = dropped.get_mut(rule) {
                             dropped.rows += 1;
@@ -127,7 +142,7 @@ impl Recording {
             }
         }
         dropped.retain(|dropped| {
-            dropped.rows > 0 || (dropped.rule != NOT_MEASURED && dropped.rule != NOT_LOCATED)
+            dropped.rows > 0 || (dropped.rule != NOT_MEASURED && dropped.rule != located)
         });
         if records.is_empty() {
             let lines = dropped.iter().map(|d| format!("; {} lack {}", d.rows, d.rule));
@@ -141,8 +156,9 @@ impl Recording {
             file: name.to_owned(),
             format: mapping.name.clone(),
             frame,
-            in_degrees: plan.has(Column::LatDeg),
             north,
+            in_degrees: plan.has(Column::LatDeg) || rover.is_some(),
+            in_utc: plan.has(Column::TimeUtc),
             names_drones: plan.has(Column::Drone),
             calibrated: !plan.has(Column::RssDb),
             turns: mapping.turns,

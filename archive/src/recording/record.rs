@@ -29,6 +29,8 @@ pub struct Record {
     /// The received power, in dBm, or in dB about an unknown reference: see
     /// [`Recording::is_calibrated`].
     pub rss_dbm: Option<f64>,
+    /// The receiver's floor, as the level is given: a level at or below it is noise.
+    pub floor_dbm: Option<f64>,
     /// A ready-made bearing.
     pub bearing: Option<RecordedBearing>,
     /// What else was measured: a range, a range difference, a level difference.
@@ -56,6 +58,7 @@ pub struct Recording {
     pub(super) frame: Option<LocalFrame>,
     pub(super) in_degrees: bool,
     pub(super) north: North,
+    pub(super) in_utc: bool,
     pub(super) calibrated: bool,
     pub(super) names_drones: bool,
     pub(super) turns: Turns,
@@ -105,6 +108,12 @@ impl Recording {
     #[must_use]
     pub fn north(&self) -> North {
         self.north
+    }
+
+    /// Whether the records' times are seconds since 1970 in UTC.
+    #[must_use]
+    pub fn is_in_utc(&self) -> bool {
+        self.in_utc
     }
 
     /// Whether `rss_dbm` is in dBm, and not about an unknown reference.

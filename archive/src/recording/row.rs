@@ -3,7 +3,7 @@ use std::borrow::Cow;
 use chrono::{DateTime, NaiveDateTime};
 
 use super::{
-    Column, FieldProblem, North, RecordingError,
+    Band, Column, FieldProblem, North, RecordingError, Rover, Value,
     column::Kind,
     plan::{Melted, Origin, Plan, Rule},
     table::Row,
@@ -21,6 +21,8 @@ pub(super) struct Reader<'r> {
     pub(super) north: North,
     /// A day in seconds since 1970, where the rows have no time of their own that is one.
     pub(super) date_s: Option<f64>,
+    /// Where the receiver was at what time, and what makes the row's time UTC.
+    pub(super) rover: Option<(&'r Rover, f64)>,
 }
 
 impl Reader<'_> {
@@ -36,7 +38,10 @@ impl Reader<'_> {
 
     fn passes(&self, rule: &Rule) -> Result<bool, RecordingError> {
         let cell = self.row.cell(rule.index);
-        if rule.keep.equals.as_ref().is_some_and(|value| !value.is(cell)) {
+        let is = |value: &Value| value.is(cell);
+        if rule.keep.equals.as_ref().is_some_and(|value| !is(value))
+            || rule.keep.differs.as_ref().is_some_and(is)
+        {
             return Ok(false);
         }
         if rule.keep.min.is_none() && rule.keep.max.is_none() {
@@ -73,7 +78,7 @@ impl Reader<'_> {
                 let label = self.melted.map_or("", |melted| &melted.column);
                 self.row.wrong(label, cell, problem)
             }
-            None => self.row.wrong(&label, "", problem),
+            Some(Origin::Bins { .. }) | None => self.row.wrong(&label, "", problem),
         }
     }
 
@@ -101,6 +106,10 @@ impl Reader<'_> {
     pub(super) fn text(&self, column: Column) -> Result<Option<Cow<'_, str>>, RecordingError> {
         match self.plan.origins.get(&column) {
             None => Ok(None),
+            Some(Origin::Bins { low, high, step, from, first, band }) => {
+                let level = self.level([*low, *high, *step], *from, *first, *band)?;
+                Ok(level.map(|level| Cow::Owned(level.to_string())))
+            }
             Some(Origin::Fixed(text)) => Ok(Some(Cow::Borrowed(text))),
             Some(Origin::Cells { indices, source }) => self.row.value(indices, source),
             Some(Origin::Joined { table, indices, source }) => match self.beside(*table)? {
@@ -141,6 +150,46 @@ impl Reader<'_> {
         }
     }
 
+    /// The strongest of the bins whose middle lies in a band, or the bin that holds the band's
+    /// middle; none where the row is of other frequencies, or no power was measured.
+    fn level(
+        &self,
+        columns: [usize; 3],
+        from: usize,
+        first: f64,
+        band: Band,
+    ) -> Result<Option<f64>, RecordingError> {
+        let [low, high, step] = columns.map(|index| {
+            let cell = self.row.cell(index);
+            let number = cell.parse::<f64>().ok().filter(|number| number.is_finite());
+            let label = self.plan.names.get(index).map_or("", String::as_str);
+            number.ok_or_else(|| self.row.wrong(label, cell, FieldProblem::NotANumber))
+        });
+        let (low, high, step) = (low?, high?, step?);
+        let bins = (high - low) / step;
+        if !(step > 0.0 && bins >= 0.5) {
+            let label = self.plan.names.get(columns[2]).map_or("", String::as_str);
+            let problem = FieldProblem::OutOfRange { min: f64::MIN_POSITIVE, max: high - low };
+            return Err(self.row.wrong(label, self.row.cell(columns[2]), problem));
+        }
+        let reach = 0.5 * band.bandwidth_hz.max(step) * (1.0 + 1e-9);
+        let (mut strongest, mut middle) = (None::<f64>, low + first * step);
+        for (cell, _) in self.row.cells_from(from).zip(0..whole(bins.round())) {
+            if (middle - band.frequency_hz).abs() <= reach {
+                let number = cell.parse::<f64>();
+                let level = number.map_err(|_| {
+                    self.row.wrong(&format!("{middle} Hz"), cell, FieldProblem::NotANumber)
+                })?;
+                // No power at all is −∞ dB, or NaN.
+                if level.is_finite() {
+                    strongest = Some(strongest.map_or(level, |other| other.max(level)));
+                }
+            }
+            middle += step;
+        }
+        Ok(strongest)
+    }
+
     /// Two numbers that come together or not at all.
     pub(super) fn pair(
         &self,
@@ -155,12 +204,25 @@ impl Reader<'_> {
         }
     }
 
+    /// The error that the row is earlier than the one before.
+    pub(super) fn backwards(&self, by_s: f64) -> RecordingError {
+        let utc = self.plan.has(Column::TimeUtc);
+        let column = if utc { Column::TimeUtc } else { Column::TimeS };
+        self.wrong(column, FieldProblem::Backwards { by_s })
+    }
+
     /// The time in seconds; where the recording has times, every row has one.
     pub(super) fn time(&self) -> Result<Option<f64>, RecordingError> {
         if self.plan.has(Column::TimeUtc) {
             let missing = || self.wrong(Column::TimeUtc, FieldProblem::Missing);
             let text = self.text(Column::TimeUtc)?.ok_or_else(missing)?;
-            let seconds = utc_seconds(&text);
+            let [scale, offset] = match self.plan.origins.get(&Column::TimeUtc) {
+                Some(Origin::Cells { source, .. }) => [source.scale, source.offset],
+                _ => [1.0, 0.0],
+            };
+            let number = text.parse::<f64>().ok().map(|number| number * scale + offset);
+            let number = number.filter(|seconds| (0.0..1e11).contains(seconds));
+            let seconds = number.or_else(|| utc_seconds(&text));
             return Ok(Some(
                 seconds.ok_or_else(|| self.wrong(Column::TimeUtc, FieldProblem::NotATime))?,
             ));
@@ -171,6 +233,12 @@ impl Reader<'_> {
         }
         Ok(time)
     }
+}
+
+/// A whole number that is kept within 32 bits.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
+pub(super) fn whole(value: f64) -> u32 {
+    value as u32
 }
 
 /// The seconds since 1970 of `YYYY-MM-DD HH:MM:SS`, with a `T` for the space, a fraction, and a `Z`

@@ -12,6 +12,8 @@ pub(super) struct Table<'b> {
     file: Arc<str>,
     bytes: &'b [u8],
     reader: csv::Reader<&'b [u8]>,
+    /// Whether rows may have more cells than there are names.
+    open_ended: bool,
     header: Vec<String>,
     header_line: u64,
     /// Up to which byte the lines are counted, and how many there were.
@@ -28,10 +30,12 @@ pub(super) struct Row {
 
 impl<'b> Table<'b> {
     /// Reads the header; what separates its cells is what comes most often in it unless given.
+    /// A file without a header has these names.
     pub(super) fn open(
         file: &str,
         bytes: &'b [u8],
         separator: Option<char>,
+        names: &[String],
     ) -> Result<Self, RecordingError> {
         let given = separator.and_then(|separator| u8::try_from(separator).ok());
         let reader = csv::ReaderBuilder::new()
@@ -45,11 +49,15 @@ impl<'b> Table<'b> {
             file: file.into(),
             bytes,
             reader,
-            header: Vec::new(),
+            open_ended: !names.is_empty(),
+            header: names.to_vec(),
             header_line: 1,
             counted: (0, 0),
             record: ByteRecord::new(),
         };
+        if table.open_ended {
+            return Ok(table);
+        }
         let Some((line, cells)) = table.advance()? else {
             return Err(RecordingError::Empty { file: file.to_owned() });
         };
@@ -101,10 +109,12 @@ impl<'b> Table<'b> {
         columns: &[String],
         format: &str,
     ) -> Result<Vec<usize>, RecordingError> {
-        let require = |column: &String| {
-            self.index_of(column)?.ok_or_else(|| self.missing_column(column, format))
-        };
-        columns.iter().map(require).collect()
+        columns.iter().map(|column| self.require_one(column, format)).collect()
+    }
+
+    /// Where a column is that a format needs.
+    pub(super) fn require_one(&self, column: &str, format: &str) -> Result<usize, RecordingError> {
+        self.index_of(column)?.ok_or_else(|| self.missing_column(column, format))
     }
 
     /// The error that a column is missing that a format needs.
@@ -121,7 +131,8 @@ impl<'b> Table<'b> {
     /// The next row, as long as the header.
     pub(super) fn next(&mut self) -> Result<Option<Row>, RecordingError> {
         let Some((line, cells)) = self.advance()? else { return Ok(None) };
-        if cells.len() != self.header.len() {
+        let fits = cells.len() == self.header.len();
+        if !fits && !(self.open_ended && cells.len() > self.header.len()) {
             let last = cells.len().saturating_sub(1);
             return Err(RecordingError::FieldCount {
                 file: self.file.to_string(),
@@ -204,6 +215,11 @@ impl Row {
         self.cells.get(index).unwrap_or_default()
     }
 
+    /// The cells from one on.
+    pub(super) fn cells_from(&self, index: usize) -> impl Iterator<Item = &str> {
+        self.cells.iter().skip(index)
+    }
+
     /// The cells of several columns as one; none where one of them is empty.
     pub(super) fn joined(&self, indices: &[usize], between: &str) -> Option<Cow<'_, str>> {
         if let [index] = indices {
@@ -277,7 +293,7 @@ mod tests {
     use super::*;
 
     fn lines(text: &str) -> Vec<(u64, String)> {
-        let mut table = Table::open("t.csv", text.as_bytes(), None).expect("a header");
+        let mut table = Table::open("t.csv", text.as_bytes(), None, &[]).expect("a header");
         let mut lines = vec![(table.header_line(), table.header().join("|"))];
         while let Some(row) = table.next().expect("whole rows") {
             lines.push((row.line(), format!("{}|{}", row.cell(0), row.cell(1))));
@@ -312,22 +328,22 @@ mod tests {
             ("a,b;c\n", "a|b;c"),
             ("a\n", "a"),
         ] {
-            let table = Table::open("t.csv", text.as_bytes(), None).expect("a header");
+            let table = Table::open("t.csv", text.as_bytes(), None, &[]).expect("a header");
             assert_eq!(table.header().join("|"), header);
         }
-        let stated = Table::open("t.csv", b"a,b|c,d\n", Some('|')).expect("a header");
+        let stated = Table::open("t.csv", b"a,b|c,d\n", Some('|'), &[]).expect("a header");
         assert_eq!(stated.header(), ["a,b", "c,d"]);
     }
 
     #[test]
     fn broken_files_are_refused() {
-        let open = |bytes: &'static [u8]| Table::open("t.csv", bytes, None).map(|_| ());
+        let open = |bytes: &'static [u8]| Table::open("t.csv", bytes, None, &[]).map(|_| ());
         assert!(matches!(open(b""), Err(RecordingError::Empty { .. })));
         assert!(matches!(open(b"# nothing\n\n"), Err(RecordingError::Empty { .. })));
         assert!(matches!(open(b" , \n"), Err(RecordingError::Empty { .. })));
         let message = open(b"a,\xff\n1,2").expect_err("not text").to_string();
         assert!(message.contains("t.csv, line 1, column 2"), "{message}");
-        let mut table = Table::open("t.csv", b"a,b\n1,2\n1,2,3\n", None).expect("a header");
+        let mut table = Table::open("t.csv", b"a,b\n1,2\n1,2,3\n", None, &[]).expect("a header");
         assert!(table.next().is_ok());
         let message = table.next().map(|_| ()).expect_err("three").to_string();
         for part in ["t.csv, line 3", "3 fields instead of 2", "column 3", "\"3\""] {

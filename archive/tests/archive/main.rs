@@ -8,6 +8,7 @@ mod recordings {
     mod quantities;
     mod real;
     mod round_trip;
+    mod standards;
     mod sweeps;
     mod values;
 }

@@ -1,13 +1,14 @@
 #[cfg(feature = "batch")]
 mod tracked;
 
-use std::path::PathBuf;
+use std::{fs, path::PathBuf};
 
 use foxhunt::{
     core::{Ellipse, Estimate, nalgebra::Vector2},
     geodesy::Geodetic,
     hunt::PlaceEstimate,
     locate::{CommonErrors, Explanation, Located, Region, Rival},
+    movebank::{MovebankFix, write_movebank},
     recording::Recording,
     registry::Registry,
     report::Place,
@@ -51,11 +52,14 @@ pub(crate) struct Args {
     /// Track a transmitter that moves: its place at each time, from all that was received before
     /// and after, by one or several receivers
     #[cfg(feature = "batch")]
-    #[arg(long, conflicts_with_all = ["estimator", "every_beacon"])]
+    #[arg(long, conflicts_with_all = ["estimator", "every_beacon", "movebank_to"])]
     track: bool,
     #[cfg(feature = "batch")]
     #[command(flatten)]
     tracking: tracked::Tracking,
+    /// Write the places to a table with Movebank's names; needs recordings with times in UTC
+    #[arg(long, value_name = "CSV")]
+    movebank_to: Option<PathBuf>,
     #[command(flatten)]
     locating: Locating,
 }
@@ -114,7 +118,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry } = context;
     let prepared = args.locating.prepare(&args.files, registry)?;
     if args.every_beacon {
-        return output.result(&every(args, registry, &prepared)?, |reports| places(reports));
+        let reports = every(args, registry, &prepared)?;
+        to_movebank(args, &prepared, &reports)?;
+        return output.result(&reports, |reports| places(reports));
     }
     let beacon = args.locating.beacon(prepared.recordings())?;
     #[cfg(feature = "batch")]
@@ -123,7 +129,38 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         return output.result(&report, tracked::text);
     }
     let report = one(args, registry, &prepared, beacon)?;
+    to_movebank(args, &prepared, std::slice::from_ref(&report))?;
     output.result(&report, |report| places(std::slice::from_ref(report)))
+}
+
+/// Writes what was found for Movebank, where that was wanted.
+fn to_movebank(args: &Args, prepared: &Prepared, reports: &[Report]) -> Result<(), CliError> {
+    let Some(path) = &args.movebank_to else { return Ok(()) };
+    let recordings = prepared.recordings();
+    let frame = recordings.iter().find_map(Recording::frame).filter(|_| {
+        let in_utc = |recording: &Recording| recording.is_in_utc();
+        recordings.iter().all(in_utc)
+    });
+    let frame = frame.ok_or_else(|| {
+        CliError::input("--movebank-to: Movebank takes places in degrees and times in UTC alone")
+    })?;
+    let mut fixes = Vec::new();
+    for report in reports {
+        let received = prepared.receptions(report.beacon.as_deref())?;
+        let times = received.iter().map(|reception| reception.time);
+        let (first, last) = times
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), time| {
+                (time.min(first), time.max(last))
+            });
+        fixes.push(MovebankFix {
+            tag: report.beacon.clone().unwrap_or_default(),
+            received: [first, last],
+            place: Vector2::new(report.estimate.east_m, report.estimate.north_m),
+            ellipse_95: report.ellipse_95,
+        });
+    }
+    let file = fs::File::create(path).map_err(|error| CliError::writing(path, error))?;
+    write_movebank(file, &frame, &fixes).map_err(CliError::failure)
 }
 
 /// Where a beacon is.

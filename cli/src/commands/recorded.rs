@@ -6,7 +6,7 @@ use clap::value_parser;
 use foxhunt::{
     geodesy::{Geodetic, LocalFrame},
     recorded::{RecordedError, Selection, only_beacon},
-    recording::{Mapping, North, ReadOptions, Recording, utc_seconds},
+    recording::{Band, Mapping, North, ReadOptions, Recording, Rover, utc_seconds},
 };
 
 use crate::{error::CliError, output::warn};
@@ -32,6 +32,26 @@ pub(crate) struct Reading {
     /// The number of positions in a turn of the antenna
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = value_parser!(u16).range(1..=360))]
     pub(super) positions: u16,
+    /// Where the receiver was at what time: a GPX file, instead of the recording's own places
+    #[arg(long, value_name = "GPX")]
+    rover: Option<PathBuf>,
+    /// What is added to the recording's times, in seconds, to make them UTC for --rover: `rtl_power`
+    /// and `hackrf_sweep` write the computer's local time
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 0.0,
+        allow_hyphen_values = true,
+        requires = "rover"
+    )]
+    clock_offset_s: f64,
+    /// The beacon's frequency in hertz, for recordings of power over frequency
+    #[arg(long, value_name = "HZ")]
+    frequency_hz: Option<f64>,
+    /// How wide a band about it is read, in hertz; the strongest bin in it counts. One bin unless
+    /// given
+    #[arg(long, value_name = "HZ", default_value_t = 0.0, requires = "frequency_hz")]
+    bandwidth_hz: f64,
 }
 
 /// A day, as the command line has it: its first second, since 1970.
@@ -84,11 +104,19 @@ impl LatLon {
 impl Reading {
     fn options(&self) -> Result<ReadOptions, CliError> {
         let (north, date_s) = (self.north, self.date.map(|Day(first_s)| first_s));
-        let options = ReadOptions { north, date_s, ..ReadOptions::default() };
-        Ok(match &self.format {
-            Some(format) => options.with_format(Mapping::find(format).map_err(CliError::input)?),
-            None => options,
-        })
+        let mut options = ReadOptions { north, date_s, ..ReadOptions::default() };
+        if let Some(format) = &self.format {
+            options = options.with_format(Mapping::find(format).map_err(CliError::input)?);
+        }
+        if let Some(gpx) = &self.rover {
+            let rover = Rover::read(gpx).map_err(CliError::input)?;
+            options = options.with_rover(rover, self.clock_offset_s).map_err(CliError::input)?;
+        }
+        if let Some(frequency_hz) = self.frequency_hz {
+            let band = Band::new(frequency_hz, self.bandwidth_hz).map_err(CliError::input)?;
+            options = options.with_band(band);
+        }
+        Ok(options)
     }
 
     /// Reads recordings into one frame, and prints on standard error what was left out.

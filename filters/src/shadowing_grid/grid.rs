@@ -41,11 +41,13 @@ impl Grid {
     }
 
     /// The side of a cell in metres.
+    #[cfg(feature = "batch")]
     pub(crate) fn cell_m(&self) -> f64 {
         self.cell_m
     }
 
     /// How many cells there are from west to east.
+    #[cfg(feature = "batch")]
     pub(crate) fn columns(&self) -> usize {
         self.columns as usize
     }

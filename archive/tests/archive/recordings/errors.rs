@@ -39,7 +39,8 @@ fn a_wrong_cell_is_named_with_file_line_column_and_value() {
         ("0,,14,10,-60", "lat_deg", "", "must not be empty"),
         (",50,14,10,-60", "time_s", "", "must not be empty"),
         ("0,14,50,10,-60", "lat_deg, lon_deg", "14, 50", "km from the frame's origin"),
-        ("0,0,0,10,-60", "lat_deg, lon_deg", "0, 0", "km from the frame's origin"),
+        ("0,0,0,10,-60", "lat_deg, lon_deg", "0, 0", "without a fix"),
+        ("0,0.5,0,10,-60", "lat_deg, lon_deg", "0.5, 0", "km from the frame's origin"),
     ] {
         let value = format!("{value:?}");
         assert_names(

@@ -10,13 +10,14 @@ use std::{
 };
 
 use foxhunt_archive::{
+    movebank::{MovebankFix, write_movebank},
     recorded::{
         CalibrateConfig, ReceptionConfig, StationConfig, bearings, calibrate, fit_boresights,
         receptions, recorded_truth,
     },
-    recording::{ReadOptions, Recording, builtin_mappings},
+    recording::{Band, Mapping, ReadOptions, Recording, Rover, builtin_mappings},
 };
-use foxhunt_core::{Reception, angle};
+use foxhunt_core::{Ellipse, Reception, angle};
 use foxhunt_hunt::{
     locate::{LocateConfig, Located},
     registry::Registry,
@@ -39,7 +40,23 @@ fn folder() -> PathBuf {
 }
 
 fn read(file: &str) -> Recording {
-    Recording::read(folder().join(file), &ReadOptions::default()).expect("it is in the repository")
+    Recording::read(folder().join(file), &options(file)).expect("it is in the repository")
+}
+
+/// How a file is read: one without a header by its format, of the tag's frequency, along a track.
+fn options(file: &str) -> ReadOptions {
+    let format = file.strip_suffix(".csv").unwrap_or_default();
+    let mut options = ReadOptions::default();
+    if ["krakensdr", "rtl-power", "hackrf-sweep"].contains(&format) {
+        options = options.with_format(Mapping::find(format).expect("it is shipped"));
+    }
+    if ["rtl-power", "hackrf-sweep"].contains(&format) {
+        let rover = Rover::read(folder().join("rover.gpx")).expect("it is in the repository");
+        options = options.with_band(Band::new(150.1722e6, 0.0).expect("positive"));
+        // Local time is two hours ahead of UTC.
+        options = options.with_rover(rover, -7200.0).expect("finite");
+    }
+    options
 }
 
 fn frame() -> LocalFrame {
@@ -233,7 +250,99 @@ fn generate() -> BTreeMap<&'static str, String> {
     let at = frame.to_geodetic(&TARGET.push(0.0));
     let truth = format!("172541000,{:.8},{:.8}", at.lat_deg, at.lon_deg);
     add("ucsd-collars/ucsd_truth.csv", vec!["collar_hz,lat_deg,lon_deg".to_owned(), truth]);
+    add_standards(&mut rng, &mut files);
     files
+}
+
+/// Recordings as widespread programs and networks write them, along one flight around the target.
+fn add_standards(rng: &mut Xoshiro256PlusPlus, files: &mut BTreeMap<&'static str, String>) {
+    let frame = frame();
+    let begin = "2026-06-01T10:00:00Z";
+    let mut gpx = vec![
+        r#"<?xml version="1.0" encoding="UTF-8"?>"#.to_owned(),
+        r#"<gpx version="1.1" creator="generated" xmlns="http://www.topografix.com/GPX/1/1">"#
+            .to_owned(),
+        "<trk><name>flight</name><trkseg>".to_owned(),
+    ];
+    let (mut kraken, mut rtl, mut hackrf) = (Vec::new(), Vec::new(), Vec::new());
+    let mut motus = vec![
+        "hitID,ts,sig,port,antBearing,recvType,recvDeployName,recvDeployLat,recvDeployLon,\
+         motusTagID,motusFilter"
+            .to_owned(),
+    ];
+    let mut movebank = vec![
+        "event-id,visible,timestamp,location-long,location-lat,tag-local-identifier,rss_dbm"
+            .to_owned(),
+    ];
+    for i in 0..60_u32 {
+        let (sin, cos) = (TAU * f64::from(i) / 60.0).sin_cos();
+        let place = Vector3::new(60.0 + 90.0 * cos, 40.0 + 60.0 * sin, 20.0);
+        let at = frame.to_geodetic(&place);
+        let (lat, lon) = (at.lat_deg, at.lon_deg);
+        let level = -30.0 - 23.0 * range_from(place).log10() + 1.5 * normal(rng);
+        let heading = radians_to_compass_deg((60.0 * cos).atan2(-90.0 * sin));
+        if i % 3 == 0 {
+            gpx.push(format!("  <trkpt lat=\"{lat:.8}\" lon=\"{lon:.8}\">"));
+            let time = begin.replace("00Z", &format!("{i:02}Z"));
+            gpx.push(format!("    <ele>{:.1}</ele><time>{time}</time>", 320.0 + place.z));
+            gpx.push("  </trkpt>".to_owned());
+        }
+        let to_target = radians_to_compass_deg(bearing_from(place.x, place.y));
+        let doa = (to_target - heading + 3.0 * normal(rng)).rem_euclid(360.0);
+        // 2026-06-01 10:00 UTC.
+        let epoch_ms = 1_780_308_000_000_u64 + 1000 * u64::from(i);
+        kraken.push(format!(
+            "{epoch_ms}, {doa:.0}, 5.2, {level:.1}, 433920000, UCA, 100, rover, {lat:.8}, {lon:.8}, \
+             {heading:.1}, {heading:.1}, GPS, R, R, R, R, 0.00, 1.25, 0.31 "
+        ));
+        let noise = |rng: &mut Xoshiro256PlusPlus| -95.0 + normal(rng);
+        // 150.15 to 150.20 MHz in bins of 10 kHz: the tag is in the third; the last one is doubled.
+        let mut bins: Vec<f64> = (0..5).map(|_| noise(rng)).collect();
+        bins[2] = level;
+        let last = bins[4];
+        let cells = |bins: &[f64]| bins.iter().map(|b| format!(", {b:.2}")).collect::<String>();
+        rtl.push(format!(
+            "2026-06-01, 12:00:{i:02}, 150150000, 150200000, 10000.00, 4096{}, {last:.2}",
+            cells(&bins)
+        ));
+        // Two hops; bins begin one width above the lowest frequency.
+        hackrf.push(format!(
+            "2026-06-01, 12:00:{i:02}.500000, 140000000, 145000000, 1000000.00, 20{}",
+            cells(&(0..5).map(|_| noise(rng)).collect::<Vec<_>>())
+        ));
+        hackrf.push(format!(
+            "2026-06-01, 12:00:{i:02}.500000, 149150000, 150200000, 350000.00, 20, -inf, nan, {level:.2}"
+        ));
+        if i % 6 == 0 {
+            let (seconds, number) = (1_780_308_000 + 20 * i, 4 * i);
+            for (port, compass) in [(1, 30.0_f64), (2, 150.0), (3, 270.0)] {
+                let off = (radians_to_compass_deg(bearing_from(0.0, 0.0)) - compass).to_radians();
+                let sig = -40.0 - 12.0 * (1.0 - off.cos()) + normal(rng);
+                motus.push(format!(
+                    "{},{seconds}.{port}25,{sig:.1},{port},{compass},SENSORGNOME,Hill,50,14,22867,{}",
+                    number + port,
+                    u32::from(i > 0)
+                ));
+            }
+            motus.push(format!("{number},{seconds}.5,180,1,0,LOTEK,Mast,50.01,14,22867,1"));
+        }
+        movebank.push(format!(
+            "{},{},2026-06-01 10:00:{i:02}.000,{lon:.8},{lat:.8},fox-7,{level:.2}",
+            9_000_000 + i,
+            i != 5
+        ));
+    }
+    gpx.push("</trkseg></trk></gpx>".to_owned());
+    for (name, lines) in [
+        ("rover.gpx", gpx),
+        ("krakensdr.csv", kraken),
+        ("rtl-power.csv", rtl),
+        ("hackrf-sweep.csv", hackrf),
+        ("motus.csv", motus),
+        ("movebank.csv", movebank),
+    ] {
+        files.insert(name, lines.join("\n") + "\n");
+    }
 }
 
 #[test]
@@ -252,10 +361,9 @@ fn what_is_committed_is_what_the_generator_makes() {
 #[test]
 fn every_shipped_format_has_a_recording() {
     let mut formats: Vec<String> = Vec::new();
-    for name in generate()
-        .keys()
-        .filter(|name| !["truth.csv", "station.csv"].iter().any(|beside| name.ends_with(beside)))
-    {
+    for name in generate().keys().filter(|name| {
+        !["truth.csv", "station.csv", ".gpx"].iter().any(|beside| name.ends_with(beside))
+    }) {
         formats.push(read(name).format().to_owned());
     }
     for mapping in builtin_mappings() {
@@ -416,4 +524,111 @@ fn columns_side_by_side_are_beacons() {
     let truth = recorded_truth(&recordings, Some("172541000")).expect("it is in the table");
     assert!((truth - TARGET).norm() < 0.01, "{truth}");
     assert_eq!(recorded_truth(&recordings, Some("172742000")), None);
+}
+
+#[test]
+fn directions_of_an_array_are_relative_to_the_heading() {
+    let recording = read("krakensdr.csv");
+    assert_eq!((recording.rows(), recording.records().len()), (60, 60));
+    assert!(recording.is_in_utc() && !recording.is_calibrated());
+    assert_eq!((recording.beacons(), recording.drones()), (vec![Some("433920000")], vec!["rover"]));
+    // Errors of 3° and of the rounding.
+    for record in recording.records() {
+        let place = record.receiver.expect("it has places").position;
+        let origin = recording.frame().expect("in degrees").to_geodetic(&place);
+        let place = frame().to_local(&origin);
+        let bearing = record.bearing.expect("each row has one");
+        let off = angle::distance(bearing.angle, bearing_from(place.x, place.y));
+        assert!(off < 14_f64.to_radians() && bearing.sigma.is_none(), "{record:?}");
+    }
+    assert_eq!(recording.records()[1].time, Some(1_780_308_001.0));
+}
+
+#[test]
+fn power_over_frequency_is_a_level_along_a_track() {
+    for (file, rows) in [("rtl-power.csv", 60), ("hackrf-sweep.csv", 120)] {
+        let recording = read(file);
+        // The track ends with its last point, at 57 s; hops without the frequency are of no use.
+        let kept = recording.records().len();
+        assert_eq!((recording.rows(), kept), (rows, if rows == 60 { 58 } else { 57 }), "{file}");
+        let truth =
+            recording.frame().expect("on Earth").to_local(&frame().to_geodetic(&TARGET.push(0.0)));
+        let received = received(file, None);
+        let located = located(&received, "least-absolute");
+        let miss = (located.estimate.mean - truth.xy()).norm();
+        assert!(miss < 15.0 && located.observations == kept, "{file}: {miss} m, {located:?}");
+        // Heights are those above the track's begin.
+        assert!(received.iter().all(|r| r.receiver.position.z.abs() < 0.2), "{received:?}");
+    }
+}
+
+#[test]
+fn detections_of_a_network_are_turns_of_its_stations() {
+    let recording = read("motus.csv");
+    assert_eq!((recording.format(), recording.rows()), ("motus", 40));
+    let dropped: Vec<_> = recording.dropped().iter().map(|d| (d.rule.as_str(), d.rows)).collect();
+    assert_eq!(dropped, [("recvType ≠ LOTEK", 10), ("motusFilter ≠ 0", 3)]);
+    let sweeps = recording.sweeps(128).expect("turns");
+    assert_eq!(sweeps.len(), 9);
+    assert!(sweeps.iter().all(|s| s.drone == "Hill" && s.sweep.samples.len() == 3), "{sweeps:?}");
+}
+
+#[test]
+fn movebank_names_who_when_and_where() {
+    let recording = read("movebank.csv");
+    assert_eq!((recording.format(), recording.rows()), ("movebank", 60));
+    assert_eq!(
+        (recording.dropped()[0].rule.as_str(), recording.dropped()[0].rows),
+        ("visible ≠ false", 1)
+    );
+    assert!(recording.is_calibrated() && recording.is_in_utc());
+    assert_eq!(recording.beacons(), [Some("fox-7")]);
+    assert_eq!(recording.ignored_columns(), ["event-id"]);
+}
+
+#[test]
+fn a_place_is_written_with_movebanks_names() {
+    let ellipse = Ellipse { semi_major: 50.0, semi_minor: 20.0, orientation: PI / 6.0 };
+    let fix = MovebankFix {
+        tag: "fox-7".to_owned(),
+        received: [1_780_308_000.0, 1_780_308_061.0],
+        place: TARGET,
+        ellipse_95: Some(ellipse),
+    };
+    let without = MovebankFix { tag: "a,b".to_owned(), ellipse_95: None, ..fix.clone() };
+    let mut out = Vec::new();
+    write_movebank(&mut out, &frame(), &[fix, without]).expect("a vector takes all");
+    let mut reader = csv::Reader::from_reader(out.as_slice());
+    let header = reader.headers().expect("it has one").clone();
+    let rows: Vec<_> = reader.records().collect::<Result<_, _>>().expect("whole rows");
+    let cell = |row: usize, name: &str| {
+        let column = header.iter().position(|column| column == name).expect(name);
+        rows[row][column].to_owned()
+    };
+    let number = |name: &str| cell(0, name).parse::<f64>().expect(name);
+    for (name, text) in [
+        ("tag-local-identifier", "fox-7"),
+        ("timestamp", "2026-06-01 10:00:30.500"),
+        ("start-timestamp", "2026-06-01 10:00:00"),
+        ("end-timestamp", "2026-06-01 10:01:01"),
+        ("location-error-numerical", "50.0"),
+        ("location-error-percentile", "95"),
+        ("sensor-type", "radio-transmitter"),
+    ] {
+        assert_eq!(cell(0, name), text, "{name}");
+    }
+    assert!(cell(0, "location-accuracy-comments").contains("60 degrees clockwise from North"));
+    let at = |lat: f64, lon: f64| {
+        frame().to_local(&Geodetic { lat_deg: lat, lon_deg: lon, alt_m: 0.0 }).xy()
+    };
+    let place = at(number("location-lat"), number("location-long"));
+    assert!((place - TARGET).norm() < 0.02, "{place}");
+    // √(50² cos² 30° + 20² sin² 30°) and √(50² sin² 30° + 20² cos² 30°).
+    let high = at(number("lat-upper"), number("long-upper")) - TARGET;
+    let low = at(number("lat-lower"), number("long-lower")) - TARGET;
+    for (corner, sign) in [(high, 1.0_f64), (low, -1.0)] {
+        assert!((corner - Vector2::new(44.441, 30.414) * sign).norm() < 0.03, "{corner}");
+    }
+    assert_eq!(cell(1, "tag-local-identifier"), "a,b");
+    assert_eq!(cell(1, "location-error-numerical"), "");
 }

@@ -172,7 +172,7 @@ fn the_example_of_the_documentation_reads() {
     }
     let toml = page.split("```toml mapping\n").skip(1).filter_map(|t| t.split("```").next());
     let names = toml.map(|text| Mapping::parse(text, "page").expect("a mapping").name);
-    assert!(names.eq(["my-logger", "wide"]));
+    assert!(names.eq(["my-logger", "wide", "analyser"]));
     for column in Column::ALL {
         assert!(page.contains(&format!("`{column}`")), "{column} is not documented");
     }

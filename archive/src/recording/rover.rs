@@ -1,0 +1,242 @@
+use std::{fs, path::Path, sync::Arc};
+
+use foxhunt_wire::geodesy::Geodetic;
+use quick_xml::{
+    Reader,
+    events::{BytesStart, Event},
+};
+
+use super::{FieldProblem, RecordingError, decompress::decompressed, row::utc_seconds, utc::utc};
+
+/// Two points of a track farther apart in seconds are not joined: the receiver may have been
+/// anywhere between them.
+const LONGEST_GAP_S: f64 = 30.0;
+
+/// Where a receiver was at what time: the track of a GPX file (Topografix, GPX 1.1, 2004), as
+/// navigators and loggers write it. Points without a time are not used.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rover {
+    file: Arc<str>,
+    /// In the order of time.
+    points: Arc<[Point]>,
+    first: Point,
+    last: Point,
+}
+
+/// A point of a track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Point {
+    /// Seconds since 1970 in UTC.
+    time: f64,
+    place: Geodetic,
+    /// Whether the line from the point before leads here.
+    joined: bool,
+}
+
+impl Rover {
+    /// Reads a GPX file, compressed with gzip or not.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`] names the file, and the line, field and value of a point that is none:
+    /// out of range, at 0, 0, or earlier than the one before.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, RecordingError> {
+        let file = path.as_ref().display().to_string();
+        let wrong = |source| RecordingError::Read { file: file.clone(), source };
+        let bytes = fs::read(path).map_err(wrong)?;
+        Self::parse(&decompressed(&bytes, &file)?, &file)
+    }
+
+    /// A track from GPX; `file` is what errors call it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::read`].
+    pub fn parse(gpx: &[u8], file: &str) -> Result<Self, RecordingError> {
+        let mut track = Track { file, gpx, points: Vec::new(), starts: true };
+        track.read()?;
+        let Track { points, .. } = track;
+        let (Some(&first), Some(&last)) = (points.first(), points.last()) else {
+            return Err(RecordingError::NoTrack { file: file.to_owned() });
+        };
+        Ok(Self { file: file.into(), points: points.into(), first, last })
+    }
+
+    /// What the file is called.
+    #[must_use]
+    pub fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// What rows without a place on the track are counted under.
+    pub(super) fn label(&self) -> String {
+        let [from, to] = [self.first, self.last].map(|end| utc(end.time));
+        format!("on the track {}, from {from} to {to} UTC", self.file)
+    }
+
+    /// Where the track begins.
+    #[must_use]
+    pub fn begin(&self) -> Geodetic {
+        self.first.place
+    }
+
+    /// Where the receiver was at a time in seconds since 1970, on the line between two points;
+    /// `None` before the first, after the last, between segments of the track and between points
+    /// more than 30 s apart.
+    #[must_use]
+    pub fn place(&self, time: f64) -> Option<Geodetic> {
+        let after = self.points.partition_point(|point| point.time < time);
+        let next = self.points.get(after)?;
+        if next.time <= time {
+            return Some(next.place);
+        }
+        let last = self.points.get(after.checked_sub(1)?)?;
+        let gap = next.time - last.time;
+        if !next.joined || gap > LONGEST_GAP_S || gap.is_nan() {
+            return None;
+        }
+        let share = (time - last.time) / gap;
+        let between = |a: f64, b: f64| a + share * (b - a);
+        // The short way over the date line.
+        let east = next.place.lon_deg - last.place.lon_deg;
+        let east = (east + 180.0).rem_euclid(360.0) - 180.0;
+        Some(Geodetic {
+            lat_deg: between(last.place.lat_deg, next.place.lat_deg),
+            lon_deg: last.place.lon_deg + share * east,
+            alt_m: between(last.place.alt_m, next.place.alt_m),
+        })
+    }
+}
+
+/// A track that is being read.
+struct Track<'g> {
+    file: &'g str,
+    gpx: &'g [u8],
+    points: Vec<Point>,
+    /// Whether a segment begins.
+    starts: bool,
+}
+
+impl Track<'_> {
+    fn read(&mut self) -> Result<(), RecordingError> {
+        let mut reader = Reader::from_reader(self.gpx);
+        reader.config_mut().trim_text(true);
+        let (mut line, mut counted) = (1, 0);
+        // The point that is open, and the element within it.
+        let mut point: Option<Geodetic> = None;
+        let mut element = Vec::new();
+        let mut time: Option<f64> = None;
+        loop {
+            let event = reader.read_event();
+            let read = usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX);
+            let passed = self.gpx.get(counted..read).unwrap_or_default();
+            line += passed.iter().map(|byte| u64::from(*byte == b'\n')).sum::<u64>();
+            counted = read;
+            let event = event.map_err(|source| self.broken(line, &source))?;
+            match &event {
+                Event::Eof => return Ok(()),
+                Event::Start(start) => {
+                    element = start.local_name().as_ref().to_vec();
+                    match element.as_slice() {
+                        b"trkseg" => self.starts = true,
+                        b"trkpt" => (point, time) = (Some(self.place(start, line)?), None),
+                        _ => {}
+                    }
+                }
+                Event::Text(text) => {
+                    let text = String::from_utf8_lossy(text).into_owned();
+                    let Some(place) = &mut point else { continue };
+                    match element.as_slice() {
+                        b"ele" => place.alt_m = self.number("ele", &text, line, 1e5)?,
+                        b"time" => {
+                            let seconds = utc_seconds(text.trim());
+                            let wrong = || self.wrong("time", &text, line, FieldProblem::NotATime);
+                            let seconds = seconds.ok_or_else(wrong)?;
+                            self.rises(seconds, &text, line)?;
+                            time = Some(seconds);
+                        }
+                        _ => {}
+                    }
+                }
+                Event::End(end) => {
+                    element.clear();
+                    if end.local_name().as_ref() == b"trkpt"
+                        && let (Some(place), Some(time)) = (point.take(), time.take())
+                    {
+                        self.points.push(Point { time, place, joined: !self.starts });
+                        self.starts = false;
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// The place that a point's attributes hold.
+    fn place(&self, start: &BytesStart<'_>, line: u64) -> Result<Geodetic, RecordingError> {
+        let degrees = |name: &'static str, limit: f64| {
+            let attribute = start.try_get_attribute(name).ok().flatten();
+            let missing = || self.wrong(name, "", line, FieldProblem::Missing);
+            let value = attribute.ok_or_else(missing)?;
+            let value = String::from_utf8_lossy(&value.value).into_owned();
+            Ok((self.number(name, &value, line, limit)?, value))
+        };
+        let (lat_deg, text) = degrees("lat", 180.0)?;
+        let (lon_deg, lon_text) = degrees("lon", 180.0)?;
+        if lat_deg.abs() > 90.0 {
+            let problem = if lon_deg.abs() <= 90.0 {
+                FieldProblem::Swapped
+            } else {
+                FieldProblem::OutOfRange { min: -90.0, max: 90.0 }
+            };
+            return Err(self.wrong("lat", &text, line, problem));
+        }
+        if lat_deg.abs() < f64::MIN_POSITIVE && lon_deg.abs() < f64::MIN_POSITIVE {
+            let both = format!("{text}, {lon_text}");
+            return Err(self.wrong("lat, lon", &both, line, FieldProblem::NoFix));
+        }
+        Ok(Geodetic { lat_deg, lon_deg, alt_m: 0.0 })
+    }
+
+    fn number(
+        &self,
+        field: &str,
+        text: &str,
+        line: u64,
+        limit: f64,
+    ) -> Result<f64, RecordingError> {
+        let value: f64 = text
+            .trim()
+            .parse()
+            .map_err(|_| self.wrong(field, text, line, FieldProblem::NotANumber))?;
+        if (-limit..=limit).contains(&value) {
+            return Ok(value);
+        }
+        let problem = FieldProblem::OutOfRange { min: -limit, max: limit };
+        Err(self.wrong(field, text, line, problem))
+    }
+
+    /// Refuses a point earlier than the one before.
+    fn rises(&self, time: f64, text: &str, line: u64) -> Result<(), RecordingError> {
+        let last = self.points.last().map_or(f64::NEG_INFINITY, |point| point.time);
+        if time < last {
+            let problem = FieldProblem::Backwards { by_s: last - time };
+            return Err(self.wrong("time", text, line, problem));
+        }
+        Ok(())
+    }
+
+    fn wrong(&self, field: &str, value: &str, line: u64, problem: FieldProblem) -> RecordingError {
+        RecordingError::Field {
+            file: self.file.to_owned(),
+            line,
+            column: field.to_owned(),
+            value: value.chars().take(60).collect(),
+            problem,
+        }
+    }
+
+    fn broken(&self, line: u64, source: &quick_xml::Error) -> RecordingError {
+        RecordingError::NotGpx { file: self.file.to_owned(), line, problem: source.to_string() }
+    }
+}
