@@ -15,6 +15,9 @@ pub struct Reception {
     pub receiver: Pose,
     /// The received power, if the receiver measures it.
     pub level: Option<Level>,
+    /// Where nothing was received but the receiver's own noise, its floor with the σ of a level:
+    /// the beacon's level lay below it. `level` is absent then.
+    pub silence: Option<Level>,
     /// The direction of arrival, if the sweep had one.
     pub bearing: Option<Bearing>,
     /// The covariance of level and bearing, in dB rad.
@@ -83,6 +86,8 @@ struct Written {
     rss_dbm: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     rss_sigma_db: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    floor_dbm: Option<f64>,
     bearing: Option<Bearing>,
     covariance: f64,
     #[serde(default, skip_serializing_if = "BearingModes::is_empty")]
@@ -96,12 +101,16 @@ struct Written {
 #[cfg(feature = "serde")]
 impl From<Written> for Reception {
     fn from(written: Written) -> Self {
-        let level = written.rss_dbm.zip(written.rss_sigma_db);
+        let level = |dbm: Option<f64>| {
+            let level = dbm.zip(written.rss_sigma_db);
+            level.map(|(rss_dbm, sigma_db)| Level { rss_dbm, sigma_db })
+        };
         Self {
             beacon: written.beacon,
             time: written.time,
             receiver: written.receiver,
-            level: level.map(|(rss_dbm, sigma_db)| Level { rss_dbm, sigma_db }),
+            level: level(written.rss_dbm),
+            silence: level(written.floor_dbm),
             bearing: written.bearing,
             covariance: written.covariance,
             modes: written.modes,
@@ -119,7 +128,8 @@ impl From<Reception> for Written {
             time: reception.time,
             receiver: reception.receiver,
             rss_dbm: reception.level.map(|level| level.rss_dbm),
-            rss_sigma_db: reception.level.map(|level| level.sigma_db),
+            rss_sigma_db: reception.level.or(reception.silence).map(|level| level.sigma_db),
+            floor_dbm: reception.silence.map(|floor| floor.rss_dbm),
             bearing: reception.bearing,
             covariance: reception.covariance,
             modes: reception.modes,
@@ -143,6 +153,9 @@ mod tests {
         assert!(text.contains(r#""rss_dbm":-60.5,"rss_sigma_db":2.0,"bearing":null"#), "{text}");
         assert!(!text.contains("measured"), "{text}");
         assert_eq!(serde_json::from_str::<Reception>(&text).expect("as written"), reception);
+        let silent = Reception { level: None, silence: reception.level, ..reception };
+        let text = serde_json::to_string(&silent).expect("plain data");
+        assert_eq!(serde_json::from_str::<Reception>(&text).expect("as written"), silent);
         let bare = serde_json::to_string(&Reception::default()).expect("plain data");
         assert_eq!(
             serde_json::from_str::<Reception>(&bare).expect("as written"),

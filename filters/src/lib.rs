@@ -83,7 +83,7 @@ mod triangle;
 mod vectorised;
 
 #[cfg(feature = "batch")]
-pub use batch::{BatchError, BatchEstimator, BatchFix, BatchSolver, Loss};
+pub use batch::{BatchError, BatchEstimator, BatchFix, BatchSolver, Loss, independent_share};
 #[cfg(feature = "batch")]
 pub use bearings::{
     BearingFix, BearingGrid, BearingGridFix, BearingLine, BearingWeights, CommonErrors, Lenth1981,
@@ -114,7 +114,7 @@ pub use particle::{KldSampling, ParticleFilter, RaoBlackwellised, Resampling};
 pub use ranges::{SlantRange, SlantRangeDifference, multilaterate, spherical_intersection};
 #[cfg(feature = "alloc")]
 pub use shadowing_grid::{
-    Intercept, Marginal, PlacePrior, PosteriorMap, ShadowingFix, ShadowingGrid,
+    Intercept, Marginal, PlacePrior, PosteriorMap, ShadowedReading, ShadowingFix, ShadowingGrid,
     ShadowingGridConfig, ShadowingGridError, Slope,
 };
 #[cfg(feature = "alloc")]

@@ -39,7 +39,7 @@ impl Default for ReceptionConfig {
 }
 
 /// The receptions of one beacon: level and bearing of each turn of a directional antenna, the level
-/// of each row of an omnidirectional one, ready-made bearings, ranges and differences. One drone
+/// of each row of an omnidirectional one (a silence at the receiver's floor and below), ready-made bearings, ranges and differences. One drone
 /// after the other, each in the order of time, so that neighbours lie along one path.
 ///
 /// # Errors
@@ -109,6 +109,14 @@ fn from_record(
 ) -> Option<Reception> {
     let directional = record.boresight.is_some();
     let level = record.rss_dbm.filter(|_| !directional);
+    let floor = record.floor_dbm.filter(|_| !directional);
+    // At the floor, and where there is no level, nothing but the receiver's noise was measured.
+    let (level, silence) = match (level, floor) {
+        (Some(level), Some(floor)) if level <= floor => (None, Some(floor)),
+        (None, floor) => (None, floor),
+        (level, _) => (level, None),
+    };
+    let with_sigma = |rss_dbm| Level { rss_dbm, sigma_db: config.rss_sigma_db };
     let bearing = record.bearing.filter(|_| !directional).map(|bearing| {
         let calibration = &config.bearings;
         let sigma = bearing.sigma.map(|sigma| calibration.sigma(sigma));
@@ -118,13 +126,14 @@ fn from_record(
             confidence: 1.0,
         }
     });
-    if level.is_none() && bearing.is_none() && record.measured.is_empty() {
+    if level.or(silence).is_none() && bearing.is_none() && record.measured.is_empty() {
         return None;
     }
     Some(Reception {
         time,
         receiver,
-        level: level.map(|rss_dbm| Level { rss_dbm, sigma_db: config.rss_sigma_db }),
+        level: level.map(with_sigma),
+        silence: silence.map(with_sigma),
         bearing,
         receiver_sigma_m: config.receiver_sigma_m.map(Vector3::repeat),
         measured: record.measured,

@@ -33,13 +33,17 @@ impl Reader<'_> {
         let rss_dbm = self.number(Column::RssDbm)?.or(self.number(Column::RssDb)?);
         let bearing_deg = self.bearing_deg_compass()?;
         let measured = self.measured()?;
-        if rss_dbm.is_none() && bearing_deg.is_none() && measured.is_empty() {
+        // Of a receiver whose floor is known silence is a measurement, too.
+        let floor_dbm = self.number(Column::FloorDbm)?;
+        let level = rss_dbm.or(floor_dbm);
+        if level.is_none() && bearing_deg.is_none() && measured.is_empty() {
             return Ok(Err(LeftOut(rules)));
         }
-        let (time, at) = (self.time()?, self.rover);
+        let (mut time, at) = (self.time()?, self.rover);
         let position = match at {
             Some((rover, offset_s)) => {
-                let place = time.and_then(|time| rover.place(time + offset_s));
+                time = time.map(|time| time + offset_s);
+                let place = time.and_then(|time| rover.place(time));
                 place.map(|place| self.on_track(&place, rover, frame)).transpose()?
             }
             None => self.receiver_position(frame)?,
@@ -85,7 +89,7 @@ impl Reader<'_> {
             position: self.number(Column::Position)?.map(whole).and_then(|i| i.try_into().ok()),
             turn: self.number(Column::Turn)?.map(whole),
             rss_dbm,
-            floor_dbm: self.number(Column::FloorDbm)?,
+            floor_dbm,
             bearing,
             measured,
             known_range: if self.plan.has(Column::RangeSigmaM) {

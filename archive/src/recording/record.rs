@@ -29,7 +29,8 @@ pub struct Record {
     /// The received power, in dBm, or in dB about an unknown reference: see
     /// [`Recording::is_calibrated`].
     pub rss_dbm: Option<f64>,
-    /// The receiver's floor, as the level is given: a level at or below it is noise.
+    /// The receiver's floor, as the level is given: a level at or below it is noise, and no level
+    /// a silence.
     pub floor_dbm: Option<f64>,
     /// A ready-made bearing.
     pub bearing: Option<RecordedBearing>,

@@ -135,6 +135,7 @@ impl Recording {
                 positions,
                 samples,
                 unanswered,
+                floor_dbm: first.and_then(|record| record.floor_dbm),
                 ..OwnedSweep::default()
             },
         })

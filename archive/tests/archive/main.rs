@@ -13,5 +13,6 @@ mod recordings {
     mod values;
 }
 mod replay;
+mod silences;
 mod station;
 mod support;

@@ -6,7 +6,7 @@ use clap::value_parser;
 use foxhunt::{
     geodesy::{Geodetic, LocalFrame},
     recorded::{RecordedError, Selection, only_beacon},
-    recording::{Band, Mapping, North, ReadOptions, Recording, Rover, utc_seconds},
+    recording::{Band, Column, Mapping, North, ReadOptions, Recording, Rover, utc_seconds},
 };
 
 use crate::{error::CliError, output::warn};
@@ -32,6 +32,10 @@ pub(crate) struct Reading {
     /// The number of positions in a turn of the antenna
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = value_parser!(u16).range(1..=360))]
     pub(super) positions: u16,
+    /// The receiver's floor, in dBm or dB as the levels are: one at or below it is noise, of which
+    /// estimators of all receptions at once take but that the true one was not above it
+    #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
+    floor_dbm: Option<f64>,
     /// Where the receiver was at what time: a GPX file, instead of the recording's own places
     #[arg(long, value_name = "GPX")]
     rover: Option<PathBuf>,
@@ -115,6 +119,9 @@ impl Reading {
         if let Some(frequency_hz) = self.frequency_hz {
             let band = Band::new(frequency_hz, self.bandwidth_hz).map_err(CliError::input)?;
             options = options.with_band(band);
+        }
+        if let Some(floor_dbm) = self.floor_dbm {
+            options = options.with_constant(Column::FloorDbm, floor_dbm);
         }
         Ok(options)
     }

@@ -479,3 +479,55 @@ fn a_transmitter_that_moves_has_a_track() {
     foxhunt(["locate", &file, "--window-s", "10"]).failed(2, &["--track"]);
     foxhunt(["locate", &file, "--track", "--window-s", "0"]).failed(2, &["window_s"]);
 }
+
+#[test]
+fn power_over_frequency_along_a_track_is_located_and_written_for_movebank() {
+    let folder = folder("standards");
+    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../archive/tests/data/");
+    let [sweep, gpx] = ["rtl-power.csv", "rover.gpx"].map(|name| format!("{data}{name}"));
+    let fixes = folder.join("fixes.csv");
+    let fixes = fixes.to_str().expect("the target folder is UTF-8");
+    let read = ["--format", "rtl-power", "--frequency-hz", "150172200", "--rover", &gpx];
+    let clock = ["--clock-offset-s", "-7200"];
+    let locate =
+        ["locate", "--json", "--estimator", "least-absolute", "--movebank-to", fixes, &sweep];
+    let report = foxhunt(locate.into_iter().chain(read).chain(clock)).json();
+    let written = fs::read_to_string(fixes).expect("it was written");
+    let row: Vec<&str> = written.lines().nth(1).expect("one place").split(',').collect();
+    assert!(written.starts_with("tag-local-identifier,timestamp,"), "{written}");
+    assert_eq!(
+        row[1..4],
+        ["2026-06-01 10:00:28.500", "2026-06-01 10:00:00", "2026-06-01 10:00:57"]
+    );
+    let lat: f64 = row[4].parse().expect("degrees");
+    assert!((lat - report["estimate"]["lat_deg"].as_f64().expect("degrees")).abs() < 1e-6);
+    // In the computer's local time no row lies on the track, and no row has a place without it.
+    let astray = foxhunt(["locate", &sweep].into_iter().chain(read));
+    astray.failed(2, &["on the track"]);
+    let no_band = foxhunt(["locate", &sweep, "--format", "rtl-power", "--rover", &gpx]);
+    no_band.failed(2, &["--frequency-hz"]);
+}
+
+#[test]
+fn a_floor_makes_silences_of_levels_and_of_empty_cells() {
+    let folder = folder("floor");
+    let mut text = "time_s,east_m,north_m,up_m,rss_dbm\n".to_owned();
+    for i in 0..40 {
+        let (east, north) = (10.0 * f64::from(i % 10), 30.0 * f64::from(i / 10));
+        let range = (east - 30.0).hypot(north - 40.0).hypot(20.0);
+        let level = -40.0 - 25.0 * range.log10();
+        let level = if level < -85.0 { String::new() } else { format!("{:.1}", level.max(-82.0)) };
+        writeln!(text, "{i},{east},{north},20,{level}").expect("a text takes it all");
+    }
+    let file = write(&folder, "flight.csv", &text);
+    let locate = |more: &[&str]| {
+        let own = ["locate", "--json", "--estimator", "least-absolute", &file];
+        foxhunt(own.into_iter().chain(more.iter().copied())).json()
+    };
+    let (plain, floor) = (locate(&[]), locate(&["--floor-dbm", "-82"]));
+    let used = |report: &serde_json::Value| report["observations"].as_u64().expect("a count");
+    assert!(used(&plain) < 40, "empty cells are no levels: {plain}");
+    assert_eq!(used(&floor), 40, "and silences of a receiver with a floor");
+    let north = floor["estimate"]["north_m"].as_f64().expect("metres");
+    assert!((north - 40.0).abs() < 3.0, "{floor}");
+}

@@ -2,6 +2,7 @@
 
 mod belief;
 mod curvature;
+mod dependence;
 mod error;
 mod estimator;
 mod expansion;
@@ -12,6 +13,7 @@ mod modes;
 mod problem;
 mod solver;
 
+pub use dependence::independent_share;
 pub use error::BatchError;
 pub use estimator::BatchEstimator;
 pub use fix::BatchFix;

@@ -12,6 +12,8 @@ pub(super) struct Datum<const M: usize> {
     pub(super) observation: Observation<M>,
     /// The same with nothing left but that some components lay below a limit.
     silence: Option<Observation<M>>,
+    /// How many independent observations it stands for.
+    pub(super) count: f64,
 }
 
 impl<const M: usize> Datum<M> {
@@ -19,7 +21,7 @@ impl<const M: usize> Datum<M> {
         let silence =
             (0..M).filter(|i| observation.has(*i)).fold(observation, Observation::without);
         let silence = observation.is_censored().then_some(silence);
-        Self { observation, silence }
+        Self { observation, silence, count: 1.0 }
     }
 
     /// The same without its angles.
@@ -28,7 +30,8 @@ impl<const M: usize> Datum<M> {
         H: MeasurementModel<N, M>,
     {
         let angles = model.axes().map(|axis| axis == Axis::Angle);
-        Self::new((0..M).filter(|i| angles[*i]).fold(self.observation, Observation::without))
+        let rest = (0..M).filter(|i| angles[*i]).fold(self.observation, Observation::without);
+        Self { count: self.count, ..Self::new(rest) }
     }
 
     /// The residual at `x` in units of its noise, zero where a component is missing.
@@ -47,19 +50,19 @@ impl<const M: usize> Datum<M> {
         self.silence.is_some()
     }
 
-    /// The model's log-likelihood of the components below their limits.
+    /// The model's log-likelihood of the components below their limits, as often as it counts.
     fn log_silence<H, const N: usize>(&self, model: &H, x: &State<N>) -> f64
     where
         H: MeasurementModel<N, M>,
     {
-        self.silence.as_ref().map_or(0.0, |silence| model.log_likelihood(x, silence))
+        self.silence.as_ref().map_or(0.0, |silence| self.count * model.log_likelihood(x, silence))
     }
 
     /// The Gaussian's normaliser: −½ m ln 2π − ln |R|^½.
     pub(super) fn normaliser(&self) -> f64 {
         let log_root: f64 =
             self.observation.noise_factor().diagonal().iter().map(|d| libm::log(*d)).sum();
-        -0.5 * number(self.observation.len()) * libm::log(TAU) - log_root
+        self.count * (-0.5 * number(self.observation.len()) * libm::log(TAU) - log_root)
     }
 }
 
@@ -96,7 +99,7 @@ where
     pub(super) fn cost(&self, x: &State<N>) -> f64 {
         let misfit = |datum: &Datum<M>| {
             let m = number(datum.observation.len());
-            self.loss.of(datum.white(self.model, x).norm_squared(), m).0
+            datum.count * self.loss.of(datum.white(self.model, x).norm_squared(), m).0
         };
         let sum: f64 = self.data.iter().map(misfit).sum();
         let apart = self.apart_from_mean(x).map_or(0.0, |w| w.norm_squared());
@@ -111,6 +114,7 @@ where
             let white = datum.white(self.model, x);
             let m = number(datum.observation.len());
             let (misfit, weight) = self.loss.of(white.norm_squared(), m);
+            let (misfit, weight) = (datum.count * misfit, datum.count * weight);
             let jacobian = self.model.jacobian(x, datum.observation.receiver());
             let jacobian = datum.observation.strike(jacobian);
             let slope =
@@ -144,7 +148,8 @@ where
     /// What turns a cost into a log-density: the sum of all normalisers.
     pub(super) fn normaliser(&self) -> f64 {
         let own: f64 = self.data.iter().map(Datum::normaliser).sum();
-        let components = number(self.components());
+        let each = self.data.iter().map(|datum| datum.count * number(datum.observation.len()));
+        let components: f64 = each.sum();
         let prior = self.prior.map_or(0.0, |prior| {
             let log_root: f64 = prior.factor().diagonal().iter().map(|d| libm::log(*d)).sum();
             -0.5 * number(N) * libm::log(TAU) - log_root

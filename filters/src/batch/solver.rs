@@ -8,6 +8,7 @@ use super::{
     belief::posterior,
     iteration::{End, Region},
     modes::{Modes, NoMode, overhead, search, trap},
+    positive_entry,
     problem::{Datum, Problem},
 };
 use crate::{Gaussian, count::number};
@@ -143,7 +144,29 @@ impl<H, const N: usize> BatchSolver<H, N> {
     where
         H: MeasurementModel<N, M>,
     {
+        self.solve_counted(observations, &[], starts)
+    }
+
+    /// The same where each observation stands for so many independent ones, such as a share of one
+    /// where neighbours err alike: its log-likelihood is multiplied by that. Of those without a
+    /// count each counts for one.
+    ///
+    /// # Errors
+    ///
+    /// As [`solve`](Self::solve); [`BatchError::Value`] for a count that is not positive.
+    pub fn solve_counted<const M: usize>(
+        &self,
+        observations: &[Observation<M>],
+        counts: &[f64],
+        starts: &[State<N>],
+    ) -> Result<BatchFix<N>, BatchError>
+    where
+        H: MeasurementModel<N, M>,
+    {
         let mut data: Vec<_> = observations.iter().copied().map(Datum::new).collect();
+        for (index, (datum, count)) in data.iter_mut().zip(counts).enumerate() {
+            datum.count = positive_entry("the count", index, *count)?;
+        }
         let mut starts = starts.to_vec();
         starts.extend(self.prior.as_ref().map(Gaussian::mean));
         let problem = self.problem(&data, 1.0);

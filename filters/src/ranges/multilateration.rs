@@ -1,7 +1,8 @@
 use alloc::vec::Vec;
 
 use foxhunt_core::{
-    MeasurementModel, Observation, Pose, Quantity, State,
+    MeasurementModel, Observation, Pose, Quantity, State, gaussian_log_likelihood,
+    noise::log_normal_cdf,
     parameter::{ParameterError, finite},
 };
 use nalgebra::{Matrix1, Matrix2, RowVector2, Vector1, Vector2, Vector3};
@@ -25,16 +26,24 @@ pub struct SlantRange {
 /// by the error of its square (Caffery 2000), and from both sides of the line that the receivers
 /// lie along: receivers on a line see two places alike, and [`BatchFix::rivals`] shows the other.
 ///
+/// Of the ranges in `beyond` nothing is known but that the target is farther away, up to their σ:
+/// each weighs in by the probability of that (Tobin 1958). Errors count them behind the others.
+///
 /// # Errors
 ///
 /// [`BatchError::TooFew`] below three ranges; [`BatchError::Value`] for a number that is not
 /// finite, or a range or σ that is not positive; [`BatchError::Flat`] when all receivers are in one
 /// place; what [`BatchSolver::solve`] has.
-pub fn multilaterate(ranges: &[SlantRange], target_up: f64) -> Result<BatchFix<2>, BatchError> {
+pub fn multilaterate(
+    ranges: &[SlantRange],
+    beyond: &[SlantRange],
+    target_up: f64,
+) -> Result<BatchFix<2>, BatchError> {
     at_least("ranges", ranges.len(), 3)?;
     finite("target_up", target_up)?;
-    let mut observations = Vec::with_capacity(ranges.len());
-    for (index, SlantRange { receiver, range, sigma }) in ranges.iter().enumerate() {
+    let mut observations = Vec::with_capacity(ranges.len() + beyond.len());
+    let all = ranges.iter().chain(beyond).enumerate();
+    for (index, SlantRange { receiver, range, sigma }) in all {
         for coordinate in receiver {
             finite_entry("the receiver's place", index, *coordinate)?;
         }
@@ -42,35 +51,45 @@ pub fn multilaterate(ranges: &[SlantRange], target_up: f64) -> Result<BatchFix<2
         positive_entry("the range's sigma", index, *sigma)?;
         let receiver = Pose::at(receiver.x, receiver.y, receiver.z);
         let noise = Matrix1::new(sigma * sigma);
-        let observation = Observation::new(0.0, receiver, Vector1::new(*range), noise);
+        let observation = Observation::new(0.0, receiver, Vector1::new(-range), noise);
         // A sigma whose square underflows.
         let name = "the range's sigma";
         let requirement = "a positive number with a positive square";
         let error = ParameterError { name, value: *sigma, requirement };
-        observations.push(observation.map_err(|_| BatchError::Value { index, error })?);
+        let observation = observation.map_err(|_| BatchError::Value { index, error })?;
+        let is_known = index < ranges.len();
+        observations.push(if is_known { observation } else { observation.below(0) });
     }
-    BatchSolver::new(Distance { target_up }).solve(&observations, &starts(ranges, target_up)?)
+    BatchSolver::new(Nearness { target_up }).solve(&observations, &starts(ranges, target_up)?)
 }
 
-/// z = the slant range.
+/// z = the slant range, negated: what is farther away than a limit is below it.
 #[derive(Clone, Copy, Debug)]
-struct Distance {
+struct Nearness {
     target_up: f64,
 }
 
-impl MeasurementModel<2, 1> for Distance {
+impl MeasurementModel<2, 1> for Nearness {
     fn quantities(&self) -> [Quantity; 1] {
         [Quantity::RANGE]
     }
 
     fn expected(&self, target: &State<2>, receiver: &Pose) -> Vector1<f64> {
-        Vector1::new((target.push(self.target_up) - receiver.position).norm())
+        Vector1::new(-(target.push(self.target_up) - receiver.position).norm())
     }
 
     fn jacobian(&self, target: &State<2>, receiver: &Pose) -> RowVector2<f64> {
         let way = target.push(self.target_up) - receiver.position;
         let range = way.norm();
-        if range > 0.0 { way.xy().transpose() / range } else { RowVector2::zeros() }
+        if range > 0.0 { -way.xy().transpose() / range } else { RowVector2::zeros() }
+    }
+
+    fn log_likelihood(&self, target: &State<2>, observation: &Observation<1>) -> f64 {
+        let Some((limit, sigma)) = observation.upper_limit(0) else {
+            return gaussian_log_likelihood(self, target, observation);
+        };
+        let expected = self.expected(target, observation.receiver());
+        log_normal_cdf((limit - expected[0]) / sigma)
     }
 }
 

@@ -9,8 +9,13 @@ use super::{
     marginal::Mixture,
     path::Segments,
     regression::{Products, Regression},
+    silence::Silences,
     whitener::{LANES, Row},
 };
+
+/// What is less probable than the best by so much in the logarithm, before the silences that make
+/// nothing more probable, is nothing beside it.
+const NEGLIGIBLE: f64 = 40.0;
 
 /// The readings' likelihood of a place, with a and σ integrated out and all else summed over.
 #[derive(Debug)]
@@ -29,6 +34,7 @@ pub(super) struct Likelihood {
     freedom: f64,
     /// E σ / √SSR.
     sigma_ratio: f64,
+    silences: Silences,
 }
 
 /// The posterior on one grid.
@@ -76,6 +82,7 @@ impl Likelihood {
         config: &ShadowingGridConfig,
         segments: Segments,
     ) -> Result<Self, ShadowingGridError> {
+        let silences = Silences::new(config, &segments);
         let Segments { receivers, mut values, .. } = segments;
         #[expect(clippy::cast_precision_loss, reason = "capped by a u32")]
         let n = values.len() as f64;
@@ -105,12 +112,13 @@ impl Likelihood {
             gains: config.gain.log_nodes(),
             freedom,
             sigma_ratio,
+            silences,
         })
     }
 
-    /// Where the readings came from, after thinning.
-    pub(super) fn receivers(&self) -> &[Pose] {
-        &self.receivers
+    /// How many segments have a value.
+    pub(super) fn segments(&self) -> usize {
+        self.receivers.len()
     }
 
     /// The posterior over a grid, from the log-density of places before the readings.
@@ -163,6 +171,8 @@ impl Likelihood {
         let mut g = if has_gain { x.clone() } else { Vec::new() };
         let (mut white_x, mut white_g) = (x.clone(), g.clone());
         let mut log_masses = Vec::new();
+        let mut silent: Vec<[[f64; 2]; LANES]> = Vec::new();
+        let mut best = f64::NEG_INFINITY;
         for begin in (0..grid.len()).step_by(LANES) {
             // Past the last cell the lanes repeat it; their results are not read.
             let lanes = LANES.min(grid.len() - begin);
@@ -183,10 +193,17 @@ impl Likelihood {
                     regression.products(&mut white_x, &mut white_g)
                 })
                 .collect();
+            silent.clear();
+            for receiver in self.silences.receivers() {
+                silent.push(core::array::from_fn(|k| regressors(&places[k], receiver)));
+            }
             for k in 0..lanes {
                 let products = blocks.iter().map(|block| &block[k]);
                 let origin = origins.map(|row| row[k]);
-                conditionals.push(self.conditional(products, origin, &mut log_masses));
+                let silent = silent.iter().map(|both| both[k]);
+                let cell = self.conditional(products, origin, silent, best, &mut log_masses);
+                best = best.max(cell.log_mass);
+                conditionals.push(cell);
             }
         }
         conditionals
@@ -203,24 +220,46 @@ impl Likelihood {
         origin
     }
 
+    /// The best intercept in the readings' unit, where a row of regressors was taken out first.
+    fn intercept(
+        &self,
+        regression: &Regression,
+        products: &Products,
+        [b, c]: [f64; 2],
+        origin: [f64; 2],
+    ) -> f64 {
+        self.offset + regression.intercept(products, b, c) - b * origin[0] - c * origin[1]
+    }
+
     /// ln p(values | cell) up to a constant: Σ w_b w_c |C|^−½ (u·u)^−½ SSR(b, c)^(−ν/2) over the
     /// slopes, the gains and the correlations (Handcock & Stein 1993), and what goes with it.
     fn conditional<'a>(
         &self,
         products: impl Iterator<Item = &'a Products> + Clone,
         origin: [f64; 2],
+        silent: impl Iterator<Item = [f64; 2]> + Clone,
+        best: f64,
         log_masses: &mut Vec<(f64, f64)>,
     ) -> Conditional {
         let correlations = || self.regressions.iter().zip(products.clone());
         log_masses.clear();
         let mut peak = f64::NEG_INFINITY;
-        for (regression, products) in correlations() {
+        for (correlation, (regression, products)) in correlations().enumerate() {
+            let per_one = if self.intercept_is_flat { 1.0 / regression.ones_square() } else { 0.0 };
             for &(b, b_weight) in &self.slopes {
                 for &(c, c_weight) in &self.gains {
                     let square = regression.residual_square(products, b, c);
                     let log_mass = regression.log_scale() + b_weight + c_weight
                         - 0.5 * self.freedom * libm::log(square);
-                    let log_mass = if log_mass.is_nan() { f64::NEG_INFINITY } else { log_mass };
+                    let mut log_mass = if log_mass.is_nan() { f64::NEG_INFINITY } else { log_mass };
+                    // Silence makes nothing more probable.
+                    if !self.silences.is_empty() && log_mass > best.max(peak) - NEGLIGIBLE {
+                        let intercept = self.intercept(regression, products, [b, c], origin);
+                        let deviation =
+                            libm::sqrt(square / (self.freedom - 2.0).max(1.0) * (1.0 + per_one));
+                        let expected = silent.clone().map(|[x, g]| intercept + b * x + c * g);
+                        log_mass += self.silences.log_probability(expected, deviation, correlation);
+                    }
                     peak = peak.max(log_mass);
                     log_masses.push((log_mass, square));
                 }
@@ -257,9 +296,7 @@ impl Likelihood {
                     given.sigma.add(weight, mean, variance - mean * mean);
                     let of_intercept =
                         if self.intercept_is_flat { variance * per_one } else { 0.0 };
-                    let best = self.offset + regression.intercept(products, b, c)
-                        - b * origin[0]
-                        - c * origin[1];
+                    let best = self.intercept(regression, products, [b, c], origin);
                     given.intercept.add(weight, best, of_intercept);
                 }
             }

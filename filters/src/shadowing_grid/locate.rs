@@ -2,8 +2,8 @@ use foxhunt_core::Pose;
 use nalgebra::Vector2;
 
 use super::{
-    ShadowingFix, ShadowingGridConfig, ShadowingGridError, Slope, likelihood::Likelihood,
-    marginal::Mixture, path::Segments, search::Search,
+    ShadowedReading, ShadowingFix, ShadowingGridConfig, ShadowingGridError, Slope,
+    likelihood::Likelihood, marginal::Mixture, path::Segments, search::Search,
 };
 
 /// A batch estimator for one still target and many readings of an omnidirectional receiver.
@@ -71,6 +71,11 @@ impl ShadowingGrid {
 
     /// Locates the target of `readings`, given in the order in which they were taken.
     ///
+    /// A segment of which nothing is known but that its value lay below a limit weighs in by the
+    /// probability of that, Φ((limit − a − b x − c g) / s), with a, σ and so s as the other
+    /// segments have them, to the power 1 / Σⱼ Cᵢⱼ over all such segments: those that fade together
+    /// count as one (a composite likelihood: Varin, Reid & Firth 2011).
+    ///
     /// `regressors` are x and g for a target at the given East and North and a receiver; a place
     /// for which they are not finite is held impossible. Where the prior of the place reaches
     /// beyond the area and there is mass on its border, up to six wider grids follow; where the
@@ -82,21 +87,23 @@ impl ShadowingGrid {
     /// Names the first reading that is not finite; and when fewer than four segments remain,
     /// when all of them are above one place, when the correlation has no factor (a nugget of 0
     /// and coinciding places), or when no cell has a finite likelihood.
-    pub fn locate<F>(
+    pub fn locate<R, F>(
         &self,
-        readings: &[(Pose, f64)],
+        readings: &[R],
         regressors: F,
     ) -> Result<ShadowingFix, ShadowingGridError>
     where
+        R: Copy + Into<ShadowedReading>,
         F: Fn(&Vector2<f64>, &Pose) -> [f64; 2],
     {
         let config = &self.config;
         let most = config.max_segments as usize;
         let segments = Segments::along(readings, config.segment_m, most, config.quantile)?;
         let segment_m = segments.segment_m;
+        let silent = segments.silences.iter().map(|(receiver, _)| receiver);
+        let (low, high) = bounds(segments.receivers.iter().chain(silent));
         let likelihood = Likelihood::new(config, segments)?;
 
-        let (low, high) = bounds(likelihood.receivers());
         let log_prior = config.place.log_density(&low, &high);
         let search = Search {
             low,
@@ -132,7 +139,7 @@ impl ShadowingGrid {
                 .collect(),
             nuggets: config.nuggets.iter().enumerate().map(of_nugget).collect(),
             border_mass: searched.map.border_mass(),
-            segments: likelihood.receivers().len(),
+            segments: likelihood.segments(),
             segment_m,
             map: searched.map,
             refined: refined.map(|posterior| posterior.map),
@@ -141,8 +148,10 @@ impl ShadowingGrid {
 }
 
 /// The corners of the receivers' bounding box.
-pub(crate) fn bounds(receivers: &[Pose]) -> (Vector2<f64>, Vector2<f64>) {
-    let places = receivers.iter().map(|receiver| receiver.position.xy());
+pub(crate) fn bounds<'a>(
+    receivers: impl IntoIterator<Item = &'a Pose>,
+) -> (Vector2<f64>, Vector2<f64>) {
+    let places = receivers.into_iter().map(|receiver| receiver.position.xy());
     let nowhere = (Vector2::repeat(f64::INFINITY), Vector2::repeat(f64::NEG_INFINITY));
     places.fold(nowhere, |(low, high), place| (low.inf(&place), high.sup(&place)))
 }

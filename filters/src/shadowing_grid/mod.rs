@@ -16,6 +16,7 @@ mod marginal;
 mod path;
 mod regression;
 mod search;
+mod silence;
 mod whitener;
 
 pub use config::{Intercept, PlacePrior, ShadowingGridConfig, Slope};
@@ -26,6 +27,7 @@ pub use locate::ShadowingGrid;
 #[cfg(feature = "batch")]
 pub(crate) use locate::bounds;
 pub use marginal::Marginal;
+pub use path::ShadowedReading;
 
 #[cfg(feature = "field-map")]
 pub(crate) use path::Segments;

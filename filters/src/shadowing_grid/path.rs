@@ -4,6 +4,24 @@ use foxhunt_core::{Pose, angle::Resultant, nalgebra::Vector3};
 
 use super::ShadowingGridError;
 
+/// A reading of [`ShadowingGrid`](super::ShadowingGrid).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShadowedReading {
+    /// Where it was taken.
+    pub receiver: Pose,
+    /// What was read.
+    pub value: f64,
+    /// Whether nothing is known but that the true value lay below this one, as at the floor of a
+    /// receiver.
+    pub is_below: bool,
+}
+
+impl From<(Pose, f64)> for ShadowedReading {
+    fn from((receiver, value): (Pose, f64)) -> Self {
+        Self { receiver, value, is_below: false }
+    }
+}
+
 /// A path's readings, made one per segment.
 #[derive(Clone, Debug)]
 pub(crate) struct Segments {
@@ -11,6 +29,8 @@ pub(crate) struct Segments {
     pub(crate) receivers: Vec<Pose>,
     /// The value of each segment, a quantile of its readings.
     pub(crate) values: Vec<f64>,
+    /// The segments whose quantile is but a limit, below which it lay.
+    pub(crate) silences: Vec<(Pose, f64)>,
     /// The length of a segment in metres, after it was made long enough for the cap.
     pub(crate) segment_m: f64,
 }
@@ -20,13 +40,18 @@ impl Segments {
     ///
     /// A jump, or a slow receiver, moves on by as many segments as it flew; one that hovers
     /// stays in its own. A segment's value is a quantile: one bad reading does not move its median.
-    pub(crate) fn along(
-        readings: &[(Pose, f64)],
+    pub(crate) fn along<R>(
+        readings: &[R],
         segment_m: f64,
         max_segments: usize,
         quantile: f64,
-    ) -> Result<Self, ShadowingGridError> {
-        for (index, (receiver, value)) in readings.iter().enumerate() {
+    ) -> Result<Self, ShadowingGridError>
+    where
+        R: Copy + Into<ShadowedReading>,
+    {
+        let readings: Vec<ShadowedReading> = readings.iter().map(|r| (*r).into()).collect();
+        let readings = readings.as_slice();
+        for (index, ShadowedReading { receiver, value, .. }) in readings.iter().enumerate() {
             if !value.is_finite() {
                 return Err(ShadowingGridError::Value { index, value: *value });
             }
@@ -35,10 +60,10 @@ impl Segments {
             }
         }
         let flown_m = distances_flown(readings);
-        if let [(first, _), _, _, _, ..] = readings
-            && readings.iter().all(|(pose, _)| pose.position.xy() == first.position.xy())
+        if let [first, _, _, _, ..] = readings
+            && readings.iter().all(|r| r.receiver.position.xy() == first.receiver.position.xy())
         {
-            let (east, north) = (first.position.x, first.position.y);
+            let (east, north) = (first.receiver.position.x, first.receiver.position.y);
             return Err(ShadowingGridError::OnePlace { east, north });
         }
         let mut segment_m = segment_m;
@@ -54,11 +79,17 @@ impl Segments {
                 groups = cut(&flown_m, segment_m);
             }
         }
-        let mut thinned = Self { receivers: Vec::new(), values: Vec::new(), segment_m };
+        let (receivers, values, silences) = <(Vec<_>, Vec<_>, Vec<_>)>::default();
+        let mut thinned = Self { receivers, values, silences, segment_m };
         for group in groups {
             let readings = readings.get(group).unwrap_or_default();
-            thinned.receivers.push(mean_pose(readings));
-            thinned.values.push(quantile_of(readings, quantile));
+            let (value, is_below) = quantile_of(readings, quantile);
+            if is_below {
+                thinned.silences.push((mean_pose(readings), value));
+            } else {
+                thinned.receivers.push(mean_pose(readings));
+                thinned.values.push(value);
+            }
         }
         let segments = thinned.receivers.len();
         if segments < 4 {
@@ -69,11 +100,11 @@ impl Segments {
 }
 
 /// The distance flown until each reading.
-fn distances_flown(readings: &[(Pose, f64)]) -> Vec<f64> {
-    let (mut flown_m, mut last) = (0.0, readings.first().map(|(pose, _)| pose.position));
+fn distances_flown(readings: &[ShadowedReading]) -> Vec<f64> {
+    let (mut flown_m, mut last) = (0.0, readings.first().map(|r| r.receiver.position));
     let mut distances = Vec::with_capacity(readings.len());
-    for (pose, _) in readings {
-        let here = pose.position;
+    for reading in readings {
+        let here = reading.receiver.position;
         flown_m += last.map_or(0.0, |last| (here - last).norm());
         distances.push(flown_m);
         last = Some(here);
@@ -100,19 +131,21 @@ fn cut(flown_m: &[f64], segment_m: f64) -> Vec<core::ops::Range<usize>> {
 }
 
 /// The mean place, and the mean direction of the nose; that of the first where they cancel.
-fn mean_pose(readings: &[(Pose, f64)]) -> Pose {
+fn mean_pose(readings: &[ShadowedReading]) -> Pose {
     #[expect(clippy::cast_precision_loss, reason = "readings do not come by the quadrillion")]
     let count = readings.len() as f64;
-    let sum: Vector3<f64> = readings.iter().map(|(pose, _)| pose.position).sum();
-    let headings: Resultant = readings.iter().map(|(pose, _)| pose.heading).collect();
-    let first = readings.first().map_or(0.0, |(pose, _)| pose.heading);
+    let sum: Vector3<f64> = readings.iter().map(|r| r.receiver.position).sum();
+    let headings: Resultant = readings.iter().map(|r| r.receiver.heading).collect();
+    let first = readings.first().map_or(0.0, |r| r.receiver.heading);
     Pose::level(sum / count, headings.direction(1e-9).unwrap_or(first))
 }
 
 /// A quantile of the values, between two of them by a straight line (Hyndman & Fan 1996, type 7).
-fn quantile_of(readings: &[(Pose, f64)], quantile: f64) -> f64 {
-    let mut values: Vec<f64> = readings.iter().map(|&(_, value)| value).collect();
-    values.sort_unstable_by(f64::total_cmp);
+///
+/// What lay below a limit is below all else. Whether the quantile itself is but a limit.
+fn quantile_of(readings: &[ShadowedReading], quantile: f64) -> (f64, bool) {
+    let mut values: Vec<_> = readings.iter().map(|r| (r.value, r.is_below)).collect();
+    values.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.total_cmp(&b.0)));
     #[expect(clippy::cast_precision_loss, reason = "readings do not come by the quadrillion")]
     let at = quantile * values.len().saturating_sub(1) as f64;
     #[expect(
@@ -121,9 +154,9 @@ fn quantile_of(readings: &[(Pose, f64)], quantile: f64) -> f64 {
         reason = "within the values, as the quantile is in [0, 1]"
     )]
     let below = at as usize;
-    let value = |index: usize| values.get(index).copied();
-    let low = value(below).unwrap_or(f64::NAN);
-    value(below + 1).map_or(low, |high| low + (at - libm::floor(at)) * (high - low))
+    let low = values.get(below).copied().unwrap_or((f64::NAN, false));
+    let high = values.get(below + 1).filter(|_| !low.1).map_or(low.0, |high| high.0);
+    (low.0 + (at - libm::floor(at)) * (high - low.0), low.1)
 }
 
 #[cfg(test)]
@@ -131,8 +164,8 @@ mod tests {
     use super::*;
 
     /// Readings along East at the given places, each with its own value.
-    fn path(points: &[(f64, f64)]) -> Vec<(Pose, f64)> {
-        points.iter().map(|&(east, value)| (Pose::at(east, 3.0, 20.0), value)).collect()
+    fn path(points: &[(f64, f64)]) -> Vec<ShadowedReading> {
+        points.iter().map(|&(east, value)| (Pose::at(east, 3.0, 20.0), value).into()).collect()
     }
 
     #[test]
@@ -161,14 +194,15 @@ mod tests {
     fn a_high_quantile_passes_over_fades() {
         let readings =
             path(&[(0.0, -60.0), (1.0, -50.0), (2.0, -90.0), (3.0, -52.0), (4.0, -85.0)]);
-        let quantile = |q| quantile_of(&readings, q);
+        let quantile = |q| quantile_of(&readings, q).0;
         assert!((quantile(0.9) - -50.8).abs() < 1e-12 && (quantile(1.0) - -50.0).abs() < 1e-12);
         assert!((quantile(0.5) - -60.0).abs() < 1e-12 && (quantile(0.0) - -90.0).abs() < 1e-12);
     }
 
     #[test]
     fn climbing_is_flying() {
-        let climb = |up| (Pose::at(if up > 40 { 1.0 } else { 0.0 }, 0.0, f64::from(up)), 0.0);
+        let climb =
+            |up| (Pose::at(if up > 40 { 1.0 } else { 0.0 }, 0.0, f64::from(up)), 0.0).into();
         let readings: Vec<_> = (0..50).map(climb).collect();
         let segments = Segments::along(&readings, 10.0, 300, 0.5).expect("proper");
         assert_eq!(segments.values.len(), 5);

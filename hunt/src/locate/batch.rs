@@ -1,11 +1,12 @@
 use foxhunt_core::{Estimate, MeasurementModel, Observation, Reception, State};
-use foxhunt_filters::{BatchFix, BatchSolver, Loss};
-use foxhunt_sensors::{LogDistance, RssBearing};
+use foxhunt_filters::{BatchFix, BatchSolver, Loss, independent_share};
+use foxhunt_sensors::{Censored, LogDistance, RssBearing};
+use nalgebra::{DMatrix, Vector2};
 
 use super::{
     LocateConfig, LocateError, Located, Locator, Power, Rival,
     area::{Area, free_power, reference_power},
-    located::pairs,
+    located::{pairs, several_places},
 };
 
 /// ν of Student's t (Lange, Little & Taylor 1989).
@@ -14,11 +15,13 @@ const DEGREES: f64 = 4.0;
 /// Optima with less than this share of the best one's density are not reported.
 const LEAST_RELATIVE_DENSITY: f64 = 0.01;
 
+/// Residuals of less than this mean square are within their σ, and their pattern is of no account.
+const WITHIN_SIGMA: f64 = 0.5;
+
 /// The most probable place given all levels and bearings at once, with residuals as Student's t has
-/// them and all σ inflated as they scatter, from nine starts ([`BatchSolver`]).
-///
-/// It takes errors for independent: its ellipse is much too small where neighbouring levels fade
-/// alike, as along a flight.
+/// them, from nine starts ([`BatchSolver`]). Levels below the receiver's floor are known to lay
+/// there. A level counts for as much of an independent one as the residuals of neighbours, and
+/// their spread, leave of it ([`independent_share`]); σ of bearings are inflated as they scatter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MultiStart;
 
@@ -32,11 +35,20 @@ impl Locator for MultiStart {
         let up = config.target_up_m;
         let starts = area.lattice(3).collect::<Vec<_>>();
         let observations = pairs(receptions)?;
+        let has_levels = receptions.iter().any(|r| r.level.is_some());
+        let has_bearings = receptions.iter().any(Reception::has_bearing);
+        // A known power makes a range of a level, and a range and a bearing make a place.
+        if !(has_levels && has_bearings && matches!(config.power, Power::Known { .. })) {
+            let what = if has_bearings { "bearings" } else { "levels" };
+            let used = receptions.iter().filter(|r| r.level.is_some() || r.has_bearing());
+            several_places(what, used.map(|r| r.receiver))?;
+        }
         match config.power {
             Power::Known { reference_dbm, exponent } => {
                 let model = RssBearing::new(LogDistance::new(reference_dbm, exponent)?)
                     .with_target_up(up)?;
-                Ok(located(&observations, &solve(&observations, model, area.prior(), &starts)?))
+                let model = Censored::new(model);
+                located(&observations, model, area.prior(), &starts)
             }
             Power::Free | Power::FreeReference { .. } => {
                 let exponent = config.power.exponent();
@@ -45,36 +57,81 @@ impl Locator for MultiStart {
                 for place in starts {
                     with_power.push(place.push(reference_power(receptions, &place, up, exponent)?));
                 }
-                Ok(located(&observations, &solve(&observations, model, prior, &with_power)?))
+                located(&observations, Censored::new(model), prior, &with_power)
             }
         }
     }
 }
 
-fn solve<H, const N: usize>(
+fn located<H, const N: usize>(
     observations: &[Observation<2>],
     model: H,
     prior: Estimate<N>,
     starts: &[State<N>],
-) -> Result<BatchFix<N>, LocateError>
+) -> Result<Located, LocateError>
 where
-    H: MeasurementModel<N, 2>,
+    H: MeasurementModel<N, 2> + Copy,
 {
-    let solver = BatchSolver::new(model)
-        .with_prior(prior)
-        .and_then(|solver| solver.with_loss(Loss::StudentT { degrees: DEGREES }))
-        .map(BatchSolver::with_inflation);
-    Ok(solver?.solve(observations, starts)?)
-}
-
-fn located<const N: usize>(observations: &[Observation<2>], fix: &BatchFix<N>) -> Located {
+    let solver = BatchSolver::new(model).with_prior(prior)?;
+    let solver = solver.with_loss(Loss::StudentT { degrees: DEGREES })?;
+    let solver = solver.with_inflation();
+    let mut fix = solver.solve(observations, starts)?;
+    let share = share_of_levels(observations, &model, &fix);
+    if share < 1.0 {
+        // Level and bearing of one reception no longer count alike.
+        let (mut parts, mut counts) = (Vec::new(), Vec::new());
+        for observation in observations {
+            let (level, bearing) = (observation.without(1), observation.without(0));
+            if !level.is_empty() || level.is_censored() {
+                parts.push(level);
+                counts.push(share);
+            }
+            if !bearing.is_empty() {
+                parts.push(bearing);
+                counts.push(1.0);
+            }
+        }
+        fix = solver.solve_counted(&parts, &counts, starts)?;
+    }
+    let used = |o: &&Observation<2>| !o.is_empty() || o.is_censored();
     let rivals = fix.rivals.iter().map(|(state, log_ratio)| Rival {
         place: state.fixed_rows::<2>(0).into_owned(),
         relative_density: log_ratio.exp(),
     });
-    Located {
-        observations: observations.iter().filter(|o| !o.is_empty()).count(),
+    Ok(Located {
+        observations: observations.iter().filter(used).count(),
         rivals: rivals.filter(|r| r.relative_density >= LEAST_RELATIVE_DENSITY).collect(),
         ..Located::at(fix.estimate.position())
+    })
+}
+
+/// How many independent levels each stands for, by the residuals of a fit with its weights, in units
+/// of their own spread: how large they are the fit's inflation takes care of.
+fn share_of_levels<H, const N: usize>(
+    observations: &[Observation<2>],
+    model: &H,
+    fix: &BatchFix<N>,
+) -> f64
+where
+    H: MeasurementModel<N, 2>,
+{
+    let state = &fix.estimate.mean;
+    let (mut places, mut residuals, mut slopes) = (Vec::new(), Vec::new(), Vec::new());
+    let mut squares = 0.0;
+    for (observation, weight) in observations.iter().zip(&fix.weights).filter(|(o, _)| o.has(0)) {
+        let receiver = observation.receiver();
+        let sigma = observation.noise()[(0, 0)].sqrt();
+        let expected = model.expected(state, receiver);
+        let place: Vector2<f64> = receiver.position.xy();
+        places.push(place);
+        let residual = model.residual(observation.value(), &expected)[0] / sigma;
+        residuals.push(weight * residual);
+        squares += (weight * residual).powi(2);
+        slopes.extend(model.jacobian(state, receiver).row(0).iter().map(|slope| slope / sigma));
     }
+    let count = f64::from(u32::try_from(residuals.len().max(1)).unwrap_or(u32::MAX));
+    let unit = (squares / count).max(WITHIN_SIGMA).sqrt();
+    residuals.iter_mut().for_each(|residual| *residual /= unit);
+    let jacobian = DMatrix::from_row_slice(residuals.len(), N, &slopes);
+    independent_share(&places, &residuals, &jacobian)
 }

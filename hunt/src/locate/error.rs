@@ -35,6 +35,19 @@ pub enum LocateError {
         /// Which one.
         quantity: Quantity,
     },
+    /// All receptions were made in one place, which they cannot be told apart from others by.
+    #[error(
+        "all {what} were received at ({east}, {north}) m: from one place they leave open where the \
+         transmitter is"
+    )]
+    OnePlace {
+        /// What was received.
+        what: &'static str,
+        /// The place's East in metres.
+        east: f64,
+        /// Its North in metres.
+        north: f64,
+    },
     /// The estimator needs to know the power.
     #[error("it needs the transmitter's power and the exponent (--p0-dbm, --exponent)")]
     NoPower,

@@ -1,13 +1,17 @@
-use foxhunt_core::{Estimate, Pose, Reception};
-use foxhunt_filters::BatchError;
+use foxhunt_core::{Estimate, Reception};
+use foxhunt_filters::{BatchError, ShadowedReading};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::{Area, LocateConfig, LocateError, Located, Locator, Power, located::levels};
+use super::{
+    Area, LocateConfig, LocateError, Located, Locator, Power,
+    located::{levels_and_silences, several_places},
+};
 
 /// The place, the exponent and P₀ of a log-distance law for which the absolute residuals of the
 /// levels have the least sum: what most people fit. A baseline: its covariance (Koenker & Bassett
 /// 1978, theorem 4.2, with Laplace's density) takes levels for independent, which those along a
-/// flight are not.
+/// flight are not. A silence has a residual where a level above its floor is expected (Powell
+/// 1984, "censored regression").
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LeastAbsolute;
 
@@ -16,7 +20,7 @@ const EXPONENTS: core::ops::RangeInclusive<f64> = 1.0..=5.0;
 
 /// One fit's levels, and what is known.
 struct Fit<'a> {
-    levels: &'a [(Pose, f64)],
+    levels: &'a [ShadowedReading],
     up: f64,
     reference_dbm: Option<f64>,
     exponent: Option<f64>,
@@ -29,22 +33,20 @@ impl Fit<'_> {
         // Nearer than a metre the law has no meaning.
         self.levels
             .iter()
-            .map(move |(pose, _)| -10.0 * (place - pose.position).norm().max(1.0).log10())
+            .map(move |r| -10.0 * (place - r.receiver.position).norm().max(1.0).log10())
     }
 
     /// The mean absolute residual of a place and an exponent, with the best P₀.
     fn cost(&self, at: &Vector3<f64>) -> f64 {
         let exponent = self.exponent.unwrap_or(at.z);
-        let values = self.levels.iter().map(|(_, level)| level);
-        let mut residuals: Vec<f64> =
-            values.zip(self.attenuations(at.xy())).map(|(level, x)| level - exponent * x).collect();
-        let half = residuals.len() / 2;
-        let middle = self
-            .reference_dbm
-            .unwrap_or_else(|| *residuals.select_nth_unstable_by(half, f64::total_cmp).1);
+        let levels = self.levels.iter().zip(self.attenuations(at.xy()));
+        // Without P₀; of a silence that of its floor.
+        let residuals: Vec<(f64, bool)> =
+            levels.map(|(r, x)| (r.value - exponent * x, r.is_below)).collect();
+        let middle = self.reference_dbm.unwrap_or_else(|| best_reference(&residuals));
         let possible = self.exponent.is_some() || EXPONENTS.contains(&at.z);
         let beyond = if possible { 0.0 } else { f64::INFINITY };
-        beyond + mean(residuals.iter().map(|residual| (residual - middle).abs()))
+        beyond + mean_absolute(&residuals, middle)
     }
 
     /// The least cost from a start on, by steps along the axes that halve where none helps
@@ -52,14 +54,18 @@ impl Fit<'_> {
     fn descend(&self, start: Vector3<f64>, step_m: f64) -> (Vector3<f64>, f64) {
         let (mut at, mut step) = (start, Vector3::new(step_m, step_m, 0.4));
         let mut cost = self.cost(&at);
-        while step.x > 0.05 {
+        // Levels that are nearly alike fit ever better from ever farther away.
+        for _ in 0..MOST_ROUNDS {
+            if step.x < 0.05 {
+                break;
+            }
             let mut improved = false;
             for axis in 0..3 {
                 for sign in [1.0, -1.0] {
                     let mut next = at;
                     next[axis] += sign * step[axis];
                     let next_cost = self.cost(&next);
-                    if next_cost < cost {
+                    if next_cost < cost * (1.0 - 1e-9) {
                         (at, cost, improved) = (next, next_cost, true);
                     }
                 }
@@ -70,6 +76,32 @@ impl Fit<'_> {
         }
         (at, cost)
     }
+}
+
+/// The mean absolute residual about a middle; a silence has none where less than its floor is
+/// expected.
+fn mean_absolute(residuals: &[(f64, bool)], middle: f64) -> f64 {
+    let absolute = |&(residual, is_below): &(f64, bool)| {
+        let off: f64 = residual - middle;
+        if is_below { (-off).max(0.0) } else { off.abs() }
+    };
+    mean(residuals.iter().map(absolute))
+}
+
+/// The middle with the least mean absolute residual: where as many levels lie above as lie below
+/// together with the silences whose floors do.
+fn best_reference(residuals: &[(f64, bool)]) -> f64 {
+    let mut sorted = residuals.to_vec();
+    sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    // The slope below all of them; a level's residual turns by 2, a silence's by 1.
+    let mut slope: i64 = -sorted.iter().map(|(_, is_below)| i64::from(!is_below)).sum::<i64>();
+    for (residual, is_below) in &sorted {
+        slope += if *is_below { 1 } else { 2 };
+        if slope >= 0 {
+            return *residual;
+        }
+    }
+    sorted.last().map_or(0.0, |last| last.0)
 }
 
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
@@ -83,10 +115,12 @@ impl Locator for LeastAbsolute {
         receptions: &[Reception],
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
-        let levels = levels(receptions)?;
-        if levels.len() < 5 {
-            return Err(BatchError::TooFew { what: "levels", have: levels.len(), need: 5 }.into());
+        let levels = levels_and_silences(receptions)?;
+        let have = levels.iter().filter(|reading| !reading.is_below).count();
+        if have < 5 {
+            return Err(BatchError::TooFew { what: "levels", have, need: 5 }.into());
         }
+        several_places("levels", levels.iter().map(|reading| reading.receiver))?;
         let (reference_dbm, exponent) = match config.power {
             Power::Free => (None, None),
             Power::FreeReference { exponent } => (None, Some(exponent)),
@@ -102,10 +136,14 @@ impl Locator for LeastAbsolute {
         starts.sort_by(|a, b| a.1.total_cmp(&b.1));
         let step_m = area.side() / f64::from(STARTS);
         let ends = starts.iter().take(DESCENTS).map(|start| fit.descend(start.0, step_m));
-        let (best, cost) = ends
+        let (best, _) = ends
             .min_by(|a, b| a.1.total_cmp(&b.1))
             .filter(|(_, cost)| cost.is_finite())
             .ok_or(BatchError::Flat { rcond: 0.0 })?;
+        // Silences, which have no residual as a rule, hold nothing about how well levels fit.
+        let heard: Vec<_> = levels.iter().filter(|reading| !reading.is_below).copied().collect();
+        let fit = Fit { levels: &heard, ..fit };
+        let cost = fit.cost(&best);
         // Σ g gᵀ of the residuals' gradients, without their mean, which is P₀'s.
         let gradient = |step: Vector2<f64>| {
             let exponent = exponent.unwrap_or(best.z);
@@ -119,7 +157,7 @@ impl Locator for LeastAbsolute {
             gradient(Vector2::x()),
             gradient(Vector2::y()),
             if exponent.is_some() {
-                vec![0.0; levels.len()]
+                vec![0.0; heard.len()]
             } else {
                 fit.attenuations(best.xy()).collect()
             },
@@ -148,6 +186,9 @@ impl Locator for LeastAbsolute {
 
 /// How many starts there are along each side of the area.
 const STARTS: u8 = 15;
+
+/// How often a descent tries a step along each axis.
+const MOST_ROUNDS: u16 = 400;
 
 /// From how many of them, the best, a descent begins.
 const DESCENTS: usize = 6;

@@ -1,7 +1,7 @@
 #[cfg(feature = "batch")]
 use foxhunt_core::{ByQuantity, Intake, Observation, Quantity};
 use foxhunt_core::{Ellipse, Estimate, Pose, Reception};
-use foxhunt_filters::Marginal;
+use foxhunt_filters::{Marginal, ShadowedReading};
 use nalgebra::Vector2;
 use serde::Serialize;
 
@@ -178,21 +178,57 @@ pub trait Locator: Send + Sync {
     ) -> Result<Located, LocateError>;
 }
 
-/// Level and bearing of each reception.
+/// Level or silence, and bearing, of each reception.
 #[cfg(feature = "batch")]
 pub(super) fn pairs(receptions: &[Reception]) -> Result<Vec<Observation<2>>, LocateError> {
     let intake = ByQuantity([Quantity::RSS, Quantity::BEARING]);
     let mut observations = Vec::with_capacity(receptions.len());
     for (index, reception) in receptions.iter().enumerate() {
-        let made = intake.observation(reception).map_err(|source| LocateError::Reception {
+        // A silence is an observation of the floor, below which the level lay.
+        let stood_in = Reception { level: reception.level.or(reception.silence), ..*reception };
+        let made = intake.observation(&stood_in).map_err(|source| LocateError::Reception {
             index,
             time: reception.time,
             source: source.into(),
         })?;
-        observations.extend(made);
+        let is_silence = reception.level.is_none() && reception.silence.is_some();
+        observations.extend(made.map(|o| if is_silence { o.below(0) } else { o }));
     }
     Ok(observations)
 }
+
+/// The levels along the path, and the floors of silences among them; at least one level.
+pub(super) fn levels_and_silences(
+    receptions: &[Reception],
+) -> Result<Vec<ShadowedReading>, LocateError> {
+    let reading = |r: &Reception| {
+        let level = r.level.or(r.silence)?;
+        let is_below = r.level.is_none();
+        Some(ShadowedReading { receiver: r.receiver, value: level.rss_dbm, is_below })
+    };
+    let readings: Vec<_> = receptions.iter().filter_map(reading).collect();
+    let has_levels = readings.iter().any(|reading| !reading.is_below);
+    if has_levels { Ok(readings) } else { Err(LocateError::NoLevels) }
+}
+
+/// Refuses receptions of a single place for a quantity that fixes none from there.
+#[cfg(feature = "batch")]
+pub(super) fn several_places(
+    what: &'static str,
+    mut receivers: impl Iterator<Item = Pose>,
+) -> Result<(), LocateError> {
+    let Some(first) = receivers.next().map(|receiver| receiver.position.xy()) else {
+        return Ok(());
+    };
+    if receivers.all(|receiver| (receiver.position.xy() - first).norm() < ONE_PLACE_M) {
+        return Err(LocateError::OnePlace { what, east: first.x, north: first.y });
+    }
+    Ok(())
+}
+
+/// Receivers nearer to each other than this are in one place.
+#[cfg(feature = "batch")]
+const ONE_PLACE_M: f64 = 0.1;
 
 /// The levels, each with its receiver, along the path.
 pub(super) fn levels(receptions: &[Reception]) -> Result<Vec<(Pose, f64)>, LocateError> {

@@ -1,14 +1,14 @@
-use foxhunt_core::{Measured, Quantity, Reception};
+use foxhunt_core::{Level, Measured, Quantity, Reception};
 use foxhunt_filters::{
     BatchSolver, SlantRange, SlantRangeDifference, multilaterate, spherical_intersection,
 };
 use foxhunt_sensors::{LogDistance, Propagation, RangeDifference};
-use nalgebra::{Matrix1, Vector1};
+use nalgebra::{Matrix1, Vector1, Vector3};
 
 use super::{LocateConfig, LocateError, Located, Locator, Power, Rival};
 
 /// The place from ranges: measured ones, or those that levels have by a known law of propagation
-/// (`filters::multilaterate`).
+/// (`filters::multilaterate`); a silence is farther away than its floor would be.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Multilateration;
 
@@ -24,33 +24,38 @@ impl Locator for Multilateration {
             Some(SlantRange { receiver, range: range.value, sigma: range.sigma })
         };
         let mut ranges: Vec<SlantRange> = receptions.iter().filter_map(measured).collect();
+        let mut beyond = Vec::new();
         if ranges.is_empty() {
             let Power::Known { reference_dbm, exponent } = config.power else {
                 return Err(LocateError::NoPower);
             };
             let law = LogDistance::new(reference_dbm, exponent)?;
-            ranges = receptions.iter().filter_map(|r| from_level(r, &law)).collect();
+            let range = |r: &Reception, level: Option<Level>| {
+                Some(range_of(level?, r.receiver.position, &law))
+            };
+            ranges = receptions.iter().filter_map(|r| range(r, r.level)).collect();
+            beyond = receptions.iter().filter_map(|r| range(r, r.silence)).collect();
         }
         if ranges.is_empty() {
             return Err(LocateError::NoLevels);
         }
-        let fix = multilaterate(&ranges, config.target_up_m)?;
+        let fix = multilaterate(&ranges, &beyond, config.target_up_m)?;
         let rivals = fix
             .rivals
             .iter()
             .map(|(place, log_ratio)| Rival { place: *place, relative_density: log_ratio.exp() });
         let rivals = rivals.collect();
-        Ok(Located { observations: ranges.len(), rivals, ..Located::at(fix.estimate) })
+        let observations = ranges.len() + beyond.len();
+        Ok(Located { observations, rivals, ..Located::at(fix.estimate) })
     }
 }
 
 /// The range at which a law has a level; its σ to first order.
-fn from_level(reception: &Reception, law: &LogDistance) -> Option<SlantRange> {
-    let level = reception.level?;
+fn range_of(level: Level, receiver: Vector3<f64>, law: &LogDistance) -> SlantRange {
     let decades = (law.rss_dbm(1.0) - level.rss_dbm) / (10.0 * law.exponent());
     let range = 10.0_f64.powf(decades);
     let sigma = range * level.sigma_db * std::f64::consts::LN_10 / (10.0 * law.exponent());
-    Some(SlantRange { receiver: reception.receiver.position, range, sigma })
+    SlantRange { receiver, range, sigma }
 }
 
 /// The place from range differences to a reference receiver: spherical intersection, from where

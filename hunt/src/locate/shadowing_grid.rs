@@ -4,7 +4,7 @@ use foxhunt_sensors::{LogDistance, Propagation};
 use nalgebra::Vector2;
 
 use super::{
-    Explanation, LocateConfig, LocateError, Located, Locator, Power, located::levels,
+    Explanation, LocateConfig, LocateError, Located, Locator, Power, located::levels_and_silences,
     region::regions,
 };
 
@@ -24,7 +24,7 @@ impl Locator for CorrelatedShadowing {
         receptions: &[Reception],
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
-        let levels = levels(receptions)?;
+        let readings = levels_and_silences(receptions)?;
         let defaults = ShadowingGridConfig::default();
         let (intercept, slope) = match config.power {
             Power::Free => (Intercept::Flat, defaults.slope),
@@ -42,7 +42,7 @@ impl Locator for CorrelatedShadowing {
         })?;
         let unit = LogDistance::new(0.0, 1.0)?;
         let up = config.target_up_m;
-        let fix = grid.locate(&levels, |cell: &Vector2<f64>, receiver: &Pose| {
+        let fix = grid.locate(&readings, |cell: &Vector2<f64>, receiver: &Pose| {
             let way = cell.push(up) - receiver.position;
             let range = way.norm();
             let cosine = (way.xy().norm() / range).hypot(NULL);
@@ -51,7 +51,7 @@ impl Locator for CorrelatedShadowing {
         let map = fix.finest();
         let estimate = map.about(map.median());
         Ok(Located {
-            observations: levels.len(),
+            observations: readings.len(),
             border_mass: Some(fix.border_mass),
             regions_95: regions(map, 0.95),
             explanation: Some(Explanation {

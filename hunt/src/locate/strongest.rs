@@ -1,22 +1,24 @@
-use foxhunt_core::{Estimate, Pose, Reception};
+use foxhunt_core::{Estimate, Reception};
+use foxhunt_filters::ShadowedReading;
 use nalgebra::{Matrix2, Vector2};
 
-use super::{LocateConfig, LocateError, Located, Locator, located::levels};
+use super::{LocateConfig, LocateError, Located, Locator, located::levels_and_silences};
 
 /// The place of the strongest level; its covariance is the spread of the strongest tenth of all
-/// levels about it. A baseline: it needs no law of propagation, and finds nothing beyond the
+/// levels about it, silences counted with them. A baseline: it needs no law of propagation, and finds nothing beyond the
 /// flight.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Strongest;
 
 impl Locator for Strongest {
     fn locate(&self, receptions: &[Reception], _: &LocateConfig) -> Result<Located, LocateError> {
-        let mut levels = levels(receptions)?;
-        let place = |at: &(Pose, f64)| at.0.position.xy();
-        levels.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut levels = levels_and_silences(receptions)?;
+        let place = |at: &ShadowedReading| at.receiver.position.xy();
+        levels.sort_by(|a, b| a.is_below.cmp(&b.is_below).then(b.value.total_cmp(&a.value)));
         let strongest = place(levels.first().ok_or(LocateError::NoLevels)?);
-        let tenth = levels.get(..levels.len().div_ceil(10)).unwrap_or_default();
-        let spread = |sum: Matrix2<f64>, at: &(Pose, f64)| {
+        let heard = levels.iter().filter(|reading| !reading.is_below).count();
+        let tenth = levels.get(..heard.min(levels.len().div_ceil(10))).unwrap_or_default();
+        let spread = |sum: Matrix2<f64>, at: &ShadowedReading| {
             let apart: Vector2<f64> = place(at) - strongest;
             sum + apart * apart.transpose()
         };

@@ -1,6 +1,6 @@
-use core::f64::consts::{FRAC_1_SQRT_2, TAU};
-
-use foxhunt_core::{Axis, MeasurementModel, Observation, Pose, Quantity, State};
+use foxhunt_core::{
+    Axis, MeasurementModel, Observation, Pose, Quantity, State, noise::log_normal_cdf,
+};
 use nalgebra::{SMatrix, SVector};
 
 /// A model for which silence tells something: a component that lay below the receiver's floor has
@@ -107,38 +107,5 @@ where
         out: [&mut [f64]; M],
     ) {
         self.model.residuals(columns, z, receiver, out);
-    }
-}
-
-/// ln Φ(x). Below −30, where Φ nears the least f64, by its asymptotic series (Abramowitz & Stegun
-/// 26.2.12); four terms err by less than 1e-10 there.
-fn log_normal_cdf(x: f64) -> f64 {
-    if x > -30.0 {
-        return libm::log(0.5 * libm::erfc(-x * FRAC_1_SQRT_2));
-    }
-    let square = 1.0 / (x * x);
-    let series = -square * (1.0 - square * (3.0 - 15.0 * square));
-    -0.5 * x * x - libm::log(-x) - 0.5 * libm::log(TAU) + libm::log1p(series)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_normal_distribution_function_is_good_in_its_tail() {
-        // Φ by tables and by quadruple precision.
-        for (x, log) in [
-            (0.0, -core::f64::consts::LN_2),
-            (1.0, -0.172_753_779_023_449_87),
-            (-10.0, -53.231_285_150_512_47),
-            (-40.0, -804.608_442_013_754),
-        ] {
-            let error = (log_normal_cdf(x) - log).abs();
-            assert!(error < 1e-10 * (1.0 - log), "off by {error} at {x}");
-        }
-        let (above, below) = (log_normal_cdf(-30.0 + 1e-9), log_normal_cdf(-30.0 - 1e-9));
-        assert!((above - below - 30.0 * 2e-9).abs() < 1e-8, "{above} {below}");
-        assert!(log_normal_cdf(1e10).abs() < 1e-300);
     }
 }

@@ -48,7 +48,7 @@ fn ranges_reach_the_bound() {
                 SlantRange { receiver: r.position, range, sigma }
             })
             .collect();
-        let fix = multilaterate(&ranges, UP).expect("a fix");
+        let fix = multilaterate(&ranges, &[], UP).expect("a fix");
         error += (fix.estimate.mean - truth).norm_squared();
         limit += bound(
             &truth,
@@ -73,7 +73,7 @@ fn receivers_on_a_line_see_two_places_alike() {
             sigma: 2.0,
         })
         .collect();
-    let fix = multilaterate(&ranges, UP).expect("a fix");
+    let fix = multilaterate(&ranges, &[], UP).expect("a fix");
     let [(rival, behind)] = fix.rivals[..] else { panic!("{:?}", fix.rivals) };
     assert!((fix.estimate.mean.abs() - truth).norm() < 1e-6, "{fix:?}");
     assert!((rival.abs() - truth).norm() < 1e-6 && behind.abs() < 1e-9);
@@ -88,17 +88,17 @@ fn improper_ranges_are_refused() {
         sigma: 2.0,
     };
     let three = [good(0.0, 0.0), good(50.0, 0.0), good(0.0, 50.0)];
-    assert!(multilaterate(&three, UP).is_ok());
-    assert!(matches!(multilaterate(&three[..2], UP), Err(BatchError::TooFew { need: 3, .. })));
-    assert!(matches!(multilaterate(&three, f64::NAN), Err(BatchError::Parameter(_))));
+    assert!(multilaterate(&three, &[], UP).is_ok());
+    assert!(matches!(multilaterate(&three[..2], &[], UP), Err(BatchError::TooFew { need: 3, .. })));
+    assert!(matches!(multilaterate(&three, &[], f64::NAN), Err(BatchError::Parameter(_))));
     let one_place = [good(7.0, 7.0); 3];
-    assert!(matches!(multilaterate(&one_place, UP), Err(BatchError::Flat { .. })));
+    assert!(matches!(multilaterate(&one_place, &[], UP), Err(BatchError::Flat { .. })));
     for value in [0.0, f64::NAN, 1e-200] {
         let bad = [three[0], three[1], SlantRange { sigma: value, ..three[2] }];
-        assert!(matches!(multilaterate(&bad, UP), Err(BatchError::Value { index: 2, .. })));
+        assert!(matches!(multilaterate(&bad, &[], UP), Err(BatchError::Value { index: 2, .. })));
     }
     let bad = [three[0], SlantRange { range: f64::INFINITY, ..three[1] }, three[2]];
-    assert!(matches!(multilaterate(&bad, UP), Err(BatchError::Value { index: 1, .. })));
+    assert!(matches!(multilaterate(&bad, &[], UP), Err(BatchError::Value { index: 1, .. })));
 }
 
 /// z = d − d₀.
