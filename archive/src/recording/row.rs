@@ -167,7 +167,7 @@ impl Reader<'_> {
         });
         let (low, high, step) = (low?, high?, step?);
         let bins = (high - low) / step;
-        if !(step > 0.0 && bins >= 0.5) {
+        if step.is_nan() || step <= 0.0 || bins.is_nan() || bins < 0.5 {
             let label = self.plan.names.get(columns[2]).map_or("", String::as_str);
             let problem = FieldProblem::OutOfRange { min: f64::MIN_POSITIVE, max: high - low };
             return Err(self.row.wrong(label, self.row.cell(columns[2]), problem));

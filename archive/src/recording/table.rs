@@ -131,8 +131,8 @@ impl<'b> Table<'b> {
     /// The next row, as long as the header.
     pub(super) fn next(&mut self) -> Result<Option<Row>, RecordingError> {
         let Some((line, cells)) = self.advance()? else { return Ok(None) };
-        let fits = cells.len() == self.header.len();
-        if !fits && !(self.open_ended && cells.len() > self.header.len()) {
+        let longer = self.open_ended && cells.len() > self.header.len();
+        if cells.len() != self.header.len() && !longer {
             let last = cells.len().saturating_sub(1);
             return Err(RecordingError::FieldCount {
                 file: self.file.to_string(),
