@@ -201,8 +201,7 @@ mod tests {
 
     #[test]
     fn climbing_is_flying() {
-        let climb =
-            |up| (Pose::at(if up > 40 { 1.0 } else { 0.0 }, 0.0, f64::from(up)), 0.0).into();
+        let climb = |up| (Pose::at(if up > 40 { 1.0 } else { 0.0 }, 0.0, f64::from(up)), 0.0);
         let readings: Vec<_> = (0..50).map(climb).collect();
         let segments = Segments::along(&readings, 10.0, 300, 0.5).expect("proper");
         assert_eq!(segments.values.len(), 5);
@@ -228,7 +227,7 @@ mod tests {
     #[test]
     fn headings_are_averaged_across_the_cut() {
         let pose = |heading| (Pose { heading, ..Pose::default() }, 0.0);
-        let mean = mean_pose(&[pose(3.1), pose(-3.1)]);
+        let mean = mean_pose(&[pose(3.1).into(), pose(-3.1).into()]);
         assert!(foxhunt_core::angle::distance(mean.heading, core::f64::consts::PI) < 1e-12);
     }
 }

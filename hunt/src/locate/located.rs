@@ -231,6 +231,7 @@ pub(super) fn several_places(
 const ONE_PLACE_M: f64 = 0.1;
 
 /// The levels, each with its receiver, along the path.
+#[cfg(feature = "maps")]
 pub(super) fn levels(receptions: &[Reception]) -> Result<Vec<(Pose, f64)>, LocateError> {
     let level = |r: &Reception| Some((r.receiver, r.level?.rss_dbm));
     let levels: Vec<_> = receptions.iter().filter_map(level).collect();
