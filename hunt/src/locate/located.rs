@@ -1,6 +1,8 @@
+#[cfg(any(feature = "batch", feature = "maps"))]
+use foxhunt_core::Pose;
 #[cfg(feature = "batch")]
 use foxhunt_core::{ByQuantity, Intake, Observation, Quantity};
-use foxhunt_core::{Ellipse, Estimate, Pose, Reception};
+use foxhunt_core::{Ellipse, Estimate, Reception};
 use foxhunt_filters::{Marginal, ShadowedReading};
 use nalgebra::Vector2;
 use serde::Serialize;
