@@ -122,4 +122,16 @@ impl<C: Clock> ByteStream for Reconnecting<C> {
     fn connections(&self) -> u32 {
         self.connections
     }
+
+    fn is_open(&self) -> bool {
+        self.stream.as_ref().is_some_and(|stream| stream.is_open())
+    }
+
+    fn pin(&mut self) -> io::Result<()> {
+        self.with(|stream| stream.pin())
+    }
+
+    fn unpin(&mut self) -> io::Result<()> {
+        self.with(|stream| stream.unpin())
+    }
 }

@@ -63,6 +63,31 @@ pub trait ByteStream {
     fn connections(&self) -> u32 {
         1
     }
+
+    /// Whether anybody may have sent what is received: each receipt is then a datagram of its own,
+    /// which is not to be joined to another one. Streams that have one other end are not open.
+    fn is_open(&self) -> bool {
+        false
+    }
+
+    /// Makes whoever sent what was received last the only one that is received and answered.
+    /// Without effect where there is one other end.
+    ///
+    /// # Errors
+    ///
+    /// Any error of the port, which is open then as before.
+    fn pin(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+
+    /// Opens it to anybody again.
+    ///
+    /// # Errors
+    ///
+    /// Any error of the port.
+    fn unpin(&mut self) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 macro_rules! forward {
@@ -76,6 +101,15 @@ macro_rules! forward {
             }
             fn connections(&self) -> u32 {
                 (**self).connections()
+            }
+            fn is_open(&self) -> bool {
+                (**self).is_open()
+            }
+            fn pin(&mut self) -> io::Result<()> {
+                (**self).pin()
+            }
+            fn unpin(&mut self) -> io::Result<()> {
+                (**self).unpin()
             }
         }
     };

@@ -5,23 +5,32 @@ use std::{
 
 use super::ByteStream;
 
-/// Datagrams to and from one peer: a known one, or whoever spoke last.
+/// Datagrams to and from one peer: a known one, or whoever sent last until that one is pinned.
+///
+/// To a pinned peer the socket is connected, so that the system itself drops what others send, and a
+/// stranger's flood takes neither time nor room.
 #[derive(Debug)]
 pub struct UdpStream {
     socket: UdpSocket,
     peer: Option<SocketAddr>,
-    /// Whether whoever speaks is the peer.
+    /// Whether whoever sends is the peer.
     learns: bool,
+    /// Whether the socket is connected to the peer.
+    pinned: bool,
+    /// Where it listens, to whoever sends.
+    address: SocketAddr,
 }
 
 impl UdpStream {
-    /// Listens at `address`, and answers whoever spoke last.
+    /// Listens at `address`, and answers whoever sent last, or was [pinned](ByteStream::pin).
     ///
     /// # Errors
     ///
     /// Any error of the system, with the address.
     pub fn listen(address: &str) -> io::Result<Self> {
-        Ok(Self { socket: bound(address)?, peer: None, learns: true })
+        let socket = bound(address)?;
+        let address = socket.local_addr()?;
+        Ok(Self { socket, peer: None, learns: true, pinned: false, address })
     }
 
     /// A socket that sends to `address`, and receives from it alone.
@@ -35,7 +44,9 @@ impl UdpStream {
         let none = || io::Error::new(io::ErrorKind::NotFound, format!("{address}: no such host"));
         let peer = peers.next().ok_or_else(none)?;
         let any = if peer.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
-        Ok(Self { socket: bound(any)?, peer: Some(peer), learns: false })
+        let socket = bound(any)?;
+        let address = socket.local_addr()?;
+        Ok(Self { socket, peer: Some(peer), learns: false, pinned: false, address })
     }
 
     /// Where it listens.
@@ -47,6 +58,9 @@ impl UdpStream {
         self.socket.local_addr()
     }
 }
+
+/// Any free port of this machine alone.
+const ANY: &str = "127.0.0.1:0";
 
 /// How many datagrams of others are thrown away at once.
 const STRANGERS: usize = 64;
@@ -64,7 +78,7 @@ impl ByteStream for UdpStream {
         // A stranger that floods the port keeps nobody here.
         for _ in 0..STRANGERS {
             match self.socket.recv_from(into) {
-                Ok((count, from)) if self.learns => {
+                Ok((count, from)) if self.learns && !self.pinned => {
                     self.peer = Some(from);
                     return Ok(count);
                 }
@@ -83,10 +97,37 @@ impl ByteStream for UdpStream {
         let peer = self.peer.ok_or_else(|| {
             io::Error::new(io::ErrorKind::NotConnected, "nobody has spoken to this port yet")
         })?;
-        match self.socket.send_to(bytes, peer) {
+        let sent = match self.pinned {
+            true => self.socket.send(bytes),
+            false => self.socket.send_to(bytes, peer),
+        };
+        match sent {
             Err(error) if error.kind() == io::ErrorKind::ConnectionRefused => Ok(()),
             other => other.map(|_| ()),
         }
+    }
+
+    fn is_open(&self) -> bool {
+        self.learns && !self.pinned
+    }
+
+    fn pin(&mut self) -> io::Result<()> {
+        if let (Some(peer), true) = (self.peer, self.is_open()) {
+            self.socket.connect(peer)?;
+            self.pinned = true;
+        }
+        Ok(())
+    }
+
+    fn unpin(&mut self) -> io::Result<()> {
+        if self.pinned {
+            // There is no way back from a connected socket that all systems have. The port is free
+            // once the old one is closed; where it cannot be had it is tried again.
+            self.socket = bound(ANY)?;
+            self.socket = bound(&self.address.to_string())?;
+            self.pinned = false;
+        }
+        Ok(())
     }
 }
 
@@ -116,5 +157,34 @@ mod tests {
         }
         assert_eq!(first.receive(&mut into).expect("it works"), 0, "nothing more");
         assert!(UdpStream::to("nowhere").is_err());
+    }
+
+    #[test]
+    fn a_pinned_peer_is_alone_until_it_is_let_go() {
+        let mut server = UdpStream::listen("127.0.0.1:0").expect("it works");
+        let address = server.local_address().expect("it works").to_string();
+        let mut into = [0; 8];
+        let open = || UdpStream::to(&address).expect("it works");
+        let (mut peer, mut stranger) = (open(), open());
+        peer.send(b"peer").expect("it works");
+        assert_eq!(server.receive(&mut into).expect("it works"), 4);
+        server.pin().expect("it works");
+        // More than the system keeps for a socket.
+        for _ in 0..10_000 {
+            stranger.send(b"x").expect("it works");
+        }
+        peer.send(b"again").expect("it works");
+        assert_eq!(server.receive(&mut into).expect("it works"), 5, "nothing of the flood");
+        server.send(b"answer").expect("it works");
+        assert_eq!(stranger.receive(&mut into).expect("it works"), 0);
+        assert_eq!(peer.receive(&mut into).expect("it works"), 6);
+        server.unpin().expect("it works");
+        stranger.send(b"me").expect("it works");
+        assert_eq!(server.receive(&mut into).expect("it works"), 2);
+        server.send(b"you").expect("it works");
+        assert_eq!(stranger.receive(&mut into).expect("it works"), 3);
+        // The peer comes back at the same port.
+        peer.send(b"peer").expect("it works");
+        assert_eq!(server.receive(&mut into).expect("it works"), 4);
     }
 }
