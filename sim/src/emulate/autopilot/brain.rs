@@ -1,6 +1,6 @@
 use foxhunt_core::Pose;
 use foxhunt_wire::mavlink::{
-    CharArray, CommonFrame, FlightMode, Frame,
+    Autopilot, CharArray, CommonFrame, FlightMode, Frame,
     dialect::{
         COMMAND_LONG_DATA, MISSION_COUNT_DATA, MavMessage, MavSeverity, MavType, STATUSTEXT_DATA,
         TIMESYNC_DATA,
@@ -32,10 +32,15 @@ pub(super) struct Brain {
     pub(super) used_s: f64,
     /// When a ground station's heartbeat came last.
     pub(super) ground_contact: Option<f64>,
+    /// Whether it has none, and has acted on that.
+    ground_lost: bool,
     /// How many of the pilot's orders are done.
     piloted: usize,
     pub(super) outbox: Vec<MavMessage>,
 }
+
+/// The ground station that it belongs to (SYSID_MYGCS).
+const GROUND_SYSTEM: u32 = 255;
 
 impl Brain {
     pub(super) fn new(config: AutopilotConfig, frame: CommonFrame, on_board: OnBoard) -> Self {
@@ -57,6 +62,7 @@ impl Brain {
             turning: 0.0,
             used_s: 0.0,
             ground_contact: None,
+            ground_lost: false,
             piloted: 0,
             outbox: Vec::new(),
         }
@@ -98,8 +104,8 @@ impl Brain {
         }
         self.fail_safe();
         let order = self.flight.step(&pose, self.home, now, dt);
-        for text in std::mem::take(&mut self.flight.texts) {
-            self.send(MavSeverity::MAV_SEVERITY_WARNING, text);
+        for (severity, text) in std::mem::take(&mut self.flight.texts) {
+            self.send(severity, text);
         }
         self.on_board.with(|drone, now| {
             // A goal of the world's own size is a place.
@@ -112,16 +118,42 @@ impl Brain {
         let autopilot = self.config.autopilot;
         let limit = self.config.ground_failsafe_s;
         let Some((received, limit)) = self.ground_contact.zip(limit) else { return };
-        let ours = self.flight.mode == autopilot.commanded();
-        if self.now - received > limit && self.flight.armed && ours {
-            self.ground_contact = None;
-            self.send(MavSeverity::MAV_SEVERITY_CRITICAL, "GCS Failsafe - RTL");
-            self.change_mode(autopilot.return_to_launch());
+        let lost = self.now - received > limit && (self.flight.armed || self.ground_lost);
+        match (std::mem::replace(&mut self.ground_lost, lost), lost) {
+            (false, true) => {
+                // The pilot's modes go on: FS_OPTIONS is 16.
+                let mode = self.flight.mode;
+                if [autopilot.commanded(), autopilot.land()].contains(&mode) {
+                    self.send(MavSeverity::MAV_SEVERITY_WARNING, "GCS Failsafe - RTL");
+                    self.change_mode(autopilot.return_to_launch());
+                } else {
+                    let text = "GCS Failsafe - Continuing Pilot Control";
+                    self.send(MavSeverity::MAV_SEVERITY_WARNING, text);
+                }
+            }
+            (true, false) => {
+                self.send(MavSeverity::MAV_SEVERITY_WARNING, "GCS Failsafe Cleared");
+            }
+            _ => {}
         }
     }
 
     pub(super) fn change_mode(&mut self, mode: FlightMode) {
+        if mode != self.flight.mode {
+            self.take_own_speed();
+        }
         self.flight.change_mode(mode, &self.pose);
+    }
+
+    /// Flies as fast as it is set up to.
+    pub(super) fn take_own_speed(&mut self) {
+        let speed = match self.config.autopilot {
+            Autopilot::ArduPilot => self.params.value("WPNAV_SPEED").map(|cm| f64::from(cm) * 0.01),
+            Autopilot::Px4 => self.params.value("MPC_XY_VEL_MAX").map(f64::from),
+        };
+        if let Some(speed) = speed.filter(|speed| *speed > 0.0) {
+            self.on_board.with(|drone, _| drone.body.cruise(speed));
+        }
     }
 
     /// Writes something to the ground station.
@@ -138,7 +170,11 @@ impl Brain {
 
     pub(super) fn take(&mut self, frame: &Frame) {
         match &frame.message {
-            MavMessage::HEARTBEAT(beat) if beat.mavtype == MavType::MAV_TYPE_GCS => {
+            // SYSID_MYGCS alone keeps the failsafe quiet.
+            MavMessage::HEARTBEAT(beat)
+                if beat.mavtype == MavType::MAV_TYPE_GCS
+                    && frame.header.system_id == GROUND_SYSTEM =>
+            {
                 self.ground_contact = Some(self.now);
             }
             MavMessage::COMMAND_LONG(command) if self.is_meant(command.target_system) => {

@@ -59,12 +59,17 @@ impl Brain {
             MavCmd::MAV_CMD_CONDITION_YAW => self.condition_yaw(c),
             MavCmd::MAV_CMD_DO_CHANGE_SPEED => {
                 let speed = f64::from(c.param2);
-                if speed > 0.0 && speed.is_finite() {
-                    self.on_board.with(|drone, _| drone.body.cruise(speed));
-                    ACCEPTED
-                } else {
-                    DENIED
+                let commanded = self.flight.mode == autopilot.commanded();
+                if !(speed > 0.0 && speed.is_finite()) {
+                    return DENIED;
                 }
+                match autopilot {
+                    Autopilot::ArduPilot if !commanded => return FAILED,
+                    // Set-points in OFFBOARD are flown to as fast as MPC_XY_VEL_MAX permits.
+                    Autopilot::Px4 if commanded => {}
+                    _ => self.on_board.with(|drone, _| drone.body.cruise(speed)),
+                }
+                ACCEPTED
             }
             MavCmd::MAV_CMD_DO_REPOSITION => self.reposition(c, place),
             MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => {
@@ -207,7 +212,8 @@ impl Brain {
             }
             Autopilot::Px4 => self.change_mode(autopilot.hold()),
         }
-        self.flight.climb_to = None;
+        self.flight.takes_own_speed |= self.flight.climb_to.take().is_some();
+        self.begin_setpoints();
         self.flight.goal = self.frame.to_local(lat, lon, up);
         let yaw = f64::from(c.param4);
         if yaw.is_finite() && autopilot == Autopilot::Px4 {
@@ -235,11 +241,19 @@ impl Brain {
         self.set(goal, target.type_mask.bits(), target.yaw, target.yaw_rate);
     }
 
+    /// Takes its own speed with the first set-point.
+    fn begin_setpoints(&mut self) {
+        if std::mem::take(&mut self.flight.takes_own_speed) {
+            self.take_own_speed();
+        }
+    }
+
     fn set(&mut self, goal: Vector3<f64>, mask: u16, yaw: f32, yaw_rate: f32) {
         let placed = mask & NO_PLACE == 0 && goal.iter().all(|value| value.is_finite());
         if !self.flight.takes_setpoint(self.now) || !placed {
             return;
         }
+        self.begin_setpoints();
         self.flight.goal = goal;
         let (yaw, rate, here) = (f64::from(yaw), f64::from(yaw_rate), self.pose.heading);
         if mask & NO_YAW == 0 && yaw.is_finite() {

@@ -1,5 +1,8 @@
 use foxhunt_core::Pose;
-use foxhunt_wire::mavlink::{Autopilot, FlightMode, dialect::MavLandedState};
+use foxhunt_wire::mavlink::{
+    Autopilot, FlightMode,
+    dialect::{MavLandedState, MavSeverity},
+};
 use nalgebra::Vector3;
 
 use super::yaw::Yaw;
@@ -26,7 +29,10 @@ pub(super) struct Flight {
     down_at: Option<f64>,
     /// It is above home, or comes there.
     over_home: bool,
-    pub(super) texts: Vec<&'static str>,
+    /// Whether the next set-point is the first since its mode or its climb began: ArduCopter takes
+    /// its own speed with that one, whatever was ordered before.
+    pub(super) takes_own_speed: bool,
+    pub(super) texts: Vec<(MavSeverity, &'static str)>,
 }
 
 /// What the body is to do.
@@ -66,6 +72,7 @@ impl Flight {
             armed_at: now,
             down_at: None,
             over_home: false,
+            takes_own_speed: true,
             texts: Vec::new(),
         }
     }
@@ -78,10 +85,14 @@ impl Flight {
         if !self.armed {
             (self.armed, self.armed_at, self.goal) = (true, now, pose.position);
             self.yaw.hold(pose.heading);
+            self.texts.push((MavSeverity::MAV_SEVERITY_INFO, "Arming motors"));
         }
     }
 
     pub(super) fn disarm(&mut self) {
+        if self.armed {
+            self.texts.push((MavSeverity::MAV_SEVERITY_INFO, "Disarming motors"));
+        }
         (self.armed, self.climb_to, self.down_at) = (false, None, None);
         self.landed = MavLandedState::MAV_LANDED_STATE_ON_GROUND;
     }
@@ -94,7 +105,7 @@ impl Flight {
         self.mode = mode;
         self.goal = pose.position;
         self.yaw.hold(pose.heading);
-        (self.over_home, self.down_at) = (false, None);
+        (self.over_home, self.down_at, self.takes_own_speed) = (false, None, true);
         if mode != mode.autopilot.take_off() {
             self.climb_to = None;
         }
@@ -109,7 +120,7 @@ impl Flight {
         // climb.
         let taken = flying && (self.is_airborne() || self.mode.autopilot == Autopilot::Px4);
         if taken {
-            self.climb_to = None;
+            self.takes_own_speed |= self.climb_to.take().is_some();
         }
         taken
     }
@@ -130,7 +141,7 @@ impl Flight {
         }
         let offboard = autopilot == Autopilot::Px4 && self.mode == autopilot.commanded();
         if offboard && now - self.setpoint_at > OFFBOARD_LOSS_S {
-            self.texts.push("Offboard control lost");
+            self.texts.push((MavSeverity::MAV_SEVERITY_CRITICAL, "Offboard control lost"));
             self.change_mode(autopilot.by_hand(), pose);
         }
         if let Some(up) = self.climb_to {
@@ -156,7 +167,6 @@ impl Flight {
         } else {
             self.goal = at;
             if now - self.armed_at > IDLE_S {
-                self.texts.push("Disarming motors");
                 self.disarm();
             }
         }
