@@ -123,6 +123,9 @@ pub struct AircraftState {
     /// Whether it takes orders from us now: it is up where it was sent at take-off, and neither the
     /// pilot nor a lost link has taken it from us.
     pub commanded: bool,
+    /// Whether it is in the air and not ours, in a mode in which it may be [taken
+    /// over](Aircraft::take_over): by whoever knows that nobody else flies it.
+    pub offered: bool,
     /// Why it takes no orders, or what keeps it on the ground; empty where nothing does.
     pub hindrance: String,
     /// What is left in the battery, from 0 to 1, where it reports that.

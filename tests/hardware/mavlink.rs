@@ -9,7 +9,7 @@ use foxhunt::{
     },
     sim::{
         AutopilotConfig, AutopilotFaults, DroneConfig, EmulatedAutopilot, Emulator, Interval,
-        PilotOrder, SimClock, World, WorldConfig,
+        KinematicConfig, PilotOrder, SimClock, VehicleConfig, World, WorldConfig,
     },
     wire::{MemoryStream, mavlink::Autopilot, memory_pair},
 };
@@ -35,6 +35,11 @@ fn place(world: &World) -> Vector3<f64> {
 
 impl Field {
     pub(super) fn new(emulated: AutopilotConfig, driver: MavlinkConfig) -> Self {
+        Self::within(KinematicConfig::default(), emulated, driver)
+    }
+
+    /// A drone that is capable of no more.
+    fn within(limits: KinematicConfig, emulated: AutopilotConfig, driver: MavlinkConfig) -> Self {
         let drone = DroneConfig {
             east_m: 3.0,
             north_m: -2.0,
@@ -42,7 +47,8 @@ impl Field {
             heading_deg_ccw_from_east: 120.0,
             ..DroneConfig::default()
         };
-        let config = WorldConfig { drones: vec![drone], ..WorldConfig::default() };
+        let vehicle = VehicleConfig::Kinematic(limits);
+        let config = WorldConfig { drones: vec![drone], vehicle, ..WorldConfig::default() };
         let world = World::new(&config, 1).expect("a world");
         let (near, far) = memory_pair();
         let origin = emulated.origin;
@@ -218,6 +224,62 @@ fn orders_end_when_the_pilot_takes_it() {
         assert!(here.commanded && (place(&field.world) - taken_at).norm() < 3.0, "it stays");
         field.go(taken_at.x + 5.0, 0.0, 6.0);
     }
+}
+
+/// The fastest over ground in a flight of so many seconds, after the first two.
+fn fastest(field: &mut Field, east: f64, seconds: f64) -> f64 {
+    let goal = Waypoint { position: Vector3::new(east, 0.0, 6.0) };
+    field.driver.go_to(&goal).expect("accepted");
+    field.run(2.0);
+    let end = field.world.time() + seconds;
+    let mut fastest: f64 = 0.0;
+    while field.world.time() < end {
+        let before = place(&field.world);
+        field.tick();
+        fastest = fastest.max((place(&field.world) - before).xy().norm() / TICK);
+    }
+    fastest
+}
+
+/// ArduCopter takes WPNAV_SPEED (10 m/s) with the first set-point, and again after a pilot had it.
+#[test]
+fn it_flies_as_fast_as_ordered() {
+    let order = |at_s, mode: &str| PilotOrder { at_s, mode: mode.into() };
+    let faults = AutopilotFaults {
+        pilot: vec![order(60.0, "LOITER"), order(62.0, "GUIDED")],
+        ..AutopilotFaults::default()
+    };
+    let limits = KinematicConfig { speed_mps: 8.0, ..KinematicConfig::default() };
+    let config = AutopilotConfig { faults, ..AutopilotConfig::default() };
+    let driver = MavlinkConfig { cruise_speed_mps: Some(2.0), ..MavlinkConfig::default() };
+    let mut field = Field::within(limits, config.clone(), driver);
+    field.fly(6.0);
+    let speed = fastest(&mut field, 40.0, 8.0);
+    assert!((speed - 2.0).abs() < 0.2, "{speed} m/s");
+    field.run(64.0 - field.world.time());
+    field.driver.take_over().expect("it was given back");
+    field.until("ours again", 5.0, |state, _| state.commanded);
+    let speed = fastest(&mut field, -40.0, 8.0);
+    assert!((speed - 2.0).abs() < 0.2, "{speed} m/s after the pilot had it");
+    // Without an order it is its own speed.
+    let mut field = Field::within(limits, config, MavlinkConfig::default());
+    field.fly(6.0);
+    let speed = fastest(&mut field, 60.0, 3.0);
+    assert!((speed - 8.0).abs() < 0.2, "{speed} m/s");
+}
+
+/// Set-points in OFFBOARD are flown to at MPC_XY_VEL_MAX: that is reported, not hidden.
+#[test]
+fn a_speed_that_is_not_obeyed_is_reported() {
+    let limits = KinematicConfig { speed_mps: 8.0, ..KinematicConfig::default() };
+    let config = AutopilotConfig { autopilot: Autopilot::Px4, ..AutopilotConfig::default() };
+    let driver = MavlinkConfig { cruise_speed_mps: Some(2.0), ..MavlinkConfig::default() };
+    let mut field = Field::within(limits, config, driver);
+    field.fly(6.0);
+    assert!(fastest(&mut field, 90.0, 5.0) > 7.0);
+    let state = field.run(0.1);
+    let words = "it flies at 8.0 m/s; cruise_speed_mps is 2";
+    assert!(state.commanded && state.hindrance == words, "{state:?}");
 }
 
 #[test]

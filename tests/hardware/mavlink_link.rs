@@ -4,8 +4,11 @@ use foxhunt::{
     hardware::{Aircraft, MavlinkConfig, MavlinkError, MavlinkSigning, MavlinkVehicle},
     sim::{AutopilotConfig, DroneConfig, EmulatedAutopilot, Emulator, World, WorldConfig},
     wire::{
-        ByteStream, MemoryStream,
-        mavlink::{Autopilot, SigningKey},
+        ByteStream, MemoryStream, UdpStream,
+        mavlink::{
+            Autopilot, Codec, SigningKey,
+            dialect::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavState, MavType},
+        },
         memory_pair,
     },
 };
@@ -59,6 +62,84 @@ impl ByteStream for Noisy {
 
     fn send(&mut self, bytes: &[u8]) -> std::io::Result<()> {
         bytes.chunks(7).try_for_each(|piece| self.stream.send(piece))
+    }
+}
+
+/// Others who know the port have neither the link nor the time of it: one-byte datagrams, an
+/// autopilot of another number, one that signs with no key, thousands in every second.
+#[test]
+fn strangers_do_not_get_the_link() {
+    for signing in [None, Some(SigningKey::new([3; 32]))] {
+        let config = WorldConfig { drones: vec![DroneConfig::default()], ..WorldConfig::default() };
+        let world = World::new(&config, 1).expect("a world");
+        let near = UdpStream::listen("127.0.0.1:0").expect("a port");
+        let address = near.local_address().expect("a port").to_string();
+        let to = || UdpStream::to(&address).expect("a port");
+        let (mut stranger, mut other) = (to(), Codec::new(9, 1));
+        let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+            custom_mode: 4,
+            mavtype: MavType::MAV_TYPE_QUADROTOR,
+            autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+            base_mode: MavModeFlag::from_bits_retain(0),
+            system_status: MavState::MAV_STATE_ACTIVE,
+            mavlink_version: 3,
+        });
+        let mut flood = |now: f64| {
+            for _ in 0..130 {
+                stranger.send(&[0xfd]).expect("a port");
+            }
+            stranger.send(&other.encode(&beat, now)).expect("a port");
+        };
+        flood(0.0);
+        let autopilot = AutopilotConfig { signing, ..AutopilotConfig::default() };
+        let mut emulated = EmulatedAutopilot::new(autopilot, &world, 0, to()).expect("one");
+        let config = MavlinkConfig {
+            system_id: Some(1),
+            signing: signing.map(|key| MavlinkSigning { key, link_id: 1 }),
+            ..MavlinkConfig::default()
+        };
+        let mut driver = MavlinkVehicle::new(config, near, world.clock()).expect("a driver");
+        let (mut ordered, mut up) = (false, None);
+        // 130,000 datagrams in 20 s of the world's time.
+        while world.time() < 60.0 {
+            world.advance(TICK).expect("time passes");
+            flood(world.time());
+            emulated.serve().expect("a port");
+            let state = driver.state().expect("a port");
+            if !ordered && state.hindrance.is_empty() {
+                driver.take_off(5.0).expect("accepted");
+                ordered = true;
+            }
+            if state.commanded {
+                up.get_or_insert(world.time());
+            }
+            assert!(up.is_none() || state.commanded, "{state:?} at {} s", world.time());
+            assert!(up.is_some() || world.time() < 30.0, "never up: {state:?}");
+        }
+        let mut into = [0; 64];
+        assert_eq!(stranger.receive(&mut into).expect("a port"), 0, "nothing was sent to it");
+    }
+}
+
+/// An autopilot that was started anew speaks from another port.
+#[test]
+fn a_link_is_taken_up_from_another_port() {
+    let config = WorldConfig { drones: vec![DroneConfig::default()], ..WorldConfig::default() };
+    let world = World::new(&config, 1).expect("a world");
+    let near = UdpStream::listen("127.0.0.1:0").expect("a port");
+    let address = near.local_address().expect("a port").to_string();
+    let config = MavlinkConfig::default();
+    let mut driver = MavlinkVehicle::new(config, near, world.clock()).expect("a driver");
+    for _ in 0..2 {
+        let to = UdpStream::to(&address).expect("a port");
+        let autopilot = AutopilotConfig::default();
+        let mut emulated = EmulatedAutopilot::new(autopilot, &world, 0, to).expect("one");
+        for _ in 0..400 {
+            world.advance(TICK).expect("time passes");
+            emulated.serve().expect("a port");
+            driver.state().expect("a port");
+        }
+        assert!(driver.pose().is_ok(), "{:?}", driver.state());
     }
 }
 

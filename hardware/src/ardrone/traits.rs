@@ -63,6 +63,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> Aircraft for ArDrone<A, N, C> {
             armed: self.is_flying(),
             airborne: self.is_flying(),
             commanded: self.phase == Phase::Flying && self.check_link(now).is_ok(),
+            offered: self.phase == Phase::Lost && self.is_flying(),
             hindrance: self.hindrance(now),
             battery: demo.map(|demo| f64::from(demo.battery_percent.min(100)) / 100.0),
         })

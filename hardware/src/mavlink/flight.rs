@@ -38,9 +38,14 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
         // PX4 alone holds when it has landed: LOITER of ArduPilot is the pilot's.
         let landed = if autopilot == Autopilot::Px4 { hold } else { land };
-        // Any of them may be on its way when it is ordered to come down.
         let ours = [before, climb, commanded, land, home];
-        let ordered = [before, climb, commanded, land, home, leaving];
+        // Any of them may be on its way when it is ordered to come down; but one that lands or
+        // returns without our order is not turned back.
+        let down = if self.phase == Phase::Returning { home } else { land };
+        let ordered = [before, climb, commanded, down, leaving];
+        if let Phase::Taken { in_our_mode, .. } = &mut self.phase {
+            *in_our_mode &= mode == commanded;
+        }
         if matches!(self.phase, Phase::TakingOff { .. })
             && self.ordered == Ordered::Nothing
             && (self.telemetry.armed() || self.telemetry.airborne(now))
@@ -101,7 +106,13 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     fn lose(&mut self, why: String, by_pilot: bool) {
         (self.goal, self.order, self.turning) = (None, None, None);
         (self.leaving, self.strayed) = (None, None);
-        self.enter(Phase::Taken { why, by_pilot });
+        self.enter(Phase::Taken { why, by_pilot, in_our_mode: false });
+    }
+
+    /// Another station flies it, in the mode of our orders.
+    pub(super) fn yield_to_station(&mut self, why: String) {
+        self.lose(why.clone(), true);
+        self.enter(Phase::Taken { why, by_pilot: true, in_our_mode: true });
     }
 
     /// Tells why something was given up.
@@ -132,7 +143,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             self.request_version(now)?;
         }
         for (command, result) in std::mem::take(&mut self.telemetry.acks) {
-            for order in [&mut self.order, &mut self.turning].into_iter().flatten() {
+            let orders = [&mut self.order, &mut self.turning, &mut self.cruise.order];
+            for order in orders.into_iter().flatten() {
                 order.answered(command, result);
             }
         }
@@ -147,7 +159,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             Phase::Flying => {
                 self.keep_inside(now);
                 self.turn_further(now)?;
-                self.send_goal(now, (system, component))
+                self.send_goal(now, (system, component))?;
+                self.cruise_further(now)
             }
             Phase::Landing => self.come_down_further(now, autopilot.land()),
             Phase::Returning => self.come_down_further(now, autopilot.return_to_launch()),
@@ -195,7 +208,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     ) -> Result<(), MavlinkError> {
         if self.telemetry.mode() == Some(mode) {
             if next == Phase::Flying {
-                return self.up_there(now);
+                self.up_there();
+                return Ok(());
             }
             self.order = None;
             self.enter(next);
@@ -270,8 +284,11 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         let taking_off = matches!(self.phase, Phase::TakingOff { .. });
         match self.phase {
             Phase::Taken { by_pilot: true, .. } => return refused(self.hindrance(now)),
-            Phase::Idle if self.telemetry.airborne(now) && self.is_flown_by_others() => {
+            Phase::Idle if !pending && self.telemetry.airborne(now) => {
                 return refused(format!("it is flown in {}, not by us", self.mode_name()));
+            }
+            Phase::Taken { .. } if self.telemetry.airborne(now) && self.comes_down(now) => {
+                return refused(format!("it comes down by its own rules ({})", self.mode_name()));
             }
             Phase::Idle | Phase::Taken { .. } if !pending && !self.telemetry.airborne(now) => {
                 return refused("it is on the ground".into());
@@ -293,17 +310,23 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.advance(now)
     }
 
-    fn is_flown_by_others(&self) -> bool {
-        let Some(mode) = self.telemetry.mode() else { return false };
-        let autopilot = mode.autopilot;
-        ![
-            autopilot.commanded(),
-            autopilot.before_take_off(),
-            autopilot.take_off(),
-            autopilot.land(),
-            autopilot.return_to_launch(),
-        ]
-        .contains(&mode)
+    /// Whether it lands or returns, as of a heartbeat that is not old.
+    fn comes_down(&self, now: f64) -> bool {
+        let fresh = self.telemetry.without_heartbeat(now) <= self.config.link_timeout_s;
+        let down = |mode: FlightMode| {
+            [mode.autopilot.land(), mode.autopilot.return_to_launch()].contains(&mode)
+        };
+        fresh && self.telemetry.mode().is_some_and(down)
+    }
+
+    /// Whether it is in the air, not ours, and in the mode in which it may be taken over.
+    pub(super) fn is_offered(&self, now: f64) -> bool {
+        let given_back = |mode: FlightMode| {
+            [mode.autopilot.commanded(), mode.autopilot.before_take_off()].contains(&mode)
+        };
+        matches!(self.phase, Phase::Idle | Phase::Taken { in_our_mode: false, .. })
+            && self.telemetry.airborne(now)
+            && self.telemetry.mode().is_some_and(given_back)
     }
 }
 

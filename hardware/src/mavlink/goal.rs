@@ -14,6 +14,9 @@ use super::{
 /// How fast it moves towards a goal that it must have taken, in metres per second.
 const MOVING_MPS: f64 = 0.3;
 
+/// The autopilot's target is another one when it has been that for so long, in seconds.
+const REPLACED_S: f64 = 0.9;
+
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     pub(super) fn turn_order(&self, heading: f64) -> Order {
         let yaw_deg = yaw_of_heading(heading).to_degrees().rem_euclid(360.0);
@@ -52,9 +55,22 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     /// Sends the goal when it is due.
     pub(super) fn send_goal(&mut self, now: f64, who: (u8, u8)) -> Result<(), MavlinkError> {
         let (Some(frame), Some(mut goal)) = (self.frame, self.goal) else { return Ok(()) };
-        goal.confirmed = goal.confirmed || self.is_confirmed(&frame, &goal);
         let regular = 1.0 / self.config.setpoint_rate_hz;
         let turns = matches!(goal.nose, Nose::Turns(_));
+        if goal.confirmed && !turns {
+            let elsewhere = self.sent_elsewhere(&frame, &goal);
+            match (goal.replaced, elsewhere) {
+                (Some(since), Some((at, distance))) if at - since >= REPLACED_S => {
+                    let why = format!("another station has sent it {distance:.0} m from its goal");
+                    self.yield_to_station(why);
+                    return Ok(());
+                }
+                (since, elsewhere) => {
+                    goal.replaced = elsewhere.map(|(at, _)| since.unwrap_or(at));
+                }
+            }
+        }
+        goal.confirmed = goal.confirmed || self.is_confirmed(&frame, &goal);
         let period = match self.telemetry.autopilot() {
             Autopilot::Px4 => regular,
             Autopilot::ArduPilot if turns => regular,
@@ -72,6 +88,15 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         Ok(())
     }
 
+    /// When the autopilot, which knew the goal, reported another target, and how far from the goal
+    /// that is.
+    fn sent_elsewhere(&self, frame: &CommonFrame, goal: &Goal) -> Option<(f64, f64)> {
+        let target = self.telemetry.target.as_ref().filter(|target| target.at >= goal.sent)?;
+        let alt = setpoint::launch_alt(&self.telemetry)?;
+        let distance = setpoint::distance_m(frame, goal, &target.value, alt);
+        (distance >= setpoint::SAME_M).then_some((target.at, distance))
+    }
+
     /// Whether it has shown that it took the goal: its own target is the same, or, where it reports
     /// none, it is there or moves there.
     fn is_confirmed(&self, frame: &CommonFrame, goal: &Goal) -> bool {
@@ -80,7 +105,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         };
         let target = self.telemetry.target.as_ref().filter(|target| target.at >= goal.sent);
         if let (Some(target), Some(alt)) = (target, setpoint::launch_alt(&self.telemetry)) {
-            return setpoint::is_target(frame, goal, &target.value, alt);
+            return setpoint::distance_m(frame, goal, &target.value, alt) < setpoint::SAME_M;
         }
         if self.telemetry.target.is_some() || position.at < goal.sent {
             return false;

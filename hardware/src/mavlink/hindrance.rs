@@ -33,6 +33,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 let ardupilot = self.telemetry.autopilot() == Autopilot::ArduPilot;
                 return match late && ardupilot {
                     true => "it does not confirm where it was sent".into(),
+                    false if self.failure.is_empty() => self.cruise.failure.clone(),
                     false => self.failure.clone(),
                 };
             }
@@ -55,8 +56,11 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             }
             .into();
         }
-        if self.telemetry.airborne(now) {
-            return "it is in the air already, and was not taken over".into();
+        if self.telemetry.airborne(now) && self.telemetry.armed() {
+            return match self.is_offered(now) {
+                true => "it is in the air already, and was not taken over".into(),
+                false => format!("it is flown in {}, not by us", self.mode_name()),
+            };
         }
         self.unready(now)
     }

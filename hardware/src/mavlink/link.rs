@@ -16,6 +16,10 @@ pub(super) struct Link<S> {
     stream: S,
     codec: Codec,
     connections: u32,
+    /// Where anybody may send: since when the one that is pinned has sent nothing.
+    pinned: Option<f64>,
+    /// Without a message for so long another one may be pinned, in seconds.
+    timeout_s: f64,
     /// When the last heartbeat of ours went out.
     beaten: f64,
     /// UNIX time when the clock was 0.
@@ -37,31 +41,58 @@ impl<S: ByteStream> Link<S> {
         };
         let connections = stream.connections();
         let beaten = f64::NEG_INFINITY;
-        Self { stream, codec, connections, beaten, clock_origin_unix_s: 0.0 }
+        let timeout_s = config.link_timeout_s;
+        let pinned = None;
+        Self { stream, codec, connections, pinned, timeout_s, beaten, clock_origin_unix_s: 0.0 }
     }
 
-    /// Hands on what has come. Whether the stream was opened anew since the last time.
-    pub(super) fn receive(&mut self, now: f64, mut take: impl FnMut(Frame)) -> io::Result<bool> {
+    /// Hands on what has come; `take` returns whether a frame is of the autopilot. Where anybody may
+    /// send, only the sender of such a frame is received and answered, until it has been silent for
+    /// as long as a link may be. Whether the stream was opened anew since the last time.
+    pub(super) fn receive(
+        &mut self,
+        now: f64,
+        mut take: impl FnMut(&Frame) -> bool,
+    ) -> io::Result<bool> {
         let mut into = [0; 2048];
+        if self.pinned.is_some_and(|since| now - since > self.timeout_s) {
+            self.pinned = None;
+            self.stream.unpin()?;
+        }
         // As many as a second of the fastest link holds: a device that floods us is not followed.
         for _ in 0..256 {
             let count = self.stream.receive(&mut into)?;
             let Some(bytes) = into.get(..count).filter(|bytes| !bytes.is_empty()) else { break };
+            let open = self.stream.is_open();
+            if open {
+                // What a stranger has begun is not continued by another one.
+                self.codec.restart();
+            }
             self.codec.push(bytes);
+            let mut ours = false;
             while let Some(frame) = self.codec.next_frame(self.clock_origin_unix_s + now) {
-                take(frame);
+                ours |= take(&frame);
+            }
+            if ours {
+                self.pinned = Some(now);
+                if open {
+                    self.stream.pin()?;
+                }
             }
         }
         let reopened = self.stream.connections() != self.connections;
         if reopened {
-            self.connections = self.stream.connections();
+            (self.connections, self.pinned) = (self.stream.connections(), None);
             self.codec.restart();
         }
         Ok(reopened)
     }
 
-    /// Sends a message. Until something has come to our port there is no address to send it to.
+    /// Sends a message. Where anybody may send, nobody is answered before the autopilot is known.
     pub(super) fn send(&mut self, now: f64, message: &MavMessage) -> io::Result<()> {
+        if self.stream.is_open() {
+            return Ok(());
+        }
         let bytes = self.codec.encode(message, self.clock_origin_unix_s + now);
         match self.stream.send(&bytes) {
             Err(error) if error.kind() == io::ErrorKind::NotConnected => Ok(()),

@@ -1,6 +1,7 @@
 //! ArduPilot and PX4 over MAVLink 2.
 
 mod config;
+mod cruise;
 mod error;
 mod examine;
 mod flight;

@@ -15,8 +15,9 @@ pub(super) enum Phase {
     Landing,
     /// Coming back by its own rules.
     Returning,
-    /// Out of our hands, and why.
-    Taken { why: String, by_pilot: bool },
+    /// Out of our hands, and why. Where another station flies it in the mode of our orders, it is
+    /// given back by another mode in between.
+    Taken { why: String, by_pilot: bool, in_our_mode: bool },
 }
 
 /// The farthest that was ordered of a take-off since it stood on the ground, its motors at rest.
@@ -57,6 +58,8 @@ pub(super) struct Goal {
     pub(super) sent: f64,
     /// How often it was sent.
     pub(super) times: u32,
+    /// Since when the autopilot, which knew it, has had another one.
+    pub(super) replaced: Option<f64>,
 }
 
 /// What the nose does.
@@ -70,7 +73,7 @@ pub(super) enum Nose {
 
 impl Goal {
     pub(super) fn new(place: Vector3<f64>, nose: Nose) -> Self {
-        Self { place, nose, confirmed: false, sent: f64::NEG_INFINITY, times: 0 }
+        Self { place, nose, confirmed: false, sent: f64::NEG_INFINITY, times: 0, replaced: None }
     }
 
     /// Whether it was never sent in this form.

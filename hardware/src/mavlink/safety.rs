@@ -11,8 +11,8 @@ use foxhunt_wire::{
         dialect::{
             ATTITUDE_DATA, COMMAND_ACK_DATA, EKF_STATUS_REPORT_DATA, EXTENDED_SYS_STATE_DATA,
             EkfStatusFlags, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA,
-            MavAutopilot, MavCmd, MavLandedState, MavMessage, MavModeFlag, MavResult, MavState,
-            MavType, RADIO_STATUS_DATA,
+            MavAutopilot, MavCmd, MavLandedState, MavMessage, MavModeFlag, MavResult, MavSeverity,
+            MavState, MavType, POSITION_TARGET_GLOBAL_INT_DATA, RADIO_STATUS_DATA, STATUSTEXT_DATA,
         },
     },
     memory_pair,
@@ -45,6 +45,9 @@ struct Copter {
     /// The orders that came, with their first parameter.
     orders: Vec<(MavCmd, u32)>,
     goals: usize,
+    /// Where it goes, as it reports: that of the last set-point, and so many metres further north.
+    target: Option<POSITION_TARGET_GLOBAL_INT_DATA>,
+    moved_m: f64,
 }
 
 impl Copter {
@@ -72,6 +75,8 @@ impl Copter {
             refuses: None,
             orders: Vec::new(),
             goals: 0,
+            target: None,
+            moved_m: 0.0,
         };
         copter.run(1.0);
         copter
@@ -122,6 +127,16 @@ impl Copter {
         for message in messages {
             self.send(&message);
         }
+        if let Some(target) = self.target.clone() {
+            let lat_int = target.lat_int + (self.moved_m / 111_320.0 * 1e7) as i32;
+            let target = POSITION_TARGET_GLOBAL_INT_DATA { lat_int, ..target };
+            self.send(&MavMessage::POSITION_TARGET_GLOBAL_INT(target));
+        }
+    }
+
+    fn write(&mut self, severity: MavSeverity, text: &str) {
+        let data = STATUSTEXT_DATA { severity, text: text.into(), ..Default::default() };
+        self.send(&MavMessage::STATUSTEXT(data));
     }
 
     fn send(&mut self, message: &MavMessage) {
@@ -139,8 +154,15 @@ impl Copter {
         while let Some(frame) = self.codec.next_frame(self.now.get()) {
             let order = match frame.message {
                 MavMessage::COMMAND_LONG(order) => order,
-                MavMessage::SET_POSITION_TARGET_GLOBAL_INT(_) => {
+                MavMessage::SET_POSITION_TARGET_GLOBAL_INT(goal) => {
                     self.goals += 1;
+                    let (lat_int, lon_int, alt) = (goal.lat_int, goal.lon_int, goal.alt);
+                    self.target = Some(POSITION_TARGET_GLOBAL_INT_DATA {
+                        lat_int,
+                        lon_int,
+                        alt,
+                        ..Default::default()
+                    });
                     continue;
                 }
                 _ => continue,
@@ -337,6 +359,78 @@ fn whatever_we_did_not_order_is_the_pilots() {
     (field.speaks, field.mode) = (true, LOITER);
     field.run(1.0);
     assert!(field.driver.land().is_err(), "he flies it");
+}
+
+#[test]
+fn what_is_in_the_air_and_not_ours_is_left_alone() {
+    for mode in [RTL, LAND, GUIDED, LOITER] {
+        let mut field = copter();
+        (field.mode, field.armed, field.airborne, field.up) = (mode, true, true, 10.0);
+        let state = field.run(2.0);
+        assert_eq!(state.offered, mode == GUIDED, "{state:?}");
+        let refused = |result: Result<(), MavlinkError>| {
+            assert!(matches!(result, Err(MavlinkError::NotCommanded { .. })), "{result:?}");
+        };
+        refused(field.driver.land());
+        refused(field.driver.return_to_launch());
+        if mode != GUIDED {
+            refused(field.driver.take_over());
+        }
+        field.run(2.0);
+        assert!(field.mode == mode && field.count(MavCmd::MAV_CMD_DO_SET_MODE, 1) == 0);
+    }
+    // A failsafe has it come back while its link is lost.
+    for land in [false, true] {
+        let mut field = copter();
+        field.fly();
+        field.speaks = false;
+        field.run(6.0);
+        if land {
+            field.driver.land().expect("it is repeated until it arrives");
+            field.run(0.2);
+        }
+        (field.mode, field.speaks) = (RTL, true);
+        field.run(0.1);
+        let _ = field.driver.land();
+        let state = field.run(4.0);
+        assert!(field.mode == RTL && !state.commanded, "{state:?}");
+    }
+}
+
+#[test]
+fn another_station_that_sends_it_elsewhere_has_it() {
+    let mut field = copter();
+    field.fly();
+    assert!(field.run(5.0).commanded);
+    let goals = field.goals;
+    field.moved_m = 60.0;
+    let state = field.run(2.5);
+    assert!(!state.commanded && !state.offered, "{state:?}");
+    assert_eq!(state.hindrance, "another station has sent it 60 m from its goal");
+    assert!(field.driver.take_over().is_err(), "its mode does not show that it is given back");
+    field.run(3.0);
+    assert_eq!(field.goals, goals, "nobody fights for it");
+    field.mode = LOITER;
+    field.run(1.0);
+    (field.mode, field.moved_m) = (GUIDED, 0.0);
+    field.run(1.0);
+    field.driver.take_over().expect("it was given back");
+    assert!(field.run(3.0).commanded);
+}
+
+#[test]
+fn good_news_is_no_complaint() {
+    use MavSeverity::{MAV_SEVERITY_INFO as INFO, MAV_SEVERITY_WARNING as WARNING};
+    let mut field = copter();
+    field.fly();
+    field.write(WARNING, "GCS Failsafe - RTL");
+    field.write(INFO, "Arming motors");
+    field.write(WARNING, "GCS Failsafe Cleared");
+    field.write(WARNING, "EKF Failsafe Cleared");
+    field.mode = RTL;
+    let state = field.run(1.0);
+    let why = "its mode became RTL, which we did not order (GCS Failsafe - RTL)";
+    assert_eq!(state.hindrance, why);
 }
 
 #[test]

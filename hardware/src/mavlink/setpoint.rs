@@ -24,7 +24,7 @@ const PLACE_AND_RATE: u16 = 0x5F8;
 const MOST_FORWARD_S: f64 = 0.5;
 
 /// How close the autopilot's own target is to ours when it is the same, in metres.
-const SAME_M: f64 = 1.0;
+pub(super) const SAME_M: f64 = 1.0;
 
 /// The message that orders a goal.
 pub(super) fn message(frame: &CommonFrame, goal: &Goal, who: (u8, u8), now: f64) -> MavMessage {
@@ -53,18 +53,18 @@ pub(super) fn message(frame: &CommonFrame, goal: &Goal, who: (u8, u8), now: f64)
     })
 }
 
-/// Whether the autopilot's own target is a goal. Heights are above sea level there, or above the
-/// launch place with some firmware.
-pub(super) fn is_target(
+/// From a goal to the autopilot's own target, in metres. Heights are above sea level there, or above
+/// the launch place with some firmware.
+pub(super) fn distance_m(
     frame: &CommonFrame,
     goal: &Goal,
     target: &POSITION_TARGET_GLOBAL_INT_DATA,
     launch_alt: f64,
-) -> bool {
+) -> f64 {
     let (lat, lon) = (degrees_of_e7(target.lat_int), degrees_of_e7(target.lon_int));
     let alt = f64::from(target.alt);
-    let same = |up: f64| (frame.to_local(lat, lon, up) - goal.place).norm() < SAME_M;
-    same(alt - launch_alt) || same(alt)
+    let from = |up: f64| (frame.to_local(lat, lon, up) - goal.place).norm();
+    from(alt - launch_alt).min(from(alt))
 }
 
 /// Height of the launch place above sea level, in metres.

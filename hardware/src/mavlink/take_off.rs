@@ -76,7 +76,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                     .is_some_and(|at| at >= up - self.config.take_off_tolerance_m)
                 {
                     match autopilot {
-                        Autopilot::ArduPilot => self.up_there(now)?,
+                        Autopilot::ArduPilot => self.up_there(),
                         Autopilot::Px4 => self.stage(now, up, Stage::Command),
                     }
                 } else if late(self.config.take_off_timeout_s) {
@@ -180,14 +180,9 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     /// It has climbed: it is ours.
-    pub(super) fn up_there(&mut self, now: f64) -> Result<(), MavlinkError> {
+    pub(super) fn up_there(&mut self) {
         self.order = None;
+        self.begin_cruise();
         self.enter(Phase::Flying);
-        if let Some(speed) = self.config.cruise_speed_mps {
-            // 1: over ground; −1: the throttle as it is.
-            let parameters = [1.0, single(speed), -1.0, 0.0, 0.0, 0.0, 0.0];
-            self.command(now, Order::new(MavCmd::MAV_CMD_DO_CHANGE_SPEED, parameters).command)?;
-        }
-        Ok(())
     }
 }

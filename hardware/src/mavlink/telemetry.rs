@@ -71,7 +71,8 @@ const KEPT: usize = 16;
 
 impl Telemetry {
     /// Takes a message of the autopilot, or one about the link to it; those of others are not ours.
-    pub(super) fn take(&mut self, now: f64, config: &MavlinkConfig, frame: &Frame) {
+    /// Whether it is the autopilot's.
+    pub(super) fn take(&mut self, now: f64, config: &MavlinkConfig, frame: &Frame) -> bool {
         if let MavMessage::RADIO_STATUS(radio) = &frame.message {
             let (rssi, remote_rssi) = (radio.rssi, radio.remrssi);
             let (noise, remote_noise) = (radio.noise, radio.remnoise);
@@ -81,15 +82,15 @@ impl Telemetry {
                 let (remrssi, remnoise) = (remote_rssi, remote_noise);
                 feed.push(SikStatus { rssi, remrssi, noise, remnoise });
             }
-            return;
+            return false;
         }
-        let Ok(system) = u8::try_from(frame.header.system_id) else { return };
+        let Ok(system) = u8::try_from(frame.header.system_id) else { return false };
         let component = frame.header.component_id;
         if let (None, MavMessage::HEARTBEAT(heartbeat)) = (self.who, &frame.message) {
             self.meet(config, system, component, heartbeat);
         }
         if self.who.is_none_or(|(s, c, _)| (s, c) != (system, component)) {
-            return;
+            return false;
         }
         self.last = Some(now);
         match &frame.message {
@@ -122,6 +123,7 @@ impl Telemetry {
             }
             _ => {}
         }
+        true
     }
 
     fn meet(&mut self, config: &MavlinkConfig, system: u8, component: u8, beat: &HEARTBEAT_DATA) {
@@ -188,11 +190,20 @@ impl Telemetry {
         self.texts.iter().rev().filter_map(move |text| {
             let (severity, words) = &text.value;
             let bad = *severity as u32 <= MavSeverity::MAV_SEVERITY_WARNING as u32
-                || words.starts_with("PreArm")
-                || words.starts_with("Arm");
-            (bad && text.at >= since).then_some(words.as_str())
+                || words.starts_with("PreArm:")
+                || words.starts_with("Arm:");
+            (bad && !is_good_news(words) && text.at >= since).then_some(words.as_str())
         })
     }
+}
+
+/// Whether a text reports that something is well again: ArduCopter sends "GCS Failsafe Cleared" and
+/// its like as warnings.
+fn is_good_news(words: &str) -> bool {
+    let words = words.to_ascii_lowercase();
+    ["cleared", "recovered", "regained", "restored", "arming motors"]
+        .iter()
+        .any(|good| words.contains(good))
 }
 
 #[expect(clippy::unnecessary_wraps, reason = "fields of this type are assigned from it")]

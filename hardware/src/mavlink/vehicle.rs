@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 
 use super::{
     MavlinkConfig, MavlinkError, RadioStatus,
+    cruise::Cruise,
     link::Link,
     orders::Order,
     phase::{Goal, Nose, Ordered, Phase, Stage},
@@ -27,7 +28,8 @@ use crate::{Aircraft, AircraftState};
 /// pilot's, or a failsafe's. From that moment nothing is sent but heartbeats and questions, and
 /// orders are errors. It is ours again when the pilot has given the mode back (GUIDED, or with PX4
 /// HOLD) *and* [`take_over`](Self::take_over) is called; it then stays where it is until it is sent
-/// somewhere.
+/// somewhere. Where another station sends it elsewhere in GUIDED, it is that station's until its
+/// mode has been another one. What lands or returns without our order is left to do so.
 #[derive(Debug)]
 pub struct MavlinkVehicle<S, C> {
     pub(super) config: MavlinkConfig,
@@ -50,6 +52,7 @@ pub struct MavlinkVehicle<S, C> {
     pub(super) order: Option<Order>,
     /// A heading that it was ordered to, and the order.
     pub(super) turning: Option<Order>,
+    pub(super) cruise: Cruise,
     /// Why a take-off or an order was given up.
     pub(super) failure: String,
     pub(super) version_requested: f64,
@@ -82,6 +85,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             goal: None,
             order: None,
             turning: None,
+            cruise: Cruise::default(),
             failure: String::new(),
             version_requested: f64::NEG_INFINITY,
         })
@@ -122,6 +126,13 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         let autopilot = self.telemetry.autopilot();
         let given_back = [autopilot.commanded(), autopilot.before_take_off()];
         let mode = self.telemetry.mode();
+        if matches!(self.phase, Phase::Taken { in_our_mode: true, .. }) {
+            return refused(format!(
+                "{}; it is given back by another mode and then {}",
+                self.hindrance(now),
+                autopilot.commanded()
+            ));
+        }
         if !mode.is_some_and(|mode| given_back.contains(&mode)) {
             return refused(format!(
                 "the pilot has it in {}, and gives it back by {}",
@@ -206,10 +217,11 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         let now = self.clock.now();
         let Self { telemetry, streams, config, link, .. } = self;
         let received = link.receive(now, |frame| {
-            telemetry.take(now, config, &frame);
-            if let Some(streams) = streams {
+            let ours = telemetry.take(now, config, frame);
+            if let Some(streams) = streams.as_mut().filter(|_| ours) {
                 streams.received(now, &frame.message);
             }
+            ours
         });
         if let Ok(true) = received {
             // What is there now may be another one, or the same after a reset.
@@ -357,6 +369,7 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
             armed: self.telemetry.armed(),
             airborne: self.telemetry.airborne(now),
             commanded: self.phase == Phase::Flying && self.check_link(now).is_ok(),
+            offered: self.is_offered(now),
             hindrance: self.hindrance(now),
             battery: self.telemetry.battery(),
         })
