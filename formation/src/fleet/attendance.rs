@@ -47,6 +47,8 @@ pub enum Duty {
     Silent,
     /// Its place is not known.
     Lost,
+    /// It takes no orders: its pilot has it, it flies by its own rules, or it is on the ground.
+    Away,
     /// It is on its way home.
     Returning,
     /// It has landed, or was ordered to.
@@ -60,6 +62,7 @@ impl fmt::Display for Duty {
             Self::Still => "stands still",
             Self::Silent => "silent",
             Self::Lost => "lost",
+            Self::Away => "takes no orders",
             Self::Returning => "returning",
             Self::Landed => "landed",
         })
@@ -77,6 +80,7 @@ pub struct Attendance {
     /// When its place was known last.
     located: f64,
     lost: bool,
+    away: bool,
     /// From where and since when it has not moved on.
     mark: (Vector3<f64>, f64),
     still: bool,
@@ -95,6 +99,7 @@ impl Attendance {
             misses: 0,
             located: time,
             lost: false,
+            away: false,
             mark: (position, time),
             still: false,
             patience_s: config.tried_again_after_s,
@@ -107,6 +112,7 @@ impl Attendance {
     pub fn duty(&self) -> Duty {
         match self.dismissed {
             Some(duty) => duty,
+            None if self.away => Duty::Away,
             None if self.lost => Duty::Lost,
             None if self.misses >= self.config.misses => Duty::Silent,
             None if self.still => Duty::Still,
@@ -117,7 +123,18 @@ impl Attendance {
     /// Whether it cannot be counted on to fly where it is sent.
     #[must_use]
     pub fn is_astray(&self) -> bool {
-        self.lost || self.still
+        self.lost || self.still || self.away
+    }
+
+    /// Whether it takes no orders, so that nothing may be expected of it.
+    #[must_use]
+    pub fn is_away(&self) -> bool {
+        self.away
+    }
+
+    /// Sets whether it takes orders; at first it does.
+    pub fn set_away(&mut self, away: bool) {
+        self.away = away;
     }
 
     /// For how many seconds its place has not been known.
@@ -251,6 +268,17 @@ mod tests {
         drone.located(sent + 17.0, at(1.0), true);
         drone.give_another_chance(sent + 80.0);
         assert_eq!(drone.duty(), Duty::Formation, "it had moved");
+    }
+
+    #[test]
+    fn one_that_takes_no_orders_is_away_until_it_takes_them() {
+        let mut drone = drone();
+        drone.set_away(true);
+        drone.located(1.0, at(9.0), false);
+        drone.delivered();
+        assert!(drone.duty() == Duty::Away && drone.is_astray());
+        drone.set_away(false);
+        assert_eq!(drone.duty(), Duty::Formation);
     }
 
     #[test]

@@ -16,6 +16,7 @@ fn names_in_logs_stay() {
         (Duty::Still, r#""still""#),
         (Duty::Silent, r#""silent""#),
         (Duty::Lost, r#""lost""#),
+        (Duty::Away, r#""away""#),
         (Duty::Returning, r#""returning""#),
         (Duty::Landed, r#""landed""#),
     ] {

@@ -155,6 +155,21 @@ impl Flight {
         located.attendance.located(time, pose.position, under_way);
     }
 
+    /// Sets whether a drone takes orders. Of one that does not nothing is expected, not even what
+    /// it received before.
+    pub(super) fn set_away(&mut self, drone: usize, away: bool) {
+        let Some(drone) = self.drones.get_mut(drone) else { return };
+        drone.attendance.set_away(away);
+        if away {
+            (drone.owed, drone.awaited) = (Vec::new(), false);
+        }
+    }
+
+    /// Whether no drone takes orders.
+    pub(super) fn is_deserted(&self) -> bool {
+        self.drones.iter().all(|drone| drone.attendance.is_away())
+    }
+
     /// Takes note that a drone did not take its order, which is repeated.
     pub(super) fn not_sent(&mut self, drone: usize) {
         // Only a drone that does not exist is an error, and that has no order.
@@ -181,7 +196,7 @@ impl Flight {
             let duty = drone.attendance.duty();
             if mem::replace(&mut drone.logged_duty, duty) != duty {
                 outbox.emit(Event::DutyChanged { time, drone: index, duty });
-                if matches!(duty, Duty::Still | Duty::Lost) {
+                if matches!(duty, Duty::Still | Duty::Lost | Duty::Away) {
                     // Nobody waits for it to make way any longer.
                     let _ = self.traffic.hold(index);
                     let _ = self.traffic.give_up(index);
@@ -290,7 +305,7 @@ impl Flight {
             |drone: &FlownDrone| matches!(drone.attendance.duty(), Duty::Formation | Duty::Still);
         let some_count = self.drones.iter().any(counts);
         for (index, drone) in self.drones.iter_mut().enumerate() {
-            if matches!(drone.attendance.duty(), Duty::Returning | Duty::Landed) {
+            if matches!(drone.attendance.duty(), Duty::Away | Duty::Returning | Duty::Landed) {
                 continue;
             }
             drone.owed = beacons.to_vec();
@@ -301,7 +316,7 @@ impl Flight {
 
     /// Takes note of what a drone has delivered of a turn that ended at `ended`, and returns
     /// whether it is of the last turn and not of an earlier one; `None` where there is no such
-    /// drone.
+    /// drone, or it takes no orders.
     pub(super) fn delivered(
         &mut self,
         time: f64,
@@ -309,7 +324,7 @@ impl Flight {
         beacon: BeaconId,
         ended: f64,
     ) -> Option<bool> {
-        let drone = self.drones.get_mut(drone)?;
+        let drone = self.drones.get_mut(drone).filter(|drone| !drone.attendance.is_away())?;
         // One without a time is of no use and will not come again.
         let late = ended < self.listening;
         if !late {

@@ -289,6 +289,15 @@ impl Hunt {
         }
     }
 
+    /// Sets whether a drone takes orders; each does at first. One that does not, because its pilot
+    /// has it, it flies by its own rules or it is on the ground, has no place in the formation and
+    /// is sent nowhere, and what it receives is not used. While none does, the hunt waits.
+    pub fn set_away(&mut self, drone: usize, away: bool) {
+        if let Some(flight) = &mut self.flight {
+            flight.set_away(drone, away);
+        }
+    }
+
     /// Lets time pass: drones fly on, arrive and drop out, and those that deliver nothing are given
     /// up.
     ///
@@ -302,6 +311,10 @@ impl Hunt {
         flight.pass(time, &mut self.outbox);
         if !all_found && let Some(reason) = flight.must_return(time) {
             return self.recall(time, reason);
+        }
+        if flight.is_deserted() {
+            self.since = time;
+            return Ok(());
         }
         self.stop_by_budget(time)?;
         let Some(flight) = &mut self.flight else { return Ok(()) };

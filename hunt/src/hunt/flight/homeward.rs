@@ -58,9 +58,12 @@ impl Flight {
         Some(Recall { outcome: Outcome::BudgetSpent, reason })
     }
 
-    /// The drones that are neither on the ground nor given up.
+    /// The drones that are neither on the ground nor given up, and take orders.
     fn airborne(&self) -> Vec<usize> {
-        let flies = |drone: &usize| self.drones[*drone].attendance.duty() != Duty::Landed;
+        let flies = |drone: &usize| {
+            let attendance = &self.drones[*drone].attendance;
+            attendance.duty() != Duty::Landed && !attendance.is_away()
+        };
         (0..self.drones.len()).filter(flies).collect()
     }
 
