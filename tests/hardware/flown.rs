@@ -8,7 +8,7 @@ use foxhunt::{
     core::Estimate,
     fly::{
         BoxedAircraft, DroneFaults, EmulatedField, EmulatedFieldConfig, Ending, FlightConfig,
-        Mission,
+        Mission, SystemPorts,
     },
     hardware::Shared,
     hunt::{BoxedSource, Event, Fix, FlightStage},
@@ -60,7 +60,9 @@ fn fly(scenario: &Scenario, seed: u64, faults: Vec<DroneFaults>, name: &str) -> 
     let registry = Registry::builtin();
     let estimator = flight.estimator(&registry).expect("it is known");
     let hunt = flight.parts(&registry, estimator, seed).build().expect("a hunt");
-    let drones = flight.open(&world.clock(), 0.0, None).expect("devices");
+    let drones = flight
+        .open(&mut SystemPorts::new(world.clock()), &world.clock(), 0.0, None)
+        .expect("devices");
     let mut mission: Mission<Shared<BoxedAircraft>, BoxedSource> =
         Mission::new(flight.flight, hunt, drones, world.time()).expect("a flight");
     let mut events = Vec::new();

@@ -28,6 +28,10 @@ struct Doings {
     dropped: bool,
     /// It does not leave the ground.
     refuses: bool,
+    /// Nothing is received of it.
+    broken: bool,
+    /// It is ours once it is taken over.
+    yields: bool,
     orders: Vec<&'static str>,
 }
 
@@ -60,11 +64,15 @@ impl Spinner for Lifted {
 impl Aircraft for Lifted {
     fn state(&mut self) -> Result<AircraftState, SimError> {
         let doings = self.doings.borrow();
+        if doings.broken {
+            return Err(SimError::Drone { drone: 0, drones: 0 });
+        }
         Ok(AircraftState {
             mode: if doings.pilot { "LOITER" } else { "GUIDED" }.into(),
             armed: doings.airborne,
             airborne: doings.airborne,
             commanded: doings.airborne && !doings.pilot && !doings.dropped,
+            offered: doings.airborne && doings.dropped,
             hindrance: doings.hindrance.clone(),
             ..AircraftState::default()
         })
@@ -78,7 +86,9 @@ impl Aircraft for Lifted {
     }
 
     fn take_over(&mut self) -> Result<(), SimError> {
-        self.doings.borrow_mut().orders.push("take over");
+        let mut doings = self.doings.borrow_mut();
+        doings.orders.push("take over");
+        doings.dropped &= !doings.yields;
         Ok(())
     }
 
@@ -250,6 +260,80 @@ fn holding_is_an_order_and_lasts_until_the_pilot_has_them() {
     }
     field.run(1.0, |_| false);
     assert!(field.mission.is_over());
+}
+
+#[test]
+fn what_somebody_else_flies_ends_a_flight_before_it_begins() {
+    for (pilot, words) in [(true, "LOITER"), (false, "GUIDED")] {
+        let mut field = Field::new(FlightRules::default());
+        {
+            let mut doings = field.doings[2].borrow_mut();
+            (doings.airborne, doings.pilot, doings.dropped) = (true, pilot, true);
+        }
+        field.run(10.0, |_| false);
+        assert!(field.mission.is_over());
+        let why = field.mission.failure().expect("it did not fly");
+        assert!(why.starts_with("drone 2 is in the air in ") && why.contains(words), "{why}");
+        assert!(field.doings.iter().all(|doings| doings.borrow().orders.is_empty()));
+    }
+    // Whoever knows that it is free allows it.
+    let mut field = Field::new(FlightRules::default());
+    {
+        let mut doings = field.doings[2].borrow_mut();
+        (doings.airborne, doings.dropped, doings.yields) = (true, true, true);
+    }
+    field.mission.allow_take_over();
+    field.run(5.0, |_| false);
+    assert_eq!(field.mission.stage(), FlightStage::Hunting);
+    assert_eq!(field.doings[2].borrow().orders[0], "take over");
+}
+
+#[test]
+fn a_drone_that_is_down_takes_no_part_and_the_last_one_ends_the_flight() {
+    let mut field = Field::new(FlightRules::default());
+    field.run(30.0, |_| false);
+    field.doings[0].borrow_mut().airborne = false;
+    field.run(0.1, |_| false);
+    let (orders, from) = (field.doings[0].borrow().orders.len(), field.events.len());
+    field.run(200.0, |field| field.mission.is_over());
+    assert_eq!(field.doings[0].borrow().orders.len(), orders, "it is sent nowhere");
+    let received = |event: &Event| matches!(event, Event::Received { drone: 0, .. });
+    assert!(!field.events[from..].iter().any(received), "it does not listen on the ground");
+    assert!(field.events[from..].iter().any(|event| matches!(event, Event::Received { .. })));
+    assert_eq!(field.mission.stage(), FlightStage::Hunting);
+    for drone in [1, 2] {
+        field.doings[drone].borrow_mut().airborne = false;
+    }
+    field.run(1.0, |_| false);
+    assert!(field.mission.is_over());
+    assert_eq!(field.mission.failure(), Some("all drones are on the ground"));
+}
+
+#[test]
+fn a_flight_without_any_drone_ends() {
+    let mut field = Field::new(FlightRules::default());
+    field.run(30.0, |_| false);
+    for doings in &field.doings {
+        doings.borrow_mut().broken = true;
+    }
+    let begun = field.world.time();
+    field.run(300.0, |field| field.mission.stage() != FlightStage::Hunting);
+    let took = field.world.time() - begun;
+    assert!((29.0..31.0).contains(&took), "{took} s");
+    // What the pilot flies may be given back.
+    let mut field = Field::new(FlightRules::default());
+    field.run(30.0, |_| false);
+    for doings in &field.doings {
+        doings.borrow_mut().pilot = true;
+    }
+    field.run(500.0, |_| false);
+    assert_eq!(field.mission.stage(), FlightStage::Hunting);
+    assert!(field.mission.hunt().fixes().is_empty(), "nothing is given up meanwhile");
+    for doings in &field.doings {
+        doings.borrow_mut().pilot = false;
+    }
+    field.run(2000.0, |field| field.mission.is_over());
+    assert_eq!((field.mission.failure(), field.mission.hunt().fixes().len()), (None, 2));
 }
 
 #[test]

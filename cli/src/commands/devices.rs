@@ -20,7 +20,7 @@ use crate::{
 /// something is wrong.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt devices\n  foxhunt devices meadow.toml\n  \
-                        foxhunt devices --at serial:/dev/ttyUSB0:57600 --at udpin:0.0.0.0:14550")]
+                        foxhunt devices --at serial:/dev/ttyUSB0:57600 --at udpin:127.0.0.1:14550")]
 pub(crate) struct Args {
     /// The flight: a TOML file (docs/flying.md)
     config: Option<PathBuf>,

@@ -14,15 +14,23 @@ use std::{
 };
 
 use foxhunt::{
-    core::{Clock, Sweep},
-    fly::{FlightConfig, FlightReport, FlyError, Mission, Tap},
+    core::{BeaconId, Clock, Sweep},
+    fly::{FlightConfig, FlightReport, FlyError, Mission, Ports, SystemPorts, Tap},
     hardware::{Finding, SystemClock},
+    hunt::Event,
     log::LogWriter,
+    nalgebra::Vector2,
     picture::hunt_svg,
     recording::{RecordingError, SweepWriter},
+    sim::World,
 };
 
-use super::{choice, fixes, flight_plan, notices::narrate};
+use super::{
+    choice,
+    emulate::{Emulated, Emulation},
+    fixes, flight_plan,
+    notices::narrate,
+};
 use crate::{context::Context, error::CliError, output::warn};
 
 /// Fly a hunt on real devices
@@ -30,20 +38,36 @@ use crate::{context::Context, error::CliError, output::warn};
 /// Examines the devices that the file names, waits until every drone is ready, and asks before any
 /// motor turns. Then all take off, hunt, and come back. Enter or Ctrl-C breaks off at any time: the
 /// drones then follow flight.on_abort of the file. Everything is logged from the first second.
+///
+/// With --emulate the devices of a simulated field are flown, in this program and in its time: the
+/// same field, seed and faults fly the same flight, however busy the computer is. It ends with the
+/// errors against the truth.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt fly meadow.toml --dry-run\n  \
-                        foxhunt fly meadow.toml --out flights/meadow-3\n\n\
+                        foxhunt fly meadow.toml --out flights/meadow-3\n  \
+                        foxhunt fly --emulate pritzl-6.1\n\n\
                         Look at every device first: foxhunt devices meadow.toml")]
 pub(crate) struct Args {
     /// The flight: a TOML file (docs/flying.md)
-    config: PathBuf,
+    #[arg(required_unless_present = "emulate")]
+    config: Option<PathBuf>,
+    /// Fly the emulated devices of this field, a built-in scenario or a TOML file, without asking
+    #[arg(long, value_name = "SCENARIO", conflicts_with = "config")]
+    emulate: Option<String>,
+    /// A TOML file with what goes wrong in the emulated field, and when (docs/flying.md)
+    #[arg(long, value_name = "FILE", requires = "emulate")]
+    faults: Option<PathBuf>,
     /// Check the file, print the plan, and touch no device
     #[arg(long)]
     dry_run: bool,
     /// Take off without asking
     #[arg(long)]
     yes: bool,
-    /// The seed of estimators that draw random numbers
+    /// Take drones that are in the air already, in the mode that takes orders: you know that nobody
+    /// else flies them
+    #[arg(long)]
+    take_over: bool,
+    /// The seed of estimators that draw random numbers, and of an emulated field
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
     /// The folder for the log, the samples and the picture; nothing in it is overwritten
@@ -54,17 +78,85 @@ pub(crate) struct Args {
 /// The time between two steps of the flight.
 const TICK: Duration = Duration::from_millis(5);
 
+/// What is flown, and in whose time.
+struct Field {
+    config: FlightConfig,
+    /// What people call the file or the scenario.
+    name: String,
+    clock: Rc<dyn Fn() -> f64>,
+    /// UNIX time when the clock was 0; absent where that is no time of this world.
+    epoch_s: Option<f64>,
+    ports: Box<dyn Ports>,
+    emulated: Option<Emulated>,
+}
+
+impl Field {
+    /// The devices of a flight's file.
+    fn real(path: &Path) -> Result<Self, CliError> {
+        let config = FlightConfig::read(path).map_err(CliError::input)?;
+        let system = SystemClock::start();
+        // Time 0 is the whole second before.
+        let epoch_s = system.started_unix_s().floor();
+        let fraction = system.started_unix_s() - epoch_s;
+        let clock: Rc<dyn Fn() -> f64> = Rc::new(move || system.now() + fraction);
+        Ok(Self {
+            config,
+            name: path.display().to_string(),
+            ports: Box::new(SystemPorts::new(calling(&clock))),
+            clock,
+            epoch_s: Some(epoch_s),
+            emulated: None,
+        })
+    }
+
+    /// The emulated devices of a scenario's field.
+    fn emulated(scenario: &str, faults: Option<&Path>, seed: u64) -> Result<Self, CliError> {
+        let Emulation { emulated, ports, config } = Emulated::new(scenario, faults, seed)?;
+        let time = emulated.world.clock();
+        Ok(Self {
+            config,
+            name: scenario.to_owned(),
+            clock: Rc::new(move || time.now()),
+            epoch_s: None,
+            ports: Box::new(ports),
+            emulated: Some(emulated),
+        })
+    }
+
+    /// Lets time pass until the next step.
+    fn pass(&mut self) -> Result<(), CliError> {
+        match &mut self.emulated {
+            Some(emulated) => emulated.pass(),
+            None => {
+                thread::sleep(TICK);
+                Ok(())
+            }
+        }
+    }
+}
+
+/// A clock that devices may keep.
+fn calling(clock: &Rc<dyn Fn() -> f64>) -> impl Clock + Clone + use<> {
+    let clock = Rc::clone(clock);
+    move || clock()
+}
+
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry } = context;
-    let config = FlightConfig::read(&args.config).map_err(CliError::input)?;
-    let file = args.config.display().to_string();
-    let place = format!("{file}: estimator");
+    let mut field = match (&args.config, &args.emulate) {
+        (_, Some(scenario)) => Field::emulated(scenario, args.faults.as_deref(), args.seed)?,
+        (Some(file), None) => Field::real(file)?,
+        (None, None) => return Err(CliError::input("neither a flight's file nor --emulate")),
+    };
+    let config = field.config.clone();
+    let place = format!("{}: estimator", field.name);
     let estimator = choice::estimator(registry, &config.estimator, &place)?;
     let hunt = config.parts(registry, estimator, args.seed).build().map_err(CliError::input)?;
     if args.dry_run {
         return flight_plan::print(&config, hunt, output);
     }
-    if !args.yes && !io::stdin().is_terminal() {
+    let asks = !args.yes && field.emulated.is_none();
+    if asks && !io::stdin().is_terminal() {
         return Err(CliError::input(
             "standard input is no terminal, so that nobody can confirm the take-off; --yes takes \
              off at once",
@@ -72,14 +164,16 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
     let files = Files::free_in(&args.out)?;
-    let system = SystemClock::start();
-    // Time 0 is the whole second before.
-    let epoch_s = system.started_unix_s().floor();
-    let fraction = system.started_unix_s() - epoch_s;
-    let clock = move || system.now() + fraction;
+    let clock = calling(&field.clock);
+    let epoch_s = field.epoch_s.unwrap_or(0.0);
     #[expect(clippy::cast_possible_truncation, reason = "a whole number of seconds")]
-    let epoch = epoch_s as i64;
-    let header = config.log_header(estimator, args.seed, Some(epoch));
+    let epoch = field.epoch_s.map(|epoch_s| epoch_s as i64);
+    let mut header = config.log_header(estimator, args.seed, epoch);
+    if let Some(emulated) = &field.emulated {
+        for (beacon, index) in header.beacons.iter_mut().zip(0..) {
+            beacon.truth = place_at(&emulated.world, BeaconId(index), 0.0);
+        }
+    }
     let mut log = LogWriter::new(files.create(&files.log)?, &header)
         .map_err(|error| CliError::writing(&files.log, error))?;
     let samples = Rc::new(RefCell::new(Samples {
@@ -91,11 +185,17 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let kept = Rc::clone(&samples);
     let keep = move |drone: usize, sweep: &Sweep<'_>| kept.borrow_mut().keep(drone, sweep);
     let tap: Tap = Rc::new(RefCell::new(keep));
-    examine_devices(&config, &clock, epoch_s);
-    let drones = config.open(&clock, epoch_s, Some(&tap)).map_err(open_error)?;
+    if field.emulated.is_none() {
+        examine_devices(&config, &clock, epoch_s);
+    }
+    let drones =
+        config.open(field.ports.as_mut(), &clock, epoch_s, Some(&tap)).map_err(open_error)?;
     let mut mission =
         Mission::new(config.flight, hunt, drones, clock.now()).map_err(CliError::input)?;
-    mission.wait_for_go(!args.yes);
+    mission.wait_for_go(asks);
+    if args.take_over {
+        mission.allow_take_over();
+    }
     warn(&format!("log: {}; Enter breaks off", files.log.display()));
 
     let mut events = Vec::new();
@@ -129,7 +229,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         if let Some(error) = samples.borrow_mut().failure.take() {
             mission.abort(time, &format!("{}: {error}", files.samples.display()));
         }
-        thread::sleep(TICK);
+        field.pass()?;
     }
     while let Some(event) = mission.poll_event() {
         narrate(&event);
@@ -138,7 +238,11 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
     let svg = hunt_svg(&header, &events).map_err(CliError::failure)?;
     fs::write(&files.picture, svg).map_err(|error| CliError::writing(&files.picture, error))?;
-    let report = FlightReport::new(&config.name, &mission, clock.now());
+    let truth = |beacon: BeaconId| {
+        let received = last_received(&events, beacon)?;
+        place_at(&field.emulated.as_ref()?.world, beacon, received)
+    };
+    let report = FlightReport::new(&config.name, &mission, clock.now(), truth);
     output.result(&report, text)?;
     let Files { log, samples, picture } = &files;
     let (log, samples, picture) = (log.display(), samples.display(), picture.display());
@@ -147,6 +251,19 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         Some(why) => Err(CliError::failure(why)),
         None => Ok(()),
     }
+}
+
+/// Where a beacon of a simulated world is at a time, East and North in metres.
+fn place_at(world: &World, beacon: BeaconId, time: f64) -> Option<Vector2<f64>> {
+    Some(world.truth_at(beacon, time)?.xy())
+}
+
+/// When a beacon was received last, which its fix is about.
+fn last_received(events: &[Event], beacon: BeaconId) -> Option<f64> {
+    events.iter().rev().find_map(|event| match event {
+        Event::Received { reception, .. } if reception.beacon == beacon => Some(reception.time),
+        _ => None,
+    })
 }
 
 /// Examines the devices before anybody flies, and prints what is wrong. Whether that matters is the
@@ -176,8 +293,8 @@ fn text(report: &FlightReport) -> String {
         beacon: &beacon.name,
         estimate: beacon.estimate,
         ellipse_95: beacon.ellipse_95,
-        error_m: None,
-        nees: None,
+        error_m: beacon.truth.map(|truth| truth.error_m),
+        nees: beacon.truth.and_then(|truth| truth.nees),
         steps: beacon.steps,
         outcome: beacon.outcome.to_string(),
     });

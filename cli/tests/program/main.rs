@@ -5,6 +5,7 @@ mod calibration;
 mod campaign;
 mod compare;
 mod exit_codes;
+mod fly;
 mod help;
 mod hunt;
 mod lists;

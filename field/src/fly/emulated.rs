@@ -1,4 +1,5 @@
 use std::{
+    collections::HashMap,
     fs, io,
     net::UdpSocket,
     os::unix::fs::symlink,
@@ -14,14 +15,15 @@ use foxhunt_sim::{
     xbee_address,
 };
 use foxhunt_wire::{
-    Endpoint, PtyStream, UdpStream,
+    ByteStream, Endpoint, MemoryStream, PtyStream, UdpStream,
     geodesy::{GeodesyError, Geodetic},
+    memory_pair,
 };
 use serde::{Deserialize, Serialize};
 
 use super::{
-    DroneConfig, FlightConfig, FlightRules, FlownBeacon, ListenConfig, RadioDevice, RotatorDevice,
-    Site, VehicleDevice,
+    DroneConfig, FlightConfig, FlightRules, FlownBeacon, ListenConfig, Ports, RadioDevice,
+    RotatorDevice, Site, VehicleDevice,
 };
 
 /// How long a position and the first one of a turn may take with a real motor, in seconds.
@@ -67,7 +69,8 @@ impl Default for EmulatedFieldConfig {
 }
 
 /// All devices of all drones of a simulated world: radios and motors on pseudo-terminals,
-/// autopilots on UDP. A [`FlightConfig`] made for them flies them as it would the real ones.
+/// autopilots on UDP, or all of them in memory. A [`FlightConfig`] made for them flies them as it
+/// would the real ones.
 ///
 /// Nothing happens by itself: let the world's time pass, then [`serve`](Self::serve).
 pub struct EmulatedField {
@@ -79,6 +82,27 @@ impl std::fmt::Debug for EmulatedField {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("EmulatedField").field("flight", &self.flight).finish_non_exhaustive()
     }
+}
+
+/// The ports of an [`EmulatedField`] in memory: what is sent is there at once, so that a flight
+/// takes no other time than the world's, whatever else the computer has to do.
+#[derive(Debug, Default)]
+pub struct EmulatedPorts {
+    streams: HashMap<Endpoint, MemoryStream>,
+}
+
+impl Ports for EmulatedPorts {
+    fn open(&mut self, endpoint: &Endpoint) -> io::Result<Box<dyn ByteStream>> {
+        let none = || io::Error::new(io::ErrorKind::NotFound, format!("{endpoint}: no free port"));
+        Ok(Box::new(self.streams.remove(endpoint).ok_or_else(none)?))
+    }
+}
+
+/// Where the devices of a field are put.
+enum Place<'a> {
+    /// Pseudo-terminals with links in a folder, and UDP.
+    Folder(&'a Path),
+    Memory(&'a mut EmulatedPorts),
 }
 
 impl EmulatedField {
@@ -94,6 +118,31 @@ impl EmulatedField {
         world: &World,
         config: &EmulatedFieldConfig,
         folder: &Path,
+    ) -> Result<Self, EmulatedFieldError> {
+        Self::placed(scenario, world, config, Place::Folder(folder))
+    }
+
+    /// Puts the devices of a scenario's `world` in memory, for a flight in the same program that
+    /// takes them from the ports returned. A pulled cable leaves a port there, and silent.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`new`](Self::new).
+    pub fn in_memory(
+        scenario: &Scenario,
+        world: &World,
+        config: &EmulatedFieldConfig,
+    ) -> Result<(Self, EmulatedPorts), EmulatedFieldError> {
+        let mut ports = EmulatedPorts::default();
+        let field = Self::placed(scenario, world, config, Place::Memory(&mut ports))?;
+        Ok((field, ports))
+    }
+
+    fn placed(
+        scenario: &Scenario,
+        world: &World,
+        config: &EmulatedFieldConfig,
+        mut place: Place<'_>,
     ) -> Result<Self, EmulatedFieldError> {
         let beacons = (0..).map(BeaconId).map_while(|beacon| {
             let (address, _) = xbee_address(beacon);
@@ -121,10 +170,11 @@ impl EmulatedField {
         *turn_s = turn_s.max(TURN_S);
         // Beacons that appear later are no part of a flight's list.
         field.flight.beacons.truncate(scenario.beacon_names().len());
-        for (drone, placed) in scenario.world.drones.iter().enumerate() {
-            field.flight.flight.takeoff_up_m = placed.up_m;
+        for (drone, stands) in scenario.world.drones.iter().enumerate() {
+            field.flight.flight.takeoff_up_m = stands.up_m;
             let source = scenario.sources.get(drone).unwrap_or(&scenario.source);
-            field.add(world, drone, config, source, folder, [placed.east_m, placed.north_m])?;
+            let launch_m = [stands.east_m, stands.north_m];
+            field.add(world, drone, config, source, &mut place, launch_m)?;
         }
         Ok(field)
     }
@@ -135,7 +185,7 @@ impl EmulatedField {
         drone: usize,
         config: &EmulatedFieldConfig,
         source: &SourceConfig,
-        folder: &Path,
+        place: &mut Place<'_>,
         launch_m: [f64; 2],
     ) -> Result<(), EmulatedFieldError> {
         let name = format!("drone-{}", drone + 1);
@@ -146,19 +196,18 @@ impl EmulatedField {
             faults: faults.vehicle,
             ..AutopilotConfig::default()
         };
-        let address = format!("127.0.0.1:{}", port(config.first_port, drone)?);
-        let stream = UdpStream::to(&address)?;
+        let (stream, endpoint) = place.datagrams(config.first_port, drone)?;
         let vehicle = EmulatedAutopilot::new(autopilot, world, drone, stream)?;
         self.keep(&name, "vehicle", vehicle);
 
-        let (stream, radio) = cable(world, folder, &name, "radio", faults.radio)?;
+        let (stream, radio) = place.cable(world, &name, "radio", faults.radio)?;
         let device = EmulatedXbee::new(world, drone, EmulatedXbeeConfig::default(), stream)?;
         self.keep(&name, "radio", device);
 
         let mut rotator = None;
         let source = match source {
             SourceConfig::Stepper(config) => {
-                let (stream, endpoint) = cable(world, folder, &name, "rotator", faults.rotator)?;
+                let (stream, endpoint) = place.cable(world, &name, "rotator", faults.rotator)?;
                 let device =
                     EmulatedStepper::new(world, drone, EmulatedStepperConfig::default(), stream)?;
                 self.keep(&name, "rotator", device);
@@ -172,10 +221,7 @@ impl EmulatedField {
             SourceConfig::Omnidirectional(config) => ListenConfig::Omnidirectional(*config),
             other => return Err(EmulatedFieldError::Source { drone, kind: other.clone() }),
         };
-        let vehicle = VehicleDevice::Mavlink {
-            endpoint: Endpoint::UdpIn { address },
-            settings: MavlinkConfig::default(),
-        };
+        let vehicle = VehicleDevice::Mavlink { endpoint, settings: MavlinkConfig::default() };
         let radio = Some(RadioDevice::Xbee { endpoint: radio, settings: XbeeConfig::default() });
         let launch_m = Some(launch_m);
         let drone = DroneConfig { name, launch_m, vehicle, gnss: None, radio, rotator, source };
@@ -204,23 +250,69 @@ impl EmulatedField {
     }
 }
 
-/// A device's end of a cable to a pseudo-terminal, with the endpoint of the other end.
-fn cable(
-    world: &World,
-    folder: &Path,
-    drone: &str,
-    device: &str,
-    faults: CableFaults,
-) -> Result<(Cabled<PtyStream>, Endpoint), EmulatedFieldError> {
-    let link = folder.join(format!("{drone}-{device}"));
-    let endpoint = Endpoint::Serial { port: link.display().to_string(), baud: 57_600 };
-    let seed = drone
-        .bytes()
-        .chain(device.bytes())
-        .fold(0, |seed: u64, byte| seed.wrapping_mul(31).wrapping_add(u64::from(byte)));
-    let mut port = LinkedPty { link };
-    let cabled = Cabled::new(port.open()?, world.clock(), faults, seed);
-    Ok((cabled.with_port(port), endpoint))
+/// The bits per second of the serial ports.
+const BAUD: u32 = 57_600;
+
+/// The UDP port of the first autopilot in memory.
+const FIRST_PORT: u16 = 14_550;
+
+impl Place<'_> {
+    /// An autopilot's end of a link, with the endpoint of the other end.
+    fn datagrams(
+        &mut self,
+        first_port: Option<u16>,
+        drone: usize,
+    ) -> Result<(Box<dyn ByteStream>, Endpoint), EmulatedFieldError> {
+        let first = match self {
+            Self::Folder(_) => first_port,
+            Self::Memory(_) => first_port.or(Some(FIRST_PORT)),
+        };
+        let address = format!("127.0.0.1:{}", port(first, drone)?);
+        let endpoint = Endpoint::UdpIn { address: address.clone() };
+        let stream: Box<dyn ByteStream> = match self {
+            Self::Folder(_) => Box::new(UdpStream::to(&address)?),
+            Self::Memory(ports) => Box::new(ports.add(&endpoint)),
+        };
+        Ok((stream, endpoint))
+    }
+
+    /// A device's end of a cable, with the endpoint of the other end.
+    fn cable(
+        &mut self,
+        world: &World,
+        drone: &str,
+        device: &str,
+        faults: CableFaults,
+    ) -> Result<(Cabled<Box<dyn ByteStream>>, Endpoint), EmulatedFieldError> {
+        let seed = drone
+            .bytes()
+            .chain(device.bytes())
+            .fold(0, |seed: u64, byte| seed.wrapping_mul(31).wrapping_add(u64::from(byte)));
+        let name = format!("{drone}-{device}");
+        match self {
+            Self::Folder(folder) => {
+                let link = folder.join(name);
+                let endpoint = Endpoint::Serial { port: link.display().to_string(), baud: BAUD };
+                let mut port = LinkedPty { link };
+                let cabled = Cabled::new(port.open()?, world.clock(), faults, seed);
+                Ok((cabled.with_port(port), endpoint))
+            }
+            Self::Memory(ports) => {
+                let endpoint = Endpoint::Serial { port: name, baud: BAUD };
+                let stream: Box<dyn ByteStream> = Box::new(ports.add(&endpoint));
+                Ok((Cabled::new(stream, world.clock(), faults, seed), endpoint))
+            }
+        }
+    }
+}
+
+impl EmulatedPorts {
+    /// The device's end of a port.
+    fn add(&mut self, endpoint: &Endpoint) -> MemoryStream {
+        let (near, far) = memory_pair();
+        self.streams.insert(endpoint.clone(), near);
+        far
+    }
 }
 
 /// A pseudo-terminal behind a link.
@@ -228,12 +320,12 @@ struct LinkedPty {
     link: PathBuf,
 }
 
-impl Port<PtyStream> for LinkedPty {
-    fn open(&mut self) -> io::Result<PtyStream> {
+impl Port<Box<dyn ByteStream>> for LinkedPty {
+    fn open(&mut self) -> io::Result<Box<dyn ByteStream>> {
         let stream = PtyStream::open()?;
         self.close()?;
         symlink(stream.path(), &self.link)?;
-        Ok(stream)
+        Ok(Box::new(stream))
     }
 
     fn close(&mut self) -> io::Result<()> {

@@ -19,6 +19,10 @@ pub struct FlownDrone<A, S> {
     reported_state: Option<AircraftState>,
     /// The mode in which it took our orders last; empty before that.
     commanded_mode: String,
+    /// Whether it was ordered to take off, or taken over: before that it is not ours to bring down.
+    engaged: bool,
+    /// Whether one that is in the air already may be taken over.
+    may_take_over: bool,
     /// When it was last ordered to take off, to take our orders again or to come down, in seconds.
     last_order: f64,
     /// Whether it has accepted the order to leave.
@@ -38,6 +42,8 @@ impl<A, S> FlownDrone<A, S> {
             state: None,
             reported_state: None,
             commanded_mode: String::new(),
+            engaged: false,
+            may_take_over: false,
             last_order: f64::NEG_INFINITY,
             leave_accepted: false,
         }
@@ -53,14 +59,26 @@ impl<A, S> FlownDrone<A, S> {
         self.state.as_ref().is_some_and(|state| !state.airborne && !state.armed)
     }
 
-    /// Whether it is in our hands: it takes our orders, or is in the mode in which it took them
-    /// last, or has never been anybody else's. One that is coming down by our order has another
-    /// mode; one whose link fails counts as ours.
+    /// Allows that it is taken over where it is in the air already, in the mode that takes orders.
+    pub(super) fn allow_take_over(&mut self) {
+        self.may_take_over = true;
+    }
+
+    /// Whether it is in our hands: it was sent up or taken over, and takes our orders, or is in the
+    /// mode in which it took them last. One that is coming down by our order has another mode; one
+    /// whose link fails counts as ours.
     pub(super) fn is_ours(&self) -> bool {
-        self.state.as_ref().is_none_or(|state| {
-            let mode = &self.commanded_mode;
-            state.commanded || !state.airborne || mode.is_empty() || *mode == state.mode
-        })
+        self.engaged
+            && self.state.as_ref().is_none_or(|state| {
+                let mode = &self.commanded_mode;
+                state.commanded || !state.airborne || mode.is_empty() || *mode == state.mode
+            })
+    }
+
+    /// Whether nothing may be expected of it any more: it is down, or nothing was received of it
+    /// for so many seconds. What the pilot flies may be given back.
+    pub(super) fn is_out(&self, silent_s: f64) -> bool {
+        self.is_down() || self.state.as_ref().is_none_or(|state| state.silent_s > silent_s)
     }
 
     /// Whether it has accepted the order to leave.
@@ -90,6 +108,16 @@ impl<A, S> FlownDrone<A, S> {
 }
 
 impl<A: Aircraft, S> FlownDrone<A, S> {
+    /// How it is in the air before it was sent up, unless it may be taken over.
+    pub(super) fn flown_by_others(&self) -> Option<String> {
+        let state = self.state.as_ref().filter(|state| state.airborne && state.armed)?;
+        if state.offered && self.may_take_over {
+            return None;
+        }
+        let how = if state.offered { "; whoever knows that it is free may allow it" } else { "" };
+        Some(format!("{} is in the air in {}, not by us{how}", self.name, state.mode))
+    }
+
     /// Reads the aircraft's state, which serves its link. Returns the event to be logged if
     /// anything has changed but numbers; `index` is the drone's number in the mission.
     pub(super) fn read_state(
@@ -131,16 +159,21 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
     }
 
     /// Has it take off, if that order is due. One that is up already, from a flight that was cut
-    /// short, is taken as it is.
+    /// short, is taken as it is, where that is allowed.
     pub(super) fn take_off(&mut self, time: f64, up_m: f64) -> Result<(), A::Error> {
         if !self.takes_turn(time) {
             return Ok(());
         }
-        if self.state.as_ref().is_some_and(|state| state.airborne) {
-            self.aircraft.take_over()
-        } else {
-            self.aircraft.take_off(up_m)
+        if !self.state.as_ref().is_some_and(|state| state.airborne) {
+            // It counts from the attempt on: an order may arrive though its link fails.
+            self.engaged = true;
+            return self.aircraft.take_off(up_m);
         }
+        if self.engaged || self.may_take_over {
+            self.aircraft.take_over()?;
+            self.engaged = true;
+        }
+        Ok(())
     }
 
     /// Has it take our orders again, if that is due, when it has stopped taking them and is in the

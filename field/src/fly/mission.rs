@@ -6,6 +6,9 @@ use foxhunt_hunt::hunt::{Event, FlightStage, Hunt, drive};
 
 use super::{Ending, FlightRules, FlownDrone};
 
+/// Without a message for so many seconds an aircraft takes no part.
+const SILENT_S: f64 = 5.0;
+
 /// A flight of real aircraft from the ground to the ground, with a hunt in the middle.
 ///
 /// No aircraft is armed before all of them are ready; an aircraft that the pilot takes gets no
@@ -22,6 +25,8 @@ pub struct Mission<A, S> {
     /// Whether drones that are ready wait for [`go`](Self::go).
     waits: bool,
     ready: bool,
+    /// When an aircraft took part last.
+    attended: f64,
     /// Why the flight ended before its time.
     failure: Option<String>,
     events: VecDeque<Event>,
@@ -63,6 +68,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             ending: rules.at_end,
             waits: false,
             ready: false,
+            attended: time,
             failure: None,
             events: VecDeque::new(),
         };
@@ -74,6 +80,13 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
     /// they do not.
     pub fn wait_for_go(&mut self, waits: bool) {
         self.waits = waits;
+    }
+
+    /// Allows that drones which are in the air already, in the mode that takes orders, are taken
+    /// over: where the one who starts the flight knows that nobody else flies them. Without it the
+    /// flight does not begin.
+    pub fn allow_take_over(&mut self) {
+        self.drones.iter_mut().for_each(FlownDrone::allow_take_over);
     }
 
     /// Lets them take off.
@@ -110,10 +123,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
                 self.failure = Some(reason.to_owned());
                 self.enter(time, FlightStage::Over, reason.to_owned());
             }
-            FlightStage::Climbing | FlightStage::Hunting => {
-                self.failure = Some(reason.to_owned());
-                self.end(time, self.rules.on_abort, reason.to_owned());
-            }
+            FlightStage::Climbing | FlightStage::Hunting => self.fail(time, reason),
             FlightStage::Leaving if self.ending != self.rules.on_abort => {
                 self.end(time, self.rules.on_abort, reason.to_owned());
             }
@@ -160,8 +170,12 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         }
     }
 
-    /// Waits until all are ready, then has all take off.
+    /// Waits until all are ready, then has all take off. One that somebody else flies ends it: when
+    /// it is down again nobody has given it to us.
     fn prepare(&mut self, time: f64) {
+        if let Some(why) = self.drones.iter().find_map(FlownDrone::flown_by_others) {
+            return self.abort(time, &why);
+        }
         let unready = self.drones.iter_mut().find_map(|drone| {
             let why = drone.not_ready()?;
             Some(format!("{} is not ready: {why}", drone.name))
@@ -204,18 +218,30 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             // They have all been up a moment ago; a place that is missing now comes again.
             Err(_) => {}
             Ok(stations) => match self.hunt.start(time, stations) {
-                Ok(()) => self.enter(time, FlightStage::Hunting, "all are up".into()),
+                Ok(()) => {
+                    self.attended = time;
+                    self.enter(time, FlightStage::Hunting, "all are up".into());
+                }
                 Err(error) => self.abort(time, &error.to_string()),
             },
         }
     }
 
-    /// Lets the hunt go on.
+    /// Lets the hunt go on with those that take orders.
     fn fly(&mut self, time: f64) {
-        for drone in &mut self.drones {
+        for (index, drone) in self.drones.iter_mut().enumerate() {
             drone.take_over_again(time);
+            self.hunt.set_away(index, !drone.is_commanded());
         }
-        if let Err(error) = drive(&mut self.hunt, &mut self.drones, time) {
+        if !self.drones.iter().all(|drone| drone.is_out(SILENT_S)) {
+            self.attended = time;
+        }
+        let deserted_s = time - self.attended;
+        if self.drones.iter().all(FlownDrone::is_down) {
+            self.fail(time, "all drones are on the ground");
+        } else if deserted_s >= self.rules.deserted_timeout_s {
+            self.fail(time, &format!("no drone has taken part for {deserted_s:.0} s"));
+        } else if let Err(error) = drive(&mut self.hunt, &mut self.drones, time) {
             self.abort(time, &error.to_string());
         } else if self.hunt.is_finished() {
             self.end(time, self.rules.at_end, "the hunt is over".into());
@@ -249,6 +275,12 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             self.failure.get_or_insert_with(|| why.clone());
             self.enter(time, FlightStage::Over, why);
         }
+    }
+
+    /// Ends the hunt before its time; those in our hands leave by the pilot's rule for that.
+    fn fail(&mut self, time: f64, reason: &str) {
+        self.failure.get_or_insert_with(|| reason.to_owned());
+        self.end(time, self.rules.on_abort, reason.to_owned());
     }
 
     fn end(&mut self, time: f64, ending: Ending, reason: String) {

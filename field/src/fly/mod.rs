@@ -12,6 +12,7 @@ mod identify;
 mod mission;
 mod open;
 mod plan;
+mod ports;
 mod report;
 mod rules;
 mod tapped;
@@ -24,13 +25,16 @@ pub use driver::{
 };
 pub use drone::DroneConfig;
 #[cfg(unix)]
-pub use emulated::{DroneFaults, EmulatedField, EmulatedFieldConfig, EmulatedFieldError};
+pub use emulated::{
+    DroneFaults, EmulatedField, EmulatedFieldConfig, EmulatedFieldError, EmulatedPorts,
+};
 pub use error::FlyError;
 pub use flown_drone::FlownDrone;
 pub use identify::identify;
 pub use mission::{Mission, MissionError};
 pub use open::OpenDrone;
 pub use plan::{FlightPlan, PlannedDrone};
-pub use report::{FlightReport, FlownFix};
+pub use ports::{Ports, SystemPorts};
+pub use report::{FlightReport, FlownFix, FlownTruth};
 pub use rules::{Ending, FlightRules};
 pub use tapped::{Tap, Tapped};

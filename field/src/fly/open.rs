@@ -1,16 +1,16 @@
 use foxhunt_core::Clock;
 use foxhunt_hardware::{
     ArDrone, Finding, FirmataStepper, GnssReceiver, KrakenSource, MavlinkVehicle, Placed,
-    Reconnecting, RtlTcpRadio, Shared, SikFeed, SikRadio, XbeeRadio,
+    RtlTcpRadio, Shared, SikFeed, SikRadio, XbeeRadio,
 };
 use foxhunt_hunt::hunt::{BoxedSource, boxed_source};
 use foxhunt_sensors::{BodySource, OmnidirectionalSource, StepperSource};
-use foxhunt_wire::Endpoint;
+use foxhunt_wire::{ByteStream, Endpoint};
 
 use super::{
     BoxedAircraft, BoxedRadio, BoxedRotator, DroneConfig, Examine, FlightConfig, FlownBeacon,
-    FlownDrone, FlyError, ListenConfig, RadioDevice, RotatorDevice, Site, Tap, Tapped,
-    VehicleDevice,
+    FlownDrone, FlyError, ListenConfig, Ports, RadioDevice, RotatorDevice, Site, SystemPorts, Tap,
+    Tapped, VehicleDevice,
     driver::{Driver, ExaminedAircraft},
     drone::{found_at, tuned, with_addresses, with_origin},
 };
@@ -19,20 +19,22 @@ use super::{
 pub type OpenDrone = FlownDrone<Shared<BoxedAircraft>, BoxedSource>;
 
 impl FlightConfig {
-    /// Opens the devices of all drones; their sweeps are passed to `tap` if there is one. The clock
-    /// was 0 at `clock_origin_unix_s` of UNIX time, which signatures carry.
+    /// Opens the devices of all drones at `ports`; their sweeps are passed to `tap` if there is
+    /// one. The clock was 0 at `clock_origin_unix_s` of UNIX time, which signatures carry.
     ///
     /// # Errors
     ///
     /// [`FlyError`] names the drone, the device and what is wrong.
     pub fn open<C: Clock + Clone + 'static>(
         &self,
+        ports: &mut dyn Ports,
         clock: &C,
         clock_origin_unix_s: f64,
         tap: Option<&Tap>,
     ) -> Result<Vec<OpenDrone>, FlyError> {
         let open = |(index, drone): (usize, &DroneConfig)| {
-            let mut open = drone.open(&self.site, &self.beacons, clock, clock_origin_unix_s)?;
+            let mut open =
+                drone.open(&self.site, &self.beacons, ports, clock, clock_origin_unix_s)?;
             if let Some(tap) = tap {
                 open.source = boxed_source(Tapped::new(open.source, index, tap.clone()));
             }
@@ -52,12 +54,14 @@ impl DroneConfig {
         &self,
         site: &Site,
         beacons: &[FlownBeacon],
+        ports: &mut dyn Ports,
         clock: &C,
         clock_origin_unix_s: f64,
     ) -> Result<OpenDrone, FlyError> {
         let feed = SikFeed::default();
-        let aircraft = Shared::new(self.open_aircraft(site, &feed, clock, clock_origin_unix_s)?);
-        let source = self.open_source(beacons, aircraft.clone(), feed, clock)?;
+        let aircraft = self.open_aircraft(site, &feed, ports, clock, clock_origin_unix_s)?;
+        let aircraft = Shared::new(aircraft);
+        let source = self.open_source(beacons, aircraft.clone(), feed, ports, clock)?;
         Ok(FlownDrone::new(self.name.clone(), aircraft, source))
     }
 
@@ -77,24 +81,24 @@ impl DroneConfig {
                 .map_or_else(|error| vec![unopened(&error)], |mut device| device.examine(pause));
             report(device, findings);
         };
-        let feed = SikFeed::default();
+        let (feed, ports) = (SikFeed::default(), &mut SystemPorts::new(clock.clone()));
         // A SiK radio reports through the autopilot's link, which is served while it is examined.
-        let vehicle = self.open_aircraft(site, &feed, clock, clock_origin_unix_s);
+        let vehicle = self.open_aircraft(site, &feed, ports, clock, clock_origin_unix_s);
         examine("vehicle", vehicle.map(|device| Box::new(device) as _));
         match &self.source {
             ListenConfig::Kraken { .. } => {
-                let aircraft =
-                    self.open_aircraft(site, &feed, clock, clock_origin_unix_s).map(Shared::new);
+                let aircraft = self.open_aircraft(site, &feed, ports, clock, clock_origin_unix_s);
+                let aircraft = aircraft.map(Shared::new);
                 let source = aircraft.and_then(|a| self.open_kraken(beacons, a, clock));
                 examine("kraken", source.map(|device| Box::new(device) as _));
             }
             _ => {
-                let radio = self.open_radio(beacons, feed, clock);
+                let radio = self.open_radio(beacons, feed, ports, clock);
                 examine("radio", radio.map(|device| Box::new(device) as _));
             }
         }
         if let Some(rotator) = &self.rotator {
-            let rotator = self.open_rotator(rotator, clock);
+            let rotator = self.open_rotator(rotator, ports, clock);
             examine("rotator", rotator.map(|device| Box::new(device) as _));
         }
     }
@@ -103,25 +107,26 @@ impl DroneConfig {
         &self,
         site: &Site,
         feed: &SikFeed,
+        ports: &mut dyn Ports,
         clock: &C,
         clock_origin_unix_s: f64,
     ) -> Result<BoxedAircraft, FlyError> {
         match &self.vehicle {
             VehicleDevice::Mavlink { endpoint, settings } => {
                 let settings = with_origin(settings, site).map_err(|error| self.wrong(error))?;
-                let stream = self.stream("vehicle", endpoint, clock)?;
+                let stream = self.stream("vehicle", endpoint, ports)?;
                 let vehicle = MavlinkVehicle::new(settings, stream, clock.clone());
                 let vehicle = vehicle.map_err(|error| self.wrong(error))?;
                 let vehicle =
                     vehicle.with_clock_origin(clock_origin_unix_s).with_radio_reports(feed.clone());
-                self.placed(vehicle, site, clock)
+                self.placed(vehicle, site, ports, clock)
             }
             VehicleDevice::ArDrone { endpoint, navdata, settings } => {
-                let orders = self.stream("vehicle", endpoint, clock)?;
-                let navdata = self.stream("navdata", navdata, clock)?;
+                let orders = self.stream("vehicle", endpoint, ports)?;
+                let navdata = self.stream("navdata", navdata, ports)?;
                 let settings = self.with_launch(settings);
                 let vehicle = ArDrone::new(settings, orders, navdata, clock.clone());
-                self.placed(vehicle.map_err(|error| self.wrong(error))?, site, clock)
+                self.placed(vehicle.map_err(|error| self.wrong(error))?, site, ports, clock)
             }
         }
     }
@@ -131,10 +136,11 @@ impl DroneConfig {
         &self,
         aircraft: A,
         site: &Site,
+        ports: &mut dyn Ports,
         clock: &C,
     ) -> Result<BoxedAircraft, FlyError> {
         let Some(gnss) = &self.gnss else { return Ok(Box::new(Driver(aircraft))) };
-        let stream = self.stream("gnss", &gnss.endpoint, clock)?;
+        let stream = self.stream("gnss", &gnss.endpoint, ports)?;
         let receiver = GnssReceiver::new(gnss.settings, stream, clock.clone());
         let receiver = receiver.map_err(|error| self.wrong(error))?;
         let antenna = gnss.settings.antenna();
@@ -145,18 +151,19 @@ impl DroneConfig {
         &self,
         beacons: &[FlownBeacon],
         feed: SikFeed,
+        ports: &mut dyn Ports,
         clock: &C,
     ) -> Result<BoxedRadio, FlyError> {
         Ok(match &self.radio {
             Some(RadioDevice::Xbee { endpoint, settings }) => {
                 let settings = with_addresses(settings, beacons).map_err(|e| self.wrong(e))?;
-                let stream = self.stream("radio", endpoint, clock)?;
+                let stream = self.stream("radio", endpoint, ports)?;
                 let radio = XbeeRadio::new(settings, stream, clock.clone());
                 Box::new(Driver(radio.map_err(|error| self.wrong(error))?))
             }
             Some(RadioDevice::RtlTcp { endpoint, settings }) => {
                 let settings = tuned(settings, beacons).map_err(|error| self.wrong(error))?;
-                let stream = self.stream("radio", endpoint, clock)?;
+                let stream = self.stream("radio", endpoint, ports)?;
                 let radio = RtlTcpRadio::new(settings, stream, clock.clone());
                 Box::new(Driver(radio.map_err(|error| self.wrong(error))?))
             }
@@ -168,10 +175,11 @@ impl DroneConfig {
     fn open_rotator<C: Clock + Clone + 'static>(
         &self,
         rotator: &RotatorDevice,
+        ports: &mut dyn Ports,
         clock: &C,
     ) -> Result<BoxedRotator, FlyError> {
         let RotatorDevice::Firmata { endpoint, settings } = rotator;
-        let stream = self.stream("rotator", endpoint, clock)?;
+        let stream = self.stream("rotator", endpoint, ports)?;
         let rotator = FirmataStepper::new(settings.clone(), stream, clock.clone());
         Ok(Box::new(Driver(rotator.map_err(|error| self.wrong(error))?)))
     }
@@ -181,16 +189,17 @@ impl DroneConfig {
         beacons: &[FlownBeacon],
         aircraft: Shared<BoxedAircraft>,
         feed: SikFeed,
+        ports: &mut dyn Ports,
         clock: &C,
     ) -> Result<BoxedSource, FlyError> {
         if matches!(self.source, ListenConfig::Kraken { .. }) {
             return Ok(boxed_source(self.open_kraken(beacons, aircraft, clock)?));
         }
-        let radio = self.open_radio(beacons, feed, clock)?;
+        let radio = self.open_radio(beacons, feed, ports, clock)?;
         let clock = clock.clone();
         Ok(match (&self.source, &self.rotator) {
             (ListenConfig::Stepper(config), Some(rotator)) => {
-                let rotator = self.open_rotator(rotator, &clock)?;
+                let rotator = self.open_rotator(rotator, ports, &clock)?;
                 boxed_source(StepperSource::new(*config, radio, rotator, aircraft, clock))
             }
             (ListenConfig::RotatingBody(config), _) => {
@@ -231,13 +240,13 @@ impl DroneConfig {
         source.map_err(|error| self.wrong(error))
     }
 
-    fn stream<C: Clock + Clone>(
+    fn stream(
         &self,
         device: &'static str,
         endpoint: &Endpoint,
-        clock: &C,
-    ) -> Result<Reconnecting<C>, FlyError> {
-        Reconnecting::open(endpoint.clone(), clock.clone()).map_err(|source| FlyError::Open {
+        ports: &mut dyn Ports,
+    ) -> Result<Box<dyn ByteStream>, FlyError> {
+        ports.open(endpoint).map_err(|source| FlyError::Open {
             drone: self.name.clone(),
             device,
             source,

@@ -1,6 +1,7 @@
-use foxhunt_core::{Ellipse, Outcome, PatternSource};
+use foxhunt_core::{BeaconId, Ellipse, Outcome, PatternSource};
 use foxhunt_hardware::Aircraft;
 use foxhunt_hunt::hunt::{Fix, PlaceEstimate};
+use nalgebra::Vector2;
 use serde::Serialize;
 
 use super::Mission;
@@ -31,28 +32,56 @@ pub struct FlownFix {
     pub steps: u32,
     /// How the search ended.
     pub outcome: Outcome,
+    /// How far off that is, where the truth is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truth: Option<FlownTruth>,
+}
+
+/// A fix against the truth.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct FlownTruth {
+    /// How far East of the origin the beacon was, in metres.
+    pub east_m: f64,
+    /// How far North.
+    pub north_m: f64,
+    /// From the estimate to it, in metres.
+    pub error_m: f64,
+    /// Normalised estimation error squared: 2 on average where the estimator is consistent.
+    pub nees: Option<f64>,
 }
 
 impl FlightReport {
-    /// The result of a flight of that name after so many seconds.
+    /// The result of a flight of that name after so many seconds; `truth` gives the true place of a
+    /// beacon where that is known, East and North in metres.
     #[must_use]
     pub fn new<A: Aircraft, S: PatternSource>(
         name: &str,
         mission: &Mission<A, S>,
         duration_s: f64,
+        truth: impl Fn(BeaconId) -> Option<Vector2<f64>>,
     ) -> Self {
+        let fixes = mission.hunt().fixes();
         Self {
             name: name.to_owned(),
             duration_s,
             failure: mission.failure().map(str::to_owned),
-            beacons: mission.hunt().fixes().iter().map(FlownFix::from).collect(),
+            beacons: fixes.iter().map(|fix| FlownFix::new(fix, truth(fix.beacon))).collect(),
         }
     }
 }
 
-impl From<&Fix> for FlownFix {
-    fn from(fix: &Fix) -> Self {
+impl FlownFix {
+    /// A fix, against the true place of its beacon where that is known, East and North in metres.
+    #[must_use]
+    pub fn new(fix: &Fix, place: Option<Vector2<f64>>) -> Self {
+        let truth = place.map(|place| FlownTruth {
+            east_m: place.x,
+            north_m: place.y,
+            error_m: (fix.estimate.mean - place).norm(),
+            nees: fix.estimate.nees(&place),
+        });
         Self {
+            truth,
             name: fix.name.clone(),
             estimate: (&fix.estimate).into(),
             ellipse_95: fix.estimate.ellipse(0.95),

@@ -19,6 +19,9 @@ pub struct FlightRules {
     pub climb_timeout_s: f64,
     /// Aircraft that are not down after this long are not waited for.
     pub leaving_timeout_s: f64,
+    /// A hunt that no aircraft takes part in for this long ends, unless the pilot flies one of
+    /// them, who may give it back; at once where all are down.
+    pub deserted_timeout_s: f64,
 }
 
 /// What aircraft that are still in the air do when a flight ends.
@@ -47,7 +50,7 @@ impl fmt::Display for Ending {
 
 impl Default for FlightRules {
     /// 4 m as in the reference, return in either case, 180 s to get ready (a GNSS receiver that
-    /// starts cold), 60 s to climb, 300 s to come back.
+    /// starts cold), 60 s to climb, 300 s to come back, 30 s without any aircraft.
     fn default() -> Self {
         Self {
             takeoff_up_m: 4.0,
@@ -56,6 +59,7 @@ impl Default for FlightRules {
             ready_timeout_s: 180.0,
             climb_timeout_s: 60.0,
             leaving_timeout_s: 300.0,
+            deserted_timeout_s: 30.0,
         }
     }
 }
@@ -71,6 +75,7 @@ impl FlightRules {
         positive("ready_timeout_s", self.ready_timeout_s)?;
         positive("climb_timeout_s", self.climb_timeout_s)?;
         positive("leaving_timeout_s", self.leaving_timeout_s)?;
+        positive("deserted_timeout_s", self.deserted_timeout_s)?;
         Ok(())
     }
 }

@@ -1,13 +1,17 @@
-use std::{fs, io, path::PathBuf};
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
 
 use foxhunt::{
-    fly::{EmulatedField, EmulatedFieldConfig},
+    fly::{EmulatedField, EmulatedFieldConfig, EmulatedPorts, FlightConfig},
     scenario::Scenario,
     sim::{Emulator, World},
 };
 
 use super::bench::{Field, Placed};
 use crate::{
+    commands::choice,
     error::{CliError, InFile},
     output::warn,
 };
@@ -38,10 +42,13 @@ impl Emulator for Whole {
 }
 
 pub(super) fn place(args: &Args, scenario: &Scenario, world: &World) -> Result<Placed, CliError> {
-    let config = match &args.faults {
-        Some(path) => faults(path)?,
-        None => EmulatedFieldConfig::default(),
-    };
+    if args.field.speed.to_bits() != 1.0_f64.to_bits() {
+        return Err(CliError::input(
+            "--speed: a flight in another program keeps the time of the wall; \
+             fly --emulate SCENARIO flies the field in its own time, which is faster",
+        ));
+    }
+    let config = config(args.faults.as_deref())?;
     let folder = args.config.parent().map_or_else(PathBuf::new, |parent| parent.join("ports"));
     fs::create_dir_all(&folder).map_err(|error| CliError::writing(&folder, error))?;
     let folder = folder.canonicalize().map_err(|error| CliError::writing(&folder, error))?;
@@ -52,10 +59,49 @@ pub(super) fn place(args: &Args, scenario: &Scenario, world: &World) -> Result<P
     Ok(Placed { device: "field", endpoint, emulator: Box::new(Whole(field)) })
 }
 
-fn faults(path: &PathBuf) -> Result<EmulatedFieldConfig, CliError> {
+/// How a field is emulated, by a file where there is one.
+fn config(path: Option<&Path>) -> Result<EmulatedFieldConfig, CliError> {
+    let Some(path) = path else { return Ok(EmulatedFieldConfig::default()) };
     let wrong = |source: Box<dyn std::error::Error>| {
         CliError::input(InFile { file: path.display().to_string(), source })
     };
     let text = fs::read_to_string(path).map_err(|error| wrong(error.into()))?;
     toml::from_str(&text).map_err(|error| wrong(error.into()))
+}
+
+/// A field that is flown by this program, in its own time.
+pub(crate) struct Emulated {
+    pub(crate) world: World,
+    field: EmulatedField,
+    tick_s: f64,
+}
+
+/// An emulated field, the flight for it, and the ports for that.
+pub(crate) struct Emulation {
+    pub(crate) emulated: Emulated,
+    pub(crate) ports: EmulatedPorts,
+    pub(crate) config: FlightConfig,
+}
+
+impl Emulated {
+    pub(crate) fn new(
+        scenario: &str,
+        faults: Option<&Path>,
+        seed: u64,
+    ) -> Result<Emulation, CliError> {
+        let scenario = choice::scenario(scenario)?;
+        let world = World::new(&scenario.world, seed).map_err(CliError::input)?;
+        let (field, ports) = EmulatedField::in_memory(&scenario, &world, &config(faults)?)
+            .map_err(CliError::input)?;
+        let config = field.flight().clone();
+        let emulated = Self { world, field, tick_s: scenario.simulation.tick_s };
+        Ok(Emulation { emulated, ports, config })
+    }
+
+    /// Lets a tick of the world's time pass, and serves the devices.
+    pub(crate) fn pass(&mut self) -> Result<(), CliError> {
+        self.world.advance(self.tick_s).map_err(CliError::failure)?;
+        self.field.serve(|device, error| warn(&format!("{device}: {error}")));
+        Ok(())
+    }
 }

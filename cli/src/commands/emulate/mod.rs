@@ -8,3 +8,4 @@ mod vehicle;
 mod xbee;
 
 pub(crate) use bench::{Args, run};
+pub(crate) use field::{Emulated, Emulation};

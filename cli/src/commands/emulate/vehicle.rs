@@ -65,6 +65,6 @@ pub(super) fn place(args: &Args, _: &Scenario, world: &World) -> Result<Placed, 
     let to = Endpoint::UdpOut { address: format!("127.0.0.1:{port}") };
     let stream = to.open().map_err(CliError::failure)?;
     let emulator = EmulatedAutopilot::new(config, world, drone, stream).map_err(CliError::input)?;
-    let endpoint = format!("udpin:0.0.0.0:{port}");
+    let endpoint = format!("udpin:127.0.0.1:{port}");
     Ok(Placed { device: "vehicle", endpoint, emulator: Box::new(emulator) })
 }

@@ -1,0 +1,70 @@
+use std::{
+    fs,
+    process::{Child, Command, Stdio},
+};
+
+use crate::support::{folder, foxhunt};
+
+/// Programs that keep the computer busy until they are dropped.
+struct Load(Vec<Child>);
+
+impl Load {
+    fn new() -> Self {
+        let busy = |_| {
+            let mut shell = Command::new("sh");
+            shell.args(["-c", "while :; do :; done"]).stdin(Stdio::null());
+            shell.spawn().expect("there is a shell")
+        };
+        let cores = std::thread::available_parallelism().map_or(2, usize::from);
+        Self((0..2 * cores).map(busy).collect())
+    }
+}
+
+impl Drop for Load {
+    fn drop(&mut self) {
+        for child in &mut self.0 {
+            child.kill().expect("it runs");
+            child.wait().expect("it has ended");
+        }
+    }
+}
+
+/// The README's demonstration finds both beacons, and is the same flight on a busy computer.
+#[test]
+fn the_emulated_flight_is_the_same_under_load() {
+    let fly = |name: &str| {
+        let out = folder(name);
+        let path = out.to_str().expect("the target folder is UTF-8").to_owned();
+        let ran = foxhunt(["--json", "fly", "--emulate", "pritzl-6.1", "--out", &path]);
+        let log = fs::read(out.join("fly-1.jsonl")).expect("a log");
+        let samples = fs::read(out.join("fly-1-samples.csv")).expect("the samples");
+        (ran, log, samples)
+    };
+    let (ran, log, samples) = fly("fly-idle");
+    let report = ran.json();
+    assert!(report["failure"].is_null(), "{report}");
+    let beacons = report["beacons"].as_array().expect("a list");
+    assert_eq!(beacons.len(), 2);
+    for beacon in beacons {
+        assert_eq!(beacon["outcome"], "converged", "{beacon}");
+        // χ² of two degrees of freedom: 1 in 10 000 is above 18.4.
+        let nees = beacon["truth"]["nees"].as_f64().expect("a number");
+        let error_m = beacon["truth"]["error_m"].as_f64().expect("a number");
+        assert!(nees < 18.4 && error_m < 3.0, "{beacon}");
+    }
+    assert!(!ran.stderr.to_lowercase().contains("failsafe"), "{}", ran.stderr);
+    let load = Load::new();
+    let (_, busy_log, busy_samples) = fly("fly-busy");
+    drop(load);
+    assert!(log == busy_log && samples == busy_samples, "load changes nothing");
+}
+
+#[test]
+fn a_field_of_another_program_has_the_time_of_the_wall() {
+    let config = folder("fly-speed").join("field.toml");
+    let config = config.to_str().expect("the target folder is UTF-8");
+    foxhunt(["emulate", "field", "--config", config, "--speed", "5"])
+        .failed(2, &["--speed", "fly --emulate"]);
+    foxhunt(["fly"]).failed(2, &["CONFIG"]);
+    foxhunt(["fly", "x.toml", "--emulate", "pritzl-6.1"]).failed(2, &["--emulate"]);
+}
