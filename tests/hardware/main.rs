@@ -1,6 +1,7 @@
 //! Drivers against emulated devices of a simulated world, in its own time.
 #![cfg(feature = "hardware")]
 
+mod advised;
 mod ardrone;
 mod firmware;
 mod flown;

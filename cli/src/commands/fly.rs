@@ -26,6 +26,7 @@ use foxhunt::{
 };
 
 use super::{
+    advice::advise,
     choice,
     emulate::{Emulated, Emulation},
     fixes, flight_plan,
@@ -42,10 +43,14 @@ use crate::{context::Context, error::CliError, output::warn};
 /// With --emulate the devices of a simulated field are flown, in this program and in its time: the
 /// same field, seed and faults fly the same flight, however busy the computer is. It ends with the
 /// errors against the truth.
+///
+/// With --advise the pilots fly, with whatever they fly with otherwise: foxhunt listens to the
+/// telemetry, turns the antennas, and prints where to fly next.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt fly meadow.toml --dry-run\n  \
                         foxhunt fly meadow.toml --out flights/meadow-3\n  \
-                        foxhunt fly --emulate pritzl-6.1\n\n\
+                        foxhunt fly --emulate pritzl-6.1\n  \
+                        foxhunt fly meadow.toml --advise\n\n\
                         Look at every device first: foxhunt devices meadow.toml")]
 pub(crate) struct Args {
     /// The flight: a TOML file (docs/flying.md)
@@ -63,6 +68,9 @@ pub(crate) struct Args {
     /// Take off without asking
     #[arg(long)]
     yes: bool,
+    /// Only advise: the pilots fly, nothing is sent to any vehicle, and where to fly next is printed
+    #[arg(long, conflicts_with_all = ["emulate", "take_over"])]
+    advise: bool,
     /// Take drones that are in the air already, in the mode that takes orders: you know that nobody
     /// else flies them
     #[arg(long)]
@@ -148,14 +156,17 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         (Some(file), None) => Field::real(file)?,
         (None, None) => return Err(CliError::input("neither a flight's file nor --emulate")),
     };
-    let config = field.config.clone();
+    let mut config = field.config.clone();
+    if args.advise {
+        config = config.advised().map_err(CliError::input)?;
+    }
     let place = format!("{}: estimator", field.name);
     let estimator = choice::estimator(registry, &config.estimator, &place)?;
     let hunt = config.parts(registry, estimator, args.seed).build().map_err(CliError::input)?;
     if args.dry_run {
         return flight_plan::print(&config, hunt, output);
     }
-    let asks = !args.yes && field.emulated.is_none();
+    let asks = !args.yes && !args.advise && field.emulated.is_none();
     if asks && !io::stdin().is_terminal() {
         return Err(CliError::input(
             "standard input is no terminal, so that nobody can confirm the take-off; --yes takes \
@@ -221,6 +232,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         }
         while let Some(event) = mission.poll_event() {
             narrate(&event);
+            if args.advise {
+                advise(&event, &config, mission.hunt());
+            }
             if let Err(error) = log.event(&event) {
                 mission.abort(time, &format!("{}: {error}", files.log.display()));
             }

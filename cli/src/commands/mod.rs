@@ -22,6 +22,8 @@ pub(crate) mod replay;
 #[cfg(not(any(feature = "ros1", feature = "ros2")))]
 pub(crate) mod unavailable;
 
+#[cfg(feature = "hardware")]
+mod advice;
 mod calibration;
 mod calibration_report;
 mod campaign_tables;

@@ -74,6 +74,12 @@ pub struct FlownBeacon {
     pub frequency_mhz: Option<f64>,
 }
 
+/// How close to where he is advised to fly a pilot comes, in metres.
+const BY_HAND_M: f64 = 2.0;
+
+/// A day, in seconds: nobody flies longer.
+const DAY_S: f64 = 86_400.0;
+
 fn default_estimator() -> String {
     DEFAULT_ESTIMATOR.to_owned()
 }
@@ -139,6 +145,34 @@ impl FlightConfig {
             let named = |reason| FlyError::Drone { drone: drone.name.clone(), reason };
             drone.check(&self.site, &self.beacons, self.flight.takeoff_up_m).map_err(named)
         })
+    }
+
+    /// The same flight with pilots who fly: nothing is sent to any vehicle, what would be an order
+    /// is advice, and everybody has as much time as he takes. A drone is where it was advised to be
+    /// within 2 m at least.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError::Drone`] where a drone cannot be listened to alone, or its source turns it.
+    pub fn advised(mut self) -> Result<Self, FlyError> {
+        for drone in &mut self.drones {
+            let name = drone.name.clone();
+            drone.listen_only().map_err(|reason| FlyError::Drone { drone: name, reason })?;
+        }
+        let tolerance_m = &mut self.hunt.arrival_tolerance_m;
+        *tolerance_m = tolerance_m.max(BY_HAND_M);
+        let rules = &mut self.flight;
+        for timeout_s in [
+            &mut rules.ready_timeout_s,
+            &mut rules.climb_timeout_s,
+            &mut rules.leaving_timeout_s,
+            &mut rules.deserted_timeout_s,
+            &mut self.hunt.move_timeout_s,
+        ] {
+            *timeout_s = timeout_s.max(DAY_S);
+        }
+        self.check()?;
+        Ok(self)
     }
 
     /// Its estimator.

@@ -64,6 +64,11 @@ impl DroneConfig {
                 settings.check().map_err(|error| nested("vehicle.settings", error))?;
             }
         }
+        if self.is_listened_to() && matches!(self.source, ListenConfig::RotatingBody(_)) {
+            return Err("source.kind is \"rotating-body\", which turns the drone, and \
+                        vehicle.settings.listen_only is true"
+                .into());
+        }
         if let Some(gnss) = &self.gnss {
             if site.ground_alt_m.is_none() {
                 return Err(
@@ -111,6 +116,23 @@ impl DroneConfig {
                 config.check().map_err(|error| nested("source", error))
             }
             _ => Ok(()),
+        }
+    }
+
+    fn is_listened_to(&self) -> bool {
+        matches!(&self.vehicle, VehicleDevice::Mavlink { settings, .. } if settings.listen_only)
+    }
+
+    /// Leaves it to its pilot: nothing is sent to what flies it.
+    pub(super) fn listen_only(&mut self) -> Result<(), String> {
+        match &mut self.vehicle {
+            VehicleDevice::Mavlink { settings, .. } => {
+                settings.listen_only = true;
+                Ok(())
+            }
+            VehicleDevice::ArDrone { .. } => {
+                Err("vehicle.kind is \"ar-drone\", which reports nothing unless it is flown".into())
+            }
         }
     }
 

@@ -111,6 +111,10 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
     /// How it is in the air before it was sent up, unless it may be taken over.
     pub(super) fn flown_by_others(&self) -> Option<String> {
         let state = self.state.as_ref().filter(|state| state.airborne && state.armed)?;
+        // One that takes orders unasked is flown by its pilot, as he is advised.
+        if state.commanded {
+            return None;
+        }
         if state.offered && self.may_take_over {
             return None;
         }

@@ -1,5 +1,6 @@
 //! The hunt on real devices, or on the same devices emulated.
 
+mod advised;
 mod config;
 mod device;
 mod driver;

@@ -11,6 +11,7 @@ use super::{
     BoxedAircraft, BoxedRadio, BoxedRotator, DroneConfig, Examine, FlightConfig, FlownBeacon,
     FlownDrone, FlyError, ListenConfig, Ports, RadioDevice, RotatorDevice, Site, SystemPorts, Tap,
     Tapped, VehicleDevice,
+    advised::Advised,
     driver::{Driver, ExaminedAircraft},
     drone::{found_at, tuned, with_addresses, with_origin},
 };
@@ -114,12 +115,16 @@ impl DroneConfig {
         match &self.vehicle {
             VehicleDevice::Mavlink { endpoint, settings } => {
                 let settings = with_origin(settings, site).map_err(|error| self.wrong(error))?;
+                let listen_only = settings.listen_only;
                 let stream = self.stream("vehicle", endpoint, ports)?;
                 let vehicle = MavlinkVehicle::new(settings, stream, clock.clone());
                 let vehicle = vehicle.map_err(|error| self.wrong(error))?;
                 let vehicle =
                     vehicle.with_clock_origin(clock_origin_unix_s).with_radio_reports(feed.clone());
-                self.placed(vehicle, site, ports, clock)
+                match listen_only {
+                    true => self.placed(Advised(vehicle), site, ports, clock),
+                    false => self.placed(vehicle, site, ports, clock),
+                }
             }
             VehicleDevice::ArDrone { endpoint, navdata, settings } => {
                 let orders = self.stream("vehicle", endpoint, ports)?;

@@ -21,6 +21,9 @@ pub struct MavlinkConfig {
     /// place where this drone first has a good position: for a drone that flies alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub origin: Option<MavlinkOrigin>,
+    /// Whether nothing is ever sent to it, no heartbeat and no question either: it is flown by
+    /// others, and what it sends them is all that is known of it.
+    pub listen_only: bool,
     /// How fast it is ordered to fly over ground, in metres per second; as it is set up where
     /// absent.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -65,13 +68,15 @@ impl Default for MavlinkConfig {
     /// Whatever autopilot speaks, we being 255; its launch place the origin; take-off to within 0.5
     /// m in 60 s after up to 120 s for a position; pose 10 Hz, status 2 Hz, set-points 5 Hz; the
     /// link lost after 3.5 s, a pose old after 1 s; 5 attempts a second apart; turns up to 90 °/s,
-    /// to headings at 30 °/s within 5°; no signing.
+    /// to headings at 30 °/s within 5°; no signing; it is
+    /// flown.
     fn default() -> Self {
         Self {
             autopilot: None,
             system_id: None,
             ground_system_id: 255,
             origin: None,
+            listen_only: false,
             cruise_speed_mps: None,
             take_off_tolerance_m: 0.5,
             take_off_timeout_s: 60.0,

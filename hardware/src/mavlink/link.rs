@@ -20,6 +20,8 @@ pub(super) struct Link<S> {
     pinned: Option<f64>,
     /// Without a message for so long another one may be pinned, in seconds.
     timeout_s: f64,
+    /// Whether nothing is sent.
+    listen_only: bool,
     /// When the last heartbeat of ours went out.
     beaten: f64,
     /// UNIX time when the clock was 0.
@@ -42,8 +44,16 @@ impl<S: ByteStream> Link<S> {
         let connections = stream.connections();
         let beaten = f64::NEG_INFINITY;
         let timeout_s = config.link_timeout_s;
-        let pinned = None;
-        Self { stream, codec, connections, pinned, timeout_s, beaten, clock_origin_unix_s: 0.0 }
+        Self {
+            stream,
+            codec,
+            connections,
+            pinned: None,
+            timeout_s,
+            listen_only: config.listen_only,
+            beaten,
+            clock_origin_unix_s: 0.0,
+        }
     }
 
     /// Hands on what has come; `take` returns whether a frame is of the autopilot. Where anybody may
@@ -90,7 +100,7 @@ impl<S: ByteStream> Link<S> {
 
     /// Sends a message. Where anybody may send, nobody is answered before the autopilot is known.
     pub(super) fn send(&mut self, now: f64, message: &MavMessage) -> io::Result<()> {
-        if self.stream.is_open() {
+        if self.listen_only || self.stream.is_open() {
             return Ok(());
         }
         let bytes = self.codec.encode(message, self.clock_origin_unix_s + now);
