@@ -76,6 +76,8 @@ def fly():
         assert station.last["HEARTBEAT"].autopilot == m.MAV_AUTOPILOT_ARDUPILOTMEGA
         refused = station.command("MAV_CMD_NAV_TAKEOFF", 0, 0, 0, 0, 0, 0, 8)
         assert refused == m.MAV_RESULT_FAILED, "a take-off in STABILIZE"
+        refused = station.command("MAV_CMD_DO_CHANGE_SPEED", 1, 1, -1)
+        assert refused == m.MAV_RESULT_FAILED, "a speed in STABILIZE"
         told = {t for t in station.last if t not in ("HEARTBEAT", "COMMAND_ACK", "STATUSTEXT")}
         assert not told, f"told unasked: {told}"
         for name, rate in [("GLOBAL_POSITION_INT", 10), ("ATTITUDE", 10), ("EKF_STATUS_REPORT", 2), ("GPS_RAW_INT", 2)]:
@@ -86,13 +88,22 @@ def fly():
                       and not l["EKF_STATUS_REPORT"].flags & 0x480)
         station.order("MAV_CMD_DO_SET_MODE", m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4)
         station.order("MAV_CMD_COMPONENT_ARM_DISARM", 1)
+        station.until("what it tells", lambda l: "STATUSTEXT" in l and l["STATUSTEXT"].text == "Arming motors")
+        assert station.last["STATUSTEXT"].severity == m.MAV_SEVERITY_INFO
         station.order("MAV_CMD_NAV_TAKEOFF", 0, 0, 0, 0, 0, 0, 8)
         station.until("8 m", lambda l: abs(l["GLOBAL_POSITION_INT"].relative_alt - 8000) < 500)
+        station.order("MAV_CMD_DO_CHANGE_SPEED", 1, 1, -1)
         here = station.last["GLOBAL_POSITION_INT"]
         # 20 m to the North, the nose to the East.
         lat, lon = here.lat + round(20 / 111_320 * 1e7 * 1.0035), here.lon
         station.link.mav.set_position_target_global_int_send(
             0, 1, 1, m.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, 0x9F8, lat, lon, 10, 0, 0, 0, 0, 0, 0, math.pi / 2, 0)
+        # A speed that was ordered before the first set-point is forgotten with it, as ArduCopter does.
+        def speed(l):
+            return math.hypot(l["GLOBAL_POSITION_INT"].vx, l["GLOBAL_POSITION_INT"].vy)
+        station.until("its own speed", lambda l: speed(l) > 150)
+        station.order("MAV_CMD_DO_CHANGE_SPEED", 1, 1, -1)
+        station.until("1 m/s", lambda l: abs(speed(l) - 100) < 10)
         station.until("its goal", lambda l: abs(l["GLOBAL_POSITION_INT"].lat - lat) < 40
                       and abs(l["GLOBAL_POSITION_INT"].lon - lon) < 40
                       and abs(l["GLOBAL_POSITION_INT"].relative_alt - 10_000) < 300)

@@ -3,6 +3,7 @@
 
 mod advised;
 mod ardrone;
+mod faults;
 mod firmware;
 mod flown;
 mod gnss;

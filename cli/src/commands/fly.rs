@@ -119,7 +119,7 @@ impl Field {
 
     /// The emulated devices of a scenario's field.
     fn emulated(scenario: &str, faults: Option<&Path>, seed: u64) -> Result<Self, CliError> {
-        let Emulation { emulated, ports, config } = Emulated::new(scenario, faults, seed)?;
+        let Emulation { emulated, ports, config } = Emulated::place(scenario, faults, seed)?;
         let time = emulated.world.clock();
         Ok(Self {
             config,

@@ -17,6 +17,7 @@ use foxhunt_sim::{
 use foxhunt_wire::{
     ByteStream, Endpoint, MemoryStream, PtyStream, UdpStream,
     geodesy::{GeodesyError, Geodetic},
+    mavlink::Autopilot,
     memory_pair,
 };
 use serde::{Deserialize, Serialize};
@@ -39,6 +40,8 @@ const TURN_S: f64 = 150.0;
 pub struct EmulatedFieldConfig {
     /// Where its East and North are 0.
     pub site: Site,
+    /// Whose firmware flies its drones.
+    pub autopilot: Autopilot,
     /// The UDP port that the first drone's autopilot sends to, the next ones to those after it; any
     /// free ones where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -60,11 +63,12 @@ pub struct DroneFaults {
     pub vehicle: AutopilotFaults,
 }
 
-/// A field in the middle of Europe, on free ports, without faults.
+/// A field in the middle of Europe, ArduCopter, on free ports, without faults.
 impl Default for EmulatedFieldConfig {
     fn default() -> Self {
         let site = Site { lat_deg: 50.0755, lon_deg: 14.4378, ground_alt_m: None };
-        Self { site, first_port: None, faults: Vec::new() }
+        let autopilot = Autopilot::ArduPilot;
+        Self { site, autopilot, first_port: None, faults: Vec::new() }
     }
 }
 
@@ -193,6 +197,7 @@ impl EmulatedField {
         let site = config.site;
         let autopilot = AutopilotConfig {
             origin: Geodetic::new(site.lat_deg, site.lon_deg, site.ground_alt_m.unwrap_or(0.0))?,
+            autopilot: config.autopilot,
             faults: faults.vehicle,
             ..AutopilotConfig::default()
         };

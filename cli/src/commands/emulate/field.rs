@@ -84,7 +84,7 @@ pub(crate) struct Emulation {
 }
 
 impl Emulated {
-    pub(crate) fn new(
+    pub(crate) fn place(
         scenario: &str,
         faults: Option<&Path>,
         seed: u64,
