@@ -1,5 +1,5 @@
-//! `fly --advise`: a pilot flies as he is advised, over a link of his own, and a recorder on our wire
-//! receives nothing.
+//! `fly --advise`: a pilot flies as he is advised, over a link of his own, and a recorder on our
+//! wire receives nothing.
 
 use std::{cell::RefCell, io, rc::Rc};
 
@@ -17,8 +17,8 @@ use foxhunt::{
     wire::{ByteStream, Endpoint, MemoryStream, memory_pair},
 };
 
-/// One autopilot, its pilot's station and us: what the autopilot sends goes to both, what the station
-/// sends goes to the autopilot, and what we send is kept.
+/// One autopilot, its pilot's station and us: what the autopilot sends goes to both, what the
+/// station sends goes to the autopilot, and what we send is kept.
 struct Router {
     autopilot: Box<dyn ByteStream>,
     station: MemoryStream,

@@ -1,5 +1,5 @@
-//! Whole flights in which things go wrong, in the world's time: one at a time in a table, and many at
-//! random.
+//! Whole flights in which things go wrong, in the world's time: one at a time in a table, and many
+//! at random.
 
 use foxhunt::{
     fly::{

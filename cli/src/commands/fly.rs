@@ -68,7 +68,8 @@ pub(crate) struct Args {
     /// Take off without asking
     #[arg(long)]
     yes: bool,
-    /// Only advise: the pilots fly, nothing is sent to any vehicle, and where to fly next is printed
+    /// Only advise: the pilots fly, nothing is sent to any vehicle, and where to fly next is
+    /// printed
     #[arg(long, conflicts_with_all = ["emulate", "take_over"])]
     advise: bool,
     /// Take drones that are in the air already, in the mode that takes orders: you know that nobody

@@ -7,8 +7,8 @@ use super::Examine;
 /// An aircraft that its pilot flies: every order is advice, which somebody else shows, and none
 /// reaches it.
 ///
-/// In the air it counts as one that follows, at its pilot's pace; on the ground as one that is about
-/// to take off.
+/// In the air it counts as one that follows, at its pilot's pace; on the ground as one that is
+/// about to take off.
 #[derive(Debug)]
 pub(super) struct Advised<A>(pub(super) A);
 

@@ -56,9 +56,9 @@ impl<S: ByteStream> Link<S> {
         }
     }
 
-    /// Hands on what has come; `take` returns whether a frame is of the autopilot. Where anybody may
-    /// send, only the sender of such a frame is received and answered, until it has been silent for
-    /// as long as a link may be. Whether the stream was opened anew since the last time.
+    /// Hands on what has come; `take` returns whether a frame is of the autopilot. Where anybody
+    /// may send, only the sender of such a frame is received and answered, until it has been silent
+    /// for as long as a link may be. Whether the stream was opened anew since the last time.
     pub(super) fn receive(
         &mut self,
         now: f64,

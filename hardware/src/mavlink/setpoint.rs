@@ -53,8 +53,8 @@ pub(super) fn message(frame: &CommonFrame, goal: &Goal, who: (u8, u8), now: f64)
     })
 }
 
-/// From a goal to the autopilot's own target, in metres. Heights are above sea level there, or above
-/// the launch place with some firmware.
+/// From a goal to the autopilot's own target, in metres. Heights are above sea level there, or
+/// above the launch place with some firmware.
 pub(super) fn distance_m(
     frame: &CommonFrame,
     goal: &Goal,

@@ -7,8 +7,8 @@ use super::ByteStream;
 
 /// Datagrams to and from one peer: a known one, or whoever sent last until that one is pinned.
 ///
-/// To a pinned peer the socket is connected, so that the system itself drops what others send, and a
-/// stranger's flood takes neither time nor room.
+/// To a pinned peer the socket is connected, so that the system itself drops what others send, and
+/// a stranger's flood takes neither time nor room.
 #[derive(Debug)]
 pub struct UdpStream {
     socket: UdpSocket,

@@ -67,8 +67,8 @@ pub(super) struct Field {
     pub(super) link: Option<PathBuf>,
 }
 
-/// The farthest that a field's time falls behind, in seconds of the wall: on a busy computer it runs
-/// slower, rather than past the heartbeats of whoever flies in it.
+/// The farthest that a field's time falls behind, in seconds of the wall: on a busy computer it
+/// runs slower, rather than past the heartbeats of whoever flies in it.
 const MOST_BEHIND_S: f64 = 0.1;
 
 /// A device that is ready to be served.

@@ -12,13 +12,13 @@ use crate::{Emulator, SimError, World};
 ///
 /// What is imitated of ArduCopter: it tells nothing but heartbeats until it is requested; a
 /// take-off is refused unless it is armed in GUIDED and knows where it is; the first set-point in
-/// GUIDED, and after a take-off, has it fly at WPNAV_SPEED, whatever was ordered before, and a speed
-/// is refused in other modes; it can be armed in
-/// STABILIZE without knowing; motors that do not take off stop after 10 s; a relative CONDITION_YAW
-/// counts from the heading that it is slewing to; a set-point without yaw turns the nose to the
-/// goal; it stops its motors on the ground after landing; it comes back when the ground station
-/// falls silent (system 255). Of PX4: its modes, set-points flown to at MPC_XY_VEL_MAX, heights of take-off above sea level, telemetry unasked, and
-/// OFFBOARD, which needs set-points at 2 Hz and ends without them.
+/// GUIDED, and after a take-off, has it fly at WPNAV_SPEED, whatever was ordered before, and a
+/// speed is refused in other modes; it can be armed in STABILIZE without knowing; motors that do
+/// not take off stop after 10 s; a relative CONDITION_YAW counts from the heading that it is
+/// slewing to; a set-point without yaw turns the nose to the goal; it stops its motors on the
+/// ground after landing; it comes back when the ground station falls silent (system 255). Of PX4:
+/// its modes, set-points flown to at MPC_XY_VEL_MAX, heights of take-off above sea level, telemetry
+/// unasked, and OFFBOARD, which needs set-points at 2 Hz and ends without them.
 ///
 /// A drone of a world begins in the air; one with an emulated autopilot begins on the ground below,
 /// at an Up of 0.
