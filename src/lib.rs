@@ -15,6 +15,7 @@
 //! | `archive` | [`recording`], [`recorded`], [`replay`], [`movebank`], [`geodesy`]; with `pictures` also `picture` |
 //! | `hardware` | `fly`, `network`, `hardware`, `wire` |
 //! | `batch`, `maps` | estimators over all observations at once, in `filters` and by name |
+//! | `parallel` | `ParticleFilter::with_threads` in `filters` |
 //!
 //! # One estimator, everything known at compile time
 //!

@@ -2,16 +2,24 @@
 //! would write instead.
 //!
 //! `STEPS=100 SCHEME=multinomial WHAT=columns PARTICLES=10000` takes that many steps and measures
-//! nothing, for a tool that counts instructions; `WHAT` may also be `states` or `loop`.
+//! nothing, for a tool that counts instructions; `WHAT` may also be `threads`, `states` or `loop`.
 
 use std::{env, hint::black_box};
 
-use bearings::{observations, of};
+use bearings::{Step, columns, observations, steps};
 use criterion::{BenchmarkId, Criterion, Throughput};
 use foxhunt_core::{Observation, State};
 use foxhunt_filters::Resampling;
 
 mod bearings;
+
+/// Also by columns on all threads.
+fn of(what: &str, scheme: Resampling, particles: usize, seed: u64) -> Step {
+    match what {
+        "threads" => steps(columns(scheme, particles, seed).with_threads()),
+        _ => bearings::of(what, scheme, particles, seed),
+    }
+}
 
 /// That all of them are the same filter: mean and variances after 20 steps, from 100 seeds. 4.5
 /// standard errors: a false alarm of the 32 in 4500 seeds.
@@ -63,7 +71,7 @@ fn main() {
         for particles in [1000, 10_000, 100_000, 1_000_000] {
             group.throughput(Throughput::Elements(particles));
             group.sample_size(if particles > 10_000 { 10 } else { 50 });
-            for what in ["loop", "columns", "states"] {
+            for what in ["loop", "columns", "threads", "states"] {
                 let mut step = of(what, scheme, usize::try_from(particles).expect("few"), 1);
                 let mut observation = observations.iter().cycle();
                 group.bench_function(BenchmarkId::new(what, particles), |bencher| {

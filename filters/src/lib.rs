@@ -35,6 +35,8 @@
 //! With the feature `field-map`: `FieldMap` maps the level over the area without any law of
 //! propagation.
 //!
+//! With the feature `parallel`: `ParticleFilter::with_threads` uses all threads of a rayon pool.
+//!
 //! The particle filter, the mixtures and the grid need the feature `alloc`; the rest runs without
 //! an allocator.
 

@@ -48,7 +48,7 @@ impl MeasurementModel<4, 1> for States {
 
 /// The same with loops over columns besides.
 #[derive(Clone, Copy)]
-struct Columns;
+pub(crate) struct Columns;
 
 impl MotionModel<4> for Columns {
     fn propagate(&self, x: &State<4>, dt: f64) -> State<4> {
@@ -127,18 +127,28 @@ fn prior() -> Estimate<4> {
 /// One step after the other, and what it believes then.
 pub(crate) type Step = Box<dyn FnMut(&Observation<1>) -> Estimate<4>>;
 
-fn filter<H>(model: H, scheme: Resampling, particles: usize, seed: u64) -> Step
+type Filter<H> = ParticleFilter<H, H, Xoshiro256PlusPlus, 4, 1>;
+
+fn filter<H>(model: H, scheme: Resampling, particles: usize, seed: u64) -> Filter<H>
 where
-    H: MotionModel<4> + MeasurementModel<4, 1> + Copy + 'static,
+    H: MotionModel<4> + MeasurementModel<4, 1> + Copy,
 {
     let rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let threshold = if scheme == Resampling::Multinomial { 1.0 } else { 0.5 };
-    let filter = ParticleFilter::new(model, model, prior(), particles, rng)
+    ParticleFilter::new(model, model, prior(), particles, rng)
         .and_then(|filter| filter.with_kernel_bandwidth(0.0))
         .and_then(|filter| filter.with_progressive_correction(0.0))
-        .and_then(|filter| filter.with_resampling_threshold(threshold));
-    let mut filter: Box<dyn Estimator<4, 1>> =
-        Box::new(filter.expect("proper").with_resampling(scheme));
+        .and_then(|filter| filter.with_resampling_threshold(threshold))
+        .expect("proper")
+        .with_resampling(scheme)
+}
+
+/// The filter that works by columns.
+pub(crate) fn columns(scheme: Resampling, particles: usize, seed: u64) -> Filter<Columns> {
+    filter(Columns, scheme, particles, seed)
+}
+
+pub(crate) fn steps(mut filter: impl Estimator<4, 1> + 'static) -> Step {
     Box::new(move |observation| {
         filter.predict(1.0).expect("a proper step");
         let _ = filter.update(observation).expect("possible");
@@ -215,8 +225,8 @@ fn plain_loop(scheme: Resampling, particles: usize, seed: u64) -> Step {
 
 pub(crate) fn of(what: &str, scheme: Resampling, particles: usize, seed: u64) -> Step {
     match what {
-        "columns" => filter(Columns, scheme, particles, seed),
-        "states" => filter(States, scheme, particles, seed),
+        "columns" => steps(columns(scheme, particles, seed)),
+        "states" => steps(filter(States, scheme, particles, seed)),
         "loop" => plain_loop(scheme, particles, seed),
         other => panic!("no {other} to measure"),
     }

@@ -2,7 +2,10 @@ use alloc::vec::Vec;
 
 use foxhunt_core::{EstimatorError, MeasurementModel, Observation, Role, State, elementary};
 
-use super::white::CHUNK;
+use super::{
+    divided::{BLOCK, Divided, Threads, take_first},
+    white::CHUNK,
+};
 use crate::{
     count::number,
     vectorised::{self, Kernel},
@@ -55,7 +58,8 @@ pub(super) struct Weights {
     pub(super) log: Vec<f64>,
     /// 1 / Σ w².
     effective_sample_size: f64,
-    /// While they are made: the largest logarithm of each chunk.
+    /// While they are made: the largest logarithm of each chunk. There is room for those of whole
+    /// blocks.
     peaks: Vec<f64>,
 }
 
@@ -63,7 +67,7 @@ impl Weights {
     pub(super) fn even(count: usize) -> Self {
         let mut weights = Self::none();
         weights.resize(count);
-        weights.fill_even();
+        weights.fill_even(Threads::One);
         weights
     }
 
@@ -75,19 +79,19 @@ impl Weights {
     fn resize(&mut self, count: usize) {
         self.linear.resize(count, 0.0);
         self.log.resize(count, 0.0);
-        self.peaks.resize(count.div_ceil(CHUNK), 0.0);
+        self.peaks.resize(count.div_ceil(BLOCK) * (BLOCK / CHUNK), 0.0);
     }
 
-    pub(super) fn fill_even(&mut self) {
+    pub(super) fn fill_even(&mut self, threads: Threads) {
         let share = 1.0 / number(self.linear.len());
-        self.linear.fill(share);
-        self.log.fill(libm::log(share));
+        let (linear, log) = (&mut self.linear[..], &mut self.log[..]);
+        threads.run(Fill { linear, log, share, log_share: libm::log(share) });
         self.effective_sample_size = number(self.linear.len());
     }
 
-    /// Its columns, for other use until it is made anew.
-    pub(super) fn scratch(&mut self) -> [&mut [f64]; 2] {
-        [&mut self.linear, &mut self.log]
+    /// Its columns, for other use until it is made anew, and two numbers or more for each block.
+    pub(super) fn scratch(&mut self) -> [&mut [f64]; 3] {
+        [&mut self.linear, &mut self.log, &mut self.peaks]
     }
 
     /// 1 / Σ w².
@@ -95,8 +99,8 @@ impl Weights {
         self.effective_sample_size
     }
 
-    /// Makes the posterior weights, `prior` being the weights so far; returns the log-evidence
-    /// ln Σ wᵢ p(z | xᵢ). Where `likelihoods` are [`Given`], they stand in `self.log`.
+    /// Makes the posterior weights of log-likelihoods that stand in `self.log`, `prior` being the
+    /// weights so far; returns the log-evidence ln Σ wᵢ p(z | xᵢ).
     ///
     /// # Errors
     ///
@@ -104,10 +108,23 @@ impl Weights {
     pub(super) fn condition(
         &mut self,
         prior: &Self,
-        likelihoods: &impl Likelihoods,
+        threads: Threads,
     ) -> Result<f64, EstimatorError> {
-        let weights = &mut *self;
-        let (best, total) = vectorised::run(Multiply { likelihoods, prior: &prior.log, weights });
+        self.condition_on(prior, &Given, |work| threads.run(work), threads)
+    }
+
+    /// The same of `likelihoods`, on threads.
+    pub(super) fn condition_on<L: Likelihoods>(
+        &mut self,
+        prior: &Self,
+        likelihoods: &L,
+        multiply: impl FnOnce(Multiply<'_, L>) -> Evidence,
+        threads: Threads,
+    ) -> Result<f64, EstimatorError> {
+        let Self { linear, log, peaks, .. } = &mut *self;
+        let (linear, log, peaks) = (&mut linear[..], &mut log[..], &mut peaks[..]);
+        let Evidence { best, total } =
+            multiply(Multiply { likelihoods, first: 0, prior: &prior.log, linear, log, peaks });
         if total.is_nan() {
             return Err(EstimatorError::NotFinite { role: Role::Expected });
         }
@@ -115,11 +132,44 @@ impl Weights {
             return Err(EstimatorError::Impossible { particles: self.log.len() });
         }
         let evidence = best + libm::log(total);
-        let weights = &mut *self;
-        self.effective_sample_size =
-            1.0 / vectorised::run(Normalise { best, total, evidence, weights });
+        let Self { linear, log, peaks, .. } = &mut *self;
+        let (linear, log, peaks) = (&mut linear[..], &mut log[..], &peaks[..]);
+        let squares = threads.run(Normalise { best, total, evidence, linear, log, peaks });
+        self.effective_sample_size = 1.0 / squares;
         Ok(evidence)
     }
+}
+
+/// Makes all weights the same.
+struct Fill<'a> {
+    linear: &'a mut [f64],
+    log: &'a mut [f64],
+    share: f64,
+    log_share: f64,
+}
+
+impl Kernel for Fill<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.linear.fill(self.share);
+        self.log.fill(self.log_share);
+    }
+}
+
+impl Divided for Fill<'_> {
+    fn particles(&self) -> usize {
+        self.linear.len()
+    }
+
+    fn split_at(mut self, particles: usize) -> (Self, Self) {
+        let linear = take_first(&mut self.linear, particles);
+        let log = take_first(&mut self.log, particles);
+        (Self { linear, log, ..self }, self)
+    }
+
+    fn join((): (), (): ()) {}
 }
 
 /// Log-likelihoods of particles.
@@ -129,7 +179,7 @@ pub(super) trait Likelihoods {
 }
 
 /// They are there already.
-pub(super) struct Given;
+struct Given;
 
 impl Likelihoods for Given {
     #[inline(always)]
@@ -153,26 +203,50 @@ impl<H: MeasurementModel<N, M>, const N: usize, const M: usize> Likelihoods
     }
 }
 
+/// The largest of the logarithms, and the sum relative to it, which is NaN where a likelihood is
+/// NaN or infinite.
+pub(super) struct Evidence {
+    best: f64,
+    total: f64,
+}
+
+impl Evidence {
+    const NONE: Self = Self { best: f64::NEG_INFINITY, total: 0.0 };
+
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        let best = if other.best > self.best { other.best } else { self.best };
+        let relative = |part: Self| match part.total > 0.0 {
+            true => part.total * elementary::exp(part.best - best),
+            // NaN stays.
+            false => part.total,
+        };
+        Self { best, total: relative(self) + relative(other) }
+    }
+}
+
 /// Adds log-likelihoods to logarithms of weights, and takes them relative to the largest of each
-/// chunk out of the logarithm. Returns the largest and the sum relative to it, which is NaN where
-/// a likelihood is NaN or infinite.
-struct Multiply<'a, L> {
+/// chunk out of the logarithm.
+pub(super) struct Multiply<'a, L> {
     likelihoods: &'a L,
+    /// The first particle that it is on.
+    first: usize,
     prior: &'a [f64],
-    weights: &'a mut Weights,
+    linear: &'a mut [f64],
+    log: &'a mut [f64],
+    peaks: &'a mut [f64],
 }
 
 impl<L: Likelihoods> Kernel for Multiply<'_, L> {
-    type Output = (f64, f64);
+    type Output = Evidence;
 
     #[inline(always)]
-    fn run(self) -> (f64, f64) {
-        let Weights { linear, log, peaks, .. } = self.weights;
-        let (mut best, mut total) = (f64::NEG_INFINITY, 0.0);
-        let columns = log.chunks_mut(CHUNK).zip(linear.chunks_mut(CHUNK));
-        let chunks = columns.zip(self.prior.chunks(CHUNK)).zip(peaks).enumerate();
+    fn run(self) -> Evidence {
+        let mut all = Evidence::NONE;
+        let columns = self.log.chunks_mut(CHUNK).zip(self.linear.chunks_mut(CHUNK));
+        let chunks = columns.zip(self.prior.chunks(CHUNK)).zip(self.peaks).enumerate();
         for (chunk, (((log, linear), prior), peak)) in chunks {
-            self.likelihoods.set(chunk * CHUNK, log);
+            self.likelihoods.set(self.first + chunk * CHUNK, log);
             // A particle that was impossible stays so, whatever it makes of this observation.
             log.iter_mut().zip(prior).for_each(|(log, before)| *log += before);
             *peak = vectorised::largest(log);
@@ -180,14 +254,28 @@ impl<L: Likelihoods> Kernel for Multiply<'_, L> {
             for (weight, log) in linear.iter_mut().zip(&*log) {
                 *weight = elementary::exp(log - origin);
             }
-            let sum = vectorised::sum(linear);
-            if *peak > best {
-                total *= elementary::exp(best - *peak);
-                best = *peak;
-            }
-            total += if sum > 0.0 { sum * elementary::exp(*peak - best) } else { sum };
+            all = all.and(Evidence { best: *peak, total: vectorised::sum(linear) });
         }
-        (best, total)
+        all
+    }
+}
+
+impl<L: Likelihoods> Divided for Multiply<'_, L> {
+    fn particles(&self) -> usize {
+        self.linear.len()
+    }
+
+    fn split_at(mut self, particles: usize) -> (Self, Self) {
+        let (before, prior) = self.prior.split_at(particles);
+        let linear = take_first(&mut self.linear, particles);
+        let log = take_first(&mut self.log, particles);
+        let peaks = take_first(&mut self.peaks, particles / CHUNK);
+        let first = self.first + particles;
+        (Self { prior: before, linear, log, peaks, ..self }, Self { prior, first, ..self })
+    }
+
+    fn join(first: Evidence, second: Evidence) -> Evidence {
+        first.and(second)
     }
 }
 
@@ -196,7 +284,9 @@ struct Normalise<'a> {
     best: f64,
     total: f64,
     evidence: f64,
-    weights: &'a mut Weights,
+    linear: &'a mut [f64],
+    log: &'a mut [f64],
+    peaks: &'a [f64],
 }
 
 impl Kernel for Normalise<'_> {
@@ -204,16 +294,32 @@ impl Kernel for Normalise<'_> {
 
     #[inline(always)]
     fn run(self) -> f64 {
-        let Weights { linear, log, peaks, .. } = self.weights;
         let mut squares = 0.0;
-        let columns = linear.chunks_mut(CHUNK).zip(log.chunks_mut(CHUNK));
-        for ((linear, log), peak) in columns.zip(peaks) {
+        let columns = self.linear.chunks_mut(CHUNK).zip(self.log.chunks_mut(CHUNK));
+        for ((linear, log), peak) in columns.zip(self.peaks) {
             let scale = elementary::exp(*peak - self.best) / self.total;
             linear.iter_mut().for_each(|weight| *weight *= scale);
             log.iter_mut().for_each(|log| *log -= self.evidence);
             squares += vectorised::dot(linear, linear);
         }
         squares
+    }
+}
+
+impl Divided for Normalise<'_> {
+    fn particles(&self) -> usize {
+        self.linear.len()
+    }
+
+    fn split_at(mut self, particles: usize) -> (Self, Self) {
+        let linear = take_first(&mut self.linear, particles);
+        let log = take_first(&mut self.log, particles);
+        let (before, peaks) = self.peaks.split_at(particles / CHUNK);
+        (Self { linear, log, peaks: before, ..self }, Self { peaks, ..self })
+    }
+
+    fn join(first: f64, second: f64) -> f64 {
+        first + second
     }
 }
 
@@ -226,7 +332,7 @@ mod tests {
         let prior = Weights::even(4);
         let mut posterior = Weights::even(4);
         posterior.log = alloc::vec![-2000.0, -2000.0 + libm::log(3.0), f64::NEG_INFINITY, -3000.0];
-        let evidence = posterior.condition(&prior, &Given).expect("two are possible");
+        let evidence = posterior.condition(&prior, Threads::One).expect("two are possible");
         assert!((evidence + 2000.0).abs() < 1e-12, "ln(¼ (1 + 3)) = 0: {evidence}");
         let expected = [0.25, 0.75, 0.0, 0.0];
         for (weight, expected) in posterior.linear.iter().zip(expected) {
@@ -236,7 +342,7 @@ mod tests {
         // What is left at −∞ makes no NaN the next time.
         let mut again = Weights::even(4);
         again.log = alloc::vec![-1.0; 4];
-        let evidence = again.condition(&posterior, &Given).expect("possible");
+        let evidence = again.condition(&posterior, Threads::One).expect("possible");
         assert!((evidence + 1.0).abs() < 1e-12);
         assert!(again.linear.iter().all(|w| w.is_finite()));
     }
@@ -247,7 +353,7 @@ mod tests {
         let condition = |logs: [f64; 2]| {
             let mut weights = Weights::even(2);
             weights.log.copy_from_slice(&logs);
-            weights.condition(&prior, &Given)
+            weights.condition(&prior, Threads::One)
         };
         let not_finite = Err(EstimatorError::NotFinite { role: Role::Expected });
         assert_eq!(condition([0.0, f64::NAN]), not_finite);

@@ -6,7 +6,7 @@ use foxhunt_core::{
 };
 use rand::Rng;
 
-use super::{cloud::Modelled, filter::ParticleFilter};
+use super::{cloud::Modelled, filter::ParticleFilter, workers::Workers};
 use crate::{Innovation, count::number};
 
 impl<F, H, R, const N: usize, const M: usize> Estimator<N, M> for ParticleFilter<F, H, R, N, M>
@@ -46,7 +46,9 @@ where
         self.spare.resize(count);
         let (model, columns) = (&self.measurement, &self.cloud.columns);
         let likelihoods = Modelled { model, columns, observation };
-        let log_evidence = self.spare.weights.condition(&self.cloud.weights, &likelihoods)?;
+        let Workers { multiply, threads, .. } = self.workers;
+        let (prior, weights) = (&self.cloud.weights, &mut self.spare.weights);
+        let log_evidence = weights.condition_on(prior, &likelihoods, multiply, threads)?;
         let size = self.spare.weights.effective_sample_size();
         let log_evidence = if size < self.progressive * number(count) {
             self.correct_in_stages(observation)?

@@ -14,8 +14,9 @@ use super::{
     resampling::Resampling,
     step::Step,
     white::white,
+    workers::Workers,
 };
-use crate::{Gaussian, count::number, vectorised};
+use crate::{Gaussian, count::number};
 
 /// The bootstrap particle filter (Gordon, Salmond & Smith 1993), its resampling regularised.
 ///
@@ -63,6 +64,7 @@ pub struct ParticleFilter<F, H, R, const N: usize, const M: usize> {
     size: Option<KldSampling<N>>,
     /// Below this share of its particles an update is made in stages.
     pub(super) progressive: f64,
+    pub(super) workers: Workers<F, H, N, M>,
 }
 
 impl<F, H, R, const N: usize, const M: usize> ParticleFilter<F, H, R, N, M>
@@ -109,7 +111,9 @@ where
         require(u32::try_from(count).is_ok(), "particles", number(count), "below 2³²")?;
         let columns = core::array::from_fn(|row| samples.iter().map(|x| x[row]).collect());
         let cloud = Cloud { columns, weights: Weights::even(count) };
-        let belief = moments(&cloud.columns, &cloud.weights.linear, &motion.axes());
+        let workers = Workers::one();
+        let (axes, weights) = (motion.axes(), &cloud.weights.linear);
+        let belief = moments(&cloud.columns, weights, &axes, workers.threads);
         Ok(Self {
             motion,
             measurement,
@@ -123,6 +127,7 @@ where
             bandwidth: None,
             size: None,
             progressive: 0.1,
+            workers,
         })
     }
 
@@ -174,6 +179,20 @@ where
         Ok(Self { progressive: check_progressive(share)?, ..self })
     }
 
+    /// The same filter, working on large clouds, of 32 768 particles or more, on all threads of the
+    /// rayon pool that it is stepped in. Its numbers are the same to the bit, whatever their number
+    /// and without them. Adaptive sizes, stratified and residual draws, and likelihoods applied in
+    /// stages stay on one thread.
+    #[cfg(feature = "parallel")]
+    #[must_use]
+    pub fn with_threads(self) -> Self
+    where
+        F: Sync,
+        H: Sync,
+    {
+        Self { workers: Workers::pool(), ..self }
+    }
+
     /// How many particles there are.
     #[must_use]
     pub fn particles(&self) -> usize {
@@ -188,7 +207,7 @@ where
 
     /// The moments of states in columns.
     pub(super) fn moments(&self, columns: &[Vec<f64>; N], weights: &Weights) -> Estimate<N> {
-        moments(columns, &weights.linear, &self.motion.axes())
+        moments(columns, &weights.linear, &self.motion.axes(), self.workers.threads)
     }
 
     /// The belief of a cloud with these moments and weights.
@@ -260,21 +279,23 @@ where
         if due {
             self.ancestors.resize(count, 0);
             let (weights, scratch) = (&self.cloud.weights.linear, self.spare.weights.scratch());
-            self.resampling.draw(weights, rng, scratch, &mut self.ancestors);
-            self.spare.weights.fill_even();
+            let threads = self.workers.threads;
+            self.resampling.draw(weights, rng, scratch, &mut self.ancestors, threads);
+            self.spare.weights.fill_even(threads);
         }
         let weights = if due { &self.spare.weights } else { &self.cloud.weights };
-        let moments = vectorised::run(Step {
+        let moments = (self.workers.step)(Step {
             key: rng.next_u64(),
             from: &self.cloud.columns,
-            to: &mut self.spare.columns,
+            to: self.spare.columns.each_mut().map(|column| &mut column[..]),
+            first: 0,
             ancestors: due.then_some(&self.ancestors[..]),
             kernel: kernel.as_ref(),
             motion: Some((&self.motion, dt)),
             axes: self.motion.axes(),
             weights: Some(&weights.linear),
         });
-        (due, moments)
+        (due, moments.map(|moments| moments.estimate()))
     }
 
     /// Whether there are more than twice or less than half the particles that are needed. Those
@@ -318,7 +339,7 @@ where
                 wanted = size.particles(bins.count());
             }
         }
-        self.spare.weights.fill_even();
+        self.spare.weights.fill_even(self.workers.threads);
     }
 
     fn kernel(&self) -> Option<Kernel<N>> {

@@ -1,4 +1,5 @@
 mod cloud;
+mod divided;
 mod estimator;
 mod filter;
 mod kernel;
@@ -12,6 +13,7 @@ mod reinitialise;
 mod resampling;
 mod step;
 mod white;
+mod workers;
 
 pub use filter::ParticleFilter;
 pub use kld::KldSampling;

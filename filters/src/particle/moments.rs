@@ -5,7 +5,10 @@ use foxhunt_core::{
     angle::{self, Resultant},
 };
 
-use super::white::CHUNK;
+use super::{
+    divided::{Divided, Threads},
+    white::CHUNK,
+};
 use crate::vectorised::{self, Kernel};
 
 /// The weighted mean and covariance of states in columns.
@@ -16,6 +19,7 @@ pub(super) fn moments<const N: usize>(
     columns: &[Vec<f64>; N],
     weights: &[f64],
     axes: &[Axis; N],
+    threads: Threads,
 ) -> Estimate<N> {
     let origin = core::array::from_fn(|row| match axes[row] {
         Axis::Linear => None,
@@ -25,7 +29,7 @@ pub(super) fn moments<const N: usize>(
             Some(resultant.direction(1e-9).unwrap_or(columns[row][0]))
         }
     });
-    let mut estimate = vectorised::run(Sum { columns, weights, origin }).estimate();
+    let mut estimate = threads.run(Sum { columns, first: 0, weights, origin }).estimate();
     for (mean, origin) in estimate.mean.iter_mut().zip(origin) {
         *mean = origin.map_or(*mean, |origin| angle::wrap(*mean + origin));
     }
@@ -98,6 +102,12 @@ impl<const N: usize> Moments<N> {
         Estimate { mean: self.mean, covariance: self.scatter }
     }
 
+    /// Those of these and of other particles.
+    pub(super) fn and(mut self, other: &Self) -> Self {
+        self.add(other);
+        self
+    }
+
     /// Adds those of other particles (Chan, Golub & LeVeque 1979).
     fn add(&mut self, other: &Self) {
         let weight = self.weight + other.weight;
@@ -111,9 +121,10 @@ impl<const N: usize> Moments<N> {
     }
 }
 
-/// Sums up the moments of a cloud, its angles about an origin. The weights sum to 1.
+/// Sums up the moments of a cloud from a particle on, its angles about an origin.
 struct Sum<'a, const N: usize> {
     columns: &'a [Vec<f64>; N],
+    first: usize,
     weights: &'a [f64],
     origin: [Option<f64>; N],
 }
@@ -125,11 +136,27 @@ impl<const N: usize> Kernel for Sum<'_, N> {
     fn run(self) -> Moments<N> {
         let (mut all, mut space) = (Moments::default(), [[0.0; CHUNK]; N]);
         for (chunk, weights) in self.weights.chunks(CHUNK).enumerate() {
-            let first = chunk * CHUNK;
+            let first = self.first + chunk * CHUNK;
             let part = self.columns.each_ref().map(|column| &column[first..first + weights.len()]);
             all.add_chunk(part, weights, self.origin, &mut space);
         }
         all
+    }
+}
+
+impl<const N: usize> Divided for Sum<'_, N> {
+    fn particles(&self) -> usize {
+        self.weights.len()
+    }
+
+    fn split_at(self, particles: usize) -> (Self, Self) {
+        let (before, weights) = self.weights.split_at(particles);
+        let first = self.first + particles;
+        (Self { weights: before, ..self }, Self { weights, first, ..self })
+    }
+
+    fn join(first: Moments<N>, second: Moments<N>) -> Moments<N> {
+        first.and(&second)
     }
 }
 
@@ -143,7 +170,7 @@ mod tests {
     fn moments_of_a_cloud_across_the_cut() {
         let axes = [Axis::Linear, Axis::Angle];
         let columns = [alloc::vec![1.0, 3.0, 5.0], alloc::vec![-3.1, 3.1, 3.0]];
-        let estimate = moments(&columns, &[0.5, 0.25, 0.25], &axes);
+        let estimate = moments(&columns, &[0.5, 0.25, 0.25], &axes, Threads::One);
         // By hand: the angles are −3.1, −3.1832 and −3.2832, unwrapped.
         let turned: [f64; 3] = [-3.1, 3.1 - core::f64::consts::TAU, 3.0 - core::f64::consts::TAU];
         let angle = 0.5 * turned[0] + 0.25 * (turned[1] + turned[2]);
@@ -160,7 +187,7 @@ mod tests {
     fn a_stray_first_particle_does_not_split_the_others() {
         // Seen from 3.0, −0.3 and 0.1 lie on different sides.
         let columns = [alloc::vec![3.0, -0.3, 0.1]];
-        let estimate = moments(&columns, &[0.0, 0.5, 0.5], &[Axis::Angle]);
+        let estimate = moments(&columns, &[0.0, 0.5, 0.5], &[Axis::Angle], Threads::One);
         assert!((estimate.mean[0] + 0.1).abs() < 1e-14, "{}", estimate.mean);
         assert!((estimate.covariance[0] - 0.04).abs() < 1e-14, "{}", estimate.covariance);
     }

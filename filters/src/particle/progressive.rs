@@ -4,13 +4,13 @@ use foxhunt_core::{EstimatorError, MeasurementModel, MotionModel, Observation, R
 use rand::Rng;
 
 use super::{
-    cloud::{Cloud, Given, Weights},
+    cloud::{Cloud, Weights},
     filter::ParticleFilter,
     kernel::Kernel,
     moments::moments,
     step::Step,
 };
-use crate::{Gaussian, count::number, vectorised};
+use crate::{Gaussian, count::number};
 
 /// The share of its effective sample size that a cloud keeps in each stage.
 pub(super) const KEPT: f64 = 0.5;
@@ -78,7 +78,7 @@ where
                 _ => exponent(&cloud.weights, &next.weights.log, left),
             };
             next.weights.log.iter_mut().for_each(|log| *log *= exponent);
-            log_evidence += next.weights.condition(&cloud.weights, &Given)?;
+            log_evidence += next.weights.condition(&cloud.weights, self.workers.threads)?;
             mem::swap(&mut cloud.weights, &mut next.weights);
             left -= exponent;
             belief =
@@ -102,24 +102,26 @@ where
         rng: &mut R,
     ) {
         let axes = self.motion.axes();
-        let own = moments(&from.columns, &from.weights.linear, &axes);
+        let threads = self.workers.threads;
+        let own = moments(&from.columns, &from.weights.linear, &axes, threads);
         // A cloud that has collapsed has no moments of its own.
         let belief = Gaussian::new(own, Role::Posterior).unwrap_or(*belief);
         let bandwidth = self.bandwidth_of(from.len());
         let kernel = Kernel::new(belief.mean(), belief.factor(), bandwidth, axes);
         let scratch = next.weights.scratch();
-        self.resampling.draw(&from.weights.linear, rng, scratch, ancestors);
-        let _ = vectorised::run(Step::<F, N> {
+        self.resampling.draw(&from.weights.linear, rng, scratch, ancestors, threads);
+        let _ = (self.workers.step)(Step {
             key: rng.next_u64(),
             from: &from.columns,
-            to: &mut next.columns,
+            to: next.columns.each_mut().map(|column| &mut column[..]),
+            first: 0,
             ancestors: Some(ancestors),
             kernel: kernel.as_ref(),
             motion: None,
             axes,
             weights: None,
         });
-        next.weights.fill_even();
+        next.weights.fill_even(threads);
     }
 }
 

@@ -8,7 +8,8 @@ use nalgebra::SMatrix;
 use rand::Rng;
 
 use super::{
-    cloud::{Cloud, Given, Weights},
+    cloud::{Cloud, Weights},
+    divided::Threads,
     kernel::{Kernel, silverman},
     marginal::{Linearised, Particle, Tempered},
     moments::moments,
@@ -141,7 +142,8 @@ where
         cloud: &Conditional<N, K>,
     ) -> Result<Estimate<N>, EstimatorError> {
         let weights = &cloud.means.weights;
-        let mut belief = moments(&cloud.means.columns, &weights.linear, &self.motion.axes());
+        let mut belief =
+            moments(&cloud.means.columns, &weights.linear, &self.motion.axes(), Threads::One);
         let within = weights
             .linear
             .iter()
@@ -173,8 +175,8 @@ where
         let axes = self.motion.axes();
         let (mut ancestors, mut scratch) = (vec![0; from.len()], Weights::even(from.len()));
         let weights = &from.means.weights.linear;
-        self.resampling.draw(weights, rng, scratch.scratch(), &mut ancestors);
-        let between = moments(&from.means.columns, &from.means.weights.linear, &axes);
+        self.resampling.draw(weights, rng, scratch.scratch(), &mut ancestors, Threads::One);
+        let between = moments(&from.means.columns, &from.means.weights.linear, &axes, Threads::One);
         let factor = semidefinite_factor(&between.covariance);
         let bandwidth = silverman(N - K, from.len());
         let kernel = Kernel::new(&between.mean, &factor, bandwidth, axes);
@@ -184,7 +186,7 @@ where
             let state = kernel.as_ref().map_or(state, |kernel| kernel.draw(&state, rng));
             next.set(i, &Particle { state, spread }, &axes);
         }
-        next.means.weights.fill_even();
+        next.means.weights.fill_even(Threads::One);
         next
     }
 
@@ -213,7 +215,7 @@ where
             let size = |exponent| {
                 let size = Tempered::new(observation, exponent).and_then(|noise| {
                     log_densities(&linear, &noise, &mut weights);
-                    weights.condition(prior, &Given)
+                    weights.condition(prior, Threads::One)
                 });
                 size.map_or(f64::NAN, |_| weights.effective_sample_size())
             };
@@ -252,7 +254,7 @@ where
     ) -> Result<(Conditional<N, K>, f64), EstimatorError> {
         let (mut next, axes) = (from.clone(), self.motion.axes());
         log_densities(linear, noise, &mut next.means.weights);
-        let log_evidence = next.means.weights.condition(&from.means.weights, &Given)?;
+        let log_evidence = next.means.weights.condition(&from.means.weights, Threads::One)?;
         for (i, linear) in linear.iter().enumerate() {
             let corrected = from.particle(i).corrected(linear, noise);
             let role = Role::Innovation;

@@ -17,7 +17,7 @@ where
             let state = belief.mean() + belief.factor() * white(&mut self.rng);
             self.cloud.set(particle, &state);
         }
-        self.cloud.weights.fill_even();
+        self.cloud.weights.fill_even(self.workers.threads);
         self.belief = belief;
         Ok(())
     }

@@ -1,8 +1,9 @@
 use alloc::vec::Vec;
 
-use foxhunt_core::{Axis, Estimate, MotionModel, angle};
+use foxhunt_core::{Axis, MotionModel, angle};
 
 use super::{
+    divided::{Divided, take_first},
     kernel,
     moments::Moments,
     white::{CHUNK, Draws},
@@ -14,7 +15,9 @@ use crate::vectorised::Kernel;
 pub(super) struct Step<'a, F, const N: usize> {
     pub(super) key: u64,
     pub(super) from: &'a [Vec<f64>; N],
-    pub(super) to: &'a mut [Vec<f64>; N],
+    pub(super) to: [&'a mut [f64]; N],
+    /// The first particle in `to`, at the beginning of a chunk.
+    pub(super) first: usize,
     /// Whose copies the particles are; their own where there are none.
     pub(super) ancestors: Option<&'a [u32]>,
     /// Sets them apart first.
@@ -27,20 +30,24 @@ pub(super) struct Step<'a, F, const N: usize> {
 }
 
 impl<F: MotionModel<N>, const N: usize> Kernel for Step<'_, F, N> {
-    type Output = Option<Estimate<N>>;
+    type Output = Option<Moments<N>>;
 
     #[inline(always)]
-    fn run(self) -> Option<Estimate<N>> {
-        let count = self.from[0].len();
+    fn run(mut self) -> Option<Moments<N>> {
+        let count = self.to[0].len();
         let (mut draws, mut white) = (Draws::new(self.key), [[0.0; CHUNK]; N]);
         let weights = self.weights.filter(|_| !self.axes.contains(&Axis::Angle));
         let mut moments = Moments::default();
-        for chunk in 0..count.div_ceil(CHUNK) {
-            let range = chunk * CHUNK..count.min((chunk + 1) * CHUNK);
+        for begin in (0..count).step_by(CHUNK) {
+            let range = begin..count.min(begin + CHUNK);
+            let chunk = (self.first + begin) / CHUNK;
             let mut to = self.to.each_mut().map(|column| &mut column[range.clone()]);
             for (to, from) in to.iter_mut().zip(self.from) {
                 match self.ancestors {
-                    None => to.copy_from_slice(&from[range.clone()]),
+                    None => {
+                        let first = self.first + begin;
+                        to.copy_from_slice(&from[first..first + range.len()]);
+                    }
                     Some(ancestors) => {
                         for (to, ancestor) in to.iter_mut().zip(&ancestors[range.clone()]) {
                             *to = from[*ancestor as usize];
@@ -68,6 +75,36 @@ impl<F: MotionModel<N>, const N: usize> Kernel for Step<'_, F, N> {
                 moments.add_chunk(to, &weights[range], [None; N], &mut white);
             }
         }
-        weights.map(|_| moments.estimate())
+        weights.map(|_| moments)
+    }
+}
+
+impl<F: MotionModel<N>, const N: usize> Divided for Step<'_, F, N> {
+    fn particles(&self) -> usize {
+        self.to[0].len()
+    }
+
+    fn split_at(mut self, particles: usize) -> (Self, Self) {
+        let to = self.to.each_mut().map(|column| take_first(column, particles));
+        let ancestors = self.ancestors.map(|ancestors| ancestors.split_at(particles));
+        let weights = self.weights.map(|weights| weights.split_at(particles));
+        let first = Self {
+            to,
+            ancestors: ancestors.map(|(first, _)| first),
+            weights: weights.map(|(first, _)| first),
+            ..self
+        };
+        let second = Self {
+            to: self.to,
+            first: self.first + particles,
+            ancestors: ancestors.map(|(_, second)| second),
+            weights: weights.map(|(_, second)| second),
+            ..self
+        };
+        (first, second)
+    }
+
+    fn join(first: Self::Output, second: Self::Output) -> Self::Output {
+        first.zip(second).map(|(first, second)| first.and(&second))
     }
 }

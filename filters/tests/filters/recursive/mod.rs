@@ -20,4 +20,5 @@ mod sigma_points;
 mod silence;
 mod stress;
 mod textbook;
+mod threads;
 mod vectors;
