@@ -121,22 +121,37 @@ fn split(places: &mut [(Vector2<f64>, f64)], count: usize, cells: &mut Vec<Cell>
         return;
     }
     let axis = usize::from(moments.covariance[(1, 1)] > moments.covariance[(0, 0)]);
-    places.sort_unstable_by(|(a, u), (b, v)| {
-        a[axis].total_cmp(&b[axis]).then(a[1 - axis].total_cmp(&b[1 - axis])).then(u.total_cmp(v))
-    });
     let (lower, upper) = (count / 2, count - count / 2);
     let share = |part: usize| f64::from(u32::try_from(part).unwrap_or(u32::MAX));
     let total: f64 = places.iter().map(|(_, weight)| weight).sum();
-    let wanted = total * share(lower) / share(count);
-    let mut sum = 0.0;
-    let reached = places.iter().position(|(_, weight)| {
-        sum += weight;
-        sum >= wanted
-    });
-    let middle = reached.map_or(1, |index| index + 1).clamp(1, places.len() - 1);
+    let middle = first_with(places, axis, total * share(lower) / share(count));
+    let middle = middle.clamp(1, places.len() - 1);
     let (below, above) = places.split_at_mut(middle);
     split(below, lower, cells);
     split(above, upper, cells);
+}
+
+/// How many places it takes along an axis until their weights sum to `wanted`; these come first
+/// then. Halves are selected and not sorted, which takes time in proportion to their number.
+fn first_with(places: &mut [(Vector2<f64>, f64)], axis: usize, mut wanted: f64) -> usize {
+    let (mut from, mut to) = (0, places.len());
+    while to - from > 1 {
+        let half = (to - from) / 2;
+        let range = &mut places[from..to];
+        range.select_nth_unstable_by(half, |(a, u), (b, v)| {
+            let (along, across) =
+                (a[axis].total_cmp(&b[axis]), a[1 - axis].total_cmp(&b[1 - axis]));
+            along.then(across).then(u.total_cmp(v))
+        });
+        let weight: f64 = range[..half].iter().map(|(_, weight)| weight).sum();
+        if weight >= wanted {
+            to = from + half;
+        } else {
+            wanted -= weight;
+            from += half;
+        }
+    }
+    to
 }
 
 #[cfg(test)]

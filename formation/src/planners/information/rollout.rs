@@ -116,7 +116,9 @@ impl Rollout {
                 course.to_ellipse_s += seconds;
                 if turn < self.config.horizon {
                     course.seconds += seconds;
-                    course.nats += 0.5 * share * (gain + libm::log1p(small * worth));
+                    if self.config.objective == Objective::InformationRate {
+                        course.nats += 0.5 * share * (gain + libm::log1p(small * worth));
+                    }
                 }
                 return course;
             }
