@@ -133,7 +133,6 @@ mod tests {
     }
 
     /// Numbers as good as independent, from an even distribution of variance 1.
-    #[expect(clippy::cast_possible_truncation, reason = "24 bits")]
     fn even(i: u16) -> f64 {
         // Steele, Lea & Flood 2014, "SplitMix".
         let mut bits = (u64::from(i) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);

@@ -198,7 +198,7 @@ impl Window {
         listeners: &[Listener],
         until: f64,
     ) -> Result<Self, LocateError> {
-        let mut heard: Vec<Heard> = Vec::new();
+        let (mut heard, mut silent) = (Vec::<Heard>::new(), Vec::<Listener>::new());
         let (mut sum_s, mut count, mut first) = (0.0, 0.0, f64::INFINITY);
         for &(index, reception) in receptions {
             let bearing = ByQuantity([Quantity::BEARING]).observation(reception);
@@ -208,6 +208,11 @@ impl Window {
                 source: source.into(),
             })?;
             if bearing.is_none() && reception.level.is_none() {
+                let (receiver, time) = (reception.receiver, reception.time);
+                silent.extend(reception.silence.map(|floor| {
+                    let floor_dbm = floor.rss_dbm;
+                    Listener { receiver, from: time, until: time, floor_dbm }
+                }));
                 continue;
             }
             (sum_s, count, first) =
@@ -231,13 +236,16 @@ impl Window {
             }
             of_place.bearings.extend(bearing);
         }
-        let silent = |listener: &&Listener| {
+        // A place that also received something within the window was not silent in it.
+        let quiet = |listener: &Listener| {
             let away = |heard: &Heard| {
                 (heard.receiver.position - listener.receiver.position).norm() >= APART_M
             };
-            listener.from <= first && until <= listener.until && heard.iter().all(away)
+            heard.iter().all(away)
         };
-        let silent = listeners.iter().filter(silent).copied().collect();
+        let listens = |listener: &&Listener| listener.from <= first && until <= listener.until;
+        silent.extend(listeners.iter().filter(listens));
+        silent.retain(quiet);
         Ok(Self { time: sum_s / count, share: 1.0, heard, silent })
     }
 
