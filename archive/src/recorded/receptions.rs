@@ -39,7 +39,8 @@ impl Default for ReceptionConfig {
 }
 
 /// The receptions of one beacon: level and bearing of each turn of a directional antenna, the level
-/// of each row of an omnidirectional one (a silence at the receiver's floor and below), ready-made bearings, ranges and differences. One drone
+/// of each row of an omnidirectional one (a silence at the receiver's floor and below), ready-made
+/// bearings, ranges and differences. One drone
 /// after the other, each in the order of time, so that neighbours lie along one path.
 ///
 /// # Errors

@@ -15,8 +15,8 @@ pub fn recorded_truth(recordings: &[Recording], beacon: Option<&str>) -> Option<
     truths.all(|truth| truth.is_some_and(|t| (t - first).norm() < STILL)).then_some(first)
 }
 
-/// Where a beacon truly was at the times of its records, in their order: seconds, and East and North
-/// in metres.
+/// Where a beacon truly was at the times of its records, in their order: seconds, and East and
+/// North in metres.
 #[must_use]
 pub fn recorded_way(recordings: &[Recording], beacon: Option<&str>) -> Vec<(f64, Vector2<f64>)> {
     let records = recordings.iter().flat_map(Recording::records);
