@@ -28,8 +28,8 @@ pub trait TrackModel {
 }
 
 /// Where a moving target was at each of some times, from all that was received: a hidden Markov
-/// model over the cells of a grid (Rabiner 1989, section III; for tagged animals Pedersen, Patterson,
-/// Thygesen & Madsen 2011).
+/// model over the cells of a grid (Rabiner 1989, section III; for tagged animals Pedersen,
+/// Patterson, Thygesen & Madsen 2011).
 ///
 /// The target walks at random; at each time a place has the likelihood that a [`TrackModel`]
 /// gives it, of any shape. Filtered forwards and smoothed backwards, nothing is linearised and

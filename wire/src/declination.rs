@@ -88,8 +88,8 @@ mod tests {
 
     #[test]
     fn agrees_with_the_published_test_values() {
-        // WMM2025_TEST_VALUES.txt (NOAA NCEI, December 2024): latitude, longitude, height in metres,
-        // declination at 2025.0 and at 2027.5.
+        // WMM2025_TEST_VALUES.txt (NOAA NCEI, December 2024): latitude, longitude, height in
+        // metres, declination at 2025.0 and at 2027.5.
         for (lat, lon, alt_m, expected) in [
             (80.0, 0.0, 0.0, [1.28, 2.59]),
             (0.0, 120.0, 0.0, [-0.16, -0.24]),

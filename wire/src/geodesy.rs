@@ -244,7 +244,8 @@ mod tests {
 
     #[test]
     fn grids_converge_as_their_projection_does() {
-        // By differences of Krüger's series of the projection itself (Karney 2011, eq. 35), in Python.
+        // By differences of Krüger's series of the projection itself (Karney 2011, eq. 35), in
+        // Python.
         for (lat_deg, lon_deg, expected) in [
             (37.0, -8.0, 0.601_855),
             (35.727_451, -78.695_974, 1.345_875),

@@ -303,8 +303,8 @@ fn levels_make_no_difference_to_estimators_of_bearings() {
 }
 
 /// What the program before version 0.2 found in the same recordings; in the flight's levels
-/// `batch-multistart` since then counts what fades alike for fewer. A particle cloud is not among them: its stream of random numbers is another one
-/// now.
+/// `batch-multistart` since then counts what fades alike for fewer. A particle cloud is not among
+/// them: its stream of random numbers is another one now.
 #[test]
 fn recordings_lead_to_the_places_that_they_led_to() {
     let flight = "aerpaw_afar/afar_exp288_loc1_1hz.csv";

@@ -167,8 +167,8 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if args.dry_run {
         return flight_plan::print(&config, hunt, output);
     }
-    let asks = !args.yes && !args.advise && field.emulated.is_none();
-    if asks && !io::stdin().is_terminal() {
+    let confirms = !args.yes && !args.advise && field.emulated.is_none();
+    if confirms && !io::stdin().is_terminal() {
         return Err(CliError::input(
             "standard input is no terminal, so that nobody can confirm the take-off; --yes takes \
              off at once",
@@ -204,7 +204,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         config.open(field.ports.as_mut(), &clock, epoch_s, Some(&tap)).map_err(open_error)?;
     let mut mission =
         Mission::new(config.flight, hunt, drones, clock.now()).map_err(CliError::input)?;
-    mission.wait_for_go(asks);
+    mission.wait_for_go(confirms);
     if args.take_over {
         mission.allow_take_over();
     }

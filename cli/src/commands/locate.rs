@@ -328,12 +328,14 @@ fn details(report: &Report) -> String {
     [explanation, common, regions, rivals].into_iter().flatten().collect()
 }
 
+/// The value with the largest probability, and that.
+fn likeliest(values: &[(f64, f64)]) -> (f64, f64) {
+    let best = values.iter().max_by(|a, b| a.1.total_cmp(&b.1)).copied();
+    best.unwrap_or((f64::NAN, f64::NAN))
+}
+
 /// What explains the levels best, in a sentence.
 fn explained(explanation: &Explanation, whose: &str) -> String {
-    let likeliest = |values: &[(f64, f64)]| {
-        let best = values.iter().max_by(|a, b| a.1.total_cmp(&b.1)).copied();
-        best.unwrap_or((f64::NAN, f64::NAN))
-    };
     let Explanation { exponent, dipoles, sigma_db, correlation_lengths_m, own_shares } =
         explanation;
     let (length_m, of_length) = likeliest(correlation_lengths_m);

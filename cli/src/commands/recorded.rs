@@ -39,8 +39,8 @@ pub(crate) struct Reading {
     /// Where the receiver was at what time: a GPX file, instead of the recording's own places
     #[arg(long, value_name = "GPX")]
     rover: Option<PathBuf>,
-    /// What is added to the recording's times, in seconds, to make them UTC for --rover: `rtl_power`
-    /// and `hackrf_sweep` write the computer's local time
+    /// What is added to the recording's times, in seconds, to make them UTC for --rover:
+    /// `rtl_power` and `hackrf_sweep` write the computer's local time
     #[arg(
         long,
         value_name = "S",

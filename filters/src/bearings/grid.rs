@@ -160,7 +160,8 @@ struct Ray {
 /// The bearings, place by place, and what their errors may have in common.
 struct Model {
     stations: Vec<Vec<Ray>>,
-    /// The values of τ over what s is by the scatter within the places; 0 alone where there is none.
+    /// The values of τ over what s is by the scatter within the places; 0 alone where there is
+    /// none.
     sigmas: Vec<f64>,
     /// That s.
     scale: f64,
@@ -218,7 +219,8 @@ impl Model {
                 weight += ray.weight;
                 let way = place - ray.receiver;
                 let range = way.norm();
-                // At the receiver itself every direction is as good as any other: the mean over all.
+                // At the receiver itself every direction is as good as any other: the mean over
+                // all.
                 if range > 0.0 {
                     let error = Vector2::new(way.dot(&ray.towards), way.perp(&ray.towards));
                     resultant += error * (ray.weight / range);

@@ -105,8 +105,8 @@ where
     })
 }
 
-/// How many independent levels each stands for, by the residuals of a fit with its weights, in units
-/// of their own spread: how large they are the fit's inflation takes care of.
+/// How many independent levels each stands for, by the residuals of a fit with its weights, in
+/// units of their own spread: how large they are the fit's inflation takes care of.
 fn share_of_levels<H, const N: usize>(
     observations: &[Observation<2>],
     model: &H,

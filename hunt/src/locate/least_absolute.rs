@@ -141,8 +141,8 @@ impl Locator for LeastAbsolute {
             .filter(|(_, cost)| cost.is_finite())
             .ok_or(BatchError::Flat { rcond: 0.0 })?;
         // Silences, which have no residual as a rule, hold nothing about how well levels fit.
-        let heard: Vec<_> = levels.iter().filter(|reading| !reading.is_below).copied().collect();
-        let fit = Fit { levels: &heard, ..fit };
+        let received: Vec<_> = levels.iter().filter(|reading| !reading.is_below).copied().collect();
+        let fit = Fit { levels: &received, ..fit };
         let cost = fit.cost(&best);
         // Σ g gᵀ of the residuals' gradients, without their mean, which is P₀'s.
         let gradient = |step: Vector2<f64>| {
@@ -157,7 +157,7 @@ impl Locator for LeastAbsolute {
             gradient(Vector2::x()),
             gradient(Vector2::y()),
             if exponent.is_some() {
-                vec![0.0; heard.len()]
+                vec![0.0; received.len()]
             } else {
                 fit.attenuations(best.xy()).collect()
             },

@@ -15,8 +15,8 @@ pub struct TrackingConfig {
     /// How long a time window is, in seconds: what is received within it is of one place.
     pub window_s: f64,
     /// What is received within so many seconds counts as one reading: shadowing and reflections
-    /// change only as the transmitter goes some hundred metres. Errors that fall to 1/e in τ are worth
-    /// a reading each 2 τ.
+    /// change only as the transmitter goes some hundred metres. Errors that fall to 1/e in τ are
+    /// worth a reading each 2 τ.
     pub correlation_s: f64,
     /// The root mean square speeds that it may have, in m/s, equally likely before.
     pub speeds_mps: Vec<f64>,
@@ -91,7 +91,7 @@ pub fn track(
         .map_err(LocateError::Track)?;
     let located = |((time, map), window): ((f64, &PosteriorMap), &Window)| {
         let place = Located {
-            observations: window.heard.iter().map(|heard| heard.count).sum(),
+            observations: window.received.iter().map(|received| received.count).sum(),
             border_mass: Some(map.border_mass()),
             regions_95: regions(map, 0.95),
             ..Located::at(map.about(map.median()))
@@ -125,8 +125,8 @@ const APART_M: f64 = 25.0;
 /// table 7.4.1-1: 4 to 8 dB).
 const LEVEL_SCALE_DB: f64 = 5.0;
 
-/// How much a known power is off for all of a track, in dB: how the transmitter is worn and held, and
-/// where it goes.
+/// How much a known power is off for all of a track, in dB: how the transmitter is worn and held,
+/// and where it goes.
 const COMMON_SIGMA_DB: f64 = 8.0;
 
 /// How many bursts a listener within reach loses.
@@ -145,13 +145,13 @@ struct Window {
     time: f64,
     /// How much of it is new: errors are those of the window before for the rest.
     share: f64,
-    heard: Vec<Heard>,
+    received: Vec<Received>,
     silent: Vec<Listener>,
 }
 
-/// What a receiver heard in one place.
+/// What a receiver received in one place.
 #[derive(Debug)]
-struct Heard {
+struct Received {
     receiver: Pose,
     count: usize,
     /// The sum of the levels, and how many there are.
@@ -159,7 +159,7 @@ struct Heard {
     bearings: Vec<Observation<1>>,
 }
 
-impl Heard {
+impl Received {
     fn level_dbm(&self) -> Option<f64> {
         let (sum, count) = self.levels;
         (count > 0).then(|| sum / f64::from(count))
@@ -182,7 +182,7 @@ fn windows(
             of_window.push(next);
         }
         let window = Window::of(&of_window, listeners, first + window_s)?;
-        if !window.heard.is_empty() {
+        if !window.received.is_empty() {
             windows.push(window);
         }
     }
@@ -198,7 +198,7 @@ impl Window {
         listeners: &[Listener],
         until: f64,
     ) -> Result<Self, LocateError> {
-        let (mut heard, mut silent) = (Vec::<Heard>::new(), Vec::<Listener>::new());
+        let (mut received, mut silent) = (Vec::<Received>::new(), Vec::<Listener>::new());
         let (mut sum_s, mut count, mut first) = (0.0, 0.0, f64::INFINITY);
         for &(index, reception) in receptions {
             let bearing = ByQuantity([Quantity::BEARING]).observation(reception);
@@ -218,14 +218,15 @@ impl Window {
             (sum_s, count, first) =
                 (sum_s + reception.time, count + 1.0, first.min(reception.time));
             let here = reception.receiver;
-            let same =
-                |heard: &&mut Heard| (heard.receiver.position - here.position).norm() < APART_M;
-            let of_place = match heard.iter_mut().find(same) {
+            let same = |received: &&mut Received| {
+                (received.receiver.position - here.position).norm() < APART_M
+            };
+            let of_place = match received.iter_mut().find(same) {
                 Some(of_place) => of_place,
                 None => {
                     let (receiver, bearings) = (here, Vec::new());
-                    heard.push(Heard { receiver, count: 0, levels: (0.0, 0), bearings });
-                    let Some(of_place) = heard.last_mut() else { continue };
+                    received.push(Received { receiver, count: 0, levels: (0.0, 0), bearings });
+                    let Some(of_place) = received.last_mut() else { continue };
                     of_place
                 }
             };
@@ -238,25 +239,25 @@ impl Window {
         }
         // A place that also received something within the window was not silent in it.
         let quiet = |listener: &Listener| {
-            let away = |heard: &Heard| {
-                (heard.receiver.position - listener.receiver.position).norm() >= APART_M
+            let away = |received: &Received| {
+                (received.receiver.position - listener.receiver.position).norm() >= APART_M
             };
-            heard.iter().all(away)
+            received.iter().all(away)
         };
         let listens = |listener: &&Listener| listener.from <= first && until <= listener.until;
         silent.extend(listeners.iter().filter(listens));
         silent.retain(quiet);
-        Ok(Self { time: sum_s / count, share: 1.0, heard, silent })
+        Ok(Self { time: sum_s / count, share: 1.0, received, silent })
     }
 
     /// Adds the log likelihood of the bearings.
     fn add_bearings(&self, places: [&[f64]; 2], out: &mut [f64]) {
         let Ok(model) = BearingOnly::new().with_outliers(OUTLIERS) else { return };
         let mut one = vec![0.0; out.len()];
-        for heard in self.heard.iter().filter(|heard| !heard.bearings.is_empty()) {
+        for received in self.received.iter().filter(|received| !received.bearings.is_empty()) {
             #[expect(clippy::cast_precision_loss, reason = "readings of a window are few")]
-            let share = self.share / heard.bearings.len() as f64;
-            for bearing in &heard.bearings {
+            let share = self.share / received.bearings.len() as f64;
+            for bearing in &received.bearings {
                 MeasurementModel::<2, 1>::log_likelihoods(&model, places, bearing, &mut one);
                 out.iter_mut().zip(&one).for_each(|(out, one)| *out += share * one);
             }
@@ -273,8 +274,8 @@ struct Law {
 
 /// The laws that may hold, each with its prior weight; none without levels.
 fn laws(windows: &[Window], power: Power) -> Vec<(f64, Option<Law>)> {
-    let heard = || windows.iter().flat_map(|window| &window.heard);
-    let mut levels: Vec<f64> = heard().filter_map(Heard::level_dbm).collect();
+    let received = || windows.iter().flat_map(|window| &window.received);
+    let mut levels: Vec<f64> = received().filter_map(Received::level_dbm).collect();
     levels.sort_by(f64::total_cmp);
     let Some(&median) = levels.get(levels.len() / 2) else { return vec![(1.0, None)] };
     let exponents: Vec<(f64, f64)> = match power {
@@ -333,18 +334,18 @@ impl TrackModel for Walk<'_> {
             let expected = law.reference_dbm - slope * elementary::ln(square.max(1.0));
             (level - expected) / LEVEL_SCALE_DB
         };
-        for heard in &window.heard {
-            let Some(level) = heard.level_dbm() else { continue };
+        for received in &window.received {
+            let Some(level) = received.level_dbm() else { continue };
             for ((out, east), north) in out.iter_mut().zip(east).zip(north) {
-                let t = residual(&heard.receiver, level, *east, *north);
+                let t = residual(&received.receiver, level, *east, *north);
                 *out -= window.share * 2.5 * elementary::ln(1.0 + 0.25 * t * t);
             }
         }
         for silent in &window.silent {
             for ((out, east), north) in out.iter_mut().zip(east).zip(north) {
                 let t = residual(&silent.receiver, silent.floor_dbm, *east, *north);
-                let heard = LOST + (1.0 - LOST) * students_below(t);
-                *out += window.share * elementary::ln(heard);
+                let silence = LOST + (1.0 - LOST) * students_below(t);
+                *out += window.share * elementary::ln(silence);
             }
         }
     }

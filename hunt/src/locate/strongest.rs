@@ -5,8 +5,8 @@ use nalgebra::{Matrix2, Vector2};
 use super::{LocateConfig, LocateError, Located, Locator, located::levels_and_silences};
 
 /// The place of the strongest level; its covariance is the spread of the strongest tenth of all
-/// levels about it, silences counted with them. A baseline: it needs no law of propagation, and finds nothing beyond the
-/// flight.
+/// levels about it, silences counted with them. A baseline: it needs no law of propagation, and
+/// finds nothing beyond the flight.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Strongest;
 
@@ -16,8 +16,8 @@ impl Locator for Strongest {
         let place = |at: &ShadowedReading| at.receiver.position.xy();
         levels.sort_by(|a, b| a.is_below.cmp(&b.is_below).then(b.value.total_cmp(&a.value)));
         let strongest = place(levels.first().ok_or(LocateError::NoLevels)?);
-        let heard = levels.iter().filter(|reading| !reading.is_below).count();
-        let tenth = levels.get(..heard.min(levels.len().div_ceil(10))).unwrap_or_default();
+        let received = levels.iter().filter(|reading| !reading.is_below).count();
+        let tenth = levels.get(..received.min(levels.len().div_ceil(10))).unwrap_or_default();
         let spread = |sum: Matrix2<f64>, at: &ShadowedReading| {
             let apart: Vector2<f64> = place(at) - strongest;
             sum + apart * apart.transpose()

@@ -38,8 +38,9 @@ pub(super) fn encode_text(text: &str, into: &mut Vec<u8>) {
     into.extend(text.bytes().flat_map(|byte| [byte & 0x7F, byte >> 7]));
 }
 
-/// `None` where half a byte is missing, or more than a byte is there. A byte that is no UTF-8 becomes
-/// a question mark: a text does not grow on the way, so what was read fits into a message again.
+/// `None` where half a byte is missing, or more than a byte is there. A byte that is no UTF-8
+/// becomes a question mark: a text does not grow on the way, so what was read fits into a message
+/// again.
 pub(super) fn decode_text(bytes: &[u8]) -> Option<String> {
     let (pairs, rest) = bytes.as_chunks::<2>();
     let byte = |[low, high]: &[u8; 2]| (*high < 2).then(|| low | high << 7);

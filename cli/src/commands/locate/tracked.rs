@@ -16,7 +16,7 @@ use super::{
         locating::{Prepared, not_located},
         recorded::{LatLon, no_degrees},
     },
-    Estimated,
+    Estimated, likeliest,
 };
 use crate::{
     error::CliError,
@@ -189,9 +189,6 @@ pub(super) fn text(report: &Report) -> String {
             place.observations.to_string(),
         ]);
     }
-    let likeliest = |values: &[(f64, f64)]| {
-        values.iter().max_by(|a, b| a.1.total_cmp(&b.1)).copied().unwrap_or((f64::NAN, f64::NAN))
-    };
     let (speed, of_speed) = likeliest(&report.speeds_mps);
     let mut out =
         format!("{places}\nThe likeliest speed is {speed} m/s ({:.0} %)", 100.0 * of_speed);

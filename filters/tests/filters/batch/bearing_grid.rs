@@ -210,8 +210,9 @@ fn common_errors_are_in_the_region() {
     }
 }
 
-/// Four stations show which of them is off: each error is within what is stated for it, in 30 places
-/// of seed 97 (120 errors; 0.95 less 0.11, with the errors of a place counted as half independent).
+/// Four stations show which of them is off: each error is within what is stated for it, in 30
+/// places of seed 97 (120 errors; 0.95 less 0.11, with the errors of a place counted as half
+/// independent).
 #[test]
 fn a_stations_error_is_found_where_others_overlap() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(97);
