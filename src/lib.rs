@@ -13,6 +13,7 @@
 //! | `hunt` | [`hunt`], [`registry`], [`config`], [`scenario`], [`log`], [`locate`], [`calibration`], [`sim`] |
 //! | `lab` | [`simulation`], [`campaign`], [`trial`], [`bearing_trial`], [`report`] |
 //! | `archive` | [`recording`], [`recorded`], [`replay`], [`movebank`], [`geodesy`]; with `pictures` also `picture` |
+//! | `signal` | `signal` |
 //! | `hardware` | `fly`, `network`, `hardware`, `wire` |
 //! | `batch`, `maps` | estimators over all observations at once, in `filters` and by name |
 //! | `parallel` | `ParticleFilter::with_threads` in `filters` |
@@ -86,6 +87,9 @@ pub use foxhunt_field::{fly, network};
 pub use foxhunt_hardware as hardware;
 #[cfg(feature = "hardware")]
 pub use foxhunt_wire as wire;
+
+#[cfg(feature = "signal")]
+pub use foxhunt_signal as signal;
 
 /// The traits and the types that nearly every user names.
 pub mod prelude {

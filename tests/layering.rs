@@ -11,11 +11,12 @@ use std::{
 /// Each package's folder and the foxhunt packages that its dependencies may name. Tests may besides
 /// name the package itself, to have all of its features, and `foxhunt-core` with its laws; those of
 /// `archive` also `foxhunt-sim`, whose recordings they read back.
-const MAY_IMPORT: [(&str, &[&str]); 14] = [
+const MAY_IMPORT: [(&str, &[&str]); 15] = [
     ("core", &[]),
     ("filters", &["core"]),
     ("sensors", &["core"]),
     ("formation", &["core"]),
+    ("signal", &["core"]),
     ("wire", &["core"]),
     ("hardware", &["core", "wire"]),
     ("sim", &["core", "sensors", "wire"]),
@@ -35,6 +36,7 @@ const MAY_IMPORT: [(&str, &[&str]); 14] = [
             "hunt",
             "lab",
             "sensors",
+            "signal",
             "sim",
             "wire",
         ],

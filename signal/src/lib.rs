@@ -1,0 +1,5 @@
+//! Radio pulses: detected in complex samples, and given to the tags that sent them.
+
+mod pulse;
+
+pub use pulse::Pulse;
