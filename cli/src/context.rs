@@ -6,7 +6,7 @@ use crate::output::Output;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Context<'a> {
     /// Where results and notes go.
-    pub(crate) output: Output,
+    pub(crate) output: Output<'a>,
     /// The estimators, extractors, planners and sources, by name.
     pub(crate) registry: &'a Registry,
 }

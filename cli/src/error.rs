@@ -6,6 +6,8 @@ use std::{
     process::ExitCode,
 };
 
+use crate::CommandError;
+
 /// How the program ends when it does not succeed.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CliError {
@@ -44,6 +46,16 @@ impl CliError {
         // Where standard error is closed nobody can read it.
         let _ = writeln!(io::stderr(), "error: {}", chain(error.as_ref()));
         ExitCode::from(code)
+    }
+}
+
+impl From<CliError> for CommandError {
+    fn from(error: CliError) -> Self {
+        match error {
+            CliError::Input(error) => Self::Input(chain(error.as_ref())),
+            CliError::Failure(error) => Self::Failure(chain(error.as_ref())),
+            CliError::Closed => Self::Failure(error.to_string()),
+        }
     }
 }
 

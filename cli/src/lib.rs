@@ -32,11 +32,11 @@ mod output;
 mod progress;
 mod table;
 
-use std::process::ExitCode;
+use std::{cell::RefCell, env, ffi::OsString, process::ExitCode};
 
 use foxhunt::registry::Registry;
 
-use crate::{args::Cli, context::Context, output::Output};
+use crate::{context::Context, output::Output};
 
 /// Runs the program on its command line, and returns what it ends with: 0 for success, 2 for wrong
 /// use or input, 1 for a failure.
@@ -44,10 +44,76 @@ use crate::{args::Cli, context::Context, output::Output};
 /// The names in the registry are what `--estimator`, `--extractor` and `--planner` take.
 #[must_use]
 pub fn run(registry: Registry) -> ExitCode {
-    let Cli { json, command } = args::parse(&registry);
+    let parsed = args::parse(&registry, env::args_os());
+    let args::Cli { json, command } = parsed.unwrap_or_else(|error| error.exit());
     let context = Context { output: Output::new(json), registry: &registry };
     match commands::run(command, context) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => error.report(),
+    }
+}
+
+/// Runs one command, such as `["locate", "flight.csv"]`, and returns what it prints with `--json`;
+/// nothing is printed on standard output, and the program never ends. Warnings and progress are on
+/// standard error.
+///
+/// For other languages than Rust; whoever writes Rust has the crate `foxhunt`.
+///
+/// # Errors
+///
+/// What the program would print: see [`CommandError`].
+pub fn run_json(
+    registry: &Registry,
+    arguments: impl IntoIterator<Item = OsString>,
+) -> Result<String, CommandError> {
+    let arguments = [OsString::from("foxhunt")].into_iter().chain(arguments);
+    let parsed = args::parse(registry, arguments);
+    let cli = parsed.map_err(|error| {
+        let text = error.to_string();
+        CommandError::Input(text.strip_prefix("error: ").unwrap_or(&text).trim_end().to_owned())
+    })?;
+    let json = RefCell::new(String::new());
+    let context = Context { output: Output::kept_in(&json), registry };
+    commands::run(cli.command, context)?;
+    Ok(json.into_inner())
+}
+
+/// Why a command gave no result.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CommandError {
+    /// Wrong use or input; or the help that was wanted.
+    #[error("{0}")]
+    Input(String),
+    /// A failure.
+    #[error("{0}")]
+    Failure(String),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run_words(words: &str) -> Result<String, CommandError> {
+        run_json(&Registry::builtin(), words.split(' ').map(OsString::from))
+    }
+
+    #[test]
+    fn a_result_is_json() {
+        let json = run_words("list scenarios").expect("a command");
+        let list: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+        assert!(list.as_array().is_some_and(|list| !list.is_empty()), "{json}");
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        let Err(CommandError::Input(text)) = run_words("campaign no-such-scenario") else {
+            panic!("there is none")
+        };
+        assert!(text.contains("no-such-scenario"), "{text}");
+        let Err(CommandError::Input(text)) = run_words("hunt --no-such-flag") else {
+            panic!("there is none")
+        };
+        assert!(text.contains("--no-such-flag"), "{text}");
     }
 }

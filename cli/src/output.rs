@@ -1,4 +1,5 @@
 use std::{
+    cell::RefCell,
     io::{self, Write},
     path::Path,
 };
@@ -12,13 +13,20 @@ use crate::error::CliError;
 /// With `--json` standard output holds one JSON value and nothing else; without it, tables and
 /// notes. Progress is on standard error either way.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Output {
+pub(crate) struct Output<'a> {
     json: bool,
+    /// What takes the result in place of standard output.
+    kept: Option<&'a RefCell<String>>,
 }
 
-impl Output {
+impl<'a> Output<'a> {
     pub(crate) fn new(json: bool) -> Self {
-        Self { json }
+        Self { json, kept: None }
+    }
+
+    /// Keeps the result as JSON, where nothing is printed on standard output.
+    pub(crate) fn kept_in(json: &'a RefCell<String>) -> Self {
+        Self { json: true, kept: Some(json) }
     }
 
     /// Prints the result: as JSON, or as `text` makes it for people.
@@ -32,11 +40,20 @@ impl Output {
         } else {
             text(value).trim_end().to_owned()
         };
-        to_stdout(&text)
+        match self.kept {
+            Some(kept) => {
+                kept.replace(text);
+                Ok(())
+            }
+            None => to_stdout(&text),
+        }
     }
 
-    /// Prints a line beside the result.
+    /// Prints a line beside the result, unless the result is kept.
     pub(crate) fn note(self, line: &str) -> Result<(), CliError> {
+        if self.kept.is_some() {
+            return Ok(());
+        }
         if self.json {
             warn(line);
             Ok(())

@@ -4,6 +4,8 @@
 mod documented;
 mod names;
 
+use std::ffi::OsString;
+
 use clap::{CommandFactory, FromArgMatches, Parser};
 use foxhunt::registry::Registry;
 
@@ -32,12 +34,19 @@ pub(crate) struct Cli {
     pub(crate) command: Command,
 }
 
-/// Parses the command line; ends the program with help, or with what is wrong.
-pub(crate) fn parse(registry: &Registry) -> Cli {
-    let parsed = names::command(Cli::command(), registry)
-        .try_get_matches()
-        .and_then(|matches| Cli::from_arg_matches(&matches));
-    parsed.unwrap_or_else(|error| hints::with_hint(error, registry).exit())
+/// Parses a command line, of which the first is the program's name.
+///
+/// # Errors
+///
+/// Help that was wanted, or what is wrong, with a hint.
+pub(crate) fn parse(
+    registry: &Registry,
+    arguments: impl IntoIterator<Item = OsString>,
+) -> Result<Cli, clap::Error> {
+    names::command(Cli::command(), registry)
+        .try_get_matches_from(arguments)
+        .and_then(|matches| Cli::from_arg_matches(&matches))
+        .map_err(|error| hints::with_hint(error, registry))
 }
 
 #[cfg(test)]

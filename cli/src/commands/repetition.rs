@@ -18,6 +18,9 @@ pub(super) struct Runs {
     /// The seed of the first run; run i has this plus i
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
+    /// Print no progress on standard error
+    #[arg(long)]
+    quiet: bool,
 }
 
 impl Runs {
@@ -34,11 +37,12 @@ impl Runs {
             None => available_parallelism().map_or(1, usize::from),
         };
         let contenders = u64::try_from(contenders).unwrap_or(u64::MAX);
-        let progress = Progress::new(what, u64::from(self.runs).saturating_mul(contenders));
-        let step = || progress.step();
+        let total = u64::from(self.runs).saturating_mul(contenders);
+        let progress = (!self.quiet).then(|| Progress::new(what, total));
+        let step = || progress.iter().for_each(Progress::step);
         let repetition = Repetition { runs: self.runs, seed: self.seed, jobs, progress: &step };
         let result = run(&repetition);
-        progress.finish();
+        progress.iter().for_each(Progress::finish);
         result
     }
 }

@@ -1,0 +1,43 @@
+"""Finds radio transmitters with drones: estimators, direction finding, campaigns.
+
+Places are East, North, Up in metres, angles radians counter-clockwise from East, times seconds and
+levels dBm, unless a name ends otherwise.
+
+>>> import numpy as np
+>>> import foxhunt
+>>> model = foxhunt.Model.rss_bearing(-29.06, 2.765)
+>>> ukf = foxhunt.Ukf(foxhunt.Motion.random_walk(0.02), model, [0, 0], 100 * np.eye(2))
+>>> ukf.predict(1.0)
+>>> correction = ukf.update([-62.0, 0.52], [6.0, 0.3], receiver=(-8, 0, 4))
+>>> correction.rejected
+False
+>>> bool(ukf.estimate().mean[1] > 0)
+True
+"""
+
+from ._foxhunt import Correction, Estimate, Motion, Model, __version__
+from .commands import bearing, campaign, hunt, locate, replay, run
+from .estimators import Ckf, Ekf, Estimator, GridFilter, ParticleFilter, Ukf
+from .logs import Log, read_log
+
+__all__ = [
+    "Ckf",
+    "Correction",
+    "Ekf",
+    "Estimate",
+    "Estimator",
+    "GridFilter",
+    "Log",
+    "Model",
+    "Motion",
+    "ParticleFilter",
+    "Ukf",
+    "__version__",
+    "bearing",
+    "campaign",
+    "hunt",
+    "locate",
+    "read_log",
+    "replay",
+    "run",
+]

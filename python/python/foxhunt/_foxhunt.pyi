@@ -1,0 +1,103 @@
+from os import PathLike
+from typing import Protocol, Self, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__version__: str
+
+class MotionLike(Protocol):
+    """A motion of your own."""
+
+    def propagate(self, state: NDArray[np.float64], dt: float) -> ArrayLike: ...
+    def noise_factor(self, state: NDArray[np.float64], dt: float) -> ArrayLike: ...
+
+class ModelLike(Protocol):
+    """A measurement model of your own."""
+
+    @property
+    def quantities(self) -> Sequence[tuple[str, str]]: ...
+    def expected(
+        self, state: NDArray[np.float64], receiver: NDArray[np.float64]
+    ) -> ArrayLike: ...
+
+class Motion:
+    """A motion of the library."""
+
+    @staticmethod
+    def random_walk(drift: float | Sequence[float]) -> Motion: ...
+    @staticmethod
+    def constant_velocity(acceleration_density: float) -> Motion: ...
+    @staticmethod
+    def coordinated_turn(acceleration_density: float, turn_rate_drift: float) -> Motion: ...
+
+class Model:
+    """A measurement model of the library."""
+
+    @staticmethod
+    def rss(reference_dbm: float, exponent: float, *, target_up: float = 0.0) -> Model: ...
+    @staticmethod
+    def bearing() -> Model: ...
+    @staticmethod
+    def rss_bearing(reference_dbm: float, exponent: float, *, target_up: float = 0.0) -> Model: ...
+    @staticmethod
+    def free_power(exponent: float, *, target_up: float = 0.0) -> Model: ...
+    @staticmethod
+    def free_path_loss(*, target_up: float = 0.0) -> Model: ...
+    @staticmethod
+    def range_difference(reference: ArrayLike, *, target_up: float = 0.0) -> Model: ...
+    @property
+    def quantities(self) -> list[tuple[str, str]]: ...
+
+AnyMotion = Motion | MotionLike
+AnyModel = Model | ModelLike
+
+class Estimate:
+    @property
+    def mean(self) -> NDArray[np.float64]: ...
+    @property
+    def covariance(self) -> NDArray[np.float64]: ...
+
+class Correction:
+    @property
+    def rejected(self) -> bool: ...
+    @property
+    def nis(self) -> float | None: ...
+    @property
+    def log_evidence(self) -> float | None: ...
+    @property
+    def effective_sample_size(self) -> float | None: ...
+
+class Estimator:
+    def __new__(
+        cls,
+        kind: str,
+        motion: AnyMotion,
+        model: AnyModel,
+        mean: ArrayLike,
+        covariance: ArrayLike,
+        *,
+        gate: float | None = None,
+        iterations: int = 1,
+        alpha: float = 1.0,
+        beta: float = 2.0,
+        kappa: float = 0.0,
+        particles: int = 2000,
+        side: int = 64,
+        seed: int = 1,
+    ) -> Self: ...
+    def predict(self, dt: float) -> None: ...
+    def update(
+        self,
+        value: Sequence[float | None] | NDArray[np.float64],
+        noise: ArrayLike,
+        *,
+        receiver: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        time: float = 0.0,
+    ) -> Correction: ...
+    def estimate(self) -> Estimate: ...
+    def samples(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def nees(self, truth: ArrayLike) -> float | None: ...
+    def ellipse(self, probability: float = 0.95) -> tuple[float, float, float] | None: ...
+
+def run_json(arguments: Sequence[str | PathLike[str]]) -> str: ...

@@ -1,0 +1,153 @@
+"""Recursive estimators of a transmitter's place.
+
+All of them take a motion, a measurement model and a Gaussian prior, and have the methods of
+:class:`Estimator`: ``predict(dt)``, ``update(value, noise, receiver=...)`` and ``estimate()``.
+
+Motion and model are the library's (:class:`foxhunt.Motion`, :class:`foxhunt.Model`) or objects of
+your own. A model has ``quantities``, pairs of a name and ``"linear"`` or ``"angle"``, and
+``expected(state, receiver)``; a motion has ``propagate(state, dt)`` and ``noise_factor(state, dt)``,
+whose product with its own transpose is the covariance of the noise. Those of your own are called for
+each sigma point or particle: right, and slow.
+
+>>> class GroundRange:
+...     quantities = [("range_m", "linear")]
+...
+...     def expected(self, state, receiver):
+...         return [np.hypot(*(state[:2] - receiver[:2]))]
+>>> import numpy as np
+>>> ckf = Ckf(Motion.random_walk(0.0), GroundRange(), [50, 10], 400 * np.eye(2), iterations=10)
+>>> for receiver in [(0, 0, 0), (60, 0, 0), (0, 60, 0), (60, 60, 0)] * 3:
+...     truth = np.hypot(receiver[0] - 30, receiver[1] - 40)
+...     _ = ckf.update([truth], [0.1], receiver=receiver)
+>>> np.round(ckf.estimate().mean).tolist()
+[30.0, 40.0]
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ._foxhunt import Estimator, Motion
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ._foxhunt import AnyModel, AnyMotion
+
+__all__ = ["Ckf", "Ekf", "Estimator", "GridFilter", "Motion", "ParticleFilter", "Ukf"]
+
+
+class Ekf(Estimator):
+    """Extended Kalman filter: linear about its mean (Bar-Shalom, Li & Kirubarajan 2001, 10.3).
+
+    ``gate`` is the probability that a good measurement passes; all pass without one. With
+    ``iterations`` above 1 each update is linearised again about its posterior (Bell & Cathey 1993).
+    """
+
+    def __new__(
+        cls,
+        motion: AnyMotion,
+        model: AnyModel,
+        mean: ArrayLike,
+        covariance: ArrayLike,
+        *,
+        gate: float | None = None,
+        iterations: int = 1,
+    ) -> Ekf:
+        return super().__new__(
+            cls, "ekf", motion, model, mean, covariance, gate=gate, iterations=iterations
+        )
+
+
+class Ukf(Estimator):
+    """Unscented Kalman filter (Julier & Uhlmann 2004; Wan & van der Merwe 2000).
+
+    Sigma points are redrawn for every update. ``gate`` and ``iterations`` as in :class:`Ekf`.
+    """
+
+    def __new__(
+        cls,
+        motion: AnyMotion,
+        model: AnyModel,
+        mean: ArrayLike,
+        covariance: ArrayLike,
+        *,
+        alpha: float = 1.0,
+        beta: float = 2.0,
+        kappa: float = 0.0,
+        gate: float | None = None,
+        iterations: int = 1,
+    ) -> Ukf:
+        return super().__new__(
+            cls,
+            "ukf",
+            motion,
+            model,
+            mean,
+            covariance,
+            alpha=alpha,
+            beta=beta,
+            kappa=kappa,
+            gate=gate,
+            iterations=iterations,
+        )
+
+
+class Ckf(Estimator):
+    """Cubature Kalman filter (Arasaratnam & Haykin 2009).
+
+    ``gate`` and ``iterations`` as in :class:`Ekf`; iterated, it is iterated posterior linearisation
+    (García-Fernández, Svensson, Morelande & Särkkä 2015).
+    """
+
+    def __new__(
+        cls,
+        motion: AnyMotion,
+        model: AnyModel,
+        mean: ArrayLike,
+        covariance: ArrayLike,
+        *,
+        gate: float | None = None,
+        iterations: int = 1,
+    ) -> Ckf:
+        return super().__new__(
+            cls, "ckf", motion, model, mean, covariance, gate=gate, iterations=iterations
+        )
+
+
+class ParticleFilter(Estimator):
+    """Particle filter, regularised systematic resampling (Gordon, Salmond & Smith 1993; Liu & West
+    2001). The same seed gives the same result, on any number of threads.
+    """
+
+    def __new__(
+        cls,
+        motion: AnyMotion,
+        model: AnyModel,
+        mean: ArrayLike,
+        covariance: ArrayLike,
+        *,
+        particles: int = 2000,
+        seed: int = 1,
+    ) -> ParticleFilter:
+        return super().__new__(
+            cls, "particle", motion, model, mean, covariance, particles=particles, seed=seed
+        )
+
+
+class GridFilter(Estimator):
+    """Recursive Bayes over cells that follow the belief, ``side`` to each side (Bucy & Senne 1971).
+
+    What the state holds besides East and North is a Gaussian in each cell.
+    """
+
+    def __new__(
+        cls,
+        motion: AnyMotion,
+        model: AnyModel,
+        mean: ArrayLike,
+        covariance: ArrayLike,
+        *,
+        side: int = 64,
+    ) -> GridFilter:
+        return super().__new__(cls, "grid", motion, model, mean, covariance, side=side)

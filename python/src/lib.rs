@@ -1,0 +1,27 @@
+//! The extension module of the Python package `foxhunt`: estimators over models of Rust and of
+//! Python, and the program's commands with their results as JSON.
+
+mod arrays;
+mod command;
+mod estimator;
+mod failure;
+mod model;
+mod motion;
+
+use pyo3::prelude::*;
+
+/// What the package's Python code is made of.
+#[pymodule]
+mod _foxhunt {
+    #[pymodule_export]
+    use crate::{
+        command::run_json,
+        estimator::{Correction, Estimate, Estimator},
+        model::Model,
+        motion::Motion,
+    };
+
+    #[pymodule_export]
+    #[expect(non_upper_case_globals, reason = "the name that Python's modules have")]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+}
