@@ -18,6 +18,7 @@ use foxhunt::{
     simulation::fly,
 };
 
+// ANCHOR: planner
 /// A ring about the estimate, twice as wide as the belief, until that is small.
 #[derive(Default)]
 struct Ring {
@@ -55,6 +56,7 @@ impl FormationPlanner for Ring {
         write!(to, "a ring of {:.1} m", self.radius)
     }
 }
+// ANCHOR_END: planner
 
 fn main() -> Result<(), Box<dyn Error>> {
     // A line of drones that goes half way to the estimate with every turn, ten times.

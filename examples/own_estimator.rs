@@ -44,6 +44,7 @@ impl<H: MeasurementModel<2, 2>> Lattice<H> {
     }
 }
 
+// ANCHOR: estimator
 impl<H: MeasurementModel<2, 2>> Estimator<2, 2> for Lattice<H> {
     fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
         EstimatorError::check_time_step(dt)
@@ -77,7 +78,9 @@ impl<H: MeasurementModel<2, 2>> Estimator<2, 2> for Lattice<H> {
         self.places.iter().for_each(|(place, weight)| visit(place, *weight));
     }
 }
+// ANCHOR_END: estimator
 
+// ANCHOR: name
 fn main() -> Result<(), Box<dyn Error>> {
     let needs = Needs {
         level: Need::Used,
@@ -108,3 +111,4 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     Ok(())
 }
+// ANCHOR_END: name

@@ -18,6 +18,7 @@ use foxhunt::{
     simulation::fly,
 };
 
+// ANCHOR: model
 /// The distance over ground, in metres.
 #[derive(Clone, Copy)]
 struct RoundTrip;
@@ -31,7 +32,9 @@ impl MeasurementModel<2, 1> for RoundTrip {
         Vector1::new((state.push(0.0) - receiver.position).norm())
     }
 }
+// ANCHOR_END: model
 
+// ANCHOR: source
 /// Answers one second after it is begun; off by 2 m, now too far and now too near.
 struct Transponder {
     world: World,
@@ -67,6 +70,7 @@ impl PatternSource for Transponder {
         Ok(Some(self.lent.as_sweep()))
     }
 }
+// ANCHOR_END: source
 
 fn main() -> Result<(), Box<dyn Error>> {
     let scenario = Scenario::find("pritzl-6.1")?;

@@ -383,7 +383,7 @@ fn regions_of(regions: &[Region], whose: &str) -> String {
     if regions.is_empty() {
         return String::new();
     }
-    let mut parts = table(&["part", "probability", "hectares", "east m", "north m"]);
+    let mut parts = table(&["part", "probability", "area m²", "east m", "north m"]);
     for (number_of, region) in (1..).zip(regions) {
         let range = |along: fn(&Vector2<f64>) -> f64| {
             let values = region.outline.iter().map(along);
@@ -396,7 +396,7 @@ fn regions_of(regions: &[Region], whose: &str) -> String {
         parts.add_row([
             i32::to_string(&number_of),
             number(Some(region.probability), 2),
-            number(Some(1e-4 * region.area_m2), 1),
+            number(Some(region.area_m2), 0),
             range(|place| place.x),
             range(|place| place.y),
         ]);

@@ -208,8 +208,8 @@ impl PosteriorMap {
             * self.grid.cell_m
     }
 
-    /// The corners of a rectangle without the outer rows and columns that hold little: as long as
-    /// the lightest of the four sides fits into `share`, it is left out.
+    /// The corners of a rectangle without the outer rows and columns that hold little, but for one
+    /// on each side: as long as the lightest of the four sides fits into `share`, it is left out.
     pub(crate) fn without(&self, share: f64) -> (Vector2<f64>, Vector2<f64>) {
         let (mut columns, mut rows) = (0..self.columns(), 0..self.rows());
         let row = |row: usize, columns: &Range<usize>| -> f64 {
@@ -243,7 +243,12 @@ impl PosteriorMap {
         let at = |column: usize, row: usize| {
             corner + Vector2::new(column as f64, row as f64) * self.grid.cell_m
         };
-        (at(columns.start, rows.start), at(columns.end, rows.end))
+        // The border that is left holds next to nothing, however few cells hold the rest.
+        let (last_column, last_row) = (self.columns(), self.rows());
+        (
+            at(columns.start.saturating_sub(1), rows.start.saturating_sub(1)),
+            at((columns.end + 1).min(last_column), (rows.end + 1).min(last_row)),
+        )
     }
 
     /// The standard deviation along the ellipse's minor axis, without the cells' own.
@@ -329,17 +334,20 @@ mod tests {
     }
 
     #[test]
-    fn light_rows_and_columns_are_left_out() {
-        let grid = Grid::over(Vector2::zeros(), Vector2::new(4.0, 3.0), 1.0, 100);
-        let mass = [[0.001, 0.0, 0.0, 0.0], [0.0, 0.5, 0.4, 0.0], [0.0, 0.01, 0.089, 0.0]];
+    fn light_rows_and_columns_are_left_out_but_for_one() {
+        let grid = Grid::over(Vector2::zeros(), Vector2::new(7.0, 7.0), 1.0, 100);
+        let mut mass = [[0.0; 7]; 7];
+        mass[2][2] = 0.001;
+        mass[3][3..5].copy_from_slice(&[0.5, 0.4]);
+        mass[4][3..5].copy_from_slice(&[0.01, 0.089]);
         let map = PosteriorMap::new(grid, mass.as_flattened().to_vec());
         let corners = |share| {
             let (low, high) = map.without(share);
             [low.x, low.y, high.x, high.y].map(|side| alloc::format!("{side:.0}")).join(" ")
         };
-        assert_eq!(corners(0.0), "0 0 3 3");
-        assert_eq!(corners(0.002), "1 1 3 3");
-        assert_eq!(corners(0.11), "1 1 3 2");
+        assert_eq!(corners(0.0), "1 1 6 6");
+        assert_eq!(corners(0.002), "2 2 6 6");
+        assert_eq!(corners(0.11), "2 2 6 5");
     }
 
     #[test]

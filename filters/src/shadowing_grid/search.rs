@@ -81,3 +81,36 @@ const TRIMMINGS: u8 = 3;
 
 /// A border with less probability does not move the answer.
 const LITTLE_ON_BORDER: f64 = 2e-3;
+
+#[cfg(test)]
+mod tests {
+    use alloc::vec::Vec;
+
+    use super::*;
+
+    /// A circular normal of σ 1.5 m about (31, −17): a third of a cell, far from all borders.
+    #[test]
+    fn a_mass_of_one_cell_is_not_on_the_border() {
+        let place = Vector2::new(31.0, -17.0);
+        let search = Search {
+            low: Vector2::repeat(-50.0),
+            high: Vector2::repeat(50.0),
+            place: PlacePrior::NearReceivers,
+            margin_m: 200.0,
+            cell_m: 5.0,
+            max_cells: 40_000,
+        };
+        let posterior = |grid: Grid| {
+            let density = |i| (-0.5 * (grid.centre(i) - place).norm_squared() / 2.25).exp();
+            let mut mass: Vec<f64> = (0..grid.len()).map(density).collect();
+            let total: f64 = mass.iter().sum();
+            mass.iter_mut().for_each(|mass| *mass /= total);
+            Ok::<_, ()>(PosteriorMap::new(grid, mass))
+        };
+        let (searched, refined) = search.run(posterior, |map| map).expect("it never fails");
+        assert!(searched.border_mass() < LITTLE_ON_BORDER, "{}", searched.border_mass());
+        let found = refined.expect("cells are too coarse").estimate();
+        assert!((found.mean - place).norm() < 0.01, "{}", found.mean);
+        assert!((found.covariance[(0, 0)].sqrt() - 1.5).abs() < 0.02, "{}", found.covariance);
+    }
+}
