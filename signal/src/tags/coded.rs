@@ -1,0 +1,81 @@
+//! Bursts of coded tags, by the gaps between their pulses.
+
+use super::{AssociationConfig, KnownTag};
+use crate::Pulse;
+
+/// One burst: its pulses, and how well its gaps are those of the tag.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Burst {
+    pub(super) pulses: Vec<usize>,
+    /// The sum of the squares of the gaps' errors, in s².
+    pub(super) misfit: f64,
+}
+
+/// All bursts of a tag among pulses in the order of their times. No two share a pulse: the better
+/// of those that would is taken.
+pub(super) fn bursts(pulses: &[Pulse], tag: &KnownTag, config: &AssociationConfig) -> Vec<Burst> {
+    let near = |pulse: &Pulse| {
+        tag.frequency_hz.is_none_or(|f| {
+            let reach = config.burst_spread_hz.max(5.0 * config.frequency_tolerance_hz);
+            (pulse.frequency_hz - f).abs() <= reach
+        })
+    };
+    let mut found = Vec::new();
+    for first in 0..pulses.len() {
+        if near(&pulses[first]) {
+            let search = Search { pulses, tag, config };
+            search.extend(&mut vec![first], 0.0, &mut found);
+        }
+    }
+    found.sort_by(|a, b| a.misfit.total_cmp(&b.misfit));
+    let mut taken = vec![false; pulses.len()];
+    found.retain(|burst| {
+        let free = burst.pulses.iter().all(|index| !taken[*index]);
+        if free {
+            burst.pulses.iter().for_each(|index| taken[*index] = true);
+        }
+        free
+    });
+    found.sort_by_key(|burst| burst.pulses[0]);
+    found
+}
+
+struct Search<'a> {
+    pulses: &'a [Pulse],
+    tag: &'a KnownTag,
+    config: &'a AssociationConfig,
+}
+
+impl Search<'_> {
+    /// Every way in which a burst that has begun goes on.
+    fn extend(&self, burst: &mut Vec<usize>, misfit: f64, found: &mut Vec<Burst>) {
+        let (first, last) = (burst[0], burst[burst.len() - 1]);
+        let Some(gap) = self.tag.gaps_s.get(burst.len() - 1) else {
+            let long = self.pulses[last].time_s - self.pulses[first].time_s;
+            if (long - self.tag.burst_s()).abs() <= self.config.burst_tolerance_s {
+                found.push(Burst { pulses: burst.clone(), misfit });
+            }
+            return;
+        };
+        let begin = self.pulses[last].time_s;
+        for next in last + 1..self.pulses.len() {
+            let error = self.pulses[next].time_s - begin - gap;
+            if error > self.config.gap_tolerance_s {
+                break;
+            }
+            if error < -self.config.gap_tolerance_s || !self.is_alike(burst, next) {
+                continue;
+            }
+            burst.push(next);
+            self.extend(burst, misfit + error * error, found);
+            burst.pop();
+        }
+    }
+
+    /// Whether the frequencies, with the next one, lie near enough together.
+    fn is_alike(&self, burst: &[usize], next: usize) -> bool {
+        let frequency = |index: usize| self.pulses[index].frequency_hz;
+        let spread = burst.iter().map(|index| (frequency(*index) - frequency(next)).abs());
+        spread.fold(0.0, f64::max) <= self.config.burst_spread_hz
+    }
+}

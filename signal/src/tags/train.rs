@@ -1,0 +1,393 @@
+//! The most likely train of pulses of one tag: Viterbi's algorithm over a hidden Markov model of
+//! intervals, with a Kalman filter of phase and interval on each surviving path.
+//!
+//! The model is that of Moore and Krishnamurthy (1994, stochastic dynamic-linear models of pulse
+//! trains) and of Logothetis and Krishnamurthy (1998, interval and amplitude); paths with a filter
+//! each are per-survivor processing (Raheli, Polydoros and Tzou 1995).
+
+use super::{
+    clutter::{Clutter, ln_normal},
+    transform::count,
+};
+use crate::Pulse;
+
+/// The standard deviation of the logarithm of a width that a detector measures.
+pub(super) const WIDTH_SIGMA: f64 = 0.2;
+/// How many paths are kept to each pulse.
+const PATHS: usize = 3;
+/// Beyond how many standard deviations nothing is a train's next pulse.
+const GATE: f64 = 5.0;
+/// The share of intervals after which a train's phase slips: samples were lost, or the tag's
+/// oscillator was disturbed. One slip makes the next likely; how far, as a share of the interval.
+const SLIPS_AGAIN: f64 = 0.7;
+const SLIP: f64 = 0.05;
+/// Over how many intervals at most a slip is recognised: beyond, any pulse could be one.
+const SLIPPED_INTERVALS: u32 = 2;
+/// Beyond how many standard deviations a pulse is no slip.
+const SLIP_GATE: f64 = 3.0;
+/// The share of intervals after which a tag changes to its other interval.
+const CHANGE: f64 = 0.01;
+/// The share of pulses that a detector gives twice, side by side in frequency or time.
+const TWICE: f64 = 0.005;
+/// The share of intervals after which a tag is out of range, and that in which it comes back.
+const AWAY: (f64, f64) = (0.02, 0.05);
+/// How far an interval drifts from one to the next, as a share of itself, one σ.
+const DRIFT: f64 = 1e-4;
+/// How far a carrier drifts from pulse to pulse, as a share of its measurements' σ.
+const CARRIER_DRIFT: f64 = 0.05;
+
+/// What is known of a train.
+#[derive(Debug, Clone)]
+pub(super) struct TrainModel {
+    /// The usual interval, and the others that it may change to, in seconds.
+    pub(super) intervals_s: Vec<f64>,
+    /// The standard deviation of an interval, as a share of it.
+    pub(super) interval_sigma: f64,
+    /// The carrier's frequency and its standard deviation, in hertz.
+    pub(super) frequency_hz: (f64, f64),
+    /// The width of its pulses, in seconds.
+    pub(super) width_s: Option<f64>,
+    pub(super) time_sigma_s: f64,
+    pub(super) frequency_sigma_hz: f64,
+    pub(super) max_missed: u32,
+    /// The probability that a pulse is detected while the tag is in range.
+    pub(super) detection: f64,
+    /// The share of intervals that slip after one that does not.
+    pub(super) slip: f64,
+}
+
+/// A train that was found.
+#[derive(Debug, Clone)]
+pub(super) struct Train {
+    /// The logarithm of its probability over that of its pulses being clutter.
+    pub(super) score: f64,
+    /// Its pulses, in the order of time.
+    pub(super) members: Vec<Member>,
+    /// Mean square of the normalised residuals of pulses that follow without a slip.
+    pub(super) spread: f64,
+}
+
+/// One pulse of a train.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Member {
+    /// Its place in the list.
+    pub(super) pulse: usize,
+    /// What leads to it.
+    pub(super) link: Link,
+    /// How many intervals it comes after the pulse before: 0 of a double.
+    pub(super) intervals: u32,
+    /// Which of the model's intervals.
+    pub(super) mode: usize,
+}
+
+/// How a pulse follows on the one before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Link {
+    /// It is the first, or the first after a tag was away.
+    Begins,
+    /// By the interval.
+    Follows,
+    /// The phase slipped.
+    Slips,
+    /// The tag changed to another interval.
+    Changes,
+    /// It is the same pulse, detected twice.
+    Doubles,
+}
+
+/// A path to a pulse, with its filter of phase and interval.
+#[derive(Debug, Clone, Copy)]
+struct Path {
+    score: f64,
+    before: Option<usize>,
+    member: Member,
+    time_s: f64,
+    interval_s: f64,
+    /// Variances of phase, of both, and of the interval.
+    phase: f64,
+    both: f64,
+    interval: f64,
+    carrier: (f64, f64),
+    ln_width: (f64, f64),
+    /// The normalised square of the residual.
+    square: f64,
+}
+
+/// The pulses that a train is looked for among.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Scene<'a> {
+    /// In the order of their times.
+    pub(super) pulses: &'a [Pulse],
+    pub(super) clutter: &'a Clutter,
+    /// Those that other trains hold: with them a train can only collide.
+    pub(super) held: &'a [bool],
+}
+
+impl TrainModel {
+    /// The most likely train among candidates, places in the list that rise.
+    pub(super) fn best(&self, scene: &Scene<'_>, candidates: &[usize]) -> Option<Train> {
+        let longest = self.intervals_s.iter().fold(0.0_f64, |a, b| a.max(*b));
+        let reach = longest * (f64::from(self.max_missed) + 1.5);
+        let mut paths: Vec<Path> = Vec::new();
+        // The paths to each candidate.
+        let mut ends: Vec<(usize, usize)> = Vec::with_capacity(candidates.len());
+        let (mut near, mut away): (usize, Option<usize>) = (0, None);
+        for (place, index) in candidates.iter().enumerate() {
+            let time = scene.pulses[*index].time_s;
+            while near < place && scene.pulses[candidates[near]].time_s < time - reach {
+                for path in ends[near].0..ends[near].1 {
+                    if away.is_none_or(|best: usize| paths[path].score > paths[best].score) {
+                        away = Some(path);
+                    }
+                }
+                near += 1;
+            }
+            let mut found: Vec<Path> = Vec::new();
+            if !scene.held[*index] {
+                found.extend(self.begun(scene, *index, None));
+                found.extend(away.and_then(|p| self.begun(scene, *index, Some((p, &paths[p])))));
+            }
+            for (from, to) in &ends[near..] {
+                for before in *from..*to {
+                    self.follow(scene, *index, (before, &paths[before]), &mut found);
+                }
+            }
+            found.sort_by(|a, b| b.score.total_cmp(&a.score));
+            found.truncate(PATHS);
+            let from = paths.len();
+            paths.append(&mut found);
+            ends.push((from, paths.len()));
+        }
+        let mut at = (0..paths.len()).max_by(|a, b| paths[*a].score.total_cmp(&paths[*b].score));
+        let score = paths[at?].score;
+        let (mut members, mut squares) = (Vec::new(), Vec::new());
+        while let Some(path) = at.map(|index| &paths[index]) {
+            members.push(path.member);
+            if path.member.link == Link::Follows {
+                squares.push(path.square);
+            }
+            at = path.before;
+        }
+        members.reverse();
+        let spread = squares.iter().sum::<f64>() / count(squares.len()).max(1.0);
+        Some(Train { score, members, spread })
+    }
+
+    /// A train that begins, anew where there is one before it.
+    fn begun(
+        &self,
+        scene: &Scene<'_>,
+        index: usize,
+        before: Option<(usize, &Path)>,
+    ) -> Option<Path> {
+        let pulse = &scene.pulses[index];
+        let interval_s = before.map_or(self.intervals_s[0], |(_, path)| path.interval_s);
+        let mode = before.map_or(0, |(_, path)| path.member.mode);
+        let width = match self.width_s {
+            Some(width) => (width.ln(), 0.0),
+            None => (scene.clutter.ln_width.0, scene.clutter.ln_width.1.powi(2)),
+        };
+        let path = Path {
+            score: before.map_or(0.0, |(_, path)| path.score + (AWAY.0 * AWAY.1).ln()),
+            before: before.map(|(index, _)| index),
+            member: Member { pulse: index, link: Link::Begins, intervals: 1, mode },
+            time_s: pulse.time_s,
+            interval_s,
+            phase: self.time_sigma_s.powi(2),
+            both: 0.0,
+            interval: (self.interval_sigma * interval_s).powi(2),
+            carrier: before
+                .map_or((self.frequency_hz.0, self.frequency_hz.1.powi(2)), |(_, path)| {
+                    path.carrier
+                }),
+            ln_width: before.map_or(width, |(_, path)| path.ln_width),
+            square: 0.0,
+        };
+        // Its phase is not known.
+        self.measured(scene, index, path, -interval_s.ln())
+    }
+
+    /// All ways in which a pulse follows on a path.
+    fn follow(
+        &self,
+        scene: &Scene<'_>,
+        index: usize,
+        (from, path): (usize, &Path),
+        found: &mut Vec<Path>,
+    ) {
+        let pulse = &scene.pulses[index];
+        let last = &scene.pulses[path.member.pulse];
+        let gap = pulse.time_s - last.time_s;
+        let width = pulse.width_s.max(last.width_s);
+        let next = Path { before: Some(from), square: 0.0, ..*path };
+        let member = |link, intervals, mode| Member { pulse: index, link, intervals, mode };
+        if gap < width && !scene.held[index] && !scene.held[path.member.pulse] {
+            // The second is often but a piece of the first.
+            let ln_width = (path.ln_width.0, 1.0);
+            let member = member(Link::Doubles, 0, path.member.mode);
+            let double = Path { member, ln_width, ..next };
+            let chance = TWICE.ln() - width.ln();
+            // The filters hold the pulse already.
+            let kept = self.measured(scene, index, double, chance);
+            found.extend(kept.map(|kept| Path {
+                carrier: path.carrier,
+                ln_width: path.ln_width,
+                ..kept
+            }));
+            return;
+        }
+        let slipped = (SLIP * path.interval_s).powi(2);
+        if let Some((n, times)) = self.intervals(pulse.time_s - path.time_s, path.interval_s) {
+            let ahead = self.ahead(next, times);
+            let residual = pulse.time_s - ahead.time_s;
+            let slip = if path.member.link == Link::Slips { SLIPS_AGAIN } else { self.slip };
+            let mut go = |link, more: f64, share: f64| {
+                let member = member(link, n, path.member.mode);
+                let ahead = Path { phase: ahead.phase + more, member, ..ahead };
+                let chance = || self.missed(n) + share.ln();
+                found.extend(self.timed(scene, index, ahead, chance));
+            };
+            go(Link::Follows, 0.0, 1.0 - slip);
+            let may_slip = n <= SLIPPED_INTERVALS && !scene.held[index];
+            if may_slip && residual.powi(2) <= SLIP_GATE.powi(2) * slipped {
+                go(Link::Slips, slipped, slip);
+            }
+        }
+        for (mode, interval_s) in self.intervals_s.iter().enumerate() {
+            if mode == path.member.mode {
+                continue;
+            }
+            let Some((n, times)) = self.intervals(pulse.time_s - path.time_s, *interval_s) else {
+                continue;
+            };
+            let changed = Path {
+                interval_s: *interval_s,
+                both: 0.0,
+                interval: (self.interval_sigma * interval_s).powi(2),
+                phase: path.phase + slipped,
+                member: member(Link::Changes, n, mode),
+                ..next
+            };
+            let ahead = self.ahead(changed, times);
+            found.extend(self.timed(scene, index, ahead, || self.missed(n) + CHANGE.ln()));
+        }
+    }
+
+    /// How many intervals a gap is, if no more than may be missed.
+    fn intervals(&self, gap_s: f64, interval_s: f64) -> Option<(u32, f64)> {
+        let times = (gap_s / interval_s).round();
+        if !(1.0..=f64::from(self.max_missed) + 1.0).contains(&times) {
+            return None;
+        }
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "checked above"
+        )]
+        let n = times as u32;
+        Some((n, times))
+    }
+
+    /// The logarithm of the probability that the next pulse detected is the n-th: of a tag in range
+    /// or, with a tail as long as it is away, of one that is not.
+    fn missed(&self, n: u32) -> f64 {
+        let missed = f64::from(n) - 1.0;
+        let (leaves, returns) = AWAY;
+        let within = (1.0 - leaves) * self.detection * (1.0 - self.detection).powf(missed);
+        (within + leaves * returns * (1.0 - returns).powf(missed)).ln()
+    }
+
+    /// The filter some intervals later.
+    fn ahead(&self, path: Path, times: f64) -> Path {
+        let jitter = 0.25 * times * self.time_sigma_s.powi(2);
+        Path {
+            time_s: path.time_s + times * path.interval_s,
+            phase: path.phase + times * (2.0 * path.both + times * path.interval) + jitter,
+            both: path.both + times * path.interval,
+            interval: path.interval + times * (DRIFT * path.interval_s).powi(2),
+            carrier: (
+                path.carrier.0,
+                path.carrier.1 + times * (CARRIER_DRIFT * self.frequency_sigma_hz).powi(2),
+            ),
+            ..path
+        }
+    }
+
+    /// A path updated with a pulse's time, and weighed by it.
+    fn timed(
+        &self,
+        scene: &Scene<'_>,
+        index: usize,
+        path: Path,
+        chance: impl FnOnce() -> f64,
+    ) -> Option<Path> {
+        let pulse = &scene.pulses[index];
+        let residual = pulse.time_s - path.time_s;
+        // What collides is a pulse's length wide.
+        let merged = if scene.held[index] { 0.5 * pulse.width_s } else { 0.0 };
+        let variance = path.phase + self.time_sigma_s.powi(2) + merged.powi(2);
+        if residual.powi(2) > GATE.powi(2) * variance {
+            return None;
+        }
+        let gain = path.phase / variance;
+        let turn = path.both / variance;
+        let updated = Path {
+            time_s: path.time_s + gain * residual,
+            interval_s: path.interval_s + turn * residual,
+            phase: path.phase - gain * path.phase,
+            both: path.both - gain * path.both,
+            interval: path.interval - turn * path.both,
+            square: residual.powi(2) / variance,
+            ..path
+        };
+        let chance = chance() + ln_normal(residual, variance);
+        if scene.held[index] {
+            Some(collided(pulse, path, updated, chance, self))
+        } else {
+            self.measured(scene, index, updated, chance)
+        }
+    }
+
+    /// A path updated with a pulse's frequency and width, and weighed by both against clutter.
+    fn measured(&self, scene: &Scene<'_>, index: usize, path: Path, chance: f64) -> Option<Path> {
+        let pulse = &scene.pulses[index];
+        let (carrier, frequency) =
+            scalar(path.carrier, pulse.frequency_hz, self.frequency_sigma_hz.powi(2))?;
+        let (ln_width, width) = scalar(path.ln_width, pulse.width_s.ln(), WIDTH_SIGMA.powi(2))?;
+        let score = path.score + chance + frequency + width - scene.clutter.ln_density[index];
+        Some(Path { score, carrier, ln_width, ..path })
+    }
+}
+
+/// A path whose pulse another train holds as well: the two overlapped, within the pulse's length and
+/// the width of its spectrum. It explains nothing that is not explained, so it is weighed against a
+/// miss.
+fn collided(pulse: &Pulse, before: Path, path: Path, chance: f64, model: &TrainModel) -> Path {
+    let band = 1.0 / pulse.width_s;
+    let variance = path.carrier.1 + model.frequency_sigma_hz.powi(2) + band.powi(2);
+    let frequency = ln_normal(pulse.frequency_hz - path.carrier.0, variance) + band.ln();
+    let score = path.score + chance + pulse.width_s.ln() + frequency;
+    // Its time is that of both, so the filter goes on without it.
+    Path {
+        score,
+        time_s: before.time_s,
+        interval_s: before.interval_s,
+        phase: before.phase,
+        both: before.both,
+        interval: before.interval,
+        ..path
+    }
+}
+
+/// A scalar Kalman update: the new mean and variance, and the logarithm of the density; nothing
+/// beyond the gate.
+fn scalar((mean, variance): (f64, f64), value: f64, noise: f64) -> Option<((f64, f64), f64)> {
+    let total = variance + noise;
+    let residual = value - mean;
+    if residual.powi(2) > GATE.powi(2) * total {
+        return None;
+    }
+    let gain = variance / total;
+    let updated = (mean + gain * residual, variance - gain * variance);
+    Some((updated, ln_normal(residual, total)))
+}

@@ -1,0 +1,171 @@
+use std::f64::consts::TAU;
+
+/// One peak of an interval transform.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct IntervalPeak {
+    /// The interval, in seconds.
+    pub interval_s: f64,
+    /// The transform's magnitude: about how many pairs of pulses are that far apart in phase.
+    pub magnitude: f64,
+    /// The magnitude over the threshold; above 1.
+    pub excess: f64,
+}
+
+/// The interval transform: a complex autocorrelation of arrival times, whose phase cancels the
+/// multiples of an interval.
+///
+/// ```text
+/// D(τ_k) = Σ_n Σ_{m<n, |t_n − t_m − τ_k| ≤ ε τ_k} exp(2πi (t_n − O_k) / τ_k)
+/// ```
+///
+/// with a time origin `O_k` for each bin that moves along with a train, and bins that overlap, so
+/// that jitter does not smear the phase (Nishiguchi and Kobayashi 2000, improved algorithm). A bin
+/// is a peak above the greatest of `α T/τ_k`, `β C_k` and `γ √(T ρ² b_k)`: its share of the
+/// pulses to be expected, of the pairs in the bin, and of the noise of other pulses (equations 17
+/// to 19), and above its neighbours.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IntervalTransform {
+    intervals_s: Vec<f64>,
+    tolerance: f64,
+}
+
+/// The share of the pulses of a train that must be there.
+const ALPHA: f64 = 0.15;
+/// The share of a bin's pairs that must be in phase.
+const BETA: f64 = 0.15;
+/// How many standard deviations of other pulses' pairs.
+const GAMMA: f64 = 3.0;
+/// How far a pulse may be off the raster of its bin's origin, as a share, to become the new one.
+const ORIGIN: f64 = 0.03;
+
+impl IntervalTransform {
+    /// A transform over these shortest and longest intervals, in bins of ± `tolerance` of their
+    /// middles that overlap by three quarters.
+    #[must_use]
+    pub fn new([shortest_s, longest_s]: [f64; 2], tolerance: f64) -> Self {
+        let step = 1.0 + 0.5 * tolerance;
+        let intervals = std::iter::successors(Some(shortest_s), |last| {
+            Some(last * step).filter(|x| *x <= longest_s)
+        });
+        Self { intervals_s: intervals.collect(), tolerance }
+    }
+
+    /// How many bins it has.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.intervals_s.len()
+    }
+
+    /// Whether it has no bins.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.intervals_s.is_empty()
+    }
+
+    /// The peaks, the greatest excess first, of pulses at these times, which must rise.
+    #[must_use]
+    pub fn peaks(&self, times_s: &[f64]) -> Vec<IntervalPeak> {
+        let (Some(first), Some(last), Some(shortest), Some(longest)) =
+            (times_s.first(), times_s.last(), self.intervals_s.first(), self.intervals_s.last())
+        else {
+            return Vec::new();
+        };
+        let bins = self.transformed(times_s, *shortest, *longest);
+        let span = (last - first).max(*shortest);
+        let rate = count(times_s.len()) / span;
+        let excess = |(bin, interval): (&Bin, &f64)| {
+            let width = 2.0 * self.tolerance * interval;
+            let threshold = (ALPHA * span / interval)
+                .max(BETA * bin.pairs)
+                .max(GAMMA * (span * rate * rate * width).sqrt());
+            bin.magnitude() / threshold
+        };
+        let excesses: Vec<f64> = bins.iter().zip(&self.intervals_s).map(excess).collect();
+        let is_peak = |index: usize| {
+            // One interval fills the bins that overlap it.
+            let near = index.saturating_sub(4)..(index + 5).min(bins.len());
+            let magnitude = bins[index].magnitude();
+            excesses[index] > 1.0
+                && near.into_iter().all(|k| {
+                    let other = bins[k].magnitude();
+                    other < magnitude || (other <= magnitude && k >= index)
+                })
+        };
+        let mut peaks: Vec<IntervalPeak> = (0..bins.len())
+            .filter(|index| is_peak(*index))
+            .map(|index| IntervalPeak {
+                interval_s: bins[index].mean_s(),
+                magnitude: bins[index].magnitude(),
+                excess: excesses[index],
+            })
+            .collect();
+        peaks.sort_by(|a, b| b.excess.total_cmp(&a.excess));
+        peaks
+    }
+
+    fn transformed(&self, times_s: &[f64], shortest: f64, longest: f64) -> Vec<Bin> {
+        let mut bins = vec![Bin::default(); self.intervals_s.len()];
+        let (low, high) = (1.0 - self.tolerance, 1.0 + self.tolerance);
+        for (n, time) in times_s.iter().enumerate() {
+            for before in times_s[..n].iter().rev() {
+                let gap = time - before;
+                if gap > longest * high {
+                    break;
+                }
+                if gap < shortest * low {
+                    continue;
+                }
+                let from = self.intervals_s.partition_point(|tau| tau * high < gap);
+                let to = self.intervals_s.partition_point(|tau| tau * low <= gap);
+                for index in from..to {
+                    bins[index].add(*before, *time, self.intervals_s[index]);
+                }
+            }
+        }
+        bins
+    }
+}
+
+/// One bin of intervals.
+#[derive(Debug, Clone, Copy, Default)]
+struct Bin {
+    origin_s: Option<f64>,
+    re: f64,
+    im: f64,
+    pairs: f64,
+    gaps_s: f64,
+}
+
+impl Bin {
+    fn add(&mut self, before: f64, time: f64, tau: f64) {
+        let origin = self.origin_s.unwrap_or(before);
+        let turns = (time - origin) / tau;
+        let whole = (turns + 0.4999).floor();
+        let off = turns / whole - 1.0;
+        let follows = before <= origin && origin <= before;
+        let origin = if (whole <= 1.0 && follows) || (whole >= 2.0 && off.abs() <= ORIGIN) {
+            time
+        } else {
+            origin
+        };
+        self.origin_s = Some(origin);
+        let (sin, cos) = (TAU * (time - origin) / tau).sin_cos();
+        self.re += cos;
+        self.im += sin;
+        self.pairs += 1.0;
+        self.gaps_s += time - before;
+    }
+
+    fn magnitude(&self) -> f64 {
+        self.re.hypot(self.im)
+    }
+
+    fn mean_s(&self) -> f64 {
+        self.gaps_s / self.pairs.max(1.0)
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "numbers of pulses are below 2^53")]
+pub(super) fn count(number: usize) -> f64 {
+    number as f64
+}

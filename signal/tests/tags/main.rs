@@ -1,0 +1,4 @@
+//! Pulses given to tags: real lists and simulated ones.
+
+mod recorded;
+mod simulated;
