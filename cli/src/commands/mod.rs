@@ -19,6 +19,7 @@ pub(crate) mod locate;
 #[cfg(feature = "hardware")]
 pub(crate) mod node;
 pub(crate) mod replay;
+pub(crate) mod tags;
 #[cfg(not(any(feature = "ros1", feature = "ros2")))]
 pub(crate) mod unavailable;
 
@@ -59,6 +60,7 @@ pub(crate) enum Command {
     Judge(judge::Args),
     Bearing(bearing::Args),
     Antenna(antenna::Args),
+    Tags(tags::Args),
     #[cfg(feature = "hardware")]
     Fly(fly::Args),
     #[cfg(feature = "hardware")]
@@ -95,6 +97,7 @@ pub(crate) fn run(command: Command, context: Context<'_>) -> Result<(), CliError
         Command::Judge(args) => judge::run(&args, context),
         Command::Bearing(args) => bearing::run(&args, context),
         Command::Antenna(args) => antenna::run(&args, context.output),
+        Command::Tags(args) => tags::run(&args, context),
         #[cfg(feature = "hardware")]
         Command::Fly(args) => fly::run(&args, context),
         #[cfg(feature = "hardware")]

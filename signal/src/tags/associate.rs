@@ -25,7 +25,7 @@ pub struct Tag {
     pub width_s: f64,
     /// How far intervals scatter about the median, in seconds: half the middle 68 %.
     pub jitter_s: f64,
-    /// Its pulses, as places in the list that was given, in the order of time.
+    /// Its pulses, as places in the list that was given, in the order of their beginnings.
     pub pulses: Vec<usize>,
     /// How many bursts they make; none of an uncoded tag.
     pub bursts: usize,
@@ -86,13 +86,15 @@ pub fn associate(
         }
     }
     let mut order: Vec<usize> = (0..pulses.len()).collect();
-    order.sort_by(|a, b| pulses[*a].time_s.total_cmp(&pulses[*b].time_s));
+    // By their beginnings: a piece of a pulse that is detected as well begins after it.
+    let begin = |index: usize| pulses[index].time_s - 0.5 * pulses[index].width_s;
+    order.sort_by(|a, b| begin(*a).total_cmp(&begin(*b)));
     let sorted: Vec<Pulse> = order.iter().map(|index| pulses[*index]).collect();
     let mut work = Work::new(&sorted, config);
     let mut tags = work.coded(table);
-    for tag in table.tags().iter().filter(|tag| tag.gaps_s.is_empty()) {
-        work.known(tag);
-    }
+    let uncoded: Vec<&KnownTag> = table.tags().iter().filter(|tag| tag.gaps_s.is_empty()).collect();
+    work.known(&uncoded);
+    work.rename();
     work.share_out();
     work.unknown();
     work.share_out();
@@ -108,13 +110,25 @@ pub fn associate(
 
 /// A train that was found, with what is known of it.
 struct Found {
-    names: Vec<String>,
+    tag: Option<KnownTag>,
     model: TrainModel,
     train: Train,
     log_odds: f64,
 }
 
-/// The pulses in the order of time, and what holds them so far.
+impl Found {
+    /// The logarithm of how well it fits a tag's interval and frequency, but for a constant.
+    fn fit(&self, tag: &KnownTag, pulses: &[Pulse], config: &AssociationConfig) -> f64 {
+        let members = &self.train.members;
+        let interval =
+            (self.model.intervals_s[0] / tag.interval_s - 1.0) / config.interval_tolerance;
+        let frequencies = members.iter().map(|member| pulses[member.pulse].frequency_hz);
+        let off = median(frequencies.collect()).zip(tag.frequency_hz).map_or(0.0, |(f, of)| f - of);
+        -0.5 * (interval.powi(2) + (off / config.frequency_tolerance_hz).powi(2))
+    }
+}
+
+/// The pulses in the order of their beginnings, and what holds them so far.
 struct Work<'a> {
     pulses: &'a [Pulse],
     config: &'a AssociationConfig,
@@ -217,31 +231,80 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Finds a known tag, at any frequency where its own is not known.
-    fn known(&mut self, tag: &KnownTag) {
-        let held = self.held(None);
-        let clutter = Clutter::new(self.pulses, &held, self.frequency_sigma_hz);
-        let scene = Scene { pulses: self.pulses, clutter: &clutter, held: &held };
+    /// Finds the known tags, the best first: what the others are weighed against is then smaller.
+    fn known(&mut self, tags: &[&KnownTag]) {
+        // A train may begin with any pulse.
+        let threshold = (count(self.pulses.len()) / self.config.false_tags).ln();
+        let mut open: Vec<(&KnownTag, Option<Option<(TrainModel, Train)>>)> =
+            tags.iter().map(|tag| (*tag, None)).collect();
+        loop {
+            let held = self.held(None);
+            let clutter = Clutter::new(self.pulses, &held, self.frequency_sigma_hz);
+            let scene = Scene { pulses: self.pulses, clutter: &clutter, held: &held };
+            for (tag, proposal) in &mut open {
+                if proposal.is_none() {
+                    *proposal = Some(self.known_proposal(tag, &scene));
+                }
+            }
+            let score = |place: &usize| {
+                let proposal = open[*place].1.as_ref().and_then(Option::as_ref);
+                proposal.map_or(f64::NEG_INFINITY, |(_, train)| train.score)
+            };
+            let best = (0..open.len()).max_by(|a, b| score(a).total_cmp(&score(b)));
+            let Some(best) = best.filter(|place| score(place) > threshold) else { return };
+            let (tag, proposal) = open.swap_remove(best);
+            let Some((model, train)) = proposal.flatten() else { return };
+            let log_odds = train.score;
+            let mut now = vec![false; self.pulses.len()];
+            train.members.iter().for_each(|member| now[member.pulse] = true);
+            for (_, proposal) in &mut open {
+                let shares = proposal
+                    .iter()
+                    .flatten()
+                    .any(|(_, train)| train.members.iter().any(|member| now[member.pulse]));
+                if shares {
+                    *proposal = None;
+                }
+            }
+            self.found.push(Found { tag: Some(tag.clone()), model, train, log_odds });
+        }
+    }
+
+    /// The best train of a known tag, at any frequency where its own is not known.
+    fn known_proposal(&self, tag: &KnownTag, scene: &Scene<'_>) -> Option<(TrainModel, Train)> {
         let windows = match tag.frequency_hz {
             Some(f) => vec![(f, self.config.frequency_tolerance_hz)],
-            None => self.windows(&held),
+            None => self.windows(scene.held),
         };
         let intervals_s: Vec<f64> =
             std::iter::once(tag.interval_s).chain(tag.other_interval_s).collect();
         let tried = windows.into_iter().filter_map(|frequency_hz| {
             let model = self.model(intervals_s.clone(), frequency_hz, tag.width_s);
-            let train = model.best(&scene, &self.candidates(&model))?;
+            let train = model.best(scene, &self.candidates(&model))?;
             Some((model, train))
         });
-        let best = tried.max_by(|a, b| a.1.score.total_cmp(&b.1.score));
-        // A train may begin with any pulse.
-        let threshold = (count(self.pulses.len()) / self.config.false_tags).ln();
-        if let Some((model, train)) = best {
-            let (model, train) = refined(&model, train, &scene, &self.candidates(&model));
-            if train.score > threshold {
-                let log_odds = train.score;
-                let names = vec![tag.name.clone()];
-                self.found.push(Found { names, model, train, log_odds });
+        let (model, train) = tried.max_by(|a, b| a.1.score.total_cmp(&b.1.score))?;
+        Some(refined(&model, train, scene, &self.candidates(&model)))
+    }
+
+    /// Exchanges the names of known tags where both fit better: two that are alike may have found
+    /// each other's train.
+    fn rename(&mut self) {
+        let places = 0..self.found.len();
+        let pairs: Vec<(usize, usize)> =
+            places.clone().flat_map(|a| places.clone().map(move |b| (a, b))).collect();
+        // Each exchange betters the sum, and a second pass finds what the first made possible.
+        for (a, b) in pairs.iter().chain(&pairs) {
+            let (one, other) = (&self.found[*a], &self.found[*b]);
+            let (Some(name), Some(rival)) = (&one.tag, &other.tag) else { continue };
+            let fit = |found: &Found, tag| found.fit(tag, self.pulses, self.config);
+            let gain = fit(one, rival) + fit(other, name) - fit(one, name) - fit(other, rival);
+            let alike = name.width_s.is_some() == rival.width_s.is_some()
+                && name.other_interval_s.is_some() == rival.other_interval_s.is_some();
+            if gain > 0.0 && alike {
+                let (name, rival) = (name.clone(), rival.clone());
+                self.found[*a].tag = Some(rival);
+                self.found[*b].tag = Some(name);
             }
         }
     }
@@ -277,7 +340,7 @@ impl<'a> Work<'a> {
                 *old = (window.0 - at).abs() <= reach;
             }
             let log_odds = train.score;
-            self.found.push(Found { names: Vec::new(), model, train, log_odds });
+            self.found.push(Found { tag: None, model, train, log_odds });
         }
     }
 
@@ -291,7 +354,8 @@ impl<'a> Work<'a> {
         let inside = self.pulses.iter().zip(scene.held).filter(|(pulse, held)| {
             !**held && (pulse.frequency_hz - window.0).abs() <= 2.0 * window.1
         });
-        let times: Vec<f64> = inside.map(|(pulse, _)| pulse.time_s).collect();
+        let mut times: Vec<f64> = inside.map(|(pulse, _)| pulse.time_s).collect();
+        times.sort_by(f64::total_cmp);
         if times.len() < FEWEST {
             return None;
         }
@@ -398,7 +462,7 @@ impl<'a> Work<'a> {
         let missed = members.iter().map(|member| member.intervals.saturating_sub(1)).sum();
         let gaps = gaps_s(self.pulses, members);
         Tag {
-            names: found.names.clone(),
+            names: found.tag.iter().map(|tag| tag.name.clone()).collect(),
             interval_s: median(gaps.clone()).unwrap_or(found.model.intervals_s[0]),
             jitter_s: scatter(gaps),
             missed,

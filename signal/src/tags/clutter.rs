@@ -18,7 +18,7 @@ pub(super) struct Clutter {
 }
 
 impl Clutter {
-    /// Of pulses in the order of their times, without those that are explained: the greater of the
+    /// Of pulses in the order of their beginnings, without those that are explained: the greater of the
     /// density about a pulse's frequency at any time and of that near its time. A pulse counts
     /// itself, so that no density is zero.
     pub(super) fn new(pulses: &[Pulse], explained: &[bool], frequency_sigma_hz: f64) -> Self {
@@ -38,7 +38,8 @@ impl Clutter {
             let near = (from..to)
                 .filter(|k| !explained[*k] && (pulses[*k].frequency_hz - f).abs() <= reach)
                 .count();
-            let here = count(near) / (2.0 * reach * span.min(2.0 * NEAR_S));
+            // One alone is no burst of noise.
+            let here = count(near.saturating_sub(1)) / (2.0 * reach * span.min(2.0 * NEAR_S));
             always.max(here).ln() + ln_normal(pulse.width_s.ln() - ln_width.0, ln_width.1.powi(2))
         };
         Self { ln_density: pulses.iter().map(density).collect(), ln_width }

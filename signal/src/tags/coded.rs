@@ -11,7 +11,7 @@ pub(super) struct Burst {
     pub(super) misfit: f64,
 }
 
-/// All bursts of a tag among pulses in the order of their times. No two share a pulse: the better
+/// All bursts of a tag among pulses in the order of their beginnings. No two share a pulse: the better
 /// of those that would is taken.
 pub(super) fn bursts(pulses: &[Pulse], tag: &KnownTag, config: &AssociationConfig) -> Vec<Burst> {
     let near = |pulse: &Pulse| {

@@ -21,10 +21,6 @@ const GATE: f64 = 5.0;
 /// oscillator was disturbed. One slip makes the next likely; how far, as a share of the interval.
 const SLIPS_AGAIN: f64 = 0.7;
 const SLIP: f64 = 0.05;
-/// Over how many intervals at most a slip is recognised: beyond, any pulse could be one.
-const SLIPPED_INTERVALS: u32 = 2;
-/// Beyond how many standard deviations a pulse is no slip.
-const SLIP_GATE: f64 = 3.0;
 /// The share of intervals after which a tag changes to its other interval.
 const CHANGE: f64 = 0.01;
 /// The share of pulses that a detector gives twice, side by side in frequency or time.
@@ -111,12 +107,14 @@ struct Path {
     ln_width: (f64, f64),
     /// The normalised square of the residual.
     square: f64,
+    /// Whether the last interval slipped.
+    slips: bool,
 }
 
 /// The pulses that a train is looked for among.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scene<'a> {
-    /// In the order of their times.
+    /// In the order of their beginnings.
     pub(super) pulses: &'a [Pulse],
     pub(super) clutter: &'a Clutter,
     /// Those that other trains hold: with them a train can only collide.
@@ -202,6 +200,7 @@ impl TrainModel {
                 }),
             ln_width: before.map_or(width, |(_, path)| path.ln_width),
             square: 0.0,
+            slips: false,
         };
         // Its phase is not known.
         self.measured(scene, index, path, -interval_s.ln())
@@ -240,16 +239,18 @@ impl TrainModel {
         if let Some((n, times)) = self.intervals(pulse.time_s - path.time_s, path.interval_s) {
             let ahead = self.ahead(next, times);
             let residual = pulse.time_s - ahead.time_s;
-            let slip = if path.member.link == Link::Slips { SLIPS_AGAIN } else { self.slip };
+            let slip = if path.slips { SLIPS_AGAIN } else { self.slip };
             let mut go = |link, more: f64, share: f64| {
                 let member = member(link, n, path.member.mode);
-                let ahead = Path { phase: ahead.phase + more, member, ..ahead };
+                let slips = link == Link::Slips;
+                let ahead = Path { phase: ahead.phase + more, member, slips, ..ahead };
                 let chance = || self.missed(n) + share.ln();
                 found.extend(self.timed(scene, index, ahead, chance));
             };
             go(Link::Follows, 0.0, 1.0 - slip);
-            let may_slip = n <= SLIPPED_INTERVALS && !scene.held[index];
-            if may_slip && residual.powi(2) <= SLIP_GATE.powi(2) * slipped {
+            // Over several intervals any pulse could be a slip.
+            let may_slip = n == 1 && !scene.held[index];
+            if may_slip && residual.powi(2) <= GATE.powi(2) * slipped {
                 go(Link::Slips, slipped, slip);
             }
         }

@@ -2,7 +2,6 @@ use std::path::{Path, PathBuf};
 
 use foxhunt_signal::tags::{Association, AssociationConfig, TagTable, associate, read_pulses};
 
-#[expect(clippy::print_stdout, reason = "a test reports what it skips")]
 fn shared(name: &str) -> Option<PathBuf> {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data")).join(name);
     if path.exists() {
@@ -64,9 +63,56 @@ fn one_tag_of_unknown_interval() {
             tag.slips
         );
     }
-    println!("{:?}", others);
     assert_eq!(tags.len(), 1);
     assert_eq!((tags[0].pulses.len(), others.len()), (4_720, 0));
     assert_eq!(tags[0].names, [""; 0]);
     assert!((tags[0].interval_s - 0.900).abs() < 0.001, "{}", tags[0].interval_s);
+}
+
+/// The error of a file with this text, read as pulses or as a table.
+fn refused(name: &str, text: &str, is_table: bool) -> String {
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::write(&file, text).expect("a file can be written");
+    let error = if is_table {
+        TagTable::read(&file).map(|_| ()).expect_err("it is bad")
+    } else {
+        read_pulses(&file).map(|_| ()).expect_err("it is bad")
+    };
+    error.to_string()
+}
+
+#[test]
+fn bad_lines_are_named_with_field_and_value() {
+    let own = "time_s,frequency_hz,width_s,power_dbm,snr_db\n1,2,0.02,-90,20\n";
+    let cases: [(&str, String, bool, &[&str]); 8] = [
+        ("width.csv", format!("{own}2,2,-1,-90,20\n"), false, &["line 3", "width_s", "\"-1\""]),
+        ("level.csv", format!("{own}2,2,0.02,loud,20\n"), false, &["line 3", "power_dbm", "loud"]),
+        ("short.csv", format!("{own}2,2\n"), false, &["short.csv", "line"]),
+        ("nan.csv", format!("{own}NaN,2,0.02,-90,20\n"), false, &["time_s", "NaN", "finite"]),
+        ("other.csv", "a,b\n1,2\n".to_owned(), false, &["a, b", "SensorGnome"]),
+        (
+            "date.csv",
+            "Time;Frequency;Duration;avg (dBW);snr (dB)\nnow;1;0.02;-90;9\n".to_owned(),
+            false,
+            &["line 2", "Time", "now"],
+        ),
+        (
+            "twice.csv",
+            "name,interval_s\na,1\na,2\n".to_owned(),
+            true,
+            &["line 3", "\"a\"", "already"],
+        ),
+        (
+            "gaps.csv",
+            "name,interval_s,gaps_ms\na,1,20 x\n".to_owned(),
+            true,
+            &["line 2", "gaps_ms", "20 x"],
+        ),
+    ];
+    for (name, text, is_table, wanted) in cases {
+        let error = refused(name, &text, is_table);
+        for part in wanted {
+            assert!(error.contains(part), "{part:?} is not in {error}");
+        }
+    }
 }
