@@ -15,7 +15,13 @@ pub(crate) struct Timing {
     pub(crate) mount_offset: f64,
     /// How many positions make a turn.
     pub(crate) positions: u16,
+    /// From pulse to pulse of a beacon that sends by itself, in seconds.
+    pub(crate) interval: Option<f64>,
 }
+
+/// How much later than an interval a pulse may come, as a share of it, and still be the one that
+/// was due.
+const LATE: f64 = 0.02;
 
 /// A round of requests to one beacon after the other, over and over again, each answer attributed
 /// to where and when its power was measured.
@@ -71,7 +77,7 @@ impl Interrogation {
         let Some((requested, from)) = self.pending else { return Ok(true) };
         let answer = radio.poll();
         if !matches!(answer, Ok(Some(_))) && now >= requested + timing.answer_timeout {
-            self.give_up(recorder, timing);
+            self.give_up(recorder, timing, now);
             return answer.map(|_| true);
         }
         let Some(rss_dbm) = answer? else { return Ok(false) };
@@ -94,18 +100,34 @@ impl Interrogation {
         Ok(true)
     }
 
-    /// Records the pending request as unanswered, if there is one.
-    pub(crate) fn give_up(&mut self, recorder: &mut TurnRecorder, timing: &Timing) {
-        let Some((_, from)) = self.pending else { return };
-        let boresight = angle::wrap(from.heading + timing.mount_offset);
-        let position = nearest_position(boresight, timing.positions);
-        recorder.beacon(self.next).unanswered.push(Unanswered { boresight, position });
+    /// Records the pending request as unanswered, if there is one, and an answer was due.
+    pub(crate) fn give_up(&mut self, recorder: &mut TurnRecorder, timing: &Timing, now: f64) {
+        let Some((requested, from)) = self.pending else { return };
+        let beacon = recorder.beacon(self.next);
+        if timing.was_due(beacon.samples.last(), requested, now) {
+            let boresight = angle::wrap(from.heading + timing.mount_offset);
+            let position = nearest_position(boresight, timing.positions);
+            beacon.unanswered.push(Unanswered { boresight, position });
+        }
         self.settle(recorder);
     }
 
     fn settle(&mut self, recorder: &TurnRecorder) {
         self.pending = None;
         self.next = (self.next + 1) % recorder.count().max(1);
+    }
+}
+
+impl Timing {
+    /// Whether an answer should have come between two times: always of a beacon that answers; of
+    /// one that sends by itself where the next pulse after the last one that came was due, or the
+    /// one after that, and so on. Before the first pulse of a turn nothing is known.
+    fn was_due(&self, last: Option<&Sample>, from: f64, to: f64) -> bool {
+        let Some(interval) = self.interval else { return true };
+        // The last one may have come when its request's time was nearly up.
+        let late = self.answer_timeout + LATE * interval;
+        let pulses = |time: f64, last: &Sample| libm::floor((time - last.time - late) / interval);
+        last.is_some_and(|last| pulses(to, last) > pulses(from, last))
     }
 }
 

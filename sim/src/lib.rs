@@ -41,8 +41,8 @@ mod world;
 
 pub use config::{
     BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DroneConfig, Interval,
-    KinematicConfig, PathLossConfig, ReflectorConfig, ShadowingConfig, SimStepperConfig,
-    TwoRayConfig, VehicleConfig, WorldConfig,
+    KinematicConfig, PathLossConfig, PulseTrain, ReflectorConfig, ShadowingConfig,
+    SimStepperConfig, TwoRayConfig, VehicleConfig, WorldConfig,
 };
 pub use devices::{
     LateSource, SimBody, SimClock, SimOmnidirectional, SimRadio, SimRotator, SimStepper, SimVehicle,

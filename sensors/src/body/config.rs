@@ -31,6 +31,10 @@ pub struct BodyConfig {
     /// The receiver's weakest reading in dBm, where that is known.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub floor_dbm: Option<f64>,
+    /// From pulse to pulse of beacons that send by themselves, in seconds: then a request counts as
+    /// unanswered only where a pulse was due. `None` for beacons that answer.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub interval_s: Option<f64>,
 }
 
 /// That of [`isaacs2014`](BodyConfig::isaacs2014).
@@ -56,6 +60,7 @@ impl BodyConfig {
             mount_offset_rad: 0.0,
             measured_at: 0.0,
             floor_dbm: None,
+            interval_s: None,
         }
     }
 
@@ -88,6 +93,7 @@ impl BodyConfig {
         positive("turn_timeout_s", self.turn_timeout_s)?;
         finite("mount_offset_rad", self.mount_offset_rad)?;
         in_range("measured_at", self.measured_at, 0.0..=1.0, "from 0 to 1")?;
+        self.interval_s.map_or(Ok(()), |interval| positive("interval_s", interval).map(|_| ()))?;
         self.floor_dbm.map_or(Ok(()), |floor| finite("floor_dbm", floor).map(|_| ()))
     }
 
@@ -98,6 +104,7 @@ impl BodyConfig {
             measured_at: self.measured_at,
             mount_offset: self.mount_offset_rad,
             positions: self.positions,
+            interval: self.interval_s,
         }
     }
 }

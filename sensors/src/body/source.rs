@@ -99,7 +99,7 @@ impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
         let begun = *turn.begun.get_or_insert(now);
         let late = now >= begun + self.config.turn_timeout_s;
         if late && matches!(turn.phase, Phase::Spin | Phase::Interrogate) {
-            self.interrogation.give_up(&mut self.recorder, &self.config.timing());
+            self.interrogation.give_up(&mut self.recorder, &self.config.timing(), now);
             turn.phase = Phase::Stop;
         }
         // Time is up whatever the devices do.

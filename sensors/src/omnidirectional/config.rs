@@ -57,6 +57,7 @@ impl OmnidirectionalConfig {
             measured_at: self.measured_at,
             mount_offset: 0.0,
             positions: 1,
+            interval: None,
         }
     }
 }

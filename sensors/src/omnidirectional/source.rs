@@ -69,7 +69,7 @@ impl<R: Radio, V: Vehicle, C: Clock> OmnidirectionalSource<R, V, C> {
         let due = *self.since.get_or_insert(now);
         if now >= due + timing.spacing + 2.0 * timing.answer_timeout {
             // A device prevented the request, or its answer.
-            self.interrogation.give_up(&mut self.recorder, &timing);
+            self.interrogation.give_up(&mut self.recorder, &timing, now);
             self.settled(now);
         }
         let here = match self.vehicle.pose() {

@@ -21,6 +21,7 @@ mod model_laws;
 mod model_vectors;
 mod preprocess_vectors;
 mod propagation;
+mod pulsed_turns;
 mod station;
 mod stepper_faults;
 mod stepper_turns;

@@ -16,4 +16,4 @@ pub use interval::Interval;
 pub use multipath::{DeadZoneConfig, ReflectorConfig, ShadowingConfig};
 pub use path_loss::{PathLossConfig, TwoRayConfig};
 pub use vehicle::{KinematicConfig, VehicleConfig};
-pub use world::{BeaconConfig, DroneConfig, WorldConfig};
+pub use world::{BeaconConfig, DroneConfig, PulseTrain, WorldConfig};

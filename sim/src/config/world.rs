@@ -1,4 +1,6 @@
-use foxhunt_core::parameter::{FieldError, ParameterError, finite, not_negative};
+use foxhunt_core::parameter::{
+    FieldError, ParameterError, finite, not_negative, positive, require,
+};
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
@@ -53,6 +55,62 @@ pub struct BeaconConfig {
     /// Before this second it does not answer; it always does where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub appears_after_s: Option<f64>,
+    /// The pulses that it sends by itself; it answers requests where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pulses: Option<PulseTrain>,
+}
+
+/// The pulses of a tag, or of another beacon that sends by itself.
+///
+/// A radio that is requested meanwhile answers at the end of the pulse, with the power of the
+/// moment of the request; a source that requests again before that gets it then, once.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PulseTrain {
+    /// How long one lasts, in seconds.
+    pub pulse_s: f64,
+    /// From one to the next, in seconds.
+    pub interval_s: f64,
+    /// How far each may be from its place on the raster at most, in seconds, evenly; 0 unless
+    /// given. The same in every world.
+    #[serde(default)]
+    pub jitter_s: f64,
+    /// When the first one begins, in seconds; 0 unless given.
+    #[serde(default)]
+    pub phase_s: f64,
+}
+
+impl PulseTrain {
+    /// When the first pulse ends that ends after a time, in seconds.
+    #[must_use]
+    pub fn end_after(&self, time: f64) -> f64 {
+        let mut number = ((time - self.phase_s) / self.interval_s).floor().max(1.0) - 1.0;
+        loop {
+            let end = self.end(number);
+            if end > time {
+                return end;
+            }
+            number += 1.0;
+        }
+    }
+
+    /// When the pulse of a number, from 0, ends.
+    fn end(&self, number: f64) -> f64 {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(number.to_bits());
+        let jitter = self.jitter_s * rng.random_range(-1.0..=1.0);
+        self.phase_s + number * self.interval_s + jitter + self.pulse_s
+    }
+
+    fn check(&self) -> Result<(), FieldError> {
+        positive("pulse_s", self.pulse_s)?;
+        not_negative("jitter_s", self.jitter_s)?;
+        finite("phase_s", self.phase_s)?;
+        // No pulse reaches into the next one.
+        let least = self.pulse_s + 2.0 * self.jitter_s;
+        let apart = self.interval_s.is_finite() && self.interval_s > least;
+        require(apart, "interval_s", self.interval_s, "above pulse_s and twice jitter_s")?;
+        Ok(())
+    }
 }
 
 impl BeaconConfig {
@@ -74,7 +132,7 @@ impl BeaconConfig {
         }
         not_negative("scatter_m", self.scatter_m.unwrap_or(0.0))?;
         not_negative("appears_after_s", self.appears_after_s.unwrap_or(0.0))?;
-        Ok(())
+        self.pulses.map_or(Ok(()), |pulses| pulses.check().map_err(|e| e.within("pulses")))
     }
 
     /// How fast it moves after `time` seconds: East, North and Up in metres per second.
@@ -83,6 +141,17 @@ impl BeaconConfig {
         let start = Vector2::new(self.east_m, self.north_m);
         let velocity = self.course.as_ref().map(|course| course.velocity_at(start, time));
         velocity.unwrap_or_default().push(0.0)
+    }
+
+    /// When it answers a request of a time whose answer takes `latency` seconds.
+    pub(crate) fn answer_after(&self, time: f64, latency: f64) -> f64 {
+        self.pulses.map_or(time + latency, |pulses| pulses.end_after(time))
+    }
+
+    /// Whether it sends at a time where it is listened to without a request.
+    pub(crate) fn sends_at(&self, time: f64) -> bool {
+        let on_air = |pulses: PulseTrain| pulses.end_after(time) - pulses.pulse_s <= time;
+        self.answers_at(time) && self.pulses.is_none_or(on_air)
     }
 
     /// Whether it answers at the time `time`.

@@ -142,7 +142,7 @@ impl Drone {
         }
         let turned = self.motor.angle(now);
         let signal = self.signal(channel, (id, beacon), port, turned, now);
-        let answer_at = now + self.receiver.latency();
+        let answer_at = beacon.answer_after(now, self.receiver.latency());
         let transmitted = signal.reaches && beacon.answers_at(now) && self.receives(answer_at);
         self.receiver.answer(channel, signal.power_dbm, transmitted, answer_at);
     }
@@ -159,7 +159,7 @@ impl Drone {
         now: f64,
     ) -> Option<f64> {
         let signal = self.signal(channel, (id, beacon), port, turned, now);
-        let transmitted = signal.reaches && beacon.answers_at(now) && self.receives(now);
+        let transmitted = signal.reaches && beacon.sends_at(now) && self.receives(now);
         self.receiver.draw(channel, signal.power_dbm, transmitted)
     }
 

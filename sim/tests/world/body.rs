@@ -7,8 +7,8 @@ use foxhunt_sensors::{
     BodyConfig, MaximumLikelihood, OmnidirectionalConfig, PatternTable, Pritzl2018, StepperConfig,
 };
 use foxhunt_sim::{
-    ChannelConfig, DroneConfig, QuadrotorConfig, SimError, SimStepperConfig, VehicleConfig,
-    WindConfig, World, WorldConfig,
+    ChannelConfig, DroneConfig, PulseTrain, QuadrotorConfig, SimError, SimStepperConfig,
+    VehicleConfig, WindConfig, World, WorldConfig,
 };
 use nalgebra::Vector3;
 
@@ -173,6 +173,41 @@ fn a_turn_of_the_quadrotor_is_as_good_as_one_of_the_stepper() {
             let [stepped, turned] = [stepped, turned].map(|e| deviation(e).to_degrees());
             println!("stepper {stepped:.3}° rms, quadrotor {turned:.3}° rms");
             assert!((turned / stepped - 1.0).abs() < 0.2, "{turned}° and {stepped}°");
+        }
+    }
+}
+
+/// A tag that pulses by itself: each pulse is one sample, at the time of the pulse, and pulses that
+/// were due and did not come are unanswered; requests in between are neither.
+#[test]
+fn each_pulse_of_a_tag_is_a_sample_or_a_miss() {
+    let pulses = PulseTrain { pulse_s: 0.02, interval_s: 1.3, jitter_s: 0.005, phase_s: 0.4 };
+    for (floor_dbm, all_come) in [(None, true), (Some(-60.0), false)] {
+        let mut config = flying(VehicleConfig::default(), ChannelConfig { floor_dbm, ..quiet() });
+        config.beacons[0].pulses = Some(pulses);
+        let world = World::new(&config, 7).expect("in order");
+        let slow = BodyConfig {
+            rate_rad_s: std::f64::consts::TAU / 40.0,
+            turn_timeout_s: 60.0,
+            interval_s: Some(1.3),
+            ..BodyConfig::isaacs2014()
+        };
+        let mut source = world.body(0, slow).expect("it exists");
+        source.begin(&[BeaconId(0)]).expect("it begins");
+        let (samples, unanswered) = loop {
+            world.advance(0.01).expect("a step");
+            if let Some(sweep) = source.poll().expect("nothing fails") {
+                break (sweep.samples.to_vec(), sweep.unanswered.to_vec());
+            }
+        };
+        // 40 s of 1.3 s.
+        let due = samples.len() + unanswered.len();
+        assert!((29..=31).contains(&due), "{} samples, {} misses", samples.len(), unanswered.len());
+        assert_eq!(unanswered.is_empty(), all_come, "{floor_dbm:?}: {}", unanswered.len());
+        for sample in &samples {
+            let number = (sample.time - 0.4) / 1.3;
+            // A request is at most 50 ms older than the end of its pulse.
+            assert!((number - number.round()).abs() < 0.06, "{}", sample.time);
         }
     }
 }
