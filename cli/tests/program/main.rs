@@ -13,3 +13,4 @@ mod pipes;
 mod recorded;
 mod replay;
 mod support;
+mod tags;

@@ -128,6 +128,26 @@ impl Found {
     }
 }
 
+/// The best train of a known tag.
+enum Proposal {
+    /// It has to be found, or found anew.
+    Old,
+    Nothing,
+    Found(Box<(TrainModel, Train)>),
+}
+
+impl Proposal {
+    fn score(&self) -> f64 {
+        if let Self::Found(found) = self { found.1.score } else { f64::NEG_INFINITY }
+    }
+
+    /// Whether it has any of these pulses.
+    fn holds(&self, pulses: &[bool]) -> bool {
+        let Self::Found(found) = self else { return false };
+        found.1.members.iter().any(|member| pulses[member.pulse])
+    }
+}
+
 /// The pulses in the order of their beginnings, and what holds them so far.
 struct Work<'a> {
     pulses: &'a [Pulse],
@@ -235,35 +255,34 @@ impl<'a> Work<'a> {
     fn known(&mut self, tags: &[&KnownTag]) {
         // A train may begin with any pulse.
         let threshold = (count(self.pulses.len()) / self.config.false_tags).ln();
-        let mut open: Vec<(&KnownTag, Option<Option<(TrainModel, Train)>>)> =
-            tags.iter().map(|tag| (*tag, None)).collect();
+        let mut open: Vec<(&KnownTag, Proposal)> =
+            tags.iter().map(|tag| (*tag, Proposal::Old)).collect();
         loop {
             let held = self.held(None);
             let clutter = Clutter::new(self.pulses, &held, self.frequency_sigma_hz);
             let scene = Scene { pulses: self.pulses, clutter: &clutter, held: &held };
             for (tag, proposal) in &mut open {
-                if proposal.is_none() {
-                    *proposal = Some(self.known_proposal(tag, &scene));
+                if matches!(proposal, Proposal::Old) {
+                    *proposal = match self.known_proposal(tag, &scene) {
+                        Some((model, train)) => Proposal::Found(Box::new((model, train))),
+                        None => Proposal::Nothing,
+                    };
                 }
             }
-            let score = |place: &usize| {
-                let proposal = open[*place].1.as_ref().and_then(Option::as_ref);
-                proposal.map_or(f64::NEG_INFINITY, |(_, train)| train.score)
+            let best = (0..open.len())
+                .max_by(|a, b| open[*a].1.score().total_cmp(&open[*b].1.score()))
+                .filter(|place| open[*place].1.score() > threshold);
+            let Some((tag, Proposal::Found(found))) = best.map(|place| open.swap_remove(place))
+            else {
+                return;
             };
-            let best = (0..open.len()).max_by(|a, b| score(a).total_cmp(&score(b)));
-            let Some(best) = best.filter(|place| score(place) > threshold) else { return };
-            let (tag, proposal) = open.swap_remove(best);
-            let Some((model, train)) = proposal.flatten() else { return };
+            let (model, train) = *found;
             let log_odds = train.score;
             let mut now = vec![false; self.pulses.len()];
             train.members.iter().for_each(|member| now[member.pulse] = true);
             for (_, proposal) in &mut open {
-                let shares = proposal
-                    .iter()
-                    .flatten()
-                    .any(|(_, train)| train.members.iter().any(|member| now[member.pulse]));
-                if shares {
-                    *proposal = None;
+                if proposal.holds(&now) {
+                    *proposal = Proposal::Old;
                 }
             }
             self.found.push(Found { tag: Some(tag.clone()), model, train, log_odds });
@@ -498,7 +517,8 @@ fn refined(
         // With a little of what was known before, so that no share is 0 or 1.
         let detection = (pulses + 10.0 * DETECTION) / (intervals + 10.0);
         let slip = (slips + 100.0 * SLIP) / (pulses + 100.0);
-        let scale = train.spread.sqrt().clamp(0.7, 3.0);
+        // A tag jitters besides what its detector is off by.
+        let scale = train.spread.sqrt().clamp(1.0, 3.0);
         let interval = median(gaps_s(scene.pulses, members));
         let mut intervals_s = model.intervals_s.clone();
         intervals_s[0] = interval.unwrap_or(intervals_s[0]);

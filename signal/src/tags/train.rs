@@ -146,8 +146,8 @@ impl TrainModel {
                 found.extend(away.and_then(|p| self.begun(scene, *index, Some((p, &paths[p])))));
             }
             for (from, to) in &ends[near..] {
-                for before in *from..*to {
-                    self.follow(scene, *index, (before, &paths[before]), &mut found);
+                for (before, path) in (*from..*to).zip(&paths[*from..*to]) {
+                    self.follow(scene, *index, (before, path), &mut found);
                 }
             }
             found.sort_by(|a, b| b.score.total_cmp(&a.score));

@@ -117,8 +117,8 @@ impl IntervalTransform {
                 }
                 let from = self.intervals_s.partition_point(|tau| tau * high < gap);
                 let to = self.intervals_s.partition_point(|tau| tau * low <= gap);
-                for index in from..to {
-                    bins[index].add(*before, *time, self.intervals_s[index]);
+                for (bin, interval_s) in bins[from..to].iter_mut().zip(&self.intervals_s[from..]) {
+                    bin.add(*before, *time, *interval_s);
                 }
             }
         }

@@ -22,21 +22,6 @@ fn all_bursts_of_a_coded_tag_and_no_other() {
     let Some(table) = shared("pulses/sg_tags.csv") else { return };
     let table = TagTable::read(&table).expect("a table");
     let Association { tags, others, .. } = associated(&pulses, &table);
-    for tag in &tags {
-        println!(
-            "{:?} {} {} {} n {} bursts {} missed {} {:?} dbl {} slips {}",
-            tag.names,
-            tag.frequency_hz,
-            tag.interval_s,
-            tag.jitter_s,
-            tag.pulses.len(),
-            tag.bursts,
-            tag.missed,
-            tag.log_odds,
-            tag.doubled,
-            tag.slips
-        );
-    }
     assert_eq!(tags.len(), 1);
     assert_eq!(tags[0].names, ["10695", "16357"]);
     assert_eq!((tags[0].bursts, tags[0].missed, tags[0].pulses.len()), (62, 0, 248));
@@ -48,21 +33,6 @@ fn all_bursts_of_a_coded_tag_and_no_other() {
 fn one_tag_of_unknown_interval() {
     let Some(pulses) = shared("pulses/pyrt_umr_150172kHz.csv") else { return };
     let Association { tags, others, .. } = associated(&pulses, &TagTable::default());
-    for tag in &tags {
-        println!(
-            "{:?} {} {} {} n {} bursts {} missed {} {:?} dbl {} slips {}",
-            tag.names,
-            tag.frequency_hz,
-            tag.interval_s,
-            tag.jitter_s,
-            tag.pulses.len(),
-            tag.bursts,
-            tag.missed,
-            tag.log_odds,
-            tag.doubled,
-            tag.slips
-        );
-    }
     assert_eq!(tags.len(), 1);
     assert_eq!((tags[0].pulses.len(), others.len()), (4_720, 0));
     assert_eq!(tags[0].names, [""; 0]);

@@ -208,9 +208,7 @@ fn twenty_known_tags_in_one_band() {
 fn twenty_tags_in_twelve_bands() {
     for are_known in [true, false] {
         let [right, collisions, clutter] = at_least(0..12, are_known);
-        println!(
-            "{are_known}: right at least {right}, collided {collisions}, clutter left {clutter}"
-        );
+        let figures = format!("{are_known}: {right} {collisions} {clutter}");
         assert!(right >= 0.95 && collisions >= 0.095 && clutter >= 0.9, "{figures}");
         println!("{figures}");
     }
