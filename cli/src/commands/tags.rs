@@ -33,8 +33,8 @@ pub(crate) struct Args {
     #[arg(long)]
     csv: bool,
     /// The shortest and the longest interval of unknown tags, in seconds
-    #[arg(long, value_name = "FROM,TO", value_delimiter = ',', num_args = 2)]
-    intervals_s: Option<Vec<f64>>,
+    #[arg(long, value_name = "FROM,TO", value_parser = from_to)]
+    intervals_s: Option<[f64; 2]>,
     /// How far an interval may be off that of the table, as a share of it
     #[arg(long, value_name = "SHARE")]
     interval_tolerance: Option<f64>,
@@ -59,14 +59,21 @@ struct Report {
 impl Args {
     fn config(&self) -> AssociationConfig {
         let mut config = AssociationConfig::default();
-        if let Some([from, to]) = self.intervals_s.as_deref() {
-            config.intervals_s = [*from, *to];
-        }
+        config.intervals_s = self.intervals_s.unwrap_or(config.intervals_s);
         let set = |value: Option<f64>, field: &mut f64| *field = value.unwrap_or(*field);
         set(self.interval_tolerance, &mut config.interval_tolerance);
         set(self.frequency_sigma_hz, &mut config.frequency_sigma_hz);
         set(self.frequency_tolerance_hz, &mut config.frequency_tolerance_hz);
         config
+    }
+}
+
+/// Two numbers with a comma between them.
+fn from_to(text: &str) -> Result<[f64; 2], String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
+    match (numbers.as_slice(), text.matches(',').count()) {
+        ([from, to], 1) => Ok([*from, *to]),
+        _ => Err("it must be two numbers with a comma between them".to_owned()),
     }
 }
 
