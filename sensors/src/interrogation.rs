@@ -126,7 +126,9 @@ impl Timing {
         let Some(interval) = self.interval else { return true };
         // The last one may have come when its request's time was nearly up.
         let late = self.answer_timeout + LATE * interval;
-        let pulses = |time: f64, last: &Sample| libm::floor((time - last.time - late) / interval);
+        let pulses = |time: f64, last: &Sample| {
+            libm::fmax(libm::floor((time - last.time - late) / interval), 0.0)
+        };
         last.is_some_and(|last| pulses(to, last) > pulses(from, last))
     }
 }

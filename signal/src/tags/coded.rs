@@ -79,3 +79,38 @@ impl Search<'_> {
         spread.fold(0.0, f64::max) <= self.config.burst_spread_hz
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The bursts of a tag of three gaps, among pulses at these times and frequencies.
+    fn found(pulses: &[(f64, f64)]) -> usize {
+        let pulse = |&(time, frequency): &(f64, f64)| Pulse::new(time, frequency, 2e-3, 0.0, 9.0);
+        let pulses: Vec<Pulse> = pulses.iter().map(pulse).collect();
+        let tag = KnownTag::new("swift", 20.0).with_gaps_s(vec![0.022, 0.020, 0.024]);
+        bursts(&pulses, &tag, &AssociationConfig::default()).len()
+    }
+
+    #[test]
+    fn a_burst_keeps_every_tolerance() {
+        let exact = [(1.0, 0.0), (1.022, 0.0), (1.042, 0.0), (1.066, 0.0)];
+        let with = |index: usize, time: f64, frequency: f64| {
+            let mut pulses = exact;
+            pulses[index] = (time, frequency);
+            pulses
+        };
+        assert_eq!(found(&exact), 1);
+        // 1.4 and 1.6 ms of one gap, the next one still within; 0.4 and 0.6 kHz.
+        assert_eq!(found(&with(3, 1.0674, 0.0)), 1);
+        assert_eq!(found(&with(3, 1.0676, 0.0)), 0);
+        assert_eq!(found(&with(2, 1.042, 400.0)), 1);
+        assert_eq!(found(&with(2, 1.042, 600.0)), 0);
+        // Each gap within its own, the burst 4.2 ms too long.
+        assert_eq!(found(&[(1.0, 0.0), (1.0234, 0.0), (1.0448, 0.0), (1.0702, 0.0)]), 0);
+        // A second pulse beside the last one makes no second burst.
+        let mut double = exact.to_vec();
+        double.push((1.0664, 0.0));
+        assert_eq!(found(&double), 1);
+    }
+}

@@ -392,3 +392,47 @@ fn scalar((mean, variance): (f64, f64), value: f64, noise: f64) -> Option<((f64,
     let updated = (mean + gain * residual, variance - gain * variance);
     Some((updated, ln_normal(residual, total)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn model(detection: f64) -> TrainModel {
+        TrainModel {
+            intervals_s: vec![1.3],
+            interval_sigma: 0.01,
+            frequency_hz: (0.0, 100.0),
+            width_s: None,
+            time_sigma_s: 1e-3,
+            frequency_sigma_hz: 30.0,
+            max_missed: 30,
+            detection,
+            slip: 0.01,
+        }
+    }
+
+    #[test]
+    fn some_pulse_is_the_next() {
+        for detection in [0.3, 0.9] {
+            let sum: f64 = (1..2_000).map(|n| model(detection).missed(n).exp()).sum();
+            assert!((sum - 1.0).abs() < 1e-9, "{detection}: {sum}");
+            assert!(model(detection).missed(2) < model(detection).missed(1));
+        }
+    }
+
+    #[test]
+    fn the_filter_finds_the_interval() {
+        let pulse = |n: u32| Pulse::new(1.306 * f64::from(n), 5.0, 0.02, -80.0, 20.0);
+        let pulses: Vec<Pulse> = (0..40).filter(|n| n % 5 != 3).map(pulse).collect();
+        let held = vec![false; pulses.len()];
+        let clutter = Clutter::new(&pulses, &held, 30.0);
+        let scene = Scene { pulses: &pulses, clutter: &clutter, held: &held };
+        let all: Vec<usize> = (0..pulses.len()).collect();
+        let train = model(0.9).best(&scene, &all).expect("a train");
+        assert_eq!(train.members.len(), 32);
+        assert_eq!(train.members.iter().map(|member| member.intervals).sum::<u32>(), 1 + 39);
+        // A prior that is 0.46 % off, and slips are dear: all follow.
+        assert!(train.members[1..].iter().all(|member| member.link == Link::Follows));
+        assert!(train.spread < 0.5, "{}", train.spread);
+    }
+}

@@ -169,3 +169,30 @@ impl Bin {
 pub(super) fn count(number: usize) -> f64 {
     number as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two trains in one list: their intervals are peaks, and twice an interval, which as many
+    /// pairs have, is not.
+    #[test]
+    fn intervals_are_peaks_and_their_multiples_are_not() {
+        let train = |interval: f64, phase: f64| {
+            // Jitter of a few milliseconds, the same in every run.
+            (0..80_u32).map(move |n| {
+                phase + interval * f64::from(n) + 0.003 * f64::from(n * 7 % 11 % 5) - 0.006
+            })
+        };
+        let mut times: Vec<f64> = train(1.0, 0.2).chain(train(1.37, 0.5)).collect();
+        times.sort_by(f64::total_cmp);
+        let peaks = IntervalTransform::new([0.3, 4.0], 0.01).peaks(&times);
+        let has = |interval: f64| {
+            peaks.iter().any(|peak| (peak.interval_s / interval - 1.0).abs() < 0.008)
+        };
+        assert!(has(1.0) && has(1.37), "{peaks:?}");
+        assert!(!has(2.0) && !has(2.74) && !has(3.0), "{peaks:?}");
+        let strongest = peaks[0].interval_s.min(peaks[1].interval_s);
+        assert!((strongest - 1.0).abs() < 0.01, "{peaks:?}");
+    }
+}
