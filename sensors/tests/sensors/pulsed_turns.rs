@@ -14,7 +14,7 @@ const LEVEL_DBM: f64 = -60.0;
 /// A turn and the pulses that fall into it.
 #[derive(Clone, Copy)]
 struct Turn {
-    seconds: f64,
+    pulses: u16,
     interval_s: f64,
     /// A stepper's, which looks along each for a whole interval; a body turns evenly.
     positions: Option<u16>,
@@ -27,14 +27,13 @@ impl Turn {
     /// The boresights of its pulses.
     fn boresights(&self, rng: &mut Xoshiro256PlusPlus) -> Vec<f64> {
         let (heading, phase) = (rng.random_range(0.0..TAU), rng.random_range(0.0..1.0));
-        let pulses = (self.seconds / self.interval_s).floor() as u16;
         let along = |pulse: u16| {
-            let share = (f64::from(pulse) + phase) * self.interval_s / self.seconds;
+            let share = (f64::from(pulse) + phase) / f64::from(self.pulses);
             let share =
                 self.positions.map_or(share, |n| (share * f64::from(n)).floor() / f64::from(n));
             angle::wrap(heading + TAU * share)
         };
-        (0..pulses).map(along).collect()
+        (0..self.pulses).map(along).collect()
     }
 }
 
@@ -85,9 +84,9 @@ fn measured(turn: Turn, turns: u16, seed: u64) -> (f64, f64) {
         }
         let sweep = Sweep {
             beacon: BeaconId(0),
-            time: turn.seconds,
+            time: turn.interval_s * f64::from(turn.pulses),
             receiver: Pose::at(1.0, 2.0, 4.0),
-            positions: boresights.len() as u16,
+            positions: turn.pulses,
             samples: &samples,
             unanswered: if turn.with_misses { &unanswered } else { &[] },
             floor_dbm: Some(turn.floor_dbm),
@@ -102,12 +101,12 @@ fn measured(turn: Turn, turns: u16, seed: u64) -> (f64, f64) {
     ((squares / bounds).sqrt(), nees / f64::from(turns))
 }
 
-fn body(seconds: f64, floor_dbm: f64) -> Turn {
-    Turn { seconds, interval_s: 1.3, positions: None, floor_dbm, with_misses: true }
+fn body(pulses: u16, floor_dbm: f64) -> Turn {
+    Turn { pulses, interval_s: 1.3, positions: None, floor_dbm, with_misses: true }
 }
 
 fn stepper(positions: u16, floor_dbm: f64) -> Turn {
-    Turn { positions: Some(positions), ..body(1.3 * f64::from(positions), floor_dbm) }
+    Turn { positions: Some(positions), ..body(positions, floor_dbm) }
 }
 
 /// 200 turns each, seed 18. An rms of 200 scatters by 5 % about that of the bound, so that 1.2 is
@@ -117,8 +116,8 @@ fn stepper(positions: u16, floor_dbm: f64) -> Turn {
 fn few_pulses_reach_the_bound_over_pulses() {
     // A floor of −63 dBm hides the pulses of about half a turn.
     for (name, turn) in [
-        ("a body, 20 pulses", body(26.0, -90.0)),
-        ("a body, 20 pulses, floor", body(26.0, -63.0)),
+        ("a body, 20 pulses", body(20, -90.0)),
+        ("a body, 20 pulses, floor", body(20, -63.0)),
         ("a stepper of 16, floor", stepper(16, -64.0)),
     ] {
         let (ratio, nees) = measured(turn, 200, 18);
@@ -130,7 +129,7 @@ fn few_pulses_reach_the_bound_over_pulses() {
 /// What the pulses that were due and did not come are worth.
 #[test]
 fn misses_are_in_the_likelihood() {
-    let with = body(26.0, -63.0);
+    let with = body(20, -63.0);
     let [(with, _), (without, _)] =
         [with, Turn { with_misses: false, ..with }].map(|turn| measured(turn, 200, 19));
     assert!(with < 1.2 && without > 1.1 * with, "{with} with them, {without} without");
