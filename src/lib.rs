@@ -12,6 +12,7 @@
 //! | always | [`core`], [`filters`], [`sensors`], [`formation`] |
 //! | `hunt` | [`hunt`], [`registry`], [`config`], [`scenario`], [`log`], [`locate`], [`calibration`], [`sim`] |
 //! | `lab` | [`simulation`], [`campaign`], [`trial`], [`bearing_trial`], [`report`] |
+//! | `store` | [`store`]: campaigns in a file; with `parquet` also as Parquet |
 //! | `archive` | [`recording`], [`recorded`], [`replay`], [`movebank`], [`geodesy`]; with `pictures` also `picture` |
 //! | `signal` | `signal` |
 //! | `hardware` | `fly`, `network`, `hardware`, `wire` |
@@ -70,9 +71,12 @@ pub use foxhunt_sim as sim;
 
 #[cfg(feature = "lab")]
 pub use foxhunt_lab::{
-    Experiment, FirstPassage, Paired, Runner, Spread, StepSpread, ThreadsError, bearing_trial,
+    Experiment, FirstPassage, Paired, PairedDifference, Runner, Spread, StepSpread, ThreadsError, bearing_trial,
     campaign, report, simulation, trial,
 };
+
+#[cfg(feature = "store")]
+pub use foxhunt_lab::store;
 
 #[cfg(feature = "pictures")]
 pub use foxhunt_archive::picture;

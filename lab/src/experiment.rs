@@ -1,3 +1,5 @@
+use std::sync::{Mutex, PoisonError, mpsc::sync_channel};
+
 use rayon::{ThreadPool, ThreadPoolBuilder, prelude::*};
 
 /// Something that is done many times, each time with another seed, to see how its results spread.
@@ -112,7 +114,52 @@ impl Runner {
         }
         Ok(())
     }
+
+    /// Runs an experiment for each of these seeds and hands the runs to `take`, some at a time, as
+    /// they end: in no order, on the thread of the caller. No more than some for each thread are in
+    /// memory at a time.
+    ///
+    /// # Errors
+    ///
+    /// Those of the experiment and of `take`; either ends it.
+    pub fn run_seeds<E: Experiment, F: From<E::Error>>(
+        &self,
+        experiment: &E,
+        seeds: impl Iterator<Item = u64> + Send,
+        progress: &(dyn Fn() + Sync),
+        mut take: impl FnMut(Vec<(u64, E::Run)>) -> Result<(), F>,
+    ) -> Result<(), F> {
+        let seeds = Mutex::new(seeds.fuse());
+        let waiting = self.pool.current_num_threads().saturating_mul(WAITING_PER_THREAD);
+        let (sender, receiver) = sync_channel(waiting);
+        let (pool, seeds) = (&self.pool, &seeds);
+        std::thread::scope(|scope| {
+            // Dropped with an error, upon which nothing more can be sent.
+            let receiver = receiver;
+            scope.spawn(move || {
+                pool.broadcast(|_| {
+                    loop {
+                        let next = seeds.lock().unwrap_or_else(PoisonError::into_inner).next();
+                        let Some(seed) = next else { break };
+                        let outcome = experiment.run(seed);
+                        progress();
+                        if sender.send((seed, outcome)).is_err() {
+                            break;
+                        }
+                    }
+                });
+            });
+            while let Ok(first) = receiver.recv() {
+                let some = std::iter::once(first).chain(receiver.try_iter().take(waiting));
+                take(some.map(|(seed, run)| Ok((seed, run?))).collect::<Result<_, E::Error>>()?)?;
+            }
+            Ok(())
+        })
+    }
 }
+
+/// How many runs of each thread may wait to be taken.
+const WAITING_PER_THREAD: usize = 64;
 
 /// How many runs a thread has before all wait for the last of them: enough for that to cost
 /// nothing, and few enough to be kept.

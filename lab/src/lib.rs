@@ -3,7 +3,7 @@
 //!
 //! Every comparison is an [`Experiment`] that a [`Runner`] runs: [`campaign`]s of flown hunts,
 //! whatever they compare, [`trial`]s on drawn bearings, and single turns for the extractors
-//! ([`bearing_trial`]).
+//! ([`bearing_trial`]). With the feature `store`, `store` keeps campaigns in a file.
 
 pub mod bearing_trial;
 pub mod campaign;
@@ -12,8 +12,10 @@ mod paired;
 pub mod report;
 pub mod simulation;
 mod statistics;
+#[cfg(feature = "store")]
+pub mod store;
 pub mod trial;
 
 pub use experiment::{Experiment, Runner, ThreadsError};
-pub use paired::Paired;
+pub use paired::{Paired, PairedDifference};
 pub use statistics::{FirstPassage, Spread, StepSpread};

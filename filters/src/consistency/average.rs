@@ -61,6 +61,22 @@ impl ChiSquaredAverage {
         }
     }
 
+    /// Adds squares that were summed up elsewhere, such as those of one run. Sums of sums round
+    /// otherwise than one sum, in the last digits.
+    pub fn add_sums(&mut self, sums: &ChiSquaredSums) {
+        self.sum += sums.sum;
+        self.sum_of_squares += sums.sum_of_squares;
+        self.degrees_of_freedom += sums.degrees_of_freedom;
+        self.count += sums.count;
+    }
+
+    /// The sums so far.
+    #[must_use]
+    pub fn sums(&self) -> ChiSquaredSums {
+        let Self { sum, sum_of_squares, degrees_of_freedom, count, .. } = *self;
+        ChiSquaredSums { sum, sum_of_squares, degrees_of_freedom, count }
+    }
+
     /// How many squares were added.
     #[must_use]
     pub fn count(&self) -> usize {
@@ -113,6 +129,19 @@ impl ChiSquaredAverage {
             _ => Verdict::TooFew,
         }
     }
+}
+
+/// What a [`ChiSquaredAverage`] is made of, to be kept and added to another one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ChiSquaredSums {
+    /// Of the squares.
+    pub sum: f64,
+    /// Of the squares' squares.
+    pub sum_of_squares: f64,
+    /// Of their degrees of freedom.
+    pub degrees_of_freedom: usize,
+    /// How many squares.
+    pub count: usize,
 }
 
 impl Default for ChiSquaredAverage {
@@ -178,6 +207,16 @@ mod tests {
         // By hand: variance 1.75, over three.
         let error = mixed.standard_error().expect("samples");
         assert!((error * error - 1.75 / 3.0).abs() < 1e-14, "{error}");
+    }
+
+    #[test]
+    fn sums_of_parts_are_those_of_the_whole() {
+        let squares = [(3.0, 2), (0.5, 1), (2.5, 2)];
+        let (first, second) = squares.split_at(1);
+        let mut parts = average(first);
+        parts.add_sums(&average(second).sums());
+        assert_eq!(parts, average(&squares));
+        assert_eq!(average(&[]).sums(), ChiSquaredSums::default());
     }
 
     #[test]

@@ -8,7 +8,7 @@ mod verdict;
 mod watchdog;
 mod whiteness;
 
-pub use average::ChiSquaredAverage;
+pub use average::{ChiSquaredAverage, ChiSquaredSums};
 pub use coverage::Coverage;
 pub use monitored::Monitored;
 pub use verdict::Verdict;

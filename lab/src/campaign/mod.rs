@@ -5,6 +5,7 @@ mod fleet_watch;
 mod fleets;
 mod planners;
 mod run;
+mod summary;
 
 pub use antennas::{
     AntennaComparison, AntennaSetup, AntennasReport, SetupCampaign, antennas_campaign,
@@ -19,4 +20,10 @@ pub use run::{
     BeaconCampaign, CampaignError, CampaignReport, Checkpoint, EstimatorCampaign, OWN, Repetition,
     campaign, campaign_watched, campaign_with,
 };
-pub(crate) use run::{BeaconSummary, Sample};
+pub use summary::BeaconRun;
+pub(crate) use summary::{BeaconSummary, Sample};
+#[cfg(feature = "store")]
+pub(crate) use {
+    run::{Flown, beacon_names},
+    summary::FlightsSummary,
+};

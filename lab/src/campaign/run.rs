@@ -1,18 +1,18 @@
 use std::convert::Infallible;
 
 use foxhunt_core::Outcome;
-use foxhunt_filters::consistency::{ChiSquaredAverage, Coverage, Verdict};
+use foxhunt_filters::consistency::Verdict;
 use foxhunt_hunt::{
     registry::{EstimatorEntry, Registry},
     scenario::Scenario,
 };
 use serde::Serialize;
 
+use super::summary::{BeaconRun, FlightsSummary, Sample};
 use crate::{
     Experiment, FirstPassage, Runner, Spread, StepSpread, ThreadsError,
     report::HuntReport,
     simulation::{Found, SearchProgress, Setup, Simulated, SimulationError},
-    statistics::Running,
 };
 
 /// What a report calls a planner or an estimator that is the scenario's own.
@@ -108,90 +108,6 @@ pub struct Checkpoint {
     pub bound_m: Option<f64>,
 }
 
-/// The figures of one beacon in one run.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Sample {
-    pub(crate) error_m: f64,
-    pub(crate) nees: f64,
-    pub(crate) steps: u32,
-    /// The normalised innovations squared with their degrees of freedom.
-    pub(crate) nis: Vec<(f64, usize)>,
-}
-
-/// The running statistics of one beacon, over good runs as they come.
-#[derive(Clone, Debug)]
-pub(crate) struct BeaconSummary {
-    errors: Running,
-    steps: Running,
-    anees: ChiSquaredAverage,
-    anis: ChiSquaredAverage,
-    coverage: Coverage,
-}
-
-impl Default for BeaconSummary {
-    fn default() -> Self {
-        Self {
-            errors: Running::default(),
-            steps: Running::default(),
-            anees: ChiSquaredAverage::default(),
-            anis: ChiSquaredAverage::default(),
-            coverage: Coverage::new(0.95, 0.95).expect("both are in (0, 1)"),
-        }
-    }
-}
-
-impl BeaconSummary {
-    /// Adds a good run.
-    pub(crate) fn add(&mut self, sample: &Sample) {
-        self.errors.add(sample.error_m);
-        self.steps.add(f64::from(sample.steps));
-        self.anees.add(sample.nees, 2);
-        self.coverage.add_nees(sample.nees);
-        self.anis.extend(sample.nis.iter().copied());
-    }
-
-    /// The statistics of the good ones of `total` runs, without checkpoints and bounds, and without
-    /// the figures of flights alone.
-    pub(crate) fn report(&self, name: &str, total: u32) -> BeaconCampaign {
-        let Self { errors, steps, anees, anis, coverage } = self;
-        let good = u32::try_from(coverage.count()).unwrap_or(u32::MAX);
-        BeaconCampaign {
-            name: name.to_owned(),
-            error_m: errors.spread(),
-            steps: steps.step_spread(),
-            steps_to_3m: None,
-            time_to_3m_s: None,
-            path_m: None,
-            anees: anees.average(),
-            anees_interval: anees.interval(),
-            verdict: anees.verdict(),
-            coverage_95: coverage.share(),
-            coverage_95_interval: coverage.interval(),
-            anis: anis.average(),
-            anis_interval: anis.interval(),
-            failed: total.saturating_sub(good),
-            bound_m: None,
-            track_rms_m: None,
-            checkpoints: Vec::new(),
-        }
-    }
-}
-
-impl Checkpoint {
-    /// The statistics of the good runs after so many measurements, without a bound.
-    pub(crate) fn of(measurements: u32, good: &[Sample]) -> Self {
-        let errors: Vec<f64> = good.iter().map(|sample| sample.error_m).collect();
-        let (error_m, anees) = (Spread::of(&errors), anees(good).average());
-        Self { measurements, error_m, anees, bound_m: None }
-    }
-}
-
-fn anees(good: &[Sample]) -> ChiSquaredAverage {
-    let mut anees = ChiSquaredAverage::default();
-    anees.extend(good.iter().map(|sample| (sample.nees, 2)));
-    anees
-}
-
 /// Hunts that are flown by `fly`, one for each seed.
 ///
 /// A hunt that could not go on is a failed run; a setup that cannot be built would fail every run
@@ -207,36 +123,39 @@ where
     type Error = SimulationError;
 
     fn run(&self, seed: u64) -> Result<Flown, SimulationError> {
-        match (self.0)(seed) {
-            Ok(hunt) => Ok(Flown(Some(hunt))),
-            Err(SimulationError::TooLong { .. } | SimulationError::Drive(_)) => Ok(Flown(None)),
-            Err(error) => Err(error),
-        }
+        Flown::of((self.0)(seed))
     }
 }
 
-/// What one hunt came to; none where it could not go on.
+/// What one hunt came to, or why it could not go on.
 #[derive(Clone, Debug)]
-pub(super) struct Flown(Option<Simulated>);
+pub(crate) struct Flown(pub(crate) Result<Simulated, String>);
 
 impl Flown {
+    /// A flight; an error where it could not begin.
+    pub(crate) fn of(flown: Result<Simulated, SimulationError>) -> Result<Self, SimulationError> {
+        match flown {
+            Ok(hunt) => Ok(Self(Ok(hunt))),
+            Err(error @ (SimulationError::TooLong { .. } | SimulationError::Drive(_))) => {
+                Ok(Self(Err(error.to_string())))
+            }
+            Err(error) => Err(error),
+        }
+    }
+
     fn found(&self, beacon: usize) -> Option<&Found> {
-        let found = &self.0.as_ref()?.found;
+        let found = &self.0.as_ref().ok()?.found;
         found.iter().find(|found| usize::from(found.fix.beacon.0) == beacon)
+    }
+
+    /// What it came to for a beacon, in figures.
+    pub(crate) fn beacon_run(&self, beacon: usize) -> BeaconRun {
+        self.found(beacon).map_or_else(BeaconRun::default, BeaconRun::of)
     }
 
     /// The figures of a beacon, if they are good for a statistic.
     pub(super) fn sample(&self, beacon: usize) -> Option<Sample> {
-        let found = self.found(beacon)?;
-        let sample = Sample {
-            error_m: found.error_m(),
-            nees: found.nees()?,
-            steps: found.fix.steps,
-            nis: found.nis.clone(),
-        };
-        // However the search ended: without a reception the estimate is the prior.
-        let received = found.fix.steps > 0;
-        (received && sample.nees.is_finite() && sample.error_m.is_finite()).then_some(sample)
+        self.beacon_run(beacon).sample()
     }
 
     /// How the search for a beacon ended, if it did.
@@ -252,75 +171,19 @@ impl Flown {
 
 /// How long the hunts took that came to an end.
 pub(super) fn durations(runs: &[Flown]) -> Option<Spread> {
-    let durations = runs.iter().filter_map(|run| Some(run.0.as_ref()?.duration_s));
+    let durations = runs.iter().filter_map(|run| Some(run.0.as_ref().ok()?.duration_s));
     Spread::of(&durations.collect::<Vec<_>>())
 }
 
 /// The statistics of one contender's hunts for these beacons.
 pub(super) fn summarise(name: &str, beacons: &[String], runs: &[Flown]) -> EstimatorCampaign {
     let mut summary = FlightsSummary::new(beacons);
-    runs.iter().for_each(|run| summary.add(run));
+    runs.iter().for_each(|run| summary.add(|beacon| run.beacon_run(beacon)));
     summary.report(name)
 }
 
-/// The running statistics of hunts for some beacons.
-struct FlightsSummary<'a> {
-    runs: u32,
-    beacons: Vec<FlownBeacon<'a>>,
-}
-
-/// The running statistics of hunts for one beacon.
-struct FlownBeacon<'a> {
-    name: &'a str,
-    good: BeaconSummary,
-    steps_to_3m: Running,
-    time_to_3m_s: Running,
-    path_m: Running,
-}
-
-impl<'a> FlightsSummary<'a> {
-    fn new(beacons: &'a [String]) -> Self {
-        let beacon = |name: &'a String| FlownBeacon {
-            name,
-            good: BeaconSummary::default(),
-            steps_to_3m: Running::default(),
-            time_to_3m_s: Running::default(),
-            path_m: Running::default(),
-        };
-        Self { runs: 0, beacons: beacons.iter().map(beacon).collect() }
-    }
-
-    fn add(&mut self, run: &Flown) {
-        self.runs += 1;
-        for (index, beacon) in self.beacons.iter_mut().enumerate() {
-            if let Some(sample) = run.sample(index) {
-                beacon.good.add(&sample);
-            }
-            let progress = run.progress(index);
-            let or_never = |value: Option<f64>| value.unwrap_or(f64::INFINITY);
-            let steps = progress.and_then(|run| run.steps_to_3m).map(f64::from);
-            beacon.steps_to_3m.add(or_never(steps));
-            beacon.time_to_3m_s.add(or_never(progress.and_then(|run| run.time_to_3m_s)));
-            if let Some(progress) = progress {
-                beacon.path_m.add(progress.path_m);
-            }
-        }
-    }
-
-    fn report(&self, name: &str) -> EstimatorCampaign {
-        let beacon = |beacon: &FlownBeacon<'_>| BeaconCampaign {
-            steps_to_3m: beacon.steps_to_3m.first_passage(),
-            time_to_3m_s: beacon.time_to_3m_s.first_passage(),
-            path_m: beacon.path_m.spread(),
-            ..beacon.good.report(beacon.name, self.runs)
-        };
-        let beacons = self.beacons.iter().map(beacon).collect();
-        EstimatorCampaign { estimator: name.to_owned(), beacons }
-    }
-}
-
 /// The names of all beacons of a scenario, those that appear later included.
-pub(super) fn beacon_names(scenario: &Scenario) -> Vec<String> {
+pub(crate) fn beacon_names(scenario: &Scenario) -> Vec<String> {
     scenario.world.beacons.iter().map(|beacon| beacon.name.clone()).collect()
 }
 
@@ -376,7 +239,7 @@ impl Repetition<'_> {
     ) -> Result<EstimatorCampaign, SimulationError> {
         let mut summary = FlightsSummary::new(beacons);
         runner.run_each(flights, self.runs, self.seed, self.progress, |seed, run| {
-            summary.add(&run);
+            summary.add(|beacon| run.beacon_run(beacon));
             run.0.as_ref().map_or(Ok(()), |hunt| take(seed, hunt))
         })?;
         Ok(summary.report(name))

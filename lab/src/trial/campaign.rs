@@ -1,3 +1,4 @@
+use foxhunt_filters::consistency::ChiSquaredAverage;
 use foxhunt_hunt::registry::EstimatorEntry;
 
 use super::{Trial, TrialError, TrialRun, bound::bounds, run_trial};
@@ -92,12 +93,14 @@ fn summarise(
 /// The figures of a run after some bearing.
 fn sample(run: &TrialRun, index: usize) -> Option<Sample> {
     let (estimate, truth) = (run.estimates.get(index)?, run.truth.get(index)?);
+    let mut nis = ChiSquaredAverage::default();
+    // A bearing is one component.
+    nis.extend(run.nis.iter().map(|nis| (*nis, 1)));
     let sample = Sample {
         error_m: (estimate.mean - truth).norm(),
         nees: estimate.nees(truth)?,
         steps: run.steps,
-        // A bearing is one component.
-        nis: run.nis.iter().map(|nis| (*nis, 1)).collect(),
+        nis: nis.sums(),
     };
     (sample.error_m.is_finite() && sample.nees.is_finite()).then_some(sample)
 }

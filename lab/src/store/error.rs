@@ -1,0 +1,128 @@
+use std::io;
+
+use crate::{ThreadsError, simulation::SimulationError};
+
+/// Why a store cannot be written, read or put together.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StoreError {
+    /// SQLite refuses.
+    #[error("{file}: {doing} failed")]
+    Sql {
+        /// The file.
+        file: String,
+        /// What was tried.
+        doing: &'static str,
+        /// Why not.
+        source: rusqlite::Error,
+    },
+    /// The file is something else.
+    #[error("{file} is no store of campaigns")]
+    NotAStore {
+        /// The file.
+        file: String,
+    },
+    /// The file was written by another version of the program.
+    #[error("{file} is a store of format {found}; this program reads format {known}")]
+    Format {
+        /// The file.
+        file: String,
+        /// Its format.
+        found: i64,
+        /// The one that is known.
+        known: i64,
+    },
+    /// A row does not hold what it must.
+    #[error("{file}: contender {contender}, seed {seed}, beacon {beacon}: {field} {requirement}")]
+    Row {
+        /// The file.
+        file: String,
+        /// The number of the contender.
+        contender: i64,
+        /// The seed of the run.
+        seed: i64,
+        /// The index of the beacon.
+        beacon: i64,
+        /// The column.
+        field: &'static str,
+        /// What it must be.
+        requirement: &'static str,
+    },
+    /// A scenario or an estimator cannot be written as text.
+    #[error("what defines the campaign cannot be written as TOML")]
+    Definition(#[from] toml::ser::Error),
+    /// A scenario without beacons has nothing to keep.
+    #[error("the scenario {scenario} has no beacon, so that there is nothing to keep")]
+    NoBeacon {
+        /// Its name.
+        scenario: String,
+    },
+    /// Seeds are kept as 64 bits with a sign.
+    #[error("seeds in a store are below 2^63; {runs} runs from {seed} on are not")]
+    Seeds {
+        /// The first one.
+        seed: u64,
+        /// How many runs.
+        runs: u32,
+    },
+    /// Two stores are not of the same campaign.
+    #[error("{second} is of another campaign than {first}: {what}")]
+    Other {
+        /// The store that was taken first.
+        first: String,
+        /// The one that differs.
+        second: String,
+        /// In what, with what each has.
+        what: String,
+    },
+    /// Two stores have the same run with other results.
+    #[error("{second} has other results than {first} for {estimator}, seed {seed}")]
+    Contradiction {
+        /// The store that was taken first.
+        first: String,
+        /// The one that differs.
+        second: String,
+        /// The contender.
+        estimator: String,
+        /// The seed.
+        seed: i64,
+    },
+    /// A contender that is compared is not there, or not the only one of its name.
+    #[error("{file}: {name:?} names {count} contenders; there are {}", known.join(", "))]
+    Contender {
+        /// The file.
+        file: String,
+        /// What was given.
+        name: String,
+        /// How many have that name.
+        count: usize,
+        /// What there is.
+        known: Vec<String>,
+    },
+    /// There is no log of a run.
+    #[error("{file} has no log of {contender} with seed {seed}")]
+    NoLog {
+        /// The file.
+        file: String,
+        /// The contender.
+        contender: String,
+        /// The seed.
+        seed: u64,
+    },
+    /// A file cannot be written or read.
+    #[error("{file}: {doing} failed")]
+    Io {
+        /// The file.
+        file: String,
+        /// What was tried.
+        doing: &'static str,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The threads could not be started.
+    #[error(transparent)]
+    Threads(#[from] ThreadsError),
+    /// A hunt could not be built.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
+}

@@ -1,0 +1,358 @@
+use std::{io::Read, ops::Range};
+
+use flate2::read::GzDecoder;
+use foxhunt_core::Outcome;
+use foxhunt_filters::consistency::ChiSquaredSums;
+use rusqlite::{OptionalExtension, params, types::FromSql};
+use serde::{
+    Deserialize, Serialize,
+    de::{IntoDeserializer, value::Error},
+};
+
+use super::{Contender, Store, StoreError, StoredCampaign, file::first};
+use crate::campaign::{BeaconRun, CampaignReport, EstimatorCampaign, FlightsSummary};
+
+/// Which runs of a store are meant; all where nothing is given.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Filter {
+    /// Names of estimators, each with or without the beginning of its digest.
+    pub estimators: Vec<String>,
+    /// The planner's name.
+    pub planner: Option<String>,
+    /// The scenario's name.
+    pub scenario: Option<String>,
+    /// The beacon's name.
+    pub beacon: Option<String>,
+    /// The seeds.
+    pub seeds: Option<Range<u64>>,
+}
+
+impl Filter {
+    pub(super) fn campaign(&self, campaign: &StoredCampaign) -> bool {
+        self.planner.as_ref().is_none_or(|planner| *planner == campaign.planner)
+            && self.scenario.as_ref().is_none_or(|scenario| *scenario == campaign.scenario)
+    }
+
+    pub(super) fn contender(&self, contender: &Contender) -> bool {
+        self.estimators.is_empty() || self.estimators.iter().any(|name| contender.is(name))
+    }
+
+    fn beacon(&self, name: &str) -> bool {
+        self.beacon.as_ref().is_none_or(|beacon| beacon == name)
+    }
+
+    pub(super) fn seeds(&self) -> Range<u64> {
+        self.seeds.clone().unwrap_or(0..i64::MAX.unsigned_abs())
+    }
+}
+
+/// What a store holds of one campaign.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// What was flown.
+    pub campaign: StoredCampaign,
+    /// How many runs of each contender there are.
+    pub held: Vec<Held>,
+    /// Their statistics, those of [`campaign`](crate::campaign::campaign) over the same runs.
+    pub report: CampaignReport,
+}
+
+/// The runs of one contender.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Held {
+    /// The contender.
+    pub contender: Contender,
+    /// How many there are.
+    pub runs: u32,
+    /// The least seed; absent where there is no run.
+    pub first_seed: Option<u64>,
+    /// The greatest one.
+    pub last_seed: Option<u64>,
+    /// How many seeds between the least and the greatest of the whole campaign have no run.
+    pub missing: u64,
+}
+
+/// One row of a store: one run for one beacon.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// The seed of the run.
+    pub seed: u64,
+    /// The beacon's index.
+    pub beacon: usize,
+    /// Why the hunt could not go on, where it could not.
+    pub failure: Option<String>,
+    /// How long the hunt took, in simulated seconds.
+    pub duration_s: Option<f64>,
+    /// The figures.
+    pub run: BeaconRun,
+}
+
+impl Store {
+    /// The statistics of what the store holds, campaign by campaign.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError`] when the file cannot be read.
+    pub fn summaries(&self, filter: &Filter) -> Result<Vec<Summary>, StoreError> {
+        let contenders = self.contenders()?;
+        let campaigns = self.campaigns()?.into_iter().filter(|c| filter.campaign(c));
+        let summary = |campaign: StoredCampaign| {
+            let of = |contender: &&Contender| {
+                contender.campaign == campaign.id && filter.contender(contender)
+            };
+            let contenders: Vec<&Contender> = contenders.iter().filter(of).collect();
+            self.summary(campaign, &contenders, filter)
+        };
+        let mut summaries = campaigns.map(summary).collect::<Result<Vec<_>, _>>()?;
+        summaries.retain(|summary| !summary.held.is_empty());
+        Ok(summaries)
+    }
+
+    fn summary(
+        &self,
+        campaign: StoredCampaign,
+        contenders: &[&Contender],
+        filter: &Filter,
+    ) -> Result<Summary, StoreError> {
+        let (mut held, mut estimators) = (Vec::new(), Vec::new());
+        for contender in contenders {
+            let (mut of, bounds, runs) = self.scan(&campaign, contender, &filter.seeds())?;
+            of.beacons.retain(|beacon| filter.beacon(&beacon.name));
+            if contenders.iter().filter(|other| other.estimator == contender.estimator).count() > 1
+            {
+                of.estimator = contender.full_name();
+            }
+            estimators.push(of);
+            let (first_seed, last_seed) = (bounds.map(|b| b[0]), bounds.map(|b| b[1]));
+            let contender = (*contender).clone();
+            held.push(Held { contender, runs, first_seed, last_seed, missing: 0 });
+        }
+        let seed = held.iter().filter_map(|held| held.first_seed).min().unwrap_or(0);
+        let last = held.iter().filter_map(|held| held.last_seed).max();
+        let all = last.map_or(0, |last| last - seed + 1);
+        for held in &mut held {
+            held.missing = all - u64::from(held.runs);
+        }
+        let report = CampaignReport {
+            scenario: campaign.scenario.clone(),
+            planner: Some(campaign.planner.clone()),
+            runs: held.iter().map(|held| held.runs).max().unwrap_or(0),
+            seed,
+            estimators,
+        };
+        Ok(Summary { campaign, held, report })
+    }
+
+    /// The statistics of one contender's runs with these seeds.
+    pub(super) fn summary_of(
+        &self,
+        campaign: &StoredCampaign,
+        contender: &Contender,
+        seeds: &Range<u64>,
+    ) -> Result<EstimatorCampaign, StoreError> {
+        Ok(self.scan(campaign, contender, seeds)?.0)
+    }
+
+    /// The statistics, the least and the greatest seed, and how many runs there are.
+    fn scan(
+        &self,
+        campaign: &StoredCampaign,
+        contender: &Contender,
+        seeds: &Range<u64>,
+    ) -> Result<(EstimatorCampaign, Option<[u64; 2]>, u32), StoreError> {
+        let mut summary = FlightsSummary::new(&campaign.beacons);
+        let mut run = vec![BeaconRun::default(); campaign.beacons.len()];
+        let (mut bounds, mut runs) = (None::<[u64; 2]>, 0);
+        self.for_each_run(contender, seeds, |seed, beacon, figures| {
+            // The rows of a run are one after the other.
+            if bounds.is_some_and(|[_, last]| last != seed) {
+                summary.add(|beacon| run[beacon]);
+                run.fill(BeaconRun::default());
+                runs += 1;
+            }
+            bounds = Some([bounds.map_or(seed, |[least, _]| least), seed]);
+            match run.get_mut(beacon) {
+                Some(place) => *place = figures,
+                None => return Err("must be that of a beacon of the campaign"),
+            }
+            Ok(())
+        })?;
+        if bounds.is_some() {
+            summary.add(|beacon| run[beacon]);
+            runs += 1;
+        }
+        Ok((summary.report(&contender.estimator), bounds, runs))
+    }
+
+    /// Calls `take` with seed, beacon and figures of each row, in the order of the seeds.
+    pub(super) fn for_each_run(
+        &self,
+        contender: &Contender,
+        seeds: &Range<u64>,
+        mut take: impl FnMut(u64, usize, BeaconRun) -> Result<(), &'static str>,
+    ) -> Result<(), StoreError> {
+        self.for_each_row(contender, seeds, |row| {
+            take(row.seed()?, row.beacon()?, row.figures()?)
+                .map_err(|requirement| row.wrong("beacon", requirement))
+        })
+    }
+
+    /// Calls `take` with each row of a contender, by seed and beacon.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError`] when the file cannot be read or holds what it must not; those of `take`.
+    pub fn rows<E: From<StoreError>>(
+        &self,
+        contender: &Contender,
+        seeds: &Range<u64>,
+        mut take: impl FnMut(Row) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.for_each_row(contender, seeds, |row| {
+            take(Row {
+                seed: row.seed()?,
+                beacon: row.beacon()?,
+                failure: row.get(4, "failure", "must be a text")?,
+                duration_s: row.get(5, "duration_s", NUMBER)?,
+                run: row.figures()?,
+            })
+        })
+    }
+
+    fn for_each_row<E: From<StoreError>>(
+        &self,
+        contender: &Contender,
+        seeds: &Range<u64>,
+        mut take: impl FnMut(&StoredRow<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        const READING: &str = "reading runs";
+        let sql = "SELECT * FROM run WHERE contender = ?1 AND seed >= ?2 AND seed < ?3 \
+                   ORDER BY seed, beacon";
+        let mut select = self.doing(READING, self.connection.prepare_cached(sql))?;
+        let bound = |seed: u64| i64::try_from(seed).unwrap_or(i64::MAX);
+        let bounds = params![contender.id, bound(seeds.start), bound(seeds.end)];
+        let mut rows = self.doing(READING, select.query(bounds))?;
+        while let Some(row) = self.doing(READING, rows.next())? {
+            take(&StoredRow { store: self, row })?;
+        }
+        Ok(())
+    }
+
+    /// The log of a run, as it was written.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError`] when there is none, or it cannot be read.
+    pub fn log(&self, contender: &Contender, seed: u64) -> Result<Vec<u8>, StoreError> {
+        let sql = "SELECT jsonl_gz FROM log WHERE contender = ?1 AND seed = ?2";
+        let key = params![contender.id, i64::try_from(seed).unwrap_or(i64::MAX)];
+        let found = self.connection.query_row(sql, key, first::<Vec<u8>>).optional();
+        let missing =
+            || StoreError::NoLog { file: self.file(), contender: contender.full_name(), seed };
+        let compressed = self.doing("reading a log", found)?.ok_or_else(missing)?;
+        let mut text = Vec::new();
+        GzDecoder::new(&compressed[..]).read_to_end(&mut text).map_err(|source| {
+            StoreError::Io { file: self.file(), doing: "inflating a log", source }
+        })?;
+        Ok(text)
+    }
+}
+
+/// What numbers must be.
+const NUMBER: &str = "must be a number";
+
+/// A row of the table `run`.
+struct StoredRow<'a> {
+    store: &'a Store,
+    row: &'a rusqlite::Row<'a>,
+}
+
+impl StoredRow<'_> {
+    fn get<T: FromSql>(
+        &self,
+        column: usize,
+        field: &'static str,
+        requirement: &'static str,
+    ) -> Result<T, StoreError> {
+        self.row.get(column).map_err(|_| self.wrong(field, requirement))
+    }
+
+    fn seed(&self) -> Result<u64, StoreError> {
+        self.get(1, "seed", "must be a whole number that is not negative")
+    }
+
+    fn beacon(&self) -> Result<usize, StoreError> {
+        self.get(2, "beacon", "must be an index")
+    }
+
+    fn figures(&self) -> Result<BeaconRun, StoreError> {
+        const COUNT: &str = "must be a count";
+        Ok(BeaconRun {
+            outcome: self.outcome()?,
+            error_m: self.get(6, "error_m", NUMBER)?,
+            nees: self.get(7, "nees", NUMBER)?,
+            steps: self.get(8, "steps", COUNT)?,
+            steps_to_3m: self.get(9, "steps_to_3m", COUNT)?,
+            time_to_3m_s: self.get(10, "time_to_3m_s", NUMBER)?,
+            path_m: self.get(11, "path_m", NUMBER)?,
+            nis: ChiSquaredSums {
+                sum: self.get(12, "nis_sum", NUMBER)?,
+                sum_of_squares: self.get(13, "nis_sum_of_squares", NUMBER)?,
+                degrees_of_freedom: self.get(14, "nis_degrees_of_freedom", COUNT)?,
+                count: self.get(15, "nis_count", COUNT)?,
+            },
+        })
+    }
+
+    fn outcome(&self) -> Result<Option<Outcome>, StoreError> {
+        let wrong = || self.wrong("ended", "must be how a search ends");
+        let ended = self.row.get_ref(3).map_err(|_| wrong())?;
+        match ended.as_str_or_null() {
+            Ok(None) => Ok(None),
+            Ok(Some(name)) => outcome_of(name).map(Some).ok_or_else(wrong),
+            Err(_) => Err(wrong()),
+        }
+    }
+
+    fn wrong(&self, field: &'static str, requirement: &'static str) -> StoreError {
+        let number = |column| self.row.get(column).unwrap_or(-1);
+        StoreError::Row {
+            file: self.store.file(),
+            contender: number(0),
+            seed: number(1),
+            beacon: number(2),
+            field,
+            requirement,
+        }
+    }
+}
+
+/// What a store and a log call the end of a search.
+pub(super) fn name_of(outcome: Outcome) -> String {
+    match serde_json::to_value(outcome) {
+        Ok(serde_json::Value::String(name)) => name,
+        // An end of a search is a word, which a test of all of them holds.
+        _ => String::new(),
+    }
+}
+
+fn outcome_of(name: &str) -> Option<Outcome> {
+    let name: serde::de::value::StrDeserializer<'_, Error> = name.into_deserializer();
+    Outcome::deserialize(name).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ends_of_searches_have_the_names_of_the_log() {
+        for (outcome, name) in
+            [(Outcome::Converged, "converged"), (Outcome::BudgetSpent, "budget_spent")]
+        {
+            assert_eq!(name_of(outcome), name);
+            assert_eq!(outcome_of(name), Some(outcome));
+        }
+        assert_eq!(outcome_of("lost"), None);
+    }
+}
