@@ -1,4 +1,5 @@
 use std::{
+    convert::Infallible,
     error::Error,
     fmt::Write as _,
     io::{self, Write as _},
@@ -56,6 +57,12 @@ impl From<CliError> for CommandError {
             CliError::Failure(error) => Self::Failure(chain(error.as_ref())),
             CliError::Closed => Self::Failure(error.to_string()),
         }
+    }
+}
+
+impl From<Infallible> for CliError {
+    fn from(never: Infallible) -> Self {
+        match never {}
     }
 }
 

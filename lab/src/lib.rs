@@ -11,6 +11,7 @@ mod experiment;
 mod paired;
 pub mod report;
 pub mod simulation;
+pub mod soak;
 mod statistics;
 #[cfg(feature = "store")]
 pub mod store;

@@ -19,11 +19,15 @@ use crate::{context::Context, error::CliError, output::warn};
 /// Flies the same scenario again and again, each run with the next seed and each estimator on the
 /// same seeds. Prints the distribution of the errors, the steps and the time until the 95 %
 /// ellipse's semi-major axis is below 3 m, and whether the estimators are consistent.
+///
+/// With --store every run is kept in a file. The same command again flies only what is missing in
+/// it and prints the table of the whole; `foxhunt results` works on the file.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt campaign --runs 100\n  \
                         foxhunt campaign pritzl-6.1 --runs 1000 --estimator ukf-pritzl2018 \
                         --estimator ekf-pritzl2018\n  \
-                        foxhunt campaign far-start --runs 100 --planner information\n\n\
+                        foxhunt campaign far-start --runs 100 --planner information\n  \
+                        foxhunt campaign --runs 100000 --store runs.sqlite\n\n\
                         Other comparisons: foxhunt compare --help")]
 pub(crate) struct Args {
     /// A built-in scenario (`foxhunt list scenarios`) or a TOML file
@@ -42,6 +46,9 @@ pub(crate) struct Args {
     planning: Planning,
     #[command(flatten)]
     settings: Settings,
+    #[cfg(feature = "store")]
+    #[command(flatten)]
+    storing: super::storing::Storing,
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
@@ -57,6 +64,17 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             "{0} is flown; `foxhunt compare estimators {0}` draws the bearings of the trial",
             args.scenario
         ));
+    }
+    #[cfg(feature = "store")]
+    if let Some(into) = args.storing.job(registry, &scenario, &estimators, args.planning.name())? {
+        let report = args.runs.with_progress_of(
+            "hunts",
+            estimators.len(),
+            into.part_of(args.runs.count()),
+            |repetition| into.fly(repetition),
+        );
+        return output
+            .result(&report.map_err(|e| super::storing::error(e, &args.scenario))?, tables);
     }
     let path = args.hunts_to.as_deref();
     let file = path.map(|path| File::create(path).map_err(|error| CliError::writing(path, error)));

@@ -19,6 +19,9 @@ pub(crate) mod locate;
 #[cfg(feature = "hardware")]
 pub(crate) mod node;
 pub(crate) mod replay;
+#[cfg(feature = "store")]
+pub(crate) mod results;
+pub(crate) mod soak;
 pub(crate) mod tags;
 #[cfg(not(any(feature = "ros1", feature = "ros2")))]
 pub(crate) mod unavailable;
@@ -41,6 +44,8 @@ mod planning;
 mod recorded;
 mod repetition;
 mod settings;
+#[cfg(feature = "store")]
+mod storing;
 
 use clap::Subcommand;
 
@@ -52,7 +57,10 @@ pub(crate) enum Command {
     Hunt(hunt::Args),
     Campaign(campaign::Args),
     Compare(compare::Args),
+    #[cfg(feature = "store")]
+    Results(results::Args),
     Fleets(fleets::Args),
+    Soak(soak::Args),
     List(list::Args),
     Replay(replay::Args),
     Calibrate(calibrate::Args),
@@ -89,7 +97,10 @@ pub(crate) fn run(command: Command, context: Context<'_>) -> Result<(), CliError
         Command::Hunt(args) => hunt::run(&args, context),
         Command::Campaign(args) => campaign::run(&args, context),
         Command::Compare(args) => compare::run(&args, context),
+        #[cfg(feature = "store")]
+        Command::Results(args) => results::run(&args, context.output),
         Command::Fleets(args) => fleets::run(&args, context),
+        Command::Soak(args) => soak::run(&args, context),
         Command::List(args) => list::run(&args, context),
         Command::Replay(args) => replay::run(&args, context),
         Command::Calibrate(args) => calibrate::run(&args, context),

@@ -24,6 +24,12 @@ pub(super) struct Runs {
 }
 
 impl Runs {
+    /// How many runs each contender has.
+    #[cfg(feature = "store")]
+    pub(super) fn count(&self) -> u32 {
+        self.runs
+    }
+
     /// Calls `run` with a repetition that shows its progress, where each of `contenders` has all
     /// runs; `what` names the runs.
     pub(super) fn with_progress<R>(
@@ -32,12 +38,23 @@ impl Runs {
         contenders: usize,
         run: impl FnOnce(&Repetition<'_>) -> R,
     ) -> R {
+        self.with_progress_of(what, contenders, self.runs, run)
+    }
+
+    /// The same where each contender has only so many of the runs.
+    pub(super) fn with_progress_of<R>(
+        &self,
+        what: &'static str,
+        contenders: usize,
+        part: u32,
+        run: impl FnOnce(&Repetition<'_>) -> R,
+    ) -> R {
         let jobs = match self.jobs {
             Some(jobs) => usize::from(jobs),
             None => available_parallelism().map_or(1, usize::from),
         };
         let contenders = u64::try_from(contenders).unwrap_or(u64::MAX);
-        let total = u64::from(self.runs).saturating_mul(contenders);
+        let total = u64::from(part).saturating_mul(contenders);
         let progress = (!self.quiet).then(|| Progress::new(what, total));
         let step = || progress.iter().for_each(Progress::step);
         let repetition = Repetition { runs: self.runs, seed: self.seed, jobs, progress: &step };

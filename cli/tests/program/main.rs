@@ -12,5 +12,6 @@ mod lists;
 mod pipes;
 mod recorded;
 mod replay;
+mod store;
 mod support;
 mod tags;

@@ -4,6 +4,7 @@ use foxhunt_core::Outcome;
 use serde::Serialize;
 
 use foxhunt_hunt::{
+    hunt::Event,
     registry::{EstimatorEntry, PlannerEntry, Registry},
     scenario::{Scenario, random_fleet},
 };
@@ -61,9 +62,9 @@ pub struct FailedRun {
 
 /// What one hunt came to.
 #[derive(Debug)]
-struct FleetRun {
-    outcomes: Vec<Outcome>,
-    error: Option<FailedRun>,
+pub(crate) struct FleetRun {
+    pub(crate) outcomes: Vec<Outcome>,
+    pub(crate) error: Option<FailedRun>,
     duration_s: Option<f64>,
     findings: FleetFindings,
 }
@@ -131,26 +132,44 @@ impl Experiment for Fleets<'_> {
 
 impl Fleets<'_> {
     fn fly(&self, scenario: &Scenario, seed: u64) -> FleetRun {
-        let failed = |reason: String, findings: FleetFindings| FleetRun {
-            outcomes: Vec::new(),
-            error: Some(FailedRun { seed, reason }),
-            duration_s: None,
-            findings,
-        };
         let own = self.registry.estimator(&scenario.estimator);
         let estimator = match (self.estimator, own) {
             (Some(estimator), _) | (None, Ok(estimator)) => estimator,
-            (None, Err(error)) => return failed(error.to_string(), FleetFindings::default()),
-        };
-        let watch = match FleetWatch::new(scenario, seed) {
-            Ok(watch) => RefCell::new(watch),
-            Err(error) => return failed(error.to_string(), FleetFindings::default()),
+            (None, Err(error)) => return FleetRun::failed(seed, error.to_string()),
         };
         let setup = Setup { scenario, estimator, registry: self.registry };
+        FleetRun::fly(&setup, seed, |_| ())
+    }
+}
+
+impl FleetRun {
+    /// What must not have happened and did.
+    pub(crate) fn violations(&self) -> &[Violation] {
+        &self.findings.violations
+    }
+
+    fn failed(seed: u64, reason: String) -> Self {
+        Self {
+            outcomes: Vec::new(),
+            error: Some(FailedRun { seed, reason }),
+            duration_s: None,
+            findings: FleetFindings::default(),
+        }
+    }
+
+    /// Flies a hunt, holds its drones against what they must keep, and calls `on_event` with each
+    /// event.
+    pub(crate) fn fly(setup: &Setup<'_>, seed: u64, mut on_event: impl FnMut(&Event)) -> Self {
+        let scenario = setup.scenario;
+        let watch = match FleetWatch::new(scenario, seed) {
+            Ok(watch) => RefCell::new(watch),
+            Err(error) => return Self::failed(seed, error.to_string()),
+        };
         let flown = setup.simulate_watched(
             seed,
             |event| {
                 watch.borrow_mut().note(event);
+                on_event(event);
                 Ok::<_, Infallible>(())
             },
             |world| watch.borrow_mut().look(world),
@@ -165,14 +184,14 @@ impl Fleets<'_> {
                 let beacons = &scenario.world.beacons;
                 let owed = beacons.iter().filter(|b| b.appears_after_s.is_none_or(appears_in_time));
                 let silent = outcomes.len() < owed.count();
-                FleetRun {
+                Self {
                     outcomes,
                     error: None,
                     duration_s: Some(hunt.duration_s),
                     findings: watch.end(hunt.duration_s, silent),
                 }
             }
-            Err(SimulationError::TooLong { limit_s }) => FleetRun {
+            Err(SimulationError::TooLong { limit_s }) => Self {
                 outcomes: Vec::new(),
                 error: None,
                 duration_s: None,
@@ -181,7 +200,7 @@ impl Fleets<'_> {
             Err(error) => {
                 // Who was in the air then is held against the rules all the same.
                 let at = watch.looked_at_s();
-                failed(error.to_string(), watch.end(at, false))
+                Self { findings: watch.end(at, false), ..Self::failed(seed, error.to_string()) }
             }
         }
     }

@@ -11,6 +11,7 @@ pub use antennas::{
     AntennaComparison, AntennaSetup, AntennasReport, SetupCampaign, antennas_campaign,
 };
 pub use fleet_watch::{Breach, Violation};
+pub(crate) use fleets::FleetRun;
 pub use fleets::{FailedRun, FleetsReport, fleets_campaign};
 pub use planners::{
     OutcomeCount, PLANNER_SCENARIOS, PlannedBeacon, PlannerCampaign, PlannerComparison,

@@ -238,6 +238,27 @@ impl Store {
         Ok(())
     }
 
+    /// The one contender that a filter lets through.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError`] when there is none or there are several, or the file cannot be read.
+    pub fn only_contender(&self, filter: &Filter) -> Result<Contender, StoreError> {
+        let campaigns = self.campaigns()?;
+        let mut contenders = self.contenders()?;
+        let fits = |id| campaigns.iter().any(|c| c.id == id && filter.campaign(c));
+        contenders.retain(|one| fits(one.campaign) && filter.contender(one));
+        match &contenders[..] {
+            [one] => Ok(one.clone()),
+            several => Err(StoreError::Contender {
+                file: self.file(),
+                name: filter.estimators.join(", "),
+                count: several.len(),
+                known: self.contenders()?.iter().map(Contender::full_name).collect(),
+            }),
+        }
+    }
+
     /// The log of a run, as it was written.
     ///
     /// # Errors

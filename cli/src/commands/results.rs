@@ -1,0 +1,246 @@
+use std::{
+    fs::{self, File},
+    io::BufWriter,
+    ops::Range,
+    path::{Path, PathBuf},
+    str::FromStr,
+};
+
+use foxhunt::store::{self, Filter, SeedBySeed, Store, StoreError, Summary, compare, write_csv};
+use serde::Serialize;
+
+use super::{campaign_tables::tables, storing};
+use crate::{
+    error::CliError,
+    output::{Output, warn},
+    table::{number, table},
+};
+
+/// Summarise, compare and export the runs of a store
+///
+/// Prints the tables of the campaigns that `campaign --store` has kept in a file. Compares two
+/// contenders seed by seed, and writes runs as tables for other programs. `results merge` puts the
+/// shards of a campaign together.
+#[derive(Debug, clap::Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "Examples:\n  foxhunt results runs.sqlite\n  \
+                  foxhunt results runs.sqlite --compare ekf ukf --beacon \"beacon 1\"\n  \
+                  foxhunt results runs.sqlite --estimator ekf --seeds 1..1000 --csv runs.csv\n  \
+                  foxhunt results merge a.sqlite b.sqlite --to runs.sqlite"
+)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    part: Option<Part>,
+    /// A file that `campaign --store` wrote
+    #[arg(required = true)]
+    file: Option<PathBuf>,
+    /// Only this estimator, again for each more; `NAME@DIGEST` where several have the name
+    #[arg(long, value_name = "NAME")]
+    estimator: Vec<String>,
+    /// Only campaigns with this planner
+    #[arg(long, value_name = "NAME")]
+    planner: Option<String>,
+    /// Only campaigns of this scenario
+    #[arg(long, value_name = "NAME")]
+    scenario: Option<String>,
+    /// Only this beacon
+    #[arg(long, value_name = "NAME")]
+    beacon: Option<String>,
+    /// Only these seeds, the last one included
+    #[arg(long, value_name = "A..B")]
+    seeds: Option<Seeds>,
+    /// Compare two estimators seed by seed instead
+    #[arg(long, num_args = 2, value_names = ["NAME", "NAME"])]
+    compare: Option<Vec<String>>,
+    /// Write the runs as CSV, a row for each run and beacon
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Write the runs as Parquet
+    #[cfg(feature = "parquet")]
+    #[arg(long, value_name = "FILE")]
+    parquet: Option<PathBuf>,
+    /// Write the log of the run with this seed; it must be kept (`campaign --store-logs`)
+    #[arg(long, value_name = "SEED", requires = "log")]
+    log_of: Option<u64>,
+    /// The file that the log is written to
+    #[arg(long, value_name = "FILE", requires = "log_of")]
+    log: Option<PathBuf>,
+}
+
+/// What else is done with stores.
+#[derive(Debug, clap::Subcommand)]
+enum Part {
+    Merge(MergeArgs),
+}
+
+/// Put the shards of a campaign together
+///
+/// The new file holds what one process would have written, row by row. Shards of another version,
+/// scenario, planner or estimator are refused.
+#[derive(Debug, clap::Args)]
+struct MergeArgs {
+    /// The files of the shards
+    #[arg(required = true)]
+    shards: Vec<PathBuf>,
+    /// The file that is made
+    #[arg(long, value_name = "FILE")]
+    to: PathBuf,
+}
+
+/// Seeds from one to another, both included.
+#[derive(Clone, Debug)]
+struct Seeds(Range<u64>);
+
+impl FromStr for Seeds {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let seeds = || {
+            let (first, last) = text.split_once("..")?;
+            let (first, last): (u64, u64) = (first.parse().ok()?, last.parse().ok()?);
+            Some(first..last.checked_add(1)?).filter(|seeds| !seeds.is_empty())
+        };
+        let seeds = seeds().ok_or("it must be A..B, two whole numbers with A ≤ B")?;
+        Ok(Self(seeds))
+    }
+}
+
+pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+    let failed = |error| storing::error(error, "");
+    let path = match (&args.part, &args.file) {
+        (Some(Part::Merge(MergeArgs { shards, to })), _) => {
+            store::merge(shards, to).map_err(failed)?;
+            let merged = Store::open(to).map_err(failed)?;
+            return show(&merged, &Filter::default(), output);
+        }
+        (None, Some(path)) => path,
+        (None, None) => return Err(CliError::input("a file is missing")),
+    };
+    let store = Store::open(path).map_err(failed)?;
+    let filter = Filter {
+        estimators: args.estimator.clone(),
+        planner: args.planner.clone(),
+        scenario: args.scenario.clone(),
+        beacon: args.beacon.clone(),
+        seeds: args.seeds.clone().map(|Seeds(seeds)| seeds),
+    };
+    let mut written = false;
+    if let Some(path) = &args.csv {
+        let rows = write_csv(&store, &filter, created(path)?).map_err(failed)?;
+        warn(&format!("{rows} rows: {}", path.display()));
+        written = true;
+    }
+    #[cfg(feature = "parquet")]
+    if let Some(path) = &args.parquet {
+        let rows = store::write_parquet(&store, &filter, created(path)?).map_err(failed)?;
+        warn(&format!("{rows} rows: {}", path.display()));
+        written = true;
+    }
+    if let (Some(seed), Some(path)) = (args.log_of, &args.log) {
+        let log = log_of(&store, &filter, seed).map_err(failed)?;
+        fs::write(path, log).map_err(|error| CliError::writing(path, error))?;
+        warn(&format!("log: {}", path.display()));
+        written = true;
+    }
+    match args.compare.as_deref() {
+        Some([first, second]) => {
+            let compared = compare(&store, &filter, first, second).map_err(failed)?;
+            output.result(&compared, |compared| comparisons(compared))
+        }
+        _ if written => Ok(()),
+        _ => show(&store, &filter, output),
+    }
+}
+
+fn created(path: &Path) -> Result<BufWriter<File>, CliError> {
+    File::create(path).map(BufWriter::new).map_err(|error| CliError::writing(path, error))
+}
+
+/// The log of the one contender that the filter lets through.
+fn log_of(store: &Store, filter: &Filter, seed: u64) -> Result<Vec<u8>, StoreError> {
+    let contender = store.only_contender(filter)?;
+    store.log(&contender, seed)
+}
+
+/// The result in JSON.
+#[derive(Serialize)]
+struct Results<'a> {
+    campaigns: &'a [Summary],
+}
+
+fn show(store: &Store, filter: &Filter, output: Output) -> Result<(), CliError> {
+    let summaries = store.summaries(filter).map_err(|error| storing::error(error, ""))?;
+    if summaries.is_empty() {
+        let file = store.path().display();
+        return Err(CliError::input(format!("{file}: there is nothing that fits")));
+    }
+    output.result(&Results { campaigns: &summaries }, |results| {
+        let texts: Vec<String> = results.campaigns.iter().map(campaign).collect();
+        texts.join("\n\n")
+    })
+}
+
+/// The tables of a campaign, and what of it is there.
+fn campaign(summary: &Summary) -> String {
+    let campaign = &summary.campaign;
+    let digest = campaign.digest.get(..8).unwrap_or_default();
+    let mut lines = vec![
+        tables(&summary.report),
+        format!(
+            "Campaign {digest}: {}, scenario {}, planner {}.",
+            campaign.program, campaign.scenario, campaign.planner
+        ),
+    ];
+    for held in summary.held.iter().filter(|held| held.missing > 0) {
+        lines.push(format!(
+            "{}: {} runs; {} seeds up to the last one have none.",
+            held.contender.full_name(),
+            held.runs,
+            held.missing
+        ));
+    }
+    lines.join("\n")
+}
+
+fn comparisons(compared: &[SeedBySeed]) -> String {
+    let Some(first) = compared.first() else { return "They have no beacon in common.".to_owned() };
+    let mut rows = table(&[
+        "beacon",
+        "figure",
+        "pairs",
+        "mean",
+        "95 %",
+        "p (t)",
+        "p (ranks)",
+        "ratio",
+        "95 %",
+        "p (t of ratio)",
+    ]);
+    let interval = |at: Option<[f64; 2]>, decimals: usize| match at {
+        Some([low, high]) => format!("{low:.decimals$} to {high:.decimals$}"),
+        None => "-".to_owned(),
+    };
+    for one in compared {
+        let (difference, ratio) = (one.difference, one.ratio);
+        rows.add_row([
+            one.beacon.clone(),
+            one.figure.to_owned(),
+            difference.map_or(0, |d| d.pairs).to_string(),
+            number(difference.map(|d| d.mean), 3),
+            interval(difference.map(|d| d.mean_interval), 3),
+            number(difference.and_then(|d| d.t_p_value), 4),
+            number(difference.and_then(|d| d.signed_rank_p_value), 4),
+            number(ratio.map(|r| r.ratio), 3),
+            interval(ratio.map(|r| r.ratio_interval), 3),
+            number(ratio.map(|r| r.p_value), 4),
+        ]);
+    }
+    format!(
+        "{} minus {}, seed by seed\n{rows}\nMean: of the differences, with Student's t. Ranks: \
+         Wilcoxon's test of signed ranks. Ratio: the geometric mean\nof the first one's figure \
+         over the second one's.",
+        first.first, first.second
+    )
+}

@@ -1,0 +1,45 @@
+use std::fs;
+
+/// Watches how much memory the program holds, where the system has it in a file.
+#[derive(Debug, Default)]
+pub(super) struct Memory {
+    looks: u64,
+    /// The most that it held while the first runs warmed up.
+    warm_mib: f64,
+    most_mib: f64,
+    is_reported: bool,
+}
+
+/// In so many runs of each thread everything that is kept has been made once.
+const WARM_RUNS: u64 = 200;
+
+/// What may come on top of it, in mebibytes: clouds and grids differ from run to run.
+const ROOM_MIB: f64 = 192.0;
+
+impl Memory {
+    /// Looks at the memory; how much it has grown where that is too much, once.
+    pub(super) fn grown(&mut self, jobs: usize) -> Option<String> {
+        let held = held_mib()?;
+        self.looks += 1;
+        self.most_mib = self.most_mib.max(held);
+        if self.looks <= WARM_RUNS.saturating_mul(u64::try_from(jobs).unwrap_or(1)) {
+            self.warm_mib = self.warm_mib.max(held);
+        } else if held > self.warm_mib + ROOM_MIB && !self.is_reported {
+            self.is_reported = true;
+            return Some(format!("{held:.0} MiB, where it were {:.0} at first", self.warm_mib));
+        }
+        None
+    }
+
+    pub(super) fn most_mib(&self) -> Option<f64> {
+        Some(self.most_mib).filter(|most| *most > 0.0)
+    }
+}
+
+/// What the program holds now, by Linux's account of it.
+fn held_mib() -> Option<f64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib / 1024.0)
+}

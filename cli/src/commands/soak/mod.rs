@@ -1,0 +1,282 @@
+//! Random flights and recordings for as long as they are let.
+
+mod flights;
+mod memory;
+mod recordings;
+
+use std::{
+    convert::Infallible,
+    fs,
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
+
+use clap::value_parser;
+use foxhunt::{
+    Experiment, Runner,
+    registry::Registry,
+    scenario::Scenario,
+    soak::{SoakFailure, SoakFlight},
+};
+use serde::Serialize;
+
+use self::{flights::fly, memory::Memory, recordings::BentRecording};
+use crate::{
+    context::Context,
+    error::CliError,
+    output::{Output, warn},
+    table::table,
+};
+
+/// Fly random hunts for hours and check what must always hold
+///
+/// Each seed draws a fleet with everything that may go wrong, beacons, estimator, extractor,
+/// antenna and planner, and flies it twice; every fourth one draws a recording instead, bends and
+/// cuts it, and locates with it. Checks that each search has an end or a reason, that drones keep
+/// separation, airspace and batteries, that estimates are finite and their covariances positive
+/// definite, that flight and replay repeat to the bit, that logs are read wherever they are cut
+/// off, and that memory does not grow. The exit code is 1 where something did not hold; what is
+/// needed to see it again is then in the folder.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  foxhunt soak --hours 8\n  \
+                        foxhunt soak --runs 1000 --seed 5000\n  \
+                        foxhunt soak --again soak/7.toml --seed 7")]
+#[command(group = clap::ArgGroup::new("length").required(true))]
+pub(crate) struct Args {
+    /// For so many hours
+    #[arg(long, value_name = "H", group = "length")]
+    hours: Option<f64>,
+    /// So many runs
+    #[arg(long, value_name = "N", group = "length")]
+    runs: Option<u64>,
+    /// One flight of a scenario's file, such as an earlier soak has left
+    #[arg(long, value_name = "FILE", group = "length")]
+    again: Option<PathBuf>,
+    /// The seed of the first run; run i has this plus i
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    seed: u64,
+    /// The number of runs at the same time; the number of processors unless given
+    #[arg(long, value_name = "J", value_parser = value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+    /// The folder that the least scenario of each failure is written to
+    #[arg(long, value_name = "DIR", default_value = "soak")]
+    out: PathBuf,
+}
+
+/// What a soak came to.
+#[derive(Debug, Default, Serialize)]
+struct Report {
+    /// The seed of the first run.
+    seed: u64,
+    /// Simulated flights, each flown twice.
+    flights: u64,
+    /// Flights that could not begin or go on and gave a reason.
+    refused: u64,
+    /// Searches that ended.
+    searches: u64,
+    /// Estimates that were looked at.
+    estimates: u64,
+    /// Estimates that were replayed from the logs.
+    replayed: u64,
+    /// The size of all logs.
+    log_bytes: u64,
+    /// Recordings that were drawn and bent.
+    recordings: u64,
+    /// Those of them that could be read.
+    read: u64,
+    /// Places that were found in them.
+    located: u64,
+    /// The most memory that the program held, in mebibytes; absent where it is not known.
+    most_memory_mib: Option<f64>,
+    /// What did not hold.
+    failures: Vec<Failed>,
+}
+
+/// A run in which something did not hold.
+#[derive(Debug, Serialize)]
+struct Failed {
+    /// Its seed.
+    seed: u64,
+    /// What did not hold.
+    what: String,
+    /// The command that shows it again.
+    again: String,
+}
+
+/// What one run adds to the report.
+#[derive(Debug, Default)]
+struct Tally {
+    refused: bool,
+    searches: u64,
+    estimates: u64,
+    replayed: u64,
+    log_bytes: u64,
+    /// Of a recording: whether it could be read, and how many places were found.
+    recording: Option<(bool, u64)>,
+    failures: Vec<SoakFailure>,
+}
+
+/// One seed in so many draws a recording.
+const RECORDING_EVERY: u64 = 4;
+
+/// The runs of a soak.
+struct Soak<'a> {
+    registry: &'a Registry,
+}
+
+impl Experiment for Soak<'_> {
+    type Run = Tally;
+    type Error = Infallible;
+
+    fn run(&self, seed: u64) -> Result<Tally, Infallible> {
+        Ok(if seed.is_multiple_of(RECORDING_EVERY) {
+            BentRecording::draw(seed).locate(self.registry)
+        } else {
+            fly(&SoakFlight::draw(self.registry, seed), self.registry)
+        })
+    }
+}
+
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let Context { output, registry } = context;
+    if let Some(path) = &args.again {
+        return again(path, args.seed, registry, output);
+    }
+    let jobs = match args.jobs {
+        Some(jobs) => usize::from(jobs),
+        None => std::thread::available_parallelism().map_or(1, usize::from),
+    };
+    let runner = Runner::new(jobs).map_err(CliError::failure)?;
+    let most = args.hours.map(|hours| Duration::try_from_secs_f64(3600.0 * hours));
+    let most = most.transpose().map_err(|error| CliError::input(format!("--hours: {error}")))?;
+    let (begun, runs) = (Instant::now(), args.runs.unwrap_or(u64::MAX));
+    let is_on = |_: &u64| most.is_none_or(|most| begun.elapsed() < most);
+    let seeds = (0..runs).map(|run| args.seed.wrapping_add(run)).take_while(is_on);
+
+    let mut report = Report { seed: args.seed, ..Report::default() };
+    let (mut memory, mut shown) = (Memory::default(), Instant::now());
+    runner.run_seeds(&Soak { registry }, seeds, &|| (), |done| {
+        for (seed, tally) in done {
+            if let Some(grown) = memory.grown(jobs) {
+                report.failures.push(Failed {
+                    seed,
+                    what: format!("memory: {grown}"),
+                    again: format!("foxhunt soak --runs 2000 --seed {}", args.seed),
+                });
+            }
+            for failure in &tally.failures {
+                report.failures.push(keep(seed, failure, registry, &args.out)?);
+            }
+            report.add(&tally);
+        }
+        if shown.elapsed() >= SHOWN_EVERY {
+            shown = Instant::now();
+            warn(&format!(
+                "{} flights, {} recordings, {} failures",
+                report.flights,
+                report.recordings,
+                report.failures.len()
+            ));
+        }
+        Ok::<_, CliError>(())
+    })?;
+    report.most_memory_mib = memory.most_mib();
+    finish(&report, output)
+}
+
+/// How often the counts are shown.
+const SHOWN_EVERY: Duration = Duration::from_secs(60);
+
+impl Report {
+    fn add(&mut self, tally: &Tally) {
+        match tally.recording {
+            Some((read, located)) => {
+                self.recordings += 1;
+                self.read += u64::from(read);
+                self.located += located;
+            }
+            None => self.flights += 1,
+        }
+        self.refused += u64::from(tally.refused);
+        self.searches += tally.searches;
+        self.estimates += tally.estimates;
+        self.replayed += tally.replayed;
+        self.log_bytes += tally.log_bytes;
+    }
+}
+
+/// Writes down what shows a failure again, as small as it gets.
+fn keep(
+    seed: u64,
+    failure: &SoakFailure,
+    registry: &Registry,
+    out: &Path,
+) -> Result<Failed, CliError> {
+    fs::create_dir_all(out).map_err(|error| CliError::writing(out, error))?;
+    let (file, text, again) = if seed.is_multiple_of(RECORDING_EVERY) {
+        let file = out.join(format!("{seed}.csv"));
+        let again = format!("foxhunt locate {} --every-beacon", file.display());
+        (file, BentRecording::draw(seed).into_text(), again)
+    } else {
+        let fails = |flight: &SoakFlight| {
+            fly(flight, registry).failures.iter().any(|other| other.kind == failure.kind)
+        };
+        let SoakFlight { scenario, .. } = SoakFlight::draw(registry, seed).minimal(fails);
+        let text = toml::to_string(&scenario).map_err(CliError::failure)?;
+        let file = out.join(format!("{seed}.toml"));
+        let again = format!("foxhunt soak --again {} --seed {seed}", file.display());
+        (file, text.into_bytes(), again)
+    };
+    fs::write(&file, text).map_err(|error| CliError::writing(&file, error))?;
+    warn(&format!("seed {seed}: {failure}\n  {again}"));
+    Ok(Failed { seed, what: failure.to_string(), again })
+}
+
+/// Flies one scenario as a soak does.
+fn again(path: &Path, seed: u64, registry: &Registry, output: Output) -> Result<(), CliError> {
+    let name = path.to_string_lossy();
+    let scenario = Scenario::find(&name).map_err(CliError::input)?;
+    let tally = fly(&SoakFlight { scenario, seed }, registry);
+    let mut report = Report { seed, ..Report::default() };
+    report.add(&tally);
+    let again = format!("foxhunt soak --again {name} --seed {seed}");
+    report.failures = tally
+        .failures
+        .iter()
+        .map(|failure| Failed { seed, what: failure.to_string(), again: again.clone() })
+        .collect();
+    finish(&report, output)
+}
+
+/// Prints the counts; a failure where something did not hold.
+fn finish(report: &Report, output: Output) -> Result<(), CliError> {
+    output.result(report, text)?;
+    match report.failures.len() {
+        0 => Ok(()),
+        count => Err(CliError::failure(format!("{count} things did not hold"))),
+    }
+}
+
+fn text(report: &Report) -> String {
+    let mut counts = table(&["what", "count"]);
+    for (what, count) in [
+        ("flights, each flown twice", report.flights),
+        ("of them refused with a reason", report.refused),
+        ("searches that ended", report.searches),
+        ("estimates looked at", report.estimates),
+        ("estimates replayed", report.replayed),
+        ("bytes of logs", report.log_bytes),
+        ("recordings bent and cut", report.recordings),
+        ("of them read", report.read),
+        ("places located in them", report.located),
+        ("failures", u64::try_from(report.failures.len()).unwrap_or(u64::MAX)),
+    ] {
+        counts.add_row([what.to_owned(), count.to_string()]);
+    }
+    let mut lines = vec![format!("Soak, seeds from {}", report.seed), counts.to_string()];
+    lines.extend(report.most_memory_mib.map(|most| format!("At most {most:.0} MiB of memory.")));
+    for Failed { seed, what, again } in &report.failures {
+        lines.push(format!("seed {seed}: {what}\n  {again}"));
+    }
+    lines.join("\n")
+}

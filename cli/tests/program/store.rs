@@ -1,0 +1,180 @@
+use std::{
+    ffi::OsString,
+    fs,
+    io::{BufRead, BufReader},
+    path::Path,
+    process::{Command, Stdio},
+};
+
+use crate::support::{Ran, folder, foxhunt, has, scenario};
+
+const ESTIMATORS: [&str; 4] = ["--estimator", "ekf-pritzl2018", "--estimator", "ukf-pritzl2018"];
+
+/// A campaign of a scenario's file with two estimators.
+fn campaign(scenario: &Path, more: &[&str]) -> Vec<OsString> {
+    let mut args: Vec<OsString> = vec!["campaign".into(), scenario.into()];
+    args.extend(ESTIMATORS.iter().chain(more).map(OsString::from));
+    args
+}
+
+fn path(path: &Path) -> &str {
+    path.to_str().expect("UTF-8")
+}
+
+/// Starts the program, kills it (SIGKILL) when it has reported `lines` lines of progress, and
+/// whether it came to that.
+fn killed_after(args: &[OsString], lines: usize) -> bool {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_foxhunt"))
+        .args(args)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program was built for this test");
+    let progress = BufReader::new(child.stderr.take().expect("it is piped"));
+    let reported = progress.lines().take(lines).filter_map(Result::ok).count();
+    child.kill().expect("it may be killed, ended or not");
+    let ended = child.wait().expect("it was ours");
+    reported == lines && !ended.success()
+}
+
+/// A campaign that is killed again and again gives the table of one that was not.
+fn kill_and_go_on(name: &str, runs: &str, kills: &[usize]) {
+    let folder = folder(name);
+    let (file, store) = (folder.join("small.toml"), folder.join("runs.sqlite"));
+    fs::write(&file, scenario()).expect("a file");
+    let fixed = ["--runs", runs, "--jobs", "2"];
+    let reference = foxhunt(campaign(&file, &fixed));
+    assert_eq!(reference.code, 0, "{reference:?}");
+    let stored = campaign(&file, &[&fixed[..], &["--store", path(&store)]].concat());
+    for lines in kills {
+        assert!(killed_after(&stored, *lines), "killed after {lines} lines");
+        // Whatever is there is whole: it can be read, and has no half of a run.
+        let held = foxhunt(["--json".as_ref(), "results".as_ref(), store.as_os_str()]);
+        let none_yet = held.code == 2 && held.stderr.contains("nothing that fits");
+        assert!(held.code == 0 || none_yet, "{held:?}");
+    }
+    let resumed = foxhunt(&stored);
+    assert_eq!(resumed.stdout, reference.stdout);
+    let again = foxhunt(&stored);
+    assert_eq!(again.stdout, reference.stdout);
+    let results = foxhunt(["results".as_ref(), store.as_os_str()]);
+    assert!(results.stdout.starts_with(reference.stdout.trim_end()), "{results:?}");
+}
+
+#[test]
+fn a_killed_campaign_goes_on_where_it_was() {
+    kill_and_go_on("killed", "60", &[1, 3, 6, 8]);
+}
+
+#[test]
+#[ignore = "2 × 10⁵ hunts and ten kills: a quarter of an hour in release"]
+fn a_large_campaign_is_killed_ten_times() {
+    kill_and_go_on("killed_often", "100000", &[1, 2, 2, 3, 4, 5, 6, 7, 8, 9]);
+}
+
+#[test]
+fn three_shards_merge_to_one() {
+    let folder = folder("shards");
+    let file = folder.join("small.toml");
+    fs::write(&file, scenario()).expect("a file");
+    let whole = folder.join("whole.sqlite");
+    let fixed = ["--runs", "20", "--seed", "11"];
+    let with = |store: &Path, more: &[&str]| {
+        let more = [&fixed[..], &["--store", path(store)], more].concat();
+        campaign(&file, &more)
+    };
+    let one = foxhunt(with(&whole, &[]));
+    let shard = |number: u32| folder.join(format!("{number}.sqlite"));
+    // As it is given, as an array of SLURM numbers it, and as MPI does.
+    assert_eq!(foxhunt(with(&shard(1), &["--shard", "1/3"])).code, 0);
+    for (number, variables) in [
+        (2, [("SLURM_ARRAY_TASK_ID", "1"), ("SLURM_ARRAY_TASK_COUNT", "3")]),
+        (3, [("OMPI_COMM_WORLD_RANK", "2"), ("OMPI_COMM_WORLD_SIZE", "3")]),
+    ] {
+        let ran = Command::new(env!("CARGO_BIN_EXE_foxhunt"))
+            .args(with(&shard(number), &["--shard", "auto"]))
+            .envs(variables)
+            .output()
+            .expect("the program was built for this test");
+        assert!(ran.status.success(), "{ran:?}");
+    }
+    let merged = folder.join("merged.sqlite");
+    let merge = |shards: &[u32], to: &Path| -> Ran {
+        let mut args: Vec<OsString> = vec!["results".into(), "merge".into()];
+        args.extend(shards.iter().map(|number| shard(*number).into_os_string()));
+        args.extend(["--to".into(), to.into()]);
+        foxhunt(args)
+    };
+    let printed = merge(&[1, 2, 3], &merged);
+    assert!(printed.stdout.starts_with(one.stdout.trim_end()), "{printed:?}");
+    let results = |store: &Path| foxhunt(["results".as_ref(), store.as_os_str()]).stdout;
+    assert_eq!(results(&merged), results(&whole));
+    let csv = |store: &Path| {
+        let to = folder.join("runs.csv");
+        let ran = foxhunt(["results", path(store), "--csv", path(&to)]);
+        assert_eq!(ran.code, 0, "{ran:?}");
+        fs::read(to).expect("it was written")
+    };
+    assert_eq!(csv(&merged), csv(&whole));
+    merge(&[1, 2, 3], &merged).failed(1, &["merged.sqlite", "exists"]);
+    // Without its middle part there is a gap.
+    let gap = merge(&[1, 3], &folder.join("gap.sqlite"));
+    assert!(gap.stdout.contains("13 runs; 7 seeds up to the last one have none"), "{gap:?}");
+    // Another scenario is refused with both names.
+    let text = scenario().replace("sample_sigma_db = 1.0", "sample_sigma_db = 1.5");
+    fs::write(&file, text).expect("a file");
+    assert_eq!(foxhunt(with(&shard(4), &["--shard", "2/3"])).code, 0);
+    merge(&[1, 4], &folder.join("other.sqlite")).failed(
+        2,
+        &["1.sqlite", "4.sqlite", "sample_sigma_db = 1.5", "not `sample_sigma_db = 1.0`"],
+    );
+}
+
+#[test]
+fn results_are_shown_compared_and_written() {
+    let folder = folder("results");
+    let (file, store) = (folder.join("small.toml"), folder.join("runs.sqlite"));
+    fs::write(&file, scenario()).expect("a file");
+    let args = ["--runs", "10", "--store", path(&store), "--store-logs"];
+    let flown = foxhunt(campaign(&file, &args));
+    assert_eq!(flown.code, 0, "{flown:?}");
+    let results = |more: &[&str]| foxhunt([&["results", path(&store)], more].concat());
+    let report = foxhunt(["--json", "results", path(&store), "--seeds", "2..5"]).json();
+    let campaign = &report["campaigns"][0];
+    has(campaign, &["campaign", "held", "report"]);
+    assert_eq!((&campaign["report"]["runs"], &campaign["report"]["seed"]), (&4.into(), &2.into()));
+    has(&campaign["campaign"], &["digest", "program", "scenario", "planner", "beacons"]);
+
+    let compared = results(&["--compare", "ekf-pritzl2018", "ukf-pritzl2018"]);
+    for text in ["ekf-pritzl2018@", "minus ukf-pritzl2018@", "fox", "error_m", "p (ranks)"] {
+        assert!(compared.stdout.contains(text), "{text} is missing in {}", compared.stdout);
+    }
+    results(&["--compare", "ekf", "ukf-pritzl2018"]).failed(2, &["\"ekf\"", "ukf-pritzl2018@"]);
+
+    let log = folder.join("hunt.jsonl");
+    let chosen = ["--estimator", "ekf-pritzl2018", "--log-of", "3", "--log", path(&log)];
+    assert_eq!(results(&chosen).code, 0);
+    let replayed = foxhunt(["--json".as_ref(), "replay".as_ref(), log.as_os_str()]).json();
+    assert_eq!(replayed["identical"], replayed["compared"], "{replayed}");
+    assert!(replayed["compared"].as_u64() > Some(0), "{replayed}");
+    results(&chosen[2..]).failed(2, &["2 contenders", "ukf-pritzl2018@"]);
+
+    for (args, texts) in [
+        (&["--seeds", "5..2"][..], &["A..B"][..]),
+        (&["--planner", "orbit"], &["nothing that fits"]),
+    ] {
+        results(args).failed(2, texts);
+    }
+    foxhunt(["results"]).failed(2, &["FILE"]);
+    foxhunt(["results", "/no/such/store"]).failed(1, &["/no/such/store"]);
+    foxhunt(["results".as_ref(), file.as_os_str()]).failed(2, &["small.toml is no store"]);
+    for (args, text) in [
+        (&["--shard", "1/3"][..], "--store"),
+        (&["--shard", "4/3", "--store", "x"], "4/3"),
+        (&["--shard", "auto", "--store", "x"], "SLURM_ARRAY_TASK_ID"),
+        (&["--store-logs"], "--store"),
+        (&["--store", "x", "--hunts-to", "y"], "--hunts-to"),
+    ] {
+        foxhunt([&["campaign", "--runs", "1"], args].concat()).failed(2, &[text]);
+    }
+}
