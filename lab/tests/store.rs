@@ -107,7 +107,9 @@ fn a_store_gives_the_streaming_table_however_it_was_filled() {
     drop(store);
     let store = Store::create(&pieces).expect("it is there");
     let flown = AtomicU32::new(0);
-    let count = || drop(flown.fetch_add(1, Ordering::Relaxed));
+    let count = || {
+        flown.fetch_add(1, Ordering::Relaxed);
+    };
     let rest = Repetition { progress: &count, ..repetition(60) };
     assert_eq!(digits(&to_store.fly(&store, &rest).expect("flown")), digits(&streaming));
     assert_eq!(flown.into_inner(), 120, "progress counts what was there");

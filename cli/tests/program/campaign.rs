@@ -152,3 +152,19 @@ fn random_fleets_are_checked_against_the_rules() {
     let hunt = foxhunt(["--json", "hunt", "fleet-4", "--seed", "4", "--out", out]).json();
     has(&hunt, &["seed", "beacons"]);
 }
+
+#[test]
+fn a_short_soak_finds_nothing() {
+    let out = crate::support::folder("soak");
+    let out = out.to_str().expect("UTF-8");
+    let report = foxhunt(["--json", "soak", "--runs", "24", "--seed", "1", "--out", out]).json();
+    has(&report, &["searches", "estimates", "log_bytes", "read", "located", "refused"]);
+    assert_eq!((&report["flights"], &report["recordings"]), (&18.into(), &6.into()));
+    assert!(report["replayed"].as_u64() > Some(100), "{report}");
+    assert_eq!(report["failures"], serde_json::json!([]));
+    // One flight by its file, as a failure leaves it.
+    let again = foxhunt(["soak", "--again", "fleet-3", "--seed", "3"]);
+    assert!(again.code == 0 && again.stdout.contains("estimates replayed"), "{again:?}");
+    foxhunt(["soak"]).failed(2, &["--hours", "--runs"]);
+    foxhunt(["soak", "--hours", "-1"]).failed(2, &["--hours"]);
+}
