@@ -71,8 +71,8 @@ pub use foxhunt_sim as sim;
 
 #[cfg(feature = "lab")]
 pub use foxhunt_lab::{
-    Experiment, FirstPassage, Paired, PairedDifference, Runner, Spread, StepSpread, ThreadsError, bearing_trial,
-    campaign, report, simulation, soak, trial,
+    Experiment, FirstPassage, Paired, PairedDifference, Runner, Spread, StepSpread, ThreadsError,
+    bearing_trial, campaign, report, simulation, soak, trial,
 };
 
 #[cfg(feature = "store")]

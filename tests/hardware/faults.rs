@@ -3,118 +3,22 @@
 
 use foxhunt::{
     fly::{
-        BoxedAircraft, DroneFaults, EmulatedField, EmulatedFieldConfig, Ending, FlightRules,
-        Mission,
+        DroneFaults, EmulatedFieldConfig, EmulatedFlight, EmulatedFlown, FlightRules, pilot_modes,
     },
-    hardware::Shared,
-    hunt::{BoxedSource, Event, FlightStage},
     registry::Registry,
-    scenario::Scenario,
-    sim::{AutopilotFaults, CableFaults, Interval, PilotOrder, World},
+    sim::{AutopilotFaults, CableFaults, Interval, PilotOrder},
     wire::mavlink::Autopilot,
 };
-use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
-/// What the last report of a drone was.
-#[derive(Clone, Debug, Default)]
-struct Reported {
-    mode: String,
-    commanded: bool,
-}
-
-/// What a flight came to.
-#[derive(Debug)]
-struct Flown {
-    drones: Vec<Reported>,
-    /// The modes of each drone, in their order.
-    modes: Vec<Vec<String>>,
-    /// How high each is at the end, in truth, in metres.
-    up_m: Vec<f64>,
-    found: usize,
-    failure: Option<String>,
-    seconds: f64,
-    /// The nearest two drones that took our orders, over ground, in metres.
-    nearest_m: f64,
-    /// The farthest that one that took our orders was from the middle, East or North, in metres.
-    farthest_m: f64,
-}
-
-/// Half the side of the fence, in metres.
-const FENCE_M: f64 = 60.0;
-
-/// A flight that takes longer waits for somebody, in seconds.
-const LONG_S: f64 = 900.0;
-
-/// How long failsafes have after a flight to bring down what is left, in seconds.
-const AFTER_S: f64 = 120.0;
-
-/// Flies pritzl-6.1 within a fence, broken off at a time where one is given.
-fn fly(config: &EmulatedFieldConfig, rules: FlightRules, seed: u64, abort: Option<f64>) -> Flown {
-    let mut scenario = Scenario::find("pritzl-6.1").expect("it is built in");
-    let f = FENCE_M;
-    scenario.hunt.airspace.fence_m = vec![[-f, -f], [f, -f], [f, f], [-f, f]];
-    // What is of interest is over then.
-    scenario.hunt.stop.time_s = Some(100.0);
-    let world = World::new(&scenario.world, seed).expect("a world");
-    let (mut field, mut ports) =
-        EmulatedField::in_memory(&scenario, &world, config).expect("a field");
-    let mut flight = field.flight().clone();
-    flight.flight = FlightRules { takeoff_up_m: flight.flight.takeoff_up_m, ..rules };
-    let registry = Registry::builtin();
-    let estimator = flight.estimator(&registry).expect("it is known");
-    let hunt = flight.parts(&registry, estimator, seed).build().expect("a hunt");
-    let drones = flight.open(&mut ports, &world.clock(), 0.0, None).expect("devices");
-    let mut mission: Mission<Shared<BoxedAircraft>, BoxedSource> =
-        Mission::new(flight.flight, hunt, drones, world.time()).expect("a flight");
-    let count = world.drone_count();
-    let mut flown = Flown {
-        drones: vec![Reported::default(); count],
-        modes: vec![Vec::new(); count],
-        up_m: Vec::new(),
-        found: 0,
-        failure: None,
-        seconds: 0.0,
-        nearest_m: f64::INFINITY,
-        farthest_m: 0.0,
-    };
-    let place = |drone| world.pose(drone).expect("a drone").position;
-    let mut until = f64::INFINITY;
-    while world.time() < until {
-        world.advance(scenario.simulation.tick_s).expect("time passes");
-        field.serve(|device, error| panic!("{device}: {error}"));
-        if abort.is_some_and(|at| world.time() >= at) && !mission.is_over() {
-            mission.abort(world.time(), "the pilot breaks off");
-        }
-        if !mission.is_over() {
-            mission.step(world.time());
-        } else if until.is_infinite() {
-            (flown.seconds, until) = (world.time(), world.time() + AFTER_S);
-        }
-        assert!(world.time() < 3600.0, "seed {seed} does not end: {mission:?}, {flown:#?}");
-        while let Some(event) = mission.poll_event() {
-            if let Event::Aircraft { drone, mode, commanded, .. } = event {
-                if flown.modes[drone].last() != Some(&mode) {
-                    flown.modes[drone].push(mode.clone());
-                }
-                flown.drones[drone] = Reported { mode, commanded };
-            }
-        }
-        let hunting = mission.stage() == FlightStage::Hunting;
-        let ours: Vec<_> = (0..count)
-            .filter(|drone| hunting && flown.drones[*drone].commanded)
-            .map(place)
-            .collect();
-        for (index, one) in ours.iter().enumerate() {
-            flown.farthest_m = flown.farthest_m.max(one.x.abs()).max(one.y.abs());
-            for other in &ours[..index] {
-                flown.nearest_m = flown.nearest_m.min((one - other).xy().norm());
-            }
-        }
-    }
-    flown.up_m = (0..count).map(|drone| place(drone).z).collect();
-    flown.found = mission.hunt().fixes().len();
-    flown.failure = mission.failure().map(str::to_owned);
-    flown
+/// Flies it, broken off at a time where one is given.
+fn fly(
+    config: &EmulatedFieldConfig,
+    rules: FlightRules,
+    seed: u64,
+    abort_s: Option<f64>,
+) -> EmulatedFlown {
+    let flight = EmulatedFlight { field: config.clone(), rules, seed, abort_s };
+    flight.fly(&Registry::builtin()).unwrap_or_else(|error| panic!("{error}: {flight:#?}"))
 }
 
 fn during(from_s: f64, to_s: f64) -> Vec<Interval> {
@@ -137,79 +41,16 @@ fn silent(from_s: f64, to_s: f64) -> DroneFaults {
     }
 }
 
-/// Modes that pilots of ArduCopter choose, or of PX4.
-fn modes(autopilot: Autopilot) -> &'static [&'static str] {
-    match autopilot {
-        Autopilot::ArduPilot => {
-            &["STABILIZE", "ALT_HOLD", "LOITER", "POSHOLD", "BRAKE", "AUTO", "RTL", "LAND"]
-        }
-        Autopilot::Px4 => &["ALTITUDE", "POSITION", "HOLD", "MISSION", "RETURN", "LAND"],
-    }
-}
-
-/// The faults of a drone, drawn at random.
-fn drawn(random: &mut Xoshiro256PlusPlus, autopilot: Autopilot) -> DroneFaults {
-    let mut interval = |longest: f64| {
-        let from_s: f64 = random.random_range(5.0..250.0);
-        during(from_s, from_s + random.random_range(0.5..longest))
-    };
-    let mut faults = DroneFaults::default();
-    let (radio, rotator, garbage, silence) =
-        (interval(30.0), interval(30.0), interval(30.0), interval(40.0));
-    let mut happens = |share: f64| random.random::<f64>() < share;
-    if happens(0.3) {
-        faults.radio = CableFaults { pulled: radio, garbage };
-    }
-    if happens(0.3) {
-        faults.rotator.pulled = rotator;
-    }
-    if happens(0.4) {
-        faults.vehicle.silent = silence;
-    }
-    if happens(0.5) {
-        let all = modes(autopilot);
-        let at_s = random.random_range(5.0..250.0);
-        let mode = all[random.random_range(0..all.len())].to_owned();
-        faults.vehicle.pilot.push(PilotOrder { at_s, mode });
-        if random.random::<f64>() < 0.4 {
-            let back = if autopilot == Autopilot::Px4 { "HOLD" } else { "GUIDED" };
-            let at_s = at_s + random.random_range(1.0..60.0);
-            faults.vehicle.pilot.push(PilotOrder { at_s, mode: back.into() });
-        }
-    }
-    faults
-}
-
 /// Plays flights of these seeds, holds each to what every flight must keep, and sums them up.
 fn play(seeds: std::ops::Range<u64>) -> String {
     let (mut nearest_m, mut farthest_m, mut found, mut ended) = (f64::INFINITY, 0.0_f64, 0, 0);
     let flights = seeds.end - seeds.start;
+    let registry = Registry::builtin();
     for seed in seeds {
-        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
-        let autopilot = if random.random() { Autopilot::ArduPilot } else { Autopilot::Px4 };
-        let faults = (0..3).map(|_| drawn(&mut random, autopilot)).collect();
-        let config = EmulatedFieldConfig { autopilot, faults, ..EmulatedFieldConfig::default() };
-        let endings = [Ending::Return, Ending::Land];
-        let rules = FlightRules {
-            at_end: endings[random.random_range(0..2)],
-            on_abort: endings[random.random_range(0..2)],
-            ..FlightRules::default()
-        };
-        let aborts = random.random::<f64>() < 0.3;
-        let abort = aborts.then(|| random.random_range(1.0..200.0));
-        // A pilot who has the last one need not give it back: he ends the flight.
-        let flown = fly(&config, rules, seed, abort.or(Some(LONG_S)));
-        let shown = format!("seed {seed}: {flown:#?}\n{config:#?}\nbroken off: {abort:?}");
-        let mut pilots = 0;
-        for (drone, up_m) in flown.drones.iter().zip(&flown.up_m) {
-            // What the pilot flies stays where he has it.
-            let ours = ["GUIDED", "OFFBOARD", "TAKEOFF"].contains(&drone.mode.as_str());
-            pilots += u32::from(*up_m >= 0.3);
-            assert!(*up_m < 0.3 || !ours, "{shown}");
-        }
-        assert!(flown.seconds < LONG_S || pilots > 0, "{shown}");
-        assert!(flown.farthest_m <= FENCE_M, "{shown}");
-        assert!(flown.nearest_m >= 2.0, "{shown}");
+        let flight = EmulatedFlight::draw(seed);
+        let flown = flight.fly(&registry).unwrap_or_else(|error| panic!("{error}: {flight:#?}"));
+        let violations = flown.violations();
+        assert!(violations.is_empty(), "{violations:?}\n{flown:#?}\n{flight:#?}");
         nearest_m = nearest_m.min(flown.nearest_m);
         farthest_m = farthest_m.max(flown.farthest_m);
         found += u64::from(flown.found == 2);
@@ -217,7 +58,8 @@ fn play(seeds: std::ops::Range<u64>) -> String {
     }
     format!(
         "{flights} flights: nearest pair {nearest_m:.2} m (2 m kept), farthest {farthest_m:.1} m \
-         (fence {FENCE_M} m), {found} with both searches done, {ended} ended as planned"
+         (fence {} m), {found} with both searches done, {ended} ended as planned",
+        EmulatedFlight::FENCE_M
     )
 }
 
@@ -259,13 +101,13 @@ impl Expected {
     }
 
     /// Whether a flight ended so for its second drone.
-    fn holds(self, flown: &Flown) -> bool {
+    fn holds(self, flown: &EmulatedFlown) -> bool {
         let down = |drone: usize| flown.up_m[drone] < 0.3;
         let others = down(0) && down(2);
         let planned = flown.failure.is_none() && flown.found == 2;
         match self {
             Self::Planned | Self::Rejoins => planned && others && down(1),
-            Self::Pilots => others && !down(1) && !flown.drones[1].commanded,
+            Self::Pilots => others && !down(1) && !flown.drones[1].is_commanded,
             Self::ComesDown => others && down(1) && flown.found == 2,
             Self::AllDown => others && down(1) && flown.failure.is_some(),
         }
@@ -289,7 +131,7 @@ fn rows(autopilot: Autopilot) -> Vec<Row> {
         rows.push(Row { what: what.to_owned(), faults, all: false, abort: None, expected });
     };
     row("nothing", DroneFaults::default(), Expected::Planned);
-    for mode in modes(autopilot) {
+    for mode in pilot_modes(autopilot) {
         let down = ["RTL", "LAND", "RETURN"].contains(mode);
         let expected = if down { Expected::ComesDown } else { Expected::Pilots };
         row(&format!("the pilot takes it in {mode}, hunting"), pilot(&[(40.0, mode)]), expected);
@@ -374,7 +216,7 @@ fn table() {
                 flown.modes[1].join(", "),
                 flown.up_m[1],
                 flown.found,
-                flown.seconds,
+                flown.duration_s,
                 if holds { "yes" } else { "NO" }
             );
             if !holds {

@@ -7,6 +7,8 @@ mod driver;
 mod drone;
 #[cfg(unix)]
 mod emulated;
+#[cfg(unix)]
+mod emulated_flight;
 mod error;
 mod flown_drone;
 mod identify;
@@ -28,6 +30,10 @@ pub use drone::DroneConfig;
 #[cfg(unix)]
 pub use emulated::{
     DroneFaults, EmulatedField, EmulatedFieldConfig, EmulatedFieldError, EmulatedPorts,
+};
+#[cfg(unix)]
+pub use emulated_flight::{
+    EmulatedFlight, EmulatedFlightError, EmulatedFlown, ReportedMode, pilot_modes,
 };
 pub use error::FlyError;
 pub use flown_drone::FlownDrone;

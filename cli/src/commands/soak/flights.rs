@@ -27,8 +27,8 @@ pub(super) fn fly(flight: &SoakFlight, registry: &Registry) -> Tally {
         estimates,
         replayed,
         log_bytes: count(log.len()),
-        recording: None,
         failures,
+        ..Tally::default()
     }
 }
 

@@ -1,10 +1,13 @@
 //! Random flights and recordings for as long as they are let.
 
+#[cfg(all(unix, feature = "hardware"))]
+mod devices;
 mod flights;
 mod memory;
 mod recordings;
 
 use std::{
+    any::Any,
     convert::Infallible,
     fs,
     path::{Path, PathBuf},
@@ -12,6 +15,8 @@ use std::{
 };
 
 use clap::value_parser;
+#[cfg(all(unix, feature = "hardware"))]
+use foxhunt::fly::EmulatedFlight;
 use foxhunt::{
     Experiment, Runner,
     registry::Registry,
@@ -32,7 +37,8 @@ use crate::{
 ///
 /// Each seed draws a fleet with everything that may go wrong, beacons, estimator, extractor,
 /// antenna and planner, and flies it twice; every fourth one draws a recording instead, bends and
-/// cuts it, and locates with it. Checks that each search has an end or a reason, that drones keep
+/// cuts it, and locates with it; with the feature `hardware` every eighth one flies emulated devices
+/// whose cables, links and autopilots fail. Checks that each search has an end or a reason, that drones keep
 /// separation, airspace and batteries, that estimates are finite and their covariances positive
 /// definite, that flight and replay repeat to the bit, that logs are read wherever they are cut
 /// off, and that memory does not grow. The exit code is 1 where something did not hold; what is
@@ -80,6 +86,8 @@ struct Report {
     replayed: u64,
     /// The size of all logs.
     log_bytes: u64,
+    /// Flights of emulated devices with faults of cables, links and autopilots.
+    device_flights: u64,
     /// Recordings that were drawn and bent.
     recordings: u64,
     /// Those of them that could be read.
@@ -106,18 +114,51 @@ struct Failed {
 /// What one run adds to the report.
 #[derive(Debug, Default)]
 struct Tally {
+    kind: Kind,
     refused: bool,
     searches: u64,
     estimates: u64,
     replayed: u64,
     log_bytes: u64,
-    /// Of a recording: whether it could be read, and how many places were found.
-    recording: Option<(bool, u64)>,
+    /// Places that were found in a recording.
+    located: u64,
     failures: Vec<SoakFailure>,
 }
 
-/// One seed in so many draws a recording.
-const RECORDING_EVERY: u64 = 4;
+/// What a run is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Kind {
+    /// A simulated flight.
+    #[default]
+    Flight,
+    /// A flight of emulated devices.
+    #[cfg(all(unix, feature = "hardware"))]
+    Devices,
+    /// A recording that could be read, or not.
+    Recording {
+        /// Whether it could.
+        is_read: bool,
+    },
+}
+
+impl Kind {
+    /// What a seed draws: a recording one time in four, and emulated devices, whose flights take
+    /// longest, one time in eight.
+    fn of(seed: u64) -> Self {
+        match seed % 8 {
+            0 | 4 => Self::Recording { is_read: false },
+            #[cfg(all(unix, feature = "hardware"))]
+            7 => Self::Devices,
+            _ => Self::Flight,
+        }
+    }
+}
+
+/// What a panic has left.
+fn text_of(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("?").to_owned()
+}
 
 /// The runs of a soak.
 struct Soak<'a> {
@@ -129,10 +170,12 @@ impl Experiment for Soak<'_> {
     type Error = Infallible;
 
     fn run(&self, seed: u64) -> Result<Tally, Infallible> {
-        Ok(if seed.is_multiple_of(RECORDING_EVERY) {
-            BentRecording::draw(seed).locate(self.registry)
-        } else {
-            fly(&SoakFlight::draw(self.registry, seed), self.registry)
+        let registry = self.registry;
+        Ok(match Kind::of(seed) {
+            Kind::Recording { .. } => BentRecording::draw(seed).locate(registry),
+            #[cfg(all(unix, feature = "hardware"))]
+            Kind::Devices => devices::fly(&EmulatedFlight::draw(seed), registry),
+            Kind::Flight => fly(&SoakFlight::draw(registry, seed), registry),
         })
     }
 }
@@ -189,13 +232,15 @@ const SHOWN_EVERY: Duration = Duration::from_secs(60);
 
 impl Report {
     fn add(&mut self, tally: &Tally) {
-        match tally.recording {
-            Some((read, located)) => {
+        match tally.kind {
+            Kind::Recording { is_read } => {
                 self.recordings += 1;
-                self.read += u64::from(read);
-                self.located += located;
+                self.read += u64::from(is_read);
+                self.located += tally.located;
             }
-            None => self.flights += 1,
+            #[cfg(all(unix, feature = "hardware"))]
+            Kind::Devices => self.device_flights += 1,
+            Kind::Flight => self.flights += 1,
         }
         self.refused += u64::from(tally.refused);
         self.searches += tally.searches;
@@ -213,19 +258,28 @@ fn keep(
     out: &Path,
 ) -> Result<Failed, CliError> {
     fs::create_dir_all(out).map_err(|error| CliError::writing(out, error))?;
-    let (file, text, again) = if seed.is_multiple_of(RECORDING_EVERY) {
-        let file = out.join(format!("{seed}.csv"));
-        let again = format!("foxhunt locate {} --every-beacon", file.display());
-        (file, BentRecording::draw(seed).into_text(), again)
-    } else {
-        let fails = |flight: &SoakFlight| {
-            fly(flight, registry).failures.iter().any(|other| other.kind == failure.kind)
-        };
-        let SoakFlight { scenario, .. } = SoakFlight::draw(registry, seed).minimal(fails);
-        let text = toml::to_string(&scenario).map_err(CliError::failure)?;
-        let file = out.join(format!("{seed}.toml"));
-        let again = format!("foxhunt soak --again {} --seed {seed}", file.display());
-        (file, text.into_bytes(), again)
+    let fails = |tally: &Tally| tally.failures.iter().any(|other| other.kind == failure.kind);
+    let (file, text, again) = match Kind::of(seed) {
+        Kind::Recording { .. } => {
+            let again = format!("foxhunt soak --runs 1 --seed {seed}");
+            (out.join(format!("{seed}.csv")), BentRecording::draw(seed).into_text(), again)
+        }
+        #[cfg(all(unix, feature = "hardware"))]
+        Kind::Devices => {
+            let fails = |flight: &EmulatedFlight| fails(&devices::fly(flight, registry));
+            let flight = devices::minimal(EmulatedFlight::draw(seed), fails);
+            let text = toml::to_string(&flight.field).map_err(CliError::failure)?;
+            let again = format!("foxhunt soak --runs 1 --seed {seed}");
+            (out.join(format!("{seed}.toml")), text.into_bytes(), again)
+        }
+        Kind::Flight => {
+            let fails = |flight: &SoakFlight| fails(&fly(flight, registry));
+            let SoakFlight { scenario, .. } = SoakFlight::draw(registry, seed).minimal(fails);
+            let text = toml::to_string(&scenario).map_err(CliError::failure)?;
+            let file = out.join(format!("{seed}.toml"));
+            let again = format!("foxhunt soak --again {} --seed {seed}", file.display());
+            (file, text.into_bytes(), again)
+        }
     };
     fs::write(&file, text).map_err(|error| CliError::writing(&file, error))?;
     warn(&format!("seed {seed}: {failure}\n  {again}"));
@@ -266,6 +320,7 @@ fn text(report: &Report) -> String {
         ("estimates looked at", report.estimates),
         ("estimates replayed", report.replayed),
         ("bytes of logs", report.log_bytes),
+        ("flights of emulated devices", report.device_flights),
         ("recordings bent and cut", report.recordings),
         ("of them read", report.read),
         ("places located in them", report.located),

@@ -15,7 +15,7 @@ use foxhunt::{
     soak::SoakFailure,
 };
 
-use super::Tally;
+use super::{Kind, Tally, text_of};
 
 /// A recording of a few drones, which was bent, and cut off somewhere.
 #[derive(Debug)]
@@ -51,6 +51,9 @@ impl Random {
         usize::try_from(self.next() % end).unwrap_or(0)
     }
 }
+
+/// A recording that could not be read.
+const UNREAD: Kind = Kind::Recording { is_read: false };
 
 /// What bent rows hold in place of a number.
 const INSTEAD: [&str; 12] = [
@@ -91,24 +94,19 @@ impl BentRecording {
     pub(super) fn locate(&self, registry: &Registry) -> Tally {
         let located = catch_unwind(AssertUnwindSafe(|| self.locate_unguarded(registry)));
         located.unwrap_or_else(|panic| {
-            let text = panic.downcast_ref::<String>().map(String::as_str);
-            let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("?");
-            Tally {
-                recording: Some((false, 0)),
-                failures: vec![SoakFailure::new("panic", text)],
-                ..Tally::default()
-            }
+            let failures = vec![SoakFailure::new("panic", text_of(&*panic))];
+            Tally { kind: UNREAD, failures, ..Tally::default() }
         })
     }
 
     fn locate_unguarded(&self, registry: &Registry) -> Tally {
         let read = Recording::from_reader(&self.text[..], "soak.csv", &ReadOptions::default());
         let Ok(recording) = read else {
-            return Tally { recording: Some((false, 0)), ..Tally::default() };
+            return Tally { kind: UNREAD, ..Tally::default() };
         };
         let mut random = Random(self.seed ^ u64::MAX);
-        let mut tally = Tally::default();
-        let mut places = 0;
+        let kind = Kind::Recording { is_read: true };
+        let mut tally = Tally { kind, ..Tally::default() };
         let extractors = registry.extractors();
         let estimators = registry.estimators();
         let (Some(extractor), Some(estimator)) = (
@@ -128,14 +126,13 @@ impl BentRecording {
             let Ok(located) = estimator.locate(&received, &LocateConfig::default()) else {
                 continue;
             };
-            places += 1;
+            tally.located += 1;
             let Estimate { mean, covariance } = located.estimate;
             if !mean.iter().chain(covariance.iter()).all(|number| number.is_finite()) {
                 let what = format!("{}: {mean:?}, {covariance:?}", estimator.name);
                 tally.failures.push(SoakFailure::new("place", what));
             }
         }
-        tally.recording = Some((true, places));
         tally
     }
 }
@@ -223,9 +220,8 @@ mod tests {
             let tally = recording.locate(&registry);
             let failures: Vec<String> = tally.failures.iter().map(ToString::to_string).collect();
             assert!(failures.is_empty(), "seed {seed}: {failures:?}");
-            let (is_read, places) = tally.recording.unwrap_or_default();
-            read += u32::from(is_read);
-            located += places;
+            read += u32::from(tally.kind == Kind::Recording { is_read: true });
+            located += tally.located;
             let original = clean(&mut Random(seed)).into_bytes();
             bent += u32::from(recording.into_text() != original);
         }
