@@ -1,9 +1,10 @@
-//! The picture of a hunt, and that of an antenna, as SVG.
+//! The picture of a hunt, of an antenna, and of the results of a campaign, as SVG.
 //!
 //! In a hunt's, East is to the right, North up, and a metre is as long in both directions.
 
 mod canvas;
 mod chart;
+mod distributions;
 mod frame;
 mod label;
 mod legend;
@@ -12,6 +13,7 @@ mod polar;
 mod scene;
 
 pub use canvas::PictureError;
+pub use distributions::Distribution;
 
 use foxhunt_sensors::Antenna;
 
@@ -44,6 +46,17 @@ pub fn hunt_svg(header: &LogHeader, events: &[Event]) -> Result<String, PictureE
 /// [`PictureError`] when the drawing library refuses an element.
 pub fn antenna_svg(name: &str, antenna: &dyn Antenna) -> Result<String, PictureError> {
     canvas::svg(|canvas| polar::draw(canvas, name, antenna))
+}
+
+/// Draws how the errors and the NEES of contenders are distributed, the latter beside χ² with two
+/// degrees of freedom, which is that of a consistent estimator, and the band about it that holds
+/// such a one's runs with 95 %. Returns the text of an SVG file.
+///
+/// # Errors
+///
+/// [`PictureError`] when the drawing library refuses an element.
+pub fn distributions_svg(title: &str, contenders: &[Distribution]) -> Result<String, PictureError> {
+    canvas::svg(|canvas| distributions::draw(canvas, title, contenders))
 }
 
 #[cfg(test)]

@@ -6,7 +6,11 @@ use std::{
     str::FromStr,
 };
 
-use foxhunt::store::{self, Filter, SeedBySeed, Store, StoreError, Summary, compare, write_csv};
+use foxhunt::{
+    campaign::EstimatorCampaign,
+    picture::{Distribution, distributions_svg},
+    store::{self, Filter, Held, SeedBySeed, Store, StoreError, Summary, compare, write_csv},
+};
 use serde::Serialize;
 
 use super::{campaign_tables::tables, storing};
@@ -28,6 +32,7 @@ use crate::{
     after_help = "Examples:\n  foxhunt results runs.sqlite\n  \
                   foxhunt results runs.sqlite --compare ekf ukf --beacon \"beacon 1\"\n  \
                   foxhunt results runs.sqlite --estimator ekf --seeds 1..1000 --csv runs.csv\n  \
+                  foxhunt results runs.sqlite --beacon \"beacon 1\" --svg runs.svg\n  \
                   foxhunt results merge a.sqlite b.sqlite --to runs.sqlite"
 )]
 pub(crate) struct Args {
@@ -61,6 +66,9 @@ pub(crate) struct Args {
     #[cfg(feature = "parquet")]
     #[arg(long, value_name = "FILE")]
     parquet: Option<PathBuf>,
+    /// Draw how the errors and the NEES of one beacon are distributed, as SVG
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
     /// Write the log of the run with this seed; it must be kept (`campaign --store-logs`)
     #[arg(long, value_name = "SEED", requires = "log")]
     log_of: Option<u64>,
@@ -138,6 +146,12 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         warn(&format!("{rows} rows: {}", path.display()));
         written = true;
     }
+    if let Some(path) = &args.svg {
+        let svg = picture(&store, &filter)?;
+        fs::write(path, svg).map_err(|error| CliError::writing(path, error))?;
+        warn(&format!("picture: {}", path.display()));
+        written = true;
+    }
     if let (Some(seed), Some(path)) = (args.log_of, &args.log) {
         let log = log_of(&store, &filter, seed).map_err(failed)?;
         fs::write(path, log).map_err(|error| CliError::writing(path, error))?;
@@ -156,6 +170,36 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
 
 fn created(path: &Path) -> Result<BufWriter<File>, CliError> {
     File::create(path).map(BufWriter::new).map_err(|error| CliError::writing(path, error))
+}
+
+/// The picture of one campaign and beacon.
+fn picture(store: &Store, filter: &Filter) -> Result<String, CliError> {
+    let failed = |error| storing::error(error, "");
+    let summaries = store.summaries(filter).map_err(failed)?;
+    let [summary] = &summaries[..] else {
+        return Err(CliError::input(format!(
+            "--svg draws one campaign, and {} fit; choose with --scenario and --planner",
+            summaries.len()
+        )));
+    };
+    let campaign = &summary.campaign;
+    let wanted = |name: &&String| filter.beacon.as_ref().is_none_or(|beacon| beacon == *name);
+    let names: Vec<&String> = campaign.beacons.iter().filter(wanted).collect();
+    let [name] = names[..] else {
+        return Err(CliError::input(format!(
+            "--svg draws one beacon; choose one of {} with --beacon",
+            campaign.beacons.join(", ")
+        )));
+    };
+    let beacon = campaign.beacons.iter().position(|beacon| beacon == name).unwrap_or(0);
+    let distribution = |(held, of): (&Held, &EstimatorCampaign)| {
+        let [errors_m, nees] = store.samples(&held.contender, beacon, filter)?;
+        Ok(Distribution { name: of.estimator.clone(), errors_m, nees })
+    };
+    let of = summary.held.iter().zip(&summary.report.estimators).map(distribution);
+    let distributions = of.collect::<Result<Vec<_>, StoreError>>().map_err(failed)?;
+    let title = format!("{}, {name}, planner {}", campaign.scenario, campaign.planner);
+    distributions_svg(&title, &distributions).map_err(CliError::failure)
 }
 
 /// The log of the one contender that the filter lets through.

@@ -151,6 +151,11 @@ fn results_are_shown_compared_and_written() {
     }
     results(&["--compare", "ekf", "ukf-pritzl2018"]).failed(2, &["\"ekf\"", "ukf-pritzl2018@"]);
 
+    let picture = folder.join("runs.svg");
+    assert_eq!(results(&["--svg", path(&picture)]).code, 0);
+    let svg = fs::read_to_string(&picture).expect("it was written");
+    assert!(svg.contains("small, fox") && svg.contains("ukf-pritzl2018, 10 runs"), "{svg}");
+
     let log = folder.join("hunt.jsonl");
     let chosen = ["--estimator", "ekf-pritzl2018", "--log-of", "3", "--log", path(&log)];
     assert_eq!(results(&chosen).code, 0);

@@ -238,6 +238,31 @@ impl Store {
         Ok(())
     }
 
+    /// Errors in metres and NEES of the good runs of a contender for the beacon of an index, each
+    /// rising; 16 bytes for each run are in memory.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError`] when the file cannot be read.
+    pub fn samples(
+        &self,
+        contender: &Contender,
+        beacon: usize,
+        filter: &Filter,
+    ) -> Result<[Vec<f64>; 2], StoreError> {
+        let (mut errors_m, mut nees) = (Vec::new(), Vec::new());
+        self.for_each_run(contender, &filter.seeds(), |_, of, run| {
+            if let Some(sample) = run.sample().filter(|_| of == beacon) {
+                errors_m.push(sample.error_m);
+                nees.push(sample.nees);
+            }
+            Ok(())
+        })?;
+        errors_m.sort_by(f64::total_cmp);
+        nees.sort_by(f64::total_cmp);
+        Ok([errors_m, nees])
+    }
+
     /// The one contender that a filter lets through.
     ///
     /// # Errors

@@ -1,0 +1,193 @@
+use plotters::style::{Color, RGBColor};
+
+use super::{
+    canvas::{Anchor, Canvas, PictureError, UNIT},
+    frame::{Pixel, Rect, whole},
+    palette,
+};
+
+/// What one contender's runs came to, for [`distributions_svg`](super::distributions_svg).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Distribution {
+    /// Its name.
+    pub name: String,
+    /// From the estimates to the truth in metres, rising.
+    pub errors_m: Vec<f64>,
+    /// The normalised estimation errors squared, rising; as many.
+    pub nees: Vec<f64>,
+}
+
+const ERRORS: Rect =
+    Rect { left: 72 * UNIT, top: 96 * UNIT, right: 530 * UNIT, bottom: 600 * UNIT };
+const NEES: Rect =
+    Rect { left: 632 * UNIT, top: 96 * UNIT, right: 1090 * UNIT, bottom: 600 * UNIT };
+const SIZE: i32 = 13 * UNIT;
+
+/// The largest NEES that is shown: χ²₂ is below it with 99.9 %.
+const MOST_NEES: f64 = 14.0;
+
+/// How many points a curve has.
+const POINTS: u32 = 400;
+
+/// How errors and NEES are distributed: the share of runs that are below.
+pub(super) fn draw(
+    canvas: &Canvas<'_>,
+    title: &str,
+    contenders: &[Distribution],
+) -> Result<(), PictureError> {
+    canvas.text(title, (48 * UNIT, 36 * UNIT), 18 * UNIT, palette::INK, Anchor::Left)?;
+    let positive = || {
+        let all = contenders.iter().flat_map(|one| [one.errors_m.first(), one.errors_m.last()]);
+        all.flatten().copied().filter(|error| *error > 0.0 && error.is_finite())
+    };
+    let least = positive().fold(f64::INFINITY, f64::min).max(1e-3).min(1.0);
+    let most = positive().fold(0.0, f64::max).max(10.0 * least);
+    let (low, high) = (least.log10().floor(), most.log10().ceil());
+    let errors = Panel {
+        rect: ERRORS,
+        title: "share of runs with an error below, in metres",
+        across: |error| error.max(f64::MIN_POSITIVE).log10(),
+        range: [low, high],
+    };
+    let decades = std::iter::successors(Some(low), |at| Some(at + 1.0));
+    let decades = decades.take_while(|at| *at <= high).map(|at| 10.0_f64.powf(at));
+    errors.axes(canvas, decades)?;
+    let nees = Panel {
+        rect: NEES,
+        title: "share of runs with a NEES below; grey: 95 % of consistent estimators",
+        across: |nees| nees,
+        range: [0.0, MOST_NEES],
+    };
+    if let Some(runs) = contenders.iter().map(|one| one.nees.len()).min() {
+        band(canvas, &nees, runs)?;
+    }
+    nees.axes(canvas, (0..=7).map(|step| 2.0 * f64::from(step)))?;
+    let quiet = (0..=POINTS).map(|i| MOST_NEES * f64::from(i) / f64::from(POINTS));
+    let expected = quiet.map(|at| nees.pixel(at, chi_squared_2(at))).collect();
+    canvas.line(expected, palette::INK.to_rgba(), UNIT)?;
+    for (index, one) in contenders.iter().enumerate() {
+        let colour = palette::drone(index);
+        errors.curve(canvas, &one.errors_m, colour)?;
+        nees.curve(canvas, &one.nees, colour)?;
+        let row = i32::try_from(index).unwrap_or(0);
+        let y = 660 * UNIT + row * 22 * UNIT;
+        let line = vec![(72 * UNIT, y), (102 * UNIT, y)];
+        canvas.line(line, colour.to_rgba(), 3 * UNIT)?;
+        let text = format!("{}, {} runs", one.name, one.errors_m.len());
+        canvas.text(&text, (112 * UNIT, y), SIZE, palette::INK, Anchor::Left)?;
+    }
+    Ok(())
+}
+
+/// How far the share of so many consistent runs may be from χ²₂'s anywhere, with 95 % (Dvoretzky,
+/// Kiefer & Wolfowitz 1956 with the constant of Massart 1990), about the curve of χ²₂.
+fn band(canvas: &Canvas<'_>, panel: &Panel, runs: usize) -> Result<(), PictureError> {
+    let runs = f64::from(u32::try_from(runs).unwrap_or(u32::MAX)).max(1.0);
+    let reach = ((2.0_f64 / 0.05).ln() / (2.0 * runs)).sqrt();
+    let at = |i: u32| MOST_NEES * f64::from(i) / f64::from(POINTS);
+    let edge =
+        |i: u32, shift: f64| panel.pixel(at(i), (chi_squared_2(at(i)) + shift).clamp(0.0, 1.0));
+    let above = (0..=POINTS).map(|i| edge(i, reach));
+    let below = (0..=POINTS).rev().map(|i| edge(i, -reach));
+    canvas.area(above.chain(below).collect(), palette::GRID.to_rgba())
+}
+
+/// The share of χ² with two degrees of freedom that is below.
+fn chi_squared_2(at: f64) -> f64 {
+    -(-0.5 * at).exp_m1()
+}
+
+/// A field with the share of runs upwards.
+struct Panel {
+    rect: Rect,
+    title: &'static str,
+    /// Where a value lies across.
+    across: fn(f64) -> f64,
+    /// What is at the left and the right edge, in the units of `across`.
+    range: [f64; 2],
+}
+
+impl Panel {
+    fn pixel(&self, value: f64, share: f64) -> Pixel {
+        let Rect { left, top, right, bottom } = self.rect;
+        let [low, high] = self.range;
+        let along = (((self.across)(value) - low) / (high - low)).clamp(0.0, 1.0);
+        let between = |from: i32, to: i32, part: f64| from + whole(f64::from(to - from) * part);
+        (between(left, right, along), between(bottom, top, share))
+    }
+
+    fn axes(
+        &self,
+        canvas: &Canvas<'_>,
+        values: impl Iterator<Item = f64>,
+    ) -> Result<(), PictureError> {
+        let Rect { left, top, right, bottom } = self.rect;
+        for tenth in [0.0, 0.25, 0.5, 0.75, 1.0] {
+            let (_, y) = self.pixel(0.0, tenth);
+            canvas.line(vec![(left, y), (right, y)], palette::EDGE.mix(0.4), UNIT)?;
+            let label = format!("{:.0} %", 100.0 * tenth);
+            canvas.text(&label, (left - 8 * UNIT, y), SIZE, palette::FAINT_INK, Anchor::Right)?;
+        }
+        for value in values {
+            let (x, _) = self.pixel(value, 0.0);
+            canvas.line(vec![(x, top), (x, bottom)], palette::EDGE.mix(0.4), UNIT)?;
+            let at = (x, bottom + 7 * UNIT);
+            canvas.text(&format!("{value}"), at, SIZE, palette::FAINT_INK, Anchor::Top)?;
+        }
+        let above = (left, top - 16 * UNIT);
+        canvas.text(self.title, above, SIZE, palette::INK, Anchor::Left)
+    }
+
+    /// The share of rising values that is below each of them.
+    fn curve(
+        &self,
+        canvas: &Canvas<'_>,
+        values: &[f64],
+        colour: RGBColor,
+    ) -> Result<(), PictureError> {
+        let Some(last) = values.len().checked_sub(1) else { return Ok(()) };
+        let point = |i: u32| {
+            let share = f64::from(i) / f64::from(POINTS);
+            let index =
+                usize::try_from(u64::try_from(last).ok()? * u64::from(i) / u64::from(POINTS));
+            Some(self.pixel(*values.get(index.ok()?)?, share))
+        };
+        let points = (0..=POINTS).filter_map(point).collect();
+        canvas.line(points, colour.to_rgba(), 2 * UNIT)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::picture::distributions_svg;
+
+    #[test]
+    fn curves_rise_from_the_left_to_the_right() {
+        let panel = Panel { rect: NEES, title: "", across: |nees| nees, range: [0.0, MOST_NEES] };
+        assert_eq!(panel.pixel(0.0, 0.0), (NEES.left, NEES.bottom));
+        assert_eq!(panel.pixel(1e9, 1.0), (NEES.right, NEES.top));
+        // The 95 % quantile of χ²₂ is 5.991.
+        assert!((chi_squared_2(5.991_465) - 0.95).abs() < 1e-6);
+    }
+
+    #[test]
+    fn every_contender_has_its_curves_and_its_name() {
+        let one = |name: &str, scale: f64| Distribution {
+            name: name.to_owned(),
+            errors_m: (1..50).map(|i| scale * f64::from(i)).collect(),
+            nees: (1..50).map(|i| 0.1 * scale * f64::from(i)).collect(),
+        };
+        let svg = distributions_svg("pritzl-6.1", &[one("first", 0.1), one("second", 1.0)]);
+        let svg = svg.expect("drawn");
+        for text in ["pritzl-6.1", "first, 49 runs", "second, 49 runs", "NEES"] {
+            assert!(svg.contains(text), "{text}");
+        }
+        // χ²₂ and two curves for each.
+        let curves = svg.matches("<polyline").filter(|_| true).count();
+        assert!(curves >= 5 && !svg.contains("NaN"), "{curves}");
+        let empty = Distribution { name: "none".into(), errors_m: vec![], nees: vec![] };
+        assert!(distributions_svg("x", &[empty]).expect("drawn").contains("none, 0 runs"));
+        assert!(distributions_svg("x", &[]).is_ok());
+    }
+}
