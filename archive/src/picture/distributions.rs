@@ -40,7 +40,7 @@ pub(super) fn draw(
         let all = contenders.iter().flat_map(|one| [one.errors_m.first(), one.errors_m.last()]);
         all.flatten().copied().filter(|error| *error > 0.0 && error.is_finite())
     };
-    let least = positive().fold(f64::INFINITY, f64::min).max(1e-3).min(1.0);
+    let least = positive().fold(f64::INFINITY, f64::min).clamp(1e-3, 1.0);
     let most = positive().fold(0.0, f64::max).max(10.0 * least);
     let (low, high) = (least.log10().floor(), most.log10().ceil());
     let errors = Panel {
