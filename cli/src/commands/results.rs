@@ -274,11 +274,11 @@ fn comparisons(compared: &[SeedBySeed]) -> String {
             difference.map_or(0, |d| d.pairs).to_string(),
             number(difference.map(|d| d.mean), 3),
             interval(difference.map(|d| d.mean_interval), 3),
-            number(difference.and_then(|d| d.t_p_value), 4),
-            number(difference.and_then(|d| d.signed_rank_p_value), 4),
+            probability(difference.and_then(|d| d.t_p_value)),
+            probability(difference.and_then(|d| d.signed_rank_p_value)),
             number(ratio.map(|r| r.ratio), 3),
             interval(ratio.map(|r| r.ratio_interval), 3),
-            number(ratio.map(|r| r.p_value), 4),
+            probability(ratio.map(|r| r.p_value)),
         ]);
     }
     format!(
@@ -287,4 +287,12 @@ fn comparisons(compared: &[SeedBySeed]) -> String {
          over the second one's.",
         first.first, first.second
     )
+}
+
+/// A probability; one that four digits do not show is below them.
+fn probability(value: Option<f64>) -> String {
+    match value {
+        Some(value) if value < 1e-4 => "< 0.0001".to_owned(),
+        value => number(value, 4),
+    }
 }
