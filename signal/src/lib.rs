@@ -1,5 +1,7 @@
 //! Radio pulses: detected in complex samples, and given to the tags that sent them.
 
+pub mod samples;
+
 mod pulse;
 pub mod tags;
 

@@ -1,0 +1,79 @@
+use rustfft::num_complex::Complex32;
+
+/// How the bytes of one complex sample are to be read: I, then Q, little endian.
+///
+/// A tone at full scale has amplitude 1, 0 dBFS.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum SampleFormat {
+    /// Unsigned bytes, 127.5 for zero, as an RTL-SDR gives them.
+    Cu8,
+    /// Signed bytes, as a HackRF gives them.
+    Cs8,
+    /// Signed words of 16 bits, as an Airspy gives them.
+    Cs16,
+    /// Floats of 32 bits, as GNU Radio writes them.
+    Cf32,
+}
+
+impl SampleFormat {
+    /// Every format.
+    pub const ALL: [Self; 4] = [Self::Cu8, Self::Cs8, Self::Cs16, Self::Cf32];
+
+    /// Its name, which is also a file's extension.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Cu8 => "cu8",
+            Self::Cs8 => "cs8",
+            Self::Cs16 => "cs16",
+            Self::Cf32 => "cf32",
+        }
+    }
+
+    /// The format of a name or an extension, in either case; also under the names that `rtl_sdr`
+    /// (`bin`), HackRF's tools (`complex8`) and GNU Radio (`cfile`, `fc32`) give it.
+    #[must_use]
+    pub fn of_name(name: &str) -> Option<Self> {
+        Some(match name.to_ascii_lowercase().as_str() {
+            "cu8" | "bin" | "complex16u" => Self::Cu8,
+            "cs8" | "sc8" | "complex16s" => Self::Cs8,
+            "cs16" | "sc16" | "complex32s" => Self::Cs16,
+            "cf32" | "fc32" | "cfile" | "complex" => Self::Cf32,
+            _ => return None,
+        })
+    }
+
+    /// How many bytes a sample has.
+    #[must_use]
+    pub const fn bytes(self) -> usize {
+        match self {
+            Self::Cu8 | Self::Cs8 => 2,
+            Self::Cs16 => 4,
+            Self::Cf32 => 8,
+        }
+    }
+
+    /// Appends the samples of these bytes; those of an incomplete last sample are left out.
+    pub fn decode(self, bytes: &[u8], samples: &mut Vec<Complex32>) {
+        let pair = |parts: [f32; 2]| Complex32::new(parts[0], parts[1]);
+        match self {
+            Self::Cu8 => {
+                let of = |byte: u8| (f32::from(byte) - 127.5) / 127.5;
+                samples.extend(bytes.as_chunks().0.iter().map(|iq: &[u8; 2]| pair(iq.map(of))));
+            }
+            Self::Cs8 => {
+                let of = |byte: u8| f32::from(byte.cast_signed()) / 128.0;
+                samples.extend(bytes.as_chunks().0.iter().map(|iq: &[u8; 2]| pair(iq.map(of))));
+            }
+            Self::Cs16 => samples.extend(bytes.as_chunks().0.iter().map(|[a, b, c, d]| {
+                pair([[*a, *b], [*c, *d]].map(|b| f32::from(i16::from_le_bytes(b)) / 32768.0))
+            })),
+            Self::Cf32 => {
+                samples.extend(bytes.as_chunks().0.iter().map(|[a, b, c, d, e, f, g, h]| {
+                    pair([[*a, *b, *c, *d], [*e, *f, *g, *h]].map(f32::from_le_bytes))
+                }));
+            }
+        }
+    }
+}
