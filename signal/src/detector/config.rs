@@ -14,13 +14,18 @@ pub struct DetectorConfig {
     pub widths_s: Vec<f64>,
     /// How many times an hour noise may be taken for a pulse, over all frequencies and widths.
     pub false_alarms_per_hour: f64,
+    /// The least power of noise in a sample, over that of a tone at full scale: that of the steps of
+    /// the samples' numbers, below which nothing is known. Recordings that are muted between
+    /// transmissions have no other.
+    pub least_noise: f64,
     /// The power of a tone at full scale, in dBm; 0 where it is not known, for dB of full scale.
     pub full_scale_dbm: f64,
 }
 
 impl DetectorConfig {
     /// The whole band around an unknown centre, widths of 2.5, 5, 10, 20 and 40 ms, one false alarm
-    /// an hour, levels in dB of full scale.
+    /// an hour, levels in dB of full
+    /// scale, noise down to −120 dB.
     #[must_use]
     pub fn new(rate_hz: f64) -> Self {
         Self {
@@ -29,6 +34,7 @@ impl DetectorConfig {
             band_hz: None,
             widths_s: vec![2.5e-3, 5e-3, 10e-3, 20e-3, 40e-3],
             false_alarms_per_hour: 1.0,
+            least_noise: 1e-12,
             full_scale_dbm: 0.0,
         }
     }
@@ -69,6 +75,9 @@ impl DetectorConfig {
         let rate = self.false_alarms_per_hour;
         if !(1e-9..=1e6).contains(&rate) {
             return refuse("false_alarms_per_hour", rate, "1e-9 to 1e6");
+        }
+        if !(1e-18..1.0).contains(&self.least_noise) {
+            return refuse("least_noise", self.least_noise, "1e-18 to 1");
         }
         if !self.full_scale_dbm.is_finite() {
             return refuse("full_scale_dbm", self.full_scale_dbm, "finite");

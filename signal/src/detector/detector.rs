@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use rustfft::num_complex::Complex32;
 
 use super::{
@@ -5,8 +7,8 @@ use super::{
     bank::{Candidate, Stretch, Window},
     channeliser::{Channeliser, float},
     noise::Noise,
-    refine::{Peak, View},
-    resolve::Extent,
+    refine::{Peak, View, beside, over_burst},
+    resolve::{Extent, SMEAR},
     threshold::FalseAlarms,
 };
 use crate::Pulse;
@@ -18,6 +20,8 @@ const SCREENED: f64 = 0.55;
 const KEPT: usize = 15;
 /// How close to the end a candidate may begin, in windows of the widest, until more samples come.
 const OPEN: u64 = 3;
+/// How many other channels are looked at for what is on air at a pulse's time.
+const OTHER_CHANNELS: usize = 16;
 /// The bias of the highest energy near a pulse: 1 of the noise in the sum, and about 1 from taking
 /// the highest over time and frequency.
 const BIAS: f64 = 2.0;
@@ -57,6 +61,8 @@ pub struct Detector {
     /// The input's index of the first sample after the last gap, and of the next one.
     segment: u64,
     expected: Option<u64>,
+    /// Samples since a search could last begin.
+    taken: usize,
     pending: Vec<Candidate>,
     /// Signals given or refused that may hide what is still open.
     settled: Vec<Extent>,
@@ -92,11 +98,13 @@ impl Detector {
         };
         let ranges: Vec<_> = centers_hz.iter().map(range).collect();
         let mut lengths: Vec<usize> =
-            config.widths_s.iter().map(|width| samples(width * rate)).collect();
+            config.widths_s.iter().map(|width| samples(width * rate).max(1)).collect();
         lengths.sort_unstable();
         lengths.dedup();
         let windows = lengths.iter().map(|length| Window::new(*length, &ranges)).collect();
-        let noise = Noise::new(lengths[lengths.len() / 2].max(8), &ranges);
+        // White noise falls on all channels' rates alike.
+        let least = config.least_noise / float(channeliser.decimation());
+        let noise = Noise::new(lengths[lengths.len() / 2].max(8), &ranges, least);
         let alarms = FalseAlarms::new(band[1] - band[0], lengths);
         let channels = vec![Vec::new(); centers_hz.len()];
         Ok(Self {
@@ -111,6 +119,7 @@ impl Detector {
             origin: 0,
             measured: 0,
             segment: 0,
+            taken: 0,
             expected: None,
             pending: Vec::new(),
             settled: Vec::new(),
@@ -160,10 +169,19 @@ impl Detector {
             }
         }
         self.expected = Some(first.saturating_add(samples.len() as u64));
-        for part in samples.chunks(self.channeliser.decimation() << 9) {
+        let mut left = samples;
+        while !left.is_empty() {
+            // Blocks end at the same samples however they are divided.
+            let stride = self.channeliser.decimation() << 8;
+            let (part, rest) = left.split_at(left.len().min(stride - self.taken));
+            left = rest;
             self.channeliser.push(part, &mut self.channels);
-            if self.end() >= self.measured + self.block() {
-                self.search(false, found);
+            self.taken += part.len();
+            if self.taken == stride {
+                self.taken = 0;
+                if self.end() >= self.measured + self.block() {
+                    self.search(false, found);
+                }
             }
         }
         Ok(())
@@ -176,7 +194,7 @@ impl Detector {
         self.channeliser.reset();
         self.channels.iter_mut().for_each(Vec::clear);
         self.windows.iter_mut().for_each(|window| window.next = 0);
-        (self.origin, self.measured) = (0, 0);
+        (self.origin, self.measured, self.taken) = (0, 0, 0);
         self.settled.clear();
     }
 
@@ -227,21 +245,23 @@ impl Detector {
         let mut pending = std::mem::take(&mut self.pending);
         pending.sort_by(|a, b| b.energy.total_cmp(&a.energy).then(a.start.cmp(&b.start)));
         let mut signals = self.settled.clone();
+        let mut pulses = self.settled.clone();
         let given = found.len();
         for candidate in &pending {
             let extent = self.extent(candidate);
-            if signals.iter().any(|signal| signal.hides(&extent)) {
+            if signals.iter().any(|signal| signal.hides(&extent, threshold)) {
                 continue;
             }
-            match self.judge(candidate, threshold) {
+            match self.judge(candidate, threshold, &pulses) {
                 Verdict::Nothing => {}
                 Verdict::Refused(extent) => signals.push(extent),
                 Verdict::Pulse(extent, detection) => {
                     // A weaker window that reaches into a stronger signal comes out as that one.
-                    if signals.iter().any(|signal| signal.hides(&extent)) {
+                    if signals.iter().any(|signal| signal.hides(&extent, threshold)) {
                         continue;
                     }
                     signals.push(extent);
+                    pulses.push(extent);
                     if candidate.start < certain {
                         found.push(detection);
                         self.settled.push(extent);
@@ -273,29 +293,68 @@ impl Detector {
         self.centers_hz[channel] / self.channeliser.channel_rate_hz() + frequency
     }
 
-    fn judge(&self, candidate: &Candidate, threshold: f64) -> Verdict {
+    /// How far a pulse may reach until another begins, in the kept samples.
+    fn limits(&self, extent: &Extent, pulses: &[Extent]) -> Range<usize> {
+        #[expect(clippy::cast_precision_loss, reason = "below 2^52")]
+        let origin = self.origin as f64;
+        let middle = extent.start + extent.length / 2.0;
+        let mut limits = 0.0..float(self.channels[0].len());
+        for pulse in pulses {
+            let end = pulse.start + pulse.length;
+            if end < middle {
+                limits.start = limits.start.max(end + SMEAR - origin);
+            } else if pulse.start > middle {
+                limits.end = limits.end.min(pulse.start - SMEAR - origin);
+            }
+        }
+        samples(limits.start)..samples(limits.end)
+    }
+
+    fn judge(&self, candidate: &Candidate, threshold: f64, pulses: &[Extent]) -> Verdict {
         let window = &self.windows[candidate.width];
         let Some(start) = candidate.start.checked_sub(self.origin) else { return Verdict::Nothing };
         let start = place(start, 0);
         let channel = candidate.channel;
-        let noise = f64::from(self.noise.level(channel, candidate.frequency));
-        let view = View { samples: &self.channels[channel], noise };
+        let view = self.view(channel, candidate.frequency);
         let peak = view.refine(start, window.length, window.hop, candidate.frequency);
         if peak.energy < threshold {
             return Verdict::Nothing;
         }
-        let statistic = view.excess(&peak);
-        let peak = view.with_edges(peak, self.windows[0].length / 2);
+        let limits = &self.limits(&self.extent_of(channel, &peak), pulses);
+        let above = view.above_carrier(&peak);
+        let peak = view.with_edges(peak, self.windows[0].length / 2, limits);
+        let statistic = over_burst(above, &mut self.beside(channel, &peak, pulses));
         let [low, high] = self.ranges[channel];
         let slack = 0.5 / float(peak.length);
         let extent = self.extent_of(channel, &peak);
         if statistic < threshold
             || !(low - slack..=high + slack).contains(&peak.frequency)
-            || view.goes_on(&peak)
+            || peak.length > 4 * window.length
+            || view.goes_on(&peak, limits)
         {
             return Verdict::Refused(extent);
         }
-        Verdict::Pulse(extent, self.detection(channel, &peak, statistic, noise))
+        Verdict::Pulse(extent, self.detection(channel, &peak, statistic, view.noise))
+    }
+
+    fn view(&self, channel: usize, frequency: f64) -> View<'_> {
+        let noise = f64::from(self.noise.level(channel, frequency));
+        View { samples: &self.channels[channel], noise }
+    }
+
+    /// What is on air at a peak's time, at other frequencies of its channel and in other channels,
+    /// where no pulse that was found leaks.
+    fn beside(&self, channel: usize, peak: &Peak, pulses: &[Extent]) -> Vec<f64> {
+        let count = self.channels.len();
+        let step = count.div_ceil(OTHER_CHANNELS + 1);
+        let others = (1..count).step_by(step).map(|place| (channel + place) % count);
+        let cells = beside(peak).map(|cell| (channel, cell));
+        let cells = cells.chain(others.map(|other| (other, Peak { frequency: 0.0, ..*peak })));
+        let free = cells.filter(|(channel, cell)| {
+            let extent = self.extent_of(*channel, cell);
+            pulses.iter().all(|pulse| pulse.leakage(&extent) < 0.5)
+        });
+        free.map(|(channel, cell)| self.view(channel, cell.frequency).energy_of(&cell)).collect()
     }
 
     fn extent_of(&self, channel: usize, peak: &Peak) -> Extent {
@@ -333,7 +392,7 @@ impl Detector {
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked before")]
 fn samples(count: f64) -> usize {
-    count.round().max(1.0) as usize
+    count.round().max(0.0) as usize
 }
 
 /// Where an index is among what begins with another.

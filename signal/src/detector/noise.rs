@@ -25,6 +25,8 @@ pub(super) struct Noise {
     bins: Vec<Vec<usize>>,
     /// Where each channel begins among all bins.
     offsets: Vec<usize>,
+    /// The least level.
+    least: f32,
     /// Of each block the levels of all bins, and from how many frames.
     blocks: VecDeque<(Vec<f32>, usize)>,
     /// Powers of one channel, bin by bin.
@@ -40,8 +42,8 @@ impl fmt::Debug for Noise {
 
 impl Noise {
     /// Windows of this many samples; of each channel the lowest and highest frequency of its own,
-    /// over the channel's rate.
-    pub(super) fn new(window: usize, ranges: &[[f64; 2]]) -> Self {
+    /// over the channel's rate; and the least level.
+    pub(super) fn new(window: usize, ranges: &[[f64; 2]], least: f64) -> Self {
         let fft = FftPlanner::new().plan_fft_forward(window);
         let scratch = vec![Complex32::default(); fft.get_inplace_scratch_len()];
         #[expect(clippy::cast_possible_truncation, reason = "samples are f32")]
@@ -58,7 +60,19 @@ impl Noise {
             Some(before)
         });
         let offsets = offsets.collect();
-        Self { fft, scratch, window: hann, bins, offsets, blocks: VecDeque::new(), powers, levels }
+        #[expect(clippy::cast_possible_truncation, reason = "samples are f32")]
+        let least = least as f32;
+        Self {
+            fft,
+            scratch,
+            window: hann,
+            bins,
+            offsets,
+            least,
+            blocks: VecDeque::new(),
+            powers,
+            levels,
+        }
     }
 
     /// Takes a block of samples of all channels; one that is shorter than a few frames is left out,
@@ -121,8 +135,7 @@ impl Noise {
             let middle = &near[width / 4..width - width / 4];
             #[expect(clippy::cast_precision_loss, reason = "a few bins")]
             let average = middle.iter().sum::<f32>() / middle.len() as f32;
-            // Digital silence is no noise to divide by.
-            *level = average.max(1e-18);
+            *level = average.max(self.least);
         }
     }
 

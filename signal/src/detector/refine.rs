@@ -1,4 +1,7 @@
-use std::f64::consts::TAU;
+use std::{
+    f64::consts::{LN_2, TAU},
+    ops::Range,
+};
 
 use rustfft::num_complex::{Complex32, Complex64};
 
@@ -28,6 +31,8 @@ const EDGES_WORTH: f64 = 2.5;
 const REFERENCES: usize = 8;
 /// Above this, a median of reference cells is not noise: one of seven is with probability 0.002.
 const LIT: f64 = 2.5;
+/// The same where there are fewer cells: of five with probability 6e-5.
+const LIT_FEW: f64 = 4.0;
 
 impl View<'_> {
     fn energy(&self, start: usize, length: usize, frequency: f64) -> f64 {
@@ -104,12 +109,16 @@ impl View<'_> {
         frequency + step * ((high - low) / (2.0 * curvature)).clamp(-0.5, 0.5)
     }
 
-    /// The peak with its ends where its energy is highest, if they win more than noise does.
-    pub(super) fn with_edges(&self, peak: Peak, shortest: usize) -> Peak {
+    /// The peak with its ends where its energy is highest, if they win more than noise does; never
+    /// beyond the limits.
+    pub(super) fn with_edges(&self, peak: Peak, shortest: usize, limits: &Range<usize>) -> Peak {
         let mut best = peak;
         for _ in 0..3 {
-            let from = best.start.saturating_sub(3 * best.length / 2);
-            let to = (best.start + 5 * best.length / 2).min(self.samples.len());
+            let from = best.start.saturating_sub(3 * best.length / 2).max(limits.start);
+            let to = (best.start + 5 * best.length / 2).min(limits.end).min(self.samples.len());
+            if from > best.start || to < best.start + best.length {
+                break;
+            }
             let sums = self.sums(from, to, best.frequency);
             let energy =
                 |a: usize, b: usize| (sums[b] - sums[a]).norm_sqr() / (float(b - a) * self.noise);
@@ -134,25 +143,26 @@ impl View<'_> {
     }
 
     /// Whether it goes on beyond both ends, or, where that is clear, beyond one: then it is part of
-    /// something longer than the bank's windows.
-    pub(super) fn goes_on(&self, peak: &Peak) -> bool {
+    /// something longer than the bank's windows. What is beyond the limits is another pulse.
+    pub(super) fn goes_on(&self, peak: &Peak, limits: &Range<usize>) -> bool {
         let flank = (peak.length / 4).max(1);
         let guard = (peak.length / 16).max(2);
         let share = float(flank) / float(peak.length) * peak.energy;
+        let inside = |start: &usize| *start >= limits.start && start + flank <= limits.end;
         let on = |start: Option<usize>| {
-            start.is_some_and(|start| self.energy(start, flank, peak.frequency) > 0.5 * share + LIT)
+            start
+                .filter(inside)
+                .is_some_and(|start| self.energy(start, flank, peak.frequency) > 0.5 * share + LIT)
         };
         let before = on(peak.start.checked_sub(guard + flank));
         let after = on(Some(peak.start + peak.length + guard));
         (before && after) || (peak.energy > 60.0 && (before || after))
     }
 
-    /// What is left of a peak's energy over what its reference cells hold (OS-CFAR: Rohling 1983).
-    ///
-    /// Where the median of cells at other times is above that of noise there is a carrier, and only
-    /// the amplitude above its own counts. Where the median of cells at other frequencies is, there
-    /// is a burst over all of them, and that is its noise.
-    pub(super) fn excess(&self, peak: &Peak) -> f64 {
+    /// What is left of a peak's energy over what its bin holds at other times (OS-CFAR: Rohling
+    /// 1983): where the median there is above that of noise there is a carrier, and only the
+    /// amplitude above the carrier's counts.
+    pub(super) fn above_carrier(&self, peak: &Peak) -> f64 {
         let Peak { start, length, frequency, energy } = *peak;
         let mut times = Vec::with_capacity(2 * REFERENCES);
         for m in 1..=REFERENCES {
@@ -165,22 +175,40 @@ impl View<'_> {
             }
         }
         let carrier = median(&mut times).filter(|level| *level > LIT).unwrap_or(0.0);
-        let above = (energy.sqrt() - carrier.sqrt()).max(0.0).powi(2);
-        // A rectangular pulse has zeros at multiples of its inverse length. A channel is flat over
-        // two thirds of its rate.
-        let cells = (float(length) / 3.0).floor().clamp(1.0, float(REFERENCES));
-        let step = (float(length) / (3.0 * cells)).floor().max(1.0) / float(length);
-        let mut others = Vec::with_capacity(2 * REFERENCES);
-        for m in 1..=REFERENCES {
-            for sign in [-1.0, 1.0] {
-                let other = frequency + sign * step * (float(m) + 1.0);
-                if other.abs() < 0.34 {
-                    others.push(self.energy(start, length, other));
-                }
-            }
-        }
-        let burst = median(&mut others).filter(|level| *level > LIT);
-        burst.map_or(above, |level| above * std::f64::consts::LN_2 / level)
+        (energy.sqrt() - carrier.sqrt()).max(0.0).powi(2)
+    }
+
+    /// What a stretch holds.
+    pub(super) fn energy_of(&self, peak: &Peak) -> f64 {
+        self.energy(peak.start, peak.length, peak.frequency)
+    }
+}
+
+/// Where to look for what is on air beside a peak, at its time and at other frequencies of its
+/// channel.
+///
+/// A rectangular pulse has zeros at multiples of its inverse length. A channel is flat over two
+/// thirds of its rate.
+pub(super) fn beside(peak: &Peak) -> impl Iterator<Item = Peak> {
+    let length = float(peak.length);
+    let step = (length / (3.0 * float(REFERENCES))).floor().max(1.0) / length;
+    let steps = (1..=REFERENCES).flat_map(|m| [-1.0, 1.0].map(|sign| sign * (float(m) + 1.0)));
+    let peak = *peak;
+    steps
+        .map(move |steps| Peak { frequency: peak.frequency + steps * step, ..peak })
+        .filter(|cell| cell.frequency.abs() < 0.34)
+}
+
+/// What a statistic is worth over cells beside it. Where their median is that of noise, itself;
+/// otherwise there is a burst over all frequencies, which is its noise, of a level that so few
+/// cells give: an exponential over the mean of k has (1 + x/k)^−k where one over its own level has
+/// e^−x. A median of 2k is worth about k.
+pub(super) fn over_burst(statistic: f64, cells: &mut [f64]) -> f64 {
+    let known = 0.5 * float(cells.len());
+    let lit = if cells.len() < 12 { LIT_FEW } else { LIT };
+    match median(cells).filter(|level| *level > lit) {
+        None => statistic,
+        Some(level) => known * (statistic * LN_2 / level / known).ln_1p(),
     }
 }
 

@@ -54,6 +54,18 @@ impl SampleFormat {
         }
     }
 
+    /// The power of the noise that rounding to this format's steps gives a sample, over that of a
+    /// tone at full scale: a twelfth of a step's square for each of I and Q; of floats 1e-18.
+    #[must_use]
+    pub fn rounding_noise(self) -> f64 {
+        match self {
+            Self::Cu8 => 2.0 / 12.0 / 127.5_f64.powi(2),
+            Self::Cs8 => 2.0 / 12.0 / 128_f64.powi(2),
+            Self::Cs16 => 2.0 / 12.0 / 32768_f64.powi(2),
+            Self::Cf32 => 1e-18,
+        }
+    }
+
     /// Appends the samples of these bytes; those of an incomplete last sample are left out.
     pub fn decode(self, bytes: &[u8], samples: &mut Vec<Complex32>) {
         let pair = |parts: [f32; 2]| Complex32::new(parts[0], parts[1]);

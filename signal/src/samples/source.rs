@@ -144,6 +144,21 @@ impl SampleSource {
         self.center_hz
     }
 
+    /// The power of the noise that rounding gave the samples, over that of a tone at full scale.
+    #[must_use]
+    pub fn rounding_noise(&self) -> f64 {
+        match &self.reader {
+            Reader::Raw { format, .. } => format.rounding_noise(),
+            Reader::Wav(reader) => match reader.spec().sample_format {
+                hound::SampleFormat::Float => SampleFormat::Cf32.rounding_noise(),
+                hound::SampleFormat::Int => {
+                    let step = 2f64.powi(1 - i32::from(reader.spec().bits_per_sample));
+                    step * step / 6.0
+                }
+            },
+        }
+    }
+
     /// The index of the next sample.
     #[must_use]
     pub fn index(&self) -> u64 {
