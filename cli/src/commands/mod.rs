@@ -18,6 +18,7 @@ pub(crate) mod list;
 pub(crate) mod locate;
 #[cfg(feature = "hardware")]
 pub(crate) mod node;
+pub(crate) mod pulses;
 pub(crate) mod replay;
 #[cfg(feature = "store")]
 pub(crate) mod results;
@@ -69,6 +70,7 @@ pub(crate) enum Command {
     Bearing(bearing::Args),
     Antenna(antenna::Args),
     Tags(tags::Args),
+    Pulses(pulses::Args),
     #[cfg(feature = "hardware")]
     Fly(fly::Args),
     #[cfg(feature = "hardware")]
@@ -109,6 +111,7 @@ pub(crate) fn run(command: Command, context: Context<'_>) -> Result<(), CliError
         Command::Bearing(args) => bearing::run(&args, context),
         Command::Antenna(args) => antenna::run(&args, context.output),
         Command::Tags(args) => tags::run(&args, context),
+        Command::Pulses(args) => pulses::run(&args, context),
         #[cfg(feature = "hardware")]
         Command::Fly(args) => fly::run(&args, context),
         #[cfg(feature = "hardware")]

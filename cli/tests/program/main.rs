@@ -10,6 +10,7 @@ mod help;
 mod hunt;
 mod lists;
 mod pipes;
+mod pulses;
 mod recorded;
 mod replay;
 mod store;

@@ -1,0 +1,75 @@
+use std::{f64::consts::TAU, fs};
+
+use crate::support::{folder, foxhunt};
+
+/// Two seconds of an RTL-SDR's samples at 16 kS/s: noise of a counter's hash, and two pulses of
+/// 20 ms, 40 dB in energy, 1 s apart, 1.5 kHz above the middle.
+fn recording() -> Vec<u8> {
+    let mut state = 1_u64;
+    let mut noise = || {
+        // Twelve uniform numbers make a normal one.
+        let mut sum = -6.0;
+        for _ in 0..12 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            sum += f64::from((state >> 40) as u32) / f64::from(1 << 24);
+        }
+        4.0 * sum
+    };
+    let amplitude = 4.0 * 2_f64.sqrt() * (1e4_f64 / 320.0).sqrt();
+    (0..32_000_u32)
+        .flat_map(|n| {
+            let on = n % 16_000 >= 8_000 && n % 16_000 < 8_320;
+            let amplitude = if on { amplitude } else { 0.0 };
+            let angle = TAU * 1.5 / 16.0 * f64::from(n);
+            [angle.cos(), angle.sin()]
+                .map(|part| (127.5 + amplitude * part + noise()).round().clamp(0.0, 255.0) as u8)
+        })
+        .collect()
+}
+
+#[test]
+fn pulses_of_a_file() {
+    let file = folder("pulses").join("tag.cu8");
+    fs::write(&file, recording()).expect("the folder can be written to");
+    let file = file.to_str().expect("UTF-8");
+    let options = ["--rate-hz", "16000", "--center-hz", "150e6", "--full-scale-dbm", "-20"];
+    let run = |more: &[&str]| foxhunt(["pulses", file].iter().chain(&options).chain(more));
+    let report = &run(&["--json"]).json()[0];
+    let pulses = report["pulses"].as_array().expect("a list");
+    assert_eq!(pulses.len(), 2, "{report}");
+    for (pulse, time) in pulses.iter().zip([0.51, 1.51]) {
+        let value = |name: &str| pulse[name].as_f64().expect("a number");
+        assert!((value("time_s") - time).abs() < 1e-3, "{pulse}");
+        assert!((value("frequency_hz") - 150_001_500.0).abs() < 2.0, "{pulse}");
+        assert!((value("width_s") - 0.02).abs() < 1e-3, "{pulse}");
+        assert!((value("snr_db") - 40.0).abs() < 0.6, "{pulse}");
+        // An amplitude of 31.6 in 127.5: −12.1 dB of full scale.
+        assert!((value("power_dbm") + 32.1).abs() < 0.3, "{pulse}");
+        assert!(value("p_value") < 1e-6, "{pulse}");
+    }
+    let table = run(&[]);
+    assert!(table.code == 0 && table.stdout.contains("2 pulses in 2.0 s searched"), "{table:?}");
+    let csv = run(&["--csv"]);
+    assert!(csv.stdout.starts_with("time_s,frequency_hz,width_s,power_dbm,snr_db,"), "{csv:?}");
+    assert_eq!(csv.stdout.lines().count(), 3);
+    let quiet = run(&["--band-hz", "149.993e6,149.998e6"]);
+    assert!(quiet.stdout.contains("nothing detected"), "{quiet:?}");
+}
+
+#[test]
+fn bad_samples_are_named() {
+    let folder = folder("bad_pulses");
+    let write = |name: &str, text: &str| {
+        let file = folder.join(name);
+        fs::write(&file, text).expect("the folder can be written to");
+        file.to_str().expect("UTF-8").to_owned()
+    };
+    let raw = write("a.cu8", "0123");
+    foxhunt(["pulses", &raw]).failed(2, &["a.cu8", "the sample rate is missing"]);
+    foxhunt(["pulses", &raw, "--rate-hz", "0"]).failed(2, &["a.cu8", "rate is 0"]);
+    let width = ["--rate-hz", "1000", "--width-ms", "2"];
+    foxhunt(["pulses", &raw].iter().chain(&width)).failed(2, &["a.cu8", "widths_s is 0.002"]);
+    foxhunt(["pulses", "no.cu8", "--rate-hz", "1"]).failed(2, &["no.cu8: cannot be opened"]);
+    let meta = write("b.sigmf-meta", "{\"global\": {\"core:datatype\": \"ri8\"}}");
+    foxhunt(["pulses", &meta]).failed(2, &["b.sigmf-meta", "core:datatype", "ri8"]);
+}
