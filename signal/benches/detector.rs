@@ -1,5 +1,6 @@
 //! A second of samples at the rates of receivers, with 50 tags at the highest: what is taken of a
 //! core is the time of one iteration over a second.
+#![expect(clippy::cast_precision_loss, reason = "counts of samples are small")]
 
 use std::{f32::consts::TAU, hint::black_box};
 

@@ -1,4 +1,4 @@
-use std::{fmt, mem, sync::Arc};
+use std::{fmt, mem, ops::Range, sync::Arc};
 
 use rustfft::{Fft, FftPlanner, num_complex::Complex32};
 
@@ -31,6 +31,8 @@ pub(super) struct Window {
     buffer: Vec<Complex32>,
     /// The bins of each channel that are its own and one more on each side, ascending.
     bins: Vec<Vec<usize>>,
+    /// The same as stretches of the transform.
+    runs: Vec<Vec<Range<usize>>>,
     /// The first frame not yet looked at, as the channels count.
     pub(super) next: u64,
     /// The powers of three frames that follow each other.
@@ -67,13 +69,18 @@ impl Window {
         let scratch = vec![Complex32::default(); fft.get_inplace_scratch_len()];
         let more = 1.0 / float(size);
         let bins = ranges.iter().map(|[low, high]| places(size, [low - more, high + more]));
+        let bins: Vec<_> = bins.collect();
+        let runs = bins.iter().map(|bins| {
+            bins.chunk_by(|a, b| a + 1 == *b).map(|run| run[0]..run[0] + run.len()).collect()
+        });
         Self {
             length,
             hop: (length / 4).max(1),
             fft,
             scratch,
             buffer: vec![Complex32::default(); size],
-            bins: bins.collect(),
+            runs: runs.collect(),
+            bins,
             next: 0,
             rows: Default::default(),
             weights: Vec::new(),
@@ -90,7 +97,7 @@ impl Window {
     }
 
     /// Looks at the frames of a stretch; what is above the threshold and its neighbours in time and
-    /// frequency is a candidate. `each` is lent every frame's start and powers, over the noise's.
+    /// frequency is a candidate.
     ///
     /// A frame in which nearly all bins are above the threshold and about the same is a burst over
     /// all frequencies, and gives none.
@@ -101,7 +108,6 @@ impl Window {
         noise: &Noise,
         threshold: f32,
         candidates: &mut Vec<Candidate>,
-        mut each: impl FnMut(u64, &[f32]),
     ) {
         let Stretch { channel, samples, origin, last } = stretch;
         let size = self.buffer.len();
@@ -125,10 +131,12 @@ impl Window {
             row.clear();
             if let Some(frame) = frame {
                 self.transform(frame);
-                let own = self.bins[channel].iter().zip(&self.weights);
-                row.extend(own.map(|(bin, weight)| self.buffer[*bin].norm_sqr() * weight));
-                if start >= self.next {
-                    each(start, &row);
+                let mut weights = self.weights.as_slice();
+                for run in &self.runs[channel] {
+                    let (own, rest) = weights.split_at(run.len());
+                    let bins = self.buffer[run.clone()].iter().zip(own);
+                    row.extend(bins.map(|(bin, weight)| bin.norm_sqr() * weight));
+                    weights = rest;
                 }
             }
             self.rows[2] = row;
@@ -158,8 +166,9 @@ impl Window {
         candidates: &mut Vec<Candidate>,
     ) {
         let [before, row, after] = &self.rows;
-        let top = row.iter().fold(0.0_f32, |top, power| top.max(*power));
-        if top <= threshold || is_burst(row, top, threshold) {
+        // Nearly all frames end here; a count is quicker than a maximum.
+        let above: u32 = row.iter().map(|power| u32::from(*power > threshold)).sum();
+        if above == 0 || is_burst(row, threshold) {
             return;
         }
         let size = self.buffer.len();
@@ -180,7 +189,8 @@ impl Window {
 
 /// Whether a frame is above the threshold nearly everywhere and has no line that stands out, as
 /// clicks have: the lines of a pulse stand far above its own side lobes.
-fn is_burst(row: &[f32], top: f32, threshold: f32) -> bool {
+fn is_burst(row: &[f32], threshold: f32) -> bool {
+    let top = row.iter().fold(0.0_f32, |top, power| top.max(*power));
     let above = row.iter().filter(|power| **power > threshold).count();
     if row.len() < 8 || 2 * above < row.len() {
         return false;

@@ -9,12 +9,12 @@ mod bank;
 mod channeliser;
 mod config;
 mod detection;
-mod detector;
 mod noise;
 mod refine;
 mod resolve;
+mod search;
 mod threshold;
 
 pub use config::{DetectorConfig, DetectorError};
 pub use detection::Detection;
-pub use detector::Detector;
+pub use search::Detector;

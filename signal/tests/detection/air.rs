@@ -25,7 +25,6 @@ pub(crate) struct Air {
     pub(crate) generator: Xoshiro256PlusPlus,
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "samples are f32")]
 impl Air {
     pub(crate) fn new(rate_hz: f64, seed: u64) -> Self {
         Self { rate_hz, noise: true, generator: Xoshiro256PlusPlus::seed_from_u64(seed) }

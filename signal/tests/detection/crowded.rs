@@ -1,5 +1,7 @@
 //! Strong and weak pulses together, clicks, carriers, gaps.
 
+use std::f64::consts::TAU;
+
 use foxhunt_signal::detector::{Detection, Detector, DetectorConfig};
 use rustfft::num_complex::Complex32;
 
@@ -50,7 +52,7 @@ fn clicks_are_no_pulses() {
         let at = 700 + 1597 * n;
         let length = [1, 5, 30, 200][n % 4];
         for sample in &mut samples[at..at + length] {
-            let angle = air.uniform(0.0, 6.28) as f32;
+            let angle = air.uniform(0.0, TAU) as f32;
             *sample += Complex32::from_polar(30.0, angle);
         }
     }

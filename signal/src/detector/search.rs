@@ -224,8 +224,7 @@ impl Detector {
         for (channel, samples) in self.channels.iter().enumerate() {
             let stretch = Stretch { channel, samples, origin: self.origin, last };
             for (width, window) in self.windows.iter_mut().enumerate() {
-                let candidates = &mut self.pending;
-                window.screen(width, stretch, &self.noise, screened, candidates, |_, _| {});
+                window.screen(width, stretch, &self.noise, screened, &mut self.pending);
             }
         }
         self.windows.iter_mut().for_each(|window| window.advance(end, last));
