@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn launchers_give_their_shard() {
-        let slurm = |id, min| {
+        let slurm = |id: &'static str, min: &'static str| {
             let mut all = vec![("SLURM_ARRAY_TASK_ID", id), ("SLURM_ARRAY_TASK_COUNT", "4")];
             all.extend(Some(("SLURM_ARRAY_TASK_MIN", min)).filter(|(_, min)| !min.is_empty()));
             with(&all)
