@@ -32,8 +32,8 @@ const FIGURES: [Figure; 4] = [
 
 /// Compares two contenders, seed by seed; runs that lack a figure with either are left out of its
 /// comparison. Names are those of estimators, with or without the beginning of the digest; the
-/// contenders may be of different campaigns. The figures of the first one are kept in memory,
-/// 40 bytes for each run.
+/// contenders may be of different campaigns. The figures are kept in memory, 136 bytes
+/// for each run.
 ///
 /// # Errors
 ///
