@@ -45,14 +45,8 @@ pub(crate) struct Args {
     #[arg(long, value_parser = format)]
     format: Option<SampleFormat>,
     /// The lowest and the highest frequency to search [default: the whole band]
-    #[arg(
-        long,
-        value_name = "FROM,TO",
-        value_delimiter = ',',
-        num_args = 2,
-        allow_hyphen_values = true
-    )]
-    band_hz: Option<Vec<f64>>,
+    #[arg(long, value_name = "FROM,TO", value_parser = band, allow_hyphen_values = true)]
+    band_hz: Option<[f64; 2]>,
     /// How long pulses are; several widths are searched at once [default: 2.5,5,10,20,40]
     #[arg(long, value_name = "MS", value_delimiter = ',')]
     width_ms: Option<Vec<f64>>,
@@ -66,6 +60,12 @@ pub(crate) struct Args {
 
 fn format(name: &str) -> Result<SampleFormat, String> {
     SampleFormat::of_name(name).ok_or_else(|| "none of cu8, cs8, cs16, cf32".to_owned())
+}
+
+fn band(text: &str) -> Result<[f64; 2], String> {
+    let number = |text: &str| text.trim().parse::<f64>().ok();
+    let two = text.split_once(',').and_then(|(low, high)| Some([number(low)?, number(high)?]));
+    two.ok_or_else(|| "not two numbers with a comma between".to_owned())
 }
 
 /// The pulses of a file, as JSON has them.
@@ -155,9 +155,7 @@ fn config(args: &Args, source: &SampleSource) -> DetectorConfig {
     config.least_noise = source.rounding_noise();
     config.false_alarms_per_hour = args.false_alarms_per_hour;
     config.full_scale_dbm = args.full_scale_dbm.unwrap_or(0.0);
-    if let Some([low, high]) = args.band_hz.as_deref() {
-        config.band_hz = Some([*low, *high]);
-    }
+    config.band_hz = args.band_hz;
     if let Some(widths) = &args.width_ms {
         config.widths_s = widths.iter().map(|ms| ms * 1e-3).collect();
     }
@@ -198,7 +196,7 @@ fn pulses(reports: &[Report]) -> String {
                     number(1e3 * pulse.width_s, 1),
                     number(pulse.power_dbm, 1),
                     number(pulse.snr_db, 1),
-                    format!("{p_value:.0e}"),
+                    if *p_value < 1e-99 { "<1e-99".to_owned() } else { format!("{p_value:.0e}") },
                 ]);
             }
             lines.push(pulses.to_string());
