@@ -1,10 +1,13 @@
-//! Recordings and logs of foxhunt: readers, receptions, calibration, replay, pictures.
+//! Recordings and logs of foxhunt: readers, receptions, calibration, replay, pictures, exports.
 //!
 //! [`recording`] reads CSV files of other programs and our own; [`recorded`] makes receptions of
 //! them, and fits path loss, bearing errors and antenna patterns; [`replay`] runs the receptions of
-//! a log through an estimator again; [`movebank`] writes places that were found.
+//! a log through an estimator again; [`overview`] puts together what there is to look at, [`page`]
+//! shows it in a browser; [`movebank`] writes places that were found.
 
 pub mod movebank;
+pub mod overview;
+pub mod page;
 #[cfg(feature = "pictures")]
 pub mod picture;
 pub mod recorded;

@@ -49,6 +49,19 @@ pub struct ReplayedFix {
     pub logged: Option<Fix>,
 }
 
+/// A search of a log while it is replayed: when it began, or after a reception.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment<'a> {
+    /// Which of the log's events it is, from 0.
+    pub event: usize,
+    /// Which search, in the order in which they began, from 0.
+    pub search: usize,
+    /// What is believed now.
+    pub track: &'a Track,
+    /// What became of the reception; none at the beginning, and where it was refused.
+    pub step: Option<TrackStep>,
+}
+
 /// Over how many receptions the innovations are correlated: three drones receive five times between
 /// two moves, and a short search has no more than some twenty.
 const LAGS: usize = 5;
@@ -66,6 +79,21 @@ pub fn replay(
     registry: &Registry,
     other: Option<&EstimatorEntry>,
 ) -> Result<Replay, ReplayError> {
+    replay_watched(log, registry, other, &mut |_| ())
+}
+
+/// Replays a log, as [`replay`] does, and `watch` is called with each search when it begins and
+/// after each of its receptions.
+///
+/// # Errors
+///
+/// Those of [`replay`].
+pub fn replay_watched(
+    log: &Log,
+    registry: &Registry,
+    other: Option<&EstimatorEntry>,
+    watch: &mut dyn FnMut(Moment<'_>),
+) -> Result<Replay, ReplayError> {
     let estimator = match other {
         Some(other) => other.clone(),
         None => estimator_of(&log.header, registry)?,
@@ -78,7 +106,7 @@ pub fn replay(
         let request = TrackRequest { search: *search, model: &model, reference, seed };
         estimator.track(&request, true)
     };
-    replay_with(log, &mut tracks)
+    replay_moments(log, &mut tracks, watch)
 }
 
 /// Replays a log through tracks of one's own.
@@ -114,12 +142,20 @@ pub fn replay(
 ///
 /// [`ReplayError::Estimator`] when a track cannot be made.
 pub fn replay_with(log: &Log, tracks: &mut dyn Tracks) -> Result<Replay, ReplayError> {
+    replay_moments(log, tracks, &mut |_| ())
+}
+
+fn replay_moments(
+    log: &Log,
+    tracks: &mut dyn Tracks,
+    watch: &mut dyn FnMut(Moment<'_>),
+) -> Result<Replay, ReplayError> {
     let mut searches: Vec<ReplayedSearch> = Vec::new();
     let mut compared = 0;
     let mut different = 0;
     // Of which beacon the last reception was.
     let mut received = None;
-    for event in &log.events {
+    for (index, event) in log.events.iter().enumerate() {
         match event {
             Event::BeaconStarted { time, beacon, name, prior, hunt_prior } => {
                 let prior = hunt_prior.unwrap_or(*prior);
@@ -127,16 +163,19 @@ pub fn replay_with(log: &Log, tracks: &mut dyn Tracks) -> Result<Replay, ReplayE
                 let track = tracks
                     .begin(&search)
                     .map_err(|source| ReplayError::Estimator { beacon: name.clone(), source })?;
+                let number = searches.len();
+                watch(Moment { event: index, search: number, track: &track, step: None });
                 searches.push(ReplayedSearch::new(track, &search, *time));
             }
             Event::Received { first_position, reception, .. } => {
                 received = Some(reception.beacon);
-                let Some(search) = last_of(&mut searches, reception.beacon) else { continue };
+                let of_beacon = |search: &ReplayedSearch| search.fix.beacon == reception.beacon;
+                let Some(number) = searches.iter().rposition(of_beacon) else { continue };
+                let Some(search) = searches.get_mut(number) else { continue };
                 let ReplayedSearch { track, fix } = search;
                 // What the estimator refuses now it refused in flight, or would have.
-                if let Ok(TrackStep::Updated { correction, degrees_of_freedom }) =
-                    track.update(reception, *first_position)
-                {
+                let step = track.update(reception, *first_position).ok();
+                if let Some(TrackStep::Updated { correction, degrees_of_freedom }) = step {
                     fix.nis.extend(correction.nis().map(|nis| (nis, degrees_of_freedom)));
                     fix.rejected += u32::from(correction.is_rejected());
                 }
@@ -144,6 +183,7 @@ pub fn replay_with(log: &Log, tracks: &mut dyn Tracks) -> Result<Replay, ReplayE
                 fix.estimate = track.position();
                 fix.time = fix.time.max(reception.time);
                 fix.steps = track.steps();
+                watch(Moment { event: index, search: number, track, step });
             }
             Event::Corrected { beacon, estimate, .. } => {
                 let Some(beacon) = beacon.or(received) else { continue };

@@ -6,7 +6,10 @@ pub use record::{Found, SearchProgress, Simulated};
 
 use foxhunt_core::{BeaconId, Station};
 use foxhunt_hunt::{
-    hunt::{Agenda, Devices, DriveError, Drone, Event, Hunt, HuntError},
+    hunt::{
+        Agenda, BoxedSource, Devices, DriveError, Drone, Event, Hunt, HuntError, Tap, Tapped,
+        boxed_source,
+    },
     log::{LOG_VERSION, LogHeader, LoggedBeacon},
     registry::{EstimatorEntry, PartsError, Registry, RegistryError},
     scenario::{Scenario, SimulationConfig, SourcesError},
@@ -48,6 +51,7 @@ impl Setup<'_> {
             beacons: scenario.world.drawn_beacons(seed).into_iter().map(beacon).collect(),
             epoch_unix_s: None,
             homes: Vec::new(),
+            origin: None,
         }
     }
 
@@ -78,12 +82,39 @@ impl Setup<'_> {
         on_event: impl FnMut(&Event) -> Result<(), O>,
         watch: impl FnMut(&World),
     ) -> Result<Simulated, SimulationError> {
+        self.simulate_with(seed, |_, source| source, on_event, watch)
+    }
+
+    /// Flies it, and `tap` is called with the turns of all drones, so that their samples can be
+    /// kept.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`simulate`](Self::simulate).
+    pub fn simulate_tapped<O: std::error::Error + Send + Sync + 'static>(
+        &self,
+        seed: u64,
+        tap: &Tap,
+        on_event: impl FnMut(&Event) -> Result<(), O>,
+    ) -> Result<Simulated, SimulationError> {
+        let tapped = |drone, source| boxed_source(Tapped::new(source, drone, tap.clone()));
+        self.simulate_with(seed, tapped, on_event, |_| ())
+    }
+
+    /// Flies it with sources that `wrap` has changed, each drone's.
+    fn simulate_with<O: std::error::Error + Send + Sync + 'static>(
+        &self,
+        seed: u64,
+        wrap: impl Fn(usize, BoxedSource) -> BoxedSource,
+        on_event: impl FnMut(&Event) -> Result<(), O>,
+        watch: impl FnMut(&World),
+    ) -> Result<Simulated, SimulationError> {
         let Self { scenario, estimator, registry } = self;
         let world = World::new(&scenario.world, seed)?;
         let mut hunt = scenario.parts(registry, estimator, seed)?.build()?;
         let mut drones = Vec::with_capacity(world.drone_count());
         for (drone, source) in scenario.sources(registry, &world)?.into_iter().enumerate() {
-            drones.push(Drone { source, vehicle: world.vehicle(drone)? });
+            drones.push(Drone { source: wrap(drone, source), vehicle: world.vehicle(drone)? });
         }
         fly_watched(&mut hunt, &world, &mut drones, scenario.simulation, on_event, watch)
     }

@@ -32,6 +32,7 @@ fn header(truth: Option<Vector2<f64>>) -> LogHeader {
         beacons: vec![LoggedBeacon { name: "<fox & co>".to_owned(), truth, course: None }],
         epoch_unix_s: None,
         homes: Vec::new(),
+        origin: None,
     }
 }
 

@@ -2,10 +2,13 @@
 
 use std::path::Path;
 
-use foxhunt_archive::replay::{ReplayError, replay, replay_with};
+use foxhunt_archive::{
+    overview::{KeptTurn, Overview},
+    replay::{ReplayError, replay, replay_with},
+};
 use foxhunt_core::{
-    BeaconId, Bearing, Belief, Decision, Estimate, EstimatorError, Level, Outcome, Pose,
-    RandomWalk, Reception, Stage, Station, planner_fn,
+    BeaconId, Bearing, Belief, Decision, Estimate, EstimatorError, Level, Outcome, OwnedSweep,
+    Pose, RandomWalk, Reception, Sample, Stage, Station, planner_fn,
 };
 use foxhunt_filters::Ckf;
 use foxhunt_hunt::{
@@ -111,6 +114,7 @@ fn written(estimator: &EstimatorEntry) -> String {
         beacons: Vec::new(),
         epoch_unix_s: None,
         homes: Vec::new(),
+        origin: None,
     };
     let mut text = Vec::new();
     let mut writer = LogWriter::new(&mut text, &header).expect("memory takes everything");
@@ -262,4 +266,62 @@ fn logs_of_the_program_before_version_6_lead_to_the_same_fixes() {
         let ratio = fix.estimate.covariance.trace() / logged.covariance.trace();
         assert!((ratio - 1.0).abs() < within_sigma, "{name}: {ratio}");
     }
+}
+
+#[test]
+fn an_overview_holds_the_beliefs_of_the_replay() {
+    let registry = Registry::builtin();
+    let particle = registry.estimator("particle").expect("built in");
+    let log = parse(&written(particle));
+    let logged: Vec<_> = (log.events.iter())
+        .filter_map(|event| match event {
+            Event::Received { drone, reception, .. } => Some((*drone, *reception)),
+            _ => None,
+        })
+        .collect();
+    let (drone, first) = *logged.first().expect("receptions");
+    let sample = Sample {
+        time: first.time,
+        receiver: first.receiver,
+        boresight: 0.0,
+        position: 0,
+        rss_dbm: -60.0,
+    };
+    let sweep = OwnedSweep {
+        beacon: first.beacon,
+        time: first.time,
+        positions: 8,
+        samples: vec![sample; 8],
+        ..OwnedSweep::default()
+    };
+    let kept = [KeptTurn { drone, sweep }];
+    let (overview, replayed) =
+        Overview::of_log(&log, &registry, None, &kept, None).expect("its own estimator");
+    assert_eq!(replayed.different, 0);
+    assert_eq!(overview.received.len(), logged.len());
+    for (received, (_, reception)) in overview.received.iter().zip(&logged) {
+        assert_eq!(received.bearing, reception.bearing);
+        assert!(received.used && received.search == Some(0));
+    }
+    let turns = overview.received.iter().filter_map(|received| received.turn.as_ref());
+    assert_eq!(turns.map(|turn| turn.samples.len()).collect::<Vec<_>>(), [8]);
+    let [search] = overview.searches.as_slice() else { panic!("one beacon") };
+    // The prior, and one belief for each reception.
+    assert_eq!(search.beliefs.len(), logged.len() + 1);
+    let corrected = log.events.iter().filter_map(|event| match event {
+        Event::Corrected { estimate, .. } => Some(*estimate),
+        _ => None,
+    });
+    for (believed, estimate) in search.beliefs.iter().skip(1).zip(corrected) {
+        assert_eq!(believed.estimate, estimate, "to the bit");
+        assert_eq!(believed.cloud.len(), 2000);
+        // Places that stand for a belief lie about its mean: 2000 of them within σ/4.
+        let mean = believed.cloud.iter().sum::<Vector2<f64>>() / 2000.0;
+        let off = believed.estimate.nees(&mean);
+        assert!(off.is_some_and(|off| off < 1.0 / 16.0), "{off:?}");
+    }
+    assert_eq!(search.outcome.as_deref(), Some("converged"));
+    assert!(overview.notices.iter().any(|notice| notice.text == "looking for fox"));
+    let path = &overview.receivers[0].path;
+    assert!(path.is_sorted_by(|a, b| a.time <= b.time) && path.len() > logged.len(), "{path:?}");
 }

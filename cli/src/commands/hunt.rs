@@ -6,21 +6,28 @@ use std::{
 
 use foxhunt::{
     hunt::Event,
-    log::{LogHeader, LogWriter},
+    log::{Log, LogHeader, LogWriter},
+    overview::{KeptTurn, Overview},
     picture::hunt_svg,
     report::{HuntReport, HuntedBeacon},
     scenario::DEFAULT_SCENARIO,
     simulation::{Setup, Simulated},
 };
 
-use super::{choice, fixes, notices::narrate, planning::Planning, settings::Settings};
+use super::{
+    choice, fixes,
+    notices::narrate,
+    planning::Planning,
+    settings::Settings,
+    views::{Antennas, keep_turns, write_page},
+};
 use crate::{context::Context, error::CliError};
 
 /// Fly one simulated hunt
 ///
 /// Flies the drones of a scenario through a simulated hunt for its beacons, one after the other or,
-/// where turns are shared, all at once. Prints a table of fixes against the truth, and writes a log
-/// and a picture. The same scenario, estimator and seed fly the same hunt.
+/// where turns are shared, all at once. Prints a table of fixes against the truth, and writes a log,
+/// a picture and a page that shows the hunt in any browser. The same scenario, estimator and seed fly the same hunt.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt hunt\n  \
                         foxhunt hunt pritzl-6.1 --estimator particle --seed 7 --out hunts/7\n  \
@@ -40,7 +47,8 @@ pub(crate) struct Args {
     planning: Planning,
     #[command(flatten)]
     settings: Settings,
-    /// The folder that hunt.jsonl (the log) and hunt.svg (the picture) are written to
+    /// The folder that hunt.jsonl (the log), hunt.svg (the picture) and report.html (the page) are
+    /// written to
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
 }
@@ -58,28 +66,41 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
 
     let log = args.out.join("hunt.jsonl");
-    let (hunt, events) = fly(args, setup, &header, &log)?;
+    let (hunt, events, turns) = fly(args, setup, &header, &log)?;
 
     let picture = args.out.join("hunt.svg");
     let svg = hunt_svg(&header, &events).map_err(CliError::failure)?;
     fs::write(&picture, svg).map_err(|error| CliError::writing(&picture, error))?;
 
+    let flown = Log { header, events, torn: false };
+    let antenna = Antennas::of(&scenario.extractor);
+    let seen = Overview::of_log(&flown, registry, Some(&estimator), &turns, antenna.known());
+    let (overview, _) = seen.map_err(CliError::failure)?;
+    let page = args.out.join("report.html");
+    write_page(&page, &overview)?;
+
     let report = HuntReport::new(args.seed, &estimator.name, args.planning.name(), &hunt);
     output.result(&report, text)?;
-    output.note(&format!("log: {}\npicture: {}", log.display(), picture.display()))
+    output.note(&format!(
+        "log: {}\npicture: {}\nreport: {}",
+        log.display(),
+        picture.display(),
+        page.display()
+    ))
 }
 
-/// Flies the hunt into a log, and keeps its events for the picture.
+/// Flies the hunt into a log, and keeps its events and turns for the picture and the page.
 fn fly(
     args: &Args,
     setup: Setup<'_>,
     header: &LogHeader,
     log: &Path,
-) -> Result<(Simulated, Vec<Event>), CliError> {
+) -> Result<(Simulated, Vec<Event>, Vec<KeptTurn>), CliError> {
     // A scenario that cannot be flown has no event, and leaves the log of the hunt before.
     let mut writer = None;
     let mut events = Vec::new();
-    let hunt = setup.simulate(args.seed, |event| {
+    let (tap, turns) = keep_turns();
+    let hunt = setup.simulate_tapped(args.seed, &tap, |event| {
         narrate(event);
         events.push(event.clone());
         let mut log_event = || match &mut writer {
@@ -92,7 +113,7 @@ fn fly(
         log_event().map_err(|source| NotLogged { path: log.to_owned(), source })
     });
     let hunt = hunt.map_err(|error| choice::simulation_error(error, &args.scenario))?;
-    Ok((hunt, events))
+    Ok((hunt, events, turns.take()))
 }
 
 /// An event that could not be written down.

@@ -47,6 +47,7 @@ mod repetition;
 mod settings;
 #[cfg(feature = "store")]
 mod storing;
+mod views;
 
 use clap::Subcommand;
 

@@ -246,6 +246,7 @@ impl FlightConfig {
             beacons: self.beacons.iter().map(beacon).collect(),
             epoch_unix_s,
             homes: Vec::new(),
+            origin: self.site.frame().ok().map(|frame| frame.origin()),
         }
     }
 }

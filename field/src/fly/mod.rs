@@ -18,7 +18,6 @@ mod plan;
 mod ports;
 mod report;
 mod rules;
-mod tapped;
 
 pub use config::{FlightConfig, FlownBeacon, Site};
 pub use device::{GnssDevice, ListenConfig, RadioDevice, RotatorDevice, VehicleDevice};
@@ -37,6 +36,7 @@ pub use emulated_flight::{
 };
 pub use error::FlyError;
 pub use flown_drone::FlownDrone;
+pub use foxhunt_hunt::hunt::{Tap, Tapped};
 pub use identify::identify;
 pub use mission::{Mission, MissionError};
 pub use open::OpenDrone;
@@ -44,4 +44,3 @@ pub use plan::{FlightPlan, PlannedDrone};
 pub use ports::{Ports, SystemPorts};
 pub use report::{FlightReport, FlownFix, FlownTruth};
 pub use rules::{Ending, FlightRules};
-pub use tapped::{Tap, Tapped};

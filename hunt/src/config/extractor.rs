@@ -152,6 +152,21 @@ impl ExtractorConfig {
         })
     }
 
+    /// The antenna that it knows, and how far above the horizon it takes beacons to be, in radians;
+    /// `None` for one that does not know its antenna.
+    #[must_use]
+    pub fn known_antenna(&self) -> Option<(&AntennaConfig, f64)> {
+        match self {
+            Self::CrossCorrelation(known)
+            | Self::MaximumLikelihood(known)
+            | Self::MaximumLikelihoodT(known)
+            | Self::MaximumLikelihoodReflection(known) => {
+                Some((&known.antenna, known.elevation_deg.to_radians()))
+            }
+            _ => None,
+        }
+    }
+
     /// The extractor with another antenna; `None` for one that does not know its antenna.
     #[must_use]
     pub fn with_antenna(mut self, antenna: &AntennaConfig) -> Option<Self> {
@@ -202,6 +217,10 @@ mod tests {
             let bare = format!("kind = \"{}\"", named.name);
             assert_eq!(toml::from_str::<ExtractorConfig>(&bare), Ok(config.clone()));
             assert!(config.build().is_ok(), "{}", named.name);
+            let other = config.clone().with_antenna(&AntennaConfig::Isotropic);
+            let known = other.as_ref().and_then(ExtractorConfig::known_antenna);
+            assert_eq!(known.is_some(), config.known_antenna().is_some(), "{}", named.name);
+            assert!(known.is_none_or(|(antenna, _)| *antenna == AntennaConfig::Isotropic));
         }
     }
 

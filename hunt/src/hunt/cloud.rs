@@ -2,26 +2,27 @@ use foxhunt_core::Belief;
 use nalgebra::Vector2;
 
 /// How many places stand for a belief in a log.
-const PLACES: u32 = 300;
+pub(super) const LOGGED_PLACES: u32 = 300;
 
 /// A belief of fewer samples than this is given by its moments.
 const LEAST: u32 = 100;
 
-/// Places of equal weight that stand for a cloud, or a grid; `None` for a belief that its two
-/// moments give.
+/// So many places of equal weight, East and North in metres, that stand for a cloud, or a grid;
+/// `None` for a belief that its two moments give.
 ///
 /// They are drawn systematically at even steps of the cumulative weight, without a random number,
 /// so that a hunt is the same whether it is logged or not.
-pub(super) fn cloud(belief: &dyn Belief) -> Option<Vec<Vector2<f64>>> {
+#[must_use]
+pub fn cloud(belief: &dyn Belief, places: u32) -> Option<Vec<Vector2<f64>>> {
     let (mut samples, mut total) = (0_u32, 0.0);
     belief.visit_positions(&mut |_, weight| {
         samples = samples.saturating_add(1);
         total += weight;
     });
-    if samples < LEAST || !(total > 0.0 && total.is_finite()) {
+    if samples < LEAST || places == 0 || !(total > 0.0 && total.is_finite()) {
         return None;
     }
-    let step = total / f64::from(PLACES);
+    let step = total / f64::from(places);
     let (mut places, mut passed, mut next) = (Vec::new(), 0.0, 0.5 * step);
     belief.visit_positions(&mut |place, weight| {
         passed += weight;
@@ -58,12 +59,12 @@ mod tests {
 
     #[test]
     fn a_cloud_keeps_its_weights_and_a_gaussian_has_none() {
-        let places = cloud(&Ladder(1000)).expect("many samples");
+        let places = cloud(&Ladder(1000), 300).expect("many samples");
         assert_eq!(places.len(), 300);
         // A density that rises from 0 to 1000 has its mean at two thirds.
         let mean = places.iter().map(|place| place.x).sum::<f64>() / 300.0;
         assert!((mean - 667.0).abs() < 1.5, "{mean}");
-        assert_eq!(cloud(&Estimate::isotropic(Vector2::zeros(), 1.0)), None);
-        assert_eq!(cloud(&Ladder(99)), None);
+        assert_eq!(cloud(&Estimate::isotropic(Vector2::zeros(), 1.0), 300), None);
+        assert_eq!(cloud(&Ladder(99), 300), None);
     }
 }

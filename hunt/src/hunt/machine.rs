@@ -11,7 +11,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::{
     Command, Event, Fix, HuntConfig, HuntError, Track, TrackStep,
-    cloud::cloud,
+    cloud::{LOGGED_PLACES, cloud},
     flight::{Flight, Recall},
     outbox::Outbox,
 };
@@ -939,7 +939,7 @@ impl Hunt {
             formation_positions: search.measured,
             outcome,
         };
-        if let Some(places) = cloud(search.track.belief()) {
+        if let Some(places) = cloud(search.track.belief(), LOGGED_PLACES) {
             self.outbox.emit(Event::Cloud { time, beacon: fix.beacon, places });
         }
         self.outbox.emit(Event::BeaconFinished { time, fix: fix.clone() });

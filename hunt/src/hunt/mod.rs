@@ -10,8 +10,10 @@ mod flight;
 mod machine;
 mod outbox;
 mod place_estimate;
+mod tapped;
 mod track;
 
+pub use cloud::cloud;
 pub use command::Command;
 pub use config::HuntConfig;
 pub use drive::{
@@ -22,4 +24,5 @@ pub use error::HuntError;
 pub use event::{Event, Fix, FlightStage};
 pub use machine::{Believed, Hunt, Parts, Search, Tracks};
 pub use place_estimate::PlaceEstimate;
+pub use tapped::{Tap, Tapped};
 pub use track::{Components, TimeStep, Track, TrackConfig, TrackError, TrackStep, WithoutBearing};

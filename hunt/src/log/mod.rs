@@ -9,6 +9,7 @@ pub use reader::{Log, LogError};
 pub use writer::LogWriter;
 
 use foxhunt_sim::BeaconCourse;
+use foxhunt_wire::geodesy::Geodetic;
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -51,6 +52,9 @@ pub struct LogHeader {
     /// to go on from this log.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub homes: Vec<Vector3<f64>>,
+    /// Where the local frame's zero is on Earth, if that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<Geodetic>,
 }
 
 /// A beacon of a logged hunt.

@@ -28,6 +28,7 @@ fn logged(outing: &Outing, config: EstimatorConfig) -> String {
             .collect(),
         epoch_unix_s: None,
         homes: Vec::new(),
+        origin: None,
     };
     let mut text = Vec::new();
     let mut writer = LogWriter::new(&mut text, &header).expect("memory takes everything");

@@ -1,0 +1,189 @@
+//! What there is to look at of a hunt, or of recordings: paths, receptions, beliefs in time, events.
+//!
+//! The [page](crate::page) shows it, [`export`](crate::export) writes it for other programs.
+
+mod notice;
+mod of_log;
+mod of_recording;
+mod turn;
+
+pub use notice::{Notice, notice};
+pub use of_log::KeptTurn;
+pub use turn::{KnownAntenna, Turn};
+
+use foxhunt_core::{Bearing, BearingModes, Ellipse, Estimate, Level};
+use foxhunt_hunt::locate::{Located, Region, Rival};
+use foxhunt_wire::geodesy::LocalFrame;
+use nalgebra::{Vector2, Vector3};
+
+/// A hunt, or what was read of recordings, in the order of time. Places are East, North and Up in
+/// metres, angles radians counter-clockwise from East, times seconds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Overview {
+    /// What was flown or read.
+    pub title: String,
+    /// What estimated, or what read the bearings.
+    pub method: String,
+    /// The seed of what was drawn at random, where anything was.
+    pub seed: Option<u64>,
+    /// UNIX time at the time 0, in seconds, where it is known.
+    pub epoch_unix_s: Option<f64>,
+    /// Where the local frame is on Earth, if that is known.
+    pub frame: Option<LocalFrame>,
+    /// The drones, or other receivers.
+    pub receivers: Vec<Receiver>,
+    /// What they received.
+    pub received: Vec<Received>,
+    /// What was looked for: each search for a beacon.
+    pub searches: Vec<SearchOverview>,
+    /// What happened, with reasons.
+    pub notices: Vec<Notice>,
+}
+
+/// A drone, or another receiver.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Receiver {
+    /// Its name.
+    pub name: String,
+    /// Where it was at what time; on straight lines between.
+    pub path: Vec<Knot>,
+}
+
+/// A place at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Knot {
+    /// When, in seconds.
+    pub time: f64,
+    /// Where: East, North and Up in metres.
+    pub place: Vector3<f64>,
+}
+
+/// A reception, with what became of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Received {
+    /// When, in seconds.
+    pub time: f64,
+    /// Which of the receivers, from 0.
+    pub receiver: usize,
+    /// For which of the searches, from 0; none where nothing was searched.
+    pub search: Option<usize>,
+    /// Where the receiver was.
+    pub place: Vector3<f64>,
+    /// The power.
+    pub level: Option<Level>,
+    /// The bearing.
+    pub bearing: Option<Bearing>,
+    /// The directions that compete for it.
+    pub modes: BearingModes,
+    /// Why there is no bearing, or what else there is to remark.
+    pub remark: Option<String>,
+    /// Whether the estimator used it.
+    pub used: bool,
+    /// Its normalised innovation squared, and the degrees of freedom.
+    pub nis: Option<(f64, usize)>,
+    /// The turn of the antenna that it was read in, where its samples were kept.
+    pub turn: Option<Turn>,
+}
+
+/// The search for a beacon.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SearchOverview {
+    /// The beacon's name.
+    pub name: String,
+    /// Where it truly was, if that is known; one place, or its way.
+    pub truth: Vec<Knot>,
+    /// What was believed, in the order of time.
+    pub beliefs: Vec<Believed>,
+    /// The smallest region that holds it with 95 % in the end, where the estimator has one.
+    pub regions_95: Vec<Region>,
+    /// Other places that are nearly as probable in the end.
+    pub rivals: Vec<Rival>,
+    /// How the search ended, if it did.
+    pub outcome: Option<String>,
+}
+
+/// What is believed at a time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Believed {
+    /// When, in seconds.
+    pub time: f64,
+    /// After so many receptions.
+    pub steps: u32,
+    /// The first two moments of the place.
+    pub estimate: Estimate<2>,
+    /// The ellipse that holds it with 95 %.
+    pub ellipse_95: Option<Ellipse>,
+    /// The distance to the truth in metres, where that is known.
+    pub error_m: Option<f64>,
+    /// Places of equal weight that stand for the belief, where two moments do not do.
+    pub cloud: Vec<Vector2<f64>>,
+}
+
+impl SearchOverview {
+    /// A search that has one answer, from all receptions at once.
+    #[must_use]
+    pub fn located(
+        name: String,
+        located: &Located,
+        truth: Option<Vector2<f64>>,
+        time: f64,
+    ) -> Self {
+        let steps = u32::try_from(located.observations).unwrap_or(u32::MAX);
+        let believed = Believed {
+            time,
+            steps,
+            estimate: located.estimate,
+            ellipse_95: located.ellipse_95(),
+            error_m: truth.map(|truth| (located.estimate.mean - truth).norm()),
+            cloud: Vec::new(),
+        };
+        Self {
+            name,
+            truth: truth.map(|place| Knot { time, place: place.push(0.0) }).into_iter().collect(),
+            beliefs: vec![believed],
+            regions_95: located.regions_95.clone(),
+            rivals: located.rivals.clone(),
+            outcome: None,
+        }
+    }
+
+    /// What is believed in the end.
+    #[must_use]
+    pub fn last(&self) -> Option<&Believed> {
+        self.beliefs.last()
+    }
+}
+
+impl Overview {
+    /// The number of a receiver of a name; it is added where there is none.
+    pub fn receiver(&mut self, name: &str) -> usize {
+        let known = self.receivers.iter().position(|receiver| receiver.name == name);
+        known.unwrap_or_else(|| {
+            self.receivers.push(Receiver { name: name.to_owned(), path: Vec::new() });
+            self.receivers.len() - 1
+        })
+    }
+
+    /// Adds a reception, and its place to the path of its receiver.
+    pub fn add(&mut self, received: Received) {
+        if let Some(receiver) = self.receivers.get_mut(received.receiver) {
+            receiver.path.push(Knot { time: received.time, place: received.place });
+        }
+        self.received.push(received);
+    }
+
+    /// The first and the last time of all that is in it; both 0 where there is nothing.
+    #[must_use]
+    pub fn span(&self) -> [f64; 2] {
+        let paths = self.receivers.iter().flat_map(|receiver| &receiver.path);
+        let times = (self.received.iter().map(|received| received.time))
+            .chain(paths.map(|knot| knot.time))
+            .chain(self.searches.iter().flat_map(|s| &s.beliefs).map(|b| b.time))
+            .chain(self.notices.iter().map(|notice| notice.time))
+            .filter(|time| time.is_finite());
+        let span = times.fold([f64::INFINITY, f64::NEG_INFINITY], |[first, last], time| {
+            [time.min(first), time.max(last)]
+        });
+        if span.iter().all(|time| time.is_finite()) { span } else { [0.0; 2] }
+    }
+}

@@ -1,0 +1,100 @@
+use foxhunt_formation::OrderReason;
+use foxhunt_hunt::hunt::Event;
+
+/// Something that happened, in words.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Notice {
+    /// When, in seconds.
+    pub time: f64,
+    /// What, with its reason.
+    pub text: String,
+    /// Whether a person who follows the hunt has to know it.
+    pub important: bool,
+}
+
+/// What happened in an event, in words; `None` for receptions, corrections and clouds.
+#[must_use]
+pub fn notice(event: &Event) -> Option<Notice> {
+    let of_drone = |drone: usize, text: String| format!("drone {} {text}", drone.saturating_add(1));
+    let (time, important, text) = match event {
+        Event::BeaconStarted { time, name, .. } => (time, true, format!("looking for {name}")),
+        Event::Resumed { time } => (time, true, "the hunt goes on from its log".to_owned()),
+        Event::PhaseChanged { time, phase } => (time, false, phase.to_string()),
+        Event::Planned { time, reason, .. } => (time, false, format!("plan: {reason}")),
+        Event::GoalMoved { time, drone, reason, .. } => {
+            let text = format!("goes elsewhere than planned: {reason:?}").to_lowercase();
+            (time, false, of_drone(*drone, text))
+        }
+        Event::Sent { time, drone, to, reason } => {
+            let text = format!("is sent to {:.1} E {:.1} N{}", to.x, to.y, why_sent(*reason));
+            (time, false, of_drone(*drone, text))
+        }
+        Event::Held { time, drone, reason } => {
+            (time, false, of_drone(*drone, format!("waits: {reason}")))
+        }
+        Event::DutyChanged { time, drone, duty } => {
+            (time, true, format!("drone {}: {duty}", drone.saturating_add(1)))
+        }
+        Event::Stopped { time, beacon, outcome, reason } => {
+            let number = beacon.0.saturating_add(1);
+            (time, true, format!("beacon number {number}: {outcome}, {reason}"))
+        }
+        Event::Recalled { time, reason } => (time, true, format!("all drones fly home: {reason}")),
+        Event::Landed { time, drone, reason } => {
+            (time, true, of_drone(*drone, format!("lands: {reason}")))
+        }
+        Event::FilterDiverged { time, average_nis, interval: [_, high], .. } => {
+            let text = format!(
+                "the filter has diverged: its NIS is {average_nis:.1} on average, not below \
+                 {high:.1}"
+            );
+            (time, true, text)
+        }
+        Event::Refused { time, drone, reason } => {
+            (time, false, format!("a turn of drone {} is refused: {reason}", drone + 1))
+        }
+        Event::Missing { time, drone, waited_s } => {
+            (time, true, of_drone(*drone, format!("delivered nothing in {waited_s:.0} s")))
+        }
+        Event::FlightStage { time, stage, reason } => (time, true, format!("{stage}: {reason}")),
+        Event::Aircraft { time, drone, mode, armed, airborne, hindrance, .. } => {
+            let place = match (airborne, armed) {
+                (true, _) => "in the air",
+                (false, true) => "armed",
+                (false, false) => "on the ground",
+            };
+            let hindrance = Some(hindrance).filter(|text| !text.is_empty());
+            let hindrance = hindrance.map_or_else(String::new, |text| format!("; {text}"));
+            let drone = drone.saturating_add(1);
+            (time, true, format!("drone {drone}: {mode}, {place}{hindrance}"))
+        }
+        Event::DeviceFailed { time, drone, reason } => {
+            let who = match drone {
+                Some(drone) => format!("drone {}", drone.saturating_add(1)),
+                None => "the fleet".to_owned(),
+            };
+            (time, true, format!("{who}: {reason}"))
+        }
+        Event::BeaconFinished { time, fix } => {
+            (time, true, format!("{}: {} after {} steps", fix.name, fix.outcome, fix.steps))
+        }
+        // Goals follow from plans; receptions, corrections and clouds are drawn.
+        _ => return None,
+    };
+    Some(Notice { time: *time, text, important })
+}
+
+/// Why a drone was sent, where it is not simply to its goal.
+fn why_sent(reason: OrderReason) -> String {
+    match reason {
+        OrderReason::Around => ", the first corner of its way round".to_owned(),
+        OrderReason::Corner => ", the next corner of its way".to_owned(),
+        OrderReason::Stop => ", to stop".to_owned(),
+        OrderReason::Return => ", back to where it rested".to_owned(),
+        OrderReason::Exchanged { with } => {
+            format!(", the goal of drone {}", with.saturating_add(1))
+        }
+        OrderReason::Aside => ", aside to let others pass".to_owned(),
+        _ => String::new(),
+    }
+}

@@ -1,0 +1,250 @@
+use foxhunt_core::Ellipse;
+use nalgebra::{Vector2, Vector3};
+use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::points::Points;
+use crate::overview::{Believed, Knot, Notice, Overview, Received, SearchOverview, Turn};
+
+/// How many bearings, places of a path or notices a page holds; beyond that every so manieth.
+const MOST: usize = 5000;
+
+/// How many turns a page holds with their samples; beyond that the first.
+const MOST_TURNS: usize = 600;
+
+/// What the page's script reads. Lengths are metres, angles radians counter-clockwise from East,
+/// times seconds since `epoch`.
+#[derive(Debug, Serialize)]
+pub(super) struct Data<'a> {
+    title: &'a str,
+    method: &'a str,
+    seed: Option<u64>,
+    /// UNIX time at the time 0.
+    epoch: Option<f64>,
+    /// Latitude and longitude of the frame's zero in degrees.
+    origin: Option<[f64; 2]>,
+    span: [f64; 2],
+    receivers: Vec<Receiver<'a>>,
+    received: Vec<Reception<'a>>,
+    searches: Vec<Search<'a>>,
+    notices: Vec<(f64, &'a str, u8)>,
+    /// Where a consistent estimator's NIS lies with 95 %, for 1, 2, … degrees of freedom.
+    nis_95: Vec<[f64; 2]>,
+    /// What was thinned out: every so manieth is shown.
+    every: usize,
+}
+
+#[derive(Debug, Serialize)]
+struct Receiver<'a> {
+    name: &'a str,
+    /// Time, East, North, Up.
+    path: Vec<[f64; 4]>,
+}
+
+#[derive(Debug, Serialize)]
+struct Reception<'a> {
+    time: f64,
+    receiver: usize,
+    search: Option<usize>,
+    place: [f64; 3],
+    /// dBm and σ in dB.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    level: Option<[f64; 2]>,
+    /// Angle, σ, confidence.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bearing: Option<[f64; 3]>,
+    /// Weight, angle, σ of the directions that compete.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    modes: Vec<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    remark: Option<&'a str>,
+    used: bool,
+    /// The normalised innovation squared, and its degrees of freedom.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    nis: Option<(f64, usize)>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    turn: Option<PackedTurn>,
+}
+
+#[derive(Debug, Serialize)]
+struct PackedTurn {
+    samples: Points,
+    smoothed: Points,
+    fitted: Points,
+}
+
+#[derive(Debug, Serialize)]
+struct Search<'a> {
+    name: &'a str,
+    outcome: Option<&'a str>,
+    /// Time, East, North.
+    truth: Vec<[f64; 3]>,
+    beliefs: Vec<Belief>,
+    /// Parts of the 95 % region: borders, the holes after the outline.
+    regions: Vec<Vec<Vec<[f64; 2]>>>,
+    /// East, North, density over that at the estimate.
+    rivals: Vec<[f64; 3]>,
+}
+
+#[derive(Debug, Serialize)]
+struct Belief {
+    time: f64,
+    steps: u32,
+    place: [f64; 2],
+    /// Semi-axes of the 95 % ellipse, and the direction of the longer one.
+    ellipse: Option<[f64; 3]>,
+    error: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cloud: Option<Points>,
+}
+
+/// Rounded to so many decimals; JSON has no other numbers than finite ones.
+fn round(value: f64, decimals: i32) -> f64 {
+    let scale = 10_f64.powi(decimals);
+    // Beyond 2^53 there are no decimals to round.
+    if value.abs() * scale < 9e15 { (value * scale).round() / scale } else { value }
+}
+
+fn metres(value: f64) -> f64 {
+    round(value, 3)
+}
+
+fn seconds(value: f64) -> f64 {
+    round(value, 2)
+}
+
+fn radians(value: f64) -> f64 {
+    round(value, 4)
+}
+
+fn flat(place: &Vector2<f64>) -> [f64; 2] {
+    [metres(place.x), metres(place.y)]
+}
+
+fn high(place: &Vector3<f64>) -> [f64; 3] {
+    [metres(place.x), metres(place.y), metres(place.z)]
+}
+
+impl<'a> Data<'a> {
+    pub(super) fn of(overview: &'a Overview) -> Self {
+        let every = overview.received.len().div_ceil(MOST).max(1);
+        let mut turns = 0;
+        let received = overview.received.iter().step_by(every).map(|received| {
+            turns += usize::from(received.turn.is_some());
+            Reception::of(received, turns <= MOST_TURNS)
+        });
+        let receivers = overview.receivers.iter().map(|receiver| Receiver {
+            name: &receiver.name,
+            path: thinned(&receiver.path).map(|k| knot(k)).collect(),
+        });
+        let origin = overview.frame.map(|frame| frame.origin());
+        Self {
+            title: &overview.title,
+            method: &overview.method,
+            seed: overview.seed,
+            epoch: overview.epoch_unix_s,
+            origin: origin.map(|origin| [round(origin.lat_deg, 8), round(origin.lon_deg, 8)]),
+            span: overview.span().map(seconds),
+            received: received.collect(),
+            receivers: receivers.collect(),
+            searches: overview.searches.iter().map(Search::of).collect(),
+            notices: thinned(&overview.notices)
+                .map(|Notice { time, text, important }| {
+                    (seconds(*time), text.as_str(), u8::from(*important))
+                })
+                .collect(),
+            nis_95: (1..=4).filter_map(nis_95).collect(),
+            every,
+        }
+    }
+}
+
+/// Every so manieth, and the last.
+fn thinned<T>(all: &[T]) -> impl Iterator<Item = &T> {
+    let every = all.len().div_ceil(MOST).max(1);
+    let last = all.len().saturating_sub(1);
+    all.iter().enumerate().filter(move |(i, _)| i % every == 0 || *i == last).map(|(_, one)| one)
+}
+
+fn knot(knot: &Knot) -> [f64; 4] {
+    let [east, north, up] = high(&knot.place);
+    [seconds(knot.time), east, north, up]
+}
+
+/// Between which values χ² lies with 95 %.
+fn nis_95(degrees: u8) -> Option<[f64; 2]> {
+    let chi_squared = ChiSquared::new(f64::from(degrees)).ok()?;
+    Some([0.025, 0.975].map(|p| round(chi_squared.inverse_cdf(p), 4)))
+}
+
+impl<'a> Reception<'a> {
+    fn of(received: &'a Received, with_turn: bool) -> Self {
+        let modes = received.modes.as_slice().iter();
+        let turn = received.turn.as_ref().filter(|_| with_turn);
+        Self {
+            time: seconds(received.time),
+            receiver: received.receiver,
+            search: received.search,
+            place: high(&received.place),
+            level: received.level.map(|l| [round(l.rss_dbm, 2), round(l.sigma_db, 2)]),
+            bearing: (received.bearing)
+                .map(|b| [radians(b.angle), radians(b.sigma), round(b.confidence, 3)]),
+            modes: modes
+                .map(|m| [round(m.weight, 3), radians(m.angle), radians(m.sigma)])
+                .collect(),
+            remark: received.remark.as_deref(),
+            used: received.used,
+            nis: received.nis.map(|(nis, degrees)| (round(nis, 4), degrees)),
+            turn: turn.map(PackedTurn::of),
+        }
+    }
+}
+
+impl PackedTurn {
+    fn of(turn: &Turn) -> Self {
+        let pack = |points: &[[f64; 2]]| Points::new(points.iter().copied());
+        Self {
+            samples: pack(&turn.samples),
+            smoothed: pack(&turn.smoothed),
+            fitted: pack(&turn.fitted),
+        }
+    }
+}
+
+impl<'a> Search<'a> {
+    fn of(search: &'a SearchOverview) -> Self {
+        let border = |outline: &Vec<Vector2<f64>>| outline.iter().map(flat).collect();
+        let truth = |knot: &Knot| [seconds(knot.time), metres(knot.place.x), metres(knot.place.y)];
+        Self {
+            name: &search.name,
+            outcome: search.outcome.as_deref(),
+            truth: search.truth.iter().map(truth).collect(),
+            beliefs: search.beliefs.iter().map(Belief::of).collect(),
+            regions: (search.regions_95.iter())
+                .map(|r| std::iter::once(&r.outline).chain(&r.holes).map(border).collect())
+                .collect(),
+            rivals: (search.rivals.iter())
+                .map(|rival| {
+                    let [east, north] = flat(&rival.place);
+                    [east, north, round(rival.relative_density, 3)]
+                })
+                .collect(),
+        }
+    }
+}
+
+impl Belief {
+    fn of(believed: &Believed) -> Self {
+        let cloud = Some(&believed.cloud).filter(|cloud| !cloud.is_empty());
+        Self {
+            time: seconds(believed.time),
+            steps: believed.steps,
+            place: flat(&believed.estimate.mean),
+            ellipse: believed.ellipse_95.map(|Ellipse { semi_major, semi_minor, orientation }| {
+                [metres(semi_major), metres(semi_minor), radians(orientation)]
+            }),
+            error: believed.error_m.map(metres),
+            cloud: cloud.map(|cloud| Points::new(cloud.iter().map(|place| [place.x, place.y]))),
+        }
+    }
+}

@@ -1,0 +1,818 @@
+// The report page: a map in time, the turn behind each bearing, plots and events.
+// Its data are the JSON of data.rs: metres East and North, radians counter-clockwise from East, seconds.
+(() => {
+"use strict";
+
+const data = JSON.parse(document.getElementById("data").textContent);
+const byId = (id) => document.getElementById(id);
+
+// ---------------------------------------------------------------- colours, numbers, elements
+
+// Okabe & Ito 2008, told apart with any colour vision; receivers have numbers besides.
+const RECEIVERS = ["#0072b2", "#e69f00", "#009e73", "#56b4e9", "#cc79a7", "#8c6e1e"];
+const SEARCHES = ["#d55e00", "#7b3294", "#00624a", "#8c510a"];
+const INK = "#000", FAINT = "#555", GRID = "#e2e2e2";
+const receiverColour = (index) => RECEIVERS[index % RECEIVERS.length];
+const searchColour = (index) => SEARCHES[index % SEARCHES.length];
+
+const TAU = 2 * Math.PI;
+const compass = (angle) => (((90 - (angle * 180) / Math.PI) % 360) + 360) % 360;
+const fixed = (value, decimals) => (Number.isFinite(value) ? value.toFixed(decimals) : "–");
+const degrees = (angle) => fixed((angle * 180) / Math.PI, 1) + "°";
+
+// Text is only ever set as text, never as HTML: names come from files.
+function element(tag, attributes, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes || {})) made.setAttribute(name, value);
+  made.append(...children);
+  return made;
+}
+
+function drawn(tag, attributes, text) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  if (text !== undefined) made.textContent = text;
+  return made;
+}
+
+// Points of 12 bits for either number, four characters each.
+const SIX_BITS = new Map([..."ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"].map((c, i) => [c.charCodeAt(0), i]));
+function unpack({ from, size, points }) {
+  const places = new Float64Array(points.length / 2);
+  for (let i = 0; i < places.length; i += 1) {
+    const steps = SIX_BITS.get(points.charCodeAt(2 * i)) * 64 + SIX_BITS.get(points.charCodeAt(2 * i + 1));
+    places[i] = from[i % 2] + (size[i % 2] * steps) / 4095;
+  }
+  return places;
+}
+
+// The number of leading items whose time is not after `time`; items are in the order of time.
+function countUntil(times, time) {
+  let low = 0, high = times.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= time) low = middle + 1; else high = middle;
+  }
+  return low;
+}
+
+// ---------------------------------------------------------------- the data in the order of time
+
+const [begin, end] = data.span;
+const duration = Math.max(end - begin, 1e-9);
+const received = data.received.map((one, index) => ({ ...one, index })).sort((a, b) => a.time - b.time || a.index - b.index);
+received.forEach((one, index) => { one.index = index; });
+const receivedTimes = received.map((one) => one.time);
+for (const search of data.searches) {
+  search.times = search.beliefs.map((belief) => belief.time);
+  search.unpacked = new Map();
+}
+for (const receiver of data.receivers) {
+  receiver.path.sort((a, b) => a[0] - b[0]);
+  receiver.times = receiver.path.map((knot) => knot[0]);
+}
+const hasBearings = received.some((one) => one.bearing || one.modes);
+const levels = received.filter((one) => one.level).map((one) => one.level[0]);
+const lowest = levels.reduce((a, b) => Math.min(a, b), Infinity), highest = levels.reduce((a, b) => Math.max(a, b), -Infinity);
+
+// A place on the way at a time, on straight lines between knots [time, East, North, …].
+function placeAt(knots, times, time) {
+  const after = countUntil(times, time);
+  if (after === 0) return null;
+  const a = knots[after - 1], b = knots[after];
+  if (!b) return [a[1], a[2]];
+  const share = (time - a[0]) / Math.max(b[0] - a[0], 1e-9);
+  return [a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])];
+}
+
+const beliefAt = (search, time) => search.beliefs[countUntil(search.times, time) - 1];
+
+function clockText(time) {
+  if (data.epoch !== null && data.epoch !== undefined) {
+    return new Date((data.epoch + time) * 1000).toISOString().slice(11, 21).replace("T", " ");
+  }
+  return `${fixed(time - (begin > 1e6 ? begin : 0), 1)} s`;
+}
+
+// Metres per radian of latitude and longitude on WGS84 at the origin.
+const earth = data.origin && (() => {
+  const latitude = (data.origin[0] * Math.PI) / 180, a = 6378137, e2 = 6.69437999014e-3;
+  const w = 1 - e2 * Math.sin(latitude) ** 2;
+  return { perLat: (a * (1 - e2)) / w ** 1.5, perLon: (a * Math.cos(latitude)) / Math.sqrt(w) };
+})();
+function onEarth([east, north]) {
+  const lat = data.origin[0] + ((north / earth.perLat) * 180) / Math.PI;
+  const lon = data.origin[1] + ((east / earth.perLon) * 180) / Math.PI;
+  return `${lat.toFixed(6)}, ${lon.toFixed(6)}`;
+}
+
+// ---------------------------------------------------------------- the state
+
+const state = { time: end, playing: false, selected: null, layers: {} };
+
+// ---------------------------------------------------------------- the map
+
+const canvas = byId("map"), context = canvas.getContext("2d");
+const view = { east: 0, north: 0, scale: 1, width: 1, height: 1, moved: false };
+
+const extent = (() => {
+  let [west, south, east, north] = [Infinity, Infinity, -Infinity, -Infinity];
+  const add = (e, n) => {
+    west = Math.min(west, e); east = Math.max(east, e); south = Math.min(south, n); north = Math.max(north, n);
+  };
+  for (const receiver of data.receivers) for (const knot of receiver.path) add(knot[1], knot[2]);
+  for (const one of received) add(one.place[0], one.place[1]);
+  for (const search of data.searches) {
+    for (const knot of search.truth) add(knot[1], knot[2]);
+    for (const rival of search.rivals) add(rival[0], rival[1]);
+    const last = search.beliefs[search.beliefs.length - 1];
+    if (last) add(...last.place);
+    if (last && last.ellipse && last.ellipse[0] < 3 * Math.hypot(east - west, north - south)) {
+      const r = last.ellipse[0];
+      add(last.place[0] - r, last.place[1] - r); add(last.place[0] + r, last.place[1] + r);
+    }
+  }
+  if (west > east) [west, south, east, north] = [-10, -10, 10, 10];
+  const least = Math.max(10 - Math.max(east - west, north - south), 0) / 2;
+  return { west: west - least, south: south - least, east: east + least, north: north + least };
+})();
+const fieldSize = Math.hypot(extent.east - extent.west, extent.north - extent.south);
+const rayLength = Math.max(0.6 * fieldSize, 10);
+
+function fit() {
+  const margin = 46;
+  view.scale = Math.min(
+    Math.max(view.width - 2 * margin, 50) / (extent.east - extent.west),
+    Math.max(view.height - 2 * margin, 50) / (extent.north - extent.south),
+  );
+  view.east = (extent.west + extent.east) / 2;
+  view.north = (extent.south + extent.north) / 2;
+  view.moved = false;
+}
+const x = (east) => view.width / 2 + (east - view.east) * view.scale;
+const y = (north) => view.height / 2 - (north - view.north) * view.scale;
+const toPlace = (px, py) => [view.east + (px - view.width / 2) / view.scale, view.north - (py - view.height / 2) / view.scale];
+
+// 1, 2 or 5 times a power of ten, at least `least`.
+function nice(least) {
+  const power = 10 ** Math.floor(Math.log10(least));
+  return [1, 2, 5, 10].map((step) => step * power).find((step) => step >= least);
+}
+
+function path(points, close) {
+  context.beginPath();
+  points.forEach(([e, n], index) => (index ? context.lineTo(x(e), y(n)) : context.moveTo(x(e), y(n))));
+  if (close) context.closePath();
+}
+
+function label(text, px, py, colour) {
+  context.font = "600 14px system-ui, sans-serif";
+  context.lineWidth = 4; context.strokeStyle = "#fff"; context.lineJoin = "round";
+  context.strokeText(text, px, py);
+  context.fillStyle = colour; context.fillText(text, px, py);
+}
+
+function drawGround() {
+  context.fillStyle = "#fff"; context.fillRect(0, 0, view.width, view.height);
+  const step = nice(90 / view.scale), [west, north] = toPlace(0, 0), [east, south] = toPlace(view.width, view.height);
+  const decimals = step < 1 ? Math.ceil(-Math.log10(step)) : 0;
+  context.lineWidth = 1; context.strokeStyle = GRID; context.fillStyle = FAINT; context.font = "12px system-ui, sans-serif";
+  context.textAlign = "center";
+  for (let e = Math.ceil(west / step) * step; e <= east; e += step) {
+    context.beginPath(); context.moveTo(x(e), 0); context.lineTo(x(e), view.height); context.stroke();
+    if (x(e) > 60) context.fillText(e.toFixed(decimals), x(e), 14);
+  }
+  context.textAlign = "left";
+  for (let n = Math.ceil(south / step) * step; n <= north; n += step) {
+    context.beginPath(); context.moveTo(0, y(n)); context.lineTo(view.width, y(n)); context.stroke();
+    if (y(n) > 24 && y(n) < view.height - 30) context.fillText(n.toFixed(decimals), 4, y(n) - 3);
+  }
+}
+
+function drawScaleAndNorth() {
+  const bar = nice(70 / view.scale), px = bar * view.scale, right = view.width - 16, bottom = view.height - 14;
+  context.fillStyle = "#ffffffd0"; context.fillRect(right - px - 8, bottom - 24, px + 16, 34);
+  context.strokeStyle = INK; context.fillStyle = INK; context.lineWidth = 3;
+  context.beginPath(); context.moveTo(right - px, bottom); context.lineTo(right, bottom); context.stroke();
+  context.textAlign = "center"; context.font = "600 13px system-ui, sans-serif";
+  context.fillText(bar >= 1000 ? `${bar / 1000} km` : `${bar} m`, right - px / 2, bottom - 8);
+  const left = 26, top = 34;
+  context.beginPath(); context.moveTo(left, top - 18); context.lineTo(left + 8, top + 8); context.lineTo(left, top + 2);
+  context.lineTo(left - 8, top + 8); context.closePath(); context.fill();
+  context.fillText("N", left, top + 24);
+  context.textAlign = "left";
+}
+
+// Viridis-like steps from weak to strong, legible without colour vision by their lightness.
+function levelColour(dbm) {
+  const share = highest > lowest ? (dbm - lowest) / (highest - lowest) : 1;
+  return `hsl(${Math.round(270 - 215 * share)} 75% ${Math.round(25 + 30 * share)}%)`;
+}
+
+function wedge(one, alpha) {
+  const [angle, sigma] = one.bearing, [e, n] = one.place, reach = Math.min(sigma, Math.PI);
+  context.beginPath(); context.moveTo(x(e), y(n));
+  context.arc(x(e), y(n), rayLength * view.scale, -(angle + reach), -(angle - reach));
+  context.closePath();
+  context.globalAlpha = alpha; context.fillStyle = receiverColour(one.receiver); context.fill(); context.globalAlpha = 1;
+}
+
+function ray(one, angle, dash, width, alpha) {
+  const [e, n] = one.place;
+  context.globalAlpha = alpha; context.lineWidth = width; context.setLineDash(dash);
+  context.strokeStyle = receiverColour(one.receiver);
+  path([[e, n], [e + rayLength * Math.cos(angle), n + rayLength * Math.sin(angle)]]); context.stroke();
+  context.setLineDash([]); context.globalAlpha = 1;
+}
+
+function drawReceived(count) {
+  // The latest of each receiver stand out.
+  const latest = new Map();
+  for (let i = count - 1; i >= 0 && latest.size < data.receivers.length; i -= 1) {
+    const key = received[i].receiver;
+    if (!latest.has(key) && received[i].time >= state.time - 0.2 * duration) latest.set(key, i);
+    else if (received[i].time < state.time - 0.2 * duration) break;
+  }
+  const isLatest = (one) => latest.get(one.receiver) === one.index;
+  if (hasBearings) {
+    for (let i = 0; i < count; i += 1) {
+      const one = received[i];
+      if (!one.bearing) continue;
+      if (state.layers.wedges && (isLatest(one) || i === state.selected)) wedge(one, i === state.selected ? 0.3 : 0.16);
+      if (state.layers.bearings) {
+        const strong = isLatest(one) || i === state.selected;
+        ray(one, one.bearing[0], one.used ? [] : [6, 5], i === state.selected ? 4 : strong ? 2.5 : 1, strong ? 1 : 0.35);
+      }
+    }
+    if (state.layers.rivals) {
+      for (let i = 0; i < count; i += 1) {
+        const one = received[i];
+        if (one.modes && (isLatest(one) || i === state.selected)) for (const mode of one.modes) ray(one, mode[1], [2, 4], 2, 0.9);
+      }
+    }
+  }
+}
+
+function drawPlaces(count) {
+  if (state.layers.places) {
+    for (let i = 0; i < count; i += 1) {
+      const one = received[i], radius = hasBearings ? 3.5 : 4.5;
+      context.beginPath(); context.arc(x(one.place[0]), y(one.place[1]), radius, 0, TAU);
+      context.fillStyle = !hasBearings && one.level ? levelColour(one.level[0]) : receiverColour(one.receiver);
+      if (one.level || one.bearing) context.fill();
+      else { context.strokeStyle = FAINT; context.lineWidth = 1.5; context.stroke(); }
+    }
+  }
+  const selected = received[state.selected];
+  if (selected) {
+    context.beginPath(); context.arc(x(selected.place[0]), y(selected.place[1]), 10, 0, TAU);
+    context.lineWidth = 3; context.strokeStyle = INK; context.stroke();
+  }
+}
+
+function drawPaths() {
+  data.receivers.forEach((receiver, index) => {
+    const count = countUntil(receiver.times, state.time), here = placeAt(receiver.path, receiver.times, state.time);
+    if (!here) return;
+    path([...receiver.path.slice(0, count).map((knot) => [knot[1], knot[2]]), here]);
+    context.lineJoin = "round";
+    context.lineWidth = 6; context.strokeStyle = "#fff"; context.stroke();
+    context.lineWidth = 3; context.strokeStyle = receiverColour(index); context.globalAlpha = 0.8; context.stroke(); context.globalAlpha = 1;
+  });
+}
+
+function drawReceivers() {
+  if (data.receivers.length > 12) return;
+  data.receivers.forEach((receiver, index) => {
+    const here = placeAt(receiver.path, receiver.times, state.time);
+    if (!here) return;
+    context.beginPath(); context.arc(x(here[0]), y(here[1]), 10, 0, TAU);
+    context.fillStyle = receiverColour(index); context.fill();
+    context.lineWidth = 2; context.strokeStyle = "#fff"; context.stroke();
+    context.font = "700 13px system-ui, sans-serif"; context.textAlign = "center";
+    context.fillStyle = index % RECEIVERS.length === 1 || index % RECEIVERS.length === 3 ? "#000" : "#fff";
+    context.fillText(String(index + 1), x(here[0]), y(here[1]) + 4.5); context.textAlign = "left";
+  });
+}
+
+function cloudOf(search, belief) {
+  if (!belief.cloud) return null;
+  if (!search.unpacked.has(belief)) {
+    if (search.unpacked.size > 64) search.unpacked.clear();
+    search.unpacked.set(belief, unpack(belief.cloud));
+  }
+  return search.unpacked.get(belief);
+}
+
+function drawCloud(search, belief, colour) {
+  const places = cloudOf(search, belief);
+  if (!places) return;
+  context.fillStyle = colour; context.globalAlpha = 0.35;
+  for (let i = 0; i < places.length; i += 2) context.fillRect(x(places[i]) - 1.5, y(places[i + 1]) - 1.5, 3, 3);
+  context.globalAlpha = 1;
+}
+
+function drawSearch(search, index) {
+  const colour = searchColour(index), belief = beliefAt(search, state.time);
+  if (!belief) return;
+  const isLast = belief === search.beliefs[search.beliefs.length - 1];
+  if (state.layers.cloud) drawCloud(search, belief, colour);
+  if (isLast && state.layers.regions) {
+    for (const part of search.regions) {
+      context.beginPath();
+      for (const border of part) border.forEach(([e, n], i) => (i ? context.lineTo(x(e), y(n)) : context.moveTo(x(e), y(n))));
+      context.globalAlpha = 0.2; context.fillStyle = colour; context.fill("evenodd");
+      context.globalAlpha = 1; context.lineWidth = 1.5; context.strokeStyle = colour; context.stroke();
+    }
+  }
+  if (state.layers.estimates && search.beliefs.length > 1) {
+    const count = countUntil(search.times, state.time);
+    context.globalAlpha = 0.7; context.lineWidth = 1.5; context.strokeStyle = colour; context.setLineDash([3, 3]);
+    path(search.beliefs.slice(0, count).map((one) => one.place)); context.stroke();
+    context.setLineDash([]); context.globalAlpha = 1;
+  }
+  const [px, py] = [x(belief.place[0]), y(belief.place[1])];
+  if (state.layers.ellipse && belief.ellipse) {
+    const [a, b, along] = belief.ellipse;
+    context.beginPath(); context.ellipse(px, py, a * view.scale, b * view.scale, -along, 0, TAU);
+    context.lineWidth = 3; context.strokeStyle = colour; context.stroke();
+  }
+  if (state.layers.estimates) {
+    if (isLast) {
+      for (const [e, n, density] of search.rivals) {
+        context.strokeStyle = colour; context.lineWidth = 2; context.strokeRect(x(e) - 6, y(n) - 6, 12, 12);
+        label(`rival, ${density.toFixed(2)}`, x(e) + 10, y(n) + 5, colour);
+      }
+    }
+    context.lineWidth = 6; context.strokeStyle = "#fff";
+    const cross = () => {
+      context.beginPath(); context.moveTo(px - 9, py); context.lineTo(px + 9, py); context.moveTo(px, py - 9); context.lineTo(px, py + 9);
+      context.stroke();
+    };
+    cross(); context.lineWidth = 3; context.strokeStyle = colour; cross();
+    label(search.name, px + 11, py - 9, colour);
+  }
+}
+
+function drawTruth(search) {
+  if (!search.truth.length) return;
+  const here = placeAt(search.truth, search.truth.map((knot) => knot[0]), state.time) || [search.truth[0][1], search.truth[0][2]];
+  if (search.truth.length > 1) {
+    context.lineWidth = 1.5; context.strokeStyle = INK; context.setLineDash([8, 4]);
+    path(search.truth.map((knot) => [knot[1], knot[2]])); context.stroke(); context.setLineDash([]);
+  }
+  const [px, py] = [x(here[0]), y(here[1])];
+  context.beginPath();
+  for (let i = 0; i < 10; i += 1) {
+    const radius = i % 2 ? 4 : 10, angle = -Math.PI / 2 + (i * Math.PI) / 5;
+    context.lineTo(px + radius * Math.cos(angle), py + radius * Math.sin(angle));
+  }
+  context.closePath(); context.fillStyle = INK; context.fill(); context.lineWidth = 1.5; context.strokeStyle = "#fff"; context.stroke();
+}
+
+function drawMap() {
+  const ratio = window.devicePixelRatio || 1;
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  drawGround();
+  const count = countUntil(receivedTimes, state.time);
+  drawReceived(count);
+  if (state.layers.paths) drawPaths();
+  drawPlaces(count);
+  data.searches.forEach(drawSearch);
+  if (state.layers.truth) data.searches.forEach(drawTruth);
+  if (state.layers.paths) drawReceivers();
+  drawScaleAndNorth();
+}
+
+function resizeMap() {
+  const box = byId("map-box").getBoundingClientRect(), ratio = window.devicePixelRatio || 1;
+  view.width = box.width - 2; view.height = box.height - 2;
+  canvas.width = Math.round(view.width * ratio); canvas.height = Math.round(view.height * ratio);
+  if (!view.moved) fit();
+}
+
+// ---------------------------------------------------------------- pointing at the map
+
+// The reception whose place or bearing is nearest to a pixel, among those that are shown.
+function receptionAt(px, py, reach) {
+  let best = null, least = reach;
+  const count = countUntil(receivedTimes, state.time);
+  for (let i = 0; i < count; i += 1) {
+    const one = received[i], [dx, dy] = [px - x(one.place[0]), py - y(one.place[1])];
+    let distance = Math.hypot(dx, dy) - 4;
+    if (one.bearing && state.layers.bearings) {
+      const [cos, sin] = [Math.cos(one.bearing[0]), -Math.sin(one.bearing[0])];
+      const along = dx * cos + dy * sin, off = Math.abs(dy * cos - dx * sin);
+      if (along >= 0 && along <= rayLength * view.scale) distance = Math.min(distance, off);
+    }
+    // Of equally near ones the latest: it is drawn on top.
+    if (distance <= least) { least = distance; best = i; }
+  }
+  return best;
+}
+
+function zoom(factor, px = view.width / 2, py = view.height / 2) {
+  const [e, n] = toPlace(px, py);
+  view.scale = Math.min(Math.max(view.scale * factor, 1e-4), 1e5);
+  const [e2, n2] = toPlace(px, py);
+  view.east += e - e2; view.north += n - n2; view.moved = true;
+  redraw();
+}
+
+const pointers = new Map();
+let pressed = null;
+canvas.addEventListener("pointerdown", (event) => {
+  canvas.setPointerCapture(event.pointerId);
+  pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+  pressed = pointers.size === 1 ? { at: [event.offsetX, event.offsetY], touch: event.pointerType !== "mouse" } : null;
+});
+canvas.addEventListener("pointermove", (event) => {
+  const now = [event.offsetX, event.offsetY], before = pointers.get(event.pointerId);
+  const place = toPlace(...now);
+  byId("pointer").textContent = `${fixed(place[0], 1)} E  ${fixed(place[1], 1)} N` + (earth ? `  (${onEarth(place)})` : "");
+  if (!before) return;
+  if (pointers.size === 2) {
+    const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
+    const apart = (a, b) => Math.max(Math.hypot(a[0] - b[0], a[1] - b[1]), 1);
+    zoom(apart(now, other) / apart(before, other), (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
+  } else if (!pressed || Math.hypot(now[0] - pressed.at[0], now[1] - pressed.at[1]) > 5) {
+    pressed = null;
+    view.east -= (now[0] - before[0]) / view.scale; view.north += (now[1] - before[1]) / view.scale; view.moved = true;
+    redraw();
+  }
+  pointers.set(event.pointerId, now);
+});
+canvas.addEventListener("pointerup", (event) => {
+  pointers.delete(event.pointerId);
+  if (pressed) select(receptionAt(...pressed.at, pressed.touch ? 22 : 10));
+  pressed = null;
+});
+canvas.addEventListener("pointercancel", (event) => { pointers.delete(event.pointerId); pressed = null; });
+canvas.addEventListener("wheel", (event) => {
+  event.preventDefault();
+  zoom(Math.exp(-0.0015 * event.deltaY), event.offsetX, event.offsetY);
+}, { passive: false });
+byId("zoom-in").addEventListener("click", () => zoom(1.5));
+byId("zoom-out").addEventListener("click", () => zoom(1 / 1.5));
+byId("zoom-fit").addEventListener("click", () => { fit(); redraw(); });
+
+// ---------------------------------------------------------------- what is shown
+
+const LAYERS = [
+  ["paths", "receivers and paths", `<circle cx="8" cy="8" r="6" fill="#0072b2"/><path d="M14 8h16" stroke="#0072b2" stroke-width="2"/>`, () => true],
+  ["places", "receptions", `<circle cx="9" cy="8" r="4" fill="#0072b2"/><circle cx="21" cy="8" r="4" fill="#009e73"/>`, () => true],
+  ["bearings", "bearings (dashed: not used)", `<path d="M0 8h30" stroke="#0072b2" stroke-width="2.5"/>`, () => hasBearings],
+  ["wedges", "± σ of the latest", `<path d="M0 8L30 0V16z" fill="#0072b2" opacity=".35"/>`, () => hasBearings],
+  ["rivals", "rival directions", `<path d="M0 8h30" stroke="#0072b2" stroke-width="2" stroke-dasharray="2 4"/>`, () => received.some((one) => one.modes)],
+  ["estimates", "estimates", `<path d="M15 1v14M8 8h14" stroke="#d55e00" stroke-width="3"/>`, () => data.searches.length],
+  ["ellipse", "95 % ellipse", `<ellipse cx="15" cy="8" rx="13" ry="6" fill="none" stroke="#d55e00" stroke-width="2.5"/>`, () => data.searches.length],
+  ["regions", "95 % region", `<path d="M2 12Q8-6 15 6T28 4L26 14z" fill="#d55e00" opacity=".35"/>`, () => data.searches.some((s) => s.regions.length)],
+  ["cloud", "belief", `<g fill="#d55e00" opacity=".6"><rect x="6" y="4" width="3" height="3"/><rect x="12" y="9" width="3" height="3"/><rect x="17" y="5" width="3" height="3"/><rect x="22" y="10" width="3" height="3"/></g>`,
+    () => data.searches.some((s) => s.beliefs.some((b) => b.cloud))],
+  ["truth", "truth", `<path d="M15 1l2 5h5l-4 3 2 6-5-4-5 4 2-6-4-3h5z"/>`, () => data.searches.some((s) => s.truth.length)],
+];
+for (const [name, text, icon, applies] of LAYERS) {
+  state.layers[name] = Boolean(applies());
+  if (!state.layers[name]) continue;
+  const box = element("input", { type: "checkbox", id: `layer-${name}` });
+  box.checked = true;
+  box.addEventListener("change", () => { state.layers[name] = box.checked; redraw(); });
+  const picture = drawn("svg", { viewBox: "0 0 30 16", "aria-hidden": "true" });
+  picture.innerHTML = icon; // a constant of this file
+  byId("layers").append(element("label", {}, box, picture, text));
+}
+
+// ---------------------------------------------------------------- the table of fixes
+
+function showFixes() {
+  const known = data.searches.some((search) => search.truth.length);
+  const head = ["beacon", data.origin ? "lat, lon" : null, "east m", "north m", "95 % m", known ? "error m" : null, "used", "outcome"];
+  const row = (cells, tag) => element("tr", {}, ...cells.filter((cell) => cell !== null).map((cell) => element(tag, {}, cell)));
+  const rows = data.searches.map((search, index) => {
+    const belief = beliefAt(search, state.time);
+    const name = element("span", {}, element("span", { class: "swatch", style: `border-color:${searchColour(index)}` }), search.name);
+    const isLast = belief === search.beliefs[search.beliefs.length - 1];
+    if (!belief) return row([name, data.origin ? "" : null, "", "", "", known ? "" : null, "", "not yet"], "td");
+    return row([
+      name, data.origin ? onEarth(belief.place) : null, fixed(belief.place[0], 2), fixed(belief.place[1], 2),
+      belief.ellipse ? `${fixed(belief.ellipse[0], 2)} × ${fixed(belief.ellipse[1], 2)}` : "–",
+      known ? fixed(belief.error ?? NaN, 2) : null, String(belief.steps), isLast ? search.outcome || "" : "searching",
+    ], "td");
+  });
+  byId("fixes").replaceChildren(element("thead", {}, row(head, "th")), element("tbody", {}, ...rows));
+}
+
+// ---------------------------------------------------------------- one reception and its turn
+
+function polar(one) {
+  const size = 260, centre = size / 2, radius = 104;
+  const svg = drawn("svg", { viewBox: `0 0 ${size} ${size}`, role: "img", "aria-label": "Polar plot of the turn" });
+  const turn = one.turn && { samples: unpack(one.turn.samples), smoothed: unpack(one.turn.smoothed), fitted: unpack(one.turn.fitted) };
+  let top = -Infinity, bottom = Infinity;
+  if (turn) {
+    for (const points of [turn.samples, turn.smoothed]) {
+      for (let i = 1; i < points.length; i += 2) { top = Math.max(top, points[i]); bottom = Math.min(bottom, points[i]); }
+    }
+  }
+  if (top < bottom) [bottom, top] = [-10, 0];
+  const step = nice(Math.max(top - bottom, 4) / 4);
+  bottom -= Math.max(0.15 * (top - bottom), 1);
+  const at = (angle, share) => [centre + radius * share * Math.cos(angle), centre - radius * share * Math.sin(angle)];
+  const share = (level) => Math.min(Math.max((level - bottom) / (top - bottom), 0), 1);
+  svg.append(drawn("circle", { cx: centre, cy: centre, r: radius, fill: "none", stroke: "#777" }));
+  for (let level = Math.ceil(bottom / step) * step; level <= top && turn; level += step) {
+    svg.append(drawn("circle", { cx: centre, cy: centre, r: radius * share(level), fill: "none", stroke: "#bbb" }));
+    svg.append(drawn("text", { x: centre + 3, y: centre - radius * share(level) + 11, "font-size": 10, fill: FAINT }, `${+level.toFixed(6)}`));
+  }
+  for (const [text, angle] of [["N", TAU / 4], ["E", 0], ["S", -TAU / 4], ["W", TAU / 2]]) {
+    const [px, py] = at(angle, 1.13);
+    svg.append(drawn("text", { x: px, y: py + 5, "text-anchor": "middle", "font-size": 14, "font-weight": 600 }, text));
+  }
+  const sector = (angle, sigma, colour) => {
+    const reach = Math.min(sigma, Math.PI * 0.999), [ax, ay] = at(angle - reach, 1), [bx, by] = at(angle + reach, 1);
+    svg.append(drawn("path", {
+      d: `M${centre} ${centre}L${ax} ${ay}A${radius} ${radius} 0 ${reach > Math.PI / 2 ? 1 : 0} 0 ${bx} ${by}Z`, fill: colour, opacity: 0.22,
+    }));
+  };
+  const line = (angle, attributes) => {
+    const [px, py] = at(angle, 1);
+    svg.append(drawn("path", { d: `M${centre} ${centre}L${px} ${py}`, fill: "none", ...attributes }));
+  };
+  const colour = receiverColour(one.receiver);
+  if (one.bearing) sector(one.bearing[0], one.bearing[1], colour);
+  if (turn) {
+    const curve = (points) => {
+      let text = "";
+      for (let i = 0; i < points.length; i += 2) {
+        const [px, py] = at(points[i], share(points[i + 1]));
+        text += `${i ? "L" : "M"}${px.toFixed(1)} ${py.toFixed(1)}`;
+      }
+      return text && `${text}Z`;
+    };
+    let dots = "";
+    for (let i = 0; i < turn.samples.length; i += 2) {
+      const [px, py] = at(turn.samples[i], share(turn.samples[i + 1]));
+      dots += `M${px.toFixed(1)} ${py.toFixed(1)}h0`;
+    }
+    svg.append(drawn("path", { d: dots, stroke: "#777", "stroke-width": 2.5, "stroke-linecap": "round", class: "samples" }));
+    svg.append(drawn("path", { d: curve(turn.smoothed), fill: "none", stroke: "#0072b2", "stroke-width": 2.5, class: "smoothed" }));
+    svg.append(drawn("path", { d: curve(turn.fitted), fill: "none", stroke: "#d55e00", "stroke-width": 2, "stroke-dasharray": "5 3", class: "fitted" }));
+  }
+  for (const mode of one.modes || []) line(mode[1], { stroke: colour, "stroke-width": 2, "stroke-dasharray": "2 4" });
+  if (one.bearing) line(one.bearing[0], { stroke: colour, "stroke-width": 3.5, class: "bearing" });
+  const truth = one.search !== null && data.searches[one.search] && data.searches[one.search].truth;
+  if (truth && truth.length) {
+    const there = placeAt(truth, truth.map((knot) => knot[0]), one.time) || [truth[0][1], truth[0][2]];
+    const angle = Math.atan2(there[1] - one.place[1], there[0] - one.place[0]);
+    const [ax, ay] = at(angle, 0.97), [bx, by] = at(angle, 1.07);
+    svg.append(drawn("path", { d: `M${ax} ${ay}L${bx} ${by}`, stroke: INK, "stroke-width": 5, class: "true" }));
+  }
+  return svg;
+}
+
+let shownTurn;
+function showTurn() {
+  // What was chosen, or else the last one.
+  const index = state.selected ?? countUntil(receivedTimes, state.time) - 1;
+  if (index === shownTurn) return;
+  shownTurn = index;
+  const one = received[index], body = byId("turn-body");
+  byId("turn-head").textContent = one ? `Reception ${index + 1} of ${received.length}${state.selected === null ? ", the latest" : ", chosen"}` : "Reception";
+  if (!one) { body.replaceChildren(element("p", { class: "remark" }, "Nothing received yet.")); return; }
+  const rows = [["receiver", data.receivers[one.receiver]?.name ?? String(one.receiver + 1)], ["time", clockText(one.time)]];
+  if (one.search !== null && data.searches[one.search]) rows.push(["beacon", data.searches[one.search].name]);
+  rows.push(["place", `${fixed(one.place[0], 1)} E ${fixed(one.place[1], 1)} N ${fixed(one.place[2], 1)} up`]);
+  if (one.level) rows.push(["level", `${fixed(one.level[0], 1)} ± ${fixed(one.level[1], 1)} dB(m)`]);
+  if (one.bearing) {
+    rows.push(["bearing", `${fixed(compass(one.bearing[0]), 1)}° compass`], ["σ", degrees(one.bearing[1])], ["confidence", fixed(one.bearing[2], 2)]);
+  }
+  for (const mode of one.modes || []) rows.push(["rival", `${fixed(compass(mode[1]), 0)}° ± ${degrees(mode[2])}, weight ${fixed(mode[0], 2)}`]);
+  if (one.nis) rows.push(["NIS", `${fixed(one.nis[0], 2)}, ${one.nis[1]} degrees of freedom`]);
+  if (data.searches.length) rows.push(["used", one.used ? "yes" : "no"]);
+  if (one.remark) rows.push(["remark", one.remark]);
+  const list = element("dl", {});
+  for (const [term, text] of rows) list.append(element("dt", {}, term), element("dd", {}, text));
+  const side = element("div", {}, list);
+  side.append(element("p", { class: "remark" }, one.turn
+    ? "Grey: samples in dB(m). Blue: mean over seven positions. Orange, dashed: the antenna, where it is known. Line and sector: bearing ± σ. Black tick: the truth."
+    : "No samples of its turn were kept."));
+  body.replaceChildren(...(one.turn || one.bearing ? [polar(one)] : []), side);
+}
+
+function select(index) {
+  state.selected = index;
+  shownTurn = undefined;
+  redraw();
+}
+
+// ---------------------------------------------------------------- plots over time
+
+const charts = [];
+
+// What is of one moment, such as the turns of several drones, stands a millisecond apart.
+function apart(times) {
+  let before = -Infinity;
+  return times.map((time) => { before = Math.max(time, before + 1e-3); return before; });
+}
+
+// Several [times, values] on one axis of times, gaps as undefined.
+const joined = (series) => uPlot.join(series.map(([times, values]) => [apart(times), values]));
+
+function addChart(title, series, options) {
+  const box = element("div", { class: "chart" });
+  byId("charts").append(element("h2", {}, title), box);
+  const table = joined(series.map((one) => one.data));
+  const width = () => Math.max(box.clientWidth, 200);
+  const plot = new uPlot({
+    width: width(), height: 190, cursor: { drag: { x: true, y: false } }, legend: { live: false },
+    scales: { x: { time: false, range: (_, low, high) => (low === high ? [low - 1, high + 1] : [low, high]) }, y: options.scale },
+    axes: [
+      { values: (_, ticks) => ticks.map((tick) => fixed(tick - (begin > 1e6 ? begin : 0), 0)), stroke: INK, grid: { stroke: GRID, width: 1 }, size: 34 },
+      { stroke: INK, grid: { stroke: GRID, width: 1 }, size: 52, ...options.axis },
+    ],
+    bands: options.bands,
+    series: [{ label: "time" }, ...series.map((one) => ({ spanGaps: true, ...one.style }))],
+  }, table, box);
+  const now = element("div", { class: "now" });
+  plot.over.append(now);
+  plot.over.addEventListener("click", (event) => {
+    if (plot.select.width > 2) return;
+    setTime(plot.posToVal(event.clientX - plot.over.getBoundingClientRect().left, "x"));
+  });
+  charts.push({ plot, now, width });
+}
+
+function powersOfTen(low, high) {
+  const powers = [];
+  for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power += 1) powers.push(10 ** power);
+  return powers.filter((power) => power >= low * 0.999 && power <= high * 1.001);
+}
+
+function positive(values, least) {
+  return values.map((value) => (value === null || value === undefined ? null : Math.max(value, least)));
+}
+
+function makeCharts() {
+  const several = data.searches.filter((search) => search.beliefs.length > 1);
+  if (!several.length) return;
+  const sizes = [], logScale = { distr: 3, range: { min: { mode: 2, hard: 1e-3 }, max: { mode: 2 } } };
+  several.forEach((search) => {
+    const index = data.searches.indexOf(search), stroke = searchColour(index);
+    const times = search.times, semiAxis = (i) => positive(search.beliefs.map((b) => b.ellipse && b.ellipse[i]), 1e-3);
+    if (search.truth.length) {
+      sizes.push({ data: [times, positive(search.beliefs.map((b) => b.error), 1e-3)], style: { label: `${search.name}: error`, stroke, width: 2.5 } });
+    }
+    sizes.push({ data: [times, semiAxis(0)], style: { label: "semi-major", points: { show: false }, stroke, width: 2, dash: [7, 4] } });
+    sizes.push({ data: [times, semiAxis(1)], style: { label: "semi-minor", points: { show: false }, stroke, width: 1.5, dash: [2, 3] } });
+  });
+  const plain = (_, ticks) => ticks.map((tick) => (tick === null || tick === undefined ? "" : String(+tick.toPrecision(3))));
+  // Powers of ten alone: lines for all their multiples would be grey ground.
+  const axis = { values: plain, splits: (_, __, low, high) => powersOfTen(low, high), filter: (_, splits) => splits };
+  addChart("Error and 95 % semi-axes in m, over s", sizes, { scale: logScale, axis });
+  const tested = received.filter((one) => one.nis && one.nis[1] > 0);
+  if (!tested.length) return;
+  const least = 1e-2, times = tested.map((one) => one.time);
+  const limit = (i) => tested.map((one) => Math.max((data.nis_95[one.nis[1] - 1] || data.nis_95[1])[i], least));
+  const points = data.searches.map((search, index) => {
+    const own = tested.filter((one) => one.search === index);
+    return {
+      data: [own.map((one) => one.time), positive(own.map((one) => one.nis[0]), least)],
+      style: { label: search.name, stroke: "transparent", width: 0, points: { show: true, size: 7, stroke: searchColour(index), fill: "#fff", width: 2 } },
+    };
+  }).filter((one) => one.data[0].length);
+  const edge = { stroke: "#009e73", width: 1.5, points: { show: false } };
+  addChart("NIS with its 95 % band, over s", [
+    { data: [times, limit(1)], style: { label: "χ² 97.5 %", ...edge } }, { data: [times, limit(0)], style: { label: "2.5 %", ...edge } }, ...points,
+  ], { scale: { distr: 3 }, axis, bands: [{ series: [1, 2], fill: "#009e7326" }] });
+}
+
+function markCharts() {
+  for (const { plot, now } of charts) {
+    const left = plot.valToPos(state.time, "x");
+    now.style.transform = `translateX(${Math.min(Math.max(left, -9), plot.over.clientWidth + 9) - 1}px)`;
+  }
+}
+
+// ---------------------------------------------------------------- events
+
+const events = data.notices.map(([time, text, important]) => ({ time, text, important })).sort((a, b) => a.time - b.time);
+let listed = [], listedTimes = [], currentEvent;
+function listEvents() {
+  listed = events.filter((event) => event.important || byId("all-events").checked);
+  listedTimes = listed.map((event) => event.time);
+  const items = listed.map((event) => {
+    event.button = element("button", { type: "button" }, element("span", {}, clockText(event.time)), element("span", {}, event.text));
+    event.button.addEventListener("click", () => setTime(event.time));
+    return element("li", {}, event.button);
+  });
+  byId("event-list").replaceChildren(...items);
+  currentEvent = undefined;
+  markEvents();
+}
+function markEvents() {
+  const count = countUntil(listedTimes, state.time);
+  if (count === currentEvent) return;
+  currentEvent = count;
+  listed.forEach((event, index) => {
+    event.button.className = index === count - 1 ? "current" : index >= count ? "later" : "";
+  });
+  const list = byId("event-list"), button = count > 0 && listed[count - 1].button;
+  // The list alone scrolls, never the page.
+  if (button) list.scrollTop = Math.max(button.offsetTop - list.clientHeight / 2, 0);
+}
+byId("all-events").addEventListener("change", listEvents);
+if (!events.length) byId("events").hidden = true;
+
+// ---------------------------------------------------------------- time
+
+const slider = byId("time");
+let shownBeliefs = "";
+function redraw() { if (!state.frame) state.frame = requestAnimationFrame(frame); }
+
+function frame(now) {
+  state.frame = 0;
+  if (state.playing) {
+    const passed = Math.min((now - (state.before ?? now)) / 1000, 0.25);
+    state.before = now;
+    state.time = Math.min(state.time + passed * state.speed, end);
+    if (state.time >= end) play(false); else redraw();
+  }
+  drawMap(); showTurn(); markCharts(); markEvents();
+  const beliefs = data.searches.map((search) => countUntil(search.times, state.time)).join();
+  if (beliefs !== shownBeliefs) { shownBeliefs = beliefs; showFixes(); }
+  slider.value = String(Math.round((1000 * (state.time - begin)) / duration));
+  slider.setAttribute("aria-valuetext", clockText(state.time));
+  byId("clock").textContent = clockText(state.time);
+}
+
+function setTime(time) {
+  state.time = Math.min(Math.max(time, begin), end);
+  state.selected = null;
+  redraw();
+}
+
+function play(on) {
+  if (on && state.time >= end) state.time = begin;
+  if (on) state.selected = null;
+  state.playing = on; state.before = undefined;
+  byId("play").textContent = on ? "❚❚" : "▶";
+  byId("play").setAttribute("aria-label", on ? "Pause" : "Play");
+  redraw();
+}
+
+function step(by) {
+  play(false);
+  // Receptions of one moment are one step apart each.
+  const index = state.selected ?? countUntil(receivedTimes, state.time) - 1;
+  const next = Math.min(Math.max(index + by, 0), received.length - 1);
+  if (!received[next]) return;
+  state.time = received[next].time;
+  select(next);
+}
+
+const SPEEDS = [1, 2, 5, 10, 20, 50, 100].filter((speed) => duration / speed > 4);
+const whole = duration / 30;
+byId("speed").append(element("option", { value: String(whole) }, "all in 30 s"), ...SPEEDS.map((speed) => element("option", { value: String(speed) }, `${speed} ×`)));
+state.speed = whole;
+byId("speed").addEventListener("change", (event) => { state.speed = Number(event.target.value); });
+byId("play").addEventListener("click", () => play(!state.playing));
+byId("before").addEventListener("click", () => step(-1));
+byId("after").addEventListener("click", () => step(1));
+slider.addEventListener("input", () => { play(false); setTime(begin + (Number(slider.value) / 1000) * duration); });
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.altKey || event.metaKey) return;
+  const inField = event.target instanceof Element && event.target.matches("input, select, button");
+  const key = event.key;
+  // Fields keep the keys that are theirs.
+  if (inField && [" ", "Enter", "ArrowLeft", "ArrowRight", "Home", "End"].includes(key)) return;
+  const act = {
+    " ": () => play(!state.playing), ArrowLeft: () => step(-1), ArrowRight: () => step(1), Home: () => setTime(begin), End: () => setTime(end),
+    "+": () => zoom(1.5), "=": () => zoom(1.5), "-": () => zoom(1 / 1.5), "0": () => { fit(); redraw(); }, Escape: () => select(null),
+  }[key];
+  if (!act) return;
+  event.preventDefault();
+  act();
+});
+
+// ---------------------------------------------------------------- begin
+
+document.title = `${data.title} – foxhunt`;
+byId("title").textContent = data.title;
+byId("subtitle").textContent = [
+  data.method, data.seed !== null ? `seed ${data.seed}` : null,
+  data.epoch !== null ? new Date((data.epoch + begin) * 1000).toISOString().slice(0, 16).replace("T", " ") + " UTC" : null,
+  `${received.length} receptions in ${fixed(duration, 0)} s`, data.every > 1 ? `every ${data.every}th of the receptions is shown` : null,
+].filter(Boolean).join(" · ");
+if (!data.searches.length) byId("fixes").closest("section").hidden = true;
+makeCharts();
+listEvents();
+new ResizeObserver(() => {
+  resizeMap();
+  for (const { plot, width } of charts) plot.setSize({ width: width(), height: 190 });
+  redraw();
+}).observe(document.body);
+resizeMap();
+redraw();
+// For tests, and for those who open the console.
+window.foxhunt = { state, view, received, select, setTime, at: (place) => [x(place[0]), y(place[1])] };
+})();

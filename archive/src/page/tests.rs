@@ -1,0 +1,95 @@
+use foxhunt_core::{Bearing, BearingModes, Estimate, Level};
+use nalgebra::{Vector2, Vector3};
+use serde_json::Value;
+
+use super::*;
+use crate::overview::{Believed, Notice, Received, SearchOverview, Turn};
+
+/// The data of a page, as a browser reads them.
+fn data_in(page: &str) -> Value {
+    let (_, rest) = page.split_once(r#"<script type="application/json" id="data">"#).expect("data");
+    let (data, _) = rest.split_once("</script>").expect("their end");
+    serde_json::from_str(data).expect("JSON")
+}
+
+fn overview() -> Overview {
+    let received = Received {
+        time: 3.0,
+        receiver: 0,
+        search: Some(0),
+        place: Vector3::new(1.234_56, -2.0, 4.0),
+        level: Some(Level { rss_dbm: -60.0, sigma_db: 2.0 }),
+        bearing: Some(Bearing { angle: 0.5, sigma: 0.1, confidence: 0.9 }),
+        modes: BearingModes::default(),
+        remark: None,
+        used: true,
+        nis: Some((1.5, 2)),
+        turn: Some(Turn { samples: vec![[0.0, -70.0], [1.0, -60.0]], ..Turn::default() }),
+    };
+    let estimate = Estimate::isotropic(Vector2::new(10.0, 20.0), 2.0);
+    let believed = Believed {
+        time: 3.0,
+        steps: 1,
+        estimate,
+        ellipse_95: estimate.ellipse(0.95),
+        error_m: None,
+        cloud: vec![Vector2::new(9.0, 19.0), Vector2::new(11.0, 21.0)],
+    };
+    let mut overview = Overview { title: "field".to_owned(), ..Overview::default() };
+    let _ = overview.receiver("drone 1");
+    overview.add(received);
+    overview.searches.push(SearchOverview {
+        name: "fox".to_owned(),
+        beliefs: vec![believed],
+        ..SearchOverview::default()
+    });
+    overview
+}
+
+#[test]
+fn the_page_holds_what_is_in_the_overview() {
+    let page = page(&overview()).expect("plain data");
+    let data = data_in(&page);
+    assert_eq!(data["received"][0]["place"], serde_json::json!([1.235, -2.0, 4.0]));
+    assert_eq!(data["received"][0]["bearing"], serde_json::json!([0.5, 0.1, 0.9]));
+    assert_eq!(data["searches"][0]["beliefs"][0]["place"], serde_json::json!([10.0, 20.0]));
+    // √χ²₂ at 95 % is 2.4477.
+    assert_eq!(data["searches"][0]["beliefs"][0]["ellipse"][0], 4.895);
+    assert_eq!(data["searches"][0]["beliefs"][0]["cloud"]["points"], "AAAA////");
+    assert_eq!(data["received"][0]["turn"]["samples"]["points"], "AAAA////");
+    assert_eq!(data["receivers"][0]["path"], serde_json::json!([[3.0, 1.235, -2.0, 4.0]]));
+    // χ²₂ between 2.5 and 97.5 %: −2 ln 0.975 and −2 ln 0.025.
+    assert_eq!(data["nis_95"][1], serde_json::json!([0.0506, 7.3778]));
+}
+
+#[test]
+fn no_text_breaks_out_of_the_data() {
+    let hostile = "</script><script>alert(1)</script><!-- \u{2028} \" \\ /* page.js */";
+    let mut overview = overview();
+    overview.title = hostile.to_owned();
+    overview.notices.push(Notice { time: 0.0, text: hostile.to_owned(), important: true });
+    overview.searches[0].name = hostile.to_owned();
+    let page = page(&overview).expect("plain data");
+    assert!(!page.contains("alert(1)</script>"));
+    assert_eq!(page.matches("</script>").count(), 3, "the page's own");
+    let data = data_in(&page);
+    assert_eq!(data["title"], hostile);
+    assert_eq!(data["notices"][0][1], hostile);
+    assert_eq!(data["searches"][0]["name"], hostile);
+}
+
+#[test]
+fn the_page_needs_no_network() {
+    let page = page(&overview()).expect("plain data");
+    assert!(!page.contains("/* page.css */") && !page.contains("/* uplot.js */"), "all is joined");
+    assert!(page.contains("default-src 'none'"));
+    for outside in ["src=\"http", "href=\"http", "@import", "url(", "fetch(", "XMLHttpRequest"] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+}
+
+#[test]
+fn an_overview_of_nothing_is_a_page() {
+    let data = data_in(&page(&Overview::default()).expect("plain data"));
+    assert_eq!(data["span"], serde_json::json!([0.0, 0.0]));
+}
