@@ -13,7 +13,7 @@
 //! | `hunt` | [`hunt`], [`registry`], [`config`], [`scenario`], [`log`], [`locate`], [`calibration`], [`sim`] |
 //! | `lab` | [`simulation`], [`campaign`], [`trial`], [`bearing_trial`], [`report`], [`soak`] |
 //! | `store` | [`store`]: campaigns in a file; with `parquet` also as Parquet |
-//! | `archive` | [`recording`], [`recorded`], [`replay`], [`overview`], [`page`], [`movebank`], [`geodesy`]; with `pictures` also `picture` |
+//! | `archive` | [`recording`], [`recorded`], [`replay`], [`overview`], [`page`], [`export`], [`movebank`], [`geodesy`]; with `pictures` also `picture` |
 //! | `signal` | `signal` |
 //! | `hardware` | `fly`, `network`, `hardware`, `wire` |
 //! | `batch`, `maps` | estimators over all observations at once, in `filters` and by name |
@@ -81,7 +81,7 @@ pub use foxhunt_lab::store;
 #[cfg(feature = "pictures")]
 pub use foxhunt_archive::picture;
 #[cfg(feature = "archive")]
-pub use foxhunt_archive::{movebank, overview, page, recorded, recording, replay};
+pub use foxhunt_archive::{export, movebank, overview, page, recorded, recording, replay};
 #[cfg(feature = "archive")]
 pub use foxhunt_wire::geodesy;
 

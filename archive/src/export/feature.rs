@@ -1,0 +1,214 @@
+use foxhunt_core::Ellipse;
+use foxhunt_wire::geodesy::{LocalFrame, radians_to_compass_deg};
+use nalgebra::{Vector2, Vector3};
+
+use crate::overview::{Believed, Overview, Received};
+
+/// Something on the map.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Feature {
+    /// What it is.
+    pub(super) kind: Kind,
+    /// Whose: a beacon's or a receiver's name.
+    pub(super) name: String,
+    /// When, in seconds of the overview.
+    pub(super) time: Option<f64>,
+    /// Where: one point, the points of a line, or the rings of an area, each closed.
+    pub(super) shape: Shape,
+    /// What else is known of it, by names with units.
+    pub(super) numbers: Vec<(&'static str, f64)>,
+}
+
+/// What a feature is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Where a beacon is believed to be.
+    Fix,
+    /// Another place that is nearly as probable.
+    Rival,
+    /// The ellipse that holds a beacon with 95 %.
+    Ellipse,
+    /// A part of the region that does.
+    Region,
+    /// Where the fix of a beacon has been.
+    Track,
+    /// Where a beacon truly is, or its way.
+    Truth,
+    /// The path of a receiver.
+    Path,
+    /// A bearing, from the receiver as far as the field reaches.
+    Bearing,
+}
+
+impl Kind {
+    /// Its name in files.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Fix => "fix",
+            Self::Rival => "rival",
+            Self::Ellipse => "ellipse-95",
+            Self::Region => "region-95",
+            Self::Track => "track",
+            Self::Truth => "truth",
+            Self::Path => "path",
+            Self::Bearing => "bearing",
+        }
+    }
+}
+
+/// Longitude and latitude in degrees.
+pub(super) type LonLat = [f64; 2];
+
+/// The form of a feature, with the time of each point of a line.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Shape {
+    Point(LonLat),
+    Line(Vec<(LonLat, f64)>),
+    Area(Vec<Vec<LonLat>>),
+}
+
+/// How many corners an ellipse has.
+const CORNERS: u16 = 72;
+
+/// A hundred-millionth of a degree is a millimetre.
+fn rounded(degrees: f64) -> f64 {
+    (degrees * 1e8).round() / 1e8
+}
+
+pub(super) fn lon_lat(frame: &LocalFrame, place: &Vector2<f64>) -> LonLat {
+    let place = frame.to_geodetic(&place.push(0.0));
+    [rounded(place.lon_deg), rounded(place.lat_deg)]
+}
+
+/// UTC of a time of the overview, as in `2021-03-21T16:51:48.250Z`.
+pub(super) fn utc(overview: &Overview, time: f64) -> Option<String> {
+    let date = crate::recording::utc::utc(overview.epoch_unix_s? + time);
+    (!date.is_empty()).then(|| date.replacen(' ', "T", 1) + "Z")
+}
+
+/// How far bearings are drawn, in metres: across the field.
+pub(super) fn reach_m(overview: &Overview) -> f64 {
+    let fixes = overview.searches.iter().filter_map(|search| search.last());
+    let places = (overview.received.iter().map(|received| received.place.xy()))
+        .chain(fixes.map(|believed| believed.estimate.mean));
+    let mut corners: Option<[Vector2<f64>; 2]> = None;
+    for place in places.filter(|place| place.iter().all(|c| c.is_finite())) {
+        let [low, high] = corners.unwrap_or([place, place]);
+        corners = Some([low.inf(&place), high.sup(&place)]);
+    }
+    corners.map_or(0.0, |[low, high]| (high - low).norm()).clamp(10.0, 50_000.0)
+}
+
+/// The corners of an ellipse about a place, closed.
+pub(super) fn outline(mean: &Vector2<f64>, ellipse: &Ellipse) -> Vec<Vector2<f64>> {
+    let (sin, cos) = ellipse.orientation.sin_cos();
+    let corner = |i: u16| {
+        let turn = std::f64::consts::TAU * f64::from(i % CORNERS) / f64::from(CORNERS);
+        let (s, c) = turn.sin_cos();
+        let (along, across) = (ellipse.semi_major * c, ellipse.semi_minor * s);
+        mean + Vector2::new(along * cos - across * sin, along * sin + across * cos)
+    };
+    (0..=CORNERS).map(corner).collect()
+}
+
+/// All there is on the map.
+pub(super) fn features(overview: &Overview, frame: &LocalFrame) -> Vec<Feature> {
+    let mut features = Vec::new();
+    let at = |place: &Vector2<f64>| lon_lat(frame, place);
+    let knot = |place: &Vector3<f64>, time: f64| (at(&place.xy()), time);
+    for receiver in &overview.receivers {
+        let line: Vec<_> = receiver.path.iter().map(|k| knot(&k.place, k.time)).collect();
+        if line.len() > 1 {
+            features.push(Feature::of(Kind::Path, &receiver.name, Shape::Line(line)));
+        }
+    }
+    let reach_m = reach_m(overview);
+    features.extend(overview.received.iter().filter_map(|r| bearing(overview, frame, r, reach_m)));
+    for search in &overview.searches {
+        let name = &search.name;
+        let truth = match search.truth.as_slice() {
+            [] => None,
+            [only] => Some(Shape::Point(at(&only.place.xy()))),
+            way => Some(Shape::Line(way.iter().map(|k| knot(&k.place, k.time)).collect())),
+        };
+        features.extend(truth.map(|shape| Feature::of(Kind::Truth, name, shape)));
+        if search.beliefs.len() > 1 {
+            let line = search.beliefs.iter().map(|b| (at(&b.estimate.mean), b.time)).collect();
+            features.push(Feature::of(Kind::Track, name, Shape::Line(line)));
+        }
+        for region in &search.regions_95 {
+            let ring = |border: &Vec<Vector2<f64>>| border.iter().map(at).collect();
+            let rings = std::iter::once(&region.outline).chain(&region.holes).map(ring).collect();
+            let numbers = vec![("probability", region.probability), ("area_m2", region.area_m2)];
+            let shape = Shape::Area(rings);
+            features.push(Feature { numbers, ..Feature::of(Kind::Region, name, shape) });
+        }
+        for rival in &search.rivals {
+            let numbers = vec![("relative_density", rival.relative_density)];
+            let shape = Shape::Point(at(&rival.place));
+            features.push(Feature { numbers, ..Feature::of(Kind::Rival, name, shape) });
+        }
+        let Some(last) = search.last() else { continue };
+        let time = Some(last.time);
+        if let Some(ellipse) = &last.ellipse_95 {
+            let ring = outline(&last.estimate.mean, ellipse).iter().map(at).collect();
+            let shape = Shape::Area(vec![ring]);
+            let numbers = numbers(last);
+            features.push(Feature { time, numbers, ..Feature::of(Kind::Ellipse, name, shape) });
+        }
+        let shape = Shape::Point(at(&last.estimate.mean));
+        let numbers = numbers(last);
+        features.push(Feature { time, numbers, ..Feature::of(Kind::Fix, name, shape) });
+    }
+    features
+}
+
+/// What a fix is known by.
+fn numbers(believed: &Believed) -> Vec<(&'static str, f64)> {
+    let place = believed.estimate.mean;
+    let mut numbers = vec![("east_m", place.x), ("north_m", place.y)];
+    if let Some(ellipse) = &believed.ellipse_95 {
+        numbers.push(("semi_major_95_m", ellipse.semi_major));
+        numbers.push(("semi_minor_95_m", ellipse.semi_minor));
+        numbers.push(("along_deg_compass", along_deg_compass(ellipse)));
+    }
+    numbers.extend(believed.error_m.map(|error| ("error_m", error)));
+    numbers
+}
+
+/// The direction of the longer axis, from 0 to 180 degrees clockwise from North.
+pub(super) fn along_deg_compass(ellipse: &Ellipse) -> f64 {
+    radians_to_compass_deg(ellipse.orientation).rem_euclid(180.0)
+}
+
+fn bearing(
+    overview: &Overview,
+    frame: &LocalFrame,
+    received: &Received,
+    reach_m: f64,
+) -> Option<Feature> {
+    let bearing = received.bearing.as_ref()?;
+    let from = received.place.xy();
+    let (sin, cos) = bearing.angle.sin_cos();
+    let to = from + Vector2::new(cos, sin) * reach_m;
+    let ends = [from, to].map(|place| (lon_lat(frame, &place), received.time));
+    let mut numbers = vec![
+        ("bearing_deg_compass", radians_to_compass_deg(bearing.angle)),
+        ("bearing_sigma_deg", bearing.sigma.to_degrees()),
+        ("confidence", bearing.confidence),
+    ];
+    numbers.extend(received.level.map(|level| ("rss_dbm", level.rss_dbm)));
+    numbers.push(("used", f64::from(u8::from(received.used))));
+    let name = overview.receivers.get(received.receiver).map_or("", |receiver| &receiver.name);
+    Some(Feature {
+        time: Some(received.time),
+        numbers,
+        ..Feature::of(Kind::Bearing, name, Shape::Line(ends.to_vec()))
+    })
+}
+
+impl Feature {
+    fn of(kind: Kind, name: &str, shape: Shape) -> Self {
+        Self { kind, name: name.to_owned(), time: None, shape, numbers: Vec::new() }
+    }
+}

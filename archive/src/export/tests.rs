@@ -1,0 +1,177 @@
+use foxhunt_core::{Bearing, BearingModes, Estimate, Level};
+use foxhunt_hunt::locate::{Located, Region, Rival};
+use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
+use nalgebra::{Matrix2, Vector2, Vector3};
+use quick_xml::{Reader, events::Event};
+use serde_json::Value;
+
+use super::*;
+use crate::overview::{Received, SearchOverview};
+
+const ORIGIN: Geodetic = Geodetic { lat_deg: 50.0, lon_deg: 14.0, alt_m: 200.0 };
+const HOSTILE: &str = "fox <&> \"one\" \u{1}";
+
+/// Two places of one receiver with bearings, one fix with a region and a rival.
+fn overview() -> Overview {
+    let mut overview = Overview {
+        title: "meadow".to_owned(),
+        epoch_unix_s: Some(1_616_345_508.0),
+        frame: LocalFrame::new(ORIGIN).ok(),
+        ..Overview::default()
+    };
+    let receiver = overview.receiver("drone 1");
+    for (time, place, angle) in [(1.0, [0.0, 0.0, 4.0], 0.0), (2.0, [30.0, 40.0, 4.0], 1.0)] {
+        overview.add(Received {
+            time,
+            receiver,
+            search: Some(0),
+            place: Vector3::from(place),
+            level: Some(Level { rss_dbm: -60.0, sigma_db: 2.0 }),
+            bearing: Some(Bearing { angle, sigma: 0.1, confidence: 0.9 }),
+            modes: BearingModes::default(),
+            remark: None,
+            used: true,
+            nis: None,
+            turn: None,
+        });
+    }
+    let covariance = Matrix2::new(4.0, 0.0, 0.0, 1.0);
+    let mut located = Located::at(Estimate { mean: Vector2::new(100.0, 50.0), covariance });
+    located.rivals = vec![Rival { place: Vector2::new(-100.0, 50.0), relative_density: 0.5 }];
+    let corners = [[90.0, 40.0], [110.0, 40.0], [110.0, 60.0], [90.0, 40.0]];
+    located.regions_95 = vec![Region {
+        probability: 0.95,
+        area_m2: 200.0,
+        outline: corners.map(Vector2::from).to_vec(),
+        holes: Vec::new(),
+    }];
+    let truth = Some(Vector2::new(101.0, 50.0));
+    overview.searches.push(SearchOverview::located(HOSTILE.to_owned(), &located, truth, 2.0));
+    overview
+}
+
+fn text(format: Format) -> String {
+    String::from_utf8(export(&overview(), format).expect("it has an origin and a time"))
+        .expect("UTF-8")
+}
+
+/// How often an element begins, of a text that has to be well-formed.
+fn elements(text: &str, name: &str) -> usize {
+    let mut reader = Reader::from_str(text);
+    let mut found = 0;
+    loop {
+        match reader.read_event().expect("well-formed") {
+            Event::Eof => return found,
+            Event::Start(start) | Event::Empty(start)
+                if start.name().as_ref() == name.as_bytes() =>
+            {
+                found += 1;
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Where the fix is on Earth, by the frame itself.
+fn fix() -> Geodetic {
+    LocalFrame::new(ORIGIN).expect("a place").to_geodetic(&Vector3::new(100.0, 50.0, 0.0))
+}
+
+#[test]
+fn geojson_has_every_feature_where_it_is() {
+    let json: Value = serde_json::from_str(&text(Format::GeoJson)).expect("JSON");
+    assert_eq!(json["type"], "FeatureCollection");
+    let features = json["features"].as_array().expect("a list");
+    let of = |kind: &str| features.iter().filter(|f| f["properties"]["kind"] == kind).count();
+    let kinds = ["path", "bearing", "fix", "ellipse-95", "region-95", "rival", "truth"];
+    assert_eq!(kinds.map(of), [1, 2, 1, 1, 1, 1, 1]);
+    let found = features.iter().find(|f| f["properties"]["kind"] == "fix").expect("a fix");
+    let [lon, lat] = [0, 1].map(|i| found["geometry"]["coordinates"][i].as_f64().expect("degrees"));
+    // A hundred-millionth of a degree is a millimetre.
+    assert!((lon - fix().lon_deg).abs() < 1e-8 && (lat - fix().lat_deg).abs() < 1e-8);
+    assert_eq!(found["properties"]["name"], HOSTILE);
+    assert_eq!(found["properties"]["time"], "2021-03-21T16:51:50Z");
+    assert_eq!(found["properties"]["error_m"], 1.0);
+    // The longer axis lies East-West.
+    assert_eq!(found["properties"]["along_deg_compass"], 90.0);
+    let ellipse = features.iter().find(|f| f["properties"]["kind"] == "ellipse-95").expect("one");
+    let ring = ellipse["geometry"]["coordinates"][0].as_array().expect("a ring");
+    assert_eq!(ring.first(), ring.last(), "closed");
+    let bearing = features.iter().find(|f| f["properties"]["kind"] == "bearing").expect("one");
+    assert_eq!(bearing["properties"]["bearing_deg_compass"], 90.0, "East");
+    let [from, to] = [0, 1].map(|i| &bearing["geometry"]["coordinates"][i]);
+    assert!(to[0].as_f64() > from[0].as_f64(), "{from} to {to}");
+}
+
+#[test]
+fn kml_gpx_and_cot_are_well_formed_and_whole() {
+    let kml = text(Format::Kml);
+    assert_eq!(elements(&kml, "Placemark"), 8);
+    assert_eq!((elements(&kml, "Polygon"), elements(&kml, "LineString")), (2, 3));
+    assert!(kml.contains("fox &lt;&amp;&gt;") && !kml.contains('\u{1}'));
+    let gpx = text(Format::Gpx);
+    // Fix, rival, truth; path, ellipse, region and the bearings.
+    assert_eq!((elements(&gpx, "wpt"), elements(&gpx, "trk")), (3, 4));
+    assert_eq!(elements(&gpx, "trkseg"), 5);
+    let before = gpx.rfind("<wpt").expect("waypoints") < gpx.find("<trk").expect("tracks");
+    assert!(before, "the order of the schema");
+    let cot = text(Format::Cot);
+    assert_eq!(cot.lines().count(), 9, "the receiver, and each feature");
+    for line in cot.lines() {
+        assert_eq!((elements(line, "event"), elements(line, "point")), (1, 1), "{line}");
+    }
+    let found = cot.lines().find(|line| line.contains(r#"type="a-u-G""#)).expect("the fix");
+    assert!(found.contains(r#"time="2021-03-21T16:51:50Z""#), "{found}");
+    // √χ²₂ at 95 % is 2.4477, the larger σ 2 m.
+    assert!(found.contains(r#"ce="4.9""#), "{found}");
+}
+
+#[test]
+fn a_table_has_metres_with_or_without_an_origin() {
+    let with = text(Format::Csv);
+    let rows: Vec<_> = with.lines().collect();
+    assert_eq!(rows.len(), 1 + 2 + 1 + 1 + 1, "header, receptions, estimate, rival, truth");
+    assert!(rows[1].starts_with("reception,drone 1,1.000,2021-03-21T16:51:49Z,50.00000000,"));
+    let without = Overview { frame: None, epoch_unix_s: None, ..overview() };
+    let table = export(&without, Format::Csv).expect("metres");
+    let table = String::from_utf8(table).expect("UTF-8");
+    assert!(table.contains("reception,drone 1,1.000,,,,0.000,0.000,4.000,-60.00"), "{table}");
+}
+
+#[cfg(feature = "mcap")]
+#[test]
+fn mcap_is_read_back() {
+    let bytes = export(&overview(), Format::Mcap).expect("it has an origin");
+    let messages = ::mcap::MessageStream::new(&bytes).expect("MCAP");
+    let messages: Vec<_> = messages.map(|message| message.expect("whole")).collect();
+    let of = |topic: &str| messages.iter().filter(|m| m.channel.topic == topic).count();
+    assert_eq!((of("/receivers/drone 1"), of("/map")), (2, 1));
+    let topic = format!("/beacons/{HOSTILE}");
+    let found = messages.iter().find(|m| m.channel.topic == topic).expect("the fix");
+    let schema = found.channel.schema.as_ref().expect("a schema");
+    assert_eq!(
+        (schema.name.as_str(), schema.encoding.as_str()),
+        ("foxglove.LocationFix", "jsonschema")
+    );
+    let json: Value = serde_json::from_slice(&found.data).expect("JSON");
+    let off = json["latitude"].as_f64().expect("degrees") - fix().lat_deg;
+    // What is left is rounding of decimals.
+    assert!(off.abs() < 1e-12);
+    assert_eq!(json["position_covariance"][0], 4.0);
+    assert_eq!(json["timestamp"]["sec"], 1_616_345_510);
+}
+
+#[test]
+fn what_is_missing_is_named() {
+    let nowhere = Overview { frame: None, ..overview() };
+    for format in [Format::GeoJson, Format::Kml, Format::Gpx, Format::Cot, Format::Mcap] {
+        let error = export(&nowhere, format).expect_err("degrees of nowhere").to_string();
+        assert!(error.contains("--origin"), "{format:?}: {error}");
+    }
+    let never = Overview { epoch_unix_s: None, ..overview() };
+    let error = export(&never, Format::Cot).expect_err("times of nothing").to_string();
+    assert!(error.contains("--start-utc"), "{error}");
+    assert_eq!(Format::of_file(Path::new("a/b.GeoJSON")).expect("known"), Format::GeoJson);
+    let error = Format::of_file(Path::new("hunt.shp")).expect_err("unknown").to_string();
+    assert!(error.contains("\"shp\"") && error.contains(".kml"), "{error}");
+}
