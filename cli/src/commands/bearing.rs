@@ -2,9 +2,10 @@ use std::path::PathBuf;
 
 use foxhunt::{
     calibration::{CalibrationFile, StationSection},
-    config::BoxedExtractor,
+    config::{BoxedExtractor, ExtractorConfig},
     core::BearingMode,
     geodesy::radians_to_compass_deg,
+    overview::Overview,
     recorded::{BearingReading, LOW_CONFIDENCE, bearings},
     registry::Registry,
 };
@@ -14,6 +15,7 @@ use super::{
     calibration::{Calibration, Surroundings, calibrated, parts},
     extraction::Extraction,
     recorded::Reading,
+    views::{Antennas, Views},
 };
 use crate::{
     context::Context,
@@ -46,6 +48,8 @@ pub(crate) struct Args {
     surroundings: Surroundings,
     #[command(flatten)]
     reading: Reading,
+    #[command(flatten)]
+    views: Views,
 }
 
 /// The bearings of a recording, as JSON has them.
@@ -127,7 +131,9 @@ impl From<&BearingMode> for Mode {
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry } = context;
+    args.views.check()?;
     let own = args.calibration.read()?;
+    let antenna = Antennas::of(&args.extraction.config(registry, &ExtractorConfig::default())?);
     let files = std::slice::from_ref(&args.file);
     let recordings = args.reading.read(files)?;
     for recording in &recordings {
@@ -165,6 +171,14 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
                 .collect(),
         };
         output.result(&report, turns)?;
+        if args.views.any() {
+            let name = if args.all { "all extractors" } else { args.extraction.name() };
+            let mut overview = Overview::of_recordings(std::slice::from_ref(recording), name);
+            for (_, name, read) in read.iter().filter(of_beacon) {
+                overview.add_reading(read, name, antenna.known());
+            }
+            args.views.write(&overview, output)?;
+        }
     }
     Ok(())
 }

@@ -18,8 +18,9 @@ use foxhunt::{
     fly::{FlightConfig, FlightReport, FlyError, Mission, Ports, SystemPorts, Tap},
     hardware::{Finding, SystemClock},
     hunt::Event,
-    log::LogWriter,
+    log::{Log, LogWriter},
     nalgebra::Vector2,
+    overview::Overview,
     picture::hunt_svg,
     recording::{RecordingError, SweepWriter},
     sim::World,
@@ -31,6 +32,7 @@ use super::{
     emulate::{Emulated, Emulation},
     fixes, flight_plan,
     notices::narrate,
+    views::{Antennas, Exports, keep_turns, write_page},
 };
 use crate::{context::Context, error::CliError, output::warn};
 
@@ -79,9 +81,12 @@ pub(crate) struct Args {
     /// The seed of estimators that draw random numbers, and of an emulated field
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
-    /// The folder for the log, the samples and the picture; nothing in it is overwritten
+    /// The folder for the log, the samples, the picture and the page that shows the flight in any
+    /// browser; nothing in it is overwritten
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
+    #[command(flatten)]
+    exports: Exports,
 }
 
 /// The time between two steps of the flight.
@@ -152,6 +157,7 @@ fn calling(clock: &Rc<dyn Fn() -> f64>) -> impl Clock + Clone + use<> {
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry } = context;
+    args.exports.check()?;
     let mut field = match (&args.config, &args.emulate) {
         (_, Some(scenario)) => Field::emulated(scenario, args.faults.as_deref(), args.seed)?,
         (Some(file), None) => Field::real(file)?,
@@ -195,7 +201,11 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }));
     let pilot = Pilot::listen()?;
     let kept = Rc::clone(&samples);
-    let keep = move |drone: usize, sweep: &Sweep<'_>| kept.borrow_mut().keep(drone, sweep);
+    let (keep_turn, turns) = keep_turns();
+    let keep = move |drone: usize, sweep: &Sweep<'_>| {
+        kept.borrow_mut().keep(drone, sweep);
+        (keep_turn.borrow_mut())(drone, sweep);
+    };
     let tap: Tap = Rc::new(RefCell::new(keep));
     if field.emulated.is_none() {
         examine_devices(&config, &clock, epoch_s);
@@ -253,15 +263,23 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
     let svg = hunt_svg(&header, &events).map_err(CliError::failure)?;
     fs::write(&files.picture, svg).map_err(|error| CliError::writing(&files.picture, error))?;
+    let flown = Log { header, events, torn: false };
+    let antenna = Antennas::of(&config.extractor);
+    let seen = Overview::of_log(&flown, registry, Some(estimator), &turns.take(), antenna.known());
+    let (overview, _) = seen.map_err(CliError::failure)?;
+    write_page(&files.page, &overview)?;
+    let events = flown.events;
     let truth = |beacon: BeaconId| {
         let received = last_received(&events, beacon)?;
         place_at(&field.emulated.as_ref()?.world, beacon, received)
     };
     let report = FlightReport::new(&config.name, &mission, clock.now(), truth);
     output.result(&report, text)?;
-    let Files { log, samples, picture } = &files;
+    let Files { log, samples, picture, page } = &files;
     let (log, samples, picture) = (log.display(), samples.display(), picture.display());
-    output.note(&format!("log: {log}\nsamples: {samples}\npicture: {picture}"))?;
+    let page = page.display();
+    output.note(&format!("log: {log}\nsamples: {samples}\npicture: {picture}\nreport: {page}"))?;
+    args.exports.write(&overview, output)?;
     match mission.failure() {
         Some(why) => Err(CliError::failure(why)),
         None => Ok(()),
@@ -327,6 +345,7 @@ struct Files {
     log: PathBuf,
     samples: PathBuf,
     picture: PathBuf,
+    page: PathBuf,
 }
 
 impl Files {
@@ -334,9 +353,14 @@ impl Files {
     fn free_in(folder: &Path) -> Result<Self, CliError> {
         for number in 1..10_000 {
             let name = |end: &str| folder.join(format!("fly-{number}{end}"));
-            let files =
-                Self { log: name(".jsonl"), samples: name("-samples.csv"), picture: name(".svg") };
-            if [&files.log, &files.samples, &files.picture].iter().all(|path| !path.exists()) {
+            let files = Self {
+                log: name(".jsonl"),
+                samples: name("-samples.csv"),
+                picture: name(".svg"),
+                page: name("-report.html"),
+            };
+            let Self { log, samples, picture, page } = &files;
+            if [log, samples, picture, page].iter().all(|path| !path.exists()) {
                 return Ok(files);
             }
         }

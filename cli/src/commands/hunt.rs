@@ -19,7 +19,7 @@ use super::{
     notices::narrate,
     planning::Planning,
     settings::Settings,
-    views::{Antennas, keep_turns, write_page},
+    views::{Antennas, Exports, keep_turns, write_page},
 };
 use crate::{context::Context, error::CliError};
 
@@ -51,10 +51,13 @@ pub(crate) struct Args {
     /// written to
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
+    #[command(flatten)]
+    exports: Exports,
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry } = context;
+    args.exports.check()?;
     let mut scenario = choice::scenario(&args.scenario)?;
     args.settings.apply_to(&mut scenario, registry)?;
     args.planning.apply_to(&mut scenario, registry)?;
@@ -81,12 +84,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
 
     let report = HuntReport::new(args.seed, &estimator.name, args.planning.name(), &hunt);
     output.result(&report, text)?;
-    output.note(&format!(
-        "log: {}\npicture: {}\nreport: {}",
-        log.display(),
-        picture.display(),
-        page.display()
-    ))
+    let (log, picture, page) = (log.display(), picture.display(), page.display());
+    output.note(&format!("log: {log}\npicture: {picture}\nreport: {page}"))?;
+    args.exports.write(&overview, output)
 }
 
 /// Flies the hunt into a log, and keeps its events and turns for the picture and the page.

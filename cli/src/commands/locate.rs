@@ -9,6 +9,7 @@ use foxhunt::{
     hunt::PlaceEstimate,
     locate::{CommonErrors, Explanation, Located, Region, Rival},
     movebank::{MovebankFix, write_movebank},
+    overview::{Overview, SearchOverview},
     recording::Recording,
     registry::Registry,
     report::Place,
@@ -18,11 +19,12 @@ use serde::Serialize;
 use super::{
     locating::{Locating, NAMELESS, Prepared, not_located, truth},
     recorded::LatLon,
+    views::Views,
 };
 use crate::{
     context::Context,
     error::CliError,
-    output::warn,
+    output::{Output, warn},
     table::{number, table, text},
 };
 
@@ -62,6 +64,8 @@ pub(crate) struct Args {
     movebank_to: Option<PathBuf>,
     #[command(flatten)]
     locating: Locating,
+    #[command(flatten)]
+    views: Views,
 }
 
 /// A place that was found, as JSON has it.
@@ -116,21 +120,60 @@ struct Estimated {
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry } = context;
+    args.views.check()?;
     let prepared = args.locating.prepare(&args.files, registry)?;
     if args.every_beacon {
-        let reports = every(args, registry, &prepared)?;
+        let (reports, found): (Vec<_>, Vec<_>) =
+            every(args, registry, &prepared)?.into_iter().unzip();
         to_movebank(args, &prepared, &reports)?;
-        return output.result(&reports, |reports| places(reports));
+        output.result(&reports, |reports| places(reports))?;
+        return show(args, &prepared, found, output);
     }
     let beacon = args.locating.beacon(prepared.recordings())?;
     #[cfg(feature = "batch")]
     if args.track {
-        let report = tracked::report(&args.tracking, args.truth, &prepared, beacon)?;
-        return output.result(&report, tracked::text);
+        let (report, found) = tracked::report(&args.tracking, args.truth, &prepared, beacon)?;
+        output.result(&report, tracked::text)?;
+        return show(args, &prepared, vec![found], output);
     }
-    let report = one(args, registry, &prepared, beacon)?;
+    let (report, found) = one(args, registry, &prepared, beacon)?;
     to_movebank(args, &prepared, std::slice::from_ref(&report))?;
-    output.result(&report, |report| places(std::slice::from_ref(report)))
+    output.result(&report, |report| places(std::slice::from_ref(report)))?;
+    show(args, &prepared, vec![found], output)
+}
+
+/// What was found of a beacon, for the page and for exports.
+struct Found {
+    beacon: Option<String>,
+    /// What found it.
+    method: String,
+    search: SearchOverview,
+}
+
+/// Writes the page and the exports, where they were wanted.
+fn show(
+    args: &Args,
+    prepared: &Prepared,
+    found: Vec<Found>,
+    output: Output,
+) -> Result<(), CliError> {
+    if !args.views.any() {
+        return Ok(());
+    }
+    let method = found.first().map_or("", |found| found.method.as_str());
+    let mut overview = Overview::of_recordings(prepared.recordings(), method);
+    for (number, Found { beacon, search, .. }) in found.into_iter().enumerate() {
+        prepared.add_to(&mut overview, Some(number), beacon.as_deref())?;
+        overview.searches.push(search);
+    }
+    // A place from all receptions is known when the last of them has come.
+    let [_, end] = overview.span();
+    for search in &mut overview.searches {
+        if let [only] = search.beliefs.as_mut_slice() {
+            only.time = end;
+        }
+    }
+    args.views.write(&overview, output)
 }
 
 /// Writes what was found for Movebank, where that was wanted.
@@ -169,7 +212,7 @@ fn one(
     registry: &Registry,
     prepared: &Prepared,
     beacon: Option<String>,
-) -> Result<Report, CliError> {
+) -> Result<(Report, Found), CliError> {
     let received = prepared.receptions(beacon.as_deref())?;
     let estimator = args.locating.estimator(registry, &received)?;
     let truth = truth(args.truth, prepared.recordings(), beacon.as_deref())?;
@@ -182,11 +225,18 @@ fn one(
         ));
     }
     let (name, up) = (estimator.name.to_string(), prepared.config().target_up_m);
-    Ok(Report::new(name, beacon, prepared.recordings(), up, truth, &located))
+    let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
+    let search = SearchOverview::located(called, &located, truth, 0.0);
+    let found = Found { beacon: beacon.clone(), method: name.clone(), search };
+    Ok((Report::new(name, beacon, prepared.recordings(), up, truth, &located), found))
 }
 
 /// Where each beacon is; one that is not located is reported on standard error.
-fn every(args: &Args, registry: &Registry, prepared: &Prepared) -> Result<Vec<Report>, CliError> {
+fn every(
+    args: &Args,
+    registry: &Registry,
+    prepared: &Prepared,
+) -> Result<Vec<(Report, Found)>, CliError> {
     let mut beacons: Vec<Option<&str>> = Vec::new();
     for beacon in prepared.recordings().iter().flat_map(Recording::beacons) {
         if !beacons.contains(&beacon) {

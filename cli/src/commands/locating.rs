@@ -4,10 +4,11 @@ use std::{borrow::Cow, path::PathBuf};
 
 use foxhunt::{
     calibration::CalibrationFile,
-    config::BoxedExtractor,
+    config::{BoxedExtractor, ExtractorConfig},
     core::{EstimatorError, Reception, nalgebra::Vector2},
     locate::{LocateConfig, LocateError, Power},
-    recorded::{ReceptionConfig, receptions, recorded_truth},
+    overview::Overview,
+    recorded::{ReceptionConfig, bearings, receptions, recorded_truth},
     recording::Recording,
     registry::{EstimatorEntry, Registry},
 };
@@ -18,6 +19,7 @@ use super::{
     extraction::Extraction,
     parameter::{EastNorthUp, Parameter},
     recorded::{LatLon, Reading, no_degrees},
+    views::Antennas,
 };
 use crate::error::CliError;
 
@@ -72,6 +74,7 @@ pub(super) struct Prepared {
     parts: Vec<Vec<Extracted>>,
     reading: ReceptionConfig,
     config: LocateConfig,
+    antenna: Antennas,
 }
 
 /// What is read with one extractor: the part of a recording, or all of it.
@@ -120,7 +123,9 @@ impl Locating {
             seed: self.seed,
             ..LocateConfig::default()
         };
-        let prepared = Prepared { recordings, parts, reading, config };
+        let known = self.extraction.config(registry, &ExtractorConfig::default())?;
+        let antenna = Antennas::of(&known);
+        let prepared = Prepared { recordings, parts, reading, config, antenna };
         #[cfg(feature = "batch")]
         let prepared = prepared.with_learned_sigma()?;
         Ok(prepared)
@@ -273,6 +278,30 @@ impl Prepared {
             received.append(&mut self.receptions_of(number, beacon)?);
         }
         Ok(received)
+    }
+
+    /// Adds the receptions of a beacon to an overview, with the turns that they were read in.
+    pub(super) fn add_to(
+        &self,
+        overview: &mut Overview,
+        search: Option<usize>,
+        beacon: Option<&str>,
+    ) -> Result<(), CliError> {
+        for (number, recording) in self.recordings.iter().enumerate() {
+            let received = self.receptions_of(number, beacon)?;
+            let mut readings = Vec::new();
+            for Extracted { part, extractor } in self.parts.get(number).into_iter().flatten() {
+                let part = part.as_ref().unwrap_or(recording);
+                if part.records().iter().any(|record| record.boresight.is_some()) {
+                    let more = bearings(part, extractor.as_ref(), self.reading.positions);
+                    readings.append(&mut more.map_err(CliError::input)?);
+                }
+            }
+            readings.retain(|read| read.sweep.beacon_name.as_deref() == beacon);
+            let antenna = self.antenna.known();
+            overview.add_receptions(search, recording, &received, &readings, antenna);
+        }
+        Ok(())
     }
 
     /// The receptions of a beacon in one recording, counted from 0.

@@ -94,6 +94,12 @@ impl FromStr for LatLon {
 }
 
 impl LatLon {
+    /// The local frame that begins there, at no height.
+    pub(super) fn frame(self) -> LocalFrame {
+        let origin = Geodetic { lat_deg: self.lat_deg, lon_deg: self.lon_deg, alt_m: 0.0 };
+        LocalFrame::new(origin).expect("it was checked when it was read")
+    }
+
     /// The place in a recording's frame, East and North in metres: [`None`] where the recording
     /// has no place on Earth.
     pub(super) fn in_frame(self, frame: Option<LocalFrame>) -> Option<[f64; 2]> {

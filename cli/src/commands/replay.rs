@@ -6,13 +6,14 @@ use foxhunt::{
     filters::consistency::Verdict,
     hunt::PlaceEstimate,
     log::{Log, LogError},
+    overview::Overview,
     registry::EstimatorEntry,
-    replay::{Replay, ReplayedFix, replay},
+    replay::{Replay, ReplayedFix},
     report::Place,
 };
 use serde::Serialize;
 
-use super::{choice, fixes};
+use super::{choice, fixes, views::Views};
 use crate::{
     context::Context,
     error::{CliError, InFile},
@@ -27,13 +28,16 @@ use crate::{
 /// on the same flight.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt replay out/hunt.jsonl\n  \
-                        foxhunt replay out/hunt.jsonl --estimator particle")]
+                        foxhunt replay out/hunt.jsonl --estimator particle --report particle.html\n  \
+                        foxhunt replay out/hunt.jsonl --export hunt.kml --origin 50.08,14.44")]
 pub(crate) struct Args {
     /// A log, such as `foxhunt hunt` writes it
     log: PathBuf,
     /// Another estimator than the log's own
     #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
+    #[command(flatten)]
+    views: Views,
 }
 
 /// A replay, as JSON has it.
@@ -82,6 +86,7 @@ struct Replayed {
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry } = context;
+    args.views.check()?;
     let log = Log::read(&args.log).map_err(|error: LogError| CliError::input(error))?;
     if log.torn {
         warn(&format!("{}: the last line is cut short and left out", args.log.display()));
@@ -90,12 +95,14 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         Some(name) => Some(choice::estimator(registry, name, "--estimator")?),
         None => None,
     };
-    let replayed = replay(&log, registry, other).map_err(|error| {
+    let replayed = Overview::of_log(&log, registry, other, &[], None).map_err(|error| {
         let file = args.log.display().to_string();
         CliError::input(InFile { file, source: Box::new(error) })
-    })?;
+    });
+    let (overview, replayed) = replayed?;
     let report = Report::new(&log, &replayed, other);
     output.result(&report, tables)?;
+    args.views.write(&overview, output)?;
     if report.own && report.identical < report.compared {
         let different = report.compared - report.identical;
         let message = format!("{different} of {} estimates differ from the log's", report.compared);

@@ -1,17 +1,113 @@
 //! What commands leave to look at, besides tables.
 
-use std::{cell::RefCell, fs, path::Path, rc::Rc};
+use std::{
+    cell::RefCell,
+    fs,
+    path::{Path, PathBuf},
+    rc::Rc,
+};
 
 use foxhunt::{
     config::ExtractorConfig,
     core::Sweep,
+    export::{ExportError, Format, export},
     hunt::Tap,
     overview::{KeptTurn, KnownAntenna, Overview},
     page::page,
+    recording::utc_seconds,
     sensors::SharedAntenna,
 };
 
-use crate::error::CliError;
+use super::recorded::LatLon;
+use crate::{error::CliError, output::Output};
+
+/// Files for other programs.
+#[derive(Debug, clap::Args)]
+pub(super) struct Exports {
+    /// Write places, bearings, ellipses, regions and paths to a file, in the format of its ending:
+    /// .geojson, .kml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may be given several times
+    #[arg(long = "export", value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Where the zero of local metres is on Earth (WGS84), for --export, where that is not known
+    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true, requires = "files")]
+    origin: Option<LatLon>,
+    /// The UTC of the time 0, for --export, where that is not known
+    #[arg(long, value_name = "YYYY-MM-DDTHH:MM:SS", value_parser = utc, requires = "files")]
+    start_utc: Option<f64>,
+}
+
+/// A page and files for other programs.
+#[derive(Debug, clap::Args)]
+pub(super) struct Views {
+    /// Write a page that shows it in any browser: one file, without a network
+    #[arg(long, value_name = "HTML")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    exports: Exports,
+}
+
+/// UTC as the command line has it.
+fn utc(text: &str) -> Result<f64, &'static str> {
+    utc_seconds(text).ok_or("it must be YYYY-MM-DDTHH:MM:SS")
+}
+
+impl Exports {
+    /// Refuses files of unknown formats, before any work is done.
+    pub(super) fn check(&self) -> Result<(), CliError> {
+        self.files
+            .iter()
+            .try_for_each(|file| Format::of_file(file).map(drop))
+            .map_err(|error| CliError::input(format!("--export: {error}")))
+    }
+
+    /// Writes the files.
+    pub(super) fn write(&self, overview: &Overview, output: Output) -> Result<(), CliError> {
+        if self.files.is_empty() {
+            return Ok(());
+        }
+        let mut overview = overview.clone();
+        if let Some(origin) = self.origin {
+            if overview.frame.is_some() {
+                let text =
+                    "--origin: the places are in degrees already, about an origin of their own";
+                return Err(CliError::input(text));
+            }
+            overview.frame = Some(origin.frame());
+        }
+        overview.epoch_unix_s = overview.epoch_unix_s.or(self.start_utc);
+        for file in &self.files {
+            let refused = |error: ExportError| {
+                CliError::input(format!("--export {}: {error}", file.display()))
+            };
+            let format = Format::of_file(file).map_err(refused)?;
+            let bytes = export(&overview, format).map_err(refused)?;
+            fs::write(file, bytes).map_err(|error| CliError::writing(file, error))?;
+            output.note(&format!("export: {}", file.display()))?;
+        }
+        Ok(())
+    }
+}
+
+impl Views {
+    /// Whether anything is to be written.
+    pub(super) fn any(&self) -> bool {
+        self.report.is_some() || !self.exports.files.is_empty()
+    }
+
+    /// Refuses files of unknown formats, before any work is done.
+    pub(super) fn check(&self) -> Result<(), CliError> {
+        self.exports.check()
+    }
+
+    /// Writes what was wanted.
+    pub(super) fn write(&self, overview: &Overview, output: Output) -> Result<(), CliError> {
+        if let Some(path) = &self.report {
+            write_page(path, overview)?;
+            output.note(&format!("report: {}", path.display()))?;
+        }
+        self.exports.write(overview, output)
+    }
+}
 
 /// A tap that keeps all turns, and the turns.
 pub(super) fn keep_turns() -> (Tap, Rc<RefCell<Vec<KeptTurn>>>) {

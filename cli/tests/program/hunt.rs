@@ -42,7 +42,23 @@ fn a_hunt_leaves_json_a_log_and_a_picture() {
 
     let svg = fs::read_to_string(format!("{out}/hunt.svg")).expect("a picture");
     assert!(svg.starts_with("<svg") && svg.contains("pritzl-6.1"));
+    let page = fs::read_to_string(format!("{out}/report.html")).expect("a page");
+    let (_, data) = page.split_once(r#"id="data">"#).expect("data");
+    let (data, _) = data.split_once("</script>").expect("their end");
+    let data: serde_json::Value = serde_json::from_str(data).expect("JSON");
     let log = fs::read_to_string(format!("{out}/hunt.jsonl")).expect("a log");
+    let received = data["received"].as_array().expect("a list");
+    assert_eq!(received.len(), log.matches(r#""event":"received""#).count());
+    assert!(received.iter().all(|one| one["turn"]["samples"].is_object()), "all turns were kept");
+    for (search, beacon) in data["searches"].as_array().expect("a list").iter().zip(beacons) {
+        let last = search["beliefs"].as_array().and_then(|all| all.last()).expect("a belief");
+        for (index, name) in ["east_m", "north_m"].into_iter().enumerate() {
+            let shown = last["place"][index].as_f64().expect("a number");
+            let found = beacon["estimate"][name].as_f64().expect("a number");
+            // Rounded to millimetres.
+            assert!((shown - found).abs() <= 0.000_51, "{name}: {shown}, not {found}");
+        }
+    }
     assert!(log.lines().count() > 100);
     assert!(log.lines().all(|line| serde_json::from_str::<serde_json::Value>(line).is_ok()));
 
@@ -111,4 +127,35 @@ fn what_a_hunt_cannot_fly_with_is_refused() {
     foxhunt(["hunt", "--antenna", "dipole"]).failed(2, &["--antenna"]);
     foxhunt(["hunt", "--estimator", "lenth1981"]).failed(2, &["all receptions", "foxhunt locate"]);
     foxhunt(["bearing", "x.csv", "--all", "--extractor", "maximum"]).failed(2, &["--all"]);
+}
+
+#[test]
+fn a_hunt_is_exported_by_the_endings_of_files() {
+    let folder = folder("hunt_exports");
+    let out = folder.to_str().expect("the target folder is UTF-8");
+    let file = |ending: &str| format!("{out}/hunt.{ending}");
+    let mut args = vec!["hunt".to_owned(), "--out".to_owned(), out.to_owned()];
+    for ending in ["geojson", "kml", "gpx", "csv", "cot", "mcap"] {
+        args.extend(["--export".to_owned(), file(ending)]);
+    }
+    let nowhere = foxhunt(&args);
+    assert_eq!(nowhere.code, 2, "{nowhere:?}");
+    assert!(nowhere.stderr.contains("--origin"), "{nowhere:?}");
+    args.extend(["--origin", "50.0755,14.4378"].map(str::to_owned));
+    args.extend(["--start-utc", "2026-05-01T09:30:00"].map(str::to_owned));
+    let ran = foxhunt(&args);
+    assert_eq!(ran.code, 0, "{ran:?}");
+    for (ending, within) in [
+        ("geojson", "ellipse-95"),
+        ("kml", "<Placemark>"),
+        ("gpx", "<wpt"),
+        ("csv", "reception,drone 1"),
+        ("cot", "u-rb-a"),
+    ] {
+        let text = fs::read_to_string(file(ending)).expect("an export");
+        assert!(text.contains(within), "{ending}: {text}");
+    }
+    assert!(fs::read(file("mcap")).expect("an export").starts_with(b"\x89MCAP"));
+    let args = ["hunt", "--out", out, "--export", "hunt.shp"];
+    foxhunt(args).failed(2, &["\"shp\""]);
 }

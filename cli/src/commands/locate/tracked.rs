@@ -2,9 +2,13 @@
 
 use foxhunt::{
     Spread,
-    core::{Ellipse, nalgebra::Vector2},
+    core::{
+        Ellipse,
+        nalgebra::{Vector2, Vector3},
+    },
     filters::consistency::Coverage,
     locate::{Located, Region, Tracked, TrackingConfig, track},
+    overview::{Believed, Knot, SearchOverview},
     recorded::{listeners, recorded_way, truth_at},
     recording::Recording,
     report::Place,
@@ -16,7 +20,7 @@ use super::{
         locating::{Prepared, not_located},
         recorded::{LatLon, no_degrees},
     },
-    Estimated, likeliest,
+    Estimated, Found, likeliest,
 };
 use crate::{
     error::CliError,
@@ -83,7 +87,7 @@ pub(super) fn report(
     truth: Option<LatLon>,
     prepared: &Prepared,
     beacon: Option<String>,
-) -> Result<Report, CliError> {
+) -> Result<(Report, Found), CliError> {
     let recordings = prepared.recordings();
     let timeless =
         |recording: &&Recording| recording.records().iter().any(|record| record.time.is_none());
@@ -126,8 +130,33 @@ pub(super) fn report(
             inside_95: truth.and_then(|truth| located.ellipse_95_holds(&truth)),
         }
     };
-    let places = tracked.places.iter().map(passed).collect();
-    Report::new(beacon, places, tracked)
+    let places: Vec<Passed> = tracked.places.iter().map(passed).collect();
+    let found = found(beacon.clone(), &places, &tracked);
+    Ok((Report::new(beacon, places, tracked)?, found))
+}
+
+/// The track, for the page and for exports.
+fn found(beacon: Option<String>, places: &[Passed], tracked: &Tracked) -> Found {
+    let believed = |((time, located), passed): (&(f64, Located), &Passed)| Believed {
+        time: *time,
+        steps: u32::try_from(located.observations).unwrap_or(u32::MAX),
+        estimate: located.estimate,
+        ellipse_95: located.ellipse_95(),
+        error_m: passed.error_m,
+        cloud: Vec::new(),
+    };
+    let knot = |passed: &Passed| {
+        let place = passed.truth.as_ref()?;
+        let place = Vector3::new(place.east_m, place.north_m, 0.0);
+        Some(Knot { time: passed.time_s, place })
+    };
+    let search = SearchOverview {
+        name: beacon.clone().unwrap_or_else(|| "transmitter".to_owned()),
+        truth: places.iter().filter_map(knot).collect(),
+        beliefs: tracked.places.iter().zip(places).map(believed).collect(),
+        ..SearchOverview::default()
+    };
+    Found { beacon, method: "track".to_owned(), search }
 }
 
 impl Report {
