@@ -27,12 +27,12 @@ pub(super) struct Exports {
     /// Write places, bearings, ellipses, regions and paths to a file, in the format of its ending:
     /// .geojson, .kml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may be given several times
     #[arg(long = "export", value_name = "FILE")]
-    files: Vec<PathBuf>,
+    exported: Vec<PathBuf>,
     /// Where the zero of local metres is on Earth (WGS84), for --export, where that is not known
-    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true, requires = "files")]
+    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true, requires = "exported")]
     origin: Option<LatLon>,
     /// The UTC of the time 0, for --export, where that is not known
-    #[arg(long, value_name = "YYYY-MM-DDTHH:MM:SS", value_parser = utc, requires = "files")]
+    #[arg(long, value_name = "YYYY-MM-DDTHH:MM:SS", value_parser = utc, requires = "exported")]
     start_utc: Option<f64>,
 }
 
@@ -54,7 +54,7 @@ fn utc(text: &str) -> Result<f64, &'static str> {
 impl Exports {
     /// Refuses files of unknown formats, before any work is done.
     pub(super) fn check(&self) -> Result<(), CliError> {
-        self.files
+        self.exported
             .iter()
             .try_for_each(|file| Format::of_file(file).map(drop))
             .map_err(|error| CliError::input(format!("--export: {error}")))
@@ -62,7 +62,7 @@ impl Exports {
 
     /// Writes the files.
     pub(super) fn write(&self, overview: &Overview, output: Output) -> Result<(), CliError> {
-        if self.files.is_empty() {
+        if self.exported.is_empty() {
             return Ok(());
         }
         let mut overview = overview.clone();
@@ -75,7 +75,7 @@ impl Exports {
             overview.frame = Some(origin.frame());
         }
         overview.epoch_unix_s = overview.epoch_unix_s.or(self.start_utc);
-        for file in &self.files {
+        for file in &self.exported {
             let refused = |error: ExportError| {
                 CliError::input(format!("--export {}: {error}", file.display()))
             };
@@ -91,7 +91,7 @@ impl Exports {
 impl Views {
     /// Whether anything is to be written.
     pub(super) fn any(&self) -> bool {
-        self.report.is_some() || !self.exports.files.is_empty()
+        self.report.is_some() || !self.exports.exported.is_empty()
     }
 
     /// Refuses files of unknown formats, before any work is done.
