@@ -204,7 +204,7 @@ fn twenty_known_tags_in_one_band() {
 }
 
 #[test]
-#[ignore = "half a minute"]
+#[ignore = "minutes"]
 fn twenty_tags_in_six_bands() {
     for are_known in [true, false] {
         let [right, collisions, clutter] = at_least(0..6, are_known);
