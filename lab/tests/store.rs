@@ -201,7 +201,7 @@ fn shards_merge_to_what_one_process_writes() {
         other.expect("flown");
         let to = nothing_at("refused.sqlite");
         let error = merge(&[shards[0].clone(), path], &to).expect_err("it is another one");
-        assert!(!to.exists());
+        assert!(!to.exists() && !Path::new(&format!("{}.part", to.display())).exists());
         let error = error.to_string();
         assert!(error.contains(name) && error.contains("shard-3.sqlite"), "{error}");
         error

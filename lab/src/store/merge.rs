@@ -49,7 +49,17 @@ pub fn merge(sources: &[PathBuf], to: &Path) -> Result<(), StoreError> {
     if part.exists() {
         fs::remove_file(&part).map_err(io(&part, "removing what an earlier merge left"))?;
     }
-    let store = Store::create(&part)?;
+    if let Err(error) = join(sources, &part) {
+        // What is left of it is no use; that it stays is not worth another error.
+        let _ = fs::remove_file(&part);
+        return Err(error);
+    }
+    fs::rename(&part, to).map_err(io(to, "making it"))
+}
+
+/// Puts stores into a new one, which may be left half done.
+fn join(sources: &[PathBuf], part: &Path) -> Result<(), StoreError> {
+    let store = Store::create(part)?;
     let mut whole: Option<Known> = None;
     for path in sources {
         let source = Store::open(path)?;
@@ -67,8 +77,7 @@ pub fn merge(sources: &[PathBuf], to: &Path) -> Result<(), StoreError> {
         drop(source);
         store.take_in(path, whole, &known)?;
     }
-    drop(store);
-    fs::rename(&part, to).map_err(io(to, "making it"))
+    Ok(())
 }
 
 /// What a store is about.
