@@ -135,7 +135,7 @@ impl<'a> Data<'a> {
         });
         let receivers = overview.receivers.iter().map(|receiver| Receiver {
             name: &receiver.name,
-            path: thinned(&receiver.path).map(|k| knot(k)).collect(),
+            path: thinned(&receiver.path).map(knot).collect(),
         });
         let origin = overview.frame.map(|frame| frame.origin());
         Self {

@@ -4,6 +4,7 @@ use crate::support::{folder, foxhunt};
 
 /// Two seconds of an RTL-SDR's samples at 16 kS/s: noise of a counter's hash, and two pulses of
 /// 20 ms, 40 dB in energy, 1 s apart, 1.5 kHz above the middle.
+#[expect(clippy::cast_possible_truncation, reason = "clamped to a byte")]
 fn recording() -> Vec<u8> {
     let mut state = 1_u64;
     let mut noise = || {
