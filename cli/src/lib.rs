@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn what_is_wrong_is_named() {
-        let Err(CommandError::Input(text)) = run_words("campaign no-such-scenario") else {
+        let Err(CommandError::Input(text)) = run_words("campaign no-such-scenario --runs 1") else {
             panic!("there is none")
         };
         assert!(text.contains("no-such-scenario"), "{text}");
