@@ -6,8 +6,8 @@ pub struct DetectorConfig {
     pub rate_hz: f64,
     /// The frequency in the middle of the band; without it frequencies are relative to it.
     pub center_hz: Option<f64>,
-    /// The lowest and highest frequency searched, in the terms of `center_hz`; without it the whole
-    /// band.
+    /// The lowest and highest frequency searched, in the terms of `center_hz`; without it all but
+    /// the outermost 1 % on each side.
     pub band_hz: Option<[f64; 2]>,
     /// How long pulses may be; each is found by the window nearest to its length, and one that is
     /// √2 longer or shorter loses 1.5 dB.
@@ -22,10 +22,13 @@ pub struct DetectorConfig {
     pub full_scale_dbm: f64,
 }
 
+/// How far from the centre is searched unless a band is given, over the rate: at the very edges
+/// receivers' filters cut, and their clocks leave lines at half the rate.
+const EDGE: f64 = 0.49;
+
 impl DetectorConfig {
-    /// The whole band around an unknown centre, widths of 2.5, 5, 10, 20 and 40 ms, one false alarm
-    /// an hour, levels in dB of full
-    /// scale, noise down to −120 dB.
+    /// The band around an unknown centre, widths of 2.5, 5, 10, 20 and 40 ms, one false alarm an
+    /// hour, levels in dB of full scale, noise down to −120 dB.
     #[must_use]
     pub fn new(rate_hz: f64) -> Self {
         Self {
@@ -96,7 +99,7 @@ impl DetectorConfig {
         let center = self.center_hz.unwrap_or(0.0);
         match self.band_hz {
             Some(band) => band.map(|f| f - center),
-            None => [-self.rate_hz / 2.0, self.rate_hz / 2.0],
+            None => [-EDGE * self.rate_hz, EDGE * self.rate_hz],
         }
     }
 }

@@ -58,7 +58,8 @@ fn on_air(name: &str, rate_hz: f64, threshold: f32) -> Vec<Range<f64>> {
     stretches
 }
 
-/// Every stretch has a strong detection inside it, and none is while nothing is on air.
+/// Every stretch has a strong detection inside it, and none is while nothing is on air, but at the
+/// centre: there is a line of the receiver itself, which transmitters that are on air hide.
 fn compare(found: &[Detection], on_air: &[Range<f64>]) {
     for on in on_air {
         let inside = found.iter().filter(|found| on.contains(&found.pulse.time_s));
@@ -66,7 +67,7 @@ fn compare(found: &[Detection], on_air: &[Range<f64>]) {
         let pulse = strongest.unwrap_or_else(|| panic!("nothing at {on:?}")).pulse;
         assert!(pulse.snr_db > 30.0, "{pulse:?} in {on:?}");
     }
-    for found in found {
+    for found in found.iter().filter(|found| found.pulse.frequency_hz.abs() > 100.0) {
         let (middle, half) = (found.pulse.time_s, found.pulse.width_s / 2.0);
         let overlaps = |on: &Range<f64>| middle + half > on.start && middle - half < on.end;
         assert!(on_air.iter().any(overlaps), "{found:?}");
