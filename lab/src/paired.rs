@@ -52,7 +52,7 @@ impl Paired {
 /// How two figures differ run by run, in their own unit.
 ///
 /// Student's t goes by the mean of the differences and is that of nearly Gaussian ones; the
-/// signed-rank test asks less of them: that they are as often above 0 as below, and as far.
+/// signed-rank test needs less of them: that they are as often above 0 as below, and as far.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PairedDifference {
     /// How many runs have both.
@@ -207,7 +207,7 @@ mod tests {
         f64::from(u32::try_from(as_small.count()).expect("a few")) / f64::from(1_u32 << count)
     }
 
-    /// A count and the normal approximation, which a tie asks for, agree for 48 differences; more
+    /// A count and the normal approximation, which a tie needs, agree for 48 differences; more
     /// of them show more.
     #[test]
     fn many_ranks_are_as_a_count_has_them() {

@@ -15,7 +15,7 @@ use crate::Pulse;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Tag {
-    /// Its name; several where known tags cannot be told apart, none where it is not known.
+    /// Its name; several where known tags cannot be distinguished, none where it is not known.
     pub names: Vec<String>,
     /// The median frequency of its pulses, in hertz.
     pub frequency_hz: f64,
