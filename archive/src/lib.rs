@@ -3,7 +3,8 @@
 //! [`recording`] reads CSV files of other programs and our own; [`recorded`] makes receptions of
 //! them, and fits path loss, bearing errors and antenna patterns; [`replay`] runs the receptions of
 //! a log through an estimator again; [`overview`] puts together what there is to look at, [`page`]
-//! shows it in a browser, [`export`] writes it for other programs; [`movebank`] writes places that were found.
+//! shows it in a browser, [`export`] writes it for other programs; [`movebank`] writes places that
+//! were found.
 
 pub mod export;
 pub mod movebank;

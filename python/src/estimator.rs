@@ -92,6 +92,15 @@ struct Settings<'a> {
     seed: u64,
 }
 
+/// What every kind of estimator is made of.
+struct Parts<'a, 'py> {
+    motion: &'a Bound<'py, PyAny>,
+    model: &'a Bound<'py, PyAny>,
+    mean: &'a Bound<'py, PyAny>,
+    covariance: &'a Bound<'py, PyAny>,
+    failure: &'a Failure,
+}
+
 #[pymethods]
 impl Estimator {
     #[new]
@@ -118,14 +127,15 @@ impl Estimator {
         let settings =
             Settings { kind, gate, iterations, alpha, beta, kappa, particles, side, seed };
         let failure = Failure::default();
+        let parts = Parts { motion, model, mean, covariance, failure: &failure };
         let (n, m) = (arrays::length(mean, "mean")?, components(model)?);
         macro_rules! of_size {
             ($($n:literal)+) => {
                 match (n, m) {
                     $(
-                        ($n, 1) => steps::<$n, 1>(&settings, motion, model, mean, covariance, &failure),
-                        ($n, 2) => steps::<$n, 2>(&settings, motion, model, mean, covariance, &failure),
-                        ($n, 3) => steps::<$n, 3>(&settings, motion, model, mean, covariance, &failure),
+                        ($n, 1) => steps::<$n, 1>(&settings, &parts),
+                        ($n, 2) => steps::<$n, 2>(&settings, &parts),
+                        ($n, 3) => steps::<$n, 3>(&settings, &parts),
                     )+
                     _ => Err(PyValueError::new_err(format!(
                         "the state has {n} and the measurement {m} components; \
@@ -181,8 +191,9 @@ impl Estimator {
         self.steps.nees(truth)
     }
 
-    /// The ellipse that holds the place with a probability, if the belief is Gaussian: the semi-axes
-    /// in metres, and the direction of the longer one in radians counter-clockwise from East.
+    /// The ellipse that holds the place with a probability, if the belief is Gaussian: the
+    /// semi-axes in metres, and the direction of the longer one in radians counter-clockwise from
+    /// East.
     #[pyo3(signature = (probability=0.95))]
     fn ellipse(&self, probability: f64) -> Option<(f64, f64, f64)> {
         self.steps.ellipse(probability)
@@ -293,17 +304,13 @@ impl<const N: usize, const M: usize> Steps for Sized<N, M> {
 /// The estimator of a kind for states of N and measurements of M components.
 fn steps<const N: usize, const M: usize>(
     settings: &Settings<'_>,
-    object: &Bound<'_, PyAny>,
-    measured: &Bound<'_, PyAny>,
-    mean: &Bound<'_, PyAny>,
-    covariance: &Bound<'_, PyAny>,
-    failure: &Failure,
+    parts: &Parts<'_, '_>,
 ) -> PyResult<Box<dyn Steps>> {
-    let motion: AnyMotion<N> = motion(object, failure)?;
-    let model: AnyModel<N, M> = model(measured, failure)?;
+    let motion: AnyMotion<N> = motion(parts.motion, parts.failure)?;
+    let model: AnyModel<N, M> = model(parts.model, parts.failure)?;
     let prior = core::Estimate {
-        mean: arrays::vector(mean, "mean")?,
-        covariance: arrays::matrix(covariance, "covariance")?,
+        mean: arrays::vector(parts.mean, "mean")?,
+        covariance: arrays::matrix(parts.covariance, "covariance")?,
     };
     let Settings { kind, particles, seed, .. } = *settings;
     Ok(match kind {

@@ -37,7 +37,8 @@ fn feature(overview: &Overview, feature: &Feature) -> Value {
             let line: Vec<_> = line.iter().map(|(place, _)| place).collect();
             json!({ "type": "LineString", "coordinates": line })
         }
-        // The first ring is counter-clockwise, as section 3.1.6 has it, and its holes the other way.
+        // The first ring is counter-clockwise, as section 3.1.6 has it, and its holes the other
+        // way.
         Shape::Area(rings) => json!({ "type": "Polygon", "coordinates": rings }),
     };
     json!({ "type": "Feature", "geometry": geometry, "properties": properties })

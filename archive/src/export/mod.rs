@@ -1,5 +1,5 @@
-//! Places, bearings, ellipses, regions and paths in the formats of other programs: GeoJSON, KML, GPX,
-//! CSV, Cursor on Target, and MCAP with Foxglove's schemas (feature `mcap`).
+//! Places, bearings, ellipses, regions and paths in the formats of other programs: GeoJSON, KML,
+//! GPX, CSV, Cursor on Target, and MCAP with Foxglove's schemas (feature `mcap`).
 //!
 //! Coordinates are WGS84. Heights are left out where a format does without: those of local frames
 //! are above the frame's origin, whose own height is often not known.

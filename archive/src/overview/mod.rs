@@ -1,4 +1,5 @@
-//! What there is to look at of a hunt, or of recordings: paths, receptions, beliefs in time, events.
+//! What there is to look at of a hunt, or of recordings: paths, receptions, beliefs in time,
+//! events.
 //!
 //! The [page](crate::page) shows it, [`export`](crate::export) writes it for other programs.
 

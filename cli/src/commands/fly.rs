@@ -265,8 +265,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     fs::write(&files.picture, svg).map_err(|error| CliError::writing(&files.picture, error))?;
     let flown = Log { header, events, torn: false };
     let antenna = Antennas::of(&config.extractor);
-    let seen = Overview::of_log(&flown, registry, Some(estimator), &turns.take(), antenna.known());
-    let (overview, _) = seen.map_err(CliError::failure)?;
+    let (overview, _) =
+        Overview::of_log(&flown, registry, Some(estimator), &turns.take(), antenna.known())
+            .map_err(CliError::failure)?;
     write_page(&files.page, &overview)?;
     let events = flown.events;
     let truth = |beacon: BeaconId| {

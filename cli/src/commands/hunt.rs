@@ -26,8 +26,9 @@ use crate::{context::Context, error::CliError};
 /// Fly one simulated hunt
 ///
 /// Flies the drones of a scenario through a simulated hunt for its beacons, one after the other or,
-/// where turns are shared, all at once. Prints a table of fixes against the truth, and writes a log,
-/// a picture and a page that shows the hunt in any browser. The same scenario, estimator and seed fly the same hunt.
+/// where turns are shared, all at once. Prints a table of fixes against the truth, and writes a
+/// log, a picture and a page that shows the hunt in any browser. The same scenario, estimator and
+/// seed fly the same hunt.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt hunt\n  \
                         foxhunt hunt pritzl-6.1 --estimator particle --seed 7 --out hunts/7\n  \
@@ -77,8 +78,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
 
     let flown = Log { header, events, torn: false };
     let antenna = Antennas::of(&scenario.extractor);
-    let seen = Overview::of_log(&flown, registry, Some(&estimator), &turns, antenna.known());
-    let (overview, _) = seen.map_err(CliError::failure)?;
+    let (overview, _) =
+        Overview::of_log(&flown, registry, Some(&estimator), &turns, antenna.known())
+            .map_err(CliError::failure)?;
     let page = args.out.join("report.html");
     write_page(&page, &overview)?;
 

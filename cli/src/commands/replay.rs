@@ -28,7 +28,7 @@ use crate::{
 /// on the same flight.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt replay out/hunt.jsonl\n  \
-                        foxhunt replay out/hunt.jsonl --estimator particle --report particle.html\n  \
+                        foxhunt replay out/hunt.jsonl --estimator particle --report cloud.html\n  \
                         foxhunt replay out/hunt.jsonl --export hunt.kml --origin 50.08,14.44")]
 pub(crate) struct Args {
     /// A log, such as `foxhunt hunt` writes it

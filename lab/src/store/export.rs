@@ -3,7 +3,7 @@ use std::io::Write;
 use super::{Contender, Filter, Row, Store, StoreError, StoredCampaign, read::name_of};
 
 /// The columns of a table of runs.
-const COLUMNS: [&str; 20] = [
+pub(super) const COLUMNS: [&str; 20] = [
     "program",
     "scenario",
     "planner",

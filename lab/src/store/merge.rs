@@ -6,24 +6,10 @@ use std::{
 
 use rusqlite::{OptionalExtension, params};
 
-use super::{Contender, Store, StoreError, StoredCampaign, file::first};
+use super::{Contender, Store, StoreError, StoredCampaign, export::COLUMNS, file::first};
 
-/// The columns of a run that are its result.
-const RESULTS: [&str; 13] = [
-    "ended",
-    "failure",
-    "duration_s",
-    "error_m",
-    "nees",
-    "steps",
-    "steps_to_3m",
-    "time_to_3m_s",
-    "path_m",
-    "nis_sum",
-    "nis_sum_of_squares",
-    "nis_degrees_of_freedom",
-    "nis_count",
-];
+/// The columns of a run that are its result; those before them are what it is of.
+const RESULTS: &[&str] = COLUMNS.split_at(7).1;
 
 /// Puts the runs of several stores into a new one: what one process would have written, row by row.
 /// A run that several have must be the same in all of them. The new file is there once it is

@@ -37,8 +37,8 @@ impl Turn {
     }
 }
 
-/// The bound's variance of a bearing, in rad²: of pulses that are Gaussian in dB about L + G(θ − φ),
-/// those below the floor censored, L unknown.
+/// The bound's variance of a bearing, in rad²: of pulses that are Gaussian in dB about L + G(θ −
+/// φ), those below the floor censored, L unknown.
 fn bound(antenna: &PatternTable, boresights: &[f64], bearing: f64, level: f64, floor: f64) -> f64 {
     let (mut tt, mut tl, mut ll) = (0.0, 0.0, 0.0);
     for boresight in boresights {

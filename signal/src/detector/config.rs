@@ -14,8 +14,8 @@ pub struct DetectorConfig {
     pub widths_s: Vec<f64>,
     /// How many times an hour noise may be taken for a pulse, over all frequencies and widths.
     pub false_alarms_per_hour: f64,
-    /// The least power of noise in a sample, over that of a tone at full scale: that of the steps of
-    /// the samples' numbers, below which nothing is known. Recordings that are muted between
+    /// The least power of noise in a sample, over that of a tone at full scale: that of the steps
+    /// of the samples' numbers, below which nothing is known. Recordings that are muted between
     /// transmissions have no other.
     pub least_noise: f64,
     /// The power of a tone at full scale, in dBm; 0 where it is not known, for dB of full scale.

@@ -58,13 +58,13 @@ pub struct Association {
 /// Gives pulses to the tags that sent them.
 ///
 /// Coded bursts of the table are matched by their gaps first. Every other known tag, then every
-/// unknown one whose interval an [`IntervalTransform`] over a window of frequencies proposes, is the
-/// most likely path of a hidden Markov model over intervals: pulses are missed, intervals jitter and
-/// drift, phases slip, tags go out of range, change to another interval, and collide. The tags
-/// share the pulses out among them by coordinate ascent: each path is found anew while those of the
-/// others are held, until none changes (Besag 1986); a pulse that another tag holds can only be one
-/// that collided. An unknown tag is taken where the odds of its train over noise exceed the number
-/// of trains that were tried, over [`AssociationConfig::false_tags`].
+/// unknown one whose interval an [`IntervalTransform`] over a window of frequencies proposes, is
+/// the most likely path of a hidden Markov model over intervals: pulses are missed, intervals
+/// jitter and drift, phases slip, tags go out of range, change to another interval, and collide.
+/// The tags share the pulses out among them by coordinate ascent: each path is found anew while
+/// those of the others are held, until none changes (Besag 1986); a pulse that another tag holds
+/// can only be one that collided. An unknown tag is taken where the odds of its train over noise
+/// exceed the number of trains that were tried, over [`AssociationConfig::false_tags`].
 ///
 /// # Errors
 ///
@@ -389,8 +389,8 @@ impl<'a> Work<'a> {
         tried.max_by(|a, b| a.1.score.total_cmp(&b.1.score))
     }
 
-    /// Windows of frequencies that hold pulses: middles and standard deviations; two reach as far as
-    /// the next but one.
+    /// Windows of frequencies that hold pulses: middles and standard deviations; two reach as far
+    /// as the next but one.
     fn windows(&self, held: &[bool]) -> Vec<(f64, f64)> {
         let step = 4.0 * self.frequency_sigma_hz;
         let open = self.pulses.iter().zip(held).filter(|(_, held)| !**held);

@@ -18,8 +18,8 @@ pub(super) struct Clutter {
 }
 
 impl Clutter {
-    /// Of pulses in the order of their beginnings, without those that are explained: the greater of the
-    /// density about a pulse's frequency at any time and of that near its time. A pulse counts
+    /// Of pulses in the order of their beginnings, without those that are explained: the greater of
+    /// the density about a pulse's frequency at any time and of that near its time. A pulse counts
     /// itself, so that no density is zero.
     pub(super) fn new(pulses: &[Pulse], explained: &[bool], frequency_sigma_hz: f64) -> Self {
         let reach = 4.0 * frequency_sigma_hz;

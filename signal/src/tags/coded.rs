@@ -11,8 +11,8 @@ pub(super) struct Burst {
     pub(super) misfit: f64,
 }
 
-/// All bursts of a tag among pulses in the order of their beginnings. No two share a pulse: the better
-/// of those that would is taken.
+/// All bursts of a tag among pulses in the order of their beginnings. No two share a pulse: the
+/// better of those that would is taken.
 pub(super) fn bursts(pulses: &[Pulse], tag: &KnownTag, config: &AssociationConfig) -> Vec<Burst> {
     let near = |pulse: &Pulse| {
         tag.frequency_hz.is_none_or(|f| {

@@ -29,9 +29,9 @@ pub struct AssociationConfig {
 }
 
 impl Default for AssociationConfig {
-    /// Intervals of 0.2 to 5 s within 1 %, times within 1 ms, frequencies within 30 Hz and 100 Hz of
-    /// the table's, 30 pulses missed, 0.001 false tags; bursts by the tolerances published for the
-    /// tag finder of SensorGnome (Brzustowski, `find_tags_motus`): 1.5 ms a gap, 4 ms a burst,
+    /// Intervals of 0.2 to 5 s within 1 %, times within 1 ms, frequencies within 30 Hz and 100 Hz
+    /// of the table's, 30 pulses missed, 0.001 false tags; bursts by the tolerances published for
+    /// the tag finder of SensorGnome (Brzustowski, `find_tags_motus`): 1.5 ms a gap, 4 ms a burst,
     /// 0.5 kHz.
     fn default() -> Self {
         Self {

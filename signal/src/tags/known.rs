@@ -76,8 +76,8 @@ pub struct TagTable {
     tags: Vec<KnownTag>,
 }
 
-const WANTED: &str = "a table of tags: name, interval_s and at will frequency_hz, width_s, gaps_ms, \
-                      other_interval_s (foxhunt); tagID, nomFreq, offsetFreq, period, pulseLen, \
+const WANTED: &str = "a table of tags: name, interval_s and at will frequency_hz, width_s, \
+                      gaps_ms, other_interval_s (foxhunt); tagID, nomFreq, offsetFreq, period, pulseLen, \
                       param1, param2, param3 (SensorGnome)";
 
 impl TagTable {

@@ -2,8 +2,8 @@
 //!
 //! [`read_pulses`] reads what detectors wrote, [`TagTable`] holds the tags that are known, and
 //! [`associate`] finds the trains: coded bursts by their gaps, other known tags by frequency, width
-//! and interval, and unknown ones, whose intervals the [`IntervalTransform`] proposes. Everything is
-//! searched first and associated afterwards; nothing is listened for in predicted windows.
+//! and interval, and unknown ones, whose intervals the [`IntervalTransform`] proposes. Everything
+//! is searched first and associated afterwards; nothing is listened for in predicted windows.
 
 mod associate;
 mod clutter;

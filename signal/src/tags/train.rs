@@ -360,9 +360,9 @@ impl TrainModel {
     }
 }
 
-/// A path whose pulse another train holds as well: the two overlapped, within the pulse's length and
-/// the width of its spectrum. It explains nothing that is not explained, so it is weighed against a
-/// miss.
+/// A path whose pulse another train holds as well: the two overlapped, within the pulse's length
+/// and the width of its spectrum. It explains nothing that is not explained, so it is weighed
+/// against a miss.
 fn collided(pulse: &Pulse, before: Path, path: Path, chance: f64, model: &TrainModel) -> Path {
     let band = 1.0 / pulse.width_s;
     let variance = path.carrier.1 + model.frequency_sigma_hz.powi(2) + band.powi(2);

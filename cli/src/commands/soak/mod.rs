@@ -37,12 +37,12 @@ use crate::{
 ///
 /// Each seed draws a fleet with everything that may go wrong, beacons, estimator, extractor,
 /// antenna and planner, and flies it twice; every fourth one draws a recording instead, bends and
-/// cuts it, and locates with it; with the feature `hardware` every eighth one flies emulated devices
-/// whose cables, links and autopilots fail. Checks that each search has an end or a reason, that drones keep
-/// separation, airspace and batteries, that estimates are finite and their covariances positive
-/// definite, that flight and replay repeat to the bit, that logs are read wherever they are cut
-/// off, and that memory does not grow. The exit code is 1 where something did not hold; what is
-/// needed to see it again is then in the folder.
+/// cuts it, and locates with it; with the feature `hardware` every eighth one flies emulated
+/// devices whose cables, links and autopilots fail. Checks that each search has an end or a reason,
+/// that drones keep separation, airspace and batteries, that estimates are finite and their
+/// covariances positive definite, that flight and replay repeat to the bit, that logs are read
+/// wherever they are cut off, and that memory does not grow. The exit code is 1 where something did
+/// not hold; what is needed to see it again is then in the folder.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt soak --hours 8\n  \
                         foxhunt soak --runs 1000 --seed 5000\n  \
