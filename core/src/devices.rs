@@ -1,25 +1,25 @@
 use crate::BeaconId;
 
-/// A radio that asks a beacon for an answer and measures the answer's power.
+/// A radio that sends a question to a beacon and measures the answer's power.
 ///
 /// One question is outstanding at a time: a new request gives up the one before it, and an
-/// answer that belongs to an older question is not told.
+/// answer to an older question is discarded.
 pub trait Radio {
     /// Why the link to the radio failed.
     type Error: core::error::Error + 'static;
 
-    /// Asks `beacon` for an answer; returns when the question is on its way.
+    /// Sends a question to `beacon`; returns when it is on its way.
     ///
     /// # Errors
     ///
-    /// Whatever the link says.
+    /// Any failure of the link.
     fn request(&mut self, beacon: BeaconId) -> Result<(), Self::Error>;
 
     /// The power of the answer in dBm, once; `None` while there is none. Never blocks.
     ///
     /// # Errors
     ///
-    /// Whatever the link says.
+    /// Any failure of the link.
     fn poll(&mut self) -> Result<Option<f64>, Self::Error>;
 
     /// The next time at which a [`poll`](Self::poll) may give an answer or fail, in seconds of its
@@ -41,7 +41,7 @@ pub trait Rotator {
     ///
     /// # Errors
     ///
-    /// Whatever the link says.
+    /// Any failure of the link.
     fn turn_to(&mut self, angle: f64) -> Result<(), Self::Error>;
 
     /// Where the antenna looks, in radians from the nose, while it stands still; `None` while
@@ -49,7 +49,7 @@ pub trait Rotator {
     ///
     /// # Errors
     ///
-    /// Whatever the link says.
+    /// Any failure of the link.
     fn poll(&mut self) -> Result<Option<f64>, Self::Error>;
 
     /// The next time at which a [`poll`](Self::poll) may differ from the one before, in seconds of
@@ -60,7 +60,7 @@ pub trait Rotator {
     }
 }
 
-/// A clock that is passed in: nothing in the libraries asks the system for the time.
+/// A clock that is passed in: nothing in the libraries reads the system's time.
 pub trait Clock {
     /// Seconds since an origin that stays the same for the whole hunt; never decreases.
     fn now(&self) -> f64;

@@ -40,8 +40,8 @@ pub struct Bearing {
     pub angle: f64,
     /// Its standard deviation in radians.
     pub sigma: f64,
-    /// How far the sweep looks like one transmitter seen through one main lobe: 0 not at all,
-    /// 1 without a doubt. Each extractor says how it counts.
+    /// How far the sweep looks like one transmitter received through one main lobe: 0 not at
+    /// all, 1 without a doubt. Each extractor documents how it counts.
     pub confidence: f64,
 }
 

@@ -18,7 +18,7 @@
 //!
 //! # Conventions
 //!
-//! SI units and radians inside; a name carries its unit where SI does not say it (`rss_dbm`).
+//! SI units and radians inside; a name carries its unit where that is not the SI one (`rss_dbm`).
 //! The frame is local East-North-Up; angles run counter-clockwise from East. Compass degrees
 //! exist only at the edges. The first two components of a state are the target's East and North.
 

@@ -81,8 +81,8 @@ pub trait MeasurementModel<const N: usize, const M: usize> {
     /// each component; sets `out`. Columns and `out` are of one length.
     ///
     /// One state after the other unless overridden. An override is a plain loop over the columns
-    /// with the functions of [`elementary`](crate::elementary), and `#[inline(always)]`: whoever
-    /// calls it may then compile it for wider vectors.
+    /// with the functions of [`elementary`](crate::elementary), and `#[inline(always)]`: a
+    /// caller may then compile it for wider vectors.
     #[inline(always)]
     fn log_likelihoods(&self, columns: [&[f64]; N], observation: &Observation<M>, out: &mut [f64]) {
         log_likelihoods_one_by_one(self, columns, observation, out);

@@ -22,7 +22,7 @@ pub struct Sample {
 pub struct Unanswered {
     /// Where the antenna looked, in radians in the world frame.
     pub boresight: f64,
-    /// Which of the turn's positions it was asked at, from 0.
+    /// The turn's position at which its question was sent, from 0.
     pub position: u16,
 }
 
@@ -72,7 +72,7 @@ pub trait PatternSource {
     ///
     /// # Errors
     ///
-    /// Whatever the hardware says; the source may be asked again after an error.
+    /// Any failure of the hardware; a turn may be begun again after an error.
     fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Self::Error>;
 
     /// Takes what steps can be taken now. Once the turn is complete, lends its sweeps, one at each
@@ -82,7 +82,7 @@ pub trait PatternSource {
     ///
     /// # Errors
     ///
-    /// Whatever the hardware says; a source may be polled again after an error.
+    /// Any failure of the hardware; a source may be polled again after an error.
     fn poll(&mut self) -> Result<Option<Sweep<'_>>, Self::Error>;
 
     /// The next time at which a [`poll`](Self::poll) may do anything, in seconds of the clock of

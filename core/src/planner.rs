@@ -19,7 +19,7 @@ impl Station {
     }
 }
 
-/// What a planner is told of one of several targets.
+/// A planner's input about one of several targets.
 #[derive(Clone, Copy)]
 pub struct Target<'a> {
     /// Which beacon it is.
@@ -39,8 +39,8 @@ impl fmt::Debug for Target<'_> {
 ///
 /// The stations are those of the drones that take part at that moment: their number and their
 /// order may differ from one call to the next, as drones drop out and come back. Which drone flies
-/// to which goal is not the planner's concern: goals are places for the formation, and whoever
-/// flies it may exchange them.
+/// to which goal is not the planner's concern: goals are places for the formation, whose caller
+/// may exchange them.
 ///
 /// # Laws
 ///
@@ -61,8 +61,8 @@ pub trait FormationPlanner {
         Ok(())
     }
 
-    /// The same for a target of which something is believed already, having been heard while
-    /// another one was searched for. Unless overridden, the belief makes no difference.
+    /// The same for a target that was received while another one was searched for, so that a
+    /// belief exists already. Unless overridden, the belief makes no difference.
     ///
     /// # Errors
     ///
@@ -86,7 +86,7 @@ pub trait FormationPlanner {
 
     /// The same for all targets that every turn listens for, one or several, none of which is done;
     /// the first of them is the one that [`begin`](Self::begin) or [`resume`](Self::resume) was
-    /// about. A hunt asks this way.
+    /// about. A hunt calls this method.
     /// [`Decision::Finish`] is about that one. Unless overridden, the others make no difference.
     ///
     /// # Errors
@@ -125,7 +125,7 @@ pub trait FormationPlanner {
 pub enum Decision {
     /// Go to the goals and listen there.
     Listen(Stage),
-    /// The search for this target is over; the goals say where to go all the same.
+    /// The search for this target is over; the drones go to the goals all the same.
     Finish(Outcome),
 }
 
@@ -158,7 +158,7 @@ pub enum Outcome {
     NoSignal,
     /// It was received, and then no longer; the estimate is of what was received.
     SignalLost,
-    /// The ellipse that holds it with 95 % is as small as was asked for.
+    /// The ellipse that holds it with 95 % is as small as required.
     EllipseReached,
     /// Another turn would teach less than is worth its time.
     LittleToLearn,
@@ -166,7 +166,7 @@ pub enum Outcome {
     BudgetSpent,
     /// No drone is left that could listen.
     NoDrones,
-    /// There was no plan any more, or no permitted way home; the log says why.
+    /// There was no plan any more, or no permitted way home; the log holds the reason.
     NoPlan,
 }
 

@@ -8,10 +8,10 @@ pub struct Pose {
     pub position: Vector3<f64>,
     /// The nose, in radians counter-clockwise from East.
     pub heading: f64,
-    /// How far the nose is above the horizon, in radians; level where a file does not say.
+    /// How far the nose is above the horizon, in radians; 0 where a file has no value.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "is_zero"))]
     pub pitch: f64,
-    /// How far the right side is below the left, in radians; level where a file does not say.
+    /// How far the right side is below the left, in radians; 0 where a file has no value.
     #[cfg_attr(feature = "serde", serde(default, skip_serializing_if = "is_zero"))]
     pub roll: f64,
     /// How fast it moves to East, North and Up, in metres per second, where that is known.

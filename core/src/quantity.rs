@@ -62,7 +62,7 @@ impl fmt::Display for Quantity {
 pub struct Measured {
     /// The name of the quantity.
     pub name: QuantityName,
-    /// The value, in the unit that the name says.
+    /// The value, in the unit of the name.
     pub value: f64,
     /// Its standard deviation, in the same unit.
     pub sigma: f64,

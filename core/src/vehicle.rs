@@ -2,29 +2,29 @@ use nalgebra::Vector3;
 
 use crate::{Pose, Waypoint};
 
-/// One aircraft.
+/// An aircraft that reports its pose and flies to places.
 pub trait Vehicle {
     /// Why the link or the autopilot failed.
     type Error: core::error::Error + 'static;
 
-    /// Where it is now.
+    /// The aircraft's present pose.
     ///
     /// # Errors
     ///
-    /// Whatever the link says.
+    /// Any failure of the link.
     fn pose(&mut self) -> Result<Pose, Self::Error>;
 
     /// How uncertain its place is: σ of East, North and Up in metres, as of the last
-    /// [`pose`](Self::pose); `None`, unless overridden, where it does not say.
+    /// [`pose`](Self::pose); `None`, unless overridden, where it does not report that.
     fn position_sigma(&self) -> Option<Vector3<f64>> {
         None
     }
 
-    /// Sends it somewhere; returns when the order is accepted, not when it is there.
+    /// Orders a flight to `goal`; returns when the order is accepted, not on arrival.
     ///
     /// # Errors
     ///
-    /// Whatever the link or the autopilot says.
+    /// Any failure of the link, or the autopilot's refusal.
     fn go_to(&mut self, goal: &Waypoint) -> Result<(), Self::Error>;
 
     /// Lands it where it is; returns when the order is accepted. Unless overridden, it is sent to
@@ -32,7 +32,7 @@ pub trait Vehicle {
     ///
     /// # Errors
     ///
-    /// Whatever the link or the autopilot says.
+    /// Any failure of the link, or the autopilot's refusal.
     fn land(&mut self) -> Result<(), Self::Error> {
         let mut position = self.pose()?.position;
         position.z = 0.0;
@@ -47,15 +47,15 @@ pub trait Vehicle {
     }
 }
 
-/// An aircraft that can turn about its vertical axis for as long as it is asked to, while it hovers
-/// and while it flies.
+/// An aircraft that can turn about its vertical axis for as long as it is ordered to, while it
+/// hovers and while it flies.
 pub trait Spinner: Vehicle {
-    /// Turns at `rate` radians per second, counter-clockwise seen from above where it is positive,
-    /// until it is told otherwise; `None` holds the heading. Returns when the order is accepted.
+    /// Turns at `rate` radians per second, counter-clockwise from above where it is positive,
+    /// until the next order; `None` holds the heading. Returns when the order is accepted.
     /// Where it flies to is another matter.
     ///
     /// # Errors
     ///
-    /// Whatever the link or the autopilot says.
+    /// Any failure of the link, or the autopilot's refusal.
     fn spin(&mut self, rate: Option<f64>) -> Result<(), Self::Error>;
 }

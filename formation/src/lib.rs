@@ -21,7 +21,7 @@
 //! `Airspace`, apart from each other, as long as their `Endurance` lasts; `Attendance` follows who
 //! takes part.
 //!
-//! A planner of one's own is a [`FormationPlanner`](foxhunt_core::FormationPlanner), or a closure
+//! Your own planner is a [`FormationPlanner`](foxhunt_core::FormationPlanner), or a closure
 //! through [`planner_fn`](foxhunt_core::planner_fn).
 
 #![no_std]

@@ -214,7 +214,7 @@ fn what_is_believed_beforehand_is_used_at_the_start() {
     assert!(stations.iter().all(|s| s.goal.position == s.pose.position));
 }
 
-/// A sensor of one's own: a closure that measures bearings alone, from the South only.
+/// A user's own sensor: a closure that measures bearings alone, from the South only.
 #[test]
 fn a_closure_is_a_kind_of_turn() {
     let deaf_to_the_north = |target: &Vector2<f64>, receiver: &Vector3<f64>| {

@@ -55,7 +55,7 @@ pub trait MotionModel<const N: usize> {
     /// their ξ; no angle is wrapped. All columns are of one length.
     ///
     /// One state after the other unless overridden. An override is a plain loop over the columns,
-    /// and `#[inline(always)]`: whoever calls it may then compile it for wider vectors.
+    /// and `#[inline(always)]`: a caller may then compile it for wider vectors.
     #[inline(always)]
     fn move_columns(&self, mut columns: [&mut [f64]; N], white: [&[f64]; N], dt: f64) {
         for i in 0..columns.first().map_or(0, |column| column.len()) {

@@ -6,11 +6,11 @@ use crate::{BearingModes, Covariance, ObservationError, Pose, noise};
 /// missing.
 ///
 /// A component may also be *below a limit*: the receiver got no answer, so the level lay
-/// below its floor. Such a component is missing to whoever works with residuals; a likelihood
+/// below its floor. Such a component is missing where residuals are used; a likelihood
 /// may use the limit ([`upper_limit`](Self::upper_limit)).
 ///
 /// A bearing may be one of several ([`with_bearing_modes`](Self::with_bearing_modes)). Its value
-/// and noise are then the moments of all of them, for whoever works with residuals, and a
+/// and noise are then the moments of all of them, where residuals are used, and a
 /// likelihood is that of the mixture.
 ///
 /// The noise covariance travels with the numbers, because it differs at every step: a bearing's

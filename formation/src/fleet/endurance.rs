@@ -124,7 +124,7 @@ impl Endurance {
                 + PI * keep * around.map(|_| 1.0).sum::<f64>();
             let seconds = length / self.config.speed_mps + climb / self.config.climb_mps;
             let mut group = Group { members: 1.0, seconds, regions: std::vec![region] };
-            // Whoever comes near to this one flies in turn with it.
+            // A drone that comes near to this one flies in turn with it.
             let (near, far): (Vec<_>, Vec<_>) =
                 groups.into_iter().partition(|other| other.meets(&group, keep));
             groups = far;

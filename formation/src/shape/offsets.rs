@@ -7,7 +7,7 @@ use super::{Shape, number};
 /// circumradius (Pritzl 2018, §5.2).
 const ALONE_M: f64 = 6.0;
 
-/// Places of one's own about the centre, in the order of the drones.
+/// Given places about the centre, in the order of the drones.
 ///
 /// Where there are fewer drones, the last places stay empty. Where there are more, the whole
 /// pattern is laid out again beside itself, East, West, farther East and so on, by its width and
