@@ -78,9 +78,9 @@ impl<const N: usize> Gaussian<N> {
         if self.factor.diagonal().iter().any(|d| *d <= 0.0) {
             return Err(EstimatorError::NotPositiveDefinite { role });
         }
-        // Squaring doubles the digits that a thin belief needs. Where they are not there, what is
-        // told has a few units in the last place added to its variances, which is what makes a
-        // rounded square definite again (Higham 2002, §10.1); the factor itself stays.
+        // Squaring doubles the digits that a thin belief needs. Where they are not there, the
+        // returned covariance has a few units in the last place added to its variances, which
+        // makes a rounded square definite again (Higham 2002, §10.1); the factor itself stays.
         if covariance.cholesky().is_none() {
             let last_places = 1.0 + 8.0 * number(N) * f64::EPSILON;
             (0..N).for_each(|i| covariance[(i, i)] *= last_places);

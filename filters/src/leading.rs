@@ -1,6 +1,6 @@
 use foxhunt_core::{Correction, Estimate, Estimator, EstimatorError, Observation, Quantity, State};
 
-/// An estimator of `N` components, seen as one of its first `K`: the further ones, such
+/// An estimator of `N` components that shows only the first `K`: the further ones, such
 /// as a velocity or a transmitter's power, are estimated and not shown.
 ///
 /// ```

@@ -195,7 +195,7 @@ mod tests {
 
     #[test]
     fn conditioning_is_that_of_the_covariances() {
-        // From hardly seen to a hundred million times as well as before.
+        // From hardly observed to a hundred million times as well as before.
         for scale in [1e-3, 1.0, 1e4] {
             let b = Matrix2x3::new(1.0, -0.3, 0.2, 0.4, 2.0, -1.0) * scale;
             let e = Vector2::new(0.7, -1.3) * scale;

@@ -1,5 +1,5 @@
-//! Whether an estimator knows how good it is: its errors and innovations against what it says of
-//! them (Bar-Shalom, Li & Kirubarajan 2001, §5.4).
+//! Consistency of an estimator: its errors and innovations against the covariances that it
+//! reports (Bar-Shalom, Li & Kirubarajan 2001, §5.4).
 
 mod average;
 mod coverage;

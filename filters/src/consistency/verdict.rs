@@ -9,9 +9,9 @@ pub(super) const NOTICEABLE: f64 = 1.5;
 ///
 /// The rule: what lies outside the interval of a consistent estimator is reported as such, however
 /// few the runs. Inside it, the estimator is called consistent only if there were enough runs to
-/// tell: an estimator whose covariance is wrong by a factor of 1.5, up or down, has to be expected
-/// outside the interval. Otherwise there were too few. With two degrees of freedom and 95 % that
-/// asks for 29 runs.
+/// decide: an estimator whose covariance is wrong by a factor of 1.5, up or down, has to be
+/// expected outside the interval. Otherwise there were too few. With two degrees of freedom and
+/// 95 % that takes 29 runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]

@@ -5,7 +5,7 @@ use foxhunt_core::{Correction, EstimatorError, parameter::require};
 use super::{average::quantiles, verdict::probability};
 use crate::count::number;
 
-/// Says when a filter has lost its target: the average normalised innovation squared over the
+/// Detects that a filter has lost its target: the average normalised innovation squared over the
 /// last few observations has left the interval that a consistent filter's keeps (Bar-Shalom, Li &
 /// Kirubarajan 2001, §5.4.2 and §11.6).
 ///
@@ -15,7 +15,7 @@ use crate::count::number;
 /// observations without end, one in any sequence. At 10⁻⁴ and a window of 10, 6 of 100 sequences
 /// of 1000 observations have one.
 ///
-/// Rejected observations count: a gate shuts out most of what a lost filter hears.
+/// Rejected observations count: a gate shuts out most of what a lost filter receives.
 ///
 /// ```
 /// # use foxhunt_filters::consistency::{NisHealth, NisWatchdog};
@@ -97,8 +97,8 @@ impl NisWatchdog {
         Ok(Self { window, significance, ..Self::default() })
     }
 
-    /// Looks at what an update of an observation with `components` present came to. What has no
-    /// NIS, such as an empty observation, changes nothing.
+    /// Adds the outcome of an update by an observation with `components` present. One without a
+    /// NIS, such as that of an empty observation, changes nothing.
     pub fn observe(&mut self, correction: &Correction, components: usize) -> NisHealth {
         match correction.nis() {
             Some(nis) => self.add(nis, components),

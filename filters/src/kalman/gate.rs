@@ -89,7 +89,7 @@ impl Gate {
     }
 
     /// The same gate, but after `rejections` in a row the next observation is let in, whatever
-    /// its NIS: a filter that shuts out all that it hears is wrong itself.
+    /// its NIS: a filter that shuts out all that it receives is wrong itself.
     #[must_use]
     pub const fn with_most_rejections(self, rejections: u32) -> Self {
         Self { most_rejections: rejections, ..self }

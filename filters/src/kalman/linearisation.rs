@@ -12,7 +12,7 @@ const HALVINGS: u32 = 8;
 const ROOM: f64 = 0.1;
 
 /// An earlier posterior must be better by so many nats to be preferred to the last: the images
-/// that tell the free energy are themselves not exact.
+/// that give the free energy are themselves not exact.
 const SLACK: f64 = 0.5;
 
 /// The update of a prior N(x̂, L₀ L₀ᵀ), linearised about any Gaussian: statistical linear

@@ -107,7 +107,7 @@ where
         Ok(Self { axes, belief, ..self })
     }
 
-    /// The same, telling the NIS of the mixture: the innovation's mean and covariance over all
+    /// The same with the NIS of the mixture: the innovation's mean and covariance over all
     /// models, deviations taken about the observation.
     #[must_use]
     pub fn with_innovation(self, innovation: InnovationOf<E, M>) -> Self {

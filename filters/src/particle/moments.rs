@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn a_stray_first_particle_does_not_split_the_others() {
-        // Seen from 3.0, −0.3 and 0.1 lie on different sides.
+        // About 3.0, −0.3 and 0.1 lie on different sides.
         let columns = [alloc::vec![3.0, -0.3, 0.1]];
         let estimate = moments(&columns, &[0.0, 0.5, 0.5], &[Axis::Angle], Threads::One);
         assert!((estimate.mean[0] + 0.1).abs() < 1e-14, "{}", estimate.mean);

@@ -12,8 +12,8 @@ pub(super) fn white<R: Rng, const N: usize>(rng: &mut R) -> State<N> {
     State::from_fn(|_, _| rng.sample(StandardNormal))
 }
 
-/// A step's random numbers, each a function of the step's key and of its place: whoever needs them
-/// may draw them in any order.
+/// A step's random numbers, each a function of the step's key and of its place, so that
+/// they may be drawn in any order.
 ///
 /// SplitMix64 (Steele, Lea & Flood 2014), whose n-th number is a hash of key + n γ: without a
 /// state, vectors draw as many at once as they hold.

@@ -61,7 +61,7 @@ mod tests {
     fn a_mixture_has_the_variance_of_its_parts_and_between_them() {
         let mut mixture = Mixture::default();
         mixture.add(1.0, 1e6, 4.0);
-        mixture.add(0.0, f64::NAN, f64::NAN); // no weight, no say
+        mixture.add(0.0, f64::NAN, f64::NAN); // no weight, no effect
         mixture.add(3.0, 1e6 + 8.0, 1.0);
         assert!((mixture.mean() - (1e6 + 6.0)).abs() < 1e-9);
         // (4 + 3 · 1) / 4 within and (36 + 3 · 4) / 4 between.

@@ -131,7 +131,7 @@ fn levels_are_those_of_kriging() {
 }
 
 /// Levels of a law with noise on a lawn-mower track, seed 42: the maximum is near the transmitter,
-/// and the same seed tells the same.
+/// and the same seed gives the same map.
 #[test]
 fn a_transmitter_within_the_track_is_found() {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(42);

@@ -9,8 +9,8 @@ use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// A CSV's rows after its header; `None`, said aloud, where there is no such file.
-#[expect(clippy::print_stdout, reason = "a skipped test must say so")]
+/// A CSV's rows after its header; `None`, and a printed line, where there is no such file.
+#[expect(clippy::print_stdout, reason = "a skipped test must report it")]
 fn rows(file: &str) -> Option<Vec<Vec<String>>> {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/lenth1981");
     let path = PathBuf::from(folder).join(file);
@@ -210,7 +210,7 @@ fn bearings_without_a_place_are_refused() {
     let parallel = [0.0, 10.0, 20.0].map(|east| line(east, 0.0, 1.0));
     assert!(matches!(locate(&parallel), Err(BatchError::Flat { .. })));
     let one_place = [0.5, 1.0, 1.5].map(|bearing| line(3.0, 4.0, bearing));
-    assert!(locate(&one_place).is_err(), "one place tells no range");
+    assert!(locate(&one_place).is_err(), "one place gives no range");
     // Rays that spread: their lines meet behind the receivers.
     let spreading = [line(0.0, 0.0, 2.0), line(10.0, 0.0, 1.6), line(20.0, 0.0, 1.1)];
     assert!(locate(&spreading).is_err(), "{:?}", locate(&spreading));

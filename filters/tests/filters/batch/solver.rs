@@ -14,7 +14,7 @@ use super::model::{MODEL, observed, round};
 
 const SIGMA: Vector2<f64> = Vector2::new(3.0, 0.15);
 
-/// Levels, and where `bearings` says so bearings, of a transmitter of unknown power.
+/// Levels, and bearings where `bearings` is set, of a transmitter of unknown power.
 fn flight(
     rng: &mut Xoshiro256PlusPlus,
     truth: &State<3>,
@@ -32,7 +32,7 @@ fn flight(
 }
 
 /// Seeds 0 to 99: the target is drawn from the prior, every level is taken at one place. The
-/// likelihood is a ring, whose optimum says nothing of where on it the target is.
+/// likelihood is a ring, whose optimum does not show where on it the target is.
 #[test]
 fn levels_from_one_place_leave_the_prior_in_doubt() {
     let (at, sigmas) = (Pose::at(20.0, -10.0, 15.0), Vector2::new(1.0, 1.0));
@@ -221,8 +221,8 @@ fn robust_losses_stand_outliers() {
 
 #[test]
 fn the_best_of_two_optima_is_found_from_several_starts() {
-    // Levels along a straight leg: a target on either side would be observed alike; one bearing,
-    // poor, tells which.
+    // Levels along a straight leg: a target on either side would be observed alike; one poor
+    // bearing decides.
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);
     let leg: Vec<_> = (0..40).map(|i| Pose::at(5.0 * f64::from(i), 0.0, 30.0)).collect();
     let truth = Vector3::new(90.0, 60.0, -30.0);

@@ -98,7 +98,7 @@ fn a_sum_reaches_the_exact_posterior_where_one_gaussian_does_not() {
     assert!((reported_few - log_evidence).abs() < 0.1, "{reported_few}, not {log_evidence}");
     assert!(few.components().len() <= 60);
     let (mean, spread) = off(alone.estimate());
-    assert!(mean > 0.3 || spread > 0.5, "off by {mean}, {spread}: too easy a problem to tell");
+    assert!(mean > 0.3 || spread > 0.5, "off by {mean}, {spread}: too easy a problem");
 }
 
 #[test]
@@ -216,7 +216,7 @@ fn a_range_parameterised_bank_finds_a_range_that_one_filter_does_not() {
         Box::new(Ekf::new(still, Bearing, Estimate { mean, covariance }).expect("proper"))
     });
     assert!(error < 0.7 * one, "{error} against {one}");
-    assert!(mean_and_error(&alone).0 > 3.0, "too easy a problem to tell");
+    assert!(mean_and_error(&alone).0 > 3.0, "too easy a problem");
 }
 
 #[test]

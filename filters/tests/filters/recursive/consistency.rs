@@ -123,7 +123,7 @@ fn particles_and_cells_are_consistent_where_a_gaussian_is_not() {
     assert!((grid - 2.0).abs() < 3.3 * error, "grid: ANEES {grid:.3} ± {error:.3}");
     let ekf = normalised(&WILD, |f, h, prior, _| Ekf::new(f, h, prior).expect("a proper prior"));
     let (linearised, _) = mean_and_error(&ekf);
-    assert!(linearised > 2.5, "ANEES {linearised:.3}: this problem is too easy to tell");
+    assert!(linearised > 2.5, "ANEES {linearised:.3}: this problem is too easy");
 }
 
 #[test]
@@ -199,7 +199,7 @@ fn a_receiver_that_errs_about_its_place_is_counted_in() {
 
 #[test]
 fn a_filter_that_knows_of_outliers_survives_them() {
-    // One observation in five says nothing: any level within 100 dB, any bearing.
+    // One observation in five holds no information: any level within 100 dB, any bearing.
     let widths = [100.0, core::f64::consts::TAU];
     let outliers = OutlierMixture::new(0.2, widths).expect("a share and a volume");
     let anees = |robust: bool, share: f64| {
@@ -232,5 +232,5 @@ fn a_filter_that_knows_of_outliers_survives_them() {
     let robust = anees(true, 0.2);
     assert!((1.5..2.5).contains(&robust), "ANEES {robust:.3}");
     assert!((1.5..2.5).contains(&anees(true, 0.0)), "without any outlier");
-    assert!(anees(false, 0.2) > 20.0, "these outliers are too tame to tell");
+    assert!(anees(false, 0.2) > 20.0, "these outliers are too tame");
 }

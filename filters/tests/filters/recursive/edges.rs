@@ -40,7 +40,7 @@ fn all(prior: Estimate<2>) -> [(&'static str, Box<dyn Estimator<2, 2>>); 8] {
 
 #[test]
 fn a_bearing_across_the_cut_moves_the_belief_a_little() {
-    // The prior mean is seen at π − 0.005, the bearing says −π + 0.02: 0.025 rad on. Lateral gain
+    // The prior mean lies at π − 0.005, the bearing is −π + 0.02: 0.025 rad on. Lateral gain
     // 100 / (100 + 25): by hand −0.8 · 2.5 m to the side, and a little back as the line turns.
     let prior = Estimate::isotropic(Vector2::new(-100.0, 0.5), 10.0);
     let z = Vector2::new(-80.0, -core::f64::consts::PI + 0.02);

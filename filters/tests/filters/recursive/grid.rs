@@ -255,7 +255,7 @@ fn a_doubted_noise_is_learnt() {
     let mut grid = GridFilter::new(still, FIELD, prior, config).expect("in range");
     assert!(grid.noise_scale_probabilities().iter().all(|p| (p - 1.0 / 3.0).abs() < 1e-12));
     for receiver in around().cycle().take(60) {
-        // It is said to be 6 dB and is 3.
+        // The observation's σ is 6 dB, the true one 3.
         let noise = Vector2::new(3.0 * rng.sample::<f64, _>(StandardNormal), 0.0);
         let z = FIELD.expected(&truth, &receiver) + noise;
         assert!(grid.update(&observed(receiver, z, 6.0, 0.3)).is_ok());

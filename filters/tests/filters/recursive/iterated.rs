@@ -134,7 +134,7 @@ proptest! {
     }
 }
 
-/// A problem drawn from its prior, seen from a place `range` metres from the prior mean.
+/// A problem drawn from its prior, observed from a place `range` metres from the prior mean.
 fn drawn(seed: u64, sigma: f64, range: f64, noise: Vector2<f64>) -> (Estimate<2>, Observation<2>) {
     let mut rng = rng(seed);
     let mut white = || -> State<2> { State::from_fn(|_, _| rng.sample(StandardNormal)) };
@@ -196,8 +196,8 @@ fn an_iteration_that_has_settled_ends() {
         fused(ckf.expect("a proper prior").with_iterations(iterations).update(&observation));
         count.get()
     };
-    // Five for an image; an iteration asks for two more at the least, of its guard, and one of
-    // its own.
+    // Five evaluations for an image; an iteration takes at least two more for its guard, and one
+    // of its own.
     assert_eq!(requested(Iterations::once()), 5);
     let (loose, tight) = (requested(at_most(400, 1e-3)), requested(at_most(400, 1e-12)));
     assert!((20..=80).contains(&loose) && loose < tight && tight < 400, "{loose}, {tight}");

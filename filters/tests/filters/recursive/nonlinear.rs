@@ -15,7 +15,7 @@ use super::{
 };
 
 struct Problem {
-    /// How far from the prior mean the drone hears, in metres.
+    /// How far from the prior mean the drone listens, in metres.
     radius: f64,
     steps: u32,
     sigma_bearing: f64,
@@ -115,8 +115,8 @@ fn three_precise_bearings() {
 fn a_flight_through_the_prior() {
     let wild = Problem { radius: 8.0, steps: 20, sigma_bearing: 0.52, rss: true };
     let reported = assert_within(&wild, &Band { iterated: (1.18, 3.0), once: (1.4, 4.0) });
-    // Close by, the most probable place is on the receiver, and a tangent there says that it is
-    // known to the centimetre: only points see that it is not. The place itself is good.
+    // Close by, the most probable place is on the receiver, and a tangent there claims that it is
+    // known to the centimetre: only points show that it is not. The place itself is good.
     let (error, anees) = reported[4];
     assert!(error < 1.25 && anees > 10.0, "iterated EKF: {error}, ANEES {anees}");
 }

@@ -86,7 +86,7 @@ fn the_evidence_is_unbiased_for_every_scheme_and_threshold() {
                 let filter = plain(filter).with_resampling(scheme);
                 filter.with_resampling_threshold(threshold).expect("in range")
             });
-            assert!(error < 0.02, "{scheme:?}, {threshold}: {error} tells nothing");
+            assert!(error < 0.02, "{scheme:?}, {threshold}: {error} is too wide");
             assert!((mean - 1.0).abs() < 3.7 * error, "{scheme:?}, {threshold}: {mean} ± {error}");
         }
     }

@@ -272,7 +272,7 @@ fn copies_are_set_apart_by_the_bandwidth_of_what_is_sampled() {
     let _ = filter.update(&observation).expect("possible");
     let across = filter.estimate().covariance[(0, 0)];
     filter.predict(1.0).expect("a proper step");
-    // Half of the particles at 10, half at −10: the kernel's own spread is seen in each.
+    // Half of the particles at 10, half at −10: the kernel's own spread shows in each.
     let (mut weight, mut first, mut second) = (0.0, 0.0, 0.0);
     filter.visit_samples(&mut |x, w| {
         if x[0] > 0.0 {

@@ -11,7 +11,7 @@ use super::{
     vectors::{cases, matrix, number, vector},
 };
 
-/// A measurement model as a map that notes where it is asked.
+/// A measurement model as a map that notes where it is evaluated.
 struct Watched {
     model: RssBearing,
     receiver: Pose,

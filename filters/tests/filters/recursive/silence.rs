@@ -1,4 +1,4 @@
-//! That nothing was observed tells something where the model has a likelihood for it.
+//! That nothing was observed is information where the model has a likelihood for it.
 
 use foxhunt_core::{
     Correction, Estimate, Estimator, MeasurementModel, Observation, Pose, Quantity, RandomWalk,

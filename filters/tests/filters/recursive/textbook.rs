@@ -5,7 +5,7 @@ use foxhunt_core::{
     nalgebra::{DMatrix, DVector, SMatrix, SVector},
 };
 
-/// What an update of the textbook tells.
+/// The results of an update of the textbook.
 #[derive(Clone, Debug)]
 pub(super) struct Posterior<const N: usize> {
     pub(super) estimate: Estimate<N>,

@@ -1,4 +1,4 @@
-//! Truth drawn from the prior, readings from the model: the posterior must say how far off it is.
+//! Truth drawn from the prior, readings from the model: the posterior must know its own error.
 //!
 //! No χ² here, as the posterior is not Gaussian: what each run's own posterior expects (of the
 //! error squared, of its 95 % ellipse) is summed over the runs, with its own variance.

@@ -27,7 +27,7 @@ impl Sums {
     }
 }
 
-/// Everything a fix says, by brute force on the fix's own cells.
+/// Every number of a fix, by brute force on the fix's own cells.
 struct Direct {
     mass: Vec<f64>,
     intercept: Marginal,
