@@ -5,8 +5,8 @@
 //! | how power falls with range | [`Propagation`]: [`LogDistance`], [`Friis`], [`TwoRay`] |
 //! | what a receiver expects | [`Rss`], [`BearingOnly`], [`RssBearing`], [`FreePowerRssBearing`], [`FreePathLossRssBearing`] |
 //! | the same through an antenna's vertical pattern | [`WithElevationPattern`] (`alloc`) |
-//! | what two receivers' difference tells | [`DifferentialRss`], [`RangeDifference`] |
-//! | two models at once; what silence tells | [`Stacked`]; [`Censored`] |
+//! | the difference between two receivers | [`DifferentialRss`], [`RangeDifference`] |
+//! | two models at once; silence as a measurement | [`Stacked`]; [`Censored`] |
 //! | how bearings err | [`BearingMixture`] |
 //! | a turn of the antenna, put in order | [`Pattern`] |
 //! | from a turn to level and bearing | [`Pritzl2018`]; [`Maximum`], [`FirstHarmonic`], [`MainLobeFit`]; with a known antenna [`CrossCorrelation`], [`MaximumLikelihood`] (`alloc`) |

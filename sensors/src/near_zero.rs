@@ -1,4 +1,4 @@
-//! Functions of small numbers: what is asked for between two places near each other.
+//! Functions of small numbers, for two places near each other.
 
 /// Below this square of their argument the terms of the series that are left out, the first of them
 /// a ninth of its fourth power, are below half the last digit.

@@ -11,7 +11,7 @@ use super::{
     PatternTable3d, Yagi,
 };
 
-/// An antenna that is shared by those who hear through it and those who know it.
+/// An antenna shared by the channel that receives through it and the extractors that know it.
 pub type SharedAntenna = Arc<dyn Antenna + Send + Sync>;
 
 /// An antenna chosen at run time.
@@ -51,7 +51,7 @@ pub enum AntennaConfig {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct GainRow {
-    /// The angle off boresight in degrees, counter-clockwise seen from above.
+    /// The angle off boresight in degrees, counter-clockwise from above.
     pub angle_deg: f64,
     /// The gain in dB.
     pub gain_db: f64,

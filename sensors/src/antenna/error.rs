@@ -18,7 +18,7 @@ pub enum AntennaError {
     Read {
         /// The file.
         file: String,
-        /// What the system said.
+        /// The system's error.
         reason: String,
     },
     /// A file holds no antenna.
@@ -29,7 +29,7 @@ pub enum AntennaError {
         /// The line, and what is wrong with it.
         source: PatternFileError,
     },
-    /// A file's extension tells no format.
+    /// A file's extension belongs to no known format.
     #[error("{file} has the extension {extension:?}; antennas are read from msi, pln and csv")]
     Extension {
         /// The file.

@@ -7,7 +7,7 @@ use super::{Antenna, MainLobe, linear};
 /// 10 log₁₀ 2: by how much half the power is less, in dB.
 const HALF_POWER_DB: f64 = 10.0 * LOG10_2;
 
-/// Steps of a search, in radians: a lobe narrower than this is not seen.
+/// Steps of a search, in radians: a narrower lobe may be missed.
 const STEP: f64 = PI / 180.0;
 
 fn degrees(whole: i16) -> f64 {

@@ -5,8 +5,9 @@ use super::figures;
 
 /// An antenna: its gain over direction, and what follows from it.
 ///
-/// Directions are the antenna's own: azimuth in radians counter-clockwise of the boresight, seen
-/// from above, and elevation in radians above the plane through the boresight, from −π/2 to π/2.
+/// Directions are the antenna's own: azimuth in radians, counter-clockwise from the boresight
+/// as viewed from above, and elevation in radians above the plane through the boresight, from −π/2
+/// to π/2.
 ///
 /// ```
 /// use foxhunt_sensors::Antenna;

@@ -19,7 +19,7 @@ const CANCELLED_DB: f64 = -200.0;
 /// What an antenna makes of a direct wave and its reflections, in dB over the direct wave at an
 /// isotropic antenna: 20 log₁₀ |g(a) + Σ Γᵢ e^(jφᵢ) g(aᵢ)| with the amplitude g = 10^(G/20).
 ///
-/// The antenna's own phase is taken for the same in all directions; patterns do not tell it.
+/// The antenna's own phase is taken for the same in all directions; patterns do not hold it.
 #[must_use]
 pub fn multipath_gain_dbi(
     antenna: &(impl Antenna + ?Sized),

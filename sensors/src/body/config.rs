@@ -11,7 +11,7 @@ use crate::interrogation::Timing;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default, deny_unknown_fields))]
 pub struct BodyConfig {
-    /// How fast it turns, in radians per second; counter-clockwise seen from above where positive.
+    /// How fast it turns, in radians per second; counter-clockwise from above where positive.
     pub rate_rad_s: f64,
     /// It goes on turning between turns, also while it flies elsewhere; otherwise it holds its
     /// heading then.

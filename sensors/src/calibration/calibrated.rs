@@ -20,7 +20,7 @@ pub struct Calibrated<X> {
 }
 
 impl<X> Calibrated<X> {
-    /// The extractor as it is: no offset, σ as it says.
+    /// The extractor as it is: no offset, its own σ.
     #[must_use]
     pub fn new(extractor: X) -> Self {
         Self { extractor, offset: BearingOffset::default(), scale: 1.0, floor: 0.0 }

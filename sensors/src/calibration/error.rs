@@ -12,7 +12,7 @@ pub enum CalibrationError {
         /// How many are needed.
         needed: usize,
     },
-    /// All points lie at one range: power and exponent cannot be told apart.
+    /// All points lie at one range: power and exponent cannot be separated.
     #[error("all points lie at {range} m; the exponent needs different ranges")]
     OneRange {
         /// That range, in metres.
@@ -59,7 +59,7 @@ pub enum CalibrationError {
         resultant: f64,
     },
     /// The headings are too much alike for an offset that depends on them.
-    #[error("the headings span too little of the circle to tell how the offset depends on them")]
+    #[error("the headings span too little of the circle to fit how the offset depends on them")]
     Headings,
     /// All errors are 0, or rounding beside their σ: there is no scale to find.
     #[error("the errors are nothing beside their standard deviations, which have no scale then")]

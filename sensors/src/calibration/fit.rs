@@ -116,7 +116,7 @@ impl PathLossFit {
 ///
 /// # Errors
 ///
-/// Names the point that is not a range and a power, or says what the points lack.
+/// Names the point that is not a range and a power, or states what the points lack.
 pub fn fit_log_distance<I>(
     points: I,
     max_exponent: Option<f64>,

@@ -18,8 +18,8 @@ pub struct KnownBearing {
 
 /// By how much bearings are off: measured minus true, Δ = a + b sin h + c cos h with the heading h.
 ///
-/// The constant is the antenna's boresight and the yaw's zero together: bearings alone cannot tell
-/// one from the other, nor need they. The first harmonic is what hard iron does to a magnetometer.
+/// The constant is the antenna's boresight and the yaw's zero together: bearings alone cannot
+/// separate the two, and need not. The first harmonic is what hard iron does to a magnetometer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields, default))]
@@ -151,7 +151,7 @@ const TAIL: f64 = 4.0;
 ///
 /// # Errors
 ///
-/// Names the point that is not finite, or says what the points lack.
+/// Names the point that is not finite, or states what the points lack.
 pub fn fit_bearing_offset<I>(
     points: I,
     terms: OffsetTerms,

@@ -49,11 +49,11 @@ const REACH_95: f64 = 1.959_963_984_540_054;
 
 /// Fits a scale and an additive floor to the σ of bearings whose errors are known: the maximum of
 /// the likelihood of errors that are Gaussian with (scale · σ)² + floor², and intervals from the
-/// profile likelihood. Where all σ are the same the two cannot be told apart, and the floor is 0.
+/// profile likelihood. Where all σ are the same the two cannot be separated, and the floor is 0.
 ///
 /// # Errors
 ///
-/// Names the point that is out of its range, or says what the points lack.
+/// Names the point that is out of its range, or states what the points lack.
 pub fn fit_sigma<I>(points: I) -> Result<SigmaFit, CalibrationError>
 where
     I: IntoIterator<Item = BearingError, IntoIter: Clone>,

@@ -7,7 +7,7 @@ use foxhunt_core::{angle::Resultant, elementary};
 
 use super::{Cell, Pattern};
 
-/// How far a turn looks like one transmitter seen through one main lobe: the mean resultant
+/// How far a turn looks like one transmitter received through one main lobe: the mean resultant
 /// length of the received power over the circle (Mardia & Jupp 2000, §2.3), times the share of the
 /// circle that was received.
 ///

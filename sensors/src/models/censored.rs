@@ -3,13 +3,13 @@ use foxhunt_core::{
 };
 use nalgebra::{SMatrix, SVector};
 
-/// A model for which silence tells something: a component that lay below the receiver's floor has
+/// A model with a likelihood of silence: a component that lay below the receiver's floor has
 /// the likelihood P(zᵢ < floor | x) = Φ((floor − hᵢ(x)) / σᵢ) (Tobin 1958).
 ///
 /// Such an observation is made with the floor for its value and the level's σ, and marked with
-/// [`Observation::below`]. Estimators that ask for likelihoods, a particle filter or a batch, use
+/// [`Observation::below`]. Estimators that evaluate likelihoods, a particle filter or a batch, use
 /// it; a Kalman filter, which works with residuals, takes it for missing. The components that were
-/// heard have the likelihood of the model inside. The noise of a silent component is taken for
+/// received have the likelihood of the model inside. The noise of a silent component is taken for
 /// independent of theirs, and an angle has no floor.
 ///
 /// ```
@@ -37,7 +37,7 @@ impl<H> Censored<H> {
         Self { model }
     }
 
-    /// What the components below a limit tell of a state.
+    /// The log likelihood of a state from the components below a limit.
     fn silence<const N: usize, const M: usize>(
         &self,
         state: &State<N>,

@@ -17,8 +17,8 @@ use crate::{LogDistance, Propagation};
 ///
 /// The transmitter's power cancels out, and with it whatever alters both levels alike; only the
 /// exponent must be known (Pritzl 2018, ch. 8; Wang, Chen & Yin 2009). σ is √2 times that of one
-/// level where both are alike. Two receivers that heard one emission along with the reference share
-/// its error: their differences are correlated by one half.
+/// level where both are alike. Two receivers that received one emission along with the reference
+/// share its error: their differences are correlated by one half.
 ///
 /// Works on every state whose first components are the target's East and North.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -12,8 +12,8 @@ use crate::ElevationPattern;
 /// Nearer than this to the body's vertical axis, in metres, an elevation has no slope.
 const OVERHEAD: f64 = 1e-3;
 
-/// A model of a level as heard by an antenna that turns about the body's vertical axis: the mean
-/// gain over the turn depends on the elevation at which the beacon lies, seen from the body.
+/// A model of a level received by an antenna that turns about the body's vertical axis: the mean
+/// gain over the turn depends on the elevation of the beacon in the body's frame.
 ///
 /// The model inside expects the level at the horizon in its first component, in dB; to that the
 /// [`ElevationPattern`] is added; without one it is the model inside. The elevation follows from
@@ -26,9 +26,9 @@ const OVERHEAD: f64 = 1e-3;
 /// let rss = Rss::new(LogDistance::pritzl2018_field());
 /// let model = WithElevationPattern::new(rss, ElevationPattern::of(&Dipole));
 /// let (drone, below) = (Pose::at(0.0, 0.0, 50.0), Vector2::new(5.0, 0.0));
-/// let [heard, taken]: [Vector1<f64>; 2] =
+/// let [through, without]: [Vector1<f64>; 2] =
 ///     [model.expected(&below, &drone), rss.expected(&below, &drone)];
-/// assert!(heard[0] < taken[0] - 15.0);
+/// assert!(through[0] < without[0] - 15.0);
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct WithElevationPattern<H> {

@@ -10,11 +10,11 @@ use super::Sight;
 /// How much farther the target is from the receiver than from a reference receiver: z = d − d₀ in
 /// metres, both slant ranges.
 ///
-/// It is what a time difference of arrival tells: z = c τ with c the
+/// It follows from a time difference of arrival: z = c τ with c the
 /// [`SPEED_OF_LIGHT`](Self::SPEED_OF_LIGHT) and τ the arrival at the receiver less that at the
 /// reference, in seconds; σ scales alike. Metres keep a value and its slope of order one.
 ///
-/// Two receivers that heard one emission along with the reference share its error: their
+/// Two receivers that received one emission along with the reference share its error: their
 /// differences are correlated by one half. Where that matters, take another pair's.
 ///
 /// Works on every state whose first components are the target's East and North.
@@ -56,7 +56,7 @@ impl<const N: usize> MeasurementModel<N, 1> for RangeDifference {
     fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector1<f64> {
         let own = Sight::new(state, receiver, self.target_up).range();
         let reference = Sight::new(state, &self.reference, self.target_up).range();
-        // Two ranges that overflow are equal for all that f64 can tell.
+        // Two ranges that overflow are equal in f64.
         let difference = own - reference;
         Vector1::new(if difference.is_finite() { difference } else { 0.0 })
     }

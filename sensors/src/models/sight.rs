@@ -85,7 +85,7 @@ impl Sight {
         }
     }
 
-    /// ∂bearing/∂(East, North): zero overhead, where a bearing says nothing, and where the square
+    /// ∂bearing/∂(East, North): zero overhead, where no bearing is defined, and where the square
     /// of the range overflows, where it turns by nothing.
     #[inline]
     pub(super) fn bearing_slope(&self) -> [f64; 2] {

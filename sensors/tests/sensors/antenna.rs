@@ -1,4 +1,4 @@
-//! Antennas: their published figures, the laws, what tables say between rows, what is refused.
+//! Antennas: their published figures, the laws, the gains of tables between rows, refusals.
 
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 

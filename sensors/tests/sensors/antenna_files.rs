@@ -75,7 +75,7 @@ fn vendor_files_have_the_figures_of_their_own_headers() {
             degrees(antenna.half_power_beamwidth()),
             degrees(antenna.elevation_half_power_beamwidth()),
         ];
-        // Headers are nominal: the first says 65° where its own rows fall by 3 dB at ±33°.
+        // Headers are nominal: the first has 65° where its own rows fall by 3 dB at ±33°.
         assert!((widths[0] - across).abs() < 4.0 && (widths[1] - up).abs() < 1.5, "{widths:?}");
     }
     let Some(text) = pattern("sample_AMB4520R8v06_05T.msi") else { return };
@@ -213,7 +213,7 @@ fn a_broken_vendor_file_is_refused_with_line_and_reason() {
     ] {
         let error = MsiFile::parse(&text).expect_err(reported);
         assert_eq!(error.line, line, "{error}");
-        assert!(error.to_string().contains(reported), "{error} does not tell {reported}");
+        assert!(error.to_string().contains(reported), "{error} does not contain {reported}");
     }
 }
 
@@ -253,7 +253,7 @@ fn a_broken_table_is_refused_with_line_and_reason() {
     ] {
         let error = PatternTable::from_csv(&text).expect_err(reported);
         assert_eq!(error.line, line, "{error}");
-        assert!(error.to_string().contains(reported), "{error} does not tell {reported}");
+        assert!(error.to_string().contains(reported), "{error} does not contain {reported}");
     }
     for (text, line, reported) in [
         ("angle_deg,gain_db\n0,1\n".to_owned(), 1, "header"),
@@ -267,7 +267,7 @@ fn a_broken_table_is_refused_with_line_and_reason() {
     ] {
         let error = PatternTable3d::from_csv(&text).expect_err(reported);
         assert_eq!(error.line, line, "{error}");
-        assert!(error.to_string().contains(reported), "{error} does not tell {reported}");
+        assert!(error.to_string().contains(reported), "{error} does not contain {reported}");
     }
 }
 

@@ -66,7 +66,7 @@ fn whole_decibels_cost_next_to_nothing() {
     assert!((3.2..4.3).contains(&rms), "rms {rms}°");
 }
 
-/// The patch seen through 2 dB of noise, 500 turns, against what its noiseless pattern has (0.81).
+/// The patch with 2 dB of noise, 500 turns, against what its noiseless pattern has (0.81).
 /// The mean's standard error is below 0.001.
 #[test]
 fn confidence_of_a_lobe_is_high() {

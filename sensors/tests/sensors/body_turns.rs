@@ -193,7 +193,7 @@ fn a_turn_ends_whatever_fails() {
     let radio = broken(bad, good, good);
     assert_eq!(radio.0, 0);
     assert!(radio.2.iter().all(|f| *f == BodyError::Radio(Failed)) && radio.1 < 13.0);
-    // A body that cannot be told to turn is not listened to: it looks one way.
+    // Without a body that turns there are no samples: the antenna looks one way.
     let spin = broken(good, bad, good);
     assert!((40.0..40.3).contains(&spin.1) && spin.0 == 0, "{} s, {}", spin.1, spin.0);
     let place = broken(good, good, bad);
@@ -212,7 +212,7 @@ fn what_is_not_a_number_is_counted_and_dropped() {
     let requested = handle.with(|w| w.questions.len());
     let dropped = usize::try_from(source.dropped()).expect("few");
     assert_eq!((turn.samples.len() + dropped, dropped), (requested, requested / 4));
-    // A compass that says nothing for a while costs samples, not the turn.
+    // A compass that reports nothing for a while costs samples, not the turn.
     source.begin(&[BeaconId(0)]).expect("it begins");
     let good = handle.with(|w| w.pose);
     handle.with(|w| w.pose = Pose { heading: f64::NAN, ..good });

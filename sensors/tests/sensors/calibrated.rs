@@ -17,7 +17,8 @@ use crate::sweeps::{Conditions, simulate, sweep_of};
 /// Mounted 8.6° off, with a compass that is off by up to 6.4°.
 const OFF: BearingOffset = BearingOffset { constant: 0.15, sin_heading: 0.1, cos_heading: -0.05 };
 
-/// A turn towards a random bearing with a random heading; the antenna looks elsewhere than it says.
+/// A turn towards a random bearing with a random heading; the antenna looks elsewhere than
+/// reported.
 fn turn(patch: &PatternTable, rng: &mut Xoshiro256PlusPlus) -> (Vec<Sample>, f64, f64) {
     let (bearing, heading) = (rng.random_range(-PI..PI), rng.random_range(-PI..PI));
     let conditions = Conditions { bearing, heading, ..Conditions::default() };

@@ -93,7 +93,7 @@ proptest! {
         prop_assert!((slopes - both.jacobian(&state, &receiver)).norm() < 1e-12);
     }
 
-    /// A level that was heard or not: the two chances make one.
+    /// A level that was received or not: the two probabilities sum to one.
     #[test]
     fn silence_and_sound_are_all_there_is(
         (receiver, [x, y]) in scene(), floor in -90.0..-50.0,
@@ -105,7 +105,7 @@ proptest! {
             Observation::new(0.0, receiver, Vector1::new(z), noise).expect("proper")
         };
         let silent = model.log_likelihood(&state, &observe(floor).below(0)).exp();
-        // Simpson's rule over all that can be heard.
+        // Simpson's rule over all levels that can be received.
         let expected: Vector1<f64> = model.expected(&state, &receiver);
         let top = f64::max(floor, expected[0]) + 8.0 * sigma;
         let (steps, width) = (2000, (top - floor) / 2000.0);

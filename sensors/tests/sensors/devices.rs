@@ -13,9 +13,9 @@ use nalgebra::Vector3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Health {
     Good,
-    /// It never has anything to say.
+    /// It never answers.
     Silent,
-    /// It fails whenever it is asked.
+    /// It fails at every call.
     Broken,
 }
 
@@ -39,7 +39,7 @@ pub(crate) struct World {
     pub(crate) latency: f64,
     /// Seconds from an order to standstill.
     pub(crate) turning: f64,
-    /// Where the motor stands whatever it is told.
+    /// Where the motor stands in spite of orders.
     pub(crate) stuck_at: Option<f64>,
     /// Every so-manieth question stays without an answer.
     pub(crate) lose_every: usize,
@@ -49,7 +49,7 @@ pub(crate) struct World {
     pub(crate) nan_every: usize,
     /// The angles ordered, and when.
     pub(crate) orders: Vec<(f64, f64)>,
-    /// The questions asked: of whom, and when.
+    /// The questions sent: to whom, and when.
     pub(crate) questions: Vec<(BeaconId, f64)>,
     /// Answers given.
     pub(crate) answers: usize,

@@ -1,4 +1,4 @@
-//! Models that know the antenna's vertical pattern: the laws, and what the pattern says.
+//! Models with the antenna's vertical pattern: the laws, and the pattern's gain.
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 

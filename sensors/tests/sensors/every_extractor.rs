@@ -1,4 +1,4 @@
-//! What holds for every extractor: the exported laws, refusals, errors as large as they say.
+//! What holds for every extractor: the exported laws, refusals, errors as large as their σ.
 
 use core::f64::consts::{PI, TAU};
 
@@ -59,7 +59,7 @@ proptest! {
         }
     }
 
-    /// Whatever was heard, one reading or a thousand alike: no panic, no NaN, no σ of nothing.
+    /// Any readings, one or a thousand alike: no panic, no NaN, no σ of nothing.
     #[test]
     fn nothing_breaks_them(
         received in prop::collection::vec((-7.0..7.0f64, 0..24u16, -120..-20i16), 1..60),
@@ -148,7 +148,7 @@ fn clean_turns_cost_what_was_published() {
 }
 
 /// One reflector at half amplitude, its direction and phase drawn anew for each of 200 turns, seed
-/// 20. A single path errs by 10° and more than it says; two paths by 1.4° rms in 2000 turns, of
+/// 20. A single path errs by 10° and more than its σ; two paths by 1.4° rms in 2000 turns, of
 /// which 95 % lie within 1.96 σ. The rms is made by few: it stays below 3°; a share of 0.95 in 200
 /// scatters by 1.5 %, and 5 of that are 87 %.
 #[test]

@@ -175,7 +175,8 @@ fn the_settings_are_checked() {
     assert!(extractor.with_min_positions(0).is_err());
 }
 
-/// The confidence of a turn of `positions` with the power 1 + cos a in milliwatt at those `heard`.
+/// The confidence of a turn of `positions` with the power 1 + cos a in milliwatt at those
+/// `received`.
 fn cardioid_confidence(positions: u16, received: impl Fn(u16) -> bool) -> f64 {
     let samples: Vec<Sample> = (0..positions)
         .filter(|position| received(*position))
@@ -211,7 +212,7 @@ fn confidence_weighs_arcs() {
     assert!((uneven - 0.5 / 1.001).abs() < 0.01, "{uneven}");
 }
 
-/// What was not heard counts against it: an arc is 45° at most.
+/// What was not received counts against it: an arc is 45° at most.
 #[test]
 fn confidence_counts_what_was_not_received() {
     let half = cardioid_confidence(128, |position| position < 64);
@@ -219,5 +220,5 @@ fn confidence_counts_what_was_not_received() {
     let received = (62.0 * 360.0 / 128.0 + 2.0 * 45.0) / 360.0;
     assert!(half < received, "{half}");
     let one = cardioid_confidence(128, |position| position == 0);
-    assert!((one - 0.125).abs() < 1e-12, "one position is heard over 45° and no more: {one}");
+    assert!((one - 0.125).abs() < 1e-12, "one position counts for 45° and no more: {one}");
 }

@@ -125,14 +125,15 @@ fn two_looks_are_too_few_and_a_flat_turn_fits_nothing() {
 }
 
 /// A floor 3 dB below the mean hides most of the turn; what it hides is the back of the pattern.
-/// The mean of what was heard is 5.9 dB too high. 100 turns, seed 5: an rms error of 0.56° in 1000
-/// of them scatters by 7 % in 100; 5 of that are 0.76°. The level scatters by 0.16 dB about −0.12.
+/// The mean of what was received is 5.9 dB too high. 100 turns, seed 5: an rms error of 0.56° in
+/// 1000 of them scatters by 7 % in 100; 5 of that are 0.76°. The level scatters by 0.16 dB about
+/// −0.12.
 #[test]
 fn what_lies_below_the_floor_is_no_gap() {
     below_the_floor(&patch());
 }
 
-/// Two paths are not asked for: what is heard near the floor is stronger than expected anyway.
+/// No second path is fitted: what is received near the floor is stronger than expected anyway.
 #[test]
 fn what_lies_below_the_floor_is_no_reflection() {
     below_the_floor(&patch().with_residuals(Residuals::Reflection));

@@ -1,4 +1,4 @@
-//! The exported laws over every measurement model, and what is asked at the singularities.
+//! The exported laws over every measurement model, and their values at the singularities.
 
 use foxhunt_core::{MeasurementModel, Observation, Pose, State, laws};
 use foxhunt_sensors::{

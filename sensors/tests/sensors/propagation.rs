@@ -111,7 +111,7 @@ fn reflections_add_in_amplitude() {
     }
     assert!((gain(&[wave(0.5, 0.0), wave(0.5, PI)])).abs() < 1e-9, "two that cancel");
     assert!((gain(&[wave(1.0, PI)]) + 200.0).abs() < 120.0, "nothing is left, but a number");
-    // Seen through a pattern: 6.02 dB less from the side than from ahead.
+    // Through a pattern: 6.02 dB less from the side than from ahead.
     let cardioid = Cardioid::default();
     let side = ReflectedWave { azimuth: FRAC_PI_2, elevation: 0.0, amplitude: 1.0, phase: 0.0 };
     let ours = multipath_gain_dbi(&cardioid, 0.0, 0.0, &[side]);

@@ -56,8 +56,8 @@ fn exact_bursts_have_their_direction_and_level() {
         let readings: Vec<_> = RECORDED.iter().zip(turned).map(reading).collect();
         let read = received(&station, &readings);
         let bearing = read.bearing.expect("four antennas agree");
-        // Near a boresight the other antennas hear nothing but their back lobes, and the lobe
-        // itself is flat: within 0.3 rad hardly anything tells one direction from another.
+        // Near a boresight the other antennas receive by their back lobes alone, and the lobe
+        // itself is flat: within 0.3 rad hardly anything separates one direction from another.
         let error = distance(bearing.angle, direction);
         assert!(error < 1.5 * bearing.sigma + 0.02, "{direction}: {bearing:?}");
         assert!(bearing.sigma < 0.35, "{direction}: {bearing:?}");
@@ -68,13 +68,13 @@ fn exact_bursts_have_their_direction_and_level() {
 #[test]
 fn what_is_not_received_informs_too() {
     let station = station([0.0; 4], 4.0);
-    // One antenna alone, well above the floor: the others would have heard it from elsewhere.
+    // One antenna alone, well above the floor: the others would have received it from elsewhere.
     let alone = received(&station, &[(0.0, -92.0)]).bearing.expect("it is before that antenna");
     assert!(distance(alone.angle, 0.0) < 0.1, "{alone:?}");
     // Nearer the floor less is known.
     let weak = received(&station, &[(0.0, -104.0)]).bearing.expect("still");
     assert!(weak.sigma > 1.2 * alone.sigma && distance(weak.angle, 0.0) < 0.2, "{weak:?}");
-    // Opposite antennas that hear the same are two directions, or none.
+    // Opposite antennas that receive the same are two directions, or none.
     let torn = received(&station, &[(0.0, -80.0), (-PI, -80.0)]);
     assert!(torn.modes.as_slice().len() >= 2, "{torn:?}");
     let [first, second] = [torn.modes.as_slice()[0], torn.modes.as_slice()[1]];

@@ -139,7 +139,7 @@ fn a_vehicle_that_never_answers_does_not_stop_the_turn() {
     let mut source = handle.source(StepperConfig::pritzl2018());
     let (samples, receiver, seconds, failures) = turn(&handle, &mut source);
     assert_eq!((samples, receiver), (0, Pose::default()));
-    // One more time-out at the end, for the vehicle to say where it is.
+    // One more time-out at the end, for the vehicle to report where it is.
     assert!((53.2..54.6).contains(&seconds), "{seconds} s");
     assert_eq!(source.dropped(), 128, "one answer at each position had no place");
     assert!(failures.iter().all(|f| *f == StepperError::Vehicle(Failed)));

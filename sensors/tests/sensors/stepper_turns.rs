@@ -147,8 +147,8 @@ fn a_late_position_polls_no_more() {
     let questions = handle.with(|w| w.questions.len());
     assert_eq!(questions, 3 * 128);
     assert_eq!(samples.len(), 2 * 128);
-    // Polled but every 0.3 s, the first answer is told after 0.6 s: it counts, no second is asked
-    // for.
+    // Polled only every 0.3 s, the first answer is returned after 0.6 s: it counts, no second
+    // question is sent.
     let handle = Handle::default();
     let mut source = handle.source(config);
     let (samples, ..) = turn(&handle, &mut source, 0.3);
@@ -188,7 +188,7 @@ fn the_receiver_is_the_mean_over_the_turn() {
     assert!(angle::distance(receiver.heading, PI) < 0.05, "heading {}", receiver.heading);
 }
 
-/// Polls to the end of a turn for several beacons: what was heard of each.
+/// Polls to the end of a turn for several beacons: what was received of each.
 fn shared(handle: &Handle, source: &mut Source, beacons: &[BeaconId]) -> Vec<Vec<Sample>> {
     source.begin(beacons).expect("a turn can always begin");
     let mut received = Vec::new();

@@ -16,7 +16,7 @@ pub(crate) struct Conditions {
     pub(crate) bearing: f64,
     /// The standard deviation of a sample in dB.
     pub(crate) noise_db: f64,
-    /// The share of positions that hear nothing.
+    /// The share of positions that receive nothing.
     pub(crate) lost: f64,
     /// Readings come in whole dB.
     pub(crate) whole_db: bool,

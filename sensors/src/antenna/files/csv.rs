@@ -16,7 +16,7 @@ const CLOSING_DB: f64 = 0.05;
 const ROUNDING_DEG: f64 = 1e-6;
 
 impl PatternTable {
-    /// Reads the columns `angle_deg,gain_db`: degrees off boresight, counter-clockwise seen from
+    /// Reads the columns `angle_deg,gain_db`: degrees off boresight, counter-clockwise from
     /// above, rising or falling, and dB. A row that gives the first one again a turn later is left
     /// out.
     ///
@@ -52,7 +52,7 @@ impl PatternTable {
 
 impl PatternTable3d {
     /// Reads a table over azimuth and elevation: the first line `elevation_deg\azimuth_deg` and the
-    /// azimuths, counter-clockwise seen from above; each further line an elevation and the gains
+    /// azimuths, counter-clockwise from above; each further line an elevation and the gains
     /// in dBi there. Both may rise or fall; a column that gives the first one again a turn later is
     /// left out.
     ///

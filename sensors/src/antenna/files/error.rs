@@ -16,7 +16,7 @@ pub struct PatternFileError {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PatternFileReason {
-    /// The first line says of no layout that is known.
+    /// The first line is the header of no known layout.
     #[error(
         "the header is {found:?}; a table begins with \"angle_deg,gain_db\", one over azimuth and \
          elevation with \"elevation_deg\\azimuth_deg,…\""
@@ -85,14 +85,14 @@ pub enum PatternFileReason {
         /// What it is called.
         name: String,
     },
-    /// A section has another number of rows than it says.
-    #[error("{section} has {found} rows, not {declared} as it says")]
+    /// A section has another number of rows than it declares.
+    #[error("{section} has {found} rows, not {declared} as it declares")]
     Rows {
         /// The section.
         section: &'static str,
         /// How many there are.
         found: usize,
-        /// How many it says.
+        /// How many it declares.
         declared: usize,
     },
     /// The rows make no pattern.

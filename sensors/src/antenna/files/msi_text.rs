@@ -37,7 +37,7 @@ impl Section {
         Ok(())
     }
 
-    /// The rows, if they are as many as the section says.
+    /// The rows, if they are as many as the section declares.
     fn close(self) -> Result<Vec<(f64, f64)>, PatternFileError> {
         let (found, declared) = (self.rows.len(), self.declared);
         if found == declared {
@@ -50,7 +50,7 @@ impl Section {
 
 impl MsiFile {
     /// Reads the text of a file. The fields of a line are parted by tabs or spaces; a field may be
-    /// blank; the sections may hold any number of rows, if it is the one that they say.
+    /// blank; the sections may hold any number of rows, if they declare it.
     ///
     /// # Errors
     ///

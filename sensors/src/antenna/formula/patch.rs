@@ -56,7 +56,7 @@ impl Patch {
         let [forward, left, up] = direction(azimuth, elevation);
         let aside = left * left + up * up;
         let ahead = 0.5 * (1.0 + forward);
-        // On boresight both planes say the same.
+        // On boresight both planes give the same gain.
         let share = if aside > f64::MIN_POSITIVE { left * left / aside } else { 0.5 };
         share * libm::pow(ahead, self.azimuth_exponent)
             + (1.0 - share) * libm::pow(ahead, self.elevation_exponent)

@@ -43,7 +43,7 @@ const WIDEST_GAP: f64 = PI / 3.0;
 /// The level over the angle off boresight is a Fourier series in dB, fitted to the mean levels of
 /// all positions with a level of its own for each turn, so that turns at different ranges may be
 /// put together. Generalised cross-validation chooses the number of harmonics (Golub, Heath & Wahba
-/// 1979); at most as many as the widest sector without a reading can tell apart, π over its width.
+/// 1979); at most π over the width of the widest sector without a reading, which resolves no more.
 ///
 /// # Errors
 ///
@@ -54,7 +54,7 @@ pub fn learn_pattern(turns: &[(Sweep<'_>, f64)]) -> Result<LearnedPattern, Learn
     for (turn, (sweep, bearing)) in turns.iter().enumerate() {
         let before = directions.len();
         measured(turn, sweep, *bearing, &mut directions)?;
-        // A turn has a level of its own, so that few positions of it tell nothing of the shape.
+        // A turn has a level of its own, so that few positions of it do not show the shape.
         if directions.len() - before < FEWEST_OF_TURN {
             directions.truncate(before);
         }

@@ -40,7 +40,7 @@ pub enum PatternTableError {
         /// Its elevation in radians.
         elevation: f64,
     },
-    /// The angles do not increase, or by less than can be told apart.
+    /// The angles do not increase, or by less than the least step.
     #[error("the angle {angle} rad in row {row} of the antenna pattern does not exceed the last")]
     Order {
         /// Which row, from 0.
@@ -48,7 +48,7 @@ pub enum PatternTableError {
         /// Its angle.
         angle: f64,
     },
-    /// The angles span a turn or more, so that the last row says again what the first says.
+    /// The angles span a turn or more, so that the last row repeats the first.
     #[error("the antenna pattern spans {span} rad; it must stay below a turn")]
     Span {
         /// From the first angle to the last, in radians.

@@ -26,7 +26,7 @@ pub struct PatternTable {
 /// Three rows are the fewest that go round.
 const FEWEST: usize = 3;
 
-/// The least step from row to row, in radians: nearer ones would say two things of one direction.
+/// The least step from row to row, in radians: nearer ones would give one direction two gains.
 const LEAST_STEP: f64 = 1e-6;
 
 /// No gain is beyond this, in dB.
@@ -38,7 +38,7 @@ impl PatternTable {
     ///
     /// # Errors
     ///
-    /// Names the gain that is out of range, or says that there are too few.
+    /// Names the gain that is out of range, or states that there are too few.
     pub fn equally_spaced(gains_db: &[f64]) -> Result<Self, PatternTableError> {
         #[expect(clippy::cast_precision_loss, reason = "a table has far fewer than 2^52 rows")]
         let step = TAU / gains_db.len() as f64;
@@ -53,7 +53,7 @@ impl PatternTable {
     ///
     /// # Errors
     ///
-    /// Names the row that is out of range or out of order, or says what the table lacks.
+    /// Names the row that is out of range or out of order, or states what the table lacks.
     pub fn from_rows(rows: &[(f64, f64)]) -> Result<Self, PatternTableError> {
         let [(origin, _), _, .., (last, _)] = *rows else {
             return Err(PatternTableError::TooFew { rows: rows.len(), needed: FEWEST });

@@ -19,8 +19,8 @@ impl PatternTable3d {
     ///
     /// # Errors
     ///
-    /// Names the row whose elevation is not finite, out of range or out of order, or says that
-    /// there is none.
+    /// Names the row whose elevation is not finite, out of range or out of order, or states
+    /// that there is none.
     pub fn from_rows(rows: Vec<(f64, PatternTable)>) -> Result<Self, PatternTableError> {
         if rows.is_empty() {
             return Err(PatternTableError::TooFew { rows: 0, needed: 1 });
@@ -43,7 +43,7 @@ impl PatternTable3d {
         Ok(Self { rows })
     }
 
-    /// What `of` says of the rows about an elevation, between them.
+    /// The value of `of` at an elevation, interpolated between the rows about it.
     fn between(&self, elevation: f64, of: impl Fn(&PatternTable) -> f64) -> f64 {
         let next = self.rows.partition_point(|(row, _)| *row <= elevation);
         match (next.checked_sub(1).map(|i| &self.rows[i]), self.rows.get(next)) {

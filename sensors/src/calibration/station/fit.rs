@@ -8,15 +8,15 @@ use super::{
 };
 use crate::{CalibrationError, StationPattern, calibration::student, extractor::TAIL};
 
-/// A burst of the transmitter as a station heard it.
+/// A burst of the transmitter as a station received it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StationBurst {
-    /// Where the transmitter was, in radians counter-clockwise from East, seen from the station.
+    /// The direction from the station to the transmitter, in radians counter-clockwise from East.
     pub truth: f64,
     /// The day, or another name for bursts that belong together: those of one go through the same
     /// places.
     pub group: i64,
-    /// What each antenna read in dBm; none where it heard nothing.
+    /// The reading of each antenna in dBm; none where it received nothing.
     pub readings_dbm: Vec<Option<f64>>,
 }
 
@@ -31,23 +31,23 @@ pub struct StationFit {
     pub boresight_half_intervals: Vec<f64>,
     /// The group of each burst, counted from 0.
     pub groups: Vec<usize>,
-    /// The pattern fitted without each of the groups: to judge bearings by bursts that it has not
-    /// seen.
+    /// The pattern fitted without each of the groups: to judge bearings by bursts to which it was
+    /// not fitted.
     pub without: Vec<StationPattern>,
 }
 
 /// Fits boresights, gains, beamwidth, front-to-back ratio and what the site does to each antenna to
 /// bursts from known directions; with them the receivers' floor and the scale of what is left.
 ///
-/// The level of each burst is free. Residuals have the tails of a Student's t; antennas that heard
-/// nothing take part as powers below the floor, imputed by expectation and maximisation (Dempster,
-/// Laird & Rubin 1977). `recorded` are the antennas' boresights as recordings have them, in
-/// radians; they name the antennas and are not believed: each starts where bursts that it heard
-/// best come from.
+/// The level of each burst is free. Residuals have the tails of a Student's t; antennas that
+/// received nothing take part as powers below the floor, imputed by expectation and maximisation
+/// (Dempster, Laird & Rubin 1977). `recorded` are the antennas' boresights as recordings have them,
+/// in radians; they name the antennas and are not believed: each starts where the bursts come from
+/// that it received best.
 ///
 /// # Errors
 ///
-/// Names the number that is not finite, or says that there are too few bursts.
+/// Names the number that is not finite, or states that there are too few bursts.
 pub fn fit_station(
     recorded: &[f64],
     bursts: &[StationBurst],
@@ -190,8 +190,8 @@ fn fit(recorded: &[f64], bursts: &[&StationBurst]) -> Result<StationPattern, Cal
         .map_err(CalibrationError::Station)
 }
 
-/// Where each antenna's best bursts come from: the mean direction of those that it heard more of
-/// than any other; where it says that it looks if there are none.
+/// Where each antenna's best bursts come from: the mean direction of those that it received
+/// stronger than any other did; its recorded boresight if there are none.
 fn start(recorded: &[f64], bursts: &[&StationBurst]) -> Vec<f64> {
     let mut best = vec![Resultant::default(); recorded.len()];
     for burst in bursts {

@@ -26,7 +26,7 @@ impl Floor {
         } else {
             -x
         };
-        // A burst that was far above the floor was lost, and says nothing of its power.
+        // A burst that was far above the floor was lost, and does not show its power.
         let lost = LOST / (LOST + (1.0 - LOST) * below);
         expected - (1.0 - lost) * sigma_db * sigma_db / spread * hazard
     }

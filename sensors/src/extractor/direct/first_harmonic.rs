@@ -13,9 +13,9 @@ use crate::extractor::{Pattern, likelihood::Looks, resultant_confidence};
 ///
 /// Each boresight stands for its arc, half the way to either neighbour, so that what was not
 /// received is interpolated. σ follows from the readings' scatter by the delta method, and from
-/// the arcs that are too wide to be interpolated over. It does not know of reflections: only an
-/// antenna that is known tells them from a lobe. The level is the mean over the arcs in dB; the
-/// confidence is [`resultant_confidence`].
+/// the arcs that are too wide to be interpolated over. It does not know of reflections: only with
+/// a known antenna can they be separated from a lobe. The level is the mean over the arcs in dB;
+/// the confidence is [`resultant_confidence`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FirstHarmonic {
     decibels: bool,
@@ -104,7 +104,7 @@ impl FirstHarmonic {
             let per_db = if self.decibels { 1.0 } else { PER_DB * value(arc) };
             variance += across * across * per_db * per_db * noise / arc.count;
             // A straight line over a gap errs with its square; from 45° on it is a guess, and the
-            // value anything up to twice what it says.
+            // true value anything up to twice that.
             let gap = ((arc.width - arc.usual).max(0.0) / FRAC_PI_4).min(1.0);
             let guess = across * value(arc) * gap * gap;
             variance += guess * guess / 3.0;

@@ -12,7 +12,7 @@ use crate::extractor::{Cell, Pattern, likelihood::Looks, resultant_confidence};
 ///
 /// The parabola is laid by least squares about the maximum of the moving mean, then once more about
 /// its own top. σ is that of the regression, from the readings' scatter or from its residuals,
-/// whichever says more. A lobe that a second path distorts stays a parabola: σ does not know of it.
+/// whichever is larger. A lobe that a second path distorts stays a parabola: σ does not know of it.
 /// The level is the mean over the measured positions; the confidence is [`resultant_confidence`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MainLobeFit {

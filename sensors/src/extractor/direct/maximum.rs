@@ -30,7 +30,7 @@ impl Default for Maximum {
     }
 }
 
-/// Of so many boresights one, and at least four, tell how far the strongest may be off.
+/// σ comes from the strongest boresights: one in so many, and at least four.
 const SHARE: usize = 20;
 const FEWEST: usize = 4;
 

@@ -99,7 +99,7 @@ impl<A: Antenna> BearingExtractor for CrossCorrelation<A> {
         }
         bias /= information;
         let variance = scatter / (information * information) * misfit.inflation() + bias * bias;
-        // An antenna that is flat all round tells no direction.
+        // An antenna that is flat all round gives no direction.
         let variance = if variance.is_finite() { variance } else { f64::INFINITY };
         let mean_variance = fit.variances.iter().sum::<f64>() / count;
         let peak = Peak {

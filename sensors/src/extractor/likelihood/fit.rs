@@ -47,7 +47,7 @@ impl<'a, A: Antenna> Fit<'a, A> {
         Self { antenna, table, looks, variances, single_variance, silence }
     }
 
-    /// The same turn's heard looks with other variances.
+    /// The same turn's received looks with other variances.
     pub(super) fn measured(&self, variances: Vec<f64>) -> Self {
         Self { variances, looks: self.looks.clone(), silence: None, ..*self }
     }
@@ -98,7 +98,7 @@ impl<'a, A: Antenna> Fit<'a, A> {
         looks.zip(&gains).map(|(look, gain)| look.mean_dbm - gain - level).collect()
     }
 
-    /// A node from the heard looks' log density at its best level, its information and its
+    /// A node from the received looks' log density at its best level, its information and its
     /// information-weighted sum, and from the silence.
     pub(super) fn node(
         &self,

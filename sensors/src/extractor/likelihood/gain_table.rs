@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 use super::{fit::NODES, looks::Look};
 use crate::Antenna;
 
-/// An antenna's gain about its mean over a turn, tabulated for beacons at one elevation: a fit asks
-/// for it some ten thousand times.
+/// An antenna's gain about its mean over a turn, tabulated for beacons at one elevation: a fit
+/// evaluates it some ten thousand times.
 #[derive(Clone, Debug)]
 pub(super) struct GainTable {
     /// The gain over its mean in dB, at equal steps counter-clockwise from boresight; the last is

@@ -7,7 +7,7 @@ use super::{
 use crate::Antenna;
 
 /// The log likelihood of Gaussian residuals over a turn of bearings, the level profiled out, each
-/// variance `inflation` times what the looks say.
+/// variance `inflation` times that of the look.
 pub(super) fn nodes<A: Antenna>(fit: &Fit<'_, A>, inflation: f64) -> Vec<Node> {
     const COUNT: usize = NODES as usize;
     let (reference, _) = fit.looks.spread();

@@ -32,7 +32,7 @@ pub(super) fn student<A: Antenna>(fit: &Fit<'_, A>, degrees: f64) -> Judged {
     let nodes = student::nodes(fit, degrees, 1.0);
     let (offset, level) = summit(&nodes);
     let mut residuals = fit.residuals(offset, level);
-    // What has no say in the fit has none in how good it is.
+    // What has no weight in the fit has none in its quality.
     let (mut trusted, mut trusts) = (0.0, 0.0);
     for (rest, look) in residuals.iter_mut().zip(&fit.looks.looks) {
         let trust = student::trust(*rest, fit.single_variance, degrees, look.count);

@@ -4,7 +4,7 @@ use foxhunt_core::{NoReading, Pose, Sweep, angle};
 
 use crate::extractor::check;
 
-/// What a turn heard along one boresight.
+/// What a turn received along one boresight.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::extractor) struct Look {
     /// In radians counter-clockwise of the turn's first boresight.

@@ -17,8 +17,8 @@ use super::{
 };
 use crate::Antenna;
 
-/// The bearing and the level under which the readings are most likely, seen through an antenna
-/// whose gain is known.
+/// The bearing and the level under which the readings are most likely, for an antenna whose gain
+/// is known.
 ///
 /// A reading is L + G(θ − φ) − Ḡ + noise: the level L that the turn has on average, the gain G over
 /// the angle between the bearing θ and the boresight φ, its mean Ḡ, all in dB. The level is
@@ -26,8 +26,8 @@ use crate::Antenna;
 /// whole turn and gives bearing, σ, level, their covariance, and the directions that compete.
 ///
 /// Readings are taken along their own boresight and through an antenna tilted like the body; what
-/// was not received is not filled in. Where the sweep tells of unanswered questions and of the
-/// receiver's floor, each of them was either lost or below it. The noise is estimated from the
+/// was not received is not filled in. Where the sweep holds unanswered questions and the
+/// receiver's floor, each question was either lost or below it. The noise is estimated from the
 /// scatter along each boresight; readings in whole dB have no less of it than their rounding. σ
 /// grows with the residuals where they exceed that, and with their correlation around the circle.
 ///

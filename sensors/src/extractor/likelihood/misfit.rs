@@ -16,13 +16,13 @@ pub(super) struct Misfit {
     pub(super) correlation: f64,
 }
 
-/// Lags are told apart by 5°.
+/// Lags are counted in classes of 5°.
 const LAGS: usize = 36;
 
 /// Their limits lie where the steps of no usual turn do, so that rounding moves no lag across one.
 const BETWEEN: f64 = 0.37;
 
-/// Fewer looks than this say nothing about correlation.
+/// Fewer looks than this do not show correlation.
 const FEWEST: f64 = 16.0;
 
 impl Misfit {
@@ -36,7 +36,7 @@ impl Misfit {
         let squares = || residuals.iter().map(|r| r * r);
         let weighted: f64 = squares().zip(&fit.variances).map(|(r, v)| r / v).sum();
         let count = fit.looks.len();
-        // With few looks χ² says little: a promise counts as much as four of them.
+        // With few looks χ² is uncertain: a promise counts as much as four of them.
         let scale = (weighted + PROMISED) / (count - fitted + PROMISED).max(1.0);
         Self {
             residual_db: libm::sqrt(squares().sum::<f64>() / count),

@@ -3,7 +3,7 @@ use core::f64::consts::TAU;
 
 use foxhunt_core::BearingModes;
 
-/// What a fit says at one bearing.
+/// A fit at one bearing.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::extractor) struct Node {
     /// The logarithm of the density up to a constant.
@@ -39,7 +39,7 @@ pub(in crate::extractor) fn peaks(nodes: &[Node]) -> Vec<Peak> {
     Posterior::new(nodes).modes()
 }
 
-/// The bearings that a density says, in the order of their angles.
+/// The peaks and moments of a density over bearings, in the order of their angles.
 #[derive(Clone, Debug)]
 pub(super) struct Posterior {
     /// The logarithm of its integral, up to the constant of the log densities.
@@ -146,7 +146,7 @@ pub(super) fn summit(nodes: &[Node]) -> (f64, f64) {
     (offset, level(top) + off * slope)
 }
 
-/// Takes neighbours that cannot be told apart for one.
+/// Merges neighbours that cannot be separated.
 fn merge(peaks: &mut Vec<Peak>) {
     let mut i = 0;
     while peaks.len() > 1 && i < peaks.len() {

@@ -87,7 +87,7 @@ pub(super) fn read_out<A>(
     Reading { rss_dbm: level, rss_sigma_db, bearing, covariance, modes }
 }
 
-/// The moving mean's window that the confidence is told with, as by the reference extractor.
+/// The moving mean's window for the confidence, that of the reference extractor.
 const WINDOW: u16 = 7;
 
 /// Moments of level and bearing over several peaks.

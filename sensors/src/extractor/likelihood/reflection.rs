@@ -53,7 +53,7 @@ impl TwoPaths<'_> {
             *paths = self.descend(&self.fine, &paths.unknowns, 0, ROUNDS, TOLERANCE);
         }
         let mut kept = distinct(near, FOLLOWED, TOO_DEAR);
-        // Which start led there shall not be seen in the result.
+        // The result must not depend on the start that led there.
         for paths in &mut kept {
             *paths = self.descend(&self.fine, &paths.unknowns, 0, 2 * ROUNDS, TOLERANCE * 1e-9);
         }
@@ -160,8 +160,8 @@ pub(super) fn faded<A: Antenna>(
     chosen.map(|fading| with(fading, NEIGHBOURS))
 }
 
-/// Fading is alike along neighbouring boresights, over about 15°: so many of a turn's 128 tell the
-/// same.
+/// Fading is alike along neighbouring boresights, over about 15°: so many of a turn's 128 count
+/// as one.
 const NEIGHBOURS: f64 = 6.0;
 
 /// The amplitude pattern, about the amplitude of its mean gain.

@@ -6,16 +6,17 @@ pub enum Residuals {
     /// are.
     #[default]
     Gaussian,
-    /// As noise with Student's t: a part of the pattern that does not fit loses its say (Lange,
-    /// Little & Taylor 1989).
+    /// As noise with Student's t: a part of the pattern that does not fit loses its weight
+    /// (Lange, Little & Taylor 1989).
     StudentT {
-        /// The degrees of freedom; the fewer, the less say. A number that is not positive counts as
+        /// The degrees of freedom; the fewer, the less weight. A number that is not positive counts
+        /// as
         /// 1.
         degrees: f64,
     },
     /// As Gaussian noise about one path or two: a reflection of unknown direction, strength and
     /// phase may add its amplitude to the direct wave's, with a probability of 0.2 before the turn.
-    /// What two paths leave is diffuse fading, Rician, so that the pattern's back says less than
+    /// What two paths leave is diffuse fading, Rician, so that the pattern's back weighs less than
     /// its main lobe. The one to use where the antenna is known.
     Reflection,
 }

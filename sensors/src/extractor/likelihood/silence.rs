@@ -5,8 +5,9 @@ use foxhunt_core::{Sweep, angle};
 
 use super::looks::Looks;
 
-/// What the questions without an answer say, by a receiver whose floor is known: each was either
-/// lost, with a probability that is not known, or its power was below the floor (Tobin 1958).
+/// The likelihood of questions without an answer, for a receiver with a known floor: each was
+/// either lost, with a probability that is not known, or its power was below the floor (Tobin
+/// 1958).
 #[derive(Clone, Debug)]
 pub(super) struct Silence {
     /// Where the antenna looked, counted like the looks.
@@ -50,10 +51,10 @@ impl Silence {
         self.offsets.iter().any(|offset| level + gain(*offset) < reach)
     }
 
-    /// The level that the heard readings, in information form, and the silence make together, by
+    /// The level that the received readings, in information form, and the silence give together, by
     /// expectation and maximisation over losses and over the powers that were not received
-    /// (Dempster, Laird & Rubin 1977). `expected` tells the gain along each silent boresight and
-    /// the variance of a reading there.
+    /// (Dempster, Laird & Rubin 1977). `expected` gives the gain along each silent boresight
+    /// and the variance of a reading there.
     pub(super) fn settle(
         &self,
         information: f64,

@@ -14,11 +14,11 @@ use crate::extractor::{
 /// Degrees of freedom of the residuals' Student's t.
 pub(crate) const TAIL: f64 = 4.0;
 
-/// The chance that an antenna loses a burst that it could hear.
+/// The probability that an antenna loses a burst above its floor.
 pub(crate) const LOST: f64 = 0.03;
 
 /// The level is integrated from so far below the strongest reading to so far above it, in dB: an
-/// antenna's front hears it at its level, its back some 15 dB below. A step is this share of the
+/// antenna's front receives it at its level, its back some 15 dB below. A step is this share of the
 /// residuals' scale.
 const BELOW: f64 = 15.0;
 const ABOVE: f64 = 35.0;
@@ -32,7 +32,7 @@ const SAME_ANTENNA: f64 = 0.0175;
 const RSS_SIGMA_DB: f64 = 7.9;
 
 impl StationPattern {
-    /// The mean reading of each antenna in dBm, where it heard the burst.
+    /// The mean reading of each antenna in dBm, where it received the burst.
     fn measured(&self, sweep: &Sweep<'_>) -> Vec<Option<f64>> {
         let mut sums = vec![(0.0, 0.0); self.antennas.len()];
         for sample in sweep.samples {

@@ -11,9 +11,9 @@ use super::lobe_db;
 /// One of a station's fixed antennas.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StationAntenna {
-    /// Where recordings say that it looks, in radians in the world frame: its name, so to say.
+    /// The boresight in the recordings, in radians in the world frame, which names the antenna.
     pub recorded_boresight: f64,
-    /// Where it does look.
+    /// The fitted boresight, in radians in the world frame.
     pub boresight: f64,
     /// How much more it receives than the others, in dB.
     pub gain_db: f64,
@@ -22,15 +22,15 @@ pub struct StationAntenna {
     pub site_db: Vec<f64>,
 }
 
-/// A ground station's fixed antennas taken as one coarse pattern: each burst of the transmitter is
-/// heard by all of them at once, and what each reads, or does not, tells the direction.
+/// A ground station's fixed antennas taken as one coarse pattern: all of them receive
+/// each burst of the transmitter at once, and their readings, or silences, give the direction.
 ///
 /// As an extractor it takes sweeps whose samples name their antenna by its recorded boresight. A
 /// reading is L + g(θ) + a residual with the tails of a Student's t (four degrees of freedom); an
 /// antenna that receives nothing was below the receiver's floor, or lost the burst. The level L is
 /// integrated out under a uniform prior, the posterior of the direction reckoned over the circle.
 /// The residual's scale comes from recordings with truth, so that σ is wide where the site is
-/// treacherous. The level that is told is the mean over a turn of one such antenna.
+/// treacherous. The reported level is the mean over a turn of one such antenna.
 ///
 /// The bearing is the direction of the posterior's weightiest peak, and its σ the root of the mean
 /// square about that over all of the circle, so that it covers the others; [`Reading::modes`]
@@ -116,8 +116,8 @@ impl StationPattern {
         Ok(Self { residual_db, ..self })
     }
 
-    /// The same with receivers that hear half the bursts at `floor_dbm`, the chance rising over a
-    /// Gaussian of the standard deviation `width_db`.
+    /// The same with receivers that receive half the bursts at `floor_dbm`; the probability rises
+    /// over a Gaussian of the standard deviation `width_db`.
     ///
     /// # Errors
     ///
@@ -148,7 +148,7 @@ impl StationPattern {
         self.beamwidth
     }
 
-    /// How much weaker each hears from behind, in dB.
+    /// The front-to-back ratio of each in dB.
     #[must_use]
     pub fn front_to_back_db(&self) -> f64 {
         self.front_to_back_db
