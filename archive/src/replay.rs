@@ -45,7 +45,7 @@ pub struct ReplayedFix {
     /// How often the innovations of the last receptions became larger than the estimator can
     /// explain.
     pub diverged: u32,
-    /// The fix of the log, if the search came to an end.
+    /// The fix of the log, if the search ended.
     pub logged: Option<Fix>,
 }
 
@@ -109,7 +109,7 @@ pub fn replay_watched(
     replay_moments(log, &mut tracks, watch)
 }
 
-/// Replays a log through tracks of one's own.
+/// Replays a log through given tracks.
 ///
 /// ```
 /// use std::path::Path;

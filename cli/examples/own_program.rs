@@ -1,4 +1,4 @@
-//! The program with an estimator of one's own: it is in `--help`, in `list estimators`, and flies
+//! The program with a user's own estimator: it is in `--help`, in `list estimators`, and flies
 //! in `hunt`, `campaign`, `compare`, `replay` and `locate`.
 //!
 //! ```text

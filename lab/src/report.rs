@@ -61,7 +61,7 @@ pub struct HuntedBeacon {
     pub time_to_3m_s: Option<f64>,
     /// How far all drones together flew from the beginning of the search to its end, in metres.
     pub path_m: f64,
-    /// At how many formation positions something was heard.
+    /// At how many formation positions something was received.
     pub formation_positions: u32,
     /// How the search ended.
     pub outcome: Outcome,

@@ -123,7 +123,7 @@ impl Setup<'_> {
 /// Flies a hunt of any parts in a simulated world to its end. Beacons of the world that the hunt
 /// does not know are added when they appear.
 ///
-/// It goes from one event to the next, in whole ticks. Devices of one's own are polled at every
+/// It goes from one event to the next, in whole ticks. A user's own devices are polled at every
 /// tick unless they know their [next event](foxhunt_core::PatternSource::next_event) by the world's
 /// clock; what comes of it is the same.
 ///

@@ -31,7 +31,7 @@ pub struct SoakFlight {
     pub seed: u64,
 }
 
-/// What a flight came to.
+/// The result of a flight.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SoakRun {
     /// How the searches ended.

@@ -6,7 +6,7 @@ use super::{
     palette,
 };
 
-/// What one contender's runs came to, for [`distributions_svg`](super::distributions_svg).
+/// The results of one contender's runs, for [`distributions_svg`](super::distributions_svg).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Distribution {
     /// Its name.

@@ -57,7 +57,7 @@ pub(super) struct Search {
     /// What is believed in the end.
     pub(super) estimate: Option<Estimate<2>>,
     pub(super) truth: Option<Vector2<f64>>,
-    /// What came of it, where the search came to its end.
+    /// The result, where the search ended.
     pub(super) fix: Option<Fix>,
 }
 

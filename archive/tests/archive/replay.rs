@@ -155,7 +155,7 @@ fn a_log_replays_to_the_bit_through_its_own_settings() {
         assert!(replayed.compared >= 10, "{name}: {replayed:?}");
         assert_eq!(replayed.different, 0, "{name}");
         let [fix] = &replayed.fixes[..] else { panic!("{replayed:?}") };
-        let logged = fix.logged.as_ref().expect("it came to its end");
+        let logged = fix.logged.as_ref().expect("it ended");
         assert_eq!((fix.steps, &fix.name), (logged.steps, &"fox".to_owned()), "{name}");
         assert_eq!(fix.estimate, logged.estimate, "{name}");
         assert_eq!(fix.nis.count() > 0, fix.whiteness.ljung_box().is_some(), "{name}");

@@ -78,7 +78,7 @@ fn locate(received: &[Reception], estimator: &str, power: Power) -> Result<Locat
     registry.estimator(estimator).expect("it has a name").locate(received, &config)
 }
 
-/// What some flights came to.
+/// The results of some flights.
 #[derive(Clone, Copy, Debug)]
 struct Outcome {
     median_m: f64,
@@ -96,7 +96,7 @@ fn judge(estimator: &str, power: Power, below: Below, flights: u64) -> Outcome {
     }))
 }
 
-/// What flights with these targets and answers came to.
+/// The results of flights with these targets and answers.
 fn summary(outcomes: impl Iterator<Item = Option<(Vector2<f64>, Located)>>) -> Outcome {
     let (mut errors, mut covered, mut nees, mut failed) = (Vec::new(), 0.0, 0.0, 0);
     for outcome in outcomes {

@@ -15,8 +15,8 @@ fn number(value: &Value) -> f64 {
 }
 
 /// A dozen hovers about a transmitter at the origin, with an antenna that looks 12°
-/// counter-clockwise of where it says; the level follows −30 dBm and an exponent of 2.5 but for a
-/// decibel.
+/// counter-clockwise of its reported boresight; the level follows −30 dBm and an exponent of 2.5
+/// but for a decibel.
 fn hovers() -> String {
     let mut text = "drone,turn,time_s,east_m,north_m,heading_deg_compass,antenna_deg,rss_dbm,\
                     truth_east_m,truth_north_m\n"
@@ -56,8 +56,8 @@ fn a_misaligned_antenna_is_calibrated_and_corrected() {
     let [low, high] = [0, 1].map(|end| number(&report["exponent_interval_95"][end]));
     assert!(low < 2.5 && 2.5 < high, "{report}");
     let offset = &report["bearings"]["offset"];
-    // What says it looks to the transmitter's 12° on the right hears it best: measured minus true
-    // is clockwise. Positions are 2.8° apart.
+    // The boresight reported 12° to the right of the transmitter receives it best: measured minus
+    // true is clockwise. Positions are 2.8° apart.
     let off = number(&offset["offset_deg_ccw"]) + 12.0;
     assert!(off.abs() <= number(&offset["half_intervals_95_deg"][0]) + 0.5, "{report}");
     // The 2 dB width overstates the error several times.

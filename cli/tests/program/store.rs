@@ -22,7 +22,7 @@ fn path(path: &Path) -> &str {
 }
 
 /// Starts the program, kills it (SIGKILL) when it has reported `lines` lines of progress, and
-/// whether it came to that.
+/// whether that happened.
 fn killed_after(args: &[OsString], lines: usize) -> bool {
     let mut child = Command::new(env!("CARGO_BIN_EXE_foxhunt"))
         .args(args)

@@ -7,7 +7,7 @@ use std::{
 
 use serde_json::Value;
 
-/// What a call of the program came to.
+/// The result of a call of the program.
 #[derive(Debug)]
 pub(crate) struct Ran {
     pub(crate) code: i32,

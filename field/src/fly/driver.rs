@@ -121,7 +121,7 @@ impl<D: ?Sized + Examine> Examine for Box<D> {
 
 /// A driver whose type of error is hidden: the erasure of `foxhunt_hunt` for the traits of devices
 /// that it does not know. Neither that type nor [`Aircraft`] is this crate's own, so the orphan
-/// rule asks for another type here; the error is the same.
+/// rule requires another type here; the error is the same.
 #[derive(Debug)]
 pub(super) struct Driver<D>(pub(super) D);
 

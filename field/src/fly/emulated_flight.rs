@@ -29,7 +29,7 @@ pub struct EmulatedFlight {
     pub abort_s: Option<f64>,
 }
 
-/// What an emulated flight came to.
+/// The result of an emulated flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EmulatedFlown {
     /// The last report of each drone.
@@ -38,7 +38,7 @@ pub struct EmulatedFlown {
     pub modes: Vec<Vec<String>>,
     /// How high each is at the end, in truth, in metres.
     pub up_m: Vec<f64>,
-    /// How many searches came to an end.
+    /// How many searches ended.
     pub found: usize,
     /// Why the flight did not end as planned.
     pub failure: Option<String>,

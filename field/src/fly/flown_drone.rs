@@ -111,14 +111,14 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
     /// How it is in the air before it was sent up, unless it may be taken over.
     pub(super) fn flown_by_others(&self) -> Option<String> {
         let state = self.state.as_ref().filter(|state| state.airborne && state.armed)?;
-        // One that takes orders unasked is flown by its pilot, as he is advised.
+        // One that takes orders without a take-over is flown by its pilot, as he is advised.
         if state.commanded {
             return None;
         }
         if state.offered && self.may_take_over {
             return None;
         }
-        let how = if state.offered { "; whoever knows that it is free may allow it" } else { "" };
+        let how = if state.offered { "; allow it only if nobody else flies it" } else { "" };
         Some(format!("{} is in the air in {}, not by us{how}", self.name, state.mode))
     }
 

@@ -153,7 +153,7 @@ pub enum FilterConfig {
     },
     /// Recursive Bayes over the cells of an area.
     Grid {
-        /// Cells along each side; twice as many where the belief asks for it.
+        /// Cells along each side; twice as many where the belief needs them.
         side: usize,
         /// How far σ of a measurement's first component, the level, may be from its stated value:
         /// the standard deviation of its logarithm. Exact where absent.
@@ -392,7 +392,7 @@ fn noise_scales(spread: f64) -> Result<NoiseScales, EstimatorError> {
     Ok(NoiseScales { component: 0, factors: [-1.5, -0.75, 0.0, 0.75, 1.5].map(node).to_vec() })
 }
 
-/// The largest cloud that a file may ask for.
+/// The largest cloud that a file may set.
 const MOST_PARTICLES: usize = 10_000_000;
 
 /// The smallest cloud whose size adapts.
@@ -403,7 +403,7 @@ const FEWEST: usize = 500;
 /// # Errors
 ///
 /// [`EstimatorError::Parameter`] when there are too many: a number from a file must not be able to
-/// ask for all memory there is.
+/// take all memory there is.
 pub(super) fn generator(count: usize, seed: u64) -> Result<Xoshiro256PlusPlus, EstimatorError> {
     in_range("count", as_value(count), 0.0..=as_value(MOST_PARTICLES), "at most 10 000 000")?;
     Ok(Xoshiro256PlusPlus::seed_from_u64(seed))

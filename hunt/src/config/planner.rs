@@ -37,8 +37,8 @@ pub enum PlannerConfig {
         /// How the drones stand; a polygon of that circumradius unless given.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         shape: Option<ShapeConfig>,
-        /// How far the shape is turned counter-clockwise, with a polygon the direction of the
-        /// first drone seen from the centre; 0 unless given.
+        /// How far the shape is turned counter-clockwise, with a polygon the direction from the
+        /// centre to the first drone; 0 unless given.
         #[serde(default)]
         rotation_deg: f64,
         /// The drones' altitude.

@@ -21,7 +21,7 @@ pub enum ShapeConfig {
         /// From one drone to the next.
         spacing_m: f64,
     },
-    /// Places of one's own, in the order of the drones; more drones than places repeat them beside
+    /// Given places, in the order of the drones; more drones than places repeat them beside
     /// themselves.
     Offsets {
         /// East and North of the centre, for each drone.

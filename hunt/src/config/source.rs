@@ -54,7 +54,7 @@ impl SourceConfig {
         }))
     }
 
-    /// About how long a turn takes in a simulated world that asks so many beacons, in seconds,
+    /// About how long a turn for so many beacons takes in a simulated world, in seconds,
     /// where every question is answered; `None` for a source that is known by name alone.
     #[must_use]
     pub fn turn_s(&self, quickness: &SimStepperConfig, beacons: u16) -> Option<f64> {

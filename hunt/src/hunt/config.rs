@@ -16,12 +16,12 @@ pub struct HuntConfig {
     pub arrival_tolerance_m: f64,
     /// Drones that have not arrived after this long are not waited for.
     pub move_timeout_s: f64,
-    /// A drone whose turn has not come after this long, for each beacon that the turn asks, is
-    /// not waited for.
+    /// A drone whose turn has not come after this long, for each beacon of the turn, is not
+    /// waited for.
     pub turn_timeout_s: f64,
-    /// Every turn asks all beacons that are not done yet, each is believed to be somewhere from
-    /// the start, and the planner sees them all. Otherwise a beacon is asked and believed in only
-    /// while it is searched for.
+    /// Every turn measures all beacons that are not done yet, each has a belief from the start,
+    /// and the planner sees them all. Otherwise a beacon is measured and estimated only while it
+    /// is searched for.
     pub shared_turns: bool,
     /// σ of a drone's own East, North and Up, in metres, for drones that do not report it; taken
     /// for known where absent.
@@ -43,11 +43,11 @@ pub struct HuntConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub endurance: Option<EnduranceConfig>,
     /// Whether they fly home and land when all beacons are done; they do in any case when their
-    /// endurance asks for it.
+    /// endurance requires it.
     pub return_home: bool,
     /// When a drone counts as one that takes part no more.
     pub attendance: AttendanceConfig,
-    /// When a search is over besides what its planner says.
+    /// When a search is over besides its planner's decision.
     pub stop: StopRules,
 }
 

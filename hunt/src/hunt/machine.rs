@@ -105,7 +105,8 @@ impl fmt::Debug for Parts {
 }
 
 /// A hunt for one beacon after the other with a formation of drones; where turns are
-/// [shared](HuntConfig::shared_turns), every turn asks all of them, and the planner may weigh them.
+/// [shared](HuntConfig::shared_turns), every turn measures all of them, and the planner may weigh
+/// them.
 ///
 /// It does no I/O and reads no clock: [`start`](Self::start), [`located`](Self::located),
 /// [`advance`](Self::advance) and [`sweep`](Self::sweep) take what happened, or
@@ -642,8 +643,8 @@ impl Hunt {
         self.flight.as_mut()?.delivered(time, drone, beacon, ended)
     }
 
-    /// Adds a beacon that has shown up: the next turn asks it where turns are shared, and otherwise
-    /// it has its turn after those before it.
+    /// Adds a beacon that has shown up: the next turn measures it where turns are shared, and
+    /// otherwise it is searched for after those before it.
     ///
     /// # Errors
     ///

@@ -300,7 +300,7 @@ impl std::fmt::Debug for Track {
 
 /// What became of a reception.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[must_use = "nothing else says whether the reception was used"]
+#[must_use = "nothing else shows whether the reception was used"]
 pub enum TrackStep {
     /// It went through the estimator.
     Updated {

@@ -68,7 +68,7 @@ impl Default for LocateConfig {
     }
 }
 
-/// A receiver that listens in one place for some time: what it does not hear in it counts too.
+/// A receiver that listens in one place for some time: what it does not receive counts too.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Listener {
     /// Where it is.
@@ -77,6 +77,6 @@ pub struct Listener {
     pub from: f64,
     /// See [`from`](Self::from).
     pub until: f64,
-    /// The level below which it hears nothing, in dBm.
+    /// The level below which it receives nothing, in dBm.
     pub floor_dbm: f64,
 }

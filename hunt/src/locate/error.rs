@@ -35,7 +35,7 @@ pub enum LocateError {
         /// Which one.
         quantity: Quantity,
     },
-    /// All receptions were made in one place, which they cannot be told apart from others by.
+    /// All receptions were made in one place, which leaves the transmitter's place open.
     #[error(
         "all {what} were received at ({east}, {north}) m: from one place they leave open where the \
          transmitter is"

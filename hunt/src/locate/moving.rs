@@ -47,9 +47,9 @@ pub struct Tracked {
 /// brought together in time windows and smoothed over time ([`TrackGrid`]).
 ///
 /// A level has the log-distance law with a residual of 7 dB and the tails of a Student's t of four
-/// degrees of freedom, what shadowing and the body of whoever carries the transmitter do; where the
+/// degrees of freedom, for shadowing and the body of the transmitter's carrier; where the
 /// power is not known, it is averaged over powers and exponents by their evidence. A bearing has
-/// its competing directions, and one in twenty points anywhere. A listener that hears nothing
+/// its competing directions, and one in twenty points anywhere. A listener that receives nothing
 /// while another does was out of reach, or lost the burst (one in ten).
 ///
 /// # Errors
@@ -375,7 +375,7 @@ mod tests {
         }
     }
 
-    /// Three stations, each of which hears down to −95 dBm.
+    /// Three stations, each of which receives down to −95 dBm.
     const STATIONS: [[f64; 2]; 3] = [[0.0, 0.0], [900.0, 100.0], [300.0, 800.0]];
 
     /// An error that is forgotten over `memory_s`, of σ 1.
@@ -470,8 +470,8 @@ mod tests {
 
     #[test]
     fn silence_is_a_reading() {
-        // One station hears levels alone: the transmitter is on a circle about it, but not near
-        // the others, which hear nothing.
+        // One station receives levels alone: the transmitter is on a circle about it, but not near
+        // the others, which receive nothing.
         let receiver = Pose::at(0.0, 0.0, 0.0);
         let level = Some(Level { rss_dbm: -90.0, sigma_db: 6.0 });
         let at = |time: f64| Reception { time, receiver, level, ..Reception::default() };

@@ -19,7 +19,7 @@ use crate::config::{EstimatorConfig, ModelConfig, PlannerConfig};
 pub const LOG_VERSION: u32 = 6;
 
 /// The oldest version that it reads: one without clouds, and with beacons that stay. Version 5 has
-/// hunts that go on from their log; version 6 estimators and sources of one's own.
+/// hunts that go on from their log; version 6 estimators and sources of users' own.
 pub const OLDEST_LOG_VERSION: u32 = 2;
 
 /// The first line of a log: how the estimates came about.

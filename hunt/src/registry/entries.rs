@@ -149,7 +149,7 @@ impl EstimatorEntry {
         }
     }
 
-    /// An estimator of one's own, that takes one reception after the other.
+    /// A user's own estimator, which takes one reception after the other.
     ///
     /// ```
     /// use foxhunt_core::RandomWalk;
@@ -306,7 +306,7 @@ pub struct ExtractorEntry {
 }
 
 impl ExtractorEntry {
-    /// An extractor of one's own.
+    /// A user's own extractor.
     pub fn own(
         name: impl Into<Cow<'static, str>>,
         about: impl Into<Cow<'static, str>>,
@@ -344,7 +344,7 @@ pub struct PlannerEntry {
 }
 
 impl PlannerEntry {
-    /// A planner of one's own.
+    /// A user's own planner.
     pub fn own(
         name: impl Into<Cow<'static, str>>,
         about: impl Into<Cow<'static, str>>,
@@ -381,7 +381,7 @@ impl fmt::Debug for SourceEntry {
 }
 
 impl SourceEntry {
-    /// A source of one's own.
+    /// A user's own source.
     pub fn own(
         name: impl Into<Cow<'static, str>>,
         about: impl Into<Cow<'static, str>>,

@@ -27,8 +27,8 @@ const ITERATIONS: u32 = 10;
 /// The root of 0.19572 m², the other reading of what is printed there.
 const PRITZL_VARIANCE_DRIFT: f64 = 0.442_402_531_638_326;
 
-/// The estimator that is asked for as such: it knows what a user knows, which is neither the
-/// transmitter's power nor the level's σ to better than some dB.
+/// The estimator `default`: it assumes what a user knows, which is neither the transmitter's
+/// power nor the level's σ to better than some dB.
 pub const DEFAULT_ESTIMATOR: &str = "default";
 
 /// A Kalman filter starts from what a grid makes of so many receptions: two formation positions

@@ -14,8 +14,8 @@ use crate::{
 
 impl PlannerEntry {
     /// How it stands in a file for a field. Where the field's own planner is of this kind, it is
-    /// the field's own, but for `pritzl2018` and `pritzl2018-emulated`: these are the reference's
-    /// whatever the field says.
+    /// the field's own, but for `pritzl2018` and `pritzl2018-emulated`: these are always the
+    /// reference's.
     #[must_use]
     pub fn config(&self, field: &Field) -> PlannerConfig {
         let Recipe::Settings(settings) = &self.recipe else {
@@ -269,7 +269,7 @@ fn altitude(field: &Field) -> AltitudeRule {
     rule
 }
 
-/// What a beacon is believed to be about before anything was heard, as the hunt has it.
+/// The centre of the hunt's prior of a beacon, before any reception.
 fn prior_centre(field: &Field) -> Vector2<f64> {
     let count = u32::try_from(field.drones_m.len()).unwrap_or(u32::MAX).max(1);
     let sum: Vector2<f64> = field.drones_m.iter().map(|drone| drone.xy()).sum();

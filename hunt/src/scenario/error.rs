@@ -5,7 +5,7 @@ pub enum ScenarioError {
     /// There is neither a built-in scenario nor a file of this name.
     #[error("{name:?} is neither a file nor a built-in scenario; those are {}", known.join(", "))]
     Unknown {
-        /// What was asked for.
+        /// The requested name.
         name: String,
         /// The built-in scenarios.
         known: Vec<String>,

@@ -31,7 +31,7 @@ pub struct Scenario {
     pub name: String,
     /// What it is, in a line.
     pub description: String,
-    /// The estimator it flies with unless another one is asked for.
+    /// The estimator it flies with unless another one is given.
     pub estimator: String,
     /// What is true.
     pub world: WorldConfig,

@@ -55,7 +55,7 @@ pub(super) fn seed_in(name: &str) -> Option<u64> {
 }
 
 /// A hunt in which everything is drawn at random that may go wrong: one to eight drones, among them
-/// some that get stuck, are lost, hear nothing or answer late, for a while or for good; a beacon
+/// some that get stuck, are lost, receive nothing or answer late, for a while or for good; a beacon
 /// that is switched on late, a prior, a fence, zones and a void to keep out of, a separation,
 /// batteries, rules to stop; a planner and its shape.
 /// `fleet-` and the seed is its name, by which [`Scenario::find`] has it, too.

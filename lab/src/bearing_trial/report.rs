@@ -3,7 +3,7 @@ use foxhunt_sensors::Correlation;
 use serde::Serialize;
 use statrs::statistics::{Data, OrderStatistics, Statistics};
 
-/// What a campaign of bearings came to.
+/// The results of a campaign of bearings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BearingReport {
     /// The case's name.

@@ -76,8 +76,8 @@ pub struct SetupCampaign {
     pub setup: AntennaSetup,
     /// The estimators, in the order of the call.
     pub estimators: Vec<EstimatorCampaign>,
-    /// How long a hunt took with each of them, in simulated seconds; absent where none came to an
-    /// end.
+    /// How long a hunt took with each of them, in simulated seconds; absent where none
+    /// ended.
     pub duration_s: Vec<Option<Spread>>,
 }
 

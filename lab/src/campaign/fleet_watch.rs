@@ -253,8 +253,8 @@ mod tests {
     use super::*;
     use foxhunt_hunt::scenario::random_fleet;
 
-    /// Two drones at rest, 5 m apart and 4 m up, for 20 s in the air; they have to keep what
-    /// `change` says.
+    /// Two drones at rest, 5 m apart and 4 m up, for 20 s in the air; they have to keep the rules
+    /// that `change` sets.
     fn watched(change: impl FnOnce(&mut Scenario), events: &[Event]) -> FleetFindings {
         watched_for(20, change, events)
     }

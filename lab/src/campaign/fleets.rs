@@ -18,7 +18,7 @@ use crate::{
     simulation::{Setup, SimulationError},
 };
 
-/// What random fleets came to.
+/// The results of random fleets.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FleetsReport {
     /// How many hunts were flown.
@@ -33,7 +33,7 @@ pub struct FleetsReport {
     pub outcomes: Vec<OutcomeCount>,
     /// The hunts that could not begin or go on, and why.
     pub errors: Vec<FailedRun>,
-    /// How long a hunt took, in simulated seconds; absent where none came to an end.
+    /// How long a hunt took, in simulated seconds; absent where none ended.
     pub duration_s: Option<Spread>,
     /// The least distance of two drones over ground beyond their separation, in metres; absent
     /// where there were no two.
@@ -60,7 +60,7 @@ pub struct FailedRun {
     pub reason: String,
 }
 
-/// What one hunt came to.
+/// The result of one hunt.
 #[derive(Debug)]
 pub(crate) struct FleetRun {
     pub(crate) outcomes: Vec<Outcome>,

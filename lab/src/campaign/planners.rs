@@ -41,7 +41,7 @@ pub struct PlannersReport {
 pub struct PlannerCampaign {
     /// The planner's name.
     pub planner: String,
-    /// How long a hunt took in simulated seconds; absent where none came to an end.
+    /// How long a hunt took in simulated seconds; absent where none ended.
     pub duration_s: Option<Spread>,
     /// The beacons, in their order.
     pub beacons: Vec<PlannedBeacon>,

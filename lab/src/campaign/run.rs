@@ -18,7 +18,7 @@ use crate::{
 /// What a report calls a planner or an estimator that is the scenario's own.
 pub const OWN: &str = "scenario's own";
 
-/// What a campaign came to.
+/// The results of a campaign.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CampaignReport {
     /// The scenario's name.
@@ -89,7 +89,7 @@ pub struct BeaconCampaign {
     /// The root mean square error over the whole track, not only at its end; where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub track_rms_m: Option<f64>,
-    /// The errors on the way, where the scenario asks for them.
+    /// The errors on the way, where the scenario sets checkpoints.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub checkpoints: Vec<Checkpoint>,
 }
@@ -127,7 +127,7 @@ where
     }
 }
 
-/// What one hunt came to, or why it could not go on.
+/// The result of one hunt, or why it could not go on.
 #[derive(Clone, Debug)]
 pub(crate) struct Flown(pub(crate) Result<Simulated, String>);
 
@@ -148,7 +148,7 @@ impl Flown {
         found.iter().find(|found| usize::from(found.fix.beacon.0) == beacon)
     }
 
-    /// What it came to for a beacon, in figures.
+    /// The figures of a beacon's search.
     pub(crate) fn beacon_run(&self, beacon: usize) -> BeaconRun {
         self.found(beacon).map_or_else(BeaconRun::default, BeaconRun::of)
     }
@@ -169,7 +169,7 @@ impl Flown {
     }
 }
 
-/// How long the hunts took that came to an end.
+/// How long the hunts took that ended.
 pub(super) fn durations(runs: &[Flown]) -> Option<Spread> {
     let durations = runs.iter().filter_map(|run| Some(run.0.as_ref().ok()?.duration_s));
     Spread::of(&durations.collect::<Vec<_>>())
@@ -228,7 +228,7 @@ impl Repetition<'_> {
         runner.run(experiment, self.runs, self.seed, self.progress)
     }
 
-    /// Flies hunts and keeps their statistics alone; `take` is given those that came to an end.
+    /// Flies hunts and keeps their statistics alone; `take` is given those that ended.
     fn fly<F: Fn(u64) -> Result<Simulated, SimulationError> + Sync>(
         &self,
         runner: &Runner,

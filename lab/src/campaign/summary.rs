@@ -6,7 +6,7 @@ use foxhunt_filters::consistency::{ChiSquaredAverage, ChiSquaredSums, Coverage};
 use super::{BeaconCampaign, Checkpoint, EstimatorCampaign};
 use crate::{Spread, simulation::Found, statistics::Running};
 
-/// What one run came to for one beacon, in figures: all that summaries are made of. A search that
+/// The figures of one run for one beacon: all that summaries are made of. A search that
 /// did not end has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BeaconRun {
@@ -168,7 +168,7 @@ impl<'a> FlightsSummary<'a> {
         Self { runs: 0, beacons: beacons.iter().map(beacon).collect() }
     }
 
-    /// Adds a run: `of` gives what it came to for the beacon of an index.
+    /// Adds a run: `of` gives its figures for the beacon of an index.
     pub(crate) fn add(&mut self, mut of: impl FnMut(usize) -> BeaconRun) {
         self.runs += 1;
         for (index, beacon) in self.beacons.iter_mut().enumerate() {

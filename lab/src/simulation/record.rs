@@ -6,7 +6,7 @@ use nalgebra::Vector2;
 /// The semi-major axis of the 95 % ellipse that [`SearchProgress`] is about, in metres.
 const SEMI_MAJOR_M: f64 = 3.0;
 
-/// What a simulated hunt came to.
+/// The result of a simulated hunt.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simulated {
     /// The fixes, in the order of the beacons, and the truth.
@@ -124,7 +124,7 @@ impl Record {
         }
     }
 
-    /// What the hunt came to.
+    /// The result of the hunt.
     pub(super) fn finish(mut self, fixes: &[Fix], world: &World) -> Result<Simulated, SimError> {
         let mut fixes: Vec<&Fix> = fixes.iter().collect();
         fixes.sort_by_key(|fix| fix.beacon);

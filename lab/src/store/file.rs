@@ -101,7 +101,7 @@ impl Store {
     /// Makes the tables of an empty database, at once or not at all.
     fn set_up(&self) -> Result<(), rusqlite::Error> {
         let connection = &self.connection;
-        // Whoever else makes the same file is waited for.
+        // Another process may be making the same file: wait for it.
         connection.busy_timeout(std::time::Duration::from_secs(10))?;
         let tables: i64 = connection.query_row("SELECT count(*) FROM sqlite_schema", [], first)?;
         if tables > 0 {

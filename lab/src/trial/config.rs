@@ -13,7 +13,7 @@ pub struct Trial {
     pub name: String,
     /// What it is, in a line.
     pub description: String,
-    /// The estimator that runs unless another one is asked for.
+    /// The estimator that runs unless another one is given.
     pub estimator: String,
     /// How many particles a particle filter has.
     pub particles: usize,
@@ -221,7 +221,7 @@ impl Trial {
         let BearingsConfig { count, interval_s, sigma_rad, .. } = self.bearings;
         let counted = (1..=10_000).contains(&count);
         require(counted, "bearings.count", f64::from(count), "in 1 … 10 000")?;
-        // A number from a file must not be able to ask for all memory there is.
+        // A number from a file must not be able to take all memory there is.
         let particles = u32::try_from(self.particles).unwrap_or(u32::MAX);
         let cloud = (5..=10_000_000).contains(&particles);
         require(cloud, "particles", f64::from(particles), "in 5 … 10 000 000")?;

@@ -103,7 +103,7 @@ fn a_constant_replaces_a_column_that_is_not_there() {
     }
 }
 
-/// The compass angle from true North that each row's bearing, heading and boresight came to.
+/// The compass angle from true North of each row's bearing, heading and boresight.
 fn turned(text: &str, options: &ReadOptions) -> Result<Vec<[f64; 3]>, String> {
     let recording = Recording::from_reader(text.as_bytes(), "b.csv", options);
     let recording = recording.map_err(|error| error.to_string())?;
