@@ -1,4 +1,4 @@
-//! Planners of one's own, a closure and a struct, each in a small simulated hunt: three drones with
+//! Your own planners, a closure and a struct, each in a small simulated hunt: three drones with
 //! steppers and a grid search for two beacons.
 //!
 //! `cargo run --example custom_planner`

@@ -1,5 +1,5 @@
 //! Every family of estimators, on a stepper and on a body that turns, with the reference's triangle
-//! and with a planner of one's own: one table of hunts.
+//! and with a planner of your own: one table of hunts.
 //!
 //! `cargo run --example families`
 

@@ -1,6 +1,6 @@
-//! An estimator of one's own in the program: registered under a name, it takes part in campaigns,
+//! Your own estimator in the program: registered under a name, it takes part in campaigns,
 //! replays and `locate` like those that the library brings. With the program's library, the same
-//! registry makes a `foxhunt` of one's own: `foxhunt_cli::run(registry)`.
+//! registry makes a `foxhunt` of your own: `foxhunt_cli::run(registry)`.
 //!
 //! `cargo run --example own_estimator`
 

@@ -1,5 +1,5 @@
-//! A measurement of one's own: round trips give a range in metres, and nothing else. The source
-//! measures it, the model says what it is, and the hunt joins the two by the name of the quantity.
+//! Your own measurement: round trips give a range in metres, and nothing else. The source
+//! measures it, the model names it, and the hunt joins the two by the name of the quantity.
 //!
 //! `cargo run --example own_measurement`
 

@@ -22,7 +22,7 @@ pub enum ArDroneCommand {
         pitch: f32,
         /// Upwards.
         climb: f32,
-        /// Clockwise seen from above.
+        /// Clockwise from above.
         yaw: f32,
     },
     /// `AT*FTRIM`: it stands level now. Not to be sent in the air.

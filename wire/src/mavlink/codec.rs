@@ -142,7 +142,7 @@ mod tests {
         let mut late = signed(1);
         late.push(&signed(1).encode(&attitude(4.0), NOW - 100.0));
         assert_eq!(messages(&mut late), [], "an old recording");
-        // Whoever has no key understands signed frames, too.
+        // A receiver without a key decodes signed frames, too.
         plain.push(&good);
         assert_eq!(messages(&mut plain), [attitude(1.0)]);
     }

@@ -70,7 +70,7 @@ pub trait ByteStream {
         false
     }
 
-    /// Makes whoever sent what was received last the only one that is received and answered.
+    /// Makes the sender of what was received last the only one that is received and answered.
     /// Without effect where there is one other end.
     ///
     /// # Errors
@@ -123,7 +123,7 @@ pub(super) fn ended(what: &str) -> io::Error {
     io::Error::new(io::ErrorKind::UnexpectedEof, format!("{what} was closed at its other end"))
 }
 
-/// What a read came to: nothing now is no error, and a stream that ended is one.
+/// The result of a read: nothing now is no error, and a stream that ended is one.
 pub(super) fn taken(read: io::Result<usize>, what: &str) -> io::Result<usize> {
     use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     match read {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{ByteStream, SerialStream, TcpStream, UdpStream};
 
 /// Where a device is reached, as it stands in configurations: `serial:/dev/ttyUSB0:57600`,
-/// `tcp:127.0.0.1:5760`, `udpin:127.0.0.1:14550` (answer whoever sends) or
+/// `tcp:127.0.0.1:5760`, `udpin:127.0.0.1:14550` (answer the last sender) or
 /// `udpout:192.168.1.1:5556`.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]

@@ -106,8 +106,8 @@ mod tests {
         assert_eq!((nobody.kind(), server.connections()), (io::ErrorKind::NotConnected, 0));
         for client_number in 1..=2 {
             let mut client = TcpStream::connect(&address).expect("it listens");
-            client.send(b"ask").expect("connected");
-            assert_eq!(next(&mut server), b"ask");
+            client.send(b"question").expect("connected");
+            assert_eq!(next(&mut server), b"question");
             assert_eq!(server.connections(), client_number);
             server.send(b"answer").expect("connected");
             assert_eq!(next(&mut client), b"answer");

@@ -5,7 +5,7 @@ use std::{
 
 use super::ByteStream;
 
-/// Datagrams to and from one peer: a known one, or whoever sent last until that one is pinned.
+/// Datagrams to and from one peer: a known one, or the last sender until that one is pinned.
 ///
 /// To a pinned peer the socket is connected, so that the system itself drops what others send, and
 /// a stranger's flood takes neither time nor room.
@@ -13,16 +13,16 @@ use super::ByteStream;
 pub struct UdpStream {
     socket: UdpSocket,
     peer: Option<SocketAddr>,
-    /// Whether whoever sends is the peer.
+    /// Whether any sender becomes the peer.
     learns: bool,
     /// Whether the socket is connected to the peer.
     pinned: bool,
-    /// Where it listens, to whoever sends.
+    /// The address at which it listens to any sender.
     address: SocketAddr,
 }
 
 impl UdpStream {
-    /// Listens at `address`, and answers whoever sent last, or was [pinned](ByteStream::pin).
+    /// Listens at `address`, and answers the last sender, or the one [pinned](ByteStream::pin).
     ///
     /// # Errors
     ///
@@ -136,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_listener_answers_whoever_spoke_last() {
+    fn a_listener_answers_the_last_sender() {
         let mut server = UdpStream::listen("127.0.0.1:0").expect("it works");
         assert_eq!(
             server.send(&[1]).expect_err("it is refused").kind(),

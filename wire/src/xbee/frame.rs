@@ -86,7 +86,7 @@ pub enum Frame {
 }
 
 impl Frame {
-    /// Asks the radio itself.
+    /// A query to the radio itself.
     #[must_use]
     pub fn at(id: u8, command: AtCommand) -> Self {
         Self::AtCommand { id, command, parameter: Vec::new() }
