@@ -40,7 +40,7 @@ static uint8_t data[LONGEST], length, status, wanted;
 static bool in_sysex;
 static uint8_t device;
 static uint8_t inputs[2];
-static bool reported[2], told[2];
+static bool reported[2], levels_sent[2];
 static uint8_t last[2];
 
 static void send_text(const char *text) {
@@ -235,7 +235,7 @@ static void short_message(void) {
         uint8_t port = status & 0x0F;
         if (port < 2) {
             reported[port] = data[0];
-            told[port] = false;
+            levels_sent[port] = false;
         }
     }
 }
@@ -290,12 +290,12 @@ void firmata_report(void) {
         send_position(0x0A);
     for (uint8_t port = 0; port < 2; port++) {
         uint8_t levels = (port ? PINB : PIND) & inputs[port];
-        if (reported[port] && (!told[port] || levels != last[port])) {
+        if (reported[port] && (!levels_sent[port] || levels != last[port])) {
             uart_send(DIGITAL | port);
             uart_send(levels & 0x7F);
             uart_send(levels >> 7);
             last[port] = levels;
-            told[port] = true;
+            levels_sent[port] = true;
         }
     }
 }

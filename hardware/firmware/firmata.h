@@ -2,8 +2,8 @@
 #pragma once
 #include <stdint.h>
 
-/* Says the version and the firmware, as after a reset. */
+/* Sends the version and the firmware, as after a reset. */
 void firmata_begin(void);
 void firmata_receive(uint8_t byte);
-/* Says what has happened: a move that ended, a switch that changed. */
+/* Reports events: a move that ended, a switch that changed. */
 void firmata_report(void);

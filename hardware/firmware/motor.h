@@ -19,6 +19,6 @@ void motor_enable(bool on);
 /* In steps per second, and per second squared; no acceleration is at once. */
 void motor_speed(float speed);
 void motor_acceleration(float acceleration);
-/* Whether a move has ended since it was asked last. */
+/* Whether a move has ended since the last call. */
 bool motor_has_arrived(void);
 bool motor_arrival_pending(void);

@@ -124,7 +124,7 @@ pub struct AircraftState {
     /// pilot nor a lost link has taken it from us.
     pub commanded: bool,
     /// Whether it is in the air and not ours, in a mode in which it may be [taken
-    /// over](Aircraft::take_over): by whoever knows that nobody else flies it.
+    /// over](Aircraft::take_over), if it is known that nobody else flies it.
     pub offered: bool,
     /// Why it takes no orders, or what keeps it on the ground; empty where nothing does.
     pub hindrance: String,

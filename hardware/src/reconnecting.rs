@@ -76,7 +76,7 @@ impl<C: Clock> Reconnecting<C> {
         let Some(opening) = &self.opening else {
             if now >= self.retry_at {
                 let (endpoint, (sender, opening)) = (self.endpoint.clone(), mpsc::channel());
-                // Whoever waited for it may be gone by the time it is open.
+                // The receiver may be gone by the time it is open.
                 thread::spawn(move || sender.send(endpoint.open()));
                 self.opening = Some(opening);
             }

@@ -1,6 +1,6 @@
 /* Runs the firmware in simavr: its serial port behind a pseudo-terminal, its coils and its switch watched.
  *
- * simulator stepper.elf: says "port /dev/pts/N", and when it is ended by SIGTERM or SIGINT
+ * simulator stepper.elf: prints "port /dev/pts/N", and when it is ended by SIGTERM or SIGINT
  * "position P illegal I fastest_us F": half steps of a rotor that follows the coils at D8 to D11 (IN1 to IN4),
  * coil patterns that no rotor follows, and the shortest time between two of its steps. The switch at D2 is closed
  * while the rotor is between 160 and 100 half steps before where it began. */

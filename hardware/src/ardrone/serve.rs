@@ -121,7 +121,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
         Ok(now)
     }
 
-    /// Says what is due.
+    /// Sends what is due.
     pub(super) fn send_due(&mut self, now: f64) -> io::Result<()> {
         let bare = self.received.is_none_or(|(at, navdata)| {
             now - at > REQUEST_S || navdata.demo.is_none() || navdata.state.is_in_bootstrap()
@@ -156,7 +156,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
         let mut commands = match self.phase {
             // By itself it hovers.
             Phase::Lost => return Ok(()),
-            // Whoever has it in the air is not made to land by us.
+            // A drone that somebody else has in the air is not made to land by us.
             Phase::Idle if self.is_flying() || self.check_link(now).is_err() => Vec::new(),
             Phase::Idle | Phase::Landing => vec![reference(false, false), ArDroneCommand::hover()],
             Phase::Stopping => vec![reference(false, true)],
@@ -212,7 +212,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
     }
 }
 
-/// Says something to whoever is there.
+/// Sends bytes; without a peer they are dropped.
 pub(super) fn send(stream: &mut impl ByteStream, bytes: &[u8]) -> io::Result<()> {
     match stream.send(bytes) {
         Err(error) if error.kind() == io::ErrorKind::NotConnected => Ok(()),

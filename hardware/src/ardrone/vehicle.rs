@@ -94,7 +94,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> ArDrone<A, N, C> {
         })
     }
 
-    /// Tells it where it is, East and North in metres, and σ of that.
+    /// Sets its place, East and North in metres, and σ of that, from a better source.
     pub fn correct(&mut self, place: Vector2<f64>, sigma_m: f64) {
         if place.iter().all(|value| value.is_finite()) && sigma_m >= 0.0 {
             (self.position.x, self.position.y) = (place.x, place.y);

@@ -75,7 +75,7 @@ impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
                 GnssKind::Ublox => "turn UBX output on at this port, or use kind = \"nmea\"",
                 GnssKind::Gpsd => "check that gpsd has a receiver: `gpspipe -w`",
             };
-            return Finding::bad(subject, "it tells no position", remedy);
+            return Finding::bad(subject, "it reports no position", remedy);
         };
         let satellites = last.satellites.map_or(String::new(), |n| format!(", {n} satellites"));
         let hdop = last.hdop.map_or(String::new(), |hdop| format!(", HDOP {hdop:.1}"));

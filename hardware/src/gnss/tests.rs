@@ -72,7 +72,7 @@ fn nmea_takes_place_sigma_and_date_of_three_sentences() {
     assert!(close(place.alt_m, 400.0, 1e-4), "above the ellipsoid");
     let gst = sentence("GNGST,123456.50,1.2,0.02,0.01,30,0.015,0.012,0.03");
     let [second] = decoded(&mut decoder, gst.as_bytes())[..] else { panic!("repeated") };
-    let sigma = second.sigma_m.expect("GST tells it");
+    let sigma = second.sigma_m.expect("GST holds it");
     assert!((sigma - Vector3::new(0.012, 0.015, 0.03)).norm() < 1e-6, "East is the longitude's");
     // The next second's GGA comes before its GST, with the σ of the one before; later it is too
     // old.

@@ -60,8 +60,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 self.phase = Phase::Idle;
                 return;
             }
-            // Whoever flies it after a lost link is the pilot, unless it comes home by its own
-            // rules.
+            // After a lost link its pilot flies it, unless it comes home by its own rules.
             Phase::Taken { by_pilot: false, .. }
                 if !ours.contains(&mode)
                     && self.telemetry.without_heartbeat(now) <= self.config.link_timeout_s =>
@@ -115,7 +114,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.enter(Phase::Taken { why, by_pilot: true, in_our_mode: true });
     }
 
-    /// Tells why something was given up.
+    /// Records why something was given up, for the error.
     pub(super) fn explain(&mut self, now: f64, what: &str, why: &str) {
         let complaint = self.telemetry.complaints(now - COMPLAINT_S).next();
         self.failure = match complaint {
@@ -199,7 +198,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.enter(Phase::TakingOff { up, stage, since: now });
     }
 
-    /// Asks for a mode until it is there, and goes on to the next phase.
+    /// Requests a mode until it is there, and goes on to the next phase.
     pub(super) fn request_mode(
         &mut self,
         now: f64,

@@ -10,7 +10,7 @@ use foxhunt_wire::{
 
 use super::MavlinkConfig;
 
-/// Messages to and from whoever is at the other end of a stream, as a ground station.
+/// Messages to and from the other end of a stream, as a ground station.
 #[derive(Debug)]
 pub(super) struct Link<S> {
     stream: S,
@@ -110,7 +110,7 @@ impl<S: ByteStream> Link<S> {
         }
     }
 
-    /// Says that we are there, once a second.
+    /// Sends a heartbeat once a second.
     pub(super) fn beat(&mut self, now: f64) -> io::Result<()> {
         if now - self.beaten < BEAT_S {
             return Ok(());

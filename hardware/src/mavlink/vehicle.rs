@@ -91,7 +91,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         })
     }
 
-    /// Tells when the clock was 0, in seconds of UNIX time
+    /// Sets when the clock was 0, in seconds of UNIX time
     /// ([`SystemClock::started_unix_s`](crate::SystemClock::started_unix_s)): signatures carry the
     /// time, and autopilots refuse those that are a minute old.
     #[must_use]
@@ -108,7 +108,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self
     }
 
-    /// Asks for it again after the pilot or a lost link had it. It stays where it is until it is
+    /// Takes it over again after the pilot or a lost link had it. It stays where it is until it is
     /// sent somewhere, or until it is ordered to take off. Without effect while it is ours, and
     /// while it comes down by our order.
     ///
@@ -229,7 +229,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 streams.restart();
             }
         }
-        // Whoever has taken it over in the meantime is noticed even while the port fails.
+        // A take-over in the meantime is noticed even while the port fails.
         self.watch(now);
         received?;
         self.link.beat(now)?;

@@ -13,7 +13,7 @@ pub struct FirmataConfig {
     pub pins: [u8; 4],
     /// Half steps of the motor in a turn of the antenna, as numerator and denominator.
     pub half_steps_per_turn: [u32; 2],
-    /// Whether steps forwards turn the antenna clockwise, seen from above.
+    /// Whether steps forwards turn the antenna clockwise, from above.
     pub clockwise: bool,
     /// How fast it turns, in half steps per second.
     pub speed_half_steps_per_s: f64,

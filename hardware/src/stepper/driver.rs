@@ -35,7 +35,7 @@ pub struct FirmataStepper<S, C> {
     /// What the firmware calls itself.
     pub(super) firmware: Option<String>,
     pub(super) switch_closed: Option<bool>,
-    /// Whether the version came, unasked, and nothing since.
+    /// Whether the version came without a request, and nothing since.
     booting: bool,
     /// Whether the link failed since its last reply.
     broken: bool,

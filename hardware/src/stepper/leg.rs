@@ -20,7 +20,7 @@ pub(super) struct Leg {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Due {
     Nothing,
-    /// Ask where it is.
+    /// Query its position.
     RequestPosition,
     /// Order it once more, and query.
     Repeat,

@@ -14,8 +14,8 @@ pub struct XbeeConfig {
     /// What is sent to a beacon that a program answers for.
     pub payload: String,
     /// Such an answer begins with what was sent, so that two bytes of number behind the payload
-    /// tell a late answer from a new one. Where it does not, a beacon that left a question without
-    /// an answer is not queried again before another time-out has passed.
+    /// separate a late answer from a new one. Where it does not, a beacon that left a question
+    /// without an answer is not queried again before another time-out has passed.
     pub echoed: bool,
     /// How long a beacon's answer is waited for, in seconds.
     pub answer_timeout_s: f64,

@@ -207,7 +207,7 @@ impl<S: ByteStream, C: Clock> XbeeRadio<S, C> {
         matches!(&self.question, Some(Outstanding { stage: Stage::Sent { id, .. }, .. }) if *id == number)
     }
 
-    /// What became of the packet that asked.
+    /// Takes the delivery status of the packet that held the question.
     fn sent(
         &mut self,
         delivered: bool,

@@ -19,7 +19,7 @@ const QUESTIONS: [AtCommand; 5] =
 /// it is understood in either mode.
 const FIRST_ID: u8 = 1;
 
-/// Asks a radio who it is and how it speaks. It sets nothing.
+/// Reads a radio's identity and protocol. It sets nothing.
 #[derive(Debug)]
 pub(super) struct Setup {
     step: Step,
