@@ -1,7 +1,7 @@
 use foxhunt_core::parameter::FieldError;
 use foxhunt_sensors::{AntennaError, ParameterError};
 
-/// Why a world, or something asked of it, is refused. What was requested did not happen.
+/// Why a world, or a request to it, is refused. What was requested did not happen.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimError {

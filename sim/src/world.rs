@@ -160,7 +160,7 @@ impl World {
     /// One sample of a beacon through an antenna on a drone, now, in dBm; `None` where it is lost,
     /// below the receiver's floor, or not transmitted.
     ///
-    /// It is what a source of one's own is made of, such as a phased array or a receiver with a
+    /// It is what a user's own source is made of, such as a phased array or a receiver with a
     /// pattern of its own: the sample goes through the world's channel as that of a
     /// [radio](Self::radio) does, with the law of propagation, shadowing, reflectors, noise,
     /// rounding and losses, but through `antenna`, whose boresight is turned by `boresight` radians
@@ -194,7 +194,7 @@ impl World {
     ///     samples.push(Sample { time: world.time(), receiver, boresight, position, rss_dbm });
     /// }
     /// assert_eq!(samples.len(), 8);
-    /// // What a range finder of one's own would add its noise to.
+    /// // A range finder of your own would add its noise to this.
     /// let truth = world.truth(BeaconId(0)).ok_or("no beacon")?;
     /// let range = (truth - receiver.position).norm();
     /// # assert!((range - 2000.0_f64.sqrt()).abs() < 1e-12);
@@ -320,8 +320,7 @@ impl World {
             .map_err(SimError::Source)
     }
 
-    /// A source of a drone whose sweeps come as late as its [`late_s`](crate::DroneConfig::late_s)
-    /// says.
+    /// A source of a drone whose sweeps come later by its [`late_s`](crate::DroneConfig::late_s).
     ///
     /// # Errors
     ///

@@ -84,7 +84,7 @@ fn it_climbs_and_sinks_without_drifting() {
 
 #[test]
 fn its_tilt_keeps_within_the_limit() {
-    // A goal that is asked for with more than the tilt can give.
+    // A goal that needs more than the tilt can give.
     let config =
         QuadrotorConfig { acceleration_mps2: 50.0, speed_mps: 30.0, ..QuadrotorConfig::default() };
     let mut drone = quadrotor(config);

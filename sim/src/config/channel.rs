@@ -17,7 +17,7 @@ use super::{DeadZoneConfig, PathLossConfig, ReflectorConfig, ShadowingConfig};
 pub struct ChannelConfig {
     /// The law of propagation, over the slant range.
     pub path_loss: PathLossConfig,
-    /// The frequency that beacons send at, in MHz: what reflections and the laws that ask for a
+    /// The frequency that beacons send at, in MHz: what reflections and the laws that need a
     /// wavelength are computed with.
     pub frequency_mhz: f64,
     /// Shadowing that belongs to places; none where absent.

@@ -27,7 +27,7 @@ impl ShadowingConfig {
 /// Something that reflects every beacon's signal to every drone: a wall, a mast, a car.
 ///
 /// Its wave comes from where it is. Its phase follows from how much longer the way over it is, so
-/// what a moving drone hears beats within half a wavelength.
+/// the level at a moving drone beats within half a wavelength.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReflectorConfig {

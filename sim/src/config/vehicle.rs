@@ -3,8 +3,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Gains, Piloting, QuadrotorConfig, WindConfig, is_false};
 
-/// How every drone flies. A file says `kind = "kinematic"`, which is what it means if it says
-/// nothing, or `kind = "quadrotor"`, and the fields of that kind.
+/// How every drone flies. A file has `kind = "kinematic"`, the default, or `kind = "quadrotor"`,
+/// and the fields of that kind.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", try_from = "Fields")]
 #[non_exhaustive]

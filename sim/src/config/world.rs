@@ -189,8 +189,8 @@ pub struct DroneConfig {
     /// alone. It turns all the same.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stuck: Vec<Interval>,
-    /// When nobody has a link to it: it tells no pose and takes no order, and flies on to where it
-    /// was last sent.
+    /// When nobody has a link to it: it reports no pose and takes no order, and flies on to where
+    /// it was last sent.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lost: Vec<Interval>,
     /// How much later its sweeps come than they are finished, in seconds; 0 unless given. A source

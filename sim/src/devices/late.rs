@@ -5,8 +5,8 @@ use foxhunt_core::{BeaconId, OwnedSweep, PatternSource, Sweep};
 use super::OnBoard;
 use crate::truth::is_due;
 
-/// A source of a drone whose sweeps come as much later as its
-/// [`late_s`](crate::DroneConfig::late_s) says: what they hold, the time of their end included,
+/// A source of a drone whose sweeps come later by its
+/// [`late_s`](crate::DroneConfig::late_s): what they hold, the time of their end included,
 /// stays as it is. A turn that is begun before they came gives them up.
 pub struct LateSource<S> {
     on_board: OnBoard,

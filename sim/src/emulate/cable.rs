@@ -11,20 +11,20 @@ use crate::{Interval, SimClock};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CableFaults {
-    /// It is pulled: nothing goes through, and a [port](Cabled::with_port) that can be seen from
+    /// It is pulled: nothing goes through, and a [port](Cabled::with_port) with a name
     /// outside is gone.
     pub pulled: Vec<Interval>,
     /// Bytes that nobody sent come in between, and some that were sent are changed.
     pub garbage: Vec<Interval>,
 }
 
-/// A port that can be seen from outside.
+/// A port with a name outside, such as a pseudo-terminal's.
 pub trait Port<S> {
     /// Opens it anew, after its cable was put back.
     ///
     /// # Errors
     ///
-    /// Whatever the system says; it is tried again.
+    /// Any error of the system; it is tried again.
     fn open(&mut self) -> io::Result<S>;
 
     /// Takes its name away, after its cable was pulled: the system may give the same port to
@@ -32,7 +32,7 @@ pub trait Port<S> {
     ///
     /// # Errors
     ///
-    /// Whatever the system says.
+    /// Any error of the system.
     fn close(&mut self) -> io::Result<()>;
 }
 

@@ -19,7 +19,7 @@ pub(super) struct Controller {
 /// How quick the controllers on board of an AR.Drone make a commanded rate true, per second.
 const ON_BOARD: f64 = 5.0;
 
-/// The rate that asks for an acceleration of `proportional` − `damping` · `rate` from controllers
+/// The commanded rate for an acceleration of `proportional` − `damping` · `rate` by controllers
 /// on board: k_p e − k_d ẋ with k_d short of the braking that they do themselves (eq. 26, 27).
 fn commanded(proportional: f64, damping: f64, rate: f64) -> f64 {
     proportional / ON_BOARD - (damping / ON_BOARD - 1.0) * rate

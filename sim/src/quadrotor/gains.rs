@@ -2,7 +2,7 @@ use foxhunt_core::parameter::{ParameterError, in_range, not_negative, positive};
 use serde::{Deserialize, Serialize};
 
 /// The controllers' gains: what acceleration, in m/s² or rad/s², an error of a metre or a radian
-/// asks for (`_p`), one that has lasted for a second (`_i`), and a speed of one per second (`_d`).
+/// gives (`_p`), one that has lasted for a second (`_i`), and a speed of one per second (`_d`).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Gains {

@@ -23,7 +23,7 @@ impl Course {
     /// Takes an order; false when a new pattern begins with it: the antenna stays, goes back, or
     /// has been all the way round.
     ///
-    /// The first order of a pattern says nothing of its direction, which may be the approach to
+    /// The first order of a pattern does not show its direction, which may be the approach to
     /// the end that a turn starts from.
     pub(super) fn follow(&mut self, angle: f64) -> bool {
         let stays = self.stays(angle);

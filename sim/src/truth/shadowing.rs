@@ -79,7 +79,7 @@ mod tests {
         }
     }
 
-    /// A drone that comes back hears the same; one that moves a little hears nearly the same.
+    /// A drone that comes back receives the same; one that moves a little nearly the same.
     #[test]
     fn it_belongs_to_places() {
         let config = ShadowingConfig { sigma_db: 6.0, correlation_m: 25.0 };

@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 
 use crate::rig::{config, deviation, quiet};
 
-/// One drone 4 m up whose radio takes 10 ms, and that flies as `vehicle` says.
+/// One drone 4 m up whose radio takes 10 ms, and that flies by `vehicle`.
 fn flying(vehicle: VehicleConfig, channel: ChannelConfig) -> WorldConfig {
     WorldConfig {
         drones: vec![DroneConfig { up_m: 4.0, ..DroneConfig::default() }],

@@ -225,7 +225,7 @@ fn a_reflection_beats_with_the_direct_wave_and_comes_from_its_own_direction() {
     let most = beats.iter().copied().fold(0.0, f64::max);
     let least = beats.iter().copied().fold(2.0, f64::min);
     assert!(most > 1.45 && least < 0.55, "16 cm are more than a wavelength: {least} to {most}");
-    // Seen with the patch, by hand in amplitudes.
+    // With the patch, by hand in amplitudes.
     let patch = PatternTable::reference_patch();
     let mut rig = Rig::new(&config(channel), 1);
     let law = -29.06 - 27.65 * 50.0_f64.log10();

@@ -1,5 +1,5 @@
-//! Drones that stand still, cannot be reached, hear nothing or answer late; beacons that scatter or
-//! come later.
+//! Drones that stand still, cannot be reached, receive nothing or answer late; beacons that scatter
+//! or come later.
 
 use foxhunt_core::{BeaconId, PatternSource, Spinner, Vehicle, Waypoint, laws::pattern_source};
 use foxhunt_sensors::{OmnidirectionalConfig, StepperConfig};

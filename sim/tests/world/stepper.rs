@@ -44,7 +44,7 @@ fn a_turn_takes_as_long_as_its_parts() {
     for _ in 0..2 {
         let (readings, duration) = turn(&world, &mut source);
         assert_eq!(readings.len(), 768);
-        // 10 ms of radio 768 times, and 127 steps of 24.5 ms that are seen after 30 ms.
+        // 10 ms of radio 768 times, and 127 steps of 24.5 ms that are noticed after 30 ms.
         let expected = 768.0 * 0.01 + 127.0 * 0.03;
         assert!((duration - expected).abs() < 0.011, "{duration} s, not {expected}");
     }
@@ -81,7 +81,7 @@ fn a_silent_drones_turn_ends_by_its_time_outs_with_nothing() {
     for _ in 0..2 {
         let (readings, duration) = turn(&world, &mut source);
         assert!(readings.is_empty());
-        // Each of the 128 time-outs is seen at most a step late.
+        // Each of the 128 time-outs is noticed at most a step late.
         assert!((longest..longest + 1.29).contains(&duration), "{duration} s");
     }
 }

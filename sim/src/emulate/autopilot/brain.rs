@@ -234,7 +234,7 @@ impl Brain {
         }
     }
 
-    /// What it has to say now.
+    /// The messages that are due now.
     pub(super) fn emit(&mut self) -> Vec<MavMessage> {
         for id in self.streams.due(self.now) {
             self.outbox.extend(self.message(id));

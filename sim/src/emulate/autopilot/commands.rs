@@ -28,7 +28,7 @@ const NO_YAW: u16 = 0x400;
 const NO_YAW_RATE: u16 = 0x800;
 
 impl Brain {
-    /// Does what an order says, and answers it.
+    /// Carries an order out, and acknowledges it.
     pub(super) fn command(&mut self, c: &COMMAND_LONG_DATA, place: WholePlace, from: &MavHeader) {
         let result = self.obey(c, place);
         let ack = MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
@@ -82,7 +82,7 @@ impl Brain {
                 if known { ACCEPTED } else { DENIED }
             }
             MavCmd::MAV_CMD_REQUEST_MESSAGE => self.requested(number(c.param1)),
-            #[expect(deprecated, reason = "older ground stations ask in this way")]
+            #[expect(deprecated, reason = "older ground stations request it in this way")]
             MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES => {
                 self.requested(AUTOPILOT_VERSION_DATA::ID)
             }
@@ -183,7 +183,7 @@ impl Brain {
         let angle = f64::from(c.param1).to_radians();
         let relative = c.param4 > 0.5;
         let aim = match relative {
-            // Counted from where it is slewing to, not from where it is; clockwise unless told.
+            // Counted from where it is slewing to, not from where it is; clockwise by default.
             true if c.param3 < 0.0 => self.flight.yaw.slewed() + angle,
             true => self.flight.yaw.slewed() - angle,
             false => heading_of_yaw(angle),

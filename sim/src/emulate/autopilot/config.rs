@@ -19,7 +19,7 @@ pub struct AutopilotConfig {
     pub origin: Geodetic,
     /// From which second of the world's time on it knows where it is.
     pub position_good_after_s: f64,
-    /// What its GPS says of its error over ground, in metres. The places that it tells are exact.
+    /// Its GPS's reported error over ground, in metres. The places that it reports are exact.
     pub horizontal_accuracy_m: f64,
     /// The same upwards.
     pub vertical_accuracy_m: f64,

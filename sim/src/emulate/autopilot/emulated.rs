@@ -10,7 +10,7 @@ use crate::{Emulator, SimError, World};
 
 /// An autopilot on a drone of a world, behind a stream of bytes.
 ///
-/// What is imitated of ArduCopter: it tells nothing but heartbeats until it is requested; a
+/// What is imitated of ArduCopter: it sends nothing but heartbeats until it is requested; a
 /// take-off is refused unless it is armed in GUIDED and knows where it is; the first set-point in
 /// GUIDED, and after a take-off, has it fly at WPNAV_SPEED, whatever was ordered before, and a
 /// speed is refused in other modes; it can be armed in STABILIZE without knowing; motors that do
@@ -18,7 +18,7 @@ use crate::{Emulator, SimError, World};
 /// slewing to; a set-point without yaw turns the nose to the goal; it stops its motors on the
 /// ground after landing; it comes back when the ground station falls silent (system 255). Of PX4:
 /// its modes, set-points flown to at MPC_XY_VEL_MAX, heights of take-off above sea level, telemetry
-/// unasked, and OFFBOARD, which needs set-points at 2 Hz and ends without them.
+/// without a request, and OFFBOARD, which needs set-points at 2 Hz and ends without them.
 ///
 /// A drone of a world begins in the air; one with an emulated autopilot begins on the ground below,
 /// at an Up of 0.

@@ -7,7 +7,7 @@ use foxhunt_wire::mavlink::{
 
 use super::AutopilotConfig;
 
-/// The few parameters that ground stations ask for. All are single precision numbers.
+/// The few parameters that ground stations request. All are single precision numbers.
 #[derive(Debug)]
 pub(super) struct Params {
     all: Vec<(&'static str, f32)>,
@@ -57,7 +57,7 @@ impl Params {
         }
     }
 
-    /// Sets one, and says what it is now.
+    /// Sets one, and returns its value.
     pub(super) fn set(&mut self, set: &PARAM_SET_DATA) -> Option<MavMessage> {
         let index = self.position(&set.param_id)?;
         if let Some((_, value)) = self.all.get_mut(index).filter(|_| set.param_value.is_finite()) {

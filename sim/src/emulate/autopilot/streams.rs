@@ -8,7 +8,7 @@ use foxhunt_wire::mavlink::{
     },
 };
 
-/// Which messages it says how often.
+/// Which messages it sends, and how often.
 #[derive(Debug)]
 pub(super) struct Streams {
     all: Vec<Stream>,
@@ -22,7 +22,7 @@ struct Stream {
     due: f64,
 }
 
-/// What may be requested, and how often PX4 says it unasked, per second.
+/// What may be requested, and how often PX4 sends it without a request, per second.
 const KNOWN: [(u32, f64); 12] = [
     (ATTITUDE_DATA::ID, 10.0),
     (GLOBAL_POSITION_INT_DATA::ID, 5.0),

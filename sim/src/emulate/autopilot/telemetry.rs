@@ -4,7 +4,7 @@ use foxhunt_wire::mavlink::{
 
 use super::brain::Brain;
 
-/// All that the estimator can say good of itself, and of itself alone: attitude without a place.
+/// All good flags of the estimator, and those of an attitude without a place.
 const PLACED: u16 = 0x33F;
 const UNPLACED: u16 = 0x081;
 

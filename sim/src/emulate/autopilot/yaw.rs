@@ -13,7 +13,7 @@ pub(super) struct Yaw {
     rate: Option<f64>,
 }
 
-/// How fast a heading is slewed to unless told, in radians per second.
+/// How fast a heading is slewed to by default, in radians per second.
 const SLEW: f64 = 1.0;
 
 /// How quickly the nose follows, per second.

@@ -30,18 +30,18 @@ pub struct EmulatedGnssConfig {
     pub kind: EmulatedGnssKind,
     /// Where the world's zero is.
     pub origin: Geodetic,
-    /// How often it tells where it is, per second.
+    /// How often it reports its place, per second.
     pub rate_hz: f64,
-    /// What it says its fix rests on.
+    /// The reported quality of its fix.
     pub quality: FixQuality,
-    /// σ of East, North and Up in metres, which it also tells. UBX has one number for East and
+    /// σ of East, North and Up in metres, which it also reports. UBX has one number for East and
     /// North.
     pub sigma_m: Vector3<f64>,
     /// After how many seconds the correlation of its errors has fallen to 1/e.
     pub correlation_s: f64,
     /// How many satellites it uses.
     pub satellites: u8,
-    /// The horizontal dilution of precision that it tells.
+    /// The horizontal dilution of precision that it reports.
     pub hdop: f64,
     /// How far the geoid is above the ellipsoid, in metres.
     pub geoid_m: f64,

@@ -13,9 +13,9 @@ use super::{
 };
 use crate::{Emulator, SimError, World, devices::OnBoard};
 
-/// A drone's GNSS receiver, its antenna in the drone's middle, as the bytes that it says.
+/// A drone's GNSS receiver, its antenna in the drone's middle, as the bytes that it sends.
 ///
-/// At every epoch it tells where the drone is then, with an error of the σ that it tells: a
+/// At every epoch it reports where the drone is then, with an error of the σ that it reports: a
 /// Gauss-Markov process for each axis, from a random stream of its own. Epochs that pass between
 /// two calls of [`serve`](Emulator::serve) are left out but for the last.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ pub struct EmulatedGnss<S> {
     config: EmulatedGnssConfig,
     frame: LocalFrame,
     wander: Wander,
-    /// Which epoch was told last, and where the drone was.
+    /// Which epoch was sent last, and where the drone was.
     sent: Option<(f64, Vector3<f64>)>,
     host: Host,
     client: Client,
@@ -64,7 +64,7 @@ impl<S: ByteStream> EmulatedGnss<S> {
         })
     }
 
-    /// Takes what the program says, and answers.
+    /// Takes what the program sends, and answers.
     fn listen(&mut self) -> io::Result<()> {
         let connections = self.stream.connections();
         if connections > 0 && self.greeted != Some(connections) {
@@ -88,7 +88,7 @@ impl<S: ByteStream> EmulatedGnss<S> {
         }
     }
 
-    /// Says something to whoever is there.
+    /// Sends bytes; without a client they are dropped.
     fn emit(&mut self, bytes: &[u8]) -> io::Result<()> {
         match self.stream.send(bytes) {
             Err(error) if error.kind() == io::ErrorKind::NotConnected => Ok(()),
@@ -96,7 +96,7 @@ impl<S: ByteStream> EmulatedGnss<S> {
         }
     }
 
-    /// The epoch that is due, if it was not told yet.
+    /// The epoch that is due, if it was not sent yet.
     fn due(&mut self) -> Option<Epoch> {
         let (truth, now) = self.on_board.with(|drone, now| (drone.body.pose().position, now));
         // A hair before an epoch is that epoch: time is a sum of steps.

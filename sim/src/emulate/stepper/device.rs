@@ -14,7 +14,7 @@ use crate::{Emulator, SimError, World, devices::OnBoard};
 /// An Arduino Nano with ConfigurableFirmata, and a 28BYJ-48 that turns the antenna of a drone.
 ///
 /// It begins as after switching on, with the version and the firmware. Its stepper is to be
-/// configured before it does anything; a motor that is wired otherwise than it was told shivers and
+/// configured before it does anything; a motor that is wired otherwise than configured shivers and
 /// stays, while its steps are counted.
 #[derive(Debug)]
 pub struct EmulatedStepper<S> {
@@ -24,9 +24,9 @@ pub struct EmulatedStepper<S> {
     config: EmulatedStepperConfig,
     gear: Gear,
     stepper: Option<Stepper>,
-    /// Which ports tell their levels, and what they said last.
+    /// Which ports report their levels, and what they reported last.
     sent: [Option<Option<u8>>; PORTS],
-    /// What could not be said.
+    /// Why a reply could not be sent.
     failure: Option<io::Error>,
 }
 
@@ -93,7 +93,7 @@ impl<S: ByteStream> EmulatedStepper<S> {
 
     fn emit(&mut self, reply: &Reply) {
         let mut bytes = Vec::new();
-        reply.encode(&mut bytes).expect("what it says has room");
+        reply.encode(&mut bytes).expect("its replies are short");
         if let Err(error) = self.stream.send(&bytes) {
             self.failure.get_or_insert(error);
         }
@@ -201,7 +201,7 @@ impl<S: ByteStream> EmulatedStepper<S> {
         })
     }
 
-    /// Turns the drone's antenna, and says what its switch does.
+    /// Turns the drone's antenna, and reports its switch.
     fn carry(&mut self) {
         let angle = self.gear.angle();
         self.on_board.with(|drone, now| drone.hold_antenna_at(angle, now));

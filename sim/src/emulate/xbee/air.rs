@@ -6,7 +6,7 @@ use foxhunt_wire::xbee::{
 use super::{config::xbee_address, registers::Registers};
 use crate::SimRadio;
 
-/// Something that is said to a beacon.
+/// A packet or a command to a beacon.
 #[derive(Clone, Debug)]
 pub(super) struct Outgoing {
     /// Nobody has the address where this is absent.
@@ -26,7 +26,7 @@ pub(super) enum Payload {
     Discovered { id: u8 },
 }
 
-/// What is said to beacons, one after the other, and their answers through a world.
+/// The packets to beacons, one after the other, and their answers through a world.
 #[derive(Debug)]
 pub(super) struct Air {
     radio: SimRadio,
@@ -68,7 +68,7 @@ impl Air {
         })
     }
 
-    /// Says something; false where there is no room for it.
+    /// Queues a packet; false where there is no room for it.
     pub(super) fn enqueue(&mut self, payload: Outgoing) -> bool {
         let room = self.waiting.len() < MOST_WAITING;
         if room {
@@ -77,13 +77,13 @@ impl Air {
         room
     }
 
-    /// Forgets what was said.
+    /// Discards what is queued.
     pub(super) fn reset(&mut self) {
         self.waiting.clear();
         self.until = None;
     }
 
-    /// What the radio has to tell of it at the time `now`; `own` hears the answers.
+    /// The frames that the radio reports at the time `now`; `own` keeps the answers' level.
     pub(super) fn advance(&mut self, own: &mut Registers, now: f64) -> Vec<Frame> {
         let mut sent = Vec::new();
         while let Some(first) = self.waiting.front() {
@@ -203,7 +203,7 @@ fn delivery(id: u8, to16: Address16, delivery: DeliveryStatus) -> Frame {
     Frame::DeliveryStatus { id, to16, retries: 0, delivery, discovery: 0 }
 }
 
-/// A level as radios tell it: whole −dBm in a byte, in which 0 means nothing.
+/// A level as radios report it: whole −dBm in a byte, in which 0 means nothing.
 fn neg_dbm(level: f64) -> u8 {
     let whole = libm::round(-level).clamp(1.0, 255.0);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 1 to 255")]

@@ -22,8 +22,8 @@ use crate::{Emulator, SimClock, SimError, World};
 ///
 /// The beacons of the world are radios in its network, at the addresses of
 /// [`xbee_address`](crate::xbee_address), whose programs send back what they are sent. A question
-/// reaches its beacon and is answered as the world has it, in whole dB; one that is not is told as
-/// undelivered. It answers AT commands about itself and, where these can be received, about
+/// reaches its beacon and is answered as the world has it, in whole dB; one that is not is reported
+/// as undelivered. It answers AT commands about itself and, where these can be received, about
 /// beacons.
 #[derive(Debug)]
 pub struct EmulatedXbee<S> {
@@ -82,12 +82,12 @@ impl<S: ByteStream> EmulatedXbee<S> {
         &mut self.stream
     }
 
-    /// Takes its power away and gives it back: what was under way is forgotten, and it says that it
-    /// has started.
+    /// Takes its power away and gives it back: what was under way is forgotten, and it reports
+    /// that it has started.
     ///
     /// # Errors
     ///
-    /// Whatever the stream says.
+    /// Any error of the stream.
     pub fn reset(&mut self) -> io::Result<()> {
         self.air.reset();
         self.text = Text::default();
@@ -134,7 +134,7 @@ impl<S: ByteStream> EmulatedXbee<S> {
             // Frames of other firmwares, and of no radio at all, are ignored.
             _ => None,
         };
-        // A packet of number 0 asks for no status.
+        // A packet of number 0 requests no status.
         let silent = |frame: &Frame| {
             matches!(
                 frame,
@@ -144,7 +144,7 @@ impl<S: ByteStream> EmulatedXbee<S> {
         immediate.filter(|frame| !silent(frame)).map_or(Ok(()), |frame| self.report(&frame))
     }
 
-    /// A packet to one beacon; what it is told of at once.
+    /// Queues a packet to one beacon; the frame that answers it at once.
     fn packet(
         &mut self,
         id: u8,

@@ -13,7 +13,7 @@ const SETTABLE: [&[u8; 2]; 16] = [
     b"AP", b"NI", b"MY", b"ID", b"CH", b"CE", b"NT", b"NO", b"SM", b"BD", b"DH", b"DL", b"PL",
     b"AO", b"MM", b"SC",
 ];
-/// What is done rather than asked.
+/// Commands that act rather than query.
 const ACTIONS: [&[u8; 2]; 3] = [b"AC", b"CN", b"WR"];
 
 impl Registers {
@@ -64,7 +64,7 @@ impl Registers {
         Self { values }
     }
 
-    /// Asks, where there is no parameter; otherwise sets.
+    /// Queries, where there is no parameter; otherwise sets.
     pub(super) fn query(&mut self, command: AtCommand, parameter: &[u8]) -> (AtStatus, Vec<u8>) {
         let key = command.0;
         if ACTIONS.contains(&&key) {

@@ -19,7 +19,7 @@ pub(super) struct Text {
 }
 
 impl Text {
-    /// Takes what has come; what the radio says to it.
+    /// Takes what has come; the radio's answer.
     pub(super) fn take_in(&mut self, bytes: &[u8], own: &mut Registers, now: f64) -> Vec<u8> {
         let mut sent = Vec::new();
         self.commands_until = self.commands_until.filter(|until| now < *until);
