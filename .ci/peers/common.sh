@@ -1,4 +1,4 @@
-# Sourced by the scripts beside it: installs what a peer needs, and says so when it cannot.
+# Sourced by the scripts beside it: installs what a peer needs, and fails with the reason when it cannot.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 root=$PWD
@@ -43,13 +43,13 @@ driver_tests() {
     cargo test --quiet --locked --workspace --test hardware --no-run || fail "the tests do not build"
 }
 
-# Runs one of them that is ignored otherwise, by its full name, and sees that it did run.
+# Runs one of them that is ignored otherwise, by its full name, and checks that it did run.
 driver_test() {
-    local said
-    said=$(timeout 600 cargo test --quiet --locked --workspace --test hardware -- \
-        --ignored --exact "$1" --nocapture 2>&1) || { echo "$said"; return 1; }
-    echo "$said"
-    grep -q "1 passed" <<<"$said"
+    local output
+    output=$(timeout 600 cargo test --quiet --locked --workspace --test hardware -- \
+        --ignored --exact "$1" --nocapture 2>&1) || { echo "$output"; return 1; }
+    echo "$output"
+    grep -q "1 passed" <<<"$output"
 }
 
 # The program with all drivers, built as the tests build it, and more features if they are given,

@@ -39,7 +39,7 @@ const done = act => new Promise(resolve => act(resolve));
 
 board.on("ready", async () => {
   const stepper = [8, 9, 10, 11].every(pin => board.pins[pin].supportedModes.includes(board.MODES.STEPPER));
-  if (!stepper) fail("pins 8 to 11 are told to be no stepper's");
+  if (!stepper) fail("pins 8 to 11 are reported as no stepper's");
   board.accelStepperConfig({
     deviceNum: 0, type: board.STEPPER.TYPE.FOUR_WIRE, stepSize: board.STEPPER.STEP_SIZE.HALF,
     motorPin1: 8, motorPin2: 10, motorPin3: 9, motorPin4: 11,

@@ -1,5 +1,5 @@
 """What pynmeagps, pyubx2 and gpsd make of our emulated GNSS receivers, and receivers made of the
-first two for our decoders. Fails aloud."""
+first two for our decoders. Fails with the reason."""
 import datetime, json, math, os, socket, sys, time
 
 PLACE = (-33.85678, 151.21529, 64.5)  # what is served: degrees North, degrees East, m above the ellipsoid
@@ -20,24 +20,24 @@ def read_nmea(path, origin):
     from pynmeagps import NMEAReader, VALCKSUM
 
     stream, _ = opened(path)
-    seen = {}
+    received = {}
     for _, message in NMEAReader(stream, validate=VALCKSUM, quitonerror=2):
         if message is None:
             continue
-        seen.setdefault(message.msgID, []).append(message)
-        if len(seen.get("GST", [])) >= 10:
+        received.setdefault(message.msgID, []).append(message)
+        if len(received.get("GST", [])) >= 10:
             break
     for wanted in ("GGA", "RMC", "GSA", "GST"):
-        assert len(seen.get(wanted, [])) >= 8, f"{wanted} of {({k: len(v) for k, v in seen.items()})}"
-    for gga in seen["GGA"]:
+        assert len(received.get(wanted, [])) >= 8, f"{wanted} of {({k: len(v) for k, v in received.items()})}"
+    for gga in received["GGA"]:
         assert gga.quality == 4 and gga.numSV == 14, gga
         assert metres(origin, gga.lat, gga.lon) < 100, gga
         assert abs(gga.alt + gga.sep - origin[2]) < 60, gga
-    for gst in seen["GST"]:
+    for gst in received["GST"]:
         assert abs(gst.stdLat - 0.012) < 1e-3 and abs(gst.stdAlt - 0.02) < 1e-3, gst
-    assert all(rmc.status == "A" and rmc.posMode == "R" for rmc in seen["RMC"])
-    assert all(gsa.navMode == 3 for gsa in seen["GSA"])
-    print("  10 epochs of GGA, RMC, GSA and GST, every checksum right:", seen["GGA"][-1])
+    assert all(rmc.status == "A" and rmc.posMode == "R" for rmc in received["RMC"])
+    assert all(gsa.navMode == 3 for gsa in received["GSA"])
+    print("  10 epochs of GGA, RMC, GSA and GST, every checksum right:", received["GGA"][-1])
 
 
 def read_ublox(path, origin):
@@ -47,27 +47,27 @@ def read_ublox(path, origin):
     reader = UBXReader(stream, protfilter=3, quitonerror=ERR_RAISE)
     write(UBXMessage("MON", "MON-VER", 2).serialize())
     write(UBXMessage.config_set(1, 0, [("CFG_MSGOUT_UBX_NAV_PVT_USB", 1)]).serialize())
-    seen = {}
+    received = {}
     for _, message in reader:
-        seen.setdefault(message.identity, []).append(message)
-        if len(seen.get("NAV-PVT", [])) >= 10:
+        received.setdefault(message.identity, []).append(message)
+        if len(received.get("NAV-PVT", [])) >= 10:
             break
-    assert "ACK-ACK" in seen and "MON-VER" in seen, seen.keys()
-    for pvt in seen["NAV-PVT"]:
+    assert "ACK-ACK" in received and "MON-VER" in received, received.keys()
+    for pvt in received["NAV-PVT"]:
         assert pvt.fixType == 3 and pvt.gnssFixOk == 1 and pvt.carrSoln == 1, pvt
         assert metres(origin, pvt.lat, pvt.lon) < 100, pvt
         assert abs(pvt.hAcc - 283) <= 2 and abs(pvt.vAcc - 400) <= 1, pvt
         then = time.mktime((pvt.year, pvt.month, pvt.day, pvt.hour, pvt.min, pvt.second, 0, 0, 0))
         assert abs(then - time.timezone - time.time()) < 7200, pvt
-    print("  MON-VER, ACK-ACK and 10 NAV-PVT:", seen["NAV-PVT"][-1])
+    print("  MON-VER, ACK-ACK and 10 NAV-PVT:", received["NAV-PVT"][-1])
 
 
-def serve(told, messages):
-    """Says messages five times a second to whoever connects, until it is ended."""
+def serve(port_file, messages):
+    """Sends messages five times a second to the first client, until it is ended."""
     server = socket.create_server(("127.0.0.1", 0))
-    with open(told + ".new", "w") as out:
+    with open(port_file + ".new", "w") as out:
         out.write(str(server.getsockname()[1]))
-    os.rename(told + ".new", told)
+    os.rename(port_file + ".new", port_file)
     client, _ = server.accept()
     try:
         while True:
@@ -112,8 +112,8 @@ def turn_pvt_on(path):
     write(UBXMessage("CFG", "CFG-MSG", 1, msgClass=1, msgID=7, rateUSB=1).serialize())
 
 
-def ask_gpsd(port, origin, wanted):
-    """Asks gpsd until it has a fix by the driver that is wanted, with the GST where that tells one."""
+def query_gpsd(port, origin, wanted):
+    """Reads gpsd until it has a fix by the wanted driver, and a GST."""
     for _ in range(100):
         try:
             client = socket.create_connection(("127.0.0.1", port))
@@ -146,5 +146,5 @@ origin = [float(part) for part in sys.argv[3].split(",")] if len(sys.argv) > 3 e
     "serve-nmea": lambda: serve(target, nmea_messages),
     "serve-ublox": lambda: serve(target, ublox_messages),
     "turn-pvt-on": lambda: turn_pvt_on(target),
-    "ask-gpsd": lambda: ask_gpsd(int(target), origin, sys.argv[4]),
+    "query-gpsd": lambda: query_gpsd(int(target), origin, sys.argv[4]),
 }[command]()

@@ -78,8 +78,8 @@ def fly():
         assert refused == m.MAV_RESULT_FAILED, "a take-off in STABILIZE"
         refused = station.command("MAV_CMD_DO_CHANGE_SPEED", 1, 1, -1)
         assert refused == m.MAV_RESULT_FAILED, "a speed in STABILIZE"
-        told = {t for t in station.last if t not in ("HEARTBEAT", "COMMAND_ACK", "STATUSTEXT")}
-        assert not told, f"told unasked: {told}"
+        unrequested = {t for t in station.last if t not in ("HEARTBEAT", "COMMAND_ACK", "STATUSTEXT")}
+        assert not unrequested, f"sent without a request: {unrequested}"
         for name, rate in [("GLOBAL_POSITION_INT", 10), ("ATTITUDE", 10), ("EKF_STATUS_REPORT", 2), ("GPS_RAW_INT", 2)]:
             number = getattr(m, f"MAVLINK_MSG_ID_{name}")
             station.order("MAV_CMD_SET_MESSAGE_INTERVAL", number, 1e6 / rate)
@@ -88,7 +88,7 @@ def fly():
                       and not l["EKF_STATUS_REPORT"].flags & 0x480)
         station.order("MAV_CMD_DO_SET_MODE", m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, 4)
         station.order("MAV_CMD_COMPONENT_ARM_DISARM", 1)
-        station.until("what it tells", lambda l: "STATUSTEXT" in l and l["STATUSTEXT"].text == "Arming motors")
+        station.until("its status text", lambda l: "STATUSTEXT" in l and l["STATUSTEXT"].text == "Arming motors")
         assert station.last["STATUSTEXT"].severity == m.MAV_SEVERITY_INFO
         station.order("MAV_CMD_NAV_TAKEOFF", 0, 0, 0, 0, 0, 0, 8)
         station.until("8 m", lambda l: abs(l["GLOBAL_POSITION_INT"].relative_alt - 8000) < 500)

@@ -1,5 +1,5 @@
-"""An autopilot that MAVSDK serves: it answers arming, modes, take-off and landing, and tells where it
-is. What flies is a point. Ends after a flight, or when it is killed."""
+"""An autopilot that MAVSDK serves: it answers arming, modes, take-off and landing, and reports
+where it is. What flies is a point. Ends after a flight, or when it is killed."""
 
 import json
 import math
@@ -34,7 +34,7 @@ def on_arm(result, command, *_):
 
 
 def on_takeoff(result, take_off, *_):
-    # It does not say how high it was asked to climb.
+    # The callback has no altitude.
     goal[2] = 6.0
     action.set_flight_mode_internal(FlightMode.HOLD)
 

@@ -1,7 +1,7 @@
 """Runs three drone nodes and a fusion node as programs, kills one of each, and judges the log.
 
 network.py MIDDLEWARE FOXHUNT [PYTHON]: PYTHON runs the observer, peer_MIDDLEWARE.py beside this, which
-sees the estimates, sends a reception, and tells what it saw as one JSON value.
+receives the estimates, sends a reception, and prints what it received as one JSON value.
 """
 
 import json
@@ -13,7 +13,7 @@ import tempfile
 import time
 
 SPEED = 10
-OWN_LEVEL_DBM = -61.0625  # what the observer's reception says
+OWN_LEVEL_DBM = -61.0625  # the level of the observer's reception
 
 here = pathlib.Path(__file__).parent
 middleware, foxhunt = sys.argv[1:3]
@@ -101,15 +101,15 @@ def hunt():
     if fusing.returncode != 0:
         fail(f"the fusion node ended with {fusing.returncode}")
     observer.send_signal(signal.SIGTERM)
-    seen, _ = observer.communicate(timeout=20)
-    return json.loads(out), json.loads(seen)
+    observed, _ = observer.communicate(timeout=20)
+    return json.loads(out), json.loads(observed)
 
 
 def name(drone, reception, epoch):
     return drone, reception["beacon"], round((reception["time"] + epoch) * 1e6)
 
 
-def judge(report, seen):
+def judge(report, observed):
     header = json.loads(log.read_text().splitlines()[0])
     epoch = header["epoch_unix_s"]
     received = events("received")
@@ -117,17 +117,17 @@ def judge(report, seen):
     if len(set(logged)) != len(logged):
         fail("a reception was counted twice")
     over = {e["fix"]["beacon"]: e["time"] for e in events("beacon_finished")}
-    for drone, beacon, micros in map(tuple, seen["taken"]):
+    for drone, beacon, micros in map(tuple, observed["taken"]):
         useful = micros / 1e6 - epoch < over[beacon] - 30
-        heard = [drone, beacon, micros] in seen["heard"]
-        if heard and useful and not any(
+        was_received = [drone, beacon, micros] in observed["received"]
+        if was_received and useful and not any(
                 (drone, beacon) == other[:2] and abs(micros - other[2]) < 2 for other in logged):
             fail(f"taken in and not in the log: {(drone, beacon, micros)}")
     own = [e for e in received if e["reception"]["rss_dbm"] == OWN_LEVEL_DBM]
     if len(own) != 1:
         fail(f"the observer's reception is in the log {len(own)} times")
-    if seen["estimates"] < 10 or not seen["last_estimate"]:
-        fail(f"the observer saw {seen['estimates']} estimates")
+    if observed["estimates"] < 10 or not observed["last_estimate"]:
+        fail(f"the observer received {observed['estimates']} estimates")
     replay = subprocess.run([foxhunt, "--json", "replay", str(log)], check=True, capture_output=True,
                             text=True)
     replay = json.loads(replay.stdout)
@@ -145,8 +145,8 @@ def judge(report, seen):
     print(f"{middleware}: {len(logged)} receptions of three drones, none twice; drone 1 and the fusion "
           f"node killed and begun anew ({len(events('resumed'))} times from the log), 20 % of drone 2's "
           f"messages lost; {replay['identical']} of {replay['compared']} estimates identical; the "
-          f"observer saw {seen['estimates']} estimates, {seen['paths']} paths, {seen['diagnostics']} "
-          "diagnostics, and its reception was taken in once")
+          f"observer received {observed['estimates']} estimates, {observed['paths']} paths, "
+          f"{observed['diagnostics']} diagnostics, and its reception was taken in once")
 
 
 try:

@@ -1,6 +1,6 @@
 """Observes a hunt with Debian's rospy, and sends a reception.
 
-peer_ros1.py SPEED LEVEL_DBM; on SIGTERM tells what it saw as JSON. The messages of foxhunt_msgs are made
+peer_ros1.py SPEED LEVEL_DBM; on SIGTERM prints what it received as JSON. The messages of foxhunt_msgs are made
 from their files by genpy, with MD5 sums that rospy holds against ours.
 """
 
@@ -35,8 +35,8 @@ def made(name):
 
 Reception, Order = made("Reception"), made("Order")
 lock = threading.Lock()
-seen = {"estimates": 0, "last_estimate": None, "diagnostics": 0, "paths": 0}
-heard, taken = set(), set()
+observed = {"estimates": 0, "last_estimate": None, "diagnostics": 0, "paths": 0}
+received, taken = set(), set()
 place, stop = None, False
 
 
@@ -54,19 +54,19 @@ def on_estimate(message):
     with lock:
         at = message.pose.pose.position
         assert message.header.frame_id == "map" and message.pose.covariance[0] > 0, message
-        seen["estimates"] += 1
-        seen["last_estimate"] = [at.x, at.y]
+        observed["estimates"] += 1
+        observed["last_estimate"] = [at.x, at.y]
 
 
 def on_diagnostics(message):
     with lock:
         assert any(status.name == "foxhunt: fusion" for status in message.status), message
-        seen["diagnostics"] += 1
+        observed["diagnostics"] += 1
 
 
 def on_path(message):
     with lock:
-        seen["paths"] += bool(message.poses)
+        observed["paths"] += bool(message.poses)
 
 
 def on_pose(message):
@@ -78,7 +78,7 @@ def on_reception(message, drone):
     with lock:
         if message.heard:
             stamp = message.header.stamp
-            heard.add((drone, message.beacon, micros(stamp.secs, stamp.nsecs)))
+            received.add((drone, message.beacon, micros(stamp.secs, stamp.nsecs)))
 
 
 def on_order(message, drone):
@@ -107,7 +107,7 @@ signal.signal(signal.SIGTERM, on_stop)
 own, own_taken = None, False
 while not stop:
     with lock:
-        ready = own is None and seen["estimates"] >= 5 and place is not None
+        ready = own is None and observed["estimates"] >= 5 and place is not None
     if ready:
         at = now()
         own = Reception(
@@ -125,5 +125,5 @@ if own is not None:
     # Once more, though it was taken in.
     speaker.publish(own)
 with lock:
-    seen["heard"], seen["taken"] = sorted(heard), sorted(taken)
-    print(json.dumps(seen), flush=True)
+    observed["received"], observed["taken"] = sorted(received), sorted(taken)
+    print(json.dumps(observed), flush=True)

@@ -1,6 +1,6 @@
 """Observes a hunt over DDS with PyPI cyclonedds, as any ROS 2 node would, and sends a reception.
 
-peer_ros2.py SPEED LEVEL_DBM; on SIGTERM tells what it saw as JSON.
+peer_ros2.py SPEED LEVEL_DBM; on SIGTERM prints what it received as JSON.
 """
 
 import json
@@ -174,8 +174,8 @@ orders = [reader(f"/foxhunt/drone_{n}/order", Order, live) for n in range(3)]
 speaker = DataWriter(
     participant, Topic(participant, "rt/foxhunt/drone_2/reception", Reception), qos=spoken)
 
-seen = {"estimates": 0, "last_estimate": None, "diagnostics": 0, "paths": 0}
-heard, taken = set(), set()
+observed = {"estimates": 0, "last_estimate": None, "diagnostics": 0, "paths": 0}
+received, taken = set(), set()
 own, own_taken, place = None, False, None
 stop = False
 
@@ -190,26 +190,26 @@ while not stop:
     for estimate in estimates.take(N=100):
         at = estimate.pose.pose.position
         assert estimate.header.frame_id == "map" and estimate.pose.covariance[0] > 0, estimate
-        seen["estimates"] += 1
-        seen["last_estimate"] = [at.x, at.y]
+        observed["estimates"] += 1
+        observed["last_estimate"] = [at.x, at.y]
     for message in diagnostics.take(N=100):
         assert any(status.name == "foxhunt: fusion" for status in message.status), message
-        seen["diagnostics"] += 1
+        observed["diagnostics"] += 1
     for path in paths.take(N=100):
-        seen["paths"] += bool(path.poses)
+        observed["paths"] += bool(path.poses)
     for pose in poses.take(N=100):
         place = pose.pose.position
     for drone, listener in enumerate(receptions):
-        for said in listener.take(N=100):
-            if said.heard:
-                stamp = said.header.stamp
-                heard.add((drone, said.beacon, micros(stamp.sec, stamp.nanosec)))
+        for reception in listener.take(N=100):
+            if reception.heard:
+                stamp = reception.header.stamp
+                received.add((drone, reception.beacon, micros(stamp.sec, stamp.nanosec)))
     for drone, listener in enumerate(orders):
         for order in listener.take(N=100):
             for beacon, sec, nanosec in zip(
                     order.taken_beacons, order.taken_sec, order.taken_nanosec):
                 taken.add((drone, beacon, micros(sec, nanosec)))
-    if own is None and seen["estimates"] >= 5 and place is not None:
+    if own is None and observed["estimates"] >= 5 and place is not None:
         at = now()
         east, north = (-10.0 - place.x), (-10.0 - place.y)
         own = Reception(
@@ -227,5 +227,5 @@ while not stop:
 if own is not None:
     # Once more, though it was taken in.
     speaker.write(own)
-seen["heard"], seen["taken"] = sorted(heard), sorted(taken)
-print(json.dumps(seen))
+observed["received"], observed["taken"] = sorted(received), sorted(taken)
+print(json.dumps(observed))
