@@ -67,7 +67,7 @@ fn the_reference_in_small() {
     assert_within("beacon 1, steps", steps(first), 26.5 - 1.5, 29.0 + 1.5);
     assert_within("beacon 2, median", median(second), 1.9 - 0.86, 2.6 + 0.86);
     assert_within("beacon 2, steps", steps(second), 30.5 - 2.1, 34.0 + 2.1);
-    // The reference is over-confident, and the report says so: ANEES is far above its interval.
+    // The reference is over-confident, and the report shows it: ANEES is far above its interval.
     let interval = first.anees_interval.expect("there are runs");
     assert!(first.anees.expect("there are runs") > interval[1]);
     assert_eq!(first.verdict, Verdict::OverConfident);
@@ -109,7 +109,7 @@ fn the_default_in_small() {
     }
 }
 
-/// The default estimator, which is told 7.9 dB for the level's σ where 4 dB are true, and a
+/// The default estimator, which is given 7.9 dB for the level's σ where 4 dB are true, and a
 /// reference power that may be off.
 #[test]
 #[ignore = "four campaigns of 500 hunts: five minutes in release"]
@@ -151,7 +151,7 @@ fn ten_thousand_hunts_without_a_failure() {
 }
 
 /// One drone that stays where the prior's mean is, the beacon due West of it: every bearing is near
-/// ±π, and the first one is seen from exactly over the estimate.
+/// ±π, and the first one is taken exactly over the estimate.
 const OVERHEAD: &str = r#"
 name = "overhead"
 description = "the prior on the drone, bearings at ±π"

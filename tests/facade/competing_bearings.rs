@@ -27,7 +27,7 @@ const MODEL: ModelConfig = ModelConfig {
 /// Four turns from the corners of a square, received by an antenna that takes front for back in
 /// three of ten: both directions are given with those weights, and either may be the true one.
 ///
-/// All levels are off by `power_db`, and err `noise` times as much as they say.
+/// All levels are off by `power_db`, and err `noise` times as much as their σ.
 fn turns(
     truth: Vector2<f64>,
     power_db: f64,

@@ -51,7 +51,7 @@ proptest! {
     }
 }
 
-/// An estimator of one's own: weights on a fixed lattice of places, for a target that stays.
+/// A user's own estimator: weights on a fixed lattice of places, for a target that stays.
 #[derive(Clone, Debug)]
 struct Lattice {
     model: RssBearing<LogDistance>,
@@ -132,7 +132,7 @@ proptest! {
     }
 }
 
-/// A planner of one's own: everybody on a ring that shrinks with the belief.
+/// A user's own planner: everybody on a ring that shrinks with the belief.
 #[derive(Clone, Copy, Debug)]
 struct ShrinkingRing;
 

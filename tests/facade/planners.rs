@@ -41,10 +41,10 @@ fn planner(name: &str) -> PlannerEntry {
     Registry::builtin().planner(name).expect("it is known").clone()
 }
 
-/// Whoever moves finds both beacons within 6 m. An honest estimate whose 95 % ellipse has a
-/// semi-major axis of 3 m, which planners are compared by, has a σ of 3 m / 2.448 a coordinate at
-/// most, and misses by more with a probability of exp(-6² / 2 σ²) = 6e-6, or 2e-4 over all these
-/// searches. One hunt each: this tells a planner that is broken, not one that is poor.
+/// Every planner that moves finds both beacons within 6 m. An honest estimate whose 95 % ellipse
+/// has a semi-major axis of 3 m, which planners are compared by, has a σ of 3 m / 2.448 a
+/// coordinate at most, and misses by more with a probability of exp(-6² / 2 σ²) = 6e-6, or 2e-4
+/// over all these searches. One hunt each: this finds a broken planner, not a poor one.
 #[test]
 fn each_finds_the_beacons_of_the_references_simulation() {
     for planner in Registry::builtin().planners() {
@@ -87,7 +87,7 @@ fn one_drone_is_enough_for_those_that_move() {
 
 /// Twenty hunts with each, seeds from 500: the information-driven planner needs at most 80 % of the
 /// reference's steps to an ellipse of 3 m, run by run in the geometric mean. The campaigns of 500
-/// say 65 to 70 %, and single runs differ by a fifth, so that the mean of twenty is off by a
+/// give 65 to 70 %, and single runs differ by a fifth, so that the mean of twenty is off by a
 /// twentieth: three standard errors, false alarms below 1 %.
 #[test]
 fn information_needs_fewer_steps_than_the_reference() {
@@ -112,7 +112,7 @@ fn information_needs_fewer_steps_than_the_reference() {
 
 /// What the planner is for, in 500 hunts with seeds from 1: its median number of steps to an
 /// ellipse of 3 m is at most 75 % of the reference's near the beacon, its median time at most 80 %
-/// far from it, and its estimates are as good as they say: the ANEES is not above its 95 %
+/// far from it, and its estimates are as good as claimed: the ANEES is not above its 95 %
 /// interval, which an honest one's is once in forty.
 #[test]
 #[ignore = "campaign: two thousand hunts, minutes in release"]

@@ -139,7 +139,7 @@ fn simulated_beacons_share_turns_of_either_kind() {
             assert!(found.error_m() < 5.0, "{} m off", found.error_m());
         }
         let steps = |flown: &Simulated| flown.found.iter().map(|f| f.fix.steps).collect::<Vec<_>>();
-        assert!(steps(&shared)[1] > steps(&apart)[1] + 10, "the second is heard all the time");
+        assert!(steps(&shared)[1] > steps(&apart)[1] + 10, "the second is received all the time");
         replayed(&scenario, &events);
     }
 }

@@ -103,7 +103,7 @@ fn a_still_source_is_found_as_well_as_the_exact_posterior_does() {
     assert_at_most("2000 particles", &way(beacon(&report, 0)), &limits);
     assert_at_most("Gaussian sum", &way(beacon(&report, 1)), &limits);
     // A Gaussian that takes outliers by their gate alone loses some runs.
-    assert!(rms(beacon(&report, 2)) > 0.4, "the trial does not tell them apart");
+    assert!(rms(beacon(&report, 2)) > 0.4, "the trial does not separate them");
 }
 
 /// 16 runs from seed 1; over 1600 bearings the rms has a standard error below 4.7 %, and the limit
@@ -115,7 +115,7 @@ fn a_source_on_a_circle_is_followed() {
     assert!(track <= 1.12, "{track} m");
 }
 
-/// From a line opposite, the depth stays uncertain, and the estimators say so. The place of this
+/// From a line opposite, the depth stays uncertain, and the estimators report it. The place of this
 /// trial is better known than the prior has it, so that an honest NEES is below 2: 1.79 of the
 /// exact posterior's cloud over 500 runs, and the band about it is that of 99.9 %, ±15 %.
 #[test]
@@ -166,7 +166,7 @@ fn a_bank_finds_the_range_that_one_filter_loses() {
     let report = run(&trial("bot-m"), &repetition(60, 1), &names);
     assert_at_most("bank", &[rms(beacon(&report, 0))], &[110.0 * 1.24]);
     assert_at_most("one filter", &[rms(beacon(&report, 1))], &[150.0 * 1.24]);
-    assert!(rms(beacon(&report, 2)) > 150.0, "the trial does not tell them apart");
+    assert!(rms(beacon(&report, 2)) > 150.0, "the trial does not separate them");
     // The bound of the field is 88 m, that of 60 trajectories within 3 % of it; a room has none.
     let bound = beacon(&report, 0).bound_m.expect("there is one");
     assert!((85.0..91.0).contains(&bound), "{bound}");

@@ -87,7 +87,7 @@ impl Field {
     }
 
     fn fly(&mut self, up: f64) {
-        self.until("heard", 3.0, |state, _| state.battery.is_some());
+        self.until("received", 3.0, |state, _| state.battery.is_some());
         self.driver.take_off(up).expect("accepted");
         self.until("up", 20.0, |state, _| state.commanded);
     }
@@ -110,10 +110,10 @@ fn it_flies_turns_and_comes_home() {
             "its odometry: {reported:?}"
         );
     }
-    let sigma = field.driver.position_sigma().expect("it tells");
+    let sigma = field.driver.position_sigma().expect("it reports it");
     assert!(sigma.x > 1.0 && sigma.x < 4.0, "some twenty metres flown: {sigma}");
     field.driver.correct(Vector2::new(-3.0, 6.0), 0.5);
-    assert!((field.driver.position_sigma().expect("it tells").x - 0.5).abs() < 1e-9);
+    assert!((field.driver.position_sigma().expect("it reports it").x - 0.5).abs() < 1e-9);
 
     field.driver.spin(Some(45_f64.to_radians())).expect("accepted");
     field.until("a second", 1.0, |_, _| true);

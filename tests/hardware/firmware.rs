@@ -20,8 +20,8 @@ fn stepper(port: &str, config: FirmataConfig) -> Stepper {
     FirmataStepper::new(config, stream, clock).expect("it is in order")
 }
 
-/// Turns there; where it says that it looks. The simulator may be slower than the clock on the
-/// wall.
+/// Turns there, and returns the reported boresight. The simulator may be slower than the clock on
+/// the wall.
 fn turn(stepper: &mut Stepper, angle: f64) -> f64 {
     stepper.turn_to(angle).expect("the order is accepted");
     let clock = SystemClock::start();

@@ -102,7 +102,7 @@ fn every_kind_reports_every_quality_where_the_drone_is() {
             );
             let last = receiver.last().expect("it spoke");
             assert_eq!(last.satellites, Some(14));
-            let reported = last.sigma_m.expect("each of them tells it");
+            let reported = last.sigma_m.expect("each of them reports it");
             assert!((reported - sigma).norm() < 2e-3, "{kind} {quality:?}: {reported}");
             let utc = last.utc_s.expect("dated");
             assert!((utc - 1_767_225_603.0).abs() < 0.011, "{kind}: {utc}");
@@ -128,13 +128,13 @@ fn the_reported_sigma_is_honest() {
             run(&world, &mut emulator, &mut receiver, 8.0);
             let last = receiver.last().expect("it spoke");
             let error = frame().to_local(&last.place.expect("a fix")) - truth;
-            sum += error.component_div(&last.sigma_m.expect("told")).norm_squared();
+            sum += error.component_div(&last.sigma_m.expect("reported")).norm_squared();
         }
         assert!(band.contains(&sum), "{kind}: {sum} is not within {band:?}");
     }
 }
 
-/// Errors do wander: correlated from fix to fix as their time constant says.
+/// Errors do wander: correlated from fix to fix by their time constant.
 #[test]
 fn errors_are_correlated_in_time() {
     let world = world();
@@ -266,7 +266,7 @@ fn received(quality: FixQuality) -> (Reception, Estimate<2>) {
         ..EmulatedGnssConfig::default().with_quality(quality)
     };
     let mut emulator = EmulatedGnss::new(&world, 0, emulated, 3, far).expect("proper");
-    // On a tripod, as it were: what a fix tells holds until the next one.
+    // As on a tripod: a fix holds until the next one.
     let config = GnssConfig { kind: GnssKind::Ublox, speed_mps: 0.0, ..GnssConfig::default() };
     let mut receiver = GnssReceiver::new(config, near, world.clock()).expect("in range");
     run(&world, &mut emulator, &mut receiver, 2.0);
@@ -281,7 +281,7 @@ fn received(quality: FixQuality) -> (Reception, Estimate<2>) {
         world.advance(0.02).expect("a step");
         emulator.serve().expect("memory");
         if let Some(sweep) = source.poll().expect("a fix at every moment") {
-            break Reception::new(&sweep, &extractor.extract(&sweep).expect("it was heard"));
+            break Reception::new(&sweep, &extractor.extract(&sweep).expect("it was received"));
         }
     };
     let prior = Estimate::isotropic(nalgebra::Vector2::new(55.0, 5.0), 10.0);
@@ -303,7 +303,7 @@ fn level(reception: &Reception) -> f64 {
 fn a_poor_fix_makes_an_estimator_learn_less() {
     let (rtk, precise) = received(FixQuality::RtkFixed);
     let (alone, vague) = received(FixQuality::Estimated);
-    let sigma = |reception: &Reception| reception.receiver_sigma_m.expect("it was told");
+    let sigma = |reception: &Reception| reception.receiver_sigma_m.expect("it was reported");
     assert!((sigma(&rtk) - Vector3::new(0.012, 0.012, 0.02)).norm() < 2e-3, "{}", sigma(&rtk));
     // The floor of dead reckoning is above what the receiver claims.
     assert_eq!(sigma(&alone), Vector3::new(10.0, 10.0, 20.0));

@@ -1,5 +1,4 @@
-//! A GNSS driver against what somebody else's program says, at the endpoint that `.ci/peers/gnss`
-//! names.
+//! A GNSS driver against another project's program, at the endpoint that `.ci/peers/gnss` names.
 
 use std::{env, thread, time::Duration};
 
@@ -38,9 +37,9 @@ fn a_peer_is_read() {
         }
         thread::sleep(Duration::from_millis(10));
     }
-    let position = last.expect("it was asked").expect("a fix within 30 s");
+    let position = last.expect("it was queried").expect("a fix within 30 s");
     assert_eq!(position.quality.name(), reported("QUALITY"));
     let error = LocalFrame::new(place).expect("on Earth").to_local(&position.place);
     println!("{:?}, {error:?} m from the peer's place, σ {:?}", position, position.sigma_m);
-    assert!(error.norm() < within_m, "{error} m from what the peer said");
+    assert!(error.norm() < within_m, "{error} m from the peer's place");
 }

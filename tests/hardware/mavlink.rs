@@ -129,7 +129,7 @@ fn a_flight_from_the_ground_to_the_ground() {
             angle::distance(reported.heading, 120_f64.to_radians()) < 0.02,
             "its nose was held"
         );
-        let sigma = field.driver.position_sigma().expect("it tells");
+        let sigma = field.driver.position_sigma().expect("it reports it");
         assert!((sigma - Vector3::new(0.5, 0.5, 0.8)).norm() < 1e-9);
 
         // A whole turn while it flies, at 45 °/s.
@@ -213,7 +213,7 @@ fn orders_end_when_the_pilot_takes_it() {
             let refused = refused.expect_err("the pilot has it");
             assert!(matches!(refused, MavlinkError::NotCommanded { .. }), "{refused}");
         }
-        // He gives it back: nothing happens before it is asked for.
+        // He gives it back: nothing happens before a take-over.
         let state = field.run(45.0 - field.world.time());
         assert!(!state.commanded, "{state:?}");
         assert!(field.driver.spin(None).is_err());
@@ -303,7 +303,7 @@ fn orders_end_with_the_link() {
         assert!(matches!(field.driver.spin(None), Err(MavlinkError::Silent { .. })));
         let state = field.run(42.0 - field.world.time());
         assert!(!state.commanded && !state.hindrance.is_empty(), "{state:?}");
-        assert!(field.driver.pose().is_ok(), "{autopilot}: it tells its place again");
+        assert!(field.driver.pose().is_ok(), "{autopilot}: it reports its place again");
         assert!(matches!(field.driver.spin(None), Err(MavlinkError::NotCommanded { .. })));
         if autopilot == Autopilot::Px4 {
             // Without set-points it left OFFBOARD: that is the pilot's now.

@@ -34,7 +34,7 @@ fn only_the_same_key_is_obeyed() {
             field.fly(5.0);
             continue;
         }
-        // Without our signature nothing is asked for; without theirs nothing is heard.
+        // Without our signature nothing is requested; without theirs nothing is received.
         assert!(!state.hindrance.is_empty(), "{state:?}");
         let refused = field.driver.link_counts().refused;
         assert_eq!(refused > 0, ours.is_some(), "{refused} messages refused");
@@ -199,7 +199,7 @@ fn what_examine_finds() {
     ] {
         assert!(text.iter().any(|line| line == wanted), "no {wanted:?} in {text:#?}");
     }
-    // Nobody at the other end: it ends, and says what to look at.
+    // Nobody at the other end: it ends, and reports what to look at.
     let (near, _far) = memory_pair();
     let config = MavlinkConfig::default();
     let mut alone = MavlinkVehicle::new(config, near, world.clock()).expect("a driver");

@@ -180,7 +180,7 @@ fn they_wait_for_go() {
     let mut field = Field::new(FlightRules::default());
     field.mission.wait_for_go(true);
     field.run(400.0, |_| false);
-    assert!(field.mission.is_ready(), "whoever waits for go is not given up");
+    assert!(field.mission.is_ready(), "a drone that waits for go is not given up");
     field.mission.go();
     field.run(1.0, |_| false);
     assert_eq!(field.mission.stage(), FlightStage::Hunting);
@@ -276,7 +276,7 @@ fn what_somebody_else_flies_ends_a_flight_before_it_begins() {
         assert!(why.starts_with("drone 2 is in the air in ") && why.contains(words), "{why}");
         assert!(field.doings.iter().all(|doings| doings.borrow().orders.is_empty()));
     }
-    // Whoever knows that it is free allows it.
+    // A take-over is allowed.
     let mut field = Field::new(FlightRules::default());
     {
         let mut doings = field.doings[2].borrow_mut();

@@ -22,7 +22,7 @@ use foxhunt::{
 /// When the hunt's time is 0.
 const EPOCH: UnixTime = UnixTime::whole(1_760_000_000);
 
-/// What came to the side that fuses, whatever became of it.
+/// Everything that the side that fuses received, used or not.
 type Delivered = Rc<RefCell<Vec<(usize, Delivery)>>>;
 
 /// A link that remembers what it has delivered.
@@ -93,8 +93,8 @@ impl Field {
         DroneNode::new(source, vehicle, extractor, link, EPOCH, config).expect("in range")
     }
 
-    /// Flies to the end; `faults` are asked at every tick who is begun anew: a drone, or, past the
-    /// drones, the side that fuses, which forgets the events of its last step.
+    /// Flies to the end; `faults` names at every tick which side begins anew: a drone, or, past
+    /// the drones, the side that fuses, which forgets the events of its last step.
     fn fly(&self, mut faults: impl FnMut(f64, &[Event]) -> Option<usize>) -> Log {
         let Self { scenario, registry, .. } = self;
         let setup = Setup { scenario, estimator: self.estimator(), registry };

@@ -39,12 +39,12 @@ fn world() -> World {
     World::new(&config, 3).expect("a world")
 }
 
-/// What the world itself says.
+/// The world's own level.
 fn level(world: &World, beacon: u16) -> f64 {
     let mut radio = world.radio(0).expect("it exists");
     radio.request(BeaconId(beacon)).expect("it exists");
     world.advance(0.1).expect("time passes");
-    radio.poll().expect("it never fails").expect("it is heard")
+    radio.poll().expect("it never fails").expect("it is received")
 }
 
 fn rtl_tcp() -> RtlTcpConfig {
@@ -59,7 +59,7 @@ fn rtl_tcp() -> RtlTcpConfig {
     }
 }
 
-/// What is told within a second of a question.
+/// The level reported within a second of a question.
 fn query<R: Radio>(
     radio: &mut R,
     beacon: u16,
@@ -92,7 +92,7 @@ fn the_power_of_pulses_is_measured_through_rtl_tcp() {
     };
     for beacon in [0, 1, 1, 0] {
         let reported =
-            query(&mut radio, beacon, &mut tick).expect("nothing fails").expect("it is heard");
+            query(&mut radio, beacon, &mut tick).expect("nothing fails").expect("it is received");
         let apart = reported - expected[usize::from(beacon)];
         assert!(apart.abs() < 1.5, "beacon {beacon}: {reported} dBm, {expected:?}");
     }

@@ -37,12 +37,12 @@ fn field(channel: ChannelConfig) -> WorldConfig {
     }
 }
 
-/// Whole dB, as radios tell.
+/// Whole dB, as radios report them.
 fn noisy() -> ChannelConfig {
     ChannelConfig { whole_db: true, ..ChannelConfig::default() }
 }
 
-/// The same level whenever it is asked for.
+/// The same level at every question.
 fn quiet() -> ChannelConfig {
     ChannelConfig { pattern_sigma_db: 0.0, sample_sigma_db: 0.0, bearing_sigma_deg: 0.0, ..noisy() }
 }
@@ -87,7 +87,7 @@ impl<D: ByteStream, H: ByteStream> Bench<D, H> {
         reported
     }
 
-    /// What is told within a second of a question.
+    /// The level reported within a second of a question.
     fn query(&mut self, beacon: u16) -> Result<Option<f64>, XbeeError> {
         self.radio.request(BeaconId(beacon))?;
         for _ in 0..100 {
@@ -109,7 +109,7 @@ fn bench(
     Bench::new(world, kind, config, device, host)
 }
 
-/// What the world itself says to the same questions.
+/// The world's own answers to the same questions.
 fn direct(channel: ChannelConfig, questions: &[u16]) -> Vec<Option<f64>> {
     let world = World::new(&field(channel), 3).expect("a world");
     let mut radio = world.radio(0).expect("it exists");
@@ -294,7 +294,7 @@ fn a_look_at_it_reports_what_it_is_and_receives() {
     let findings = radio.examine(&mut pause);
     let text: Vec<_> = findings.iter().map(ToString::to_string).collect();
     assert!(text[0].contains("802.15.4 firmware 2003") && text[0].contains("AP 2"), "{text:?}");
-    let level = direct(quiet(), &[0])[0].expect("it is heard");
+    let level = direct(quiet(), &[0])[0].expect("it is received");
     assert!(text[2].contains(&format!("{level} dBm")) || text[2].contains(&format!("{level},")));
     assert!(findings[..4].iter().all(foxhunt::hardware::Finding::is_good), "{text:?}");
     assert!(text[4].contains("no acknowledgement"), "{text:?}");
@@ -309,7 +309,7 @@ fn a_look_at_it_reports_what_it_is_and_receives() {
     assert!(findings[0].to_string().contains("set AP to 1"), "{}", findings[0]);
 }
 
-/// Position and power of every sample, and which questions were unheard, of a turn for two beacons.
+/// Position and power of every sample, and the unanswered questions, of a turn for two beacons.
 type Turn = Vec<(Vec<(u16, f64)>, Vec<u16>)>;
 
 fn turn<S: PatternSource>(source: &mut S, mut tick: impl FnMut()) -> Turn {
@@ -339,7 +339,7 @@ fn a_turn_through_the_radio_is_that_of_the_simulation() {
         let mut simulated = world.stepper(0, StepperConfig::pritzl2018()).expect("it exists");
         let expected = turn(&mut simulated, || world.advance(0.01).expect("time passes"));
         if loss_probability > 0.0 {
-            assert!(expected.iter().all(|(_, unheard)| !unheard.is_empty()));
+            assert!(expected.iter().all(|(_, unanswered)| !unanswered.is_empty()));
         } else {
             assert_eq!(expected[0].0.len(), 128 * 6);
         }

@@ -67,7 +67,7 @@ impl<C: Fn() -> f64> Script<C> {
         self.driver.poll().unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// Asks, and the number and the payload of the packet that went out.
+    /// Sends a question; the number and the payload of the packet that went out.
     fn query(&mut self) -> (u8, Vec<u8>) {
         self.driver.request(BeaconId(0)).expect("it is set up");
         self.sent()
@@ -87,7 +87,7 @@ impl<C: Fn() -> f64> Script<C> {
         self.report(&Frame::Receive { from64, from16: Address16::UNKNOWN, options: 1, data });
     }
 
-    /// The radio is asked for the last packet's power, and tells this.
+    /// The radio is queried for the last packet's power, and reports this.
     fn db(&mut self, level: u8) {
         match self.output().pop() {
             Some(Frame::AtCommand { id, command: AtCommand::DB, .. }) => {
@@ -112,7 +112,7 @@ fn only_the_beacons_own_answer_is_taken() {
     let (_, data) = script.query();
     script.packet(OTHER, &data);
     assert_eq!(script.poll(), None);
-    assert!(script.output().is_empty(), "nobody asks for another's power");
+    assert!(script.output().is_empty(), "another's power is not requested");
     script.packet(BEACON, b"something else");
     assert_eq!(script.poll(), None);
     assert!(script.output().is_empty());
@@ -244,7 +244,7 @@ fn a_question_that_cannot_be_sent_is_an_error_and_silence_is_none() {
     let error = mesh.driver.poll().expect_err("it did not go out");
     assert!(matches!(&error, XbeeError::NotSent { .. }), "{error}");
     assert!(error.to_string().contains("not joined"), "{error}");
-    assert_eq!(mesh.poll(), None, "told once");
+    assert_eq!(mesh.poll(), None, "reported once");
 
     let mut plain = script(PLAIN, XbeeQuestion::Auto, true);
     let (id, _) = plain.query();

@@ -15,7 +15,7 @@ fn a_reset_is_reported_until_the_antenna_is_declared() {
     let mut rig = Rig::new(FirmataConfig::default(), EmulatedStepperConfig::default());
     rig.turn(1.0);
     rig.device.reset();
-    let lost = (0..100).find_map(|_| rig.tick().err()).expect("it is told");
+    let lost = (0..100).find_map(|_| rig.tick().err()).expect("it is reported");
     assert!(matches!(lost, FirmataStepperError::PositionLost { .. }), "{lost}");
     assert!(lost.to_string().contains("the Arduino was reset"), "{lost}");
     for _ in 0..100 {
@@ -47,7 +47,7 @@ fn a_reset_of_a_still_antenna_may_be_trusted() {
         rig.tick().expect("it turns");
     }
     rig.device.reset();
-    let lost = (0..2000).find_map(|_| rig.tick().err()).expect("it is told");
+    let lost = (0..2000).find_map(|_| rig.tick().err()).expect("it is reported");
     assert!(matches!(lost, FirmataStepperError::PositionLost { .. }), "{lost}");
 }
 
@@ -125,7 +125,7 @@ fn a_lost_order_is_repeated() {
     rig.turn(0.0);
     rig.cable.borrow_mut().swallows = 1;
     rig.driver.turn_to(0.5).expect("it is accepted");
-    // 325 half steps are 0.54 s; asked twice after that, and ordered again.
+    // 325 half steps are 0.54 s; queried twice after that, and ordered again.
     let reported = rig.wait(3.0).expect("it comes there in time");
     assert!((reported - 0.5).abs() < half_step() && (rig.truth() - reported).abs() < 1e-9);
 }
@@ -135,19 +135,19 @@ fn silence_and_a_foreign_firmware_are_reported() {
     let config = FirmataConfig::default();
     let mut rig = Rig::new(config.clone(), EmulatedStepperConfig::default());
     rig.cable.borrow_mut().loses_every = Some(1);
-    let reported = (0..1000).find_map(|_| rig.tick().err()).expect("it is told");
+    let reported = (0..1000).find_map(|_| rig.tick().err()).expect("it is reported");
     assert!(
         matches!(reported, FirmataStepperError::NoAnswer { seconds } if seconds < 6.0),
         "{reported}"
     );
     rig.cable.borrow_mut().loses_every = None;
     let received = (0..100).find_map(|_| rig.tick().ok().flatten());
-    assert!(received.is_some(), "it was asked again");
+    assert!(received.is_some(), "it was queried again");
 
     // The motor is at other pins: such a stepper is not there.
     let mut rig =
         Rig::new(FirmataConfig { pins: [2, 3, 4, 5], ..config }, EmulatedStepperConfig::default());
-    let reported = (0..1000).find_map(|_| rig.tick().err()).expect("it is told");
+    let reported = (0..1000).find_map(|_| rig.tick().err()).expect("it is reported");
     assert!(matches!(reported, FirmataStepperError::NoStepper { .. }), "{reported}");
     assert!(reported.to_string().contains("EmulatedFirmata 2.10"), "{reported}");
 }
@@ -158,7 +158,7 @@ fn a_move_that_never_ends_times_out_with_its_steps() {
     rig.turn(0.0);
     rig.driver.turn_to(1.0).expect("it is accepted");
     rig.cable.borrow_mut().loses_every = Some(1);
-    let reported = (0..2000).find_map(|_| rig.tick().err()).expect("it is told");
+    let reported = (0..2000).find_map(|_| rig.tick().err()).expect("it is reported");
     let FirmataStepperError::MoveTimeout { steps: 649, seconds } = reported else {
         panic!("{reported}");
     };

@@ -50,7 +50,7 @@ fn it_is_homed_again_after_a_reset_and_goes_on() {
 #[test]
 fn a_switch_that_is_not_there_is_named() {
     let mut rig = Rig::new(config(), EmulatedStepperConfig::default());
-    let reported = (0..6000).find_map(|_| rig.tick().err()).expect("it is told");
+    let reported = (0..6000).find_map(|_| rig.tick().err()).expect("it is reported");
     assert!(matches!(reported, FirmataStepperError::NoHome { .. }), "{reported}");
     assert!(reported.to_string().contains("pin 2 did not close within 1.1 turns"), "{reported}");
     assert!(rig.tick().is_err() && rig.driver.turn_to(0.0).is_err(), "each time");

@@ -106,14 +106,14 @@ impl Rig {
         Self { world, driver, device, cable, truth, tick_s: 0.01 }
     }
 
-    /// Lets time pass; what the driver says then.
+    /// Lets time pass, and polls the driver.
     pub(crate) fn tick(&mut self) -> Result<Option<f64>, FirmataStepperError> {
         self.world.advance(self.tick_s).expect("a step");
         self.device.serve().expect("the device's end holds");
         self.driver.poll()
     }
 
-    /// Waits until the antenna stands, at most so long; where it says that it looks.
+    /// Waits until the antenna stands, at most so long; returns the reported boresight.
     pub(crate) fn wait(&mut self, seconds: f64) -> Result<f64, FirmataStepperError> {
         let until = self.world.clock().now() + seconds;
         while self.world.clock().now() < until {
@@ -124,7 +124,7 @@ impl Rig {
         panic!("it does not stand after {seconds} s: {:?}", self.driver);
     }
 
-    /// Turns the antenna, and waits; where it says that it looks, and where it does.
+    /// Turns the antenna, and waits; returns the reported boresight and the true one.
     pub(crate) fn turn(&mut self, angle: f64) -> (f64, f64) {
         self.driver.turn_to(angle).expect("the order is accepted");
         let reported = self.wait(60.0).expect("it comes there");

@@ -38,7 +38,7 @@ fn bearings<P: PatternSource>(world: &World, source: &mut P, mut serve: impl FnM
                 let Ok(polled) = source.poll() else { panic!("nothing fails") };
                 if let Some(sweep) = polled {
                     assert_eq!(sweep.samples.len(), 768, "no position was late");
-                    let reading = extractor.extract(&sweep).expect("it is heard");
+                    let reading = extractor.extract(&sweep).expect("it is received");
                     return reading.bearing.expect("it has a direction").angle;
                 }
             }
@@ -89,8 +89,8 @@ fn patterns_begin_with_the_same_turns() {
     let drawn = ChannelConfig { sample_sigma_db: 0.0, ..ChannelConfig::default() };
     let (expected, received) = both(drawn);
     for (received, expected) in received.iter().zip(&expected) {
-        // One of 128 positions has the last pattern's samples: the emulated antenna is not told
-        // when a turn begins, and sees it when it goes back.
+        // One of 128 positions has the last pattern's samples: the emulated antenna gets no
+        // message when a turn begins, and notices it when it goes back.
         let error = angle::distance(*received, *expected);
         assert!(error < 0.1, "{received:?}, not {expected:?}");
     }
