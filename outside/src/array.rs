@@ -1,4 +1,4 @@
-//! A source of one's own: a phased array that switches sixteen beams at once while its boom turns,
+//! Your own source: a phased array that switches sixteen beams at once while its boom turns,
 //! and times and tunes the signal against a reference; and an extractor for it.
 
 use foxhunt::core::{NoReading, OwnedSweep, angle};

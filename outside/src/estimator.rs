@@ -1,4 +1,4 @@
-//! An estimator of one's own: the ensemble Kalman filter with perturbed observations (Evensen 1994;
+//! Your own estimator: the ensemble Kalman filter with perturbed observations (Evensen 1994;
 //! Burgers, van Leeuwen & Evensen 1998).
 
 use foxhunt::core::nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};

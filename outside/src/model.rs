@@ -1,4 +1,4 @@
-//! A measurement of one's own: range difference to a reference station, Doppler shift and bearing.
+//! Your own measurement: range difference to a reference station, Doppler shift and bearing.
 
 use foxhunt::nalgebra::Vector3;
 use foxhunt::prelude::*;

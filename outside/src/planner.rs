@@ -1,4 +1,4 @@
-//! A planner of one's own: a triangle about the estimate, as wide as the belief, that turns at each
+//! Your own planner: a triangle about the estimate, as wide as the belief, that turns at each
 //! step.
 
 use foxhunt::nalgebra::Vector2;

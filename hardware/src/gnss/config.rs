@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{GnssDecoder, GnssFix, GpsdDecoder, NmeaDecoder, UbloxDecoder};
 
-/// What a receiver speaks.
+/// The protocol of a receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GnssKind {
@@ -24,7 +24,7 @@ pub enum GnssKind {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GnssConfig {
-    /// What it speaks.
+    /// Its protocol.
     pub kind: GnssKind,
     /// How far its antenna is in front of the vehicle's middle, in metres.
     pub antenna_forward_m: f64,

@@ -14,7 +14,7 @@ const PAUSES: u32 = 100_000;
 const POOR_M: f64 = 5.0;
 
 impl<S: ByteStream, C: Clock, D: GnssDecoder> GnssReceiver<S, C, D> {
-    /// Looks at the receiver for at most 10 s: what it speaks, its fix, the position's σ and age,
+    /// Looks at the receiver for at most 10 s: its protocol, its fix, the position's σ and age,
     /// and what mends what is wrong. `pause` is called while it waits.
     pub fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
         let begun = self.now();

@@ -65,11 +65,10 @@ pub struct MavlinkConfig {
 }
 
 impl Default for MavlinkConfig {
-    /// Whatever autopilot speaks, we being 255; its launch place the origin; take-off to within 0.5
-    /// m in 60 s after up to 120 s for a position; pose 10 Hz, status 2 Hz, set-points 5 Hz; the
-    /// link lost after 3.5 s, a pose old after 1 s; 5 attempts a second apart; turns up to 90 °/s,
-    /// to headings at 30 °/s within 5°; no signing; it is
-    /// flown.
+    /// Any autopilot, our system number 255; its launch place the origin; take-off to within 0.5 m
+    /// in 60 s after up to 120 s for a position; pose 10 Hz, status 2 Hz, set-points 5 Hz; the link
+    /// lost after 3.5 s, a pose old after 1 s; 5 attempts a second apart; turns up to 90 °/s, to
+    /// headings at 30 °/s within 5°; no signing; orders are sent.
     fn default() -> Self {
         Self {
             autopilot: None,

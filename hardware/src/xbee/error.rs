@@ -37,7 +37,7 @@ pub enum XbeeError {
     /// Its firmware has no such query.
     #[error("an XBee with {protocol} firmware cannot be used with question {question:?}")]
     Question {
-        /// What its firmware speaks.
+        /// Its firmware's protocol on the air.
         protocol: Protocol,
         /// The query.
         question: XbeeQuestion,

@@ -11,7 +11,7 @@ pub struct XbeeIdentity {
     pub firmware: u16,
     /// The hardware's version, `HV`.
     pub hardware: u16,
-    /// What the firmware speaks.
+    /// The firmware's protocol on the air.
     pub protocol: Protocol,
     /// Its address, `SH` and `SL`.
     pub address: Address64,

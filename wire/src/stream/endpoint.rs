@@ -23,12 +23,12 @@ pub enum Endpoint {
         /// Host and port.
         address: String,
     },
-    /// A port of this machine that others speak to.
+    /// A UDP port of this machine to which others send.
     UdpIn {
         /// Address and port.
         address: String,
     },
-    /// A peer that this machine speaks to.
+    /// A UDP peer to which this machine sends.
     UdpOut {
         /// Host and port.
         address: String,

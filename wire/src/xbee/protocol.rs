@@ -2,7 +2,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// What a firmware speaks on the air, which decides which frames there are.
+/// The protocol of a firmware on the air, which decides which frames there are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
@@ -33,7 +33,7 @@ const SERIES_2: [u8; 3] = [0x19, 0x1A, 0x1E];
 const S2C_P5: u8 = 0x53;
 
 impl Protocol {
-    /// What a module of kind `hardware` (the first byte of `HV`) speaks with `firmware` (`VR`):
+    /// The protocol of a module of kind `hardware` (the first byte of `HV`) with `firmware` (`VR`):
     /// the first digit of the firmware's version, whose meaning depends on the module (Digi,
     /// "Firmware variants"; as in digi-xbee).
     #[must_use]

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 
 use crate::{Interval, SimError};
 
-/// What an emulated receiver speaks.
+/// The protocol of an emulated receiver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EmulatedGnssKind {
     /// GGA, RMC, GST and GSA.
@@ -26,7 +26,7 @@ pub enum EmulatedGnssKind {
 /// never without a fix; time 0 of the world is 2026-01-01.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EmulatedGnssConfig {
-    /// What it speaks.
+    /// Its protocol.
     pub kind: EmulatedGnssKind,
     /// Where the world's zero is.
     pub origin: Geodetic,

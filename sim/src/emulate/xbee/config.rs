@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EmulatedXbeeConfig {
-    /// What its firmware speaks.
+    /// Its firmware's protocol on the air.
     pub firmware: Protocol,
     /// `AP`: 0 transparent, 1 plain frames, 2 escaped frames.
     pub ap: u8,
