@@ -150,7 +150,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     fn fix(&self) -> String {
-        let Some(gps) = &self.telemetry.gps else { return "no word of the GPS".into() };
+        let Some(gps) = &self.telemetry.gps else { return "no GPS report".into() };
         let fix = quality::fix_name(gps.value.fix_type);
         let satellites = gps.value.satellites_visible;
         match Vehicle::position_sigma(self) {
