@@ -16,7 +16,7 @@ const fail = message => {
   process.exit(1);
 };
 
-// The peer's own serialport wants a compiler; a raw terminal needs nothing.
+// The peer's own serialport needs a compiler; a raw terminal needs nothing.
 class Terminal extends EventEmitter {
   constructor(path) {
     super();

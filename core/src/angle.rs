@@ -45,8 +45,8 @@ impl Resultant {
         self.weight += weight;
     }
 
-    /// Its mean direction with this weight; [`None`] where the directions cancel, as in
-    /// [`direction`](Self::direction).
+    /// The mean direction as a resultant of this weight; [`None`] where the directions cancel, as
+    /// in [`direction`](Self::direction).
     #[must_use]
     pub fn with_weight(&self, weight: f64, least_length: f64) -> Option<Self> {
         let length = self.length();
@@ -56,7 +56,7 @@ impl Resultant {
         })
     }
 
-    /// It with all its weights multiplied by a factor.
+    /// The resultant with all weights multiplied by a factor.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         Self { cos: self.cos * factor, sin: self.sin * factor, weight: self.weight * factor }

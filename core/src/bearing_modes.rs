@@ -5,11 +5,11 @@ use crate::angle::{self, Resultant};
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct BearingMode {
-    /// How likely it is that this is the one.
+    /// The probability that the signal came from this direction.
     pub weight: f64,
     /// The direction in radians in the world frame.
     pub angle: f64,
-    /// Its standard deviation in radians, if it is the one.
+    /// Its standard deviation in radians, if the signal came from it.
     pub sigma: f64,
 }
 
@@ -26,7 +26,7 @@ pub struct BearingModes {
     count: usize,
 }
 
-/// Why directions are no mixture.
+/// Why competing directions are refused.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BearingModesError {

@@ -44,7 +44,7 @@ pub trait Estimator<const N: usize, const M: usize> {
     }
 }
 
-/// What an update did: every family answers the same questions, so they can be compared.
+/// The outcome of an update, in the same form for every family of estimators.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(tag = "kind", rename_all = "snake_case"))]

@@ -16,7 +16,7 @@ pub trait BearingExtractor {
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading>;
 }
 
-/// What an extractor makes of a sweep.
+/// An extractor's result for a sweep: level, bearing, and the directions that compete.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
     /// The mean power over the turn, in dBm.
@@ -83,7 +83,7 @@ pub enum NoBearing {
     },
 }
 
-/// Why a sweep is of no use.
+/// Why a sweep gives no reading.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NoReading {

@@ -1,6 +1,6 @@
 //! The traits and data types of foxhunt.
 //!
-//! Everything here is `no_std` and allocates nothing. A crate that only wants to *implement* a
+//! Everything here is `no_std` and allocates nothing. A crate that only needs to *implement* a
 //! backend depends on this crate and on nothing else.
 //!
 //! | what | trait | its methods |

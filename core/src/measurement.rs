@@ -2,7 +2,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::{Axis, Observation, Pose, Quantity, State, noise};
 
-/// What a receiver at a known pose measures of a target in a given state.
+/// A measurement model: what a receiver at a known pose measures of a target in a given state.
 ///
 /// Two methods are required: [`quantities`](Self::quantities) and [`expected`](Self::expected). The
 /// rest follow from these, so every model runs under every estimator; override what can be done

@@ -7,7 +7,7 @@ use crate::{BeaconId, MeasuredList, Pose, Sample, Sweep, Unanswered};
 /// A [`Sweep`] that owns its samples.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OwnedSweep {
-    /// Whose signal was listened for.
+    /// The beacon that was listened for.
     pub beacon: BeaconId,
     /// When the turn ended, in seconds.
     pub time: f64,

@@ -6,11 +6,11 @@ use core::ops::RangeInclusive;
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{name} is {value}; it must be {requirement}")]
 pub struct ParameterError {
-    /// What the parameter is called.
+    /// The parameter's name.
     pub name: &'static str,
-    /// What it was.
+    /// The refused value.
     pub value: f64,
-    /// What it must be.
+    /// The requirement that the value does not meet.
     pub requirement: &'static str,
 }
 
@@ -103,9 +103,9 @@ pub fn as_value(count: usize) -> f64 {
 pub struct FieldError {
     /// Where it stands, as a path of names and indices: `drones[2].north_m`.
     pub field: alloc::string::String,
-    /// What it held.
+    /// The refused value.
     pub value: alloc::string::String,
-    /// What it must be.
+    /// The requirement that the value does not meet.
     pub requirement: &'static str,
 }
 

@@ -5,9 +5,9 @@ use crate::{BeaconId, MeasuredList, Pose};
 /// One power reading along one boresight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// When, in seconds.
+    /// The time of the reading, in seconds.
     pub time: f64,
-    /// Where the drone was, and where its nose pointed.
+    /// The drone's pose.
     pub receiver: Pose,
     /// Where the antenna looked, in radians in the world frame.
     pub boresight: f64,
@@ -32,7 +32,7 @@ pub struct Unanswered {
 /// The default is an empty one, to be filled in with `..Sweep::default()`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sweep<'a> {
-    /// Whose signal was listened for.
+    /// The beacon that was listened for.
     pub beacon: BeaconId,
     /// When the turn ended, in seconds.
     pub time: f64,

@@ -19,7 +19,7 @@ impl Station {
     }
 }
 
-/// A planner's input about one of several targets.
+/// One of a planner's targets: a beacon, and the belief about its place.
 #[derive(Clone, Copy)]
 pub struct Target<'a> {
     /// Which beacon it is.
@@ -61,8 +61,8 @@ pub trait FormationPlanner {
         Ok(())
     }
 
-    /// The same for a target that was received while another one was searched for, so that a
-    /// belief exists already. Unless overridden, the belief makes no difference.
+    /// Starts on a target that was received while another one was searched for, so that a belief
+    /// exists already. Unless overridden, the belief makes no difference.
     ///
     /// # Errors
     ///
@@ -84,10 +84,10 @@ pub trait FormationPlanner {
         stations: &mut [Station],
     ) -> Result<Decision, PlanError>;
 
-    /// The same for all targets that every turn listens for, one or several, none of which is done;
-    /// the first of them is the one that [`begin`](Self::begin) or [`resume`](Self::resume) was
-    /// about. A hunt calls this method.
-    /// [`Decision::Finish`] is about that one. Unless overridden, the others make no difference.
+    /// Sets the goals from the beliefs about all targets that every turn listens for, one or
+    /// several, none of which is done. A hunt calls this method. The first target is the one that
+    /// [`begin`](Self::begin) or [`resume`](Self::resume) was about, and [`Decision::Finish`] is
+    /// about that one. Unless overridden, the others make no difference.
     ///
     /// # Errors
     ///
@@ -120,7 +120,7 @@ pub trait FormationPlanner {
     }
 }
 
-/// What a planner wants done next.
+/// A planner's decision: listen at the goals, or finish the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Decision {
     /// Go to the goals and listen there.

@@ -73,7 +73,7 @@ pub struct Waypoint {
     pub position: Vector3<f64>,
 }
 
-/// Which of the hunt's beacons is meant: its place in the hunt's list.
+/// A beacon's index in the hunt's list of beacons.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(transparent))]

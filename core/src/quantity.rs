@@ -140,7 +140,7 @@ impl fmt::Display for QuantityName {
     }
 }
 
-/// Why a measured value cannot be.
+/// Why a measured value is refused.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeasuredError {

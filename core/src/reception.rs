@@ -7,9 +7,9 @@ use crate::{BeaconId, Bearing, BearingModes, MeasuredList, Pose, Reading, Sweep}
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(from = "Written", into = "Written"))]
 pub struct Reception {
-    /// Whose signal it was.
+    /// The beacon whose signal was received.
     pub beacon: BeaconId,
-    /// When, in seconds.
+    /// The time of the reception, in seconds.
     pub time: f64,
     /// Where the receiver was.
     pub receiver: Pose,

@@ -6,7 +6,7 @@ pub trait Kernel {
     /// What it returns.
     type Output;
 
-    /// Runs it; `#[inline(always)]`, as is everything in it that shall be vectorised.
+    /// Runs the loop; `#[inline(always)]`, as is everything in it that shall be vectorised.
     fn run(self) -> Self::Output;
 }
 

@@ -242,7 +242,7 @@ pub(super) fn whole(value: f64) -> u32 {
 }
 
 /// The seconds since 1970 of `YYYY-MM-DD HH:MM:SS`, with a `T` for the space, a fraction, and a `Z`
-/// or an offset from UTC such as `+02:00` if one likes; `None` for what is no such time.
+/// or an offset from UTC such as `+02:00` where given; `None` for what is no such time.
 #[must_use]
 pub fn utc_seconds(text: &str) -> Option<f64> {
     let text = text.strip_suffix('Z').unwrap_or(text).replacen('T', " ", 1);

@@ -10,7 +10,7 @@ pub use random_walk::RandomWalk;
 
 use crate::{Axis, State, numeric_jacobian};
 
-/// How the target moves between two observations.
+/// A motion model: how the target moves between two observations.
 ///
 /// # Laws
 ///

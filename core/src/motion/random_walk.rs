@@ -2,7 +2,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::{MotionModel, State};
 
-/// A target that stays, give or take: every component does a random walk of its own.
+/// An independent random walk of every state component: a target that stays, or drifts slowly.
 ///
 /// f(x, Δt) = x, Q = diag(dᵢ²) Δt with the drift dᵢ in the component's unit per √second.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 use crate::Pose;
 
-/// Why an observation cannot be.
+/// Why an observation is refused.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ObservationError {

@@ -99,7 +99,7 @@ impl Whiteness {
 }
 
 impl<const M: usize> Innovation<M> {
-    /// [`normalised`](Self::normalised) as [`Whiteness`] wants it: without the components that
+    /// [`normalised`](Self::normalised) as [`Whiteness`] takes it: without the components that
     /// `observation` misses.
     #[must_use]
     pub fn normalised_present(

@@ -119,7 +119,7 @@ impl GateLimit {
         match self {
             Self::Open => f64::INFINITY,
             Self::Nis(nis) => nis,
-            // A χ² wants a positive number of degrees of freedom, which this is.
+            // A χ² needs a positive number of degrees of freedom, which this is.
             Self::Probability(p) => ChiSquared::new(number(dof))
                 .map_or(f64::INFINITY, |chi_squared| chi_squared.inverse_cdf(p)),
         }

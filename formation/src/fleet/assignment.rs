@@ -29,7 +29,7 @@ pub(super) fn assign_by(
     if drones == 0 || places == 0 {
         return places_of;
     }
-    // The method wants at least as many columns as rows.
+    // The method needs at least as many columns as rows.
     if drones <= places {
         let costs = Matrix::from_fn(drones, places, |(d, p)| micrometres(length(d, p)));
         let (_, columns) = kuhn_munkres_min(&costs);

@@ -11,7 +11,7 @@ use super::places::centroid;
 /// The most virtual drones.
 const MOST: usize = 64;
 
-/// One drone, or fewer than a planner wants, flies the places of its virtual drones one after the
+/// One drone, or fewer than a planner needs, flies the places of its virtual drones one after the
 /// other; the planner plans again when all were visited (Pritzl 2018, §7.2).
 ///
 /// Each drone takes the nearest of the places that are left; one for which none is left stays

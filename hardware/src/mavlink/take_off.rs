@@ -83,7 +83,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                     let why = format!("it is not up after {} s", self.config.take_off_timeout_s);
                     self.give_up(now, "the take-off", &why);
                 } else if !self.order.as_ref().is_some_and(Order::accepted) {
-                    // PX4 wants the height above sea level.
+                    // PX4 takes the height above sea level.
                     let height = match autopilot {
                         Autopilot::ArduPilot => up,
                         Autopilot::Px4 => up + setpoint::launch_alt(&self.telemetry).unwrap_or(0.0),

@@ -1,6 +1,6 @@
 use foxhunt_core::{BeaconId, Waypoint};
 
-/// What the hunt wants done by those who own the devices.
+/// An order of the hunt, for the owner of the devices to carry out.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Command {
     /// Send a drone somewhere.

@@ -15,7 +15,7 @@ use super::{Sight, columns::BearingResiduals, sight::difference};
 ///
 /// The bias μ is part of `expected`, so every estimator takes it off. The outliers are part of
 /// the likelihood only: a particle filter or a grid sees the whole mixture, a Kalman filter its
-/// Gaussian part and wants a gate. σ is the observation's own.
+/// Gaussian part and needs a gate. σ is the observation's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BearingOnly {
     bias: f64,

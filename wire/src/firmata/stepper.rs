@@ -5,7 +5,7 @@ use super::{
     seven_bit::{decode_i32, encode_i32},
 };
 
-/// What a host wants of a stepper.
+/// A host's message to a stepper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StepperRequest {
     /// There is one; it stands at 0. To be sent before anything else.

@@ -61,7 +61,7 @@ struct Readings {
 struct Reading {
     value: f64,
     variance: f64,
-    /// 1 / variance and ln variance: every pair of cells wants them.
+    /// 1 / variance and ln variance: every pair of cells uses them.
     precision: f64,
     log_variance: f64,
 }

@@ -16,7 +16,7 @@ const LONGEST: usize = 256;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Client {
     request: Vec<u8>,
-    /// Whether it wants reports.
+    /// Whether it has requested reports.
     pub(super) watches: bool,
 }
 
