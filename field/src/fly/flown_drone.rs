@@ -118,7 +118,8 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
         if state.offered && self.may_take_over {
             return None;
         }
-        let how = if state.offered { "; allow it only if nobody else flies it" } else { "" };
+        let how =
+            if state.offered { "; allow a take-over only if nobody else flies it" } else { "" };
         Some(format!("{} is in the air in {}, not by us{how}", self.name, state.mode))
     }
 
