@@ -12,7 +12,7 @@ use crate::{
     shadowing_grid::{Grid, Search, bounds},
 };
 
-/// One explanation of what was received of a moving target.
+/// A model that explains what was received of a moving target.
 pub trait TrackModel {
     /// Its prior weight; those of all models need not sum to 1.
     fn weight(&self) -> f64 {
@@ -55,7 +55,7 @@ impl Default for TrackGrid {
     }
 }
 
-/// What [`TrackGrid`] made of its receptions.
+/// The result of a [`TrackGrid`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrackGridFix {
     /// The posterior at each time, given what was received at all of them.

@@ -40,7 +40,7 @@ impl Geodetic {
     }
 }
 
-/// Why a place cannot be one.
+/// Why a place is refused.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GeodesyError {

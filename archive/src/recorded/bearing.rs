@@ -9,7 +9,7 @@ use crate::recording::{RecordedSweep, Recording};
 /// circle that was received; of a clean patch antenna it is 0.8, of a flat pattern 0.
 pub const LOW_CONFIDENCE: f64 = 0.6;
 
-/// What an extractor made of a recorded turn.
+/// An extractor's result for a recorded turn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BearingReading {
     /// The turn.

@@ -51,7 +51,7 @@ pub struct RecordedBearing {
     pub sigma: Option<f64>,
 }
 
-/// What was read from one file. It has at least one record.
+/// The records of one file, at least one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     pub(super) file: String,

@@ -7,7 +7,7 @@ use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig, StepperConfig};
 use foxhunt_wire::Endpoint;
 use serde::{Deserialize, Serialize};
 
-/// What flies a drone.
+/// The device that flies a drone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]
@@ -43,7 +43,7 @@ pub struct GnssDevice {
     pub settings: GnssConfig,
 }
 
-/// What receives beacons.
+/// The device that receives beacons.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]
@@ -68,7 +68,7 @@ pub enum RadioDevice {
     Sik,
 }
 
-/// What turns an antenna.
+/// The device that turns an antenna.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 #[non_exhaustive]

@@ -9,7 +9,7 @@ use foxhunt_wire::geodesy::GeodesyError;
 
 use super::MissionError;
 
-/// Why a flight cannot be had.
+/// Why a flight cannot be prepared.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FlyError {

@@ -2,7 +2,7 @@ use alloc::vec::Vec;
 
 use foxhunt_core::{Estimate, State};
 
-/// What [`BatchSolver`](super::BatchSolver) made of its observations.
+/// The result of a [`BatchSolver`](super::BatchSolver).
 #[derive(Clone, Debug, PartialEq)]
 pub struct BatchFix<const N: usize> {
     /// The optimum, and the inverse of the information there. With a prior, and observations that

@@ -2,7 +2,7 @@ use foxhunt_core::parameter::positive;
 
 use super::BatchError;
 
-/// What an observation's whitened residual costs, by its squared norm q: half of ρ(q).
+/// The loss of an observation's whitened residual, by its squared norm q: half of ρ(q).
 ///
 /// The robust ones are minimised by reweighting: each observation counts ρ′(q). With one component
 /// present, √q is the residual in standard deviations.

@@ -54,7 +54,7 @@ impl Default for BearingGrid {
     }
 }
 
-/// What [`BearingGrid`] made of its bearings.
+/// The result of a [`BearingGrid`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct BearingGridFix {
     /// The posterior on the finest cells.

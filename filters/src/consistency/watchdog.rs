@@ -38,7 +38,7 @@ pub struct NisWatchdog {
     limits: (usize, [f64; 2]),
 }
 
-/// What a [`NisWatchdog`] makes of a filter.
+/// A [`NisWatchdog`]'s verdict on a filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use = "an alarm is reported only here"]
 pub enum NisHealth {

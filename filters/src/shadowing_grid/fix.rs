@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 
 use super::{Marginal, PosteriorMap};
 
-/// What [`ShadowingGrid`](super::ShadowingGrid) made of its readings.
+/// The result of a [`ShadowingGrid`](super::ShadowingGrid).
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadowingFix {
     /// Where the target is: the posterior mean and covariance, East and North in metres. The

@@ -23,7 +23,7 @@ pub trait Map<const A: usize, const B: usize> {
     }
 }
 
-/// What becomes of a Gaussian x ~ N(x̂, L Lᵀ) under a map.
+/// The image of a Gaussian x ~ N(x̂, L Lᵀ) under a map.
 ///
 /// The image's covariance is not held as such but as what a linear regression on x explains and
 /// what it leaves: Pyy = Vᵀ V + W Wᵀ. From these two every posterior follows by sums of squares,

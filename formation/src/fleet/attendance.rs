@@ -33,7 +33,7 @@ impl Default for AttendanceConfig {
     }
 }
 
-/// What a drone does for the formation.
+/// A drone's part in the formation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]

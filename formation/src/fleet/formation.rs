@@ -27,7 +27,7 @@ impl Formation {
     }
 }
 
-/// A place of a formation that is not where it was wanted.
+/// A place of a formation that was moved from where the planner set it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moved {
     /// The drone that goes there.

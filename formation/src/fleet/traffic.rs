@@ -16,7 +16,7 @@ use super::{
 /// them; otherwise the drone waits for them as long as any flies.
 const DETOUR: f64 = 1.2;
 
-/// Who flies where, and which lines are reserved.
+/// The traffic of a fleet: who flies where, and which lines are reserved.
 ///
 /// Safe by construction, whatever the timing: a drone's *region* is what is left of its reserved
 /// line, a point where it rests. It sets off only if its whole new line keeps the separation and

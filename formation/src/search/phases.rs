@@ -2,7 +2,7 @@ use core::fmt;
 
 use foxhunt_core::{Decision, Outcome, Stage};
 
-/// What a formation is doing (Pritzl 2018, §5.2).
+/// The phase of a formation's search (Pritzl 2018, §5.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(tag = "name", content = "detail", rename_all = "snake_case"))]

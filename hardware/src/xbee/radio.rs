@@ -39,7 +39,7 @@ enum State {
     Ready(XbeeIdentity, XbeeQuestion),
 }
 
-/// What became of the questions.
+/// Counts of questions by their outcome.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct XbeeCounts {
     /// Questions that went out.

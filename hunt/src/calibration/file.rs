@@ -17,7 +17,7 @@ pub const CALIBRATION_VERSION: u32 = 1;
 const SHIPPED: [(&str, &str); 1] =
     [("uri-yagi-station", include_str!("../../calibrations/uri-yagi-station.toml"))];
 
-/// What `foxhunt calibrate --out` writes, and `--calibration` of the other commands reads.
+/// A calibration file: `foxhunt calibrate --out` writes it, `--calibration` of others reads it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CalibrationFile {

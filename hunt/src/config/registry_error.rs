@@ -1,4 +1,4 @@
-/// Why something that has a name cannot be had.
+/// Why a part that has a name cannot be built.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RegistryError {

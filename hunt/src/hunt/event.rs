@@ -236,7 +236,7 @@ pub enum Event {
     },
 }
 
-/// What a flight of real aircraft is about.
+/// The stage of a flight of real aircraft.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -265,7 +265,7 @@ impl std::fmt::Display for FlightStage {
     }
 }
 
-/// What a search found.
+/// The result of the search for a beacon.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fix {

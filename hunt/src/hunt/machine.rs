@@ -29,7 +29,7 @@ pub struct Search<'a> {
     pub prior: Estimate<2>,
 }
 
-/// What makes a hunt's estimators: one track for each beacon.
+/// Makes a hunt's estimators: one track for each beacon.
 ///
 /// Every `FnMut(&Search<'_>) -> Result<Track, EstimatorError>` is one.
 ///
@@ -62,7 +62,7 @@ impl<F: FnMut(&Search<'_>) -> Result<Track, EstimatorError>> Tracks for F {
     }
 }
 
-/// What a hunt is made of.
+/// The parts of a hunt.
 pub struct Parts {
     /// Makes a level and a bearing of a turn.
     pub extractor: Box<dyn BearingExtractor>,
@@ -959,7 +959,7 @@ impl Hunt {
     }
 }
 
-/// What is believed of one of a hunt's beacons.
+/// The belief about one of a hunt's beacons.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Believed<'a> {
     /// Which beacon.

@@ -298,7 +298,7 @@ impl std::fmt::Debug for Track {
     }
 }
 
-/// What became of a reception.
+/// The outcome of a reception in a [`Track`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use = "nothing else shows whether the reception was used"]
 pub enum TrackStep {

@@ -32,7 +32,7 @@ use crate::{
     locate::Locator,
 };
 
-/// Everything that has a name.
+/// The names of estimators, extractors, planners and sources, and what each stands for.
 #[derive(Clone, Debug)]
 pub struct Registry {
     estimators: Vec<EstimatorEntry>,

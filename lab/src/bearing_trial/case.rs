@@ -1,4 +1,4 @@
-/// What is wrong with the turns of a campaign of bearings.
+/// The disturbances of the turns in a campaign of bearings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BearingCase {
     /// Its name, as `foxhunt compare extractors` takes it.

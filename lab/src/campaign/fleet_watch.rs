@@ -8,7 +8,7 @@ use foxhunt_hunt::{
     scenario::Scenario,
 };
 
-/// What must never happen to a fleet.
+/// A breach of a fleet's rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -22,7 +22,7 @@ pub enum Breach {
     /// A drone in the air when its batteries are empty, or left there by a hunt that is over
     /// without an order to land in time, though it could have flown home.
     Endurance,
-    /// A hunt that is not over in time, or over without a word on a beacon.
+    /// A hunt that is not over in time, or over without a result for a beacon.
     NoEnd,
 }
 

@@ -16,7 +16,7 @@ pub struct KnownBearing {
     pub heading: f64,
 }
 
-/// By how much bearings are off: measured minus true, Δ = a + b sin h + c cos h with the heading h.
+/// An offset of bearings: measured minus true, Δ = a + b sin h + c cos h with the heading h.
 ///
 /// The constant is the antenna's boresight and the yaw's zero together: bearings alone cannot
 /// separate the two, and need not. The first harmonic is what hard iron does to a magnetometer.
@@ -54,7 +54,7 @@ impl BearingOffset {
     }
 }
 
-/// What an offset of bearings is made of.
+/// The terms of an offset of bearings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OffsetTerms {
     /// The constant a alone.

@@ -4,7 +4,7 @@ use foxhunt_core::{
     Bearing, BearingExtractor, BearingMode, BearingModes, NoReading, Reading, Sweep, angle,
 };
 
-/// What surrounds a receiver, as far as it turns bearings: what no turn shows of itself.
+/// The surroundings of a receiver, whose reflections turn bearings: what no turn shows of itself.
 ///
 /// The values are for turns of eight boresights or more. Bearings taken by telemetrists err by
 /// published means of |error|, of which σ is √(π/2) as much; for streets and rooms σ is the azimuth

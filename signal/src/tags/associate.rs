@@ -45,7 +45,7 @@ pub struct Tag {
     pub log_odds: Option<f64>,
 }
 
-/// What pulses were given to.
+/// The tags to which pulses were given.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Association {

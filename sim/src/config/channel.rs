@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{DeadZoneConfig, PathLossConfig, ReflectorConfig, ShadowingConfig};
 
-/// What lies between a beacon's power and a drone's reading.
+/// The radio channel between a beacon's power and a drone's reading.
 ///
 /// A sample is P(d) + G − Ḡ + the place's shadowing + the pattern's offset + the sample's
 /// noise, all in dB: the power P by the law of propagation; the antenna's gain G for the direction

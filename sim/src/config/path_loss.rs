@@ -22,7 +22,7 @@ pub enum PathLossConfig {
     TwoRay(TwoRayConfig),
 }
 
-/// What [`TwoRay`] takes from a file.
+/// The settings of [`TwoRay`] in a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwoRayConfig {
     /// The power sent and both antennas' gains together, in dBm; the receiver's is its mean over a

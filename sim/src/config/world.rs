@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{BeaconCourse, ChannelConfig, Interval, SimStepperConfig, VehicleConfig};
 
-/// What is true in a simulation. Checked by [`World::new`](crate::World::new).
+/// The simulated world: what is true in a simulation. Checked by [`World::new`](crate::World::new).
 ///
 /// By default nobody is in it, and channel, vehicles and steppers have their own defaults. A file
 /// names its beacons and drones.

@@ -56,7 +56,7 @@ impl DroneState {
     }
 }
 
-/// What it does.
+/// The state of a drone's flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FlightState {
@@ -72,10 +72,10 @@ pub enum FlightState {
     Landing,
 }
 
-/// The numbers of flight.
+/// The numbers of a drone's flight: navdata's option `demo`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArDroneDemo {
-    /// What it does.
+    /// The state of its flight.
     pub flight: FlightState,
     /// What is left in the battery, in percent.
     pub battery_percent: u32,

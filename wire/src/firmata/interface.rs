@@ -1,6 +1,6 @@
 use super::{FirmataError, error::at_most};
 
-/// How a stepper hangs on its device.
+/// How a stepper is wired to its device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StepperInterface {
     /// Its pins.

@@ -8,7 +8,7 @@ use super::{
     seven_bit::{decode_i32, decode_text, encode_i32, encode_text},
 };
 
-/// What a device sends.
+/// A message from a Firmata device to its host.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Reply {

@@ -7,7 +7,7 @@ use super::{
     },
 };
 
-/// What a host sends.
+/// A message from a host to a Firmata device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Request {
@@ -19,7 +19,7 @@ pub enum Request {
     Capabilities,
     /// Which pins are analog inputs?
     AnalogMapping,
-    /// What a pin is for.
+    /// Sets the mode of a pin.
     PinMode {
         /// Its number.
         pin: u8,
@@ -44,7 +44,7 @@ pub enum Request {
     },
 }
 
-/// What a pin is for.
+/// The mode of a pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 #[repr(u8)]

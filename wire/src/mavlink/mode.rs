@@ -2,7 +2,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Whose firmware flies.
+/// An autopilot's firmware.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Autopilot {
@@ -79,7 +79,7 @@ const fn px4(main: u32, sub: u32) -> u32 {
     main << 16 | sub << 24
 }
 
-/// What an autopilot makes of the sticks and of orders: the custom mode of its heartbeats.
+/// An autopilot's flight mode: the custom mode of its heartbeats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlightMode {
     /// Whose mode it is.

@@ -14,7 +14,7 @@ pub struct Frame {
     pub message: MavMessage,
 }
 
-/// What came over a link.
+/// Counts of what came over a link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct FrameCounts {
     /// Messages understood.

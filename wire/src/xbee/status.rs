@@ -1,6 +1,6 @@
 use std::fmt;
 
-/// What became of an AT command.
+/// The status of an AT command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct AtStatus(pub u8);
 
@@ -31,7 +31,7 @@ impl fmt::Display for AtStatus {
     }
 }
 
-/// What became of a packet that was sent with a Zigbee or `DigiMesh` firmware: the delivery byte
+/// The status of a packet that was sent with a Zigbee or `DigiMesh` firmware: the delivery byte
 /// of frame 8B.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct DeliveryStatus(pub u8);
@@ -73,7 +73,7 @@ impl fmt::Display for DeliveryStatus {
     }
 }
 
-/// What became of a packet that was sent with an 802.15.4 firmware: frame 89.
+/// The status of a packet that was sent with an 802.15.4 firmware: frame 89.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct TransmitStatus(pub u8);
 
@@ -108,7 +108,7 @@ impl fmt::Display for TransmitStatus {
     }
 }
 
-/// What happened to the radio: frame 8A.
+/// An event of the radio itself: frame 8A.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ModemStatus(pub u8);
 

@@ -25,7 +25,7 @@ pub enum Criterion {
     Entropy,
 }
 
-/// What the planner makes best.
+/// What the planner optimises.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]

@@ -6,7 +6,7 @@ use foxhunt_core::{
 };
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-/// What one turn of an antenna is expected to read of a target.
+/// The expected reading of a target in one turn of an antenna.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExpectedReading {
     /// The level in dB, up to a constant that is the same everywhere.

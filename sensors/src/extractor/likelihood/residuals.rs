@@ -1,4 +1,4 @@
-/// How what the pattern leaves of the readings is judged.
+/// The model of the residuals that a fitted pattern leaves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum Residuals {

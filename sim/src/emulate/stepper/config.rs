@@ -1,7 +1,7 @@
 use foxhunt_core::parameter::{FieldError, finite, in_range, require};
 use serde::{Deserialize, Serialize};
 
-/// What hangs on an emulated Arduino.
+/// The stepper and the switch of an emulated Arduino.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EmulatedStepperConfig {
