@@ -13,7 +13,7 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use super::{campaign_tables::tables, storing};
+use super::{campaign_tables::tables, results_page, storing};
 use crate::{
     error::CliError,
     output::{Output, warn},
@@ -33,6 +33,7 @@ use crate::{
                   foxhunt results runs.sqlite --compare ekf ukf --beacon \"beacon 1\"\n  \
                   foxhunt results runs.sqlite --estimator ekf --seeds 1..1000 --csv runs.csv\n  \
                   foxhunt results runs.sqlite --beacon \"beacon 1\" --svg runs.svg\n  \
+                  foxhunt results runs.sqlite --report runs.html\n  \
                   foxhunt results merge a.sqlite b.sqlite --to runs.sqlite"
 )]
 pub(crate) struct Args {
@@ -69,6 +70,9 @@ pub(crate) struct Args {
     /// Draw how the errors and the NEES of one beacon are distributed, as SVG
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
+    /// Write a page: tables, distributions, and the first estimator compared with the others
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
     /// Write the log of the run with this seed; it must be kept (`campaign --store-logs`)
     #[arg(long, value_name = "SEED", requires = "log")]
     log_of: Option<u64>,
@@ -116,7 +120,7 @@ impl FromStr for Seeds {
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
-    let failed = |error| storing::error(error, "");
+    let failed = reading;
     let path = match (&args.part, &args.file) {
         (Some(Part::Merge(MergeArgs { shards, to })), _) => {
             store::merge(shards, to).map_err(failed)?;
@@ -152,6 +156,12 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         warn(&format!("picture: {}", path.display()));
         written = true;
     }
+    if let Some(path) = &args.report {
+        let page = results_page::page(&store, &filter, &fitting(&store, &filter)?)?;
+        fs::write(path, page).map_err(|error| CliError::writing(path, error))?;
+        warn(&format!("page: {}", path.display()));
+        written = true;
+    }
     if let (Some(seed), Some(path)) = (args.log_of, &args.log) {
         let log = log_of(&store, &filter, seed).map_err(failed)?;
         fs::write(path, log).map_err(|error| CliError::writing(path, error))?;
@@ -172,10 +182,14 @@ fn created(path: &Path) -> Result<BufWriter<File>, CliError> {
     File::create(path).map(BufWriter::new).map_err(|error| CliError::writing(path, error))
 }
 
+/// The exit code of a store that cannot be read.
+pub(super) fn reading(error: StoreError) -> CliError {
+    storing::error(error, "")
+}
+
 /// The picture of one campaign and beacon.
 fn picture(store: &Store, filter: &Filter) -> Result<String, CliError> {
-    let failed = |error| storing::error(error, "");
-    let summaries = store.summaries(filter).map_err(failed)?;
+    let summaries = store.summaries(filter).map_err(reading)?;
     let [summary] = &summaries[..] else {
         return Err(CliError::input(format!(
             "--svg draws one campaign, and {} fit; choose with --scenario and --planner",
@@ -192,14 +206,24 @@ fn picture(store: &Store, filter: &Filter) -> Result<String, CliError> {
         )));
     };
     let beacon = campaign.beacons.iter().position(|beacon| beacon == name).unwrap_or(0);
+    let distributions = distributions(store, filter, summary, beacon)?;
+    let title = format!("{}, {name}, planner {}", campaign.scenario, campaign.planner);
+    distributions_svg(&title, &distributions).map_err(CliError::failure)
+}
+
+/// What the runs of each contender came to for the beacon of an index.
+pub(super) fn distributions(
+    store: &Store,
+    filter: &Filter,
+    summary: &Summary,
+    beacon: usize,
+) -> Result<Vec<Distribution>, CliError> {
     let distribution = |(held, of): (&Held, &EstimatorCampaign)| {
         let [errors_m, nees] = store.samples(&held.contender, beacon, filter)?;
         Ok(Distribution { name: of.estimator.clone(), errors_m, nees })
     };
     let of = summary.held.iter().zip(&summary.report.estimators).map(distribution);
-    let distributions = of.collect::<Result<Vec<_>, StoreError>>().map_err(failed)?;
-    let title = format!("{}, {name}, planner {}", campaign.scenario, campaign.planner);
-    distributions_svg(&title, &distributions).map_err(CliError::failure)
+    of.collect::<Result<_, StoreError>>().map_err(reading)
 }
 
 /// The log of the one contender that the filter lets through.
@@ -214,12 +238,18 @@ struct Results<'a> {
     campaigns: &'a [Summary],
 }
 
-fn show(store: &Store, filter: &Filter, output: Output) -> Result<(), CliError> {
-    let summaries = store.summaries(filter).map_err(|error| storing::error(error, ""))?;
+/// What a filter lets through; an error where it is nothing.
+fn fitting(store: &Store, filter: &Filter) -> Result<Vec<Summary>, CliError> {
+    let summaries = store.summaries(filter).map_err(reading)?;
     if summaries.is_empty() {
         let file = store.path().display();
         return Err(CliError::input(format!("{file}: there is nothing that fits")));
     }
+    Ok(summaries)
+}
+
+fn show(store: &Store, filter: &Filter, output: Output) -> Result<(), CliError> {
+    let summaries = fitting(store, filter)?;
     output.result(&Results { campaigns: &summaries }, |results| {
         let texts: Vec<String> = results.campaigns.iter().map(campaign).collect();
         texts.join("\n\n")
@@ -248,38 +278,46 @@ fn campaign(summary: &Summary) -> String {
     lines.join("\n")
 }
 
-fn comparisons(compared: &[SeedBySeed]) -> String {
-    let Some(first) = compared.first() else { return "They have no beacon in common.".to_owned() };
-    let mut rows = table(&[
-        "beacon",
-        "figure",
-        "pairs",
-        "mean",
-        "95 %",
-        "p (t)",
-        "p (ranks)",
-        "ratio",
-        "95 %",
-        "p (t of ratio)",
-    ]);
+/// The columns of a comparison.
+pub(super) const COMPARED: [&str; 10] = [
+    "beacon",
+    "figure",
+    "pairs",
+    "mean",
+    "95 %",
+    "p (t)",
+    "p (ranks)",
+    "ratio",
+    "95 %",
+    "p (t of ratio)",
+];
+
+/// A comparison in these columns.
+pub(super) fn compared_row(one: &SeedBySeed) -> [String; 10] {
     let interval = |at: Option<[f64; 2]>, decimals: usize| match at {
         Some([low, high]) => format!("{low:.decimals$} to {high:.decimals$}"),
         None => "-".to_owned(),
     };
+    let (difference, ratio) = (one.difference, one.ratio);
+    [
+        one.beacon.clone(),
+        one.figure.to_owned(),
+        difference.map_or(0, |d| d.pairs).to_string(),
+        number(difference.map(|d| d.mean), 3),
+        interval(difference.map(|d| d.mean_interval), 3),
+        probability(difference.and_then(|d| d.t_p_value)),
+        probability(difference.and_then(|d| d.signed_rank_p_value)),
+        number(ratio.map(|r| r.ratio), 3),
+        interval(ratio.map(|r| r.ratio_interval), 3),
+        probability(ratio.map(|r| r.p_value)),
+    ]
+}
+
+fn comparisons(compared: &[SeedBySeed]) -> String {
+    let Some(first) = compared.first() else { return "They have no beacon in common.".to_owned() };
+    let mut rows = table(&COMPARED);
     for one in compared {
-        let (difference, ratio) = (one.difference, one.ratio);
-        rows.add_row([
-            one.beacon.clone(),
-            one.figure.to_owned(),
-            difference.map_or(0, |d| d.pairs).to_string(),
-            number(difference.map(|d| d.mean), 3),
-            interval(difference.map(|d| d.mean_interval), 3),
-            probability(difference.and_then(|d| d.t_p_value)),
-            probability(difference.and_then(|d| d.signed_rank_p_value)),
-            number(ratio.map(|r| r.ratio), 3),
-            interval(ratio.map(|r| r.ratio_interval), 3),
-            probability(ratio.map(|r| r.p_value)),
-        ]);
+        rows.add_row(compared_row(one));
     }
     format!(
         "{} minus {}, seed by seed\n{rows}\nMean: of the differences, with Student's t. Ranks: \

@@ -156,6 +156,19 @@ fn results_are_shown_compared_and_written() {
     let svg = fs::read_to_string(&picture).expect("it was written");
     assert!(svg.contains("small, fox") && svg.contains("ukf-pritzl2018, 10 runs"), "{svg}");
 
+    let page = folder.join("runs.html");
+    assert_eq!(results(&["--report", path(&page)]).code, 0);
+    let html = fs::read_to_string(&page).expect("it was written");
+    // A table, a figure and a comparison; nothing is fetched from anywhere.
+    for text in ["<h3>fox</h3>", "<td>ukf-pritzl2018</td><td>10</td>", "<td>ukf-pritzl2018@"] {
+        assert!(html.contains(text), "{text} is missing in {html}");
+    }
+    assert_eq!((html.matches("<svg").count(), html.matches("<script").count()), (1, 0));
+    // The comparison on the page is the command's.
+    let difference = compared.stdout.lines().find(|line| line.contains("error_m"));
+    let mean = difference.and_then(|line| line.split_whitespace().nth(3)).expect("a mean");
+    assert!(html.contains(&format!("<td>{mean}</td>")), "{mean} is missing in {html}");
+
     let log = folder.join("hunt.jsonl");
     let chosen = ["--estimator", "ekf-pritzl2018", "--log-of", "3", "--log", path(&log)];
     assert_eq!(results(&chosen).code, 0);
