@@ -5,5 +5,8 @@ pub mod samples;
 
 mod pulse;
 pub mod tags;
+mod waterfall;
 
 pub use pulse::Pulse;
+pub use rustfft::num_complex::Complex32;
+pub use waterfall::{Waterfall, WaterfallRow};

@@ -20,6 +20,9 @@ pub struct DetectorConfig {
     pub least_noise: f64,
     /// The power of a tone at full scale, in dBm; 0 where it is not known, for dB of full scale.
     pub full_scale_dbm: f64,
+    /// How often what has come is searched, in seconds, once the noise is known: a pulse is given
+    /// that much and three of the longest windows later. With the noise, each second, where absent.
+    pub search_every_s: Option<f64>,
 }
 
 /// How far from the centre is searched unless a band is given, over the rate: at the very edges
@@ -39,6 +42,7 @@ impl DetectorConfig {
             false_alarms_per_hour: 1.0,
             least_noise: 1e-12,
             full_scale_dbm: 0.0,
+            search_every_s: None,
         }
     }
 
@@ -84,6 +88,9 @@ impl DetectorConfig {
         }
         if !self.full_scale_dbm.is_finite() {
             return refuse("full_scale_dbm", self.full_scale_dbm, "finite");
+        }
+        if let Some(every) = self.search_every_s.filter(|every| !(*every > 0.0)) {
+            return refuse("search_every_s", every, "above 0");
         }
         Ok(())
     }

@@ -115,6 +115,11 @@ impl Noise {
         self.smooth();
     }
 
+    /// Whether any block was measured.
+    pub(super) fn is_known(&self) -> bool {
+        !self.blocks.is_empty()
+    }
+
     fn smooth(&mut self) {
         let total: usize = self.blocks.iter().map(|(_, frames)| frames).sum();
         let mut mean = vec![0.0_f32; self.levels.len()];

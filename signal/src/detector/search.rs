@@ -58,6 +58,8 @@ pub struct Detector {
     origin: u64,
     /// From where the noise is not measured yet, from the last gap.
     measured: u64,
+    /// From where nothing was searched yet, from the last gap.
+    looked: u64,
     /// The input's index of the first sample after the last gap, and of the next one.
     segment: u64,
     expected: Option<u64>,
@@ -118,6 +120,7 @@ impl Detector {
             channels,
             origin: 0,
             measured: 0,
+            looked: 0,
             segment: 0,
             taken: 0,
             expected: None,
@@ -179,7 +182,7 @@ impl Detector {
             self.taken += part.len();
             if self.taken == stride {
                 self.taken = 0;
-                if self.end() >= self.measured + self.block() {
+                if self.is_due() {
                     self.search(false, found);
                 }
             }
@@ -194,7 +197,7 @@ impl Detector {
         self.channeliser.reset();
         self.channels.iter_mut().for_each(Vec::clear);
         self.windows.iter_mut().for_each(|window| window.next = 0);
-        (self.origin, self.measured, self.taken) = (0, 0, 0);
+        (self.origin, self.measured, self.looked, self.taken) = (0, 0, 0, 0);
         self.settled.clear();
     }
 
@@ -208,6 +211,31 @@ impl Detector {
         samples(self.channeliser.channel_rate_hz()).max(20 * self.longest()) as u64
     }
 
+    /// Whether enough has come for another search.
+    fn is_due(&self) -> bool {
+        let every = self.config.search_every_s.filter(|_| self.noise.is_known());
+        let early = every.map(|every| samples(every * self.channeliser.channel_rate_hz()) as u64);
+        let whole = self.end() >= self.measured + self.block();
+        whole || early.is_some_and(|every| self.end() >= self.looked + every)
+    }
+
+    /// The power in dBm that a pulse of a length must have at a frequency to be found now; `None`
+    /// while the noise is not known, or where the frequency is not searched.
+    #[must_use]
+    pub fn floor_dbm(&self, frequency_hz: f64, width_s: f64) -> Option<f64> {
+        let rate = self.channeliser.channel_rate_hz();
+        let about = frequency_hz - self.config.center_hz.unwrap_or(0.0);
+        let place = |center: &f64| (about - center) / rate;
+        let within = |(center, [low, high]): (&f64, &[f64; 2])| {
+            (*low..=*high).contains(&place(center)).then(|| place(center))
+        };
+        let channels = self.centers_hz.iter().zip(&self.ranges).map(within).enumerate();
+        let (channel, frequency) = channels.filter_map(|(i, f)| Some((i, f?))).next()?;
+        let noise = f64::from(self.noise.level(channel, frequency));
+        let power = self.threshold() * noise / (width_s * rate);
+        self.noise.is_known().then(|| 10.0 * power.log10() + self.config.full_scale_dbm)
+    }
+
     /// The index after the channels' last sample.
     fn end(&self) -> u64 {
         self.origin + self.channels[0].len() as u64
@@ -215,9 +243,12 @@ impl Detector {
 
     fn search(&mut self, last: bool, found: &mut Vec<Detection>) {
         let end = self.end();
-        self.noise.update(&self.channels, place(self.measured, self.origin));
-        self.searched += end - self.measured;
-        self.measured = end;
+        if last || end >= self.measured + self.block() {
+            self.noise.update(&self.channels, place(self.measured, self.origin));
+            self.measured = end;
+        }
+        self.searched += end - self.looked;
+        self.looked = end;
         let threshold = self.threshold();
         #[expect(clippy::cast_possible_truncation, reason = "samples are f32")]
         let screened = (SCREENED * threshold) as f32;
@@ -229,7 +260,7 @@ impl Detector {
         }
         self.windows.iter_mut().for_each(|window| window.advance(end, last));
         self.resolve(threshold, last, found);
-        let keep = end.saturating_sub((KEPT * self.longest()) as u64);
+        let keep = end.saturating_sub((KEPT * self.longest()) as u64).min(self.measured);
         let drop = place(keep, self.origin);
         if drop > 0 {
             self.channels.iter_mut().for_each(|channel| drop_first(channel, drop));

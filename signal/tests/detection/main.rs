@@ -8,5 +8,6 @@
 
 mod air;
 mod crowded;
+mod prompt;
 mod recorded;
 mod single;
