@@ -22,6 +22,13 @@ pub trait Radio {
     /// Any failure of the link.
     fn poll(&mut self) -> Result<Option<f64>, Self::Error>;
 
+    /// When the power that was polled last was measured, in seconds of its clock. `None`, unless
+    /// overridden, where the radio does not know: the source then estimates it from the times of
+    /// request and answer.
+    fn measured_at(&self) -> Option<f64> {
+        None
+    }
+
     /// The next time at which a [`poll`](Self::poll) may give an answer or fail, in seconds of its
     /// clock; infinite where none is outstanding. `None`, unless overridden, where that is not
     /// known.

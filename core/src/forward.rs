@@ -124,6 +124,9 @@ macro_rules! forward {
             fn poll(&mut self) -> Result<Option<f64>, T::Error> {
                 (**self).poll()
             }
+            fn measured_at(&self) -> Option<f64> {
+                (**self).measured_at()
+            }
             fn next_event(&self) -> Option<f64> {
                 (**self).next_event()
             }

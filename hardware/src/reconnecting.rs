@@ -123,6 +123,13 @@ impl<C: Clock> ByteStream for Reconnecting<C> {
         self.connections
     }
 
+    fn renew(&mut self) {
+        if self.stream.take().is_some() {
+            self.failure = "it was given up".to_owned();
+            self.retry_at = self.clock.now();
+        }
+    }
+
     fn is_open(&self) -> bool {
         self.stream.as_ref().is_some_and(|stream| stream.is_open())
     }

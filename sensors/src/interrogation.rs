@@ -83,7 +83,10 @@ impl Interrogation {
         let Some(rss_dbm) = answer? else { return Ok(false) };
         match here {
             Some(here) if rss_dbm.is_finite() => {
-                let share = timing.measured_at;
+                let known = radio.measured_at().filter(|_| now > requested);
+                let share = known.map_or(timing.measured_at, |time| {
+                    ((time - requested) / (now - requested)).clamp(0.0, 1.0)
+                });
                 let receiver = between(&from, &here, share);
                 let boresight = angle::wrap(receiver.heading + timing.mount_offset);
                 recorder.beacon(self.next).samples.push(Sample {

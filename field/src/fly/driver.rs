@@ -142,6 +142,10 @@ impl<D: Radio> Radio for Driver<D> {
         self.0.poll().map_err(DeviceError::new)
     }
 
+    fn measured_at(&self) -> Option<f64> {
+        self.0.measured_at()
+    }
+
     fn next_event(&self) -> Option<f64> {
         self.0.next_event()
     }

@@ -210,6 +210,9 @@ impl<R: Radio, V: Spinner, C: Clock> PatternSource for BodySource<R, V, C> {
             }
             self.turn = None;
             self.recorder.end(self.clock.now());
+        } else {
+            // Nothing is outstanding, but a radio that samples all the time is not left behind.
+            let _ = self.radio.poll();
         }
         Ok(self.recorder.lend(self.config.positions, self.config.floor_dbm, self.last_pose))
     }

@@ -120,11 +120,14 @@ impl<R: Radio, V: Vehicle, C: Clock> PatternSource for OmnidirectionalSource<R, 
     }
 
     fn poll(&mut self) -> Result<Option<Sweep<'_>>, Self::Error> {
-        if !self.recorder.has_ended() {
-            if self.recorder.count() == 0 || !self.advance()? {
-                return Ok(None);
-            }
+        if self.recorder.count() == 0 || self.recorder.has_ended() {
+            // Nothing is outstanding, but a radio that samples all the time is not left behind.
+            let _ = self.radio.poll();
+        } else if self.advance()? {
             self.recorder.end(self.clock.now());
+        }
+        if !self.recorder.has_ended() {
+            return Ok(None);
         }
         Ok(self.recorder.lend(1, self.config.floor_dbm, self.last_pose))
     }

@@ -145,7 +145,8 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                 let Some(rss_dbm) = self.radio.poll().map_err(StepperError::Radio)? else {
                     return Ok(Progress::Waiting);
                 };
-                let (answers, time) = (answers + 1, self.clock.now());
+                let time = self.radio.measured_at().unwrap_or_else(|| self.clock.now());
+                let answers = answers + 1;
                 self.turn.phase = if rss_dbm.is_finite() {
                     Phase::Locate { angle, answers, rss_dbm, time }
                 } else {
@@ -254,6 +255,9 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
                     unanswered.boresight = angle::wrap(heading + unanswered.boresight);
                 }
             }
+        } else {
+            // Nothing is outstanding, but a radio that samples all the time is not left behind.
+            let _ = self.radio.poll();
         }
         Ok(self.recorder.lend(self.config.positions(), self.config.floor_dbm(), self.last_pose))
     }

@@ -64,6 +64,10 @@ pub trait ByteStream {
         1
     }
 
+    /// Gives its other end up and opens it again, as if it had been lost: what is still on its way
+    /// from there is dropped. Without effect, unless overridden, where it cannot be opened again.
+    fn renew(&mut self) {}
+
     /// Whether anybody may have sent what is received: each receipt is then a datagram of its own,
     /// which is not to be joined to another one. Streams that have one other end are not open.
     fn is_open(&self) -> bool {
@@ -101,6 +105,9 @@ macro_rules! forward {
             }
             fn connections(&self) -> u32 {
                 (**self).connections()
+            }
+            fn renew(&mut self) {
+                (**self).renew();
             }
             fn is_open(&self) -> bool {
                 (**self).is_open()
