@@ -50,9 +50,10 @@ pub use devices::{
 #[cfg(feature = "emulators")]
 pub use emulate::{
     AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedArDrone, EmulatedAutopilot,
-    EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken, EmulatedKrakenConfig,
-    EmulatedRtlTcp, EmulatedRtlTcpConfig, EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch,
-    EmulatedXbee, EmulatedXbeeConfig, Emulator, PilotOrder, Port, xbee_address,
+    EmulatedDongle, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken,
+    EmulatedKrakenConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig, EmulatedStepper,
+    EmulatedStepperConfig, EmulatedSwitch, EmulatedXbee, EmulatedXbeeConfig, Emulator,
+    InterfererConfig, PilotOrder, PlayedPulse, Port, xbee_address,
 };
 pub use error::SimError;
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};

@@ -9,8 +9,8 @@ use nalgebra::Vector3;
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use crate::{
-    LateSource, SimBody, SimClock, SimError, SimOmnidirectional, SimRadio, SimRotator, SimStepper,
-    SimVehicle, WorldConfig,
+    LateSource, PulseTrain, SimBody, SimClock, SimError, SimOmnidirectional, SimRadio, SimRotator,
+    SimStepper, SimVehicle, WorldConfig,
     devices::OnBoard,
     truth::{Channel, Drone, Port, Streams, Truth, beacon_of, is_due},
 };
@@ -122,6 +122,18 @@ impl World {
     #[must_use]
     pub fn beacon_name(&self, beacon: BeaconId) -> Option<String> {
         Some(self.truth.borrow().beacons.get(usize::from(beacon.0))?.name.clone())
+    }
+
+    /// What a beacon sends at, in MHz; `None` if there is no such beacon.
+    #[must_use]
+    pub fn frequency_mhz(&self, beacon: BeaconId) -> Option<f64> {
+        self.truth.borrow().frequency_mhz(beacon)
+    }
+
+    /// The pulses that a beacon sends by itself; `None` if there is no such beacon, or it answers.
+    #[must_use]
+    pub fn pulses(&self, beacon: BeaconId) -> Option<PulseTrain> {
+        self.truth.borrow().beacons.get(usize::from(beacon.0))?.pulses
     }
 
     /// From which second on a beacon answers; `None` if there is no such beacon, or it always did.

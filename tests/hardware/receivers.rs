@@ -23,6 +23,7 @@ fn world() -> World {
         pattern_sigma_db: 0.0,
         sample_sigma_db: 0.0,
         bearing_sigma_deg: 0.0,
+        frequency_mhz: 433.92,
         ..ChannelConfig::default()
     };
     let drone = DroneConfig { up_m: 4.0, heading_deg_ccw_from_east: 30.0, ..Default::default() };
@@ -39,7 +40,7 @@ fn world() -> World {
     World::new(&config, 3).expect("a world")
 }
 
-/// The world's own level.
+/// The level in the world itself.
 fn level(world: &World, beacon: u16) -> f64 {
     let mut radio = world.radio(0).expect("it exists");
     radio.request(BeaconId(beacon)).expect("it exists");
@@ -59,14 +60,14 @@ fn rtl_tcp() -> RtlTcpConfig {
     }
 }
 
-/// The level reported within a second of a question.
+/// What is received within three seconds of a question.
 fn query<R: Radio>(
     radio: &mut R,
     beacon: u16,
     mut tick: impl FnMut(),
 ) -> Result<Option<f64>, R::Error> {
     radio.request(BeaconId(beacon))?;
-    for _ in 0..100 {
+    for _ in 0..300 {
         tick();
         if let Some(level) = radio.poll()? {
             return Ok(Some(level));

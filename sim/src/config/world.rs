@@ -58,6 +58,10 @@ pub struct BeaconConfig {
     /// The pulses that it sends by itself; it answers requests where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pulses: Option<PulseTrain>,
+    /// What it sends at, in MHz, for receivers that are tuned to it; the channel's and 50 kHz more
+    /// for each beacon before it where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frequency_mhz: Option<f64>,
 }
 
 /// The pulses of a tag, or of another beacon that sends by itself.
@@ -132,6 +136,7 @@ impl BeaconConfig {
         }
         not_negative("scatter_m", self.scatter_m.unwrap_or(0.0))?;
         not_negative("appears_after_s", self.appears_after_s.unwrap_or(0.0))?;
+        positive("frequency_mhz", self.frequency_mhz.unwrap_or(1.0))?;
         self.pulses.map_or(Ok(()), |pulses| pulses.check().map_err(|e| e.within("pulses")))
     }
 

@@ -121,6 +121,10 @@ impl<S: ByteStream> ByteStream for Cabled<S> {
         }
         stream.send(bytes)
     }
+
+    fn connections(&self) -> u32 {
+        self.stream.as_ref().map_or(0, ByteStream::connections)
+    }
 }
 
 #[cfg(test)]

@@ -15,6 +15,9 @@ pub use autopilot::{AutopilotConfig, AutopilotFaults, EmulatedAutopilot, PilotOr
 pub use cable::{CableFaults, Cabled, Port};
 pub use emulator::Emulator;
 pub use gnss::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};
-pub use receivers::{EmulatedKraken, EmulatedKrakenConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig};
+pub use receivers::{
+    EmulatedDongle, EmulatedKraken, EmulatedKrakenConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig,
+    InterfererConfig, PlayedPulse,
+};
 pub use stepper::{EmulatedStepper, EmulatedStepperConfig, EmulatedSwitch};
 pub use xbee::{EmulatedXbee, EmulatedXbeeConfig, xbee_address};

@@ -17,6 +17,7 @@ const SPEED_OF_LIGHT: f64 = 299_792_458.0;
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
     law: Law,
+    pub(super) frequency_mhz: f64,
     /// In metres.
     wavelength: f64,
     /// 2π over the wavelength.
@@ -80,6 +81,7 @@ impl Channel {
         let fields = config.shadowing.iter().flat_map(|shadowing| vec![shadowing; beacons]);
         Ok(Self {
             law,
+            frequency_mhz: config.frequency_mhz,
             wavelength,
             wave_number: TAU / wavelength,
             mean_gain_db: antenna.mean_gain_db(0.0),

@@ -134,17 +134,40 @@ impl Drone {
         port: Port<'_>,
         now: f64,
     ) {
+        self.follow_antenna();
+        let turned = self.motor.angle(now);
+        let signal = self.signal(channel, (id, beacon), port, turned, now);
+        let answer_at = beacon.answer_after(now, self.receiver.latency());
+        let transmitted = signal.reaches && beacon.answers_at(now) && self.receives(answer_at);
+        self.receiver.answer(channel, signal.power_dbm, transmitted, answer_at);
+    }
+
+    /// Ends a pattern where the antenna, which something else than orders turned, begins another.
+    fn follow_antenna(&mut self) {
         // One that stays is interrogated again, and begins nothing new.
         if let Some(angle) = self.turned_to.take_if(|angle| !self.course.stays(*angle))
             && !self.course.follow(angle)
         {
             self.receiver.end_patterns();
         }
+    }
+
+    /// The power in dBm that comes in of a beacon through the channel's antenna at the time `now`,
+    /// at a receiver that neither rounds nor has a floor; `None` where nothing does. Whether the
+    /// beacon sends just then is the caller's matter.
+    #[cfg(feature = "emulators")]
+    pub(crate) fn incoming(
+        &mut self,
+        channel: &Channel,
+        id: BeaconId,
+        beacon: &BeaconConfig,
+        now: f64,
+    ) -> Option<f64> {
+        self.follow_antenna();
         let turned = self.motor.angle(now);
-        let signal = self.signal(channel, (id, beacon), port, turned, now);
-        let answer_at = beacon.answer_after(now, self.receiver.latency());
-        let transmitted = signal.reaches && beacon.answers_at(now) && self.receives(answer_at);
-        self.receiver.answer(channel, signal.power_dbm, transmitted, answer_at);
+        let signal = self.signal(channel, (id, beacon), Port::Directional, turned, now);
+        let sent = signal.reaches && beacon.answers_at(now) && self.receives(now);
+        self.receiver.faded(channel, signal.power_dbm).filter(|_| sent)
     }
 
     /// The reading of one sample of a beacon at the time `now`, through an antenna that is turned

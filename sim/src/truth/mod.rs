@@ -47,7 +47,17 @@ pub(crate) fn is_due(at: f64, now: f64) -> bool {
     now >= at - 1e-9
 }
 
+/// From the frequency of one beacon to that of the next where none are given, in MHz.
+const SPACING_MHZ: f64 = 0.05;
+
 impl Truth {
+    /// What a beacon sends at, in MHz.
+    pub(crate) fn frequency_mhz(&self, beacon: BeaconId) -> Option<f64> {
+        let own = self.beacons.get(usize::from(beacon.0))?.frequency_mhz;
+        let spaced = || self.channel.frequency_mhz + SPACING_MHZ * f64::from(beacon.0);
+        Some(own.unwrap_or_else(spaced))
+    }
+
     /// Lets `dt` seconds pass.
     pub(crate) fn advance(&mut self, dt: f64) {
         let begin = self.time;

@@ -173,11 +173,15 @@ impl Receiver {
         power_dbm: f64,
         transmitted: bool,
     ) -> Option<f64> {
-        let noise: f64 = self.streams.sample.sample(StandardNormal);
-        let power_dbm = power_dbm + channel.sample_sigma_db * noise;
+        let faded = self.faded(channel, power_dbm);
+        faded.and_then(|power_dbm| channel.reading_dbm(power_dbm)).filter(|_| transmitted)
+    }
 
+    /// Draws a sample's own noise and whether it is lost: its power in dBm, unless it is.
+    pub(super) fn faded(&mut self, channel: &Channel, power_dbm: f64) -> Option<f64> {
+        let noise: f64 = self.streams.sample.sample(StandardNormal);
         let lost = self.streams.loss.random::<f64>() < channel.loss_probability;
-        channel.reading_dbm(power_dbm).filter(|_| !lost && transmitted)
+        (!lost).then_some(power_dbm + channel.sample_sigma_db * noise)
     }
 
     /// What comes in but for each sample's own noise, in dBm.

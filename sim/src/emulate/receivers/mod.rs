@@ -1,8 +1,12 @@
-//! Receivers of a world that sends without being asked: rtl_tcp, and `KrakenSDR`'s page.
+//! Receivers of a world whose transmitters send by themselves: rtl_tcp, and `KrakenSDR`'s page.
 
+mod config;
+mod dongle;
 mod keyed;
 mod kraken;
 mod rtl_tcp;
 
+pub use config::{EmulatedRtlTcpConfig, InterfererConfig};
+pub use dongle::{EmulatedDongle, PlayedPulse};
 pub use kraken::{EmulatedKraken, EmulatedKrakenConfig};
-pub use rtl_tcp::{EmulatedRtlTcp, EmulatedRtlTcpConfig};
+pub use rtl_tcp::EmulatedRtlTcp;
