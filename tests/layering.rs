@@ -18,7 +18,7 @@ const MAY_IMPORT: [(&str, &[&str]); 15] = [
     ("formation", &["core"]),
     ("signal", &["core"]),
     ("wire", &["core"]),
-    ("hardware", &["core", "wire"]),
+    ("hardware", &["core", "signal", "wire"]),
     ("sim", &["core", "sensors", "wire"]),
     ("hunt", &["core", "filters", "formation", "sensors", "sim", "wire"]),
     ("lab", &["core", "filters", "formation", "hunt", "sensors", "sim", "wire"]),

@@ -65,8 +65,8 @@ pub use mavlink::{
 };
 #[cfg(feature = "receivers")]
 pub use receivers::{
-    KrakenConfig, KrakenSource, KrakenSourceError, RtlTcpConfig, RtlTcpRadio, RtlTcpRadioError,
-    SikError, SikFeed, SikRadio,
+    KrakenConfig, KrakenSource, KrakenSourceError, PulseConfig, RtlTcpConfig, RtlTcpLosses,
+    RtlTcpRadio, RtlTcpRadioError, RtlTcpSamples, RtlTcpTuning, SikError, SikFeed, SikRadio,
 };
 pub use reconnecting::Reconnecting;
 #[cfg(feature = "firmata")]

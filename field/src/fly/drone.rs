@@ -97,6 +97,7 @@ impl DroneConfig {
         if let Some(RotatorDevice::Firmata { settings, .. }) = &self.rotator {
             settings.check().map_err(|error| nested("rotator.settings", error))?;
         }
+        self.check_patience()?;
         match (&self.source, &self.rotator, &self.radio) {
             (ListenConfig::Kraken { settings, .. }, None, None) => {
                 let settings = found_at(settings, beacons)?;
@@ -117,6 +118,31 @@ impl DroneConfig {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Refuses a source that gives a question up before a pulse can have come.
+    fn check_patience(&self) -> Result<(), String> {
+        let Some(RadioDevice::RtlTcp { settings, .. }) = &self.radio else { return Ok(()) };
+        if settings.pulse.is_none() {
+            return Ok(());
+        }
+        let question_s = settings.longest_question_s();
+        let (field, patience_s) = match &self.source {
+            ListenConfig::Stepper(config) => {
+                let samples = f64::from(config.samples_per_position());
+                ("position_timeout", config.position_timeout() / samples)
+            }
+            ListenConfig::RotatingBody(config) => ("answer_timeout_s", config.answer_timeout_s),
+            ListenConfig::Omnidirectional(config) => ("answer_timeout_s", config.answer_timeout_s),
+            ListenConfig::Kraken { .. } => return Ok(()),
+        };
+        if patience_s < question_s {
+            return Err(format!(
+                "source.{field} leaves {patience_s:.2} s for a sample, and radio.settings take up \
+                 to {question_s:.2} s: settling_s, pulse.interval_s and what finding a pulse takes"
+            ));
+        }
+        Ok(())
     }
 
     fn is_listened_to(&self) -> bool {

@@ -9,13 +9,14 @@ use std::{
 use foxhunt_core::BeaconId;
 use foxhunt_hardware::{FirmataConfig, MavlinkConfig, XbeeConfig};
 use foxhunt_hunt::{config::SourceConfig, scenario::Scenario};
+use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig};
 use foxhunt_sim::{
-    AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedAutopilot, EmulatedStepper,
-    EmulatedStepperConfig, EmulatedXbee, EmulatedXbeeConfig, Emulator, Port, SimError, World,
-    xbee_address,
+    AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedAutopilot, EmulatedRtlTcp,
+    EmulatedRtlTcpConfig, EmulatedStepper, EmulatedStepperConfig, EmulatedXbee, EmulatedXbeeConfig,
+    Emulator, Port, SimError, World, xbee_address,
 };
 use foxhunt_wire::{
-    ByteStream, Endpoint, MemoryStream, PtyStream, UdpStream,
+    ByteStream, Endpoint, MemoryStream, PtyStream, TcpServerStream, UdpStream,
     geodesy::{GeodesyError, Geodetic},
     mavlink::Autopilot,
     memory_pair,
@@ -24,7 +25,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     DroneConfig, FlightConfig, FlightRules, FlownBeacon, ListenConfig, Ports, RadioDevice,
-    RotatorDevice, Site, VehicleDevice,
+    RotatorDevice, Site, VehicleDevice, emulated_tags::Tags,
 };
 
 /// How long a position and the first one of a turn may take with a real motor, in seconds.
@@ -49,6 +50,9 @@ pub struct EmulatedFieldConfig {
     /// What goes wrong, drone by drone; nothing for those that are left out.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<DroneFaults>,
+    /// The RTL-SDRs by which tags that pulse are received, and what is on air besides; each drone's
+    /// has noise of its own.
+    pub rtl_tcp: EmulatedRtlTcpConfig,
 }
 
 /// What goes wrong with the devices of a drone.
@@ -68,13 +72,15 @@ impl Default for EmulatedFieldConfig {
     fn default() -> Self {
         let site = Site { lat_deg: 50.0755, lon_deg: 14.4378, ground_alt_m: None };
         let autopilot = Autopilot::ArduPilot;
-        Self { site, autopilot, first_port: None, faults: Vec::new() }
+        let rtl_tcp = EmulatedRtlTcpConfig::default();
+        Self { site, autopilot, first_port: None, faults: Vec::new(), rtl_tcp }
     }
 }
 
 /// All devices of all drones of a simulated world: radios and motors on pseudo-terminals,
 /// autopilots on UDP, or all of them in memory. A [`FlightConfig`] made for them flies them as it
-/// would the real ones.
+/// would the real ones. Beacons that answer are received with XBees, tags that pulse with RTL-SDRs
+/// behind rtl_tcp.
 ///
 /// Nothing happens by itself: let the world's time pass, then [`serve`](Self::serve).
 pub struct EmulatedField {
@@ -148,11 +154,14 @@ impl EmulatedField {
         config: &EmulatedFieldConfig,
         mut place: Place<'_>,
     ) -> Result<Self, EmulatedFieldError> {
+        let count = scenario.beacon_names().len();
+        let tags = Tags::of(world, count)?;
         let beacons = (0..).map(BeaconId).map_while(|beacon| {
-            let (address, _) = xbee_address(beacon);
             let name = world.beacon_name(beacon)?;
-            let address = Some(address.to_string());
-            Some(FlownBeacon { name, address, frequency_mhz: None })
+            let (address, _) = xbee_address(beacon);
+            let address = tags.is_none().then(|| address.to_string());
+            let frequency_mhz = world.frequency_mhz(beacon).filter(|_| tags.is_some());
+            Some(FlownBeacon { name, address, frequency_mhz })
         });
         let mut field = Self {
             devices: Vec::new(),
@@ -173,12 +182,12 @@ impl EmulatedField {
         let turn_s = &mut field.flight.hunt.turn_timeout_s;
         *turn_s = turn_s.max(TURN_S);
         // Beacons that appear later are no part of a flight's list.
-        field.flight.beacons.truncate(scenario.beacon_names().len());
+        field.flight.beacons.truncate(count);
         for (drone, stands) in scenario.world.drones.iter().enumerate() {
             field.flight.flight.takeoff_up_m = stands.up_m;
             let source = scenario.sources.get(drone).unwrap_or(&scenario.source);
             let launch_m = [stands.east_m, stands.north_m];
-            field.add(world, drone, config, source, &mut place, launch_m)?;
+            field.add(world, drone, config, source, tags.as_ref(), &mut place, launch_m)?;
         }
         Ok(field)
     }
@@ -189,6 +198,7 @@ impl EmulatedField {
         drone: usize,
         config: &EmulatedFieldConfig,
         source: &SourceConfig,
+        tags: Option<&Tags>,
         place: &mut Place<'_>,
         launch_m: [f64; 2],
     ) -> Result<(), EmulatedFieldError> {
@@ -205,9 +215,23 @@ impl EmulatedField {
         let vehicle = EmulatedAutopilot::new(autopilot, world, drone, stream)?;
         self.keep(&name, "vehicle", vehicle);
 
-        let (stream, radio) = place.cable(world, &name, "radio", faults.radio)?;
-        let device = EmulatedXbee::new(world, drone, EmulatedXbeeConfig::default(), stream)?;
-        self.keep(&name, "radio", device);
+        let radio = if let Some(tags) = tags {
+            let (stream, endpoint) = place.server(world, &name, faults.radio)?;
+            let seed = config.rtl_tcp.seed.wrapping_add(u64::try_from(drone).unwrap_or(0));
+            let settings = EmulatedRtlTcpConfig { seed, ..config.rtl_tcp.clone() };
+            self.keep(&name, "radio", EmulatedRtlTcp::new(world, drone, settings, stream)?);
+            RadioDevice::RtlTcp { endpoint, settings: tags.receiver(config.rtl_tcp.full_scale_dbm) }
+        } else {
+            let (stream, endpoint) = place.cable(world, &name, "radio", faults.radio)?;
+            let device = EmulatedXbee::new(world, drone, EmulatedXbeeConfig::default(), stream)?;
+            self.keep(&name, "radio", device);
+            RadioDevice::Xbee { endpoint, settings: XbeeConfig::default() }
+        };
+        // How long a sample takes at most.
+        let sample_s = match &radio {
+            RadioDevice::RtlTcp { settings, .. } => settings.longest_question_s(),
+            _ => 0.0,
+        };
 
         let mut rotator = None;
         let source = match source {
@@ -219,15 +243,28 @@ impl EmulatedField {
                 let settings = FirmataConfig::default();
                 rotator = Some(RotatorDevice::Firmata { endpoint, settings });
                 // A step backwards goes beyond its place and comes back, before six requests.
-                let config = config.with_timeouts(STEP_S, FIRST_STEP_S);
-                ListenConfig::Stepper(config.expect("they are positive"))
+                let samples_s = f64::from(config.samples_per_position()) * sample_s;
+                let (step_s, first_s) = (STEP_S + samples_s, FIRST_STEP_S + samples_s);
+                let config = config.with_timeouts(step_s, first_s).expect("they are positive");
+                let beacons = u16::try_from(self.flight.beacons.len()).unwrap_or(u16::MAX);
+                let turn_s = &mut self.flight.hunt.turn_timeout_s;
+                *turn_s = turn_s.max(config.longest_turn(beacons));
+                ListenConfig::Stepper(config)
             }
-            SourceConfig::RotatingBody(config) => ListenConfig::RotatingBody(*config),
-            SourceConfig::Omnidirectional(config) => ListenConfig::Omnidirectional(*config),
+            SourceConfig::RotatingBody(config) => ListenConfig::RotatingBody(BodyConfig {
+                answer_timeout_s: config.answer_timeout_s.max(sample_s),
+                ..*config
+            }),
+            SourceConfig::Omnidirectional(config) => {
+                ListenConfig::Omnidirectional(OmnidirectionalConfig {
+                    answer_timeout_s: config.answer_timeout_s.max(sample_s),
+                    ..*config
+                })
+            }
             other => return Err(EmulatedFieldError::Source { drone, kind: other.clone() }),
         };
         let vehicle = VehicleDevice::Mavlink { endpoint, settings: MavlinkConfig::default() };
-        let radio = Some(RadioDevice::Xbee { endpoint: radio, settings: XbeeConfig::default() });
+        let radio = Some(radio);
         let launch_m = Some(launch_m);
         let drone = DroneConfig { name, launch_m, vehicle, gnss: None, radio, rotator, source };
         self.flight.drones.push(drone);
@@ -281,6 +318,29 @@ impl Place<'_> {
         Ok((stream, endpoint))
     }
 
+    /// The port of a server of rtl_tcp, with the endpoint of its client.
+    fn server(
+        &mut self,
+        world: &World,
+        drone: &str,
+        faults: CableFaults,
+    ) -> Result<(Cabled<Box<dyn ByteStream>>, Endpoint), EmulatedFieldError> {
+        match self {
+            Self::Folder(_) => {
+                let server = TcpServerStream::listen("127.0.0.1:0")?;
+                let address = server.local_address()?.to_string();
+                let port = ServerPort { address: address.clone() };
+                let cabled = Cabled::new(Box::new(server) as _, world.clock(), faults, seed(drone));
+                Ok((cabled.with_port(port), Endpoint::Tcp { address }))
+            }
+            Self::Memory(ports) => {
+                let endpoint = Endpoint::Tcp { address: format!("{drone}:1234") };
+                let stream: Box<dyn ByteStream> = Box::new(ports.add(&endpoint));
+                Ok((Cabled::new(stream, world.clock(), faults, seed(drone)), endpoint))
+            }
+        }
+    }
+
     /// A device's end of a cable, with the endpoint of the other end.
     fn cable(
         &mut self,
@@ -289,10 +349,7 @@ impl Place<'_> {
         device: &str,
         faults: CableFaults,
     ) -> Result<(Cabled<Box<dyn ByteStream>>, Endpoint), EmulatedFieldError> {
-        let seed = drone
-            .bytes()
-            .chain(device.bytes())
-            .fold(0, |seed: u64, byte| seed.wrapping_mul(31).wrapping_add(u64::from(byte)));
+        let seed = seed(&format!("{drone}{device}"));
         let name = format!("{drone}-{device}");
         match self {
             Self::Folder(folder) => {
@@ -309,6 +366,11 @@ impl Place<'_> {
             }
         }
     }
+}
+
+/// The seed of a cable's garbage.
+fn seed(name: &str) -> u64 {
+    name.bytes().fold(0, |seed: u64, byte| seed.wrapping_mul(31).wrapping_add(u64::from(byte)))
 }
 
 impl EmulatedPorts {
@@ -348,6 +410,21 @@ impl Drop for LinkedPty {
     }
 }
 
+/// A TCP port that is listened at again.
+struct ServerPort {
+    address: String,
+}
+
+impl Port<Box<dyn ByteStream>> for ServerPort {
+    fn open(&mut self) -> io::Result<Box<dyn ByteStream>> {
+        Ok(Box::new(TcpServerStream::listen(&self.address)?))
+    }
+
+    fn close(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
 /// The UDP port of a drone's autopilot.
 fn port(first: Option<u16>, drone: usize) -> Result<u16, EmulatedFieldError> {
     match first {
@@ -384,6 +461,17 @@ pub enum EmulatedFieldError {
         drone: usize,
         /// What it listens with.
         kind: SourceConfig,
+    },
+    /// The beacons do not all pulse alike, so that no one receiver is set for them.
+    #[error(
+        "beacon {beacon}, counted from 0: a field with tags that pulse has tags alone, with pulses \
+         of {pulse_s} s each"
+    )]
+    Pulses {
+        /// The first that is otherwise.
+        beacon: usize,
+        /// How long those of the first tag are.
+        pulse_s: f64,
     },
     /// The site is no place.
     #[error("site: {0}")]

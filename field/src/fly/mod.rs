@@ -9,6 +9,7 @@ mod drone;
 mod emulated;
 #[cfg(unix)]
 mod emulated_flight;
+mod emulated_tags;
 mod error;
 mod flown_drone;
 mod identify;

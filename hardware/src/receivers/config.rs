@@ -1,6 +1,8 @@
 use foxhunt_core::parameter::{FieldError, finite, in_range, positive, require};
 use serde::{Deserialize, Serialize};
 
+use super::RtlTcpTuning;
+
 /// How the power of beacons is measured with an RTL-SDR behind rtl_tcp.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -31,12 +33,81 @@ pub struct RtlTcpConfig {
     /// A power below this, in dBm, is noise, and dropped; absent, every power counts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub floor_dbm: Option<f64>,
-    /// A server that sends nothing for this long, in seconds, has failed.
+    /// A server that sends nothing for this long, in seconds, has failed, and is connected to anew.
     pub silence_s: f64,
+    /// The pulses that the beacons send; then a level is that of a pulse, and `bandwidth_hz`,
+    /// `window_s` and `quantile` are not used. Absent for beacons that send all the time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pulse: Option<PulseConfig>,
 }
 
+/// The pulses of tags, and how they are searched.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PulseConfig {
+    /// How long one is, in seconds.
+    pub width_s: f64,
+    /// From one to the next, in seconds: how long a question waits. The longest one of several
+    /// tags.
+    pub interval_s: f64,
+    /// How far a tag may be from its frequency, in Hz, by its own oscillator and the receiver's;
+    /// 5 kHz unless given.
+    #[serde(default = "search_hz")]
+    pub search_hz: f64,
+    /// How many times an hour noise may be taken for a pulse, over all that is searched; 10 unless
+    /// given.
+    #[serde(default = "false_alarms_per_hour")]
+    pub false_alarms_per_hour: f64,
+}
+
+fn search_hz() -> f64 {
+    5_000.0
+}
+
+fn false_alarms_per_hour() -> f64 {
+    10.0
+}
+
+impl PulseConfig {
+    /// Pulses of a width and an interval, both in seconds, anywhere within 5 kHz, with 10 false
+    /// alarms an hour.
+    #[must_use]
+    pub fn new(width_s: f64, interval_s: f64) -> Self {
+        let (search_hz, false_alarms_per_hour) = (search_hz(), false_alarms_per_hour());
+        Self { width_s, interval_s, search_hz, false_alarms_per_hour }
+    }
+
+    /// How long after a pulse it is known, at most, in seconds, but for what is on the way.
+    pub(super) fn latency_s(&self) -> f64 {
+        2.0 * SEARCH_EVERY_S + 5.0 * self.width_s
+    }
+
+    /// How long a question waits after the receiver has settled, in seconds: until a pulse must
+    /// have come and be known.
+    pub(super) fn wait_s(&self) -> f64 {
+        (1.0 + LATE) * self.interval_s + self.width_s
+    }
+
+    fn check(&self) -> Result<(), FieldError> {
+        in_range("width_s", self.width_s, 1e-3..=0.2, "from 0.001 to 0.2")?;
+        in_range("interval_s", self.interval_s, self.width_s..=60.0, "from width_s to 60")?;
+        let wide = self.search_hz >= 2.0 / self.width_s && self.search_hz <= 1e6;
+        require(wide, "search_hz", self.search_hz, "from 2 / width_s to 1e6")?;
+        let alarms = self.false_alarms_per_hour;
+        in_range("false_alarms_per_hour", alarms, 1e-6..=1e4, "from 1e-6 to 1e4")?;
+        Ok(())
+    }
+}
+
+/// How much later than an interval the next pulse may come, as a share of it.
+const LATE: f64 = 0.02;
+
+/// How often what has come is searched for pulses, in seconds.
+pub(super) const SEARCH_EVERY_S: f64 = 0.05;
+
 /// No frequencies, which a file has to name; 2.048 MS/s, 28 dB, 100 kHz beside, a band of 5 kHz,
-/// 0.1 s to settle, 0.1 s of which the upper tenth counts; −30 dBm at full scale; no floor; 2 s.
+/// 0.1 s to settle, 0.1 s of which the upper tenth counts; −30 dBm at full scale; no floor; 0.9 s;
+/// no pulses.
 impl Default for RtlTcpConfig {
     fn default() -> Self {
         Self {
@@ -51,7 +122,8 @@ impl Default for RtlTcpConfig {
             quantile: 0.9,
             full_scale_dbm: -30.0,
             floor_dbm: None,
-            silence_s: 2.0,
+            silence_s: 0.9,
+            pulse: None,
         }
     }
 }
@@ -131,9 +203,51 @@ impl RtlTcpConfig {
         finite("full_scale_dbm", self.full_scale_dbm)?;
         finite("floor_dbm", self.floor_dbm.unwrap_or(0.0))?;
         positive("silence_s", self.silence_s)?;
+        let Some(pulse) = &self.pulse else { return Ok(()) };
+        pulse.check().map_err(|error| error.within("pulse"))?;
+        let reach = f64::from(self.beside_hz) + pulse.search_hz;
+        let received = reach <= RECEIVED * rate;
+        require(received, "pulse.search_hz", pulse.search_hz, "within the band with beside_hz")?;
+        let aside = f64::from(self.beside_hz) >= pulse.search_hz;
+        require(aside, "beside_hz", beside, "at least pulse.search_hz")?;
         Ok(())
     }
+
+    /// How long a question takes at most, in seconds, from the request to a level or nothing.
+    #[must_use]
+    pub fn longest_question_s(&self) -> f64 {
+        let gathered = self.pulse.map_or(self.window_s, |p| p.wait_s() + p.latency_s());
+        self.settling_s + gathered
+    }
+
+    /// Where the receiver is tuned for all beacons together, in Hz: below the lowest by
+    /// `beside_hz`. `None` where they do not fit into one band.
+    pub(super) fn common_center_hz(&self) -> Option<u32> {
+        let pulse = self.pulse?;
+        let (lowest, highest) =
+            (self.frequencies_hz.iter().min()?, self.frequencies_hz.iter().max()?);
+        let center = lowest.saturating_sub(self.beside_hz);
+        let reach = f64::from(highest - center) + pulse.search_hz;
+        (reach <= RECEIVED * f64::from(self.sample_rate_hz)).then_some(center)
+    }
+
+    /// How the receiver is set at first.
+    pub(super) fn tuning(&self) -> RtlTcpTuning {
+        let lowest = self.frequencies_hz.iter().min().copied().unwrap_or(0);
+        let center = lowest.saturating_sub(self.beside_hz);
+        let tuning = RtlTcpTuning::new(center, self.sample_rate_hz);
+        RtlTcpTuning {
+            gain_db: self.gain_db,
+            correction_ppm: self.correction_ppm,
+            settling_s: tuning.settling_s.max(self.settling_s),
+            silence_s: self.silence_s,
+            ..tuning
+        }
+    }
 }
+
+/// The share of the rate that is received on each side of the middle.
+const RECEIVED: f64 = 0.48;
 
 impl KrakenConfig {
     /// Whether everything in it can be what it is.
@@ -174,11 +288,20 @@ mod tests {
     fn what_is_wrong_is_named_with_its_value() {
         let good = RtlTcpConfig { frequencies_hz: vec![433_920_000], ..RtlTcpConfig::default() };
         assert_eq!(good.check(), Ok(()));
+        let pulsed = |width_s, interval_s, search_hz| {
+            let pulse = PulseConfig { search_hz, ..PulseConfig::new(width_s, interval_s) };
+            RtlTcpConfig { pulse: Some(pulse), ..good.clone() }
+        };
+        assert_eq!(pulsed(0.02, 1.3, 5e3).check(), Ok(()));
         for (config, text) in [
             (RtlTcpConfig::default(), "frequencies_hz is empty"),
             (RtlTcpConfig { bandwidth_hz: f64::NAN, ..good.clone() }, "bandwidth_hz is NaN"),
             (RtlTcpConfig { window_s: 1e-4, ..good.clone() }, "window_s is 0.0001"),
-            (RtlTcpConfig { quantile: 1.5, ..good }, "quantile is 1.5"),
+            (RtlTcpConfig { quantile: 1.5, ..good.clone() }, "quantile is 1.5"),
+            (pulsed(0.0, 1.3, 5e3), "pulse.width_s is 0"),
+            (pulsed(0.02, 0.01, 5e3), "pulse.interval_s is 0.01"),
+            (pulsed(0.02, 1.3, 50.0), "pulse.search_hz is 50"),
+            (pulsed(0.02, 1.3, 2e5), "beside_hz is 100000"),
         ] {
             let error = config.check().expect_err("it is wrong").to_string();
             assert!(error.contains(text), "{error}");

@@ -1,5 +1,6 @@
 use std::io;
 
+use foxhunt_signal::detector::DetectorError;
 use foxhunt_wire::receivers::{HttpError, RtlTcpError};
 
 /// Why an RTL-SDR behind rtl_tcp measures no power. The call may be repeated.
@@ -21,6 +22,9 @@ pub enum RtlTcpRadioError {
         /// For how long.
         seconds: f64,
     },
+    /// Its samples cannot be searched for pulses.
+    #[error("rtl_tcp: pulses: {0}")]
+    Pulses(#[source] DetectorError),
     /// There is no such beacon.
     #[error("there is no frequency of beacon {beacon}; there are {beacons}, counted from 0")]
     Beacon {

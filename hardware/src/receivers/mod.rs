@@ -8,10 +8,14 @@ mod gather;
 mod kraken;
 mod page;
 mod rtl_tcp;
+mod samples;
 mod sik;
+mod timeline;
+mod watch;
 
-pub use config::{KrakenConfig, RtlTcpConfig};
+pub use config::{KrakenConfig, PulseConfig, RtlTcpConfig};
 pub use error::{KrakenSourceError, RtlTcpRadioError};
 pub use kraken::KrakenSource;
 pub use rtl_tcp::RtlTcpRadio;
+pub use samples::{RtlTcpLosses, RtlTcpSamples, RtlTcpTuning};
 pub use sik::{SikError, SikFeed, SikRadio};

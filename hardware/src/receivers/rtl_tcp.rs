@@ -1,43 +1,70 @@
 use foxhunt_core::{BeaconId, Clock, Radio, parameter::FieldError};
-use foxhunt_wire::{
-    ByteStream,
-    receivers::{RtlTcpCommand, RtlTcpHeader},
-};
+use foxhunt_wire::ByteStream;
 
-use super::{RtlTcpConfig, RtlTcpRadioError, gather::Gather};
+use super::{
+    RtlTcpConfig, RtlTcpLosses, RtlTcpRadioError, RtlTcpSamples, gather::Gather, watch::PulseWatch,
+};
 use crate::Finding;
 
-/// What is read at once, and how often at most: a poll ends.
-const CHUNK: usize = 1 << 14;
+/// How often samples are taken at most: a poll ends.
 const CHUNKS: usize = 256;
 /// Waiting ends after so many pauses, whatever the clock shows.
 const PAUSES: u32 = 1_000_000;
 
 /// An RTL-SDR behind rtl_tcp, as a receiver of beacons that send by themselves.
 ///
-/// A question tunes to its beacon, lets the receiver settle and gathers a window of power, of which
-/// a high quantile is the level: that is the pulses' level where a beacon is pulsed. It sets rate
-/// and gain when it is connected, and again after a connection was lost.
+/// A question tunes to its beacon and lets the receiver settle. Of a beacon that sends all the time
+/// it gathers a window of power, of which a high quantile is the level. Of one that
+/// [pulses](RtlTcpConfig::pulse) it waits for the next pulse, whose level is its energy over its
+/// length; what comes in besides is left out, and where no pulse comes there is no level. Beacons
+/// that fit into one band are watched all the time, so that the noise is known.
+///
+/// It sets rate and gain when it is connected, and again after a connection was lost.
 #[derive(Debug)]
 pub struct RtlTcpRadio<S, C> {
     config: RtlTcpConfig,
-    stream: S,
+    samples: RtlTcpSamples<S, C>,
     clock: C,
-    connections: u32,
-    /// What has come of the header.
-    begun: Vec<u8>,
-    header: Option<RtlTcpHeader>,
     tuned: Option<u32>,
-    /// Whether an I has come without its Q.
-    odd: bool,
-    requested: Option<u32>,
-    gather: Option<Gather>,
-    overdriven: bool,
-    received_at: Option<f64>,
-    level_dbm: Option<f64>,
+    question: Option<Question>,
+    watch: Option<PulseWatch>,
+    clipping: Clipping,
+    /// The level in dBm, and when it was measured.
+    answer: Option<(f64, Option<f64>)>,
+    measured_at: Option<f64>,
+    bytes: Vec<u8>,
 }
 
-impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
+/// What was requested.
+#[derive(Debug)]
+struct Question {
+    frequency_hz: u32,
+    /// What came before this sample is left out.
+    from: u64,
+    /// The power of a beacon that sends all the time.
+    gather: Option<Gather>,
+}
+
+/// How many bytes are at an end of the scale.
+#[derive(Clone, Copy, Debug, Default)]
+struct Clipping {
+    clipped: usize,
+    taken: usize,
+}
+
+impl Clipping {
+    fn take(&mut self, bytes: &[u8]) {
+        self.clipped += bytes.iter().filter(|byte| matches!(byte, 0 | 255)).count();
+        self.taken += bytes.len();
+    }
+
+    /// Whether the receiver is overdriven: more than a hundredth are.
+    fn is_overdriven(&self) -> bool {
+        self.clipped.saturating_mul(100) > self.taken
+    }
+}
+
+impl<S: ByteStream, C: Clock + Clone> RtlTcpRadio<S, C> {
     /// A receiver behind a stream.
     ///
     /// # Errors
@@ -46,103 +73,136 @@ impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
     pub fn new(config: RtlTcpConfig, stream: S, clock: C) -> Result<Self, FieldError> {
         config.check()?;
         Ok(Self {
+            samples: RtlTcpSamples::new(config.tuning(), stream, clock.clone())?,
             config,
-            connections: stream.connections(),
-            stream,
             clock,
-            begun: Vec::new(),
-            header: None,
             tuned: None,
-            odd: false,
-            requested: None,
-            gather: None,
-            overdriven: false,
-            received_at: None,
-            level_dbm: None,
+            question: None,
+            watch: None,
+            clipping: Clipping::default(),
+            answer: None,
+            measured_at: None,
+            bytes: Vec::new(),
         })
     }
+}
 
-    fn send(&mut self, command: RtlTcpCommand) -> Result<(), RtlTcpRadioError> {
-        self.stream.send(&command.encode()).map_err(RtlTcpRadioError::Stream)
+impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
+    /// What was lost of its samples until now.
+    #[must_use]
+    pub fn losses(&self) -> RtlTcpLosses {
+        self.samples.losses()
     }
 
-    /// Takes what has come and does what is to be done now.
+    /// The power in dBm that a pulse of a beacon must have to be found at present; `None` where
+    /// that is not known, or beacons send all the time.
+    #[must_use]
+    pub fn pulse_floor_dbm(&self, beacon: BeaconId) -> Option<f64> {
+        let frequency = *self.config.frequencies_hz.get(usize::from(beacon.0))?;
+        self.watch.as_ref()?.floor_dbm(frequency)
+    }
+
+    /// Takes what has come, and gives an answer where there is one.
     fn serve(&mut self) -> Result<(), RtlTcpRadioError> {
-        let now = self.clock.now();
-        let mut chunk = vec![0; CHUNK];
+        let mut bytes = std::mem::take(&mut self.bytes);
+        let mut served = Ok(());
         for _ in 0..CHUNKS {
-            let came = self.stream.receive(&mut chunk);
-            let connections = self.stream.connections();
-            if connections != self.connections {
-                self.connections = connections;
-                (self.header, self.tuned, self.gather, self.odd) = (None, None, None, false);
-                self.begun.clear();
-                self.received_at = None;
+            match self.samples.poll(&mut bytes) {
+                Ok(Some(first)) => served = self.take(first, &bytes),
+                Ok(None) => break,
+                Err(error) => served = Err(error),
             }
-            match came.map_err(RtlTcpRadioError::Stream)? {
-                0 => break,
-                count => {
-                    self.received_at = Some(now);
-                    self.take(chunk.get(..count).unwrap_or_default())?;
-                }
+            if served.is_err() {
+                break;
             }
         }
-        self.tune()?;
-        let since = *self.received_at.get_or_insert(now);
-        let seconds = now - since;
-        if seconds > self.config.silence_s {
-            return Err(RtlTcpRadioError::Silent { seconds });
-        }
-        Ok(())
+        self.bytes = bytes;
+        served
     }
 
-    fn take(&mut self, mut bytes: &[u8]) -> Result<(), RtlTcpRadioError> {
-        if self.header.is_none() {
-            let missing = RtlTcpHeader::LENGTH.saturating_sub(self.begun.len());
-            let (head, rest) = bytes.split_at(missing.min(bytes.len()));
-            self.begun.extend(head);
-            let Some(header) = self.begun.first_chunk() else { return Ok(()) };
-            let header = RtlTcpHeader::decode(*header).map_err(RtlTcpRadioError::Server)?;
-            self.header = Some(header);
-            self.set_up()?;
-            bytes = rest;
+    fn take(&mut self, first: u64, bytes: &[u8]) -> Result<(), RtlTcpRadioError> {
+        self.clipping.take(bytes);
+        if let Some(watch) = &mut self.watch {
+            watch.push(first, bytes).map_err(RtlTcpRadioError::Pulses)?;
+            let next = first.saturating_add(u64::try_from(bytes.len() / 2).unwrap_or(0));
+            self.look_for_pulse(next);
+            return Ok(());
         }
-        self.odd ^= bytes.len() % 2 == 1;
-        if let Some(gather) = &mut self.gather
+        let Some(question) = &mut self.question else { return Ok(()) };
+        let early = usize::try_from(question.from.saturating_sub(first)).unwrap_or(usize::MAX);
+        let bytes = bytes.get(early.saturating_mul(2)..).unwrap_or_default();
+        if let Some(gather) = &mut question.gather
             && gather.push(bytes)
         {
             let level = gather.level_dbfs(self.config.quantile) + self.config.full_scale_dbm;
-            self.overdriven = gather.is_overdriven();
-            (self.gather, self.requested) = (None, None);
-            self.level_dbm =
-                self.config.floor_dbm.is_none_or(|floor| level >= floor).then_some(level);
+            let counts = self.config.floor_dbm.is_none_or(|floor| level >= floor);
+            self.answer = counts.then_some((level, None));
+            self.question = None;
         }
         Ok(())
     }
 
-    fn set_up(&mut self) -> Result<(), RtlTcpRadioError> {
-        #[expect(clippy::cast_possible_truncation, reason = "at most 100 dB")]
-        let gain = (self.config.gain_db * 10.0).round() as i32;
-        self.send(RtlTcpCommand::SampleRate(self.config.sample_rate_hz))?;
-        self.send(RtlTcpCommand::Correction(self.config.correction_ppm))?;
-        self.send(RtlTcpCommand::DigitalGain(false))?;
-        self.send(RtlTcpCommand::ManualGain(true))?;
-        self.send(RtlTcpCommand::Gain(gain))
+    /// Answers with a pulse that was found, or gives the question up when one would be known.
+    fn look_for_pulse(&mut self, next: u64) {
+        let (Some(question), Some(watch), Some(pulse)) =
+            (&self.question, &mut self.watch, self.config.pulse)
+        else {
+            return;
+        };
+        let frequency = f64::from(question.frequency_hz);
+        let apart = |hz: f64, of: f64| (hz - of).abs();
+        let others = &self.config.frequencies_hz;
+        // Tags that are close together: the one that is nearest.
+        let of = |hz: f64| {
+            let own = apart(hz, frequency);
+            own <= pulse.search_hz && others.iter().all(|of| apart(hz, f64::from(*of)) >= own)
+        };
+        let mut answer = watch.take(question.from, of);
+        let over = count((pulse.wait_s() + pulse.latency_s()) * rate(&self.config));
+        let is_over = next >= question.from.saturating_add(over);
+        let alone = self.config.common_center_hz().is_none();
+        if answer.is_none() && is_over && alone {
+            watch.finish();
+            answer = watch.take(question.from, of);
+        }
+        if answer.is_some() || (is_over && (alone || watch.is_ready())) {
+            self.answer = answer.map(|(level, index)| (level, self.samples.time_of(index)));
+            self.question = None;
+        }
+        if alone && self.question.is_none() {
+            self.watch = None;
+            self.tuned = None;
+        }
     }
 
-    /// Tunes to the requested beacon, and begins to gather.
-    fn tune(&mut self) -> Result<(), RtlTcpRadioError> {
-        let (Some(frequency), true) = (self.requested, self.header.is_some()) else {
-            return Ok(());
-        };
-        if self.tuned != Some(frequency) {
-            self.send(RtlTcpCommand::Frequency(frequency.saturating_sub(self.config.beside_hz)))?;
-            self.tuned = Some(frequency);
-            self.gather = None;
+    /// Tunes to a frequency, and begins to measure.
+    fn tune(&mut self, frequency_hz: u32) -> Result<(), RtlTcpRadioError> {
+        let common = self.config.common_center_hz();
+        let center = common.unwrap_or(frequency_hz.saturating_sub(self.config.beside_hz));
+        let now = self.clock.now();
+        let from = self.samples.index_at(now + self.config.settling_s);
+        let tunes = self.tuned != Some(center);
+        if tunes {
+            self.samples.tune(center)?;
+            self.tuned = Some(center);
         }
-        if self.gather.is_none() {
-            self.gather = Gather::new(&self.config, self.odd);
+        self.clipping = Clipping::default();
+        let mut gather = None;
+        match self.config.pulse {
+            None => gather = Gather::new(&self.config),
+            Some(pulse) if tunes || self.watch.is_none() => {
+                let all = &self.config.frequencies_hz;
+                let range = all.iter().min().copied().zip(all.iter().max().copied());
+                let watched = match (common, range) {
+                    (Some(_), Some((low, high))) => [low, high],
+                    _ => [frequency_hz; 2],
+                };
+                let watch = PulseWatch::new(&self.config, pulse, center, watched, from);
+                self.watch = Some(watch.map_err(RtlTcpRadioError::Pulses)?);
+            }
+            Some(_) => {}
         }
+        self.question = Some(Question { frequency_hz, from, gather });
         Ok(())
     }
 
@@ -159,7 +219,7 @@ impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
                     findings.push(Finding::bad("rtl_tcp", error, remedy));
                     return findings;
                 }
-                Ok(level) if self.overdriven => {
+                Ok(level) if self.clipping.is_overdriven() => {
                     let level =
                         level.map_or("too strong".into(), |level| format!("{level:.1} dBm"));
                     let remedy = "the receiver is overdriven: lower gain_db, and measure \
@@ -167,8 +227,19 @@ impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
                     findings.push(Finding::bad(&subject, format_args!("now {level}"), remedy));
                 }
                 Ok(Some(level)) => {
-                    findings.push(Finding::good(&subject, format_args!("now {level:.1} dBm")));
+                    let floor = self.pulse_floor_dbm(beacon);
+                    let found = floor.map_or_else(String::new, |floor| {
+                        format!("; pulses above {floor:.1} dBm are found")
+                    });
+                    let text = format!("now {level:.1} dBm{found}");
+                    findings.push(Finding::good(&subject, text));
                 }
+                Ok(None) if self.config.pulse.is_some() => findings.push(Finding::bad(
+                    &subject,
+                    "no pulse in an interval",
+                    "switch the tag on, go closer, and check its frequency, interval_s, width_s \
+                     and correction_ppm: foxhunt listen shows what is on air",
+                )),
                 Ok(None) => findings.push(Finding::bad(
                     &subject,
                     "now below floor_dbm",
@@ -176,14 +247,14 @@ impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
                 )),
             }
         }
-        let tuner = self.header.map(|header| {
+        let tuner = self.samples.header().map(|header| {
             Finding::good("rtl_tcp", format_args!("tuner {}, {} gains", header.tuner, header.gains))
         });
         findings.splice(0..0, tuner);
         findings
     }
 
-    /// The power of a beacon, if it is above the floor.
+    /// The power of a beacon, if it is received.
     fn look(
         &mut self,
         beacon: BeaconId,
@@ -192,13 +263,22 @@ impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
         self.request(beacon)?;
         for _ in 0..PAUSES {
             let level = self.poll()?;
-            if level.is_some() || self.requested.is_none() {
+            if level.is_some() || self.question.is_none() {
                 return Ok(level);
             }
             pause();
         }
         Ok(None)
     }
+}
+
+fn rate(config: &RtlTcpConfig) -> f64 {
+    f64::from(config.sample_rate_hz)
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+fn count(samples: f64) -> u64 {
+    samples.round() as u64
 }
 
 impl<S: ByteStream, C: Clock> Radio for RtlTcpRadio<S, C> {
@@ -213,19 +293,25 @@ impl<S: ByteStream, C: Clock> Radio for RtlTcpRadio<S, C> {
         let missing = RtlTcpRadioError::Beacon { beacon: beacon.0, beacons: frequencies.len() };
         let frequency = *frequencies.get(usize::from(beacon.0)).ok_or(missing)?;
         // What has come until now was received before the question.
-        (self.requested, self.gather) = (None, None);
+        self.question = None;
         let before = self.serve();
-        self.level_dbm = None;
+        self.answer = None;
         before?;
-        self.requested = Some(frequency);
-        self.tune()
+        self.tune(frequency)
     }
 
     fn poll(&mut self) -> Result<Option<f64>, RtlTcpRadioError> {
         let served = self.serve();
-        match self.level_dbm.take() {
-            Some(level) => Ok(Some(level)),
+        match self.answer.take() {
+            Some((level, measured_at)) => {
+                self.measured_at = measured_at;
+                Ok(Some(level))
+            }
             None => served.map(|()| None),
         }
+    }
+
+    fn measured_at(&self) -> Option<f64> {
+        self.measured_at
     }
 }

@@ -4,7 +4,7 @@ use super::Scenario;
 pub const DEFAULT_SCENARIO: &str = "pritzl-6.1";
 
 /// The built-in scenarios' texts, by name.
-const TEXTS: [(&str, &str); 13] = [
+const TEXTS: [(&str, &str); 14] = [
     ("pritzl-6.1", include_str!("../../scenarios/pritzl-6.1.toml")),
     ("pritzl-7.2", include_str!("../../scenarios/pritzl-7.2.toml")),
     ("pritzl-7.3", include_str!("../../scenarios/pritzl-7.3.toml")),
@@ -18,6 +18,7 @@ const TEXTS: [(&str, &str); 13] = [
     ("three-beacons", include_str!("../../scenarios/three-beacons.toml")),
     ("one-drone", include_str!("../../scenarios/one-drone.toml")),
     ("rough-field", include_str!("../../scenarios/rough-field.toml")),
+    ("vhf-tag", include_str!("../../scenarios/vhf-tag.toml")),
 ];
 
 pub(super) fn text_of(name: &str) -> Option<&'static str> {

@@ -1,0 +1,309 @@
+use foxhunt_core::{
+    Clock,
+    parameter::{FieldError, in_range, positive, require},
+};
+use foxhunt_wire::{
+    ByteStream,
+    receivers::{RtlTcpCommand, RtlTcpHeader},
+};
+
+use super::{RtlTcpRadioError, timeline::Timeline};
+
+/// What is read at once.
+const CHUNK: usize = 1 << 16;
+
+/// The bytes that a server hands on at a time.
+const SERVER_BYTES: f64 = 262_144.0;
+
+/// How an RTL-SDR behind rtl_tcp is set, and when its stream counts as stalled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct RtlTcpTuning {
+    /// The frequency in the middle, in Hz.
+    pub center_hz: u32,
+    /// Samples per second.
+    pub sample_rate_hz: u32,
+    /// The tuner's gain in dB, fixed: automatic gain would hide the power.
+    pub gain_db: f64,
+    /// How far off the oscillator is, in parts per million.
+    pub correction_ppm: i32,
+    /// What comes in this long after the receiver was set up is left out, in seconds; in the second
+    /// half its place in time is found.
+    pub settling_s: f64,
+    /// A stream that brings nothing for this long, in seconds, has stalled, and is opened again.
+    pub silence_s: f64,
+}
+
+impl RtlTcpTuning {
+    /// 28 dB, no correction; 50 ms and twice what a server hands on at a time to settle, 0.9 s of
+    /// silence.
+    #[must_use]
+    pub fn new(center_hz: u32, sample_rate_hz: u32) -> Self {
+        let block_s = SERVER_BYTES / 2.0 / f64::from(sample_rate_hz.max(1));
+        Self {
+            center_hz,
+            sample_rate_hz,
+            gain_db: 28.0,
+            correction_ppm: 0,
+            settling_s: 0.05 + 2.0 * block_s.min(1.0),
+            silence_s: 0.9,
+        }
+    }
+
+    /// Whether everything in it can be what it is.
+    ///
+    /// # Errors
+    ///
+    /// [`FieldError`] names the first field that cannot.
+    pub fn check(&self) -> Result<(), FieldError> {
+        let rate = f64::from(self.sample_rate_hz);
+        in_range("sample_rate_hz", rate, 1.0..=10e6, "at most 10 MHz")?;
+        require(self.gain_db.abs() <= 100.0, "gain_db", self.gain_db, "at most 100")?;
+        in_range("settling_s", self.settling_s, 0.0..=10.0, "from 0 to 10")?;
+        positive("silence_s", self.silence_s)?;
+        Ok(())
+    }
+}
+
+/// What was lost of a stream of samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct RtlTcpLosses {
+    /// How many gaps there were.
+    pub gaps: u32,
+    /// How many samples they had.
+    pub samples: u64,
+    /// How often the stream stalled and was opened again.
+    pub stalls: u32,
+}
+
+/// The samples of an RTL-SDR behind rtl_tcp, each at its place in time.
+///
+/// rtl_tcp sends bytes and no times, so samples are counted, and the count is held against the
+/// clock: the count lags behind by what is on its way, which comes in the end. What does not come
+/// was lost, and the count jumps over it: after a connection that broke, or when the lag has not
+/// gone back for a while. A stream that stalls is opened again. A sample is never counted twice,
+/// and indices only rise.
+#[derive(Debug)]
+pub struct RtlTcpSamples<S, C> {
+    tuning: RtlTcpTuning,
+    stream: S,
+    clock: C,
+    connections: u32,
+    /// What has come of the header.
+    begun: Vec<u8>,
+    header: Option<RtlTcpHeader>,
+    /// When the receiver was set up, and what has come since, until it has settled.
+    settling: Option<(f64, Timeline)>,
+    /// An I whose Q has not come.
+    odd: Option<u8>,
+    chunk: Vec<u8>,
+    timeline: Timeline,
+    received_at: Option<f64>,
+    /// When it was last opened again for its silence.
+    renewed_at: Option<f64>,
+    losses: RtlTcpLosses,
+}
+
+impl<S: ByteStream, C: Clock> RtlTcpSamples<S, C> {
+    /// The samples that come over a stream.
+    ///
+    /// # Errors
+    ///
+    /// [`FieldError`] names what is wrong in `tuning`.
+    pub fn new(tuning: RtlTcpTuning, stream: S, clock: C) -> Result<Self, FieldError> {
+        tuning.check()?;
+        Ok(Self {
+            timeline: Timeline::new(f64::from(tuning.sample_rate_hz)),
+            tuning,
+            connections: stream.connections(),
+            stream,
+            clock,
+            begun: Vec::new(),
+            header: None,
+            settling: None,
+            odd: None,
+            chunk: vec![0; CHUNK],
+            received_at: None,
+            renewed_at: None,
+            losses: RtlTcpLosses::default(),
+        })
+    }
+
+    /// How the receiver is set.
+    #[must_use]
+    pub fn tuning(&self) -> &RtlTcpTuning {
+        &self.tuning
+    }
+
+    /// What the server has sent first, once it has.
+    #[must_use]
+    pub fn header(&self) -> Option<RtlTcpHeader> {
+        self.header
+    }
+
+    /// What was lost until now.
+    #[must_use]
+    pub fn losses(&self) -> RtlTcpLosses {
+        self.losses
+    }
+
+    /// When the sample of an index was taken, in seconds of the clock, to what the server and the
+    /// network delay at least; `None` before the first sample.
+    #[must_use]
+    pub fn time_of(&self, index: f64) -> Option<f64> {
+        self.timeline.time_of(index)
+    }
+
+    /// The index of the sample that is taken at a time of the clock, as far as can be known; 0
+    /// before the first sample.
+    #[must_use]
+    pub fn index_at(&self, time: f64) -> u64 {
+        self.timeline.index_at(time)
+    }
+
+    /// Tunes to another frequency. What is on its way is still of the old one.
+    ///
+    /// # Errors
+    ///
+    /// [`RtlTcpRadioError::Stream`]; a connection that is made later is tuned so all the same.
+    pub fn tune(&mut self, center_hz: u32) -> Result<(), RtlTcpRadioError> {
+        self.tuning.center_hz = center_hz;
+        if self.header.is_none() {
+            return Ok(());
+        }
+        self.send(RtlTcpCommand::Frequency(center_hz))
+    }
+
+    /// Replaces what is in `bytes` by whole samples that have come, I and Q, a byte each, and
+    /// returns the index of the first; `None` where there is nothing now. There is no gap inside.
+    /// To be called until there is nothing, and often.
+    ///
+    /// # Errors
+    ///
+    /// Any error of the connection, and [`RtlTcpRadioError::Silent`] while nothing comes. It may be
+    /// called again, and goes on when the server is there again.
+    pub fn poll(&mut self, bytes: &mut Vec<u8>) -> Result<Option<u64>, RtlTcpRadioError> {
+        bytes.clear();
+        loop {
+            let now = self.clock.now();
+            let came = self.stream.receive(&mut self.chunk);
+            let connections = self.stream.connections();
+            if connections != self.connections {
+                self.connections = connections;
+                self.restart(now);
+            }
+            let count = came.map_err(RtlTcpRadioError::Stream)?;
+            if count == 0 {
+                self.drained(now);
+                return self.watch(now).map(|()| None);
+            }
+            self.received_at = Some(now);
+            if self.renewed_at.take().is_some() && self.header.is_some() {
+                self.settle(now);
+            }
+            if let Some(first) = self.take(count, now, bytes)? {
+                return Ok(Some(first));
+            }
+        }
+    }
+
+    /// A new connection: a header comes first, and what comes then is not what was next.
+    fn restart(&mut self, now: f64) {
+        self.header = None;
+        self.odd = None;
+        self.begun.clear();
+        self.received_at = Some(now);
+        self.renewed_at = None;
+    }
+
+    /// What comes is not what was next, and its place in time has to be found.
+    fn settle(&mut self, now: f64) {
+        let rate = f64::from(self.tuning.sample_rate_hz);
+        self.settling = Some((now, Timeline::new(rate)));
+    }
+
+    /// Takes so many bytes of the chunk.
+    fn take(
+        &mut self,
+        count: usize,
+        now: f64,
+        bytes: &mut Vec<u8>,
+    ) -> Result<Option<u64>, RtlTcpRadioError> {
+        let mut from = 0;
+        if self.header.is_none() {
+            from = RtlTcpHeader::LENGTH.saturating_sub(self.begun.len()).min(count);
+            self.begun.extend(self.chunk.get(..from).unwrap_or_default());
+            let Some(header) = self.begun.first_chunk() else { return Ok(None) };
+            let header = RtlTcpHeader::decode(*header).map_err(RtlTcpRadioError::Server)?;
+            self.header = Some(header);
+            self.settle(now);
+            self.set_up()?;
+        }
+        bytes.extend(self.odd.take());
+        bytes.extend(self.chunk.get(from..count).unwrap_or_default());
+        if bytes.len() % 2 == 1 {
+            self.odd = bytes.pop();
+        }
+        let samples = u64::try_from(bytes.len() / 2).unwrap_or(0);
+        if let Some((since, fresh)) = &mut self.settling {
+            let settling_s = self.tuning.settling_s;
+            if now < *since + settling_s || !fresh.has_begun() {
+                // At first samples may still be those of another rate.
+                if now >= *since + settling_s / 2.0 {
+                    fresh.take(now, samples);
+                }
+                bytes.clear();
+                return Ok(None);
+            }
+            let lost = self.timeline.join(fresh);
+            self.settling = None;
+            self.note(lost);
+        }
+        Ok((samples > 0).then(|| self.timeline.take(now, samples)))
+    }
+
+    /// All that had come was taken.
+    fn drained(&mut self, now: f64) {
+        if self.settling.is_none() && self.header.is_some() {
+            let lost = self.timeline.watch(now);
+            self.note(lost);
+        }
+    }
+
+    fn note(&mut self, lost: u64) {
+        self.losses.gaps += u32::from(lost > 0);
+        self.losses.samples += lost;
+    }
+
+    /// Notices that nothing comes.
+    fn watch(&mut self, now: f64) -> Result<(), RtlTcpRadioError> {
+        let since = *self.received_at.get_or_insert(now);
+        let seconds = now - since;
+        if seconds <= self.tuning.silence_s {
+            return Ok(());
+        }
+        let renewed = self.renewed_at.unwrap_or(since);
+        if self.renewed_at.is_none() || now > renewed + 3.0 * self.tuning.silence_s {
+            self.losses.stalls += u32::from(self.renewed_at.is_none());
+            self.renewed_at = Some(now);
+            self.stream.renew();
+        }
+        Err(RtlTcpRadioError::Silent { seconds })
+    }
+
+    fn send(&mut self, command: RtlTcpCommand) -> Result<(), RtlTcpRadioError> {
+        self.stream.send(&command.encode()).map_err(RtlTcpRadioError::Stream)
+    }
+
+    fn set_up(&mut self) -> Result<(), RtlTcpRadioError> {
+        #[expect(clippy::cast_possible_truncation, reason = "at most 100 dB")]
+        let gain = (self.tuning.gain_db * 10.0).round() as i32;
+        self.send(RtlTcpCommand::SampleRate(self.tuning.sample_rate_hz))?;
+        self.send(RtlTcpCommand::Correction(self.tuning.correction_ppm))?;
+        self.send(RtlTcpCommand::Frequency(self.tuning.center_hz))?;
+        self.send(RtlTcpCommand::DigitalGain(false))?;
+        self.send(RtlTcpCommand::ManualGain(true))?;
+        self.send(RtlTcpCommand::Gain(gain))
+    }
+}
