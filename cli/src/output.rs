@@ -24,6 +24,16 @@ impl<'a> Output<'a> {
         Self { json, kept: None }
     }
 
+    /// Whether the result is one value of JSON.
+    pub(crate) fn is_json(self) -> bool {
+        self.json
+    }
+
+    /// Whether this program is part of another one, which takes the result.
+    pub(crate) fn is_kept(self) -> bool {
+        self.kept.is_some()
+    }
+
     /// Keeps the result as JSON, where nothing is printed on standard output.
     pub(crate) fn kept_in(json: &'a RefCell<String>) -> Self {
         Self { json: true, kept: Some(json) }

@@ -15,6 +15,7 @@ pub(crate) mod fly;
 pub(crate) mod hunt;
 pub(crate) mod judge;
 pub(crate) mod list;
+pub(crate) mod listen;
 pub(crate) mod locate;
 #[cfg(feature = "hardware")]
 pub(crate) mod node;
@@ -74,6 +75,7 @@ pub(crate) enum Command {
     Antenna(antenna::Args),
     Tags(tags::Args),
     Pulses(pulses::Args),
+    Listen(listen::Args),
     #[cfg(feature = "hardware")]
     Fly(fly::Args),
     #[cfg(feature = "hardware")]
@@ -115,6 +117,7 @@ pub(crate) fn run(command: Command, context: Context<'_>) -> Result<(), CliError
         Command::Antenna(args) => antenna::run(&args, context.output),
         Command::Tags(args) => tags::run(&args, context),
         Command::Pulses(args) => pulses::run(&args, context),
+        Command::Listen(args) => listen::run(&args, context),
         #[cfg(feature = "hardware")]
         Command::Fly(args) => fly::run(&args, context),
         #[cfg(feature = "hardware")]

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use foxhunt::signal::{
     Pulse,
     detector::{Detection, Detector, DetectorConfig},
-    samples::{OpenOptions, SampleFormat, SampleSource, open},
+    samples::{OpenOptions, SampleFormat, open},
 };
 use serde::Serialize;
 
@@ -34,16 +34,23 @@ pub(crate) struct Args {
     /// Print each pulse as soon as it is found, as CSV
     #[arg(long, conflicts_with = "json")]
     csv: bool,
+    #[command(flatten)]
+    search: Search,
+}
+
+/// What is searched in samples.
+#[derive(Debug, clap::Args)]
+pub(super) struct Search {
     /// Samples per second; SigMF and WAV have their own
     #[arg(long, value_name = "HZ")]
-    rate_hz: Option<f64>,
+    pub(super) rate_hz: Option<f64>,
     /// The frequency in the middle; without it frequencies are about the middle, unless SigMF has
     /// it
     #[arg(long, value_name = "HZ", allow_hyphen_values = true)]
-    center_hz: Option<f64>,
+    pub(super) center_hz: Option<f64>,
     /// The format of raw samples, where the extension does not give it: cu8, cs8, cs16, cf32
     #[arg(long, value_parser = format)]
-    format: Option<SampleFormat>,
+    pub(super) format: Option<SampleFormat>,
     /// The lowest and the highest frequency to search [default: the whole band]
     #[arg(long, value_name = "FROM,TO", value_parser = band, allow_hyphen_values = true)]
     band_hz: Option<[f64; 2]>,
@@ -52,10 +59,40 @@ pub(crate) struct Args {
     width_ms: Option<Vec<f64>>,
     /// How many times an hour noise may be taken for a pulse
     #[arg(long, value_name = "COUNT", default_value_t = 1.0)]
-    false_alarms_per_hour: f64,
+    pub(super) false_alarms_per_hour: f64,
     /// The power of a tone at full scale; without it levels are in dB of full scale
     #[arg(long, value_name = "DBM", allow_hyphen_values = true)]
-    full_scale_dbm: Option<f64>,
+    pub(super) full_scale_dbm: Option<f64>,
+}
+
+impl Search {
+    /// How a file is read.
+    pub(super) fn options(&self) -> OpenOptions {
+        let mut options = OpenOptions::default();
+        (options.rate_hz, options.center_hz) = (self.rate_hz, self.center_hz);
+        options.format = self.format;
+        options
+    }
+
+    /// How samples of a rate about a centre are searched, whose numbers have steps that make this
+    /// power of noise.
+    pub(super) fn config(
+        &self,
+        rate_hz: f64,
+        center_hz: Option<f64>,
+        rounding_noise: f64,
+    ) -> DetectorConfig {
+        let mut config = DetectorConfig::new(rate_hz);
+        config.center_hz = center_hz;
+        config.least_noise = rounding_noise;
+        config.false_alarms_per_hour = self.false_alarms_per_hour;
+        config.full_scale_dbm = self.full_scale_dbm.unwrap_or(0.0);
+        config.band_hz = self.band_hz;
+        if let Some(widths) = &self.width_ms {
+            config.widths_s = widths.iter().map(|ms| ms * 1e-3).collect();
+        }
+        config
+    }
 }
 
 fn format(name: &str) -> Result<SampleFormat, String> {
@@ -97,7 +134,7 @@ struct Found {
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let output = context.output;
     if args.csv {
-        output.note("time_s,frequency_hz,width_s,power_dbm,snr_db,false_alarms_per_hour,file")?;
+        output.note(HEADER)?;
     }
     let mut reports = Vec::new();
     for file in &args.files {
@@ -108,15 +145,12 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
 }
 
 fn search(args: &Args, file: &Path, output: Output) -> Result<Report, CliError> {
-    let mut options = OpenOptions::default();
-    (options.rate_hz, options.center_hz) = (args.rate_hz, args.center_hz);
-    options.format = args.format;
-    let mut source = open(file, &options).map_err(CliError::input)?;
+    let mut source = open(file, &args.search.options()).map_err(CliError::input)?;
     let in_file = |error: foxhunt::signal::detector::DetectorError| {
         CliError::input(InFile { file: file.display().to_string(), source: error.into() })
     };
-    let config = config(args, &source);
-    let mut detector = Detector::new(config.clone()).map_err(in_file)?;
+    let config = args.search.config(source.rate_hz(), source.center_hz(), source.rounding_noise());
+    let mut detector = Detector::new(config).map_err(in_file)?;
     let (mut samples, mut found, mut all) = (Vec::new(), Vec::new(), Vec::new());
     loop {
         let first = source.read(&mut samples).map_err(CliError::input)?;
@@ -142,28 +176,19 @@ fn search(args: &Args, file: &Path, output: Output) -> Result<Report, CliError> 
         rate_hz: source.rate_hz(),
         center_hz: source.center_hz(),
         searched_s,
-        calibrated: args.full_scale_dbm.is_some(),
+        calibrated: args.search.full_scale_dbm.is_some(),
         threshold_db: detector.threshold_db(),
-        false_alarms_per_hour: args.false_alarms_per_hour,
+        false_alarms_per_hour: args.search.false_alarms_per_hour,
         pulses: all.into_iter().map(with_p).collect(),
     })
 }
 
-fn config(args: &Args, source: &SampleSource) -> DetectorConfig {
-    let mut config = DetectorConfig::new(source.rate_hz());
-    config.center_hz = source.center_hz();
-    config.least_noise = source.rounding_noise();
-    config.false_alarms_per_hour = args.false_alarms_per_hour;
-    config.full_scale_dbm = args.full_scale_dbm.unwrap_or(0.0);
-    config.band_hz = args.band_hz;
-    if let Some(widths) = &args.width_ms {
-        config.widths_s = widths.iter().map(|ms| ms * 1e-3).collect();
-    }
-    config
-}
+/// The header of lists of pulses.
+pub(super) const HEADER: &str =
+    "time_s,frequency_hz,width_s,power_dbm,snr_db,false_alarms_per_hour,file";
 
 /// A pulse as a line of CSV, as `foxhunt tags` reads it.
-fn line(detection: &Detection, file: &str) -> String {
+pub(super) fn line(detection: &Detection, file: &str) -> String {
     let Pulse { time_s, frequency_hz, width_s, power_dbm, snr_db, .. } = detection.pulse;
     let file = if file.contains(['"', ',', '\n']) {
         format!("\"{}\"", file.replace('"', "\"\""))

@@ -69,7 +69,7 @@ impl Args {
 }
 
 /// Two numbers with a comma between them.
-fn from_to(text: &str) -> Result<[f64; 2], String> {
+pub(super) fn from_to(text: &str) -> Result<[f64; 2], String> {
     let numbers: Vec<f64> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
     match (numbers.as_slice(), text.matches(',').count()) {
         ([from, to], 1) => Ok([*from, *to]),
@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
 }
 
 /// What a tag is called: its names, or its place among the tags.
-fn name(tag: &Tag, place: usize) -> String {
+pub(super) fn name(tag: &Tag, place: usize) -> String {
     if tag.names.is_empty() { format!("unknown {}", place + 1) } else { tag.names.join(" or ") }
 }
 

@@ -8,6 +8,7 @@ mod exit_codes;
 mod fly;
 mod help;
 mod hunt;
+mod listen;
 mod lists;
 mod pipes;
 mod pulses;

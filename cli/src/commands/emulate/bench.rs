@@ -15,7 +15,7 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use super::{field, gnss, stepper, vehicle, xbee};
+use super::{field, gnss, rtl_tcp, sample_file, stepper, vehicle, xbee};
 use crate::{
     commands::choice,
     error::CliError,
@@ -28,7 +28,8 @@ use crate::{
 /// protocol of the real one. Any program for the real device works with this one. Ends with Ctrl-C.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt emulate xbee --link /tmp/xbee\n  \
-                        foxhunt emulate vehicle --drone 2 --speed 5")]
+                        foxhunt emulate vehicle --drone 2 --speed 5\n  \
+                        foxhunt emulate rtl-tcp --scenario vhf-tag")]
 pub(crate) struct Args {
     #[command(subcommand)]
     device: Device,
@@ -41,6 +42,7 @@ enum Device {
     Stepper(stepper::Args),
     Vehicle(vehicle::Args),
     Gnss(gnss::Args),
+    RtlTcp(rtl_tcp::Args),
     Field(field::Args),
 }
 
@@ -61,7 +63,7 @@ pub(super) struct Field {
     pub(super) speed: f64,
     /// End after so many seconds of the field's time
     #[arg(long = "for", value_name = "S", value_parser = positive)]
-    duration_s: Option<f64>,
+    pub(super) duration_s: Option<f64>,
     /// Where to put a symbolic link to the serial port; what is there is replaced if it is a link
     #[arg(long, value_name = "PATH")]
     pub(super) link: Option<PathBuf>,
@@ -93,6 +95,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         Device::Stepper(args) => &args.field,
         Device::Vehicle(args) => &args.field,
         Device::Gnss(args) => &args.field,
+        Device::RtlTcp(args) => &args.field,
         Device::Field(args) => &args.field,
     };
     let scenario = choice::scenario(&field.scenario)?;
@@ -102,6 +105,12 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         Device::Stepper(args) => stepper::place(args, &scenario, &world),
         Device::Vehicle(args) => vehicle::place(args, &scenario, &world),
         Device::Gnss(args) => gnss::place(args, &scenario, &world),
+        Device::RtlTcp(args) => {
+            if let Some(to) = args.to() {
+                return sample_file::write(args, to, &world, output);
+            }
+            rtl_tcp::place(args, &world)
+        }
         Device::Field(args) => field::place(args, &scenario, &world),
     }?;
     serve(field, &scenario, &world, vec![placed], output)
@@ -167,7 +176,7 @@ pub(super) fn linked(port: &Path, link: Option<&Path>) -> Result<String, CliErro
     Ok(link.display().to_string())
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+pub(super) fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
         _ => Err("not a positive number".into()),

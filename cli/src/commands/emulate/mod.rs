@@ -3,6 +3,8 @@
 mod bench;
 mod field;
 mod gnss;
+mod rtl_tcp;
+mod sample_file;
 mod stepper;
 mod vehicle;
 mod xbee;

@@ -1,0 +1,163 @@
+use std::{
+    fs::{self, File},
+    io::{self, BufWriter, Write},
+    path::{Path, PathBuf},
+};
+
+use foxhunt::{
+    sim::{EmulatedRtlTcp, EmulatedRtlTcpConfig, Emulator, PlayedPulse, World},
+    wire::TcpServerStream,
+};
+
+use super::bench::{Field, Placed};
+use crate::error::{CliError, InFile};
+
+/// An RTL-SDR behind `rtl_tcp`, with everything that is on air
+///
+/// Serves samples at a TCP port as `rtl_tcp` does: the pulses of the scenario's tags with the power
+/// that the drone's antenna receives, noise, and interferers. With --to it writes them into a file
+/// instead, quicker than they would come.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  foxhunt emulate rtl-tcp --scenario vhf-tag\n  \
+                        foxhunt emulate rtl-tcp --scenario vhf-tag --to tag.cu8 --for 30\n  \
+                        foxhunt emulate rtl-tcp --scenario vhf-tag --to tag.sigmf-meta --for 30 \
+                        --pulses tag.csv")]
+pub(super) struct Args {
+    #[command(flatten)]
+    pub(super) field: Field,
+    /// Where it listens
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:1234")]
+    listen: String,
+    /// A TOML file with the receiver's noise and oscillator, drift, interferers
+    /// (docs/devices/receivers.md)
+    #[arg(long, value_name = "FILE")]
+    receiver: Option<PathBuf>,
+    /// Write what is sent of each tag to this file, as CSV: the truth that a detector has to find
+    #[arg(long, value_name = "FILE")]
+    pub(super) pulses: Option<PathBuf>,
+    /// Write samples to this file and serve nobody: .cu8, or .sigmf-meta with .sigmf-data beside it
+    #[arg(long, value_name = "FILE", requires = "duration_s", conflicts_with = "listen")]
+    to: Option<PathBuf>,
+    /// Samples per second of the file
+    #[arg(long, value_name = "HZ", default_value_t = 250_000, requires = "to",
+        value_parser = clap::value_parser!(u32).range(1..=4_000_000))]
+    pub(super) rate_hz: u32,
+    /// The frequency in the middle of the file's band [default: 20 kHz below the first beacon]
+    #[arg(long, value_name = "HZ", requires = "to", value_parser = hertz)]
+    pub(super) center_hz: Option<u32>,
+    /// The gain with which the file is sampled, in dB
+    #[arg(
+        long,
+        value_name = "DB",
+        default_value_t = 28.0,
+        requires = "to",
+        allow_negative_numbers = true
+    )]
+    pub(super) gain_db: f64,
+}
+
+/// A frequency in whole Hz, such as 150.1e6.
+fn hertz(text: &str) -> Result<u32, String> {
+    let hz = text.parse::<f64>().ok().filter(|hz| (1.0..4.2e9).contains(hz));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range")]
+    hz.map(|hz| hz.round() as u32).ok_or_else(|| "not a frequency from 1 to 4.2e9 Hz".to_owned())
+}
+
+impl Args {
+    pub(super) fn to(&self) -> Option<&Path> {
+        self.to.as_deref()
+    }
+
+    /// What the receiver is like, by the file where there is one.
+    pub(super) fn config(&self) -> Result<EmulatedRtlTcpConfig, CliError> {
+        let seeded = EmulatedRtlTcpConfig { seed: self.field.seed, ..Default::default() };
+        let Some(path) = &self.receiver else { return Ok(seeded) };
+        let wrong = |source: Box<dyn std::error::Error>| {
+            CliError::input(InFile { file: path.display().to_string(), source })
+        };
+        let text = fs::read_to_string(path).map_err(|error| wrong(error.into()))?;
+        toml::from_str(&text).map_err(|error| wrong(error.into()))
+    }
+}
+
+/// The list of what is sent.
+#[derive(Debug)]
+pub(super) struct PulseList {
+    path: PathBuf,
+    writer: BufWriter<File>,
+}
+
+impl PulseList {
+    pub(super) fn create(path: &Path) -> Result<Self, CliError> {
+        let create = || {
+            let mut writer = BufWriter::new(File::create(path)?);
+            writeln!(writer, "time_s,frequency_hz,width_s,power_dbm,snr_db,tag")?;
+            Ok(writer)
+        };
+        let writer = create().map_err(|error| CliError::writing(path, error))?;
+        Ok(Self { path: path.to_owned(), writer })
+    }
+
+    /// Writes pulses, with times from that of the first sample on.
+    pub(super) fn write(
+        &mut self,
+        world: &World,
+        pulses: &[PlayedPulse],
+        first_s: f64,
+    ) -> Result<(), CliError> {
+        self.rows(world, pulses, first_s).map_err(|error| CliError::writing(&self.path, error))
+    }
+
+    fn rows(&mut self, world: &World, pulses: &[PlayedPulse], first_s: f64) -> io::Result<()> {
+        for pulse in pulses {
+            let PlayedPulse { beacon, frequency_hz, width_s, power_dbm, snr_db, .. } = pulse;
+            let time_s = pulse.time_s - first_s;
+            let tag = world.beacon_name(*beacon).unwrap_or_default().replace('"', "\"\"");
+            writeln!(
+                self.writer,
+                "{time_s:.6},{frequency_hz:.2},{width_s:.5},{power_dbm:.2},{snr_db:.2},\"{tag}\""
+            )?;
+        }
+        self.writer.flush()
+    }
+}
+
+/// A server that keeps the list of what is sent.
+struct Listed {
+    server: EmulatedRtlTcp<TcpServerStream>,
+    list: Option<PulseList>,
+    world: World,
+}
+
+impl Emulator for Listed {
+    fn serve(&mut self) -> io::Result<()> {
+        self.server.serve()?;
+        let played = self.server.played();
+        match &mut self.list {
+            Some(list) => list.rows(&self.world, &played, 0.0),
+            None => Ok(()),
+        }
+    }
+}
+
+pub(super) fn place(args: &Args, world: &World) -> Result<Placed, CliError> {
+    if args.field.speed.to_bits() != 1.0_f64.to_bits() {
+        return Err(CliError::input(
+            "--speed: clients of rtl_tcp keep the time of the wall; --to writes samples quicker",
+        ));
+    }
+    if args.field.link.is_some() {
+        return Err(CliError::input("--link: it is reached at a TCP port, not at a serial one"));
+    }
+    let server = TcpServerStream::listen(&args.listen).map_err(CliError::failure)?;
+    let address = server.local_address().map_err(CliError::failure)?;
+    let server = EmulatedRtlTcp::new(world, args.field.drone, args.config()?, server);
+    let list = args.pulses.as_deref().map(PulseList::create).transpose()?;
+    let world = world.clone();
+    let emulator = Listed { server: server.map_err(CliError::input)?, list, world };
+    Ok(Placed {
+        device: "rtl-tcp",
+        endpoint: format!("tcp:{address}"),
+        emulator: Box::new(emulator),
+    })
+}

@@ -1,0 +1,285 @@
+use std::{
+    path::Path,
+    sync::mpsc::{Receiver, RecvTimeoutError, sync_channel},
+    thread,
+    time::Duration,
+};
+
+use foxhunt::signal::{
+    Complex32,
+    samples::{SampleError, SampleSource, open as open_file},
+};
+use serde::Serialize;
+
+use super::Args;
+use crate::error::CliError;
+
+/// What a look for samples came to.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Came {
+    /// Samples, the first of which has this index.
+    Samples(u64),
+    /// None at present.
+    Nothing,
+    /// There are no more.
+    End,
+}
+
+/// What was lost on the way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub(super) struct Losses {
+    pub(super) gaps: u32,
+    pub(super) samples: u64,
+    /// How often a stream stalled and was opened again.
+    pub(super) stalls: u32,
+}
+
+/// Where samples come from.
+pub(super) trait Input {
+    fn rate_hz(&self) -> f64;
+
+    fn center_hz(&self) -> Option<f64>;
+
+    /// The power of the noise that rounding gave the samples.
+    fn rounding_noise(&self) -> f64;
+
+    /// Whether samples come as they are taken.
+    fn is_live(&self) -> bool {
+        false
+    }
+
+    /// How long it has been open, where time passes without samples.
+    fn elapsed_s(&self) -> Option<f64> {
+        None
+    }
+
+    /// Replaces what is in `samples` by the next ones; waits a little where there are none.
+    fn read(&mut self, samples: &mut Vec<Complex32>) -> Result<Came, CliError>;
+
+    fn losses(&self) -> Losses;
+
+    /// What has become of it, once.
+    fn news(&mut self) -> Option<String> {
+        None
+    }
+}
+
+/// Opens what the arguments name.
+pub(super) fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
+    if args.source.starts_with("tcp:") {
+        return live::open(args);
+    }
+    for (given, flag) in [(args.gain_db.is_some(), "--gain-db"), (args.ppm.is_some(), "--ppm")] {
+        if given {
+            let text = format!("{flag}: only the receiver behind tcp:HOST:PORT can be set");
+            return Err(CliError::input(text));
+        }
+    }
+    let options = args.search.options();
+    let source = open_file(Path::new(&args.source), &options).map_err(CliError::input)?;
+    Ok(Box::new(Recorded::new(source)))
+}
+
+/// How long a pipe is waited for until the view is looked after, in milliseconds.
+const PATIENCE: Duration = Duration::from_millis(100);
+
+/// How many chunks are read ahead.
+const AHEAD: usize = 8;
+
+type Chunk = Result<(u64, Vec<Complex32>), SampleError>;
+
+/// A file or a pipe, which a thread of its own waits for.
+struct Recorded {
+    rate_hz: f64,
+    center_hz: Option<f64>,
+    rounding_noise: f64,
+    /// Until the file's first sample is in, nothing is lost.
+    next: Option<u64>,
+    losses: Losses,
+    chunks: Receiver<Chunk>,
+}
+
+impl Recorded {
+    fn new(mut source: SampleSource) -> Self {
+        let (sender, chunks) = sync_channel(AHEAD);
+        let (rate_hz, center_hz) = (source.rate_hz(), source.center_hz());
+        let rounding_noise = source.rounding_noise();
+        thread::spawn(move || {
+            let mut samples = Vec::new();
+            while let Some(chunk) = source.read(&mut samples).transpose() {
+                let is_last = chunk.is_err();
+                let chunk = chunk.map(|first| (first, std::mem::take(&mut samples)));
+                // Whoever waited for it may be gone.
+                if sender.send(chunk).is_err() || is_last {
+                    break;
+                }
+            }
+        });
+        let losses = Losses::default();
+        Self { rate_hz, center_hz, rounding_noise, next: None, losses, chunks }
+    }
+}
+
+impl Input for Recorded {
+    fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    fn center_hz(&self) -> Option<f64> {
+        self.center_hz
+    }
+
+    fn rounding_noise(&self) -> f64 {
+        self.rounding_noise
+    }
+
+    fn read(&mut self, samples: &mut Vec<Complex32>) -> Result<Came, CliError> {
+        let (first, chunk) = match self.chunks.recv_timeout(PATIENCE) {
+            Ok(chunk) => chunk.map_err(CliError::input)?,
+            Err(RecvTimeoutError::Timeout) => return Ok(Came::Nothing),
+            Err(RecvTimeoutError::Disconnected) => return Ok(Came::End),
+        };
+        let lost = first.saturating_sub(self.next.unwrap_or(first));
+        self.losses.samples += lost;
+        self.losses.gaps += u32::from(lost > 0);
+        self.next = Some(first.saturating_add(chunk.len() as u64));
+        *samples = chunk;
+        Ok(Came::Samples(first))
+    }
+
+    fn losses(&self) -> Losses {
+        self.losses
+    }
+}
+
+#[cfg(not(feature = "hardware"))]
+mod live {
+    use super::{Args, CliError, Input};
+
+    pub(super) fn open(_: &Args) -> Result<Box<dyn Input>, CliError> {
+        Err(CliError::input(
+            "tcp: this build has no drivers; cargo install foxhunt-cli --features hardware has them",
+        ))
+    }
+}
+
+#[cfg(feature = "hardware")]
+mod live {
+    use std::{thread, time::Duration};
+
+    use foxhunt::{
+        core::Clock,
+        hardware::{
+            Reconnecting, RtlTcpLosses, RtlTcpRadioError, RtlTcpSamples, RtlTcpTuning, SystemClock,
+        },
+        signal::{Complex32, samples::SampleFormat},
+        wire::Endpoint,
+    };
+
+    use super::{Args, Came, CliError, Input, Losses};
+
+    /// How often a receiver is looked at.
+    const PAUSE: Duration = Duration::from_millis(5);
+
+    /// A receiver behind rtl_tcp.
+    struct Live {
+        samples: RtlTcpSamples<Reconnecting<SystemClock>, SystemClock>,
+        clock: SystemClock,
+        endpoint: Endpoint,
+        bytes: Vec<u8>,
+        /// Whether samples come at present.
+        flows: Option<bool>,
+        news: Option<String>,
+    }
+
+    pub(super) fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
+        let search = &args.search;
+        if search.format.is_some() {
+            return Err(CliError::input("--format: rtl_tcp sends cu8, and nothing else"));
+        }
+        let needed = |value: Option<f64>, flag: &str| {
+            value.ok_or_else(|| CliError::input(format!("{flag}: rtl_tcp has to be set to one")))
+        };
+        let whole = |value: f64, flag: &str| {
+            let range = 1.0..4.2e9;
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range")]
+            let whole = range.contains(&value).then(|| value.round() as u32);
+            let text = || CliError::input(format!("{flag} is {value}, and must be 1 to 4.2e9"));
+            whole.ok_or_else(text)
+        };
+        let center = whole(needed(search.center_hz, "--center-hz")?, "--center-hz")?;
+        let rate = whole(needed(search.rate_hz, "--rate-hz")?, "--rate-hz")?;
+        let mut tuning = RtlTcpTuning::new(center, rate);
+        tuning.gain_db = args.gain_db.unwrap_or(tuning.gain_db);
+        tuning.correction_ppm = args.ppm.unwrap_or(0);
+        let endpoint: Endpoint = args.source.parse().map_err(CliError::input)?;
+        let clock = SystemClock::start();
+        let stream = Reconnecting::open(endpoint.clone(), clock).map_err(CliError::failure)?;
+        let samples = RtlTcpSamples::new(tuning, stream, clock).map_err(CliError::input)?;
+        let bytes = Vec::new();
+        Ok(Box::new(Live { samples, clock, endpoint, bytes, flows: None, news: None }))
+    }
+
+    impl Live {
+        fn note(&mut self, flows: bool, news: impl FnOnce() -> String) {
+            if self.flows.replace(flows) != Some(flows) {
+                self.news = Some(news());
+            }
+        }
+    }
+
+    impl Input for Live {
+        fn rate_hz(&self) -> f64 {
+            f64::from(self.samples.tuning().sample_rate_hz)
+        }
+
+        fn center_hz(&self) -> Option<f64> {
+            Some(f64::from(self.samples.tuning().center_hz))
+        }
+
+        fn rounding_noise(&self) -> f64 {
+            SampleFormat::Cu8.rounding_noise()
+        }
+
+        fn is_live(&self) -> bool {
+            true
+        }
+
+        fn elapsed_s(&self) -> Option<f64> {
+            Some(self.clock.now())
+        }
+
+        fn read(&mut self, samples: &mut Vec<Complex32>) -> Result<Came, CliError> {
+            match self.samples.poll(&mut self.bytes) {
+                Ok(Some(first)) => {
+                    samples.clear();
+                    SampleFormat::Cu8.decode(&self.bytes, samples);
+                    let endpoint = self.endpoint.clone();
+                    let RtlTcpLosses { samples, .. } = self.samples.losses();
+                    self.note(true, || format!("{endpoint}: samples come; {samples} were lost"));
+                    Ok(Came::Samples(first))
+                }
+                Ok(None) => {
+                    thread::sleep(PAUSE);
+                    Ok(Came::Nothing)
+                }
+                Err(error @ RtlTcpRadioError::Server(_)) => Err(CliError::failure(error)),
+                Err(error) => {
+                    let endpoint = self.endpoint.clone();
+                    self.note(false, || format!("{endpoint}: {error}; it is tried again"));
+                    thread::sleep(PAUSE);
+                    Ok(Came::Nothing)
+                }
+            }
+        }
+
+        fn losses(&self) -> Losses {
+            let RtlTcpLosses { gaps, samples, stalls, .. } = self.samples.losses();
+            Losses { gaps, samples, stalls }
+        }
+
+        fn news(&mut self) -> Option<String> {
+            self.news.take()
+        }
+    }
+}

@@ -1,0 +1,298 @@
+//! Pulses and tags as they come in.
+
+mod input;
+mod screen;
+mod tracker;
+
+use std::{
+    io::{IsTerminal, stdout},
+    path::PathBuf,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+};
+
+use foxhunt::signal::{
+    Waterfall,
+    detector::{Detection, Detector},
+    tags::TagTable,
+};
+use serde::Serialize;
+
+use self::{
+    input::{Came, Input, Losses},
+    screen::Screen,
+    tracker::{TagRow, Tracker},
+};
+use super::{
+    pulses::{HEADER, Search, line},
+    tags::from_to,
+};
+use crate::{
+    context::Context,
+    error::{CliError, InFile},
+    output::{Output, warn},
+    table::{number, table},
+};
+
+/// Show tags as they pulse: from a receiver, a file or a pipe
+///
+/// Searches samples as they come for pulses, and gives the pulses to tags. On a terminal there are
+/// a waterfall and a table of tags; elsewhere a line for each pulse, and the table at the end.
+/// Reads `rtl_tcp` (tcp:HOST:PORT), whose receiver it sets, files of samples, and raw samples on
+/// standard input. Ends with Ctrl-C.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+                        foxhunt listen tcp:127.0.0.1:1234 --center-hz 150.08e6 --rate-hz 250000\n  \
+                        foxhunt listen tcp:127.0.0.1:1234 --center-hz 150.08e6 --rate-hz 250000 \
+                        --tags tags.csv --csv > pulses.csv\n  \
+                        foxhunt listen tag.sigmf-meta\n  \
+                        rtl_sdr -f 150080000 -s 250000 - | foxhunt listen - --format cu8 \
+                        --rate-hz 250000 --center-hz 150.08e6")]
+pub(crate) struct Args {
+    /// Where samples come from: tcp:HOST:PORT of rtl_tcp, a file, or - for standard input
+    source: String,
+    /// Print each pulse as soon as it is found, as CSV
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
+    #[command(flatten)]
+    search: Search,
+    /// The receiver's gain, in dB; only of rtl_tcp
+    #[arg(long, value_name = "DB", allow_negative_numbers = true)]
+    gain_db: Option<f64>,
+    /// How far off the receiver's oscillator is, in parts per million; only of rtl_tcp
+    #[arg(long, value_name = "PPM", allow_negative_numbers = true)]
+    ppm: Option<i32>,
+    /// A table of known tags, as `foxhunt tags` reads it
+    #[arg(long, value_name = "FILE")]
+    tags: Option<PathBuf>,
+    /// The shortest and the longest interval of unknown tags, in seconds
+    #[arg(long, value_name = "FROM,TO", value_parser = from_to)]
+    intervals_s: Option<[f64; 2]>,
+    /// End after so many seconds
+    #[arg(long, value_name = "S", value_parser = positive)]
+    for_s: Option<f64>,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|value: &f64| *value > 0.0 && value.is_finite());
+    value.ok_or_else(|| "not a positive number".to_owned())
+}
+
+/// What `--json` prints at the end.
+#[derive(Debug, Serialize)]
+struct Report {
+    source: String,
+    rate_hz: f64,
+    /// Without it frequencies are about the middle of the band.
+    center_hz: Option<f64>,
+    /// How long a stretch was searched, without gaps.
+    searched_s: f64,
+    /// Whether levels are in dBm, and not in dB of full scale.
+    calibrated: bool,
+    /// The energy over the noise's power density that a pulse must have, at the end.
+    threshold_db: f64,
+    /// What was allowed.
+    false_alarms_per_hour: f64,
+    lost: Losses,
+    tags: Vec<TagRow>,
+    /// Pulses that were given to no tag.
+    others: usize,
+    pulses: Vec<Detection>,
+}
+
+/// How pulses are shown.
+enum View {
+    Screen(Box<Screen>),
+    Csv,
+    Lines,
+    Json(Vec<Detection>),
+}
+
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let output = context.output;
+    let table = match &args.tags {
+        Some(file) => TagTable::read(file).map_err(CliError::input)?,
+        None => TagTable::default(),
+    };
+    let mut input = input::open(args)?;
+    let wrong = |error: foxhunt::signal::detector::DetectorError| {
+        CliError::input(InFile { file: args.source.clone(), source: error.into() })
+    };
+    let (rate, center) = (input.rate_hz(), input.center_hz());
+    let mut config = args.search.config(rate, center, input.rounding_noise());
+    config.search_every_s = input.is_live().then_some(SEARCH_EVERY_S);
+    let mut detector = Detector::new(config).map_err(wrong)?;
+    let mut tracker = Tracker::new(table, args.intervals_s);
+    let mut view = view(args, input.as_ref(), output)?;
+    let stop = stop_on_interrupt(output)?;
+    let (mut samples, mut found) = (Vec::new(), Vec::new());
+    let mut time_s = 0.0;
+    while !stop.load(Ordering::Relaxed) && args.for_s.is_none_or(|limit| time_s < limit) {
+        match input.read(&mut samples)? {
+            Came::Samples(first) => {
+                detector.push(first, &samples, &mut found).map_err(wrong)?;
+                let next = first.saturating_add(samples.len() as u64);
+                #[expect(clippy::cast_precision_loss, reason = "below 2^52")]
+                let end_s = next as f64 / rate;
+                time_s = end_s;
+                if let View::Screen(screen) = &mut view {
+                    screen.take(first, &samples);
+                }
+            }
+            Came::Nothing => time_s = time_s.max(input.elapsed_s().unwrap_or(0.0)),
+            Came::End => break,
+        }
+        show(&mut view, &mut tracker, &mut found, time_s, input.as_mut(), args, output)?;
+    }
+    detector.finish(&mut found);
+    show(&mut view, &mut tracker, &mut found, time_s, input.as_mut(), args, output)?;
+    tracker.associate();
+    let is_csv = matches!(view, View::Csv);
+    // The screen goes, so that the table stays below what was there.
+    let pulses = match view {
+        View::Json(pulses) => pulses,
+        other => {
+            drop(other);
+            Vec::new()
+        }
+    };
+    let report = Report {
+        source: args.source.clone(),
+        rate_hz: rate,
+        center_hz: center,
+        searched_s: detector.searched_s(),
+        calibrated: args.search.full_scale_dbm.is_some(),
+        threshold_db: detector.threshold_db(),
+        false_alarms_per_hour: args.search.false_alarms_per_hour,
+        lost: input.losses(),
+        others: tracker.others(),
+        tags: tracker.into_rows(),
+        pulses,
+    };
+    if is_csv { Ok(()) } else { output.result(&report, text) }
+}
+
+/// How often what came from a receiver is searched, in seconds.
+const SEARCH_EVERY_S: f64 = 0.1;
+
+/// How many columns the waterfall has where the terminal does not limit it.
+const MOST_COLUMNS: u16 = 160;
+
+fn view(args: &Args, input: &dyn Input, output: Output<'_>) -> Result<View, CliError> {
+    if output.is_json() {
+        return Ok(View::Json(Vec::new()));
+    }
+    if args.csv {
+        output.note(HEADER)?;
+        return Ok(View::Csv);
+    }
+    if !stdout().is_terminal() {
+        return Ok(View::Lines);
+    }
+    let (_, width) = console::Term::stdout().size();
+    let columns = usize::from(width.clamp(20, MOST_COLUMNS) - 1);
+    let waterfall = Waterfall::new(input.rate_hz(), columns, screen::ROW_S);
+    let waterfall = waterfall.ok_or_else(|| CliError::input("--rate-hz: no waterfall fits"))?;
+    let is_calibrated = args.search.full_scale_dbm.is_some();
+    let screen = Screen::open(&args.source, input, waterfall)?;
+    Ok(View::Screen(Box::new(screen.calibrated(is_calibrated))))
+}
+
+/// Ctrl-C ends it, so that the table is printed and the terminal is as it was; unless it is the
+/// matter of another program.
+fn stop_on_interrupt(output: Output<'_>) -> Result<Arc<AtomicBool>, CliError> {
+    let stop = Arc::new(AtomicBool::new(false));
+    if output.is_kept() {
+        return Ok(stop);
+    }
+    let stopped = Arc::clone(&stop);
+    let quit = move || {
+        if stopped.swap(true, Ordering::Relaxed) {
+            // The second time: whatever is waited for is not worth it.
+            console::Term::stdout().show_cursor().ok();
+            std::process::exit(130);
+        }
+    };
+    ctrlc::set_handler(quit).map_err(CliError::failure)?;
+    Ok(stop)
+}
+
+fn show(
+    view: &mut View,
+    tracker: &mut Tracker,
+    found: &mut Vec<Detection>,
+    time_s: f64,
+    input: &mut dyn Input,
+    args: &Args,
+    output: Output<'_>,
+) -> Result<(), CliError> {
+    for detection in found.drain(..) {
+        tracker.take(detection.pulse);
+        match view {
+            View::Csv => output.note(&line(&detection, &args.source))?,
+            View::Lines => {
+                let pulse = detection.pulse;
+                output.note(&format!(
+                    "{:10.3} s {:14.1} Hz {:6.1} ms {:7.1} {} {:5.1} dB",
+                    pulse.time_s,
+                    pulse.frequency_hz,
+                    1e3 * pulse.width_s,
+                    pulse.power_dbm,
+                    level_unit(args.search.full_scale_dbm.is_some()),
+                    pulse.snr_db
+                ))?;
+            }
+            View::Json(pulses) => pulses.push(detection),
+            View::Screen(_) => {}
+        }
+    }
+    tracker.refresh(time_s);
+    let news = input.news();
+    match view {
+        View::Screen(screen) => screen.draw(tracker, time_s, news.as_deref(), input.losses())?,
+        _ => news.iter().for_each(|news| warn(news)),
+    }
+    Ok(())
+}
+
+fn level_unit(is_calibrated: bool) -> &'static str {
+    if is_calibrated { "dBm" } else { "dBFS" }
+}
+
+/// The tags as a table.
+fn text(report: &Report) -> String {
+    let tags = rows(&report.tags, report.searched_s, report.calibrated);
+    let pulses: usize = report.tags.iter().map(|tag| tag.pulses).sum();
+    format!(
+        "{tags}\n{} pulses in {:.1} s searched, {} of them of no tag; {} samples lost in {} gaps.",
+        pulses + report.others,
+        report.searched_s,
+        report.others,
+        report.lost.samples,
+        report.lost.gaps
+    )
+}
+
+/// Rows of tags at a time, in the samples' clock.
+fn rows(tags: &[TagRow], time_s: f64, is_calibrated: bool) -> String {
+    let level = if is_calibrated { "dBm" } else { "dBFS" };
+    let columns =
+        ["tag", "frequency Hz", "interval s", "± ms", "width ms", level, "E/N0 dB", "last s", "n"];
+    let mut table = table(&columns);
+    for tag in tags {
+        table.add_row([
+            tag.name.clone(),
+            number(tag.frequency_hz, 0),
+            number(tag.interval_s, 4),
+            number(1e3 * tag.jitter_s, 1),
+            number(1e3 * tag.width_s, 1),
+            number(tag.power_dbm, 1),
+            number(tag.snr_db, 1),
+            format!("-{:.1}", (time_s - tag.last_pulse_s).max(0.0)),
+            tag.pulses.to_string(),
+        ]);
+    }
+    table.to_string()
+}
