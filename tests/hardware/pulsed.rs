@@ -109,11 +109,11 @@ impl Bench {
 /// Each answer is the level of a pulse that was played after the question, at the pulse's time.
 fn assert_levels(bench: &mut Bench, questions: usize, within_db: f64) {
     for _ in 0..questions {
-        let asked = bench.world.time();
+        let requested = bench.world.time();
         let (level, time) = bench.query(0, 4).expect("each question meets a pulse");
         let near = |pulse: &&PlayedPulse| (pulse.time_s - time).abs() < 0.01;
         let pulse = bench.played.iter().find(near).expect("a pulse was there");
-        assert!(pulse.time_s > asked, "a pulse of {} at {asked}", pulse.time_s);
+        assert!(pulse.time_s > requested, "a pulse of {} at {requested}", pulse.time_s);
         let off = level - pulse.power_dbm;
         assert!(off.abs() < within_db, "{level} dBm for {}", pulse.power_dbm);
     }

@@ -186,8 +186,10 @@ impl EmulatedField {
         for (drone, stands) in scenario.world.drones.iter().enumerate() {
             field.flight.flight.takeoff_up_m = stands.up_m;
             let source = scenario.sources.get(drone).unwrap_or(&scenario.source);
-            let launch_m = [stands.east_m, stands.north_m];
-            field.add(world, drone, config, source, tags.as_ref(), &mut place, launch_m)?;
+            field.add(world, drone, config, source, tags.as_ref(), &mut place)?;
+            if let Some(flown) = field.flight.drones.last_mut() {
+                flown.launch_m = Some([stands.east_m, stands.north_m]);
+            }
         }
         Ok(field)
     }
@@ -200,7 +202,6 @@ impl EmulatedField {
         source: &SourceConfig,
         tags: Option<&Tags>,
         place: &mut Place<'_>,
-        launch_m: [f64; 2],
     ) -> Result<(), EmulatedFieldError> {
         let name = format!("drone-{}", drone + 1);
         let faults = config.faults.get(drone).cloned().unwrap_or_default();
@@ -265,7 +266,7 @@ impl EmulatedField {
         };
         let vehicle = VehicleDevice::Mavlink { endpoint, settings: MavlinkConfig::default() };
         let radio = Some(radio);
-        let launch_m = Some(launch_m);
+        let launch_m = None;
         let drone = DroneConfig { name, launch_m, vehicle, gnss: None, radio, rotator, source };
         self.flight.drones.push(drone);
         Ok(())

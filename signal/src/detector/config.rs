@@ -89,7 +89,9 @@ impl DetectorConfig {
         if !self.full_scale_dbm.is_finite() {
             return refuse("full_scale_dbm", self.full_scale_dbm, "finite");
         }
-        if let Some(every) = self.search_every_s.filter(|every| !(*every > 0.0)) {
+        if let Some(every) = self.search_every_s
+            && (every.is_nan() || every <= 0.0)
+        {
             return refuse("search_every_s", every, "above 0");
         }
         Ok(())

@@ -36,6 +36,9 @@ pub(super) struct Losses {
 
 /// Where samples come from.
 pub(super) trait Input {
+    /// What lists of pulses call it.
+    fn name(&self) -> &str;
+
     fn rate_hz(&self) -> f64;
 
     fn center_hz(&self) -> Option<f64>;
@@ -90,6 +93,7 @@ type Chunk = Result<(u64, Vec<Complex32>), SampleError>;
 
 /// A file or a pipe, which a thread of its own waits for.
 struct Recorded {
+    name: String,
     rate_hz: f64,
     center_hz: Option<f64>,
     rounding_noise: f64,
@@ -103,7 +107,7 @@ impl Recorded {
     fn new(mut source: SampleSource) -> Self {
         let (sender, chunks) = sync_channel(AHEAD);
         let (rate_hz, center_hz) = (source.rate_hz(), source.center_hz());
-        let rounding_noise = source.rounding_noise();
+        let (rounding_noise, name) = (source.rounding_noise(), source.file().to_owned());
         thread::spawn(move || {
             let mut samples = Vec::new();
             while let Some(chunk) = source.read(&mut samples).transpose() {
@@ -116,11 +120,15 @@ impl Recorded {
             }
         });
         let losses = Losses::default();
-        Self { rate_hz, center_hz, rounding_noise, next: None, losses, chunks }
+        Self { name, rate_hz, center_hz, rounding_noise, next: None, losses, chunks }
     }
 }
 
 impl Input for Recorded {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
     fn rate_hz(&self) -> f64 {
         self.rate_hz
     }
@@ -158,7 +166,7 @@ mod live {
 
     pub(super) fn open(_: &Args) -> Result<Box<dyn Input>, CliError> {
         Err(CliError::input(
-            "tcp: this build has no drivers; cargo install foxhunt-cli --features hardware has them",
+            "tcp: this build has no drivers; one with the feature hardware has them",
         ))
     }
 }
@@ -186,6 +194,7 @@ mod live {
         samples: RtlTcpSamples<Reconnecting<SystemClock>, SystemClock>,
         clock: SystemClock,
         endpoint: Endpoint,
+        name: String,
         bytes: Vec<u8>,
         /// Whether samples come at present.
         flows: Option<bool>,
@@ -216,8 +225,8 @@ mod live {
         let clock = SystemClock::start();
         let stream = Reconnecting::open(endpoint.clone(), clock).map_err(CliError::failure)?;
         let samples = RtlTcpSamples::new(tuning, stream, clock).map_err(CliError::input)?;
-        let bytes = Vec::new();
-        Ok(Box::new(Live { samples, clock, endpoint, bytes, flows: None, news: None }))
+        let (name, bytes) = (args.source.clone(), Vec::new());
+        Ok(Box::new(Live { samples, clock, endpoint, name, bytes, flows: None, news: None }))
     }
 
     impl Live {
@@ -229,6 +238,10 @@ mod live {
     }
 
     impl Input for Live {
+        fn name(&self) -> &str {
+            &self.name
+        }
+
         fn rate_hz(&self) -> f64 {
             f64::from(self.samples.tuning().sample_rate_hz)
         }

@@ -231,7 +231,7 @@ fn show(
     for detection in found.drain(..) {
         tracker.take(detection.pulse);
         match view {
-            View::Csv => output.note(&line(&detection, &args.source))?,
+            View::Csv => output.note(&line(&detection, input.name()))?,
             View::Lines => {
                 let pulse = detection.pulse;
                 output.note(&format!(

@@ -30,7 +30,7 @@ const SHADES: [char; 16] =
     [' ', ' ', ' ', '.', '.', ':', ':', '-', '=', '+', '*', 'o', '%', '#', '@', '@'];
 
 /// How far above the median of a row the highest colour is, in dB, and the lowest.
-const RANGE_DB: [f32; 2] = [1.0, 25.0];
+const RANGE_DB: [f32; 2] = [-1.0, 20.0];
 
 /// Lines that are neither waterfall nor tags: what is received, the frequencies, what has happened.
 const OTHER_LINES: usize = 4;
@@ -123,7 +123,7 @@ impl Screen {
         let table = tags.len().min((most / 2).max(TABLE_LINES + 2)).min(most);
         let fall = most - table;
         let mut lines = vec![format!(
-            "{}  {time_s:.1} s  lost {samples} samples in {gaps} gaps, {stalls} stalls  Ctrl-C ends",
+            "{}  {time_s:.1} s  {samples} samples lost in {gaps} gaps, {stalls} stalls  Ctrl-C ends",
             self.title
         )];
         let shown = self.rows.iter().skip(self.rows.len().saturating_sub(fall));

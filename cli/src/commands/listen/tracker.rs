@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::commands::tags::name;
 
 /// From one association to the next, in seconds of the samples.
-const EVERY_S: f64 = 2.0;
+const EVERY_S: f64 = 1.0;
 
 /// Pulses are associated anew while they are no older than this, in seconds, and no more than this.
 const WINDOW_S: f64 = 120.0;
