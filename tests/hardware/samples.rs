@@ -189,8 +189,7 @@ fn a_stream_that_stalls_is_noticed_in_a_second_and_goes_on_at_its_time() {
     let losses = listened.samples.losses();
     assert_eq!((losses.stalls, losses.gaps), (1, 1));
     // From 20 s until it was opened again, and what settling takes.
-    let seconds = losses.samples as f64 / 16_000.0;
-    assert!((1.0..1.4).contains(&seconds), "{seconds}");
+    assert!((16_000..22_400).contains(&losses.samples), "{losses:?}");
     assert_found(&listened, 19.9..21.5, 2e-3);
 }
 

@@ -123,7 +123,7 @@ impl Screen {
         let table = tags.len().min((most / 2).max(TABLE_LINES + 2)).min(most);
         let fall = most - table;
         let mut lines = vec![format!(
-            "{}  {time_s:.1} s  {samples} samples lost in {gaps} gaps, {stalls} stalls  Ctrl-C ends",
+            "{}  {time_s:.1} s  {samples} samples lost in {gaps} gaps, {stalls} stalls",
             self.title
         )];
         let shown = self.rows.iter().skip(self.rows.len().saturating_sub(fall));
