@@ -102,6 +102,6 @@ fn a_server_of_rtl_tcp_is_listened_to() {
         let frequency = pulse["frequency_hz"].as_f64().expect("a number");
         assert!((frequency - 150.1e6).abs() < 15.0, "{pulse}");
         let level = pulse["power_dbm"].as_f64().expect("a number");
-        assert!(levels.iter().any(|sent| (sent - level).abs() < 0.7), "{level}, {levels:?}");
+        assert!(levels.iter().any(|sent| (sent - level).abs() < 2.0), "{level}, {levels:?}");
     }
 }
