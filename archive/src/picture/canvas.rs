@@ -78,7 +78,7 @@ impl Canvas<'_> {
 
     pub(super) fn dashes(
         &self,
-        points: [Pixel; 2],
+        points: Vec<Pixel>,
         colour: RGBAColor,
         width: i32,
     ) -> Result<(), PictureError> {
@@ -163,7 +163,7 @@ pub struct PictureError {
 }
 
 impl PictureError {
-    fn new(error: impl Display) -> Self {
+    pub(super) fn new(error: impl Display) -> Self {
         Self { reason: error.to_string() }
     }
 }

@@ -36,7 +36,8 @@ pub(super) fn draw(canvas: &Canvas<'_>, frame: &Frame, scene: &Scene) -> Result<
     names(canvas, frame, scene)
 }
 
-fn grid(canvas: &Canvas<'_>, frame: &Frame) -> Result<(), PictureError> {
+/// The lines of the grid, with their metres.
+pub(super) fn grid(canvas: &Canvas<'_>, frame: &Frame) -> Result<(), PictureError> {
     const SIZE: i32 = 13 * UNIT;
     let rect = frame.rect();
     let ([east, north], decimals) = frame.grid();
@@ -69,7 +70,7 @@ fn grid(canvas: &Canvas<'_>, frame: &Frame) -> Result<(), PictureError> {
     let middle = (rect.left + rect.right) / 2;
     let below = rect.bottom + 28 * UNIT;
     canvas.text("East in metres", (middle, below), SIZE, palette::INK, Anchor::Top)?;
-    let above = (14 * UNIT, rect.top - 14 * UNIT);
+    let above = (rect.left - 50 * UNIT, rect.top - 14 * UNIT);
     canvas.text("North in metres", above, SIZE, palette::INK, Anchor::Left)
 }
 
@@ -86,7 +87,7 @@ fn rays(canvas: &Canvas<'_>, frame: &Frame, scene: &Scene) -> Result<(), Picture
         if ray.fused {
             canvas.line(ends.to_vec(), colour.mix(0.55), 4)?;
         } else {
-            canvas.dashes(ends, colour.mix(0.4), 4)?;
+            canvas.dashes(ends.to_vec(), colour.mix(0.4), 4)?;
         }
     }
     Ok(())

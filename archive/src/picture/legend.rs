@@ -95,7 +95,9 @@ fn marks(rows: &mut Rows<'_, '_>, scene: &Scene) -> Result<(), PictureError> {
     }
     let grey = palette::FAINT_INK;
     rows.mark("bearing", |canvas, at| canvas.line(ends(at).to_vec(), grey.mix(0.6), 5))?;
-    rows.mark("bearing, not used", |canvas, at| canvas.dashes(ends(at), grey.mix(0.6), 5))?;
+    rows.mark("bearing, not used", |canvas, at| {
+        canvas.dashes(ends(at).to_vec(), grey.mix(0.6), 5)
+    })?;
     rows.mark("estimate, step by step", |canvas, at| {
         canvas.line(ends(at).to_vec(), palette::BELIEF.mix(0.7), 5)?;
         ends(at).into_iter().try_for_each(|end| canvas.dot(end, 9, palette::BELIEF.mix(0.8)))

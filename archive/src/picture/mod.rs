@@ -1,23 +1,32 @@
-//! The picture of a hunt, of an antenna, and of the results of a campaign, as SVG.
+//! Pictures of hunts, turns, antennas and campaigns, and graphs of what is in them, as SVG.
 //!
 //! In a hunt's, East is to the right, North up, and a metre is as long in both directions.
 
 mod canvas;
 mod chart;
+mod clouds;
 mod distributions;
 mod frame;
+mod graph;
 mod label;
 mod legend;
+mod of_overview;
 mod palette;
 mod polar;
+mod ratios;
 mod scene;
 
 pub use canvas::PictureError;
 pub use distributions::Distribution;
+pub use graph::{Axis, Band, Curve, Graph, Mark, Scale, Tint};
+pub use of_overview::{NamedSearch, axes_over_steps, error_over_steps, nees_over_steps};
+pub use ratios::Ratios;
 
 use foxhunt_sensors::Antenna;
 
 use foxhunt_hunt::{hunt::Event, log::LogHeader};
+
+use crate::overview::{SearchOverview, Turn};
 
 /// Draws a hunt: where the drones listened, their bearings, how the estimates went, the last
 /// of each beacon with its 95 % ellipse, and the beacons where they truly are, if the header
@@ -57,6 +66,74 @@ pub fn antenna_svg(name: &str, antenna: &dyn Antenna) -> Result<String, PictureE
 /// [`PictureError`] when the drawing library refuses an element.
 pub fn distributions_svg(title: &str, contenders: &[Distribution]) -> Result<String, PictureError> {
     canvas::svg(|canvas| distributions::draw(canvas, title, contenders))
+}
+
+/// Draws curves over one axis. Returns the text of an SVG file.
+///
+/// # Errors
+///
+/// [`PictureError`] when the drawing library refuses an element.
+pub fn graph_svg(graph: &Graph) -> Result<String, PictureError> {
+    canvas::svg(|canvas| graph::draw(canvas, graph))
+}
+
+/// Draws a turn of the antenna: its samples, and its preprocessed pattern with the known antenna;
+/// `bearing` in radians counter-clockwise from East is a ray in both. Returns the text of an SVG
+/// file.
+///
+/// # Errors
+///
+/// [`PictureError`] when the drawing library refuses an element.
+pub fn turn_svg(title: &str, turn: &Turn, bearing: Option<f64>) -> Result<String, PictureError> {
+    canvas::svg(|canvas| polar::draw_turn(canvas, title, turn, bearing))
+}
+
+/// Draws the cloud of a search at six moments from its beginning to its end. Returns the text of an
+/// SVG file.
+///
+/// # Errors
+///
+/// [`PictureError`] when the drawing library refuses an element.
+pub fn clouds_svg(title: &str, search: &SearchOverview) -> Result<String, PictureError> {
+    canvas::svg(|canvas| clouds::draw(canvas, title, search))
+}
+
+/// Draws how contenders compare with a reference, in each of some figures. Returns the text of an
+/// SVG file.
+///
+/// # Errors
+///
+/// [`PictureError`] when the drawing library refuses an element.
+pub fn ratios_svg(
+    title: &str,
+    figures: &[&str],
+    contenders: &[Ratios],
+) -> Result<String, PictureError> {
+    canvas::svg(|canvas| ratios::draw(canvas, title, figures, contenders))
+}
+
+/// A picture as PNG, two pixels for each of the SVG's, with the sans-serif fonts of the system.
+///
+/// # Errors
+///
+/// [`PictureError`] for a text that is no SVG, or where there is no room for the picture.
+#[cfg(feature = "png")]
+pub fn png(svg: &str) -> Result<Vec<u8>, PictureError> {
+    use resvg::{
+        tiny_skia::{Pixmap, Transform},
+        usvg::{Options, Tree},
+    };
+
+    const SCALE: f32 = 2.0;
+    let mut options = Options::default();
+    options.fontdb_mut().load_system_fonts();
+    let tree = Tree::from_str(svg, &options).map_err(PictureError::new)?;
+    let size = tree.size().to_int_size().scale_by(SCALE);
+    let size = size.ok_or_else(|| PictureError::new("it has no size"))?;
+    let pixmap = Pixmap::new(size.width(), size.height());
+    let mut pixmap = pixmap.ok_or_else(|| PictureError::new("it is too large"))?;
+    resvg::render(&tree, Transform::from_scale(SCALE, SCALE), &mut pixmap.as_mut());
+    pixmap.encode_png().map_err(PictureError::new)
 }
 
 #[cfg(test)]

@@ -1,5 +1,9 @@
+use std::f64::consts::FRAC_PI_2;
+
 use foxhunt_sensors::Antenna;
 use plotters::style::Color;
+
+use crate::overview::Turn;
 
 use super::{
     canvas::{Anchor, Canvas, PictureError, UNIT},
@@ -61,19 +65,79 @@ pub(super) fn draw(
     })
 }
 
+/// A turn of the antenna: its samples on the left, its preprocessed pattern on the right with the
+/// known antenna and the bearing, viewed from above.
+pub(super) fn draw_turn(
+    canvas: &Canvas<'_>,
+    title: &str,
+    turn: &Turn,
+    bearing: Option<f64>,
+) -> Result<(), PictureError> {
+    let at = (48 * UNIT, 36 * UNIT);
+    canvas.text(title, at, 18 * UNIT, palette::INK, Anchor::Left)?;
+    let levels = turn.samples.iter().chain(&turn.smoothed).map(|[_, level]| *level);
+    let most = levels.filter(|level| level.is_finite()).fold(f64::NEG_INFINITY, f64::max);
+    if !most.is_finite() {
+        return Ok(());
+    }
+    let most = most.ceil();
+    let scale =
+        format!("{most:.0} dBm at the outer ring, {RING_DB:.0} dB from ring to ring, North up")
+            .replace('-', "\u{2212}");
+    canvas.text(&scale, (48 * UNIT, 62 * UNIT), SIZE, palette::FAINT_INK, Anchor::Left)?;
+    let sides = ["N", "W", "S", "E"];
+    let raw =
+        Circle { centre: (290 * UNIT, 430 * UNIT), title: "samples as they were received", sides };
+    let made = Circle {
+        centre: (830 * UNIT, 430 * UNIT),
+        title: "preprocessed; dashed: the known antenna at the bearing",
+        sides,
+    };
+    // Boresights count from East, circles from the top.
+    let pixel = |circle: &Circle<'_>, [boresight, level]: &[f64; 2]| {
+        let share = (1.0 + (level - most) / RANGE_DB).clamp(0.0, 1.0);
+        circle.pixel(boresight - FRAC_PI_2, share)
+    };
+    raw.axes(canvas)?;
+    made.axes(canvas)?;
+    for sample in turn.samples.iter().filter(|sample| sample.iter().all(|v| v.is_finite())) {
+        canvas.dot(pixel(&raw, sample), 2 * UNIT, palette::drone(0).mix(0.5))?;
+    }
+    if let Some(bearing) = bearing.filter(|bearing| bearing.is_finite()) {
+        for circle in [&raw, &made] {
+            let ray = vec![circle.centre, circle.pixel(bearing - FRAC_PI_2, 1.0)];
+            canvas.line(ray, palette::INK.to_rgba(), UNIT)?;
+        }
+    }
+    let closed = |points: &[[f64; 2]]| -> Vec<Pixel> {
+        points.iter().chain(points.first()).map(|point| pixel(&made, point)).collect()
+    };
+    canvas.dashes(closed(&turn.fitted), palette::INK.mix(0.7), UNIT)?;
+    canvas.line(closed(&turn.smoothed), palette::BELIEF.to_rgba(), 2 * UNIT)
+}
+
 impl Circle<'_> {
     fn draw(
         &self,
         canvas: &Canvas<'_>,
         relative_db: impl Fn(f64) -> f64,
     ) -> Result<(), PictureError> {
-        let turn = |share: &dyn Fn(f64) -> f64| -> Vec<Pixel> {
-            let angle = |half: u16| f64::to_radians(0.5 * f64::from(half));
-            (0..=720).map(|half| self.pixel(angle(half), share(angle(half)))).collect()
-        };
+        self.axes(canvas)?;
+        let share = |angle: f64| (1.0 + relative_db(angle) / RANGE_DB).clamp(0.0, 1.0);
+        canvas.line(self.turn(&share), palette::BELIEF.to_rgba(), 2 * UNIT)
+    }
+
+    /// A closed curve of shares of the radius over the angle.
+    fn turn(&self, share: &dyn Fn(f64) -> f64) -> Vec<Pixel> {
+        let angle = |half: u16| f64::to_radians(0.5 * f64::from(half));
+        (0..=720).map(|half| self.pixel(angle(half), share(angle(half)))).collect()
+    }
+
+    /// Rings, spokes and texts.
+    fn axes(&self, canvas: &Canvas<'_>) -> Result<(), PictureError> {
         let mut below = 0.0;
         while below < RANGE_DB {
-            let ring = turn(&|_| 1.0 - below / RANGE_DB);
+            let ring = self.turn(&|_| 1.0 - below / RANGE_DB);
             canvas.line(ring, palette::GRID.to_rgba(), UNIT)?;
             below += RING_DB;
         }
@@ -82,8 +146,6 @@ impl Circle<'_> {
             let ends = [self.pixel(angle, 1.0), self.pixel(angle, -1.0)];
             canvas.line(ends.to_vec(), palette::GRID.to_rgba(), UNIT)?;
         }
-        let curve = turn(&|angle| (1.0 + relative_db(angle) / RANGE_DB).clamp(0.0, 1.0));
-        canvas.line(curve, palette::BELIEF.to_rgba(), 2 * UNIT)?;
         let (x, y) = self.centre;
         let gap = 12 * UNIT;
         let [top, left, bottom, right] = self.sides;

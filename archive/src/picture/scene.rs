@@ -64,7 +64,7 @@ pub(super) struct Search {
 /// Farther than this from the origin, in metres, is no place in a local frame.
 const FAR: f64 = 1e7;
 
-fn drawable(place: &Vector2<f64>) -> bool {
+pub(super) fn drawable(place: &Vector2<f64>) -> bool {
     // NaN is not below anything.
     place.iter().all(|c| c.abs() < FAR)
 }
@@ -201,17 +201,21 @@ impl Scene {
 impl Search {
     /// The 95 % ellipse as a closed line, where there is one that can be drawn.
     pub(super) fn outline(&self) -> Option<Vec<Vector2<f64>>> {
-        const CORNERS: u32 = 120;
-        let estimate = self.estimate.as_ref()?;
-        let ellipse = estimate.ellipse(0.95).filter(|e| e.semi_major < FAR)?;
-        let (sin, cos) = ellipse.orientation.sin_cos();
-        let corner = |i: u32| {
-            let (s, c) = (std::f64::consts::TAU * f64::from(i) / f64::from(CORNERS)).sin_cos();
-            let (along, across) = (ellipse.semi_major * c, ellipse.semi_minor * s);
-            estimate.mean + Vector2::new(along * cos - across * sin, along * sin + across * cos)
-        };
-        Some((0..=CORNERS).map(corner).collect())
+        outline(self.estimate.as_ref()?)
     }
+}
+
+/// The 95 % ellipse of an estimate as a closed line, where there is one that can be drawn.
+pub(super) fn outline(estimate: &Estimate<2>) -> Option<Vec<Vector2<f64>>> {
+    const CORNERS: u32 = 120;
+    let ellipse = estimate.ellipse(0.95).filter(|e| e.semi_major < FAR)?;
+    let (sin, cos) = ellipse.orientation.sin_cos();
+    let corner = |i: u32| {
+        let (s, c) = (std::f64::consts::TAU * f64::from(i) / f64::from(CORNERS)).sin_cos();
+        let (along, across) = (ellipse.semi_major * c, ellipse.semi_minor * s);
+        estimate.mean + Vector2::new(along * cos - across * sin, along * sin + across * cos)
+    };
+    Some((0..=CORNERS).map(corner).collect())
 }
 
 #[cfg(test)]

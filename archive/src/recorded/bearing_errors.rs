@@ -117,6 +117,25 @@ pub fn calibrate_bearings(
     Ok(BearingsFit { bearings: points.len(), refused, constant, heading, sigma })
 }
 
+/// The errors of the bearings that [`calibrate_bearings`] fits, in radians.
+///
+/// # Errors
+///
+/// [`RecordedError`] names the file and line where a true direction is not known.
+pub fn bearing_errors(
+    recordings: &[Recording],
+    beacon: Option<&str>,
+    extractor: &dyn BearingExtractor,
+    config: &CalibrateConfig,
+) -> Result<Vec<f64>, RecordedError> {
+    let mut points = Vec::new();
+    for recording in recordings {
+        known_bearings(recording, beacon, extractor, config, &mut points)?;
+    }
+    let error = |point: &JudgedBearing| angle::wrap(point.known.measured - point.known.truth);
+    Ok(points.iter().map(error).collect())
+}
+
 /// Adds a recording's bearings; how many turns had none.
 fn known_bearings(
     recording: &Recording,

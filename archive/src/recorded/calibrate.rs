@@ -77,6 +77,24 @@ pub fn calibrate(
     Ok(Calibration { fit, nearest_m, farthest_m })
 }
 
+/// The powers at known ranges that [`calibrate`] fits: metres, and dBm.
+///
+/// # Errors
+///
+/// [`RecordedError`] names the file and line where a range is not known.
+pub fn known_ranges(
+    recordings: &[Recording],
+    beacon: Option<&str>,
+    extractor: &dyn BearingExtractor,
+    config: &CalibrateConfig,
+) -> Result<Vec<[f64; 2]>, RecordedError> {
+    let mut points = Vec::new();
+    for recording in recordings {
+        add_points(recording, beacon, extractor, config, &mut points)?;
+    }
+    Ok(points.iter().map(|point| [point.range, point.rss_dbm]).collect())
+}
+
 /// A power at a known range, and the line that it is from.
 struct Point<'a> {
     range: f64,
