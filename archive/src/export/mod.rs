@@ -61,6 +61,25 @@ impl Format {
     }
 }
 
+impl Format {
+    /// Refuses what [`export`] would, before there is anything to export: `has_origin` is whether
+    /// it is known where the zero of local metres is on Earth, `has_time` whether the time of day
+    /// is.
+    ///
+    /// # Errors
+    ///
+    /// [`ExportError`] where the format needs what is not known, or is not in this build.
+    pub fn check(self, has_origin: bool, has_time: bool) -> Result<(), ExportError> {
+        match self {
+            Self::Mcap if !cfg!(feature = "mcap") => Err(ExportError::NotBuilt),
+            Self::Csv => Ok(()),
+            _ if !has_origin => Err(ExportError::NoOrigin),
+            Self::Cot if !has_time => Err(ExportError::NoTime),
+            _ => Ok(()),
+        }
+    }
+}
+
 impl FromStr for Format {
     type Err = ExportError;
 
@@ -114,6 +133,7 @@ impl ExportError {
 ///
 /// [`ExportError`] where the format needs an origin or a time that the overview does not have.
 pub fn export(overview: &Overview, format: Format) -> Result<Vec<u8>, ExportError> {
+    format.check(overview.frame.is_some(), overview.epoch_unix_s.is_some())?;
     let frame = || overview.frame.ok_or(ExportError::NoOrigin);
     match format {
         Format::GeoJson => geojson::write(overview, &frame()?),
