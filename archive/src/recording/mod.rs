@@ -6,6 +6,7 @@
 
 mod beside;
 mod column;
+mod convert;
 mod decompress;
 mod error;
 mod formats;
@@ -29,6 +30,7 @@ mod value;
 mod write;
 
 pub use column::Column;
+pub use convert::write_recordings;
 pub use error::{FieldProblem, RecordingError};
 pub use formats::builtin_mappings;
 pub use mapping::{Beside, Keep, Mapping, Melt, Spectrum, Turns};
