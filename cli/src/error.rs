@@ -37,6 +37,15 @@ impl CliError {
         Self::failure(WriteError { path: path.display().to_string(), source })
     }
 
+    /// A result that cannot be printed.
+    pub(crate) fn printing(error: io::Error) -> Self {
+        match error.kind() {
+            // A reader such as `head` that stops early is no failure.
+            io::ErrorKind::BrokenPipe => Self::Closed,
+            _ => Self::writing(Path::new("standard output"), error),
+        }
+    }
+
     /// Prints the error with all its sources, and returns the exit code.
     pub(crate) fn report(&self) -> ExitCode {
         let (code, error) = match self {

@@ -30,7 +30,9 @@ mod error;
 mod hints;
 mod output;
 mod progress;
+mod screen;
 mod table;
+mod writable;
 
 use std::{cell::RefCell, env, ffi::OsString, process::ExitCode};
 

@@ -1,26 +1,43 @@
 use std::{
     cell::RefCell,
+    collections::BTreeMap,
     io::{self, Write},
-    path::Path,
 };
 
+use clap::ValueEnum;
 use serde::Serialize;
 
-use crate::error::CliError;
+use crate::{error::CliError, screen};
+
+/// How results are printed for other programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum JsonForm {
+    /// The result as one value.
+    Value,
+    /// A value in each line: what happens in long work, and at last the result.
+    Lines,
+}
 
 /// Where results and notes are printed.
 ///
-/// With `--json` standard output holds one JSON value and nothing else; without it, tables and
-/// notes. Progress is on standard error either way.
+/// With `--json` standard output holds one JSON value and nothing else, with `--json=lines` one in
+/// each line; without it, tables and notes. Progress is on standard error either way.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Output<'a> {
-    json: bool,
+    json: Option<JsonForm>,
     /// What takes the result in place of standard output.
     kept: Option<&'a RefCell<String>>,
 }
 
+/// A line of JSON: what it is about, and that.
+#[derive(Serialize)]
+struct Line<'a, T> {
+    kind: &'a str,
+    value: &'a T,
+}
+
 impl<'a> Output<'a> {
-    pub(crate) fn new(json: bool) -> Self {
+    pub(crate) fn new(json: Option<JsonForm>) -> Self {
         Self { json, kept: None }
     }
 
@@ -36,7 +53,12 @@ impl<'a> Output<'a> {
 
     /// Keeps the result as JSON, where nothing is printed on standard output.
     pub(crate) fn kept_in(json: &'a RefCell<String>) -> Self {
-        Self { json: true, kept: Some(json) }
+        Self { json: Some(JsonForm::Value), kept: Some(json) }
+    }
+
+    /// Whether standard output takes what happens in long work, by [`event`].
+    pub(crate) fn streams(self) -> bool {
+        self.json == Some(JsonForm::Lines)
     }
 
     /// Prints the result: as JSON, or as `text` makes it for people.
@@ -45,10 +67,12 @@ impl<'a> Output<'a> {
         value: &T,
         text: impl FnOnce(&T) -> String,
     ) -> Result<(), CliError> {
-        let text = if self.json {
-            serde_json::to_string_pretty(value).map_err(CliError::failure)?
-        } else {
-            text(value).trim_end().to_owned()
+        let text = match self.json {
+            Some(JsonForm::Value) => {
+                serde_json::to_string_pretty(value).map_err(CliError::failure)?
+            }
+            Some(JsonForm::Lines) => return event("result", value).map_err(CliError::printing),
+            None => screen::wrapped(text(value).trim_end(), screen::width()),
         };
         match self.kept {
             Some(kept) => {
@@ -59,18 +83,57 @@ impl<'a> Output<'a> {
         }
     }
 
+    /// Prints a text as it is, or as JSON.
+    pub(crate) fn verbatim(self, text: &str) -> Result<(), CliError> {
+        match self.json {
+            Some(_) => self.result(&text, |text| (*text).to_owned()),
+            None => to_stdout(text.trim_end()),
+        }
+    }
+
     /// Prints a line beside the result, unless the result is kept.
     pub(crate) fn note(self, line: &str) -> Result<(), CliError> {
         if self.kept.is_some() {
             return Ok(());
         }
-        if self.json {
+        if self.json.is_some() {
             warn(line);
             Ok(())
         } else {
             to_stdout(line)
         }
     }
+}
+
+thread_local! {
+    /// The warnings of the command that runs, each with how often it came.
+    static WARNED: RefCell<BTreeMap<String, u32>> = const { RefCell::new(BTreeMap::new()) };
+}
+
+/// Prints a line on standard error the first time that it comes in a command.
+pub(crate) fn warn_once(line: &str) {
+    let is_new = WARNED.with_borrow_mut(|warned| {
+        let count = warned.entry(line.to_owned()).or_default();
+        *count += 1;
+        *count == 1
+    });
+    if is_new {
+        warn(line);
+    }
+}
+
+/// Prints how often the warnings came that came again, and forgets them: a command has ended.
+pub(crate) fn count_warnings() {
+    for (line, count) in WARNED.take() {
+        if count > 1 {
+            warn(&format!("{count} times: {}", line.trim_start()));
+        }
+    }
+}
+
+/// Prints what happened in long work, as a line of JSON.
+pub(crate) fn event<T: Serialize>(kind: &str, value: &T) -> io::Result<()> {
+    printed(&serde_json::to_string(&Line { kind, value })?)
 }
 
 /// Prints a line on standard error.
@@ -80,10 +143,10 @@ pub(crate) fn warn(line: &str) {
 }
 
 fn to_stdout(text: &str) -> Result<(), CliError> {
+    printed(text).map_err(CliError::printing)
+}
+
+fn printed(text: &str) -> io::Result<()> {
     let mut out = io::stdout().lock();
-    writeln!(out, "{text}").and_then(|()| out.flush()).map_err(|error| match error.kind() {
-        // A reader such as `head` that stops early is no failure.
-        io::ErrorKind::BrokenPipe => CliError::Closed,
-        _ => CliError::writing(Path::new("standard output"), error),
-    })
+    writeln!(out, "{text}").and_then(|()| out.flush())
 }

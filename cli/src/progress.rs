@@ -4,23 +4,33 @@ use std::{
 };
 
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
 
-use crate::output::warn;
+use crate::output::{Output, event, warn};
 
-/// The progress of a long work on standard error: a bar on a terminal, elsewhere a line for each
-/// tenth.
+/// The progress of a long work: a bar with the time that is left, where standard error is a
+/// terminal; with `--json=lines` a line for each hundredth.
 #[derive(Debug)]
 pub(crate) struct Progress {
     what: &'static str,
     total: u64,
     done: AtomicU64,
     bar: Option<ProgressBar>,
+    streams: bool,
+}
+
+/// How far a work is.
+#[derive(Debug, Serialize)]
+struct Done {
+    what: &'static str,
+    done: u64,
+    total: u64,
 }
 
 impl Progress {
-    /// Begins a work of `total` parts; `what` names the parts.
-    pub(crate) fn new(what: &'static str, total: u64) -> Self {
-        let bar = stderr().is_terminal().then(|| {
+    /// Begins a work of `total` parts; `what` names the parts. Without `shows` there is no bar.
+    pub(crate) fn new(output: Output<'_>, what: &'static str, total: u64, shows: bool) -> Self {
+        let bar = (shows && stderr().is_terminal()).then(|| {
             let bar = ProgressBar::new(total);
             // The template is checked by a test; a bar without style is a bar all the same.
             if let Ok(style) = ProgressStyle::with_template(TEMPLATE) {
@@ -28,21 +38,42 @@ impl Progress {
             }
             bar.with_message(what)
         });
-        if bar.is_none() {
-            warn(&format!("0 of {total} {what}"));
-        }
-        Self { what, total, done: AtomicU64::new(0), bar }
+        Self { what, total, done: AtomicU64::new(0), bar, streams: output.streams() }
     }
 
     /// One part is done; from any thread.
     pub(crate) fn step(&self) {
-        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        let before = self.done.fetch_add(1, Ordering::Relaxed);
+        self.show(before, before + 1);
+    }
+
+    /// So many parts are done.
+    pub(crate) fn reach(&self, done: u64) {
+        self.show(self.done.swap(done, Ordering::Relaxed), done);
+    }
+
+    fn show(&self, before: u64, done: u64) {
+        if let Some(bar) = &self.bar {
+            bar.set_position(self.done.load(Ordering::Relaxed));
+        }
+        if self.streams && hundredth(before, done, self.total) {
+            // Where standard output is closed the result cannot be printed either.
+            let _ = event("progress", &Done { what: self.what, done, total: self.total });
+        }
+    }
+
+    /// Replaces what is written beside the bar.
+    pub(crate) fn note(&self, note: String) {
+        if let Some(bar) = &self.bar {
+            bar.set_message(note);
+        }
+    }
+
+    /// Prints a line on standard error, above the bar.
+    pub(crate) fn warn(&self, line: &str) {
         match &self.bar {
-            Some(bar) => bar.inc(1),
-            None if tenth(done, self.total) => {
-                warn(&format!("{done} of {} {}", self.total, self.what));
-            }
-            None => {}
+            Some(bar) => bar.suspend(|| warn(line)),
+            None => warn(line),
         }
     }
 
@@ -56,10 +87,10 @@ impl Progress {
 
 const TEMPLATE: &str = "{wide_bar} {pos} of {len} {msg}, {eta} left";
 
-/// Whether a tenth of the work is completed with this part.
-fn tenth(done: u64, total: u64) -> bool {
-    let tenths = |parts: u64| parts.saturating_mul(10) / total.max(1);
-    tenths(done) > tenths(done.saturating_sub(1))
+/// Whether a hundredth of the work was completed on the way from `before` to `done`.
+fn hundredth(before: u64, done: u64, total: u64) -> bool {
+    let parts = |done: u64| done.saturating_mul(100) / total.max(1);
+    parts(done) > parts(before)
 }
 
 #[cfg(test)]
@@ -67,12 +98,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_tenth_once() {
-        for total in [10, 37, 1000] {
-            assert_eq!((1..=total).filter(|done| tenth(*done, total)).count(), 10);
+    fn each_hundredth_once() {
+        for total in [100, 370, 1000] {
+            let completed = (1..=total).filter(|done| hundredth(done - 1, *done, total));
+            assert_eq!(completed.count(), 100);
         }
-        assert_eq!((1..=3).filter(|done| tenth(*done, 3)).count(), 3);
-        assert!(tenth(3, 3));
+        assert_eq!((1..=3).filter(|done| hundredth(done - 1, *done, 3)).count(), 3);
+        assert!(hundredth(2, 3, 3));
     }
 
     #[test]

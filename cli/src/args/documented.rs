@@ -60,9 +60,12 @@ fn blocks(kind: &str) -> Vec<Block> {
 /// The words of a command, with values in place of what the documents leave to the reader.
 fn words(command: &str) -> Vec<String> {
     let command = command.split(" # ").next().unwrap_or_default();
+    let command = command.split(" > ").next().unwrap_or_default();
     let concrete = |word: &str| match word {
         "N" => "5".to_owned(),
         "NAME" => "grid".to_owned(),
+        "KIND" => "error".to_owned(),
+        "SHELL" => "bash".to_owned(),
         "LAT,LON" => "50,14".to_owned(),
         _ => word.split('|').next().unwrap_or_default().trim_end_matches(['…', '.']).to_owned(),
     };

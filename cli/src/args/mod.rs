@@ -9,7 +9,7 @@ use std::ffi::OsString;
 use clap::{CommandFactory, FromArgMatches, Parser};
 use foxhunt::registry::Registry;
 
-use crate::{commands::Command, hints};
+use crate::{commands::Command, hints, output::JsonForm};
 
 /// Finds radio transmitters with drones.
 ///
@@ -19,19 +19,29 @@ use crate::{commands::Command, hints};
 /// logs, and works on recorded flights.
 #[derive(Debug, Parser)]
 #[command(
-    name = "foxhunt",
+    name = PROGRAM,
     version,
     propagate_version = true,
     after_help = "Exit code: 0 success, 2 wrong use or input, 1 a failure.\n\n\
                   Example: fly the default hunt and look at out/hunt.svg\n  foxhunt hunt"
 )]
 pub(crate) struct Cli {
-    /// Print the result as one JSON value on standard output, all else on standard error
-    #[arg(long, global = true)]
-    pub(crate) json: bool,
+    /// Print the result as one JSON value on standard output, all else on standard error; with
+    /// `--json=lines` a value in each line, what happens in long work before the result
+    #[arg(long, global = true, value_name = "FORM", num_args = 0..=1, require_equals = true,
+          default_missing_value = "value")]
+    pub(crate) json: Option<JsonForm>,
     /// What to do.
     #[command(subcommand)]
     pub(crate) command: Command,
+}
+
+/// What the program is called.
+pub(crate) const PROGRAM: &str = "foxhunt";
+
+/// All commands, their arguments with the names of a registry.
+pub(crate) fn command(registry: &Registry) -> clap::Command {
+    names::command(Cli::command(), registry)
 }
 
 /// Parses a command line, of which the first is the program's name.
@@ -43,7 +53,7 @@ pub(crate) fn parse(
     registry: &Registry,
     arguments: impl IntoIterator<Item = OsString>,
 ) -> Result<Cli, clap::Error> {
-    names::command(Cli::command(), registry)
+    command(registry)
         .try_get_matches_from(arguments)
         .and_then(|matches| Cli::from_arg_matches(&matches))
         .map_err(|error| hints::with_hint(error, registry))
@@ -55,6 +65,6 @@ mod tests {
 
     #[test]
     fn the_command_line_is_consistent() {
-        names::command(Cli::command(), &Registry::builtin()).debug_assert();
+        command(&Registry::builtin()).debug_assert();
     }
 }

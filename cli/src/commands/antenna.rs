@@ -19,6 +19,7 @@ use crate::{
     error::{CliError, InFile},
     output::Output,
     table::{number, table},
+    writable,
 };
 
 /// Print the figures of an antenna, and convert its file
@@ -95,6 +96,7 @@ struct Fit {
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
+    args.write.iter().chain(&args.out).try_for_each(|path| writable::file(path))?;
     let (name, antenna, vendor, learned) = match &args.antenna {
         Some(name) => {
             let (antenna, vendor) = known(name)?;

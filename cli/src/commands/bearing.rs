@@ -229,7 +229,8 @@ fn turns(report: &Report) -> String {
         "σ °",
         "confidence",
         "remark",
-    ]);
+    ])
+    .named_by(4);
     for turn in &report.turns {
         let low = turn.low_confidence.is_some_and(|low| low).then_some("low confidence");
         let remark = turn.no_bearing.as_deref().map(|_| "no bearing").or(low).unwrap_or("");

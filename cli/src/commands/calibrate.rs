@@ -17,7 +17,7 @@ use super::{
     extraction::Extraction,
     recorded::{LatLon, Reading, no_degrees},
 };
-use crate::{context::Context, error::CliError};
+use crate::{context::Context, error::CliError, writable};
 
 /// Calibrate path loss, bearings and a station's antennas
 ///
@@ -69,6 +69,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if let Some(most) = args.max_exponent.filter(|most| !(*most > 0.0 && most.is_finite())) {
         return Err(CliError::input(format!("--max-exponent is {most}; it must be positive")));
     }
+    args.out.iter().try_for_each(|path| writable::file(path))?;
     let recordings = args.reading.read(&args.files)?;
     let beacon = args.reading.beacon(&recordings)?;
     let truth = match args.truth {

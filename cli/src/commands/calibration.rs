@@ -11,7 +11,7 @@ use foxhunt::{
 
 use crate::{
     error::{CliError, InFile},
-    output::warn,
+    output::warn_once,
 };
 
 /// A calibration from recordings with a known transmitter.
@@ -41,7 +41,9 @@ impl Surroundings {
     pub(super) fn narrate(&self) {
         if self.site.is_none() {
             let deg = Site::default().sigma().to_degrees();
-            warn(&format!("  σ of bearings of turns: {deg:.0}°, of an unknown site; see --site"));
+            warn_once(&format!(
+                "  σ of bearings of turns: {deg:.0}°, of an unknown site; see --site"
+            ));
         }
     }
 
@@ -53,7 +55,7 @@ impl Surroundings {
     /// An extractor whose σ is calibrated, which needs no site.
     fn needless(&self, name: &str, extractor: BoxedExtractor) -> BoxedExtractor {
         if let Some(site) = self.site {
-            warn(&format!("  --site {site}: not used, the σ of {name} is calibrated"));
+            warn_once(&format!("  --site {site}: not used, the σ of {name} is calibrated"));
         }
         extractor
     }
@@ -79,10 +81,10 @@ impl Calibration {
         match CalibrationFile::shipped(format) {
             Some(shipped) if self.calibration.is_none() => {
                 if parts(recording, &shipped).iter().any(|part| part.station.is_some()) {
-                    warn(&format!("  calibration: {format}, as it comes with the program"));
+                    warn_once(&format!("  calibration: {format}, as it comes with the program"));
                     return Cow::Owned(shipped);
                 }
-                warn(&format!(
+                warn_once(&format!(
                     "  calibration: none; {format}, which comes with the program, is that of a \
                      station at another place"
                 ));
@@ -136,7 +138,9 @@ pub(super) fn calibrated(
     let whose = file.bearings.as_ref().and_then(|bearings| bearings.extractor.clone());
     let other = |whose: &String| whose != name && whose != "recorded" && station.is_none();
     if let Some(whose) = whose.filter(other) {
-        warn(&format!("  the bearings of {whose} were calibrated: the σ of {name} stays as it is"));
+        warn_once(&format!(
+            "  the bearings of {whose} were calibrated: the σ of {name} stays as it is"
+        ));
         is_calibrated = false;
         if let Some(bearings) = &mut file.to_mut().bearings {
             bearings.correction.sigma_scale = 1.0;

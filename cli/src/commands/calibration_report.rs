@@ -294,7 +294,7 @@ fn path_loss(fit: &PathLoss, calibrated: bool) -> String {
         let [[a, b], [_, c]] = fit.covariance;
         lines.push(format!(
             "P₀ and γ together, 95 %: an ellipse with semi-axes {:.3} and {:.4}, the longer one \
-             {:.2}° from the P₀ axis;\ncorrelation {correlation:.3}, covariance [{a:.4}, {b:.5}; \
+             {:.2}° from the P₀ axis; correlation {correlation:.3}, covariance [{a:.4}, {b:.5}; \
              {b:.5}, {c:.6}]",
             region.semi_major, region.semi_minor, region.orientation_deg
         ));

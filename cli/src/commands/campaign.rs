@@ -12,7 +12,11 @@ use foxhunt::{
 use super::{
     campaign_tables::tables, choice, planning::Planning, repetition::Runs, settings::Settings,
 };
-use crate::{context::Context, error::CliError, output::warn};
+use crate::{
+    context::Context,
+    error::CliError,
+    output::{event, warn},
+};
 
 /// Fly a hunt many times and compare estimators
 ///
@@ -68,6 +72,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     #[cfg(feature = "store")]
     if let Some(into) = args.storing.job(registry, &scenario, &estimators, args.planning.name())? {
         let report = args.runs.with_progress_of(
+            output,
             "hunts",
             estimators.len(),
             into.part_of(args.runs.count()),
@@ -79,10 +84,13 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let path = args.hunts_to.as_deref();
     let file = path.map(|path| File::create(path).map_err(|error| CliError::writing(path, error)));
     let mut file = file.transpose()?.map(BufWriter::new);
-    let report = args.runs.with_progress("hunts", estimators.len(), |repetition| {
+    let report = args.runs.with_progress(output, "hunts", estimators.len(), |repetition| {
         campaign_watched(registry, &scenario, &estimators, repetition, |hunt| {
-            let Some(file) = &mut file else { return Ok(()) };
             let hunt = HuntReport { planner: args.planning.name().to_owned(), ..hunt.clone() };
+            if output.streams() {
+                event("hunt", &hunt)?;
+            }
+            let Some(file) = &mut file else { return Ok(()) };
             serde_json::to_writer(&mut *file, &hunt)?;
             file.write_all(b"\n")
         })

@@ -4,10 +4,10 @@ use crate::table::{number, table, text};
 
 /// What the columns mean.
 const LEGEND: &str = "Errors in metres. A consistent estimator's ANEES lies in the interval with \
-     95 %, and 95 % of its\nellipses hold the truth; an over-confident one has a larger ANEES, and \
-     fewer of its ellipses do. Too few\nruns: a covariance 1.5 times too small would not be \
-     noticed. To 3 m: the median number of steps until\nthe 95 % ellipse's semi-major axis is \
-     below 3 m, a dash where more than half of the runs never get\nthere. Path: the median of \
+     95 %, and 95 % of its ellipses hold the truth; an over-confident one has a larger ANEES, and \
+     fewer of its ellipses do. Too few runs: a covariance 1.5 times too small would not be \
+     noticed. To 3 m: the median number of steps until the 95 % ellipse's semi-major axis is \
+     below 3 m, a dash where more than half of the runs never get there. Path: the median of \
      what all drones flew together.";
 
 /// One table for each beacon.

@@ -1,9 +1,8 @@
 //! The table of fixes that `hunt` and `replay` end with.
 
-use comfy_table::Table;
 use foxhunt::{core::Ellipse, hunt::PlaceEstimate};
 
-use crate::table::{number, table};
+use crate::table::{Table, number, table};
 
 /// A row of the table.
 #[derive(Debug)]
@@ -49,5 +48,5 @@ pub(super) fn fixes<'a>(rows: impl IntoIterator<Item = Row<'a>>) -> Table {
 
 /// What the columns of [`fixes`] mean.
 pub(super) const LEGEND: &str = "East and north from the origin of the field; the ellipse's \
-     semi-axes, and the direction\nof the longer one counter-clockwise from East; NEES is 2 on \
+     semi-axes, and the direction of the longer one counter-clockwise from East; NEES is 2 on \
      average when the estimator is consistent.";

@@ -37,7 +37,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let estimator = args.estimator.as_deref();
     let estimator = estimator.map(|name| choice::estimator(registry, name, "--estimator"));
     let estimator = estimator.transpose()?;
-    let report = args.runs.with_progress("hunts", 1, |repetition| {
+    let report = args.runs.with_progress(output, "hunts", 1, |repetition| {
         fleets_campaign(registry, planner, estimator, repetition)
     });
     let report = report.map_err(|error| choice::campaign_error(error, "fleets"))?;
@@ -109,7 +109,7 @@ fn violations(report: &FleetsReport) -> String {
     if violations.is_empty() {
         return "No violation.".to_owned();
     }
-    let mut rows = table(&["violation", "seed", "at s", "drones", "is", "limit"]);
+    let mut rows = table(&["violation", "seed", "at s", "drones", "is", "limit"]).named_by(2);
     for violation in violations.iter().take(MOST_ROWS) {
         let drones: Vec<String> =
             violation.drones.iter().map(|drone| (drone + 1).to_string()).collect();

@@ -31,10 +31,15 @@ use super::{
     choice,
     emulate::{Emulated, Emulation},
     fixes, flight_plan,
-    notices::narrate,
+    notices::Notices,
     views::{Antennas, Exports, keep_turns, write_page},
 };
-use crate::{context::Context, error::CliError, output::warn};
+use crate::{
+    context::Context,
+    error::CliError,
+    output::{Output, event, warn},
+    writable,
+};
 
 /// Fly a hunt on real devices
 ///
@@ -182,11 +187,13 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
     let files = Files::free_in(&args.out)?;
+    [&files.picture, &files.page].into_iter().try_for_each(|path| writable::file(path))?;
     let clock = calling(&field.clock);
     let epoch_s = field.epoch_s.unwrap_or(0.0);
     #[expect(clippy::cast_possible_truncation, reason = "a whole number of seconds")]
     let epoch = field.epoch_s.map(|epoch_s| epoch_s as i64);
     let mut header = config.log_header(estimator, args.seed, epoch);
+    args.exports.check_known(header.origin.is_some(), epoch.is_some())?;
     if let Some(emulated) = &field.emulated {
         for (beacon, index) in header.beacons.iter_mut().zip(0..) {
             beacon.truth = place_at(&emulated.world, BeaconId(index), 0.0);
@@ -221,6 +228,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     warn(&format!("log: {}; Enter breaks off", files.log.display()));
 
     let mut events = Vec::new();
+    let mut notices = Notices::default();
     let mut prompted = false;
     while !mission.is_over() {
         let time = clock.now();
@@ -242,7 +250,8 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             }
         }
         while let Some(event) = mission.poll_event() {
-            narrate(&event);
+            notices.print(&event);
+            stream(output, &event);
             if args.advise {
                 advise(&event, &config, mission.hunt());
             }
@@ -257,10 +266,12 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         field.pass()?;
     }
     while let Some(event) = mission.poll_event() {
-        narrate(&event);
+        notices.print(&event);
+        stream(output, &event);
         log.event(&event).map_err(|error| CliError::writing(&files.log, error))?;
         events.push(event);
     }
+    notices.finish();
     let svg = hunt_svg(&header, &events).map_err(CliError::failure)?;
     fs::write(&files.picture, svg).map_err(|error| CliError::writing(&files.picture, error))?;
     let flown = Log { header, events, torn: false };
@@ -284,6 +295,14 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     match mission.failure() {
         Some(why) => Err(CliError::failure(why)),
         None => Ok(()),
+    }
+}
+
+/// Prints an event as a line of JSON, where events are wanted.
+fn stream(output: Output, happened: &Event) {
+    if output.streams() {
+        // Whatever becomes of standard output, the flight goes on and the log has the event.
+        let _ = event("event", happened);
     }
 }
 

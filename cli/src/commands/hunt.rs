@@ -16,12 +16,12 @@ use foxhunt::{
 
 use super::{
     choice, fixes,
-    notices::narrate,
+    notices::Notices,
     planning::Planning,
     settings::Settings,
     views::{Antennas, Exports, keep_turns, write_page},
 };
-use crate::{context::Context, error::CliError};
+use crate::{context::Context, error::CliError, writable};
 
 /// Fly one simulated hunt
 ///
@@ -67,12 +67,14 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let estimator = args.settings.estimator(estimator)?;
     let setup = Setup { scenario: &scenario, estimator: &estimator, registry };
     let header = setup.log_header(args.seed);
+    args.exports.check_known(header.origin.is_some(), header.epoch_unix_s.is_some())?;
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
+    let [log, picture, page] =
+        ["hunt.jsonl", "hunt.svg", "report.html"].map(|name| args.out.join(name));
+    [&log, &picture, &page].into_iter().try_for_each(|path| writable::file(path))?;
 
-    let log = args.out.join("hunt.jsonl");
     let (hunt, events, turns) = fly(args, setup, &header, &log)?;
 
-    let picture = args.out.join("hunt.svg");
     let svg = hunt_svg(&header, &events).map_err(CliError::failure)?;
     fs::write(&picture, svg).map_err(|error| CliError::writing(&picture, error))?;
 
@@ -81,7 +83,6 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let (overview, _) =
         Overview::of_log(&flown, registry, Some(&estimator), &turns, antenna.known())
             .map_err(CliError::failure)?;
-    let page = args.out.join("report.html");
     write_page(&page, &overview)?;
 
     let report = HuntReport::new(args.seed, &estimator.name, args.planning.name(), &hunt);
@@ -101,9 +102,10 @@ fn fly(
     // A scenario that cannot be flown has no event, and leaves the log of the hunt before.
     let mut writer = None;
     let mut events = Vec::new();
+    let mut notices = Notices::default();
     let (tap, turns) = keep_turns();
     let hunt = setup.simulate_tapped(args.seed, &tap, |event| {
-        narrate(event);
+        notices.print(event);
         events.push(event.clone());
         let mut log_event = || match &mut writer {
             Some(writer) => LogWriter::event(writer, event),
@@ -114,6 +116,7 @@ fn fly(
         };
         log_event().map_err(|source| NotLogged { path: log.to_owned(), source })
     });
+    notices.finish();
     let hunt = hunt.map_err(|error| choice::simulation_error(error, &args.scenario))?;
     Ok((hunt, events, turns.take()))
 }

@@ -18,6 +18,7 @@ use super::{
 use crate::{
     context::Context,
     error::CliError,
+    progress::Progress,
     table::{number, table},
 };
 
@@ -97,17 +98,31 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let beside = args.against.iter().map(|name| choice::estimator(registry, name, "--against"));
     let beside = beside.collect::<Result<Vec<_>, _>>()?;
     let prepared = args.locating.prepare(&args.files, registry)?;
+    let of_each = |recording: &Recording| {
+        let is_wanted = |beacon: &Option<&str>| wanted(args, *beacon);
+        recording.beacons().into_iter().filter(is_wanted).count()
+    };
+    let total: usize = prepared.recordings().iter().map(of_each).sum();
+    let total = u64::try_from(total).unwrap_or(u64::MAX);
+    let progress = Progress::new(output, "fixes", total, true);
     let mut fixes = Vec::new();
     for (number, recording) in prepared.recordings().iter().enumerate() {
         for beacon in recording.beacons() {
-            if args.locating.wanted().is_some_and(|wanted| Some(wanted) != beacon) {
+            if !wanted(args, beacon) {
                 continue;
             }
             fixes.push(judge(args, &prepared, registry, &beside, (number, recording), beacon)?);
+            progress.step();
         }
     }
+    progress.finish();
     let report = Report { estimators: summaries(&fixes)?, fixes };
     output.result(&report, text)
+}
+
+/// Whether a beacon is judged.
+fn wanted(args: &Args, beacon: Option<&str>) -> bool {
+    args.locating.wanted().is_none_or(|wanted| Some(wanted) == beacon)
 }
 
 /// One fix by every estimator.
@@ -228,7 +243,8 @@ fn summary(fixes: &[Fix], name: &str) -> Result<Summary, CliError> {
 
 fn text(report: &Report) -> String {
     let mut fixes =
-        table(&["recording", "beacon", "receptions", "estimator", "error m", "NEES", "in 95 %"]);
+        table(&["recording", "beacon", "estimator", "receptions", "error m", "NEES", "in 95 %"])
+            .named_by(3);
     for fix in &report.fixes {
         for answer in &fix.answers {
             let inside = match (&answer.failure, answer.inside_95) {
@@ -240,8 +256,8 @@ fn text(report: &Report) -> String {
             fixes.add_row([
                 fix.file.rsplit('/').next().unwrap_or_default().to_owned(),
                 fix.beacon.clone().unwrap_or_else(|| "-".to_owned()),
-                fix.receptions.to_string(),
                 answer.estimator.clone(),
+                fix.receptions.to_string(),
                 number(answer.error_m, 1),
                 number(answer.nees, 2),
                 inside.to_owned(),
@@ -275,7 +291,7 @@ fn text(report: &Report) -> String {
     }
     format!(
         "{fixes}\n\n{all}\nA consistent estimator in the plane has a mean NEES of 2; `share` is \
-         where the share of its 95 % ellipses\nthat hold the truth lies. `first nearer` counts the \
+         where the share of its 95 % ellipses that hold the truth lies. `first nearer` counts the \
          fixes in which the first estimator has the smaller error."
     )
 }

@@ -9,12 +9,7 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use crate::{
-    context::Context,
-    error::CliError,
-    output::Output,
-    table::{TEXT_WIDTH, catalogue},
-};
+use crate::{context::Context, error::CliError, output::Output, table::list};
 
 /// List what has a name
 ///
@@ -82,7 +77,7 @@ fn scenarios(output: Output) -> Result<(), CliError> {
     });
     output.result(&listed.collect::<Vec<_>>(), |listed| {
         let columns = ["scenario", "drones", "beacons", "estimator", "what it is"];
-        let mut rows = catalogue(&columns, TEXT_WIDTH);
+        let mut rows = list(&columns);
         for scenario in listed {
             let mark = if scenario.default { " (default)" } else { "" };
             rows.add_row([
@@ -112,7 +107,7 @@ fn trials(output: Output) -> Result<(), CliError> {
         estimator: trial.estimator,
     });
     output.result(&listed.collect::<Vec<_>>(), |listed| {
-        let mut rows = catalogue(&["trial", "estimator", "what it is"], TEXT_WIDTH);
+        let mut rows = list(&["trial", "estimator", "what it is"]);
         for trial in listed {
             rows.add_row([&trial.name, &trial.estimator, &trial.description]);
         }
@@ -153,15 +148,12 @@ impl From<&EstimatorEntry> for ListedEstimator {
     }
 }
 
-/// How wide the table of estimators is: it has more columns than the others.
-const ESTIMATORS_WIDTH: u16 = 150;
-
 fn estimators(registry: &Registry, output: Output) -> Result<(), CliError> {
     let listed: Vec<_> = registry.estimators().iter().map(ListedEstimator::from).collect();
     output.result(&listed, |listed| {
         let columns =
             ["estimator", "what it is", "level", "bearing", "others", "moving", "takes", "source"];
-        let mut rows = catalogue(&columns, ESTIMATORS_WIDTH);
+        let mut rows = list(&columns);
         let unused = Need::Unused.to_string();
         let need = |need: &str| if need == unused { "-".to_owned() } else { need.to_owned() };
         for entry in listed {
@@ -183,7 +175,7 @@ fn estimators(registry: &Registry, output: Output) -> Result<(), CliError> {
 
 /// What the columns of the estimators mean.
 const ESTIMATORS_LEGEND: &str = "Level, bearing and others: what an estimator requires of a \
-     reception, or uses where there is one. Moving:\nwhether it follows a beacon that moves. One \
+     reception, or uses where there is one. Moving: whether it follows a beacon that moves. One \
      that takes all receptions at once is for `foxhunt locate`.";
 
 /// Something with a name, as JSON has it.
@@ -231,7 +223,7 @@ fn planners(registry: &Registry, output: Output) -> Result<(), CliError> {
 
 /// A table of names, descriptions and sources.
 fn table<'a>(what: &str, listed: impl IntoIterator<Item = &'a Listed>) -> String {
-    let mut rows = catalogue(&[what, "what it is", "source"], TEXT_WIDTH);
+    let mut rows = list(&[what, "what it is", "source"]);
     for Listed { name, about, source } in listed {
         rows.add_row([name, about, source]);
     }
@@ -270,7 +262,7 @@ fn sources(registry: &Registry, output: Output) -> Result<(), CliError> {
         registered: true,
     });
     output.result(&kinds.chain(registered).collect::<Vec<_>>(), |listed| {
-        let mut rows = catalogue(&["source", "what it is", "measures besides"], TEXT_WIDTH);
+        let mut rows = list(&["source", "what it is", "measures besides"]);
         for source in listed {
             let quantities = source.quantities.join(", ");
             let quantities = if quantities.is_empty() { "-" } else { quantities.as_str() };
@@ -290,7 +282,7 @@ struct ListedCase {
 fn cases(output: Output) -> Result<(), CliError> {
     let listed = bearing_cases().map(|case| ListedCase { name: case.name, about: case.about });
     output.result(&listed, |listed| {
-        let mut rows = catalogue(&["case", "what it is"], TEXT_WIDTH);
+        let mut rows = list(&["case", "what it is"]);
         for case in listed {
             rows.add_row([case.name, case.about]);
         }

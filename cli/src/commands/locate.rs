@@ -25,7 +25,9 @@ use crate::{
     context::Context,
     error::CliError,
     output::{Output, warn},
+    progress::Progress,
     table::{number, table, text},
+    writable,
 };
 
 /// Locate a transmitter from recorded flights
@@ -121,10 +123,18 @@ struct Estimated {
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry } = context;
     args.views.check()?;
+    args.movebank_to.iter().try_for_each(|path| writable::file(path))?;
     let prepared = args.locating.prepare(&args.files, registry)?;
+    let recordings = prepared.recordings();
+    let on_earth = recordings.iter().any(|recording| recording.frame().is_some());
+    let in_utc = recordings.iter().all(Recording::is_in_utc);
+    args.views.check_known(on_earth, in_utc)?;
+    if args.movebank_to.is_some() && !(on_earth && in_utc) {
+        return Err(CliError::input(NOT_FOR_MOVEBANK));
+    }
     if args.every_beacon {
         let (reports, found): (Vec<_>, Vec<_>) =
-            every(args, registry, &prepared)?.into_iter().unzip();
+            every(args, registry, &prepared, output)?.into_iter().unzip();
         to_movebank(args, &prepared, &reports)?;
         output.result(&reports, |reports| places(reports))?;
         return show(args, &prepared, found, output);
@@ -141,6 +151,10 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     output.result(&report, |report| places(std::slice::from_ref(report)))?;
     show(args, &prepared, vec![found], output)
 }
+
+/// Why there is no table for Movebank.
+const NOT_FOR_MOVEBANK: &str =
+    "--movebank-to: Movebank takes places in degrees and times in UTC alone";
 
 /// What was found of a beacon, for the page and for exports.
 struct Found {
@@ -180,13 +194,8 @@ fn show(
 fn to_movebank(args: &Args, prepared: &Prepared, reports: &[Report]) -> Result<(), CliError> {
     let Some(path) = &args.movebank_to else { return Ok(()) };
     let recordings = prepared.recordings();
-    let frame = recordings.iter().find_map(Recording::frame).filter(|_| {
-        let in_utc = |recording: &Recording| recording.is_in_utc();
-        recordings.iter().all(in_utc)
-    });
-    let frame = frame.ok_or_else(|| {
-        CliError::input("--movebank-to: Movebank takes places in degrees and times in UTC alone")
-    })?;
+    let frame = recordings.iter().find_map(Recording::frame);
+    let frame = frame.ok_or_else(|| CliError::input(NOT_FOR_MOVEBANK))?;
     let mut fixes = Vec::new();
     for report in reports {
         let received = prepared.receptions(report.beacon.as_deref())?;
@@ -236,6 +245,7 @@ fn every(
     args: &Args,
     registry: &Registry,
     prepared: &Prepared,
+    output: Output,
 ) -> Result<Vec<(Report, Found)>, CliError> {
     let mut beacons: Vec<Option<&str>> = Vec::new();
     for beacon in prepared.recordings().iter().flat_map(Recording::beacons) {
@@ -243,17 +253,22 @@ fn every(
             beacons.push(beacon);
         }
     }
+    let total = u64::try_from(beacons.len()).unwrap_or(u64::MAX);
+    let progress = Progress::new(output, "beacons", total, true);
     let mut reports = Vec::new();
     let mut failed = None;
     for beacon in beacons {
         match one(args, registry, prepared, beacon.map(str::to_owned)) {
             Ok(report) => reports.push(report),
             Err(error) => {
-                warn(&format!("{} is not located: {error}", beacon.unwrap_or(NAMELESS)));
+                let name = beacon.unwrap_or(NAMELESS);
+                progress.warn(&format!("{name} is not located: {error}"));
                 failed = Some(error);
             }
         }
+        progress.step();
     }
+    progress.finish();
     failed.filter(|_| reports.is_empty()).map_or(Ok(reports), Err)
 }
 
@@ -333,7 +348,7 @@ fn places(reports: &[Report]) -> String {
     if named {
         columns.insert(0, "beacon");
     }
-    let mut places = table(&columns);
+    let mut places = table(&columns).named_by(if named { 2 } else { 1 });
     for report in reports {
         let axes = report.ellipse_95.map(|e| format!("{:.1} × {:.1}", e.semi_major, e.semi_minor));
         let mut row = vec![
@@ -359,7 +374,7 @@ fn places(reports: &[Report]) -> String {
         _ => "from the first usable position",
     };
     let legend = format!(
-        "East and north {from}; the ellipse's semi-axes, and the direction of the\nlonger one \
+        "East and north {from}; the ellipse's semi-axes, and the direction of the longer one \
          counter-clockwise from East."
     );
     let details: String = reports.iter().map(details).collect();
@@ -392,7 +407,7 @@ fn explained(explanation: &Explanation, whose: &str) -> String {
     let (share, of_share) = likeliest(own_shares);
     format!(
         "\nThe levels{whose} are best explained by an exponent of {:.1} ± {:.1}, {:.1} ± {:.1} \
-         vertical dipoles on the way, and shadowing of {:.0} ± {:.0} dB\nover {length_m:.0} m \
+         vertical dipoles on the way, and shadowing of {:.0} ± {:.0} dB over {length_m:.0} m \
          ({:.0} %), {:.0} % of its variance each reading's own ({:.0} %).",
         exponent.mean,
         exponent.sd,
@@ -453,7 +468,7 @@ fn regions_of(regions: &[Region], whose: &str) -> String {
     }
     format!(
         "\n\nThe ellipse{whose} is a poor picture; the smallest region that holds the transmitter \
-         with 95 %\n(outlines in the output of --json):\n{parts}"
+         with 95 % (outlines in the output of --json):\n{parts}"
     )
 }
 

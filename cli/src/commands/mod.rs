@@ -5,6 +5,7 @@ pub(crate) mod bearing;
 pub(crate) mod calibrate;
 pub(crate) mod campaign;
 pub(crate) mod compare;
+pub(crate) mod completions;
 #[cfg(feature = "hardware")]
 pub(crate) mod devices;
 #[cfg(feature = "hardware")]
@@ -17,6 +18,7 @@ pub(crate) mod judge;
 pub(crate) mod list;
 pub(crate) mod listen;
 pub(crate) mod locate;
+pub(crate) mod man;
 #[cfg(feature = "hardware")]
 pub(crate) mod node;
 pub(crate) mod pulses;
@@ -54,7 +56,7 @@ mod views;
 
 use clap::Subcommand;
 
-use crate::{context::Context, error::CliError};
+use crate::{context::Context, error::CliError, output::count_warnings};
 
 /// The subcommands, each with its file.
 #[derive(Debug, Subcommand)]
@@ -76,6 +78,8 @@ pub(crate) enum Command {
     Tags(tags::Args),
     Pulses(pulses::Args),
     Listen(listen::Args),
+    Completions(completions::Args),
+    Man(man::Args),
     #[cfg(feature = "hardware")]
     Fly(fly::Args),
     #[cfg(feature = "hardware")]
@@ -100,6 +104,12 @@ pub(crate) enum Command {
 
 /// Runs a subcommand.
 pub(crate) fn run(command: Command, context: Context<'_>) -> Result<(), CliError> {
+    let ended = dispatch(command, context);
+    count_warnings();
+    ended
+}
+
+fn dispatch(command: Command, context: Context<'_>) -> Result<(), CliError> {
     match command {
         Command::Hunt(args) => hunt::run(&args, context),
         Command::Campaign(args) => campaign::run(&args, context),
@@ -118,6 +128,8 @@ pub(crate) fn run(command: Command, context: Context<'_>) -> Result<(), CliError
         Command::Tags(args) => tags::run(&args, context),
         Command::Pulses(args) => pulses::run(&args, context),
         Command::Listen(args) => listen::run(&args, context),
+        Command::Completions(args) => completions::run(&args, context),
+        Command::Man(args) => man::run(&args, context),
         #[cfg(feature = "hardware")]
         Command::Fly(args) => fly::run(&args, context),
         #[cfg(feature = "hardware")]

@@ -1,12 +1,103 @@
 //! Notices on standard error while a hunt goes on.
 
+use std::collections::BTreeMap;
+
 use foxhunt::{hunt::Event, overview::notice};
 
 use crate::output::warn;
 
-/// Prints an event that people want to know of.
-pub(super) fn narrate(event: &Event) {
-    if let Some(notice) = notice(event).filter(|notice| notice.important) {
-        warn(&format!("{:7.0} s  {}", notice.time, notice.text));
+/// After so many seconds a trouble that goes on is printed again.
+const AGAIN_AFTER_S: f64 = 60.0;
+
+/// Prints what people want to know of, and a trouble that goes on from time to time alone.
+#[derive(Debug, Default)]
+pub(super) struct Notices {
+    troubles: BTreeMap<String, Trouble>,
+}
+
+/// A trouble that was printed.
+#[derive(Debug)]
+struct Trouble {
+    /// When it was printed last.
+    printed: f64,
+    /// How often it came since then.
+    since: u32,
+}
+
+impl Notices {
+    /// Prints an event that people want to know of.
+    pub(super) fn print(&mut self, event: &Event) {
+        if let Some(line) = self.line(event) {
+            warn(&line);
+        }
+    }
+
+    /// Prints how often troubles came after they were printed last.
+    pub(super) fn finish(self) {
+        for (text, Trouble { since, .. }) in self.troubles {
+            if since > 0 {
+                warn(&format!("{since} times more: {text}"));
+            }
+        }
+    }
+
+    fn line(&mut self, event: &Event) -> Option<String> {
+        let notice = notice(event).filter(|notice| notice.important)?;
+        let mut again = String::new();
+        if goes_on(event) {
+            if let Some(known) = self.troubles.get_mut(&notice.text) {
+                known.since += 1;
+                if notice.time - known.printed < AGAIN_AFTER_S {
+                    return None;
+                }
+                if known.since > 1 {
+                    again = format!(" ({} times)", known.since);
+                }
+            }
+            let trouble = Trouble { printed: notice.time, since: 0 };
+            self.troubles.insert(notice.text.clone(), trouble);
+        }
+        Some(format!("{:7.0} s  {}{again}", notice.time, notice.text))
+    }
+}
+
+/// Whether an event is a trouble that comes again while it lasts.
+fn goes_on(event: &Event) -> bool {
+    matches!(
+        event,
+        Event::Missing { .. } | Event::FilterDiverged { .. } | Event::DeviceFailed { .. }
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn failed(time: f64, reason: &str) -> Event {
+        Event::DeviceFailed { time, drone: Some(0), reason: reason.to_owned() }
+    }
+
+    #[test]
+    fn a_trouble_that_lasts_is_printed_from_time_to_time() {
+        let mut notices = Notices::default();
+        let mut lines = Vec::new();
+        for second in 0..130_u8 {
+            let event = failed(f64::from(second), "the radio is silent");
+            lines.extend(notices.line(&event));
+        }
+        assert_eq!(
+            lines,
+            [
+                "      0 s  drone 1: the radio is silent",
+                "     60 s  drone 1: the radio is silent (60 times)",
+                "    120 s  drone 1: the radio is silent (60 times)",
+            ]
+        );
+        assert!(notices.line(&failed(125.0, "no fix")).is_some(), "another trouble");
+        let left = &notices.troubles["drone 1: the radio is silent"];
+        assert_eq!(left.since, 9);
+        // What changes is no trouble that lasts.
+        let resumed = Event::Resumed { time: 1.0 };
+        assert!(notices.line(&resumed).is_some() && notices.line(&resumed).is_some());
     }
 }

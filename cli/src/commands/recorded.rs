@@ -9,7 +9,10 @@ use foxhunt::{
     recording::{Band, Column, Mapping, North, ReadOptions, Recording, Rover, utc_seconds},
 };
 
-use crate::{error::CliError, output::warn};
+use crate::{
+    error::CliError,
+    output::{warn, warn_once},
+};
 
 /// How recordings are read.
 #[derive(Debug, clap::Args)]
@@ -172,7 +175,7 @@ fn narrate(recording: &Recording) {
         warn(&format!("  left out as not {}: {}", dropped.rule, dropped.rows));
     }
     if !recording.ignored_columns().is_empty() {
-        warn(&format!("  columns not used: {}", recording.ignored_columns().join(", ")));
+        warn_once(&format!("  columns not used: {}", recording.ignored_columns().join(", ")));
     }
 }
 

@@ -3,7 +3,7 @@ use std::thread::available_parallelism;
 use clap::value_parser;
 use foxhunt::campaign::Repetition;
 
-use crate::progress::Progress;
+use crate::{output::Output, progress::Progress};
 
 /// How often something is run, and with which seeds.
 #[derive(Debug, clap::Args)]
@@ -34,16 +34,18 @@ impl Runs {
     /// runs; `what` names the runs.
     pub(super) fn with_progress<R>(
         &self,
+        output: Output<'_>,
         what: &'static str,
         contenders: usize,
         run: impl FnOnce(&Repetition<'_>) -> R,
     ) -> R {
-        self.with_progress_of(what, contenders, self.runs, run)
+        self.with_progress_of(output, what, contenders, self.runs, run)
     }
 
     /// The same where each contender has only so many of the runs.
     pub(super) fn with_progress_of<R>(
         &self,
+        output: Output<'_>,
         what: &'static str,
         contenders: usize,
         part: u32,
@@ -55,11 +57,11 @@ impl Runs {
         };
         let contenders = u64::try_from(contenders).unwrap_or(u64::MAX);
         let total = u64::from(part).saturating_mul(contenders);
-        let progress = (!self.quiet).then(|| Progress::new(what, total));
-        let step = || progress.iter().for_each(Progress::step);
+        let progress = Progress::new(output, what, total, !self.quiet);
+        let step = || progress.step();
         let repetition = Repetition { runs: self.runs, seed: self.seed, jobs, progress: &step };
         let result = run(&repetition);
-        progress.iter().for_each(Progress::finish);
+        progress.finish();
         result
     }
 }

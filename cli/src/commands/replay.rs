@@ -1,6 +1,5 @@
 use std::path::PathBuf;
 
-use comfy_table::Table;
 use foxhunt::{
     core::{Ellipse, Outcome},
     filters::consistency::Verdict,
@@ -18,7 +17,7 @@ use crate::{
     context::Context,
     error::{CliError, InFile},
     output::warn,
-    table::{number, table, text},
+    table::{Table, number, table, text},
 };
 
 /// Run a log through an estimator again
@@ -91,6 +90,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if log.torn {
         warn(&format!("{}: the last line is cut short and left out", args.log.display()));
     }
+    args.views.check_known(log.header.origin.is_some(), log.header.epoch_unix_s.is_some())?;
     let other = match &args.estimator {
         Some(name) => Some(choice::estimator(registry, name, "--estimator")?),
         None => None,
@@ -171,8 +171,8 @@ fn tables(report: &Report) -> String {
 
 /// What the columns of [`innovations`] mean.
 const LEGEND: &str = "A consistent estimator's ANIS lies in the interval with 95 %, and its \
-     innovations are as\ncorrelated as these or more with the probability \"white p\". It \
-     diverged each time that the innovations\nof ten receptions became larger than it can \
+     innovations are as correlated as these or more with the probability \"white p\". It \
+     diverged each time that the innovations of ten receptions became larger than it can \
      explain: by chance, once in 20 000 tests.";
 
 /// The statistics of the innovations.

@@ -151,7 +151,8 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         written = true;
     }
     if let Some(path) = &args.svg {
-        let svg = picture(&store, &filter)?;
+        let (title, distributions) = titled_distributions(&store, &filter)?;
+        let svg = distributions_svg(&title, &distributions).map_err(CliError::failure)?;
         fs::write(path, svg).map_err(|error| CliError::writing(path, error))?;
         warn(&format!("picture: {}", path.display()));
         written = true;
@@ -187,12 +188,15 @@ pub(super) fn reading(error: StoreError) -> CliError {
     storing::error(error, "")
 }
 
-/// The picture of one campaign and beacon.
-fn picture(store: &Store, filter: &Filter) -> Result<String, CliError> {
+/// How the runs of one campaign and beacon are distributed, and what they are called.
+pub(super) fn titled_distributions(
+    store: &Store,
+    filter: &Filter,
+) -> Result<(String, Vec<Distribution>), CliError> {
     let summaries = store.summaries(filter).map_err(reading)?;
     let [summary] = &summaries[..] else {
         return Err(CliError::input(format!(
-            "--svg draws one campaign, and {} fit; choose with --scenario and --planner",
+            "a picture is that of one campaign, and {} fit; choose with --scenario and --planner",
             summaries.len()
         )));
     };
@@ -201,14 +205,14 @@ fn picture(store: &Store, filter: &Filter) -> Result<String, CliError> {
     let names: Vec<&String> = campaign.beacons.iter().filter(wanted).collect();
     let [name] = names[..] else {
         return Err(CliError::input(format!(
-            "--svg draws one beacon; choose one of {} with --beacon",
+            "a picture is that of one beacon; choose one of {} with --beacon",
             campaign.beacons.join(", ")
         )));
     };
     let beacon = campaign.beacons.iter().position(|beacon| beacon == name).unwrap_or(0);
     let distributions = distributions(store, filter, summary, beacon)?;
     let title = format!("{}, {name}, planner {}", campaign.scenario, campaign.planner);
-    distributions_svg(&title, &distributions).map_err(CliError::failure)
+    Ok((title, distributions))
 }
 
 /// What the runs of each contender came to for the beacon of an index.
@@ -315,13 +319,13 @@ pub(super) fn compared_row(one: &SeedBySeed) -> [String; 10] {
 
 fn comparisons(compared: &[SeedBySeed]) -> String {
     let Some(first) = compared.first() else { return "They have no beacon in common.".to_owned() };
-    let mut rows = table(&COMPARED);
+    let mut rows = table(&COMPARED).named_by(2);
     for one in compared {
         rows.add_row(compared_row(one));
     }
     format!(
         "{} minus {}, seed by seed\n{rows}\nMean: of the differences, with Student's t. Ranks: \
-         Wilcoxon's test of signed ranks. Ratio: the geometric mean\nof the first one's figure \
+         Wilcoxon's test of signed ranks. Ratio: the geometric mean of the first one's figure \
          over the second one's.",
         first.first, first.second
     )

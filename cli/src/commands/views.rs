@@ -19,7 +19,7 @@ use foxhunt::{
 };
 
 use super::recorded::LatLon;
-use crate::{error::CliError, output::Output};
+use crate::{error::CliError, output::Output, writable};
 
 /// Files for other programs.
 #[derive(Debug, clap::Args)]
@@ -51,13 +51,37 @@ fn utc(text: &str) -> Result<f64, &'static str> {
     utc_seconds(text).ok_or("it must be YYYY-MM-DDTHH:MM:SS")
 }
 
+/// Why `--origin` is refused where there is one.
+const OWN_ORIGIN: &str =
+    "--origin: the places are in degrees already, about an origin of their own";
+
+fn refused(file: &Path, error: &ExportError) -> CliError {
+    CliError::input(format!("--export {}: {error}", file.display()))
+}
+
 impl Exports {
-    /// Refuses files of unknown formats, before any work is done.
+    /// Refuses files of unknown formats and those that cannot be written, before any work is done.
     pub(super) fn check(&self) -> Result<(), CliError> {
-        self.exported
-            .iter()
-            .try_for_each(|file| Format::of_file(file).map(drop))
-            .map_err(|error| CliError::input(format!("--export: {error}")))
+        for file in &self.exported {
+            Format::of_file(file).map_err(|error| CliError::input(format!("--export: {error}")))?;
+            writable::file(file)?;
+        }
+        Ok(())
+    }
+
+    /// Refuses formats that need more than will be known, before any work is done: where the zero
+    /// of local metres is, and when the beginning was.
+    pub(super) fn check_known(&self, origin: bool, start: bool) -> Result<(), CliError> {
+        for file in &self.exported {
+            let format = Format::of_file(file).and_then(|format| {
+                format.check(origin || self.origin.is_some(), start || self.start_utc.is_some())
+            });
+            format.map_err(|error| refused(file, &error))?;
+        }
+        if origin && self.origin.is_some() {
+            return Err(CliError::input(OWN_ORIGIN));
+        }
+        Ok(())
     }
 
     /// Writes the files.
@@ -68,19 +92,14 @@ impl Exports {
         let mut overview = overview.clone();
         if let Some(origin) = self.origin {
             if overview.frame.is_some() {
-                let text =
-                    "--origin: the places are in degrees already, about an origin of their own";
-                return Err(CliError::input(text));
+                return Err(CliError::input(OWN_ORIGIN));
             }
             overview.frame = Some(origin.frame());
         }
         overview.epoch_unix_s = overview.epoch_unix_s.or(self.start_utc);
         for file in &self.exported {
-            let refused = |error: ExportError| {
-                CliError::input(format!("--export {}: {error}", file.display()))
-            };
-            let format = Format::of_file(file).map_err(refused)?;
-            let bytes = export(&overview, format).map_err(refused)?;
+            let format = Format::of_file(file).map_err(|error| refused(file, &error))?;
+            let bytes = export(&overview, format).map_err(|error| refused(file, &error))?;
             fs::write(file, bytes).map_err(|error| CliError::writing(file, error))?;
             output.note(&format!("export: {}", file.display()))?;
         }
@@ -94,9 +113,16 @@ impl Views {
         self.report.is_some() || !self.exports.exported.is_empty()
     }
 
-    /// Refuses files of unknown formats, before any work is done.
+    /// Refuses files of unknown formats and those that cannot be written, before any work is done.
     pub(super) fn check(&self) -> Result<(), CliError> {
+        self.report.iter().try_for_each(|path| writable::file(path))?;
         self.exports.check()
+    }
+
+    /// Refuses formats that need more than is known: where the zero of local metres is, and when
+    /// the beginning was.
+    pub(super) fn check_known(&self, origin: bool, start: bool) -> Result<(), CliError> {
+        self.exports.check_known(origin, start)
     }
 
     /// Writes what was wanted.

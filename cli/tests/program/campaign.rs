@@ -30,7 +30,7 @@ fn a_campaign_is_the_same_for_any_number_of_jobs() {
     };
     let one = fly("1");
     assert_eq!(one.stdout, fly("2").stdout);
-    assert!(one.stderr.contains("6 of 6 hunts"), "progress as lines: {}", one.stderr);
+    assert!(!one.stderr.contains("hunts"), "progress is for terminals: {}", one.stderr);
 
     let report = one.json();
     has(&report, &["scenario", "runs", "estimators"]);
@@ -95,15 +95,57 @@ fn every_hunt_of_a_campaign_may_be_kept() {
 }
 
 #[test]
+fn long_work_is_streamed_as_lines_of_json() {
+    let lines = |args: &[&str]| -> Vec<Value> {
+        let ran = foxhunt([&["--json=lines"], args].concat());
+        assert_eq!(ran.code, 0, "{ran:?}");
+        let value = |line: &str| serde_json::from_str(line).expect("a JSON value in each line");
+        ran.stdout.lines().map(value).collect()
+    };
+    let of = |lines: &[Value], kind: &str| -> Vec<Value> {
+        let fitting = lines.iter().filter(|line| line["kind"] == kind);
+        fitting.map(|line| line["value"].clone()).collect()
+    };
+    let args = ["campaign", "--runs", "3", "--seed", "5", "--estimator", "ekf-pritzl2018"];
+    let streamed = lines(&args);
+    let seeds: Vec<_> = of(&streamed, "hunt").iter().map(|hunt| hunt["seed"].clone()).collect();
+    assert_eq!(seeds, [5, 6, 7]);
+    let mut done: Vec<_> = of(&streamed, "progress")
+        .iter()
+        .map(|p| (p["done"].as_u64(), p["total"].as_u64()))
+        .collect();
+    done.sort_unstable();
+    assert_eq!(done, [1, 2, 3].map(|done| (Some(done), Some(3))));
+    // The last line is what `--json` alone prints.
+    let whole = foxhunt(["--json"].iter().chain(&args)).json();
+    assert_eq!(
+        streamed.last().map(|line| (&line["kind"], &line["value"])),
+        Some((&"result".into(), &whole))
+    );
+
+    let out = folder("streamed_soak");
+    let out = out.to_str().expect("UTF-8");
+    let soak = lines(&["soak", "--runs", "4", "--jobs", "1", "--out", out]);
+    assert_eq!(of(&soak, "progress").last().map(|p| p["done"].as_u64()), Some(Some(4)));
+    let fly = lines(&["fly", "--emulate", "pritzl-6.1", "--out", out]);
+    let events = of(&fly, "event");
+    let log = fs::read_to_string(format!("{out}/fly-1.jsonl")).expect("a log");
+    let logged: Vec<Value> =
+        log.lines().skip(1).map(|line| serde_json::from_str(line).expect("an event")).collect();
+    assert!(events.len() > 20 && events == logged, "{} and {}", events.len(), logged.len());
+}
+
+#[test]
 fn a_campaign_ends_with_a_table_for_each_beacon() {
     let ran = foxhunt(["campaign", "--runs", "2"]);
     assert_eq!(ran.code, 0, "{ran:?}");
     for text in ["beacon 1", "beacon 2", "default", "p90", "to 3 m", "path m", "ANEES", "failed"] {
         assert!(ran.stdout.contains(text), "{text} is missing in {}", ran.stdout);
     }
-    let row = ran.stdout.lines().find(|line| line.contains("default")).expect("its row");
+    let mut rows = ran.stdout.lines().filter(|line| line.contains("default"));
     let verdicts = ["too few", "over-confident", "under-confident"];
-    assert!(verdicts.iter().any(|verdict| row.contains(verdict)), "{row}");
+    let judged = |row: &str| verdicts.iter().any(|verdict| row.contains(verdict));
+    assert!(rows.any(judged), "{}", ran.stdout);
     assert!(!ran.stdout.contains("NaN"));
 }
 

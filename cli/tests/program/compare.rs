@@ -160,6 +160,10 @@ fn planners_are_compared_with_the_reference_in_their_scenarios() {
         }
     }
     let table = foxhunt(args);
+    for text in ["far-start, ekf", "3 move limit reached", "over pritzl2018:"] {
+        assert!(table.stdout.contains(text), "{text} is missing in {}", table.stdout);
+    }
+    let table = foxhunt(args.iter().chain(&["--markdown"]));
     for text in ["| scenario ", "| far-start ", "3 move limit reached", "against"] {
         assert!(table.stdout.contains(text), "{text} is missing in {}", table.stdout);
     }

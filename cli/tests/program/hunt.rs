@@ -139,9 +139,18 @@ fn a_hunt_is_exported_by_the_endings_of_files() {
         args.extend(["--export".to_owned(), file(ending)]);
     }
     let nowhere = foxhunt(&args);
-    assert_eq!(nowhere.code, 2, "{nowhere:?}");
-    assert!(nowhere.stderr.contains("--origin"), "{nowhere:?}");
-    args.extend(["--origin", "50.0755,14.4378"].map(str::to_owned));
+    nowhere.failed(2, &["hunt.geojson", "--origin"]);
+    assert!(!folder.join("hunt.jsonl").exists(), "it is refused before it is flown");
+    let place = ["--origin", "50.0755,14.4378"].map(str::to_owned);
+    foxhunt(args.iter().chain(&place)).failed(2, &["hunt.cot", "--start-utc"]);
+    let within = folder.join("a-file");
+    fs::write(&within, "").expect("a file");
+    let within = within.to_str().expect("UTF-8");
+    foxhunt(["hunt", "--out", within]).failed(1, &["a-file", "cannot be written"]);
+    let lost = format!("{out}/no/such/hunt.csv");
+    foxhunt(["hunt", "--out", out, "--export", &lost]).failed(1, &[&lost, "cannot be written"]);
+    assert!(!folder.join("hunt.jsonl").exists(), "it is refused before it is flown");
+    args.extend(place);
     args.extend(["--start-utc", "2026-05-01T09:30:00"].map(str::to_owned));
     let ran = foxhunt(&args);
     assert_eq!(ran.code, 0, "{ran:?}");

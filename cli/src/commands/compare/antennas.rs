@@ -42,7 +42,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let estimators: Vec<EstimatorEntry> =
         chosen.into_iter().map(|entry| args.settings.estimator(entry)).collect::<Result<_, _>>()?;
     let contenders = estimators.len() * AntennaSetup::ALL.len();
-    let report = args.runs.with_progress("hunts", contenders, |repetition| {
+    let report = args.runs.with_progress(output, "hunts", contenders, |repetition| {
         antennas_campaign(registry, &scenario, &estimators, repetition)
     });
     let report = report.map_err(|error| choice::campaign_error(error, &args.scenario))?;
@@ -64,7 +64,8 @@ fn tables(report: &AntennasReport) -> String {
         "in 95 %",
         "failed",
         "hunt s",
-    ]);
+    ])
+    .named_by(3);
     for campaign in &report.setups {
         for (estimator, duration) in campaign.estimators.iter().zip(&campaign.duration_s) {
             for beacon in &estimator.beacons {
@@ -95,7 +96,8 @@ fn tables(report: &AntennasReport) -> String {
         "95 %",
         "p",
         "pairs",
-    ]);
+    ])
+    .named_by(4);
     for comparison in &report.comparisons {
         let paired = comparison.paired.as_ref();
         ratios.add_row([
@@ -122,5 +124,5 @@ fn coverage(beacon: &BeaconCampaign) -> String {
 
 /// What the columns mean.
 const LEGEND: &str = "Errors in metres. The ratio is the geometric mean of the two errors' ratios \
-     run by run, on the\nsame seeds; where its interval leaves out 1, the antennas differ. p is \
-     that of Student's paired t-test\non the logarithms.";
+     run by run, on the same seeds; where its interval leaves out 1, the antennas differ. p is \
+     that of Student's paired t-test on the logarithms.";

@@ -35,7 +35,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         choice::estimators(registry, &args.estimator)?
     };
     let estimators: Vec<EstimatorEntry> = chosen.into_iter().cloned().collect();
-    let report = args.runs.with_progress("runs", estimators.len(), |repetition| {
+    let report = args.runs.with_progress(output, "runs", estimators.len(), |repetition| {
         trial_campaign(&trial, &estimators, repetition)
     });
     output.result(&report.map_err(choice::trial_error)?, tables)

@@ -50,7 +50,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         args.extractor.iter().map(named).collect::<Result<_, _>>().map_err(CliError::input)?
     };
     let antenna = args.antenna.as_deref().map(antenna_named).unwrap_or_default();
-    let report = args.runs.with_progress("turns", 1, |repetition| {
+    let report = args.runs.with_progress(output, "turns", 1, |repetition| {
         bearing_campaign(registry, &case, &antenna, &extractors, repetition)
     });
     let report = report.map_err(|error| match error {
@@ -62,7 +62,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
 
 /// What the columns mean.
 const LEGEND: &str = "Errors and σ in degrees. For a consistent extractor error/σ is 1 in the \
-     root mean square, and 95 % of the\nerrors lie within 1.96 σ. r is the correlation \
+     root mean square, and 95 % of the errors lie within 1.96 σ. r is the correlation \
      of σ and error.";
 
 fn text(report: &BearingReport) -> String {

@@ -11,14 +11,14 @@ use crate::{
     commands::{choice, repetition::Runs, settings::Settings},
     context::Context,
     error::CliError,
-    table::{markdown, number, text},
+    table::{markdown, number, table, text},
 };
 
 /// Compare planners in flown hunts
 ///
 /// Flies every scenario with every planner, and compares each planner with the reference's, run by
 /// run: how long until the 95 % ellipse's semi-major axis is below 3 m, how far the drones fly, how
-/// large the errors are. The tables are Markdown.
+/// large the errors are.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt compare planners --runs 100 --estimator grid\n  \
                         foxhunt compare planners far-start --runs 100 --planner information \
@@ -35,6 +35,9 @@ pub(super) struct Args {
     /// The estimator; each scenario's own unless given
     #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
+    /// Print two tables in Markdown, for documents: their rows are as wide as they need
+    #[arg(long)]
+    markdown: bool,
     #[command(flatten)]
     settings: Settings,
 }
@@ -54,14 +57,15 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         hunts.push((scenario, args.settings.estimator(estimator)?));
     }
     let contenders = hunts.len() * planners.len();
-    let reports = args.runs.with_progress("hunts", contenders, |repetition| {
+    let reports = args.runs.with_progress(output, "hunts", contenders, |repetition| {
         let fly = |(scenario, estimator): &(Scenario, EstimatorEntry)| {
             planners_campaign(registry, scenario, estimator, &planners, repetition)
                 .map_err(|error| choice::campaign_error(error, &scenario.name))
         };
         hunts.iter().map(fly).collect::<Result<Vec<PlannersReport>, _>>()
     })?;
-    output.result(&reports, |reports| tables(reports))
+    let text = if args.markdown { for_documents } else { tables };
+    output.result(&reports, |reports| text(reports))
 }
 
 /// The planners that are compared, the reference's first.
@@ -76,35 +80,65 @@ fn compared(given: &[String], registry: &Registry) -> Vec<PlannerEntry> {
     planners
 }
 
+/// What the columns of a planner's figures are.
+const FIGURES: [&str; 9] = [
+    "steps to 3 m",
+    "s to 3 m",
+    "never",
+    "path m",
+    "rms m",
+    "p90 m",
+    "ANEES",
+    "interval",
+    "outcomes",
+];
+
+/// What the columns of a comparison are.
+const RATIOS: [&str; 4] = ["steps to 3 m", "s to 3 m", "path", "error"];
+
+/// How many columns name a row before these.
+const NAMES: usize = 4;
+
+/// Tables for each scenario: the figures of each beacon, and the ratios to the reference.
 fn tables(reports: &[PlannersReport]) -> String {
+    let mut lines = vec![head(reports)];
+    for report in reports {
+        lines.push(format!("{}, {}", report.scenario, report.estimator));
+        let mut figures = table(&[&["beacon", "planner"], &FIGURES[..]].concat()).named_by(2);
+        for row in rows(report) {
+            let [_, beacon, planner, _, of @ ..] = row.as_slice() else { continue };
+            figures.add_row([beacon, planner].into_iter().chain(of));
+        }
+        let mut ratios = table(&[&["beacon", "planner"], &RATIOS[..]].concat()).named_by(2);
+        for comparison in &report.comparisons {
+            let row = ratio(&report.scenario, comparison);
+            let [_, beacon, planner, _, of @ ..] = row.as_slice() else { continue };
+            ratios.add_row([beacon, planner].into_iter().chain(of));
+        }
+        lines.push(format!("{figures}\nover {REFERENCE}:\n{ratios}\n"));
+    }
+    lines.push(LEGEND.to_owned());
+    lines.join("\n")
+}
+
+fn head(reports: &[PlannersReport]) -> String {
+    reports.first().map_or_else(String::new, |first| {
+        format!("{} runs, seeds from {}\n", first.runs, first.seed)
+    })
+}
+
+/// All scenarios in two tables in Markdown.
+fn for_documents(reports: &[PlannersReport]) -> String {
     let (mut figures, mut ratios) = (Vec::new(), Vec::new());
     for report in reports {
         figures.extend(rows(report));
         ratios.extend(report.comparisons.iter().map(|paired| ratio(&report.scenario, paired)));
     }
-    let head = reports.first().map_or_else(String::new, |first| {
-        format!("{} runs, seeds from {}\n", first.runs, first.seed)
-    });
-    let columns = [
-        "scenario",
-        "beacon",
-        "planner",
-        "estimator",
-        "steps to 3 m",
-        "s to 3 m",
-        "never",
-        "path m",
-        "rms m",
-        "p90 m",
-        "ANEES",
-        "interval",
-        "outcomes",
-    ];
-    let figures = markdown(&columns, 4, &figures);
-    let columns =
-        ["scenario", "beacon", "planner", "against", "steps to 3 m", "s to 3 m", "path", "error"];
-    let ratios = markdown(&columns, 4, &ratios);
-    format!("{head}\n{figures}\n\n{ratios}\n\n{LEGEND}")
+    let columns = [&["scenario", "beacon", "planner", "estimator"], &FIGURES[..]].concat();
+    let figures = markdown(&columns, NAMES, &figures);
+    let columns = [&["scenario", "beacon", "planner", "against"], &RATIOS[..]].concat();
+    let ratios = markdown(&columns, NAMES, &ratios);
+    format!("{}\n{figures}\n\n{ratios}\n\n{LEGEND}", head(reports))
 }
 
 fn rows(report: &PlannersReport) -> Vec<Vec<String>> {
@@ -168,6 +202,6 @@ fn ratio(scenario: &str, comparison: &PlannerComparison) -> Vec<String> {
 
 /// What the columns mean.
 const LEGEND: &str = "To 3 m: the median until the 95 % ellipse's semi-major axis is below 3 m; a \
-     run that never gets\nthere counts as infinite. Path: the median of what all drones flew \
-     together. The second table has\ngeometric means of the ratios run by run, on the same seeds, \
-     of runs that have both, with 95 %\nintervals.";
+     run that never gets there counts as infinite. Path: the median of what all drones flew \
+     together. The second table has geometric means of the ratios run by run, on the same seeds, \
+     of runs that have both, with 95 % intervals.";

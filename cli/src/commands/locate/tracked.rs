@@ -229,7 +229,7 @@ pub(super) fn text(report: &Report) -> String {
     if let (Some([inside, of]), Some([low, high])) = (report.inside_95, report.coverage_interval) {
         out += &format!(
             "\nOver {of} times: error {} m in the median, {} m on average; mean NEES {}; {inside} \
-             ellipses hold the truth\n({low:.2} to {high:.2} of them, were the times independent).",
+             ellipses hold the truth ({low:.2} to {high:.2} of them, were the times independent).",
             number(report.median_error_m, 1),
             number(report.mean_error_m, 1),
             number(report.mean_nees, 2),

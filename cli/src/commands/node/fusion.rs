@@ -17,7 +17,7 @@ use super::{
     over::{Failures, Shared, Stop},
 };
 use crate::{
-    commands::{choice, fixes, notices},
+    commands::{choice, fixes, notices::Notices},
     context::Context,
     error::CliError,
     output::{Output, warn},
@@ -73,6 +73,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let mut node = FusionNode::new(hunt, drones, link, epoch, past, FusionNodeConfig::default())
         .map_err(CliError::failure)?;
     let (mut failures, mut waiting) = (Failures::default(), Vec::new());
+    let mut notices = Notices::default();
     while stop.goes_on() {
         let time = clock.unix()?.since(epoch);
         failures.report(node.step(time))?;
@@ -86,7 +87,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             log.header.homes = node.homes().to_vec();
         }
         while let Some(event) = node.poll_event() {
-            notices::narrate(&event);
+            notices.print(&event);
             log.event(event)?;
         }
         if node.is_finished(time) {

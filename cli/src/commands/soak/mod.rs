@@ -29,7 +29,8 @@ use self::{flights::fly, memory::Memory, recordings::BentRecording};
 use crate::{
     context::Context,
     error::CliError,
-    output::{Output, warn},
+    output::{Output, event},
+    progress::Progress,
     table::table,
 };
 
@@ -64,6 +65,9 @@ pub(crate) struct Args {
     /// The number of runs at the same time; the number of processors unless given
     #[arg(long, value_name = "J", value_parser = value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
+    /// Print no progress on standard error
+    #[arg(long)]
+    quiet: bool,
     /// The folder that the least scenario of each failure is written to
     #[arg(long, value_name = "DIR", default_value = "soak")]
     out: PathBuf,
@@ -197,9 +201,16 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let seeds = (0..runs).map(|run| args.seed.wrapping_add(run)).take_while(is_on);
 
     let mut report = Report { seed: args.seed, ..Report::default() };
-    let (mut memory, mut shown) = (Memory::default(), Instant::now());
+    let mut memory = Memory::default();
+    let (what, length) = match (most, args.runs) {
+        (Some(most), _) => ("seconds", most.as_secs()),
+        (None, runs) => ("runs", runs.unwrap_or(0)),
+    };
+    let progress = Progress::new(output, what, length, !args.quiet);
+    let mut runs_done = 0;
     runner.run_seeds(&Soak { registry }, seeds, &|| (), |done| {
         for (seed, tally) in done {
+            let known = report.failures.len();
             if let Some(grown) = memory.grown(jobs) {
                 report.failures.push(Failed {
                     seed,
@@ -208,27 +219,31 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
                 });
             }
             for failure in &tally.failures {
-                report.failures.push(keep(seed, failure, registry, &args.out)?);
+                let failed = keep(seed, failure, registry, &args.out)?;
+                progress.warn(&format!("seed {seed}: {failure}\n  {}", failed.again));
+                report.failures.push(failed);
+            }
+            if output.streams() {
+                for failed in report.failures.iter().skip(known) {
+                    event("failure", failed).map_err(CliError::printing)?;
+                }
             }
             report.add(&tally);
+            runs_done += 1;
         }
-        if shown.elapsed() >= SHOWN_EVERY {
-            shown = Instant::now();
-            warn(&format!(
-                "{} flights, {} recordings, {} failures",
-                report.flights,
-                report.recordings,
-                report.failures.len()
-            ));
-        }
+        progress.reach(most.map_or(runs_done, |_| begun.elapsed().as_secs().min(length)));
+        progress.note(format!(
+            "{what}, {} flights, {} recordings, {} failures",
+            report.flights,
+            report.recordings,
+            report.failures.len()
+        ));
         Ok::<_, CliError>(())
     })?;
+    progress.finish();
     report.most_memory_mib = memory.most_mib();
     finish(&report, output)
 }
-
-/// How often the counts are shown.
-const SHOWN_EVERY: Duration = Duration::from_secs(60);
 
 impl Report {
     fn add(&mut self, tally: &Tally) {
@@ -282,7 +297,6 @@ fn keep(
         }
     };
     fs::write(&file, text).map_err(|error| CliError::writing(&file, error))?;
-    warn(&format!("seed {seed}: {failure}\n  {again}"));
     Ok(Failed { seed, what: failure.to_string(), again })
 }
 

@@ -1,0 +1,25 @@
+use clap_complete::{Shell, generate};
+
+use crate::{args, context::Context, error::CliError};
+
+/// Print what a shell completes commands, flags and names with
+///
+/// Prints a script for one shell, made of the commands of this build. `foxhunt man` writes manual
+/// pages.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  \
+                  foxhunt completions bash > ~/.local/share/bash-completion/completions/foxhunt\n  \
+                  foxhunt completions zsh > ~/.zfunc/_foxhunt\n  \
+                  foxhunt completions fish > ~/.config/fish/completions/foxhunt.fish")]
+pub(crate) struct Args {
+    /// The shell
+    #[arg(value_enum)]
+    shell: Shell,
+}
+
+pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let mut script = Vec::new();
+    generate(args.shell, &mut args::command(context.registry), args::PROGRAM, &mut script);
+    let script = String::from_utf8(script).map_err(CliError::failure)?;
+    context.output.verbatim(&script)
+}

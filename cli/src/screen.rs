@@ -1,0 +1,71 @@
+//! How much room there is for what is printed.
+
+use std::{env, io};
+
+use terminal_size::{Height, Width, terminal_size_of};
+use textwrap::{Options, WordSeparator, WordSplitter};
+
+/// The width where none is known: in a file, or behind a pipe.
+const UNKNOWN: u16 = 100;
+
+/// Below this many columns nothing is made to fit.
+const LEAST: u16 = 40;
+
+/// How many columns wide a result may be: `COLUMNS` where that is set, else the terminal's width.
+pub(crate) fn width() -> usize {
+    let given = env::var("COLUMNS").ok();
+    let terminal = || terminal_size_of(io::stdout()).map(|(Width(width), Height(_))| width);
+    usize::from(given.as_deref().and_then(columns).or_else(terminal).unwrap_or(UNKNOWN).max(LEAST))
+}
+
+/// The number of columns in a text.
+fn columns(text: &str) -> Option<u16> {
+    text.trim().parse().ok().filter(|columns| *columns > 0)
+}
+
+/// Wraps each line that is longer than `width` between words, its further lines indented as it is.
+/// Rows of Markdown tables stay in one line.
+pub(crate) fn wrapped(text: &str, width: usize) -> String {
+    let line = |line: &str| {
+        if line.starts_with('|') || textwrap::core::display_width(line) <= width {
+            return line.to_owned();
+        }
+        let words = line.trim_start();
+        let indent = &line[..line.len() - words.len()];
+        indented(words, width, indent, indent)
+    };
+    text.lines().map(line).collect::<Vec<_>>().join("\n")
+}
+
+/// A paragraph of at most `width` columns that begins with `first` and goes on after `rest`; no
+/// word is torn.
+pub(crate) fn indented(text: &str, width: usize, first: &str, rest: &str) -> String {
+    let options = Options::new(width)
+        .initial_indent(first)
+        .subsequent_indent(rest)
+        .break_words(false)
+        .word_separator(WordSeparator::AsciiSpace)
+        .word_splitter(WordSplitter::NoHyphenation);
+    textwrap::fill(text, options)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_a_number_above_zero() {
+        assert_eq!(columns(" 80\n"), Some(80));
+        for text in ["", "0", "-3", "wide"] {
+            assert_eq!(columns(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn lines_are_wrapped_between_words() {
+        let text = "one two three\n  four five-six seven\n| a table | stays |\n┄┄";
+        let wrapped = wrapped(text, 11);
+        assert_eq!(wrapped, "one two\nthree\n  four\n  five-six\n  seven\n| a table | stays |\n┄┄");
+        assert_eq!(super::wrapped("unbreakable/path/to/it", 5), "unbreakable/path/to/it");
+    }
+}

@@ -1,0 +1,95 @@
+//! The pages that commands leave besides hunts.
+
+use std::{fs, path::Path};
+
+use serde_json::Value;
+
+use crate::support::{folder, foxhunt};
+
+/// Runs a command with `--report`, and returns what the page shows.
+fn shown(args: &[&str], page: &Path) -> Value {
+    let ran = foxhunt([args, &["--report", page.to_str().expect("UTF-8")]].concat());
+    assert_eq!(ran.code, 0, "{args:?}: {ran:?}");
+    assert!(ran.stdout.contains("report: "), "{ran:?}");
+    let text = fs::read_to_string(page).expect("a page");
+    assert!(!text.contains("src=\"http") && !text.contains("href=\"http"), "no network");
+    let data = text.split("type=\"application/json\"").nth(1).expect("its data");
+    let data = data.split_once('>').and_then(|(_, rest)| rest.split_once("</script>"));
+    serde_json::from_str(data.expect("a script").0).expect("JSON")
+}
+
+fn length(value: &Value) -> usize {
+    value.as_array().map_or(0, Vec::len)
+}
+
+#[test]
+fn each_command_leaves_a_page_of_what_it_found() {
+    let folder = folder("views");
+    let page = folder.join("report.html");
+    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../archive/tests/data");
+    let file = |name: &str| format!("{data}/{name}");
+    let (bearings, turns) = (file("otter-telemetry/bearings.csv"), file("foxhunt/turns.csv"));
+
+    let out = folder.to_str().expect("UTF-8");
+    let flown = foxhunt(["--json", "hunt", "one-drone", "--out", out, "--estimator", "ekf"]).json();
+    let log = folder.join("hunt.jsonl");
+    let replayed = ["replay", log.to_str().expect("UTF-8")];
+    let replayed = shown(&replayed, &folder.join("replay.html"));
+    assert_eq!(length(&replayed["searches"]), length(&flown["beacons"]));
+    assert!(length(&replayed["received"]) > 5, "{replayed}");
+
+    let turned = shown(&["bearing", &turns], &page);
+    let json = foxhunt(["--json", "bearing", &turns]).json();
+    assert_eq!(length(&turned["received"]), length(&json["turns"]));
+    assert_eq!(length(&turned["searches"]), 0);
+    assert!(turned["received"][0]["turn"].is_object(), "{}", turned["received"][0]);
+
+    let every = foxhunt(["--json", "locate", &bearings, "--every-beacon"]).json();
+    let names: Vec<&str> =
+        every.as_array().expect("a list").iter().filter_map(|of| of["beacon"].as_str()).collect();
+    assert!(names.len() > 1, "{names:?}");
+    let one = shown(&["locate", &bearings, "--beacon", names[0]], &page);
+    assert_eq!(length(&one["searches"]), 1);
+    let all = shown(&["locate", &bearings, "--every-beacon"], &page);
+    let found: Vec<&str> = (all["searches"].as_array().expect("a list").iter())
+        .filter_map(|search| search["name"].as_str())
+        .collect();
+    assert_eq!(found, names);
+    assert!(length(&all["received"]) > length(&one["received"]));
+}
+
+#[test]
+fn a_track_is_a_page_with_its_places_in_time() {
+    let folder = folder("track_view");
+    let csv = folder.join("stations.csv");
+    // Three stations; the transmitter goes East at 1 m/s.
+    let mut rows = "drone,beacon,time_s,east_m,north_m,bearing_deg_compass,bearing_sigma_deg,truth_east_m,truth_north_m\n".to_owned();
+    for minute in 0..10_i32 {
+        let (time, east, north) = (60 * minute, 60 * minute - 300, 200);
+        for (name, x, y) in [("a", -400, 0), ("b", 400, 0), ("c", 0, 600)] {
+            let bearing = f64::from(east - x).atan2(f64::from(north - y)).to_degrees();
+            rows += &format!("{name},fox,{time},{x},{y},{bearing:.1},3,{east},{north}\n");
+        }
+    }
+    fs::write(&csv, rows).expect("a file");
+    let csv = csv.to_str().expect("UTF-8");
+    let args = ["locate", csv, "--track", "--window-s", "60"];
+    let report = foxhunt(["--json"].iter().chain(&args)).json();
+    let data = shown(&args, &folder.join("track.html"));
+    assert_eq!(length(&data["searches"]), 1);
+    assert_eq!(length(&report["places"]), 10);
+    assert_eq!(length(&data["searches"][0]["beliefs"]), 10, "{}", data["searches"]);
+    assert_eq!(length(&data["received"]), 30);
+}
+
+#[test]
+fn a_page_that_cannot_be_written_stops_the_work_before_it_begins() {
+    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../archive/tests/data");
+    let turns = format!("{data}/foxhunt/turns.csv");
+    for args in [&["bearing", &turns][..], &["locate", &turns], &["replay", "no-such-log"]] {
+        let ran = foxhunt([args, &["--report", "/no/such/page.html"]].concat());
+        ran.failed(1, &["/no/such/page.html", "cannot be written"]);
+    }
+    let calibrated = foxhunt(["calibrate", &turns, "--out", "/no/such/calibration.toml"]);
+    calibrated.failed(1, &["/no/such/calibration.toml", "cannot be written"]);
+}
