@@ -21,6 +21,7 @@ pub(crate) mod locate;
 pub(crate) mod man;
 #[cfg(feature = "hardware")]
 pub(crate) mod node;
+pub(crate) mod plot;
 pub(crate) mod pulses;
 pub(crate) mod replay;
 #[cfg(feature = "store")]
@@ -78,6 +79,7 @@ pub(crate) enum Command {
     Tags(tags::Args),
     Pulses(pulses::Args),
     Listen(listen::Args),
+    Plot(plot::Args),
     Completions(completions::Args),
     Man(man::Args),
     #[cfg(feature = "hardware")]
@@ -128,6 +130,7 @@ fn dispatch(command: Command, context: Context<'_>) -> Result<(), CliError> {
         Command::Tags(args) => tags::run(&args, context),
         Command::Pulses(args) => pulses::run(&args, context),
         Command::Listen(args) => listen::run(&args, context),
+        Command::Plot(args) => plot::run(&args, context),
         Command::Completions(args) => completions::run(&args, context),
         Command::Man(args) => man::run(&args, context),
         #[cfg(feature = "hardware")]

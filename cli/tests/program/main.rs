@@ -12,6 +12,7 @@ mod hunt;
 mod listen;
 mod lists;
 mod pipes;
+mod plot;
 mod pulses;
 mod recorded;
 mod replay;

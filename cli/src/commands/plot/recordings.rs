@@ -1,0 +1,330 @@
+//! Figures of recordings and of what logs hold of receptions.
+
+use std::path::PathBuf;
+
+use foxhunt::{
+    config::ExtractorConfig,
+    core::{Reception, angle},
+    hunt::Event,
+    log::Log,
+    overview::Overview,
+    picture::{Axis, Curve, Graph, Mark, Scale, Tint, graph_svg, turn_svg},
+    recorded::{CalibrateConfig, RecordedError, bearings, known_ranges},
+    recording::Recording,
+    sensors::{BearingMixture, fit_log_distance},
+};
+
+use super::Drawing;
+use crate::{
+    commands::{
+        extraction::Extraction,
+        recorded::{LatLon, Reading, no_degrees},
+        views::Antennas,
+    },
+    context::Context,
+    error::CliError,
+};
+
+/// One turn of a recording.
+#[derive(Debug, clap::Args)]
+pub(super) struct OneTurn {
+    /// A recording of turns: CSV with named columns
+    file: PathBuf,
+    /// Which turn, from 1 in the order of the recording
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    turn: usize,
+    #[command(flatten)]
+    extraction: Extraction,
+    #[command(flatten)]
+    reading: Reading,
+    #[command(flatten)]
+    drawing: Drawing,
+}
+
+/// Receptions of a transmitter whose place is known.
+#[derive(Debug, clap::Args)]
+pub(super) struct Measured {
+    /// Recordings (CSV with named columns), or logs of simulated hunts (.jsonl)
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Where the transmitter is, in degrees (WGS84); the recordings' own truth unless given
+    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
+    truth: Option<LatLon>,
+    #[command(flatten)]
+    extraction: Extraction,
+    #[command(flatten)]
+    reading: Reading,
+    #[command(flatten)]
+    drawing: Drawing,
+}
+
+pub(super) fn pattern(args: &OneTurn, context: Context<'_>) -> Result<(), CliError> {
+    let registry = context.registry;
+    args.drawing.check()?;
+    let config = args.extraction.config(registry, &ExtractorConfig::default())?;
+    let antenna = Antennas::of(&config);
+    let extractor = args.extraction.build(registry)?;
+    let recordings = args.reading.read(std::slice::from_ref(&args.file))?;
+    let [recording] = recordings.as_slice() else {
+        return Err(CliError::input("a turn is that of one recording"));
+    };
+    let wanted = args.reading.wanted();
+    if wanted.is_some() {
+        args.reading.beacon(&recordings)?;
+    }
+    let mut turns =
+        bearings(recording, extractor.as_ref(), args.reading.positions).map_err(CliError::input)?;
+    turns.retain(|read| wanted.is_none_or(|name| read.sweep.beacon_name.as_deref() == Some(name)));
+    let count = turns.len();
+    let chosen = args.turn.checked_sub(1).and_then(|index| turns.get(index));
+    let read = chosen.ok_or_else(|| {
+        CliError::input(format!("--turn {}: the recording has turns 1 to {count}", args.turn))
+    })?;
+    let mut overview = Overview::default();
+    overview.add_reading(read, args.extraction.name(), antenna.known());
+    let turn = overview.received.pop().and_then(|received| received.turn).unwrap_or_default();
+    let beacon = read.sweep.beacon_name.as_ref().map_or_else(String::new, |b| format!(", {b}"));
+    let own = format!("{}{beacon}, turn {} of {count}", read.sweep.drone, args.turn);
+    let bearing = read.reading.bearing.ok().map(|bearing| bearing.angle);
+    args.drawing.write(turn_svg(&args.drawing.title(&own), &turn, bearing), context.output)
+}
+
+/// A pair of what is known and what was measured.
+type Points = Vec<[f64; 2]>;
+
+impl Measured {
+    /// What `of_log` takes of the receptions of logs, with the truth, or else `of_recordings` of
+    /// recordings: where `pooled` those of every beacon, unless one is chosen.
+    fn measured<T>(
+        &self,
+        context: Context<'_>,
+        pooled: bool,
+        of_log: fn(&Reception, [f64; 2]) -> Option<T>,
+        of_recordings: impl Fn(&Recorded<'_>) -> Result<Vec<T>, RecordedError>,
+    ) -> Result<Vec<T>, CliError> {
+        self.drawing.check()?;
+        let is_log = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "jsonl");
+        match self.files.iter().filter(|path| is_log(path)).count() {
+            0 => {}
+            logs if logs == self.files.len() => return self.of_logs(of_log),
+            _ => return Err(CliError::input("logs and recordings are drawn one by one")),
+        }
+        let recordings = self.reading.read(&self.files)?;
+        let beacons = match self.reading.wanted() {
+            None if pooled => {
+                let mut all: Vec<Option<&str>> =
+                    recordings.iter().flat_map(Recording::beacons).collect();
+                all.sort_unstable();
+                all.dedup();
+                all.into_iter().map(|name| name.map(str::to_owned)).collect()
+            }
+            _ => vec![self.reading.beacon(&recordings)?],
+        };
+        let frame = recordings.iter().find_map(Recording::frame);
+        let in_frame = |truth: LatLon| truth.in_frame(frame).ok_or_else(|| no_degrees("--truth"));
+        let truth = self.truth.map(in_frame).transpose()?.map(Into::into);
+        let positions = self.reading.positions;
+        let config = CalibrateConfig { truth, positions, ..CalibrateConfig::default() };
+        let extractor = self.extraction.build(context.registry)?;
+        let mut measured = Vec::new();
+        for beacon in &beacons {
+            let recorded = Recorded {
+                recordings: &recordings,
+                beacon: beacon.as_deref(),
+                extractor: extractor.as_ref(),
+                config: &config,
+            };
+            measured.append(&mut of_recordings(&recorded).map_err(CliError::input)?);
+        }
+        Ok(measured)
+    }
+
+    fn of_logs<T>(
+        &self,
+        of_log: fn(&Reception, [f64; 2]) -> Option<T>,
+    ) -> Result<Vec<T>, CliError> {
+        if self.truth.is_some() || self.extraction.is_given() {
+            let text = "--truth, --extractor and --antenna are for recordings: a log has a truth of \
+                        its own, and bearings that were made already";
+            return Err(CliError::input(text));
+        }
+        let mut found = Vec::new();
+        for path in &self.files {
+            let Log { header, events, .. } = Log::read(path).map_err(CliError::input)?;
+            for event in &events {
+                let Event::Received { reception, .. } = event else { continue };
+                let beacon = header.beacons.get(usize::from(reception.beacon.0));
+                let wanted = |name: &str| self.reading.wanted().is_none_or(|wanted| wanted == name);
+                let beacon = beacon.filter(|beacon| wanted(&beacon.name));
+                let truth = beacon.and_then(|beacon| beacon.place_at(reception.time));
+                found.extend(truth.and_then(|truth| of_log(reception, truth.into())));
+            }
+        }
+        Ok(found)
+    }
+
+    /// The names of the files, as a title.
+    fn named(&self) -> String {
+        let name =
+            |path: &PathBuf| path.file_name().map(|name| name.to_string_lossy().into_owned());
+        let names: Vec<String> = self.files.iter().filter_map(name).collect();
+        match names.as_slice() {
+            [first, _, _, ..] => format!("{first} and {} more", names.len() - 1),
+            few => few.join(", "),
+        }
+    }
+}
+
+/// Recordings whose transmitter's place is known.
+struct Recorded<'a> {
+    recordings: &'a [Recording],
+    beacon: Option<&'a str>,
+    extractor: &'a dyn foxhunt::core::BearingExtractor,
+    config: &'a CalibrateConfig,
+}
+
+pub(super) fn rssi(args: &Measured, context: Context<'_>) -> Result<(), CliError> {
+    let of_log = |reception: &Reception, [east, north]: [f64; 2]| {
+        let from = reception.receiver.position;
+        let range = (from.x - east).hypot(from.y - north).hypot(from.z);
+        Some([range, reception.level?.rss_dbm])
+    };
+    let points: Points = args.measured(context, false, of_log, |of| {
+        known_ranges(of.recordings, of.beacon, of.extractor, of.config)
+    })?;
+    let fit = fit_log_distance(points.iter().map(|[range, rss]| (*range, *rss)), None);
+    let fit = fit.map_err(CliError::input)?;
+    let ranges = points.iter().map(|[range, _]| *range);
+    let (nearest, farthest) = ranges
+        .fold((f64::INFINITY, 0.0_f64), |(low, high), range| (low.min(range), high.max(range)));
+    let line = |shift_db: f64| -> Points {
+        let ends = [nearest, farthest];
+        let level = |range: f64| fit.reference_dbm - 10.0 * fit.exponent * range.log10();
+        ends.map(|range| [range, level(range) + shift_db]).to_vec()
+    };
+    let curve = |name: String, points, mark, tint| Curve { name, points, mark, tint };
+    let graph = Graph {
+        title: args.drawing.title(&args.named()),
+        across: Axis { label: "distance in metres".to_owned(), scale: Scale::Logarithmic },
+        up: Axis { label: "level in dBm, or dB".to_owned(), scale: Scale::Linear },
+        bands: Vec::new(),
+        curves: vec![
+            curve(format!("{} levels", fit.points), points.clone(), Mark::Dots, Tint::Number(0)),
+            curve(
+                format!("P₀ {:.1}, γ {:.2}", fit.reference_dbm, fit.exponent),
+                line(0.0),
+                Mark::Line,
+                Tint::Belief,
+            ),
+            curve(
+                format!("± σ, {:.1} dB", fit.sigma_db),
+                line(fit.sigma_db),
+                Mark::Dashes,
+                Tint::Belief,
+            ),
+            curve(String::new(), line(-fit.sigma_db), Mark::Dashes, Tint::Belief),
+        ],
+    };
+    args.drawing.write(graph_svg(&graph), context.output)
+}
+
+pub(super) fn bearing_errors(args: &Measured, context: Context<'_>) -> Result<(), CliError> {
+    let of_log = |reception: &Reception, [east, north]: [f64; 2]| {
+        let from = reception.receiver.position;
+        let true_angle = (north - from.y).atan2(east - from.x);
+        Some(angle::wrap(reception.bearing?.angle - true_angle))
+    };
+    let errors: Vec<f64> = args.measured(context, true, of_log, |of| {
+        foxhunt::recorded::bearing_errors(of.recordings, of.beacon, of.extractor, of.config)
+    })?;
+    let fit = BearingMixture::fit(&errors).ok_or_else(|| {
+        CliError::input(format!("{} bearings of a known direction are too few", errors.len()))
+    })?;
+    let reach = reach_deg(&errors);
+    let graph = Graph {
+        title: args.drawing.title(&args.named()),
+        across: Axis {
+            label: format!(
+                "error of the bearing in degrees, counter-clockwise; the fitted bias is {:.1}°",
+                fit.bias().to_degrees()
+            ),
+            scale: Scale::Linear,
+        },
+        up: Axis { label: "density per degree".to_owned(), scale: Scale::FromZero },
+        bands: Vec::new(),
+        curves: vec![
+            histogram(&errors, reach),
+            Curve {
+                name: format!(
+                    "{:.0} % outliers, σ {:.1}°",
+                    100.0 * fit.outlier_share(),
+                    fit.sigma().to_degrees()
+                ),
+                points: density(&fit, reach),
+                mark: Mark::Line,
+                tint: Tint::Belief,
+            },
+            Curve {
+                name: "Isaacs et al. 2014".to_owned(),
+                points: density(&BearingMixture::isaacs2014(), reach),
+                mark: Mark::Dashes,
+                tint: Tint::Truth,
+            },
+        ],
+    };
+    args.drawing.write(graph_svg(&graph), context.output)
+}
+
+/// How far errors are shown to either side, in degrees: to the largest, and half a turn at most.
+fn reach_deg(errors: &[f64]) -> f64 {
+    let largest = errors.iter().map(|error| error.abs().to_degrees()).fold(0.0, f64::max);
+    (15.0 * (largest / 15.0).ceil()).clamp(30.0, 180.0)
+}
+
+/// The share of errors for each degree, in bars of some degrees.
+fn histogram(errors: &[f64], reach_deg: f64) -> Curve {
+    let bars: u16 = if errors.len() < 200 { 36 } else { 72 };
+    let width = 2.0 * reach_deg / f64::from(bars);
+    let all = f64::from(u32::try_from(errors.len()).unwrap_or(u32::MAX));
+    let bar = |bar: u16| {
+        let low = -reach_deg + width * f64::from(bar);
+        let within = |error: &&f64| (low..low + width).contains(&error.to_degrees());
+        let count = errors.iter().filter(within).count();
+        let count = f64::from(u32::try_from(count).unwrap_or(u32::MAX));
+        [low + 0.5 * width, count / (all * width)]
+    };
+    Curve {
+        name: format!("{} bearings", errors.len()),
+        points: (0..bars).map(bar).collect(),
+        mark: Mark::Bars(width),
+        tint: Tint::Number(0),
+    }
+}
+
+/// A density over the errors, per degree.
+fn density(mixture: &BearingMixture, reach_deg: f64) -> Points {
+    let at = |part: i16| {
+        let degrees = reach_deg * f64::from(part) / 360.0;
+        [degrees, mixture.density(degrees.to_radians()).to_radians()]
+    };
+    (-360..=360).map(at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bars_and_densities_have_an_area_of_one() {
+        let errors: Vec<f64> = (0..150).map(|i| f64::from(i) * 0.03 - 2.0).collect();
+        assert!((reach_deg(&errors) - 150.0).abs() < 1e-9);
+        let curve = histogram(&errors, 150.0);
+        let Mark::Bars(width) = curve.mark else { panic!("bars") };
+        let area: f64 = curve.points.iter().map(|[_, up]| up * width).sum();
+        assert!((area - 1.0).abs() < 1e-12, "{area}");
+        // The trapezoidal rule over a whole turn, both ends of which are there.
+        let density = density(&BearingMixture::isaacs2014(), 180.0);
+        let area: f64 = density.iter().skip(1).map(|[_, up]| up * 0.5).sum();
+        assert!((area - 1.0).abs() < 1e-6, "{area}");
+    }
+}
