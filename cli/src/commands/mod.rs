@@ -6,6 +6,7 @@ pub(crate) mod calibrate;
 pub(crate) mod campaign;
 pub(crate) mod compare;
 pub(crate) mod completions;
+pub(crate) mod convert;
 #[cfg(feature = "hardware")]
 pub(crate) mod devices;
 #[cfg(feature = "hardware")]
@@ -79,6 +80,7 @@ pub(crate) enum Command {
     Tags(tags::Args),
     Pulses(pulses::Args),
     Listen(listen::Args),
+    Convert(convert::Args),
     Plot(plot::Args),
     Completions(completions::Args),
     Man(man::Args),
@@ -130,6 +132,7 @@ fn dispatch(command: Command, context: Context<'_>) -> Result<(), CliError> {
         Command::Tags(args) => tags::run(&args, context),
         Command::Pulses(args) => pulses::run(&args, context),
         Command::Listen(args) => listen::run(&args, context),
+        Command::Convert(args) => convert::run(&args, context),
         Command::Plot(args) => plot::run(&args, context),
         Command::Completions(args) => completions::run(&args, context),
         Command::Man(args) => man::run(&args, context),

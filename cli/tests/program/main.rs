@@ -5,6 +5,7 @@ mod calibration;
 mod campaign;
 mod compare;
 mod completions;
+mod convert;
 mod exit_codes;
 mod fly;
 mod help;
