@@ -1,3 +1,5 @@
+use super::Refusal;
+
 /// Why a link did not carry something.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -29,6 +31,17 @@ pub enum LinkError {
         drone: usize,
         /// How many there are.
         drones: usize,
+    },
+    /// Messages were refused, so many since the link was set up. It is reported for the first of
+    /// them, the tenth, the hundredth and so on.
+    #[error("{from}: {count} refused: {why}")]
+    Refused {
+        /// Whose they claim to be.
+        from: String,
+        /// Why.
+        why: Refusal,
+        /// How many for this reason.
+        count: u64,
     },
     /// A number cannot be sent this way.
     #[error("{field} is {value}, which cannot be sent")]

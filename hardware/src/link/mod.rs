@@ -4,12 +4,22 @@
 //! them, and either side may be restarted: an order carries all that is to be done, a report names
 //! what it is about, and what has been taken in before makes no difference.
 
+#[cfg(feature = "signed")]
+mod carried;
+mod carrier;
 mod drone_link;
+#[cfg(feature = "signed")]
+mod envelope;
 mod error;
 mod fusion_link;
 mod impaired;
+#[cfg(feature = "signed")]
+mod key;
 mod memory;
+#[cfg(feature = "mqtt")]
+mod mqtt;
 mod order;
+mod refusal;
 mod report;
 #[cfg(any(feature = "ros1", feature = "ros2"))]
 mod ros;
@@ -20,12 +30,20 @@ mod ros2;
 mod unix_time;
 mod view;
 
+#[cfg(feature = "signed")]
+pub use carried::{CarriedDrone, CarriedFusion};
+pub use carrier::{Carrier, MemoryCarrier, memory_carriers};
 pub use drone_link::DroneLink;
 pub use error::LinkError;
 pub use fusion_link::FusionLink;
 pub use impaired::{Impaired, Impairment};
+#[cfg(feature = "signed")]
+pub use key::{KeyError, TeamKey};
 pub use memory::{MemoryDrone, MemoryFusion, memory_network};
+#[cfg(feature = "mqtt")]
+pub use mqtt::{MqttCarrier, MqttConfig};
 pub use order::{Order, Taken, Turn};
+pub use refusal::Refusal;
 pub use report::{Delivery, Report};
 #[cfg(feature = "ros1")]
 pub use ros1::{Ros1Config, Ros1Drone, Ros1Fusion};

@@ -1,4 +1,5 @@
 use foxhunt_core::{Estimate, Pose, Waypoint};
+use serde::Serialize;
 
 use super::UnixTime;
 
@@ -36,7 +37,7 @@ pub struct DroneView {
 }
 
 /// How a drone, or the hunt, is.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Health {
     /// Who, such as `foxhunt: drone 0`.
     pub name: String,
