@@ -6,6 +6,7 @@ mod ardrone;
 mod faults;
 mod firmware;
 mod flown;
+mod flown_nodes;
 mod gnss;
 mod gnss_peer;
 mod mavlink;

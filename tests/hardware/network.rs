@@ -4,12 +4,12 @@
 use std::{cell::RefCell, collections::BTreeSet, path::Path, rc::Rc};
 
 use foxhunt::{
-    core::{Estimate, Reception},
+    core::{BeaconId, Estimate, PatternSource, Reception, Sweep},
     hardware::link::{
         Delivery, FusionLink, Impaired, Impairment, LinkError, MemoryDrone, MemoryFusion, Order,
         Report, UnixTime, memory_network,
     },
-    hunt::{BoxedSource, Event, Fix, Search},
+    hunt::{BoxedSource, DeviceError, Event, Fix, Search, boxed_source},
     log::{Log, LogWriter},
     network::{DroneNode, DroneNodeConfig, FusionNode, FusionNodeConfig, Past, uniform_draws},
     registry::{EstimatorEntry, HuntExtractor, Registry, TrackRequest, beacon_seed},
@@ -50,6 +50,48 @@ type Drone = DroneNode<
     Impaired<MemoryDrone, SimClock, Draws, Report>,
 >;
 
+/// The clock of a drone's computer, by the world's.
+#[derive(Clone, Copy, Debug, Default)]
+struct OwnClock {
+    offset_s: f64,
+    /// How much faster it runs.
+    drift: f64,
+    /// By how much it is set, and when.
+    set: Option<(f64, f64)>,
+}
+
+impl OwnClock {
+    fn own(&self, time: f64) -> f64 {
+        let set_s = self.set.filter(|(_, when)| time >= *when).map_or(0.0, |(by_s, _)| by_s);
+        time * (1.0 + self.drift) + self.offset_s + set_s
+    }
+}
+
+/// When turns of each drone truly ended.
+type Ended = Rc<RefCell<Vec<(usize, f64)>>>;
+
+/// A source whose turns end by the clock of its drone's computer.
+struct ByOwnClock {
+    source: BoxedSource,
+    clock: OwnClock,
+    drone: usize,
+    ended: Ended,
+}
+
+impl PatternSource for ByOwnClock {
+    type Error = DeviceError;
+
+    fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), DeviceError> {
+        self.source.begin(beacons)
+    }
+
+    fn poll(&mut self) -> Result<Option<Sweep<'_>>, DeviceError> {
+        let Some(sweep) = self.source.poll()? else { return Ok(None) };
+        self.ended.borrow_mut().push((self.drone, sweep.time));
+        Ok(Some(Sweep { time: self.clock.own(sweep.time), ..sweep }))
+    }
+}
+
 /// A field of three drones and the network between their computers and the one that fuses.
 struct Field {
     registry: Registry,
@@ -58,6 +100,8 @@ struct Field {
     links: (Vec<MemoryDrone>, MemoryFusion),
     impairment: Impairment,
     delivered: Delivered,
+    clocks: [OwnClock; 3],
+    ended: Ended,
     seed: u64,
 }
 
@@ -68,7 +112,17 @@ impl Field {
         let links = memory_network(world.drone_count());
         let registry = Registry::builtin();
         let delivered = Delivered::default();
-        Self { registry, scenario, world, links, impairment, delivered, seed }
+        Self {
+            registry,
+            scenario,
+            world,
+            links,
+            impairment,
+            delivered,
+            clocks: [OwnClock::default(); 3],
+            ended: Ended::default(),
+            seed,
+        }
     }
 
     fn draws(&self, of: u64) -> Draws {
@@ -83,6 +137,8 @@ impl Field {
     fn drone(&self, drone: usize) -> Drone {
         let sources = self.scenario.sources(&self.registry, &self.world).expect("proper sources");
         let source = sources.into_iter().nth(drone).expect("as many as drones");
+        let (clock, ended) = (self.clocks[drone], Rc::clone(&self.ended));
+        let source = boxed_source(ByOwnClock { source, clock, drone, ended });
         let (link, clock) = (self.links.0[drone].clone(), self.world.clock());
         let draws = self.draws(u64::try_from(drone).expect("few"));
         let link = Impaired::new(link, self.impairment, clock, draws).expect("in range");
@@ -113,8 +169,8 @@ impl Field {
         let path = Path::new("network.jsonl");
         loop {
             let time = self.world.time();
-            for drone in &mut drones {
-                drone.step(time).expect("memory takes everything");
+            for (drone, clock) in drones.iter_mut().zip(&self.clocks) {
+                drone.step(clock.own(time)).expect("memory takes everything");
             }
             node.step(time).expect("the hunt goes on");
             let fault = faults(time, &events);
@@ -288,4 +344,84 @@ fn a_fusion_that_begins_anew_goes_on_from_its_log() {
     assert_eq!(resumed, 3);
     let started = log.events.iter().filter(|e| matches!(e, Event::BeaconStarted { .. })).count();
     assert_eq!(started, 2, "what is believed was not begun anew");
+}
+
+/// The fixes of a log, in the order of their beacons, and the receptions of each drone.
+fn outcome(log: &Log) -> (Vec<&Fix>, Vec<(usize, BeaconId, f64)>) {
+    let (mut fixes, mut receptions) = (Vec::new(), Vec::new());
+    for event in &log.events {
+        match event {
+            Event::BeaconFinished { fix, .. } => fixes.push(fix),
+            Event::Received { drone, reception, .. } => {
+                receptions.push((*drone, reception.beacon, reception.time));
+            }
+            _ => {}
+        }
+    }
+    fixes.sort_by_key(|fix| fix.beacon.0);
+    (fixes, receptions)
+}
+
+/// The offsets that a log names for a drone, each with its uncertainty and the jumps until then.
+fn offsets(log: &Log, of: usize) -> Vec<(f64, f64, f64, u32)> {
+    let offset = |event: &Event| match *event {
+        Event::ClockOffset { time, drone, offset_s, uncertainty_s, jumps } if drone == of => {
+            Some((time, offset_s, uncertainty_s, jumps))
+        }
+        _ => None,
+    };
+    log.events.iter().filter_map(offset).collect()
+}
+
+#[test]
+fn clocks_that_differ_change_no_fix() {
+    let good = Field::new(Impairment::default(), 5).fly(|_, _| None);
+    let mut field = Field::new(Impairment::default(), 5);
+    field.clocks[0].offset_s = -3.2;
+    field.clocks[1].offset_s = 5.0;
+    // As much as bad quartz.
+    field.clocks[2] = OwnClock { offset_s: 0.4, drift: 1e-4, set: None };
+    let log = field.fly(|_, _| None);
+    field.judge(&log);
+    let ((fixes, receptions), (expected, as_expected)) = (outcome(&log), outcome(&good));
+    assert_eq!(receptions.len(), as_expected.len());
+    let ended = field.ended.borrow();
+    for ((drone, beacon, time), other) in receptions.iter().zip(&as_expected) {
+        assert_eq!((*drone, *beacon), (other.0, other.1));
+        // Nodes read their clocks at ticks of 0.05 s: on the way there two pass, and back two.
+        let truly = |(of, ended): &&(usize, f64)| of == drone && (ended - time).abs() < 0.1;
+        assert!(ended.iter().any(|ended| truly(&ended)), "drone {drone}: no turn ended at {time}");
+    }
+    for (fix, good) in fixes.iter().zip(&expected) {
+        let apart_m = (fix.estimate.mean - good.estimate.mean).norm();
+        assert!(apart_m < 0.01, "{}: {apart_m} m apart", fix.name);
+    }
+    for (drone, expected) in [3.2, -5.0].into_iter().enumerate() {
+        let logged = offsets(&log, drone);
+        assert!(!logged.is_empty(), "drone {drone}: the log names no offset");
+        for (_, offset_s, uncertainty_s, jumps) in logged {
+            assert!((offset_s - expected).abs() <= uncertainty_s, "drone {drone}: {offset_s}");
+            assert!(uncertainty_s < 0.09 && jumps == 0, "drone {drone}: {uncertainty_s}");
+        }
+    }
+    for (time, offset_s, uncertainty_s, _) in offsets(&log, 2) {
+        let expected = -0.4 - 1e-4 * time;
+        assert!((offset_s - expected).abs() <= uncertainty_s, "{time} s: {offset_s}");
+    }
+}
+
+#[test]
+fn a_clock_that_is_set_is_noticed() {
+    let mut field = Field::new(ROUGH, 6);
+    field.clocks[1] = OwnClock { offset_s: 1.0, drift: 0.0, set: Some((-7.0, 90.0)) };
+    let log = field.fly(|_, _| None);
+    field.judge(&log);
+    let logged = offsets(&log, 1);
+    let (when, offset_s, uncertainty_s, jumps) = *logged.last().expect("the log names it");
+    assert_eq!(jumps, 1);
+    assert!((offset_s - 6.0).abs() <= uncertainty_s, "{logged:?}");
+    assert!((90.0..150.0).contains(&when), "{logged:?}");
+    let of_it =
+        |event: &&Event| matches!(event, Event::Received { drone: 1, time, .. } if *time > when);
+    assert!(log.events.iter().filter(of_it).count() > 5, "it takes part no more");
 }

@@ -85,8 +85,8 @@ impl PatternSource for Devices {
 fn failure(fusion: &mut impl FusionLink) -> String {
     let mut last = String::new();
     while let Some((_, report)) = fusion.receive().expect("memory") {
-        if let Report::Status { failure, .. } = report {
-            last = failure;
+        if let Report::Status(status) = report {
+            last = status.failure;
         }
     }
     last
@@ -197,7 +197,7 @@ fn a_reception_is_taken_once_logged_first_and_not_before_or_after_its_time() {
         }
     }
     assert_eq!(received, 1);
-    assert!(refused.len() == 1 && refused[0].contains("set the clocks"), "{refused:?}");
+    assert!(refused.len() == 1 && refused[0].contains("from 7.0 s in the future"), "{refused:?}");
     node.step(2.1).expect("memory");
     assert_eq!(taken(&mut drones[1]), [(0, at(1.0)), (0, at(9.0))]);
     // One that came while a long step ran is of its past at the next.

@@ -12,6 +12,9 @@ pub struct Notice {
     pub important: bool,
 }
 
+/// A clock that is off by more than this, in seconds, is worth setting.
+const OFF_S: f64 = 0.5;
+
 /// What happened in an event, in words; `None` for receptions, corrections and clouds.
 #[must_use]
 pub fn notice(event: &Event) -> Option<Notice> {
@@ -67,6 +70,17 @@ pub fn notice(event: &Event) -> Option<Notice> {
             let hindrance = hindrance.map_or_else(String::new, |text| format!("; {text}"));
             let drone = drone.saturating_add(1);
             (time, true, format!("drone {drone}: {mode}, {place}{hindrance}"))
+        }
+        Event::ClockOffset { time, drone, offset_s, uncertainty_s, jumps } => {
+            let set = if *jumps > 0 { "was set and " } else { "" };
+            let off = if *offset_s > 0.0 { "behind" } else { "ahead" };
+            let text = format!(
+                "drone {}: its clock {set}is {:.2} s {off}, to within {uncertainty_s:.2} s; its \
+                 times are corrected",
+                drone.saturating_add(1),
+                offset_s.abs(),
+            );
+            (time, *jumps > 0 || offset_s.abs() > OFF_S, text)
         }
         Event::DeviceFailed { time, drone, reason } => {
             let who = match drone {

@@ -15,7 +15,7 @@ use std::{
 
 use foxhunt::{
     core::{BeaconId, Clock, Sweep},
-    fly::{FlightConfig, FlightReport, FlyError, Mission, Ports, SystemPorts, Tap},
+    fly::{DroneConfig, FlightConfig, FlightReport, FlyError, Mission, Ports, SystemPorts, Tap},
     hardware::{Finding, SystemClock},
     hunt::Event,
     log::{Log, LogWriter},
@@ -322,19 +322,29 @@ fn last_received(events: &[Event], beacon: BeaconId) -> Option<f64> {
 /// Examines the devices before anybody flies, and prints what is wrong. Whether that matters is the
 /// pilot's decision: a beacon may be too far to be received from here.
 fn examine_devices(config: &FlightConfig, clock: &(impl Clock + Clone + 'static), epoch_s: f64) {
-    let mut pause = || thread::sleep(Duration::from_millis(1));
     for drone in &config.drones {
-        let mut report = |device: &'static str, findings: Vec<Finding>| {
-            for finding in findings.iter().filter(|finding| !finding.is_good()) {
-                warn(&format!("{}, {device}: {finding}", drone.name));
-            }
-        };
-        let (site, beacons) = (&config.site, &config.beacons);
-        drone.examine(site, beacons, clock, epoch_s, &mut pause, &mut report);
+        examine_drone(config, drone, clock, epoch_s);
     }
 }
 
-fn open_error(error: FlyError) -> CliError {
+/// Examines the devices of one drone, and prints what is wrong.
+pub(super) fn examine_drone(
+    config: &FlightConfig,
+    drone: &DroneConfig,
+    clock: &(impl Clock + Clone + 'static),
+    epoch_s: f64,
+) {
+    let mut pause = || thread::sleep(Duration::from_millis(1));
+    let mut report = |device: &'static str, findings: Vec<Finding>| {
+        for finding in findings.iter().filter(|finding| !finding.is_good()) {
+            warn(&format!("{}, {device}: {finding}", drone.name));
+        }
+    };
+    let (site, beacons) = (&config.site, &config.beacons);
+    drone.examine(site, beacons, clock, epoch_s, &mut pause, &mut report);
+}
+
+pub(super) fn open_error(error: FlyError) -> CliError {
     match error {
         FlyError::Open { .. } => CliError::failure(error),
         _ => CliError::input(error),
@@ -412,14 +422,14 @@ impl Samples {
 }
 
 /// The person at the keyboard.
-struct Pilot {
+pub(super) struct Pilot {
     lines: Receiver<()>,
     interrupts: Arc<AtomicU8>,
     handled: Cell<u8>,
 }
 
 /// What the pilot wants.
-enum PilotInput {
+pub(super) enum PilotInput {
     None,
     Enter,
     Interrupt,
@@ -429,7 +439,7 @@ enum PilotInput {
 
 impl Pilot {
     /// Listens to the keyboard and to interrupts.
-    fn listen() -> Result<Self, CliError> {
+    pub(super) fn listen() -> Result<Self, CliError> {
         let interrupts = Arc::new(AtomicU8::new(0));
         let counted = Arc::clone(&interrupts);
         ctrlc::set_handler(move || {
@@ -449,7 +459,7 @@ impl Pilot {
     }
 
     /// What the pilot did since the last call.
-    fn poll(&self) -> PilotInput {
+    pub(super) fn poll(&self) -> PilotInput {
         let interrupts = self.interrupts.load(Ordering::Relaxed);
         let before = self.handled.replace(interrupts);
         if before != interrupts {

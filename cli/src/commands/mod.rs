@@ -31,7 +31,7 @@ pub(crate) mod results;
 mod results_page;
 pub(crate) mod soak;
 pub(crate) mod tags;
-#[cfg(not(any(feature = "ros1", feature = "ros2")))]
+#[cfg(not(feature = "hardware"))]
 pub(crate) mod unavailable;
 
 #[cfg(feature = "hardware")]
@@ -101,7 +101,7 @@ pub(crate) enum Command {
     /// Emulate the devices of a simulated field; not in this build
     #[cfg(not(feature = "hardware"))]
     Emulate(unavailable::AnyArguments),
-    /// Run one computer's part of a hunt over ROS; not in this build
+    /// Run one computer's part of a hunt; not in this build
     #[cfg(not(feature = "hardware"))]
     Node(unavailable::AnyArguments),
 }
@@ -151,6 +151,6 @@ fn dispatch(command: Command, context: Context<'_>) -> Result<(), CliError> {
         #[cfg(not(feature = "hardware"))]
         Command::Emulate(args) => args.refuse("emulate", "hardware"),
         #[cfg(not(feature = "hardware"))]
-        Command::Node(args) => args.refuse("node", "ros1,ros2"),
+        Command::Node(args) => args.refuse("node", "hardware"),
     }
 }

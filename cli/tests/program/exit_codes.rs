@@ -26,11 +26,15 @@ fn values_out_of_range_are_wrong_use() {
 }
 
 #[test]
-#[cfg(not(any(feature = "ros1", feature = "ros2")))]
-fn a_node_without_a_middleware_names_the_remedy() {
-    for args in [&["node"][..], &["node", "drone", "--drone", "0", "--over", "ros2"]] {
-        foxhunt(args).failed(2, &[&args.join(" "), "--features ros1,ros2"]);
-    }
+fn a_node_names_what_is_missing() {
+    let drone = ["node", "drone", "--drone", "0"];
+    let with = |more: &[&'static str]| [&drone[..], more].concat();
+    foxhunt(with(&["--simulate", "pritzl-6.1", "--over", "mqtt"])).failed(2, &["--key <FILE>"]);
+    let missing = ["--simulate", "pritzl-6.1", "--over", "mqtt", "--key", "none.key"];
+    foxhunt(with(&missing)).failed(2, &["none.key"]);
+    foxhunt(with(&["none.toml", "--over", "mqtt", "--unsigned"])).failed(2, &["none.toml"]);
+    let port = ["--simulate", "pritzl-6.1", "--over", "mqtt", "--unsigned", "--broker", "h:x"];
+    foxhunt(with(&port)).failed(2, &["\"x\" is no port"]);
 }
 
 #[test]

@@ -50,24 +50,29 @@ impl<A, S> FlownDrone<A, S> {
     }
 
     /// Whether it takes our orders.
-    pub(super) fn is_commanded(&self) -> bool {
+    pub(crate) fn is_commanded(&self) -> bool {
         self.state.as_ref().is_some_and(|state| state.commanded)
     }
 
     /// Whether it is known to be on the ground with its motors off.
-    pub(super) fn is_down(&self) -> bool {
+    pub(crate) fn is_down(&self) -> bool {
         self.state.as_ref().is_some_and(|state| !state.airborne && !state.armed)
     }
 
+    /// Whether it is known to be in the air.
+    pub(crate) fn is_airborne(&self) -> bool {
+        self.state.as_ref().is_some_and(|state| state.airborne)
+    }
+
     /// Allows that it is taken over where it is in the air already, in the mode that takes orders.
-    pub(super) fn allow_take_over(&mut self) {
+    pub(crate) fn allow_take_over(&mut self) {
         self.may_take_over = true;
     }
 
     /// Whether it is in our hands: it was sent up or taken over, and takes our orders, or is in the
     /// mode in which it took them last. One that is coming down by our order has another mode; one
     /// whose link fails counts as ours.
-    pub(super) fn is_ours(&self) -> bool {
+    pub(crate) fn is_ours(&self) -> bool {
         self.engaged
             && self.state.as_ref().is_none_or(|state| {
                 let mode = &self.commanded_mode;
@@ -77,23 +82,23 @@ impl<A, S> FlownDrone<A, S> {
 
     /// Whether nothing may be expected of it any more: it is down, or nothing was received of it
     /// for so many seconds. What the pilot flies may be given back.
-    pub(super) fn is_out(&self, silent_s: f64) -> bool {
+    pub(crate) fn is_out(&self, silent_s: f64) -> bool {
         self.is_down() || self.state.as_ref().is_none_or(|state| state.silent_s > silent_s)
     }
 
     /// Whether it has accepted the order to leave.
-    pub(super) fn has_accepted_leaving(&self) -> bool {
+    pub(crate) fn has_accepted_leaving(&self) -> bool {
         self.leave_accepted
     }
 
     /// Makes every order due at once, and the order to leave one that it has not accepted.
-    pub(super) fn reset_orders(&mut self) {
+    pub(crate) fn reset_orders(&mut self) {
         self.last_order = f64::NEG_INFINITY;
         self.leave_accepted = false;
     }
 
     /// Why it is not up.
-    pub(super) fn hindrance(&self) -> &str {
+    pub(crate) fn hindrance(&self) -> &str {
         self.state.as_ref().map_or("its link has failed", |state| state.hindrance.as_str())
     }
 
@@ -109,7 +114,7 @@ impl<A, S> FlownDrone<A, S> {
 
 impl<A: Aircraft, S> FlownDrone<A, S> {
     /// How it is in the air before it was sent up, unless it may be taken over.
-    pub(super) fn flown_by_others(&self) -> Option<String> {
+    pub(crate) fn flown_by_others(&self) -> Option<String> {
         let state = self.state.as_ref().filter(|state| state.airborne && state.armed)?;
         // One that takes orders without a take-over is flown by its pilot, as he is advised.
         if state.commanded {
@@ -125,7 +130,7 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
 
     /// Reads the aircraft's state, which serves its link. Returns the event to be logged if
     /// anything has changed but numbers; `index` is the drone's number in the mission.
-    pub(super) fn read_state(
+    pub(crate) fn read_state(
         &mut self,
         time: f64,
         index: usize,
@@ -153,7 +158,7 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
     }
 
     /// Why it cannot take off yet, if it cannot.
-    pub(super) fn not_ready(&mut self) -> Option<String> {
+    pub(crate) fn not_ready(&mut self) -> Option<String> {
         match &self.state {
             None => Some("its link has failed".to_owned()),
             Some(state) if state.airborne || state.hindrance.is_empty() => {
@@ -165,7 +170,7 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
 
     /// Has it take off, if that order is due. One that is up already, from a flight that was cut
     /// short, is taken as it is, where that is allowed.
-    pub(super) fn take_off(&mut self, time: f64, up_m: f64) -> Result<(), A::Error> {
+    pub(crate) fn take_off(&mut self, time: f64, up_m: f64) -> Result<(), A::Error> {
         if !self.takes_turn(time) {
             return Ok(());
         }
@@ -184,7 +189,7 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
     /// Has it take our orders again, if that is due, when it has stopped taking them and is in the
     /// mode in which it took them: its link is back, or the pilot has given it back. A mode that
     /// the pilot has chosen is never changed.
-    pub(super) fn take_over_again(&mut self, time: f64) {
+    pub(crate) fn take_over_again(&mut self, time: f64) {
         let lost = self.state.as_ref().is_some_and(|state| {
             state.airborne && !state.commanded && state.mode == self.commanded_mode
         });
@@ -195,7 +200,7 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
     }
 
     /// Orders it to leave by a rule, if that order is due.
-    pub(super) fn order_to_leave(&mut self, time: f64, ending: Ending) -> Result<(), A::Error> {
+    pub(crate) fn order_to_leave(&mut self, time: f64, ending: Ending) -> Result<(), A::Error> {
         if !self.takes_turn(time) {
             return Ok(());
         }

@@ -22,6 +22,9 @@ pub struct FlightRules {
     /// A hunt that no aircraft takes part in for this long ends, unless the pilot flies one of
     /// them, who may give it back; at once where all are down.
     pub deserted_timeout_s: f64,
+    /// Of a hunt on several computers: a drone that gets no orders for this long leaves as when the
+    /// pilot breaks off. Until then it flies to its last goal and holds there.
+    pub orders_timeout_s: f64,
 }
 
 /// What aircraft that are still in the air do when a flight ends.
@@ -50,7 +53,8 @@ impl fmt::Display for Ending {
 
 impl Default for FlightRules {
     /// 4 m as in the reference, return in either case, 180 s to get ready (a GNSS receiver that
-    /// starts cold), 60 s to climb, 300 s to come back, 30 s without any aircraft.
+    /// starts cold), 60 s to climb, 300 s to come back, 30 s without any aircraft, 60 s
+    /// without orders.
     fn default() -> Self {
         Self {
             takeoff_up_m: 4.0,
@@ -60,6 +64,7 @@ impl Default for FlightRules {
             climb_timeout_s: 60.0,
             leaving_timeout_s: 300.0,
             deserted_timeout_s: 30.0,
+            orders_timeout_s: 60.0,
         }
     }
 }
@@ -76,6 +81,7 @@ impl FlightRules {
         positive("climb_timeout_s", self.climb_timeout_s)?;
         positive("leaving_timeout_s", self.leaving_timeout_s)?;
         positive("deserted_timeout_s", self.deserted_timeout_s)?;
+        positive("orders_timeout_s", self.orders_timeout_s)?;
         Ok(())
     }
 }

@@ -12,14 +12,24 @@ pub struct DroneNodeConfig {
     pub repeat_every_s: f64,
     /// An order that a device did not follow is tried again after so many seconds.
     pub retry_after_s: f64,
+    /// A drone whose clock's offset is less certain than this, in seconds, takes no part; what it
+    /// receives is refused.
+    pub clock_uncertainty_s: f64,
     /// So many deliveries are kept that are not known to be logged; the oldest are given up.
     pub most_kept: usize,
 }
 
 impl Default for DroneNodeConfig {
-    /// Five reports a second, a delivery and an order again after a second, 1000 deliveries kept.
+    /// Five reports a second, a delivery and an order again after a second, clocks within half a
+    /// second, 1000 deliveries kept.
     fn default() -> Self {
-        Self { report_every_s: 0.2, repeat_every_s: 1.0, retry_after_s: 1.0, most_kept: 1000 }
+        Self {
+            report_every_s: 0.2,
+            repeat_every_s: 1.0,
+            retry_after_s: 1.0,
+            clock_uncertainty_s: 0.5,
+            most_kept: 1000,
+        }
     }
 }
 
@@ -33,6 +43,7 @@ impl DroneNodeConfig {
         positive("report_every_s", self.report_every_s)?;
         positive("repeat_every_s", self.repeat_every_s)?;
         positive("retry_after_s", self.retry_after_s)?;
+        positive("clock_uncertainty_s", self.clock_uncertainty_s)?;
         require(self.most_kept > 0, "most_kept", as_value(self.most_kept), "at least 1")?;
         Ok(())
     }
@@ -47,8 +58,8 @@ pub struct FusionNodeConfig {
     pub order_every_s: f64,
     /// The view of the hunt is sent this often, in seconds.
     pub show_every_s: f64,
-    /// How far the clocks of two computers may be apart, in seconds: a reception from farther in
-    /// the future is refused.
+    /// How far a corrected clock may be off, in seconds: a reception from farther in the future is
+    /// refused.
     pub clock_tolerance_s: f64,
     /// A drone that has not reported for so many seconds is silent, and not waited for at the end.
     pub silent_after_s: f64,

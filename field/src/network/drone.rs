@@ -1,5 +1,7 @@
 use foxhunt_core::{BearingExtractor, PatternSource, Reception, Sweep, Vehicle, Waypoint};
-use foxhunt_hardware::link::{Delivery, DroneLink, Order, Report, UnixTime};
+use foxhunt_hardware::link::{
+    ClockFilter, ClockOffset, Delivery, DroneLink, Echo, Order, Report, Stage, Status, UnixTime,
+};
 
 use super::{DroneNodeConfig, NetworkError, deliveries::Deliveries};
 
@@ -9,6 +11,10 @@ use super::{DroneNodeConfig, NetworkError, deliveries::Deliveries};
 /// It does no I/O of its own, reads no clock and never waits: [`step`](Self::step) is called in a
 /// loop with the time. It keeps nothing that a new one would miss: after a restart the next order
 /// holds everything. Without orders it goes on with the last one.
+///
+/// Its own clock may be off by whatever it likes: the orders carry the stamps by which that is
+/// [estimated](ClockFilter), and every time that it reports is corrected to the clock of the one
+/// that fuses. Until the offset is known well enough it reports no place, so that it takes no part.
 #[derive(Debug)]
 pub struct DroneNode<S, V, X, L> {
     source: S,
@@ -18,6 +24,13 @@ pub struct DroneNode<S, V, X, L> {
     epoch: UnixTime,
     config: DroneNodeConfig,
     order: Order,
+    /// When the last order came, or the node began.
+    ordered_at: Option<f64>,
+    clock: ClockFilter,
+    /// Echoes that came in the step before, each with when its order was sent: they came before the
+    /// present time was read.
+    echoes: Vec<(Echo, UnixTime)>,
+    stage: Stage,
     /// Where its vehicle was sent last, and whether it has accepted the order to land.
     sent: Option<Waypoint>,
     landed: bool,
@@ -62,6 +75,10 @@ where
             epoch,
             config,
             order: Order::default(),
+            ordered_at: None,
+            clock: ClockFilter::default(),
+            echoes: Vec::new(),
+            stage: Stage::Flying,
             sent: None,
             landed: false,
             begun: 0,
@@ -83,14 +100,56 @@ where
     /// [`NetworkError::Link`] when the link failed, and [`NetworkError::Time`]; it may be called
     /// again.
     pub fn step(&mut self, time: f64) -> Result<(), NetworkError> {
-        let now = self.epoch.after(time).ok_or(NetworkError::Time { time })?;
-        let received = self.receive_orders();
-        if time >= self.retry_at && !self.follow() {
+        let received = self.receive(time);
+        received.and(self.act(time))
+    }
+
+    /// The first half of a step: takes orders.
+    pub(super) fn receive(&mut self, time: f64) -> Result<(), NetworkError> {
+        let now = self.own(time)?;
+        self.ordered_at.get_or_insert(time);
+        self.receive_orders(time, now)
+    }
+
+    /// The second half of a step: follows orders, listens and reports.
+    pub(super) fn act(&mut self, time: f64) -> Result<(), NetworkError> {
+        let now = self.own(time)?;
+        if self.stage == Stage::Flying && time >= self.retry_at && !self.follow() {
             self.retry_at = time + self.config.retry_after_s;
         }
-        self.listen(time);
-        let reported = self.report(time, now);
-        received.and(reported)
+        self.listen(time, now);
+        self.report(time, now)
+    }
+
+    /// Sets what its aircraft is doing, and what is in the way; it follows orders while that flies.
+    pub(super) fn set_stage(&mut self, stage: Stage, hindrance: &str) {
+        if self.stage != stage {
+            self.stage = stage;
+            // Whoever had it meanwhile has left it somewhere else.
+            self.sent = None;
+        }
+        if stage != Stage::Flying {
+            hindrance.clone_into(&mut self.refusal);
+        }
+    }
+
+    fn own(&self, time: f64) -> Result<UnixTime, NetworkError> {
+        self.epoch.after(time).ok_or(NetworkError::Time { time })
+    }
+
+    /// How long ago the last order came, or the node began, in seconds.
+    pub fn silent_s(&self, time: f64) -> f64 {
+        self.ordered_at.map_or(0.0, |last| time - last)
+    }
+
+    /// How far its clock is off at a time of its own; `None` before the first exchange.
+    pub fn clock(&self, time: f64) -> Option<ClockOffset> {
+        self.clock.offset(self.epoch.after(time)?)
+    }
+
+    /// Whether it has accepted the order to land.
+    pub(super) fn lands(&self) -> bool {
+        self.landed
     }
 
     /// The order that it follows.
@@ -103,8 +162,13 @@ where
         self.deliveries.given_up()
     }
 
-    fn receive_orders(&mut self) -> Result<(), NetworkError> {
+    fn receive_orders(&mut self, time: f64, now: UnixTime) -> Result<(), NetworkError> {
+        for (echo, answered) in self.echoes.drain(..) {
+            self.clock.came_back(echo, answered, now);
+        }
         while let Some(order) = self.link.receive()? {
+            self.ordered_at = Some(time);
+            self.echoes.extend(order.echo.map(|echo| (echo, order.at)));
             // What an old order names as logged is logged, too.
             self.deliveries.forget(&order.taken);
             if order.number >= self.order.number {
@@ -143,12 +207,15 @@ where
     }
 
     /// Takes the sweeps that are ready.
-    fn listen(&mut self, time: f64) {
+    fn listen(&mut self, time: f64, now: UnixTime) {
+        let clock = self.certain_clock(now);
         // A source that lends without end is not polled any further.
         for _ in 0..=self.order.turn.beacons.len() {
             match self.source.poll() {
                 Ok(Some(sweep)) => {
-                    if let Some(delivery) = deliver(&self.extractor, self.epoch, &sweep) {
+                    if let Some(delivery) =
+                        deliver(&self.extractor, self.epoch, clock.clone(), &sweep)
+                    {
                         self.deliveries.put(time, delivery, self.config.most_kept);
                     } else {
                         self.fault = format!("a turn ended at {} s, which is no time", sweep.time);
@@ -163,18 +230,42 @@ where
         }
     }
 
+    /// How far its clock is off, if that is known well enough; why not otherwise.
+    fn certain_clock(&self, now: UnixTime) -> Result<ClockOffset, String> {
+        let most_s = self.config.clock_uncertainty_s;
+        match self.clock.offset(now) {
+            Some(clock) if clock.uncertainty_s <= most_s => Ok(clock),
+            Some(ClockOffset { uncertainty_s, .. }) => Err(format!(
+                "its clock is known to ±{uncertainty_s:.2} s, and ±{most_s} s are allowed"
+            )),
+            None => Err("its clock has not been compared yet".to_owned()),
+        }
+    }
+
     fn report(&mut self, time: f64, now: UnixTime) -> Result<(), NetworkError> {
         if time >= self.report_at {
             self.report_at = time + self.config.report_every_s;
+            let known = self.certain_clock(now).ok().and_then(|clock| now.after(clock.offset_s));
             match self.vehicle.pose() {
-                Ok(pose) if pose.is_finite() => self.link.send(&Report::Pose { at: now, pose })?,
+                Ok(pose) if pose.is_finite() => {
+                    if let Some(at) = known {
+                        self.link.send(&Report::Pose { at, pose })?;
+                    }
+                }
                 Ok(pose) => self.fault = format!("its place is not finite: {pose:?}"),
                 Err(error) => self.fault = format!("where it is: {error}"),
             }
             let fault = std::mem::take(&mut self.fault);
             let failure = if self.refusal.is_empty() { fault } else { self.refusal.clone() };
-            let order = self.order.number;
-            self.link.send(&Report::Status { at: now, order, failure })?;
+            self.clock.sent(now);
+            self.link.send(&Report::Status(Status {
+                at: known.unwrap_or(now),
+                sent: now,
+                clock: self.clock.offset(now),
+                order: self.order.number,
+                stage: self.stage,
+                failure,
+            }))?;
         }
         for delivery in self.deliveries.due(time, self.config.repeat_every_s) {
             self.link.send(&Report::Delivery(Box::new(delivery.clone())))?;
@@ -183,14 +274,19 @@ where
     }
 }
 
-/// The delivery of a sweep; `None` where its time is none.
+/// The delivery of a sweep; `None` where its time is none. Of a clock that is not known its time is
+/// not either, and it is refused.
 fn deliver(
     extractor: &impl BearingExtractor,
     epoch: UnixTime,
+    clock: Result<ClockOffset, String>,
     sweep: &Sweep<'_>,
 ) -> Option<Delivery> {
-    let ended = epoch.after(sweep.time)?;
-    let reception = if !sweep.receiver.is_finite() {
+    let own = epoch.after(sweep.time)?;
+    let ended = own.after(clock.as_ref().map_or(0.0, |clock| clock.offset_s))?;
+    let reception = if let Err(uncertain) = clock {
+        Err(uncertain)
+    } else if !sweep.receiver.is_finite() {
         Err(format!("{:?} is not finite", sweep.receiver))
     } else if sweep.samples.is_empty() && !sweep.measured.is_empty() {
         // A source of ranges has no pattern to extract anything of.
@@ -230,8 +326,11 @@ mod tests {
             ..OwnedSweep::default()
         };
         let epoch = UnixTime::whole(100);
-        let delivery = deliver(&Deaf, epoch, &sweep.as_sweep()).expect("a time");
-        assert_eq!(delivery.ended, UnixTime::whole(107));
+        let clock = ClockOffset { offset_s: -3.0, uncertainty_s: 0.1, jumps: 0 };
+        let delivered = |sweep: &OwnedSweep| deliver(&Deaf, epoch, Ok(clock), &sweep.as_sweep());
+        let delivery = delivered(&sweep).expect("a time");
+        // By the clock of the one that fuses.
+        assert_eq!(delivery.ended, UnixTime::whole(104));
         let reception = delivery.reception.expect("a reception");
         assert_eq!(reception.measured.get(Quantity::RANGE), Some(&range));
         assert_eq!((reception.level, reception.bearing), (None, None));
@@ -239,10 +338,10 @@ mod tests {
         let receiver = sweep.receiver;
         let sample = Sample { time: 7.0, receiver, boresight: 0.0, position: 0, rss_dbm: -60.0 };
         sweep.samples.push(sample);
-        assert!(deliver(&Deaf, epoch, &sweep.as_sweep()).expect("a time").reception.is_err());
+        assert!(delivered(&sweep).expect("a time").reception.is_err());
         sweep.receiver.position.x = f64::NAN;
-        assert!(deliver(&Deaf, epoch, &sweep.as_sweep()).expect("a time").reception.is_err());
+        assert!(delivered(&sweep).expect("a time").reception.is_err());
         sweep.time = f64::INFINITY;
-        assert!(deliver(&Deaf, epoch, &sweep.as_sweep()).is_none());
+        assert!(delivered(&sweep).is_none());
     }
 }

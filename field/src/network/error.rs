@@ -1,4 +1,4 @@
-use foxhunt_core::parameter::ParameterError;
+use foxhunt_core::parameter::{FieldError, ParameterError};
 use foxhunt_hardware::link::LinkError;
 use foxhunt_hunt::hunt::HuntError;
 
@@ -9,6 +9,9 @@ pub enum NetworkError {
     /// A field of the configuration is out of its range.
     #[error(transparent)]
     Config(#[from] ParameterError),
+    /// A rule of the flight is out of its range.
+    #[error(transparent)]
+    Rule(#[from] FieldError),
     /// There is nobody to fly.
     #[error("a hunt needs at least one drone")]
     NoDrone,

@@ -1,5 +1,9 @@
+use std::collections::VecDeque;
+
 use foxhunt_core::{Pose, Reception, Station};
-use foxhunt_hardware::link::{Delivery, FusionLink, LinkError, Report, UnixTime};
+use foxhunt_hardware::link::{
+    ClockOffset, Delivery, FusionLink, Leave, LinkError, Report, Stage, Status, UnixTime,
+};
 use foxhunt_hunt::hunt::{Command, Event, Hunt, HuntError};
 use nalgebra::Vector3;
 
@@ -44,6 +48,13 @@ pub struct FusionNode<L> {
     homes: Vec<Vector3<f64>>,
     /// When a drone showed up first.
     assembling: Option<f64>,
+    /// Whether drones that are ready wait for [`go`](Self::go).
+    waits: bool,
+    ready: bool,
+    /// Why the hunt was broken off.
+    failure: Option<String>,
+    /// What is to be logged besides the hunt's own events.
+    events: VecDeque<Event>,
     hindrance: Option<String>,
     number: u64,
     order_at: f64,
@@ -82,6 +93,10 @@ impl<L: FusionLink> FusionNode<L> {
             past,
             homes: Vec::new(),
             assembling: None,
+            waits: false,
+            ready: false,
+            failure: None,
+            events: VecDeque::new(),
             hindrance: None,
             number: 0,
             order_at: f64::NEG_INFINITY,
@@ -99,19 +114,21 @@ impl<L: FusionLink> FusionNode<L> {
     pub fn step(&mut self, time: f64) -> Result<(), NetworkError> {
         let now = self.epoch.after(time).ok_or(NetworkError::Time { time })?;
         self.excuse(time);
+        self.drones.iter_mut().for_each(|drone| drone.answer(now));
         for (index, delivery) in std::mem::take(&mut self.early) {
             self.take_delivery(time, index, delivery, true);
         }
         let received = self.receive_reports(time);
-        if !self.has_begun() {
+        if self.failure.is_none() && !self.has_begun() {
+            self.prepare(now);
             self.assemble(time)?;
         }
-        let mut sent = Ok(());
-        if self.has_begun() {
+        if self.failure.is_none() && self.has_begun() {
+            self.note_stages(now);
             self.hunt.advance(time)?;
             self.give_orders(now);
-            sent = self.send_orders(time, now);
         }
+        let sent = self.send_orders(time, now);
         let shown = self.show(time, now);
         Ok(received.and(sent).and(shown)?)
     }
@@ -119,7 +136,11 @@ impl<L: FusionLink> FusionNode<L> {
     /// The next thing to be logged, each once, in the order in which it happened. Poll until there
     /// is none after every step.
     pub fn poll_event(&mut self) -> Option<Event> {
-        let event = self.hunt.poll_event();
+        // A log begins with the hunt: its head names where the drones are then.
+        if !self.has_begun() && self.failure.is_none() {
+            return None;
+        }
+        let event = self.events.pop_front().or_else(|| self.hunt.poll_event());
         if event.is_none() {
             self.drones.iter_mut().for_each(Remote::logged);
         }
@@ -150,11 +171,57 @@ impl<L: FusionLink> FusionNode<L> {
             .collect()
     }
 
-    /// Whether the hunt is over, and every drone that is not silent follows its last order.
+    /// Whether the hunt is over or was broken off, and every drone that is not silent has followed
+    /// its last order, and is down where it was ordered to come down.
     pub fn is_finished(&self, time: f64) -> bool {
-        let done =
-            |drone: &Remote| drone.follows >= drone.order.number || !self.is_reporting(drone, time);
-        self.has_begun() && self.hunt.is_finished() && self.drones.iter().all(done)
+        let done = |drone: &Remote| drone.is_done() || !self.is_reporting(drone, time);
+        let over = self.has_begun() && self.hunt.is_finished() || self.failure.is_some();
+        over && self.drones.iter().all(done)
+    }
+
+    /// Sets whether drones that are ready wait for [`go`](Self::go) before they take off; at first
+    /// they do not.
+    pub fn wait_for_go(&mut self, waits: bool) {
+        self.waits = waits;
+    }
+
+    /// Whether all drones stand ready, and wait for [`go`](Self::go).
+    pub fn is_ready(&self) -> bool {
+        self.ready && self.waits
+    }
+
+    /// Lets them take off.
+    pub fn go(&mut self) {
+        self.waits = false;
+    }
+
+    /// Breaks the hunt off: the drones leave by the pilot's rule for that.
+    ///
+    /// # Errors
+    ///
+    /// [`NetworkError::Time`] when that is no time.
+    pub fn abort(&mut self, time: f64, reason: &str) -> Result<(), NetworkError> {
+        let now = self.epoch.after(time).ok_or(NetworkError::Time { time })?;
+        self.break_off(now, reason.to_owned());
+        Ok(())
+    }
+
+    /// Why the hunt was broken off, if it was.
+    pub fn failure(&self) -> Option<&str> {
+        self.failure.as_deref()
+    }
+
+    /// What each drone is doing, and what is in its way.
+    pub fn stages(&self) -> impl Iterator<Item = (Stage, &str)> {
+        self.drones.iter().map(|drone| (drone.stage, drone.failure.as_str()))
+    }
+
+    fn break_off(&mut self, now: UnixTime, reason: String) {
+        if self.failure.is_none() && !(self.has_begun() && self.hunt.is_finished()) {
+            let number = self.next_number(now);
+            self.drones.iter_mut().for_each(|drone| drone.leave(number, Leave::OnAbort));
+            self.failure = Some(reason);
+        }
     }
 
     fn has_begun(&self) -> bool {
@@ -190,6 +257,11 @@ impl<L: FusionLink> FusionNode<L> {
             let (index, report) = match self.link.receive() {
                 Ok(Some(report)) => report,
                 Ok(None) => break,
+                // It is logged with the hunt, and of no drone: a stranger is none.
+                Err(error @ LinkError::Refused { .. }) => {
+                    self.hunt.device_failed(time, None, error.to_string());
+                    continue;
+                }
                 Err(error) => {
                     first = first.and(Err(error));
                     lost += 1;
@@ -206,7 +278,7 @@ impl<L: FusionLink> FusionNode<L> {
                 Report::Pose { at, pose } if pose.is_finite() => {
                     if drone.place(at, pose, self.config.path_places) {
                         drone.reported_at = Some(time);
-                        drone.behind_s = time - at.since(self.epoch);
+                        drone.late_s = time - at.since(self.epoch);
                         self.assembling.get_or_insert(time);
                         self.hunt.located(time, index, pose);
                     }
@@ -215,18 +287,61 @@ impl<L: FusionLink> FusionNode<L> {
                     let reason = format!("its place is not finite: {pose:?}");
                     self.hunt.device_failed(time, Some(index), reason);
                 }
-                Report::Status { order, failure, .. } => {
-                    drone.reported_at = Some(time);
-                    drone.follows = order;
-                    if !failure.is_empty() && drone.failure != failure {
-                        self.hunt.device_failed(time, Some(index), failure.clone());
-                    }
-                    drone.failure = failure;
-                }
+                Report::Status(status) => self.take_status(time, index, status),
                 Report::Delivery(delivery) => self.take_delivery(time, index, *delivery, false),
             }
         }
         first
+    }
+
+    /// Takes note of how a drone is; what is new is logged.
+    fn take_status(&mut self, time: f64, index: usize, status: Status) {
+        let drone = &mut self.drones[index];
+        if !status.failure.is_empty() && drone.failure != status.failure {
+            self.hunt.device_failed(time, Some(index), status.failure.clone());
+        }
+        drone.status(time, status);
+        if let Some(ClockOffset { offset_s, uncertainty_s, jumps }) = drone.clock_to_log() {
+            let event = Event::ClockOffset { time, drone: index, offset_s, uncertainty_s, jumps };
+            self.events.push_back(event);
+        }
+    }
+
+    /// Has all take off when all are ready. One that leaves before the hunt has begun ends it.
+    fn prepare(&mut self, now: UnixTime) {
+        let left = |(_, drone): &(usize, &Remote)| {
+            drone.order.take_off && matches!(drone.stage, Stage::Leaving | Stage::Over)
+        };
+        if let Some((index, drone)) = self.drones.iter().enumerate().find(left) {
+            let reason = format!("drone {index} does not take part: {}", drone.failure);
+            return self.break_off(now, reason);
+        }
+        // What has landed since a hunt began stays where it is.
+        if self.past.is_some() {
+            return;
+        }
+        let is_ready = |drone: &Remote| {
+            let stage = matches!(drone.stage, Stage::Ready | Stage::Climbing | Stage::Flying);
+            drone.place.is_some() && stage
+        };
+        self.ready = self.drones.iter().all(is_ready);
+        if self.ready && !self.waits {
+            let number = self.next_number(now);
+            for drone in self.drones.iter_mut().filter(|drone| drone.stage == Stage::Ready) {
+                drone.take_off(number, true);
+            }
+        }
+    }
+
+    /// Leaves those out of the formation that take no orders; without any that may come back the
+    /// hunt is broken off.
+    fn note_stages(&mut self, now: UnixTime) {
+        for (index, drone) in self.drones.iter().enumerate() {
+            self.hunt.set_away(index, drone.stage != Stage::Flying);
+        }
+        if self.drones.iter().all(|drone| drone.stage == Stage::Over) {
+            self.break_off(now, "no drone is left".to_owned());
+        }
     }
 
     /// Hands a delivery to the hunt, unless it was before, or is of a beacon whose search has not
@@ -256,8 +371,7 @@ impl<L: FusionLink> FusionNode<L> {
             drone.delivered += 1;
             match outcome {
                 Ok(_) if ahead_s > self.config.clock_tolerance_s => {
-                    let reason =
-                        format!("it comes from {ahead_s:.1} s in the future: set the clocks");
+                    let reason = format!("it comes from {ahead_s:.1} s in the future");
                     self.hunt.nothing_received(time, index, beacon, ended, reason);
                 }
                 Ok(reception) => self.hunt.reception(time, index, &reception),
@@ -269,7 +383,10 @@ impl<L: FusionLink> FusionNode<L> {
 
     /// Begins, or goes on from the past, when the drones are there.
     fn assemble(&mut self, time: f64) -> Result<(), NetworkError> {
-        let absent = |drone: &Remote| drone.place.is_none() || !self.is_reporting(drone, time);
+        let absent = |drone: &Remote| {
+            let flies = drone.stage == Stage::Flying && drone.place.is_some();
+            !flies || !self.is_reporting(drone, time)
+        };
         let missing = self.drones.iter().any(absent);
         let patient = |since: f64| time - since < self.config.assemble_s;
         let wait = self.past.is_none() || self.assembling.is_none_or(patient);
@@ -324,6 +441,14 @@ impl<L: FusionLink> FusionNode<L> {
                 Command::Listen { beacons, .. } => drone.listen(number, beacons),
             }
         }
+        let number = self.next_number(now);
+        let over = self.hunt.is_finished();
+        for drone in &mut self.drones {
+            drone.take_off(number, false);
+            if over {
+                drone.leave(number, Leave::AtEnd);
+            }
+        }
         for index in 0..self.drones.len() {
             // Its orders are newer than ours: the clock went back since they were given.
             if self.drones[index].follows > self.drones[index].order.number {
@@ -353,7 +478,7 @@ impl<L: FusionLink> FusionNode<L> {
         }
         let mut all_sent = Ok(());
         for (index, drone) in self.drones.iter_mut().enumerate() {
-            if drone.order.number > 0 && (again || !drone.sent) {
+            if again || !drone.sent && drone.order.number > 0 {
                 drone.order.at = now;
                 let sent = self.link.send(index, &drone.order);
                 drone.sent |= sent.is_ok();

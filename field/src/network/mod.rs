@@ -1,9 +1,10 @@
 //! A hunt on several computers: one on every drone, and one that fuses, over any link.
 //!
-//! A [`DroneNode`] turns its antenna, makes receptions of its sweeps, and flies where it is sent. A
-//! [`FusionNode`] runs the [`Hunt`](foxhunt_hunt::hunt::Hunt). Both repeat their messages, so that
-//! whatever is lost, late or doubled on the way, and whichever of them is restarted, nothing is
-//! counted twice and nothing that was delivered is lost.
+//! A [`DroneNode`] turns its antenna, makes receptions of its sweeps, and flies where it is sent; a
+//! [`FlownNode`] does so with a real aircraft, by its pilot's rules. A [`FusionNode`] runs the
+//! [`Hunt`](foxhunt_hunt::hunt::Hunt). Both repeat their messages, so that whatever is lost, late or
+//! doubled on the way, and whichever of them is restarted, nothing is counted twice and nothing
+//! that was delivered is lost.
 //!
 //! # Why this is not `drive`
 //!
@@ -20,6 +21,7 @@ mod deliveries;
 mod draws;
 mod drone;
 mod error;
+mod flown;
 mod fusion;
 mod remote;
 mod show;
@@ -28,4 +30,5 @@ pub use config::{DroneNodeConfig, FusionNodeConfig};
 pub use draws::uniform_draws;
 pub use drone::DroneNode;
 pub use error::NetworkError;
+pub use flown::FlownNode;
 pub use fusion::{FusionNode, Past};

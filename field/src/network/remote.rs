@@ -1,13 +1,18 @@
 use std::collections::VecDeque;
 
 use foxhunt_core::{BeaconId, Pose, Waypoint};
-use foxhunt_hardware::link::{Order, Taken, Turn, UnixTime};
+use foxhunt_hardware::link::{
+    ClockOffset, Echo, Leave, Order, Stage, Status, Taken, Turn, UnixTime,
+};
 
 /// How many deliveries an order names as logged; one that comes again is named again.
 const MOST_TAKEN: usize = 64;
 
 /// How far apart places of a path are, in metres.
 const PATH_STEP_M: f64 = 0.25;
+
+/// A clock's offset is logged again when it has changed by so many seconds.
+const CLOCK_STEP_S: f64 = 0.05;
 
 /// A place that is older than the last one by more seconds than this was not late on the way.
 const CLOCK_SET_BACK_S: f64 = 30.0;
@@ -25,8 +30,15 @@ pub(super) struct Remote {
     pub(super) place: Option<(UnixTime, Pose)>,
     /// When a report of it came last.
     pub(super) reported_at: Option<f64>,
-    /// How far its clock is behind, and the link with it, in seconds.
-    pub(super) behind_s: f64,
+    /// How late its last place came, in seconds.
+    pub(super) late_s: f64,
+    pub(super) stage: Stage,
+    /// How far its clock is off, as it has it.
+    pub(super) clock: Option<ClockOffset>,
+    /// The stamp of its last status, as long as it was not returned.
+    unanswered: Option<UnixTime>,
+    /// Its clock as it was logged last.
+    logged_clock: Option<ClockOffset>,
     pub(super) failure: String,
     pub(super) path: VecDeque<(UnixTime, Pose)>,
     /// Deliveries that were handled and may not be in the log yet.
@@ -54,6 +66,61 @@ impl Remote {
             self.path.push_back((at, pose));
         }
         true
+    }
+
+    /// Takes note of how it is.
+    pub(super) fn status(&mut self, time: f64, status: Status) {
+        let Status { sent, clock, order, stage, failure, .. } = status;
+        self.reported_at = Some(time);
+        self.follows = order;
+        self.stage = stage;
+        self.clock = clock;
+        self.failure = failure;
+        self.unanswered = Some(sent);
+    }
+
+    /// Returns the stamp of the last status that came before `now` was read.
+    pub(super) fn answer(&mut self, now: UnixTime) {
+        if let Some(sent) = self.unanswered.take() {
+            self.order.echo = Some(Echo { sent, received: now });
+        }
+    }
+
+    /// Its clock's offset where that has to be logged: the first, and those that differ from the
+    /// last one.
+    pub(super) fn clock_to_log(&mut self) -> Option<ClockOffset> {
+        let clock = self.clock?;
+        let same = |before: ClockOffset| {
+            let uncertain_s = before.uncertainty_s.max(clock.uncertainty_s);
+            before.jumps == clock.jumps
+                && (before.offset_s - clock.offset_s).abs() < CLOCK_STEP_S.max(uncertain_s)
+        };
+        if self.logged_clock.is_some_and(same) {
+            return None;
+        }
+        self.logged_clock = Some(clock);
+        Some(clock)
+    }
+
+    /// Sets whether it shall take off when it is ready.
+    pub(super) fn take_off(&mut self, number: u64, take_off: bool) {
+        if self.order.take_off != take_off {
+            self.order.take_off = take_off;
+            self.renumber(number);
+        }
+    }
+
+    /// Has it leave by the pilot's rules.
+    pub(super) fn leave(&mut self, number: u64, leave: Leave) {
+        if self.order.leave != leave {
+            self.order.leave = leave;
+            self.renumber(number);
+        }
+    }
+
+    /// Whether it has done all that it will do after its last order.
+    pub(super) fn is_done(&self) -> bool {
+        self.follows >= self.order.number && !matches!(self.stage, Stage::Climbing | Stage::Leaving)
     }
 
     /// Sends it somewhere.

@@ -1,4 +1,4 @@
-use foxhunt_hardware::link::{BeaconView, DroneView, Health, UnixTime, View};
+use foxhunt_hardware::link::{BeaconView, ClockOffset, DroneView, Health, Stage, UnixTime, View};
 use foxhunt_hunt::hunt::Hunt;
 
 use super::remote::Remote;
@@ -43,22 +43,28 @@ pub(super) fn view(
 }
 
 fn health(index: usize, drone: &Remote, silent: bool, clock_tolerance_s: f64) -> Health {
-    let behind_s = drone.behind_s;
+    let late_s = drone.late_s;
     let trouble = if silent {
         Some("it is silent".to_owned())
     } else if !drone.failure.is_empty() {
         Some(drone.failure.clone())
-    } else if behind_s.abs() > clock_tolerance_s {
-        Some(format!("its clock or its link is {behind_s:.1} s behind: set the clocks"))
+    } else if late_s.abs() > clock_tolerance_s {
+        Some(format!("its places come {late_s:.1} s late: its link is slow"))
+    } else if drone.place.is_none() {
+        Some("its clock is not known well enough yet".to_owned())
     } else {
         None
     };
     let doing = match (drone.order.number, drone.follows) {
+        _ if drone.stage != Stage::Flying => &drone.stage.to_string(),
         (0, _) => "waits for the hunt to begin",
         (given, follows) if follows < given => "has not taken its last order yet",
         _ if drone.order.land => "is to land",
         _ if !drone.order.turn.beacons.is_empty() => "listens",
         _ => "flies or holds",
+    };
+    let of_clock = |number: fn(ClockOffset) -> f64| {
+        drone.clock.map_or_else(|| "unknown".to_owned(), |clock| format!("{:.3}", number(clock)))
     };
     Health {
         name: format!("foxhunt: drone {index}"),
@@ -69,7 +75,9 @@ fn health(index: usize, drone: &Remote, silent: bool, clock_tolerance_s: f64) ->
             ("follows".to_owned(), drone.follows.to_string()),
             ("deliveries".to_owned(), drone.delivered.to_string()),
             ("doubled".to_owned(), drone.doubled.to_string()),
-            ("behind_s".to_owned(), format!("{behind_s:.3}")),
+            ("late_s".to_owned(), format!("{late_s:.3}")),
+            ("clock_offset_s".to_owned(), of_clock(|clock| clock.offset_s)),
+            ("clock_uncertainty_s".to_owned(), of_clock(|clock| clock.uncertainty_s)),
         ],
     }
 }

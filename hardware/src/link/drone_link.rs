@@ -8,7 +8,7 @@ use super::{LinkError, Order, Report};
 /// ```
 /// use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, TrySendError, sync_channel};
 ///
-/// use foxhunt_hardware::link::{DroneLink, LinkError, Order, Report, UnixTime};
+/// use foxhunt_hardware::link::{DroneLink, LinkError, Order, Report, Status, UnixTime};
 ///
 /// struct Channels {
 ///     reports: SyncSender<Report>,
@@ -40,8 +40,8 @@ use super::{LinkError, Order, Report};
 /// let (reports, at_fusion) = sync_channel(100);
 /// let (orders, at_drone) = sync_channel(10);
 /// let mut link = Channels { reports, orders: at_drone };
-/// let (at, order, failure) = (UnixTime::whole(1_800_000_000), 0, String::new());
-/// link.send(&Report::Status { at, order, failure })?;
+/// let at = UnixTime::whole(1_800_000_000);
+/// link.send(&Report::Status(Status { at, ..Status::default() }))?;
 /// assert!(at_fusion.recv().is_ok());
 /// assert_eq!(link.receive()?, None);
 /// orders.send(Order { number: 1, ..Order::default() }).expect("it is open");

@@ -7,7 +7,7 @@ use super::{LinkError, Order, Report, View};
 ///
 /// ```
 /// use foxhunt_hardware::link::{
-///     DroneLink, FusionLink, LinkError, Order, Report, UnixTime, View, memory_network,
+///     DroneLink, FusionLink, LinkError, Order, Report, Status, UnixTime, View, memory_network,
 /// };
 ///
 /// struct Counted<L> {
@@ -35,8 +35,8 @@ use super::{LinkError, Order, Report, View};
 ///
 /// let (mut drones, fusion) = memory_network(2);
 /// let mut link = Counted { link: fusion, reports: vec![0; 2] };
-/// let (at, order, failure) = (UnixTime::whole(1_800_000_000), 0, String::new());
-/// drones[1].send(&Report::Status { at, order, failure })?;
+/// let at = UnixTime::whole(1_800_000_000);
+/// drones[1].send(&Report::Status(Status { at, ..Status::default() }))?;
 /// while link.receive()?.is_some() {}
 /// assert_eq!(link.reports, [0, 1]);
 /// # Ok::<(), LinkError>(())

@@ -7,6 +7,7 @@
 #[cfg(feature = "signed")]
 mod carried;
 mod carrier;
+mod clock;
 mod drone_link;
 #[cfg(feature = "signed")]
 mod envelope;
@@ -27,12 +28,14 @@ mod ros;
 mod ros1;
 #[cfg(feature = "ros2")]
 mod ros2;
+mod status;
 mod unix_time;
 mod view;
 
 #[cfg(feature = "signed")]
 pub use carried::{CarriedDrone, CarriedFusion};
 pub use carrier::{Carrier, MemoryCarrier, memory_carriers};
+pub use clock::{ClockFilter, ClockOffset, Echo};
 pub use drone_link::DroneLink;
 pub use error::LinkError;
 pub use fusion_link::FusionLink;
@@ -42,12 +45,13 @@ pub use key::{KeyError, TeamKey};
 pub use memory::{MemoryDrone, MemoryFusion, memory_network};
 #[cfg(feature = "mqtt")]
 pub use mqtt::{MqttCarrier, MqttConfig};
-pub use order::{Order, Taken, Turn};
+pub use order::{Leave, Order, Taken, Turn};
 pub use refusal::Refusal;
 pub use report::{Delivery, Report};
 #[cfg(feature = "ros1")]
 pub use ros1::{Ros1Config, Ros1Drone, Ros1Fusion};
 #[cfg(feature = "ros2")]
 pub use ros2::{Ros2Config, Ros2Drone, Ros2Fusion};
+pub use status::{Stage, Status};
 pub use unix_time::UnixTime;
 pub use view::{BeaconView, DroneView, Health, View};

@@ -1,7 +1,7 @@
 use foxhunt_core::{BeaconId, Pose, Reception};
 use serde::{Deserialize, Serialize};
 
-use super::{Taken, UnixTime};
+use super::{Status, Taken, UnixTime};
 
 /// A message of a drone to the fusing end.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -9,20 +9,13 @@ use super::{Taken, UnixTime};
 pub enum Report {
     /// Where it is; several times a second.
     Pose {
-        /// When.
+        /// When, by the clock of the one that fuses.
         at: UnixTime,
         /// Where, in the hunt's own frame.
         pose: Pose,
     },
     /// How it is; several times a second.
-    Status {
-        /// When.
-        at: UnixTime,
-        /// The [`number`](super::Order::number) of the order that it follows; 0 for none.
-        order: u64,
-        /// What keeps it from following, or broke since; empty where nothing did.
-        failure: String,
-    },
+    Status(Status),
     /// What came of a turn; until it is taken in.
     Delivery(Box<Delivery>),
 }
@@ -33,8 +26,8 @@ pub enum Report {
 pub struct Delivery {
     /// Of which beacon.
     pub beacon: BeaconId,
-    /// When the turn ended. A reception's own time is not sent: it is this one, in seconds of
-    /// whoever reads it.
+    /// When the turn ended, by the clock of the one that fuses. A reception's own time is not sent:
+    /// it is this one, in seconds of whoever reads it.
     pub ended: UnixTime,
     /// What was received, or why nothing was.
     pub reception: Result<Reception, String>,

@@ -208,6 +208,20 @@ pub enum Event {
         /// Why it takes none, or what keeps it on the ground.
         hindrance: String,
     },
+    /// The clock of a drone on another computer is known, or known otherwise than before; its times
+    /// are corrected by that.
+    ClockOffset {
+        /// When.
+        time: f64,
+        /// Which drone.
+        drone: usize,
+        /// What is added to its times, in seconds.
+        offset_s: f64,
+        /// The true offset is no farther from that, in seconds.
+        uncertainty_s: f64,
+        /// How often a clock was set since the drone's node began.
+        jumps: u32,
+    },
     /// A device reported a failure; the hunt goes on.
     DeviceFailed {
         /// When.

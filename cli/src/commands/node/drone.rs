@@ -1,23 +1,42 @@
+use std::path::PathBuf;
+
 use foxhunt::{
-    hardware::link::{DroneLink, Impaired, Impairment},
-    network::{DroneNode, DroneNodeConfig, uniform_draws},
+    core::Clock,
+    fly::{FlightConfig, SystemPorts},
+    hardware::link::{DroneLink, Impaired, Impairment, Leave, Stage, UnixTime},
+    network::{DroneNode, DroneNodeConfig, FlownNode, uniform_draws},
     sim::World,
 };
 
-use super::over::{Failures, Shared, Stop};
-use crate::{commands::choice, context::Context, error::CliError, output::warn};
+use super::over::{Failures, NodeClock, Shared, Stop, rest};
+use crate::{
+    commands::{choice, fly, notices::Notices},
+    context::Context,
+    error::CliError,
+    output::warn,
+};
 
 /// Run a drone's part: fly and turn the antenna as the fusion node orders, and report receptions
 ///
-/// Ends with Ctrl-C. Started again, it takes up the last order.
+/// With a flight's file the drone is a real one, flown by the pilot's rules of that file: it takes
+/// off when the fusion node lets all drones take off, and returns or lands when the hunt is over or
+/// no order has come for flight.orders_timeout_s. Ctrl-C has it leave by flight.on_abort; a second
+/// Ctrl-C ends the node at once. Started again in the air, it goes on with --take-over.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
+    /// The flight: a TOML file (docs/flying.md), the same on all computers
+    #[arg(required_unless_present = "simulate", conflicts_with = "simulate")]
+    flight: Option<PathBuf>,
     /// Which drone it is, counted from 0
     #[arg(long, value_name = "N")]
     drone: usize,
     /// Fly this drone of a simulated world: a built-in scenario or a TOML file
     #[arg(long, value_name = "SCENARIO")]
-    simulate: String,
+    simulate: Option<String>,
+    /// Take the drone if it is in the air already, in the mode that takes orders: after a restart,
+    /// where nobody else flies it
+    #[arg(long, conflicts_with = "simulate")]
+    take_over: bool,
     /// The seed of everything that the simulated world draws at random
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -28,8 +47,29 @@ pub(super) struct Args {
     shared: Shared,
 }
 
-pub(super) fn run(args: &Args, Context { registry, .. }: Context<'_>) -> Result<(), CliError> {
-    let scenario = choice::scenario(&args.simulate)?;
+impl Args {
+    /// The link, which loses what it shall.
+    fn link(&self, clock: impl Clock + 'static) -> Result<Box<dyn DroneLink>, CliError> {
+        let link = self.shared.drone(self.drone)?;
+        let impairment = Impairment { loss: self.drop, ..Impairment::default() };
+        let draws = uniform_draws(self.seed.wrapping_add(0x5eed));
+        Ok(Box::new(Impaired::new(link, impairment, clock, draws).map_err(CliError::input)?))
+    }
+}
+
+pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    match (&args.simulate, &args.flight) {
+        (Some(scenario), _) => simulate(args, scenario, context),
+        (None, Some(file)) => {
+            fly(args, &FlightConfig::read(file).map_err(CliError::input)?, context)
+        }
+        (None, None) => Err(CliError::input("neither a flight's file nor --simulate")),
+    }
+}
+
+fn simulate(args: &Args, scenario: &str, context: Context<'_>) -> Result<(), CliError> {
+    let (name, registry) = (scenario, context.registry);
+    let scenario = choice::scenario(name)?;
     let world = World::new(&scenario.world, args.seed).map_err(CliError::input)?;
     let vehicle = world.vehicle(args.drone).map_err(CliError::input)?;
     let sources = scenario.sources(registry, &world).map_err(CliError::input)?;
@@ -37,17 +77,8 @@ pub(super) fn run(args: &Args, Context { registry, .. }: Context<'_>) -> Result<
     let source = source.ok_or_else(|| CliError::input("the drone has no source"))?;
     let extractor = registry
         .hunt_extractor(&scenario.extractor, scenario.bearings)
-        .map_err(|error| choice::simulation_error(error.into(), &args.simulate))?;
-    let impairment = Impairment { loss: args.drop, ..Impairment::default() };
-    let link: Box<dyn DroneLink> = Box::new(
-        Impaired::new(
-            args.shared.drone(args.drone)?,
-            impairment,
-            world.clock(),
-            uniform_draws(args.seed.wrapping_add(0x5eed)),
-        )
-        .map_err(CliError::input)?,
-    );
+        .map_err(|error| choice::simulation_error(error.into(), name))?;
+    let link = args.link(world.clock())?;
     let (stop, clock) = (Stop::listen()?, args.shared.clock());
     let epoch = clock.unix()?;
     let config = DroneNodeConfig::default();
@@ -69,4 +100,71 @@ pub(super) fn run(args: &Args, Context { registry, .. }: Context<'_>) -> Result<
         }
     }
     Ok(())
+}
+
+/// How long a node reports that its drone is down before it ends, in seconds.
+const FAREWELL_S: f64 = 3.0;
+
+fn fly(args: &Args, config: &FlightConfig, context: Context<'_>) -> Result<(), CliError> {
+    let count = config.drones.len();
+    let drone = config.drones.get(args.drone).ok_or_else(|| {
+        let drone = args.drone;
+        CliError::input(format!("--drone {drone}: the flight has {count} drones, counted from 0"))
+    })?;
+    let extractor = context.registry.hunt_extractor(&config.extractor, config.bearings);
+    let extractor = extractor.map_err(CliError::input)?;
+    let stop = Stop::listen()?;
+    let node_clock: NodeClock = args.shared.clock();
+    let clock = move || node_clock.seconds();
+    let epoch = node_clock.started()?;
+    let origin_s = epoch.since(UnixTime::default());
+    let link = args.link(clock)?;
+    // In the air there is no time for it.
+    if !args.take_over {
+        fly::examine_drone(config, drone, &clock, origin_s);
+    }
+    let mut ports = SystemPorts::new(clock);
+    let open = drone.open(&config.site, &config.beacons, &mut ports, &clock, origin_s);
+    let open = open.map_err(fly::open_error)?;
+    let (rules, node_config) = (config.flight, DroneNodeConfig::default());
+    let node = FlownNode::new(args.drone, open, extractor, link, epoch, rules, node_config);
+    let mut node = node.map_err(CliError::input)?;
+    if args.take_over {
+        node.allow_take_over();
+    }
+    warn(&format!("{} of {} is on; Ctrl-C has it leave", drone.name, config.name));
+    let (mut failures, mut interrupts, mut over_at) = (Failures::default(), 0, None);
+    let mut reported = (Stage::Over, String::new());
+    let mut notices = Notices::default();
+    loop {
+        let time = clock();
+        failures.report(node.step(time))?;
+        while let Some(event) = node.poll_event() {
+            notices.print(&event);
+        }
+        let stage = (node.stage(), node.reason().to_owned());
+        if stage != reported {
+            let why = if stage.1.is_empty() { String::new() } else { format!(": {}", stage.1) };
+            warn(&format!("{time:7.0} s  {} {}{why}", drone.name, stage.0));
+            reported = stage;
+        }
+        let wanted = stop.count();
+        if wanted > interrupts {
+            if interrupts > 0 {
+                let text = "stopped: a drone in the air is left to its autopilot and its pilot";
+                return Err(CliError::failure(text));
+            }
+            interrupts = wanted;
+            node.abort(time, "its own computer broke off");
+        }
+        if node.stage() == Stage::Over && time - *over_at.get_or_insert(time) >= FAREWELL_S {
+            break;
+        }
+        rest();
+    }
+    notices.finish();
+    match node.order().leave {
+        Leave::AtEnd => Ok(()),
+        _ => Err(CliError::failure(node.reason())),
+    }
 }

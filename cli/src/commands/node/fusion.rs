@@ -1,23 +1,30 @@
-use std::{fs, path::PathBuf};
+use std::{
+    fs,
+    io::{self, IsTerminal},
+    path::PathBuf,
+};
 
 use foxhunt::{
-    hardware::link::UnixTime,
+    hardware::link::{FusionLink, Stage, UnixTime},
     hunt::{Event, Fix},
     log::Log,
     network::{FusionNode, FusionNodeConfig, Past},
     picture::hunt_svg,
     registry::{EstimatorEntry, Registry},
-    scenario::Scenario,
-    simulation::Setup,
 };
 use serde::Serialize;
 
 use super::{
+    field::Field,
     log::NodeLog,
-    over::{Failures, Shared, Stop},
+    over::{Failures, Shared, Stop, rest},
 };
 use crate::{
-    commands::{choice, fixes, notices::Notices},
+    commands::{
+        choice, fixes,
+        fly::{Pilot, PilotInput},
+        notices::Notices,
+    },
     context::Context,
     error::CliError,
     output::{Output, warn},
@@ -27,10 +34,18 @@ use crate::{
 ///
 /// Begins when all drones report and ends when all searches are over. Stopped and started again
 /// with --resume, it goes on from its log, and every estimate is the same as without the stop.
+///
+/// With a flight's file the drones are real ones: it waits until all are ready, and for Enter,
+/// which lets them take off. Enter in the air breaks off: all leave by flight.on_abort. Ctrl-C stops this
+/// node alone: the drones hold, and leave by flight.on_abort after flight.orders_timeout_s.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// A built-in scenario or a TOML file; of its world, only the number of drones is used
-    scenario: String,
+    /// A flight's TOML file, the same on all computers; or a built-in scenario or its TOML file,
+    /// for simulated drones
+    field: String,
+    /// Let real drones take off without asking
+    #[arg(long)]
+    yes: bool,
     /// The seed of estimators that draw random numbers
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
@@ -47,42 +62,62 @@ pub(super) struct Args {
     shared: Shared,
 }
 
+/// Who stops the node.
+enum Operator {
+    /// A pilot at the keyboard.
+    Pilot(Pilot),
+    Signals(Stop),
+}
+
+impl Operator {
+    fn poll(&self) -> PilotInput {
+        match self {
+            Self::Pilot(pilot) => pilot.poll(),
+            Self::Signals(stop) if stop.count() > 0 => PilotInput::Interrupt,
+            Self::Signals(_) => PilotInput::None,
+        }
+    }
+}
+
 pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry } = context;
-    let scenario = choice::scenario(&args.scenario)?;
+    let field = Field::find(&args.field)?;
+    let confirms = field.is_flown() && !args.yes;
+    if confirms && !io::stdin().is_terminal() {
+        return Err(CliError::input(
+            "standard input is no terminal, so that nobody can confirm the take-off; --yes takes \
+             off at once",
+        ));
+    }
     let past_log = NodeLog::read(&args.log, args.resume)?;
-    let (stop, clock) = (Stop::listen()?, args.shared.clock());
+    let operator = match field.is_flown() {
+        true => Operator::Pilot(Pilot::listen()?),
+        false => Operator::Signals(Stop::listen()?),
+    };
+    let clock = args.shared.clock();
     let (mut log, estimator, past) = match past_log {
-        Some(log) => resumed(args, &scenario, registry, log)?,
+        Some(log) => resumed(args, &field, registry, log)?,
         None => {
             let given = args.estimator.as_deref();
-            let estimator =
-                choice::estimator_of(registry, given, &scenario, &args.scenario)?.clone();
-            let setup = Setup { scenario: &scenario, estimator: &estimator, registry };
-            let mut header = setup.log_header(args.seed);
-            header.epoch_unix_s = Some(clock.unix()?.sec);
+            let estimator = field.estimator(registry, given, &args.field)?.clone();
+            let header = field.log_header(registry, &estimator, args.seed, clock.unix()?.sec);
             (NodeLog::new(&args.log, header), estimator, None)
         }
     };
     let epoch = UnixTime::whole(log.header.epoch_unix_s.unwrap_or_default());
-    let drones = scenario.world.drones.len();
-    let parts = scenario.parts(registry, &estimator, log.header.seed).map_err(CliError::input)?;
-    let hunt =
-        parts.build().map_err(|error| choice::simulation_error(error.into(), &args.scenario))?;
+    let hunt = field.hunt(registry, &estimator, log.header.seed, &args.field)?;
+    let (drones, config) = (field.drones(), FusionNodeConfig::default());
     let link = args.shared.fusion(drones)?;
-    let mut node = FusionNode::new(hunt, drones, link, epoch, past, FusionNodeConfig::default())
-        .map_err(CliError::failure)?;
-    let (mut failures, mut waiting) = (Failures::default(), Vec::new());
+    let mut node =
+        FusionNode::new(hunt, drones, link, epoch, past, config).map_err(CliError::failure)?;
+    node.wait_for_go(confirms);
+    let (mut failures, mut waiting) = (Failures::default(), Waiting::default());
     let mut notices = Notices::default();
-    while stop.goes_on() {
+    loop {
         let time = clock.unix()?.since(epoch);
         failures.report(node.step(time))?;
         if node.homes().is_empty() {
-            let silent = node.silent(time);
-            if silent != waiting && !silent.is_empty() {
-                warn(&format!("waits for drones {silent:?}, counted from 0"));
-            }
-            waiting = silent;
+            waiting.report(&node, time);
         } else if log.header.homes.is_empty() {
             log.header.homes = node.homes().to_vec();
         }
@@ -91,24 +126,71 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             log.event(event)?;
         }
         if node.is_finished(time) {
-            return report(args, &log, node.hunt().fixes(), output);
+            break;
+        }
+        match operator.poll() {
+            PilotInput::None => rest(),
+            PilotInput::Enter if node.is_ready() => node.go(),
+            PilotInput::Enter => {
+                warn("the drones leave");
+                node.abort(time, "the pilot breaks off").map_err(CliError::failure)?;
+            }
+            PilotInput::Interrupt | PilotInput::Quit => {
+                let hold = if field.is_flown() { "the drones hold; " } else { "" };
+                let path = args.log.display();
+                warn(&format!("stopped; {hold}it goes on with --resume --log {path}"));
+                return Ok(());
+            }
         }
     }
-    warn(&format!("stopped; it goes on with --resume --log {}", args.log.display()));
-    Ok(())
+    notices.finish();
+    report(args, &log, node.hunt().fixes(), output)?;
+    match node.failure() {
+        Some(why) => Err(CliError::failure(why)),
+        None => Ok(()),
+    }
+}
+
+/// What is waited for before the hunt begins, each thing reported once.
+#[derive(Default)]
+struct Waiting {
+    text: String,
+}
+
+impl Waiting {
+    fn report<L: FusionLink>(&mut self, node: &FusionNode<L>, time: f64) {
+        let silent = node.silent(time);
+        let stages = node.stages().enumerate();
+        let waited_for = stages.filter_map(|(drone, (stage, why))| match stage {
+            _ if silent.contains(&drone) => Some(format!("drone {drone} is silent")),
+            Stage::Flying | Stage::Ready => None,
+            stage if why.is_empty() => Some(format!("drone {drone} {stage}")),
+            stage => Some(format!("drone {drone} {stage}: {why}")),
+        });
+        let waited_for: Vec<String> = waited_for.collect();
+        let text = match (waited_for.is_empty(), node.is_ready()) {
+            (true, true) => "all drones are ready: Enter takes off, Ctrl-C stops".to_owned(),
+            (true, false) => return,
+            (false, _) => format!("waits; counted from 0, {}", waited_for.join(", ")),
+        };
+        if text != self.text {
+            warn(&text);
+            self.text = text;
+        }
+    }
 }
 
 /// The hunt of an earlier log: the log, its estimator, and what happened in it.
 fn resumed(
     args: &Args,
-    scenario: &Scenario,
+    field: &Field,
     registry: &Registry,
     log: Log,
 ) -> Result<(NodeLog, EstimatorEntry, Option<Past>), CliError> {
     let file = args.log.display();
-    if log.header.scenario != scenario.name {
+    if log.header.scenario != field.name() {
         let logged = &log.header.scenario;
-        let message = format!("{file} is a log of {logged}, not of {}", scenario.name);
+        let message = format!("{file} is a log of {logged}, not of {}", field.name());
         return Err(CliError::input(message));
     }
     if log.header.epoch_unix_s.is_none() {

@@ -1,54 +1,46 @@
 //! The nodes of a hunt on several computers, as programs.
 
-#[cfg(any(feature = "ros1", feature = "ros2"))]
 mod drone;
-#[cfg(any(feature = "ros1", feature = "ros2"))]
+mod field;
 mod fusion;
-#[cfg(any(feature = "ros1", feature = "ros2"))]
+mod key;
 mod log;
-#[cfg(any(feature = "ros1", feature = "ros2"))]
 mod over;
 
-#[cfg(not(any(feature = "ros1", feature = "ros2")))]
-use crate::commands::unavailable;
 use crate::{context::Context, error::CliError};
 
-/// Run one computer's part of a hunt over ROS 1 or ROS 2
+/// Run one computer's part of a hunt, over MQTT, ROS 1 or ROS 2
 ///
 /// Every drone's computer runs a drone node, and one computer the fusion node. Messages may be
-/// lost, late or doubled, and every node may be stopped and started again.
+/// lost, late or doubled, and every node may be stopped and started again. Over MQTT they are
+/// signed with the key of the team.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example: three simulated drones and the fusion node, each in a terminal\n  \
-                        foxhunt node drone --simulate pritzl-6.1 --drone 0 --over ros2\n  \
-                        foxhunt node fusion pritzl-6.1 --over ros2 --log out/net.jsonl --resume"
+    after_help = "Examples: the key of the team, then three simulated drones and the fusion node, \
+                  each in a terminal\n  \
+                        foxhunt node key team.key\n  \
+                        foxhunt node drone --simulate pritzl-6.1 --drone 0 --over mqtt --key \
+                        team.key\n  \
+                        foxhunt node fusion pritzl-6.1 --over mqtt --key team.key --log \
+                        out/net.jsonl --resume"
 )]
 pub(crate) struct Args {
-    #[cfg(any(feature = "ros1", feature = "ros2"))]
     #[command(subcommand)]
     node: Node,
-    #[cfg(not(any(feature = "ros1", feature = "ros2")))]
-    #[command(flatten)]
-    unavailable: unavailable::AnyArguments,
 }
 
 /// Which part.
-#[cfg(any(feature = "ros1", feature = "ros2"))]
 #[derive(Debug, clap::Subcommand)]
 enum Node {
     Drone(drone::Args),
     Fusion(fusion::Args),
+    Key(key::Args),
 }
 
-#[cfg(any(feature = "ros1", feature = "ros2"))]
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     match &args.node {
         Node::Drone(args) => drone::run(args, context),
         Node::Fusion(args) => fusion::run(args, context),
+        Node::Key(args) => key::run(args, context.output),
     }
-}
-
-#[cfg(not(any(feature = "ros1", feature = "ros2")))]
-pub(crate) fn run(args: &Args, _: Context<'_>) -> Result<(), CliError> {
-    args.unavailable.refuse("node", "ros1,ros2")
 }

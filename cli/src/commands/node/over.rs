@@ -1,7 +1,8 @@
 use std::{
+    path::PathBuf,
     sync::{
         Arc,
-        atomic::{AtomicBool, Ordering},
+        atomic::{AtomicU8, Ordering},
     },
     thread,
     time::Duration,
@@ -11,20 +12,38 @@ use foxhunt::{
     core::Clock,
     hardware::{
         SystemClock,
-        link::{DroneLink, FusionLink, UnixTime},
+        link::{
+            CarriedDrone, CarriedFusion, DroneLink, FusionLink, MqttCarrier, MqttConfig, TeamKey,
+            UnixTime,
+        },
     },
     network::NetworkError,
 };
 
+use super::key::key_error;
 use crate::{error::CliError, output::warn};
 
 /// The arguments of both kinds of nodes.
 #[derive(Debug, clap::Args)]
 pub(super) struct Shared {
-    /// The middleware between the computers; one that is missing here needs a build with
-    /// `--features ros1,ros2`
+    /// The middleware between the computers; ROS needs a build with `--features ros1,ros2`
     #[arg(long, value_enum)]
     over: Over,
+    /// The key of the team (foxhunt node key), with which messages are signed
+    #[arg(long, value_name = "FILE", required_unless_present = "unsigned")]
+    key: Option<PathBuf>,
+    /// Sign nothing, and follow whoever sends: in a network that nobody else can reach
+    #[arg(long, conflicts_with = "key")]
+    unsigned: bool,
+    /// The MQTT broker; port 1883 unless given
+    #[arg(long, value_name = "HOST[:PORT]", default_value = "localhost", value_parser = broker)]
+    broker: (String, u16),
+    /// The name at the MQTT broker, where it wants one; the password is $FOXHUNT_MQTT_PASSWORD
+    #[arg(long, value_name = "NAME")]
+    broker_user: Option<String>,
+    /// What MQTT topics begin with: teams that share a broker have different ones
+    #[arg(long, value_name = "PREFIX", default_value = "foxhunt")]
+    topics: String,
     #[cfg(feature = "ros2")]
     /// The DDS domain of ROS 2; $ROS_DOMAIN_ID, or else 0, unless given
     #[arg(long, value_name = "N")]
@@ -42,6 +61,7 @@ pub(super) struct Shared {
 /// A middleware.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Over {
+    Mqtt,
     #[cfg(feature = "ros1")]
     Ros1,
     #[cfg(feature = "ros2")]
@@ -49,9 +69,40 @@ enum Over {
 }
 
 impl Shared {
+    /// The key of the team, if messages are signed.
+    fn key(&self) -> Result<Option<TeamKey>, CliError> {
+        if self.unsigned {
+            warn("messages are not signed: whoever reaches the network can fly the drones");
+        } else if self.over != Over::Mqtt {
+            return Err(CliError::input(
+                "--key: messages are signed over MQTT alone; over ROS, --unsigned in a network \
+                 that nobody else can reach",
+            ));
+        }
+        self.key.as_deref().map(TeamKey::read).transpose().map_err(key_error)
+    }
+
+    fn mqtt(&self) -> Result<MqttConfig, CliError> {
+        let login = |user: &String| -> Result<(String, String), CliError> {
+            let password = std::env::var("FOXHUNT_MQTT_PASSWORD").map_err(|_| {
+                CliError::input("--broker-user: its password is to be in $FOXHUNT_MQTT_PASSWORD")
+            })?;
+            Ok((user.clone(), password))
+        };
+        let login = self.broker_user.as_ref().map(login).transpose()?;
+        let (host, port) = self.broker.clone();
+        Ok(MqttConfig { host, port, prefix: self.topics.clone(), login })
+    }
+
     /// Joins as a drone.
     pub(super) fn drone(&self, drone: usize) -> Result<Box<dyn DroneLink>, CliError> {
+        let key = self.key()?;
         match self.over {
+            Over::Mqtt => {
+                let carrier = MqttCarrier::drone(&self.mqtt()?, drone).map_err(CliError::input)?;
+                let link = CarriedDrone::new(carrier, drone, key);
+                Ok(Box::new(link.map_err(CliError::failure)?))
+            }
             #[cfg(feature = "ros1")]
             Over::Ros1 => {
                 let link = foxhunt::hardware::link::Ros1Drone::join(&self.ros1(), drone);
@@ -67,7 +118,13 @@ impl Shared {
 
     /// Joins as the one that fuses.
     pub(super) fn fusion(&self, drones: usize) -> Result<Box<dyn FusionLink>, CliError> {
+        let key = self.key()?;
         match self.over {
+            Over::Mqtt => {
+                let carrier = MqttCarrier::fusion(&self.mqtt()?, drones);
+                let link = CarriedFusion::new(carrier.map_err(CliError::input)?, drones, key);
+                Ok(Box::new(link.map_err(CliError::failure)?))
+            }
             #[cfg(feature = "ros1")]
             Over::Ros1 => {
                 let link = foxhunt::hardware::link::Ros1Fusion::join(&self.ros1(), drones);
@@ -123,31 +180,58 @@ pub(super) struct NodeClock {
 }
 
 impl NodeClock {
+    /// Seconds since it began.
+    pub(super) fn seconds(&self) -> f64 {
+        self.clock.now() * self.speed
+    }
+
+    /// UNIX time as all nodes of this speed have it.
     pub(super) fn unix(&self) -> Result<UnixTime, CliError> {
-        let since_s = (self.since_s + self.clock.now()) * self.speed;
+        self.unix_after(self.clock.now())
+    }
+
+    /// The same when it began.
+    pub(super) fn started(&self) -> Result<UnixTime, CliError> {
+        self.unix_after(0.0)
+    }
+
+    fn unix_after(&self, elapsed_s: f64) -> Result<UnixTime, CliError> {
+        let since_s = (self.since_s + elapsed_s) * self.speed;
         let at = UnixTime::default().after(self.base_s).and_then(|base| base.after(since_s));
         at.ok_or_else(|| CliError::failure("the system's clock has no UNIX time"))
     }
 }
 
-/// Whether the user wants the program to end.
-pub(super) struct Stop(Arc<AtomicBool>);
+/// How often the user wanted the program to end.
+pub(super) struct Stop(Arc<AtomicU8>);
 
 impl Stop {
     /// Listens for Ctrl-C and termination.
     pub(super) fn listen() -> Result<Self, CliError> {
-        let stop = Arc::new(AtomicBool::new(false));
-        let stopped = Arc::clone(&stop);
-        ctrlc::set_handler(move || stopped.store(true, Ordering::Relaxed))
-            .map_err(CliError::failure)?;
-        Ok(Self(stop))
+        let count = Arc::new(AtomicU8::new(0));
+        let counted = Arc::clone(&count);
+        ctrlc::set_handler(move || {
+            let _ = counted.fetch_add(1, Ordering::Relaxed);
+        })
+        .map_err(CliError::failure)?;
+        Ok(Self(count))
+    }
+
+    /// How often it came.
+    pub(super) fn count(&self) -> u8 {
+        self.0.load(Ordering::Relaxed)
     }
 
     /// Waits for a moment; whether to go on.
     pub(super) fn goes_on(&self) -> bool {
-        thread::sleep(Duration::from_millis(2));
-        !self.0.load(Ordering::Relaxed)
+        rest();
+        self.count() == 0
     }
+}
+
+/// Waits until the next step of a node.
+pub(super) fn rest() {
+    thread::sleep(Duration::from_millis(2));
 }
 
 /// Prints a link's failure once, however often it fails.
@@ -169,6 +253,17 @@ impl Failures {
             }
             Err(error) => Err(CliError::failure(error)),
         }
+    }
+}
+
+fn broker(text: &str) -> Result<(String, u16), String> {
+    let (host, port) = match text.rsplit_once(':') {
+        Some((host, port)) => (host, port.parse().map_err(|_| format!("{port:?} is no port"))?),
+        None => (text, 1883),
+    };
+    match host.is_empty() {
+        true => Err("it has no host".into()),
+        false => Ok((host.to_owned(), port)),
     }
 }
 

@@ -7,7 +7,10 @@ use foxhunt_core::{
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use super::messages::{self as ros, RosHeader};
-use crate::link::{Delivery, LinkError, Order, Report, Taken, Turn, UnixTime};
+use crate::link::{
+    ClockOffset, Delivery, Echo, Leave, LinkError, Order, Report, Stage, Status, Taken, Turn,
+    UnixTime,
+};
 
 pub(super) fn point(place: &Vector3<f64>) -> ros::Point {
     ros::Point { x: place.x, y: place.y, z: place.z }
@@ -44,16 +47,46 @@ pub(in crate::link) fn report_of_pose<H: RosHeader>(message: &ros::PoseStamped<H
 }
 
 pub(in crate::link) fn status_message<H: RosHeader>(
-    at: UnixTime,
-    order: u64,
-    failure: &str,
+    status: &Status,
 ) -> Result<ros::Status<H>, LinkError> {
-    Ok(ros::Status { header: H::at(at)?, order, failure: failure.to_owned() })
+    let Status { at, sent, clock, order, stage, failure } = status;
+    let stage = Stage::ALL.iter().zip(0..).find(|(one, _)| *one == stage);
+    let clock =
+        clock.map(|clock| vec![clock.offset_s, clock.uncertainty_s, f64::from(clock.jumps)]);
+    Ok(ros::Status {
+        header: H::at(*at)?,
+        order: *order,
+        failure: failure.clone(),
+        stage: stage.map_or(u8::MAX, |(_, number)| number),
+        sent_sec: sent.sec,
+        sent_nanosec: sent.nanosec,
+        clock: clock.unwrap_or_default(),
+    })
 }
 
+/// The status of a message; a stage that is not known takes no orders.
 pub(in crate::link) fn report_of_status<H: RosHeader>(message: ros::Status<H>) -> Report {
-    let ros::Status { header, order, failure } = message;
-    Report::Status { at: header.moment(), order, failure }
+    let ros::Status { header, order, failure, stage, sent_sec, sent_nanosec, clock } = message;
+    let clock = match *clock {
+        [offset_s, uncertainty_s, jumps] if offset_s.is_finite() && uncertainty_s.is_finite() => {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a whole number, and those out of range are the nearest in it"
+            )]
+            let jumps = jumps as u32;
+            Some(ClockOffset { offset_s, uncertainty_s, jumps })
+        }
+        _ => None,
+    };
+    Report::Status(Status {
+        at: header.moment(),
+        sent: UnixTime { sec: sent_sec, nanosec: sent_nanosec },
+        clock,
+        order,
+        stage: Stage::ALL.get(usize::from(stage)).copied().unwrap_or(Stage::Away),
+        failure,
+    })
 }
 
 pub(in crate::link) fn reception_message<H: RosHeader>(
@@ -181,6 +214,7 @@ fn measured<H>(message: &ros::Reception<H>) -> Result<MeasuredList, String> {
 pub(in crate::link) fn order_message<H: RosHeader>(
     order: &Order,
 ) -> Result<ros::Order<H>, LinkError> {
+    let echo = || order.echo.iter().flat_map(|echo| [echo.sent, echo.received]);
     Ok(ros::Order {
         header: H::at(order.at)?,
         number: order.number,
@@ -192,6 +226,14 @@ pub(in crate::link) fn order_message<H: RosHeader>(
         taken_beacons: order.taken.iter().map(|taken| taken.beacon.0).collect(),
         taken_sec: order.taken.iter().map(|taken| taken.ended.sec).collect(),
         taken_nanosec: order.taken.iter().map(|taken| taken.ended.nanosec).collect(),
+        take_off: order.take_off,
+        leave: match order.leave {
+            Leave::Not => 0,
+            Leave::AtEnd => 1,
+            Leave::OnAbort => 2,
+        },
+        echo_sec: echo().map(|at| at.sec).collect(),
+        echo_nanosec: echo().map(|at| at.nanosec).collect(),
     })
 }
 
@@ -205,6 +247,13 @@ pub(in crate::link) fn order<H: RosHeader>(message: &ros::Order<H>) -> Order {
         beacon: BeaconId(beacon),
         ended: UnixTime { sec, nanosec },
     });
+    let echo = match (&*message.echo_sec, &*message.echo_nanosec) {
+        (&[sent_s, received_s], &[sent_ns, received_ns]) => Some(Echo {
+            sent: UnixTime { sec: sent_s, nanosec: sent_ns },
+            received: UnixTime { sec: received_s, nanosec: received_ns },
+        }),
+        _ => None,
+    };
     Order {
         at: message.header.moment(),
         number: message.number,
@@ -215,6 +264,14 @@ pub(in crate::link) fn order<H: RosHeader>(message: &ros::Order<H>) -> Order {
             beacons: message.beacons.iter().copied().map(BeaconId).collect(),
         },
         taken: taken.collect(),
+        take_off: message.take_off,
+        leave: match message.leave {
+            0 => Leave::Not,
+            1 => Leave::AtEnd,
+            // An order of a later version is no reason to go on.
+            _ => Leave::OnAbort,
+        },
+        echo,
     }
 }
 
@@ -309,8 +366,22 @@ mod tests {
         }
 
         #[test]
+        fn a_status_comes_as_it_was_sent(
+            (at, sent, order) in (moment(), moment(), any::<u64>()),
+            (offset_s, uncertainty_s, jumps) in (number(), number(), any::<u32>()),
+            (known, stage, failure) in (any::<bool>(), 0_usize..7, ".{0,9}"),
+        ) {
+            let clock = known.then_some(ClockOffset { offset_s, uncertainty_s, jumps });
+            let status = Status { at, sent, clock, order, stage: Stage::ALL[stage], failure };
+            let message = status_message::<Stamp>(&status)?;
+            prop_assert_eq!(report_of_status(message), Report::Status(status));
+        }
+
+        #[test]
         fn an_order_comes_as_it_was_sent(
             (at, goal, land) in (moment(), proptest::option::of(vector()), any::<bool>()),
+            (take_off, leave) in (any::<bool>(), 0_usize..3),
+            echo in proptest::option::of((moment(), moment())),
             (number, turn, beacons) in (
                 any::<u64>(), any::<u64>(), proptest::collection::vec(any::<u16>(), 0..9)),
             taken in proptest::collection::vec((any::<u16>(), moment()), 0..9),
@@ -325,6 +396,9 @@ mod tests {
                     .into_iter()
                     .map(|(beacon, ended)| Taken { beacon: BeaconId(beacon), ended })
                     .collect(),
+                take_off,
+                leave: [Leave::Not, Leave::AtEnd, Leave::OnAbort][leave],
+                echo: echo.map(|(sent, received)| Echo { sent, received }),
             };
             prop_assert_eq!(order(&order_message::<Stamp>(&sent)?), sent);
         }

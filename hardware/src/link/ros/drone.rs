@@ -46,9 +46,7 @@ impl<H: RosHeader, N> DroneLink for DroneEnd<H, N> {
     fn send(&mut self, report: &Report) -> Result<(), LinkError> {
         match report {
             Report::Pose { at, pose } => self.pose.publish(convert::pose_message(*at, pose)?),
-            Report::Status { at, order, failure } => {
-                self.status.publish(convert::status_message(*at, *order, failure)?)
-            }
+            Report::Status(status) => self.status.publish(convert::status_message(status)?),
             Report::Delivery(delivery) => {
                 self.reception.publish(convert::reception_message(delivery)?)
             }

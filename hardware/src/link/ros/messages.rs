@@ -166,12 +166,20 @@ pub(in crate::link) struct Order<H> {
     pub(in crate::link) taken_beacons: Vec<u16>,
     pub(in crate::link) taken_sec: Vec<i64>,
     pub(in crate::link) taken_nanosec: Vec<u32>,
+    pub(in crate::link) take_off: bool,
+    pub(in crate::link) leave: u8,
+    pub(in crate::link) echo_sec: Vec<i64>,
+    pub(in crate::link) echo_nanosec: Vec<u32>,
 }
 
 /// `foxhunt_msgs/Status`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(in crate::link) struct Status<H> {
     pub(in crate::link) header: H,
     pub(in crate::link) order: u64,
     pub(in crate::link) failure: String,
+    pub(in crate::link) stage: u8,
+    pub(in crate::link) sent_sec: i64,
+    pub(in crate::link) sent_nanosec: u32,
+    pub(in crate::link) clock: Vec<f64>,
 }

@@ -108,13 +108,13 @@ described!(
 described!(
     Order,
     "foxhunt_msgs/Order",
-    "ff76089207e4d9d283571304a624cbdc",
+    "a0842a274dbd6a8543679569d3f83e66",
     concat!(include_str!("../../../ros/foxhunt_msgs/msg/Order.msg"), header!(), point!())
 );
 described!(
     Status,
     "foxhunt_msgs/Status",
-    "fda573b4cedb7512ca6775b56b724e71",
+    "b6caffdaadc2e3e499c2c706c2485423",
     concat!(include_str!("../../../ros/foxhunt_msgs/msg/Status.msg"), header!())
 );
 
