@@ -20,7 +20,7 @@ middleware, foxhunt = sys.argv[1:3]
 python = sys.argv[3] if len(sys.argv) > 3 else sys.executable
 folder = pathlib.Path(tempfile.mkdtemp(prefix="foxhunt-network-"))
 log = folder / "hunt.jsonl"
-common = ["--over", middleware, "--speed", str(SPEED)]
+common = ["--over", middleware, "--unsigned", "--speed", str(SPEED)]
 running = []
 
 

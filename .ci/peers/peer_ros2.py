@@ -140,6 +140,10 @@ class Order(IdlStruct, typename="foxhunt_msgs::msg::dds_::Order_"):
     taken_beacons: sequence[uint16]
     taken_sec: sequence[int64]
     taken_nanosec: sequence[uint32]
+    take_off: bool
+    leave: uint8
+    echo_sec: sequence[int64]
+    echo_nanosec: sequence[uint32]
 
 
 def now():
