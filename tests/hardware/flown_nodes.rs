@@ -368,7 +368,7 @@ fn none_takes_off_before_all_are_ready_and_the_operator_lets_them() {
         rig.pass(&mut drones, &mut fusion);
     }
     let failure = fusion.as_ref().and_then(|node| node.failure()).unwrap_or_default();
-    assert!(failure.contains("drone 0 does not take part"), "{failure}");
+    assert!(failure.contains("drone 0, counted from 0, does not take part"), "{failure}");
     assert!((0..3).all(|drone| rig.up_m(drone) < 0.3), "somebody is up");
     assert!(fusion.is_some_and(|node| node.is_finished(rig.world.time())));
 }

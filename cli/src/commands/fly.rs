@@ -95,7 +95,7 @@ pub(crate) struct Args {
 }
 
 /// The time between two steps of the flight.
-const TICK: Duration = Duration::from_millis(5);
+pub(super) const TICK: Duration = Duration::from_millis(5);
 
 /// What is flown, and in whose time.
 struct Field {

@@ -313,7 +313,8 @@ impl<L: FusionLink> FusionNode<L> {
             drone.order.take_off && matches!(drone.stage, Stage::Leaving | Stage::Over)
         };
         if let Some((index, drone)) = self.drones.iter().enumerate().find(left) {
-            let reason = format!("drone {index} does not take part: {}", drone.failure);
+            let reason =
+                format!("drone {index}, counted from 0, does not take part: {}", drone.failure);
             return self.break_off(now, reason);
         }
         // What has landed since a hunt began stays where it is.

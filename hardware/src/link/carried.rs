@@ -66,7 +66,7 @@ impl<C: Carrier> DroneLink for CarriedDrone<C> {
                     return order.map(Some).map_err(|error| unreadable(&into, &error));
                 }
                 Err(why) => {
-                    if let Some(error) = self.envelope.refuse(why, "orders") {
+                    if let Some(error) = self.envelope.refuse(why, &into) {
                         return Err(error);
                     }
                 }
@@ -155,7 +155,7 @@ impl<C: Carrier> FusionLink for CarriedFusion<C> {
                     return Ok(Some((drone, report)));
                 }
                 Err(why) => {
-                    if let Some(error) = envelope.refuse(why, &format!("drone {drone}")) {
+                    if let Some(error) = envelope.refuse(why, &into) {
                         return Err(error);
                     }
                 }

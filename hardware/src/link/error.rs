@@ -36,7 +36,7 @@ pub enum LinkError {
     /// them, the tenth, the hundredth and so on.
     #[error("{from}: {count} refused: {why}")]
     Refused {
-        /// Whose they claim to be.
+        /// The channel that they came on, such as `drone_0/report`.
         from: String,
         /// Why.
         why: Refusal,

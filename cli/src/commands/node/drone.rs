@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::{path::PathBuf, thread};
 
 use foxhunt::{
     core::Clock,
@@ -8,7 +8,7 @@ use foxhunt::{
     sim::World,
 };
 
-use super::over::{Failures, NodeClock, Shared, Stop, rest};
+use super::over::{Failures, NodeClock, Shared, Stop};
 use crate::{
     commands::{choice, fly, notices::Notices},
     context::Context,
@@ -134,7 +134,7 @@ fn fly(args: &Args, config: &FlightConfig, context: Context<'_>) -> Result<(), C
     }
     warn(&format!("{} of {} is on; Ctrl-C has it leave", drone.name, config.name));
     let (mut failures, mut interrupts, mut over_at) = (Failures::default(), 0, None);
-    let mut reported = (Stage::Over, String::new());
+    let mut reported = Stage::Over;
     let mut notices = Notices::default();
     loop {
         let time = clock();
@@ -143,10 +143,11 @@ fn fly(args: &Args, config: &FlightConfig, context: Context<'_>) -> Result<(), C
             notices.print(&event);
         }
         let stage = (node.stage(), node.reason().to_owned());
-        if stage != reported {
+        // What keeps it from flying comes with the events.
+        if stage.0 != reported {
             let why = if stage.1.is_empty() { String::new() } else { format!(": {}", stage.1) };
             warn(&format!("{time:7.0} s  {} {}{why}", drone.name, stage.0));
-            reported = stage;
+            reported = stage.0;
         }
         let wanted = stop.count();
         if wanted > interrupts {
@@ -160,7 +161,7 @@ fn fly(args: &Args, config: &FlightConfig, context: Context<'_>) -> Result<(), C
         if node.stage() == Stage::Over && time - *over_at.get_or_insert(time) >= FAREWELL_S {
             break;
         }
-        rest();
+        thread::sleep(fly::TICK);
     }
     notices.finish();
     match node.order().leave {
