@@ -148,7 +148,7 @@ mod tests {
             ("aerpaw-afar.csv", None),
             ("otter-telemetry/bearings.csv", None),
             ("uavrt-rotation.csv", Some("uavrt-rotation")),
-            ("krakensdr.csv", None),
+            ("krakensdr.csv", Some("krakensdr")),
         ] {
             let (original, again) = converted(name, format);
             assert_eq!(again.format(), "foxhunt", "{name}");
