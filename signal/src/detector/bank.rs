@@ -64,7 +64,7 @@ pub(super) struct Stretch<'a> {
 impl Window {
     /// A window of this many samples; of each channel the range of frequencies over its rate.
     pub(super) fn new(length: usize, ranges: &[[f64; 2]]) -> Self {
-        let size = (2 * length..).find(|size| smooth(*size)).unwrap_or(2 * length);
+        let size = transform_size(length);
         let fft = FftPlanner::new().plan_fft_forward(size);
         let scratch = vec![Complex32::default(); fft.get_inplace_scratch_len()];
         let more = 1.0 / float(size);
@@ -198,6 +198,11 @@ fn is_burst(row: &[f32], threshold: f32) -> bool {
     let mut sorted = row.to_vec();
     let (_, median, _) = sorted.select_nth_unstable_by(row.len() / 2, f32::total_cmp);
     top < 20.0 * *median
+}
+
+/// The size of the transform of a window: bins of half its inverse length or a little less.
+pub(super) fn transform_size(length: usize) -> usize {
+    (2 * length..).find(|size| smooth(*size)).unwrap_or(2 * length)
 }
 
 /// Whether a transform of this size is quick: even, of small factors.

@@ -169,7 +169,7 @@ fn prototype(taps: usize, cutoff: f64) -> Vec<f32> {
 }
 
 /// The modified Bessel function of order 0, by its series.
-fn bessel_i0(x: f64) -> f64 {
+pub(super) fn bessel_i0(x: f64) -> f64 {
     let mut term = 1.0;
     let mut sum = 1.0;
     for k in 1..40 {

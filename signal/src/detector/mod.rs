@@ -9,6 +9,8 @@ mod bank;
 mod channeliser;
 mod config;
 mod detection;
+mod fold;
+mod front;
 mod noise;
 mod refine;
 mod resolve;
@@ -17,4 +19,5 @@ mod threshold;
 
 pub use config::{DetectorConfig, DetectorError};
 pub use detection::Detection;
+pub use fold::{FoldConfig, Train, TrainDetector};
 pub use search::Detector;

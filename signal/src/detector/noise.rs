@@ -155,8 +155,18 @@ impl Noise {
         (0.8 * float(frames) * (0.85 * bins / 1.5).max(1.0) / 4.03).max(4.0)
     }
 
+    /// The levels of all bins now, for [`Noise::level_of`].
+    pub(super) fn levels(&self) -> &[f32] {
+        &self.levels
+    }
+
     /// The noise's power in a sample of a channel at each of these frequencies, over its rate.
     pub(super) fn level(&self, channel: usize, frequency: f64) -> f32 {
+        self.level_of(&self.levels, channel, frequency)
+    }
+
+    /// The same of levels at another time.
+    pub(super) fn level_of(&self, levels: &[f32], channel: usize, frequency: f64) -> f32 {
         let before = self.offsets[channel];
         let bins = &self.bins[channel];
         let Some(first) = bins.first() else { return 1.0 };
@@ -164,7 +174,7 @@ impl Noise {
         let place = (frequency - signed(*first, self.window.len())) * size;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let place = place.round().clamp(0.0, float(bins.len() - 1)) as usize;
-        self.levels[before + place]
+        levels[before + place]
     }
 }
 

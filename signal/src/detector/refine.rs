@@ -35,7 +35,7 @@ const LIT: f64 = 2.5;
 const LIT_FEW: f64 = 4.0;
 
 impl View<'_> {
-    fn energy(&self, start: usize, length: usize, frequency: f64) -> f64 {
+    pub(super) fn energy(&self, start: usize, length: usize, frequency: f64) -> f64 {
         let Some(samples) = self.samples.get(start..start.saturating_add(length)) else {
             return 0.0;
         };
@@ -50,7 +50,7 @@ impl View<'_> {
     }
 
     /// Sums of the samples from `from`, turned back by a frequency; as many as there are and one.
-    fn sums(&self, from: usize, to: usize, frequency: f64) -> Vec<Complex64> {
+    pub(super) fn sums(&self, from: usize, to: usize, frequency: f64) -> Vec<Complex64> {
         let step = Complex64::from_polar(1.0, -TAU * frequency);
         let mut turn = Complex64::new(1.0, 0.0);
         let mut sum = Complex64::default();

@@ -50,7 +50,7 @@ impl FalseAlarms {
 
 /// How much rarer a random walk of steps x exceeds a level than a continuous one does (Siegmund
 /// 1985; the closed form of Siegmund & Yakir 2007).
-fn discrete(x: f64) -> f64 {
+pub(super) fn discrete(x: f64) -> f64 {
     let half = x / 2.0;
     let above = 0.5 * libm::erf(half * FRAC_1_SQRT_2);
     let density = (-half * half / 2.0).exp() / (2.0 * PI).sqrt();

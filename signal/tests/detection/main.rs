@@ -8,6 +8,7 @@
 
 mod air;
 mod crowded;
+mod folded;
 mod prompt;
 mod recorded;
 mod single;

@@ -1,0 +1,241 @@
+use std::{f64::consts::LN_2, fmt, sync::Arc};
+
+use rustfft::{Fft, FftPlanner, num_complex::Complex32};
+
+use super::super::{bank::transform_size, channeliser::float, noise::signed};
+
+/// A frame or a bin is lit by something that is no pulse where its median is above that of noise by
+/// this factor: a burst over all frequencies, of at least 64 bins (3.5 σ), and a carrier (2.5 σ and
+/// more, with the hundreds of frames that a train has).
+const LIT_FRAME: f32 = 1.6;
+const LIT_BIN: f32 = 1.12;
+const FEWEST_BINS: usize = 64;
+const FEWEST_FRAMES: usize = 200;
+/// Energy above which a cell's leakage to other frequencies counts.
+const STRONG: f32 = 30.0;
+/// How far a cell must be above what may leak there: pulses have no exact shape.
+const MARGIN: f32 = 4.0;
+
+/// The energies of pulse-long windows in a channel, over frequency and time: each over the noise's
+/// power density, exponential with mean 1 where there is noise alone.
+///
+/// Windows begin every quarter of their length, in bins of half its inverse. Bursts over all
+/// frequencies and carriers are divided away (their frame's or bin's own median, as in OS-CFAR:
+/// Rohling 1983), and what may leak from strong cells counts as noise. No single cell counts for
+/// more than about the ceiling, so that a strong pulse or two make no train.
+pub(super) struct Map {
+    pub(super) length: usize,
+    pub(super) hop: usize,
+    fft: Arc<dyn Fft<f32>>,
+    scratch: Vec<Complex32>,
+    buffer: Vec<Complex32>,
+    /// The places in the transform, by frequency.
+    order: Vec<usize>,
+    /// The frequency of each, over the channel's rate.
+    pub(super) frequencies: Vec<f64>,
+    ceiling: f32,
+    /// How many frames there are.
+    pub(super) frames: usize,
+    /// Frame by frame while it is filled.
+    cells: Vec<f32>,
+    /// What is left of each cell, as a share.
+    shares: Vec<f32>,
+    bounds: Vec<f32>,
+    /// Bin by bin.
+    rows: Vec<f32>,
+}
+
+impl fmt::Debug for Map {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Map").field("length", &self.length).finish_non_exhaustive()
+    }
+}
+
+impl Map {
+    /// Of windows of this many samples.
+    pub(super) fn new(length: usize, ceiling: f64) -> Self {
+        let size = transform_size(length);
+        let fft = FftPlanner::new().plan_fft_forward(size);
+        let mut order: Vec<usize> = (0..size).collect();
+        order.sort_by(|a, b| signed(*a, size).total_cmp(&signed(*b, size)));
+        #[expect(clippy::cast_possible_truncation, reason = "energies are f32")]
+        let ceiling = ceiling as f32;
+        Self {
+            length,
+            hop: (length / 4).max(1),
+            scratch: vec![Complex32::default(); fft.get_inplace_scratch_len()],
+            fft,
+            buffer: vec![Complex32::default(); size],
+            frequencies: order.iter().map(|bin| signed(*bin, size)).collect(),
+            order,
+            ceiling,
+            frames: 0,
+            cells: Vec::new(),
+            shares: Vec::new(),
+            bounds: Vec::new(),
+            rows: Vec::new(),
+        }
+    }
+
+    /// The distance of bins, over the channel's rate.
+    pub(super) fn bin(&self) -> f64 {
+        1.0 / float(self.order.len())
+    }
+
+    /// Fills it from samples; `level` gives the noise's power at a sample's place and a frequency,
+    /// the same for as many frames as it returns.
+    pub(super) fn fill(
+        &mut self,
+        samples: &[Complex32],
+        mut levels: impl FnMut(usize, &[f64], &mut Vec<f32>) -> usize,
+    ) {
+        let bins = self.order.len();
+        self.cells.clear();
+        self.frames = 0;
+        let (mut weights, mut until) = (Vec::new(), 0);
+        for (place, frame) in samples
+            .windows(self.length)
+            .step_by(self.hop)
+            .enumerate()
+            .map(|(n, f)| (n * self.hop, f))
+        {
+            if place >= until {
+                until = levels(place, &self.frequencies, &mut weights).max(place + 1);
+                for weight in &mut weights {
+                    #[expect(clippy::cast_precision_loss, reason = "a window's length")]
+                    let length = self.length as f32;
+                    *weight = 1.0 / (*weight * length);
+                }
+            }
+            self.buffer[..frame.len()].copy_from_slice(frame);
+            self.buffer[frame.len()..].fill(Complex32::default());
+            self.fft.process_with_scratch(&mut self.buffer, &mut self.scratch);
+            let cells = self.order.iter().zip(&weights);
+            self.cells.extend(cells.map(|(bin, weight)| self.buffer[*bin].norm_sqr() * weight));
+            self.frames += 1;
+        }
+        self.shares.clear();
+        self.shares.resize(self.cells.len(), 1.0);
+        self.leave_out_leakage();
+        self.leave_out_bursts();
+        self.rows.clear();
+        for bin in 0..bins {
+            let shares = self.shares.iter().skip(bin).step_by(bins);
+            let cells = self.cells.iter().skip(bin).step_by(bins);
+            self.rows.extend(cells.zip(shares).map(|(cell, share)| cell * share));
+        }
+        self.leave_out_carriers();
+        let ceiling = self.ceiling;
+        self.rows.iter_mut().for_each(|cell| *cell = limited(*cell, ceiling));
+    }
+
+    /// The energies of a bin over time, limited.
+    pub(super) fn row(&self, bin: usize) -> &[f32] {
+        &self.rows[bin * self.frames..(bin + 1) * self.frames]
+    }
+
+    /// What counts of the energy at a frame and a frequency, as a share.
+    pub(super) fn share(&self, frame: f64, frequency: f64) -> f64 {
+        let near = |x: f64, count: usize| {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+            let place = x.round().clamp(0.0, float(count.saturating_sub(1))) as usize;
+            place
+        };
+        let bins = self.order.len();
+        let bin = near((frequency - self.frequencies[0]) / self.bin(), bins);
+        let place = near(frame, self.frames) * bins + bin;
+        self.shares.get(place).map_or(1.0, |share| f64::from(*share))
+    }
+
+    /// A tone on air for a window of n samples has at most E/(π Δ n)² at a distance Δ in any window
+    /// that overlaps it.
+    fn leave_out_leakage(&mut self) {
+        let bins = self.order.len();
+        if self.cells.iter().all(|cell| *cell < STRONG) {
+            return;
+        }
+        self.bounds.clear();
+        self.bounds.resize(self.cells.len(), 0.0);
+        #[expect(clippy::cast_possible_truncation, reason = "energies are f32")]
+        let scale = (1.0 / (std::f64::consts::PI * float(self.length) * self.bin()).powi(2)) as f32;
+        let main_lobe = bins.div_ceil(self.length);
+        for (frame, cells) in self.cells.chunks_exact(bins).enumerate() {
+            for (bin, cell) in cells.iter().enumerate().filter(|(_, cell)| **cell >= STRONG) {
+                let near = bin.saturating_sub(1)..(bin + 2).min(bins);
+                if cells[near].iter().any(|other| other > cell) {
+                    continue;
+                }
+                // Windows of up to a length before and after hold a part of it.
+                let first = frame.saturating_sub(4);
+                let last = (frame + 4).min(self.frames - 1);
+                for bounds in self.bounds[first * bins..(last + 1) * bins].chunks_exact_mut(bins) {
+                    for (other, bound) in bounds.iter_mut().enumerate() {
+                        let away = other.abs_diff(bin);
+                        if away >= main_lobe {
+                            #[expect(clippy::cast_precision_loss, reason = "a count of bins")]
+                            let away = away as f32;
+                            *bound = bound.max(cell * scale / (away * away));
+                        }
+                    }
+                }
+            }
+        }
+        let cells = self.cells.iter().zip(&self.bounds);
+        for (share, (cell, bound)) in self.shares.iter_mut().zip(cells) {
+            if *cell < MARGIN * bound {
+                *share = (1.0 / cell).min(1.0);
+            } else if *bound > 0.0 {
+                *share = 1.0 - bound / cell;
+            }
+        }
+    }
+
+    fn leave_out_bursts(&mut self) {
+        let bins = self.order.len();
+        if bins < FEWEST_BINS {
+            return;
+        }
+        let mut sorted = Vec::with_capacity(bins);
+        let frames = self.cells.chunks_exact(bins).zip(self.shares.chunks_exact_mut(bins));
+        for (cells, shares) in frames {
+            sorted.clear();
+            sorted.extend(cells.iter().zip(&*shares).map(|(cell, share)| cell * share));
+            let level = over_noise(&mut sorted);
+            if level > LIT_FRAME {
+                shares.iter_mut().for_each(|share| *share /= level);
+            }
+        }
+    }
+
+    fn leave_out_carriers(&mut self) {
+        if self.frames < FEWEST_FRAMES {
+            return;
+        }
+        let bins = self.order.len();
+        let mut sorted = Vec::with_capacity(self.frames);
+        for (bin, row) in self.rows.chunks_exact_mut(self.frames).enumerate() {
+            sorted.clear();
+            sorted.extend_from_slice(row);
+            let level = over_noise(&mut sorted);
+            if level > LIT_BIN {
+                row.iter_mut().for_each(|cell| *cell /= level);
+                let shares = self.shares.iter_mut().skip(bin).step_by(bins);
+                shares.for_each(|share| *share /= level);
+            }
+        }
+    }
+}
+
+/// The median over that of exponentials with mean 1.
+fn over_noise(values: &mut [f32]) -> f32 {
+    let middle = values.len() / 2;
+    let (_, median, _) = values.select_nth_unstable_by(middle, f32::total_cmp);
+    #[expect(clippy::cast_possible_truncation, reason = "energies are f32")]
+    let of_noise = LN_2 as f32;
+    *median / of_noise
+}
+
+/// An energy that counts for little more than the ceiling; so little that the strongest still win.
+pub(super) fn limited(energy: f32, ceiling: f32) -> f32 {
+    if energy <= ceiling { energy } else { ceiling * (1.0 + 0.05 * (energy / ceiling).ln()) }
+}

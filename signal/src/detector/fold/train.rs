@@ -1,0 +1,352 @@
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::{
+    super::{channeliser::float, front::Front},
+    hit::{Course, Energy},
+};
+use crate::Pulse;
+
+/// A train of pulses that was found by adding them up.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Train {
+    /// From pulse to pulse, in seconds.
+    pub interval_s: f64,
+    /// When the middle of its first pulse was, in seconds of the samples' clock.
+    pub first_s: f64,
+    /// The carrier's frequency at the first pulse, in hertz; absolute where the receiver's centre
+    /// is known.
+    pub frequency_hz: f64,
+    /// How fast it rises, in hertz a second.
+    pub drift_hz_per_s: f64,
+    /// How long each pulse was searched as, in seconds.
+    pub width_s: f64,
+    /// The energy of a pulse over the noise's power density, E/N0, in dB: the mean over those that
+    /// are there.
+    pub snr_db: f64,
+    /// How many times an hour noise alone gives a train at least as strong, anywhere in what is
+    /// searched.
+    pub false_alarms_per_hour: f64,
+    /// The pulses that stand out, in the order of time, each with its own power.
+    pub pulses: Vec<Pulse>,
+    /// How many between the first and the last do not.
+    pub missed: usize,
+}
+
+/// A train of as many pulses as are added up.
+#[derive(Debug, Clone)]
+pub(super) struct Hit {
+    /// Which of the widths.
+    pub(super) width: usize,
+    /// Samples of a pulse.
+    pub(super) length: usize,
+    /// Its frequencies are about the band's centre, over the channels' rate.
+    pub(super) course: Course,
+    pub(super) energies: Vec<Energy>,
+    pub(super) statistic: f64,
+    pub(super) threshold: f64,
+    pub(super) rate_hz: f64,
+}
+
+impl Hit {
+    /// How far it is above its threshold.
+    pub(super) fn margin(&self) -> f64 {
+        self.statistic - self.threshold
+    }
+
+    /// Where its last pulse begins.
+    pub(super) fn last(&self) -> f64 {
+        self.course.place(self.energies.len() - 1)
+    }
+}
+
+/// A pulse of a train.
+#[derive(Debug, Clone, Copy)]
+struct Member {
+    start: f64,
+    frequency: f64,
+    energy: Energy,
+    /// The margin of the hit that it is from.
+    margin: f64,
+}
+
+/// A train that may still become longer.
+#[derive(Debug, Clone)]
+pub(super) struct OpenTrain {
+    length: usize,
+    interval: f64,
+    best_rate_hz: f64,
+    added_up: usize,
+    /// By how many intervals they are after the first of the first hit.
+    members: BTreeMap<i64, Member>,
+}
+
+/// What a train has in common with a hit.
+#[derive(Debug, Clone)]
+pub(super) struct Shared {
+    /// Which of the hit's pulses are also the train's.
+    pub(super) pulses: Vec<usize>,
+    /// How many of them are between the train's first and last.
+    inside: usize,
+}
+
+impl Shared {
+    /// Where the hit is the train at another time, a pulse that both have.
+    pub(super) fn same(&self) -> Option<usize> {
+        let is_same = self.pulses.len() >= 2 && 4 * self.pulses.len() >= 3 * self.inside;
+        self.pulses.first().copied().filter(|_| is_same)
+    }
+}
+
+impl OpenTrain {
+    pub(super) fn new(hit: &Hit) -> Self {
+        let mut train = Self {
+            length: hit.length,
+            interval: hit.course.interval,
+            best_rate_hz: hit.rate_hz,
+            added_up: hit.energies.len(),
+            members: BTreeMap::new(),
+        };
+        train.put(hit, 0);
+        train
+    }
+
+    fn put(&mut self, hit: &Hit, first: i64) {
+        let margin = hit.margin();
+        for (pulse, energy) in hit.energies.iter().enumerate() {
+            let start = hit.course.place(pulse);
+            let member =
+                Member { start, frequency: hit.course.frequency(pulse), energy: *energy, margin };
+            #[expect(clippy::cast_possible_wrap, reason = "a few pulses")]
+            let by = ((start - hit.course.start) / self.interval).round() as i64;
+            self.keep(first + by, member);
+        }
+    }
+
+    /// Keeps a member, or that of the stronger hit at its place.
+    fn keep(&mut self, place: i64, member: Member) {
+        let held = self.members.entry(place).or_insert(member);
+        if held.margin < member.margin {
+            *held = member;
+        }
+    }
+
+    /// The pulses that a hit and this train share.
+    pub(super) fn shared(&self, hit: &Hit) -> Shared {
+        let width = float(hit.length.max(self.length));
+        let narrow = float(hit.length.min(self.length));
+        let first = self.members.values().next().map_or(0.0, |member| member.start);
+        let mut shared = Shared { pulses: Vec::new(), inside: 0 };
+        for pulse in 0..hit.energies.len() {
+            let (start, frequency) = (hit.course.place(pulse), hit.course.frequency(pulse));
+            if start < first - width || start > self.last() + width {
+                continue;
+            }
+            shared.inside += 1;
+            let near = |(_, member): &(i64, &Member)| {
+                (member.start - start).abs() < width
+                    && (member.frequency - frequency).abs() < 1.5 / narrow
+            };
+            if self.nearest(start).iter().flatten().any(near) {
+                shared.pulses.push(pulse);
+            }
+        }
+        shared
+    }
+
+    /// The members before and after a place.
+    fn nearest(&self, start: f64) -> [Option<(i64, &Member)>; 2] {
+        let mut after = None;
+        // Hits are late in the train.
+        for (place, member) in self.members.iter().rev() {
+            if member.start <= start {
+                return [Some((*place, member)), after];
+            }
+            after = Some((*place, member));
+        }
+        [None, after]
+    }
+
+    /// The number of the member nearest to a place.
+    fn number_at(&self, start: f64) -> Option<(i64, f64)> {
+        let distance = |member: &Member| (member.start - start).abs();
+        let near = self.nearest(start).into_iter().flatten();
+        let nearest = near.min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)));
+        nearest.map(|(place, member)| (place, member.start))
+    }
+
+    /// Takes in a hit that is this train at another time, with a pulse of both at this place.
+    pub(super) fn absorb(&mut self, hit: &Hit, at: f64) {
+        let Some((number, start)) = self.number_at(at) else { return };
+        let before = (hit.course.start - start) / self.interval;
+        #[expect(clippy::cast_possible_truncation, reason = "a few intervals")]
+        let before = before.round() as i64;
+        self.put(hit, number + before);
+        self.best_rate_hz = self.best_rate_hz.min(hit.rate_hz);
+    }
+
+    /// Whether another train has the same interval and width.
+    pub(super) fn is_alike(&self, other: &Self) -> bool {
+        let off = (self.interval - other.interval).abs() * float(self.added_up - 1);
+        self.length == other.length && off < float(self.length)
+    }
+
+    /// Takes in a train that has a pulse of both at this place.
+    pub(super) fn join(&mut self, other: &Self, at: f64) {
+        let (Some((here, _)), Some((there, _))) = (self.number_at(at), other.number_at(at)) else {
+            return;
+        };
+        for (number, member) in &other.members {
+            self.keep(number + here - there, *member);
+        }
+        self.best_rate_hz = self.best_rate_hz.min(other.best_rate_hz);
+    }
+
+    /// Where its last pulse begins.
+    pub(super) fn last(&self) -> f64 {
+        self.members.values().next_back().map_or(0.0, |member| member.start)
+    }
+
+    /// The train, from the first to the last pulse that is more likely there than not.
+    pub(super) fn finish(&self, front: &Front) -> Option<Train> {
+        let members: Vec<(i64, Member)> = self.members.iter().map(|(n, m)| (*n, *m)).collect();
+        let energies: Vec<f64> = members.iter().map(|(_, member)| member.energy.energy).collect();
+        let there = Presence::of(&energies);
+        let range = there.longest();
+        let members = &members[range.clone()];
+        let there_now = &there.ln_odds[range];
+        let length = float(self.length);
+        let rate = front.rate_hz();
+        let listed: Vec<&(i64, Member)> = members
+            .iter()
+            .zip(there_now)
+            .filter(|((_, member), ln_odds)| **ln_odds > 0.0 && member.energy.energy > 2.0)
+            .map(|(member, _)| member)
+            .collect();
+        let (first, last) = (listed.first()?, listed.last()?);
+        let intervals = float(usize::try_from(last.0 - first.0).unwrap_or(0)).max(1.0);
+        let interval =
+            slope(listed.iter().map(|(n, member)| (*n, member.start))).unwrap_or(self.interval);
+        let drift = slope(listed.iter().map(|(n, member)| (*n, member.frequency))).unwrap_or(0.0);
+        let pulse = |member: &Member| {
+            let Energy { energy, noise } = member.energy;
+            let energy = energy - bias(self.added_up);
+            Pulse::new(
+                front.time_s(member.start + (length - 1.0) / 2.0),
+                front.frequency_hz(member.frequency),
+                length / rate,
+                front.power_dbm(energy, noise, length),
+                10.0 * energy.log10(),
+            )
+        };
+        let pulses: Vec<Pulse> = listed.iter().map(|(_, member)| pulse(member)).collect();
+        let interval_s = interval / rate;
+        Some(Train {
+            interval_s,
+            first_s: pulses.first()?.time_s,
+            frequency_hz: pulses.first()?.frequency_hz,
+            drift_hz_per_s: drift * rate / interval_s,
+            width_s: length / rate,
+            snr_db: 10.0 * (there.energy - bias(self.added_up) + 1.0).max(0.1).log10(),
+            false_alarms_per_hour: 3600.0 * self.best_rate_hz,
+            missed: samples_between(intervals).saturating_sub(pulses.len()),
+            pulses,
+        })
+    }
+}
+
+fn samples_between(intervals: f64) -> usize {
+    super::super::front::samples(intervals) + 1
+}
+
+/// What noise adds to the energy of a pulse: 1, and about 2 from taking the best course of so many.
+fn bias(pulses: usize) -> f64 {
+    1.0 + 2.0 / float(pulses)
+}
+
+/// The slope of a line through points, by least squares.
+fn slope(points: impl Iterator<Item = (i64, f64)> + Clone) -> Option<f64> {
+    #[expect(clippy::cast_precision_loss, reason = "numbers of pulses are small")]
+    let points = points.map(|(n, y)| (n as f64, y));
+    let count = float(points.clone().count());
+    let (sum_x, sum_y) = points.clone().fold((0.0, 0.0), |(x, y), p| (x + p.0, y + p.1));
+    let (middle_x, middle_y) = (sum_x / count, sum_y / count);
+    let (mut square, mut both) = (0.0, 0.0);
+    for (x, y) in points {
+        square += (x - middle_x).powi(2);
+        both += (x - middle_x) * (y - middle_y);
+    }
+    (square > 0.0).then(|| both / square)
+}
+
+/// Which of the places of a train hold a pulse.
+#[derive(Debug, Clone)]
+pub(super) struct Presence {
+    /// The energy of a pulse.
+    pub(super) energy: f64,
+    /// ln of the odds that a place holds one.
+    pub(super) ln_odds: Vec<f64>,
+}
+
+/// The share of pulses that are missing, before anything is known.
+const MISSING: f64 = 0.2;
+/// ln of the odds of a train's first and last pulse, at least.
+const CLEAR: f64 = 2.0;
+
+impl Presence {
+    /// By expectation and maximisation over pulses that have one energy or are missing.
+    pub(super) fn of(energies: &[f64]) -> Self {
+        let mean = energies.iter().sum::<f64>() / float(energies.len().max(1));
+        let mut energy = (mean - 1.0).max(1.0);
+        let mut ln_odds = Vec::new();
+        for _ in 0..8 {
+            ln_odds = energies.iter().map(|x| ln_odds_of(energy, *x)).collect();
+            let (mut sum, mut weights) = (0.0, 1e-9);
+            for (x, odds) in energies.iter().zip(&ln_odds) {
+                let weight = 1.0 / (1.0 + (-odds).exp());
+                weights += weight;
+                sum += weight * (x - 1.0);
+            }
+            energy = (sum / weights).max(0.5);
+        }
+        Self { energy, ln_odds }
+    }
+
+    /// The stretch whose odds are the highest together, from a pulse that is clearly there to one
+    /// that is: at the ends of a train every hit that reaches beyond tries another place.
+    fn longest(&self) -> std::ops::Range<usize> {
+        let (mut best, mut range) = (f64::NEG_INFINITY, 0..0);
+        let (mut sum, mut from) = (0.0_f64, 0);
+        for (n, odds) in self.ln_odds.iter().enumerate() {
+            let clear = *odds > CLEAR;
+            if sum <= 0.0 {
+                if !clear {
+                    continue;
+                }
+                (sum, from) = (0.0, n);
+            }
+            // That of a pulse or none over that of none.
+            sum += MISSING.ln() + odds.max(0.0) + (-odds.abs()).exp().ln_1p();
+            if clear && sum > best {
+                (best, range) = (sum, from..n + 1);
+            }
+        }
+        range
+    }
+}
+
+/// ln of the odds that a place with this energy holds a pulse of that one: the densities of a
+/// noncentral and a central χ² of two degrees.
+pub(super) fn ln_odds_of(energy: f64, x: f64) -> f64 {
+    ((1.0 - MISSING) / MISSING).ln() - energy + ln_bessel_i0(2.0 * (energy * x.max(0.0)).sqrt())
+}
+
+/// ln I₀, by its series and its asymptotic series (Abramowitz & Stegun 1964, 9.6.12, 9.7.1).
+fn ln_bessel_i0(x: f64) -> f64 {
+    if x > 15.0 {
+        return x - 0.5 * (std::f64::consts::TAU * x).ln() + (1.0 / (8.0 * x)).ln_1p();
+    }
+    super::super::channeliser::bessel_i0(x).ln()
+}
