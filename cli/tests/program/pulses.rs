@@ -4,8 +4,13 @@ use crate::support::{folder, foxhunt};
 
 /// Two seconds of an RTL-SDR's samples at 16 kS/s: noise of a counter's hash, and two pulses of
 /// 20 ms, 40 dB in energy, 1 s apart, 1.5 kHz above the middle.
-#[expect(clippy::cast_possible_truncation, reason = "clamped to a byte")]
 fn recording() -> Vec<u8> {
+    samples(2, 1e4)
+}
+
+/// So many seconds, and pulses of that energy over the noise's power density.
+#[expect(clippy::cast_possible_truncation, reason = "clamped to a byte")]
+fn samples(seconds: u32, snr: f64) -> Vec<u8> {
     let mut state = 1_u64;
     let mut noise = || {
         // Twelve uniform numbers make a normal one.
@@ -16,8 +21,8 @@ fn recording() -> Vec<u8> {
         }
         4.0 * sum
     };
-    let amplitude = 4.0 * 2_f64.sqrt() * (1e4_f64 / 320.0).sqrt();
-    (0..32_000_u32)
+    let amplitude = 4.0 * 2_f64.sqrt() * (snr / 320.0).sqrt();
+    (0..16_000 * seconds)
         .flat_map(|n| {
             let on = n % 16_000 >= 8_000 && n % 16_000 < 8_320;
             let amplitude = if on { amplitude } else { 0.0 };
@@ -55,6 +60,50 @@ fn pulses_of_a_file() {
     assert_eq!(csv.stdout.lines().count(), 3);
     let quiet = run(&["--band-hz", "149.993e6,149.998e6"]);
     assert!(quiet.stdout.contains("nothing detected"), "{quiet:?}");
+}
+
+/// 9 dB a pulse: none by itself, and a train of them all, which `tags` takes for one tag.
+#[test]
+fn trains_of_a_file() {
+    let folder = folder("trains");
+    let file = folder.join("weak.cu8");
+    fs::write(&file, samples(20, 8.0)).expect("the folder can be written to");
+    let file = file.to_str().expect("UTF-8");
+    let options =
+        ["--rate-hz", "16000", "--center-hz", "150e6", "--band-hz", "149.998e6,150.003e6"];
+    let run = |more: &[&str]| foxhunt(["pulses", file].iter().chain(&options).chain(more));
+    let single = run(&["--width-ms", "20"]);
+    assert!(single.stdout.contains("nothing detected"), "{single:?}");
+    let fold = ["--fold", "8", "--interval-s", "0.97,1.04"];
+    let report = &run(&[&fold[..], &["--json"]].concat()).json()[0];
+    let trains = report["trains"].as_array().expect("a list");
+    assert_eq!(trains.len(), 1, "{report}");
+    let value = |name: &str| trains[0][name].as_f64().expect("a number");
+    assert!((value("interval_s") - 1.0).abs() < 1e-3, "{report}");
+    assert!((value("frequency_hz") - 150_001_500.0).abs() < 8.0, "{report}");
+    assert!((value("snr_db") - 9.0).abs() < 1.0, "{report}");
+    assert!(value("pulses") >= 15.0 && value("p_value") < 1e-3, "{report}");
+    let pulses = report["pulses"].as_array().expect("a list");
+    assert_eq!(pulses.len() as f64, value("pulses"));
+    for pulse in pulses {
+        let time = pulse["time_s"].as_f64().expect("a number");
+        assert!(((time - 0.51) - (time - 0.51).round()).abs() < 0.01, "{pulse}");
+        assert_eq!(pulse["train"], 0);
+    }
+    let table = run(&fold);
+    assert!(
+        table.stdout.contains("1 trains, ") && table.stdout.contains("interval s"),
+        "{table:?}"
+    );
+    let csv = run(&[&fold[..], &["--csv"]].concat());
+    assert!(csv.stdout.lines().all(|line| line.split(',').count() == 8), "{csv:?}");
+    let list = folder.join("pulses.csv");
+    fs::write(&list, &csv.stdout).expect("the folder can be written to");
+    let tags = foxhunt(["tags", list.to_str().expect("UTF-8"), "--json"]).json();
+    assert_eq!(tags["tags"].as_array().map(Vec::len), Some(1), "{tags}");
+    run(&["--interval-s", "1"]).failed(2, &["--fold"]);
+    run(&["--fold", "2"]).failed(2, &["weak.cu8", "pulses is 2"]);
+    run(&["--fold", "5", "--interval-s", "x"]).failed(2, &["not one or two numbers"]);
 }
 
 #[test]

@@ -231,7 +231,10 @@ fn show(
     for detection in found.drain(..) {
         tracker.take(detection.pulse);
         match view {
-            View::Csv => output.note(&line(&detection, input.name()))?,
+            View::Csv => {
+                let rate = detection.false_alarms_per_hour;
+                output.note(&line(&detection.pulse, rate, input.name(), None))?;
+            }
             View::Lines => {
                 let pulse = detection.pulse;
                 output.note(&format!(
