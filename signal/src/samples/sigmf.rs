@@ -61,7 +61,7 @@ impl SigMf {
         };
         let mut center_hz = None;
         let mut jumps = VecDeque::new();
-        let mut next = (0, 0);
+        let mut next = (0_u64, 0_u64);
         for (number, capture) in captures.iter().enumerate() {
             let name = format!("captures[{number}]");
             let capture = Object { file, name: &name, object: capture.as_object() };
@@ -73,7 +73,10 @@ impl SigMf {
                 capture.bad("core:sample_start", "a count that does not decrease")
             })?;
             // What the receiver counted if nothing was lost.
-            let expected = next.1 + (start - next.0);
+            let expected = next
+                .1
+                .checked_add(start - next.0)
+                .ok_or_else(|| capture.bad("core:sample_start", "one that can be counted to"))?;
             let index = capture.count("core:global_index")?;
             // The first capture's index is where the recording begins, not a loss.
             let index = match (index, number) {
@@ -198,6 +201,13 @@ mod tests {
                 "captures[1] core:global_index is 12",
             ),
             (GLOBAL, r#"[{"core:sample_start": 0, "core:header_bytes": 8}]"#, "header_bytes is 8"),
+            (
+                GLOBAL,
+                r#"[{"core:sample_start": 0},
+                    {"core:sample_start": 4, "core:global_index": 18446744073709551615},
+                    {"core:sample_start": 5}]"#,
+                "captures[2] core:sample_start is 5",
+            ),
         ];
         for (global, captures, wanted) in cases {
             let error = parse(global, captures).expect_err("it is bad");

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     TagError,
-    row::{Row, Rows},
+    row::{Row, Rows, bytes_of},
 };
 
 /// A tag that is known to be about.
@@ -100,7 +100,16 @@ impl TagTable {
     /// If the file cannot be read, its columns are neither, a field is not what it must be, or a
     /// name occurs twice.
     pub fn read(file: &Path) -> Result<Self, TagError> {
-        let rows = Rows::read(file)?;
+        Self::parse(file, &bytes_of(file)?)
+    }
+
+    /// The same of the bytes of a table; `file` is what errors name.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`TagTable::read`].
+    pub fn parse(file: &Path, bytes: &[u8]) -> Result<Self, TagError> {
+        let rows = Rows::parse(file, bytes)?;
         let read = if rows.has(&["name", "interval_s"]) {
             own
         } else if rows.has(&["tagID", "nomFreq", "period", "pulseLen", "param1"]) {

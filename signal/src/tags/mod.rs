@@ -20,5 +20,5 @@ pub use associate::{Association, Tag, associate};
 pub use config::AssociationConfig;
 pub use error::TagError;
 pub use known::{KnownTag, TagTable};
-pub use pulses::{PulseList, read_pulses};
+pub use pulses::{PulseList, parse_pulses, read_pulses};
 pub use transform::{IntervalPeak, IntervalTransform};

@@ -4,7 +4,7 @@ use chrono::DateTime;
 
 use super::{
     TagError,
-    row::{Row, Rows},
+    row::{Row, Rows, bytes_of},
 };
 use crate::Pulse;
 
@@ -41,8 +41,17 @@ const KNOWN: &str = "a pulse file: time_s, frequency_hz, width_s, power_dbm, snr
 /// If the file cannot be read, no program is known by its header, or a field is not what it must
 /// be, with line, field and value.
 pub fn read_pulses(file: &Path) -> Result<PulseList, TagError> {
+    parse_pulses(file, &bytes_of(file)?)
+}
+
+/// The same of the bytes of a list; `file` is what errors name.
+///
+/// # Errors
+///
+/// Those of [`read_pulses`].
+pub fn parse_pulses(file: &Path, bytes: &[u8]) -> Result<PulseList, TagError> {
     type Read = fn(&Row<'_>) -> Result<Pulse, TagError>;
-    let rows = Rows::read(file)?;
+    let rows = Rows::parse(file, bytes)?;
     let readers: [(&str, &[&str], Read); 3] = [
         ("foxhunt", &["time_s", "frequency_hz", "width_s", "power_dbm", "snr_db"], own),
         ("sensorgnome", &["time_unix_s", "dfreq_kHz", "sig_dB", "noise_dB"], sensorgnome),

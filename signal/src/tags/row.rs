@@ -4,6 +4,11 @@ use std::{fs, path::Path};
 
 use super::TagError;
 
+/// What a file holds.
+pub(super) fn bytes_of(file: &Path) -> Result<Vec<u8>, TagError> {
+    fs::read(file).map_err(|source| TagError::Read { file: file.to_owned(), source })
+}
+
 /// A table with a header.
 pub(super) struct Rows<'a> {
     file: &'a Path,
@@ -20,17 +25,15 @@ pub(super) struct Row<'a> {
 }
 
 impl<'a> Rows<'a> {
-    /// Reads a file whose fields are separated by `,` or, where the header has one, by `;`.
-    pub(super) fn read(file: &'a Path) -> Result<Self, TagError> {
-        let read = |source| TagError::Read { file: file.to_owned(), source };
-        let bytes = fs::read(file).map_err(read)?;
+    /// Reads what a file holds: fields are separated by `,` or, where the header has one, by `;`.
+    pub(super) fn parse(file: &'a Path, bytes: &[u8]) -> Result<Self, TagError> {
         let header = bytes.split(|byte| *byte == b'\n').next().unwrap_or_default();
         let delimiter = if header.contains(&b';') { b';' } else { b',' };
         let mut reader = csv::ReaderBuilder::new()
             .delimiter(delimiter)
             .comment(Some(b'#'))
             .trim(csv::Trim::All)
-            .from_reader(bytes.as_slice());
+            .from_reader(bytes);
         let problem = |error: csv::Error| TagError::Line {
             file: file.to_owned(),
             line: error.position().map_or(1, csv::Position::line),

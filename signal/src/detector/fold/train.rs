@@ -119,7 +119,7 @@ impl OpenTrain {
             let start = hit.course.place(pulse);
             let member =
                 Member { start, frequency: hit.course.frequency(pulse), energy: *energy, margin };
-            #[expect(clippy::cast_possible_wrap, reason = "a few pulses")]
+            #[expect(clippy::cast_possible_truncation, reason = "a few pulses")]
             let by = ((start - hit.course.start) / self.interval).round() as i64;
             self.keep(first + by, member);
         }
