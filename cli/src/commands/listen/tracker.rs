@@ -217,7 +217,7 @@ mod tests {
     #[test]
     fn each_pulse_counts_once_for_its_tag() {
         let known = foxhunt::signal::tags::KnownTag::new("fox", 1.3).with_frequency_hz(150e6);
-        let mut tracker = Tracker::new(TagTable::new(vec![known]).expect("a table"), None);
+        let mut tracker = Tracker::new(TagTable::new(vec![known]), None);
         let mut pulses: Vec<Pulse> = (0..460)
             .map(|n| Pulse::new(1.3 * f64::from(n), 150e6, 0.02, -80.0, 20.0))
             .chain(
