@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::commands::tags::name;
 
 /// From one association to the next, in seconds of the samples.
-const EVERY_S: f64 = 1.0;
+const EVERY_S: f64 = 2.0;
 
 /// Pulses are associated anew while they are no older than this, in seconds, and no more than this.
 const WINDOW_S: f64 = 120.0;
@@ -213,15 +213,15 @@ impl Tracker {
 mod tests {
     use super::*;
 
-    /// Two tags for ten minutes, one of them in the table; each pulse counts once.
+    /// Two tags for two minutes and a half, one of them in the table; each pulse counts once.
     #[test]
     fn each_pulse_counts_once_for_its_tag() {
         let known = foxhunt::signal::tags::KnownTag::new("fox", 1.3).with_frequency_hz(150e6);
         let mut tracker = Tracker::new(TagTable::new(vec![known]), None);
-        let mut pulses: Vec<Pulse> = (0..460)
+        let mut pulses: Vec<Pulse> = (0..110)
             .map(|n| Pulse::new(1.3 * f64::from(n), 150e6, 0.02, -80.0, 20.0))
             .chain(
-                (0..540).map(|n| Pulse::new(0.4 + 1.1 * f64::from(n), 150.01e6, 0.02, -85.0, 16.0)),
+                (0..130).map(|n| Pulse::new(0.4 + 1.1 * f64::from(n), 150.01e6, 0.02, -85.0, 16.0)),
             )
             .collect();
         pulses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
@@ -234,10 +234,10 @@ mod tests {
         tracker.associate();
         let names: Vec<_> =
             tracker.rows().iter().map(|row| (row.name.as_str(), row.pulses)).collect();
-        assert_eq!(names, [("fox", 460), ("unknown 1", 540)]);
+        assert_eq!(names, [("fox", 110), ("unknown 1", 130)]);
         assert_eq!(tracker.others(), 0);
         let other = &tracker.rows()[1];
         assert!((other.interval_s - 1.1).abs() < 1e-6 && !other.known, "{other:?}");
-        assert!((other.last_pulse_s - 0.4 - 1.1 * 539.0).abs() < 1e-9);
+        assert!((other.last_pulse_s - 0.4 - 1.1 * 129.0).abs() < 1e-9);
     }
 }
