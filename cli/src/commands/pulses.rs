@@ -102,12 +102,7 @@ impl Search {
         config
     }
 
-    fn apply_to(
-        &self,
-        config: &mut DetectorConfig,
-        center_hz: Option<f64>,
-        rounding_noise: f64,
-    ) {
+    fn apply_to(&self, config: &mut DetectorConfig, center_hz: Option<f64>, rounding_noise: f64) {
         config.center_hz = center_hz;
         config.least_noise = rounding_noise;
         config.false_alarms_per_hour = self.false_alarms_per_hour;
