@@ -250,6 +250,38 @@ pub enum Event {
     },
 }
 
+impl Event {
+    /// When it happened, in seconds.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        match self {
+            Self::BeaconStarted { time, .. }
+            | Self::Resumed { time, .. }
+            | Self::PhaseChanged { time, .. }
+            | Self::Planned { time, .. }
+            | Self::GoalMoved { time, .. }
+            | Self::Sent { time, .. }
+            | Self::Held { time, .. }
+            | Self::DutyChanged { time, .. }
+            | Self::Stopped { time, .. }
+            | Self::Recalled { time, .. }
+            | Self::Landed { time, .. }
+            | Self::GoalsSet { time, .. }
+            | Self::Received { time, .. }
+            | Self::Corrected { time, .. }
+            | Self::FilterDiverged { time, .. }
+            | Self::Refused { time, .. }
+            | Self::Missing { time, .. }
+            | Self::FlightStage { time, .. }
+            | Self::Aircraft { time, .. }
+            | Self::DeviceFailed { time, .. }
+            | Self::ClockOffset { time, .. }
+            | Self::Cloud { time, .. }
+            | Self::BeaconFinished { time, .. } => *time,
+        }
+    }
+}
+
 /// The stage of a flight of real aircraft.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
