@@ -81,7 +81,9 @@ pub use foxhunt_lab::store;
 #[cfg(feature = "pictures")]
 pub use foxhunt_archive::picture;
 #[cfg(feature = "archive")]
-pub use foxhunt_archive::{bag, export, movebank, overview, page, recorded, recording, replay};
+pub use foxhunt_archive::{
+    bag, export, movebank, overview, page, recorded, recording, replay, struck,
+};
 #[cfg(feature = "archive")]
 pub use foxhunt_wire::geodesy;
 

@@ -11,7 +11,7 @@ use std::{
 /// Each package's folder and the foxhunt packages that its dependencies may name. Tests may besides
 /// name the package itself, to have all of its features, and `foxhunt-core` with its laws; those of
 /// `archive` also `foxhunt-sim`, whose recordings they read back.
-const MAY_IMPORT: [(&str, &[&str]); 15] = [
+const MAY_IMPORT: [(&str, &[&str]); 16] = [
     ("core", &[]),
     ("filters", &["core"]),
     ("sensors", &["core"]),
@@ -43,6 +43,7 @@ const MAY_IMPORT: [(&str, &[&str]); 15] = [
     ),
     ("cli", &[""]),
     ("instructions", &["", "core", "filters", "sensors"]),
+    ("replayer", &["archive", "hunt"]),
 ];
 
 /// The name of the package in a folder.

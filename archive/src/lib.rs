@@ -16,3 +16,4 @@ pub mod picture;
 pub mod recorded;
 pub mod recording;
 pub mod replay;
+pub mod struck;

@@ -1,6 +1,8 @@
 //! Runs the receptions of a log through an estimator again.
 
-use foxhunt_core::{BeaconId, Estimate, EstimatorError};
+use std::fmt;
+
+use foxhunt_core::{BeaconId, Estimate, EstimatorError, Reception};
 use foxhunt_filters::consistency::{ChiSquaredAverage, Whiteness};
 use foxhunt_hunt::{
     hunt::{Event, Fix, Search, Track, TrackStep, Tracks},
@@ -9,6 +11,8 @@ use foxhunt_hunt::{
 };
 use foxhunt_sensors::AntennaError;
 use nalgebra::Vector3;
+
+use crate::struck::{ReceptionId, Struck};
 
 /// The result of a replay.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,13 +56,12 @@ pub struct ReplayedFix {
 /// A search of a log while it is replayed: when it began, or after a reception.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment<'a> {
-    /// Which of the log's events it is, from 0.
-    pub event: usize,
     /// Which search, in the order in which they began, from 0.
     pub search: usize,
     /// What is believed now.
     pub track: &'a Track,
-    /// What became of the reception; none at the beginning, and where it was refused.
+    /// What became of the reception; none at the beginning, and where it was refused or is
+    /// [struck](Struck).
     pub step: Option<TrackStep>,
 }
 
@@ -68,45 +71,15 @@ const LAGS: usize = 5;
 
 /// Replays a log through its own estimator, or through another one.
 ///
-/// The log's own is rebuilt from its settings; one of a user's own code, of which the log holds the
-/// name alone, is that of the registry.
-///
 /// # Errors
 ///
-/// [`ReplayError`] when the log's estimator is not registered, or an estimator cannot be made.
+/// Those of [`Replayer::new`] and [`Replayer::event`].
 pub fn replay(
     log: &Log,
     registry: &Registry,
     other: Option<&EstimatorEntry>,
 ) -> Result<Replay, ReplayError> {
-    replay_watched(log, registry, other, &mut |_| ())
-}
-
-/// Replays a log, as [`replay`] does, and `watch` is called with each search when it begins and
-/// after each of its receptions.
-///
-/// # Errors
-///
-/// Those of [`replay`].
-pub fn replay_watched(
-    log: &Log,
-    registry: &Registry,
-    other: Option<&EstimatorEntry>,
-    watch: &mut dyn FnMut(Moment<'_>),
-) -> Result<Replay, ReplayError> {
-    let estimator = match other {
-        Some(other) => other.clone(),
-        None => estimator_of(&log.header, registry)?,
-    };
-    estimator.require_stream()?;
-    let model = log.header.model.build()?;
-    let reference = log.header.model.reference_m.map(Vector3::from);
-    let mut tracks = |search: &Search<'_>| {
-        let seed = beacon_seed(log.header.seed, search.beacon);
-        let request = TrackRequest { search: *search, model: &model, reference, seed };
-        estimator.track(&request, true)
-    };
-    replay_moments(log, &mut tracks, watch)
+    Replayer::new(&log.header, registry, other)?.all(log)
 }
 
 /// Replays a log through given tracks.
@@ -142,65 +115,155 @@ pub fn replay_watched(
 ///
 /// [`ReplayError::Estimator`] when a track cannot be made.
 pub fn replay_with(log: &Log, tracks: &mut dyn Tracks) -> Result<Replay, ReplayError> {
-    replay_moments(log, tracks, &mut |_| ())
+    Replayer::of_tracks(|search: &Search<'_>| tracks.begin(search)).all(log)
 }
 
-fn replay_moments(
-    log: &Log,
-    tracks: &mut dyn Tracks,
-    watch: &mut dyn FnMut(Moment<'_>),
-) -> Result<Replay, ReplayError> {
-    let mut searches: Vec<ReplayedSearch> = Vec::new();
-    let mut compared = 0;
-    let mut different = 0;
-    // Of which beacon the last reception was.
-    let mut received = None;
-    for (index, event) in log.events.iter().enumerate() {
+/// Replays a hunt event by event: from a log, or while it is flown.
+pub struct Replayer<'a> {
+    tracks: Box<dyn Tracks + 'a>,
+    struck: Struck,
+    searches: Vec<ReplayedSearch>,
+    /// Of which beacon the last reception was.
+    received: Option<BeaconId>,
+    compared: usize,
+    different: usize,
+}
+
+impl fmt::Debug for Replayer<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Replayer")
+            .field("struck", &self.struck)
+            .field("searches", &self.searches)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<'a> Replayer<'a> {
+    /// Replays through the log's own estimator, or through another one.
+    ///
+    /// The log's own is rebuilt from its settings; one of a user's own code, of which the log holds
+    /// the name alone, is that of the registry.
+    ///
+    /// # Errors
+    ///
+    /// [`ReplayError`] when the log's estimator is not registered, or takes all receptions at once,
+    /// or the log's law of propagation is out of range.
+    pub fn new(
+        header: &LogHeader,
+        registry: &Registry,
+        other: Option<&EstimatorEntry>,
+    ) -> Result<Self, ReplayError> {
+        let estimator = match other {
+            Some(other) => other.clone(),
+            None => estimator_of(header, registry)?,
+        };
+        estimator.require_stream()?;
+        let model = header.model.build()?;
+        let reference = header.model.reference_m.map(Vector3::from);
+        let seed = header.seed;
+        Ok(Self::of_tracks(move |search: &Search<'_>| {
+            let seed = beacon_seed(seed, search.beacon);
+            let request = TrackRequest { search: *search, model: &model, reference, seed };
+            estimator.track(&request, true)
+        }))
+    }
+
+    /// Replays through tracks of one's own.
+    fn of_tracks(tracks: impl Tracks + 'a) -> Self {
+        Self {
+            tracks: Box::new(tracks),
+            struck: Struck::default(),
+            searches: Vec::new(),
+            received: None,
+            compared: 0,
+            different: 0,
+        }
+    }
+
+    /// Leaves receptions out, as if they had never been received. The log's estimates, which know
+    /// them, are not compared then.
+    #[must_use]
+    pub fn without(self, struck: Struck) -> Self {
+        Self { struck, ..self }
+    }
+
+    /// Replays one event. Returns the search that it begins or of which it is a reception.
+    ///
+    /// # Errors
+    ///
+    /// [`ReplayError::Estimator`] when an estimator cannot be made.
+    pub fn event(&mut self, event: &Event) -> Result<Option<Moment<'_>>, ReplayError> {
         match event {
             Event::BeaconStarted { time, beacon, name, prior, hunt_prior } => {
                 let prior = hunt_prior.unwrap_or(*prior);
                 let search = Search { beacon: *beacon, name, prior };
-                let track = tracks
+                let track = self
+                    .tracks
                     .begin(&search)
                     .map_err(|source| ReplayError::Estimator { beacon: name.clone(), source })?;
-                let number = searches.len();
-                watch(Moment { event: index, search: number, track: &track, step: None });
-                searches.push(ReplayedSearch::new(track, &search, *time));
+                self.searches.push(ReplayedSearch::new(track, &search, *time));
+                let search = self.searches.len() - 1;
+                let track = self.searches.last().map(|begun| &begun.track);
+                return Ok(track.map(|track| Moment { search, track, step: None }));
             }
-            Event::Received { first_position, reception, .. } => {
-                received = Some(reception.beacon);
-                let of_beacon = |search: &ReplayedSearch| search.fix.beacon == reception.beacon;
-                let Some(number) = searches.iter().rposition(of_beacon) else { continue };
-                let Some(search) = searches.get_mut(number) else { continue };
-                let ReplayedSearch { track, fix } = search;
-                // What the estimator refuses now it refused in flight, or would have.
-                let step = track.update(reception, *first_position).ok();
-                if let Some(TrackStep::Updated { correction, degrees_of_freedom }) = step {
-                    fix.nis.extend(correction.nis().map(|nis| (nis, degrees_of_freedom)));
-                    fix.rejected += u32::from(correction.is_rejected());
-                }
-                fix.diverged += u32::from(track.alarm().is_some());
-                fix.estimate = track.position();
-                fix.time = fix.time.max(reception.time);
-                fix.steps = track.steps();
-                watch(Moment { event: index, search: number, track, step });
+            Event::Received { drone, first_position, reception, .. } => {
+                return Ok(self.receive(*drone, *first_position, reception));
             }
-            Event::Corrected { beacon, estimate, .. } => {
-                let Some(beacon) = beacon.or(received) else { continue };
-                let Some(search) = last_of(&mut searches, beacon) else { continue };
-                compared += 1;
-                different += usize::from(!same_bits(&search.fix.estimate, estimate));
+            Event::Corrected { beacon, estimate, .. } if self.struck.is_empty() => {
+                let Some(beacon) = beacon.or(self.received) else { return Ok(None) };
+                let Some(search) = last_of(&mut self.searches, beacon) else { return Ok(None) };
+                self.compared += 1;
+                self.different += usize::from(!same_bits(&search.fix.estimate, estimate));
             }
             Event::BeaconFinished { fix, .. } => {
-                if let Some(search) = last_of(&mut searches, fix.beacon) {
+                if let Some(search) = last_of(&mut self.searches, fix.beacon) {
                     search.fix.logged = Some(fix.clone());
                 }
             }
             _ => {}
         }
+        Ok(None)
     }
-    let fixes = searches.into_iter().map(ReplayedSearch::into_fix).collect();
-    Ok(Replay { fixes, compared, different })
+
+    fn receive(
+        &mut self,
+        drone: usize,
+        first_position: bool,
+        reception: &Reception,
+    ) -> Option<Moment<'_>> {
+        self.received = Some(reception.beacon);
+        let of_beacon = |search: &ReplayedSearch| search.fix.beacon == reception.beacon;
+        let number = self.searches.iter().rposition(of_beacon)?;
+        let ReplayedSearch { track, fix } = self.searches.get_mut(number)?;
+        if self.struck.contains(ReceptionId::new(drone, reception)) {
+            return Some(Moment { search: number, track, step: None });
+        }
+        // What the estimator refuses now it refused in flight, or would have.
+        let step = track.update(reception, first_position).ok();
+        if let Some(TrackStep::Updated { correction, degrees_of_freedom }) = step {
+            fix.nis.extend(correction.nis().map(|nis| (nis, degrees_of_freedom)));
+            fix.rejected += u32::from(correction.is_rejected());
+        }
+        fix.diverged += u32::from(track.alarm().is_some());
+        fix.estimate = track.position();
+        fix.time = fix.time.max(reception.time);
+        fix.steps = track.steps();
+        Some(Moment { search: number, track, step })
+    }
+
+    /// What was found.
+    #[must_use]
+    pub fn finish(self) -> Replay {
+        let fixes = self.searches.into_iter().map(ReplayedSearch::into_fix).collect();
+        Replay { fixes, compared: self.compared, different: self.different }
+    }
+
+    fn all(mut self, log: &Log) -> Result<Replay, ReplayError> {
+        for event in &log.events {
+            let _ = self.event(event)?;
+        }
+        Ok(self.finish())
+    }
 }
 
 /// The estimator that a log was made with.

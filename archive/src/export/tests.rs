@@ -31,6 +31,8 @@ fn overview() -> Overview {
             modes: BearingModes::default(),
             remark: None,
             used: true,
+            struck: false,
+            id: None,
             nis: None,
             turn: None,
         });

@@ -9,13 +9,15 @@ mod of_recording;
 mod turn;
 
 pub use notice::{Notice, notice};
-pub use of_log::KeptTurn;
+pub use of_log::{KeptTurn, OverviewReader};
 pub use turn::{KnownAntenna, Turn};
 
 use foxhunt_core::{Bearing, BearingModes, Ellipse, Estimate, Level};
 use foxhunt_hunt::locate::{Located, Region, Rival};
 use foxhunt_wire::geodesy::LocalFrame;
 use nalgebra::{Vector2, Vector3};
+
+use crate::struck::ReceptionId;
 
 /// A hunt, or what was read of recordings, in the order of time. Places are East, North and Up in
 /// metres, angles radians counter-clockwise from East, times seconds.
@@ -80,6 +82,10 @@ pub struct Received {
     pub remark: Option<String>,
     /// Whether the estimator used it.
     pub used: bool,
+    /// Whether it was struck out by hand.
+    pub struck: bool,
+    /// What a log knows it by, where it is of one.
+    pub id: Option<ReceptionId>,
     /// Its normalised innovation squared, and the degrees of freedom.
     pub nis: Option<(f64, usize)>,
     /// The turn of the antenna that it was read in, where its samples were kept.

@@ -1,10 +1,10 @@
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, fmt};
 
-use foxhunt_core::{Estimate, OwnedSweep, Reception};
+use foxhunt_core::{BeaconId, Estimate, OwnedSweep, Reception};
 use foxhunt_formation::Phase;
 use foxhunt_hunt::{
     hunt::{Event, TrackStep, cloud},
-    log::{Log, LoggedBeacon},
+    log::{Log, LogHeader, LoggedBeacon},
     registry::{EstimatorEntry, Registry},
 };
 use foxhunt_wire::geodesy::LocalFrame;
@@ -13,7 +13,10 @@ use nalgebra::{Vector2, Vector3};
 use super::{
     Believed, Knot, KnownAntenna, Overview, Received, Receiver, SearchOverview, Turn, notice,
 };
-use crate::replay::{Moment, Replay, ReplayError, replay_watched};
+use crate::{
+    replay::{Moment, Replay, ReplayError, Replayer},
+    struck::{ReceptionId, Struck},
+};
 
 /// A turn whose samples were kept beside the log.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,59 +44,27 @@ impl Overview {
         log: &Log,
         registry: &Registry,
         other: Option<&EstimatorEntry>,
-        turns: &[KeptTurn],
+        struck: &Struck,
+        turns: Vec<KeptTurn>,
         antenna: Option<KnownAntenna<'_>>,
     ) -> Result<(Self, Replay), ReplayError> {
         let received = log.events.iter().filter(|e| matches!(e, Event::Received { .. })).count();
         let places = ALL_PLACES.checked_div(received).and_then(|each| u32::try_from(each).ok());
-        let places = places.unwrap_or(MOST_PLACES).clamp(100, MOST_PLACES);
-        let mut moments = BTreeMap::new();
-        let mut watch = |moment: Moment<'_>| {
-            let cloud = cloud(moment.track.belief(), places).unwrap_or_default();
-            let estimate = match moment.step {
-                None => moment.track.prior(),
-                Some(_) => moment.track.position(),
-            };
-            let Moment { event, search, track, step } = moment;
-            moments.insert(event, Step { search, step, steps: track.steps(), estimate, cloud });
-        };
-        let replay = replay_watched(log, registry, other, &mut watch)?;
-        let header = &log.header;
-        let method = other.map_or(header.estimator_name.clone(), |entry| entry.name.to_string());
-        #[expect(clippy::cast_precision_loss, reason = "UNIX time is far below 2^53 s")]
-        let epoch_unix_s = header.epoch_unix_s.map(|epoch| epoch as f64);
-        let overview = Self {
-            title: header.scenario.clone(),
-            method,
-            seed: Some(header.seed),
-            epoch_unix_s,
-            frame: header.origin.and_then(|origin| LocalFrame::new(origin).ok()),
-            ..Self::default()
-        };
-        let turns = turns.iter().map(|turn| (key(turn.drone, &turn.sweep), turn)).collect();
-        let mut reader = Reader { log, moments, turns, antenna, overview, flights: Vec::new() };
-        for (index, event) in log.events.iter().enumerate() {
-            reader.read(index, event);
+        let mut reader = OverviewReader::new(&log.header, registry, other, antenna)?
+            .without(struck.clone())
+            .with_places(places.unwrap_or(MOST_PLACES).clamp(100, MOST_PLACES));
+        for turn in turns {
+            reader.turn(turn);
         }
-        Ok((reader.overview, replay))
+        for event in &log.events {
+            reader.event(event)?;
+        }
+        Ok(reader.finish())
     }
-}
-
-/// One step of the replay.
-struct Step {
-    search: usize,
-    step: Option<TrackStep>,
-    steps: u32,
-    estimate: Estimate<2>,
-    cloud: Vec<Vector2<f64>>,
 }
 
 /// What a reception and its turn have in common: drone, beacon, and the bits of the time.
 type Key = (usize, u16, u64);
-
-fn key(drone: usize, sweep: &OwnedSweep) -> Key {
-    (drone, sweep.beacon.0, sweep.time.to_bits())
-}
 
 /// Where a drone is, by its orders.
 #[derive(Clone, Copy, Default)]
@@ -104,32 +75,106 @@ struct Flight {
     to: Option<Vector3<f64>>,
 }
 
-/// Puts events together.
-struct Reader<'a> {
-    log: &'a Log,
-    moments: BTreeMap<usize, Step>,
-    turns: BTreeMap<Key, &'a KeptTurn>,
+/// Puts a hunt's events together, from a log or while it is flown.
+pub struct OverviewReader<'a> {
+    header: LogHeader,
+    replayer: Replayer<'a>,
+    struck: Struck,
+    /// How many places stand for one belief at most.
+    places: u32,
+    turns: BTreeMap<Key, KeptTurn>,
     antenna: Option<KnownAntenna<'a>>,
     overview: Overview,
     /// Each drone's.
     flights: Vec<Flight>,
 }
 
-impl Reader<'_> {
-    fn read(&mut self, index: usize, event: &Event) {
+impl fmt::Debug for OverviewReader<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("OverviewReader").field("replayer", &self.replayer).finish_non_exhaustive()
+    }
+}
+
+impl<'a> OverviewReader<'a> {
+    /// Begins with the header of a log; what estimates is as of [`Replayer::new`].
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Replayer::new`].
+    pub fn new(
+        header: &LogHeader,
+        registry: &Registry,
+        other: Option<&EstimatorEntry>,
+        antenna: Option<KnownAntenna<'a>>,
+    ) -> Result<Self, ReplayError> {
+        let method = other.map_or(header.estimator_name.clone(), |entry| entry.name.to_string());
+        #[expect(clippy::cast_precision_loss, reason = "UNIX time is far below 2^53 s")]
+        let epoch_unix_s = header.epoch_unix_s.map(|epoch| epoch as f64);
+        let overview = Overview {
+            title: header.scenario.clone(),
+            method,
+            seed: Some(header.seed),
+            epoch_unix_s,
+            frame: header.origin.and_then(|origin| LocalFrame::new(origin).ok()),
+            ..Overview::default()
+        };
+        Ok(Self {
+            header: header.clone(),
+            replayer: Replayer::new(header, registry, other)?,
+            struck: Struck::default(),
+            places: MOST_PLACES,
+            turns: BTreeMap::new(),
+            antenna,
+            overview,
+            flights: Vec::new(),
+        })
+    }
+
+    /// Leaves receptions out of the estimates; they stay in the overview.
+    #[must_use]
+    pub fn without(self, struck: Struck) -> Self {
+        Self { replayer: self.replayer.without(struck.clone()), struck, ..self }
+    }
+
+    /// Sets how many places stand for one belief at most; 2000 unless given.
+    #[must_use]
+    pub fn with_places(self, places: u32) -> Self {
+        Self { places, ..self }
+    }
+
+    /// Keeps a turn until its reception comes.
+    pub fn turn(&mut self, turn: KeptTurn) {
+        let key = (turn.drone, turn.sweep.beacon.0, turn.sweep.time.to_bits());
+        let _ = self.turns.insert(key, turn);
+    }
+
+    /// What came of the events so far.
+    #[must_use]
+    pub fn overview(&self) -> &Overview {
+        &self.overview
+    }
+
+    /// What came of all events.
+    #[must_use]
+    pub fn finish(self) -> (Overview, Replay) {
+        (self.overview, self.replayer.finish())
+    }
+
+    /// Adds what happened.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Replayer::event`].
+    pub fn event(&mut self, event: &Event) -> Result<(), ReplayError> {
         self.overview.notices.extend(notice(event));
+        let moment = self.replayer.event(event)?.map(|moment| Step::of(&moment, self.places));
         match event {
             Event::BeaconStarted { time, beacon, name, .. } => {
-                let beacon = self.log.header.beacons.get(usize::from(beacon.0));
-                let search = SearchOverview {
-                    name: name.clone(),
-                    truth: beacon.map_or_else(Vec::new, |beacon| way(beacon, &self.log.events)),
-                    ..SearchOverview::default()
-                };
+                let search = SearchOverview { name: name.clone(), ..SearchOverview::default() };
                 self.overview.searches.push(search);
-                self.believe(index, *time, beacon);
+                self.believe(*time, *beacon, moment);
             }
-            Event::Received { drone, reception, .. } => self.receive(index, *drone, reception),
+            Event::Received { drone, reception, .. } => self.receive(*drone, reception, moment),
             Event::Sent { time, drone, to, .. } => self.send(*drone, *time, *to),
             Event::PhaseChanged { time, phase: Phase::Measuring(_) } => self.arrive(*time),
             Event::BeaconFinished { fix, .. } => {
@@ -140,12 +185,17 @@ impl Reader<'_> {
             }
             _ => {}
         }
+        Ok(())
     }
 
-    /// Adds what is believed after an event, and returns the search.
-    fn believe(&mut self, index: usize, time: f64, beacon: Option<&LoggedBeacon>) {
-        let Some(step) = self.moments.get_mut(&index) else { return };
+    /// Adds what is believed since.
+    fn believe(&mut self, time: f64, beacon: BeaconId, step: Option<Step>) {
+        let Some(step) = step else { return };
         let Some(search) = self.overview.searches.get_mut(step.search) else { return };
+        let beacon = self.header.beacons.get(usize::from(beacon.0));
+        if let Some(beacon) = beacon {
+            extend_way(&mut search.truth, beacon, time);
+        }
         let truth = beacon.and_then(|beacon| beacon.place_at(time));
         search.beliefs.push(Believed {
             time,
@@ -153,29 +203,31 @@ impl Reader<'_> {
             estimate: step.estimate,
             ellipse_95: step.estimate.ellipse(0.95),
             error_m: truth.map(|truth| (step.estimate.mean - truth).norm()),
-            cloud: std::mem::take(&mut step.cloud),
+            cloud: step.cloud,
         });
     }
 
-    fn receive(&mut self, index: usize, drone: usize, reception: &Reception) {
-        let beacon = self.log.header.beacons.get(usize::from(reception.beacon.0));
-        self.believe(index, reception.time, beacon);
-        let step = self.moments.get(&index);
-        let (used, nis) = match step.and_then(|step| step.step) {
+    fn receive(&mut self, drone: usize, reception: &Reception, step: Option<Step>) {
+        let search = step.as_ref().map(|step| step.search);
+        let (used, nis) = match step.as_ref().and_then(|step| step.step) {
             Some(TrackStep::Updated { correction, degrees_of_freedom }) => {
                 let nis = correction.nis().map(|nis| (nis, degrees_of_freedom));
                 (!correction.is_rejected(), nis)
             }
             _ => (false, None),
         };
+        let id = ReceptionId::new(drone, reception);
+        let struck = self.struck.contains(id);
+        // Nothing is believed anew of what is left out.
+        self.believe(reception.time, reception.beacon, step.filter(|_| !struck));
         let bearing = reception.bearing.map(|bearing| bearing.angle);
-        let kept = self.turns.get(&(drone, reception.beacon.0, reception.time.to_bits()));
+        let kept = self.turns.remove(&(drone, reception.beacon.0, reception.time.to_bits()));
         let turn = kept.map(|kept| Turn::new(&kept.sweep.as_sweep(), self.antenna, bearing));
         let place = reception.receiver.position;
         let received = Received {
             time: reception.time,
             receiver: drone,
-            search: step.map(|step| step.search),
+            search,
             place,
             level: reception.level,
             bearing: reception.bearing,
@@ -184,6 +236,8 @@ impl Reader<'_> {
                 format!("nothing above the receiver's floor of {:.1} dBm", floor.rss_dbm)
             }),
             used,
+            struck,
+            id: Some(id),
             nis,
             turn,
         };
@@ -197,7 +251,7 @@ impl Reader<'_> {
     /// The flight of a drone; those that are new have a name, and begin where the log has them.
     fn flight(&mut self, drone: usize) -> Flight {
         while self.flights.len() <= drone {
-            let home = self.log.header.homes.get(self.flights.len()).copied();
+            let home = self.header.homes.get(self.flights.len()).copied();
             self.flights.push(Flight { at: home, to: None });
             let name = format!("drone {}", self.flights.len());
             let path = home.map(|place| Knot { time: 0.0, place }).into_iter().collect();
@@ -236,17 +290,44 @@ impl Reader<'_> {
     }
 }
 
-/// Where a beacon truly is: one place, or its way until its last reception in two hundred steps.
-fn way(beacon: &LoggedBeacon, events: &[Event]) -> Vec<Knot> {
-    const STEPS: u16 = 200;
-    let knot = |time: f64| beacon.place_at(time).map(|place| Knot { time, place: place.push(0.0) });
-    if beacon.course.is_none() {
-        return knot(0.0).into_iter().collect();
+/// One step of the replay.
+struct Step {
+    search: usize,
+    step: Option<TrackStep>,
+    steps: u32,
+    estimate: Estimate<2>,
+    cloud: Vec<Vector2<f64>>,
+}
+
+impl Step {
+    fn of(moment: &Moment<'_>, places: u32) -> Self {
+        let Moment { search, track, step } = *moment;
+        let steps = track.steps();
+        let estimate = match step {
+            None if steps == 0 => track.prior(),
+            _ => track.position(),
+        };
+        let cloud = cloud(track.belief(), places).unwrap_or_default();
+        Self { search, step, steps, estimate, cloud }
     }
-    let times = events.iter().filter_map(|event| match event {
-        Event::Received { reception, .. } if reception.time.is_finite() => Some(reception.time),
-        _ => None,
-    });
-    let until = times.fold(0.0, f64::max);
-    (0..=STEPS).filter_map(|step| knot(until * f64::from(step) / f64::from(STEPS))).collect()
+}
+
+/// Adds to the way of a beacon where it truly is until a time: one place where it stays.
+fn extend_way(way: &mut Vec<Knot>, beacon: &LoggedBeacon, time: f64) {
+    /// In seconds; no course turns sharply in less.
+    const STEP: f64 = 2.0;
+    let knot = |time: f64| beacon.place_at(time).map(|place| Knot { time, place: place.push(0.0) });
+    let before = way.last().map_or(0.0, |knot| knot.time);
+    if way.is_empty() {
+        way.extend(knot(0.0));
+    }
+    if beacon.course.is_none() || !(time > before && time - before < 1e5) {
+        return;
+    }
+    let mut next = before + STEP;
+    while next < time {
+        way.extend(knot(next));
+        next += STEP;
+    }
+    way.extend(knot(time));
 }

@@ -71,6 +71,8 @@ impl Overview {
                 modes: reception.modes,
                 remark: reception.silence.map(|_| "nothing above the receiver's floor".to_owned()),
                 used: true,
+                struck: false,
+                id: None,
                 nis: None,
                 turn,
             });
@@ -106,6 +108,8 @@ impl Overview {
             modes,
             remark: Some(remark),
             used: !read.is_low(),
+            struck: false,
+            id: None,
             nis: None,
             turn: Some(Turn::new(&sweep, antenna, bearing.map(|bearing| bearing.angle))),
         });

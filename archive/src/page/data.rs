@@ -1,10 +1,15 @@
 use foxhunt_core::Ellipse;
+use foxhunt_hunt::hunt::PlaceEstimate;
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::points::Points;
-use crate::overview::{Believed, Knot, Notice, Overview, Received, SearchOverview, Turn};
+use crate::{
+    overview::{Believed, Knot, Notice, Overview, Received, SearchOverview, Turn},
+    replay::Replay,
+    struck::ReceptionId,
+};
 
 /// How many bearings, places of a path or notices a page holds; beyond that every so manieth.
 const MOST: usize = 5000;
@@ -32,6 +37,67 @@ pub(super) struct Data<'a> {
     nis_95: Vec<[f64; 2]>,
     /// What was thinned out: every so manieth is shown.
     every: usize,
+    /// What the page of a hunt that goes on can do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    live: Option<Live>,
+    /// Why no bearing can be struck out, where that is so and there is something to remark.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    not_strikable: Option<String>,
+}
+
+/// What the page of a hunt that goes on can do besides showing it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Live {
+    /// Whether it can order that the flight is broken off.
+    pub orders: bool,
+}
+
+/// What is new in an overview.
+#[derive(Debug, Serialize)]
+pub(super) struct News<'a> {
+    span: [f64; 2],
+    /// All receivers, each with what is new of its path.
+    receivers: Vec<Receiver<'a>>,
+    received: Vec<Reception<'a>>,
+    /// All searches, each with what is new of its beliefs and of the truth.
+    searches: Vec<Search<'a>>,
+    notices: Vec<(f64, &'a str, u8)>,
+}
+
+/// How much of an overview is known already.
+#[derive(Clone, Debug, Default)]
+pub struct Mark {
+    /// Knots of each receiver's path.
+    paths: Vec<usize>,
+    received: usize,
+    turns: usize,
+    /// Beliefs of each search, and knots of the truth.
+    searches: Vec<(usize, usize)>,
+    notices: usize,
+}
+
+/// What estimates become without receptions that were struck out.
+#[derive(Debug, Serialize)]
+pub(super) struct Restruck<'a> {
+    received: Vec<Restep>,
+    searches: Vec<Vec<Belief>>,
+    fixes: Vec<RestruckFix<'a>>,
+}
+
+/// What became of a reception.
+#[derive(Debug, Serialize)]
+struct Restep {
+    id: Option<ReceptionId>,
+    used: bool,
+    nis: Option<(f64, usize)>,
+}
+
+/// A fix with all of its digits.
+#[derive(Debug, Serialize)]
+struct RestruckFix<'a> {
+    name: &'a str,
+    steps: u32,
+    estimate: PlaceEstimate,
 }
 
 #[derive(Debug, Serialize)]
@@ -59,6 +125,10 @@ struct Reception<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     remark: Option<&'a str>,
     used: bool,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    struck: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    id: Option<ReceptionId>,
     /// The normalised innovation squared, and its degrees of freedom.
     #[serde(skip_serializing_if = "Option::is_none")]
     nis: Option<(f64, usize)>,
@@ -126,7 +196,11 @@ fn high(place: &Vector3<f64>) -> [f64; 3] {
 }
 
 impl<'a> Data<'a> {
-    pub(super) fn of(overview: &'a Overview) -> Self {
+    pub(super) fn of(
+        overview: &'a Overview,
+        live: Option<Live>,
+        not_strikable: Option<String>,
+    ) -> Self {
         let every = overview.received.len().div_ceil(MOST).max(1);
         let mut turns = 0;
         let received = overview.received.iter().step_by(every).map(|received| {
@@ -137,6 +211,7 @@ impl<'a> Data<'a> {
             name: &receiver.name,
             path: thinned(&receiver.path).map(knot).collect(),
         });
+        let searches = overview.searches.iter();
         let origin = overview.frame.map(|frame| frame.origin());
         Self {
             title: &overview.title,
@@ -147,16 +222,82 @@ impl<'a> Data<'a> {
             span: overview.span().map(seconds),
             received: received.collect(),
             receivers: receivers.collect(),
-            searches: overview.searches.iter().map(Search::of).collect(),
-            notices: thinned(&overview.notices)
-                .map(|Notice { time, text, important }| {
-                    (seconds(*time), text.as_str(), u8::from(*important))
-                })
-                .collect(),
+            searches: searches.map(|s| Search::of(s, &s.truth, &s.beliefs)).collect(),
+            notices: thinned(&overview.notices).map(notice).collect(),
             nis_95: (1..=4).filter_map(nis_95).collect(),
             every,
+            live,
+            not_strikable,
         }
     }
+}
+
+impl<'a> News<'a> {
+    /// What came to an overview since the mark, which is moved to its end.
+    pub(super) fn since(overview: &'a Overview, mark: &mut Mark) -> Self {
+        mark.paths.resize(overview.receivers.len(), 0);
+        mark.searches.resize(overview.searches.len(), (0, 0));
+        let receivers = overview.receivers.iter().zip(&mut mark.paths).map(|(receiver, known)| {
+            let path = rest(&receiver.path, known).iter().map(knot).collect();
+            Receiver { name: &receiver.name, path }
+        });
+        let receivers = receivers.collect();
+        let searches = overview.searches.iter().zip(&mut mark.searches);
+        let searches = searches.map(|(search, (beliefs, truth))| {
+            Search::of(search, rest(&search.truth, truth), rest(&search.beliefs, beliefs))
+        });
+        let searches = searches.collect();
+        let received = rest(&overview.received, &mut mark.received).iter().map(|received| {
+            mark.turns += usize::from(received.turn.is_some());
+            Reception::of(received, mark.turns <= MOST_TURNS)
+        });
+        Self {
+            span: overview.span().map(seconds),
+            receivers,
+            received: received.collect(),
+            searches,
+            notices: rest(&overview.notices, &mut mark.notices).iter().map(notice).collect(),
+        }
+    }
+
+    /// Whether there is nothing new.
+    pub(super) fn is_empty(&self) -> bool {
+        self.received.is_empty()
+            && self.notices.is_empty()
+            && self.receivers.iter().all(|receiver| receiver.path.is_empty())
+            && self.searches.iter().all(|search| search.beliefs.is_empty())
+    }
+}
+
+impl<'a> Restruck<'a> {
+    pub(super) fn of(overview: &Overview, replay: &'a Replay) -> Self {
+        let received = overview.received.iter().map(|received| Restep {
+            id: received.id,
+            used: received.used,
+            nis: rounded_nis(received),
+        });
+        let searches = overview.searches.iter();
+        let fixes = replay.fixes.iter().map(|fix| RestruckFix {
+            name: &fix.name,
+            steps: fix.steps,
+            estimate: (&fix.estimate).into(),
+        });
+        Self {
+            received: received.collect(),
+            searches: searches.map(|s| s.beliefs.iter().map(Belief::of).collect()).collect(),
+            fixes: fixes.collect(),
+        }
+    }
+}
+
+/// What is not known yet; then it is.
+fn rest<'a, T>(all: &'a [T], known: &mut usize) -> &'a [T] {
+    let begin = std::mem::replace(known, all.len());
+    all.get(begin..).unwrap_or_default()
+}
+
+fn notice(Notice { time, text, important }: &Notice) -> (f64, &str, u8) {
+    (seconds(*time), text, u8::from(*important))
 }
 
 /// Every so manieth, and the last.
@@ -194,10 +335,16 @@ impl<'a> Reception<'a> {
                 .collect(),
             remark: received.remark.as_deref(),
             used: received.used,
-            nis: received.nis.map(|(nis, degrees)| (round(nis, 4), degrees)),
+            struck: received.struck,
+            id: received.id,
+            nis: rounded_nis(received),
             turn: turn.map(PackedTurn::of),
         }
     }
+}
+
+fn rounded_nis(received: &Received) -> Option<(f64, usize)> {
+    received.nis.map(|(nis, degrees)| (round(nis, 4), degrees))
 }
 
 impl PackedTurn {
@@ -212,14 +359,14 @@ impl PackedTurn {
 }
 
 impl<'a> Search<'a> {
-    fn of(search: &'a SearchOverview) -> Self {
+    fn of(search: &'a SearchOverview, truth: &[Knot], beliefs: &[Believed]) -> Self {
         let border = |outline: &Vec<Vector2<f64>>| outline.iter().map(flat).collect();
-        let truth = |knot: &Knot| [seconds(knot.time), metres(knot.place.x), metres(knot.place.y)];
+        let place = |knot: &Knot| [seconds(knot.time), metres(knot.place.x), metres(knot.place.y)];
         Self {
             name: &search.name,
             outcome: search.outcome.as_deref(),
-            truth: search.truth.iter().map(truth).collect(),
-            beliefs: search.beliefs.iter().map(Belief::of).collect(),
+            truth: truth.iter().map(place).collect(),
+            beliefs: beliefs.iter().map(Belief::of).collect(),
             regions: (search.regions_95.iter())
                 .map(|r| std::iter::once(&r.outline).chain(&r.holes).map(border).collect())
                 .collect(),

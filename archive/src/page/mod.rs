@@ -1,38 +1,104 @@
 //! A page that shows a hunt in any browser: one file, without a network.
 //!
-//! `page.html`, `page.css` and `page.js` are joined with the data, which stand in the page as JSON.
-//! Plots over time are drawn by uPlot, which lies beside them with its licence.
+//! `page.html`, `page.css` and the scripts are joined with the data, which stand in the page as
+//! JSON. Plots over time are drawn by uPlot, which lies beside them with its licence. Where bearings
+//! can be struck out, the page brings the estimators along: `foxhunt-replayer`, compiled to
+//! WebAssembly, and the lines of the log that it needs.
 
 mod data;
 mod points;
+mod strikable;
 
-use crate::overview::Overview;
+pub use data::{Live, Mark};
+pub use strikable::{NotStrikable, PageLog, page_line};
+
+use crate::{overview::Overview, replay::Replay};
 
 const HTML: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+const STRIKE: &str = include_str!("strike.js");
+const LIVE: &str = include_str!("live.js");
 const UPLOT: &str = include_str!("uplot/uPlot.iife.min.js");
 const UPLOT_STYLE: &str = include_str!("uplot/uPlot.min.css");
+
+/// The replayer as WebAssembly, compressed by gzip, in base64; `.ci/replayer` makes it.
+const REPLAYER: &str = include_str!("replayer.wasm.gz.base64");
 
 /// The text of a page that shows a hunt or recordings.
 ///
 /// Numbers are rounded to what can be seen: places to millimetres, times to hundredths of a second.
-/// Names and reasons may hold any text.
+/// Names and reasons may hold any text. With the log bearings can be struck out, and the estimates
+/// follow.
 ///
 /// # Errors
 ///
 /// The error of the JSON writer, which has none for these data.
-pub fn page(overview: &Overview) -> Result<String, serde_json::Error> {
+pub fn page(
+    overview: &Overview,
+    log: Option<&Result<PageLog, NotStrikable>>,
+) -> Result<String, serde_json::Error> {
+    join(overview, log, None)
+}
+
+/// The text of the page of a hunt that goes on; [`news`] are what it shows besides, which it gets
+/// as server-sent events from where it comes from.
+///
+/// # Errors
+///
+/// The error of the JSON writer, which has none for these data.
+pub fn live_page(
+    overview: &Overview,
+    log: &Result<PageLog, NotStrikable>,
+    live: Live,
+) -> Result<String, serde_json::Error> {
+    join(overview, Some(log), Some(live))
+}
+
+/// What is new in an overview since a mark, which is moved to its end, as JSON; `None` where there
+/// is nothing.
+///
+/// # Errors
+///
+/// The error of the JSON writer, which has none for these data.
+pub fn news(overview: &Overview, mark: &mut Mark) -> Result<Option<String>, serde_json::Error> {
+    let news = data::News::since(overview, mark);
+    if news.is_empty() { Ok(None) } else { serde_json::to_string(&news).map(Some) }
+}
+
+/// What a page shows in place of its own estimates when receptions were struck out, as JSON.
+///
+/// # Errors
+///
+/// The error of the JSON writer, which has none for these data.
+pub fn restruck(overview: &Overview, replay: &Replay) -> Result<String, serde_json::Error> {
+    serde_json::to_string(&data::Restruck::of(overview, replay))
+}
+
+fn join(
+    overview: &Overview,
+    log: Option<&Result<PageLog, NotStrikable>>,
+    live: Option<Live>,
+) -> Result<String, serde_json::Error> {
+    let not_strikable = log.and_then(|log| log.as_ref().err()).map(ToString::to_string);
     // "<" stands in strings alone; without it nothing in them can end the script.
-    let data = serde_json::to_string(&data::Data::of(overview))?.replace('<', "\\u003c");
+    let safe = |text: String| text.replace('<', "\\u003c");
+    let data = serde_json::to_string(&data::Data::of(overview, live, not_strikable))?;
+    let log = log.and_then(|log| log.as_ref().ok());
+    let lines = log.map_or_else(Vec::new, |log| log.lines().collect());
     let mut page = HTML.to_owned();
     for (mark, text) in [
+        ("/* connect-src */", if live.is_some() { "connect-src 'self'" } else { "" }),
         ("/* uplot.css */", UPLOT_STYLE),
         ("/* page.css */", STYLE),
         ("/* uplot.js */", UPLOT),
         ("/* page.js */", SCRIPT),
+        ("/* strike.js */", STRIKE),
+        ("/* live.js */", if live.is_some() { LIVE } else { "" }),
+        ("/* replayer */", if log.is_some() { REPLAYER.trim_end() } else { "" }),
+        ("/* log */", &safe(lines.join("\n"))),
         // The last: what it holds is not looked at any more.
-        ("/* data */", &data),
+        ("/* data */", &safe(data)),
     ] {
         page = page.replacen(mark, text, 1);
     }

@@ -1,7 +1,6 @@
 // The report page: a map in time, the turn behind each bearing, plots and events.
 // Its data are the JSON of data.rs: metres East and North, radians counter-clockwise from East, seconds.
-(() => {
-"use strict";
+// strike.js and live.js stand behind it in the same scope.
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const byId = (id) => document.getElementById(id);
@@ -12,7 +11,9 @@ const byId = (id) => document.getElementById(id);
 const RECEIVERS = ["#0072b2", "#e69f00", "#009e73", "#56b4e9", "#cc79a7", "#8c6e1e"];
 const SEARCHES = ["#d55e00", "#7b3294", "#00624a", "#8c510a"];
 const INK = "#000", FAINT = "#555", GRID = "#e2e2e2";
-const receiverColour = (index) => RECEIVERS[index % RECEIVERS.length];
+// The same hues, darker.
+const RECEIVERS_IN_THE_SUN = ["#004c7a", "#9a5b00", "#00543d", "#1f6fa0", "#8b3f6e", "#4d3b0c"];
+const receiverColour = (index) => look.receivers[index % RECEIVERS.length];
 const searchColour = (index) => SEARCHES[index % SEARCHES.length];
 
 const TAU = 2 * Math.PI;
@@ -58,22 +59,42 @@ function countUntil(times, time) {
 
 // ---------------------------------------------------------------- the data in the order of time
 
-const [begin, end] = data.span;
-const duration = Math.max(end - begin, 1e-9);
-const received = data.received.map((one, index) => ({ ...one, index })).sort((a, b) => a.time - b.time || a.index - b.index);
-received.forEach((one, index) => { one.index = index; });
-const receivedTimes = received.map((one) => one.time);
-for (const search of data.searches) {
-  search.times = search.beliefs.map((belief) => belief.time);
-  search.unpacked = new Map();
+let begin, end, duration, hasBearings, lowest, highest, receivedTimes;
+const received = [];
+
+// Adds receptions, in the order of time.
+function addReceived(more) {
+  for (const one of more) {
+    // What it was before anything was struck out in this page.
+    one.original = { used: one.used, nis: one.nis, struck: Boolean(one.struck) };
+    received.push(one);
+  }
+  received.forEach((one, index) => { one.index = index; });
+  received.sort((a, b) => a.time - b.time || a.index - b.index);
+  received.forEach((one, index) => { one.index = index; });
 }
-for (const receiver of data.receivers) {
-  receiver.path.sort((a, b) => a[0] - b[0]);
-  receiver.times = receiver.path.map((knot) => knot[0]);
+
+// What follows from the data as they are now.
+function survey() {
+  [begin, end] = data.span;
+  duration = Math.max(end - begin, 1e-9);
+  receivedTimes = received.map((one) => one.time);
+  for (const search of data.searches) {
+    search.original ||= search.beliefs;
+    search.times = search.beliefs.map((belief) => belief.time);
+    search.unpacked ||= new Map();
+  }
+  for (const receiver of data.receivers) {
+    receiver.path.sort((a, b) => a[0] - b[0]);
+    receiver.times = receiver.path.map((knot) => knot[0]);
+  }
+  hasBearings = received.some((one) => one.bearing || one.modes);
+  const levels = received.filter((one) => one.level).map((one) => one.level[0]);
+  lowest = levels.reduce((a, b) => Math.min(a, b), Infinity);
+  highest = levels.reduce((a, b) => Math.max(a, b), -Infinity);
 }
-const hasBearings = received.some((one) => one.bearing || one.modes);
-const levels = received.filter((one) => one.level).map((one) => one.level[0]);
-const lowest = levels.reduce((a, b) => Math.min(a, b), Infinity), highest = levels.reduce((a, b) => Math.max(a, b), -Infinity);
+addReceived(data.received);
+survey();
 
 // A place on the way at a time, on straight lines between knots [time, East, North, …].
 function placeAt(knots, times, time) {
@@ -108,14 +129,18 @@ function onEarth([east, north]) {
 
 // ---------------------------------------------------------------- the state
 
-const state = { time: end, playing: false, selected: null, layers: {} };
+const state = { time: end, playing: false, selected: null, layers: {}, contrast: false };
+
+// How thick lines and how faint what is past is drawn; in the sun nothing is faint.
+const look = { width: 1, past: 0.35, area: 1, grid: GRID, receivers: RECEIVERS };
 
 // ---------------------------------------------------------------- the map
 
 const canvas = byId("map"), context = canvas.getContext("2d");
 const view = { east: 0, north: 0, scale: 1, width: 1, height: 1, moved: false };
 
-const extent = (() => {
+let extent, rayLength;
+function measure() {
   let [west, south, east, north] = [Infinity, Infinity, -Infinity, -Infinity];
   const add = (e, n) => {
     west = Math.min(west, e); east = Math.max(east, e); south = Math.min(south, n); north = Math.max(north, n);
@@ -134,10 +159,10 @@ const extent = (() => {
   }
   if (west > east) [west, south, east, north] = [-10, -10, 10, 10];
   const least = Math.max(10 - Math.max(east - west, north - south), 0) / 2;
-  return { west: west - least, south: south - least, east: east + least, north: north + least };
-})();
-const fieldSize = Math.hypot(extent.east - extent.west, extent.north - extent.south);
-const rayLength = Math.max(0.6 * fieldSize, 10);
+  extent = { west: west - least, south: south - least, east: east + least, north: north + least };
+  rayLength = Math.max(0.6 * Math.hypot(extent.east - extent.west, extent.north - extent.south), 10);
+}
+measure();
 
 function fit() {
   const margin = 46;
@@ -176,7 +201,7 @@ function drawGround() {
   context.fillStyle = "#fff"; context.fillRect(0, 0, view.width, view.height);
   const step = nice(90 / view.scale), [west, north] = toPlace(0, 0), [east, south] = toPlace(view.width, view.height);
   const decimals = step < 1 ? Math.ceil(-Math.log10(step)) : 0;
-  context.lineWidth = 1; context.strokeStyle = GRID; context.fillStyle = FAINT; context.font = "12px system-ui, sans-serif";
+  context.lineWidth = 1; context.strokeStyle = look.grid; context.fillStyle = state.contrast ? INK : FAINT; context.font = "12px system-ui, sans-serif";
   context.textAlign = "center";
   for (let e = Math.ceil(west / step) * step; e <= east; e += step) {
     context.beginPath(); context.moveTo(x(e), 0); context.lineTo(x(e), view.height); context.stroke();
@@ -214,13 +239,13 @@ function wedge(one, alpha) {
   context.beginPath(); context.moveTo(x(e), y(n));
   context.arc(x(e), y(n), rayLength * view.scale, -(angle + reach), -(angle - reach));
   context.closePath();
-  context.globalAlpha = alpha; context.fillStyle = receiverColour(one.receiver); context.fill(); context.globalAlpha = 1;
+  context.globalAlpha = alpha * look.area; context.fillStyle = receiverColour(one.receiver); context.fill(); context.globalAlpha = 1;
 }
 
 function ray(one, angle, dash, width, alpha) {
   const [e, n] = one.place;
-  context.globalAlpha = alpha; context.lineWidth = width; context.setLineDash(dash);
-  context.strokeStyle = receiverColour(one.receiver);
+  context.globalAlpha = alpha; context.lineWidth = width * look.width; context.setLineDash(dash);
+  context.strokeStyle = one.struck ? FAINT : receiverColour(one.receiver);
   path([[e, n], [e + rayLength * Math.cos(angle), n + rayLength * Math.sin(angle)]]); context.stroke();
   context.setLineDash([]); context.globalAlpha = 1;
 }
@@ -238,10 +263,11 @@ function drawReceived(count) {
     for (let i = 0; i < count; i += 1) {
       const one = received[i];
       if (!one.bearing) continue;
-      if (state.layers.wedges && (isLatest(one) || i === state.selected)) wedge(one, i === state.selected ? 0.3 : 0.16);
+      if (state.layers.wedges && !one.struck && (isLatest(one) || i === state.selected)) wedge(one, i === state.selected ? 0.3 : 0.16);
       if (state.layers.bearings) {
         const strong = isLatest(one) || i === state.selected;
-        ray(one, one.bearing[0], one.used ? [] : [6, 5], i === state.selected ? 4 : strong ? 2.5 : 1, strong ? 1 : 0.35);
+        const dash = one.struck ? [2, 7] : one.used ? [] : [6, 5];
+        ray(one, one.bearing[0], dash, i === state.selected ? 4 : strong ? 2.5 : 1, strong ? 1 : look.past);
       }
     }
     if (state.layers.rivals) {
@@ -251,6 +277,22 @@ function drawReceived(count) {
       }
     }
   }
+}
+
+// A cross over what was struck out.
+function drawStruck(one) {
+  const [px, py] = [x(one.place[0]), y(one.place[1])];
+  // Those of one place stand beside each other, each on its own bearing.
+  const [dx, dy] = one.bearing ? [16 * Math.cos(one.bearing[0]), -16 * Math.sin(one.bearing[0])] : [0, 0];
+  const cross = () => {
+    context.beginPath();
+    for (const turn of [1, -1]) {
+      context.moveTo(px + dx - 5, py + dy - 5 * turn); context.lineTo(px + dx + 5, py + dy + 5 * turn);
+    }
+    context.stroke();
+  };
+  context.lineWidth = 5; context.strokeStyle = "#fff"; cross();
+  context.lineWidth = 2.5; context.strokeStyle = INK; cross();
 }
 
 function drawPlaces(count) {
@@ -263,6 +305,7 @@ function drawPlaces(count) {
       else { context.strokeStyle = FAINT; context.lineWidth = 1.5; context.stroke(); }
     }
   }
+  for (let i = 0; i < count; i += 1) if (received[i].struck) drawStruck(received[i]);
   const selected = received[state.selected];
   if (selected) {
     context.beginPath(); context.arc(x(selected.place[0]), y(selected.place[1]), 10, 0, TAU);
@@ -290,7 +333,7 @@ function drawReceivers() {
     context.fillStyle = receiverColour(index); context.fill();
     context.lineWidth = 2; context.strokeStyle = "#fff"; context.stroke();
     context.font = "700 13px system-ui, sans-serif"; context.textAlign = "center";
-    context.fillStyle = index % RECEIVERS.length === 1 || index % RECEIVERS.length === 3 ? "#000" : "#fff";
+    context.fillStyle = !state.contrast && (index % RECEIVERS.length === 1 || index % RECEIVERS.length === 3) ? "#000" : "#fff";
     context.fillText(String(index + 1), x(here[0]), y(here[1]) + 4.5); context.textAlign = "left";
   });
 }
@@ -307,7 +350,7 @@ function cloudOf(search, belief) {
 function drawCloud(search, belief, colour) {
   const places = cloudOf(search, belief);
   if (!places) return;
-  context.fillStyle = colour; context.globalAlpha = 0.35;
+  context.fillStyle = colour; context.globalAlpha = Math.min(0.35 * look.area, 1);
   for (let i = 0; i < places.length; i += 2) context.fillRect(x(places[i]) - 1.5, y(places[i + 1]) - 1.5, 3, 3);
   context.globalAlpha = 1;
 }
@@ -335,7 +378,7 @@ function drawSearch(search, index) {
   if (state.layers.ellipse && belief.ellipse) {
     const [a, b, along] = belief.ellipse;
     context.beginPath(); context.ellipse(px, py, a * view.scale, b * view.scale, -along, 0, TAU);
-    context.lineWidth = 3; context.strokeStyle = colour; context.stroke();
+    context.lineWidth = 3 * look.width; context.strokeStyle = colour; context.stroke();
   }
   if (state.layers.estimates) {
     if (isLast) {
@@ -471,16 +514,23 @@ const LAYERS = [
     () => data.searches.some((s) => s.beliefs.some((b) => b.cloud))],
   ["truth", "truth", `<path d="M15 1l2 5h5l-4 3 2 6-5-4-5 4 2-6-4-3h5z"/>`, () => data.searches.some((s) => s.truth.length)],
 ];
-for (const [name, text, icon, applies] of LAYERS) {
-  state.layers[name] = Boolean(applies());
-  if (!state.layers[name]) continue;
+// Boxes for what there is; what comes later gets its box then.
+function showLayers() {
+  for (const layer of LAYERS) if (!(layer[0] in state.layers) && layer[3]()) showLayer(layer);
+}
+function showLayer([name, text, icon]) {
+  state.layers[name] = true;
   const box = element("input", { type: "checkbox", id: `layer-${name}` });
   box.checked = true;
   box.addEventListener("change", () => { state.layers[name] = box.checked; redraw(); });
   const picture = drawn("svg", { viewBox: "0 0 30 16", "aria-hidden": "true" });
   picture.innerHTML = icon; // a constant of this file
-  byId("layers").append(element("label", {}, box, picture, text));
+  const made = element("label", {}, box, picture, text), order = LAYERS.findIndex((layer) => layer[0] === name);
+  made.dataset.order = String(order);
+  const after = [...byId("layers").querySelectorAll("label")].find((other) => Number(other.dataset.order) > order);
+  byId("layers").insertBefore(made, after || null);
 }
+showLayers();
 
 // ---------------------------------------------------------------- the table of fixes
 
@@ -496,7 +546,7 @@ function showFixes() {
     return row([
       name, data.origin ? onEarth(belief.place) : null, fixed(belief.place[0], 2), fixed(belief.place[1], 2),
       belief.ellipse ? `${fixed(belief.ellipse[0], 2)} × ${fixed(belief.ellipse[1], 2)}` : "–",
-      known ? fixed(belief.error ?? NaN, 2) : null, String(belief.steps), isLast ? search.outcome || "" : "searching",
+      known ? fixed(belief.error ?? NaN, 2) : null, String(belief.steps), isLast ? search.outcome || (data.live ? "searching" : "") : "searching",
     ], "td");
   });
   byId("fixes").replaceChildren(element("thead", {}, row(head, "th")), element("tbody", {}, ...rows));
@@ -588,11 +638,11 @@ function showTurn() {
   }
   for (const mode of one.modes || []) rows.push(["rival", `${fixed(compass(mode[1]), 0)}° ± ${degrees(mode[2])}, weight ${fixed(mode[0], 2)}`]);
   if (one.nis) rows.push(["NIS", `${fixed(one.nis[0], 2)}, ${one.nis[1]} degrees of freedom`]);
-  if (data.searches.length) rows.push(["used", one.used ? "yes" : "no"]);
+  if (data.searches.length) rows.push(["used", one.struck ? "struck out" : one.used ? "yes" : "no"]);
   if (one.remark) rows.push(["remark", one.remark]);
   const list = element("dl", {});
   for (const [term, text] of rows) list.append(element("dt", {}, term), element("dd", {}, text));
-  const side = element("div", {}, list);
+  const side = element("div", {}, list, ...strikeButton(one));
   side.append(element("p", { class: "remark" }, one.turn
     ? "Grey: samples in dB(m). Blue: mean over seven positions. Orange, dashed: the antenna, where it is known. Line and sector: bearing ± σ. Black tick: the truth."
     : "No samples of its turn were kept."));
@@ -608,6 +658,12 @@ function select(index) {
 // ---------------------------------------------------------------- plots over time
 
 const charts = [];
+
+function renewCharts() {
+  for (const { plot } of charts.splice(0)) plot.destroy();
+  byId("charts").replaceChildren();
+  makeCharts();
+}
 
 // What is of one moment, such as the turns of several drones, stands a millisecond apart.
 function apart(times) {
@@ -695,9 +751,12 @@ function markCharts() {
 
 // ---------------------------------------------------------------- events
 
-const events = data.notices.map(([time, text, important]) => ({ time, text, important })).sort((a, b) => a.time - b.time);
-let listed = [], listedTimes = [], currentEvent;
+let events = [], listed = [], listedTimes = [], currentEvent;
 function listEvents() {
+  if (events.length !== data.notices.length) {
+    events = data.notices.map(([time, text, important]) => ({ time, text, important })).sort((a, b) => a.time - b.time);
+  }
+  byId("events").hidden = !events.length;
   listed = events.filter((event) => event.important || byId("all-events").checked);
   listedTimes = listed.map((event) => event.time);
   const items = listed.map((event) => {
@@ -721,7 +780,6 @@ function markEvents() {
   if (button) list.scrollTop = Math.max(button.offsetTop - list.clientHeight / 2, 0);
 }
 byId("all-events").addEventListener("change", listEvents);
-if (!events.length) byId("events").hidden = true;
 
 // ---------------------------------------------------------------- time
 
@@ -770,11 +828,18 @@ function step(by) {
   select(next);
 }
 
-const SPEEDS = [1, 2, 5, 10, 20, 50, 100].filter((speed) => duration / speed > 4);
-const whole = duration / 30;
-byId("speed").append(element("option", { value: String(whole) }, "all in 30 s"), ...SPEEDS.map((speed) => element("option", { value: String(speed) }, `${speed} ×`)));
-state.speed = whole;
-byId("speed").addEventListener("change", (event) => { state.speed = Number(event.target.value); });
+// How fast it plays; all of it in half a minute where nothing else is chosen.
+function offerSpeeds() {
+  const chosen = byId("speed").value || "all";
+  const speeds = [1, 2, 5, 10, 20, 50, 100].filter((speed) => duration / speed > 4).map(String);
+  if (byId("speed").length !== speeds.length + 1) {
+    byId("speed").replaceChildren(element("option", { value: "all" }, "all in 30 s"),
+      ...speeds.map((speed) => element("option", { value: speed }, `${speed} ×`)));
+    byId("speed").value = speeds.includes(chosen) ? chosen : "all";
+  }
+  state.speed = byId("speed").value === "all" ? duration / 30 : Number(byId("speed").value);
+}
+byId("speed").addEventListener("change", offerSpeeds);
 byId("play").addEventListener("click", () => play(!state.playing));
 byId("before").addEventListener("click", () => step(-1));
 byId("after").addEventListener("click", () => step(1));
@@ -788,6 +853,7 @@ document.addEventListener("keydown", (event) => {
   const act = {
     " ": () => play(!state.playing), ArrowLeft: () => step(-1), ArrowRight: () => step(1), Home: () => setTime(begin), End: () => setTime(end),
     "+": () => zoom(1.5), "=": () => zoom(1.5), "-": () => zoom(1 / 1.5), "0": () => { fit(); redraw(); }, Escape: () => select(null),
+    x: strikeSelected, X: strikeSelected, Delete: strikeSelected,
   }[key];
   if (!act) return;
   event.preventDefault();
@@ -796,14 +862,42 @@ document.addEventListener("keydown", (event) => {
 
 // ---------------------------------------------------------------- begin
 
-document.title = `${data.title} – foxhunt`;
-byId("title").textContent = data.title;
-byId("subtitle").textContent = [
-  data.method, data.seed !== null ? `seed ${data.seed}` : null,
-  data.epoch !== null ? new Date((data.epoch + begin) * 1000).toISOString().slice(0, 16).replace("T", " ") + " UTC" : null,
-  `${received.length} receptions in ${fixed(duration, 0)} s`, data.every > 1 ? `every ${data.every}th of the receptions is shown` : null,
-].filter(Boolean).join(" · ");
-if (!data.searches.length) byId("fixes").closest("section").hidden = true;
+function showHeads() {
+  document.title = `${data.title} – foxhunt`;
+  byId("title").textContent = data.title;
+  byId("subtitle").textContent = [
+    data.method, data.seed !== null ? `seed ${data.seed}` : null,
+    data.epoch !== null ? new Date((data.epoch + begin) * 1000).toISOString().slice(0, 16).replace("T", " ") + " UTC" : null,
+    `${received.length} receptions in ${fixed(duration, 0)} s`, data.every > 1 ? `every ${data.every}th of the receptions is shown` : null,
+  ].filter(Boolean).join(" · ");
+  byId("fixes").closest("section").hidden = !data.searches.length;
+}
+
+// Shows everything anew after the data have changed.
+function refresh() {
+  survey(); measure(); showHeads(); showLayers(); offerSpeeds(); listEvents(); renewCharts();
+  if (!view.moved) fit();
+  shownTurn = undefined; shownBeliefs = "";
+  redraw();
+}
+
+// Black, white and thick, for a phone in the sun.
+function setContrast(on) {
+  state.contrast = on;
+  document.documentElement.classList.toggle("contrast", on);
+  byId("contrast").setAttribute("aria-pressed", String(on));
+  Object.assign(look, on
+    ? { width: 1.8, past: 0.5, area: 1.8, grid: "#9a9a9a", receivers: RECEIVERS_IN_THE_SUN }
+    : { width: 1, past: 0.35, area: 1, grid: GRID, receivers: RECEIVERS });
+  shownBeliefs = ""; shownTurn = undefined;
+  redraw();
+}
+const wished = window.matchMedia("(prefers-contrast: more)");
+wished.addEventListener("change", () => setContrast(wished.matches));
+byId("contrast").addEventListener("click", () => setContrast(!state.contrast));
+
+showHeads();
+offerSpeeds();
 makeCharts();
 listEvents();
 new ResizeObserver(() => {
@@ -812,7 +906,6 @@ new ResizeObserver(() => {
   redraw();
 }).observe(document.body);
 resizeMap();
-redraw();
+setContrast(wished.matches);
 // For tests, and for those who open the console.
-window.foxhunt = { state, view, received, select, setTime, at: (place) => [x(place[0]), y(place[1])] };
-})();
+window.foxhunt = { data, state, view, received, select, setTime, at: (place) => [x(place[0]), y(place[1])] };

@@ -23,6 +23,8 @@ fn overview() -> Overview {
         modes: BearingModes::default(),
         remark: None,
         used: true,
+        struck: false,
+        id: None,
         nis: Some((1.5, 2)),
         turn: Some(Turn { samples: vec![[0.0, -70.0], [1.0, -60.0]], ..Turn::default() }),
     };
@@ -48,7 +50,7 @@ fn overview() -> Overview {
 
 #[test]
 fn the_page_holds_what_is_in_the_overview() {
-    let page = page(&overview()).expect("plain data");
+    let page = page(&overview(), None).expect("plain data");
     let data = data_in(&page);
     assert_eq!(data["received"][0]["place"], serde_json::json!([1.235, -2.0, 4.0]));
     assert_eq!(data["received"][0]["bearing"], serde_json::json!([0.5, 0.1, 0.9]));
@@ -69,9 +71,9 @@ fn no_text_breaks_out_of_the_data() {
     overview.title = hostile.to_owned();
     overview.notices.push(Notice { time: 0.0, text: hostile.to_owned(), important: true });
     overview.searches[0].name = hostile.to_owned();
-    let page = page(&overview).expect("plain data");
+    let page = page(&overview, None).expect("plain data");
     assert!(!page.contains("alert(1)</script>"));
-    assert_eq!(page.matches("</script>").count(), 3, "the page's own");
+    assert_eq!(page.matches("</script>").count(), 5, "the page's own");
     let data = data_in(&page);
     assert_eq!(data["title"], hostile);
     assert_eq!(data["notices"][0][1], hostile);
@@ -80,7 +82,7 @@ fn no_text_breaks_out_of_the_data() {
 
 #[test]
 fn the_page_needs_no_network() {
-    let page = page(&overview()).expect("plain data");
+    let page = page(&overview(), None).expect("plain data");
     assert!(!page.contains("/* page.css */") && !page.contains("/* uplot.js */"), "all is joined");
     assert!(page.contains("default-src 'none'"));
     for outside in ["src=\"http", "href=\"http", "@import", "url(", "fetch(", "XMLHttpRequest"] {
@@ -90,6 +92,53 @@ fn the_page_needs_no_network() {
 
 #[test]
 fn an_overview_of_nothing_is_a_page() {
-    let data = data_in(&page(&Overview::default()).expect("plain data"));
+    let data = data_in(&page(&Overview::default(), None).expect("plain data"));
     assert_eq!(data["span"], serde_json::json!([0.0, 0.0]));
+}
+
+#[test]
+fn news_come_once() {
+    let mut overview = overview();
+    let mut mark = Mark::default();
+    let mut more = |overview: &Overview| {
+        let text = news(overview, &mut mark).expect("plain data");
+        text.map(|text| serde_json::from_str::<Value>(&text).expect("JSON"))
+    };
+    let all = more(&overview).expect("everything is new");
+    let page = data_in(&page(&overview, None).expect("plain data"));
+    for part in ["received", "receivers", "searches", "notices", "span"] {
+        assert_eq!(all[part], page[part], "{part}");
+    }
+    assert_eq!(more(&overview), None);
+    let mut next = overview.received[0].clone();
+    next.time = 4.0;
+    overview.add(next);
+    overview.notices.push(Notice { time: 4.0, text: "landed".to_owned(), important: true });
+    let later = more(&overview).expect("a reception");
+    let count = |part: &str| later[part].as_array().map(Vec::len);
+    assert_eq!(
+        (count("received"), count("notices"), count("receivers")),
+        (Some(1), Some(1), Some(1))
+    );
+    assert_eq!(later["received"][0]["time"], 4.0);
+    assert_eq!(later["receivers"][0]["path"].as_array().map(Vec::len), Some(1));
+    assert_eq!(later["searches"][0]["beliefs"], serde_json::json!([]));
+}
+
+#[test]
+fn a_hostile_log_stays_in_its_place() {
+    let text = concat!(
+        r#"{"foxhunt_log":6,"scenario":"/* data */</script>","seed":1,"estimator_name":"mine","#,
+        r#""model":{"reference_dbm":-29.06,"exponent":2.765},"beacons":[]}"#,
+    );
+    let header = serde_json::from_str(text).expect("a header");
+    let registry = foxhunt_hunt::registry::Registry::builtin();
+    let log = PageLog::new(&header, registry.estimator("ukf").ok(), &[]);
+    let page = page(&overview(), Some(&log)).expect("plain data");
+    assert_eq!(page.matches("</script>").count(), 5, "the page's own");
+    assert_eq!(data_in(&page)["title"], "field");
+    assert!(page.contains(r#""scenario":"/* data */\u003c/script>""#), "the log is in it");
+    // Without a log the page is small.
+    let without = super::page(&overview(), None).expect("plain data");
+    assert!(without.len() + REPLAYER.len() < page.len());
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use foxhunt_archive::{
     overview::{KeptTurn, Overview},
     replay::{ReplayError, replay, replay_with},
+    struck::Struck,
 };
 use foxhunt_core::{
     BeaconId, Bearing, Belief, Decision, Estimate, EstimatorError, Level, Outcome, OwnedSweep,
@@ -294,9 +295,9 @@ fn an_overview_holds_the_beliefs_of_the_replay() {
         samples: vec![sample; 8],
         ..OwnedSweep::default()
     };
-    let kept = [KeptTurn { drone, sweep }];
-    let (overview, replayed) =
-        Overview::of_log(&log, &registry, None, &kept, None).expect("its own estimator");
+    let kept = vec![KeptTurn { drone, sweep }];
+    let overview = Overview::of_log(&log, &registry, None, &Struck::default(), kept, None);
+    let (overview, replayed) = overview.expect("its own estimator");
     assert_eq!(replayed.different, 0);
     assert_eq!(overview.received.len(), logged.len());
     for (received, (_, reception)) in overview.received.iter().zip(&logged) {

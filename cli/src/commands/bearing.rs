@@ -177,7 +177,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             for (_, name, read) in read.iter().filter(of_beacon) {
                 overview.add_reading(read, name, antenna.known());
             }
-            args.views.write(&overview, output)?;
+            args.views.write(&overview, None, output)?;
         }
     }
     Ok(())

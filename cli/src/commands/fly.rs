@@ -21,9 +21,11 @@ use foxhunt::{
     log::{Log, LogWriter},
     nalgebra::Vector2,
     overview::Overview,
+    page::PageLog,
     picture::hunt_svg,
     recording::{RecordingError, SweepWriter},
     sim::World,
+    struck::Struck,
 };
 
 use super::{
@@ -31,6 +33,7 @@ use super::{
     choice,
     emulate::{Emulated, Emulation},
     fixes, flight_plan,
+    live::{LiveArgs, LiveView, PaceArgs, Shown},
     notices::Notices,
     views::{Antennas, Exports, keep_turns, write_page},
 };
@@ -57,7 +60,8 @@ use crate::{
 #[command(after_help = "Examples:\n  foxhunt fly meadow.toml --dry-run\n  \
                         foxhunt fly meadow.toml --out flights/meadow-3\n  \
                         foxhunt fly --emulate pritzl-6.1\n  \
-                        foxhunt fly meadow.toml --advise\n\n\
+                        foxhunt fly meadow.toml --advise\n  \
+                        foxhunt fly meadow.toml --live\n\n\
                         Look at every device first: foxhunt devices meadow.toml")]
 pub(crate) struct Args {
     /// The flight: a TOML file (docs/flying.md)
@@ -90,6 +94,10 @@ pub(crate) struct Args {
     /// browser; nothing in it is overwritten
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
+    #[command(flatten)]
+    live: LiveArgs,
+    #[command(flatten)]
+    pace: PaceArgs,
     #[command(flatten)]
     exports: Exports,
 }
@@ -178,6 +186,10 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if args.dry_run {
         return flight_plan::print(&config, hunt, output);
     }
+    let live = args.live.plan()?;
+    if field.emulated.is_none() && args.pace.is_given() {
+        return Err(CliError::input("--pace: real devices fly in their own time"));
+    }
     let confirms = !args.yes && !args.advise && field.emulated.is_none();
     if confirms && !io::stdin().is_terminal() {
         return Err(CliError::input(
@@ -207,6 +219,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         failure: None,
     }));
     let pilot = Pilot::listen()?;
+    let shown =
+        Shown { header: &header, registry, estimator, extractor: &config.extractor, orders: true };
+    let live = live.map(|plan| LiveView::start(&plan, &shown)).transpose()?;
     let kept = Rc::clone(&samples);
     let (keep_turn, turns) = keep_turns();
     let keep = move |drone: usize, sweep: &Sweep<'_>| {
@@ -230,8 +245,13 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let mut events = Vec::new();
     let mut notices = Notices::default();
     let mut prompted = false;
+    // Emulated time would be over before anybody has looked.
+    let pace = live.as_ref().filter(|_| field.emulated.is_some()).map(|_| args.pace.start());
     while !mission.is_over() {
         let time = clock.now();
+        if let Some(pace) = &pace {
+            pace.wait_until(time);
+        }
         mission.step(time);
         if mission.is_ready() && !prompted {
             prompted = true;
@@ -249,9 +269,15 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
                 return Err(CliError::failure(text));
             }
         }
+        if live.as_ref().is_some_and(LiveView::is_broken_off) {
+            mission.abort(time, "broken off in the live view");
+        }
         while let Some(event) = mission.poll_event() {
             notices.print(&event);
             stream(output, &event);
+            if let Some(live) = &live {
+                live.show(&event, &turns.borrow());
+            }
             if args.advise {
                 advise(&event, &config, mission.hunt());
             }
@@ -268,6 +294,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     while let Some(event) = mission.poll_event() {
         notices.print(&event);
         stream(output, &event);
+        if let Some(live) = &live {
+            live.show(&event, &turns.borrow());
+        }
         log.event(&event).map_err(|error| CliError::writing(&files.log, error))?;
         events.push(event);
     }
@@ -276,10 +305,12 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     fs::write(&files.picture, svg).map_err(|error| CliError::writing(&files.picture, error))?;
     let flown = Log { header, events, torn: false };
     let antenna = Antennas::of(&config.extractor);
+    let (struck, turns) = (Struck::default(), turns.take());
     let (overview, _) =
-        Overview::of_log(&flown, registry, Some(estimator), &turns.take(), antenna.known())
+        Overview::of_log(&flown, registry, Some(estimator), &struck, turns, antenna.known())
             .map_err(CliError::failure)?;
-    write_page(&files.page, &overview)?;
+    let page_log = PageLog::new(&flown.header, None, &flown.events);
+    write_page(&files.page, &overview, Some(&page_log))?;
     let events = flown.events;
     let truth = |beacon: BeaconId| {
         let received = last_received(&events, beacon)?;
@@ -292,6 +323,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let page = page.display();
     output.note(&format!("log: {log}\nsamples: {samples}\npicture: {picture}\nreport: {page}"))?;
     args.exports.write(&overview, output)?;
+    if let Some(live) = live {
+        live.stay(|| matches!(pilot.poll(), PilotInput::Interrupt | PilotInput::Quit));
+    }
     match mission.failure() {
         Some(why) => Err(CliError::failure(why)),
         None => Ok(()),

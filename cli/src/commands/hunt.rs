@@ -8,14 +8,17 @@ use foxhunt::{
     hunt::Event,
     log::{Log, LogHeader, LogWriter},
     overview::{KeptTurn, Overview},
+    page::PageLog,
     picture::hunt_svg,
     report::{HuntReport, HuntedBeacon},
     scenario::DEFAULT_SCENARIO,
     simulation::{Setup, Simulated},
+    struck::Struck,
 };
 
 use super::{
     choice, fixes,
+    live::{LiveArgs, LiveView, PaceArgs, Shown},
     notices::Notices,
     planning::Planning,
     settings::Settings,
@@ -33,6 +36,7 @@ use crate::{context::Context, error::CliError, writable};
 #[command(after_help = "Examples:\n  foxhunt hunt\n  \
                         foxhunt hunt pritzl-6.1 --estimator particle --seed 7 --out hunts/7\n  \
                         foxhunt hunt --planner waypoints\n  \
+                        foxhunt hunt three-beacons --live --pace 5\n  \
                         foxhunt --json hunt my-field.toml > result.json")]
 pub(crate) struct Args {
     /// A built-in scenario (`foxhunt list scenarios`) or a TOML file
@@ -48,6 +52,10 @@ pub(crate) struct Args {
     planning: Planning,
     #[command(flatten)]
     settings: Settings,
+    #[command(flatten)]
+    live: LiveArgs,
+    #[command(flatten)]
+    pace: PaceArgs,
     /// The folder that hunt.jsonl (the log), hunt.svg (the picture) and report.html (the page) are
     /// written to
     #[arg(long, value_name = "DIR", default_value = "out")]
@@ -68,28 +76,43 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let setup = Setup { scenario: &scenario, estimator: &estimator, registry };
     let header = setup.log_header(args.seed);
     args.exports.check_known(header.origin.is_some(), header.epoch_unix_s.is_some())?;
+    let shown = Shown {
+        header: &header,
+        registry,
+        estimator: &estimator,
+        extractor: &scenario.extractor,
+        orders: false,
+    };
+    let live = args.live.plan()?.map(|plan| LiveView::start(&plan, &shown)).transpose()?;
     fs::create_dir_all(&args.out).map_err(|error| CliError::writing(&args.out, error))?;
     let [log, picture, page] =
         ["hunt.jsonl", "hunt.svg", "report.html"].map(|name| args.out.join(name));
     [&log, &picture, &page].into_iter().try_for_each(|path| writable::file(path))?;
 
-    let (hunt, events, turns) = fly(args, setup, &header, &log)?;
+    let (hunt, events, turns) = fly(args, setup, &header, &log, live.as_ref())?;
 
     let svg = hunt_svg(&header, &events).map_err(CliError::failure)?;
     fs::write(&picture, svg).map_err(|error| CliError::writing(&picture, error))?;
 
     let flown = Log { header, events, torn: false };
     let antenna = Antennas::of(&scenario.extractor);
+    let struck = Struck::default();
     let (overview, _) =
-        Overview::of_log(&flown, registry, Some(&estimator), &turns, antenna.known())
+        Overview::of_log(&flown, registry, Some(&estimator), &struck, turns, antenna.known())
             .map_err(CliError::failure)?;
-    write_page(&page, &overview)?;
+    let page_log = PageLog::new(&flown.header, None, &flown.events);
+    write_page(&page, &overview, Some(&page_log))?;
 
     let report = HuntReport::new(args.seed, &estimator.name, args.planning.name(), &hunt);
     output.result(&report, text)?;
     let (log, picture, page) = (log.display(), picture.display(), page.display());
     output.note(&format!("log: {log}\npicture: {picture}\nreport: {page}"))?;
-    args.exports.write(&overview, output)
+    args.exports.write(&overview, output)?;
+    if let Some(live) = live {
+        // Ctrl-C ends the program.
+        live.stay(|| false);
+    }
+    Ok(())
 }
 
 /// Flies the hunt into a log, and keeps its events and turns for the picture and the page.
@@ -98,13 +121,19 @@ fn fly(
     setup: Setup<'_>,
     header: &LogHeader,
     log: &Path,
+    live: Option<&LiveView>,
 ) -> Result<(Simulated, Vec<Event>, Vec<KeptTurn>), CliError> {
     // A scenario that cannot be flown has no event, and leaves the log of the hunt before.
     let mut writer = None;
     let mut events = Vec::new();
     let mut notices = Notices::default();
     let (tap, turns) = keep_turns();
+    let pace = args.pace.start();
     let hunt = setup.simulate_tapped(args.seed, &tap, |event| {
+        if let Some(live) = live {
+            pace.wait_until(event.time());
+            live.show(event, &turns.borrow());
+        }
         notices.print(event);
         events.push(event.clone());
         let mut log_event = || match &mut writer {

@@ -187,7 +187,7 @@ fn show(
             only.time = end;
         }
     }
-    args.views.write(&overview, output)
+    args.views.write(&overview, None, output)
 }
 
 /// Writes what was found for Movebank, where that was wanted.

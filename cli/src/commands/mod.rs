@@ -44,6 +44,7 @@ mod extraction;
 mod fixes;
 #[cfg(feature = "hardware")]
 mod flight_plan;
+mod live;
 mod locating;
 mod notices;
 mod overrides;

@@ -6,9 +6,11 @@ use foxhunt::{
     hunt::PlaceEstimate,
     log::{Log, LogError},
     overview::Overview,
+    page::PageLog,
     registry::EstimatorEntry,
     replay::{Replay, ReplayedFix},
     report::Place,
+    struck::{Struck, StruckError},
 };
 use serde::Serialize;
 
@@ -28,6 +30,7 @@ use crate::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt replay out/hunt.jsonl\n  \
                         foxhunt replay out/hunt.jsonl --estimator particle --report cloud.html\n  \
+                        foxhunt replay out/hunt.jsonl --ignore struck.jsonl --report without.html\n  \
                         foxhunt replay out/hunt.jsonl --export hunt.kml --origin 50.08,14.44")]
 pub(crate) struct Args {
     /// A log, such as `foxhunt hunt` writes it
@@ -35,6 +38,10 @@ pub(crate) struct Args {
     /// Another estimator than the log's own
     #[arg(long, value_name = "NAME")]
     estimator: Option<String>,
+    /// A list of receptions that are left out: one that a page saved, or JSON lines of your own
+    /// (docs/report.md)
+    #[arg(long, value_name = "FILE")]
+    ignore: Option<PathBuf>,
     #[command(flatten)]
     views: Views,
 }
@@ -49,8 +56,11 @@ struct Report {
     logged_estimator: String,
     /// What it was replayed with.
     estimator: String,
-    /// Whether the two are the same, so that every estimate has to be.
+    /// Whether the two are the same and nothing is left out, so that every estimate has to be the
+    /// same.
     own: bool,
+    /// How many receptions are left out.
+    ignored: usize,
     /// How many estimates the log holds.
     compared: usize,
     /// How many of them came out the same to the bit.
@@ -95,14 +105,21 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         Some(name) => Some(choice::estimator(registry, name, "--estimator")?),
         None => None,
     };
-    let replayed = Overview::of_log(&log, registry, other, &[], None).map_err(|error| {
+    let struck = match &args.ignore {
+        Some(file) => {
+            Struck::read(file, &log).map_err(|error: StruckError| CliError::input(error))?
+        }
+        None => Struck::default(),
+    };
+    let replayed = Overview::of_log(&log, registry, other, &struck, Vec::new(), None);
+    let (overview, replayed) = replayed.map_err(|error| {
         let file = args.log.display().to_string();
         CliError::input(InFile { file, source: Box::new(error) })
-    });
-    let (overview, replayed) = replayed?;
-    let report = Report::new(&log, &replayed, other);
+    })?;
+    let report = Report::new(&log, &replayed, other, struck.len());
     output.result(&report, tables)?;
-    args.views.write(&overview, output)?;
+    let page_log = PageLog::new(&log.header, other, &log.events);
+    args.views.write(&overview, Some(&page_log), output)?;
     if report.own && report.identical < report.compared {
         let different = report.compared - report.identical;
         let message = format!("{different} of {} estimates differ from the log's", report.compared);
@@ -112,7 +129,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
 }
 
 impl Report {
-    fn new(log: &Log, replayed: &Replay, other: Option<&EstimatorEntry>) -> Self {
+    fn new(log: &Log, replayed: &Replay, other: Option<&EstimatorEntry>, ignored: usize) -> Self {
         let header = &log.header;
         let own = |entry: &EstimatorEntry| match (entry.settings(), &header.estimator) {
             (Some(settings), Some(logged)) => settings == logged,
@@ -124,7 +141,8 @@ impl Report {
             seed: header.seed,
             logged_estimator: header.estimator_name.clone(),
             estimator: other.map_or(header.estimator_name.clone(), |entry| entry.name.to_string()),
-            own: other.is_none_or(own),
+            own: ignored == 0 && other.is_none_or(own),
+            ignored,
             compared: replayed.compared,
             identical: replayed.compared.saturating_sub(replayed.different),
             beacons: replayed.fixes.iter().map(|fix| Replayed::new(log, fix)).collect(),
@@ -159,7 +177,12 @@ impl Replayed {
 }
 
 fn tables(report: &Report) -> String {
-    let head = format!("{}, seed {}, {}", report.scenario, report.seed, report.estimator);
+    let mut head = format!("{}, seed {}, {}", report.scenario, report.seed, report.estimator);
+    match report.ignored {
+        0 => {}
+        1 => head += ", 1 reception left out",
+        many => head += &format!(", {many} receptions left out"),
+    }
     let fixes = fixes::fixes(report.beacons.iter().map(row));
     let verdict = if report.own {
         format!("{} of {} estimates are identical", report.identical, report.compared)
@@ -210,7 +233,10 @@ fn row(beacon: &Replayed) -> fixes::Row<'_> {
 /// The estimator and the log's own side by side.
 fn comparison(report: &Report) -> String {
     let logged = format!("{} error m", report.logged_estimator);
-    let replayed = format!("{} error m", report.estimator);
+    let mut replayed = format!("{} error m", report.estimator);
+    if logged == replayed {
+        replayed = "without them".to_owned();
+    }
     let mut errors = table(&["beacon", &logged, &replayed]);
     for beacon in &report.beacons {
         errors.add_row([

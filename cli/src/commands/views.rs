@@ -13,7 +13,7 @@ use foxhunt::{
     export::{ExportError, Format, export},
     hunt::Tap,
     overview::{KeptTurn, KnownAntenna, Overview},
-    page::page,
+    page::{NotStrikable, PageLog, page},
     recording::utc_seconds,
     sensors::SharedAntenna,
 };
@@ -126,9 +126,14 @@ impl Views {
     }
 
     /// Writes what was wanted.
-    pub(super) fn write(&self, overview: &Overview, output: Output) -> Result<(), CliError> {
+    pub(super) fn write(
+        &self,
+        overview: &Overview,
+        log: Option<&Result<PageLog, NotStrikable>>,
+        output: Output,
+    ) -> Result<(), CliError> {
         if let Some(path) = &self.report {
-            write_page(path, overview)?;
+            write_page(path, overview, log)?;
             output.note(&format!("report: {}", path.display()))?;
         }
         self.exports.write(overview, output)
@@ -161,8 +166,12 @@ impl Antennas {
     }
 }
 
-/// Writes the page that shows a hunt or recordings.
-pub(super) fn write_page(path: &Path, overview: &Overview) -> Result<(), CliError> {
-    let text = page(overview).map_err(CliError::failure)?;
+/// Writes the page that shows a hunt or recordings; with the log bearings can be struck out in it.
+pub(super) fn write_page(
+    path: &Path,
+    overview: &Overview,
+    log: Option<&Result<PageLog, NotStrikable>>,
+) -> Result<(), CliError> {
+    let text = page(overview, log).map_err(CliError::failure)?;
     fs::write(path, text).map_err(|error| CliError::writing(path, error))
 }

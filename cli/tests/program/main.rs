@@ -12,6 +12,7 @@ mod help;
 mod hunt;
 mod listen;
 mod lists;
+mod live;
 mod pipes;
 mod plot;
 mod pulses;

@@ -70,3 +70,39 @@ fn a_broken_log_is_named_with_its_line() {
     let ran = foxhunt(["replay", &log]);
     assert!(ran.code == 0 && ran.stderr.contains("cut short"), "{ran:?}");
 }
+
+#[test]
+fn struck_receptions_are_left_out() {
+    let log = log("replay_ignore");
+    let text = fs::read_to_string(&log).expect("it was written");
+    let events = text.lines().map(serde_json::from_str::<serde_json::Value>);
+    let received: Vec<_> = events
+        .map(|event| event.expect("JSON"))
+        .filter(|event| event["event"] == "received")
+        .collect();
+    let list = log.replace("hunt.jsonl", "struck.jsonl");
+    let page = log.replace("hunt.jsonl", "without.html");
+    let mut lines = "{\"foxhunt_struck\":1}\n".to_owned();
+    for event in &received[3..6] {
+        let (drone, reception) = (&event["drone"], &event["reception"]);
+        let (beacon, time) = (&reception["beacon"], &reception["time"]);
+        lines += &format!("{{\"drone\":{drone},\"beacon\":{beacon},\"time\":{time}}}\n");
+    }
+    fs::write(&list, &lines).expect("it can be written");
+    let all = foxhunt(["replay", "--json", &log]).json();
+    let report = foxhunt(["replay", "--json", &log, "--ignore", &list, "--report", &page]).json();
+    assert_eq!((&report["ignored"], &report["own"]), (&3.into(), &false.into()));
+    let steps = |report: &serde_json::Value| report["beacons"][0]["steps"].as_u64();
+    assert_eq!(steps(&report), steps(&all).map(|steps| steps - 3));
+    assert_ne!(report["beacons"][0]["estimate"], all["beacons"][0]["estimate"]);
+    assert_eq!(report["beacons"][1], all["beacons"][1], "the other beacon's do not change");
+    let page = fs::read_to_string(&page).expect("it was written");
+    assert_eq!(page.matches("\"struck\":true").count(), 3);
+    let table = foxhunt(["replay", &log, "--ignore", &list]);
+    assert!(table.stdout.contains("3 receptions left out"), "{table:?}");
+    assert!(table.stdout.contains("without them"), "{table:?}");
+
+    fs::write(&list, lines + "{\"drone\":0,\"beacon\":0,\"time\":0.125}\n").expect("it can be");
+    let wrong = foxhunt(["replay", &log, "--ignore", &list]);
+    wrong.failed(2, &["struck.jsonl, line 5", "time 0.125", "nearest"]);
+}

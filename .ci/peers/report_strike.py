@@ -1,0 +1,129 @@
+"""Strikes receptions out in report pages, and holds the fixes against `foxhunt replay --ignore`.
+
+usage: report_strike.py CHROMIUM FOXHUNT FOLDER...
+
+Each folder holds hunt.jsonl and report.html of a hunt.
+"""
+
+import json
+import os
+import subprocess
+import sys
+
+from playwright.sync_api import sync_playwright
+
+# Metres and square metres. The functions of the C library and of WebAssembly round differently in
+# the last bit; a cloud carries that through a resampling.
+TOLERANCE = 1e-9
+
+
+def numbers(estimate):
+    (a, b), (c, d) = estimate["covariance_m2"]
+    return [estimate["east_m"], estimate["north_m"], a, b, c, d]
+
+
+def replayed(foxhunt, log, struck, *more):
+    """The fixes of the program without what is struck."""
+    run = [foxhunt, "--json", "replay", log, "--ignore", struck, *more]
+    return json.loads(subprocess.run(run, check=True, capture_output=True, text=True).stdout)
+
+
+def check(browser, foxhunt, folder):
+    log, struck = os.path.join(folder, "hunt.jsonl"), os.path.join(folder, "struck.jsonl")
+    context = browser.new_context(viewport={"width": 1280, "height": 800}, accept_downloads=True, offline=True)
+    page = context.new_page()
+    wrong = []
+    page.on("console", lambda message: wrong.append(message.text))
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.goto("file://" + os.path.abspath(os.path.join(folder, "report.html")))
+    page.wait_for_function("window.foxhunt !== undefined")
+    status = page.locator("#strike-status")
+
+    def wait_for(text):
+        status.filter(has_text=text).wait_for(timeout=120_000)
+
+    before = page.locator("#fixes").text_content()
+
+    # By the key, by the button, and taken back again.
+    page.evaluate("foxhunt.select(4)")
+    page.locator("#map").focus()
+    page.keyboard.press("x")
+    wait_for("1 reception struck out: ")
+    assert page.locator("#fixes").text_content() != before, "the fix follows"
+    page.keyboard.press("ArrowRight")
+    page.locator("#strike-one", has_text="Strike it out").click()
+    wait_for("2 receptions struck out: ")
+    page.locator("#strike-one", has_text="Take it back").click()
+    wait_for("1 reception struck out: ")
+    page.keyboard.press("End")
+    for index in (0, 9, 17, 30):
+        page.evaluate(f"foxhunt.select({index})")
+        page.locator("#strike-one").click()
+    wait_for("5 receptions struck out: ")
+
+    # The page does not wait for the estimator: it can be used while that runs.
+    page.locator("#time").fill("500")
+    page.keyboard.press("End")
+
+    # The saved list gives the program the same fixes.
+    with page.expect_download() as download:
+        page.locator("#strike-save").click()
+    download.value.save_as(struck)
+    fixes = page.evaluate("foxhunt.fixes")
+    report = replayed(foxhunt, log, struck)
+    assert report["ignored"] == 5, report["ignored"]
+    assert len(fixes) == len(report["beacons"]) > 0
+    worst = 0.0
+    for here, there in zip(fixes, report["beacons"]):
+        assert (here["name"], here["steps"]) == (there["name"], there["steps"])
+        pairs = zip(numbers(here["estimate"]), numbers(there["estimate"]))
+        worst = max(worst, max(abs(a - b) for a, b in pairs))
+    assert worst <= TOLERANCE, f"{folder}: the page's fix is {worst} off"
+    after = page.locator("#fixes").text_content()
+
+    # All taken back is what the page came with; the list brings the other back.
+    page.locator("#strike-none").click()
+    page.locator("#strike-list:not(:has(li))").wait_for(state="attached")
+    page.wait_for_timeout(200)
+    assert page.locator("#fixes").text_content() == before
+    page.locator("#strike-open").set_input_files(struck)
+    wait_for("5 receptions struck out: ")
+    assert page.locator("#fixes").text_content() == after
+
+    # A list of another hunt changes nothing.
+    other = os.path.join(folder, "other.jsonl")
+    with open(other, "w", encoding="utf-8") as file:
+        file.write('{"foxhunt_struck":1}\n{"drone":0,"beacon":0,"time":0.125}\n')
+    page.locator("#strike-open").set_input_files(other)
+    wait_for("line 2: no reception of this hunt")
+    assert page.locator("#fixes").text_content() == after
+    refused = subprocess.run([foxhunt, "replay", log, "--ignore", other], capture_output=True, text=True)
+    assert refused.returncode == 2 and "other.jsonl, line 2" in refused.stderr, refused
+
+    # A page that was written without them shows them struck, and has the same table.
+    written = os.path.join(folder, "without.html")
+    replayed(foxhunt, log, struck, "--report", written)
+    page.goto("file://" + os.path.abspath(written))
+    page.wait_for_function("window.foxhunt !== undefined")
+    assert page.evaluate("foxhunt.received.filter((one) => one.struck).length") == 5
+    assert page.locator("#fixes").text_content() == after
+    page.locator("#strike-none").click()
+    wait_for("0 receptions struck out: ")
+    assert page.locator("#fixes").text_content() == before
+
+    assert not wrong, f"console: {wrong}"
+    context.close()
+    return worst
+
+
+def main():
+    chromium, foxhunt, *folders = sys.argv[1:]
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        for folder in folders:
+            worst = check(browser, foxhunt, folder)
+            print(f"{os.path.basename(folder)}: the page's fix is at most {worst:.1e} m or m² off")
+        browser.close()
+
+
+main()

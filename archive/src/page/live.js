@@ -1,0 +1,72 @@
+// ---------------------------------------------------------------- a hunt that goes on
+
+// Adds what is new; what is sent twice after a reconnection never arrives, by the number of each event.
+function take(news) {
+  data.span = news.span;
+  news.receivers.forEach((receiver, index) => {
+    if (!data.receivers[index]) data.receivers[index] = { name: receiver.name, path: [] };
+    data.receivers[index].path.push(...receiver.path);
+  });
+  news.searches.forEach((search, index) => {
+    if (!data.searches[index]) data.searches[index] = { ...search, truth: [], beliefs: [] };
+    const known = data.searches[index];
+    known.outcome = search.outcome;
+    known.truth.push(...search.truth);
+    (known.original || known.beliefs).push(...search.beliefs);
+  });
+  addReceived(news.received);
+  data.notices.push(...news.notices);
+}
+
+let waiting = [], shown = 0;
+function showNews() {
+  shown = 0;
+  const follows = state.time >= end - 1e-6;
+  const searches = data.searches.length;
+  for (const { news, log } of waiting.splice(0)) { take(news); logLines.push(...log); }
+  if (data.searches.length !== searches) view.moved = false;
+  refresh();
+  if (follows && !state.playing) { state.time = end; redraw(); }
+  showStruck();
+  // A replay that runs is not broken off: where many come none would end.
+  if (isChanged()) { if (busy) again = true; else restrike(); }
+}
+
+function liveStatus(text, good) {
+  byId("live-status").textContent = text;
+  byId("live").classList.toggle("cut", !good);
+}
+
+byId("live").hidden = false;
+liveStatus("connecting …", false);
+// Reconnects by itself, and names the last event that came.
+const source = new EventSource("events");
+source.addEventListener("open", () => liveStatus("live", true));
+source.addEventListener("error", () => {
+  liveStatus(source.readyState === EventSource.CLOSED ? "the connection was refused; reload the page" : "no connection; trying again …", false);
+});
+source.addEventListener("message", (event) => {
+  waiting.push(JSON.parse(event.data));
+  window.foxhunt.lastEvent = event.lastEventId;
+  // Many come at once to who joins late.
+  if (!shown) shown = setTimeout(showNews, 100);
+});
+source.addEventListener("over", () => {
+  source.close();
+  liveStatus("the hunt is over", true);
+  byId("break-off").hidden = true;
+});
+// The program runs another hunt than the one that this page began with.
+source.addEventListener("other", () => { source.close(); window.location.reload(); });
+
+if (data.live.orders) {
+  byId("break-off").hidden = false;
+  byId("break-off").addEventListener("click", async () => {
+    if (!window.confirm("Break the flight off? The drones then follow flight.on_abort of its file.")) return;
+    try {
+      const answer = await fetch("break-off", { method: "POST" });
+      liveStatus(answer.ok ? "breaking off …" : `refused: ${answer.status}`, answer.ok);
+    } catch (error) { liveStatus(`the order did not arrive: ${error.message}`, false); }
+  });
+}
+window.foxhunt.source = source;

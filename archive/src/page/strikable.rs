@@ -1,0 +1,155 @@
+use foxhunt_hunt::{
+    config::{EstimatorConfig, FilterConfig},
+    hunt::Event,
+    log::LogHeader,
+    registry::EstimatorEntry,
+};
+
+/// Seconds of a browser's time that a replay may take.
+const MOST_S: f64 = 60.0;
+
+/// Receptions of a hunt that goes on, of which nobody knows how long it will.
+const OF_A_LIVE_HUNT: usize = 500;
+
+/// What a page needs of a log to run its receptions through the estimator again.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PageLog {
+    header: String,
+    lines: Vec<String>,
+}
+
+impl PageLog {
+    /// The log of a hunt that is over, with the estimator that it shall be replayed with: its own
+    /// where none is given.
+    ///
+    /// # Errors
+    ///
+    /// [`NotStrikable`] says why a page cannot run the estimator.
+    pub fn new(
+        header: &LogHeader,
+        other: Option<&EstimatorEntry>,
+        events: &[Event],
+    ) -> Result<Self, NotStrikable> {
+        let received = events.iter().filter(|e| matches!(e, Event::Received { .. })).count();
+        let header = header_line(header, other, received)?;
+        Ok(Self { header, lines: events.iter().filter_map(page_line).collect() })
+    }
+
+    /// The log of a hunt that goes on: a header alone; events come one by one ([`page_line`]).
+    ///
+    /// # Errors
+    ///
+    /// [`NotStrikable`] says why a page cannot run the estimator.
+    pub fn live(header: &LogHeader, other: Option<&EstimatorEntry>) -> Result<Self, NotStrikable> {
+        Ok(Self { header: header_line(header, other, OF_A_LIVE_HUNT)?, lines: Vec::new() })
+    }
+
+    /// The lines, the header first.
+    pub(super) fn lines(&self) -> impl Iterator<Item = &str> {
+        std::iter::once(&self.header).chain(&self.lines).map(String::as_str)
+    }
+}
+
+/// The line of a log that an event is, where a replay in a page needs it.
+#[must_use]
+pub fn page_line(event: &Event) -> Option<String> {
+    let needed = matches!(
+        event,
+        Event::BeaconStarted { .. } | Event::Received { .. } | Event::BeaconFinished { .. }
+    );
+    // What cannot be written stands in no log either.
+    needed.then(|| serde_json::to_string(event).ok()).flatten()
+}
+
+fn header_line(
+    header: &LogHeader,
+    other: Option<&EstimatorEntry>,
+    received: usize,
+) -> Result<String, NotStrikable> {
+    let (name, settings) = match other {
+        Some(other) => (other.name.to_string(), other.settings().copied()),
+        None => (header.estimator_name.clone(), header.estimator),
+    };
+    let Some(settings) = settings else {
+        return Err(NotStrikable::OwnCode { estimator: name });
+    };
+    let seconds = seconds(&settings, received);
+    if seconds > MOST_S {
+        return Err(NotStrikable::TooHeavy { estimator: name, seconds });
+    }
+    let header = LogHeader {
+        estimator_name: name,
+        estimator: Some(settings),
+        planner: None,
+        homes: Vec::new(),
+        ..header.clone()
+    };
+    serde_json::to_string(&header).map_err(|_| NotStrikable::NoText)
+}
+
+/// About how long a browser replays, in seconds: measured in Chromium on a laptop's core.
+fn seconds(settings: &EstimatorConfig, received: usize) -> f64 {
+    let count = |count: usize| u32::try_from(count).map_or(f64::INFINITY, f64::from);
+    let received = count(received);
+    let each = match settings.filter {
+        FilterConfig::Grid { side, .. } => 4e-6 * count(side).powi(2),
+        FilterConfig::Particle { count: particles, .. }
+        | FilterConfig::RaoBlackwellised { count: particles } => 4e-6 * count(particles),
+        FilterConfig::GaussianSum { parts, .. } => 1e-4 * count(parts).powi(2),
+        // Those that solve over all receptions after each.
+        _ => 1e-3 + 1e-4 * received,
+    };
+    received * each
+}
+
+/// Why no bearing can be struck out in a page.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NotStrikable {
+    /// The page has the estimators of the library alone.
+    #[error("{estimator} is not one of the estimators that a page brings along")]
+    OwnCode {
+        /// The estimator.
+        estimator: String,
+    },
+    /// It would take too long.
+    #[error("{estimator} would take a browser about {seconds:.0} s for each change")]
+    TooHeavy {
+        /// The estimator.
+        estimator: String,
+        /// How long, about.
+        seconds: f64,
+    },
+    /// The header holds a number that JSON has not.
+    #[error("the header of the log cannot be written")]
+    NoText,
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_hunt::registry::Registry;
+
+    use super::*;
+
+    #[test]
+    fn the_heavy_are_refused() {
+        let text = concat!(
+            r#"{"foxhunt_log":6,"scenario":"field","seed":1,"estimator_name":"mine","#,
+            r#""model":{"reference_dbm":-29.06,"exponent":2.765},"beacons":[]}"#,
+        );
+        let header: LogHeader = serde_json::from_str(text).expect("a header");
+        let own = PageLog::live(&header, None).expect_err("the log has no settings");
+        assert_eq!(own, NotStrikable::OwnCode { estimator: "mine".to_owned() });
+        let registry = Registry::builtin();
+        let particle = registry.estimator("particle").expect("it is built in");
+        let log = PageLog::live(&header, Some(particle)).expect("2000 particles are few");
+        let header_line = log.lines().next().expect("a header");
+        let put: LogHeader = serde_json::from_str(header_line).expect("a header");
+        assert_eq!(put.estimator.as_ref(), particle.settings());
+        let many = particle.with_settings("count", |settings| {
+            settings.filter = FilterConfig::Particle { count: 1_000_000, adaptive_bin: None };
+        });
+        let heavy = PageLog::live(&header, many.ok().as_ref()).expect_err("it takes half an hour");
+        assert!(matches!(heavy, NotStrikable::TooHeavy { .. }), "{heavy}");
+    }
+}

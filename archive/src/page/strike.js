@@ -1,0 +1,225 @@
+// ---------------------------------------------------------------- striking out
+
+// The log's lines, which the replayer needs; none where the page cannot replay.
+const logLines = byId("log").textContent.split("\n").filter(Boolean);
+const strikable = () => received.some((one) => one.id);
+const idText = ({ drone, beacon, time }) => `${drone} ${beacon} ${time}`;
+const isChanged = () => received.some((one) => Boolean(one.struck) !== one.original.struck);
+const struckOnes = () => received.filter((one) => one.struck);
+
+// The list as `foxhunt replay --ignore` reads it.
+function struckText() {
+  const lines = struckOnes().map(({ id }) => JSON.stringify({ drone: id.drone, beacon: id.beacon, time: id.time }));
+  return `${[JSON.stringify({ foxhunt_struck: 1 }), ...lines].join("\n")}\n`;
+}
+
+// The receptions of a list; throws what is wrong with it.
+function readStruck(text) {
+  const known = new Map(received.filter((one) => one.id).map((one) => [idText(one.id), one])), listed = new Set();
+  const parse = (line, number) => {
+    try { return JSON.parse(line); } catch { throw new Error(`line ${number}: not JSON: ${line}`); }
+  };
+  text.split("\n").forEach((line, index) => {
+    if (index > 0 && !line.trim()) return;
+    const value = parse(line, index + 1);
+    if (index === 0) {
+      if (!value || value.foxhunt_struck !== 1) throw new Error(`line 1: no header of struck receptions: ${line}`);
+      return;
+    }
+    const one = value && known.get(idText(value));
+    if (!one) throw new Error(`line ${index + 1}: no reception of this hunt: ${line}`);
+    listed.add(one);
+  });
+  return listed;
+}
+
+function strikeButton(one) {
+  if (!one.id) return [];
+  const button = element("button", { type: "button", id: "strike-one", title: "x" }, one.struck ? "Take it back" : "Strike it out");
+  button.addEventListener("click", () => strike(one));
+  return [button];
+}
+
+function strike(one) {
+  if (!one.id) return;
+  one.struck = !one.struck;
+  if (state.selected === null) state.selected = one.index;
+  restrike();
+}
+
+// What is chosen, or else the latest one.
+function strikeSelected() {
+  const one = received[state.selected ?? countUntil(receivedTimes, state.time) - 1];
+  if (one) strike(one);
+}
+
+function strikeAll(ones) {
+  for (const one of received) one.struck = ones.has(one);
+  restrike();
+}
+
+function showStruck() {
+  byId("strike").hidden = !strikable();
+  const items = struckOnes().map((one) => {
+    const back = element("button", { type: "button" }, "take back");
+    back.setAttribute("aria-label", `Take back reception ${one.index + 1}`);
+    back.addEventListener("click", () => strike(one));
+    const show = element("button", { type: "button" }, `${clockText(one.time)}, ${data.receivers[one.receiver]?.name ?? one.receiver + 1}`);
+    show.addEventListener("click", () => { setTime(one.time); select(one.index); });
+    return element("li", {}, show, back);
+  });
+  byId("strike-list").replaceChildren(...items);
+  byId("strike-none").disabled = byId("strike-save").disabled = !items.length;
+}
+
+function strikeStatus(text) { byId("strike-status").textContent = text; }
+
+// ---------------------------------------------------------------- the estimator, in a worker
+
+// Runs the replayer, a program of standard input and output (WASI); nothing else reaches it.
+function work() {
+  const run = async (module, input) => {
+    const bytes = new TextEncoder().encode(input), written = { 1: [], 2: [] }, EBADF = 8, ENOSYS = 52;
+    let at = 0, memory, code = 0;
+    const view = () => new DataView(memory.buffer);
+    const pieces = function* pieces(vectors, count) {
+      for (let i = 0; i < count; i += 1) yield [view().getUint32(vectors + 8 * i, true), view().getUint32(vectors + 8 * i + 4, true)];
+    };
+    const ends = Symbol("ends"), wasi = {
+      fd_read(file, vectors, count, total) {
+        if (file !== 0) return EBADF;
+        const begin = at;
+        for (const [to, length] of pieces(vectors, count)) {
+          const piece = bytes.subarray(at, at + length);
+          new Uint8Array(memory.buffer).set(piece, to);
+          at += piece.length;
+        }
+        view().setUint32(total, at - begin, true);
+        return 0;
+      },
+      fd_write(file, vectors, count, total) {
+        if (!written[file]) return EBADF;
+        let sum = 0;
+        for (const [from, length] of pieces(vectors, count)) {
+          written[file].push(new Uint8Array(memory.buffer).slice(from, from + length));
+          sum += length;
+        }
+        view().setUint32(total, sum, true);
+        return 0;
+      },
+      environ_sizes_get(count, size) { view().setUint32(count, 0, true); view().setUint32(size, 0, true); return 0; },
+      environ_get: () => 0, fd_close: () => 0, fd_prestat_get: () => EBADF, fd_filestat_get: () => EBADF,
+      proc_exit(status) { code = status; throw ends; },
+    };
+    for (const { name } of WebAssembly.Module.imports(module)) wasi[name] ||= () => ENOSYS;
+    const { exports } = await WebAssembly.instantiate(module, { wasi_snapshot_preview1: wasi });
+    memory = exports.memory;
+    try { exports._start(); } catch (error) { if (error !== ends) throw error; }
+    const text = async (file) => new Blob(written[file]).text();
+    if (code !== 0) throw new Error(await text(2));
+    return JSON.parse(await text(1));
+  };
+  self.onmessage = async ({ data: { module, input, number } }) => {
+    try { self.postMessage({ number, result: await run(module, input) }); }
+    catch (error) { self.postMessage({ number, error: String(error.message || error) }); }
+  };
+}
+
+let replayer = null, worker = null, number = 0, busy = false, again = false;
+
+// The replayer as it stands in the page: WebAssembly, compressed, in base64.
+async function compile() {
+  const bytes = Uint8Array.from(atob(byId("replayer").textContent), (letter) => letter.charCodeAt(0));
+  const inflated = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return WebAssembly.compile(await new Response(inflated).arrayBuffer());
+}
+
+async function replayed() {
+  number += 1;
+  const mine = number, input = `${logLines.join("\n")}\n\n${struckText()}`;
+  replayer ||= compile();
+  const module = await replayer;
+  if (mine !== number) return null;
+  // What is still on its way is of no use any more.
+  if (worker && busy) { worker.terminate(); worker = null; }
+  if (!worker) {
+    const address = URL.createObjectURL(new Blob([`(${work})()`], { type: "text/javascript" }));
+    worker = new Worker(address);
+    URL.revokeObjectURL(address);
+  }
+  busy = true;
+  return new Promise((done, failed) => {
+    worker.onmessage = ({ data: { number: answered, result, error } }) => {
+      if (answered !== number) return;
+      busy = false;
+      if (error) failed(new Error(error)); else done(result);
+    };
+    worker.onerror = (event) => { busy = false; failed(new Error(event.message || "the worker failed")); };
+    worker.postMessage({ module, input, number: mine });
+  });
+}
+
+function showReplayed(result) {
+  data.searches.forEach((search, index) => {
+    search.beliefs = result ? result.searches[index] || [] : search.original;
+    search.unpacked = new Map();
+  });
+  const steps = result && new Map(result.received.map((step) => [idText(step.id), step]));
+  for (const one of received) {
+    const step = steps ? one.id && steps.get(idText(one.id)) : one.original;
+    if (step) { one.used = step.used; one.nis = step.nis || undefined; }
+  }
+  window.foxhunt.fixes = result ? result.fixes : null;
+  refresh();
+}
+
+// How far the last estimates moved from those that the page came with.
+function moved() {
+  return data.searches.map((search) => {
+    const [now, before] = [search.beliefs.at(-1), search.original.at(-1)];
+    return now && before ? `${search.name} moves by ${fixed(Math.hypot(now.place[0] - before.place[0], now.place[1] - before.place[1]), 2)} m` : null;
+  }).filter(Boolean).join(", ");
+}
+
+async function restrike() {
+  showStruck();
+  shownTurn = undefined;
+  redraw();
+  const count = struckOnes().length, receptions = `${count} reception${count === 1 ? "" : "s"} struck out`;
+  if (!isChanged()) {
+    number += 1;
+    showReplayed(null);
+    strikeStatus(count ? `${receptions}.` : "");
+    return;
+  }
+  if (data.not_strikable || !logLines.length) {
+    strikeStatus(`${receptions}. The estimates do not follow here: ${data.not_strikable || "the page has no log"}. Save the list for foxhunt replay --ignore.`);
+    return;
+  }
+  strikeStatus(`${receptions}; replaying …`);
+  const begun = performance.now();
+  try {
+    const result = await replayed();
+    if (!result) return;
+    showReplayed(result);
+    if (again) { again = false; restrike(); return; }
+    strikeStatus(`${receptions}: ${moved()} (replayed in ${fixed((performance.now() - begun) / 1000, 1)} s).`);
+  } catch (error) {
+    strikeStatus(`${receptions}. The page cannot replay: ${error.message}`);
+  }
+}
+
+byId("strike-save").addEventListener("click", () => {
+  const address = URL.createObjectURL(new Blob([struckText()], { type: "application/jsonl" }));
+  element("a", { href: address, download: "struck.jsonl" }).click();
+  setTimeout(() => URL.revokeObjectURL(address), 10000);
+});
+byId("strike-open").addEventListener("change", async (event) => {
+  const [file] = event.target.files;
+  if (!file) return;
+  try { strikeAll(readStruck(await file.text())); } catch (error) { strikeStatus(`${file.name}, ${error.message}`); }
+  event.target.value = "";
+});
+byId("strike-none").addEventListener("click", () => strikeAll(new Set()));
+showStruck();
+if (struckOnes().length) strikeStatus(`${struckOnes().length} struck out when this page was written.`);

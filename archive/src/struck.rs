@@ -1,0 +1,309 @@
+//! Receptions that were struck out by hand, in a file of JSON lines: a header, then one reception a
+//! line.
+//!
+//! ```json
+//! {"foxhunt_struck":1}
+//! {"drone":0,"beacon":1,"time":11.4899999999998}
+//! ```
+//!
+//! Drones and beacons have the numbers of the log, from 0; the time is that of the reception, with
+//! all of its digits.
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
+
+use foxhunt_core::{BeaconId, Reception};
+use foxhunt_hunt::{hunt::Event, log::Log};
+use serde::{Deserialize, Serialize};
+
+/// The version of the file that this program writes and reads.
+pub const STRUCK_VERSION: u32 = 1;
+
+/// What a reception of a log is known by.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReceptionId {
+    /// Which drone's, from 0.
+    pub drone: usize,
+    /// Of which beacon.
+    pub beacon: BeaconId,
+    /// When it was received, in seconds; every bit counts.
+    pub time: f64,
+}
+
+impl ReceptionId {
+    /// What a drone's reception is known by.
+    #[must_use]
+    pub fn new(drone: usize, reception: &Reception) -> Self {
+        Self { drone, beacon: reception.beacon, time: reception.time }
+    }
+
+    /// Drone, beacon and the bits of the time, where −0 is 0.
+    fn key(self) -> Key {
+        (self.drone, self.beacon, (self.time + 0.0).to_bits())
+    }
+}
+
+impl std::fmt::Display for ReceptionId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { drone, beacon, time } = self;
+        write!(f, "drone {drone}, beacon {}, time {time}", beacon.0)
+    }
+}
+
+type Key = (usize, BeaconId, u64);
+
+/// Receptions of a log that are left out of its replay; none by default.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Struck {
+    /// Each with its line in the file.
+    lines: BTreeMap<Key, usize>,
+}
+
+impl Struck {
+    /// Reads a file of receptions, each of which is in the log.
+    ///
+    /// # Errors
+    ///
+    /// [`StruckError`] names the file, the line and the value.
+    pub fn read(path: &Path, log: &Log) -> Result<Self, StruckError> {
+        let text = fs::read_to_string(path)
+            .map_err(|source| StruckError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text, path, log)
+    }
+
+    /// Reads receptions from text; `path` is what errors call it.
+    ///
+    /// # Errors
+    ///
+    /// [`StruckError`] names the file, the line and the value.
+    pub fn parse(text: &str, path: &Path, log: &Log) -> Result<Self, StruckError> {
+        let path = || path.to_owned();
+        let mut lines = text.lines().zip(1..);
+        let (first, _) = lines.next().unwrap_or_default();
+        let Header { foxhunt_struck: version } = serde_json::from_str(first)
+            .map_err(|source| StruckError::Header { path: path(), source })?;
+        if version != STRUCK_VERSION {
+            return Err(StruckError::Version { path: path(), version });
+        }
+        let mut struck = Self::default();
+        for (text, line) in lines.filter(|(text, _)| !text.trim().is_empty()) {
+            let reception: ReceptionId = serde_json::from_str(text)
+                .map_err(|source| StruckError::Line { path: path(), line, source })?;
+            let nearest = nearest(reception, log);
+            if nearest.is_none_or(|nearest| nearest.key() != reception.key()) {
+                return Err(StruckError::NoReception { path: path(), line, reception, nearest });
+            }
+            if let Some(before) = struck.lines.insert(reception.key(), line) {
+                return Err(StruckError::Twice { path: path(), line, reception, before });
+            }
+        }
+        Ok(struck)
+    }
+
+    /// Whether a reception is left out.
+    #[must_use]
+    pub fn contains(&self, reception: ReceptionId) -> bool {
+        self.lines.contains_key(&reception.key())
+    }
+
+    /// How many are left out.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// Whether none is left out.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    foxhunt_struck: u32,
+}
+
+/// The log's reception of the same drone and beacon that is nearest in time.
+fn nearest(wanted: ReceptionId, log: &Log) -> Option<ReceptionId> {
+    let receptions = log.events.iter().filter_map(|event| match event {
+        Event::Received { drone, reception, .. } => Some(ReceptionId::new(*drone, reception)),
+        _ => None,
+    });
+    receptions
+        .filter(|other| (other.drone, other.beacon) == (wanted.drone, wanted.beacon))
+        .min_by(|a, b| (a.time - wanted.time).abs().total_cmp(&(b.time - wanted.time).abs()))
+}
+
+fn where_it_is(nearest: Option<&ReceptionId>) -> String {
+    nearest.map_or_else(
+        || "that drone has none of that beacon".to_owned(),
+        |nearest| format!("the nearest is at {}", nearest.time),
+    )
+}
+
+/// Why a list of struck receptions cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StruckError {
+    /// The file cannot be read.
+    #[error("{}: cannot be read", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// The first line is no header.
+    #[error(
+        "{}, line 1: no header of struck receptions, such as {{\"foxhunt_struck\":1}}",
+        path.display()
+    )]
+    Header {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+    /// The list is of another version.
+    #[error(
+        "{}, line 1: foxhunt_struck is {version}; this program reads {STRUCK_VERSION}",
+        path.display()
+    )]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// Its version.
+        version: u32,
+    },
+    /// A line is no reception.
+    #[error("{}, line {line}: not drone, beacon and time of a reception", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// Which line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+    /// The log has no such reception.
+    #[error(
+        "{}, line {line}: the log has no reception of {reception}; {}",
+        path.display(),
+        where_it_is(nearest.as_ref())
+    )]
+    NoReception {
+        /// The file.
+        path: PathBuf,
+        /// Which line, from 1.
+        line: usize,
+        /// What stands there.
+        reception: ReceptionId,
+        /// The reception of the same drone and beacon that is nearest in time.
+        nearest: Option<ReceptionId>,
+    },
+    /// A reception stands there twice.
+    #[error("{}, line {line}: {reception} stands in line {before} already", path.display())]
+    Twice {
+        /// The file.
+        path: PathBuf,
+        /// Which line, from 1.
+        line: usize,
+        /// What stands there.
+        reception: ReceptionId,
+        /// Where it stood before.
+        before: usize,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_hunt::registry::Registry;
+
+    use super::*;
+    use crate::replay::{Replayer, replay};
+
+    /// A log of six bearings about a beacon at (40, 30) and of one that is far off, at 6 s.
+    fn log() -> Log {
+        let mut text = concat!(
+            r#"{"foxhunt_log":6,"scenario":"field","seed":1,"estimator_name":"ukf","#,
+            r#""model":{"reference_dbm":-29.06,"exponent":2.765},"beacons":[]}"#,
+            "\n",
+            r#"{"event":"beacon_started","time":0.0,"beacon":0,"name":"fox","#,
+            r#""prior":{"mean":[0.0,0.0],"covariance":[2500.0,0.0,0.0,2500.0]}}"#,
+            "\n",
+        )
+        .to_owned();
+        let places = [(0.0, 0.0), (60.0, 0.0), (0.0, 60.0), (20.0, 0.0), (60.0, 60.0), (40.0, 0.0)];
+        for (second, (east, north)) in (1_u8..).zip(places) {
+            let towards = f64::atan2(30.0 - north, 40.0 - east);
+            let angle = if second == 6 { -towards } else { towards };
+            let (time, drone) = (f64::from(second), second % 2);
+            text += &format!(
+                r#"{{"event":"received","time":{time:?},"drone":{drone},"first_position":false,"#,
+            );
+            text += &format!(
+                r#""reception":{{"beacon":0,"time":{time:?},"receiver":{{"position":[{east:?},"#,
+            );
+            text += &format!(
+                r#"{north:?},4.0],"heading":0.0}},"bearing":{{"angle":{angle:?},"sigma":0.1,"#,
+            );
+            text += "\"confidence\":0.9},\"covariance\":0.0}}\n";
+        }
+        Log::parse(&text, Path::new("log")).expect("a log")
+    }
+
+    fn parse(lines: &str) -> Result<Struck, StruckError> {
+        let text = format!("{{\"foxhunt_struck\":1}}\n{lines}");
+        Struck::parse(&text, Path::new("list"), &log())
+    }
+
+    #[test]
+    fn what_is_struck_is_as_if_it_had_never_been_received() {
+        let mut log = log();
+        let struck = parse("{\"drone\":0,\"beacon\":0,\"time\":6.0}\n\n").expect("it is there");
+        assert_eq!(struck.len(), 1);
+        let registry = Registry::builtin();
+        let ukf = registry.estimator("ukf").expect("it is built in");
+        let mut replayer =
+            Replayer::new(&log.header, &registry, Some(ukf)).expect("it is").without(struck);
+        for event in &log.events {
+            let _ = replayer.event(event).expect("a plain log");
+        }
+        let without = replayer.finish();
+        let with = replay(&log, &registry, Some(ukf)).expect("a plain log");
+        log.events.pop();
+        let never = replay(&log, &registry, Some(ukf)).expect("a plain log");
+        assert_eq!(without.fixes[0].estimate, never.fixes[0].estimate);
+        assert_eq!((without.fixes[0].steps, never.fixes[0].steps), (5, 5));
+        assert_ne!(with.fixes[0].estimate, never.fixes[0].estimate);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        let error = |lines: &str| parse(lines).expect_err("it is wrong").to_string();
+        let elsewhere = error("{\"drone\":0,\"beacon\":0,\"time\":5.9}");
+        for part in ["list, line 2", "time 5.9", "nearest is at 6"] {
+            assert!(elsewhere.contains(part), "{part:?} is not in {elsewhere}");
+        }
+        let other_drone = error("{\"drone\":1,\"beacon\":0,\"time\":6.0}");
+        assert!(other_drone.contains("nearest is at 5"), "{other_drone}");
+        let nobody = error("{\"drone\":0,\"beacon\":7,\"time\":6.0}");
+        assert!(nobody.contains("none of that beacon"), "{nobody}");
+        let line = "{\"drone\":0,\"beacon\":0,\"time\":6.0}";
+        let twice = error(&format!("{line}\n{line}\n"));
+        assert!(twice.contains("line 3") && twice.contains("line 2"), "{twice}");
+        for broken in ["6.0", "{\"drone\":0}", "{\"drone\":0,\"beacon\":0,\"time\":6.0,\"x\":1}"] {
+            assert!(error(broken).contains("line 2"), "{broken}");
+        }
+        for header in ["", "{}", "{\"foxhunt_struck\":2}", "{\"foxhunt_log\":6}"] {
+            let error = Struck::parse(header, Path::new("list"), &log()).expect_err("no header");
+            assert!(error.to_string().contains("list, line 1"), "{error}");
+        }
+    }
+}

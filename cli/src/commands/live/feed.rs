@@ -1,0 +1,228 @@
+use std::{
+    cell::Cell,
+    net::TcpListener,
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+        mpsc::{self, Receiver, Sender},
+    },
+    thread,
+    time::{Duration, SystemTime, UNIX_EPOCH},
+};
+
+use foxhunt::{
+    hunt::Event,
+    overview::{KeptTurn, OverviewReader},
+    page::{Live, Mark, PageLog, live_page, news, page_line},
+    replay::ReplayError,
+};
+use tokio::sync::watch;
+
+use super::{LivePlan, Shown, server};
+use crate::{commands::views::Antennas, error::CliError, output::warn};
+
+/// How many places stand for one belief at most: a long hunt is sent as a whole to who joins late.
+const PLACES: u32 = 500;
+
+/// How long browsers have to take the last news before the program ends.
+const FAREWELL: Duration = Duration::from_secs(2);
+
+/// What is shown, and to whom: shared by the hunt, the thread that reads it and the server.
+pub(super) struct Shared {
+    pub(super) page: String,
+    pub(super) token: Option<String>,
+    pub(super) orders: bool,
+    /// What the numbers of the news belong to: another hunt has others.
+    pub(super) run: String,
+    /// Everything that was to be shown since the beginning, in this order. Each browser has its
+    /// place in it, so that none of them is waited for, and who joins late gets all of it.
+    news: Mutex<Vec<Arc<str>>>,
+    /// How many news there are, and whether they are all.
+    pub(super) progress: watch::Sender<Progress>,
+    /// Whether somebody who has the token breaks the flight off.
+    broken_off: AtomicBool,
+}
+
+/// How far a hunt has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Progress {
+    pub(super) news: usize,
+    pub(super) over: bool,
+}
+
+impl Shared {
+    /// The news of a number, from 0.
+    pub(super) fn news(&self, number: usize) -> Option<Arc<str>> {
+        let news = self.news.lock().unwrap_or_else(PoisonError::into_inner);
+        news.get(number).cloned()
+    }
+
+    fn add(&self, text: String) {
+        let mut news = self.news.lock().unwrap_or_else(PoisonError::into_inner);
+        news.push(text.into());
+        let count = news.len();
+        drop(news);
+        self.progress.send_modify(|progress| progress.news = count);
+    }
+
+    pub(super) fn break_off(&self) {
+        self.broken_off.store(true, Ordering::Relaxed);
+    }
+}
+
+/// What happens in a hunt.
+enum Happening {
+    Turn(Box<KeptTurn>),
+    Event(Box<Event>),
+}
+
+/// A hunt that is shown while it goes on.
+pub(in crate::commands) struct LiveView {
+    /// None once the hunt is over.
+    happenings: Option<Sender<Happening>>,
+    shared: Arc<Shared>,
+    until_done: bool,
+    address: String,
+    /// How many turns were shown.
+    turns: Cell<usize>,
+    /// Ends when the server does.
+    ended: Receiver<()>,
+}
+
+impl LiveView {
+    /// Opens the address and serves the page from now on.
+    pub(in crate::commands) fn start(plan: &LivePlan, shown: &Shown<'_>) -> Result<Self, CliError> {
+        let LivePlan { address, token, until_done } = plan;
+        let refused = |error: std::io::Error| {
+            CliError::input(format!("--live={address}: cannot be served there: {error}"))
+        };
+        let listener = TcpListener::bind(address).map_err(refused)?;
+        listener.set_nonblocking(true).map_err(refused)?;
+        let address = listener.local_addr().map_err(refused)?;
+        let orders = shown.orders && token.is_some();
+        let (header, registry) = (shown.header.clone(), shown.registry.clone());
+        let (estimator, extractor) = (shown.estimator.clone(), shown.extractor.clone());
+        let beginning = OverviewReader::new(&header, &registry, Some(&estimator), None)
+            .map_err(CliError::failure)?;
+        let log = PageLog::live(&header, None);
+        let page = live_page(beginning.overview(), &log, Live { orders });
+        let shared = Arc::new(Shared {
+            page: page.map_err(CliError::failure)?,
+            token: token.clone(),
+            orders,
+            run: run_name(),
+            news: Mutex::new(Vec::new()),
+            progress: watch::Sender::new(Progress::default()),
+            broken_off: AtomicBool::new(false),
+        });
+        let (happenings, happened) = mpsc::channel();
+        let kept = Arc::clone(&shared);
+        thread::spawn(move || {
+            let antennas = Antennas::of(&extractor);
+            let reader =
+                OverviewReader::new(&header, &registry, Some(&estimator), antennas.known());
+            let read =
+                reader.and_then(|reader| follow(reader.with_places(PLACES), &happened, &kept));
+            if let Err(error) = read {
+                warn(&format!("the live view stops: {error}"));
+            }
+            kept.progress.send_modify(|progress| progress.over = true);
+        });
+        let (end, ended) = mpsc::channel();
+        server::start(listener, Arc::clone(&shared), *until_done, end)?;
+        announce(&shared, address);
+        let address = format!("http://{address}/");
+        Ok(Self {
+            happenings: Some(happenings),
+            shared,
+            until_done: *until_done,
+            address,
+            turns: Cell::new(0),
+            ended,
+        })
+    }
+
+    /// Shows an event, and the turns that were kept since the one before.
+    pub(in crate::commands) fn show(&self, event: &Event, turns: &[KeptTurn]) {
+        let shown = self.turns.replace(turns.len());
+        for turn in turns.get(shown..).unwrap_or_default() {
+            self.send(Happening::Turn(Box::new(turn.clone())));
+        }
+        self.send(Happening::Event(Box::new(event.clone())));
+    }
+
+    fn send(&self, happening: Happening) {
+        if let Some(happenings) = &self.happenings {
+            // Where the view has stopped, it has been on standard error why.
+            let _ = happenings.send(happening);
+        }
+    }
+
+    /// Whether somebody who has the token has broken the flight off since the last call.
+    pub(in crate::commands) fn is_broken_off(&self) -> bool {
+        self.shared.broken_off.swap(false, Ordering::Relaxed)
+    }
+
+    /// Goes on serving the page of a hunt that is over until `interrupted`, or ends at once where
+    /// that was wanted.
+    pub(in crate::commands) fn stay(mut self, interrupted: impl Fn() -> bool) {
+        self.happenings = None;
+        if self.until_done {
+            // All browsers have the last news then, or are too slow.
+            let _ = self.ended.recv_timeout(FAREWELL);
+            return;
+        }
+        warn(&format!("the hunt is over; {} stays until Ctrl-C", self.address));
+        while !interrupted() {
+            thread::sleep(Duration::from_millis(100));
+        }
+    }
+}
+
+/// Puts together what is new, as long as anything happens.
+fn follow(
+    mut reader: OverviewReader<'_>,
+    happened: &Receiver<Happening>,
+    shared: &Shared,
+) -> Result<(), ReplayError> {
+    let mut mark = Mark::default();
+    while let Ok(first) = happened.recv() {
+        let mut lines = Vec::new();
+        let mut next = Some(first);
+        while let Some(happening) = next {
+            match happening {
+                Happening::Turn(turn) => reader.turn(*turn),
+                Happening::Event(event) => {
+                    reader.event(&event)?;
+                    lines.extend(page_line(&event));
+                }
+            }
+            next = happened.try_recv().ok();
+        }
+        // JSON has a text for every overview; a page that misses one has the next.
+        if let Ok(Some(news)) = news(reader.overview(), &mut mark) {
+            let lines = serde_json::to_string(&lines).unwrap_or_default();
+            shared.add(format!("{{\"news\":{news},\"log\":{lines}}}"));
+        }
+    }
+    Ok(())
+}
+
+/// A name that another run of the program does not have.
+fn run_name() -> String {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    format!("{:x}", now.as_nanos())
+}
+
+/// Prints where the page is, and what others see of it.
+fn announce(shared: &Shared, address: std::net::SocketAddr) {
+    let query = if shared.token.is_some() { "?token=…" } else { "" };
+    warn(&format!("live view: http://{address}/{query}"));
+    if !address.ip().is_loopback() {
+        let orders = if shared.orders { ", and can break the flight off" } else { "" };
+        warn(&format!(
+            "others can reach this address: who has the token sees where the drones and beacons \
+             are, every reception and estimate{orders}; nothing is encrypted on its way"
+        ));
+    }
+}

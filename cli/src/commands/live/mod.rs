@@ -1,0 +1,135 @@
+//! The page of a hunt that goes on, served to browsers.
+
+#[cfg(feature = "live")]
+mod feed;
+#[cfg(feature = "live")]
+mod server;
+#[cfg(not(feature = "live"))]
+mod without;
+
+mod pace;
+
+pub(super) use pace::PaceArgs;
+
+use std::{env, net::SocketAddr};
+
+#[cfg(feature = "live")]
+pub(super) use feed::LiveView;
+#[cfg(not(feature = "live"))]
+pub(super) use without::LiveView;
+
+use foxhunt::{
+    config::ExtractorConfig,
+    log::LogHeader,
+    registry::{EstimatorEntry, Registry},
+};
+
+use crate::{error::CliError, hints};
+
+/// Whether and where a hunt is shown while it goes on.
+#[derive(Debug, clap::Args)]
+pub(super) struct LiveArgs {
+    /// Show the hunt in browsers while it goes on, at http://127.0.0.1:8017 unless another address
+    /// is given; one that others can reach needs a token
+    #[arg(
+        long,
+        value_name = "ADDRESS:PORT",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "127.0.0.1:8017"
+    )]
+    live: Option<SocketAddr>,
+    /// Who looks at the hunt needs this token; FOXHUNT_LIVE_TOKEN in the environment does the same,
+    /// and is not shown in lists of processes
+    #[arg(long, value_name = "TOKEN", requires = "live")]
+    live_token: Option<String>,
+    /// End with the hunt; the page is served until Ctrl-C otherwise
+    #[arg(long, requires = "live")]
+    live_until_done: bool,
+}
+
+/// The environment variable of the token.
+const TOKEN_VARIABLE: &str = "FOXHUNT_LIVE_TOKEN";
+
+/// How short a token may be.
+const SHORTEST_TOKEN: usize = 8;
+
+/// Where a hunt is shown, and to whom.
+#[derive(Clone, Debug)]
+#[cfg_attr(not(feature = "live"), expect(dead_code, reason = "nothing is served"))]
+pub(super) struct LivePlan {
+    address: SocketAddr,
+    token: Option<String>,
+    until_done: bool,
+}
+
+/// What is shown.
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(not(feature = "live"), expect(dead_code, reason = "nothing is served"))]
+pub(super) struct Shown<'a> {
+    pub(super) header: &'a LogHeader,
+    pub(super) registry: &'a Registry,
+    pub(super) estimator: &'a EstimatorEntry,
+    pub(super) extractor: &'a ExtractorConfig,
+    /// Whether who has the token may break it off.
+    pub(super) orders: bool,
+}
+
+impl LiveArgs {
+    /// What was wanted, if it was; refused before anything flies.
+    pub(super) fn plan(&self) -> Result<Option<LivePlan>, CliError> {
+        let Some(address) = self.live else { return Ok(None) };
+        if !cfg!(feature = "live") {
+            return Err(CliError::input(format!(
+                "--live needs a build with the feature live: {}, or in the repository `cargo run \
+                 --release -p foxhunt-cli --features live -- hunt --live`",
+                hints::build("live")
+            )));
+        }
+        let token = self.live_token.clone().or_else(|| env::var(TOKEN_VARIABLE).ok());
+        plan(address, token, self.live_until_done).map(Some)
+    }
+}
+
+fn plan(
+    address: SocketAddr,
+    token: Option<String>,
+    until_done: bool,
+) -> Result<LivePlan, CliError> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    if let Some(token) = &token
+        && (token.len() < SHORTEST_TOKEN || !token.chars().all(plain))
+    {
+        return Err(CliError::input(format!(
+            "the token of --live needs at least {SHORTEST_TOKEN} letters, digits, - or _"
+        )));
+    }
+    if token.is_none() && !address.ip().is_loopback() {
+        return Err(CliError::input(format!(
+            "--live={address}: others can reach it and would see where the drones and beacons \
+             are; it needs a token: --live-token, or {TOKEN_VARIABLE} in the environment"
+        )));
+    }
+    Ok(LivePlan { address, token, until_done })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_others_can_reach_needs_a_token() {
+        let address = |text: &str| text.parse::<SocketAddr>().expect("an address");
+        let token = |text: &str| Some(text.to_owned());
+        assert!(plan(address("127.0.0.1:8017"), None, false).is_ok());
+        assert!(plan(address("[::1]:8017"), None, false).is_ok());
+        for open in ["0.0.0.0:8017", "192.168.1.5:80", "[::]:8017"] {
+            let error = plan(address(open), None, false).expect_err("others can reach it");
+            assert!(error.to_string().contains(open), "{error}");
+            assert!(plan(address(open), token("correct-horse"), false).is_ok());
+        }
+        for short in ["", "secret", "with a space", "semi;colon"] {
+            assert!(plan(address("127.0.0.1:0"), token(short), false).is_err(), "{short:?}");
+        }
+    }
+}

@@ -1,0 +1,215 @@
+use std::{convert::Infallible, net::TcpListener, sync::Arc, sync::mpsc, thread, time::Duration};
+
+use axum::{
+    Router,
+    extract::{Request, State},
+    http::{HeaderMap, StatusCode, header},
+    middleware::{self, Next},
+    response::{
+        Html, IntoResponse, Response,
+        sse::{Event, KeepAlive, Sse},
+    },
+    routing::{get, post},
+};
+use futures_util::{Stream, stream};
+
+use super::feed::{Progress, Shared};
+use crate::error::CliError;
+
+/// How often a browser without news is written to, so that connections that are gone are noticed.
+const KEEP_ALIVE: Duration = Duration::from_secs(10);
+
+/// The cookie of the token.
+const COOKIE: &str = "foxhunt_live_token";
+
+/// How many browsers are served at once.
+const MOST_BROWSERS: usize = 100;
+
+/// Serves the page on a thread of its own; `end` is dropped when it ends: never, or when the hunt
+/// is over and every browser has all of it.
+pub(super) fn start(
+    listener: TcpListener,
+    shared: Arc<Shared>,
+    until_done: bool,
+    end: mpsc::Sender<()>,
+) -> Result<(), CliError> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.map_err(CliError::failure)?;
+    thread::spawn(move || {
+        let _end = end;
+        let mut progress = shared.progress.subscribe();
+        let over = async move {
+            // The sender lives as long as the server.
+            let _ = progress.wait_for(|progress| until_done && progress.over).await;
+        };
+        // A server that fails leaves the hunt as it is.
+        let _ = runtime.block_on(async move {
+            let listener = tokio::net::TcpListener::from_std(listener)?;
+            axum::serve(listener, router(shared)).with_graceful_shutdown(over).await
+        });
+    });
+    Ok(())
+}
+
+fn router(shared: Arc<Shared>) -> Router {
+    Router::new()
+        .route("/", get(page))
+        .route("/events", get(events))
+        .route("/break-off", post(break_off))
+        .layer(middleware::from_fn_with_state(Arc::clone(&shared), admit))
+        .with_state(shared)
+}
+
+/// Lets in who may look: everybody on this computer where there is no token, and otherwise who has
+/// it, in the address once and in a cookie from then on.
+async fn admit(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
+    let headers = request.headers();
+    let mut response = match &shared.token {
+        // A page of another site can make its own name mean this computer, and would read along.
+        None if !is_local(headers) => refused(StatusCode::FORBIDDEN, "not the name of loopback"),
+        None => next.run(request).await,
+        Some(token) if has_token(headers, token) => next.run(request).await,
+        Some(token) => match request.uri().query().and_then(|query| query.strip_prefix("token=")) {
+            Some(given) if same(given, token) => to_the_page(token),
+            _ => refused(StatusCode::UNAUTHORIZED, "this hunt is shown at /?token=TOKEN"),
+        },
+    };
+    for (name, value) in [
+        (header::CACHE_CONTROL, "no-store"),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::X_FRAME_OPTIONS, "DENY"),
+    ] {
+        let _ = response.headers_mut().insert(name, header::HeaderValue::from_static(value));
+    }
+    response
+}
+
+fn refused(status: StatusCode, why: &'static str) -> Response {
+    (status, why).into_response()
+}
+
+/// Keeps the token in a cookie, and out of the address.
+fn to_the_page(token: &str) -> Response {
+    let cookie = format!("{COOKIE}={token}; Path=/; HttpOnly; SameSite=Strict");
+    let headers = [(header::LOCATION, "/".to_owned()), (header::SET_COOKIE, cookie)];
+    (StatusCode::SEE_OTHER, headers).into_response()
+}
+
+/// Whether a browser took this computer for what it is.
+fn is_local(headers: &HeaderMap) -> bool {
+    let host = headers.get(header::HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
+    let name =
+        host.rsplit_once(':').filter(|_| !host.ends_with(']')).map_or(host, |(name, _)| name);
+    let name = name.trim_start_matches('[').trim_end_matches(']');
+    let loopback = name.parse().is_ok_and(|ip: std::net::IpAddr| ip.is_loopback());
+    loopback || name.eq_ignore_ascii_case("localhost")
+}
+
+fn has_token(headers: &HeaderMap, token: &str) -> bool {
+    let text = |name| headers.get_all(name).iter().filter_map(|value| value.to_str().ok());
+    let bearer = |value: &str| value.strip_prefix("Bearer ").is_some_and(|it| same(it, token));
+    let is_ours = |cookie: &str| {
+        let given = cookie.trim().split_once('=').filter(|(name, _)| *name == COOKIE);
+        given.is_some_and(|(_, value)| same(value, token))
+    };
+    text(header::AUTHORIZATION).any(bearer)
+        || text(header::COOKIE).flat_map(|cookies| cookies.split(';')).any(is_ours)
+}
+
+/// Compares in a time that does not depend on where two texts differ.
+fn same(given: &str, token: &str) -> bool {
+    let differences = given.bytes().zip(token.bytes()).fold(0, |all, (a, b)| all | (a ^ b));
+    given.len() == token.len() && differences == 0
+}
+
+async fn page(State(shared): State<Arc<Shared>>) -> Html<String> {
+    Html(shared.page.clone())
+}
+
+async fn break_off(State(shared): State<Arc<Shared>>) -> StatusCode {
+    if !shared.orders {
+        return StatusCode::FORBIDDEN;
+    }
+    shared.break_off();
+    StatusCode::ACCEPTED
+}
+
+/// The whole hunt, or what a browser that comes back does not have yet.
+async fn events(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Response {
+    if shared.progress.receiver_count() > MOST_BROWSERS {
+        return refused(StatusCode::SERVICE_UNAVAILABLE, "too many browsers");
+    }
+    let last = headers.get("last-event-id").and_then(|last| last.to_str().ok());
+    let begin = match last.map(|last| last.split_once('-')) {
+        None => Some(0),
+        Some(Some((run, number))) if run == shared.run => number.parse().ok(),
+        Some(_) => None,
+    };
+    let Some(begin) = begin else {
+        let other = Event::default().event("other").data("other");
+        return Sse::new(stream::iter([Ok::<_, Infallible>(other)])).into_response();
+    };
+    let keep_alive = KeepAlive::new().interval(KEEP_ALIVE);
+    Sse::new(from(shared, begin)).keep_alive(keep_alive).into_response()
+}
+
+/// The news from a number on, as fast as a browser takes them, and the end of the hunt.
+fn from(shared: Arc<Shared>, begin: usize) -> impl Stream<Item = Result<Event, Infallible>> {
+    let progress = shared.progress.subscribe();
+    stream::unfold(Some((shared, progress, begin)), |state| async move {
+        let (shared, mut progress, next) = state?;
+        let known = progress.wait_for(|now| now.news > next || now.over).await;
+        let known: Progress = known.map(|known| *known).unwrap_or_default();
+        match shared.news(next).filter(|_| next < known.news) {
+            Some(news) => {
+                let id = format!("{}-{}", shared.run, next + 1);
+                let event = Event::default().id(id).data(&*news);
+                Some((Ok(event), Some((shared, progress, next + 1))))
+            }
+            None => Some((Ok(Event::default().event("over").data("over")), None)),
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use axum::http::HeaderValue;
+
+    use super::*;
+
+    fn headers(name: header::HeaderName, value: &'static str) -> HeaderMap {
+        HeaderMap::from_iter([(name, HeaderValue::from_static(value))])
+    }
+
+    #[test]
+    fn other_names_of_this_computer_are_refused() {
+        for host in ["127.0.0.1:8017", "localhost:8017", "LOCALHOST", "[::1]:8017", "[::1]"] {
+            assert!(is_local(&headers(header::HOST, host)), "{host}");
+        }
+        for host in ["evil.example:8017", "127.0.0.1.evil.example", "192.168.0.3:8017", ""] {
+            assert!(!is_local(&headers(header::HOST, host)), "{host}");
+        }
+        assert!(!is_local(&HeaderMap::new()));
+    }
+
+    #[test]
+    fn a_token_opens() {
+        let token = "correct-horse";
+        for (name, value) in [
+            (header::AUTHORIZATION, "Bearer correct-horse"),
+            (header::COOKIE, "a=b; foxhunt_live_token=correct-horse"),
+        ] {
+            assert!(has_token(&headers(name, value), token), "{value}");
+        }
+        for (name, value) in [
+            (header::AUTHORIZATION, "Bearer correct-hors"),
+            (header::AUTHORIZATION, "Bearer correct-horsf"),
+            (header::AUTHORIZATION, "correct-horse"),
+            (header::COOKIE, "foxhunt_live_token=; foxhunt_live_tokens=correct-horse"),
+        ] {
+            assert!(!has_token(&headers(name, value), token), "{value}");
+        }
+        assert!(!has_token(&HeaderMap::new(), token));
+    }
+}
