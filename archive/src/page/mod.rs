@@ -1,9 +1,9 @@
 //! A page that shows a hunt in any browser: one file, without a network.
 //!
 //! `page.html`, `page.css` and the scripts are joined with the data, which stand in the page as
-//! JSON. Plots over time are drawn by uPlot, which lies beside them with its licence. Where bearings
-//! can be struck out, the page brings the estimators along: `foxhunt-replayer`, compiled to
-//! WebAssembly, and the lines of the log that it needs.
+//! JSON. Plots over time are drawn by uPlot, which lies beside them with its licence. Where
+//! bearings can be struck out, the page brings the estimators along: `foxhunt-replayer`, compiled
+//! to WebAssembly, and the lines of the log that it needs.
 
 mod data;
 mod points;

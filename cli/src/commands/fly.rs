@@ -14,9 +14,9 @@ use std::{
 };
 
 use foxhunt::{
-    core::{BeaconId, Clock, Sweep},
+    core::{BeaconId, Clock, PatternSource, Sweep},
     fly::{DroneConfig, FlightConfig, FlightReport, FlyError, Mission, Ports, SystemPorts, Tap},
-    hardware::{Finding, SystemClock},
+    hardware::{Aircraft, Finding, SystemClock},
     hunt::Event,
     log::{Log, LogWriter},
     nalgebra::Vector2,
@@ -257,18 +257,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             prompted = true;
             warn("all drones are ready: Enter takes off, Ctrl-C breaks off");
         }
-        match pilot.poll() {
-            PilotInput::None => {}
-            PilotInput::Enter if mission.is_ready() => mission.go(),
-            PilotInput::Enter | PilotInput::Interrupt => {
-                mission.abort(time, "the pilot breaks off");
-            }
-            PilotInput::Quit => {
-                let text = "the pilot quit: aircraft in the air are left to their autopilots and \
-                            remote controls";
-                return Err(CliError::failure(text));
-            }
-        }
+        pilot.steer(&mut mission, time)?;
         if live.as_ref().is_some_and(LiveView::is_broken_off) {
             mission.abort(time, "broken off in the live view");
         }
@@ -490,6 +479,27 @@ impl Pilot {
             }
         });
         Ok(Self { lines, interrupts, handled: Cell::new(0) })
+    }
+
+    /// Does what the pilot wants.
+    fn steer<A: Aircraft, S: PatternSource>(
+        &self,
+        mission: &mut Mission<A, S>,
+        time: f64,
+    ) -> Result<(), CliError> {
+        match self.poll() {
+            PilotInput::None => {}
+            PilotInput::Enter if mission.is_ready() => mission.go(),
+            PilotInput::Enter | PilotInput::Interrupt => {
+                mission.abort(time, "the pilot breaks off");
+            }
+            PilotInput::Quit => {
+                let text = "the pilot quit: aircraft in the air are left to their autopilots and \
+                            remote controls";
+                return Err(CliError::failure(text));
+            }
+        }
+        Ok(())
     }
 
     /// What the pilot did since the last call.
