@@ -1,4 +1,4 @@
-"""MAVSDK flies our emulated PX4."""
+"""MAVSDK reads our mission and flies our emulated PX4."""
 
 import math
 import subprocess
@@ -7,6 +7,7 @@ import time
 
 from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.action import Action
+from mavsdk.plugins.mission_raw import MissionRaw
 from mavsdk.plugins.offboard import Offboard, PositionNedYaw
 from mavsdk.plugins.telemetry import Telemetry
 
@@ -32,6 +33,12 @@ try:
     system = mavsdk.first_autopilot(timeout_s=20.0)
     if system is None:
         sys.exit("MAVSDK: found no autopilot")
+    items = MissionRaw(system).import_qgroundcontrol_mission(sys.argv[2]).mission_items
+    orders = [item.command for item in items]
+    if orders != [22, 178, 16, 16, 20]:
+        sys.exit(f"MAVSDK: the items of the mission are {orders}")
+    if [item.param1 for item in items[2:4]] != [40.0, 40.0] or items[2].z != 6.0:
+        sys.exit(f"MAVSDK: another place or time: {items[2]}")
     telemetry, action, offboard = Telemetry(system), Action(system), Offboard(system)
     until("a good position", lambda: telemetry.health().is_global_position_ok and telemetry.health().is_home_position_ok)
     action.set_takeoff_altitude(6.0)

@@ -34,6 +34,7 @@ use super::{
     emulate::{Emulated, Emulation},
     fixes, flight_plan,
     live::{LiveArgs, LiveView, PaceArgs, Shown},
+    mission_files,
     notices::Notices,
     views::{Antennas, Exports, keep_turns, write_page},
 };
@@ -61,7 +62,8 @@ use crate::{
                         foxhunt fly meadow.toml --out flights/meadow-3\n  \
                         foxhunt fly --emulate pritzl-6.1\n  \
                         foxhunt fly meadow.toml --advise\n  \
-                        foxhunt fly meadow.toml --live\n\n\
+                        foxhunt fly meadow.toml --live\n  \
+                        foxhunt fly meadow.toml --mission-to meadow.plan --hold-s 40\n\n\
                         Look at every device first: foxhunt devices meadow.toml")]
 pub(crate) struct Args {
     /// The flight: a TOML file (docs/flying.md)
@@ -76,6 +78,15 @@ pub(crate) struct Args {
     /// Check the file, print the plan, and touch no device
     #[arg(long)]
     dry_run: bool,
+    /// Write what each drone flies as a mission that a ground station uploads, and touch no device:
+    /// .plan for QGroundControl, .waypoints for Mission Planner; the planner has to know its places
+    /// beforehand
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["emulate", "dry_run"])]
+    mission_to: Option<PathBuf>,
+    /// How long a drone of the mission stays at each place, in seconds: the time of a turn of the
+    /// antenna
+    #[arg(long, value_name = "S", requires = "mission_to", default_value_t = 30.0)]
+    hold_s: f64,
     /// Take off without asking
     #[arg(long)]
     yes: bool,
@@ -185,6 +196,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let hunt = config.parts(registry, estimator, args.seed).build().map_err(CliError::input)?;
     if args.dry_run {
         return flight_plan::print(&config, hunt, output);
+    }
+    if let Some(file) = &args.mission_to {
+        return mission_files::write(&config, registry, file, args.hold_s, output);
     }
     let live = args.live.plan()?;
     if field.emulated.is_none() && args.pace.is_given() {

@@ -46,6 +46,8 @@ mod fixes;
 mod flight_plan;
 mod live;
 mod locating;
+#[cfg(feature = "hardware")]
+mod mission_files;
 mod notices;
 mod overrides;
 mod parameter;

@@ -2,6 +2,7 @@ use std::io;
 
 use foxhunt_core::parameter::FieldError;
 use foxhunt_hunt::{
+    config::PlannerConfigError,
     hunt::HuntError,
     registry::{PartsError, RegistryError},
 };
@@ -68,6 +69,15 @@ pub enum FlyError {
         /// Why not.
         source: io::Error,
     },
+    /// The planner goes by what is received.
+    #[error(
+        "the planner's places depend on what is received; those of `waypoints`, `lawn-mower` and \
+         `hold` are known beforehand"
+    )]
+    Route,
+    /// There is no such planner, or it refuses.
+    #[error(transparent)]
+    Planner(#[from] PlannerConfigError),
     /// The hunt cannot begin as planned.
     #[error("the hunt could not begin: {0}")]
     Plan(#[source] HuntError),

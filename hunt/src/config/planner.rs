@@ -113,6 +113,16 @@ pub(super) const fn reference_circumradius() -> f64 {
 }
 
 impl PlannerConfig {
+    /// Whether its places are known before anything is received.
+    #[must_use]
+    pub fn is_known_beforehand(&self) -> bool {
+        match self {
+            Self::Waypoints { .. } | Self::LawnMower { .. } | Self::Hold { .. } => true,
+            Self::Emulated { planner, .. } => planner.is_known_beforehand(),
+            _ => false,
+        }
+    }
+
     /// Builds the planner.
     ///
     /// # Errors
