@@ -43,7 +43,7 @@ impl<'a> Output<'a> {
 
     /// Whether the result is one value of JSON.
     pub(crate) fn is_json(self) -> bool {
-        self.json
+        self.json.is_some()
     }
 
     /// Whether this program is part of another one, which takes the result.

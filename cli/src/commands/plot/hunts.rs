@@ -9,6 +9,7 @@ use foxhunt::{
         Graph, NamedSearch, axes_over_steps, clouds_svg, error_over_steps, graph_svg, hunt_svg,
         nees_over_steps,
     },
+    struck::Struck,
 };
 
 use super::Drawing;
@@ -67,7 +68,14 @@ impl Replaying {
         let registry = context.registry;
         let other = self.estimator.as_deref();
         let other = other.map(|name| choice::estimator(registry, name, "--estimator"));
-        let replayed = Overview::of_log(&log, registry, other.transpose()?, &[], None);
+        let replayed = Overview::of_log(
+            &log,
+            registry,
+            other.transpose()?,
+            &Struck::default(),
+            Vec::new(),
+            None,
+        );
         let (overview, _) = replayed.map_err(|error| {
             let file = path.display().to_string();
             CliError::input(InFile { file, source: Box::new(error) })
