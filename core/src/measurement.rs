@@ -179,6 +179,16 @@ pub fn gaussian_log_likelihood<const N: usize, const M: usize>(
     each.fold(f64::NEG_INFINITY, noise::log_add)
 }
 
+/// The places between which a derivative by component `i` is taken. The step balances truncation
+/// against rounding: ε^⅓ of the component's size.
+pub(crate) fn around<const A: usize>(x: &SVector<f64, A>, i: usize) -> [SVector<f64, A>; 2] {
+    let step = libm::cbrt(f64::EPSILON) * libm::fmax(1.0, x[i].abs());
+    let (mut low, mut high) = (*x, *x);
+    low[i] -= step;
+    high[i] += step;
+    [low, high]
+}
+
 /// The Jacobian of `map` at `x` by central differences; `minus` is ⊖ on its image.
 #[must_use]
 pub fn numeric_jacobian<const A: usize, const B: usize>(
@@ -188,11 +198,7 @@ pub fn numeric_jacobian<const A: usize, const B: usize>(
 ) -> SMatrix<f64, B, A> {
     let mut jacobian = SMatrix::<f64, B, A>::zeros();
     for i in 0..A {
-        // The step that balances truncation against rounding: ε^⅓ of the component's size.
-        let step = libm::cbrt(f64::EPSILON) * libm::fmax(1.0, x[i].abs());
-        let (mut low, mut high) = (*x, *x);
-        low[i] -= step;
-        high[i] += step;
+        let [low, high] = around(x, i);
         jacobian.set_column(i, &(minus(&map(&high), &map(&low)) / (high[i] - low[i])));
     }
     jacobian

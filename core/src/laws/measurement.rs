@@ -3,8 +3,8 @@ use core::f64::consts::TAU;
 use nalgebra::SVector;
 
 use crate::{
-    Axis, BearingMode, BearingModes, MeasurementModel, Observation, Pose, State, noise::log_add,
-    numeric_jacobian,
+    Axis, BearingMode, BearingModes, MeasurementModel, Observation, Pose, State,
+    measurement::around, noise::log_add, numeric_jacobian,
 };
 
 /// A measurement model's laws at one state and one observation.
@@ -46,7 +46,15 @@ pub fn measurement_model<const N: usize, const M: usize>(
 
     let numeric =
         numeric_jacobian(state, |x| model.expected(x, receiver), |a, b| model.residual(a, b));
-    let error = (model.jacobian(state, receiver) - numeric).norm();
+    // A central difference is the derivative's mean between its places, here by Simpson's rule: near
+    // a null that is not the derivative in the middle.
+    let mut jacobian = model.jacobian(state, receiver);
+    for i in 0..N {
+        let [low, high] = around(state, i).map(|x| model.jacobian(&x, receiver));
+        let mean = (jacobian.column(i) * 4.0 + low.column(i) + high.column(i)) / 6.0;
+        jacobian.set_column(i, &mean);
+    }
+    let error = (jacobian - numeric).norm();
     assert!(error <= 1e-6 * (1.0 + numeric.norm()), "the jacobian is off by {error}");
 
     likelihoods(model, state, observation);
@@ -114,18 +122,60 @@ fn walk_round<const N: usize, const M: usize>(
     receiver: &Pose,
 ) {
     const STEPS: u16 = 360;
-    let around = |step: u16| {
-        let angle = TAU * f64::from(step) / f64::from(STEPS);
+    // The narrowest null of an antenna is wider than a degree over 2^20.
+    const HALVINGS: u8 = 20;
+    let place = |step: f64| {
+        let angle = TAU * step / f64::from(STEPS);
         let mut x = *state;
         x[0] = receiver.position.x + 50.0 * libm::cos(angle);
         x[1] = receiver.position.y + 50.0 * libm::sin(angle);
         model.expected(&x, receiver)
     };
-    let stride = |step: u16| model.residual(&around(step + 1), &around(step)).norm();
-    let path: f64 = (0..STEPS).map(stride).sum();
-    let longest = (0..STEPS).map(stride).fold(0.0, f64::max);
-    assert!(
-        longest <= path / f64::from(STEPS) * 8.0 + 1e-9,
-        "expected jumps by {longest} on a walk round the receiver"
-    );
+    let stride = |from: f64, to: f64| model.residual(&place(to), &place(from)).norm();
+    let strides = || (0..STEPS).map(f64::from).map(|step| (step, stride(step, step + 1.0)));
+    let path: f64 = strides().map(|(_, stride)| stride).sum();
+    let longest = |a: (f64, f64), b: (f64, f64)| if b.1 > a.1 { b } else { a };
+    let (mut from, jump) = strides().fold((0.0, 0.0), longest);
+    if jump <= path / f64::from(STEPS) * 8.0 + 1e-9 {
+        return;
+    }
+    // A null is steep, too, but a part of its stride is shorter than the whole of it.
+    let (mut width, mut rest) = (1.0, jump);
+    for _ in 0..HALVINGS {
+        width /= 2.0;
+        let middle = from + width;
+        let halves = [(from, stride(from, middle)), (middle, stride(middle, middle + width))];
+        (from, rest) = longest(halves[0], halves[1]);
+    }
+    assert!(rest < 0.1 * jump, "expected jumps by {jump} on a walk round the receiver");
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix1, Vector1, Vector2};
+
+    use super::*;
+    use crate::Quantity;
+
+    /// A bearing that is held to be a range.
+    struct Linear;
+
+    impl MeasurementModel<2, 1> for Linear {
+        fn quantities(&self) -> [Quantity; 1] {
+            [Quantity::RANGE]
+        }
+
+        fn expected(&self, state: &State<2>, receiver: &Pose) -> Vector1<f64> {
+            let sight = state - receiver.position.xy();
+            Vector1::new(libm::atan2(sight.y, sight.x))
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "jumps by 6.2")]
+    fn an_angle_that_is_held_to_be_none_jumps() {
+        let z =
+            Observation::new(0.0, Pose::at(1.0, 2.0, 3.0), Vector1::new(0.1), Matrix1::new(0.1));
+        measurement_model(&Linear, &Vector2::new(30.0, 40.0), &z.expect("proper"));
+    }
 }
