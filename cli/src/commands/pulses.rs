@@ -358,8 +358,9 @@ pub(super) fn line(pulse: &Pulse, rate: f64, file: &str, train: Option<usize>) -
     )
 }
 
-fn p(p_value: f64) -> String {
-    if p_value < 1e-99 { "<1e-99".to_owned() } else { format!("{p_value:.0e}") }
+/// A probability or a rate, however small.
+fn small(value: f64) -> String {
+    if value < 1e-99 { "<1e-99".to_owned() } else { format!("{value:.0e}") }
 }
 
 fn trains(trains: &[FoundTrain], frequency: &str) -> String {
@@ -385,8 +386,8 @@ fn trains(trains: &[FoundTrain], frequency: &str) -> String {
             number(train.snr_db, 1),
             train.pulses.to_string(),
             train.missed.to_string(),
-            format!("{:.0e}", train.false_alarms_per_hour),
-            p(train.p_value),
+            small(train.false_alarms_per_hour),
+            small(train.p_value),
         ]);
     }
     lines.to_string()
@@ -413,7 +414,7 @@ fn pulses(reports: &[Report]) -> String {
                     number(1e3 * pulse.width_s, 1),
                     number(pulse.power_dbm, 1),
                     number(pulse.snr_db, 1),
-                    p(*p_value),
+                    small(*p_value),
                 ]);
             }
             lines.push(pulses.to_string());
