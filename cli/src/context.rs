@@ -9,4 +9,6 @@ pub(crate) struct Context<'a> {
     pub(crate) output: Output<'a>,
     /// The estimators, extractors, planners and sources, by name.
     pub(crate) registry: &'a Registry,
+    /// All commands, their arguments with the names of a registry.
+    pub(crate) command_line: fn(&Registry) -> clap::Command,
 }

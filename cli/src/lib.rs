@@ -48,7 +48,8 @@ use crate::{context::Context, output::Output};
 pub fn run(registry: Registry) -> ExitCode {
     let parsed = args::parse(&registry, env::args_os());
     let args::Cli { json, command } = parsed.unwrap_or_else(|error| error.exit());
-    let context = Context { output: Output::new(json), registry: &registry };
+    let context =
+        Context { output: Output::new(json), registry: &registry, command_line: args::command };
     match commands::run(command, context) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => error.report(),
@@ -75,7 +76,8 @@ pub fn run_json(
         CommandError::Input(text.strip_prefix("error: ").unwrap_or(&text).trim_end().to_owned())
     })?;
     let json = RefCell::new(String::new());
-    let context = Context { output: Output::kept_in(&json), registry };
+    let output = Output::kept_in(&json);
+    let context = Context { output, registry, command_line: args::command };
     commands::run(cli.command, context)?;
     Ok(json.into_inner())
 }

@@ -12,7 +12,7 @@ const FRAME_S: f64 = 0.02;
 /// use foxhunt_signal::Waterfall;
 ///
 /// let mut waterfall = Waterfall::new(250e3, 80, 0.25).ok_or("no waterfall")?;
-/// let samples = vec![Default::default(); 125_000];
+/// let samples = vec![Default::default(); 150_000];
 /// let rows = waterfall.push(0, &samples);
 /// assert_eq!((rows.len(), rows[0].above_noise_db.len()), (2, 80));
 /// # Ok::<(), &str>(())

@@ -130,7 +130,7 @@ impl From<&BearingMode> for Mode {
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     args.views.check()?;
     let own = args.calibration.read()?;
     let antenna = Antennas::of(&args.extraction.config(registry, &ExtractorConfig::default())?);

@@ -58,7 +58,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     if !args.target_up_m.is_finite() {
         return Err(CliError::input(format!("--target-up-m is {}, no height", args.target_up_m)));
     }

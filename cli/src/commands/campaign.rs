@@ -56,7 +56,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     let mut scenario = choice::scenario(&args.scenario)?;
     args.settings.apply_to(&mut scenario, registry)?;
     args.planning.apply_to(&mut scenario, registry)?;

@@ -1,6 +1,6 @@
 use clap_complete::{Shell, generate};
 
-use crate::{args, context::Context, error::CliError};
+use crate::{context::Context, error::CliError};
 
 /// Print what a shell completes commands, flags and names with
 ///
@@ -18,8 +18,10 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
+    let mut command = (context.command_line)(context.registry);
+    let name = command.get_name().to_owned();
     let mut script = Vec::new();
-    generate(args.shell, &mut args::command(context.registry), args::PROGRAM, &mut script);
+    generate(args.shell, &mut command, name, &mut script);
     let script = String::from_utf8(script).map_err(CliError::failure)?;
     context.output.verbatim(&script)
 }

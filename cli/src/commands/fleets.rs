@@ -32,7 +32,7 @@ pub(crate) struct Args {
 const MOST_ROWS: usize = 20;
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     let planner = args.planning.entry(registry)?;
     let estimator = args.estimator.as_deref();
     let estimator = estimator.map(|name| choice::estimator(registry, name, "--estimator"));

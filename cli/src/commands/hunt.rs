@@ -65,7 +65,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     args.exports.check()?;
     let mut scenario = choice::scenario(&args.scenario)?;
     args.settings.apply_to(&mut scenario, registry)?;

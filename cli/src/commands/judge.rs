@@ -94,7 +94,7 @@ struct Summary {
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     let beside = args.against.iter().map(|name| choice::estimator(registry, name, "--against"));
     let beside = beside.collect::<Result<Vec<_>, _>>()?;
     let prepared = args.locating.prepare(&args.files, registry)?;

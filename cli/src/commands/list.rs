@@ -43,7 +43,7 @@ enum What {
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     match args.what {
         What::Scenarios => scenarios(output),
         What::Trials => trials(output),

@@ -121,7 +121,7 @@ struct Estimated {
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     args.views.check()?;
     args.movebank_to.iter().try_for_each(|path| writable::file(path))?;
     let prepared = args.locating.prepare(&args.files, registry)?;

@@ -6,7 +6,7 @@ use std::{
 use clap::Command;
 use clap_mangen::Man;
 
-use crate::{args, context::Context, error::CliError};
+use crate::{context::Context, error::CliError};
 
 /// Write the manual pages
 ///
@@ -23,7 +23,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let folder = &args.folder;
     fs::create_dir_all(folder).map_err(|error| CliError::writing(folder, error))?;
-    let mut command = args::command(context.registry).disable_help_subcommand(true);
+    let mut command = (context.command_line)(context.registry).disable_help_subcommand(true);
     command.build();
     let mut written = Vec::new();
     write(command, folder, &mut written)?;

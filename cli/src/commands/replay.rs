@@ -94,7 +94,7 @@ struct Replayed {
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     args.views.check()?;
     let log = Log::read(&args.log).map_err(|error: LogError| CliError::input(error))?;
     if log.torn {

@@ -26,7 +26,7 @@ pub(super) struct Args {
 }
 
 pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     let trial = choice::trial(&args.trial)?;
     let chosen = if args.estimator.is_empty() {
         let place = format!("{}: estimator", args.trial);

@@ -40,7 +40,7 @@ pub(super) struct Args {
 const DEFAULT_CASE: &str = "bearing-clean";
 
 pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     let case: BearingCase = bearing_case_named(&args.case)
         .ok_or_else(|| CliError::input(format!("{:?} is no case", args.case)))?;
     let extractors: Vec<ExtractorEntry> = if args.extractor.is_empty() {

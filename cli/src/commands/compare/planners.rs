@@ -46,7 +46,7 @@ pub(super) struct Args {
 const REFERENCE: &str = "pritzl2018";
 
 pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     let planners = compared(&args.planner, registry);
     let mut hunts: Vec<(Scenario, EstimatorEntry)> = Vec::new();
     for name in &args.scenarios {

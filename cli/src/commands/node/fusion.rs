@@ -80,7 +80,7 @@ impl Operator {
 }
 
 pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     let field = Field::find(&args.field)?;
     let confirms = field.is_flown() && !args.yes;
     if confirms && !io::stdin().is_terminal() {

@@ -185,7 +185,7 @@ impl Experiment for Soak<'_> {
 }
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
-    let Context { output, registry } = context;
+    let Context { output, registry, .. } = context;
     if let Some(path) = &args.again {
         return again(path, args.seed, registry, output);
     }
