@@ -27,6 +27,8 @@ pub struct SampleSource {
     read: u64,
     /// Where indices jump: after so many samples read, to this index.
     jumps: VecDeque<(u64, u64)>,
+    /// Why the next samples are refused.
+    refused: Option<SampleError>,
 }
 
 /// What bytes come from.
@@ -116,6 +118,7 @@ impl SampleSource {
             index: 0,
             read: 0,
             jumps: VecDeque::new(),
+            refused: None,
         })
     }
 
@@ -177,9 +180,13 @@ impl SampleSource {
     ///
     /// # Errors
     ///
-    /// [`SampleError`] if the input cannot be read, or holds a float that is not finite.
+    /// [`SampleError`] if the input cannot be read, or holds a float that is not finite; the samples
+    /// before it are given first.
     pub fn read(&mut self, samples: &mut Vec<Complex32>) -> Result<Option<u64>, SampleError> {
         samples.clear();
+        if let Some(refused) = self.refused.take() {
+            return Err(refused);
+        }
         while let Some((_, index)) = self.jumps.front().filter(|(at, _)| *at <= self.read) {
             self.index = self.index.max(*index);
             self.jumps.pop_front();
@@ -207,19 +214,22 @@ impl SampleSource {
                 *kept = filled - whole;
             }
             Reader::Wav(reader) => {
-                read_wav(reader, most, samples)
-                    .map_err(|source| of_wav(&self.file, self.read, source))?;
+                if let Err(source) = read_wav(reader, most, samples) {
+                    self.refused = Some(of_wav(&self.file, self.read, source));
+                }
             }
         }
-        if samples.is_empty() {
-            return Ok(None);
-        }
-        let count = samples.len() as u64;
         let bad = |sample: &Complex32| !(sample.re.is_finite() && sample.im.is_finite());
         if let Some(at) = samples.iter().position(bad) {
             let field = format!("sample {}", self.read + at as u64);
-            return Err(SampleError::field(&self.file, field, samples[at], "finite"));
+            let refused = SampleError::field(&self.file, field, samples[at], "finite");
+            self.refused = Some(refused);
+            samples.truncate(at);
         }
+        if samples.is_empty() {
+            return self.refused.take().map_or(Ok(None), Err);
+        }
+        let count = samples.len() as u64;
         let first = self.index;
         self.index = self.index.saturating_add(count);
         self.read += count;
@@ -227,6 +237,7 @@ impl SampleSource {
     }
 }
 
+/// Appends the next samples; those before an error, too.
 fn read_wav(
     reader: &mut hound::WavReader<Box<dyn Read + Send>>,
     most: usize,
@@ -234,22 +245,24 @@ fn read_wav(
 ) -> Result<(), hound::Error> {
     let spec = reader.spec();
     let mut values = Vec::with_capacity(2 * most);
-    match spec.sample_format {
+    let outcome = match spec.sample_format {
         hound::SampleFormat::Float => {
-            for value in reader.samples::<f32>().take(2 * most) {
+            reader.samples::<f32>().take(2 * most).try_for_each(|value| {
                 values.push(value?);
-            }
+                Ok(())
+            })
         }
         hound::SampleFormat::Int => {
             let scale = 2.0_f32.powi(1 - i32::from(spec.bits_per_sample));
-            for value in reader.samples::<i32>().take(2 * most) {
+            reader.samples::<i32>().take(2 * most).try_for_each(|value| {
                 #[expect(clippy::cast_precision_loss, reason = "receivers have at most 24 bits")]
                 values.push(value? as f32 * scale);
-            }
+                Ok(())
+            })
         }
-    }
+    };
     samples.extend(values.as_chunks().0.iter().map(|[i, q]| Complex32::new(*i, *q)));
-    Ok(())
+    outcome
 }
 
 fn of_wav(file: &str, samples: u64, error: hound::Error) -> SampleError {
@@ -374,7 +387,10 @@ mod tests {
     #[test]
     fn errors_name_file_field_and_value() {
         let bytes = [1.0_f32, 0.0, 0.0, f32::NAN].map(f32::to_le_bytes).concat();
-        let error = raw(&bytes, SampleFormat::Cf32, 100).read(&mut Vec::new());
+        let (mut source, mut samples) = (raw(&bytes, SampleFormat::Cf32, 100), Vec::new());
+        assert_eq!(source.read(&mut samples).expect("the one before"), Some(0));
+        assert_eq!(samples, [Complex32::new(1.0, 0.0)]);
+        let error = source.read(&mut samples);
         assert_eq!(
             error.expect_err("NaN").to_string(),
             "a: sample 1 is 0+NaNi, and must be finite"
