@@ -42,18 +42,8 @@ pub(crate) struct Args {
     /// A file that `campaign --store` wrote
     #[arg(required = true)]
     file: Option<PathBuf>,
-    /// Only this estimator, again for each more; `NAME@DIGEST` where several have the name
-    #[arg(long, value_name = "NAME")]
-    estimator: Vec<String>,
-    /// Only campaigns with this planner
-    #[arg(long, value_name = "NAME")]
-    planner: Option<String>,
-    /// Only campaigns of this scenario
-    #[arg(long, value_name = "NAME")]
-    scenario: Option<String>,
-    /// Only this beacon
-    #[arg(long, value_name = "NAME")]
-    beacon: Option<String>,
+    #[command(flatten)]
+    selection: Selection,
     /// Only these seeds, the last one included
     #[arg(long, value_name = "A..B")]
     seeds: Option<Seeds>,
@@ -79,6 +69,36 @@ pub(crate) struct Args {
     /// The file that the log is written to
     #[arg(long, value_name = "FILE", requires = "log_of")]
     log: Option<PathBuf>,
+}
+
+/// Which runs of a store.
+#[derive(Debug, clap::Args)]
+pub(super) struct Selection {
+    /// Only this estimator, again for each more; `NAME@DIGEST` where several have the name
+    #[arg(long, value_name = "NAME")]
+    estimator: Vec<String>,
+    /// Only campaigns with this planner
+    #[arg(long, value_name = "NAME")]
+    planner: Option<String>,
+    /// Only campaigns of this scenario
+    #[arg(long, value_name = "NAME")]
+    scenario: Option<String>,
+    /// Only this beacon
+    #[arg(long, value_name = "NAME")]
+    beacon: Option<String>,
+}
+
+impl Selection {
+    /// The runs with these seeds; with any unless given.
+    pub(super) fn filter(&self, seeds: Option<Range<u64>>) -> Filter {
+        Filter {
+            estimators: self.estimator.clone(),
+            planner: self.planner.clone(),
+            scenario: self.scenario.clone(),
+            beacon: self.beacon.clone(),
+            seeds,
+        }
+    }
 }
 
 /// What else is done with stores.
@@ -131,13 +151,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         (None, None) => return Err(CliError::input("a file is missing")),
     };
     let store = Store::open(path).map_err(failed)?;
-    let filter = Filter {
-        estimators: args.estimator.clone(),
-        planner: args.planner.clone(),
-        scenario: args.scenario.clone(),
-        beacon: args.beacon.clone(),
-        seeds: args.seeds.clone().map(|Seeds(seeds)| seeds),
-    };
+    let filter = args.selection.filter(args.seeds.clone().map(|Seeds(seeds)| seeds));
     let mut written = false;
     if let Some(path) = &args.csv {
         let rows = write_csv(&store, &filter, created(path)?).map_err(failed)?;

@@ -16,7 +16,8 @@ use crate::{
 const STYLE: &str = "\
 :root { font: 16px/1.4 system-ui, sans-serif; color: #000; background: #fff; }
 body { margin: 0 auto; max-width: 1180px; padding: 0 12px 24px; }
-h1 { font-size: 1.5rem; overflow-wrap: anywhere; } h2 { font-size: 1.25rem; margin-top: 2rem; } h3 { font-size: 1.05rem; }
+h1 { font-size: 1.5rem; overflow-wrap: anywhere; }
+h2 { font-size: 1.25rem; margin-top: 2rem; } h3 { font-size: 1.05rem; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
 th, td { text-align: right; padding: 3px 8px; border-bottom: 1px solid #ccc; white-space: nowrap; }

@@ -8,8 +8,8 @@ use crate::support::{folder, foxhunt};
 fn completed(script: &str, words: &[&str]) -> Vec<String> {
     let last = words.len() - 1;
     let call = format!(
-        "set -eu; source {script}; complete -p foxhunt >/dev/null; COMP_WORDS=({}); COMP_CWORD={last}; \
-         _foxhunt foxhunt \"{}\" \"{}\"; printf '%s\\n' \"${{COMPREPLY[@]}}\"",
+        "set -eu; source {script}; complete -p foxhunt >/dev/null; COMP_WORDS=({}); \
+         COMP_CWORD={last}; _foxhunt foxhunt \"{}\" \"{}\"; printf '%s\\n' \"${{COMPREPLY[@]}}\"",
         words.join(" "),
         words[last],
         words[last - 1],

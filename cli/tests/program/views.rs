@@ -63,7 +63,9 @@ fn a_track_is_a_page_with_its_places_in_time() {
     let folder = folder("track_view");
     let csv = folder.join("stations.csv");
     // Three stations; the transmitter goes East at 1 m/s.
-    let mut rows = "drone,beacon,time_s,east_m,north_m,bearing_deg_compass,bearing_sigma_deg,truth_east_m,truth_north_m\n".to_owned();
+    let mut rows = "drone,beacon,time_s,east_m,north_m,bearing_deg_compass,bearing_sigma_deg,\
+                    truth_east_m,truth_north_m\n"
+        .to_owned();
     for minute in 0..10_i32 {
         let (time, east, north) = (60 * minute, 60 * minute - 300, 200);
         for (name, x, y) in [("a", -400, 0), ("b", 400, 0), ("c", 0, 600)] {

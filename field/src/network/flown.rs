@@ -12,8 +12,8 @@ use crate::fly::{Ending, FlightRules, FlownDrone};
 
 /// A [`DroneNode`] with a real aircraft, by the same pilot's rules as a
 /// [`Mission`](crate::fly::Mission): it takes off by an order alone, which comes when all drones
-/// are ready; what the pilot takes gets no orders until he gives it back; and it leaves by its rules
-/// when the hunt is over or broken off.
+/// are ready; what the pilot takes gets no orders until he gives it back; and it leaves by its
+/// rules when the hunt is over or broken off.
 ///
 /// Without orders it flies to its last goal and holds there; after
 /// [`orders_timeout_s`](FlightRules::orders_timeout_s) it leaves as when the pilot breaks off. An

@@ -2,8 +2,8 @@
 //!
 //! A [`DroneNode`] turns its antenna, makes receptions of its sweeps, and flies where it is sent; a
 //! [`FlownNode`] does so with a real aircraft, by its pilot's rules. A [`FusionNode`] runs the
-//! [`Hunt`](foxhunt_hunt::hunt::Hunt). Both repeat their messages, so that whatever is lost, late or
-//! doubled on the way, and whichever of them is restarted, nothing is counted twice and nothing
+//! [`Hunt`](foxhunt_hunt::hunt::Hunt). Both repeat their messages, so that whatever is lost, late
+//! or doubled on the way, and whichever of them is restarted, nothing is counted twice and nothing
 //! that was delivered is lost.
 //!
 //! # Why this is not `drive`

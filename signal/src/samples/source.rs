@@ -180,8 +180,8 @@ impl SampleSource {
     ///
     /// # Errors
     ///
-    /// [`SampleError`] if the input cannot be read, or holds a float that is not finite; the samples
-    /// before it are given first.
+    /// [`SampleError`] if the input cannot be read, or holds a float that is not finite; the
+    /// samples before it are given first.
     pub fn read(&mut self, samples: &mut Vec<Complex32>) -> Result<Option<u64>, SampleError> {
         samples.clear();
         if let Some(refused) = self.refused.take() {

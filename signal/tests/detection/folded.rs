@@ -1,4 +1,5 @@
-//! Trains of pulses too weak one by one: how weak they may be, and how often noise is taken for one.
+//! Trains of pulses too weak one by one: how weak they may be, and how often noise is taken for
+//! one.
 
 use foxhunt_signal::{
     Pulse,
@@ -166,8 +167,8 @@ fn a_train_has_its_interval_frequency_drift_and_pulses() {
     assert!(train.pulses.is_sorted_by(|a, b| a.time_s < b.time_s));
 }
 
-/// Single pulses far above the noise at one frequency, clicks and carriers are no trains, and beside
-/// a strong tag there are no others of its shape but a weak one at its own frequency.
+/// Single pulses far above the noise at one frequency, clicks and carriers are no trains, and
+/// beside a strong tag there are no others of its shape but a weak one at its own frequency.
 #[test]
 fn what_is_no_train_is_none() {
     let mut air = Air::new(RATE_HZ, 9);

@@ -6,6 +6,8 @@ use foxhunt::picture::{Ratios, ratios_svg};
 use serde::Deserialize;
 
 use super::Drawing;
+#[cfg(feature = "store")]
+use crate::commands::results;
 use crate::{
     error::{CliError, InFile},
     output::Output,
@@ -101,37 +103,19 @@ pub(super) fn planners(args: &Planners, output: Output) -> Result<(), CliError> 
 pub(super) struct Distributions {
     /// A file that `campaign --store` wrote
     file: PathBuf,
-    /// Only this estimator, again for each more; `NAME@DIGEST` where several have the name
-    #[arg(long, value_name = "NAME")]
-    estimator: Vec<String>,
-    /// Only campaigns with this planner
-    #[arg(long, value_name = "NAME")]
-    planner: Option<String>,
-    /// Only campaigns of this scenario
-    #[arg(long, value_name = "NAME")]
-    scenario: Option<String>,
-    /// Only this beacon
-    #[arg(long, value_name = "NAME")]
-    beacon: Option<String>,
+    #[command(flatten)]
+    selection: results::Selection,
     #[command(flatten)]
     drawing: Drawing,
 }
 
 #[cfg(feature = "store")]
 pub(super) fn distributions(args: &Distributions, output: Output) -> Result<(), CliError> {
-    use foxhunt::store::{Filter, Store};
-
-    use crate::commands::{results, storing};
+    use foxhunt::store::Store;
 
     args.drawing.check()?;
-    let store = Store::open(&args.file).map_err(|error| storing::error(error, ""))?;
-    let filter = Filter {
-        estimators: args.estimator.clone(),
-        planner: args.planner.clone(),
-        scenario: args.scenario.clone(),
-        beacon: args.beacon.clone(),
-        seeds: None,
-    };
+    let store = Store::open(&args.file).map_err(results::reading)?;
+    let filter = args.selection.filter(None);
     let (own, distributions) = results::titled_distributions(&store, &filter)?;
     let title = args.drawing.title(&own);
     args.drawing.write(foxhunt::picture::distributions_svg(&title, &distributions), output)

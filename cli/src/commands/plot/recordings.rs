@@ -144,8 +144,8 @@ impl Measured {
         of_log: fn(&Reception, [f64; 2]) -> Option<T>,
     ) -> Result<Vec<T>, CliError> {
         if self.truth.is_some() || self.extraction.is_given() {
-            let text = "--truth, --extractor and --antenna are for recordings: a log has a truth of \
-                        its own, and bearings that were made already";
+            let text = "--truth, --extractor and --antenna are for recordings: a log has a truth \
+                        of its own, and bearings that were made already";
             return Err(CliError::input(text));
         }
         let mut found = Vec::new();
