@@ -385,6 +385,23 @@ mod tests {
     }
 
     #[test]
+    fn a_wav_file_that_was_cut_off_is_read_to_its_last_sample() {
+        let spec = hound::WavSpec {
+            channels: 2,
+            sample_rate: 8000,
+            bits_per_sample: 16,
+            sample_format: hound::SampleFormat::Int,
+        };
+        let mut bytes = wav(spec, &[16384_i16, 0, -8192, 0, 1, 1]);
+        bytes.truncate(bytes.len() - 3);
+        let mut source = SampleSource::wav("a", Box::new(Cursor::new(bytes)), None).expect("WAV");
+        let mut samples = Vec::new();
+        assert_eq!(source.read(&mut samples).expect("those that are whole"), Some(0));
+        assert_eq!(samples, [0.5, -0.25].map(|i| Complex32::new(i, 0.0)));
+        assert!(source.read(&mut samples).is_err(), "and then it ends too early");
+    }
+
+    #[test]
     fn errors_name_file_field_and_value() {
         let bytes = [1.0_f32, 0.0, 0.0, f32::NAN].map(f32::to_le_bytes).concat();
         let (mut source, mut samples) = (raw(&bytes, SampleFormat::Cf32, 100), Vec::new());
