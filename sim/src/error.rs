@@ -36,6 +36,13 @@ pub enum SimError {
         /// What it was called.
         mode: String,
     },
+    /// A drone was put at a pose with numbers that are not finite.
+    #[cfg(feature = "emulators")]
+    #[error("drone {drone} was put at a pose that is not finite")]
+    Pose {
+        /// Which one.
+        drone: usize,
+    },
     /// There is no link to the drone at present.
     #[error("there is no link")]
     Link {

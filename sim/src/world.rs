@@ -169,6 +169,23 @@ impl World {
         Ok(self.on_board(drone)?.with(|drone, _| drone.body.path_length()))
     }
 
+    /// Puts a drone where something outside of the world flies it: its antenna and its radio go
+    /// along, and orders of this world move it no more.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Pose`] for a pose that is not
+    /// finite.
+    #[cfg(feature = "emulators")]
+    pub fn carry(&self, drone: usize, pose: Pose) -> Result<(), SimError> {
+        let on_board = self.on_board(drone)?;
+        if !pose.is_finite() {
+            return Err(SimError::Pose { drone });
+        }
+        on_board.with(|drone, _| drone.body.carry(pose));
+        Ok(())
+    }
+
     /// One sample of a beacon through an antenna on a drone, now, in dBm; `None` where it is lost,
     /// below the receiver's floor, or not transmitted.
     ///

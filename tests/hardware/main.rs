@@ -3,6 +3,7 @@
 
 mod advised;
 mod ardrone;
+mod carried;
 mod faults;
 mod firmware;
 mod flown;

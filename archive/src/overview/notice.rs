@@ -69,6 +69,7 @@ pub fn notice(event: &Event) -> Option<Notice> {
             let hindrance = Some(hindrance).filter(|text| !text.is_empty());
             let hindrance = hindrance.map_or_else(String::new, |text| format!("; {text}"));
             let drone = drone.saturating_add(1);
+            let mode = Some(mode.as_str()).filter(|mode| !mode.is_empty()).unwrap_or("no mode yet");
             (time, true, format!("drone {drone}: {mode}, {place}{hindrance}"))
         }
         Event::ClockOffset { time, drone, offset_s, uncertainty_s, jumps } => {

@@ -7,7 +7,7 @@ use std::{
 };
 
 use foxhunt_core::BeaconId;
-use foxhunt_hardware::{FirmataConfig, MavlinkConfig, XbeeConfig};
+use foxhunt_hardware::{FirmataConfig, MavlinkConfig, MavlinkOrigin, XbeeConfig};
 use foxhunt_hunt::{config::SourceConfig, scenario::Scenario};
 use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig};
 use foxhunt_sim::{
@@ -24,8 +24,9 @@ use foxhunt_wire::{
 use serde::{Deserialize, Serialize};
 
 use super::{
-    DroneConfig, FlightConfig, FlightRules, FlownBeacon, ListenConfig, Ports, RadioDevice,
-    RotatorDevice, Site, VehicleDevice, emulated_tags::Tags,
+    CarriedDrone, CarriedDroneError, DroneConfig, FlightConfig, FlightRules, FlownBeacon,
+    ForeignVehicle, ListenConfig, Ports, RadioDevice, RotatorDevice, Site, VehicleDevice,
+    emulated_tags::Tags,
 };
 
 /// How long a position and the first one of a turn may take with a real motor, in seconds.
@@ -47,6 +48,10 @@ pub struct EmulatedFieldConfig {
     /// free ones where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_port: Option<u16>,
+    /// Vehicles of other programs, drone by drone, with which the radios and motors fly; those that
+    /// are left out are emulated.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub vehicles: Vec<ForeignVehicle>,
     /// What goes wrong, drone by drone; nothing for those that are left out.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<DroneFaults>,
@@ -73,7 +78,8 @@ impl Default for EmulatedFieldConfig {
         let site = Site { lat_deg: 50.0755, lon_deg: 14.4378, ground_alt_m: None };
         let autopilot = Autopilot::ArduPilot;
         let rtl_tcp = EmulatedRtlTcpConfig::default();
-        Self { site, autopilot, first_port: None, faults: Vec::new(), rtl_tcp }
+        let (vehicles, faults) = (Vec::new(), Vec::new());
+        Self { site, autopilot, first_port: None, vehicles, faults, rtl_tcp }
     }
 }
 
@@ -181,13 +187,19 @@ impl EmulatedField {
         };
         let turn_s = &mut field.flight.hunt.turn_timeout_s;
         *turn_s = turn_s.max(TURN_S);
+        let (vehicles, drones) = (config.vehicles.len(), scenario.world.drones.len());
+        if vehicles > drones {
+            return Err(EmulatedFieldError::Vehicles { vehicles, drones });
+        }
         // Beacons that appear later are no part of a flight's list.
         field.flight.beacons.truncate(count);
         for (drone, stands) in scenario.world.drones.iter().enumerate() {
             field.flight.flight.takeoff_up_m = stands.up_m;
             let source = scenario.sources.get(drone).unwrap_or(&scenario.source);
             field.add(world, drone, config, source, tags.as_ref(), &mut place)?;
-            if let Some(flown) = field.flight.drones.last_mut() {
+            // Where a foreign vehicle stands is its own affair.
+            let ours = drone >= vehicles;
+            if let Some(flown) = field.flight.drones.last_mut().filter(|_| ours) {
                 flown.launch_m = Some([stands.east_m, stands.north_m]);
             }
         }
@@ -203,18 +215,12 @@ impl EmulatedField {
         tags: Option<&Tags>,
         place: &mut Place<'_>,
     ) -> Result<(), EmulatedFieldError> {
-        let name = format!("drone-{}", drone + 1);
+        let name = name(drone);
         let faults = config.faults.get(drone).cloned().unwrap_or_default();
-        let site = config.site;
-        let autopilot = AutopilotConfig {
-            origin: Geodetic::new(site.lat_deg, site.lon_deg, site.ground_alt_m.unwrap_or(0.0))?,
-            autopilot: config.autopilot,
-            faults: faults.vehicle,
-            ..AutopilotConfig::default()
+        let vehicle = match config.vehicles.get(drone) {
+            Some(foreign) => self.follow(world, drone, config.site, foreign, place)?,
+            None => self.fly(world, drone, config, faults.vehicle, place)?,
         };
-        let (stream, endpoint) = place.datagrams(config.first_port, drone)?;
-        let vehicle = EmulatedAutopilot::new(autopilot, world, drone, stream)?;
-        self.keep(&name, "vehicle", vehicle);
 
         let radio = if let Some(tags) = tags {
             let (stream, endpoint) = place.server(world, &name, faults.radio)?;
@@ -264,12 +270,54 @@ impl EmulatedField {
             }
             other => return Err(EmulatedFieldError::Source { drone, kind: other.clone() }),
         };
-        let vehicle = VehicleDevice::Mavlink { endpoint, settings: MavlinkConfig::default() };
         let radio = Some(radio);
         let launch_m = None;
         let drone = DroneConfig { name, launch_m, vehicle, gnss: None, radio, rotator, source };
         self.flight.drones.push(drone);
         Ok(())
+    }
+
+    /// An emulated autopilot.
+    fn fly(
+        &mut self,
+        world: &World,
+        drone: usize,
+        config: &EmulatedFieldConfig,
+        faults: AutopilotFaults,
+        place: &mut Place<'_>,
+    ) -> Result<VehicleDevice, EmulatedFieldError> {
+        let site = config.site;
+        let autopilot = AutopilotConfig {
+            origin: Geodetic::new(site.lat_deg, site.lon_deg, site.ground_alt_m.unwrap_or(0.0))?,
+            autopilot: config.autopilot,
+            faults,
+            ..AutopilotConfig::default()
+        };
+        let (stream, endpoint) = place.datagrams(config.first_port, drone)?;
+        let vehicle = EmulatedAutopilot::new(autopilot, world, drone, stream)?;
+        self.keep(&name(drone), "vehicle", vehicle);
+        Ok(VehicleDevice::Mavlink { endpoint, settings: MavlinkConfig::default() })
+    }
+
+    /// A vehicle of another program, which the drone's other devices follow.
+    fn follow(
+        &mut self,
+        world: &World,
+        drone: usize,
+        site: Site,
+        foreign: &ForeignVehicle,
+        place: &Place<'_>,
+    ) -> Result<VehicleDevice, EmulatedFieldError> {
+        if matches!(place, Place::Memory(_)) {
+            return Err(EmulatedFieldError::Foreign { drone });
+        }
+        let Site { lat_deg, lon_deg, .. } = site;
+        let settings = MavlinkConfig { system_id: foreign.system_id, ..MavlinkConfig::default() };
+        let origin = Some(MavlinkOrigin { lat_deg, lon_deg });
+        let followed = MavlinkConfig { origin, ..settings.clone() };
+        let carried = CarriedDrone::new(world, drone, followed, foreign.pose.open()?)?;
+        self.keep(&name(drone), "pose", carried);
+        Ok(VehicleDevice::Mavlink { endpoint: foreign.flown.clone(), settings })
     }
 
     fn keep(&mut self, drone: &str, device: &str, emulator: impl Emulator + 'static) {
@@ -291,6 +339,11 @@ impl EmulatedField {
             }
         }
     }
+}
+
+/// What a drone is called, counted from 0.
+fn name(drone: usize) -> String {
+    format!("drone-{}", drone + 1)
 }
 
 /// The bits per second of the serial ports.
@@ -462,6 +515,26 @@ pub enum EmulatedFieldError {
         drone: usize,
         /// What it listens with.
         kind: SourceConfig,
+    },
+    /// A vehicle of another program cannot be followed.
+    #[error(transparent)]
+    Carried(#[from] CarriedDroneError),
+    /// A vehicle of another program keeps the time of the wall.
+    #[error(
+        "vehicles[{drone}]: fly --emulate keeps a time of its own, which another program's vehicle \
+         does not; emulate field goes with the clock on the wall"
+    )]
+    Foreign {
+        /// Whose it is.
+        drone: usize,
+    },
+    /// There are more vehicles than drones.
+    #[error("there are {vehicles} vehicles for {drones} drones")]
+    Vehicles {
+        /// How many vehicles.
+        vehicles: usize,
+        /// How many drones.
+        drones: usize,
     },
     /// The beacons do not all pulse alike, so that no one receiver is set for them.
     #[error(

@@ -1,6 +1,7 @@
 //! The hunt on real devices, or on the same devices emulated.
 
 mod advised;
+mod carried;
 mod config;
 mod device;
 mod driver;
@@ -22,6 +23,7 @@ mod report;
 mod route;
 mod rules;
 
+pub use carried::{CarriedDrone, CarriedDroneError, ForeignVehicle};
 pub use config::{FlightConfig, FlownBeacon, Site};
 pub use device::{GnssDevice, ListenConfig, RadioDevice, RotatorDevice, VehicleDevice};
 pub use driver::{

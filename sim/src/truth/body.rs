@@ -2,6 +2,8 @@ use foxhunt_core::Pose;
 use nalgebra::Vector3;
 use rand::rngs::Xoshiro256PlusPlus;
 
+#[cfg(feature = "emulators")]
+use super::carried::Carried;
 use super::kinematics::Kinematics;
 use crate::{Quadrotor, SimError, VehicleConfig};
 
@@ -10,6 +12,8 @@ use crate::{Quadrotor, SimError, VehicleConfig};
 pub(crate) enum Body {
     Kinematic(Kinematics),
     Quadrotor(Box<Quadrotor>),
+    #[cfg(feature = "emulators")]
+    Carried(Carried),
 }
 
 impl Body {
@@ -31,6 +35,8 @@ impl Body {
         match self {
             Self::Kinematic(body) => body.pose(),
             Self::Quadrotor(body) => body.pose(),
+            #[cfg(feature = "emulators")]
+            Self::Carried(body) => body.pose(),
         }
     }
 
@@ -39,6 +45,8 @@ impl Body {
         match self {
             Self::Kinematic(body) => body.velocity(),
             Self::Quadrotor(body) => body.velocity(),
+            #[cfg(feature = "emulators")]
+            Self::Carried(body) => body.velocity(),
         }
     }
 
@@ -48,6 +56,8 @@ impl Body {
         match self {
             Self::Kinematic(body) => body.rests(),
             Self::Quadrotor(_) => false,
+            #[cfg(feature = "emulators")]
+            Self::Carried(_) => false,
         }
     }
 
@@ -56,6 +66,8 @@ impl Body {
         match self {
             Self::Kinematic(body) => body.heading(),
             Self::Quadrotor(body) => body.heading(),
+            #[cfg(feature = "emulators")]
+            Self::Carried(body) => body.heading(),
         }
     }
 
@@ -64,6 +76,8 @@ impl Body {
         match self {
             Self::Kinematic(body) => body.path_length(),
             Self::Quadrotor(body) => body.path_length(),
+            #[cfg(feature = "emulators")]
+            Self::Carried(body) => body.path_length(),
         }
     }
 
@@ -71,6 +85,8 @@ impl Body {
         match self {
             Self::Kinematic(body) => body.go_to(goal),
             Self::Quadrotor(body) => body.go_to(goal),
+            #[cfg(feature = "emulators")]
+            Self::Carried(_) => Ok(()),
         }
     }
 
@@ -84,6 +100,8 @@ impl Body {
                 Ok(())
             }
             Self::Quadrotor(body) => body.spin(rate),
+            #[cfg(feature = "emulators")]
+            Self::Carried(_) => Ok(()),
         }
     }
 
@@ -93,6 +111,7 @@ impl Body {
         match self {
             Self::Kinematic(body) => body.put_down(),
             Self::Quadrotor(body) => body.put_down(),
+            Self::Carried(_) => {}
         }
     }
 
@@ -102,6 +121,20 @@ impl Body {
         match self {
             Self::Kinematic(body) => body.cruise(speed),
             Self::Quadrotor(body) => body.cruise(speed),
+            Self::Carried(_) => {}
+        }
+    }
+
+    /// Puts it where something outside of the world flies it; orders move it no more.
+    #[cfg(feature = "emulators")]
+    pub(crate) fn carry(&mut self, pose: Pose) {
+        match self {
+            Self::Carried(body) => body.put(pose),
+            other => {
+                let mut body = Carried::new(other.pose(), other.heading(), other.path_length());
+                body.put(pose);
+                *other = Self::Carried(body);
+            }
         }
     }
 
@@ -109,6 +142,8 @@ impl Body {
         match self {
             Self::Kinematic(body) => body.advance(dt),
             Self::Quadrotor(body) => body.advance(dt),
+            #[cfg(feature = "emulators")]
+            Self::Carried(_) => {}
         }
     }
 }

@@ -1,6 +1,8 @@
 //! What is true: the state of a world that its devices share.
 
 mod body;
+#[cfg(feature = "emulators")]
+mod carried;
 mod channel;
 mod course;
 mod drone;

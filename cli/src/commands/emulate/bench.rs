@@ -29,7 +29,8 @@ use crate::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt emulate xbee --link /tmp/xbee\n  \
                         foxhunt emulate vehicle --drone 2 --speed 5\n  \
-                        foxhunt emulate rtl-tcp --scenario vhf-tag")]
+                        foxhunt emulate rtl-tcp --scenario vhf-tag\n  \
+                        foxhunt emulate xbee --pose udpin:127.0.0.1:14551")]
 pub(crate) struct Args {
     #[command(subcommand)]
     device: Device,
@@ -100,6 +101,13 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
     };
     let scenario = choice::scenario(&field.scenario)?;
     let world = World::new(&scenario.world, field.seed).map_err(CliError::input)?;
+    // The drone goes first where it is by now.
+    let pose = match &args.device {
+        Device::Xbee(args) => args.pose.place(field, &world)?,
+        Device::Stepper(args) => args.pose.place(field, &world)?,
+        Device::RtlTcp(args) => args.pose.place(field, &world)?,
+        Device::Vehicle(_) | Device::Gnss(_) | Device::Field(_) => None,
+    };
     let placed = match &args.device {
         Device::Xbee(args) => xbee::place(args, &scenario, &world),
         Device::Stepper(args) => stepper::place(args, &scenario, &world),
@@ -113,7 +121,7 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         }
         Device::Field(args) => field::place(args, &scenario, &world),
     }?;
-    serve(field, &scenario, &world, vec![placed], output)
+    serve(field, &scenario, &world, pose.into_iter().chain([placed]).collect(), output)
 }
 
 /// Serves devices until the time is up or Ctrl-C comes.

@@ -3,6 +3,7 @@
 mod bench;
 mod field;
 mod gnss;
+mod pose;
 mod rtl_tcp;
 mod sample_file;
 mod stepper;

@@ -9,7 +9,10 @@ use foxhunt::{
     wire::TcpServerStream,
 };
 
-use super::bench::{Field, Placed};
+use super::{
+    bench::{Field, Placed},
+    pose::Pose,
+};
 use crate::error::{CliError, InFile};
 
 /// An RTL-SDR behind `rtl_tcp`, with everything that is on air
@@ -25,6 +28,8 @@ use crate::error::{CliError, InFile};
 pub(super) struct Args {
     #[command(flatten)]
     pub(super) field: Field,
+    #[command(flatten)]
+    pub(super) pose: Pose,
     /// Where it listens
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:1234")]
     listen: String,
@@ -36,7 +41,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "FILE")]
     pub(super) pulses: Option<PathBuf>,
     /// Write samples to this file and serve nobody: .cu8, or .sigmf-meta with .sigmf-data beside it
-    #[arg(long, value_name = "FILE", requires = "duration_s", conflicts_with = "listen")]
+    #[arg(long, value_name = "FILE", requires = "duration_s",
+        conflicts_with_all = ["listen", "from"])]
     to: Option<PathBuf>,
     /// Samples per second of the file
     #[arg(long, value_name = "HZ", default_value_t = 250_000, requires = "to",

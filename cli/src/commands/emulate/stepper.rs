@@ -4,7 +4,10 @@ use foxhunt::{
     wire::PtyStream,
 };
 
-use super::bench::{Field, Placed, linked};
+use super::{
+    bench::{Field, Placed, linked},
+    pose::Pose,
+};
 use crate::error::CliError;
 
 /// An antenna stepper: an Arduino with ConfigurableFirmata
@@ -12,6 +15,8 @@ use crate::error::CliError;
 pub(super) struct Args {
     #[command(flatten)]
     pub(super) field: Field,
+    #[command(flatten)]
+    pub(super) pose: Pose,
     /// The play of its gear in degrees
     #[arg(long, value_name = "DEG", default_value_t = 3.0)]
     backlash_deg: f64,

@@ -5,7 +5,10 @@ use foxhunt::{
     wire::{PtyStream, xbee::Protocol},
 };
 
-use super::bench::{Field, Placed, linked};
+use super::{
+    bench::{Field, Placed, linked},
+    pose::Pose,
+};
 use crate::{error::CliError, output::warn};
 
 /// An XBee radio, whose RSSI comes from the field
@@ -13,6 +16,8 @@ use crate::{error::CliError, output::warn};
 pub(super) struct Args {
     #[command(flatten)]
     pub(super) field: Field,
+    #[command(flatten)]
+    pub(super) pose: Pose,
     /// Its API mode (AP): 0 transparent, 1 plain frames, 2 escaped frames
     #[arg(long, value_name = "AP", default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=2))]
     api: u8,

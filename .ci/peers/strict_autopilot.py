@@ -1,0 +1,332 @@
+"""Two strict autopilots, after the documents of ArduCopter 4.6 and PX4 1.16, over pymavlink: what
+flies is a point. They share no code with our emulated ones. Differences between the two:
+
+| | ArduCopter | PX4 |
+| --- | --- | --- |
+| telemetry | nothing but heartbeats until it is requested | its usual rates by itself |
+| take-off | armed in GUIDED, height above home | any armed mode, height above sea level |
+| orders | GUIDED, which needs a position | OFFBOARD, which needs set-points at 2 Hz before |
+| speed | WPNAV_SPEED again at each entry into GUIDED and at the first set-point | its own |
+| set-points stop | it stays | RTL after 1 s (COM_OF_LOSS_T) |
+| the station is silent | RTL after 5 s (FS_GCS_ENABLE) | nothing |
+| armed and left alone | disarmed after 10 s (DISARM_DELAY) | disarmed after 10 s (COM_DISARM_PRFLT) |
+"""
+
+import math
+import os
+import socket
+import time
+
+os.environ["MAVLINK20"] = "1"
+from pymavlink import mavutil  # noqa: E402
+
+m = mavutil.mavlink
+METRES = 111_319.5
+# Where East and North are 0, and its height.
+LAT, LON, SEA_M = 47.397742, 8.545594, 488.0
+WPNAV_SPEED = 5.0
+CLIMB = 2.0
+
+
+def px4(main, sub=0):
+    return main << 16 | sub << 24
+
+
+MODES = {
+    "ardupilot": {"HAND": 0, "LOITER": 5, "GUIDED": 4, "RTL": 6, "LAND": 9},
+    "px4": {
+        "HAND": px4(3), "LOITER": px4(4, 3), "GUIDED": px4(6), "RTL": px4(4, 5), "LAND": px4(4, 6),
+        "TAKEOFF": px4(4, 2),
+    },
+}
+
+# The messages that each can be requested to send.
+KNOWN = {
+    "ardupilot": {1, 24, 30, 33, 87, 148, 193, 242, 245},
+    "px4": {1, 24, 30, 33, 87, 148, 230, 242, 245},
+}
+
+
+def towards(value, target, most):
+    return value + max(-most, min(most, target - value))
+
+
+class Autopilot:
+    def __init__(self, kind, system, home, port, copy_port):
+        self.kind, self.system, self.modes = kind, system, MODES[kind]
+        self.ardupilot = kind == "ardupilot"
+        self.link = mavutil.mavlink_connection(
+            f"udpout:127.0.0.1:{port}", source_system=system, source_component=1
+        )
+        # Who follows the telemetry has a link of its own, and has nothing to send.
+        self.copy, self.copy_to = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), ("127.0.0.1", copy_port)
+        self.copy.setblocking(False)
+        self.home, self.place, self.yaw = home, [*home, 0.0], 0.3
+        self.velocity, self.goal, self.goal_yaw = [0.0, 0.0, 0.0], None, None
+        self.mode, self.armed, self.speed = self.modes["HAND"], False, WPNAV_SPEED
+        self.begun = self.now = time.monotonic()
+        self.sent, self.period = {}, {} if self.ardupilot else {
+            30: 0.1, 33: 0.2, 24: 0.5, 1: 0.5, 245: 0.5, 230: 1.0, 242: 2.0, 87: 0.5,
+        }
+        self.station = self.armed_at = self.fed_since = self.fed = -math.inf
+        self.positioned = False
+        # What a test looks at.
+        self.refused, self.failsafes, self.disturbed, self.flown = [], [], 0, False
+        # The fastest that it flew to set-points, by entries into GUIDED.
+        self.fastest = []
+
+    # The model of the world.
+
+    def is_placed(self):
+        return self.now - self.begun > 6.0
+
+    def airborne(self):
+        return self.place[2] > 0.3
+
+    def enter(self, name):
+        self.mode = self.modes[name]
+        self.goal = self.goal_yaw = None
+        self.positioned = False
+        if name == "GUIDED":
+            self.fastest.append(0.0)
+            self.speed = WPNAV_SPEED
+        if name in ("LAND", "RTL"):
+            self.goal = list(self.place)
+        if name == "RTL":
+            self.goal = [*self.home, max(self.place[2], 8.0)]
+
+    def is_in(self, name):
+        return self.mode == self.modes.get(name)
+
+    def step(self, dt):
+        self.now = time.monotonic()
+        self.fly(dt)
+        self.failsafe()
+        while (message := self.link.recv_msg()) is not None:
+            self.take(message)
+        try:
+            while self.copy.recv(4096):
+                self.disturbed += 1
+        except BlockingIOError:
+            pass
+        self.report()
+
+    def fly(self, dt):
+        before = list(self.place)
+        if self.armed and self.goal is not None:
+            way = math.hypot(self.goal[0] - before[0], self.goal[1] - before[1])
+            share = min(1.0, self.speed * dt / way) if way > 0 else 0.0
+            self.place[0] += (self.goal[0] - before[0]) * share
+            self.place[1] += (self.goal[1] - before[1]) * share
+            if self.is_in("RTL") and way < 0.5:
+                self.goal[2] = 0.0
+            if self.is_in("LAND"):
+                self.goal[2] = 0.0
+            self.place[2] = towards(before[2], self.goal[2], CLIMB * dt)
+            if self.goal_yaw is not None:
+                turn = (self.goal_yaw - self.yaw + math.pi) % (2 * math.pi) - math.pi
+                self.yaw += max(-dt, min(dt, turn))
+            if self.goal[2] == 0.0 and self.place[2] <= 0.0:
+                self.armed, self.goal = False, None
+            if self.is_in("TAKEOFF") and self.goal and abs(self.place[2] - self.goal[2]) < 0.2:
+                self.mode = self.modes["LOITER"]
+        self.velocity = [(a - b) / dt for a, b in zip(self.place, before)]
+        self.flown |= self.airborne()
+        # How fast it flies to set-points, a second after the last order that might change that.
+        if self.is_in("GUIDED") and self.goal and self.positioned and self.now - self.positioned > 2.0:
+            self.fastest[-1] = max(self.fastest[-1], math.hypot(*self.velocity[:2]))
+
+    def failsafe(self):
+        fly_themselves = self.is_in("RTL") or self.is_in("LAND")
+        if self.armed and not self.airborne() and self.goal is None and self.now - self.armed_at > 10.0:
+            self.armed = False
+        if not (self.armed and self.airborne()) or fly_themselves:
+            return
+        if self.ardupilot and self.now - self.station > 5.0:
+            self.failsafes.append("GCS Failsafe")
+            self.text("GCS Failsafe")
+            self.enter("RTL")
+        if not self.ardupilot and self.is_in("GUIDED") and self.now - self.fed > 1.0:
+            self.failsafes.append("Offboard control lost")
+            self.text("Offboard control lost")
+            self.enter("RTL")
+
+    def pilot(self, name):
+        """The pilot's switch."""
+        self.enter(name)
+
+    # The wire.
+
+    def take(self, message):
+        kind = message.get_type()
+        if kind == "HEARTBEAT" and message.get_srcSystem() == 255:
+            self.station = self.now
+        elif getattr(message, "target_system", self.system) not in (0, self.system):
+            return
+        elif kind == "SET_MODE":
+            self.order_mode(message.custom_mode)
+        elif kind in ("COMMAND_LONG", "COMMAND_INT"):
+            result = self.command(message)
+            if result != m.MAV_RESULT_ACCEPTED:
+                name = m.enums["MAV_CMD"][message.command].name
+                self.refused.append((round(self.now - self.begun, 1), name, result))
+            self.send(m.MAVLink_command_ack_message(
+                message.command, result, 0, 0, message.get_srcSystem(), message.get_srcComponent()
+            ))
+        elif kind == "SET_POSITION_TARGET_GLOBAL_INT":
+            self.target(message)
+
+    def command(self, c):
+        accepted, failed, denied = m.MAV_RESULT_ACCEPTED, m.MAV_RESULT_FAILED, m.MAV_RESULT_DENIED
+        if c.command == m.MAV_CMD_SET_MESSAGE_INTERVAL:
+            number = int(c.param1)
+            if number not in KNOWN[self.kind]:
+                return denied
+            self.period[number] = c.param2 * 1e-6 if c.param2 > 0 else math.inf
+            return accepted
+        if c.command == m.MAV_CMD_REQUEST_MESSAGE:
+            message = self.message(int(c.param1))
+            self.send(message)
+            return denied if message is None else accepted
+        if c.command == m.MAV_CMD_DO_SET_MODE:
+            mode = int(c.param2) if self.ardupilot else px4(int(c.param2), int(c.param3))
+            return self.order_mode(mode)
+        if c.command == m.MAV_CMD_COMPONENT_ARM_DISARM:
+            if c.param1 < 0.5:
+                if self.airborne():
+                    return failed
+                self.armed = False
+                return accepted
+            if not self.is_placed() or self.is_in("LAND") or self.is_in("RTL"):
+                self.text("PreArm: Need Position Estimate")
+                return failed
+            self.armed, self.armed_at, self.home = True, self.now, tuple(self.place[:2])
+            return accepted
+        if c.command == m.MAV_CMD_NAV_TAKEOFF:
+            if not self.armed or self.airborne() or self.ardupilot and not self.is_in("GUIDED"):
+                return failed
+            up = c.param7 if self.ardupilot else c.param7 - SEA_M
+            if not 0.5 < up < 100.0:
+                return denied
+            if not self.ardupilot:
+                self.enter("TAKEOFF")
+            self.goal = [*self.place[:2], up]
+            return accepted
+        if c.command == m.MAV_CMD_DO_CHANGE_SPEED:
+            if self.ardupilot and not self.is_in("GUIDED"):
+                return failed
+            if self.ardupilot:
+                self.speed = c.param2
+                self.positioned = self.now if self.positioned else self.positioned
+            return accepted
+        if c.command == m.MAV_CMD_NAV_LAND:
+            return self.order_mode(self.modes["LAND"])
+        if c.command == m.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+            return self.order_mode(self.modes["RTL"])
+        return m.MAV_RESULT_UNSUPPORTED
+
+    def order_mode(self, mode):
+        names = [name for name, number in self.modes.items() if number == mode]
+        if not names:
+            return m.MAV_RESULT_FAILED
+        if not self.is_placed() and names[0] != "HAND":
+            self.text("Mode change failed: requires position")
+            return m.MAV_RESULT_FAILED
+        fed = self.now - self.fed < 0.5 and self.now - self.fed_since > 0.4
+        if names[0] == "GUIDED" and not self.ardupilot and not fed:
+            return m.MAV_RESULT_TEMPORARILY_REJECTED
+        if not self.is_in(names[0]):
+            self.enter(names[0])
+        return m.MAV_RESULT_ACCEPTED
+
+    def target(self, t):
+        if self.now - self.fed > 0.5:
+            self.fed_since = self.now
+        self.fed = self.now
+        if not (self.is_in("GUIDED") and self.armed and self.airborne()) or t.type_mask & 7:
+            return
+        north = (t.lat_int * 1e-7 - LAT) * METRES
+        east = (t.lon_int * 1e-7 - LON) * METRES * math.cos(math.radians(LAT))
+        above_home = t.coordinate_frame == m.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+        if self.ardupilot and not self.positioned:
+            # From velocities or a take-off to positions: WPNAV's own speed again.
+            self.speed = WPNAV_SPEED
+        self.positioned = self.positioned or self.now
+        self.goal = [east, north, t.alt if above_home else t.alt - SEA_M]
+        if not t.type_mask & 0x400:
+            self.goal_yaw = t.yaw
+
+    def message(self, number):
+        boot = int((self.now - self.begun) * 1000)
+        east, north, up = self.place
+        lat = int((LAT + north / METRES) * 1e7)
+        lon = int((LON + east / METRES / math.cos(math.radians(LAT))) * 1e7)
+        alt, relative = int((SEA_M + up) * 1000), int(up * 1000)
+        vx, vy, vz = (int(v * 100) for v in (self.velocity[1], self.velocity[0], -self.velocity[2]))
+        ready = self.is_placed()
+        if number == 33:
+            heading = int(math.degrees(self.yaw) % 360 * 100)
+            return m.MAVLink_global_position_int_message(boot, lat, lon, alt, relative, vx, vy, vz, heading)
+        if number == 30:
+            return m.MAVLink_attitude_message(boot, 0.0, 0.0, self.yaw, 0.0, 0.0, 0.0)
+        if number == 24:
+            return m.MAVLink_gps_raw_int_message(
+                boot * 1000, 3 if ready else 1, lat, lon, alt, 80, 120, 0, 0, 12 if ready else 3
+            )
+        if number == 193:
+            return m.MAVLink_ekf_status_report_message(0x33F if ready else 0x400, 0.1, 0.1, 0.1, 0.1, 0.1)
+        if number == 230:
+            return m.MAVLink_estimator_status_message(boot * 1000, 0x33F if ready else 0, *[0.1] * 6, 0.5, 0.5)
+        if number == 1:
+            checks = 0x10000000
+            return m.MAVLink_sys_status_message(
+                checks, checks, checks if ready else 0, 300, 12000, 500, 80, 0, 0, 0, 0, 0, 0
+            )
+        if number == 245:
+            landed = 2 if self.airborne() else 1
+            return m.MAVLink_extended_sys_state_message(0, landed)
+        if number == 242 and ready:
+            east, north = self.home
+            lat = int((LAT + north / METRES) * 1e7)
+            lon = int((LON + east / METRES / math.cos(math.radians(LAT))) * 1e7)
+            return m.MAVLink_home_position_message(
+                lat, lon, int(SEA_M * 1000), 0, 0, 0, [1.0, 0.0, 0.0, 0.0], 0, 0, 0
+            )
+        if number == 87 and self.goal is not None:
+            east, north, up = self.goal
+            lat = int((LAT + north / METRES) * 1e7)
+            lon = int((LON + east / METRES / math.cos(math.radians(LAT))) * 1e7)
+            return m.MAVLink_position_target_global_int_message(
+                boot, 5, 0xDF8, lat, lon, SEA_M + up, *[0.0] * 8
+            )
+        if number == 148:
+            return m.MAVLink_autopilot_version_message(
+                0x2000, 0x04060300 if self.ardupilot else 0x011000FF, 0, 0, 0,
+                [0] * 8, [0] * 8, [0] * 8, 0, 0, self.system,
+            )
+        return None
+
+    def report(self):
+        if self.now - self.sent.get(0, -math.inf) > 1.0:
+            self.sent[0] = self.now
+            base = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+            base |= m.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
+            firmware = m.MAV_AUTOPILOT_ARDUPILOTMEGA if self.ardupilot else m.MAV_AUTOPILOT_PX4
+            state = m.MAV_STATE_ACTIVE if self.armed else m.MAV_STATE_STANDBY
+            self.send(m.MAVLink_heartbeat_message(m.MAV_TYPE_QUADROTOR, firmware, base, self.mode, state, 3))
+        for number, period in self.period.items():
+            if self.now - self.sent.get(number, -math.inf) >= period:
+                self.sent[number] = self.now
+                self.send(self.message(number))
+
+    def text(self, words):
+        self.send(m.MAVLink_statustext_message(m.MAV_SEVERITY_CRITICAL, words.encode()))
+
+    def send(self, message):
+        if message is None:
+            return
+        self.link.mav.send(message)
+        try:
+            self.copy.sendto(message.get_msgbuf(), self.copy_to)
+        except ConnectionRefusedError:
+            pass
