@@ -1,4 +1,5 @@
 use alloc::{vec, vec::Vec};
+use core::cell::Cell;
 
 use foxhunt_core::{
     Pose, elementary,
@@ -92,6 +93,24 @@ impl TrackGrid {
         models: &[impl TrackModel],
         common: impl Fn(usize, [&[f64]; 2], &mut [f64]),
     ) -> Result<TrackGridFix, BatchError> {
+        self.smooth_watched(receivers, times, models, common, &|_, _| {})
+    }
+
+    /// [`smooth`](Self::smooth) with a `watch` that is given how many steps are done, and how many
+    /// there are at most. A step is one model at one time on the fine cells, which is nearly all
+    /// of the work; models that turn out improbable take half as many.
+    ///
+    /// # Errors
+    ///
+    /// As [`smooth`](Self::smooth).
+    pub fn smooth_watched(
+        &self,
+        receivers: &[Pose],
+        times: &[f64],
+        models: &[impl TrackModel],
+        common: impl Fn(usize, [&[f64]; 2], &mut [f64]),
+        watch: &dyn Fn(usize, usize),
+    ) -> Result<TrackGridFix, BatchError> {
         positive("margin_m", self.margin_m)?;
         require(self.max_cells >= 100, "max_cells", self.max_cells.into(), "at least 100")?;
         for (what, have) in
@@ -122,7 +141,7 @@ impl TrackGrid {
         };
         let every: Vec<usize> = (0..models.len()).collect();
         let coarse = search.cover(
-            |grid| Passes::over(grid, &log_prior, times, models, &common).all(&every),
+            |grid| Passes::over(grid, &log_prior, times, models, &common, &|| {}).all(&every),
             |smoothed| &smoothed.overall,
         )?;
         // What is far from likely on coarse cells is not on finer ones.
@@ -131,7 +150,13 @@ impl TrackGrid {
         let border_mass = coarse.overall.border_mass();
         let (from, to) = coarse.overall.without(0.0);
         let grid = Grid::over(from, to, side_m / 256.0, self.max_cells);
-        let fine = Passes::over(grid, &log_prior, times, models, &common).all(&kept)?;
+        let most = 2 * kept.len() * times.len();
+        let done = Cell::new(0);
+        let step = || {
+            done.set(done.get() + 1);
+            watch(done.get(), most);
+        };
+        let fine = Passes::over(grid, &log_prior, times, models, &common, &step).all(&kept)?;
         Ok(TrackGridFix { maps: fine.maps, probabilities: fine.probabilities, border_mass })
     }
 }
@@ -176,6 +201,8 @@ struct Passes<'a, M> {
     models: &'a [M],
     /// The part of the log likelihoods that all models share, time by time.
     common: Vec<f64>,
+    /// Called after each time of each pass.
+    step: &'a dyn Fn(),
 }
 
 impl<'a, M: TrackModel> Passes<'a, M> {
@@ -185,13 +212,14 @@ impl<'a, M: TrackModel> Passes<'a, M> {
         times: &'a [f64],
         models: &'a [M],
         add_common: &impl Fn(usize, [&[f64]; 2], &mut [f64]),
+        step: &'a dyn Fn(),
     ) -> Self {
         let cells = Cells::of(grid, log_prior);
         let mut common = vec![0.0; grid.len() * times.len()];
         for (time, common) in common.chunks_exact_mut(grid.len()).enumerate() {
             add_common(time, [&cells.east, &cells.north], common);
         }
-        Self { cells, times, models, common }
+        Self { cells, times, models, common, step }
     }
 
     /// The average over some models, the others having no weight.
@@ -250,6 +278,7 @@ impl<'a, M: TrackModel> Passes<'a, M> {
             }
             evidence += peak + libm::log(total);
             keep(&mass);
+            (self.step)();
         }
         evidence
     }

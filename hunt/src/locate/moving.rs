@@ -61,6 +61,21 @@ pub fn track(
     locate: &LocateConfig,
     config: &TrackingConfig,
 ) -> Result<Tracked, LocateError> {
+    track_watched(receptions, listeners, locate, config, &|_, _| {})
+}
+
+/// [`track`] with a `watch` that is given how many steps are done, and how many there are at most.
+///
+/// # Errors
+///
+/// As [`track`].
+pub fn track_watched(
+    receptions: &[Reception],
+    listeners: &[Listener],
+    locate: &LocateConfig,
+    config: &TrackingConfig,
+    watch: &dyn Fn(usize, usize),
+) -> Result<Tracked, LocateError> {
     positive("window_s", config.window_s)?;
     for &speed in &config.speeds_mps {
         positive("speed_mps", speed)?;
@@ -84,10 +99,11 @@ pub fn track(
     let walks: Vec<Walk<'_>> = config.speeds_mps.iter().copied().flat_map(walk).collect();
     let times: Vec<f64> = windows.iter().map(|window| window.time).collect();
     let grid = TrackGrid { margin_m: locate.margin_m, ..TrackGrid::default() };
+    let bearings = |time: usize, places: [&[f64]; 2], out: &mut [f64]| {
+        windows[time].add_bearings(places, out);
+    };
     let fix = grid
-        .smooth(&receivers, &times, &walks, |time, places, out| {
-            windows[time].add_bearings(places, out);
-        })
+        .smooth_watched(&receivers, &times, &walks, bearings, watch)
         .map_err(LocateError::Track)?;
     let located = |((time, map), window): ((f64, &PosteriorMap), &Window)| {
         let place = Located {

@@ -1,5 +1,7 @@
 //! A transmitter that moves.
 
+use std::cell::OnceCell;
+
 use foxhunt::{
     Spread,
     core::{
@@ -7,7 +9,7 @@ use foxhunt::{
         nalgebra::{Vector2, Vector3},
     },
     filters::consistency::Coverage,
-    locate::{Located, Region, Tracked, TrackingConfig, track},
+    locate::{Located, Region, Tracked, TrackingConfig, track_watched},
     overview::{Believed, Knot, SearchOverview},
     recorded::{listeners, recorded_way, truth_at},
     recording::Recording,
@@ -24,7 +26,8 @@ use super::{
 };
 use crate::{
     error::CliError,
-    output::warn,
+    output::{Output, warn},
+    progress::Progress,
     table::{number, table, text as cell},
 };
 
@@ -87,6 +90,7 @@ pub(super) fn report(
     truth: Option<LatLon>,
     prepared: &Prepared,
     beacon: Option<String>,
+    output: Output,
 ) -> Result<(Report, Found), CliError> {
     let recordings = prepared.recordings();
     let timeless =
@@ -102,7 +106,17 @@ pub(super) fn report(
         correlation_s: tracking.correlation_s,
         speeds_mps: tracking.speed_mps.clone(),
     };
-    let tracked = track(&received, &listeners, prepared.config(), &config).map_err(not_located)?;
+    let progress = OnceCell::new();
+    let watch = |done: usize, most: usize| {
+        let count = |count: usize| u64::try_from(count).unwrap_or(u64::MAX);
+        let begin = || Progress::new(output, "steps", count(most), true);
+        progress.get_or_init(begin).reach(count(done));
+    };
+    let tracked = track_watched(&received, &listeners, prepared.config(), &config, &watch);
+    if let Some(progress) = progress.get() {
+        progress.finish();
+    }
+    let tracked = tracked.map_err(not_located)?;
     if tracked.border_mass > 0.05 {
         warn("the track is in doubt: it may leave the area that was searched; see --margin-m");
     }
