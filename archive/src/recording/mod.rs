@@ -36,7 +36,7 @@ pub use formats::builtin_mappings;
 pub use mapping::{Beside, Keep, Mapping, Melt, Spectrum, Turns};
 pub use north::North;
 pub use options::{Band, ReadOptions};
-pub use record::{Dropped, Record, RecordedBearing, Recording};
+pub use record::{Backwards, Dropped, Record, RecordedBearing, Recording};
 pub use recorded_source::{RecordedSource, RecordingEnded};
 pub use rover::Rover;
 pub use row::utc_seconds;

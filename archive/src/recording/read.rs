@@ -1,7 +1,7 @@
 use std::{collections::BTreeMap, fs, io::Read, path::Path};
 
 use super::{
-    Column, Dropped, ReadOptions, Recording, RecordingError, Rover, beside::Joined,
+    Backwards, Column, Dropped, ReadOptions, Recording, RecordingError, Rover, beside::Joined,
     decompress::decompressed, formats, parse::LeftOut, plan::Plan, row::Reader, table::Table,
 };
 
@@ -109,6 +109,7 @@ impl Recording {
         let mut frame = options.frame;
         let rover = rover.map(|rover| (rover, options.clock_offset_s));
         let mut last_times = BTreeMap::new();
+        let mut backwards: Option<Backwards> = None;
         let mut rows = 0;
         let mut records = Vec::new();
         while let Some(row) = table.next()? {
@@ -124,11 +125,15 @@ impl Recording {
                 let reader = Reader { plan, row, melted, stem, north, date_s, rover };
                 match reader.record(&mut frame)? {
                     Ok(record) => {
-                        if let (true, Some(time)) = (mapping.rising, record.time) {
+                        if let Some(time) = record.time {
                             let of = (record.drone.clone(), record.beacon.clone());
                             let by_s = last_times.insert(of, time).unwrap_or(time) - time;
-                            if by_s > 0.0 {
+                            if by_s > 0.0 && mapping.rising {
                                 return Err(reader.backwards(by_s));
+                            }
+                            if by_s > 0.0 {
+                                let first = Backwards { line: record.line, by_s, rows: 0 };
+                                backwards.get_or_insert(first).rows += 1;
                             }
                         }
                         records.push(record);
@@ -164,6 +169,7 @@ impl Recording {
             turns: mapping.turns,
             rows,
             dropped,
+            backwards,
             ignored: plan.ignored,
             records,
         })
@@ -175,4 +181,23 @@ fn stem(file: &str) -> String {
     let stem = Path::new(file).file_stem().map_or(file.into(), |stem| stem.to_string_lossy());
     let compressed = file.ends_with(".gz").then(|| stem.strip_suffix(".csv")).flatten();
     compressed.unwrap_or(&stem).to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_that_run_back_are_named() {
+        let read = |text: &str| {
+            let read = Recording::from_reader(text.as_bytes(), "a.csv", &ReadOptions::default());
+            read.expect("rows").backwards()
+        };
+        let head = "drone,time_s,east_m,north_m,rss_dbm\n";
+        let rising = format!("{head}a,0,0,0,-60\nb,9,0,0,-60\na,3,0,0,-60\nb,9,0,0,-61\n");
+        assert_eq!(read(&rising), None, "each drone has its own times");
+        let back = read(&format!("{rising}a,1,0,0,-60\na,0.5,0,0,-60\n")).expect("it runs back");
+        assert_eq!((back.line, back.rows), (6, 2));
+        assert!((back.by_s - 2.0).abs() < 1e-12, "{back:?}");
+    }
 }

@@ -65,6 +65,7 @@ pub struct Recording {
     pub(super) turns: Turns,
     pub(super) rows: u64,
     pub(super) dropped: Vec<Dropped>,
+    pub(super) backwards: Option<Backwards>,
     pub(super) ignored: Vec<String>,
     pub(super) records: Vec<Record>,
 }
@@ -75,6 +76,17 @@ pub struct Dropped {
     /// What these rows did not pass, such as `alt_agl_m ≥ 15`. A row is counted at the first.
     pub rule: String,
     /// How many.
+    pub rows: u64,
+}
+
+/// Rows that are earlier than the row before of the same drone and beacon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Backwards {
+    /// The line of the first of them.
+    pub line: u64,
+    /// By how many seconds that one is earlier.
+    pub by_s: f64,
+    /// How many there are.
     pub rows: u64,
 }
 
@@ -140,6 +152,12 @@ impl Recording {
     #[must_use]
     pub fn dropped(&self) -> &[Dropped] {
         &self.dropped
+    }
+
+    /// Where the time runs backwards, if it does: rows are taken in the order of time.
+    #[must_use]
+    pub fn backwards(&self) -> Option<Backwards> {
+        self.backwards
     }
 
     /// The file's columns that the mapping does not read.

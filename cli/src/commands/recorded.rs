@@ -6,7 +6,9 @@ use clap::value_parser;
 use foxhunt::{
     geodesy::{Geodetic, LocalFrame},
     recorded::{RecordedError, Selection, only_beacon},
-    recording::{Band, Column, Mapping, North, ReadOptions, Recording, Rover, utc_seconds},
+    recording::{
+        Backwards, Band, Column, Mapping, North, ReadOptions, Recording, Rover, utc_seconds,
+    },
 };
 
 use crate::{
@@ -173,6 +175,13 @@ fn narrate(recording: &Recording) {
     ));
     for dropped in recording.dropped().iter().filter(|dropped| dropped.rows > 0) {
         warn(&format!("  left out as not {}: {}", dropped.rule, dropped.rows));
+    }
+    if let Some(Backwards { line, by_s, rows }) = recording.backwards() {
+        let file = recording.file();
+        warn(&format!(
+            "{file}, line {line}: the time runs back by {by_s} s, in {rows} rows in all; rows are \
+             taken in the order of time"
+        ));
     }
     if !recording.ignored_columns().is_empty() {
         warn_once(&format!("  columns not used: {}", recording.ignored_columns().join(", ")));
