@@ -13,7 +13,7 @@
 //! | `hunt` | [`hunt`], [`registry`], [`config`], [`scenario`], [`log`], [`locate`], [`calibration`], [`sim`] |
 //! | `lab` | [`simulation`], [`campaign`], [`trial`], [`bearing_trial`], [`report`], [`soak`] |
 //! | `store` | [`store`]: campaigns in a file; with `parquet` also as Parquet |
-//! | `archive` | [`recording`], [`recorded`], [`replay`], [`overview`], [`page`], [`export`], [`movebank`], [`geodesy`]; with `pictures` also `picture` |
+//! | `archive` | [`recording`], [`recorded`], [`relocation`], [`replay`], [`overview`], [`page`], [`export`], [`movebank`], [`geodesy`]; with `pictures` also `picture` |
 //! | `signal` | `signal` |
 //! | `hardware` | `fly`, `network`, `hardware`, `wire` |
 //! | `batch`, `maps` | estimators over all observations at once, in `filters` and by name |
@@ -82,7 +82,7 @@ pub use foxhunt_lab::store;
 pub use foxhunt_archive::picture;
 #[cfg(feature = "archive")]
 pub use foxhunt_archive::{
-    bag, export, movebank, overview, page, recorded, recording, replay, struck,
+    bag, export, movebank, overview, page, recorded, recording, relocation, replay, struck,
 };
 #[cfg(feature = "archive")]
 pub use foxhunt_wire::geodesy;

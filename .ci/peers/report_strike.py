@@ -1,4 +1,5 @@
-"""Strikes receptions out in report pages, and holds the fixes against `foxhunt replay --ignore`.
+"""Strikes receptions out in report pages, and holds the fixes against `foxhunt replay --ignore` and
+`foxhunt locate --ignore`.
 
 usage: report_strike.py CHROMIUM FOXHUNT FOLDER...
 
@@ -6,6 +7,7 @@ Each folder holds hunt.jsonl and report.html of a hunt.
 """
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -116,6 +118,88 @@ def check(browser, foxhunt, folder):
     return worst
 
 
+def bearings(path, beacons):
+    """A table of bearings to beacons, with σ, one of which a reflection has turned."""
+    places = [(0, 0), (60, 0), (0, 60), (60, 60), (30, -20), (-20, 30), (80, 30), (30, 80)]
+    with open(path, "w", encoding="utf-8") as file:
+        file.write("drone,beacon,time_s,east_m,north_m,bearing_deg_compass,bearing_sigma_deg\n")
+        for number, (east, north) in enumerate(places):
+            for name, x, y in beacons:
+                off = 70 if number == 3 else (number * 7 % 5) - 2
+                compass = (math.degrees(math.atan2(x - east, y - north)) + off) % 360
+                file.write(f"d{number % 2},{name},{number},{east},{north},{compass:.3f},4\n")
+
+
+def located(foxhunt, *arguments):
+    run = subprocess.run([foxhunt, "--json", "locate", *arguments], check=True, capture_output=True, text=True)
+    found = json.loads(run.stdout)
+    return found if isinstance(found, list) else [found]
+
+
+def check_recording(browser, foxhunt, folder, arguments, strikes):
+    """The page of `locate`: what is struck out in it, and what the program makes of its list."""
+    written, struck = os.path.join(folder, "located.html"), os.path.join(folder, "rows.jsonl")
+    located(foxhunt, *arguments, "--report", written)
+    context = browser.new_context(viewport={"width": 1280, "height": 800}, accept_downloads=True, offline=True)
+    page = context.new_page()
+    wrong = []
+    page.on("console", lambda message: wrong.append(message.text))
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+
+    def open_page(path):
+        page.goto("file://" + os.path.abspath(path))
+        page.wait_for_function("window.foxhunt !== undefined")
+
+    open_page(written)
+    before = page.locator("#fixes").text_content()
+    for index in strikes:
+        page.evaluate(f"foxhunt.select({index})")
+        page.locator("#strike-one", has_text="Strike it out").click()
+    count = f"{len(strikes)} reception{'s' if len(strikes) > 1 else ''} struck out: "
+    page.locator("#strike-status", has_text=count).wait_for(timeout=120_000)
+    after = page.locator("#fixes").text_content()
+    assert after != before, "the fix follows"
+    with page.expect_download() as download:
+        page.locator("#strike-save").click()
+    download.value.save_as(struck)
+
+    # The saved list gives the program the same fixes.
+    reports = located(foxhunt, *arguments, "--ignore", struck, "--report", os.path.join(folder, "without.html"))
+    assert sum(report["ignored"] for report in reports) == len(strikes)
+    fixes = page.evaluate("foxhunt.fixes")
+    assert len(fixes) == len(reports)
+    worst = 0.0
+    for here, there in zip(fixes, reports):
+        assert here["steps"] == there["observations"], (here, there)
+        pairs = zip(numbers(here["estimate"]), numbers(there["estimate"]))
+        worst = max(worst, max(abs(a - b) for a, b in pairs))
+    assert worst <= TOLERANCE, f"{arguments}: the page's fix is {worst} off"
+
+    # All taken back is what the page came with. A page written without them has the other table.
+    page.locator("#strike-none").click()
+    page.locator("#strike-list:not(:has(li))").wait_for(state="attached")
+    page.wait_for_timeout(200)
+    assert page.locator("#fixes").text_content() == before
+    open_page(os.path.join(folder, "without.html"))
+    assert page.evaluate("foxhunt.received.filter((one) => one.struck).length") == len(strikes)
+    assert page.locator("#fixes").text_content() == after
+    page.locator("#strike-none").click()
+    page.locator("#strike-status", has_text="0 receptions struck out: ").wait_for(timeout=120_000)
+    assert page.locator("#fixes").text_content() == before
+
+    # What is no reception of the recordings is named.
+    other = os.path.join(folder, "other.jsonl")
+    with open(other, "w", encoding="utf-8") as file:
+        file.write('{"foxhunt_struck":1}\n{"file":"other.csv","line":2}\n')
+    page.locator("#strike-open").set_input_files(other)
+    page.locator("#strike-status", has_text="line 2: no reception of this hunt").wait_for(timeout=10_000)
+    refused = subprocess.run([foxhunt, "locate", *arguments, "--ignore", other], capture_output=True, text=True)
+    assert refused.returncode == 2 and "other.jsonl, line 2" in refused.stderr, refused
+    assert not wrong, f"console: {wrong}"
+    context.close()
+    return worst
+
+
 def main():
     chromium, foxhunt, *folders = sys.argv[1:]
     with sync_playwright() as playwright:
@@ -123,6 +207,18 @@ def main():
         for folder in folders:
             worst = check(browser, foxhunt, folder)
             print(f"{os.path.basename(folder)}: the page's fix is at most {worst:.1e} m or m² off")
+        folder = folders[0]
+        one, several = os.path.join(folder, "one.csv"), os.path.join(folder, "several.csv")
+        bearings(one, [("fox", 40, 30)])
+        bearings(several, [("fox", 40, 30), ("owl", 10, 45)])
+        for arguments, strikes in (
+            ([one], [3]),
+            ([one, "--estimator", "particle"], [3, 0]),
+            ([several, "--every-beacon"], [3]),
+            (["docs/walk.csv"], [0, 17, 60]),
+        ):
+            worst = check_recording(browser, foxhunt, folder, arguments, strikes)
+            print(f"locate {' '.join(arguments)}: the page's fix is at most {worst:.1e} m or m² off")
         browser.close()
 
 

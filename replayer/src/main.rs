@@ -1,8 +1,9 @@
-//! Replays the log of a hunt without the receptions that were struck out.
+//! Replays the log of a hunt, or locates again from recordings, without the receptions that were
+//! struck out.
 //!
-//! Standard input holds the lines of the log, an empty line, and the list of struck receptions
-//! (`foxhunt_archive::struck`); standard output then holds what the report page shows, as one JSON
-//! value. As WebAssembly (`wasm32-wasip1`) it is part of every page whose bearings can be struck
+//! Standard input holds the lines of the log or of the receptions (`foxhunt_archive::relocation`),
+//! an empty line, and the list of struck receptions (`foxhunt_archive::struck`); standard output
+//! then holds what the report page shows, as one JSON value. As WebAssembly (`wasm32-wasip1`) it is part of every page whose bearings can be struck
 //! out, so that the page runs the program's own estimators; it touches no file, no clock and no
 //! network.
 
@@ -15,12 +16,13 @@ use std::{
 use foxhunt_archive::{
     overview::Overview,
     page,
+    relocation::{Relocation, RelocationError},
     replay::ReplayError,
-    struck::{Struck, StruckError},
+    struck::{Struck, StruckError, StruckRows},
 };
 use foxhunt_hunt::{
     log::{Log, LogError},
-    registry::Registry,
+    registry::{Registry, RegistryError},
 };
 
 fn main() -> ExitCode {
@@ -43,10 +45,15 @@ fn run() -> Result<(), Failure> {
 
 /// What the page shows, of the log and the list of what is struck.
 fn replayed(input: &str) -> Result<String, Failure> {
-    let (log, struck) = input.split_once("\n\n").ok_or(Failure::NoList)?;
-    let log = Log::parse(log, Path::new("the page's log"))?;
-    let struck = Struck::parse(struck, Path::new("the list"), &log)?;
+    let (lines, struck) = input.split_once("\n\n").ok_or(Failure::NoList)?;
     let registry = Registry::builtin();
+    let list = Path::new("the list");
+    if let Some(relocation) = Relocation::parse(lines)? {
+        let struck = StruckRows::parse(struck, list, &relocation.ids())?;
+        return Ok(page::relocated(&relocation.locate(&registry, &struck)?)?);
+    }
+    let log = Log::parse(lines, Path::new("the page's log"))?;
+    let struck = Struck::parse(struck, list, &log)?;
     let (overview, replay) = Overview::of_log(&log, &registry, None, &struck, Vec::new(), None)?;
     Ok(page::restruck(&overview, &replay)?)
 }
@@ -62,6 +69,10 @@ enum Failure {
     Struck(#[from] StruckError),
     #[error(transparent)]
     Replay(#[from] ReplayError),
+    #[error(transparent)]
+    Relocation(#[from] RelocationError),
+    #[error(transparent)]
+    Registry(#[from] RegistryError),
     #[error(transparent)]
     Json(#[from] serde_json::Error),
     #[error(transparent)]

@@ -17,7 +17,7 @@ use foxhunt_hunt::locate::{Located, Region, Rival};
 use foxhunt_wire::geodesy::LocalFrame;
 use nalgebra::{Vector2, Vector3};
 
-use crate::struck::ReceptionId;
+use crate::struck::{ReceptionKey, StruckRows};
 
 /// A hunt, or what was read of recordings, in the order of time. Places are East, North and Up in
 /// metres, angles radians counter-clockwise from East, times seconds.
@@ -84,8 +84,8 @@ pub struct Received {
     pub used: bool,
     /// Whether it was struck out by hand.
     pub struck: bool,
-    /// What a log knows it by, where it is of one.
-    pub id: Option<ReceptionId>,
+    /// What the log or the recordings know it by.
+    pub id: Option<ReceptionKey>,
     /// Its normalised innovation squared, and the degrees of freedom.
     pub nis: Option<(f64, usize)>,
     /// The turn of the antenna that it was read in, where its samples were kept.
@@ -177,6 +177,15 @@ impl Overview {
             receiver.path.push(Knot { time: received.time, place: received.place });
         }
         self.received.push(received);
+    }
+
+    /// Marks receptions of recordings that were struck out.
+    pub fn strike(&mut self, struck: &StruckRows) {
+        for received in &mut self.received {
+            if let Some(ReceptionKey::Recorded(row)) = &received.id {
+                received.struck = struck.contains(row);
+            }
+        }
     }
 
     /// The first and the last time of all that is in it; both 0 where there is nothing.

@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     replay::{Moment, Replay, ReplayError, Replayer},
-    struck::{ReceptionId, Struck},
+    struck::{ReceptionId, ReceptionKey, Struck},
 };
 
 /// A turn whose samples were kept beside the log.
@@ -237,7 +237,7 @@ impl<'a> OverviewReader<'a> {
             }),
             used,
             struck,
-            id: Some(id),
+            id: Some(ReceptionKey::Logged(id)),
             nis,
             turn,
         };

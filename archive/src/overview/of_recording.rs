@@ -1,18 +1,13 @@
 use std::collections::HashMap;
 
-use foxhunt_core::{BearingModes, Pose, Reception};
+use foxhunt_core::BearingModes;
 
 use super::{KnownAntenna, Overview, Received, Turn};
-use crate::{recorded::BearingReading, recording::Recording};
-
-/// What a reception and the row or turn that it was made of have in common: the bits of time and
-/// place.
-type Key = [u64; 4];
-
-fn key(time: f64, receiver: &Pose) -> Key {
-    let place = receiver.position;
-    [time.to_bits(), place.x.to_bits(), place.y.to_bits(), place.z.to_bits()]
-}
+use crate::{
+    recorded::{BearingReading, RecordedReception},
+    recording::Recording,
+    struck::{ReceptionKey, RowId},
+};
 
 impl Overview {
     /// An overview of recordings, with nothing received yet.
@@ -34,30 +29,24 @@ impl Overview {
         }
     }
 
-    /// Adds the receptions of one recording, of the search of this number; `readings` are its
-    /// turns, and may be empty.
+    /// Adds the receptions of one recording and beacon, of the search of this number. `file` is
+    /// what the recording is called in a [`RowId`]; `readings` are its turns, and may be empty.
     pub fn add_receptions(
         &mut self,
         search: Option<usize>,
-        recording: &Recording,
-        receptions: &[Reception],
+        file: &str,
+        beacon: Option<&str>,
+        received: &[RecordedReception],
         readings: &[BearingReading],
         antenna: Option<KnownAntenna<'_>>,
     ) {
-        let rows = recording.records().iter().filter_map(|record| {
-            Some((key(record.time?, record.receiver.as_ref()?), record.drone.as_str()))
-        });
-        let of_row: HashMap<Key, &str> = rows.collect();
-        let turns = readings.iter().map(|read| {
-            let sweep = &read.sweep.sweep;
-            (key(sweep.time, &sweep.receiver), read)
-        });
-        let of_turn: HashMap<Key, &BearingReading> = turns.collect();
-        for reception in receptions {
-            let key = key(reception.time, &reception.receiver);
-            let read = of_turn.get(&key);
-            let drone = read.map(|read| read.sweep.drone.as_str()).or(of_row.get(&key).copied());
-            let receiver = self.receiver(drone.unwrap_or_else(|| recording.file()));
+        // A row can begin a turn and hold a measurement besides, at another time.
+        let of_turn: HashMap<(u64, u64), &BearingReading> = (readings.iter())
+            .map(|read| ((read.sweep.line, read.sweep.sweep.time.to_bits()), read))
+            .collect();
+        for RecordedReception { line, drone, reception } in received {
+            let read = of_turn.get(&(*line, reception.time.to_bits()));
+            let receiver = self.receiver(drone);
             let bearing = reception.bearing.map(|bearing| bearing.angle);
             let turn = read
                 .map(|read| Turn::new(&read.sweep.as_sweep(reception.beacon), antenna, bearing));
@@ -72,16 +61,18 @@ impl Overview {
                 remark: reception.silence.map(|_| "nothing above the receiver's floor".to_owned()),
                 used: true,
                 struck: false,
-                id: None,
+                id: Some(key(file, *line, beacon)),
                 nis: None,
                 turn,
             });
         }
     }
 
-    /// Adds a turn of a recording as an extractor read it.
+    /// Adds a turn of a recording as an extractor read it; `file` is what the recording is called
+    /// in a [`RowId`].
     pub fn add_reading(
         &mut self,
+        file: &str,
         read: &BearingReading,
         extractor: &str,
         antenna: Option<KnownAntenna<'_>>,
@@ -109,9 +100,14 @@ impl Overview {
             remark: Some(remark),
             used: !read.is_low(),
             struck: false,
-            id: None,
+            id: Some(key(file, read.sweep.line, read.sweep.beacon_name.as_deref())),
             nis: None,
             turn: Some(Turn::new(&sweep, antenna, bearing.map(|bearing| bearing.angle))),
         });
     }
+}
+
+fn key(file: &str, line: u64, beacon: Option<&str>) -> ReceptionKey {
+    let beacon = beacon.map(str::to_owned);
+    ReceptionKey::Recorded(RowId { file: file.to_owned(), line, beacon })
 }

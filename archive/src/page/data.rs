@@ -8,7 +8,7 @@ use super::points::Points;
 use crate::{
     overview::{Believed, Knot, Notice, Overview, Received, SearchOverview, Turn},
     replay::Replay,
-    struck::ReceptionId,
+    struck::ReceptionKey,
 };
 
 /// How many bearings, places of a path or notices a page holds; beyond that every so manieth.
@@ -26,8 +26,8 @@ pub(super) struct Data<'a> {
     seed: Option<u64>,
     /// UNIX time at the time 0.
     epoch: Option<f64>,
-    /// Latitude and longitude of the frame's zero in degrees.
-    origin: Option<[f64; 2]>,
+    /// Latitude and longitude of the frame's zero in degrees, and its height in metres.
+    origin: Option<[f64; 3]>,
     span: [f64; 2],
     receivers: Vec<Receiver<'a>>,
     received: Vec<Reception<'a>>,
@@ -46,10 +46,23 @@ pub(super) struct Data<'a> {
 }
 
 /// What the page of a hunt that goes on can do besides showing it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Live {
     /// Whether it can order that the flight is broken off.
     pub orders: bool,
+    /// The map that it gets at `tiles/ZOOM/COLUMN/ROW`, in Web Mercator, counted from the
+    /// North-West.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tiles: Option<LiveTiles>,
+}
+
+/// What a page has to know of a map.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct LiveTiles {
+    /// The least and the greatest zoom level.
+    pub zooms: [u8; 2],
+    /// Whose map it is, as text or HTML.
+    pub attribution: Option<String>,
 }
 
 /// What is new in an overview.
@@ -79,15 +92,16 @@ pub struct Mark {
 /// What estimates become without receptions that were struck out.
 #[derive(Debug, Serialize)]
 pub(super) struct Restruck<'a> {
-    received: Vec<Restep>,
-    searches: Vec<Vec<Belief>>,
+    /// What became of each reception of a log; of recordings all that are left are used.
+    received: Vec<Restep<'a>>,
+    searches: Vec<Search<'a>>,
     fixes: Vec<RestruckFix<'a>>,
 }
 
 /// What became of a reception.
 #[derive(Debug, Serialize)]
-struct Restep {
-    id: Option<ReceptionId>,
+struct Restep<'a> {
+    id: Option<&'a ReceptionKey>,
     used: bool,
     nis: Option<(f64, usize)>,
 }
@@ -128,7 +142,7 @@ struct Reception<'a> {
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     struck: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
-    id: Option<ReceptionId>,
+    id: Option<&'a ReceptionKey>,
     /// The normalised innovation squared, and its degrees of freedom.
     #[serde(skip_serializing_if = "Option::is_none")]
     nis: Option<(f64, usize)>,
@@ -218,7 +232,9 @@ impl<'a> Data<'a> {
             method: &overview.method,
             seed: overview.seed,
             epoch: overview.epoch_unix_s,
-            origin: origin.map(|origin| [round(origin.lat_deg, 8), round(origin.lon_deg, 8)]),
+            origin: origin.map(|origin| {
+                [round(origin.lat_deg, 8), round(origin.lon_deg, 8), metres(origin.alt_m)]
+            }),
             span: overview.span().map(seconds),
             received: received.collect(),
             receivers: receivers.collect(),
@@ -270,9 +286,9 @@ impl<'a> News<'a> {
 }
 
 impl<'a> Restruck<'a> {
-    pub(super) fn of(overview: &Overview, replay: &'a Replay) -> Self {
+    pub(super) fn of(overview: &'a Overview, replay: &'a Replay) -> Self {
         let received = overview.received.iter().map(|received| Restep {
-            id: received.id,
+            id: received.id.as_ref(),
             used: received.used,
             nis: rounded_nis(received),
         });
@@ -284,7 +300,20 @@ impl<'a> Restruck<'a> {
         });
         Self {
             received: received.collect(),
-            searches: searches.map(|s| s.beliefs.iter().map(Belief::of).collect()).collect(),
+            searches: searches.map(|s| Search::of(s, &[], &s.beliefs)).collect(),
+            fixes: fixes.collect(),
+        }
+    }
+
+    pub(super) fn located(searches: &'a [SearchOverview]) -> Self {
+        let fixes = searches.iter().filter_map(|search| {
+            let last = search.last()?;
+            let estimate = (&last.estimate).into();
+            Some(RestruckFix { name: &search.name, steps: last.steps, estimate })
+        });
+        Self {
+            received: Vec::new(),
+            searches: searches.iter().map(|s| Search::of(s, &[], &s.beliefs)).collect(),
             fixes: fixes.collect(),
         }
     }
@@ -336,7 +365,7 @@ impl<'a> Reception<'a> {
             remark: received.remark.as_deref(),
             used: received.used,
             struck: received.struck,
-            id: received.id,
+            id: received.id.as_ref(),
             nis: rounded_nis(received),
             turn: turn.map(PackedTurn::of),
         }

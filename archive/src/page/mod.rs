@@ -3,21 +3,25 @@
 //! `page.html`, `page.css` and the scripts are joined with the data, which stand in the page as
 //! JSON. Plots over time are drawn by uPlot, which lies beside them with its licence. Where
 //! bearings can be struck out, the page brings the estimators along: `foxhunt-replayer`, compiled
-//! to WebAssembly, and the lines of the log that it needs.
+//! to WebAssembly, and the lines of the log, or the receptions of recordings, that it needs.
 
 mod data;
 mod points;
 mod strikable;
 
-pub use data::{Live, Mark};
+pub use data::{Live, LiveTiles, Mark};
 pub use strikable::{NotStrikable, PageLog, page_line};
 
-use crate::{overview::Overview, replay::Replay};
+use crate::{
+    overview::{Overview, SearchOverview},
+    replay::Replay,
+};
 
 const HTML: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 const STRIKE: &str = include_str!("strike.js");
+const TILES: &str = include_str!("tiles.js");
 const LIVE: &str = include_str!("live.js");
 const UPLOT: &str = include_str!("uplot/uPlot.iife.min.js");
 const UPLOT_STYLE: &str = include_str!("uplot/uPlot.min.css");
@@ -75,6 +79,15 @@ pub fn restruck(overview: &Overview, replay: &Replay) -> Result<String, serde_js
     serde_json::to_string(&data::Restruck::of(overview, replay))
 }
 
+/// The same of a page of recordings, which locates again.
+///
+/// # Errors
+///
+/// The error of the JSON writer, which has none for these data.
+pub fn relocated(searches: &[SearchOverview]) -> Result<String, serde_json::Error> {
+    serde_json::to_string(&data::Restruck::located(searches))
+}
+
 fn join(
     overview: &Overview,
     log: Option<&Result<PageLog, NotStrikable>>,
@@ -83,18 +96,21 @@ fn join(
     let not_strikable = log.and_then(|log| log.as_ref().err()).map(ToString::to_string);
     // "<" stands in strings alone; without it nothing in them can end the script.
     let safe = |text: String| text.replace('<', "\\u003c");
+    let is_live = live.is_some();
+    let has_tiles = live.as_ref().is_some_and(|live| live.tiles.is_some());
     let data = serde_json::to_string(&data::Data::of(overview, live, not_strikable))?;
     let log = log.and_then(|log| log.as_ref().ok());
     let lines = log.map_or_else(Vec::new, |log| log.lines().collect());
     let mut page = HTML.to_owned();
     for (mark, text) in [
-        ("/* connect-src */", if live.is_some() { "connect-src 'self'" } else { "" }),
+        ("/* connect-src */", if is_live { "connect-src 'self'" } else { "" }),
         ("/* uplot.css */", UPLOT_STYLE),
         ("/* page.css */", STYLE),
         ("/* uplot.js */", UPLOT),
         ("/* page.js */", SCRIPT),
         ("/* strike.js */", STRIKE),
-        ("/* live.js */", if live.is_some() { LIVE } else { "" }),
+        ("/* tiles.js */", if has_tiles { TILES } else { "" }),
+        ("/* live.js */", if is_live { LIVE } else { "" }),
         ("/* replayer */", if log.is_some() { REPLAYER.trim_end() } else { "" }),
         ("/* log */", &safe(lines.join("\n"))),
         // The last: what it holds is not looked at any more.

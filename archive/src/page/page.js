@@ -1,6 +1,6 @@
 // The report page: a map in time, the turn behind each bearing, plots and events.
 // Its data are the JSON of data.rs: metres East and North, radians counter-clockwise from East, seconds.
-// strike.js and live.js stand behind it in the same scope.
+// strike.js, tiles.js and live.js stand behind it in the same scope.
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const byId = (id) => document.getElementById(id);
@@ -81,6 +81,7 @@ function survey() {
   receivedTimes = received.map((one) => one.time);
   for (const search of data.searches) {
     search.original ||= search.beliefs;
+    search.first ||= { regions: search.regions, rivals: search.rivals };
     search.times = search.beliefs.map((belief) => belief.time);
     search.unpacked ||= new Map();
   }
@@ -115,17 +116,32 @@ function clockText(time) {
   return `${fixed(time - (begin > 1e6 ? begin : 0), 1)} s`;
 }
 
-// Metres per radian of latitude and longitude on WGS84 at the origin.
+// East, North and Up about the origin on WGS84, to and from latitude and longitude in degrees.
 const earth = data.origin && (() => {
-  const latitude = (data.origin[0] * Math.PI) / 180, a = 6378137, e2 = 6.69437999014e-3;
-  const w = 1 - e2 * Math.sin(latitude) ** 2;
-  return { perLat: (a * (1 - e2)) / w ** 1.5, perLon: (a * Math.cos(latitude)) / Math.sqrt(w) };
+  const [lat0, lon0, height] = data.origin, a = 6378137, e2 = 6.69437999014e-3, rad = Math.PI / 180;
+  const centred = (lat, lon) => {
+    const sin = Math.sin(lat * rad), cos = Math.cos(lat * rad), n = a / Math.sqrt(1 - e2 * sin * sin);
+    return [(n + height) * cos * Math.cos(lon * rad), (n + height) * cos * Math.sin(lon * rad), (n * (1 - e2) + height) * sin];
+  };
+  const zero = centred(lat0, lon0), sin = Math.sin(lat0 * rad), cos = Math.cos(lat0 * rad);
+  const sinLon = Math.sin(lon0 * rad), cosLon = Math.cos(lon0 * rad), w = 1 - e2 * sin * sin;
+  const perLat = ((a * (1 - e2)) / w ** 1.5 + height) * rad, perLon = (a / Math.sqrt(w) + height) * cos * rad;
+  const toLocal = (lat, lon) => {
+    const [dx, dy, dz] = centred(lat, lon).map((value, i) => value - zero[i]);
+    return [cosLon * dy - sinLon * dx, cos * dz - sin * (cosLon * dx + sinLon * dy)];
+  };
+  // Newton's steps, for a place on the ellipsoid; within 100 km the third is below a millimetre.
+  const toDegrees = ([east, north]) => {
+    let lat = lat0, lon = lon0;
+    for (let i = 0; i < 5; i += 1) {
+      const [e, n] = toLocal(lat, lon);
+      lat += (north - n) / perLat; lon += (east - e) / perLon;
+    }
+    return [lat, lon];
+  };
+  return { toLocal, toDegrees };
 })();
-function onEarth([east, north]) {
-  const lat = data.origin[0] + ((north / earth.perLat) * 180) / Math.PI;
-  const lon = data.origin[1] + ((east / earth.perLon) * 180) / Math.PI;
-  return `${lat.toFixed(6)}, ${lon.toFixed(6)}`;
-}
+const onEarth = (place) => earth.toDegrees(place).map((value) => value.toFixed(6)).join(", ");
 
 // ---------------------------------------------------------------- the state
 
@@ -197,8 +213,12 @@ function label(text, px, py, colour) {
   context.fillStyle = colour; context.fillText(text, px, py);
 }
 
+// Draws the map below all else, where there is one (tiles.js).
+let drawTiles = null;
+
 function drawGround() {
   context.fillStyle = "#fff"; context.fillRect(0, 0, view.width, view.height);
+  if (drawTiles && state.layers.tiles) drawTiles();
   const step = nice(90 / view.scale), [west, north] = toPlace(0, 0), [east, south] = toPlace(view.width, view.height);
   const decimals = step < 1 ? Math.ceil(-Math.log10(step)) : 0;
   context.lineWidth = 1; context.strokeStyle = look.grid; context.fillStyle = state.contrast ? INK : FAINT; context.font = "12px system-ui, sans-serif";
@@ -502,6 +522,7 @@ byId("zoom-fit").addEventListener("click", () => { fit(); redraw(); });
 // ---------------------------------------------------------------- what is shown
 
 const LAYERS = [
+  ["tiles", "map", `<path d="M1 3l9-2 10 3 9-2v11l-9 2-10-3-9 2z" fill="#cfe8cf" stroke="#555"/>`, () => data.live && data.live.tiles],
   ["paths", "receivers and paths", `<circle cx="8" cy="8" r="6" fill="#0072b2"/><path d="M14 8h16" stroke="#0072b2" stroke-width="2"/>`, () => true],
   ["places", "receptions", `<circle cx="9" cy="8" r="4" fill="#0072b2"/><circle cx="21" cy="8" r="4" fill="#009e73"/>`, () => true],
   ["bearings", "bearings (dashed: not used)", `<path d="M0 8h30" stroke="#0072b2" stroke-width="2.5"/>`, () => hasBearings],
@@ -536,19 +557,24 @@ showLayers();
 
 function showFixes() {
   const known = data.searches.some((search) => search.truth.length);
-  const head = ["beacon", data.origin ? "lat, lon" : null, "east m", "north m", "95 % m", known ? "error m" : null, "used", "outcome"];
+  const head = ["beacon", data.origin ? "lat, lon" : null, "east m", "north m", "95 % m", known ? "error m" : null];
   const row = (cells, tag) => element("tr", {}, ...cells.filter((cell) => cell !== null).map((cell) => element(tag, {}, cell)));
   const rows = data.searches.map((search, index) => {
     const belief = beliefAt(search, state.time);
-    const name = element("span", {}, element("span", { class: "swatch", style: `border-color:${searchColour(index)}` }), search.name);
+    const swatch = element("span", { class: "swatch", style: `border-color:${searchColour(index)}` });
     const isLast = belief === search.beliefs[search.beliefs.length - 1];
-    if (!belief) return row([name, data.origin ? "" : null, "", "", "", known ? "" : null, "", "not yet"], "td");
+    const ended = isLast ? search.outcome || (data.live ? "searching" : "") : "searching";
+    // Below the name, where a column of its own would be cut off.
+    const outcome = element("span", { class: "outcome" }, belief ? [ended, `${belief.steps} used`].filter(Boolean).join(", ") : search.failure || "not yet");
+    const name = element("span", {}, swatch, search.name, " ", outcome);
+    if (!belief) return row([name, data.origin ? "" : null, "", "", "", known ? "" : null], "td");
     return row([
       name, data.origin ? onEarth(belief.place) : null, fixed(belief.place[0], 2), fixed(belief.place[1], 2),
       belief.ellipse ? `${fixed(belief.ellipse[0], 2)} × ${fixed(belief.ellipse[1], 2)}` : "–",
-      known ? fixed(belief.error ?? NaN, 2) : null, String(belief.steps), isLast ? search.outcome || (data.live ? "searching" : "") : "searching",
+      known ? fixed(belief.error ?? NaN, 2) : null,
     ], "td");
   });
+  byId("fixes").classList.toggle("on-earth", Boolean(data.origin));
   byId("fixes").replaceChildren(element("thead", {}, row(head, "th")), element("tbody", {}, ...rows));
 }
 
@@ -645,7 +671,7 @@ function showTurn() {
   const side = element("div", {}, list, ...strikeButton(one));
   side.append(element("p", { class: "remark" }, one.turn
     ? "Grey: samples in dB(m). Blue: mean over seven positions. Orange, dashed: the antenna, where it is known. Line and sector: bearing ± σ. Black tick: the truth."
-    : "No samples of its turn were kept."));
+    : hasBearings ? "No samples of its turn were kept." : ""));
   body.replaceChildren(...(one.turn || one.bearing ? [polar(one)] : []), side);
 }
 
@@ -908,4 +934,4 @@ new ResizeObserver(() => {
 resizeMap();
 setContrast(wished.matches);
 // For tests, and for those who open the console.
-window.foxhunt = { data, state, view, received, select, setTime, at: (place) => [x(place[0]), y(place[1])] };
+window.foxhunt = { data, state, view, received, select, setTime, at: (place) => [x(place[0]), y(place[1])], onEarth };

@@ -2,16 +2,24 @@ use foxhunt_hunt::{
     config::{EstimatorConfig, FilterConfig},
     hunt::Event,
     log::LogHeader,
-    registry::EstimatorEntry,
+    registry::{EstimatorEntry, Registry},
 };
+
+use crate::relocation::Relocation;
 
 /// Seconds of a browser's time that a replay may take.
 const MOST_S: f64 = 60.0;
 
+/// Estimators of the library that would make a page much larger.
+const NOT_BROUGHT: [&str; 1] = ["field-map"];
+
 /// Receptions of a hunt that goes on, of which nobody knows how long it will.
 const OF_A_LIVE_HUNT: usize = 500;
 
-/// What a page needs of a log to run its receptions through the estimator again.
+/// Receptions of recordings that a page brings along at most, of about 200 bytes each.
+const MOST_ROWS: usize = 10_000;
+
+/// What a page needs of a log, or of recordings, to run its receptions through the estimator again.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PageLog {
     header: String,
@@ -44,6 +52,34 @@ impl PageLog {
         Ok(Self { header: header_line(header, other, OF_A_LIVE_HUNT)?, lines: Vec::new() })
     }
 
+    /// The receptions of recordings, for an estimator of a registry; `estimator` is the one that
+    /// located.
+    ///
+    /// # Errors
+    ///
+    /// [`NotStrikable`] says why a page cannot run the estimator.
+    pub fn of_recordings(
+        relocation: &Relocation,
+        estimator: &EstimatorEntry,
+    ) -> Result<Self, NotStrikable> {
+        let registry = Registry::builtin();
+        let name = estimator.name.to_string();
+        let brought = registry.estimator(&name).ok();
+        let is_brought = brought.is_some_and(|brought| brought.settings() == estimator.settings());
+        if !is_brought || NOT_BROUGHT.contains(&name.as_str()) {
+            return Err(NotStrikable::OwnCode { estimator: name });
+        }
+        if relocation.len() > MOST_ROWS {
+            return Err(NotStrikable::TooMany { receptions: relocation.len() });
+        }
+        if let Some(settings) = estimator.settings() {
+            check_weight(&name, settings, relocation.len())?;
+        }
+        let mut lines = relocation.lines().map_err(|_| NotStrikable::NoText)?.into_iter();
+        let header = lines.next().unwrap_or_default();
+        Ok(Self { header, lines: lines.collect() })
+    }
+
     /// The lines, the header first.
     pub(super) fn lines(&self) -> impl Iterator<Item = &str> {
         std::iter::once(&self.header).chain(&self.lines).map(String::as_str)
@@ -73,10 +109,7 @@ fn header_line(
     let Some(settings) = settings else {
         return Err(NotStrikable::OwnCode { estimator: name });
     };
-    let seconds = seconds(&settings, received);
-    if seconds > MOST_S {
-        return Err(NotStrikable::TooHeavy { estimator: name, seconds });
-    }
+    check_weight(&name, &settings, received)?;
     let header = LogHeader {
         estimator_name: name,
         estimator: Some(settings),
@@ -85,6 +118,19 @@ fn header_line(
         ..header.clone()
     };
     serde_json::to_string(&header).map_err(|_| NotStrikable::NoText)
+}
+
+/// Refuses what would take a browser too long.
+fn check_weight(
+    name: &str,
+    settings: &EstimatorConfig,
+    received: usize,
+) -> Result<(), NotStrikable> {
+    let seconds = seconds(settings, received);
+    if seconds > MOST_S {
+        return Err(NotStrikable::TooHeavy { estimator: name.to_owned(), seconds });
+    }
+    Ok(())
 }
 
 /// About how long a browser replays, in seconds: measured in Chromium on a laptop's core.
@@ -120,6 +166,21 @@ pub enum NotStrikable {
         /// How long, about.
         seconds: f64,
     },
+    /// They would make the page too large.
+    #[error("{receptions} receptions are more than a page brings along, {MOST_ROWS}")]
+    TooMany {
+        /// How many there are.
+        receptions: usize,
+    },
+    /// The σ of bearings was learned from those of all beacons.
+    #[error("σ of the bearings is learned from how those of all beacons meet")]
+    LearnedSigma,
+    /// A transmitter that moves is smoothed over all receptions.
+    #[error("a page does not track")]
+    Tracked,
+    /// Bearings alone, from which nothing is estimated.
+    #[error("nothing is located here")]
+    NoEstimate,
     /// The header holds a number that JSON has not.
     #[error("the header of the log cannot be written")]
     NoText,

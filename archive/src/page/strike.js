@@ -1,17 +1,24 @@
 // ---------------------------------------------------------------- striking out
 
-// The log's lines, which the replayer needs; none where the page cannot replay.
+// The log's lines, or the receptions of recordings, which the replayer needs; none where the page
+// cannot replay.
 const logLines = byId("log").textContent.split("\n").filter(Boolean);
 const strikable = () => received.some((one) => one.id);
-const idText = ({ drone, beacon, time }) => `${drone} ${beacon} ${time}`;
+// Receptions of recordings are known by their row, those of logs by their time.
+const keyOf = ({ file, line, beacon, drone, time }) => (file === undefined ? { drone, beacon, time } : { file, line, beacon: beacon ?? undefined });
+const idText = (id) => JSON.stringify(keyOf(id));
+const readsList = () => (received.some((one) => one.id?.file !== undefined) ? "foxhunt locate --ignore" : "foxhunt replay --ignore");
 const isChanged = () => received.some((one) => Boolean(one.struck) !== one.original.struck);
 const struckOnes = () => received.filter((one) => one.struck);
 
-// The list as `foxhunt replay --ignore` reads it.
+// The list as `foxhunt replay --ignore` and `foxhunt locate --ignore` read it.
 function struckText() {
-  const lines = struckOnes().map(({ id }) => JSON.stringify({ drone: id.drone, beacon: id.beacon, time: id.time }));
+  const lines = new Set(struckOnes().map(({ id }) => idText(id)));
   return `${[JSON.stringify({ foxhunt_struck: 1 }), ...lines].join("\n")}\n`;
 }
+
+// Several extractors may have read one turn, which is struck out as a whole.
+const ofOneTurn = (one) => received.filter((other) => other.id && idText(other.id) === idText(one.id));
 
 // The receptions of a list; throws what is wrong with it.
 function readStruck(text) {
@@ -28,7 +35,7 @@ function readStruck(text) {
     }
     const one = value && known.get(idText(value));
     if (!one) throw new Error(`line ${index + 1}: no reception of this hunt: ${line}`);
-    listed.add(one);
+    for (const same of ofOneTurn(one)) listed.add(same);
   });
   return listed;
 }
@@ -42,7 +49,8 @@ function strikeButton(one) {
 
 function strike(one) {
   if (!one.id) return;
-  one.struck = !one.struck;
+  const struck = !one.struck;
+  for (const same of ofOneTurn(one)) same.struck = struck;
   if (state.selected === null) state.selected = one.index;
   restrike();
 }
@@ -161,7 +169,10 @@ async function replayed() {
 
 function showReplayed(result) {
   data.searches.forEach((search, index) => {
-    search.beliefs = result ? result.searches[index] || [] : search.original;
+    const now = result ? result.searches[index] : search.first;
+    search.beliefs = result ? now.beliefs : search.original;
+    search.regions = now.regions; search.rivals = now.rivals;
+    search.failure = search.beliefs.length ? null : now.outcome;
     search.unpacked = new Map();
   });
   const steps = result && new Map(result.received.map((step) => [idText(step.id), step]));
@@ -177,6 +188,7 @@ function showReplayed(result) {
 function moved() {
   return data.searches.map((search) => {
     const [now, before] = [search.beliefs.at(-1), search.original.at(-1)];
+    if (before && !now) return `${search.name} is ${search.failure}`;
     return now && before ? `${search.name} moves by ${fixed(Math.hypot(now.place[0] - before.place[0], now.place[1] - before.place[1]), 2)} m` : null;
   }).filter(Boolean).join(", ");
 }
@@ -185,7 +197,7 @@ async function restrike() {
   showStruck();
   shownTurn = undefined;
   redraw();
-  const count = struckOnes().length, receptions = `${count} reception${count === 1 ? "" : "s"} struck out`;
+  const count = new Set(struckOnes().map(({ id }) => idText(id))).size, receptions = `${count} reception${count === 1 ? "" : "s"} struck out`;
   if (!isChanged()) {
     number += 1;
     showReplayed(null);
@@ -193,7 +205,7 @@ async function restrike() {
     return;
   }
   if (data.not_strikable || !logLines.length) {
-    strikeStatus(`${receptions}. The estimates do not follow here: ${data.not_strikable || "the page has no log"}. Save the list for foxhunt replay --ignore.`);
+    strikeStatus(`${receptions}. The estimates do not follow here: ${data.not_strikable || "the page has no log"}. Save the list for ${readsList()}.`);
     return;
   }
   strikeStatus(`${receptions}; replaying …`);

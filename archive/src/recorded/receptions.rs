@@ -38,6 +38,17 @@ impl Default for ReceptionConfig {
     }
 }
 
+/// A reception, with the row of its recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedReception {
+    /// The line of the row, or of the first one of the turn, from 1.
+    pub line: u64,
+    /// The receiver's name.
+    pub drone: String,
+    /// What was received.
+    pub reception: Reception,
+}
+
 /// The receptions of one beacon: level and bearing of each turn of a directional antenna, the level
 /// of each row of an omnidirectional one (a silence at the receiver's floor and below), ready-made
 /// bearings, ranges and differences. One drone
@@ -54,51 +65,68 @@ pub fn receptions(
 ) -> Result<Vec<Reception>, RecordedError> {
     let mut receptions = Vec::new();
     for recording in recordings {
-        let file = recording.file();
-        let no_place = |line| RecordedError::NoPlace { file: file.to_owned(), line };
-        let mut of_drone: BTreeMap<&str, Vec<Reception>> = BTreeMap::new();
-        let mut order = 0.0;
-        for record in recording.records() {
-            order += 1.0;
-            if record.beacon.as_deref() != beacon {
-                continue;
-            }
-            // The level of a directional antenna is a part of its turn.
-            if record.boresight.is_some() && record.measured.is_empty() {
-                continue;
-            }
-            let receiver = record.receiver.ok_or_else(|| no_place(record.line))?;
-            let time = record.time.unwrap_or(order);
-            if let Some(reception) = from_record(record, time, receiver, config) {
-                check(&reception, file, record.line)?;
-                of_drone.entry(&record.drone).or_default().push(reception);
-            }
-        }
-        let turns;
-        if recording.records().iter().any(|record| record.boresight.is_some()) {
-            turns = bearings(recording, extractor, config.positions)?;
-            for turn in &turns {
-                if turn.sweep.beacon_name.as_deref() != beacon {
-                    continue;
-                }
-                let line = turn.sweep.line;
-                if !turn.sweep.located {
-                    return Err(no_place(line));
-                }
-                let receiver_sigma_m = config.receiver_sigma_m.map(Vector3::repeat);
-                let sweep = turn.sweep.as_sweep(BeaconId(0));
-                let reception =
-                    Reception { receiver_sigma_m, ..Reception::new(&sweep, &turn.reading) };
-                check(&reception, file, line)?;
-                of_drone.entry(&turn.sweep.drone).or_default().push(reception);
-            }
-        }
-        for mut path in of_drone.into_values() {
-            path.sort_by(|a, b| a.time.total_cmp(&b.time));
-            receptions.append(&mut path);
-        }
+        let rows = recorded_receptions(recording, beacon, extractor, config)?;
+        receptions.extend(rows.into_iter().map(|row| row.reception));
     }
     Ok(receptions)
+}
+
+/// The [`receptions`] of one recording, with their rows.
+///
+/// # Errors
+///
+/// [`RecordedError`] names the file and the line of what cannot be used.
+pub fn recorded_receptions(
+    recording: &Recording,
+    beacon: Option<&str>,
+    extractor: &dyn BearingExtractor,
+    config: &ReceptionConfig,
+) -> Result<Vec<RecordedReception>, RecordedError> {
+    let file = recording.file();
+    let no_place = |line| RecordedError::NoPlace { file: file.to_owned(), line };
+    let mut of_drone: BTreeMap<&str, Vec<(u64, Reception)>> = BTreeMap::new();
+    let mut order = 0.0;
+    for record in recording.records() {
+        order += 1.0;
+        if record.beacon.as_deref() != beacon {
+            continue;
+        }
+        // The level of a directional antenna is a part of its turn.
+        if record.boresight.is_some() && record.measured.is_empty() {
+            continue;
+        }
+        let receiver = record.receiver.ok_or_else(|| no_place(record.line))?;
+        let time = record.time.unwrap_or(order);
+        if let Some(reception) = from_record(record, time, receiver, config) {
+            check(&reception, file, record.line)?;
+            of_drone.entry(&record.drone).or_default().push((record.line, reception));
+        }
+    }
+    let turns;
+    if recording.records().iter().any(|record| record.boresight.is_some()) {
+        turns = bearings(recording, extractor, config.positions)?;
+        for turn in &turns {
+            if turn.sweep.beacon_name.as_deref() != beacon {
+                continue;
+            }
+            let line = turn.sweep.line;
+            if !turn.sweep.located {
+                return Err(no_place(line));
+            }
+            let receiver_sigma_m = config.receiver_sigma_m.map(Vector3::repeat);
+            let sweep = turn.sweep.as_sweep(BeaconId(0));
+            let reception = Reception { receiver_sigma_m, ..Reception::new(&sweep, &turn.reading) };
+            check(&reception, file, line)?;
+            of_drone.entry(&turn.sweep.drone).or_default().push((line, reception));
+        }
+    }
+    let paths = of_drone.into_iter().flat_map(|(drone, mut path)| {
+        path.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time));
+        let row =
+            move |(line, reception)| RecordedReception { line, drone: drone.to_owned(), reception };
+        path.into_iter().map(row)
+    });
+    Ok(paths.collect())
 }
 
 /// The reception of one row, if it holds a measurement; without what belongs to a turn.

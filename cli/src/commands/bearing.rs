@@ -6,8 +6,10 @@ use foxhunt::{
     core::BearingMode,
     geodesy::radians_to_compass_deg,
     overview::Overview,
+    page::NotStrikable,
     recorded::{BearingReading, LOW_CONFIDENCE, bearings},
     registry::Registry,
+    struck::file_names,
 };
 use serde::Serialize;
 
@@ -174,10 +176,13 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         if args.views.any() {
             let name = if args.all { "all extractors" } else { args.extraction.name() };
             let mut overview = Overview::of_recordings(std::slice::from_ref(recording), name);
+            let files = file_names(std::slice::from_ref(recording));
+            let file = files.first().map_or("", String::as_str);
             for (_, name, read) in read.iter().filter(of_beacon) {
-                overview.add_reading(read, name, antenna.known());
+                overview.add_reading(file, read, name, antenna.known());
             }
-            args.views.write(&overview, None, output)?;
+            // The list of what is struck out is for `locate --ignore`.
+            args.views.write(&overview, Some(&Err(NotStrikable::NoEstimate)), output)?;
         }
     }
     Ok(())

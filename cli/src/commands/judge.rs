@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     let beside = args.against.iter().map(|name| choice::estimator(registry, name, "--against"));
     let beside = beside.collect::<Result<Vec<_>, _>>()?;
-    let prepared = args.locating.prepare(&args.files, registry)?;
+    let prepared = args.locating.prepare(&args.files, None, registry)?;
     let of_each = |recording: &Recording| {
         let is_wanted = |beacon: &Option<&str>| wanted(args, *beacon);
         recording.beacons().into_iter().filter(is_wanted).count()

@@ -10,6 +10,7 @@ use foxhunt::{
     locate::{CommonErrors, Explanation, Located, Region, Rival},
     movebank::{MovebankFix, write_movebank},
     overview::{Overview, SearchOverview},
+    page::NotStrikable,
     recording::Recording,
     registry::Registry,
     report::Place,
@@ -41,6 +42,7 @@ use crate::{
                         foxhunt locate uav1.csv uav2.csv --truth 50.0755,14.4378 \
                         --p0-dbm -29.06 --exponent 2.765\n  \
                         foxhunt locate bearings.csv --every-beacon\n  \
+                        foxhunt locate flight.csv --ignore struck.jsonl --report without.html\n  \
                         foxhunt locate stations.csv --track")]
 pub(crate) struct Args {
     /// Recordings: CSV with named columns
@@ -61,6 +63,10 @@ pub(crate) struct Args {
     #[cfg(feature = "batch")]
     #[command(flatten)]
     tracking: tracked::Tracking,
+    /// A list of receptions that are left out: one that a page saved, or JSON lines of your own
+    /// (docs/report.md)
+    #[arg(long, value_name = "FILE")]
+    ignore: Option<PathBuf>,
     /// Write the places to a table with Movebank's names; needs recordings with times in UTC
     #[arg(long, value_name = "CSV")]
     movebank_to: Option<PathBuf>,
@@ -82,6 +88,8 @@ struct Report {
     nees: Option<f64>,
     observations: usize,
     rejected: usize,
+    /// How many receptions were left out by --ignore.
+    ignored: usize,
     /// The probability on the border of the area that was searched, for estimators with one.
     border_mass: Option<f64>,
     /// What explains the receptions, for estimators that weigh explanations.
@@ -124,7 +132,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     args.views.check()?;
     args.movebank_to.iter().try_for_each(|path| writable::file(path))?;
-    let prepared = args.locating.prepare(&args.files, registry)?;
+    let prepared = args.locating.prepare(&args.files, args.ignore.as_deref(), registry)?;
     let recordings = prepared.recordings();
     let on_earth = recordings.iter().any(|recording| recording.frame().is_some());
     let in_utc = recordings.iter().all(Recording::is_in_utc);
@@ -137,7 +145,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             every(args, registry, &prepared, output)?.into_iter().unzip();
         to_movebank(args, &prepared, &reports)?;
         output.result(&reports, |reports| places(reports))?;
-        return show(args, &prepared, found, output);
+        return show(args, registry, &prepared, found, output);
     }
     let beacon = args.locating.beacon(prepared.recordings())?;
     #[cfg(feature = "batch")]
@@ -145,12 +153,12 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         let (report, found) =
             tracked::report(&args.tracking, args.truth, &prepared, beacon, output)?;
         output.result(&report, tracked::text)?;
-        return show(args, &prepared, vec![found], output);
+        return show(args, registry, &prepared, vec![found], output);
     }
     let (report, found) = one(args, registry, &prepared, beacon)?;
     to_movebank(args, &prepared, std::slice::from_ref(&report))?;
     output.result(&report, |report| places(std::slice::from_ref(report)))?;
-    show(args, &prepared, vec![found], output)
+    show(args, registry, &prepared, vec![found], output)
 }
 
 /// Why there is no table for Movebank.
@@ -168,6 +176,7 @@ struct Found {
 /// Writes the page and the exports, where they were wanted.
 fn show(
     args: &Args,
+    registry: &Registry,
     prepared: &Prepared,
     found: Vec<Found>,
     output: Output,
@@ -175,11 +184,14 @@ fn show(
     if !args.views.any() {
         return Ok(());
     }
-    let method = found.first().map_or("", |found| found.method.as_str());
-    let mut overview = Overview::of_recordings(prepared.recordings(), method);
+    let method = found.first().map_or_else(String::new, |found| found.method.clone());
+    let mut overview = Overview::of_recordings(prepared.recordings(), &method);
+    let entry = registry.estimator(&method).ok();
+    let mut beacons = Vec::new();
     for (number, Found { beacon, search, .. }) in found.into_iter().enumerate() {
         prepared.add_to(&mut overview, Some(number), beacon.as_deref())?;
         overview.searches.push(search);
+        beacons.push(beacon);
     }
     // A place from all receptions is known when the last of them has come.
     let [_, end] = overview.span();
@@ -188,7 +200,17 @@ fn show(
             only.time = end;
         }
     }
-    args.views.write(&overview, None, output)
+    if !args.views.has_page() {
+        return args.views.write(&overview, None, output);
+    }
+    let log = match entry {
+        Some(estimator) => {
+            let searches = overview.searches.iter().zip(beacons.iter().map(Option::as_deref));
+            prepared.relocation(estimator, searches, args.locating.names_estimator())?
+        }
+        None => Err(NotStrikable::Tracked),
+    };
+    args.views.write(&overview, Some(&log), output)
 }
 
 /// Writes what was found for Movebank, where that was wanted.
@@ -238,7 +260,9 @@ fn one(
     let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
     let search = SearchOverview::located(called, &located, truth, 0.0);
     let found = Found { beacon: beacon.clone(), method: name.clone(), search };
-    Ok((Report::new(name, beacon, prepared.recordings(), up, truth, &located), found))
+    let mut report = Report::new(name, beacon, prepared.recordings(), up, truth, &located);
+    report.ignored = prepared.ignored(report.beacon.as_deref());
+    Ok((report, found))
 }
 
 /// Where each beacon is; one that is not located is reported on standard error.
@@ -321,6 +345,7 @@ impl Report {
             nees: truth.and_then(|truth| estimate.nees(&truth)),
             observations: located.observations,
             rejected: located.rejected,
+            ignored: 0,
             border_mass: located.border_mass,
             explanation: located.explanation.clone(),
             common_errors: located.common_errors.clone(),
@@ -378,8 +403,13 @@ fn places(reports: &[Report]) -> String {
         "East and north {from}; the ellipse's semi-axes, and the direction of the longer one \
          counter-clockwise from East."
     );
+    let ignored: usize = reports.iter().map(|report| report.ignored).sum();
+    let ignored = match ignored {
+        0 => String::new(),
+        count => format!(" Left out by --ignore: {count}."),
+    };
     let details: String = reports.iter().map(details).collect();
-    format!("{places}\n{legend}{details}")
+    format!("{places}\n{legend}{ignored}{details}")
 }
 
 /// What a row of the table does not show: what explains the levels, regions and rivals.

@@ -1,16 +1,22 @@
 //! What the commands that locate transmitters from recordings have in common.
 
-use std::{borrow::Cow, path::PathBuf};
+use std::{
+    borrow::Cow,
+    path::{Path, PathBuf},
+};
 
 use foxhunt::{
     calibration::CalibrationFile,
     config::{BoxedExtractor, ExtractorConfig},
     core::{EstimatorError, Reception, nalgebra::Vector2},
     locate::{LocateConfig, LocateError, Power},
-    overview::Overview,
-    recorded::{ReceptionConfig, bearings, receptions, recorded_truth},
+    overview::{Overview, SearchOverview},
+    page::{NotStrikable, PageLog},
+    recorded::{ReceptionConfig, RecordedReception, bearings, recorded_receptions, recorded_truth},
     recording::Recording,
     registry::{EstimatorEntry, Registry},
+    relocation::Relocation,
+    struck::{RowId, StruckError, StruckRows, file_names},
 };
 
 use super::{
@@ -75,6 +81,11 @@ pub(super) struct Prepared {
     reading: ReceptionConfig,
     config: LocateConfig,
     antenna: Antennas,
+    /// What each recording is called in a list of what is struck out.
+    names: Vec<String>,
+    struck: StruckRows,
+    /// Whether σ of bearings was learned from how those of all beacons meet.
+    learned_sigma: bool,
 }
 
 /// What is read with one extractor: the part of a recording, or all of it.
@@ -84,10 +95,11 @@ struct Extracted {
 }
 
 impl Locating {
-    /// Reads recordings and what the flags name.
+    /// Reads recordings and what the flags name, and leaves out what a list of receptions has.
     pub(super) fn prepare(
         &self,
         files: &[PathBuf],
+        ignore: Option<&Path>,
         registry: &Registry,
     ) -> Result<Prepared, CliError> {
         self.check()?;
@@ -125,7 +137,23 @@ impl Locating {
         };
         let known = self.extraction.config(registry, &ExtractorConfig::default())?;
         let antenna = Antennas::of(&known);
-        let prepared = Prepared { recordings, parts, reading, config, antenna };
+        let names = file_names(&recordings);
+        let struck = StruckRows::default();
+        let mut prepared = Prepared {
+            recordings,
+            parts,
+            reading,
+            config,
+            antenna,
+            names,
+            struck,
+            learned_sigma: false,
+        };
+        if let Some(list) = ignore {
+            let rows = prepared.every_row()?;
+            prepared.struck = StruckRows::read(list, &rows)
+                .map_err(|error: StruckError| CliError::input(error))?;
+        }
         #[cfg(feature = "batch")]
         let prepared = prepared.with_learned_sigma()?;
         Ok(prepared)
@@ -164,6 +192,11 @@ impl Locating {
     /// The name of the beacon of the command line.
     pub(super) fn wanted(&self) -> Option<&str> {
         self.reading.wanted()
+    }
+
+    /// Whether the command line names the estimator.
+    pub(super) fn names_estimator(&self) -> bool {
+        self.estimator.is_some()
     }
 
     /// The estimator of the command line, or the one that suits what was received.
@@ -250,6 +283,7 @@ impl Prepared {
             let (factor, freedom) = learn_bearing_sigma(each, &self.config);
             self.reading.bearing_sigma *= factor;
             self.config.bearing_freedom = freedom;
+            self.learned_sigma = true;
             let sigma_deg = self.reading.bearing_sigma.to_degrees();
             warn(&format!(
                 "  σ of bearings without one: {sigma_deg:.1}°, from how those of {} beacons meet",
@@ -288,7 +322,7 @@ impl Prepared {
         beacon: Option<&str>,
     ) -> Result<(), CliError> {
         for (number, recording) in self.recordings.iter().enumerate() {
-            let received = self.receptions_of(number, beacon)?;
+            let received = self.rows_of(number, beacon)?;
             let mut readings = Vec::new();
             for Extracted { part, extractor } in self.parts.get(number).into_iter().flatten() {
                 let part = part.as_ref().unwrap_or(recording);
@@ -299,22 +333,86 @@ impl Prepared {
             }
             readings.retain(|read| read.sweep.beacon_name.as_deref() == beacon);
             let antenna = self.antenna.known();
-            overview.add_receptions(search, recording, &received, &readings, antenna);
+            let file = self.name(number);
+            overview.add_receptions(search, file, beacon, &received, &readings, antenna);
         }
+        overview.strike(&self.struck);
         Ok(())
     }
 
-    /// The receptions of a beacon in one recording, counted from 0.
+    /// What a page needs to locate again without what is struck out in it: each search, with its
+    /// beacon.
+    pub(super) fn relocation<'a>(
+        &self,
+        estimator: &EstimatorEntry,
+        searches: impl IntoIterator<Item = (&'a SearchOverview, Option<&'a str>)>,
+        given: bool,
+    ) -> Result<Result<PageLog, NotStrikable>, CliError> {
+        if self.learned_sigma {
+            return Ok(Err(NotStrikable::LearnedSigma));
+        }
+        let name = given.then_some(&*estimator.name);
+        let mut relocation = Relocation::new(name, self.config.clone());
+        for (search, beacon) in searches {
+            let mut received = Vec::new();
+            for number in 0..self.recordings.len() {
+                let rows = self.rows_of(number, beacon)?;
+                let id = |row: &RecordedReception| self.id(number, row.line, beacon);
+                received.extend(rows.iter().map(|row| (id(row), row.reception)));
+            }
+            relocation.add(search, received);
+        }
+        Ok(PageLog::of_recordings(&relocation, estimator))
+    }
+
+    /// How many receptions of a beacon are left out.
+    pub(super) fn ignored(&self, beacon: Option<&str>) -> usize {
+        self.struck.of_beacon(beacon)
+    }
+
+    /// What a recording is called in a list of what is struck out.
+    fn name(&self, number: usize) -> &str {
+        self.names.get(number).map_or("", String::as_str)
+    }
+
+    fn id(&self, number: usize, line: u64, beacon: Option<&str>) -> RowId {
+        RowId { file: self.name(number).to_owned(), line, beacon: beacon.map(str::to_owned) }
+    }
+
+    /// What all receptions are known by.
+    fn every_row(&self) -> Result<Vec<RowId>, CliError> {
+        let mut ids = Vec::new();
+        for (number, recording) in self.recordings.iter().enumerate() {
+            for beacon in recording.beacons() {
+                let rows = self.rows_of(number, beacon)?;
+                ids.extend(rows.iter().map(|row| self.id(number, row.line, beacon)));
+            }
+        }
+        Ok(ids)
+    }
+
+    /// The receptions of a beacon in one recording, counted from 0, without what is struck out.
     pub(super) fn receptions_of(
         &self,
         number: usize,
         beacon: Option<&str>,
     ) -> Result<Vec<Reception>, CliError> {
+        let mut rows = self.rows_of(number, beacon)?;
+        rows.retain(|row| !self.struck.contains(&self.id(number, row.line, beacon)));
+        Ok(rows.into_iter().map(|row| row.reception).collect())
+    }
+
+    /// The receptions of a beacon in one recording with their rows, also those struck out.
+    fn rows_of(
+        &self,
+        number: usize,
+        beacon: Option<&str>,
+    ) -> Result<Vec<RecordedReception>, CliError> {
         let mut received = Vec::new();
         let whole = self.recordings.get(number);
         for Extracted { part, extractor } in self.parts.get(number).into_iter().flatten() {
-            let part = part.as_ref().or(whole).map(std::slice::from_ref).unwrap_or_default();
-            let more = receptions(part, beacon, extractor.as_ref(), &self.reading);
+            let Some(part) = part.as_ref().or(whole) else { continue };
+            let more = recorded_receptions(part, beacon, extractor.as_ref(), &self.reading);
             received.append(&mut more.map_err(CliError::input)?);
         }
         Ok(received)

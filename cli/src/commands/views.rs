@@ -113,6 +113,11 @@ impl Views {
         self.report.is_some() || !self.exports.exported.is_empty()
     }
 
+    /// Whether a page is to be written.
+    pub(super) fn has_page(&self) -> bool {
+        self.report.is_some()
+    }
+
     /// Refuses files of unknown formats and those that cannot be written, before any work is done.
     pub(super) fn check(&self) -> Result<(), CliError> {
         self.report.iter().try_for_each(|path| writable::file(path))?;

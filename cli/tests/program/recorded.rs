@@ -532,3 +532,52 @@ fn a_floor_makes_silences_of_levels_and_of_empty_cells() {
     let north = floor["estimate"]["north_m"].as_f64().expect("metres");
     assert!((north - 40.0).abs() < 3.0, "{floor}");
 }
+
+#[test]
+fn receptions_of_a_list_are_left_out() {
+    let folder = folder("locate_ignore");
+    // Bearings to (40, 30); that of line 5 is turned by a reflection.
+    let mut text = "time_s,east_m,north_m,bearing_deg_compass,bearing_sigma_deg\n".to_owned();
+    for (second, (east, north)) in
+        [(0.0, 0.0), (60.0, 0.0), (0.0, 60.0), (60.0, 60.0), (40.0, -20.0)].iter().enumerate()
+    {
+        let off = if second == 3 { 60.0 } else { 0.0 };
+        let compass = f64::atan2(40.0 - east, 30.0 - north).to_degrees() + off;
+        writeln!(text, "{second},{east},{north},{compass},4").expect("a text takes it all");
+    }
+    let file = write(&folder, "walk.csv", &text);
+    let list =
+        |line: &str| write(&folder, "list.jsonl", &format!("{{\"foxhunt_struck\":1}}\n{line}"));
+    let struck = list("{\"file\":\"walk.csv\",\"line\":5}\n");
+    let page = folder.join("page.html");
+    let page = page.to_str().expect("the target folder is UTF-8");
+    let with = foxhunt(["locate", "--json", &file]).json();
+    let without =
+        foxhunt(["locate", "--json", &file, "--ignore", &struck, "--report", page]).json();
+    assert_eq!((&with["observations"], &with["ignored"]), (&5.into(), &0.into()));
+    assert_eq!((&without["observations"], &without["ignored"]), (&4.into(), &1.into()));
+    let off = |report: &serde_json::Value| {
+        let [east, north] =
+            ["east_m", "north_m"].map(|name| report["estimate"][name].as_f64().expect("a number"));
+        f64::hypot(east - 40.0, north - 30.0)
+    };
+    assert!(off(&without) < 1.0 && off(&without) < off(&with), "{with} {without}");
+    let page = fs::read_to_string(page).expect("it was written");
+    assert_eq!(page.matches("\"struck\":true").count(), 1, "the page shows it");
+    assert!(page.contains("{\"foxhunt_relocation\":1"), "and can locate again");
+    let table = foxhunt(["locate", &file, "--ignore", &struck]);
+    assert!(table.stdout.contains("Left out by --ignore: 1"), "{table:?}");
+    let wrong = list("{\"file\":\"walk.csv\",\"line\":1}\n");
+    foxhunt(["locate", &file, "--ignore", &wrong])
+        .failed(2, &["list.jsonl, line 2", "line 1 of walk.csv", "nearest is line 2"]);
+}
+
+#[test]
+fn a_time_that_runs_back_is_named() {
+    let folder = folder("runs_back");
+    let text = "time_s,east_m,north_m,rss_dbm\n0,0,0,-60\n9,50,0,-60\n4,0,50,-60\n8,50,50,-60\n";
+    let ran = foxhunt(["locate", &write(&folder, "walk.csv", text)]);
+    for part in ["walk.csv, line 4", "back by 5 s"] {
+        assert!(ran.stderr.contains(part), "{part:?} is not in {ran:?}");
+    }
+}

@@ -1,10 +1,12 @@
 use foxhunt_core::Pose;
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 use super::area::FREE_EXPONENT;
 
 /// How a transmitter is located.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct LocateConfig {
     /// What is known of the transmitter's power.
     pub power: Power,
@@ -24,7 +26,8 @@ pub struct LocateConfig {
 }
 
 /// What is known of a transmitter's power.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Power {
     /// Nothing: the reference power is estimated along with the place. The exponent is, too, where
     /// the estimator can; else it is 2.3.

@@ -105,7 +105,7 @@ impl LiveView {
         let beginning = OverviewReader::new(&header, &registry, Some(&estimator), None)
             .map_err(CliError::failure)?;
         let log = PageLog::live(&header, None);
-        let page = live_page(beginning.overview(), &log, Live { orders });
+        let page = live_page(beginning.overview(), &log, Live { orders, tiles: None });
         let shared = Arc::new(Shared {
             page: page.map_err(CliError::failure)?,
             token: token.clone(),

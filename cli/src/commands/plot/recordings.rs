@@ -81,7 +81,7 @@ pub(super) fn pattern(args: &OneTurn, context: Context<'_>) -> Result<(), CliErr
         CliError::input(format!("--turn {}: the recording has turns 1 to {count}", args.turn))
     })?;
     let mut overview = Overview::default();
-    overview.add_reading(read, args.extraction.name(), antenna.known());
+    overview.add_reading(recording.file(), read, args.extraction.name(), antenna.known());
     let turn = overview.received.pop().and_then(|received| received.turn).unwrap_or_default();
     let beacon = read.sweep.beacon_name.as_ref().map_or_else(String::new, |b| format!(", {b}"));
     let own = format!("{}{beacon}, turn {} of {count}", read.sweep.drone, args.turn);

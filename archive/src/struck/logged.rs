@@ -1,26 +1,10 @@
-//! Receptions that were struck out by hand, in a file of JSON lines: a header, then one reception a
-//! line.
-//!
-//! ```json
-//! {"foxhunt_struck":1}
-//! {"drone":0,"beacon":1,"time":11.4899999999998}
-//! ```
-//!
-//! Drones and beacons have the numbers of the log, from 0; the time is that of the reception, with
-//! all of its digits.
-
-use std::{
-    collections::BTreeMap,
-    fs,
-    path::{Path, PathBuf},
-};
+use std::{collections::BTreeMap, path::Path};
 
 use foxhunt_core::{BeaconId, Reception};
 use foxhunt_hunt::{hunt::Event, log::Log};
 use serde::{Deserialize, Serialize};
 
-/// The version of the file that this program writes and reads.
-pub const STRUCK_VERSION: u32 = 1;
+use super::{StruckError, list};
 
 /// What a reception of a log is known by.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -70,9 +54,7 @@ impl Struck {
     ///
     /// [`StruckError`] names the file, the line and the value.
     pub fn read(path: &Path, log: &Log) -> Result<Self, StruckError> {
-        let text = fs::read_to_string(path)
-            .map_err(|source| StruckError::Read { path: path.to_owned(), source })?;
-        Self::parse(&text, path, log)
+        Self::parse(&list::read(path)?, path, log)
     }
 
     /// Reads receptions from text; `path` is what errors call it.
@@ -81,24 +63,18 @@ impl Struck {
     ///
     /// [`StruckError`] names the file, the line and the value.
     pub fn parse(text: &str, path: &Path, log: &Log) -> Result<Self, StruckError> {
-        let path = || path.to_owned();
-        let mut lines = text.lines().zip(1..);
-        let (first, _) = lines.next().unwrap_or_default();
-        let Header { foxhunt_struck: version } = serde_json::from_str(first)
-            .map_err(|source| StruckError::Header { path: path(), source })?;
-        if version != STRUCK_VERSION {
-            return Err(StruckError::Version { path: path(), version });
-        }
         let mut struck = Self::default();
-        for (text, line) in lines.filter(|(text, _)| !text.trim().is_empty()) {
-            let reception: ReceptionId = serde_json::from_str(text)
-                .map_err(|source| StruckError::Line { path: path(), line, source })?;
+        let what = "drone, beacon and time of a reception";
+        for (line, reception) in list::entries::<ReceptionId>(text, path, what)? {
             let nearest = nearest(reception, log);
             if nearest.is_none_or(|nearest| nearest.key() != reception.key()) {
-                return Err(StruckError::NoReception { path: path(), line, reception, nearest });
+                let path = path.to_owned();
+                return Err(StruckError::NoReception { path, line, reception, nearest });
             }
             if let Some(before) = struck.lines.insert(reception.key(), line) {
-                return Err(StruckError::Twice { path: path(), line, reception, before });
+                let path = path.to_owned();
+                let what = reception.to_string();
+                return Err(StruckError::Twice { path, line, what, before });
             }
         }
         Ok(struck)
@@ -123,12 +99,6 @@ impl Struck {
     }
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Header {
-    foxhunt_struck: u32,
-}
-
 /// The log's reception of the same drone and beacon that is nearest in time.
 fn nearest(wanted: ReceptionId, log: &Log) -> Option<ReceptionId> {
     let receptions = log.events.iter().filter_map(|event| match event {
@@ -138,87 +108,6 @@ fn nearest(wanted: ReceptionId, log: &Log) -> Option<ReceptionId> {
     receptions
         .filter(|other| (other.drone, other.beacon) == (wanted.drone, wanted.beacon))
         .min_by(|a, b| (a.time - wanted.time).abs().total_cmp(&(b.time - wanted.time).abs()))
-}
-
-fn where_it_is(nearest: Option<&ReceptionId>) -> String {
-    nearest.map_or_else(
-        || "that drone has none of that beacon".to_owned(),
-        |nearest| format!("the nearest is at {}", nearest.time),
-    )
-}
-
-/// Why a list of struck receptions cannot be used.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum StruckError {
-    /// The file cannot be read.
-    #[error("{}: cannot be read", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why not.
-        source: std::io::Error,
-    },
-    /// The first line is no header.
-    #[error(
-        "{}, line 1: no header of struck receptions, such as {{\"foxhunt_struck\":1}}",
-        path.display()
-    )]
-    Header {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: serde_json::Error,
-    },
-    /// The list is of another version.
-    #[error(
-        "{}, line 1: foxhunt_struck is {version}; this program reads {STRUCK_VERSION}",
-        path.display()
-    )]
-    Version {
-        /// The file.
-        path: PathBuf,
-        /// Its version.
-        version: u32,
-    },
-    /// A line is no reception.
-    #[error("{}, line {line}: not drone, beacon and time of a reception", path.display())]
-    Line {
-        /// The file.
-        path: PathBuf,
-        /// Which line, from 1.
-        line: usize,
-        /// What is wrong with it.
-        source: serde_json::Error,
-    },
-    /// The log has no such reception.
-    #[error(
-        "{}, line {line}: the log has no reception of {reception}; {}",
-        path.display(),
-        where_it_is(nearest.as_ref())
-    )]
-    NoReception {
-        /// The file.
-        path: PathBuf,
-        /// Which line, from 1.
-        line: usize,
-        /// What stands there.
-        reception: ReceptionId,
-        /// The reception of the same drone and beacon that is nearest in time.
-        nearest: Option<ReceptionId>,
-    },
-    /// A reception stands there twice.
-    #[error("{}, line {line}: {reception} stands in line {before} already", path.display())]
-    Twice {
-        /// The file.
-        path: PathBuf,
-        /// Which line, from 1.
-        line: usize,
-        /// What stands there.
-        reception: ReceptionId,
-        /// Where it stood before.
-        before: usize,
-    },
 }
 
 #[cfg(test)]

@@ -1,0 +1,251 @@
+//! Locating again from the receptions of recordings, without those that were struck out: what a
+//! page needs for that, as lines of JSON.
+
+use foxhunt_core::Reception;
+use foxhunt_hunt::{
+    locate::{LocateConfig, LocateError},
+    registry::{Registry, RegistryError},
+};
+use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    overview::SearchOverview,
+    struck::{RowId, StruckRows},
+};
+
+/// The version of the lines that this program writes and reads.
+const VERSION: u32 = 1;
+
+/// What was located, and from what.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Relocation {
+    header: Header,
+    rows: Vec<Row>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    foxhunt_relocation: u32,
+    /// The estimator; what suits the receptions where it is absent.
+    estimator: Option<String>,
+    config: LocateConfig,
+    searches: Vec<Sought>,
+}
+
+/// A transmitter that is located.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Sought {
+    name: String,
+    /// Where it truly is, if that is known.
+    truth: Option<Vector2<f64>>,
+    /// The time that its place is of.
+    time: f64,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Row {
+    search: usize,
+    id: RowId,
+    reception: Reception,
+}
+
+impl Relocation {
+    /// Nothing located yet, by an estimator of the registry or by the one that suits the
+    /// receptions.
+    #[must_use]
+    pub fn new(estimator: Option<&str>, config: LocateConfig) -> Self {
+        let estimator = estimator.map(str::to_owned);
+        let searches = Vec::new();
+        let header = Header { foxhunt_relocation: VERSION, estimator, config, searches };
+        Self { header, rows: Vec::new() }
+    }
+
+    /// Adds a search as it ended, and its receptions in the order of the estimator.
+    pub fn add(
+        &mut self,
+        search: &SearchOverview,
+        receptions: impl IntoIterator<Item = (RowId, Reception)>,
+    ) {
+        let number = self.header.searches.len();
+        self.header.searches.push(Sought {
+            name: search.name.clone(),
+            truth: search.truth.first().map(|knot| knot.place.xy()),
+            time: search.last().map_or(0.0, |last| last.time),
+        });
+        let row = |(id, reception)| Row { search: number, id, reception };
+        self.rows.extend(receptions.into_iter().map(row));
+    }
+
+    /// The estimator's name, where it was given.
+    #[must_use]
+    pub fn estimator(&self) -> Option<&str> {
+        self.header.estimator.as_deref()
+    }
+
+    /// How many receptions there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether there are no receptions.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// What the receptions are known by.
+    #[must_use]
+    pub fn ids(&self) -> Vec<RowId> {
+        self.rows.iter().map(|row| row.id.clone()).collect()
+    }
+
+    /// The lines, the header first.
+    ///
+    /// # Errors
+    ///
+    /// The error of the JSON writer.
+    pub fn lines(&self) -> Result<Vec<String>, serde_json::Error> {
+        let header = std::iter::once(serde_json::to_string(&self.header));
+        header.chain(self.rows.iter().map(serde_json::to_string)).collect()
+    }
+
+    /// Reads the lines; [`None`] where the first is the header of something else.
+    ///
+    /// # Errors
+    ///
+    /// [`RelocationError`] names the line.
+    pub fn parse(text: &str) -> Result<Option<Self>, RelocationError> {
+        let mut lines = text.lines().zip(1..);
+        let (first, _) = lines.next().unwrap_or_default();
+        if !first.starts_with("{\"foxhunt_relocation\":") {
+            return Ok(None);
+        }
+        let line = |line| move |source| RelocationError::Line { line, source };
+        let header: Header = serde_json::from_str(first).map_err(line(1))?;
+        if header.foxhunt_relocation != VERSION {
+            return Err(RelocationError::Version { version: header.foxhunt_relocation });
+        }
+        let row = |(text, number)| serde_json::from_str(text).map_err(line(number));
+        let rows = lines.map(row).collect::<Result<_, _>>()?;
+        Ok(Some(Self { header, rows }))
+    }
+
+    /// Locates each transmitter without the receptions that are struck out; one that cannot be
+    /// located any more has no beliefs, and its outcome is the reason.
+    ///
+    /// # Errors
+    ///
+    /// [`RegistryError`] where the registry does not have the estimator.
+    pub fn locate(
+        &self,
+        registry: &Registry,
+        struck: &StruckRows,
+    ) -> Result<Vec<SearchOverview>, RegistryError> {
+        let Header { estimator, config, searches, .. } = &self.header;
+        let mut found = Vec::new();
+        for (number, Sought { name, truth, time }) in searches.iter().enumerate() {
+            let of_it = self.rows.iter().filter(|row| row.search == number);
+            let left = of_it.filter(|row| !struck.contains(&row.id));
+            let received: Vec<Reception> = left.map(|row| row.reception).collect();
+            let estimator = match estimator {
+                Some(name) => registry.estimator(name)?,
+                None => registry.suited_to(&received)?,
+            };
+            found.push(match estimator.locate(&received, config) {
+                Ok(located) => SearchOverview::located(name.clone(), &located, *truth, *time),
+                Err(error) => not_located(name, &error),
+            });
+        }
+        Ok(found)
+    }
+}
+
+fn not_located(name: &str, error: &LocateError) -> SearchOverview {
+    let outcome = Some(format!("not located: {error}"));
+    SearchOverview { name: name.to_owned(), outcome, ..SearchOverview::default() }
+}
+
+/// Why receptions cannot be located again.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RelocationError {
+    /// The lines are of another version.
+    #[error("line 1: foxhunt_relocation is {version}; this program reads {VERSION}")]
+    Version {
+        /// Their version.
+        version: u32,
+    },
+    /// A line cannot be read.
+    #[error("line {line}: no reception to locate from")]
+    Line {
+        /// Which line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use foxhunt_core::{Bearing, Pose};
+
+    use super::*;
+
+    /// Five bearings to a transmitter at (40, 30), and one that is far off.
+    fn relocation() -> Relocation {
+        let places = [(0.0, 0.0), (60.0, 0.0), (0.0, 60.0), (60.0, 60.0), (40.0, 0.0), (20.0, 0.0)];
+        let rows = (2_u64..).zip(places).map(|(line, (east, north))| {
+            let angle = f64::atan2(30.0 - north, 40.0 - east) * if line == 7 { -1.0 } else { 1.0 };
+            let reception = Reception {
+                receiver: Pose::at(east, north, 2.0),
+                bearing: Some(Bearing { angle, sigma: 0.1, confidence: 1.0 }),
+                ..Reception::default()
+            };
+            (RowId { file: "a.csv".to_owned(), line, beacon: None }, reception)
+        });
+        let mut relocation = Relocation::new(None, LocateConfig::default());
+        relocation.add(&SearchOverview::default(), rows);
+        relocation
+    }
+
+    fn strike(lines: &[u64]) -> StruckRows {
+        let rows = lines.iter().map(|line| format!("\n{{\"file\":\"a.csv\",\"line\":{line}}}"));
+        let text = format!("{{\"foxhunt_struck\":1}}{}", rows.collect::<String>());
+        StruckRows::parse(&text, Path::new("list"), &relocation().ids()).expect("they are there")
+    }
+
+    #[test]
+    fn lines_are_read_to_the_bit() {
+        let relocation = relocation();
+        let text = relocation.lines().expect("plain numbers").join("\n");
+        assert_eq!(Relocation::parse(&text).expect("our own"), Some(relocation));
+        assert_eq!(Relocation::parse("{\"foxhunt_log\":6}").expect("a log"), None);
+        let error = Relocation::parse(&format!("{text}\n{{}}")).expect_err("no reception");
+        assert!(error.to_string().starts_with("line 8"), "{error}");
+    }
+
+    #[test]
+    fn what_is_struck_is_as_if_it_had_never_been_received() {
+        let registry = Registry::builtin();
+        let locate = |relocation: &Relocation, struck: &[u64]| {
+            relocation.locate(&registry, &strike(struck)).expect("built in").remove(0)
+        };
+        let all = relocation();
+        let mut never = all.clone();
+        let _ = never.rows.pop();
+        let struck = locate(&all, &[7]);
+        assert_eq!(struck, locate(&never, &[]));
+        assert_ne!(struck, locate(&all, &[]));
+        assert_eq!(struck.last().map(|last| last.steps), Some(5));
+        let none = locate(&all, &[2, 3, 4, 5, 6, 7]);
+        assert!(none.beliefs.is_empty());
+        assert!(none.outcome.is_some_and(|why| why.starts_with("not located: ")));
+    }
+}
