@@ -181,7 +181,7 @@ fn calling(clock: &Rc<dyn Fn() -> f64>) -> impl Clock + Clone + use<> {
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
-    args.exports.check()?;
+    args.exports.check(false)?;
     let mut field = match (&args.config, &args.emulate) {
         (_, Some(scenario)) => Field::emulated(scenario, args.faults.as_deref(), args.seed)?,
         (Some(file), None) => Field::real(file)?,

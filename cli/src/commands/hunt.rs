@@ -66,7 +66,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
-    args.exports.check()?;
+    args.exports.check(args.live.has_tiles())?;
     let mut scenario = choice::scenario(&args.scenario)?;
     args.settings.apply_to(&mut scenario, registry)?;
     args.planning.apply_to(&mut scenario, registry)?;
@@ -76,8 +76,10 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let setup = Setup { scenario: &scenario, estimator: &estimator, registry };
     let header = setup.log_header(args.seed);
     args.exports.check_known(header.origin.is_some(), header.epoch_unix_s.is_some())?;
+    // A scenario is in local metres; the map is where the command line has it.
+    let placed = LogHeader { origin: header.origin.or(args.exports.origin()), ..header.clone() };
     let shown = Shown {
-        header: &header,
+        header: &placed,
         registry,
         estimator: &estimator,
         extractor: &scenario.extractor,

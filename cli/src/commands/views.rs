@@ -11,6 +11,7 @@ use foxhunt::{
     config::ExtractorConfig,
     core::Sweep,
     export::{ExportError, Format, export},
+    geodesy::Geodetic,
     hunt::Tap,
     overview::{KeptTurn, KnownAntenna, Overview},
     page::{NotStrikable, PageLog, page},
@@ -28,8 +29,9 @@ pub(super) struct Exports {
     /// .geojson, .kml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may be given several times
     #[arg(long = "export", value_name = "FILE")]
     exported: Vec<PathBuf>,
-    /// Where the zero of local metres is on Earth (WGS84), for --export, where that is not known
-    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true, requires = "exported")]
+    /// Where the zero of local metres is on Earth (WGS84), for --export and for maps (--tiles), where
+    /// that is not known
+    #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     origin: Option<LatLon>,
     /// The UTC of the time 0, for --export, where that is not known
     #[arg(long, value_name = "YYYY-MM-DDTHH:MM:SS", value_parser = utc, requires = "exported")]
@@ -60,13 +62,22 @@ fn refused(file: &Path, error: &ExportError) -> CliError {
 }
 
 impl Exports {
-    /// Refuses files of unknown formats and those that cannot be written, before any work is done.
-    pub(super) fn check(&self) -> Result<(), CliError> {
+    /// Refuses files of unknown formats and those that cannot be written, before any work is done;
+    /// `on_map` is whether something else than exports needs the origin.
+    pub(super) fn check(&self, on_map: bool) -> Result<(), CliError> {
+        if self.origin.is_some() && self.exported.is_empty() && !on_map {
+            return Err(CliError::input("--origin: of use with --export or --tiles alone"));
+        }
         for file in &self.exported {
             Format::of_file(file).map_err(|error| CliError::input(format!("--export: {error}")))?;
             writable::file(file)?;
         }
         Ok(())
+    }
+
+    /// Where the zero of local metres is, where the command line has it.
+    pub(super) fn origin(&self) -> Option<Geodetic> {
+        self.origin.map(|origin| origin.frame().origin())
     }
 
     /// Refuses formats that need more than will be known, before any work is done: where the zero
@@ -121,7 +132,7 @@ impl Views {
     /// Refuses files of unknown formats and those that cannot be written, before any work is done.
     pub(super) fn check(&self) -> Result<(), CliError> {
         self.report.iter().try_for_each(|path| writable::file(path))?;
-        self.exports.check()
+        self.exports.check(false)
     }
 
     /// Refuses formats that need more than is known: where the zero of local metres is, and when

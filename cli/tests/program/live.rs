@@ -142,6 +142,34 @@ fn a_token_is_needed_where_there_is_one() {
 }
 
 #[test]
+fn a_map_is_for_who_may_look() {
+    let out = folder("live_tiles");
+    let map = out.join("map");
+    fs::create_dir_all(map.join("3/4")).expect("a folder");
+    fs::write(map.join("3/4/2.png"), b"\x89PNG\r\n\x1a\nrest").expect("a tile");
+    fs::write(map.join("3/4/3.png"), b"no image").expect("a file");
+    let [out, map] = [&out, &map].map(|path| path.to_str().expect("the target folder is UTF-8"));
+    let args = ["--live=127.0.0.1:0", "--pace", "1000", "--out", out, "--tiles", map];
+    let args = [&args[..], &["--origin", "50.08,14.44"]].concat();
+    let hunt = Hunt::start(&args, Some("correct-horse"));
+    assert_eq!(hunt.status("GET /tiles/3/4/2", ""), 401);
+    let token = "Authorization: Bearer correct-horse\r\n";
+    let mut tile = String::new();
+    let mut answer = hunt.request("GET /tiles/3/4/2", token);
+    while !tile.ends_with("\r\n\r\n") {
+        assert!(answer.read_line(&mut tile).expect("headers are text") > 0, "{tile}");
+    }
+    assert!(tile.contains(" 200 ") && tile.contains("content-type: image/png"), "{tile}");
+    // Not there, no image, and no place on Earth.
+    for path in ["3/4/4", "3/4/3", "3/8/0", "99/0/0"] {
+        assert_eq!(hunt.status(&format!("GET /tiles/{path}"), token), 204, "{path}");
+    }
+    assert_eq!(hunt.status("GET /tiles/3/4/..%2F2", token), 400);
+    foxhunt(["hunt", "--live=127.0.0.1:0", "--tiles", map]).failed(2, &["--tiles", "--origin"]);
+    foxhunt(["hunt", "--origin", "50,14"]).failed(2, &["--origin"]);
+}
+
+#[test]
 fn it_ends_with_the_hunt_where_that_is_wanted() {
     let out = folder("live_done");
     let out = out.to_str().expect("the target folder is UTF-8");

@@ -18,7 +18,7 @@ use foxhunt::{
 };
 use tokio::sync::watch;
 
-use super::{LivePlan, Shown, server};
+use super::{LivePlan, Shown, server, tiles::Tiles};
 use crate::{commands::views::Antennas, error::CliError, output::warn};
 
 /// How many places stand for one belief at most: a long hunt is sent as a whole to who joins late.
@@ -32,6 +32,7 @@ pub(super) struct Shared {
     pub(super) page: String,
     pub(super) token: Option<String>,
     pub(super) orders: bool,
+    pub(super) tiles: Option<Arc<Tiles>>,
     /// What the numbers of the news belong to: another hunt has others.
     pub(super) run: String,
     /// Everything that was to be shown since the beginning, in this order. Each browser has its
@@ -92,7 +93,12 @@ pub(in crate::commands) struct LiveView {
 impl LiveView {
     /// Opens the address and serves the page from now on.
     pub(in crate::commands) fn start(plan: &LivePlan, shown: &Shown<'_>) -> Result<Self, CliError> {
-        let LivePlan { address, token, until_done } = plan;
+        let LivePlan { address, token, until_done, tiles } = plan;
+        if tiles.is_some() && shown.header.origin.is_none() {
+            return Err(CliError::input(
+                "--tiles: the hunt is in local metres; --origin LAT,LON places it on Earth",
+            ));
+        }
         let refused = |error: std::io::Error| {
             CliError::input(format!("--live={address}: cannot be served there: {error}"))
         };
@@ -105,11 +111,13 @@ impl LiveView {
         let beginning = OverviewReader::new(&header, &registry, Some(&estimator), None)
             .map_err(CliError::failure)?;
         let log = PageLog::live(&header, None);
-        let page = live_page(beginning.overview(), &log, Live { orders, tiles: None });
+        let about = tiles.as_ref().map(|tiles| tiles.about().clone());
+        let page = live_page(beginning.overview(), &log, Live { orders, tiles: about });
         let shared = Arc::new(Shared {
             page: page.map_err(CliError::failure)?,
             token: token.clone(),
             orders,
+            tiles: tiles.clone(),
             run: run_name(),
             news: Mutex::new(Vec::new()),
             progress: watch::Sender::new(Progress::default()),

@@ -4,6 +4,8 @@
 mod feed;
 #[cfg(feature = "live")]
 mod server;
+#[cfg(feature = "live")]
+mod tiles;
 #[cfg(not(feature = "live"))]
 mod without;
 
@@ -11,7 +13,9 @@ mod pace;
 
 pub(super) use pace::PaceArgs;
 
-use std::{env, net::SocketAddr};
+#[cfg(feature = "live")]
+use std::sync::Arc;
+use std::{env, net::SocketAddr, path::PathBuf};
 
 #[cfg(feature = "live")]
 pub(super) use feed::LiveView;
@@ -46,6 +50,10 @@ pub(super) struct LiveArgs {
     /// End with the hunt; the page is served until Ctrl-C otherwise
     #[arg(long, requires = "live")]
     live_until_done: bool,
+    /// A map below the hunt, of tiles on this computer: a folder with z/x/y.png, an .mbtiles or a
+    /// .pmtiles file of images; the hunt needs an origin in degrees
+    #[arg(long, value_name = "PATH", requires = "live")]
+    tiles: Option<PathBuf>,
 }
 
 /// The environment variable of the token.
@@ -61,6 +69,8 @@ pub(super) struct LivePlan {
     address: SocketAddr,
     token: Option<String>,
     until_done: bool,
+    #[cfg(feature = "live")]
+    tiles: Option<Arc<tiles::Tiles>>,
 }
 
 /// What is shown.
@@ -87,7 +97,18 @@ impl LiveArgs {
             )));
         }
         let token = self.live_token.clone().or_else(|| env::var(TOKEN_VARIABLE).ok());
-        plan(address, token, self.live_until_done).map(Some)
+        let plan = plan(address, token, self.live_until_done)?;
+        #[cfg(feature = "live")]
+        let plan = LivePlan {
+            tiles: self.tiles.as_deref().map(tiles::Tiles::open).transpose()?.map(Arc::new),
+            ..plan
+        };
+        Ok(Some(plan))
+    }
+
+    /// Whether a map is wanted.
+    pub(super) fn has_tiles(&self) -> bool {
+        self.tiles.is_some()
     }
 }
 
@@ -110,7 +131,13 @@ fn plan(
              are; it needs a token: --live-token, or {TOKEN_VARIABLE} in the environment"
         )));
     }
-    Ok(LivePlan { address, token, until_done })
+    Ok(LivePlan {
+        address,
+        token,
+        until_done,
+        #[cfg(feature = "live")]
+        tiles: None,
+    })
 }
 
 #[cfg(test)]

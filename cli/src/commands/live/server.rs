@@ -2,7 +2,7 @@ use std::{convert::Infallible, net::TcpListener, sync::Arc, sync::mpsc, thread, 
 
 use axum::{
     Router,
-    extract::{Request, State},
+    extract::{Path, Request, State},
     http::{HeaderMap, StatusCode, header},
     middleware::{self, Next},
     response::{
@@ -13,7 +13,10 @@ use axum::{
 };
 use futures_util::{Stream, stream};
 
-use super::feed::{Progress, Shared};
+use super::{
+    feed::{Progress, Shared},
+    tiles::{Tile, TileAt},
+};
 use crate::error::CliError;
 
 /// How often a browser without news is written to, so that connections that are gone are noticed.
@@ -56,6 +59,7 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/", get(page))
         .route("/events", get(events))
         .route("/break-off", post(break_off))
+        .route("/tiles/{zoom}/{column}/{row}", get(tile))
         .layer(middleware::from_fn_with_state(Arc::clone(&shared), admit))
         .with_state(shared)
 }
@@ -125,6 +129,25 @@ fn same(given: &str, token: &str) -> bool {
 
 async fn page(State(shared): State<Arc<Shared>>) -> Html<String> {
     Html(shared.page.clone())
+}
+
+/// A tile of the map; what is no place on it, no image or not there is no content, which browsers
+/// do not report as an error.
+async fn tile(
+    State(shared): State<Arc<Shared>>,
+    Path((zoom, column, row)): Path<(u8, u32, u32)>,
+) -> Response {
+    let (Some(tiles), Some(at)) = (shared.tiles.clone(), TileAt::new(zoom, column, row)) else {
+        return StatusCode::NO_CONTENT.into_response();
+    };
+    // A slow disk holds up no other browser.
+    let read = tokio::task::spawn_blocking(move || tiles.tile(at)).await;
+    match read.ok().flatten() {
+        Some(Tile { bytes, content_type }) => {
+            ([(header::CONTENT_TYPE, content_type)], bytes).into_response()
+        }
+        None => StatusCode::NO_CONTENT.into_response(),
+    }
 }
 
 async fn break_off(State(shared): State<Arc<Shared>>) -> StatusCode {

@@ -1,6 +1,7 @@
 use std::{fs, path::Path};
 
 use foxhunt::{
+    config::ExtractorConfig,
     fly::FlightConfig,
     hunt::Hunt,
     log::LogHeader,
@@ -64,6 +65,14 @@ impl Field {
         match given {
             Some(name) => choice::estimator(registry, name, "--estimator"),
             None => choice::estimator(registry, own, &format!("{file}: estimator")),
+        }
+    }
+
+    /// What reads bearings on board of the drones.
+    pub(super) fn extractor(&self) -> &ExtractorConfig {
+        match self {
+            Self::Simulated(scenario) => &scenario.extractor,
+            Self::Flown(flight) => &flight.extractor,
         }
     }
 

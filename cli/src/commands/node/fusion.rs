@@ -9,8 +9,11 @@ use foxhunt::{
     hunt::{Event, Fix},
     log::Log,
     network::{FusionNode, FusionNodeConfig, Past},
+    overview::Overview,
+    page::PageLog,
     picture::hunt_svg,
     registry::{EstimatorEntry, Registry},
+    struck::Struck,
 };
 use serde::Serialize;
 
@@ -23,7 +26,9 @@ use crate::{
     commands::{
         choice, fixes,
         fly::{Pilot, PilotInput},
+        live::{LiveArgs, LiveView, Shown},
         notices::Notices,
+        views::write_page,
     },
     context::Context,
     error::CliError,
@@ -59,6 +64,8 @@ pub(super) struct Args {
     #[arg(long)]
     resume: bool,
     #[command(flatten)]
+    live: LiveArgs,
+    #[command(flatten)]
     shared: Shared,
 }
 
@@ -89,6 +96,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
              off at once",
         ));
     }
+    let live = args.live.plan()?;
     let past_log = NodeLog::read(&args.log, args.resume)?;
     let operator = match field.is_flown() {
         true => Operator::Pilot(Pilot::listen()?),
@@ -104,6 +112,17 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             (NodeLog::new(&args.log, header), estimator, None)
         }
     };
+    let shown = Shown {
+        header: &log.header,
+        registry,
+        estimator: &estimator,
+        extractor: field.extractor(),
+        orders: true,
+    };
+    let live = live.map(|plan| LiveView::start(&plan, &shown)).transpose()?;
+    if let Some(live) = &live {
+        log.events.iter().for_each(|event| live.show(event, &[]));
+    }
     let epoch = UnixTime::whole(log.header.epoch_unix_s.unwrap_or_default());
     let hunt = field.hunt(registry, &estimator, log.header.seed, &args.field)?;
     let (drones, config) = (field.drones(), FusionNodeConfig::default());
@@ -123,10 +142,17 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         }
         while let Some(event) = node.poll_event() {
             notices.print(&event);
+            if let Some(live) = &live {
+                live.show(&event, &[]);
+            }
             log.event(event)?;
         }
         if node.is_finished(time) {
             break;
+        }
+        if live.as_ref().is_some_and(LiveView::is_broken_off) {
+            warn("the drones leave");
+            node.abort(time, "broken off in the live view").map_err(CliError::failure)?;
         }
         match operator.poll() {
             PilotInput::None => rest(),
@@ -144,7 +170,12 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         }
     }
     notices.finish();
+    let log = Log { header: log.header, events: log.events, torn: false };
     report(args, &log, node.hunt().fixes(), output)?;
+    page(args, &log, registry, &estimator, output)?;
+    if let Some(live) = live {
+        live.stay(|| !matches!(operator.poll(), PilotInput::None | PilotInput::Enter));
+    }
     match node.failure() {
         Some(why) => Err(CliError::failure(why)),
         None => Ok(()),
@@ -213,7 +244,7 @@ struct Report<'a> {
     receptions: usize,
 }
 
-fn report(args: &Args, log: &NodeLog, fixes: &[Fix], output: Output) -> Result<(), CliError> {
+fn report(args: &Args, log: &Log, fixes: &[Fix], output: Output) -> Result<(), CliError> {
     let picture = args.log.with_extension("svg");
     let svg = hunt_svg(&log.header, &log.events).map_err(CliError::failure)?;
     fs::write(&picture, svg).map_err(|error| CliError::writing(&picture, error))?;
@@ -223,6 +254,23 @@ fn report(args: &Args, log: &NodeLog, fixes: &[Fix], output: Output) -> Result<(
         format!("{}\n{}", fixes::fixes(report.fixes.iter().map(row)), fixes::LEGEND)
     })?;
     output.note(&format!("log: {}\npicture: {}", args.log.display(), picture.display()))
+}
+
+/// The page of the hunt, beside the log.
+fn page(
+    args: &Args,
+    log: &Log,
+    registry: &Registry,
+    estimator: &EstimatorEntry,
+    output: Output,
+) -> Result<(), CliError> {
+    let struck = Struck::default();
+    let (overview, _) = Overview::of_log(log, registry, Some(estimator), &struck, Vec::new(), None)
+        .map_err(CliError::failure)?;
+    let page_log = PageLog::new(&log.header, None, &log.events);
+    let file = args.log.with_extension("html");
+    write_page(&file, &overview, Some(&page_log))?;
+    output.note(&format!("report: {}", file.display()))
 }
 
 fn row(fix: &Fix) -> fixes::Row<'_> {
