@@ -3,9 +3,9 @@
 //!
 //! Standard input holds the lines of the log or of the receptions (`foxhunt_archive::relocation`),
 //! an empty line, and the list of struck receptions (`foxhunt_archive::struck`); standard output
-//! then holds what the report page shows, as one JSON value. As WebAssembly (`wasm32-wasip1`) it is part of every page whose bearings can be struck
-//! out, so that the page runs the program's own estimators; it touches no file, no clock and no
-//! network.
+//! then holds what the report page shows, as one JSON value. As WebAssembly (`wasm32-wasip1`) it is
+//! part of every page whose bearings can be struck out, so that the page runs the program's own
+//! estimators; it touches no file, no clock and no network.
 
 use std::{
     io::{self, Read, Write},

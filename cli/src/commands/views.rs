@@ -29,8 +29,8 @@ pub(super) struct Exports {
     /// .geojson, .kml, .gpx, .csv, .cot (Cursor on Target) or .mcap; may be given several times
     #[arg(long = "export", value_name = "FILE")]
     exported: Vec<PathBuf>,
-    /// Where the zero of local metres is on Earth (WGS84), for --export and for maps (--tiles), where
-    /// that is not known
+    /// Where the zero of local metres is on Earth (WGS84), for --export and for the map of --tiles,
+    /// where that is not known
     #[arg(long, value_name = "LAT,LON", allow_hyphen_values = true)]
     origin: Option<LatLon>,
     /// The UTC of the time 0, for --export, where that is not known
