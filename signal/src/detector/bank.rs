@@ -217,3 +217,26 @@ fn smooth(mut size: usize) -> bool {
     }
     size == 1
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_that_is_lit_everywhere_is_a_burst() {
+        let noise: [f32; 16] =
+            [0.2, 1.4, 0.7, 2.1, 0.1, 0.9, 3.0, 0.5, 1.1, 0.3, 1.9, 0.6, 0.8, 1.2, 2.6, 0.4];
+        let times = |level: f32| noise.map(|power| level * power);
+        assert!(!is_burst(&noise, 11.0), "noise");
+        assert!(is_burst(&times(100.0), 11.0), "a click");
+        assert!(is_burst(&times(15.0), 11.0), "half of it above the threshold");
+        assert!(!is_burst(&times(10.0), 11.0), "less than half");
+        // A pulse in a click stands out, and a strong one's side lobes are far below its line.
+        let mut pulse = times(100.0);
+        pulse[6] = 20.0 * 100.0;
+        assert!(!is_burst(&pulse, 11.0), "a pulse in a click");
+        pulse[6] = 19.0 * 90.0;
+        assert!(is_burst(&pulse, 11.0), "a line like those of the click");
+        assert!(!is_burst(&times(100.0)[..7], 11.0), "too few bins");
+    }
+}

@@ -31,8 +31,12 @@ const EDGES_WORTH: f64 = 2.5;
 const REFERENCES: usize = 8;
 /// Above this, a median of reference cells is not noise: one of seven is with probability 0.002.
 const LIT: f64 = 2.5;
-/// The same where there are fewer cells: of five with probability 6e-5.
+/// The same of cells beside a peak, where there are fewer than twelve: of five with probability
+/// 6e-5.
 const LIT_FEW: f64 = 4.0;
+/// Where there are more, above that of noise by this over the root of their number: noise is with
+/// probability 0.002, by the binomial distribution of those above, of 12 as of 32.
+const LIT_MANY: f64 = 4.6;
 
 impl View<'_> {
     pub(super) fn energy(&self, start: usize, length: usize, frequency: f64) -> f64 {
@@ -204,8 +208,9 @@ pub(super) fn beside(peak: &Peak) -> impl Iterator<Item = Peak> {
 /// cells give: an exponential over the mean of k has (1 + x/k)^−k where one over its own level has
 /// e^−x. A median of 2k is worth about k.
 pub(super) fn over_burst(statistic: f64, cells: &mut [f64]) -> f64 {
-    let known = 0.5 * float(cells.len());
-    let lit = if cells.len() < 12 { LIT_FEW } else { LIT };
+    let count = float(cells.len());
+    let known = 0.5 * count;
+    let lit = if cells.len() < 12 { LIT_FEW } else { LN_2 + LIT_MANY / count.sqrt() };
     match median(cells).filter(|level| *level > lit) {
         None => statistic,
         Some(level) => known * (statistic * LN_2 / level / known).ln_1p(),
@@ -219,4 +224,64 @@ fn median(values: &mut [f64]) -> Option<f64> {
     }
     let middle = values.len() / 2;
     Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A tone of this amplitude in a stretch of 1,000 samples that are 0 otherwise.
+    fn tone(range: Range<usize>, amplitude: f32) -> Vec<Complex32> {
+        let mut samples = vec![Complex32::default(); 1000];
+        for (n, sample) in samples.iter_mut().enumerate() {
+            if range.contains(&n) {
+                let angle = TAU * 0.1 * float(n);
+                #[expect(clippy::cast_possible_truncation, reason = "samples are f32")]
+                let (sin, cos) = (angle.sin() as f32, angle.cos() as f32);
+                *sample = Complex32::new(cos, sin) * amplitude;
+            }
+        }
+        samples
+    }
+
+    #[test]
+    fn what_goes_on_beyond_its_ends_is_no_pulse() {
+        let goes_on = |range: Range<usize>, amplitude: f32, limits: &Range<usize>| {
+            let samples = tone(range, amplitude);
+            let view = View { samples: &samples, noise: 1.0 };
+            let energy = view.energy(400, 100, 0.1);
+            view.goes_on(&Peak { start: 400, length: 100, frequency: 0.1, energy }, limits)
+        };
+        let all = 0..1000;
+        assert!(!goes_on(400..500, 1.0, &all), "a pulse");
+        // A strong one that is up to a guard longer on either side is still that pulse.
+        assert!(!goes_on(396..505, 3.0, &all), "soft ends");
+        assert!(goes_on(300..600, 0.6, &all), "beyond both ends");
+        // Energies of 36, where noise may look so, and of 100.
+        assert!(!goes_on(400..600, 0.6, &all), "weak, beyond one end");
+        assert!(goes_on(400..600, 1.0, &all), "clear, beyond one end");
+        assert!(goes_on(300..500, 1.0, &all), "clear, beyond the other");
+        // What is beyond the limits is another pulse.
+        assert!(!goes_on(300..600, 1.0, &(400..500)), "between others");
+        assert!(!goes_on(400..600, 1.0, &(0..500)), "before another");
+    }
+
+    #[test]
+    fn a_burst_over_all_frequencies_is_the_noise_of_what_is_in_it() {
+        // The median of an exponential's sixteen cells is ln 2 of its level.
+        let cells = |level: f64, count: usize| vec![level * LN_2; count];
+        for (level, count) in [(1.0, 16), (2.6, 16), (2.1, 32), (5.0, 8)] {
+            assert!((over_burst(40.0, &mut cells(level, count)) - 40.0).abs() < 1e-12, "noise");
+        }
+        // Level 10 by sixteen cells: (1 + 4/8)^-8.
+        let left = over_burst(40.0, &mut cells(10.0, 16));
+        assert!((left - 8.0 * 1.5_f64.ln()).abs() < 1e-9, "{left}");
+        // Level 2.4 by 32 cells.
+        let weak = over_burst(40.0, &mut cells(2.4, 32));
+        assert!((weak - 16.0 * (40.0_f64 / 2.4 / 16.0).ln_1p()).abs() < 1e-9, "{weak}");
+        // The fewer cells the less is known of the level, and the less is left.
+        let few = over_burst(40.0, &mut cells(10.0, 8));
+        assert!(few < left && few > 2.0, "{few}");
+        assert!((over_burst(40.0, &mut cells(100.0, 4)) - 40.0).abs() < 1e-12, "too few cells");
+    }
 }

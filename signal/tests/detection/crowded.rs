@@ -63,6 +63,37 @@ fn clicks_are_no_pulses() {
     assert!(missed.len() <= 1 && wrong.len() <= 1, "missed {missed:#?}, not sent {wrong:#?}");
 }
 
+/// Noise ten times as strong for as long as a pulse, over all frequencies, is known by what is
+/// beside a line in it. That is sixteen cells or so, so that one burst in ten may pass.
+#[test]
+fn bursts_of_noise_are_no_pulses() {
+    let mut air = Air::new(RATE_HZ, 15);
+    let mut samples = air.noise(960_000);
+    for n in 0..60 {
+        let (at, length) = (20_000 + 15_013 * n, [480, 960, 1920][n % 3]);
+        samples[at..at + length].iter_mut().for_each(|sample| *sample *= 10_f32.sqrt());
+    }
+    let found = detect(&DetectorConfig::new(RATE_HZ), &samples);
+    assert!(found.len() <= 10, "{}: {found:#?}", found.len());
+}
+
+/// Tones that last more than four times as long as pulses may, weak and strong, are none.
+#[test]
+fn long_tones_are_no_pulses() {
+    let mut air = Air::new(RATE_HZ, 16);
+    let mut samples = air.noise(960_000);
+    // Widths are searched up to 40 ms.
+    for n in 0..12 {
+        let (time_s, width_s) = (0.9 + 1.5 * n as f64, [0.17, 0.25, 0.6_f64][n % 3]);
+        for (frequency_hz, in_40_ms_db) in [(-7e3, 18.0), (5e3, 24.0), (11e3, 35.0)] {
+            let snr_db = in_40_ms_db + 10.0 * (width_s / 0.04).log10();
+            air.add(&mut samples, 0.0, &Sent { time_s, frequency_hz, width_s, snr_db });
+        }
+    }
+    let found = detect(&DetectorConfig::new(RATE_HZ), &samples);
+    assert!(found.is_empty(), "{}: {found:#?}", found.len());
+}
+
 /// Carriers from weak to strong: none is a pulse, and a pulse 10 dB above a weak one is found.
 #[test]
 fn carriers_are_no_pulses() {

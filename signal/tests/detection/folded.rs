@@ -167,6 +167,44 @@ fn a_train_has_its_interval_frequency_drift_and_pulses() {
     assert!(train.pulses.is_sorted_by(|a, b| a.time_s < b.time_s));
 }
 
+/// The mean energy of so many eights of trains of just as many pulses as are added up.
+fn mean_energy(pulses: usize, snr_db: f64, eights: usize, seed: u64) -> f64 {
+    let mut air = Air::new(RATE_HZ, seed);
+    let count = (INTERVAL_S * (pulses + 2) as f64 * RATE_HZ) as usize;
+    let mut detector = TrainDetector::new(config(pulses, 0.02, 3.6)).expect("it is in order");
+    let mut found = Vec::new();
+    for n in 0..eights {
+        let mut samples = air.noise(count);
+        for eighth in 0..8 {
+            let interval_s = INTERVAL_S * (1.0 + 0.02 * air.uniform(-1.0, 1.0));
+            // No two within 200 Hz.
+            let frequency_hz = -2e3 + 500.0 * f64::from(eighth) + air.uniform(150.0, 350.0);
+            let time_s = air.uniform(0.1, 1.8);
+            let first = Sent { time_s, frequency_hz, width_s: 20e-3, snr_db };
+            send(&mut air, &mut samples, first, interval_s, pulses);
+        }
+        detector.push((n * count) as u64, &samples, &mut found).expect("in order");
+    }
+    detector.finish(&mut found);
+    let sent = 8 * eights;
+    // At the ends noise may look like a pulse, or a pulse like noise.
+    let others = found.iter().filter(|train| train.pulses.len() != pulses).count();
+    assert!(3 * others <= sent, "{others} of {sent} have not {pulses} pulses");
+    assert!(found.len().abs_diff(sent) <= sent / 10, "{} of {sent} found", found.len());
+    found.iter().map(|train| 10f64.powf(train.snr_db / 10.0)).sum::<f64>() / found.len() as f64
+}
+
+/// The energy of trains is that of their pulses: what noise adds, and the best of many courses, is
+/// taken off, and noise beyond the ends is no part of it. The mean of 400 energies of 25 has σ 0.36;
+/// windows that begin between samples lose 2 %.
+#[test]
+fn energies_of_trains_have_no_bias() {
+    for (snr_db, range) in [(14.0, -1.5..0.6), (11.0, -1.5..0.6)] {
+        let off = mean_energy(5, snr_db, 10, 21) - 10f64.powf(0.1 * snr_db);
+        assert!(range.contains(&off), "{off} at {snr_db} dB");
+    }
+}
+
 /// Single pulses far above the noise at one frequency, clicks and carriers are no trains, and
 /// beside a strong tag there are no others of its shape but a weak one at its own frequency.
 #[test]
@@ -321,6 +359,10 @@ fn table_of_trains() {
     }
 }
 
+/// The detector's constant for steps of the interval was calibrated on noise of seed 11; what is
+/// stated is counted on other noise.
+const COUNTED_SEED: u64 = 31;
+
 #[test]
 #[ignore = "the whole table: minutes"]
 fn table_of_false_trains() {
@@ -329,7 +371,7 @@ fn table_of_false_trains() {
             for per_second in [1e-3, 1e-2, 0.1] {
                 let seconds = if per_second > 0.05 { 500 } else { 3000 };
                 let config = config(pulses, off, 3600.0 * per_second);
-                let (count, threshold_db) = alarms(&config, seconds, 11);
+                let (count, threshold_db) = alarms(&config, seconds, COUNTED_SEED);
                 println!(
                     "{pulses} pulses ± {off}: {count} in {seconds} s, {} expected, threshold \
                      {threshold_db:.2} dB",

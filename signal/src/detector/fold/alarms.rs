@@ -43,7 +43,8 @@ pub(super) struct TrainAlarms {
 }
 
 /// The share of the trials that counting gives for steps of the interval: they are not independent
-/// of steps in time. Counted for 5 and 10 pulses, an interval that is known or within 2 %.
+/// of steps in time. Calibrated once for 5 and 10 pulses, an interval that is known or within 2 %;
+/// the tests count on other noise.
 const COUNTED: f64 = 0.8;
 /// The ceiling over what a pulse has at the threshold: more than two thirds of a train's pulses
 /// must be there.

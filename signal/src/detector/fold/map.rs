@@ -11,7 +11,8 @@ const LIT_FRAME: f32 = 1.6;
 const LIT_BIN: f32 = 1.12;
 const FEWEST_BINS: usize = 64;
 const FEWEST_FRAMES: usize = 200;
-/// Energy above which a cell's leakage to other frequencies counts.
+/// Energy above which a cell's leakage to other frequencies counts, over the level of its frame: in
+/// a burst over all frequencies no cell stands out so far.
 const STRONG: f32 = 30.0;
 /// How far a cell must be above what may leak there: pulses have no exact shape.
 const MARGIN: f32 = 4.0;
@@ -159,8 +160,16 @@ impl Map {
         #[expect(clippy::cast_possible_truncation, reason = "energies are f32")]
         let scale = (1.0 / (std::f64::consts::PI * float(self.length) * self.bin()).powi(2)) as f32;
         let main_lobe = bins.div_ceil(self.length);
+        let mut sorted = Vec::with_capacity(bins);
         for (frame, cells) in self.cells.chunks_exact(bins).enumerate() {
-            for (bin, cell) in cells.iter().enumerate().filter(|(_, cell)| **cell >= STRONG) {
+            if cells.iter().all(|cell| *cell < STRONG) {
+                continue;
+            }
+            sorted.clear();
+            sorted.extend_from_slice(cells);
+            let level = if bins < FEWEST_BINS { 1.0 } else { over_noise(&mut sorted).max(1.0) };
+            let strong = STRONG * level;
+            for (bin, cell) in cells.iter().enumerate().filter(|(_, cell)| **cell >= strong) {
                 let near = bin.saturating_sub(1)..(bin + 2).min(bins);
                 if cells[near].iter().any(|other| other > cell) {
                     continue;
@@ -238,4 +247,92 @@ fn over_noise(values: &mut [f32]) -> f32 {
 /// An energy that counts for little more than the ceiling; so little that the strongest still win.
 pub(super) fn limited(energy: f32, ceiling: f32) -> f32 {
     if energy <= ceiling { energy } else { ceiling * (1.0 + 0.05 * (energy / ceiling).ln()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+
+    const LENGTH: usize = 64;
+    const HOP: usize = LENGTH / 4;
+
+    /// 400 frames of noise of power 1.
+    fn noise(seed: u64) -> Vec<Complex32> {
+        let mut generator = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut part = || {
+            let value: f32 = StandardNormal.sample(&mut generator);
+            value * 0.5_f32.sqrt()
+        };
+        (0..400 * HOP).map(|_| Complex32::new(part(), part())).collect()
+    }
+
+    fn filled(samples: &[Complex32]) -> Map {
+        let mut map = Map::new(LENGTH, 1e6);
+        map.fill(samples, |_, frequencies, levels| {
+            levels.resize(frequencies.len(), 1.0);
+            usize::MAX
+        });
+        map
+    }
+
+    fn mean(values: impl Iterator<Item = f32>) -> f32 {
+        let values: Vec<f32> = values.collect();
+        #[expect(clippy::cast_precision_loss, reason = "some thousands")]
+        let count = values.len() as f32;
+        values.iter().sum::<f32>() / count
+    }
+
+    /// Noise ten times as strong over all frequencies for 40 frames: they count as noise, in what
+    /// is folded and in what is refined; the others as they were.
+    #[test]
+    fn bursts_are_divided_away() {
+        let mut samples = noise(1);
+        samples[100 * HOP..140 * HOP].iter_mut().for_each(|sample| *sample *= 10_f32.sqrt());
+        let map = filled(&samples);
+        let bins = map.frequencies.len();
+        let of = |frames: std::ops::Range<usize>| {
+            mean((0..bins).flat_map(|bin| map.row(bin)[frames.clone()].iter().copied()))
+        };
+        // 36 frames of 128 bins, of which one in eight is independent: σ of the mean is 0.04.
+        let (burst, rest) = (of(102..136), of(0..90));
+        assert!((burst - 1.0).abs() < 0.15, "{burst}");
+        assert!((rest - 1.0).abs() < 0.1, "{rest}");
+        let shares = mean((102..136).map(|frame| {
+            #[expect(clippy::cast_possible_truncation, reason = "a share")]
+            let share = map.share(float(frame), 0.2) as f32;
+            share
+        }));
+        assert!((shares - 0.1).abs() < 0.02, "{shares}");
+        assert!((map.share(50.0, 0.2) - 1.0).abs() < 1e-6);
+    }
+
+    /// A carrier of energy 8 in a window: its bins count as noise at all times, others as they were.
+    #[test]
+    fn carriers_are_divided_away() {
+        let mut samples = noise(2);
+        #[expect(clippy::cast_possible_truncation, reason = "samples are f32")]
+        let carrier = |n: usize| {
+            let angle = std::f64::consts::TAU * 0.125 * float(n);
+            Complex32::from_polar((8.0 / float(LENGTH)).sqrt() as f32, angle as f32)
+        };
+        samples.iter_mut().enumerate().for_each(|(n, sample)| *sample += carrier(n));
+        let map = filled(&samples);
+        let bin = |frequency: f64| {
+            let near =
+                |a: &&f64, b: &&f64| (**a - frequency).abs().total_cmp(&(**b - frequency).abs());
+            let nearest = map.frequencies.iter().min_by(near);
+            map.frequencies.iter().position(|f| Some(f) == nearest).expect("there are bins")
+        };
+        // Energy 9 in the mean, of a median that is higher than that of noise as it scatters less.
+        let lit = mean(map.row(bin(0.125)).iter().copied());
+        assert!((0.6..1.1).contains(&lit), "{lit}");
+        let dark = mean(map.row(bin(-0.2)).iter().copied());
+        assert!((dark - 1.0).abs() < 0.25, "{dark}");
+        let share = map.share(200.0, 0.125);
+        assert!((0.07..0.12).contains(&share), "{share}");
+        assert!((map.share(200.0, -0.2) - 1.0).abs() < 0.2);
+    }
 }

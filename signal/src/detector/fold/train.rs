@@ -216,12 +216,13 @@ impl OpenTrain {
         let there = Presence::of(&energies);
         let range = there.longest();
         let members = &members[range.clone()];
-        let there_now = &there.ln_odds[range];
+        // What is beyond the ends is no part of its energy.
+        let there = Presence::of(&energies[range]);
         let length = float(self.length);
         let rate = front.rate_hz();
         let listed: Vec<&(i64, Member)> = members
             .iter()
-            .zip(there_now)
+            .zip(&there.ln_odds)
             .filter(|((_, member), ln_odds)| **ln_odds > 0.0 && member.energy.energy > 2.0)
             .map(|(member, _)| member)
             .collect();
@@ -292,8 +293,9 @@ pub(super) struct Presence {
 
 /// The share of pulses that are missing, before anything is known.
 const MISSING: f64 = 0.2;
-/// ln of the odds of a train's first and last pulse, at least.
-const CLEAR: f64 = 2.0;
+/// ln of the odds of a train's first and last pulse, at least: beyond the ends the best of several
+/// places is tried, so that noise looks like a pulse more often than within.
+const CLEAR: f64 = 4.0;
 
 impl Presence {
     /// By expectation and maximisation over pulses that have one energy or are missing.
@@ -349,4 +351,39 @@ fn ln_bessel_i0(x: f64) -> f64 {
         return x - 0.5 * (std::f64::consts::TAU * x).ln() + (1.0 / (8.0 * x)).ln_1p();
     }
     super::super::channeliser::bessel_i0(x).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A train begins and ends with a pulse that is clearly there: what is but likely there may be
+    /// noise, and each hit beyond an end tries another place.
+    #[test]
+    fn trains_end_with_pulses_that_are_clear() {
+        let pulses = [12.0, 11.0, 13.0, 0.8, 12.0, 10.0];
+        let with = |before: f64, after: f64| {
+            let energies: Vec<f64> = [0.4, before].into_iter().chain(pulses).collect();
+            let energies: Vec<f64> = energies.into_iter().chain([after, 0.5]).collect();
+            Presence::of(&energies)
+        };
+        let noise = with(0.9, 1.2);
+        assert_eq!(noise.longest(), 2..8);
+        assert!((noise.energy - 10.6).abs() < 0.5, "{}", noise.energy);
+        assert!(noise.ln_odds[5] < -5.0, "a miss within it: {}", noise.ln_odds[5]);
+        // More likely there than not, but not clearly.
+        let likely = with(3.4, 3.4);
+        for odds in [likely.ln_odds[1], likely.ln_odds[8]] {
+            assert!((0.2..CLEAR).contains(&odds), "{odds}");
+        }
+        assert_eq!(likely.longest(), 2..8);
+        assert_eq!(with(9.0, 3.4).longest(), 1..8);
+        assert_eq!(with(3.4, 9.0).longest(), 2..9);
+        // As clear as a pulse may be that noise looks like.
+        assert!((2.0..CLEAR).contains(&with(4.4, 4.4).ln_odds[1]));
+        assert_eq!(with(4.4, 4.4).longest(), 2..8);
+        // A stretch of noise within it divides it; the longer part counts.
+        let apart: Vec<f64> = [11.0; 3].into_iter().chain([0.7; 30]).chain([11.0; 5]).collect();
+        assert_eq!(Presence::of(&apart).longest(), 33..38);
+    }
 }
