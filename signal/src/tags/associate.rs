@@ -6,6 +6,7 @@ use super::{
     AssociationConfig, IntervalTransform, KnownTag, TagError, TagTable,
     clutter::Clutter,
     coded::bursts,
+    codes::unknown_code,
     train::{Link, Member, Scene, Train, TrainModel},
     transform::count,
 };
@@ -29,6 +30,9 @@ pub struct Tag {
     pub pulses: Vec<usize>,
     /// How many bursts they make; none of an uncoded tag.
     pub bursts: usize,
+    /// The gaps between the pulses of a burst, in seconds: the medians.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub gaps_s: Vec<f64>,
     /// How many pulses, or bursts, were missed between the first and the last.
     pub missed: u32,
     /// How many pulses another tag has as well: they collided.
@@ -57,7 +61,8 @@ pub struct Association {
 
 /// Gives pulses to the tags that sent them.
 ///
-/// Coded bursts of the table are matched by their gaps first. Every other known tag, then every
+/// Coded bursts of the table are matched by their gaps first; those of no table are found, after the
+/// known tags, where the same gaps come again at one interval. Every other known tag, then every
 /// unknown one whose interval an [`IntervalTransform`] over a window of frequencies proposes, is
 /// the most likely path of a hidden Markov model over intervals: pulses are missed, intervals
 /// jitter and drift, phases slip, tags go out of range, change to another interval, and collide.
@@ -96,6 +101,7 @@ pub fn associate(
     work.known(&uncoded);
     work.rename();
     work.share_out();
+    tags.extend(work.unknown_codes());
     work.unknown();
     work.share_out();
     tags.extend((0..work.found.len()).map(|index| work.tag(index)));
@@ -216,15 +222,35 @@ impl<'a> Work<'a> {
         let near = || gaps.iter().filter(|gap| (1.0..=away).contains(&times(**gap)));
         let missed: f64 = near().map(|gap| times(*gap) - 1.0).sum();
         let each: Vec<f64> = near().map(|gap| gap / times(*gap)).collect();
+        let most = bursts.iter().map(Vec::len).max().unwrap_or(0);
+        let gap = |n: usize| {
+            let each = bursts.iter().filter_map(|burst| {
+                Some(self.pulses[*burst.get(n + 1)?].time_s - self.pulses[burst[n]].time_s)
+            });
+            median(each.collect()).unwrap_or(0.0)
+        };
+        let gaps_s = (0..most.saturating_sub(1)).map(gap).collect();
         let pulses: Vec<usize> = bursts.concat();
         Tag {
             names,
             interval_s: median(each.clone()).unwrap_or(interval_s),
             jitter_s: scatter(each),
             bursts: bursts.len(),
+            gaps_s,
             missed: whole(missed),
             log_odds: None,
             ..self.summary(pulses)
+        }
+    }
+
+    /// Bursts of coded tags of no table, the clearest tag first.
+    fn unknown_codes(&mut self) -> Vec<Tag> {
+        let mut tags = Vec::new();
+        loop {
+            let free: Vec<bool> = self.held(None).iter().map(|held| !held).collect();
+            let Some(code) = unknown_code(self.pulses, &free, self.config) else { return tags };
+            code.bursts.iter().flatten().for_each(|index| self.in_burst[*index] = true);
+            tags.push(self.group(Vec::new(), code.interval_s, code.bursts));
         }
     }
 
@@ -241,6 +267,7 @@ impl<'a> Work<'a> {
             jitter_s: 0.0,
             pulses,
             bursts: 0,
+            gaps_s: Vec::new(),
             missed: 0,
             collided: 0,
             doubled: 0,

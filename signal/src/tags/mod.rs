@@ -8,6 +8,7 @@
 mod associate;
 mod clutter;
 mod coded;
+mod codes;
 mod config;
 mod error;
 mod known;

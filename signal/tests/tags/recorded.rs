@@ -29,6 +29,20 @@ fn all_bursts_of_a_coded_tag_and_no_other() {
     assert_eq!(others.len(), 5294 - 248);
 }
 
+/// Without the table the same bursts, of one tag that has no name, and its gaps.
+#[test]
+fn all_bursts_of_a_coded_tag_that_is_not_known() {
+    let Some(pulses) = shared("pulses/sg_kingsburg_2017-09-01_p1.csv") else { return };
+    let Association { tags, others, .. } = associated(&pulses, &TagTable::default());
+    assert_eq!(tags.len(), 1, "{:?}", tags.iter().map(|tag| tag.bursts).collect::<Vec<_>>());
+    assert_eq!((tags[0].bursts, tags[0].pulses.len(), tags[0].names.len()), (62, 248, 0));
+    assert!((tags[0].interval_s - 19.995).abs() < 0.001, "{}", tags[0].interval_s);
+    for (gap, published) in tags[0].gaps_s.iter().zip([21.7e-3, 19.6e-3, 24.3e-3]) {
+        assert!((gap - published).abs() < 1e-3, "{:?}", tags[0].gaps_s);
+    }
+    assert_eq!(others.len(), 5294 - 248);
+}
+
 #[test]
 fn one_tag_of_unknown_interval() {
     let Some(pulses) = shared("pulses/pyrt_umr_150172kHz.csv") else { return };

@@ -255,6 +255,58 @@ fn a_tag_of_which_half_is_missed() {
     assert!((all - expected).abs() <= 8, "{all} of {expected}");
 }
 
+/// Two coded tags on one frequency that are in no table, one pulse in twenty missed, three false
+/// pulses a second: both, with their gaps, and nearly all of their whole bursts.
+#[test]
+fn coded_tags_of_no_table_are_found_by_gaps_that_come_again() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(12);
+    let codes = [(5.31, [0.022, 0.031, 0.045]), (7.87, [0.041, 0.022, 0.036])];
+    let mut pulses = Vec::new();
+    let mut whole = [0; 2];
+    for ((interval, gaps), whole) in codes.iter().zip(&mut whole) {
+        let mut begin = 1.7 * interval;
+        while begin < 400.0 {
+            let offsets = [0.0, gaps[0], gaps[0] + gaps[1], gaps.iter().sum()];
+            let received = offsets.map(|_| rng.random::<f64>() < 0.95);
+            for offset in
+                offsets.iter().zip(received).filter(|(_, received)| *received).map(|(o, _)| o)
+            {
+                let time = begin + offset + 0.2e-3 * normal(&mut rng);
+                pulses.push(Pulse::new(time, 50.0 * normal(&mut rng), 0.0025, -80.0, 20.0));
+            }
+            *whole += usize::from(received.iter().all(|received| *received));
+            begin += interval;
+        }
+    }
+    for _ in 0..1200 {
+        let time = 400.0 * rng.random::<f64>();
+        let frequency = 2000.0 * (rng.random::<f64>() - 0.5);
+        pulses.push(Pulse::new(time, frequency, 0.0025, -95.0, 14.0));
+    }
+    let given = associate(&pulses, &TagTable::default(), &AssociationConfig::default());
+    let mut tags = given.expect("in range").tags;
+    tags.sort_by(|a, b| a.interval_s.total_cmp(&b.interval_s));
+    assert_eq!(
+        tags.len(),
+        2,
+        "{:?}",
+        tags.iter().map(|t| (t.interval_s, &t.gaps_s)).collect::<Vec<_>>()
+    );
+    for ((tag, (interval, gaps)), whole) in tags.iter().zip(codes).zip(whole) {
+        assert!((tag.interval_s - interval).abs() < 2e-3, "{}", tag.interval_s);
+        assert_eq!(tag.gaps_s.len(), 3, "{:?}", tag.gaps_s);
+        for (gap, sent) in tag.gaps_s.iter().zip(gaps) {
+            assert!((gap - sent).abs() < 0.3e-3, "{:?}", tag.gaps_s);
+        }
+        // A pulse of clutter may stand for one that was missed.
+        assert!(
+            (0.95..1.2).contains(&(tag.bursts as f64 / whole as f64)),
+            "{} of {whole}",
+            tag.bursts
+        );
+    }
+}
+
 #[test]
 fn noise_holds_no_tag() {
     // 40 lists at 0.001 false tags each: none, but for one time in 25.

@@ -9,9 +9,11 @@ use crate::commands::tags::name;
 /// From one association to the next, in seconds of the samples.
 const EVERY_S: f64 = 2.0;
 
-/// Pulses are associated anew while they are no older than this, in seconds, and no more than this.
+/// Pulses are associated anew while they are no older than this, in seconds, and no more than this:
+/// the time that takes grows with their third power, to 0.4 s for 600 of twenty tags in one kilohertz
+/// and 20 s for 1,800.
 const WINDOW_S: f64 = 120.0;
-const MOST_PULSES: usize = 3000;
+const MOST_PULSES: usize = 600;
 
 /// An unknown tag is the same one again within this difference of frequencies, in Hz, and of
 /// intervals, as a share.
