@@ -10,8 +10,8 @@ use crate::commands::tags::name;
 const EVERY_S: f64 = 2.0;
 
 /// Pulses are associated anew while they are no older than this, in seconds, and no more than this:
-/// the time that takes grows with their third power, to 0.4 s for 600 of twenty tags in one kilohertz
-/// and 20 s for 1,800.
+/// the time that it takes grows with their third power. 600 pulses of twenty tags in one kilohertz
+/// take 0.4 s, 1,800 take 20 s.
 const WINDOW_S: f64 = 120.0;
 const MOST_PULSES: usize = 600;
 
