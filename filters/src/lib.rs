@@ -27,6 +27,9 @@
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
 //!
+//! From the near field of a magnetic dipole, [`MomentGrid`] locates one of unknown strength and
+//! orientation.
+//!
 //! With the feature `batch`: `BatchSolver` fits all observations of a still target at once,
 //! `BatchEstimator` does so after each; `Lenth1981`, `repeated_median` and the closed forms
 //! `pseudolinear`, `stansfield` and `instrumental_variables` find where bearings meet,
@@ -68,6 +71,8 @@ mod leading;
 #[cfg(feature = "alloc")]
 mod mixture;
 #[cfg(feature = "alloc")]
+mod moment_grid;
+#[cfg(feature = "alloc")]
 mod out_of_order;
 #[cfg(feature = "alloc")]
 mod particle;
@@ -108,6 +113,8 @@ pub use mixture::{
     Bank, FirstBearing, GaussianSum, Imm, InnovationOf, RangeParameterised, Reinitialise,
     Transition, polar_moments, split, split_standard_normal,
 };
+#[cfg(feature = "alloc")]
+pub use moment_grid::MomentGrid;
 #[cfg(feature = "alloc")]
 pub use out_of_order::OutOfOrder;
 #[cfg(feature = "alloc")]

@@ -106,7 +106,7 @@ fn scenario(name: &str) -> Scenario {
 
 #[test]
 fn hunts_are_the_same_with_fewer_polls() {
-    for name in ["pritzl-6.1", "three-beacons", "rough-field"] {
+    for name in ["pritzl-6.1", "three-beacons", "rough-field", "avalanche"] {
         let [few, many] = same_both_ways(&scenario(name), 1);
         assert!(2 * few < many, "{name}: {few} of {many} polls");
     }

@@ -82,8 +82,8 @@ pub use foxhunt_core::parameter::ParameterError;
 pub use models::WithElevationPattern;
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLoss, FreePathLossRssBearing,
-    FreePower, FreePowerRssBearing, LevelBearing, LevelLaw, RangeDifference, Rss, RssBearing,
-    Stacked,
+    FreePower, FreePowerRssBearing, LevelBearing, LevelLaw, MagneticDipole, RangeDifference, Rss,
+    RssBearing, Stacked,
 };
 #[cfg(feature = "alloc")]
 pub use omnidirectional::{OmnidirectionalConfig, OmnidirectionalError, OmnidirectionalSource};

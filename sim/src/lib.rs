@@ -40,12 +40,13 @@ mod truth;
 mod world;
 
 pub use config::{
-    BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DroneConfig, Interval,
+    BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DipoleConfig, DroneConfig, Interval,
     KinematicConfig, PathLossConfig, PulseTrain, ReflectorConfig, ShadowingConfig,
-    SimStepperConfig, TwoRayConfig, VehicleConfig, WorldConfig,
+    SimStepperConfig, ThreeAxisConfig, TwoRayConfig, VehicleConfig, WorldConfig,
 };
 pub use devices::{
-    LateSource, SimBody, SimClock, SimOmnidirectional, SimRadio, SimRotator, SimStepper, SimVehicle,
+    LateSource, SimBody, SimClock, SimOmnidirectional, SimRadio, SimRotator, SimStepper,
+    SimThreeAxis, SimVehicle,
 };
 #[cfg(feature = "emulators")]
 pub use emulate::{

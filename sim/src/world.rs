@@ -1,6 +1,6 @@
 use std::{cell::RefCell, rc::Rc};
 
-use foxhunt_core::{BeaconId, Pose};
+use foxhunt_core::{BeaconId, Pose, parameter::FieldError};
 use foxhunt_sensors::{
     Antenna, BodyConfig, BodySource, OmnidirectionalConfig, OmnidirectionalSource, StepperConfig,
     StepperSource,
@@ -10,7 +10,7 @@ use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use crate::{
     LateSource, PulseTrain, SimBody, SimClock, SimError, SimOmnidirectional, SimRadio, SimRotator,
-    SimStepper, SimVehicle, WorldConfig,
+    SimStepper, SimThreeAxis, SimVehicle, ThreeAxisConfig, WorldConfig,
     devices::OnBoard,
     truth::{Channel, Drone, Port, Streams, Truth, beacon_of, is_due},
 };
@@ -347,6 +347,26 @@ impl World {
         let radio = SimRadio { directional: false, ..self.radio(drone)? };
         OmnidirectionalSource::new(config, radio, self.vehicle(drone)?, self.clock())
             .map_err(SimError::Source)
+    }
+
+    /// A receiver of three axes on a drone, for beacons with a
+    /// [dipole](crate::BeaconConfig::dipole).
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Source`] names what is out of
+    /// range in `config`; [`SimError::Field`] if no beacon has a dipole.
+    pub fn three_axis(
+        &self,
+        drone: usize,
+        config: ThreeAxisConfig,
+    ) -> Result<SimThreeAxis, SimError> {
+        config.check().map_err(SimError::Source)?;
+        if self.truth.borrow().beacons.iter().all(|beacon| beacon.dipole.is_none()) {
+            let lacks = "given for a receiver of three axes";
+            return Err(FieldError::new("beacons[0].dipole", "absent", lacks).into());
+        }
+        Ok(SimThreeAxis::new(self.on_board(drone)?, config))
     }
 
     /// A source of a drone whose sweeps come later by its [`late_s`](crate::DroneConfig::late_s).

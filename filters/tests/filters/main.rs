@@ -3,6 +3,7 @@
 
 mod batch;
 mod mixture;
+mod moment_grid;
 mod recorded_flights;
 mod recursive;
 mod shadowing_grid;

@@ -1,7 +1,7 @@
 use std::f64::consts::TAU;
 
 use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig, StepperConfig};
-use foxhunt_sim::{SimError, SimStepperConfig, World};
+use foxhunt_sim::{SimError, SimStepperConfig, ThreeAxisConfig, World};
 use serde::{Deserialize, Serialize};
 
 use crate::hunt::{BoxedSource, boxed_source};
@@ -18,6 +18,9 @@ pub enum SourceConfig {
     RotatingBody(BodyConfig),
     /// An antenna without a direction: levels alone.
     Omnidirectional(OmnidirectionalConfig),
+    /// A receiver of three coils: the magnetic field near a beacon (EN 300 718-1), in simulated
+    /// worlds.
+    ThreeAxis(ThreeAxisConfig),
     /// One that a [`Registry`](crate::registry::Registry) knows by a name.
     Registered {
         /// The name.
@@ -50,6 +53,9 @@ impl SourceConfig {
             Self::Omnidirectional(config) => {
                 boxed_source(world.late(drone, world.omnidirectional(drone, *config)?)?)
             }
+            Self::ThreeAxis(config) => {
+                boxed_source(world.late(drone, world.three_axis(drone, *config)?)?)
+            }
             Self::Registered { .. } => return Ok(None),
         }))
     }
@@ -70,6 +76,7 @@ impl SourceConfig {
             Self::Omnidirectional(config) => {
                 f64::from(config.questions) * per_question(config.spacing_s)
             }
+            Self::ThreeAxis(_) => per_question(0.0),
             Self::Registered { .. } => return None,
         })
     }

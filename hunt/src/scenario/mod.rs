@@ -12,6 +12,7 @@ pub use random_fleet::random_fleet;
 use std::{fs, path::Path};
 
 use foxhunt_core::Quantity;
+use foxhunt_sensors::MagneticDipole;
 use foxhunt_sim::{SimError, VehicleConfig, World, WorldConfig};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -167,8 +168,12 @@ impl Scenario {
     pub fn quantities(&self, registry: &Registry) -> Result<Vec<Quantity>, RegistryError> {
         let mut quantities = Vec::new();
         for drone in 0..self.world.drones.len() {
-            if let SourceConfig::Registered { name } = self.source_of(drone) {
-                quantities.extend_from_slice(&registry.source(name)?.quantities);
+            match self.source_of(drone) {
+                SourceConfig::Registered { name } => {
+                    quantities.extend_from_slice(&registry.source(name)?.quantities);
+                }
+                SourceConfig::ThreeAxis(_) => quantities.extend(MagneticDipole::QUANTITIES),
+                _ => {}
             }
         }
         Ok(quantities)

@@ -6,6 +6,7 @@ mod devices;
 mod interval;
 mod multipath;
 mod path_loss;
+mod three_axis;
 mod vehicle;
 mod world;
 
@@ -15,5 +16,6 @@ pub use devices::SimStepperConfig;
 pub use interval::Interval;
 pub use multipath::{DeadZoneConfig, ReflectorConfig, ShadowingConfig};
 pub use path_loss::{PathLossConfig, TwoRayConfig};
+pub use three_axis::{DipoleConfig, ThreeAxisConfig};
 pub use vehicle::{KinematicConfig, VehicleConfig};
 pub use world::{BeaconConfig, DroneConfig, PulseTrain, WorldConfig};

@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
-use super::{BeaconCourse, ChannelConfig, Interval, SimStepperConfig, VehicleConfig};
+use super::{BeaconCourse, ChannelConfig, DipoleConfig, Interval, SimStepperConfig, VehicleConfig};
 
 /// The simulated world: what is true in a simulation. Checked by [`World::new`](crate::World::new).
 ///
@@ -62,6 +62,10 @@ pub struct BeaconConfig {
     /// for each beacon before it where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frequency_mhz: Option<f64>,
+    /// The moment of its coil, for receivers of the magnetic field near it; they receive nothing of
+    /// it where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dipole: Option<DipoleConfig>,
 }
 
 /// The pulses of a tag, or of another beacon that sends by itself.
@@ -137,6 +141,7 @@ impl BeaconConfig {
         not_negative("scatter_m", self.scatter_m.unwrap_or(0.0))?;
         not_negative("appears_after_s", self.appears_after_s.unwrap_or(0.0))?;
         positive("frequency_mhz", self.frequency_mhz.unwrap_or(1.0))?;
+        self.dipole.map_or(Ok(()), |dipole| dipole.check().map_err(|e| e.within("dipole")))?;
         self.pulses.map_or(Ok(()), |pulses| pulses.check().map_err(|e| e.within("pulses")))
     }
 

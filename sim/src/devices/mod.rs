@@ -5,12 +5,14 @@ mod late;
 mod on_board;
 mod radio;
 mod rotator;
+mod three_axis;
 mod vehicle;
 
 pub use clock::SimClock;
 pub use late::LateSource;
 pub use radio::SimRadio;
 pub use rotator::SimRotator;
+pub use three_axis::SimThreeAxis;
 pub use vehicle::SimVehicle;
 
 pub(crate) use on_board::OnBoard;

@@ -1,4 +1,5 @@
 use foxhunt_core::{BeaconId, Pose, angle};
+use foxhunt_sensors::MagneticDipole;
 use nalgebra::Vector3;
 
 use super::{
@@ -9,7 +10,9 @@ use super::{
     streams::Streams,
     turntable::Turntable,
 };
-use crate::{BeaconConfig, DroneConfig, SimError, SimStepperConfig, VehicleConfig};
+use crate::{
+    BeaconConfig, DroneConfig, SimError, SimStepperConfig, ThreeAxisConfig, VehicleConfig,
+};
 
 /// A drone: a body, an antenna that turns under it, and a radio at the antenna.
 #[derive(Debug)]
@@ -184,6 +187,26 @@ impl Drone {
         let signal = self.signal(channel, (id, beacon), port, turned, now);
         let transmitted = signal.reaches && beacon.sends_at(now) && self.receives(now);
         self.receiver.draw(channel, signal.power_dbm, transmitted)
+    }
+
+    /// The magnetic field of a beacon that a receiver of three axes measures, East, North and Up in
+    /// microamperes a metre, with a sign by chance; `None` where there is too little of it.
+    pub(crate) fn magnetic_field(
+        &mut self,
+        channel: &Channel,
+        beacon: &BeaconConfig,
+        receiver: &ThreeAxisConfig,
+        now: f64,
+    ) -> Option<Vector3<f64>> {
+        let (pose, place) = (self.body.pose(), beacon.place_at(now));
+        // What is drawn does not depend on what is received.
+        let (noise, sign) = self.receiver.field_noise();
+        let moment = beacon.dipole?.moment();
+        let model = MagneticDipole::new().with_target_up(place.z).ok()?;
+        let field = model.field_per_moment(&place.xy(), &pose) * moment;
+        let measured = (field + noise * receiver.sigma(field.norm())) * sign;
+        let sent = channel.reaches(&pose.position) && beacon.answers_at(now) && self.receives(now);
+        (sent && measured.norm() >= receiver.floor()).then_some(measured)
     }
 
     /// The signal of a beacon that transmits at a time: while neither of them moves, the last one.

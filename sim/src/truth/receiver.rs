@@ -4,7 +4,7 @@ use foxhunt_core::{BeaconId, Pose};
 use foxhunt_sensors::Antenna;
 use nalgebra::Vector3;
 use rand::RngExt;
-use rand_distr::StandardNormal;
+use rand_distr::{Distribution, StandardNormal};
 
 use super::{
     Channel, is_due,
@@ -122,8 +122,15 @@ impl Receiver {
     }
 
     /// From a request to its answer, in seconds.
-    pub(super) fn latency(&self) -> f64 {
+    pub(crate) fn latency(&self) -> f64 {
         self.latency
+    }
+
+    /// Noise of mean square 1 on each of three axes, and a sign by chance.
+    pub(super) fn field_noise(&mut self) -> (Vector3<f64>, f64) {
+        let sample = &mut self.streams.sample;
+        let noise = Vector3::from_fn(|_, _| StandardNormal.sample(sample));
+        (noise, if sample.random::<bool>() { 1.0 } else { -1.0 })
     }
 
     /// Ends all patterns: the next sample of any beacon begins a new one.
