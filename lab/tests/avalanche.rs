@@ -13,7 +13,6 @@ fn a_buried_beacon_is_found_with_an_honest_ellipse() {
     let repetition = Repetition { runs: 24, seed: 1, jobs: 2, progress: &|| () };
     let report = campaign(&registry, &scenario, &[estimator], &repetition).expect("in order");
     let beacon = &report.estimators[0].beacons[0];
-    println!("{beacon:?}");
     assert_eq!(beacon.failed, 0);
     let anees = beacon.anees.expect("all have a fix");
     assert!((1.08..3.22).contains(&anees), "ANEES {anees}");
