@@ -62,8 +62,8 @@ CREATE TABLE log (
 
 /// A file that holds the runs of campaigns.
 ///
-/// It is a database of SQLite with a write-ahead log: whatever was committed is there after the
-/// program was killed, and others may read while one writes.
+/// It is a database of SQLite, with a write-ahead log while runs are added: whatever was committed
+/// is there after the program was killed, and others may read while one writes.
 #[derive(Debug)]
 pub struct Store {
     pub(super) connection: Connection,
@@ -116,6 +116,18 @@ impl Store {
             connection.pragma_update(None, "user_version", FORMAT)?;
         }
         connection.execute_batch("COMMIT")
+    }
+
+    /// Writes to a log beside the file from now on, so that others may read meanwhile.
+    pub(super) fn write_ahead(&self) -> Result<(), StoreError> {
+        let set = self.connection.pragma_update(None, "journal_mode", "wal");
+        self.doing("setting up", set)
+    }
+
+    /// Puts all of it into the one file, which may then be copied, and read on file systems
+    /// without shared memory. While others have it open it keeps its log, and is as good.
+    pub(super) fn settle(&self) {
+        drop(self.connection.pragma_update(None, "journal_mode", "delete"));
     }
 
     /// Whether it is a store, and of the format that is known.

@@ -57,6 +57,7 @@ impl CampaignToStore<'_> {
             return Err(StoreError::NoBeacon { scenario: self.scenario.name.clone() });
         }
         let seeds = seeds(seed, runs, self.shard)?;
+        store.write_ahead()?;
         let (campaign, contenders) = self.register(store, beacons)?;
         for (estimator, contender) in self.estimators.iter().zip(&contenders) {
             let missing = store.missing(contender.id, &seeds)?;
@@ -69,6 +70,7 @@ impl CampaignToStore<'_> {
                 store.write(contender.id, &runs)
             })?;
         }
+        store.settle();
         let estimators = contenders
             .iter()
             .map(|contender| store.summary_of(&campaign, contender, &seeds))

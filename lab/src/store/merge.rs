@@ -29,11 +29,17 @@ pub fn merge(sources: &[PathBuf], to: &Path) -> Result<(), StoreError> {
         let there = std::io::Error::from(std::io::ErrorKind::AlreadyExists);
         return Err(io(to, "making it")(there));
     }
-    let mut name: OsString = to.as_os_str().to_owned();
-    name.push(".part");
-    let part = PathBuf::from(name);
-    if part.exists() {
-        fs::remove_file(&part).map_err(io(&part, "removing what an earlier merge left"))?;
+    let beside = |end: &str| {
+        let mut name: OsString = to.as_os_str().to_owned();
+        name.push(end);
+        PathBuf::from(name)
+    };
+    let part = beside(".part");
+    // The write-ahead log of a store that was removed would be taken for the new one's.
+    for left in [&part, &beside("-wal"), &beside("-shm")] {
+        if left.exists() {
+            fs::remove_file(left).map_err(io(left, "removing what was left"))?;
+        }
     }
     if let Err(error) = join(sources, &part) {
         // What is left of it is no use; that it stays is not worth another error.
@@ -63,6 +69,7 @@ fn join(sources: &[PathBuf], part: &Path) -> Result<(), StoreError> {
         drop(source);
         store.take_in(path, whole, &known)?;
     }
+    store.settle();
     Ok(())
 }
 
