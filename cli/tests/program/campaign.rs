@@ -208,6 +208,12 @@ fn a_short_soak_finds_nothing() {
     // One flight by its file, as a failure leaves it.
     let again = foxhunt(["soak", "--again", "fleet-3", "--seed", "3"]);
     assert!(again.code == 0 && again.stdout.contains("estimates replayed"), "{again:?}");
+    let recording = format!("{out}/4.csv");
+    fs::create_dir_all(out).expect("a folder");
+    fs::write(&recording, "time_s,east_m,north_m,bearing_deg_compass\n0,1,2,30\n").expect("a file");
+    let again = foxhunt(["--json", "soak", "--again", &recording, "--seed", "4"]).json();
+    assert_eq!((&again["recordings"], &again["read"]), (&1.into(), &1.into()), "{again}");
+    foxhunt(["soak", "--again", "no.csv"]).failed(1, &["no.csv"]);
     foxhunt(["soak"]).failed(2, &["--hours", "--runs"]);
     foxhunt(["soak", "--hours", "-1"]).failed(2, &["--hours"]);
 }

@@ -56,7 +56,7 @@ pub(crate) struct Args {
     /// So many runs
     #[arg(long, value_name = "N", group = "length")]
     runs: Option<u64>,
-    /// One flight of a scenario's file, such as an earlier soak has left
+    /// One flight of a scenario's file, or one recording (.csv), such as an earlier soak has left
     #[arg(long, value_name = "FILE", group = "length")]
     again: Option<PathBuf>,
     /// The seed of the first run; run i has this plus i
@@ -276,8 +276,11 @@ fn keep(
     let fails = |tally: &Tally| tally.failures.iter().any(|other| other.kind == failure.kind);
     let (file, text, again) = match Kind::of(seed) {
         Kind::Recording { .. } => {
-            let again = format!("foxhunt soak --runs 1 --seed {seed}");
-            (out.join(format!("{seed}.csv")), BentRecording::draw(seed).into_text(), again)
+            let fails = |recording: &BentRecording| fails(&recording.locate(registry));
+            let recording = BentRecording::draw(seed).minimal(fails);
+            let file = out.join(format!("{seed}.csv"));
+            let again = again_with(&file, seed);
+            (file, recording.into_text(), again)
         }
         #[cfg(all(unix, feature = "hardware"))]
         Kind::Devices => {
@@ -292,7 +295,7 @@ fn keep(
             let SoakFlight { scenario, .. } = SoakFlight::draw(registry, seed).minimal(fails);
             let text = toml::to_string(&scenario).map_err(CliError::failure)?;
             let file = out.join(format!("{seed}.toml"));
-            let again = format!("foxhunt soak --again {} --seed {seed}", file.display());
+            let again = again_with(&file, seed);
             (file, text.into_bytes(), again)
         }
     };
@@ -300,14 +303,24 @@ fn keep(
     Ok(Failed { seed, what: failure.to_string(), again })
 }
 
-/// Flies one scenario as a soak does.
+/// The command that shows a failure again.
+fn again_with(file: &Path, seed: u64) -> String {
+    format!("foxhunt soak --again {} --seed {seed}", file.display())
+}
+
+/// Flies one scenario, or locates with one recording, as a soak does.
 fn again(path: &Path, seed: u64, registry: &Registry, output: Output) -> Result<(), CliError> {
-    let name = path.to_string_lossy();
-    let scenario = Scenario::find(&name).map_err(CliError::input)?;
-    let tally = fly(&SoakFlight { scenario, seed }, registry);
+    let tally = if path.extension().is_some_and(|end| end == "csv") {
+        let unread = |error| CliError::failure(format!("{}: {error}", path.display()));
+        let text = fs::read(path).map_err(unread)?;
+        BentRecording::again(text, seed).locate(registry)
+    } else {
+        let scenario = Scenario::find(&path.to_string_lossy()).map_err(CliError::input)?;
+        fly(&SoakFlight { scenario, seed }, registry)
+    };
     let mut report = Report { seed, ..Report::default() };
     report.add(&tally);
-    let again = format!("foxhunt soak --again {name} --seed {seed}");
+    let again = again_with(path, seed);
     report.failures = tally
         .failures
         .iter()

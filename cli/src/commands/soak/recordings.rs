@@ -85,8 +85,35 @@ impl BentRecording {
         Self { seed, text }
     }
 
+    /// What an earlier soak has left, located with what the seed chose.
+    pub(super) fn again(text: Vec<u8>, seed: u64) -> Self {
+        Self { seed, text }
+    }
+
     pub(super) fn into_text(self) -> Vec<u8> {
         self.text
+    }
+
+    /// The same recording with as few lines as still make it fail: first halves are left out, then
+    /// quarters, down to single lines.
+    pub(super) fn minimal(self, fails: impl Fn(&Self) -> bool) -> Self {
+        let Self { seed, text } = self;
+        let mut lines: Vec<&[u8]> = text.split_inclusive(|byte| *byte == b'\n').collect();
+        let mut size = lines.len().div_ceil(2);
+        while size > 0 {
+            let mut start = 0;
+            while start < lines.len() {
+                let end = lines.len().min(start + size);
+                let shorter = [&lines[..start], &lines[end..]].concat();
+                if fails(&Self { seed, text: shorter.concat() }) {
+                    lines = shorter;
+                } else {
+                    start = end;
+                }
+            }
+            size /= 2;
+        }
+        Self { seed, text: lines.concat() }
     }
 
     /// Reads it, and locates each of its beacons with one estimator: places have to be finite, and
@@ -228,5 +255,17 @@ mod tests {
         assert!((15..60).contains(&read), "{read} of 60 were read");
         assert!(located >= 10, "{located} places");
         assert!(bent > 30, "{bent} of 60 were bent");
+    }
+
+    #[test]
+    fn a_reproducer_keeps_the_lines_that_fail_and_no_others() {
+        let lines = (0..23).map(|line| format!("line {line}\n"));
+        let recording = BentRecording::again(lines.collect::<String>().into_bytes(), 7);
+        let both = |recording: &BentRecording| {
+            let text = String::from_utf8_lossy(&recording.text);
+            text.contains("line 3\n") && text.contains("line 17\n")
+        };
+        let least = recording.minimal(both);
+        assert_eq!((least.seed, &least.text[..]), (7, &b"line 3\nline 17\n"[..]));
     }
 }
