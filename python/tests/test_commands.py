@@ -62,6 +62,32 @@ def test_a_campaign_is_the_same_in_parts():
     assert mine["nees"].mean() == pytest.approx(first["anees"])
 
 
+def test_a_store_is_read_by_others(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    store, out = tmp_path / "runs.sqlite", tmp_path / "runs.parquet"
+    fixed = {"runs": 3, "seed": 4, "estimator": ["ekf", "ukf"], "quiet": True}
+    summary = foxhunt.run("campaign", "pritzl-6.1", store=store, **fixed)
+    # The same runs as without a store, in its own order.
+    frame = foxhunt.results(store)
+    flown = foxhunt.campaign("pritzl-6.1", **fixed)
+    assert len(frame) == len(flown) == 12
+    for name in ("seed", "estimator", "beacon", "error_m", "nees", "steps", "path_m"):
+        assert frame[name].to_list() == flown[name].to_list(), name
+    assert summary["runs"] == 3
+    # Arrow's own reader finds the same, with types and what is absent.
+    foxhunt.run("results", store, parquet=out)
+    table = parquet.read_table(out)
+    kinds = {field.name: str(field.type) for field in table.schema}
+    assert list(kinds) == list(frame.columns)
+    named = ("estimator", "seed", "error_m", "steps_to_3m")
+    assert [kinds[name] for name in named] == ["string", "int64", "double", "int64"]
+    assert table.column("failure").null_count == 12
+    there = frame.drop(columns="failure")
+    read = table.drop_columns("failure").to_pandas()
+    pandas.testing.assert_frame_equal(read, there, check_dtype=False, rtol=0, atol=0)
+
+
 def test_recordings_are_located(tmp_path):
     path = tmp_path / "walk.csv"
     rng = np.random.default_rng(1)

@@ -16,7 +16,7 @@ True
 """
 
 from ._foxhunt import Correction, Estimate, Motion, Model, __version__
-from .commands import bearing, campaign, hunt, locate, replay, run
+from .commands import bearing, campaign, hunt, locate, replay, results, run
 from .estimators import Ckf, Ekf, Estimator, GridFilter, ParticleFilter, Ukf
 from .logs import Log, read_log
 
@@ -39,5 +39,6 @@ __all__ = [
     "locate",
     "read_log",
     "replay",
+    "results",
     "run",
 ]

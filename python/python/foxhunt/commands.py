@@ -101,6 +101,31 @@ def campaign(
     return frame.sort_values(["estimator", "seed"], kind="stable").reset_index(drop=True)
 
 
+def results(file: Path, **options: Any) -> pd.DataFrame:
+    """Reads the runs of a store as a data frame: ``foxhunt results --csv``.
+
+    One row for each run, contender and beacon, sorted by them; ``estimator``, ``planner``,
+    ``scenario``, ``beacon`` and ``seeds="1..1000"`` choose some. ``run("results", file)`` gives the
+    summary instead, and ``run("results", file, "--compare", "ekf", "ukf")`` a comparison.
+
+    >>> import os, tempfile
+    >>> store = os.path.join(tempfile.mkdtemp(), "runs.sqlite")
+    >>> summary = run("campaign", "one-drone", runs=3, estimator=["ekf", "ukf"], store=store)
+    >>> results(store, estimator="ekf").seed.to_list()
+    [1, 2, 3]
+    """
+    import pandas as pd
+
+    with tempfile.TemporaryDirectory() as folder:
+        rows = os.path.join(folder, "runs.csv")
+        run("results", file, csv=rows, **options)
+        # To the last digit, which pandas does by itself from 3.1 on.
+        version = tuple(int(part) for part in pd.__version__.split(".")[:2])
+        exact: dict[str, Any] = {} if version >= (3, 1) else {"float_precision": "round_trip"}
+        frame: pd.DataFrame = pd.read_csv(rows, **exact)
+    return frame
+
+
 _COLUMNS = (
     "seed",
     "estimator",

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-from . import commands
+from ._chunks import Chunk, chunks, merged
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,28 +33,19 @@ def submit(
     sent along, so that workers need no shared folder; files that it names, and files among the
     options, they do need. The dashboard shows each chunk as a task named ``foxhunt-campaign``.
     """
-    if runs < 1 or chunk < 1:
-        raise ValueError(f"runs is {runs} and chunk {chunk}; both must be at least 1")
-    text = None
-    if os.path.isfile(scenario):
-        with open(scenario, encoding="utf-8") as file:
-            text = file.read()
-    # One thread a task: the cluster decides how many run.
-    options = {"jobs": 1, **options}
-    starts = range(seed, seed + runs, chunk)
     return [
         client.submit(
-            _chunk,
-            os.fspath(scenario),
-            text,
-            start,
-            min(chunk, seed + runs - start),
-            options,
-            key=("foxhunt-campaign-" + _token(scenario, text, options), start),
+            Chunk.fly,
+            each,
+            key=(
+                "foxhunt-campaign-" + _token(each.scenario, each.text, each.options),
+                each.seed,
+                each.runs,
+            ),
             retries=retries,
             pure=True,
         )
-        for start in starts
+        for each in chunks(scenario, runs, seed, chunk, options)
     ]
 
 
@@ -66,25 +57,7 @@ def campaign(
     ``options`` are those of :func:`submit`. ``distributed.progress`` on what :func:`submit` returns
     shows how far it is.
     """
-    import pandas as pd
-
-    frames = [future.result() for future in submit(client, scenario, **options)]
-    frame: pd.DataFrame = pd.concat(frames, ignore_index=True)
-    return frame.sort_values(["estimator", "seed"], kind="stable").reset_index(drop=True)
-
-
-def _chunk(
-    scenario: str, text: str | None, seed: int, runs: int, options: dict[str, Any]
-) -> pd.DataFrame:
-    import tempfile
-
-    if text is None:
-        return commands.campaign(scenario, seed=seed, runs=runs, **options)
-    with tempfile.TemporaryDirectory() as folder:
-        path = os.path.join(folder, os.path.basename(scenario))
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(text)
-        return commands.campaign(path, seed=seed, runs=runs, **options)
+    return merged(future.result() for future in submit(client, scenario, **options))
 
 
 def _token(*what: Any) -> str:
