@@ -4,7 +4,11 @@ use std::{
     io::{BufRead, BufReader},
     path::Path,
     process::{Command, Stdio},
+    thread,
+    time::{Duration, Instant},
 };
+
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use crate::support::{Ran, folder, foxhunt, has, scenario};
 
@@ -21,9 +25,17 @@ fn path(path: &Path) -> &str {
     path.to_str().expect("UTF-8")
 }
 
-/// Starts the program, kills it (SIGKILL) when it has printed `lines` lines of progress, one for
-/// each hundredth, and whether that happened.
-fn killed_after(args: &[OsString], lines: usize) -> bool {
+/// The most memory that a process has held so far, in KiB.
+fn peak_kib(process: u32) -> Option<u64> {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse().ok()
+}
+
+/// Starts the program, waits until it has printed `lines` lines of progress, one for each
+/// hundredth, and for this share of the time of a hundredth, and kills it (SIGKILL). The most
+/// memory that it held, in KiB, and 0 where the system does not show it; nothing where it had ended.
+fn killed_after(args: &[OsString], lines: usize, share: f64) -> Option<u64> {
     let mut child = Command::new(env!("CARGO_BIN_EXE_foxhunt"))
         .arg("--json=lines")
         .args(args)
@@ -32,45 +44,85 @@ fn killed_after(args: &[OsString], lines: usize) -> bool {
         .spawn()
         .expect("the program was built for this test");
     let progress = BufReader::new(child.stdout.take().expect("it is piped"));
-    let reported = progress.lines().take(lines).filter_map(Result::ok).count();
+    let begun = Instant::now();
+    // What was there before is reported at once, so the last hundredth is what counts.
+    let (mut last, mut before) = (begun, begun);
+    let mut reported = 0;
+    for line in progress.lines().take(lines) {
+        line.expect("it is piped");
+        (before, last, reported) = (last, Instant::now(), reported + 1);
+    }
+    thread::sleep(last.duration_since(before).mul_f64(share));
+    let peak_kib = peak_kib(child.id()).unwrap_or(0);
     child.kill().expect("it may be killed, ended or not");
     let ended = child.wait().expect("it was ours");
-    reported == lines && !ended.success()
+    (reported == lines && !ended.success()).then_some(peak_kib)
 }
 
-/// A campaign that is killed again and again gives the table of one that was not.
-fn kill_and_go_on(name: &str, runs: &str, kills: &[usize]) {
+/// Runs the program to its end; what it printed, and the most memory that it held, in KiB.
+fn watched(args: &[OsString]) -> (String, u64) {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_foxhunt"))
+        .args(args)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program was built for this test");
+    let mut most = 0;
+    // What it prints waits in the pipe, which has room for a table.
+    while child.try_wait().expect("it is ours").is_none() {
+        most = peak_kib(child.id()).unwrap_or(0).max(most);
+        thread::sleep(Duration::from_millis(5));
+    }
+    let printed = child.wait_with_output().expect("it was ours");
+    assert!(printed.status.success(), "{printed:?}");
+    (String::from_utf8(printed.stdout).expect("it prints UTF-8"), most)
+}
+
+/// A campaign that is killed again and again at instants that a generator draws gives the table
+/// of one that was not, to the byte, and takes no more memory for more rows.
+fn kill_and_go_on(name: &str, runs: &str, kills: usize) {
     let folder = folder(name);
     let (file, store) = (folder.join("small.toml"), folder.join("runs.sqlite"));
     fs::write(&file, scenario()).expect("a file");
     let fixed = ["--runs", runs, "--jobs", "2"];
-    let reference = foxhunt(campaign(&file, &fixed));
-    assert_eq!(reference.code, 0, "{reference:?}");
     let stored = campaign(&file, &[&fixed[..], &["--store", path(&store)]].concat());
-    for lines in kills {
-        assert!(killed_after(&stored, *lines), "killed after {lines} lines");
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(19);
+    let mut peaks_kib = Vec::new();
+    for kill in 0..kills {
+        // Each in its own part of the first three quarters, so that all of them meet work.
+        let lines = random.random_range(1 + 75 * kill / kills..=75 * (kill + 1) / kills);
+        let killed = killed_after(&stored, lines, random.random());
+        peaks_kib.push(killed.unwrap_or_else(|| panic!("it had ended before line {lines}")));
         // Whatever is there is whole: it can be read, and has no half of a run.
         let held = foxhunt(["--json".as_ref(), "results".as_ref(), store.as_os_str()]);
         let none_yet = held.code == 2 && held.stderr.contains("nothing that fits");
         assert!(held.code == 0 || none_yet, "{held:?}");
     }
-    let resumed = foxhunt(&stored);
-    assert_eq!(resumed.stdout, reference.stdout);
-    let again = foxhunt(&stored);
-    assert_eq!(again.stdout, reference.stdout);
+    let (resumed, peak) = watched(&stored);
+    peaks_kib.push(peak);
+    let (again, peak) = watched(&stored);
+    peaks_kib.push(peak);
+    assert_eq!(again, resumed);
     let results = foxhunt(["results".as_ref(), store.as_os_str()]);
-    assert!(results.stdout.starts_with(reference.stdout.trim_end()), "{results:?}");
+    assert!(results.stdout.starts_with(resumed.trim_end()), "{results:?}");
+    println!("the most memory of each start, in KiB: {peaks_kib:?}");
+    // All rows of the large one would be 27 MiB.
+    let most = peaks_kib.iter().max().copied().unwrap_or(0);
+    assert!(most <= peaks_kib[0] + 16 * 1024, "{peaks_kib:?} KiB");
+    let in_one_go = foxhunt(campaign(&file, &fixed));
+    assert_eq!(in_one_go.code, 0, "{in_one_go:?}");
+    assert_eq!(resumed, in_one_go.stdout);
 }
 
 #[test]
 fn a_killed_campaign_goes_on_where_it_was() {
-    kill_and_go_on("killed", "60", &[1, 20, 50, 70]);
+    kill_and_go_on("killed", "60", 4);
 }
 
 #[test]
-#[ignore = "2 × 10⁵ hunts and ten kills: a quarter of an hour in release"]
+#[ignore = "2 × 10⁵ hunts twice and ten kills: half an hour of a processor"]
 fn a_large_campaign_is_killed_ten_times() {
-    kill_and_go_on("killed_often", "100000", &[1, 10, 10, 20, 30, 40, 50, 60, 70, 80]);
+    kill_and_go_on("killed_often", "100000", 10);
 }
 
 #[test]
