@@ -105,7 +105,6 @@ fn kill_and_go_on(name: &str, runs: &str, kills: usize) {
     assert_eq!(again, resumed);
     let results = foxhunt(["results".as_ref(), store.as_os_str()]);
     assert!(results.stdout.starts_with(resumed.trim_end()), "{results:?}");
-    println!("the most memory of each start, in KiB: {peaks_kib:?}");
     // All rows of the large one would be 27 MiB.
     let most = peaks_kib.iter().max().copied().unwrap_or(0);
     assert!(most <= peaks_kib[0] + 16 * 1024, "{peaks_kib:?} KiB");
