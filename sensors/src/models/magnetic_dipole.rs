@@ -106,6 +106,8 @@ impl<const N: usize> MeasurementModel<N, 3> for MagneticDipole {
 
 #[cfg(test)]
 mod tests {
+    use core::f64::consts::TAU;
+
     use nalgebra::SVector;
 
     use super::*;
@@ -125,10 +127,10 @@ mod tests {
         let ahead = field([1e3, 0.0, 0.0], [10.0, 0.0, 0.0]);
         assert!((ahead + 2.0 * abeam).norm() < 1e-9);
         // The least that a beacon must have 10 m off (ETSI EN 300 718-1), 0.5 µA/m abeam.
-        let least = field([6.283, 0.0, 0.0], [0.0, 0.0, 10.0]).norm();
+        let least = field([TAU, 0.0, 0.0], [0.0, 0.0, 10.0]).norm();
         assert!((least - 0.5).abs() < 1e-4);
         // Twice as far an eighth.
-        let far = field([6.283, 0.0, 0.0], [0.0, 0.0, 20.0]).norm();
+        let far = field([TAU, 0.0, 0.0], [0.0, 0.0, 20.0]).norm();
         assert!((far - least / 8.0).abs() < 1e-12);
     }
 
