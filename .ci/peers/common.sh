@@ -16,9 +16,13 @@ debian() {
     [ ${#missing[@]} -eq 0 ] && return
     command -v apt-get >/dev/null || fail "needs ${missing[*]}, and there is no apt-get"
     local sudo=; [ "$(id -u)" -eq 0 ] || sudo=sudo
+    # One at a time: dpkg takes no second one.
+    exec {lock}>"$peers/apt.lock"
+    flock "$lock"
     $sudo apt-get update -qq
     DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null ||
         fail "cannot install ${missing[*]}"
+    exec {lock}>&-
 }
 
 # A Python with these packages; sets $python.
