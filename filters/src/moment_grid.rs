@@ -102,7 +102,8 @@ where
     /// The logarithm of prior and likelihood at a place, the moment integrated out.
     fn log_density(&self, place: &Vector2<f64>, scratch: &mut Vec<Matrix3<f64>>) -> f64 {
         scratch.clear();
-        let mut information = Matrix3::from_diagonal_element(self.moment_sigma.powi(-2));
+        let mut information =
+            Matrix3::from_diagonal_element(1.0 / (self.moment_sigma * self.moment_sigma));
         let mut weighted = Vector3::zeros();
         let (mut squares, mut normalisers) = (0.0, 0.0);
         // One after the other, each with the sign that those before it explain.
@@ -160,7 +161,10 @@ where
 
     fn area(&self) -> Window {
         let Estimate { mean, covariance } = *self.prior.estimate();
-        Window { middle: mean, half: covariance.diagonal().map(|variance| REACH * variance.sqrt()) }
+        Window {
+            middle: mean,
+            half: covariance.diagonal().map(|variance| REACH * libm::sqrt(variance)),
+        }
     }
 
     /// The strongest of the area's maxima, each with the cells about it.

@@ -62,7 +62,8 @@ impl MagneticDipole {
             return Matrix3::zeros();
         }
         let direction = if range > 0.0 { sight / range } else { Vector3::z() };
-        let scale = 1e3 / (4.0 * PI * range.max(LEAST_RANGE_M).powi(3));
+        let reach = range.max(LEAST_RANGE_M);
+        let scale = 1e3 / (4.0 * PI * reach * reach * reach);
         (direction * direction.transpose() * 3.0 - Matrix3::identity()) * scale
     }
 
