@@ -4,7 +4,7 @@ use foxhunt_core::{BeaconId, ConstantVelocity, Estimate, EstimatorError, RandomW
 use foxhunt_hunt::{
     config::{AnyMotion, EstimatorConfig, GateConfig, OutlierConfig, Prior as _},
     hunt::{Components, Search, TimeStep, Track},
-    registry::{EstimatorEntry, TrackRequest},
+    registry::{EstimatorEntry, Need, TrackRequest},
 };
 use foxhunt_sensors::{BearingOnly, LogDistance, RssBearing};
 
@@ -33,20 +33,40 @@ pub(super) fn track(
         Some(settings) => of_settings(trial, entry, settings, prior, seed)?,
         None => {
             entry.require_stream()?;
-            own(entry, prior, seed)?
+            own(trial, entry, prior, seed)?
         }
     };
     // The first prediction is to the first bearing that is not part of the prior.
     Ok(track.starting_at(0.0))
 }
 
-fn own(entry: &EstimatorEntry, prior: &Prior, seed: u64) -> Result<Track, TrialError> {
+fn own(
+    trial: &Trial,
+    entry: &EstimatorEntry,
+    prior: &Prior,
+    seed: u64,
+) -> Result<Track, TrialError> {
+    if entry.needs().bearing == Need::Unused {
+        return unsuited(trial, entry, "what is no bearing");
+    }
     let moments: Estimate<2> = Leading(prior).moments();
     // Levels are missing, so that any law will do.
     let model = RssBearing::new(LogDistance::new(-30.0, 2.0)?).into();
     let search = Search { beacon: BeaconId(0), name: "target", prior: moments };
     let request = TrackRequest { search, model: &model, reference: None, seed };
     Ok(entry.track(&request, false)?)
+}
+
+fn unsuited(
+    trial: &Trial,
+    entry: &EstimatorEntry,
+    needs: &'static str,
+) -> Result<Track, TrialError> {
+    Err(TrialError::Unsuited {
+        estimator: entry.name.clone().into_owned(),
+        trial: trial.name.clone(),
+        needs,
+    })
 }
 
 fn of_settings(
@@ -56,13 +76,7 @@ fn of_settings(
     prior: &Prior,
     seed: u64,
 ) -> Result<Track, TrialError> {
-    let unsuited = |needs| {
-        Err(TrialError::Unsuited {
-            estimator: entry.name.clone().into_owned(),
-            trial: trial.name.clone(),
-            needs,
-        })
-    };
+    let unsuited = |needs| unsuited(trial, entry, needs);
     if settings.power_sigma_db.is_some() || settings.exponent_sigma.is_some() {
         return unsuited("levels (power_sigma_db)");
     }
