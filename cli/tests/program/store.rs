@@ -34,7 +34,8 @@ fn peak_kib(process: u32) -> Option<u64> {
 
 /// Starts the program, waits until it has printed `lines` lines of progress, one for each
 /// hundredth, and for this share of the time of a hundredth, and kills it (SIGKILL). The most
-/// memory that it held, in KiB, and 0 where the system does not show it; nothing where it had ended.
+/// memory that it held, in KiB, and 0 where the system does not show it; nothing where it had
+/// ended.
 fn killed_after(args: &[OsString], lines: usize, share: f64) -> Option<u64> {
     let mut child = Command::new(env!("CARGO_BIN_EXE_foxhunt"))
         .arg("--json=lines")

@@ -7,8 +7,8 @@ use foxhunt_core::{
 use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
 
 /// The magnetic field of a dipole near it, at a receiver of three axes: H = G m with
-/// G = (3 r̂ r̂ᵀ − 1) / (4π r³), in microamperes a metre, r from the dipole to the receiver and m its
-/// moment (Jackson 1999, §5.6).
+/// G = (3 r̂ r̂ᵀ − 1) / (4π r³), in microamperes a metre, r from the dipole to the receiver and m
+/// its moment (Jackson 1999, §5.6).
 ///
 /// It is what an avalanche beacon at 457 kHz has around it: within a sixth of the wavelength of
 /// 656 m the field is that of a magnet that turns its poles. It falls with the cube of the range

@@ -61,8 +61,8 @@ pub struct Association {
 
 /// Gives pulses to the tags that sent them.
 ///
-/// Coded bursts of the table are matched by their gaps first; those of no table are found, after the
-/// known tags, where the same gaps come again at one interval. Every other known tag, then every
+/// Coded bursts of the table are matched by their gaps first; those of no table are found, after
+/// the known tags, where the same gaps come again at one interval. Every other known tag, then every
 /// unknown one whose interval an [`IntervalTransform`] over a window of frequencies proposes, is
 /// the most likely path of a hidden Markov model over intervals: pulses are missed, intervals
 /// jitter and drift, phases slip, tags go out of range, change to another interval, and collide.

@@ -195,10 +195,10 @@ fn mean_energy(pulses: usize, snr_db: f64, eights: usize, seed: u64) -> f64 {
 }
 
 /// The energy of trains is that of their pulses: what noise adds, and the best of many courses, is
-/// taken off, and noise beyond the ends is no part of it. The mean of 400 energies of 25 has σ 0.36;
-/// windows that begin between samples lose 2 %.
+/// taken off, and noise beyond the ends is no part of it. The mean of 400 energies of 25 has
+/// σ 0.36; windows that begin between samples lose 2 %.
 #[test]
-fn energies_of_trains_have_no_bias() {
+fn energies_of_trains_are_nearly_those_of_their_pulses() {
     for (snr_db, range) in [(14.0, -1.5..0.6), (11.0, -1.5..0.6)] {
         let off = mean_energy(5, snr_db, 10, 21) - 10f64.powf(0.1 * snr_db);
         assert!(range.contains(&off), "{off} at {snr_db} dB");

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DipoleConfig {
-    /// Its strength, in milliampere square metres: 6.3 for the least that EN 300 718-1 demands of an
-    /// avalanche beacon, 0.5 µA/m abeam 10 m off.
+    /// Its strength, in milliampere square metres: 6.3 for the least that EN 300 718-1 demands of
+    /// an avalanche beacon, 0.5 µA/m abeam 10 m off.
     pub moment_ma_m2: f64,
     /// Where it points, in degrees counter-clockwise from East; 0 unless given.
     #[serde(default)]

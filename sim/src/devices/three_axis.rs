@@ -10,8 +10,8 @@ use crate::{
 };
 
 /// A simulated receiver of three axes: its sweeps hold no samples but the magnetic field of the
-/// beacon's next pulse, in [`MagneticDipole::QUANTITIES`], up to its sign; nothing where that is too
-/// weak.
+/// beacon's next pulse, in [`MagneticDipole::QUANTITIES`], up to its sign; nothing where that is
+/// too weak.
 ///
 /// Several beacons are received one after the other.
 #[derive(Clone, Debug)]

@@ -10,8 +10,8 @@ use crate::commands::tags::name;
 const EVERY_S: f64 = 2.0;
 
 /// Pulses are associated anew while they are no older than this, in seconds, and no more than this:
-/// the time that it takes grows with their third power. 600 pulses of twenty tags in one kilohertz
-/// take 0.4 s, 1,800 take 20 s.
+/// the time that it takes grows with their third power. Of twenty tags in one kilohertz 500 pulses
+/// took 0.24 s, 960 took 2.6 s and 1,800 took 20 s, with little optimisation.
 const WINDOW_S: f64 = 120.0;
 const MOST_PULSES: usize = 600;
 

@@ -41,8 +41,9 @@ use crate::{
 /// with --resume, it goes on from its log, and every estimate is the same as without the stop.
 ///
 /// With a flight's file the drones are real ones: it waits until all are ready, and for Enter,
-/// which lets them take off. Enter in the air breaks off: all leave by flight.on_abort. Ctrl-C stops
-/// this node alone: the drones hold, and leave by flight.on_abort after flight.orders_timeout_s.
+/// which lets them take off. Enter in the air breaks off: all leave by flight.on_abort. Ctrl-C
+/// stops this node alone: the drones hold, and leave by flight.on_abort after
+/// flight.orders_timeout_s.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     /// A flight's TOML file, the same on all computers; or a built-in scenario or its TOML file,

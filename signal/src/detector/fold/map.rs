@@ -309,7 +309,7 @@ mod tests {
         assert!((map.share(50.0, 0.2) - 1.0).abs() < 1e-6);
     }
 
-    /// A carrier of energy 8 in a window: its bins count as noise at all times, others as they were.
+    /// A carrier of energy 8 in a window: its bins are noise at all times, others as they were.
     #[test]
     fn carriers_are_divided_away() {
         let mut samples = noise(2);
