@@ -30,6 +30,20 @@ def frames_per_second(page):
     )
 
 
+def settle(page):
+    """Waits until what was asked of the page is drawn, however busy the machine is."""
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def wait_for(page, expression, seconds=60):
+    """Waits without `eval`, which the page forbids."""
+    for _ in range(seconds * 5):
+        if page.evaluate(expression):
+            return
+        page.wait_for_timeout(200)
+    raise AssertionError(f"{expression} in {seconds} s")
+
+
 def check(browser, path, name, size):
     context = browser.new_context(
         viewport={"width": size[0], "height": size[1]}, has_touch=name == "phone", offline=True
@@ -47,9 +61,6 @@ def check(browser, path, name, size):
     def time():
         return page.evaluate("foxhunt.state.time")
 
-    def settle():
-        page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-
     begin, end = data["span"]
     assert abs(time() - end) < 0.1, "it opens at the end"
     # Nothing is wider than the screen, but what scrolls by itself.
@@ -65,35 +76,35 @@ def check(browser, path, name, size):
     # The slider moves time, the map and the table.
     picture = page.locator("#map").screenshot()
     page.locator("#time").fill("250")
-    settle()
+    settle(page)
     assert abs(time() - (begin + 0.25 * (end - begin))) < 0.01 * (end - begin)
     assert page.locator("#map").screenshot() != picture, "the map follows the slider"
 
     # Keys: next reception, the one before, begin, end, play.
     page.locator("#map").focus()
     page.keyboard.press("Home")
-    settle()
+    settle(page)
     assert abs(time() - begin) < 0.01
     page.keyboard.press("ArrowRight")
-    settle()
+    settle(page)
     assert abs(time() - data["received"][0]["time"]) < 0.01
     page.keyboard.press("ArrowRight")
     page.keyboard.press("ArrowLeft")
-    settle()
+    settle(page)
     assert "chosen" in page.locator("#turn-head").text_content()
     page.keyboard.press("Space")
-    page.wait_for_timeout(500)
+    wait_for(page, "foxhunt.state.time > foxhunt.received[0].time")
     page.keyboard.press("Space")
     playing = time()
-    assert playing > data["received"][0]["time"], "space plays"
+    settle(page)
     page.wait_for_timeout(200)
     assert time() == playing, "space pauses"
     page.keyboard.press("End")
-    settle()
+    settle(page)
 
     # A click on a bearing shows its turn.
     page.evaluate("foxhunt.setTime(foxhunt.received.find((one) => one.bearing).time)")
-    settle()
+    settle(page)
     one = page.evaluate("foxhunt.received.find((one) => one.bearing)")
     x, y = page.evaluate(
         """(one) => {
@@ -108,7 +119,7 @@ def check(browser, path, name, size):
         page.touchscreen.tap(box["x"] + x, box["y"] + y)
     else:
         page.locator("#map").click(position={"x": x, "y": y})
-    settle()
+    settle(page)
     assert "chosen" in page.locator("#turn-head").text_content(), "the bearing was clicked"
     polar = page.locator("#turn-body svg")
     assert polar.locator(".bearing").count() == 1
@@ -118,18 +129,18 @@ def check(browser, path, name, size):
 
     # An event takes to its time; a plot, too.
     page.locator("#event-list button").last.click()
-    settle()
+    settle(page)
     assert abs(time() - max(notice[0] for notice in data["notices"] if notice[2])) < 0.01
     plot = page.locator(".chart .u-over").first
     plot.click(position={"x": 40, "y": 40})
-    settle()
+    settle(page)
     assert begin <= time() < end
 
     # A layer goes and comes back.
     page.locator("#map").scroll_into_view_if_needed()
     with_paths = page.locator("#map").screenshot()
     page.locator("#layer-paths").uncheck()
-    settle()
+    settle(page)
     assert page.locator("#map").screenshot() != with_paths, "paths are switched off"
     page.locator("#layer-paths").check()
 
@@ -154,4 +165,5 @@ def main():
         browser.close()
 
 
-main()
+if __name__ == "__main__":
+    main()

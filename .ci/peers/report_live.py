@@ -15,6 +15,8 @@ import urllib.request
 
 from playwright.sync_api import sync_playwright
 
+from report import settle, wait_for
+
 TOKEN = "correct-horse-battery"
 
 
@@ -115,15 +117,6 @@ def open_page(page, address):
     page.wait_for_function("window.foxhunt !== undefined")
 
 
-def wait_for(page, expression, seconds=60):
-    """Waits without `eval`, which the page forbids."""
-    for _ in range(seconds * 5):
-        if page.evaluate(expression):
-            return
-        page.wait_for_timeout(200)
-    raise AssertionError(f"{expression} in {seconds} s")
-
-
 def in_log(folder):
     with open(os.path.join(folder, "hunt.jsonl"), encoding="utf-8") as file:
         events = [json.loads(line) for line in file][1:]
@@ -158,6 +151,7 @@ def hunt(browser, folder, program):
 
     # What is struck out while the hunt goes on stays out.
     late.evaluate("foxhunt.select(1)")
+    settle(late)
     late.locator("#strike-one").click()
     late.locator("#strike-status", has_text="1 reception struck out: ").wait_for(timeout=60_000)
 
@@ -180,7 +174,7 @@ def hunt(browser, folder, program):
     for page in (early, cut, after):
         page.locator("#map").focus()
         page.keyboard.press("End")
-        page.wait_for_timeout(300)
+        settle(page)
         assert page.locator("#fixes").text_content() == table
     late.locator("#strike-status", has_text="1 reception struck out: ").wait_for(timeout=60_000)
     assert late.evaluate("foxhunt.fixes[0].steps + foxhunt.fixes[1].steps") < len(times) + 1

@@ -14,6 +14,8 @@ import sys
 
 from playwright.sync_api import sync_playwright
 
+from report import settle
+
 # Metres and square metres. The functions of the C library and of WebAssembly round differently in
 # the last bit; a cloud carries that through a resampling.
 TOLERANCE = 1e-9
@@ -43,6 +45,7 @@ def check(browser, foxhunt, folder):
 
     def wait_for(text):
         status.filter(has_text=text).wait_for(timeout=120_000)
+        settle(page)
 
     before = page.locator("#fixes").text_content()
 
@@ -53,6 +56,7 @@ def check(browser, foxhunt, folder):
     wait_for("1 reception struck out: ")
     assert page.locator("#fixes").text_content() != before, "the fix follows"
     page.keyboard.press("ArrowRight")
+    settle(page)
     page.locator("#strike-one", has_text="Strike it out").click()
     wait_for("2 receptions struck out: ")
     page.locator("#strike-one", has_text="Take it back").click()
@@ -60,6 +64,7 @@ def check(browser, foxhunt, folder):
     page.keyboard.press("End")
     for index in (0, 9, 17, 30):
         page.evaluate(f"foxhunt.select({index})")
+        settle(page)
         page.locator("#strike-one").click()
     wait_for("5 receptions struck out: ")
 
@@ -86,7 +91,7 @@ def check(browser, foxhunt, folder):
     # All taken back is what the page came with; the list brings the other back.
     page.locator("#strike-none").click()
     page.locator("#strike-list:not(:has(li))").wait_for(state="attached")
-    page.wait_for_timeout(200)
+    settle(page)
     assert page.locator("#fixes").text_content() == before
     page.locator("#strike-open").set_input_files(struck)
     wait_for("5 receptions struck out: ")
@@ -154,9 +159,11 @@ def check_recording(browser, foxhunt, folder, arguments, strikes):
     before = page.locator("#fixes").text_content()
     for index in strikes:
         page.evaluate(f"foxhunt.select({index})")
+        settle(page)
         page.locator("#strike-one", has_text="Strike it out").click()
     count = f"{len(strikes)} reception{'s' if len(strikes) > 1 else ''} struck out: "
     page.locator("#strike-status", has_text=count).wait_for(timeout=120_000)
+    settle(page)
     after = page.locator("#fixes").text_content()
     assert after != before, "the fix follows"
     with page.expect_download() as download:
@@ -178,13 +185,14 @@ def check_recording(browser, foxhunt, folder, arguments, strikes):
     # All taken back is what the page came with. A page written without them has the other table.
     page.locator("#strike-none").click()
     page.locator("#strike-list:not(:has(li))").wait_for(state="attached")
-    page.wait_for_timeout(200)
+    settle(page)
     assert page.locator("#fixes").text_content() == before
     open_page(os.path.join(folder, "without.html"))
     assert page.evaluate("foxhunt.received.filter((one) => one.struck).length") == len(strikes)
     assert page.locator("#fixes").text_content() == after
     page.locator("#strike-none").click()
     page.locator("#strike-status", has_text="0 receptions struck out: ").wait_for(timeout=120_000)
+    settle(page)
     assert page.locator("#fixes").text_content() == before
 
     # What is no reception of the recordings is named.

@@ -19,7 +19,8 @@ from playwright.sync_api import sync_playwright
 from pmtiles.tile import Compression, TileType, zxy_to_tileid
 from pmtiles.writer import Writer
 
-from report_live import Program, new_page, open_page, wait_for
+from report import settle, wait_for
+from report_live import Program, new_page, open_page
 
 ORIGIN = (50.08, 14.44)
 # East and North in metres of dark discs on light ground, off the lines of the grid; the last is where
@@ -139,7 +140,7 @@ def look(page, centre, scale):
     for _ in range(100):
         page.wait_for_timeout(100)
         if page.evaluate("[...foxhunt.tiles.values()].every((tile) => tile.came)"):
-            page.wait_for_timeout(100)
+            settle(page)
             return
     raise AssertionError("tiles are on their way for ten seconds")
 
@@ -165,7 +166,7 @@ def check(browser, foxhunt, folder, name, source, size, picture):
                 disc = page.evaluate(GREY, [mark, 70])
                 assert disc[0] < 90 and disc[1] > 180 and disc[2] > 180, (name, scale, mark, disc)
         page.locator("#layer-tiles").uncheck()
-        page.wait_for_timeout(200)
+        settle(page)
         assert page.evaluate(GREY, [MARKS[-1], 70])[0] > 220, "the map is switched off"
         # The page's degrees are those of pymap3d.
         for mark in [*MARKS, (-12_000.0, 9_000.0)]:
