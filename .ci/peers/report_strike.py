@@ -224,6 +224,7 @@ def main():
             ([one, "--estimator", "particle"], [3, 0]),
             ([several, "--every-beacon"], [3]),
             (["docs/walk.csv"], [0, 17, 60]),
+            (["docs/walk.csv", "--receiver-antenna", "dipole"], [0, 17, 60]),
         ):
             worst = check_recording(browser, foxhunt, folder, arguments, strikes)
             print(f"locate {' '.join(arguments)}: the page's fix is at most {worst:.1e} m or m² off")

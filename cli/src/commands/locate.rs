@@ -436,14 +436,18 @@ fn explained(explanation: &Explanation, whose: &str) -> String {
         explanation;
     let (length_m, of_length) = likeliest(correlation_lengths_m);
     let (share, of_share) = likeliest(own_shares);
+    let antennas = match dipoles {
+        Some(dipoles) => {
+            format!("{:.1} ± {:.1} vertical dipoles on the way", dipoles.mean, dipoles.sd)
+        }
+        None => "the antennas that were named".into(),
+    };
     format!(
-        "\nThe levels{whose} are best explained by an exponent of {:.1} ± {:.1}, {:.1} ± {:.1} \
-         vertical dipoles on the way, and shadowing of {:.0} ± {:.0} dB over {length_m:.0} m \
+        "\nThe levels{whose} are best explained by an exponent of {:.1} ± {:.1}, {antennas}, and \
+         shadowing of {:.0} ± {:.0} dB over {length_m:.0} m \
          ({:.0} %), {:.0} % of its variance each reading's own ({:.0} %).",
         exponent.mean,
         exponent.sd,
-        dipoles.mean,
-        dipoles.sd,
         sigma_db.mean,
         sigma_db.sd,
         100.0 * of_length,

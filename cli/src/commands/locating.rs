@@ -14,8 +14,9 @@ use foxhunt::{
     page::{NotStrikable, PageLog},
     recorded::{ReceptionConfig, RecordedReception, bearings, recorded_receptions, recorded_truth},
     recording::Recording,
-    registry::{EstimatorEntry, Registry},
+    registry::{EstimatorEntry, Registry, antenna_named},
     relocation::Relocation,
+    sensors::{ElevationPattern, Isotropic},
     struck::{RowId, StruckError, StruckRows, file_names},
 };
 
@@ -48,6 +49,14 @@ pub(super) struct Locating {
     /// How high the transmitter is above the ground, in metres
     #[arg(long, value_name = "M", default_value_t = 0.0, allow_hyphen_values = true)]
     target_up_m: f64,
+    /// The receiver's antenna, whose vertical pattern the levels follow: a name or a file as for
+    /// --antenna; where neither antenna is named, `shadowing-grid` infers what the levels lose at
+    /// steep angles, and the others take them for isotropic
+    #[arg(long, value_name = "NAME|FILE")]
+    receiver_antenna: Option<String>,
+    /// The transmitter's antenna, upright; isotropic unless given
+    #[arg(long, value_name = "NAME|FILE")]
+    transmitter_antenna: Option<String>,
     /// How far beyond the area that was flown over the transmitter is looked for, in metres; the
     /// default estimators of levels alone and of bearings alone begin there, and go farther where
     /// they have to
@@ -130,6 +139,7 @@ impl Locating {
         let config = LocateConfig {
             power: self.power(&calibration)?,
             target_up_m: self.target_up_m,
+            pattern: self.pattern()?,
             margin_m: self.margin_m,
             reference_m: self.reference_m.map(Into::into),
             seed: self.seed,
@@ -224,6 +234,25 @@ impl Locating {
             return Err(CliError::input(message));
         }
         Ok(())
+    }
+
+    /// How levels follow the elevation, by the antennas of the command line.
+    fn pattern(&self) -> Result<Option<ElevationPattern>, CliError> {
+        let of = |flag: &str, named: &Option<String>| {
+            let Some(named) = named else { return Ok(None) };
+            let antenna = antenna_named(named).build();
+            let antenna = antenna.map_err(|why| CliError::input(format!("{flag}: {why}")))?;
+            Ok::<_, CliError>(Some(ElevationPattern::of(&antenna)))
+        };
+        let receiver = of("--receiver-antenna", &self.receiver_antenna)?;
+        let transmitter = of("--transmitter-antenna", &self.transmitter_antenna)?;
+        if receiver.is_none() && transmitter.is_none() {
+            return Ok(None);
+        }
+        let isotropic = || ElevationPattern::of(&Isotropic);
+        let receiver = receiver.unwrap_or_else(isotropic);
+        let transmitter = transmitter.unwrap_or_else(isotropic);
+        Ok(Some(ElevationPattern::between(&receiver, &transmitter)))
     }
 
     /// What is known of the transmitter's power, by the flags or else by the calibration.

@@ -363,6 +363,16 @@ fn an_explanation_and_regions_come_with_levels() {
     }
     let text = foxhunt(["locate", &file]);
     assert!(text.stdout.contains("best explained by an exponent"), "{text:?}");
+
+    // Named antennas are not inferred; what cannot use them says so.
+    let named = ["--receiver-antenna", "dipole", "--transmitter-antenna", "dipole"];
+    let named = |more: &[&str]| foxhunt([&["locate", &file], &named[..], more].concat());
+    let report = named(&["--json"]).json();
+    assert!(report["explanation"]["dipoles"].is_null(), "{report}");
+    assert!(named(&[]).stdout.contains("the antennas that were named"), "{:?}", named(&[]));
+    named(&["--estimator", "least-absolute"]).failed(2, &["least-absolute", "--receiver-antenna"]);
+    foxhunt(["locate", &file, "--receiver-antenna", "none.msi"])
+        .failed(2, &["--receiver-antenna", "none.msi"]);
     assert!(text.stdout.contains("poor picture"), "{text:?}");
 }
 /// Bearings of three beacons in UTM metres, each with its own truth; those of one do not meet.

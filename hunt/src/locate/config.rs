@@ -1,4 +1,5 @@
 use foxhunt_core::Pose;
+use foxhunt_sensors::{ElevationPattern, ParameterError, WithElevationPattern};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +13,10 @@ pub struct LocateConfig {
     pub power: Power,
     /// How high above the ground of the local frame the transmitter is taken to be, in metres.
     pub target_up_m: f64,
+    /// How levels follow the elevation of the transmitter, by the antennas on the way; where absent,
+    /// the estimators take the antennas for isotropic, and `shadowing-grid` infers them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<ElevationPattern>,
     /// How far beyond the area of the receivers a transmitter is looked for, in metres; the grids
     /// begin there, and go farther where they have to.
     pub margin_m: f64,
@@ -46,6 +51,20 @@ pub enum Power {
     },
 }
 
+impl LocateConfig {
+    /// A model of level and bearing through the antennas on the way.
+    pub(crate) fn through_antennas<H>(
+        &self,
+        model: H,
+    ) -> Result<WithElevationPattern<H>, ParameterError> {
+        match &self.pattern {
+            Some(pattern) => WithElevationPattern::new(model, pattern.clone()),
+            None => model.into(),
+        }
+        .with_target_up(self.target_up_m)
+    }
+}
+
 impl Power {
     /// The exponent, for estimators that do not estimate it.
     pub(crate) fn exponent(self) -> f64 {
@@ -57,12 +76,13 @@ impl Power {
 }
 
 impl Default for LocateConfig {
-    /// Free power, a transmitter on the ground, 200 m beyond the area of the receivers, two degrees
+    /// Free power, a transmitter on the ground, antennas that nobody knows, 200 m beyond the area of the receivers, two degrees
     /// of freedom for the bearings' σ, seed 1.
     fn default() -> Self {
         Self {
             power: Power::Free,
             target_up_m: 0.0,
+            pattern: None,
             margin_m: 200.0,
             bearing_freedom: 2.0,
             reference_m: None,

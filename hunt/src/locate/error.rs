@@ -54,6 +54,15 @@ pub enum LocateError {
     /// The estimator needs to know where the reference receiver is.
     #[error("it needs the place of the reference receiver (--reference-m)")]
     NoReference,
+    /// The estimator does not follow the antennas that are named.
+    #[error(
+        "the estimator {estimator} does not use the antennas' patterns (--receiver-antenna, \
+         --transmitter-antenna)"
+    )]
+    NoUseOfAntennas {
+        /// Which estimator.
+        estimator: String,
+    },
     /// The bearings are too few, or do not meet.
     #[cfg(feature = "batch")]
     #[error(

@@ -57,8 +57,8 @@ pub struct Explanation {
     /// The path-loss exponent γ.
     pub exponent: Marginal,
     /// How many vertical dipoles are on the way: 0 where no antenna's gain falls with the
-    /// elevation, 2 where the receiver's and the transmitter's do.
-    pub dipoles: Marginal,
+    /// elevation, 2 where the receiver's and the transmitter's do. None where the antennas are known.
+    pub dipoles: Option<Marginal>,
     /// σ of shadowing and noise together, in dB.
     pub sigma_db: Marginal,
     /// The distances over which shadowing falls to 1/e, in metres, each with its probability.
@@ -178,6 +178,12 @@ pub trait Locator: Send + Sync {
         receptions: &[Reception],
         config: &LocateConfig,
     ) -> Result<Located, LocateError>;
+
+    /// Whether [`LocateConfig::pattern`] is in its model of levels; where not, known antennas are
+    /// refused.
+    fn uses_antennas(&self) -> bool {
+        false
+    }
 }
 
 /// Level or silence, and bearing, of each reception.

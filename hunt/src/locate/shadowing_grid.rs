@@ -10,7 +10,8 @@ use super::{
 
 /// All levels at once on a grid, with shadowing that is correlated along the flight and antennas
 /// whose gain falls with the elevation (`filters::ShadowingGrid`): P₀ and γ are the intercept and
-/// the slope over −10 log₁₀ of the range, the gain's regressor is that of a vertical dipole.
+/// the slope over −10 log₁₀ of the range, the gain's regressor is that of a vertical dipole, or the
+/// known one of the antennas on the way.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CorrelatedShadowing;
 
@@ -33,9 +34,11 @@ impl Locator for CorrelatedShadowing {
                 (Intercept::Known(reference_dbm), Slope::Known(exponent))
             }
         };
+        let gain = if config.pattern.is_some() { Slope::Known(1.0) } else { defaults.gain };
         let grid = ShadowingGrid::new(ShadowingGridConfig {
             intercept,
             slope,
+            gain,
             place: PlacePrior::NearReceivers,
             margin_m: config.margin_m,
             ..ShadowingGridConfig::default()
@@ -45,8 +48,14 @@ impl Locator for CorrelatedShadowing {
         let fix = grid.locate(&readings, |cell: &Vector2<f64>, receiver: &Pose| {
             let way = cell.push(up) - receiver.position;
             let range = way.norm();
-            let cosine = (way.xy().norm() / range).hypot(NULL);
-            [unit.rss_dbm(range), 20.0 * cosine.log10()]
+            let gain = match &config.pattern {
+                Some(pattern) => {
+                    let sight = receiver.to_body(&way);
+                    pattern.gain_db(sight.z.atan2(sight.xy().norm()))
+                }
+                None => 20.0 * (way.xy().norm() / range).hypot(NULL).log10(),
+            };
+            [unit.rss_dbm(range), gain]
         })?;
         let map = fix.finest();
         let estimate = map.about(map.median());
@@ -56,12 +65,15 @@ impl Locator for CorrelatedShadowing {
             regions_95: regions(map, 0.95),
             explanation: Some(Explanation {
                 exponent: fix.slope,
-                dipoles: fix.gain,
+                dipoles: config.pattern.is_none().then_some(fix.gain),
                 sigma_db: fix.sigma,
                 correlation_lengths_m: fix.correlation_lengths_m.clone(),
                 own_shares: fix.nuggets.clone(),
             }),
             ..Located::at(estimate)
         })
+    }
+    fn uses_antennas(&self) -> bool {
+        true
     }
 }

@@ -28,11 +28,29 @@ impl EstimatorEntry {
         if !receptions.iter().any(holds) {
             return Err(LocateError::Nothing { receptions: receptions.len() });
         }
+        if config.pattern.is_some() && !self.uses_antennas() {
+            return Err(LocateError::NoUseOfAntennas { estimator: self.name.clone().into_owned() });
+        }
         let Some(locator) = self.locator() else { return in_time(receptions, self, config) };
         locator.locate(receptions, config).map_err(|source| LocateError::Named {
             estimator: self.name.clone().into_owned(),
             source: Box::new(source),
         })
+    }
+
+    /// Whether it takes one reception after the other, levels among them.
+    fn streams_levels(&self) -> bool {
+        let uses =
+            |settings: &EstimatorConfig| settings.track.components != Components::BearingOnly;
+        self.settings().is_some_and(uses)
+    }
+
+    /// Whether the antennas' pattern is in its model of levels.
+    fn uses_antennas(&self) -> bool {
+        match self.locator() {
+            Some(locator) => locator.uses_antennas(),
+            None => self.streams_levels(),
+        }
     }
 }
 
@@ -75,12 +93,10 @@ fn in_time(
             (LogDistance::new(power, exponent)?, true)
         }
     };
-    let model: ReceiverModel = RssBearing::new(law).with_target_up(config.target_up_m)?.into();
+    let model = RssBearing::new(law).with_target_up(config.target_up_m)?;
+    let model: ReceiverModel = config.through_antennas(model)?;
     // Who does not use levels needs no power; who has settings is given the one that is not known.
-    let uses_levels = estimator
-        .settings()
-        .is_some_and(|settings| settings.track.components != Components::BearingOnly);
-    let estimator = if free && uses_levels {
+    let estimator = if free && estimator.streams_levels() {
         let change = |settings: &mut EstimatorConfig| {
             settings.power_sigma_db = Some(FREE_POWER_SIGMA_DB);
         };

@@ -112,6 +112,11 @@ pub(super) fn report(
         let begin = || Progress::new(output, "steps", count(most), true);
         progress.get_or_init(begin).reach(count(done));
     };
+    if prepared.config().pattern.is_some() {
+        let why = "--track does not use the antennas' patterns (--receiver-antenna, \
+                   --transmitter-antenna)";
+        return Err(CliError::input(why));
+    }
     let tracked = track_watched(&received, &listeners, prepared.config(), &config, &watch);
     if let Some(progress) = progress.get() {
         progress.finish();
