@@ -355,4 +355,13 @@ pub enum FieldProblem {
         /// How far is far enough.
         limit_km: f64,
     },
+    /// It is far from the frame's origin, and would be near it the other way round.
+    #[error(
+        "is {distance_km:.0} km from the frame's origin; latitude and longitude look swapped, here \
+         or in the first row"
+    )]
+    SwappedPlace {
+        /// How far.
+        distance_km: f64,
+    },
 }

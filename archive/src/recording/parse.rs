@@ -215,6 +215,12 @@ impl Reader<'_> {
             None => LocalFrame::new(place).map_err(|_| self.wrong(lat, FieldProblem::NotFinite))?,
         };
         let local = here.to_local(&place);
+        let turned = Geodetic { lat_deg: lon_deg, lon_deg: lat_deg, ..place };
+        let is_near = |local: Vector3<f64>| local.norm() <= LIMIT_KM * 1e3;
+        if !is_near(local) && is_near(here.to_local(&turned)) {
+            let problem = FieldProblem::SwappedPlace { distance_km: local.norm() / 1e3 };
+            return Err(self.row.wrong(&columns, &both, problem));
+        }
         self.near_origin(&local, &columns, &both)?;
         *frame = Some(here);
         Ok(Some(local))

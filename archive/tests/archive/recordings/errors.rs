@@ -38,7 +38,14 @@ fn a_wrong_cell_is_named_with_file_line_column_and_value() {
         ("0,50,,10,-60", "lon_deg", "", "must not be empty"),
         ("0,,14,10,-60", "lat_deg", "", "must not be empty"),
         (",50,14,10,-60", "time_s", "", "must not be empty"),
-        ("0,14,50,10,-60", "lat_deg, lon_deg", "14, 50", "km from the frame's origin"),
+        (
+            "0,14,50,10,-60",
+            "lat_deg, lon_deg",
+            "14, 50",
+            "origin; latitude and longitude look swapped",
+        ),
+        ("0,14,49,10,-60", "lat_deg, lon_deg", "14, 49", "look swapped, here or in the first row"),
+        ("0,14,40,10,-60", "lat_deg, lon_deg", "14, 40", "at most 200 km make sense"),
         ("0,0,0,10,-60", "lat_deg, lon_deg", "0, 0", "without a fix"),
         ("0,0.5,0,10,-60", "lat_deg, lon_deg", "0.5, 0", "km from the frame's origin"),
     ] {
