@@ -135,9 +135,25 @@ def bearings(path, beacons):
                 file.write(f"d{number % 2},{name},{number},{east},{north},{compass:.3f},4\n")
 
 
+def passing(path):
+    """Levels and bearings of three stations, of a transmitter that goes East at 1 m/s."""
+    with open(path, "w", encoding="utf-8") as file:
+        file.write("drone,time_s,east_m,north_m,bearing_deg_compass,bearing_sigma_deg,rss_dbm\n")
+        for time in range(0, 600, 30):
+            for number, (east, north) in enumerate([(0, 0), (800, 0), (400, 700)]):
+                x, y = 100 + time - east, 300 - north
+                off = 60 if (number, time) == (1, 300) else (time // 30 + number) % 5 - 2
+                compass = (math.degrees(math.atan2(x, y)) + off) % 360
+                level = -30 - 25 * math.log10(math.hypot(x, y))
+                file.write(f"d{number},{time},{east},{north},{compass:.3f},4,{level:.2f}\n")
+
+
 def located(foxhunt, *arguments):
     run = subprocess.run([foxhunt, "--json", "locate", *arguments], check=True, capture_output=True, text=True)
     found = json.loads(run.stdout)
+    if "places" in found:
+        # A track, whose last place the page has as its fix.
+        return [{**found["places"][-1], "ignored": found["ignored"]}]
     return found if isinstance(found, list) else [found]
 
 
@@ -219,12 +235,15 @@ def main():
         one, several = os.path.join(folder, "one.csv"), os.path.join(folder, "several.csv")
         bearings(one, [("fox", 40, 30)])
         bearings(several, [("fox", 40, 30), ("owl", 10, 45)])
+        track = os.path.join(folder, "track.csv")
+        passing(track)
         for arguments, strikes in (
             ([one], [3]),
             ([one, "--estimator", "particle"], [3, 0]),
             ([several, "--every-beacon"], [3]),
             (["docs/walk.csv"], [0, 17, 60]),
             (["docs/walk.csv", "--receiver-antenna", "dipole"], [0, 17, 60]),
+            ([track, "--track"], [31, 58]),
         ):
             worst = check_recording(browser, foxhunt, folder, arguments, strikes)
             print(f"locate {' '.join(arguments)}: the page's fix is at most {worst:.1e} m or m² off")

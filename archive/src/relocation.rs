@@ -2,6 +2,8 @@
 //! page needs for that, as lines of JSON.
 
 use foxhunt_core::Reception;
+#[cfg(feature = "batch")]
+use foxhunt_hunt::locate::{Listener, TrackingConfig, left_out, track};
 use foxhunt_hunt::{
     locate::{LocateConfig, LocateError},
     registry::{Registry, RegistryError},
@@ -9,6 +11,8 @@ use foxhunt_hunt::{
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
+#[cfg(feature = "batch")]
+use crate::recorded::truth_at;
 use crate::{
     overview::SearchOverview,
     struck::{RowId, StruckRows},
@@ -30,8 +34,21 @@ struct Header {
     foxhunt_relocation: u32,
     /// The estimator; what suits the receptions where it is absent.
     estimator: Option<String>,
+    /// A transmitter that moves is tracked instead.
+    #[cfg(feature = "batch")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    tracking: Option<Tracking>,
     config: LocateConfig,
     searches: Vec<Sought>,
+}
+
+/// How a transmitter that moves is tracked.
+#[cfg(feature = "batch")]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Tracking {
+    config: TrackingConfig,
+    listeners: Vec<Listener>,
 }
 
 /// A transmitter that is located.
@@ -39,8 +56,8 @@ struct Header {
 #[serde(deny_unknown_fields)]
 struct Sought {
     name: String,
-    /// Where it truly is, if that is known.
-    truth: Option<Vector2<f64>>,
+    /// Where it truly was at its times, if that is known.
+    truth: Vec<(f64, Vector2<f64>)>,
     /// The time that its place is of.
     time: f64,
 }
@@ -60,8 +77,28 @@ impl Relocation {
     pub fn new(estimator: Option<&str>, config: LocateConfig) -> Self {
         let estimator = estimator.map(str::to_owned);
         let searches = Vec::new();
-        let header = Header { foxhunt_relocation: VERSION, estimator, config, searches };
+        let header = Header {
+            foxhunt_relocation: VERSION,
+            estimator,
+            #[cfg(feature = "batch")]
+            tracking: None,
+            config,
+            searches,
+        };
         Self { header, rows: Vec::new() }
+    }
+
+    /// No transmitter tracked yet.
+    #[cfg(feature = "batch")]
+    #[must_use]
+    pub fn of_tracks(
+        tracking: TrackingConfig,
+        listeners: Vec<Listener>,
+        config: LocateConfig,
+    ) -> Self {
+        let mut relocation = Self::new(None, config);
+        relocation.header.tracking = Some(Tracking { config: tracking, listeners });
+        relocation
     }
 
     /// Adds a search as it ended, and its receptions in the order of the estimator.
@@ -73,7 +110,7 @@ impl Relocation {
         let number = self.header.searches.len();
         self.header.searches.push(Sought {
             name: search.name.clone(),
-            truth: search.truth.first().map(|knot| knot.place.xy()),
+            truth: search.truth.iter().map(|knot| (knot.time, knot.place.xy())).collect(),
             time: search.last().map_or(0.0, |last| last.time),
         });
         let row = |(id, reception)| Row { search: number, id, reception };
@@ -149,15 +186,31 @@ impl Relocation {
         let Header { estimator, config, searches, .. } = &self.header;
         let mut found = Vec::new();
         for (number, Sought { name, truth, time }) in searches.iter().enumerate() {
-            let of_it = self.rows.iter().filter(|row| row.search == number);
-            let left = of_it.filter(|row| !struck.contains(&row.id));
+            let of_it = || self.rows.iter().filter(|row| row.search == number);
+            #[cfg(feature = "batch")]
+            if let Some(Tracking { config: tracking, listeners }) = &self.header.tracking {
+                let left = of_it().map(|row| match struck.contains(&row.id) {
+                    true => left_out(&row.reception),
+                    false => row.reception,
+                });
+                let received: Vec<Reception> = left.collect();
+                found.push(match track(&received, listeners, config, tracking) {
+                    Ok(tracked) => SearchOverview::tracked(name.clone(), &tracked, |time| {
+                        truth_at(truth, time, 0.0)
+                    }),
+                    Err(error) => not_located(name, &error),
+                });
+                continue;
+            }
+            let truth = truth.first().map(|(_, place)| *place);
+            let left = of_it().filter(|row| !struck.contains(&row.id));
             let received: Vec<Reception> = left.map(|row| row.reception).collect();
             let estimator = match estimator {
                 Some(name) => registry.estimator(name)?,
                 None => registry.suited_to(&received)?,
             };
             found.push(match estimator.locate(&received, config) {
-                Ok(located) => SearchOverview::located(name.clone(), &located, *truth, *time),
+                Ok(located) => SearchOverview::located(name.clone(), &located, truth, *time),
                 Err(error) => not_located(name, &error),
             });
         }
@@ -195,8 +248,12 @@ mod tests {
     use std::path::Path;
 
     use foxhunt_core::{Bearing, Pose};
+    #[cfg(feature = "batch")]
+    use nalgebra::Vector3;
 
     use super::*;
+    #[cfg(feature = "batch")]
+    use crate::overview::Knot;
 
     /// Five bearings to a transmitter at (40, 30), and one that is far off.
     fn relocation() -> Relocation {
@@ -213,6 +270,33 @@ mod tests {
         let mut relocation = Relocation::new(None, LocateConfig::default());
         relocation.add(&SearchOverview::default(), rows);
         relocation
+    }
+
+    #[test]
+    #[cfg(feature = "batch")]
+    fn a_track_goes_on_without_what_is_struck() {
+        let registry = Registry::builtin();
+        let located = |relocation: &Relocation, struck: &[u64]| {
+            relocation.locate(&registry, &strike(struck)).expect("built in").remove(0)
+        };
+        let mut rows = relocation().rows;
+        // The last one a window later, when the transmitter has been for 1 m.
+        rows.iter_mut()
+            .for_each(|row| row.reception.time = if row.id.line == 7 { 60.0 } else { 0.0 });
+        let config = LocateConfig::default();
+        let mut tracks = Relocation::of_tracks(TrackingConfig::default(), Vec::new(), config);
+        let truth = |time| Knot { time, place: Vector3::new(40.0, 30.0, 0.0) };
+        let truth = vec![truth(0.0), truth(60.0)];
+        let search = SearchOverview { truth, ..SearchOverview::default() };
+        tracks.add(&search, rows.into_iter().map(|row| (row.id, row.reception)));
+        let text = tracks.lines().expect("plain numbers").join("\n");
+        assert_eq!(Relocation::parse(&text).expect("our own"), Some(tracks.clone()));
+        let all = located(&tracks, &[]);
+        assert_eq!(all.beliefs.iter().map(|b| b.steps).collect::<Vec<_>>(), [5, 1]);
+        assert!(all.beliefs[0].error_m.is_some_and(|error| error < 40.0), "{all:?}");
+        let without = located(&tracks, &[2, 7]);
+        assert_eq!(without.beliefs.iter().map(|b| b.steps).collect::<Vec<_>>(), [4]);
+        assert_ne!(without.beliefs[0].estimate, all.beliefs[0].estimate);
     }
 
     fn strike(lines: &[u64]) -> StruckRows {

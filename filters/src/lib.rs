@@ -129,5 +129,5 @@ pub use shadowing_grid::{
 #[cfg(feature = "alloc")]
 pub use smoother::rauch_tung_striebel;
 #[cfg(feature = "batch")]
-pub use track_grid::{TrackGrid, TrackGridFix, TrackModel};
+pub use track_grid::{Places, TrackGrid, TrackGridFix, TrackModel};
 pub use transform::{Cubature, Image, Kappa, Map, Taylor, Transform, Unscented};

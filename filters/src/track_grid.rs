@@ -24,8 +24,29 @@ pub trait TrackModel {
     fn variance(&self, seconds: f64) -> f64;
 
     /// Adds to `out`, for each place, the logarithm of the likelihood of what was received at a
-    /// time, counted from 0; places are columns of East and North in metres.
-    fn add_log_likelihoods(&self, time: usize, places: [&[f64]; 2], out: &mut [f64]);
+    /// time, counted from 0.
+    fn add_log_likelihoods(&self, time: usize, places: &Places<'_>, out: &mut [f64]);
+}
+
+/// Places that likelihoods are wanted of.
+#[derive(Clone, Copy, Debug)]
+pub struct Places<'a> {
+    /// East in metres.
+    pub east: &'a [f64],
+    /// North in metres.
+    pub north: &'a [f64],
+    /// Each place stands for a square of this side, in metres, about it. While a wide area is
+    /// searched cells may be larger than what a sharp likelihood is at: it has to be that of the
+    /// square then, or it is missed between the places.
+    pub cell_m: f64,
+}
+
+impl Places<'_> {
+    /// The variance of a place within its square on each axis, in m².
+    #[must_use]
+    pub fn variance_m2(&self) -> f64 {
+        self.cell_m * self.cell_m / 12.0
+    }
 }
 
 /// Where a moving target was at each of some times, from all that was received: a hidden Markov
@@ -91,7 +112,7 @@ impl TrackGrid {
         receivers: &[Pose],
         times: &[f64],
         models: &[impl TrackModel],
-        common: impl Fn(usize, [&[f64]; 2], &mut [f64]),
+        common: impl Fn(usize, &Places<'_>, &mut [f64]),
     ) -> Result<TrackGridFix, BatchError> {
         self.smooth_watched(receivers, times, models, common, &|_, _| {})
     }
@@ -108,7 +129,7 @@ impl TrackGrid {
         receivers: &[Pose],
         times: &[f64],
         models: &[impl TrackModel],
-        common: impl Fn(usize, [&[f64]; 2], &mut [f64]),
+        common: impl Fn(usize, &Places<'_>, &mut [f64]),
         watch: &dyn Fn(usize, usize),
     ) -> Result<TrackGridFix, BatchError> {
         positive("margin_m", self.margin_m)?;
@@ -178,6 +199,10 @@ impl Cells {
         Self { grid, east, north, prior }
     }
 
+    fn places(&self) -> Places<'_> {
+        Places { east: &self.east, north: &self.north, cell_m: self.grid.cell_m() }
+    }
+
     /// Spreads masses by a random walk; the variance is in m².
     fn spread(&self, from: &[f64], variance_m2: f64, scratch: &mut [f64], into: &mut [f64]) {
         let (columns, variance) = (self.grid.columns(), variance_m2 / self.grid.cell_m().powi(2));
@@ -211,13 +236,13 @@ impl<'a, M: TrackModel> Passes<'a, M> {
         log_prior: &impl Fn(&Vector2<f64>) -> f64,
         times: &'a [f64],
         models: &'a [M],
-        add_common: &impl Fn(usize, [&[f64]; 2], &mut [f64]),
+        add_common: &impl Fn(usize, &Places<'_>, &mut [f64]),
         step: &'a dyn Fn(),
     ) -> Self {
         let cells = Cells::of(grid, log_prior);
         let mut common = vec![0.0; grid.len() * times.len()];
         for (time, common) in common.chunks_exact_mut(grid.len()).enumerate() {
-            add_common(time, [&cells.east, &cells.north], common);
+            add_common(time, &cells.places(), common);
         }
         Self { cells, times, models, common, step }
     }
@@ -268,7 +293,7 @@ impl<'a, M: TrackModel> Passes<'a, M> {
                 cells.spread(&before, variance, &mut scratch, &mut mass);
             }
             log.copy_from_slice(&self.common[time * count..][..count]);
-            model.add_log_likelihoods(time, [&cells.east, &cells.north], &mut log);
+            model.add_log_likelihoods(time, &cells.places(), &mut log);
             let peak = log.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             let weigh = |(mass, log): (&mut f64, &f64)| *mass *= elementary::exp(log - peak);
             mass.iter_mut().zip(&log).for_each(weigh);

@@ -13,6 +13,8 @@ pub use of_log::{KeptTurn, OverviewReader};
 pub use turn::{KnownAntenna, Turn};
 
 use foxhunt_core::{Bearing, BearingModes, Ellipse, Estimate, Level};
+#[cfg(feature = "batch")]
+use foxhunt_hunt::locate::Tracked;
 use foxhunt_hunt::locate::{Located, Region, Rival};
 use foxhunt_wire::geodesy::LocalFrame;
 use nalgebra::{Vector2, Vector3};
@@ -59,6 +61,12 @@ pub struct Knot {
     pub time: f64,
     /// Where: East, North and Up in metres.
     pub place: Vector3<f64>,
+}
+
+impl Knot {
+    fn on_ground(time: f64, place: Vector2<f64>) -> Self {
+        Self { time, place: place.push(0.0) }
+    }
 }
 
 /// A reception, with what became of it.
@@ -126,6 +134,19 @@ pub struct Believed {
     pub cloud: Vec<Vector2<f64>>,
 }
 
+impl Believed {
+    fn located(time: f64, located: &Located, truth: Option<Vector2<f64>>) -> Self {
+        Self {
+            time,
+            steps: u32::try_from(located.observations).unwrap_or(u32::MAX),
+            estimate: located.estimate,
+            ellipse_95: located.ellipse_95(),
+            error_m: truth.map(|truth| (located.estimate.mean - truth).norm()),
+            cloud: Vec::new(),
+        }
+    }
+}
+
 impl SearchOverview {
     /// A search that has one answer, from all receptions at once.
     #[must_use]
@@ -135,23 +156,32 @@ impl SearchOverview {
         truth: Option<Vector2<f64>>,
         time: f64,
     ) -> Self {
-        let steps = u32::try_from(located.observations).unwrap_or(u32::MAX);
-        let believed = Believed {
-            time,
-            steps,
-            estimate: located.estimate,
-            ellipse_95: located.ellipse_95(),
-            error_m: truth.map(|truth| (located.estimate.mean - truth).norm()),
-            cloud: Vec::new(),
-        };
         Self {
             name,
-            truth: truth.map(|place| Knot { time, place: place.push(0.0) }).into_iter().collect(),
-            beliefs: vec![believed],
+            truth: truth.map(|place| Knot::on_ground(time, place)).into_iter().collect(),
+            beliefs: vec![Believed::located(time, located, truth)],
             regions_95: located.regions_95.clone(),
             rivals: located.rivals.clone(),
             outcome: None,
         }
+    }
+
+    /// A transmitter that moves, with where it truly was at a time.
+    #[cfg(feature = "batch")]
+    #[must_use]
+    pub fn tracked(
+        name: String,
+        tracked: &Tracked,
+        truth: impl Fn(f64) -> Option<Vector2<f64>>,
+    ) -> Self {
+        let place = |(time, located): &(f64, Located)| {
+            let truth = truth(*time);
+            let knot = truth.map(|place| Knot::on_ground(*time, place));
+            (Believed::located(*time, located, truth), knot)
+        };
+        let (beliefs, truth): (_, Vec<_>) = tracked.places.iter().map(place).unzip();
+        let truth = truth.into_iter().flatten().collect();
+        Self { name, truth, beliefs, ..Self::default() }
     }
 
     /// What is believed in the end.

@@ -13,6 +13,10 @@ const MOST_S: f64 = 60.0;
 /// Estimators of the library that would make a page much larger.
 const NOT_BROUGHT: [&str; 1] = ["field-map"];
 
+/// How long a browser takes for a model at one time, on the most cells; measured as [`seconds`].
+#[cfg(feature = "batch")]
+const OF_A_TRACKING_STEP_S: f64 = 6e-3;
+
 /// Receptions of a hunt that goes on, of which nobody knows how long it will.
 const OF_A_LIVE_HUNT: usize = 500;
 
@@ -69,11 +73,27 @@ impl PageLog {
         if !is_brought || NOT_BROUGHT.contains(&name.as_str()) {
             return Err(NotStrikable::OwnCode { estimator: name });
         }
+        if let Some(settings) = estimator.settings() {
+            check_weight(&name, seconds(settings, relocation.len()))?;
+        }
+        Self::of_lines(relocation)
+    }
+
+    /// The receptions of recordings, for transmitters that are tracked; `steps` is how many the
+    /// tracking took ([`track_watched`](foxhunt_hunt::locate::track_watched)).
+    ///
+    /// # Errors
+    ///
+    /// [`NotStrikable`] says why a page cannot track.
+    #[cfg(feature = "batch")]
+    pub fn of_tracks(relocation: &Relocation, steps: usize) -> Result<Self, NotStrikable> {
+        check_weight("tracking", OF_A_TRACKING_STEP_S * count(steps))?;
+        Self::of_lines(relocation)
+    }
+
+    fn of_lines(relocation: &Relocation) -> Result<Self, NotStrikable> {
         if relocation.len() > MOST_ROWS {
             return Err(NotStrikable::TooMany { receptions: relocation.len() });
-        }
-        if let Some(settings) = estimator.settings() {
-            check_weight(&name, settings, relocation.len())?;
         }
         let mut lines = relocation.lines().map_err(|_| NotStrikable::NoText)?.into_iter();
         let header = lines.next().unwrap_or_default();
@@ -109,7 +129,7 @@ fn header_line(
     let Some(settings) = settings else {
         return Err(NotStrikable::OwnCode { estimator: name });
     };
-    check_weight(&name, &settings, received)?;
+    check_weight(&name, seconds(&settings, received))?;
     let header = LogHeader {
         estimator_name: name,
         estimator: Some(settings),
@@ -121,12 +141,7 @@ fn header_line(
 }
 
 /// Refuses what would take a browser too long.
-fn check_weight(
-    name: &str,
-    settings: &EstimatorConfig,
-    received: usize,
-) -> Result<(), NotStrikable> {
-    let seconds = seconds(settings, received);
+fn check_weight(name: &str, seconds: f64) -> Result<(), NotStrikable> {
     if seconds > MOST_S {
         return Err(NotStrikable::TooHeavy { estimator: name.to_owned(), seconds });
     }
@@ -135,7 +150,6 @@ fn check_weight(
 
 /// About how long a browser replays, in seconds: measured in Chromium on a laptop's core.
 fn seconds(settings: &EstimatorConfig, received: usize) -> f64 {
-    let count = |count: usize| u32::try_from(count).map_or(f64::INFINITY, f64::from);
     let received = count(received);
     let each = match settings.filter {
         FilterConfig::Grid { side, .. } => 4e-6 * count(side).powi(2),
@@ -146,6 +160,10 @@ fn seconds(settings: &EstimatorConfig, received: usize) -> f64 {
         _ => 1e-3 + 1e-4 * received,
     };
     received * each
+}
+
+fn count(of: usize) -> f64 {
+    u32::try_from(of).map_or(f64::INFINITY, f64::from)
 }
 
 /// Why no bearing can be struck out in a page.
@@ -175,9 +193,6 @@ pub enum NotStrikable {
     /// The σ of bearings was learned from those of all beacons.
     #[error("σ of the bearings is learned from how those of all beacons meet")]
     LearnedSigma,
-    /// A transmitter that moves is smoothed over all receptions.
-    #[error("a page does not track")]
-    Tracked,
     /// Bearings alone, from which nothing is estimated.
     #[error("nothing is located here")]
     NoEstimate,
@@ -188,6 +203,8 @@ pub enum NotStrikable {
 
 #[cfg(test)]
 mod tests {
+    #[cfg(feature = "batch")]
+    use foxhunt_hunt::locate::{LocateConfig, TrackingConfig};
     use foxhunt_hunt::registry::Registry;
 
     use super::*;
@@ -212,5 +229,16 @@ mod tests {
         });
         let heavy = PageLog::live(&header, many.ok().as_ref()).expect_err("it takes half an hour");
         assert!(matches!(heavy, NotStrikable::TooHeavy { .. }), "{heavy}");
+        #[cfg(feature = "batch")]
+        {
+            let relocation = Relocation::of_tracks(
+                TrackingConfig::default(),
+                Vec::new(),
+                LocateConfig::default(),
+            );
+            assert!(PageLog::of_tracks(&relocation, 1000).is_ok(), "seconds");
+            let heavy = PageLog::of_tracks(&relocation, 1_000_000).expect_err("many minutes");
+            assert!(matches!(heavy, NotStrikable::TooHeavy { .. }), "{heavy}");
+        }
     }
 }

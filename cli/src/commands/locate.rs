@@ -10,7 +10,7 @@ use foxhunt::{
     locate::{CommonErrors, Explanation, Located, Region, Rival},
     movebank::{MovebankFix, write_movebank},
     overview::{Overview, SearchOverview},
-    page::NotStrikable,
+    page::{NotStrikable, PageLog},
     recording::Recording,
     registry::Registry,
     report::Place,
@@ -171,6 +171,8 @@ struct Found {
     /// What found it.
     method: String,
     search: SearchOverview,
+    /// What a page needs to track it again, where it is tracked.
+    tracks: Option<Result<PageLog, NotStrikable>>,
 }
 
 /// Writes the page and the exports, where they were wanted.
@@ -187,11 +189,12 @@ fn show(
     let method = found.first().map_or_else(String::new, |found| found.method.clone());
     let mut overview = Overview::of_recordings(prepared.recordings(), &method);
     let entry = registry.estimator(&method).ok();
-    let mut beacons = Vec::new();
-    for (number, Found { beacon, search, .. }) in found.into_iter().enumerate() {
+    let (mut beacons, mut tracks) = (Vec::new(), None);
+    for (number, Found { beacon, search, tracks: again, .. }) in found.into_iter().enumerate() {
         prepared.add_to(&mut overview, Some(number), beacon.as_deref())?;
         overview.searches.push(search);
         beacons.push(beacon);
+        tracks = tracks.or(again);
     }
     // A place from all receptions is known when the last of them has come.
     let [_, end] = overview.span();
@@ -203,14 +206,12 @@ fn show(
     if !args.views.has_page() {
         return args.views.write(&overview, None, output);
     }
-    let log = match entry {
-        Some(estimator) => {
-            let searches = overview.searches.iter().zip(beacons.iter().map(Option::as_deref));
-            prepared.relocation(estimator, searches, args.locating.names_estimator())?
-        }
-        None => Err(NotStrikable::Tracked),
-    };
-    args.views.write(&overview, Some(&log), output)
+    if let Some(estimator) = entry {
+        let searches = overview.searches.iter().zip(beacons.iter().map(Option::as_deref));
+        let again = prepared.relocation(estimator, searches, args.locating.names_estimator())?;
+        tracks = Some(again);
+    }
+    args.views.write(&overview, tracks.as_ref(), output)
 }
 
 /// Writes what was found for Movebank, where that was wanted.
@@ -259,7 +260,7 @@ fn one(
     let (name, up) = (estimator.name.to_string(), prepared.config().target_up_m);
     let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
     let search = SearchOverview::located(called, &located, truth, 0.0);
-    let found = Found { beacon: beacon.clone(), method: name.clone(), search };
+    let found = Found { beacon: beacon.clone(), method: name.clone(), search, tracks: None };
     let mut report = Report::new(name, beacon, prepared.recordings(), up, truth, &located);
     report.ignored = prepared.ignored(report.beacon.as_deref());
     Ok((report, found))

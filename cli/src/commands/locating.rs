@@ -5,6 +5,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+#[cfg(feature = "batch")]
+use foxhunt::locate::{Listener, TrackingConfig, left_out};
 use foxhunt::{
     calibration::CalibrationFile,
     config::{BoxedExtractor, ExtractorConfig},
@@ -322,14 +324,41 @@ impl Prepared {
         Ok(self)
     }
 
-    /// The receptions of every beacon in all recordings.
+    /// The receptions of every beacon in all recordings, also those struck out.
     #[cfg(feature = "batch")]
     pub(super) fn every_reception(&self) -> Result<Vec<Reception>, CliError> {
         let mut received = Vec::new();
         for (number, recording) in self.recordings.iter().enumerate() {
             for beacon in recording.beacons() {
-                received.append(&mut self.receptions_of(number, beacon)?);
+                received.extend(self.rows_of(number, beacon)?.iter().map(|row| row.reception));
             }
+        }
+        Ok(received)
+    }
+
+    /// The receptions of a beacon in all recordings, with what is left of those struck out for a
+    /// track.
+    #[cfg(feature = "batch")]
+    pub(super) fn receptions_of_track(
+        &self,
+        beacon: Option<&str>,
+    ) -> Result<Vec<Reception>, CliError> {
+        let mut received = Vec::new();
+        for (id, reception) in self.identified(beacon)? {
+            let is_struck = self.struck.contains(&id);
+            received.push(if is_struck { left_out(&reception) } else { reception });
+        }
+        Ok(received)
+    }
+
+    /// The receptions of a beacon in all recordings, also those struck out, and what they are known
+    /// by.
+    fn identified(&self, beacon: Option<&str>) -> Result<Vec<(RowId, Reception)>, CliError> {
+        let mut received = Vec::new();
+        for number in 0..self.recordings.len() {
+            let rows = self.rows_of(number, beacon)?;
+            let id = |row: &RecordedReception| self.id(number, row.line, beacon);
+            received.extend(rows.iter().map(|row| (id(row), row.reception)));
         }
         Ok(received)
     }
@@ -383,15 +412,25 @@ impl Prepared {
         let name = given.then_some(&*estimator.name);
         let mut relocation = Relocation::new(name, self.config.clone());
         for (search, beacon) in searches {
-            let mut received = Vec::new();
-            for number in 0..self.recordings.len() {
-                let rows = self.rows_of(number, beacon)?;
-                let id = |row: &RecordedReception| self.id(number, row.line, beacon);
-                received.extend(rows.iter().map(|row| (id(row), row.reception)));
-            }
-            relocation.add(search, received);
+            relocation.add(search, self.identified(beacon)?);
         }
         Ok(PageLog::of_recordings(&relocation, estimator))
+    }
+
+    /// What a page needs to track again without what is struck out in it; it took so many steps.
+    #[cfg(feature = "batch")]
+    pub(super) fn tracks(
+        &self,
+        (tracking, listeners, steps): (TrackingConfig, Vec<Listener>, usize),
+        search: &SearchOverview,
+        beacon: Option<&str>,
+    ) -> Result<Result<PageLog, NotStrikable>, CliError> {
+        if self.learned_sigma {
+            return Ok(Err(NotStrikable::LearnedSigma));
+        }
+        let mut relocation = Relocation::of_tracks(tracking, listeners, self.config.clone());
+        relocation.add(search, self.identified(beacon)?);
+        Ok(PageLog::of_tracks(&relocation, steps))
     }
 
     /// How many receptions of a beacon are left out.

@@ -92,7 +92,8 @@ impl Default for LocateConfig {
 }
 
 /// A receiver that listens in one place for some time: what it does not receive counts too.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Listener {
     /// Where it is.
     pub receiver: Pose,

@@ -35,7 +35,7 @@ pub(crate) use field_map::HighestOnMap;
 pub(crate) use least_absolute::LeastAbsolute;
 pub use located::{CommonErrors, Explanation, Located, Locator, Rival, StationError};
 #[cfg(feature = "batch")]
-pub use moving::{Tracked, TrackingConfig, track, track_watched};
+pub use moving::{Tracked, TrackingConfig, left_out, track, track_watched};
 #[cfg(feature = "batch")]
 pub(crate) use ranges::{Multilateration, RangeDifferences};
 pub use region::Region;

@@ -1,16 +1,18 @@
-use core::f64::consts::LN_10;
+use core::f64::consts::{LN_10, PI};
 
 use foxhunt_core::{
     ByQuantity, Intake, MeasurementModel, Observation, Pose, Quantity, Reception, elementary,
     parameter::positive,
 };
-use foxhunt_filters::{PosteriorMap, TrackGrid, TrackModel};
+use foxhunt_filters::{Places, PosteriorMap, TrackGrid, TrackModel};
 use foxhunt_sensors::BearingOnly;
+use serde::{Deserialize, Serialize};
 
 use super::{Listener, LocateConfig, LocateError, Located, Power, region::regions};
 
 /// How a moving transmitter is tracked.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TrackingConfig {
     /// How long a time window is, in seconds: what is received within it is of one place.
     pub window_s: f64,
@@ -50,7 +52,8 @@ pub struct Tracked {
 /// degrees of freedom, for shadowing and the body of the transmitter's carrier; where the
 /// power is not known, it is averaged over powers and exponents by their evidence. A bearing has
 /// its competing directions, and one in twenty points anywhere. A listener that receives nothing
-/// while another does was out of reach, or lost the burst (one in ten).
+/// while another does was out of reach, or lost the burst (one in ten). A reception without level,
+/// bearing and silence states only that its receiver was not silent then.
 ///
 /// # Errors
 ///
@@ -99,7 +102,7 @@ pub fn track_watched(
     let walks: Vec<Walk<'_>> = config.speeds_mps.iter().copied().flat_map(walk).collect();
     let times: Vec<f64> = windows.iter().map(|window| window.time).collect();
     let grid = TrackGrid { margin_m: locate.margin_m, ..TrackGrid::default() };
-    let bearings = |time: usize, places: [&[f64]; 2], out: &mut [f64]| {
+    let bearings = |time: usize, places: &Places<'_>, out: &mut [f64]| {
         windows[time].add_bearings(places, out);
     };
     let fix = grid
@@ -132,6 +135,14 @@ pub fn track_watched(
         exponents: share(&|walk| walk.law.map(|law| law.exponent)),
         border_mass: fix.border_mass,
     })
+}
+
+/// What [`track`] is given of a reception that it shall not use: that something was received, or
+/// might have been. Without it the receiver would count as silent.
+#[must_use]
+pub fn left_out(reception: &Reception) -> Reception {
+    let Reception { beacon, time, receiver, .. } = *reception;
+    Reception { beacon, time, receiver, ..Reception::default() }
 }
 
 /// Readings of a receiver that has moved by less than this are of one place, in metres.
@@ -215,6 +226,7 @@ impl Window {
         until: f64,
     ) -> Result<Self, LocateError> {
         let (mut received, mut silent) = (Vec::<Received>::new(), Vec::<Listener>::new());
+        let mut heard: Vec<Pose> = Vec::new();
         let (mut sum_s, mut count, mut first) = (0.0, 0.0, f64::INFINITY);
         for &(index, reception) in receptions {
             let bearing = ByQuantity([Quantity::BEARING]).observation(reception);
@@ -223,17 +235,17 @@ impl Window {
                 time: reception.time,
                 source: source.into(),
             })?;
-            if bearing.is_none() && reception.level.is_none() {
-                let (receiver, time) = (reception.receiver, reception.time);
-                silent.extend(reception.silence.map(|floor| {
-                    let floor_dbm = floor.rss_dbm;
-                    Listener { receiver, from: time, until: time, floor_dbm }
-                }));
+            let (here, time) = (reception.receiver, reception.time);
+            if let Some(floor) = reception.silence {
+                let floor_dbm = floor.rss_dbm;
+                silent.push(Listener { receiver: here, from: time, until: time, floor_dbm });
                 continue;
             }
-            (sum_s, count, first) =
-                (sum_s + reception.time, count + 1.0, first.min(reception.time));
-            let here = reception.receiver;
+            (sum_s, count, first) = (sum_s + time, count + 1.0, first.min(time));
+            heard.push(here);
+            if bearing.is_none() && reception.level.is_none() {
+                continue;
+            }
             let same = |received: &&mut Received| {
                 (received.receiver.position - here.position).norm() < APART_M
             };
@@ -255,10 +267,9 @@ impl Window {
         }
         // A place that also received something within the window was not silent in it.
         let quiet = |listener: &Listener| {
-            let away = |received: &Received| {
-                (received.receiver.position - listener.receiver.position).norm() >= APART_M
-            };
-            received.iter().all(away)
+            let away =
+                |heard: &Pose| (heard.position - listener.receiver.position).norm() >= APART_M;
+            heard.iter().all(away)
         };
         let listens = |listener: &&Listener| listener.from <= first && until <= listener.until;
         silent.extend(listeners.iter().filter(listens));
@@ -267,19 +278,50 @@ impl Window {
     }
 
     /// Adds the log likelihood of the bearings.
-    fn add_bearings(&self, places: [&[f64]; 2], out: &mut [f64]) {
+    fn add_bearings(&self, places: &Places<'_>, out: &mut [f64]) {
         let Ok(model) = BearingOnly::new().with_outliers(OUTLIERS) else { return };
-        let mut one = vec![0.0; out.len()];
         for received in self.received.iter().filter(|received| !received.bearings.is_empty()) {
             #[expect(clippy::cast_precision_loss, reason = "readings of a window are few")]
             let share = self.share / received.bearings.len() as f64;
             for bearing in &received.bearings {
-                MeasurementModel::<2, 1>::log_likelihoods(&model, places, bearing, &mut one);
-                out.iter_mut().zip(&one).for_each(|(out, one)| *out += share * one);
+                add_bearing(&model, bearing, share, places, out);
             }
         }
     }
 }
+
+/// Adds a share of the log likelihood of a bearing. From near, a cell is seen over some angle, by
+/// which σ grows.
+fn add_bearing(
+    model: &BearingOnly,
+    bearing: &Observation<1>,
+    share: f64,
+    places: &Places<'_>,
+    out: &mut [f64],
+) {
+    let (from, variance) = (bearing.receiver().position, bearing.noise()[(0, 0)]);
+    // Places whose σ is alike, up to where it is that of any direction.
+    let class = |(east, north): (&f64, &f64)| {
+        let square = (east - from.x).powi(2) + (north - from.y).powi(2);
+        let seen = (places.variance_m2() / square).min(PI * PI / 3.0);
+        (CLASSES_AN_OCTAVE * (1.0 + seen / variance).log2()).round()
+    };
+    let classes: Vec<f64> = places.east.iter().zip(places.north).map(class).collect();
+    let mut order: Vec<usize> = (0..classes.len()).collect();
+    order.sort_by(|&a, &b| classes[a].total_cmp(&classes[b]));
+    for alike in order.chunk_by(|&a, &b| classes[a].total_cmp(&classes[b]).is_eq()) {
+        let octaves = alike.first().map_or(0.0, |&first| classes[first] / CLASSES_AN_OCTAVE);
+        let wider = bearing.with_noise_scaled(0, (0.5 * octaves).exp2());
+        let column = |of: &[f64]| -> Vec<f64> { alike.iter().map(|&i| of[i]).collect() };
+        let (east, north, mut one) =
+            (column(places.east), column(places.north), vec![0.0; alike.len()]);
+        MeasurementModel::<2, 1>::log_likelihoods(model, [&east, &north], &wider, &mut one);
+        alike.iter().zip(&one).for_each(|(&i, one)| out[i] += share * one);
+    }
+}
+
+/// Variances of bearings that differ by less than half of an octave over this count as alike.
+const CLASSES_AN_OCTAVE: f64 = 4.0;
 
 /// How a level falls with the distance.
 #[derive(Clone, Copy, Debug)]
@@ -340,26 +382,40 @@ impl TrackModel for Walk<'_> {
         self.speed_mps.powi(2) * PERSISTENCE_S * (seconds - PERSISTENCE_S * forgotten)
     }
 
-    fn add_log_likelihoods(&self, time: usize, [east, north]: [&[f64]; 2], out: &mut [f64]) {
+    fn add_log_likelihoods(&self, time: usize, places: &Places<'_>, out: &mut [f64]) {
         let (Some(law), Some(window)) = (self.law, self.windows.get(time)) else { return };
         // Per ln of the squared range.
         let slope = 5.0 * law.exponent / LN_10;
+        // How far the level of a cell spreads at a range of 1 m, over the scale, squared.
+        let spread = places.variance_m2() * (2.0 * slope / LEVEL_SCALE_DB).powi(2);
+        let nearest = (0.25 * places.cell_m * places.cell_m).max(1.0);
+        // The residual over its scale, and the square of that over the level's own; what is less
+        // than a hundredth is left out, which most cells are.
         let residual = |from: &Pose, level: f64, east: f64, north: f64| {
             let (x, y) = (east - from.position.x, north - from.position.y);
             let square = x * x + y * y + (self.up - from.position.z).powi(2);
-            let expected = law.reference_dbm - slope * elementary::ln(square.max(1.0));
-            (level - expected) / LEVEL_SCALE_DB
+            let square = square.max(nearest);
+            let expected = law.reference_dbm - slope * elementary::ln(square);
+            let t = (level - expected) / LEVEL_SCALE_DB;
+            if square > 100.0 * spread {
+                return (t, 1.0);
+            }
+            let widened = 1.0 + spread / square;
+            (t / widened.sqrt(), widened)
         };
         for received in &window.received {
             let Some(level) = received.level_dbm() else { continue };
-            for ((out, east), north) in out.iter_mut().zip(east).zip(north) {
-                let t = residual(&received.receiver, level, *east, *north);
+            for ((out, east), north) in out.iter_mut().zip(places.east).zip(places.north) {
+                let (t, widened) = residual(&received.receiver, level, *east, *north);
                 *out -= window.share * 2.5 * elementary::ln(1.0 + 0.25 * t * t);
+                if widened > 1.0 {
+                    *out -= window.share * 0.5 * elementary::ln(widened);
+                }
             }
         }
         for silent in &window.silent {
-            for ((out, east), north) in out.iter_mut().zip(east).zip(north) {
-                let t = residual(&silent.receiver, silent.floor_dbm, *east, *north);
+            for ((out, east), north) in out.iter_mut().zip(places.east).zip(places.north) {
+                let (t, _) = residual(&silent.receiver, silent.floor_dbm, *east, *north);
                 let silence = LOST + (1.0 - LOST) * students_below(t);
                 *out += window.share * elementary::ln(silence);
             }
@@ -494,14 +550,48 @@ mod tests {
         let received: Vec<Reception> = (0..6).map(|i| at(10.0 + 200.0 * f64::from(i))).collect();
         let power = Power::Known { reference_dbm: -25.0, exponent: 2.6 };
         let config = LocateConfig { power, ..LocateConfig::default() };
-        let mean = |listeners: &[Listener]| {
-            let tracked = track(&received, listeners, &config, &TrackingConfig::default());
+        let mean_of = |received: &[Reception], listeners: &[Listener]| {
+            let tracked = track(received, listeners, &config, &TrackingConfig::default());
             let places = tracked.expect("a track").places;
             places.iter().map(|(_, located)| located.estimate.mean.sum()).sum::<f64>() / 6.0_f64
         };
+        let mean = |listeners: &[Listener]| mean_of(&received, listeners);
         let (without, with) = (mean(&[]), mean(&listeners()));
         assert!(without.abs() < 40.0, "{without}: no direction is preferred");
         assert!(with < -80.0, "{with}: away from the silent stations in the north-east");
+        // What they received is struck out: they were not silent for that.
+        let theirs = received.iter().flat_map(|one| {
+            let at = |listener: Listener| Reception { receiver: listener.receiver, ..*one };
+            listeners().into_iter().map(at)
+        });
+        let struck: Vec<Reception> = theirs.map(|one| left_out(&one)).collect();
+        let received = [received.clone(), struck].concat();
+        let (without, with) = (mean_of(&received, &[]), mean_of(&received, &listeners()));
+        assert!((with - without).abs() < 1e-6, "{with} for {without}: as without them");
+    }
+
+    /// Five bearings that meet within metres, and one a minute later, when it may be anywhere in a
+    /// kilometre: the cells of that search are larger than what the first ones tell.
+    #[test]
+    fn a_wide_search_does_not_lose_a_sharp_place() {
+        let places = [(0.0, 0.0), (60.0, 0.0), (0.0, 60.0), (60.0, 60.0), (40.0, 0.0), (20.0, 0.0)];
+        for size in [1.0, 1.5, 2.0, 5.0] {
+            let truth = size * Vector2::new(40.0, 30.0);
+            let mut times = [0.0, 0.0, 0.0, 0.0, 0.0, 60.0].iter();
+            let received = places.map(|(east, north)| {
+                let receiver = Pose::at(size * east, size * north, 0.0);
+                let angle = f64::atan2(truth.y - size * north, truth.x - size * east);
+                let bearing = Some(Bearing { angle, sigma: 0.1, confidence: 1.0 });
+                let time = times.next().copied().unwrap_or_default();
+                Reception { time, receiver, bearing, ..Reception::default() }
+            });
+            let (locate, config) = (LocateConfig::default(), TrackingConfig::default());
+            let tracked = track(&received, &[], &locate, &config).expect("a track");
+            let (_, first) = &tracked.places[0];
+            assert!(first.ellipse_95_holds(&truth) == Some(true), "{first:?}");
+            let major = first.ellipse_95().map_or(f64::INFINITY, |ellipse| ellipse.semi_major);
+            assert!(major < 100.0, "{major} m for a base of {size}");
+        }
     }
 
     #[test]

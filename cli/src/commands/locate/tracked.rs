@@ -1,16 +1,13 @@
 //! A transmitter that moves.
 
-use std::cell::OnceCell;
+use std::cell::{Cell, OnceCell};
 
 use foxhunt::{
     Spread,
-    core::{
-        Ellipse,
-        nalgebra::{Vector2, Vector3},
-    },
+    core::{Ellipse, nalgebra::Vector2},
     filters::consistency::Coverage,
     locate::{Located, Region, Tracked, TrackingConfig, track_watched},
-    overview::{Believed, Knot, SearchOverview},
+    overview::SearchOverview,
     recorded::{listeners, recorded_way, truth_at},
     recording::Recording,
     report::Place,
@@ -51,6 +48,8 @@ pub(super) struct Tracking {
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     beacon: Option<String>,
+    /// How many receptions were left out by --ignore.
+    ignored: usize,
     places: Vec<Passed>,
     /// The speeds that it may have, in m/s, each with its probability.
     speeds_mps: Vec<(f64, f64)>,
@@ -99,18 +98,19 @@ pub(super) fn report(
         let message = format!("{}: --track needs the time of each row", recording.file());
         return Err(CliError::input(message));
     }
-    let received = prepared.receptions(beacon.as_deref())?;
+    let received = prepared.receptions_of_track(beacon.as_deref())?;
     let listeners = listeners(recordings, &prepared.every_reception()?);
     let config = TrackingConfig {
         window_s: tracking.window_s,
         correlation_s: tracking.correlation_s,
         speeds_mps: tracking.speed_mps.clone(),
     };
-    let progress = OnceCell::new();
+    let (progress, steps) = (OnceCell::new(), Cell::new(0));
     let watch = |done: usize, most: usize| {
         let count = |count: usize| u64::try_from(count).unwrap_or(u64::MAX);
         let begin = || Progress::new(output, "steps", count(most), true);
         progress.get_or_init(begin).reach(count(done));
+        steps.set(most);
     };
     if prepared.config().pattern.is_some() {
         let why = "--track does not use the antennas' patterns (--receiver-antenna, \
@@ -131,11 +131,13 @@ pub(super) fn report(
         .transpose()?;
     let way = recorded_way(recordings, beacon.as_deref());
     let up = prepared.config().target_up_m;
+    let truth_of = |time_s: f64| -> Option<Vector2<f64>> {
+        stays.map(Into::into).or_else(|| truth_at(&way, time_s, TRUTH_GAP_S))
+    };
     let passed = |(time_s, located): &(f64, Located)| {
         let estimate = &located.estimate;
         let on_earth = frame.map(|frame| frame.to_geodetic(&estimate.mean.push(up)));
-        let truth: Option<Vector2<f64>> =
-            stays.map(Into::into).or_else(|| truth_at(&way, *time_s, TRUTH_GAP_S));
+        let truth = truth_of(*time_s);
         Passed {
             time_s: *time_s,
             estimate: Estimated::new(estimate, on_earth),
@@ -150,32 +152,13 @@ pub(super) fn report(
         }
     };
     let places: Vec<Passed> = tracked.places.iter().map(passed).collect();
-    let found = found(beacon.clone(), &places, &tracked);
-    Ok((Report::new(beacon, places, tracked)?, found))
-}
-
-/// The track, for the page and for exports.
-fn found(beacon: Option<String>, places: &[Passed], tracked: &Tracked) -> Found {
-    let believed = |((time, located), passed): (&(f64, Located), &Passed)| Believed {
-        time: *time,
-        steps: u32::try_from(located.observations).unwrap_or(u32::MAX),
-        estimate: located.estimate,
-        ellipse_95: located.ellipse_95(),
-        error_m: passed.error_m,
-        cloud: Vec::new(),
-    };
-    let knot = |passed: &Passed| {
-        let place = passed.truth.as_ref()?;
-        let place = Vector3::new(place.east_m, place.north_m, 0.0);
-        Some(Knot { time: passed.time_s, place })
-    };
-    let search = SearchOverview {
-        name: beacon.clone().unwrap_or_else(|| "transmitter".to_owned()),
-        truth: places.iter().filter_map(knot).collect(),
-        beliefs: tracked.places.iter().zip(places).map(believed).collect(),
-        ..SearchOverview::default()
-    };
-    Found { beacon, method: "track".to_owned(), search }
+    let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
+    let search = SearchOverview::tracked(called, &tracked, truth_of);
+    let tracks = prepared.tracks((config, listeners, steps.get()), &search, beacon.as_deref())?;
+    let method = "track".to_owned();
+    let found = Found { beacon: beacon.clone(), method, search, tracks: Some(tracks) };
+    let ignored = prepared.ignored(beacon.as_deref());
+    Ok((Report::new(beacon, places, tracked, ignored)?, found))
 }
 
 impl Report {
@@ -183,6 +166,7 @@ impl Report {
         beacon: Option<String>,
         places: Vec<Passed>,
         tracked: Tracked,
+        ignored: usize,
     ) -> Result<Self, CliError> {
         let Tracked { speeds_mps, exponents, border_mass, .. } = tracked;
         let mut coverage = Coverage::new(0.95, 0.95).map_err(CliError::failure)?;
@@ -196,6 +180,7 @@ impl Report {
         let mean_nees = spread(|place| place.nees).map(|spread| spread.mean);
         Ok(Self {
             beacon,
+            ignored,
             speeds_mps,
             exponents,
             border_mass,

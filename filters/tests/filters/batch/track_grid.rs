@@ -1,7 +1,7 @@
 //! Tracks over a grid, judged by the smoother for linear Gaussian problems.
 
 use foxhunt_core::{Estimate, Pose, RandomWalk};
-use foxhunt_filters::{BatchError, TrackGrid, TrackModel, rauch_tung_striebel};
+use foxhunt_filters::{BatchError, Places, TrackGrid, TrackModel, rauch_tung_striebel};
 use nalgebra::{Matrix2, Vector2};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
@@ -23,10 +23,11 @@ impl TrackModel for Measured {
         self.walk * self.walk * seconds
     }
 
-    fn add_log_likelihoods(&self, time: usize, [east, north]: [&[f64]; 2], out: &mut [f64]) {
-        let z = self.places[time];
-        for ((out, east), north) in out.iter_mut().zip(east).zip(north) {
-            *out -= (Vector2::new(*east, *north) - z).norm_squared() / (2.0 * SIGMA * SIGMA);
+    fn add_log_likelihoods(&self, time: usize, places: &Places<'_>, out: &mut [f64]) {
+        let (z, variance) = (self.places[time], SIGMA * SIGMA + places.variance_m2());
+        for ((out, east), north) in out.iter_mut().zip(places.east).zip(places.north) {
+            let off = (Vector2::new(*east, *north) - z).norm_squared();
+            *out -= off / (2.0 * variance) + variance.ln();
         }
     }
 }
@@ -55,7 +56,7 @@ fn receivers() -> [Pose; 2] {
     [Pose::at(-250.0, -250.0, 0.0), Pose::at(250.0, 250.0, 0.0)]
 }
 
-fn nothing_in_common(_: usize, _: [&[f64]; 2], _: &mut [f64]) {}
+fn nothing_in_common(_: usize, _: &Places<'_>, _: &mut [f64]) {}
 
 #[test]
 fn a_linear_gaussian_track_is_the_smoothers() {
@@ -136,7 +137,7 @@ fn bad_input_is_named() {
     let small = TrackGrid { max_cells: 10, ..grid };
     let error = small.smooth(&receivers(), &[0.0], &[model()], nothing_in_common);
     assert!(error.expect_err("too few").to_string().contains("max_cells"));
-    let nowhere = |_: usize, _: [&[f64]; 2], out: &mut [f64]| out.fill(f64::NEG_INFINITY);
+    let nowhere = |_: usize, _: &Places<'_>, out: &mut [f64]| out.fill(f64::NEG_INFINITY);
     let error = grid.smooth(&receivers(), &[0.0], &[model()], nowhere).expect_err("no place fits");
     assert_eq!(error, BatchError::Flat { rcond: 0.0 });
 }
