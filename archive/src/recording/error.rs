@@ -1,7 +1,7 @@
 use foxhunt_core::parameter::{FieldError, ParameterError};
 use foxhunt_wire::declination::DeclinationError;
 
-use super::near_miss::question;
+use super::near_miss::slip_for;
 
 /// Why a recording cannot be read or written. Every message names the file, and where there is one
 /// the line, the column and the value.
@@ -58,7 +58,7 @@ pub enum RecordingError {
         "{file}, line {line}: no known format has the columns {header}; the nearest, {nearest}, \
          also needs {}{}; known are {}",
         lacks.join(" and "),
-        question(meant.as_deref()),
+        meant.as_deref().map_or_else(String::new, |[found, missing]| slip_for(Some(found), missing)),
         known.join(", ")
     )]
     UnknownFormat {
@@ -72,8 +72,8 @@ pub enum RecordingError {
         nearest: Box<str>,
         /// What it lacks; `a|b` means either.
         lacks: Box<[String]>,
-        /// The column of the file that may be meant by one of these.
-        meant: Option<Box<str>>,
+        /// A column of the file, and the one of these that it may be meant to be.
+        meant: Option<Box<[String; 2]>>,
         /// The known formats.
         known: Box<[String]>,
     },
@@ -104,7 +104,7 @@ pub enum RecordingError {
     /// A column that the format needs is not in the file.
     #[error(
         "{file}, line {line}: the header has no column {column:?}, which the format {format} \
-         needs{}", question(meant.as_deref())
+         needs{}", slip_for(meant.as_deref(), column)
     )]
     MissingColumn {
         /// The file.

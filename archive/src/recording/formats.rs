@@ -55,10 +55,10 @@ pub(super) fn recognise(
         lacks.len() * 1000 / mapping.header.len().max(1)
     });
     let lacks: Box<[String]> = nearest.map(|m| m.lacks(columns)).unwrap_or_default().into();
-    let meant = lacks
-        .iter()
-        .flat_map(|entry| entry.split('|'))
-        .find_map(|name| near_miss(name, columns.iter().map(String::as_str)).map(Box::from));
+    let meant = lacks.iter().flat_map(|entry| entry.split('|')).find_map(|name| {
+        let found = near_miss(name, columns.iter().map(String::as_str))?;
+        Some(Box::new([found.to_owned(), name.to_owned()]))
+    });
     Err(RecordingError::UnknownFormat {
         file: file.to_owned(),
         line,

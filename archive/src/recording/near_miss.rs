@@ -14,12 +14,14 @@ pub(crate) fn near_miss<'k>(
 
 /// The end of a message about a wrong name: a question, or nothing where no known one is like it.
 pub(crate) fn did_you_mean<'k>(wrong: &str, known: impl IntoIterator<Item = &'k str>) -> String {
-    question(near_miss(wrong, known))
+    let question = |name| format!("; did you mean {name:?}?");
+    near_miss(wrong, known).map_or_else(String::new, question)
 }
 
-/// Whether that name was meant, as the end of a message.
-pub(crate) fn question(meant: Option<&str>) -> String {
-    meant.map_or_else(String::new, |name| format!("; did you mean {name:?}?"))
+/// The end of a message about a name that is missing: whether that name of the file, where there is
+/// one, is a slip for it.
+pub(crate) fn slip_for(found: Option<&str>, missing: &str) -> String {
+    found.map_or_else(String::new, |found| format!("; is {found:?} meant to be {missing:?}?"))
 }
 
 #[cfg(test)]
@@ -40,5 +42,7 @@ mod tests {
         }
         assert_eq!(did_you_mean("lat", ["lat_deg"]), "; did you mean \"lat_deg\"?");
         assert_eq!(did_you_mean("x", known), "");
+        assert_eq!(slip_for(Some("lat"), "lat_deg"), "; is \"lat\" meant to be \"lat_deg\"?");
+        assert_eq!(slip_for(None, "lat_deg"), "");
     }
 }

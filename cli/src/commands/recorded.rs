@@ -178,9 +178,13 @@ fn narrate(recording: &Recording) {
     }
     if let Some(Backwards { line, by_s, rows }) = recording.backwards() {
         let file = recording.file();
+        let others = match rows {
+            1 => String::new(),
+            rows => format!(", in {rows} rows in all"),
+        };
         warn(&format!(
-            "{file}, line {line}: the time runs back by {by_s} s, in {rows} rows in all; rows are \
-             taken in the order of time"
+            "{file}, line {line}: the time runs back by {by_s} s{others}; rows are taken in the \
+             order of time"
         ));
     }
     if !recording.ignored_columns().is_empty() {

@@ -11,7 +11,7 @@ pub enum MavlinkError {
     #[error("the link: {0}")]
     Link(#[from] io::Error),
     /// No heartbeat of an autopilot.
-    #[error("no heartbeat of an autopilot for {silent_s:.1} s; the limit is {limit_s} s")]
+    #[error("no heartbeat of an autopilot{}; the limit is {limit_s} s", lasting(*silent_s))]
     Silent {
         /// Since when, in seconds; infinite where there never was one.
         silent_s: f64,
@@ -25,7 +25,7 @@ pub enum MavlinkError {
         why: String,
     },
     /// Its last report is too old.
-    #[error("the {what} is {age_s:.1} s old; the limit is {limit_s} s")]
+    #[error("{}; the limit is {limit_s} s", aged(what, *age_s))]
     Stale {
         /// The message.
         what: &'static str,
@@ -107,4 +107,18 @@ pub enum MavlinkError {
     /// The origin is no place.
     #[error("origin: {0}")]
     Origin(#[from] GeodesyError),
+}
+
+/// For how long there was no heartbeat, where there ever was one.
+fn lasting(silent_s: f64) -> String {
+    if silent_s.is_finite() { format!(" for {silent_s:.1} s") } else { " yet".to_owned() }
+}
+
+/// How old the last message is, where there ever was one.
+fn aged(what: &str, age_s: f64) -> String {
+    if age_s.is_finite() {
+        format!("the {what} is {age_s:.1} s old")
+    } else {
+        format!("no {what} came yet")
+    }
 }

@@ -98,8 +98,12 @@ fn an_unknown_header_is_an_error_that_names_what_it_lacks() {
     };
     assert_eq!((nearest.as_ref(), &lacks[..]), ("rssi-distance", &["distance_m".to_owned()][..]));
     assert_eq!(known[0], "foxhunt");
-    let parts =
-        ["line 1", "tag, rssi_db, distance", "did you mean \"distance\"?", "uavrt-rotation"];
+    let parts = [
+        "line 1",
+        "tag, rssi_db, distance",
+        "is \"distance\" meant to be \"distance_m\"?",
+        "uavrt-rotation",
+    ];
     assert_names("tag,rssi_db,distance\n", &parts);
 }
 

@@ -120,7 +120,7 @@ fn what_cannot_be_joined_is_named() {
             "no-column",
             ROWS.to_owned(),
             PLACES.replace("x_km", "xkm"),
-            &["stations.csv, line 1", "\"x_km\"", "did you mean \"xkm\"?"],
+            &["stations.csv, line 1", "\"x_km\"", "is \"xkm\" meant to be \"x_km\"?"],
         ),
     ] {
         let files = [("b.csv", rows.as_str()), ("stations.csv", places.as_str())];
