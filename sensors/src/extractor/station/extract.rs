@@ -8,7 +8,7 @@ use foxhunt_core::{
 use super::{StationPattern, pattern::NODES};
 use crate::extractor::{
     check,
-    likelihood::{Node, Peak, normal_cdf, peaks},
+    likelihood::{Node, Peak, normal_cdf, peaks, summit},
 };
 
 /// Degrees of freedom of the residuals' Student's t.
@@ -112,10 +112,11 @@ impl BearingExtractor for StationPattern {
             }
         }
         let measured = self.measured(sweep);
-        let found = peaks(&self.nodes(&measured));
+        let nodes = self.nodes(&measured);
+        let found = peaks(&nodes);
+        let (leading, _) = summit(&nodes);
         let mut directions = [BearingMode::default(); BearingModes::CAPACITY];
         let (mut level, mut second, mut square) = (0.0, 0.0, 0.0);
-        let leading = found.first().map_or(0.0, |peak| peak.offset);
         for (mode, peak) in directions.iter_mut().zip(&found) {
             let (angle, off) = (angle::wrap(peak.offset), angle::wrap(peak.offset - leading));
             *mode = BearingMode { weight: peak.weight, angle, sigma: peak.sigma };

@@ -32,9 +32,10 @@ pub struct StationAntenna {
 /// The residual's scale comes from recordings with truth, so that σ is wide where the site is
 /// treacherous. The reported level is the mean over a turn of one such antenna.
 ///
-/// The bearing is the direction of the posterior's weightiest peak, and its σ the root of the mean
-/// square about that over all of the circle, so that it covers the others; [`Reading::modes`]
-/// has them all. The mean direction of peaks that lie opposite each other would point to neither.
+/// The bearing is the most likely direction, and its σ the root of the mean square about that over
+/// all of the circle, so that it covers the other peaks; [`Reading::modes`] has them all. The mean
+/// direction of peaks that lie opposite each other would point to neither, and that of a broad peak
+/// is drawn away from where the strongest antenna looks by all that is only possible.
 ///
 /// [`Reading::modes`]: foxhunt_core::Reading::modes
 #[derive(Clone, Debug, PartialEq)]
