@@ -100,13 +100,9 @@ impl BearingGrid {
     /// is not finite, [`BatchError::Flat`] when all were taken in one place or no place fits, and
     /// [`BatchError::Parameter`] for a setting that is out of range.
     pub fn locate(&self, bearings: &[(BearingLine, f64)]) -> Result<BearingGridFix, BatchError> {
-        positive("the bearings' degrees of freedom", self.freedom)?;
         positive("margin_m", self.margin_m)?;
         require(self.max_cells >= 100, "max_cells", self.max_cells.into(), "at least 100")?;
-        for sigma in self.common_sigmas {
-            in_range("common_sigmas", sigma, 0.0..=PI, "from 0 to π")?;
-        }
-        checked(bearings)?;
+        let model = self.model(bearings, 2)?;
         let at = |line: &BearingLine| Pose::at(line.receiver.x, line.receiver.y, 0.0);
         let receivers: Vec<Pose> = bearings.iter().map(|(line, _)| at(line)).collect();
         let (low, high) = bounds(&receivers);
@@ -123,7 +119,6 @@ impl BearingGrid {
             max_cells: self.max_cells,
         };
         let log_prior = search.place.log_density(&low, &high);
-        let model = Model::new(self, bearings);
         let posterior = |grid: Grid| {
             let log_mass: Vec<f64> = (0..grid.len())
                 .map(|cell| {
@@ -147,6 +142,32 @@ impl BearingGrid {
         let misfit = misfits.fold(f64::INFINITY, f64::min);
         let common = (model.sigmas.len() > 1).then(|| model.common_errors(&map));
         Ok(BearingGridFix { map, border_mass, misfit, common })
+    }
+
+    /// The log-likelihood of places under these bearings, up to a constant: for an estimator that
+    /// takes other readings beside them, as [`ShadowingGrid::locate_with`] does.
+    ///
+    /// # Errors
+    ///
+    /// [`BatchError::Value`] for a bearing that is not finite, and [`BatchError::Parameter`] for a
+    /// setting that is out of range.
+    ///
+    /// [`ShadowingGrid::locate_with`]: crate::ShadowingGrid::locate_with
+    pub fn log_likelihood(
+        &self,
+        bearings: &[(BearingLine, f64)],
+    ) -> Result<impl Fn(&Vector2<f64>) -> f64 + use<>, BatchError> {
+        let model = self.model(bearings, 0)?;
+        Ok(move |place: &Vector2<f64>| model.at(place).log_likelihood)
+    }
+
+    fn model(&self, bearings: &[(BearingLine, f64)], need: usize) -> Result<Model, BatchError> {
+        positive("the bearings' degrees of freedom", self.freedom)?;
+        for sigma in self.common_sigmas {
+            in_range("common_sigmas", sigma, 0.0..=PI, "from 0 to π")?;
+        }
+        checked(bearings, need)?;
+        Ok(Model::new(self, bearings))
     }
 }
 

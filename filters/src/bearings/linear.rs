@@ -62,7 +62,7 @@ impl Equations {
 /// or a σ that is not positive, [`BatchError::Flat`] for parallel bearings,
 /// [`BatchError::Contradiction`] when the lines meet behind the receivers.
 pub fn pseudolinear(bearings: &[(BearingLine, f64)]) -> Result<Estimate<2>, BatchError> {
-    checked(bearings)?;
+    checked(bearings, 2)?;
     in_front(bearings, start(bearings)?)
 }
 
@@ -84,7 +84,7 @@ fn start(bearings: &[(BearingLine, f64)]) -> Result<Estimate<2>, BatchError> {
 ///
 /// As [`pseudolinear`].
 pub fn stansfield(bearings: &[(BearingLine, f64)]) -> Result<Estimate<2>, BatchError> {
-    checked(bearings)?;
+    checked(bearings, 2)?;
     let place = start(bearings)?.mean;
     in_front(bearings, by_distance(bearings, &place, BearingLine::normal).solve()?)
 }
@@ -102,7 +102,7 @@ pub fn stansfield(bearings: &[(BearingLine, f64)]) -> Result<Estimate<2>, BatchE
 ///
 /// As [`pseudolinear`].
 pub fn instrumental_variables(bearings: &[(BearingLine, f64)]) -> Result<Estimate<2>, BatchError> {
-    checked(bearings)?;
+    checked(bearings, 2)?;
     let mut fix = start(bearings)?;
     for _ in 0..3 {
         let place = fix.mean;
@@ -140,9 +140,9 @@ fn in_front(bearings: &[(BearingLine, f64)], fix: Estimate<2>) -> Result<Estimat
     if mean_cosine > 0.0 { Ok(fix) } else { Err(BatchError::Contradiction { mean_cosine }) }
 }
 
-pub(super) fn checked(bearings: &[(BearingLine, f64)]) -> Result<(), BatchError> {
+pub(super) fn checked(bearings: &[(BearingLine, f64)], need: usize) -> Result<(), BatchError> {
     let lines: Vec<BearingLine> = bearings.iter().map(|(line, _)| *line).collect();
-    check(lines.iter(), 2)?;
+    check(lines.iter(), need)?;
     for (index, (_, sigma)) in bearings.iter().enumerate() {
         positive_entry("the bearing's sigma", index, *sigma)?;
     }

@@ -96,12 +96,34 @@ impl ShadowingGrid {
         R: Copy + Into<ShadowedReading>,
         F: Fn(&Vector2<f64>, &Pose) -> [f64; 2],
     {
+        self.locate_with(readings, regressors, &[], |_| 0.0)
+    }
+
+    /// The same with what else shows the place: `log_likelihood` is its logarithm for a target at
+    /// the given East and North, `others` are where that was received. The prior of the place is
+    /// that of all receivers.
+    ///
+    /// # Errors
+    ///
+    /// As [`locate`](Self::locate).
+    pub fn locate_with<R, F, L>(
+        &self,
+        readings: &[R],
+        regressors: F,
+        others: &[Pose],
+        log_likelihood: L,
+    ) -> Result<ShadowingFix, ShadowingGridError>
+    where
+        R: Copy + Into<ShadowedReading>,
+        F: Fn(&Vector2<f64>, &Pose) -> [f64; 2],
+        L: Fn(&Vector2<f64>) -> f64,
+    {
         let config = &self.config;
         let most = config.max_segments as usize;
         let segments = Segments::along(readings, config.segment_m, most, config.quantile)?;
         let segment_m = segments.segment_m;
         let silent = segments.silences.iter().map(|(receiver, _)| receiver);
-        let (low, high) = bounds(segments.receivers.iter().chain(silent));
+        let (low, high) = bounds(segments.receivers.iter().chain(silent).chain(others));
         let likelihood = Likelihood::new(config, segments)?;
 
         let log_prior = config.place.log_density(&low, &high);
@@ -113,7 +135,8 @@ impl ShadowingGrid {
             cell_m: config.cell_m,
             max_cells: config.max_cells,
         };
-        let posterior = |grid| likelihood.posterior(grid, &regressors, &log_prior);
+        let log_density = |place: &Vector2<f64>| log_prior(place) + log_likelihood(place);
+        let posterior = |grid| likelihood.posterior(grid, &regressors, &log_density);
         let (searched, refined) = search.run(posterior, |posterior| &posterior.map)?;
 
         let best = refined.as_ref().unwrap_or(&searched);

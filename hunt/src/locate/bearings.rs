@@ -73,13 +73,17 @@ fn posterior(
     if weighted.is_empty() {
         return Err(LocateError::NoBearings);
     }
-    let grid = BearingGrid {
+    let fix = bearing_grid(config).locate(&weighted).map_err(LocateError::Bearings)?;
+    Ok((fix, weighted.len()))
+}
+
+/// The grid of bearings with the settings of `locate`.
+pub(super) fn bearing_grid(config: &LocateConfig) -> BearingGrid {
+    BearingGrid {
         freedom: config.bearing_freedom,
         margin_m: config.margin_m,
         ..BearingGrid::default()
-    };
-    let fix = grid.locate(&weighted).map_err(LocateError::Bearings)?;
-    Ok((fix, weighted.len()))
+    }
 }
 
 /// How the bearings of several transmitters err in common, learned from how those of each meet: the
@@ -141,7 +145,7 @@ impl Locator for ClosedForm {
 }
 
 /// A bearing and its σ; of several that compete, their moments.
-fn weighted_line(reception: &Reception) -> Option<(BearingLine, f64)> {
+pub(super) fn weighted_line(reception: &Reception) -> Option<(BearingLine, f64)> {
     let own = reception.bearing.map(|bearing| (bearing.angle, bearing.sigma));
     let (bearing, sigma) = reception.modes.moments().or(own)?;
     Some((BearingLine { receiver: reception.receiver.position.xy(), bearing }, sigma))

@@ -3,6 +3,8 @@ use foxhunt_filters::{Intercept, PlacePrior, ShadowingGrid, ShadowingGridConfig,
 use foxhunt_sensors::{LogDistance, Propagation};
 use nalgebra::Vector2;
 
+#[cfg(feature = "batch")]
+use super::bearings::{bearing_grid, weighted_line};
 use super::{
     Explanation, LocateConfig, LocateError, Located, Locator, Power, located::levels_and_silences,
     region::regions,
@@ -11,7 +13,8 @@ use super::{
 /// All levels at once on a grid, with shadowing that is correlated along the flight and antennas
 /// whose gain falls with the elevation (`filters::ShadowingGrid`): P₀ and γ are the intercept and
 /// the slope over −10 log₁₀ of the range, the gain's regressor is that of a vertical dipole, or the
-/// known one of the antennas on the way.
+/// known one of the antennas on the way. Bearings, where there are any, weigh in by the likelihood of
+/// `filters::BearingGrid`, and need no power of the transmitter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CorrelatedShadowing;
 
@@ -45,7 +48,7 @@ impl Locator for CorrelatedShadowing {
         })?;
         let unit = LogDistance::new(0.0, 1.0)?;
         let up = config.target_up_m;
-        let fix = grid.locate(&readings, |cell: &Vector2<f64>, receiver: &Pose| {
+        let regressors = |cell: &Vector2<f64>, receiver: &Pose| {
             let way = cell.push(up) - receiver.position;
             let range = way.norm();
             let gain = match &config.pattern {
@@ -56,7 +59,18 @@ impl Locator for CorrelatedShadowing {
                 None => 20.0 * (way.xy().norm() / range).hypot(NULL).log10(),
             };
             [unit.rss_dbm(range), gain]
-        })?;
+        };
+        #[cfg(feature = "batch")]
+        let fix = {
+            let lines: Vec<_> = receptions.iter().filter_map(weighted_line).collect();
+            let bearings = bearing_grid(config).log_likelihood(&lines);
+            let bearings = bearings.map_err(LocateError::Bearings)?;
+            let others = receptions.iter().filter(|reception| reception.has_bearing());
+            let others: Vec<Pose> = others.map(|reception| reception.receiver).collect();
+            grid.locate_with(&readings, regressors, &others, bearings)?
+        };
+        #[cfg(not(feature = "batch"))]
+        let fix = grid.locate(&readings, regressors)?;
         let map = fix.finest();
         let estimate = map.about(map.median());
         Ok(Located {

@@ -23,10 +23,10 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
     let mut entries = vec![
         EstimatorEntry::at_once(
             "shadowing-grid",
-            "all levels at once on a grid: an average over exponents, antennas and correlations of \
-             shadowing, by their evidence",
+            "all levels, and bearings where there are any, at once on a grid: an average over \
+             exponents, antennas and correlations of shadowing, by their evidence",
             "Gudmundson 1991; Handcock & Stein 1993; Hoeting et al. 1999",
-            needs(Need::Required, Need::Unused),
+            needs(Need::Required, if cfg!(feature = "batch") { Need::Used } else { Need::Unused }),
             CorrelatedShadowing,
         ),
         EstimatorEntry::at_once(

@@ -1,4 +1,5 @@
-use foxhunt_core::{BeaconId, Correction, Reception};
+use foxhunt_core::{BeaconId, Correction, Pose, Reception};
+use foxhunt_filters::ShadowingGridConfig;
 use foxhunt_sensors::{LogDistance, RssBearing};
 
 use super::{EstimatorEntry, Registry, RegistryError, TrackRequest};
@@ -56,9 +57,9 @@ impl EstimatorEntry {
 
 impl Registry {
     /// The estimator that suits some receptions of a still transmitter: the grid with correlated
-    /// shadowing where there are levels alone; with `batch` the grid of bearings where there are
-    /// bearings alone, each with one direction; else the particle filter, which takes them as they
-    /// are.
+    /// shadowing where there are levels alone, and with `batch` where there are bearings beside
+    /// levels of enough places; with `batch` the grid of bearings where there are bearings alone,
+    /// each with one direction; else the particle filter, which takes them as they are.
     ///
     /// # Errors
     ///
@@ -67,12 +68,32 @@ impl Registry {
         let bearings = receptions.iter().any(Reception::has_bearing);
         let plain =
             |r: &Reception| r.level.is_none() && r.bearing.is_some() && r.measured.is_empty();
+        let levels = || {
+            receptions.iter().all(|r| r.measured.is_empty()) && have_levels_of_places(receptions)
+        };
         self.estimator(match bearings {
             true if cfg!(feature = "batch") && receptions.iter().all(plain) => "bearing-grid",
+            true if cfg!(feature = "batch") && levels() => "shadowing-grid",
             true => "particle",
             false => "shadowing-grid",
         })
     }
+}
+
+/// Whether there are levels of the four segments of a path that `shadowing-grid` needs.
+fn have_levels_of_places(receptions: &[Reception]) -> bool {
+    let apart_m = ShadowingGridConfig::default().segment_m;
+    let mut last: Option<Pose> = None;
+    let apart = receptions.iter().filter(|reception| {
+        let place = reception.receiver.position.xy();
+        let moved = last.is_none_or(|last| (place - last.position.xy()).norm() >= apart_m);
+        let counts = reception.level.is_some() && moved;
+        if counts {
+            last = Some(reception.receiver);
+        }
+        counts
+    });
+    apart.take(4).count() == 4
 }
 
 /// One reception after the other, in the order of time.

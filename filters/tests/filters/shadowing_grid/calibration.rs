@@ -4,9 +4,12 @@
 //! error squared, of its 95 % ellipse) is summed over the runs, with its own variance.
 
 use foxhunt_core::Pose;
-use foxhunt_filters::{Marginal, ShadowingFix, ShadowingGrid, ShadowingGridConfig, Slope};
+use foxhunt_filters::{
+    BearingGrid, BearingLine, Marginal, ShadowingFix, ShadowingGrid, ShadowingGridConfig, Slope,
+};
 use nalgebra::Vector2;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand_distr::{ChiSquared, Distribution, StandardNormal};
 
 use super::world::{Truth, lawn_mower, level, readings, simple};
 
@@ -171,12 +174,47 @@ fn is_on_border(fix: &ShadowingFix, place: &Vector2<f64>) -> bool {
     from_middle.max() > -0.5 * fix.map.cell_m()
 }
 
-/// Scores of `runs` flights along `receivers`, whose first is the south-western one.
-fn calibrate(seed: u64, runs: u32, receivers: &[Pose], config: &ShadowingGridConfig) -> Vec<Score> {
+/// Bearings of a place from so many of the receivers, whose σ of 8° is right up to a factor with the
+/// grid's prior.
+fn bearings(
+    grid: &BearingGrid,
+    count: usize,
+    receivers: &[Pose],
+    place: &Vector2<f64>,
+    rng: &mut Xoshiro256PlusPlus,
+) -> Vec<(BearingLine, f64)> {
+    if count == 0 {
+        return Vec::new();
+    }
+    let sigma = 8.0_f64.to_radians();
+    let chi = ChiSquared::new(grid.freedom).expect("degrees of freedom").sample(rng);
+    let scale = (grid.freedom / chi).sqrt();
+    let taken = receivers.iter().step_by(receivers.len() / count).take(count);
+    taken
+        .map(|receiver| {
+            let receiver = receiver.position.xy();
+            let way = place - receiver;
+            let error = sigma * scale * rng.sample::<f64, _>(StandardNormal);
+            (BearingLine { receiver, bearing: way.y.atan2(way.x) + error }, sigma)
+        })
+        .collect()
+}
+
+/// Scores of `runs` flights along `receivers`, whose first is the south-western one, with bearings
+/// from `count` of them.
+fn calibrate(
+    seed: u64,
+    runs: u32,
+    receivers: &[Pose],
+    count: usize,
+    config: &ShadowingGridConfig,
+) -> Vec<Score> {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let estimator = ShadowingGrid::new(config.clone()).expect("in range");
     let last =
         receivers.iter().fold(Vector2::zeros(), |m: Vector2<f64>, r| m.sup(&r.position.xy()));
+    // Many degrees of freedom: with few a bearing may be off by more than a half turn.
+    let grid = BearingGrid { freedom: 8.0, ..BearingGrid::default() };
     let mut calibration = Calibration::default();
     for _ in 0..runs {
         let side = |extent: f64, u: f64| u * (extent + 2.0 * config.margin_m) - config.margin_m;
@@ -191,7 +229,9 @@ fn calibrate(seed: u64, runs: u32, receivers: &[Pose], config: &ShadowingGridCon
             nugget: config.nuggets[rng.random_range(0..2)],
         };
         let readings = readings(receivers, &truth, &mut rng);
-        let fix = estimator.locate(&readings, level).expect("a posterior");
+        let lines = bearings(&grid, count, receivers, &truth.place, &mut rng);
+        let of_bearings = grid.log_likelihood(&lines).expect("they are finite");
+        let fix = estimator.locate_with(&readings, level, &[], of_bearings).expect("a posterior");
         calibration.add(&fix, &truth, is_on_border(&fix, &truth.place), &mut rng);
     }
     assert!(calibration.refined > runs / 4, "finer grids are to be tested too");
@@ -208,7 +248,17 @@ fn with_all_unknown() -> ShadowingGridConfig {
 fn the_posterior_is_calibrated() {
     let config =
         ShadowingGridConfig { margin_m: 60.0, cell_m: 15.0, max_cells: 4000, ..with_all_unknown() };
-    for score in calibrate(11, 300, &lawn_mower(3, 9, 25.0, 80.0), &config) {
+    for score in calibrate(11, 300, &lawn_mower(3, 9, 25.0, 80.0), 0, &config) {
+        println!("{score:.2?}");
+        assert!(score.z.abs() < LIMIT, "{score:?}");
+    }
+}
+
+#[test]
+fn with_bearings_the_posterior_is_calibrated() {
+    let config =
+        ShadowingGridConfig { margin_m: 60.0, cell_m: 15.0, max_cells: 4000, ..with_all_unknown() };
+    for score in calibrate(13, 300, &lawn_mower(3, 9, 25.0, 80.0), 6, &config) {
         println!("{score:.2?}");
         assert!(score.z.abs() < LIMIT, "{score:?}");
     }
@@ -218,7 +268,7 @@ fn the_posterior_is_calibrated() {
 #[ignore = "long"]
 fn the_posterior_is_calibrated_over_many_runs() {
     let config = ShadowingGridConfig { margin_m: 100.0, ..with_all_unknown() };
-    for score in calibrate(12, 2000, &lawn_mower(4, 25, 15.0, 80.0), &config) {
+    for score in calibrate(12, 2000, &lawn_mower(4, 25, 15.0, 80.0), 0, &config) {
         println!("{score:.2?}");
         assert!(score.z.abs() < LIMIT, "{score:?}");
     }
