@@ -17,6 +17,10 @@ pub fn wrap(angle: f64) -> f64 {
     if (-PI..PI).contains(&angle) {
         return angle;
     }
+    // One turn, as most often: exact, as the remainder is.
+    if angle.abs() < 3.0 + TAU {
+        return angle - TAU.copysign(angle);
+    }
     let wrapped = libm::remainder(angle, TAU);
     if wrapped >= PI { wrapped - TAU } else { wrapped }
 }

@@ -56,6 +56,9 @@ macro_rules! forward {
             fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
                 (**self).extract(sweep)
             }
+            fn expected_sigma(&self, sweep: &Sweep<'_>) -> Option<f64> {
+                (**self).expected_sigma(sweep)
+            }
         }
 
         impl<T: ?Sized + FormationPlanner> FormationPlanner for $pointer {
@@ -121,6 +124,14 @@ macro_rules! forward {
             fn request(&mut self, beacon: BeaconId) -> Result<(), T::Error> {
                 (**self).request(beacon)
             }
+            fn interrogate(
+                &mut self,
+                beacon: BeaconId,
+                until: f64,
+                answers: &mut [(f64, f64)],
+            ) -> Result<usize, T::Error> {
+                (**self).interrogate(beacon, until, answers)
+            }
             fn poll(&mut self) -> Result<Option<f64>, T::Error> {
                 (**self).poll()
             }
@@ -177,6 +188,15 @@ macro_rules! forward_shared {
             ) -> SVector<f64, M> {
                 (**self).expected_change(state, expected, offset, receiver)
             }
+            fn expected_parts(
+                &self,
+                state: &State<N>,
+                expected: &SVector<f64, M>,
+                offset: &State<N>,
+                receiver: &Pose,
+            ) -> [SVector<f64, M>; 2] {
+                (**self).expected_parts(state, expected, offset, receiver)
+            }
             fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
                 (**self).jacobian(state, receiver)
             }
@@ -216,6 +236,9 @@ macro_rules! forward_shared {
                 dt: f64,
             ) -> State<N> {
                 (**self).propagated_change(state, propagated, offset, dt)
+            }
+            fn is_linear(&self) -> bool {
+                (**self).is_linear()
             }
             fn noise_factor(&self, state: &State<N>, dt: f64) -> SMatrix<f64, N, N> {
                 (**self).noise_factor(state, dt)

@@ -1,4 +1,4 @@
-use foxhunt_core::{Axis, Covariance, Estimate, EstimatorError, Role, State, angle};
+use foxhunt_core::{Axis, Covariance, Estimate, EstimatorError, Role, State};
 use nalgebra::SMatrix;
 
 use crate::{count::number, triangle};
@@ -30,52 +30,30 @@ impl<const N: usize> Gaussian<N> {
         Ok(Self { estimate, factor })
     }
 
+    /// The Gaussian with these moments; `None` where the covariance, of which the lower triangle is
+    /// read, has no factor.
+    #[inline(always)]
+    pub(crate) fn factored(estimate: Estimate<N>) -> Option<Self> {
+        triangle::cholesky(estimate.covariance).map(|factor| Self { estimate, factor })
+    }
+
+    /// The Gaussian with these moments and this factor of the covariance.
+    pub(crate) fn with_factor(estimate: Estimate<N>, factor: SMatrix<f64, N, N>) -> Self {
+        Self { estimate, factor }
+    }
+
     /// The Gaussian with the covariance L Lᵀ, after a step; L has no negative diagonal.
     pub(crate) fn from_factor(
         mean: State<N>,
         factor: SMatrix<f64, N, N>,
         axes: &[Axis; N],
     ) -> Result<Self, EstimatorError> {
-        let estimate = Estimate { mean: State::zeros(), covariance: Covariance::zeros() };
-        let mut belief = Self { estimate, factor };
-        belief.step_to(mean, factor, axes)?;
-        Ok(belief)
-    }
-
-    /// Makes it that of [`from_factor`](Self::from_factor), in its place; on an error it is left as
-    /// it was.
-    #[inline(always)]
-    pub(crate) fn step_to(
-        &mut self,
-        mut mean: State<N>,
-        factor: SMatrix<f64, N, N>,
-        axes: &[Axis; N],
-    ) -> Result<(), EstimatorError> {
-        for (value, axis) in mean.iter_mut().zip(axes) {
-            if *axis == Axis::Angle {
-                *value = angle::wrap(*value);
-            }
-        }
-        let covariance = triangle::square(&factor);
-        let finite = !triangle::nan_unless_finite(&mean).is_nan();
-        if finite && is_well_conditioned(&factor, &covariance) {
-            (self.estimate.mean, self.estimate.covariance) = (mean, covariance);
-            self.factor = factor;
-        } else {
-            *self = Self { estimate: Estimate { mean, covariance }, factor }.checked()?;
-        }
-        Ok(())
-    }
-
-    /// The same, if it is one: what few steps come to.
-    #[cold]
-    #[inline(never)]
-    fn checked(mut self) -> Result<Self, EstimatorError> {
-        let (role, Estimate { mean, covariance }) = (Role::Posterior, &mut self.estimate);
+        let (role, mean) = (Role::Posterior, Axis::difference(axes, &mean, &State::zeros()));
+        let mut covariance = triangle::square(&factor);
         if !mean.iter().chain(covariance.iter()).all(|c| c.is_finite()) {
             return Err(EstimatorError::NotFinite { role });
         }
-        if self.factor.diagonal().iter().any(|d| *d <= 0.0) {
+        if factor.diagonal().iter().any(|d| *d <= 0.0) {
             return Err(EstimatorError::NotPositiveDefinite { role });
         }
         // Squaring doubles the digits that a thin belief needs. Where they are not there, the
@@ -85,7 +63,7 @@ impl<const N: usize> Gaussian<N> {
             let last_places = 1.0 + 8.0 * number(N) * f64::EPSILON;
             (0..N).for_each(|i| covariance[(i, i)] *= last_places);
         }
-        Ok(self)
+        Ok(Self { estimate: Estimate { mean, covariance }, factor })
     }
 
     /// The mean.
@@ -105,22 +83,6 @@ impl<const N: usize> Gaussian<N> {
     pub fn estimate(&self) -> &Estimate<N> {
         &self.estimate
     }
-}
-
-/// Whether the determinant of the correlations, Π Lᵢᵢ² / Π Pᵢᵢ, is far above rounding: their least
-/// eigenvalue is then more than a third of it, and L Lᵀ has a Cholesky factor (Higham 2002, theorem
-/// 10.7). Not where the products leave the range of numbers.
-#[inline]
-fn is_well_conditioned<const N: usize>(
-    factor: &SMatrix<f64, N, N>,
-    covariance: &Covariance<N>,
-) -> bool {
-    let (mut pivots, mut variances) = (1.0, 1.0);
-    for i in 0..N {
-        pivots *= factor[(i, i)] * factor[(i, i)];
-        variances *= covariance[(i, i)];
-    }
-    pivots > 1e-8 * variances && (f64::MIN_POSITIVE..=f64::MAX).contains(&variances)
 }
 
 #[cfg(test)]

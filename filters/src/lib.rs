@@ -130,4 +130,4 @@ pub use shadowing_grid::{
 pub use smoother::rauch_tung_striebel;
 #[cfg(feature = "batch")]
 pub use track_grid::{Places, TrackGrid, TrackGridFix, TrackModel};
-pub use transform::{Cubature, Image, Kappa, Map, Taylor, Transform, Unscented};
+pub use transform::{Cubature, Image, Kappa, Map, Moments, Taylor, Transform, Unscented};

@@ -98,6 +98,49 @@ impl<const N: usize> Conditioned<N> {
     }
 }
 
+/// The Cholesky factor of a covariance, of which the lower triangle is read; `None` where a pivot is
+/// not positive. No pivot waits for the root of another.
+#[inline]
+pub(crate) fn cholesky<const D: usize>(mut p: SMatrix<f64, D, D>) -> Option<SMatrix<f64, D, D>> {
+    for k in 0..D {
+        let inverse = eliminate(&mut p, k);
+        let root = libm::sqrt(p[(k, k)]);
+        if root.is_nan() || root <= 0.0 {
+            return None;
+        }
+        p[(k, k)] = root;
+        let scale = root * inverse;
+        (k + 1..D).for_each(|i| p[(i, k)] *= scale);
+        (0..k).for_each(|i| p[(i, k)] = 0.0);
+    }
+    Some(p)
+}
+
+/// Whether each pivot of a covariance, of which the lower triangle is read, is above its bound.
+#[inline]
+pub(crate) fn pivots_exceed<const D: usize>(
+    mut p: SMatrix<f64, D, D>,
+    bounds: &SVector<f64, D>,
+) -> bool {
+    let mut all = true;
+    for k in 0..D {
+        all &= p[(k, k)] > bounds[k];
+        eliminate(&mut p, k);
+    }
+    all
+}
+
+/// Takes from the rows after the k-th what they share with it; 1 / its pivot.
+#[inline(always)]
+fn eliminate<const D: usize>(p: &mut SMatrix<f64, D, D>, k: usize) -> f64 {
+    let inverse = 1.0 / p[(k, k)];
+    for j in k + 1..D {
+        let along = p[(j, k)] * inverse;
+        (j..D).for_each(|i| p[(i, j)] -= along * p[(i, k)]);
+    }
+    inverse
+}
+
 /// 0 where every number is finite, else NaN: a sum, where a branch for each number costs more.
 #[inline]
 pub(crate) fn nan_unless_finite<const R: usize, const C: usize>(

@@ -42,6 +42,10 @@ pub fn measurement_model<const N: usize, const M: usize>(
         let error = model.residual(&change, &difference).norm();
         let room = 1e-9 * (1.0 + expected.norm() + difference.norm());
         assert!(error <= room, "expected_change is off by {error}");
+        let behind = model.expected_change(state, &expected, &-offset, receiver);
+        let [odd, even] = model.expected_parts(state, &expected, &offset, receiver);
+        let error = (odd + even - change).norm() + (even - odd - behind).norm();
+        assert!(error <= 2.0 * room, "expected_parts are off by {error}");
     }
 
     let numeric =

@@ -25,6 +25,11 @@ pub fn motion_model<const N: usize>(model: &impl MotionModel<N>, state: &State<N
     let error = (model.jacobian(state, dt) - numeric).norm();
     assert!(error <= 1e-6 * (1.0 + numeric.norm()), "the jacobian is off by {error}");
 
+    if model.is_linear() {
+        let error = minus(&(model.jacobian(state, dt) * state), &propagated).norm();
+        assert!(error <= 1e-12 * (1.0 + propagated.norm()), "F x is off by {error}");
+    }
+
     // Three states at once: each from its own column and with its own noise.
     let states = [*state, state * 0.5, -state];
     let white = [1.0, -0.3, 2.0]

@@ -27,6 +27,10 @@ impl MotionModel<4> for ConstantVelocity {
         transition(dt) * offset
     }
 
+    fn is_linear(&self) -> bool {
+        true
+    }
+
     fn noise_factor(&self, _state: &State<4>, dt: f64) -> Matrix4<f64> {
         let root = self.acceleration_density * libm::sqrt(dt);
         let (position, coupling, velocity) = (dt / libm::sqrt(3.0), libm::sqrt(3.0) / 2.0, 0.5);

@@ -16,8 +16,8 @@ use crate::{Axis, State, numeric_jacobian};
 ///
 /// Checked by `laws::motion_model`, feature `laws`: `propagate(x, 0) = x`,
 /// `noise_factor(x, 0) = 0`, `propagated_change` agrees with the difference of two propagated
-/// states, `jacobian` with finite differences, `move_columns` with `propagate` and
-/// `noise_factor`.
+/// states, `jacobian` with finite differences and, where the motion `is_linear`, with `propagate`
+/// itself; `move_columns` with `propagate` and `noise_factor`.
 pub trait MotionModel<const N: usize> {
     /// f(x, Δt): the state after `dt` seconds without noise.
     fn propagate(&self, state: &State<N>, dt: f64) -> State<N>;
@@ -38,6 +38,12 @@ pub trait MotionModel<const N: usize> {
         dt: f64,
     ) -> State<N> {
         Axis::difference(&self.axes(), &self.propagate(&(state + offset), dt), propagated)
+    }
+
+    /// Whether f(x, Δt) = F x with the [`jacobian`](Self::jacobian) F: the image of a Gaussian is then
+    /// exact under every filter, and costs no sigma points.
+    fn is_linear(&self) -> bool {
+        false
     }
 
     /// The geometry of each state component.

@@ -34,6 +34,10 @@ impl<const N: usize> MotionModel<N> for RandomWalk<N> {
         *offset
     }
 
+    fn is_linear(&self) -> bool {
+        true
+    }
+
     fn noise_factor(&self, _state: &State<N>, dt: f64) -> SMatrix<f64, N, N> {
         SMatrix::from_diagonal(&(self.drift * libm::sqrt(dt)))
     }

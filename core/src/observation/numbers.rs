@@ -247,6 +247,9 @@ impl<const M: usize> Observation<M> {
     /// component's row and column out, without changing a dimension.
     #[must_use]
     pub fn noise(&self) -> Covariance<M> {
+        if self.is_whole() {
+            return self.noise;
+        }
         Covariance::from_fn(|i, j| match (self.present[i] && self.present[j], i == j) {
             (true, _) => self.noise[(i, j)],
             (false, true) => 1.0,

@@ -21,7 +21,9 @@ const MOST: usize = 150;
 /// Thompson 1971), in which the parameters of the fit do not pass for small errors. The share is
 /// the inverse of the mean over them of s² tr((JᵀJ)⁻¹ JᵀCJ) / p, by how much the fit's
 /// variances are larger than for independent errors of σ (Kish 1965, "design effect"), and at
-/// most 1. It is 1 where there are too few residuals for it.
+/// most 1. All together stand for one at least: of errors that all have in common, as those from
+/// one place, the residuals show nothing. Directions of which the observations tell nothing do not
+/// take part. The share is 1 where there are too few residuals for it.
 #[must_use]
 pub fn independent_share(
     places: &[Vector2<f64>],
@@ -32,6 +34,7 @@ pub fn independent_share(
     if n < p + 3 || places.len() != n || jacobian.nrows() != n || p == 0 {
         return 1.0;
     }
+    let Some(jacobian) = &informed(jacobian) else { return 1.0 };
     let stride = n.div_ceil(MOST);
     let kept: Vec<usize> = (0..n).step_by(stride).collect();
     let errors = DVector::from_iterator(kept.len(), kept.iter().map(|i| residuals[*i]));
@@ -65,8 +68,24 @@ pub fn independent_share(
         sum += weight * variance * effect;
     }
     let inflation = sum / total;
-    if inflation.is_finite() { 1.0 / inflation.max(1.0) } else { 1.0 }
+    if inflation.is_finite() { 1.0 / inflation.clamp(1.0, crate::count::number(n)) } else { 1.0 }
 }
+
+/// An orthonormal basis of the columns of J: neither the restricted likelihood nor the design effect
+/// hangs on which one. `None` where J is zero or not finite.
+fn informed(jacobian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    if !jacobian.iter().all(|slope| slope.is_finite()) {
+        return None;
+    }
+    let svd = jacobian.clone().svd(true, false);
+    let least = OPEN * svd.singular_values.max();
+    let open = svd.singular_values.iter().map(|value| *value > least);
+    let columns: Vec<usize> = open.enumerate().filter_map(|(k, own)| own.then_some(k)).collect();
+    if columns.is_empty() { None } else { svd.u.map(|basis| basis.select_columns(&columns)) }
+}
+
+/// What singular values below this share of the largest tell is rounding.
+const OPEN: f64 = 1e-9;
 
 /// The restricted log-likelihood with the scale integrated out, up to a constant, and the scale's
 /// mean square.
@@ -168,6 +187,22 @@ mod tests {
         let share = independent_share(&places, &residuals, &jacobian);
         // Of one mean (1 − ρ) / (1 + ρ) = 0.083, for errors whose length is known.
         assert!((0.02..0.25).contains(&share), "{share}");
+    }
+
+    /// Levels from one place are of one direction, and what rounding leaves of another does not
+    /// count: 1e-15 of it made a share of 0. What they have in common they do not show.
+    #[test]
+    fn levels_from_one_place_are_one() {
+        let places = alloc::vec![Vector2::new(10.0, 20.0); 20];
+        let residuals: Vec<f64> = (0..20).map(even).collect();
+        let share = |rounding: f64| {
+            let jacobian =
+                DMatrix::from_fn(20, 2, |i, j| if (i + j) % 3 == 0 { 1.0 + rounding } else { 1.0 });
+            independent_share(&places, &residuals, &jacobian)
+        };
+        for rounding in [0.0, 1e-16, 4e-16, 1e-14, 1e-12] {
+            assert!((share(rounding) - 0.05).abs() < 1e-6, "{rounding}: {}", share(rounding));
+        }
     }
 
     #[test]

@@ -145,7 +145,8 @@ impl NisWatchdog {
         let degrees = self.squares.iter().map(|(_, degrees)| degrees).sum();
         let tail = 0.5 * self.significance;
         // A quantile is dear, and observations mostly have one number of components.
-        if degrees != self.limits.0
+        if self.squares.len() == self.window
+            && degrees != self.limits.0
             && let Some(sums) = quantiles(degrees, [tail, 1.0 - tail])
         {
             self.limits = (degrees, sums);

@@ -1,24 +1,24 @@
 use foxhunt_core::{
-    Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel, Observation,
-    OutlierMixture, Quantity, Role, absorb_receiver_noise,
+    Axis, Correction, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel,
+    Observation, OutlierMixture, Quantity, Role, State, absorb_receiver_noise,
 };
 
 use super::{
+    belief::{Belief, Conditioned, is_plain},
     gate::{Gate, Record},
     iterations::Iterations,
     linearisation::Linearisation,
     models::{AtReceiver, OverTime},
     outliers::mix,
 };
-use crate::{Cubature, Gaussian, Innovation, Taylor, Transform, Unscented, triangle};
+use crate::{Cubature, Gaussian, Innovation, Moments, Taylor, Transform, Unscented, triangle};
 use nalgebra::SMatrix;
 
-/// A Kalman filter over any [`Transform`]: holds an `N`-Gaussian in square-root form and
-/// allocates nothing.
+/// A Kalman filter over any [`Transform`]: holds an `N`-Gaussian and allocates nothing.
 ///
-/// The covariance is never updated by a difference, only its factor by sums of squares, so that
-/// no measurement makes it indefinite. The transform is applied afresh for every update: several
-/// updates after one `predict` are the textbook's.
+/// The covariance is updated by a difference only where that leaves ten digits of it; elsewhere its
+/// factor is, by sums of squares, so that no measurement makes it indefinite. The transform is
+/// applied afresh for every update: several updates after one `predict` are the textbook's.
 ///
 /// ```
 /// use foxhunt_core::{Correction, Estimate, Estimator, MeasurementModel, Observation, Pose,
@@ -55,7 +55,7 @@ pub struct Kalman<T, F, H, const N: usize, const M: usize> {
     transform: T,
     motion: F,
     measurement: H,
-    belief: Gaussian<N>,
+    belief: Belief<N>,
     gate: Gate,
     iterations: Iterations,
     outliers: Option<OutlierMixture<M>>,
@@ -88,7 +88,7 @@ where
     {
         let (transform, gate, record) = (T::default(), Gate::open(), Record::default());
         transform.check(N)?;
-        let (belief, iterations) = (Gaussian::new(prior, Role::Prior)?, Iterations::once());
+        let (belief, iterations) = (Gaussian::new(prior, Role::Prior)?.into(), Iterations::once());
         let outliers = None;
         Ok(Self { transform, motion, measurement, belief, gate, iterations, outliers, record })
     }
@@ -147,11 +147,13 @@ where
         &self,
         observation: &Observation<M>,
     ) -> Result<Innovation<M>, EstimatorError> {
-        let mut absorbed = None;
-        let observation = self.at_known_receiver(observation, &mut absorbed);
-        let regression = self.linearisation(observation).about_prior();
+        let observation = &self.at_known_receiver(observation);
+        let regression = self.linearisation(&self.gaussian()?, observation).about_prior();
         regression.check()?;
-        Ok(regression.innovation())
+        let innovation = regression.innovation();
+        // That of an update, to the bit.
+        let nis = self.given_moments(observation).map_or(innovation.nis, |given| given.nis);
+        Ok(Innovation { nis, ..innovation })
     }
 
     /// How far the measurement is from linear over the belief: the variance of the observation that
@@ -163,10 +165,9 @@ where
     ///
     /// [`EstimatorError::NotFinite`] when the model's expectation is not.
     pub fn nonlinearity(&self, observation: &Observation<M>) -> Result<f64, EstimatorError> {
-        let mut absorbed = None;
-        let observation = self.at_known_receiver(observation, &mut absorbed);
+        let observation = &self.at_known_receiver(observation);
         let map = AtReceiver(&self.measurement, observation.receiver());
-        let image = Unscented::default().image(&self.belief, &map);
+        let image = Unscented::default().image(&self.gaussian()?, &map);
         let left = observation.strike(image.unexplained);
         let root = observation.noise_factor();
         let share = root.solve_lower_triangular_unchecked(&left).norm_squared();
@@ -186,33 +187,115 @@ where
 
     #[cfg(feature = "alloc")]
     pub(crate) fn replace(&mut self, belief: Gaussian<N>) {
-        self.belief = belief;
+        self.belief = belief.into();
     }
 
-    /// The observation with the noise of an uncertain receiver in its own; only then is there a
-    /// second one, `absorbed`.
-    #[inline]
-    fn at_known_receiver<'a>(
-        &self,
-        observation: &'a Observation<M>,
-        absorbed: &'a mut Option<Observation<M>>,
-    ) -> &'a Observation<M> {
-        match observation.receiver_sigma() {
-            None => observation,
-            Some(_) => absorbed.insert(absorb_receiver_noise(
-                &self.measurement,
-                self.belief.mean(),
-                observation,
-            )),
-        }
+    /// The observation with the noise of an uncertain receiver in its own.
+    #[inline(never)]
+    fn at_known_receiver(&self, observation: &Observation<M>) -> Observation<M> {
+        absorb_receiver_noise(&self.measurement, &self.belief.estimate().mean, observation)
+    }
+
+    /// The belief with its factor.
+    fn gaussian(&self) -> Result<Gaussian<N>, EstimatorError> {
+        let indefinite = EstimatorError::NotPositiveDefinite { role: Role::Prior };
+        self.belief.gaussian().ok_or(indefinite)
     }
 
     fn linearisation<'a>(
         &'a self,
+        prior: &'a Gaussian<N>,
         observation: &'a Observation<M>,
     ) -> Linearisation<'a, T, H, N, M> {
-        let Self { transform, measurement, belief: prior, .. } = self;
+        let Self { transform, measurement, .. } = self;
         Linearisation { transform, measurement, axes: self.motion.axes(), prior, observation }
+    }
+}
+
+/// The steps over moments, and where these would lose digits over factors.
+impl<T, F, H, const N: usize, const M: usize> Kalman<T, F, H, N, M>
+where
+    T: Transform,
+    F: MotionModel<N>,
+    H: MeasurementModel<N, M>,
+{
+    #[inline(always)]
+    fn predicted_moments(&self, dt: f64) -> Option<Estimate<N>> {
+        let belief = self.belief.moments()?;
+        let (mean, mut covariance) = if self.motion.is_linear() {
+            let by: SMatrix<f64, N, N> = self.motion.jacobian(&belief.mean, dt);
+            // What stays is not multiplied by zeros.
+            let carried = match by == SMatrix::<f64, N, N>::identity() {
+                true => belief.covariance,
+                false => by * belief.covariance * by.transpose(),
+            };
+            (self.motion.propagate(&belief.mean, dt), carried)
+        } else {
+            let map = OverTime::new(&self.motion, dt);
+            let Moments { mean, covariance, .. } = self.transform.moments(belief, &map)?;
+            (mean, covariance)
+        };
+        let noise: SMatrix<f64, N, N> = self.motion.noise_factor(&belief.mean, dt);
+        covariance += noise * noise.transpose();
+        covariance.fill_upper_triangle_with_lower_triangle();
+        let mean = Axis::difference(&self.motion.axes(), &mean, &State::zeros());
+        let moments = Estimate { mean, covariance };
+        is_plain(&moments, &covariance.diagonal()).then_some(moments)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn predicted(&self, dt: f64) -> Result<Gaussian<N>, EstimatorError> {
+        let (belief, map) = (self.gaussian()?, OverTime::new(&self.motion, dt));
+        let noise: SMatrix<f64, N, N> = self.motion.noise_factor(belief.mean(), dt);
+        let image = match self.motion.is_linear() {
+            true => Taylor.image(&belief, &map),
+            false => self.transform.image(&belief, &map),
+        };
+        let carried = image.whitened_cross.transpose();
+        let factor = triangle::lower_root([carried, noise, image.unexplained]);
+        Gaussian::from_factor(image.mean, factor, &self.motion.axes())
+    }
+
+    #[inline(always)]
+    fn given_moments(&self, observation: &Observation<M>) -> Option<Conditioned<N>> {
+        let plain = self.iterations.max() == 1 && self.outliers.is_none();
+        let prior = self.belief.moments().filter(|_| plain)?;
+        let map = AtReceiver(&self.measurement, observation.receiver());
+        let moments = self.transform.moments(prior, &map)?;
+        let residual = self.measurement.residual(observation.value(), &moments.mean);
+        Conditioned::on(prior, &moments, residual, observation, &self.motion.axes())
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn update_factors(
+        &mut self,
+        observation: &Observation<M>,
+    ) -> Result<Correction, EstimatorError> {
+        let prior = self.gaussian()?;
+        let linearisation = self.linearisation(&prior, observation);
+        let first = linearisation.about_prior();
+        first.check()?;
+        let nis = first.nis();
+        let (out, record) = self.record.judge(&self.gate, nis, observation.len());
+        if let Some(limit) = out {
+            self.record = record;
+            return Ok(Correction::Rejected { nis, limit });
+        }
+        let axes = self.motion.axes();
+        let (mean, factor) = first.posterior(&prior);
+        let mut log_evidence = first.log_evidence();
+        let mut belief = Gaussian::from_factor(mean, factor, &axes)?;
+        if self.iterations.max() > 1 {
+            (belief, log_evidence) = linearisation.iterate(&first, belief, self.iterations)?;
+        }
+        if let Some(mixture) = &self.outliers {
+            let parts = mixture.log_parts(log_evidence, observation);
+            (belief, log_evidence) = mix(&prior, &belief, parts, &axes)?;
+        }
+        (self.belief, self.record) = (belief.into(), record);
+        Ok(Correction::Fused { nis: Some(nis), log_evidence, effective_sample_size: None })
     }
 }
 
@@ -227,45 +310,31 @@ where
         if dt <= 0.0 {
             return Ok(());
         }
-        let noise: SMatrix<f64, N, N> = self.motion.noise_factor(self.belief.mean(), dt);
-        let image = self.transform.image(&self.belief, &OverTime::new(&self.motion, dt));
-        let carried = image.whitened_cross.transpose();
-        let factor = triangle::lower_root([carried, noise, image.unexplained]);
-        self.belief.step_to(image.mean, factor, &self.motion.axes())
+        match self.predicted_moments(dt) {
+            Some(moments) => self.belief.replace(&moments),
+            None => self.belief = self.predicted(dt)?.into(),
+        }
+        Ok(())
     }
 
     fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
         if observation.is_empty() {
             return Ok(Correction::Empty);
         }
-        let mut absorbed = None;
-        let observation = self.at_known_receiver(observation, &mut absorbed);
-        let linearisation = self.linearisation(observation);
-        let first = linearisation.about_prior();
-        first.check()?;
-        let nis = first.nis();
+        if observation.receiver_sigma().is_some() {
+            return self.update(&self.at_known_receiver(observation));
+        }
+        let Some(conditioned) = self.given_moments(observation) else {
+            return self.update_factors(observation);
+        };
+        let nis = conditioned.nis;
         let (out, record) = self.record.judge(&self.gate, nis, observation.len());
+        self.record = record;
         if let Some(limit) = out {
-            self.record = record;
             return Ok(Correction::Rejected { nis, limit });
         }
-        let axes = self.motion.axes();
-        let (mean, factor) = first.posterior(&self.belief);
-        let mut log_evidence = first.log_evidence();
-        if self.iterations.max() == 1 && self.outliers.is_none() {
-            self.belief.step_to(mean, factor, &axes)?;
-        } else {
-            let mut belief = Gaussian::from_factor(mean, factor, &axes)?;
-            if self.iterations.max() > 1 {
-                (belief, log_evidence) = linearisation.iterate(belief, self.iterations)?;
-            }
-            if let Some(mixture) = &self.outliers {
-                let parts = mixture.log_parts(log_evidence, observation);
-                (belief, log_evidence) = mix(&self.belief, &belief, parts, &axes)?;
-            }
-            self.belief = belief;
-        }
-        self.record = record;
+        self.belief.replace(&conditioned.posterior);
+        let log_evidence = conditioned.log_evidence(observation.len());
         Ok(Correction::Fused { nis: Some(nis), log_evidence, effective_sample_size: None })
     }
 

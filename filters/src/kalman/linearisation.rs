@@ -36,14 +36,13 @@ where
     H: MeasurementModel<N, M>,
 {
     /// The regression about the prior.
-    #[inline(always)]
     pub(super) fn about_prior(&self) -> Regression<N, M> {
-        let (image, residual) = self.image(self.prior);
+        let (image, residual) = self.moments(self.prior);
         Regression::new(&image, residual, self.observation)
     }
 
     /// The posterior about the last of the centres, and the log-evidence of the regression that led
-    /// to it; `textbook` is the one about the prior.
+    /// to it; `textbook` is the one about the prior, by the regression `first`.
     ///
     /// Its mean is a Gauss-Newton step from the centre N(m, P) on
     ///
@@ -61,14 +60,12 @@ where
     #[inline(never)]
     pub(super) fn iterate(
         &self,
+        first: &Regression<N, M>,
         textbook: Gaussian<N>,
         iterations: Iterations,
     ) -> Result<(Gaussian<N>, f64), EstimatorError> {
-        // Once more: what is handed over has to lie in memory, at the cost of every other update.
-        let (image, residual) = self.moments(self.prior);
-        let first = self.about(self.prior, &image, &residual);
         let (mut best, mut least) = ((textbook, first.log_evidence()), f64::INFINITY);
-        let (mut centre, mut regression, mut full) = (*self.prior, first, textbook);
+        let (mut centre, mut regression, mut full) = (*self.prior, *first, textbook);
         let mut left = iterations.max();
         loop {
             let settled = self.divergence(&full, &centre) <= iterations.tolerance();
@@ -95,18 +92,12 @@ where
     }
 
     /// What is expected about a centre, and how the observation differs from it.
-    #[inline(always)]
-    fn image(&self, centre: &Gaussian<N>) -> (Image<N, M>, SVector<f64, M>) {
+    #[inline(never)]
+    fn moments(&self, centre: &Gaussian<N>) -> (Image<N, M>, SVector<f64, M>) {
         let map = AtReceiver(self.measurement, self.observation.receiver());
         let image = self.transform.image(centre, &map);
         let residual = self.measurement.residual(self.observation.value(), &image.mean);
         (image, residual)
-    }
-
-    /// The same for the iterations: one copy of it in the program.
-    #[inline(never)]
-    fn moments(&self, centre: &Gaussian<N>) -> (Image<N, M>, SVector<f64, M>) {
-        self.image(centre)
     }
 
     /// The regression about a centre with this image and residual.

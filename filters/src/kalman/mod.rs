@@ -1,3 +1,4 @@
+mod belief;
 mod filter;
 mod gate;
 mod iterations;

@@ -63,4 +63,14 @@ impl<H: MeasurementModel<N, M>, const N: usize, const M: usize> Map<N, M> for At
     fn change(&self, x: &State<N>, image: &SVector<f64, M>, offset: &State<N>) -> SVector<f64, M> {
         self.0.expected_change(x, image, offset, self.1)
     }
+
+    #[inline(always)]
+    fn parts(
+        &self,
+        x: &State<N>,
+        image: &SVector<f64, M>,
+        offset: &State<N>,
+    ) -> [SVector<f64, M>; 2] {
+        self.0.expected_parts(x, image, offset, self.1)
+    }
 }

@@ -30,7 +30,6 @@ pub(super) struct Regression<const N: usize, const M: usize> {
 
 impl<const N: usize, const M: usize> Regression<N, M> {
     /// `residual` is z ⊖ `image.mean`.
-    #[inline(always)]
     pub(super) fn new(
         image: &Image<N, M>,
         residual: SVector<f64, M>,
@@ -53,7 +52,6 @@ impl<const N: usize, const M: usize> Regression<N, M> {
     }
 
     /// Refuses what was made of numbers that are not finite, or without noise.
-    #[inline(always)]
     pub(super) fn check(&self) -> Result<(), EstimatorError> {
         // Every number goes into this square, and what is not finite makes it so.
         if self.known.square.is_finite() {
@@ -71,7 +69,6 @@ impl<const N: usize, const M: usize> Regression<N, M> {
     }
 
     /// ln N(y; 0, S).
-    #[inline(always)]
     pub(super) fn log_evidence(&self) -> f64 {
         let mut root = LogProduct::default();
         (0..M).for_each(|i| root.multiply(self.unexplained[(i, i)]));
@@ -99,7 +96,6 @@ impl<const N: usize, const M: usize> Regression<N, M> {
     /// P⁺ = P − Pxz S⁻¹ Pxzᵀ = L (I + Bᵀ B)⁻¹ Lᵀ = L T D⁻¹ Tᵀ Lᵀ;
     ///
     /// lower triangular with a positive diagonal whatever was measured.
-    #[inline(always)]
     pub(super) fn posterior(&self, prior: &Gaussian<N>) -> (SVector<f64, N>, SMatrix<f64, N, N>) {
         let mut factor = triangle::product(prior.factor(), &self.known.factor);
         for (mut column, root) in factor.column_iter_mut().zip(self.known.roots.iter()) {

@@ -1,5 +1,7 @@
-use super::pairs;
-use crate::{Gaussian, Image, Map, Transform, count::number};
+use foxhunt_core::Estimate;
+
+use super::pairs::Pairs;
+use crate::{Gaussian, Image, Map, Moments, Transform, count::number};
 
 /// The third-degree spherical-radial cubature rule (Arasaratnam & Haykin 2009, eqs. 28-30): the
 /// cubature Kalman filter.
@@ -19,6 +21,15 @@ impl Transform for Cubature {
         source: &Gaussian<A>,
         map: &impl Map<A, B>,
     ) -> Image<A, B> {
-        pairs::image(source, map, libm::sqrt(number(A)), 0.0)
+        Pairs { square: number(A), kurtosis: 0.0 }.image(source, map)
+    }
+
+    #[inline(always)]
+    fn moments<const A: usize, const B: usize>(
+        &self,
+        source: &Estimate<A>,
+        map: &impl Map<A, B>,
+    ) -> Option<Moments<A, B>> {
+        Pairs { square: number(A), kurtosis: 0.0 }.moments(source, map)
     }
 }

@@ -1,5 +1,7 @@
 use nalgebra::{SMatrix, SVector};
 
+use crate::Gaussian;
+
 /// A map between two vector spaces, either of which may hold angles.
 pub trait Map<const A: usize, const B: usize> {
     /// The image of `x`.
@@ -21,6 +23,19 @@ pub trait Map<const A: usize, const B: usize> {
     ) -> SVector<f64, B> {
         self.minus(&self.value(&(x + offset)), image)
     }
+
+    /// The odd and the even part of the [change](Self::change) over an offset: half the difference
+    /// of its change and its opposite's, and half their sum.
+    #[inline(always)]
+    fn parts(
+        &self,
+        x: &SVector<f64, A>,
+        image: &SVector<f64, B>,
+        offset: &SVector<f64, A>,
+    ) -> [SVector<f64, B>; 2] {
+        let (ahead, behind) = (self.change(x, image, offset), self.change(x, image, &-offset));
+        [(ahead - behind) * 0.5, (ahead + behind) * 0.5]
+    }
 }
 
 /// The image of a Gaussian x ~ N(x̂, L Lᵀ) under a map.
@@ -36,4 +51,30 @@ pub struct Image<const A: usize, const B: usize> {
     pub whitened_cross: SMatrix<f64, A, B>,
     /// W: W Wᵀ is the covariance of y that the regression leaves. Zero for a linear map.
     pub unexplained: SMatrix<f64, B, B>,
+}
+
+/// The moments of y = map(x), and how it goes with x.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moments<const A: usize, const B: usize> {
+    /// The mean ŷ.
+    pub mean: SVector<f64, B>,
+    /// Pxy.
+    pub cross: SMatrix<f64, A, B>,
+    /// Pyy, its lower triangle.
+    pub covariance: SMatrix<f64, B, B>,
+}
+
+impl<const A: usize, const B: usize> Image<A, B> {
+    /// The image of `source` as plain moments: L V and Vᵀ V + W Wᵀ.
+    #[must_use]
+    #[inline(always)]
+    pub fn moments(&self, source: &Gaussian<A>) -> Moments<A, B> {
+        let Self { mean, whitened_cross, unexplained } = self;
+        Moments {
+            mean: *mean,
+            cross: source.factor() * whitened_cross,
+            covariance: whitened_cross.tr_mul(whitened_cross)
+                + unexplained * unexplained.transpose(),
+        }
+    }
 }

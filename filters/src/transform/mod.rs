@@ -4,10 +4,10 @@ mod pairs;
 mod taylor;
 mod unscented;
 
-use foxhunt_core::EstimatorError;
+use foxhunt_core::{Estimate, EstimatorError};
 
 pub use cubature::Cubature;
-pub use image::{Image, Map};
+pub use image::{Image, Map, Moments};
 pub use taylor::Taylor;
 pub use unscented::{Kappa, Unscented};
 
@@ -21,6 +21,17 @@ pub trait Transform {
         source: &Gaussian<A>,
         map: &impl Map<A, B>,
     ) -> Image<A, B>;
+
+    /// The same without factors, where `source` is far from singular; `None` where it is singular.
+    #[inline(always)]
+    fn moments<const A: usize, const B: usize>(
+        &self,
+        source: &Estimate<A>,
+        map: &impl Map<A, B>,
+    ) -> Option<Moments<A, B>> {
+        let source = Gaussian::factored(*source)?;
+        Some(self.image(&source, map).moments(&source))
+    }
 
     /// Whether the transform's parameters suit states of `dimension` components; checked once,
     /// when a filter is made.

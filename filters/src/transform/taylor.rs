@@ -1,6 +1,7 @@
+use foxhunt_core::Estimate;
 use nalgebra::SMatrix;
 
-use crate::{Gaussian, Image, Map, Transform};
+use crate::{Gaussian, Image, Map, Moments, Transform};
 
 /// First-order Taylor expansion about the mean: the extended Kalman filter
 /// (Bar-Shalom, Li & Kirubarajan 2001, §10.3).
@@ -19,5 +20,15 @@ impl Transform for Taylor {
         let jacobian = map.jacobian(source.mean());
         let whitened_cross = source.factor().tr_mul(&jacobian.transpose());
         Image { mean: map.value(source.mean()), whitened_cross, unexplained: SMatrix::zeros() }
+    }
+    #[inline(always)]
+    fn moments<const A: usize, const B: usize>(
+        &self,
+        source: &Estimate<A>,
+        map: &impl Map<A, B>,
+    ) -> Option<Moments<A, B>> {
+        let jacobian = map.jacobian(&source.mean);
+        let cross = source.covariance * jacobian.transpose();
+        Some(Moments { mean: map.value(&source.mean), cross, covariance: jacobian * cross })
     }
 }

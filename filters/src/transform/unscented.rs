@@ -1,10 +1,10 @@
 use foxhunt_core::{
-    EstimatorError,
+    Estimate, EstimatorError,
     parameter::{finite, in_range, not_negative, require},
 };
 
-use super::pairs;
-use crate::{Gaussian, Image, Map, Transform, count::number};
+use super::pairs::Pairs;
+use crate::{Gaussian, Image, Map, Moments, Transform, count::number};
 
 /// The scaled unscented transform (Wan & van der Merwe 2000): the unscented Kalman filter.
 ///
@@ -81,6 +81,16 @@ impl Unscented {
     }
 }
 
+impl Unscented {
+    /// Its rule for states of `dimension` components.
+    #[inline(always)]
+    fn pairs(&self, dimension: usize) -> Pairs {
+        let (n, kappa) = (number(dimension), self.kappa.value(dimension));
+        let square = self.alpha * self.alpha;
+        Pairs { square: square * (n + kappa), kurtosis: self.beta + square * kappa / n }
+    }
+}
+
 impl Default for Unscented {
     /// α = 1, β = 2, κ = 0: points √n standard deviations out.
     fn default() -> Self {
@@ -95,9 +105,16 @@ impl Transform for Unscented {
         source: &Gaussian<A>,
         map: &impl Map<A, B>,
     ) -> Image<A, B> {
-        let (n, kappa) = (number(A), self.kappa.value(A));
-        let spread = self.alpha * libm::sqrt(n + kappa);
-        pairs::image(source, map, spread, self.beta + self.alpha * self.alpha * kappa / n)
+        self.pairs(A).image(source, map)
+    }
+
+    #[inline(always)]
+    fn moments<const A: usize, const B: usize>(
+        &self,
+        source: &Estimate<A>,
+        map: &impl Map<A, B>,
+    ) -> Option<Moments<A, B>> {
+        self.pairs(A).moments(source, map)
     }
 
     fn check(&self, dimension: usize) -> Result<(), EstimatorError> {

@@ -8,7 +8,7 @@ use foxhunt_core::{
 };
 use nalgebra::{SMatrix, Vector1};
 
-use super::{Sight, columns::BearingResiduals, sight::difference};
+use super::{Sight, columns::BearingResiduals, sight::differences};
 
 /// The bearing alone, z = atan2(N, E) + μ (Isaacs et al. 2014, eq. 29), if need be with a share
 /// of reflections that point anywhere (eq. 30).
@@ -72,11 +72,23 @@ impl<const N: usize> MeasurementModel<N, 1> for BearingOnly {
         offset: &State<N>,
         receiver: &Pose,
     ) -> Vector1<f64> {
-        let change = Sight::new(state, receiver, 0.0).change(offset[0], offset[1]);
-        change.map_or_else(
-            || difference(self, state, expected, offset, receiver),
-            |(_, turn)| Vector1::new(turn),
-        )
+        let [odd, even] = self.expected_parts(state, expected, offset, receiver);
+        odd + even
+    }
+
+    /// From how range and bearing change, where that is plain: no large numbers are subtracted.
+    #[inline(always)]
+    fn expected_parts(
+        &self,
+        state: &State<N>,
+        expected: &Vector1<f64>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> [Vector1<f64>; 2] {
+        match Sight::new(state, receiver, 0.0).parts(offset[0], offset[1]) {
+            Some((_, turns)) => turns.map(Vector1::new),
+            None => differences(self, state, expected, offset, receiver),
+        }
     }
 
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 1, N> {

@@ -80,6 +80,16 @@ where
         self.model.expected_change(state, expected, offset, receiver)
     }
 
+    fn expected_parts(
+        &self,
+        state: &State<N>,
+        expected: &SVector<f64, M>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> [SVector<f64, M>; 2] {
+        self.model.expected_parts(state, expected, offset, receiver)
+    }
+
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
         self.model.jacobian(state, receiver)
     }

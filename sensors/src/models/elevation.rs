@@ -7,6 +7,7 @@ use foxhunt_core::{
 };
 use nalgebra::{SMatrix, SVector, Vector3};
 
+use super::sight::differences;
 use crate::ElevationPattern;
 
 /// Nearer than this to the body's vertical axis, in metres, an elevation has no slope.
@@ -120,6 +121,19 @@ where
         match &self.pattern {
             Some(_) => self.residual(&self.expected(&(state + offset), receiver), expected),
             None => self.model.expected_change(state, expected, offset, receiver),
+        }
+    }
+
+    fn expected_parts(
+        &self,
+        state: &State<N>,
+        expected: &SVector<f64, M>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> [SVector<f64, M>; 2] {
+        match &self.pattern {
+            Some(_) => differences(self, state, expected, offset, receiver),
+            None => self.model.expected_parts(state, expected, offset, receiver),
         }
     }
 

@@ -11,7 +11,7 @@ use nalgebra::{RowVector2, SMatrix, Vector2};
 use super::{
     FreePathLoss, FreePower, LevelLaw, Sight,
     columns::{BLOCK, BearingResiduals, LevelResiduals},
-    sight::difference,
+    sight::differences,
 };
 use crate::{LogDistance, Propagation};
 
@@ -132,13 +132,13 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
         [Quantity::RSS, Quantity::BEARING]
     }
 
+    #[inline(always)]
     fn expected(&self, state: &State<N>, receiver: &Pose) -> Vector2<f64> {
-        let parameters = parameters::<N, P, _>(|i| state[i]);
         let sight = Sight::new(state, receiver, self.target_up);
-        Vector2::new(self.law.level_dbm(&parameters, sight.range()), sight.bearing())
+        let level = sight.level_dbm(&self.law, &parameters::<N, P, _>(|i| state[i]));
+        Vector2::new(level, sight.bearing())
     }
 
-    /// From how range and bearing change, where that is plain: no large numbers are subtracted.
     #[inline(always)]
     fn expected_change(
         &self,
@@ -147,24 +147,45 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
         offset: &State<N>,
         receiver: &Pose,
     ) -> Vector2<f64> {
-        let sight = Sight::new(state, receiver, self.target_up);
-        let change = sight.change(offset[0], offset[1]).and_then(|(growth, turn)| {
+        let [odd, even] = self.expected_parts(state, expected, offset, receiver);
+        odd + even
+    }
+
+    /// From how range and bearing change, where that is plain: no large numbers are subtracted.
+    #[inline(always)]
+    fn expected_parts(
+        &self,
+        state: &State<N>,
+        expected: &Vector2<f64>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> [Vector2<f64>; 2] {
+        let parts = Sight::new(state, receiver, self.target_up).parts(offset[0], offset[1]);
+        let (Some((logs, turns)), Some(slope)) = (parts, self.law.log_slope()) else {
+            return differences(self, state, expected, offset, receiver);
+        };
+        let (mut odd, even) = (slope * logs[0], slope * logs[1]);
+        if P > 0 {
+            // Linear in the parameters, at any of them and at any range.
+            let weights = self.law.sensitivity(&parameters::<N, P, _>(|i| state[i]), 1.0);
             let offsets = parameters::<N, P, _>(|i| offset[i]);
-            Some(Vector2::new(self.law.level_change(&offsets, growth)?, turn))
-        });
-        change.unwrap_or_else(|| difference(self, state, expected, offset, receiver))
+            weights.iter().zip(&offsets).for_each(|(weight, offset)| odd += weight * offset);
+        }
+        [Vector2::new(odd, turns[0]), Vector2::new(even, turns[1])]
     }
 
     #[inline(always)]
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 2, N> {
         let parameters = parameters::<N, P, _>(|i| state[i]);
         let sight = Sight::new(state, receiver, self.target_up);
-        let range = sight.range();
-        let slope =
-            sight.range_slope().map(|along| self.law.range_slope(&parameters, range, along));
         let mut jacobian = SMatrix::<f64, 2, N>::zeros();
-        [jacobian[(0, 0)], jacobian[(0, 1)]] = slope;
-        for (i, derivative) in self.law.sensitivity(&parameters, range).into_iter().enumerate() {
+        if let Some((along, square)) = sight.square_slope() {
+            let slope = self.law.square_slope(&parameters, square);
+            [jacobian[(0, 0)], jacobian[(0, 1)]] = along.map(|along| along * slope);
+        }
+        for (i, derivative) in
+            self.law.sensitivity(&parameters, sight.range()).into_iter().enumerate()
+        {
             jacobian[(0, N - P + i)] = derivative;
         }
         [jacobian[(1, 0)], jacobian[(1, 1)]] = sight.bearing_slope();

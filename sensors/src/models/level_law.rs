@@ -51,11 +51,15 @@ pub trait LevelLaw<const P: usize> {
     /// dB per metre: `along` ∂P/∂d.
     fn range_slope(&self, parameters: &[f64; P], range: f64, along: f64) -> f64;
 
-    /// P(d √(1 + g)) − P(d) in dB when the parameters grow by `offsets` and the square of the range
-    /// by g = `growth`, a share of it; `None` where there is no form of it with fewer roundings
-    /// than the difference.
-    fn level_change(&self, offsets: &[f64; P], growth: f64) -> Option<f64> {
-        let _ = (offsets, growth);
+    /// Its derivative over the square of the range where that is `square` m² and not 0, in dB per m².
+    fn square_slope(&self, parameters: &[f64; P], square: f64) -> f64 {
+        let range = libm::sqrt(square);
+        self.range_slope(parameters, range, 0.5 / range)
+    }
+
+    /// Its derivative over ln d² in dB where that is the same at every range and for all
+    /// parameters: it is then linear in the logarithm and in the parameters.
+    fn log_slope(&self) -> Option<f64> {
         None
     }
 
@@ -82,8 +86,12 @@ impl<L: Propagation> LevelLaw<0> for L {
         along * self.slope(range)
     }
 
-    fn level_change(&self, _: &[f64; 0], growth: f64) -> Option<f64> {
-        self.change(growth)
+    fn square_slope(&self, _: &[f64; 0], square: f64) -> f64 {
+        Propagation::square_slope(self, square)
+    }
+
+    fn log_slope(&self) -> Option<f64> {
+        Propagation::log_slope(self)
     }
 
     fn sensitivity(&self, _: &[f64; 0], _: f64) -> [f64; 0] {
@@ -130,8 +138,12 @@ impl LevelLaw<1> for FreePower {
         along * self.loss.slope(range)
     }
 
-    fn level_change(&self, [power]: &[f64; 1], growth: f64) -> Option<f64> {
-        self.loss.change(growth).map(|change| power + change)
+    fn square_slope(&self, _: &[f64; 1], square: f64) -> f64 {
+        Propagation::square_slope(&self.loss, square)
+    }
+
+    fn log_slope(&self) -> Option<f64> {
+        Propagation::log_slope(&self.loss)
     }
 
     fn sensitivity(&self, _: &[f64; 1], _: f64) -> [f64; 1] {

@@ -5,7 +5,7 @@ use foxhunt_core::{
 };
 use nalgebra::{SMatrix, Vector1};
 
-use super::{Sight, columns::LevelResiduals, sight::difference};
+use super::{Sight, columns::LevelResiduals, sight::differences};
 use crate::Propagation;
 
 /// Received signal strength alone: z = P(d) in dBm, d the slant range (Pritzl 2018, eq. 3.7).
@@ -58,10 +58,24 @@ impl<P: Propagation, const N: usize> MeasurementModel<N, 1> for Rss<P> {
         offset: &State<N>,
         receiver: &Pose,
     ) -> Vector1<f64> {
-        let sight = Sight::new(state, receiver, self.target_up);
-        let change = sight.change(offset[0], offset[1]);
-        let change = change.and_then(|(growth, _)| self.propagation.change(growth));
-        change.map_or_else(|| difference(self, state, expected, offset, receiver), Vector1::new)
+        let [odd, even] = self.expected_parts(state, expected, offset, receiver);
+        odd + even
+    }
+
+    /// From how range and bearing change, where that is plain: no large numbers are subtracted.
+    #[inline(always)]
+    fn expected_parts(
+        &self,
+        state: &State<N>,
+        expected: &Vector1<f64>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> [Vector1<f64>; 2] {
+        let parts = Sight::new(state, receiver, self.target_up).parts(offset[0], offset[1]);
+        match (parts, self.propagation.log_slope()) {
+            (Some((logs, _)), Some(slope)) => logs.map(|log| Vector1::new(slope * log)),
+            _ => differences(self, state, expected, offset, receiver),
+        }
     }
 
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, 1, N> {

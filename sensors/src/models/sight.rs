@@ -1,6 +1,7 @@
 use foxhunt_core::{MeasurementModel, Pose, State, elementary};
 use nalgebra::{SVector, Vector3};
 
+use super::LevelLaw;
 use crate::{Propagation, near_zero};
 
 /// Nearer than this to overhead, in metres, a bearing has no slope. It is far below any
@@ -11,17 +12,20 @@ const OVERHEAD: f64 = 1e-3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sight(Vector3<f64>);
 
-/// h(x + δ) ⊖ h(x), one by one; apart from where it is rarely called.
+/// The odd and the even part of h(x + δ) ⊖ h(x) from two differences; apart from where it is
+/// rarely called.
 #[cold]
 #[inline(never)]
-pub(super) fn difference<const N: usize, const M: usize>(
+pub(super) fn differences<const N: usize, const M: usize>(
     model: &impl MeasurementModel<N, M>,
     state: &State<N>,
     expected: &SVector<f64, M>,
     offset: &State<N>,
     receiver: &Pose,
-) -> SVector<f64, M> {
-    model.residual(&model.expected(&(state + offset), receiver), expected)
+) -> [SVector<f64, M>; 2] {
+    let change = |offset| model.residual(&model.expected(&(state + offset), receiver), expected);
+    let (ahead, behind) = (change(*offset), change(-offset));
+    [(ahead - behind) * 0.5, (ahead + behind) * 0.5]
 }
 
 impl Sight {
@@ -35,9 +39,29 @@ impl Sight {
     /// The slant range.
     #[inline]
     pub(super) fn range(&self) -> f64 {
+        self.square().map_or_else(|| self.odd_range(), libm::sqrt)
+    }
+
+    /// The square of the slant range; `None` where it is too small or too large for a number.
+    #[inline]
+    pub(super) fn square(&self) -> Option<f64> {
         let square = self.0.norm_squared();
-        // Between, no square is lost that would count.
-        if (1e-200..1e300).contains(&square) { libm::sqrt(square) } else { self.odd_range() }
+        (1e-200..1e300).contains(&square).then_some(square)
+    }
+
+    /// The level that is received, by the form of its law that takes no root.
+    #[inline]
+    pub(super) fn level_dbm<L: LevelLaw<P>, const P: usize>(
+        &self,
+        law: &L,
+        parameters: &[f64; P],
+    ) -> f64 {
+        let Some(square) = self.square() else {
+            return law.level_dbm(parameters, self.odd_range());
+        };
+        let mut level = [square];
+        law.levels_dbm(parameters.each_ref().map(core::slice::from_ref), &mut level);
+        level[0]
     }
 
     #[cold]
@@ -52,20 +76,33 @@ impl Sight {
         if x.abs() + y.abs() < 1e300 { elementary::atan2(y, x) } else { libm::atan2(y, x) }
     }
 
-    /// What becomes of range and bearing when the target moves by so much: how much the square of
-    /// the range grows, as a share of it, and how far the bearing turns. `None` where the two
-    /// places had better be looked at one by one: near overhead, beyond the largest numbers, and
-    /// where the target goes more than half as far as it is away over ground.
+    /// What becomes of ln d² and of the bearing when the target moves by so much, each as its odd and
+    /// its even part in the offset. `None` where the places had better be looked at one by one:
+    /// near overhead, beyond the largest numbers, and where the target goes more than half as far
+    /// as it is away over ground.
+    ///
+    /// With m the square of the offset δ, f = 2 d·δ and s = d², ln d² changes by
+    /// ln((s + m ± f) / s), so the parts are artanh(f / (s + m)) and
+    /// artanh(q / (2 s² + q)), q = (2 s + m) m − f². Over ground, with a = d × δ, the bearing turns
+    /// by ± arctan(a / (g ± f/2)), g = d²; the parts are those of sums of two arctangents.
     #[inline(always)]
-    pub(super) fn change(&self, east: f64, north: f64) -> Option<(f64, f64)> {
+    pub(super) fn parts(&self, east: f64, north: f64) -> Option<([f64; 2], [f64; 2])> {
         let (x, y) = (self.0.x, self.0.y);
-        let (ground, moved) = (self.ground_squared(), east * east + north * north);
-        // The same for both points of a pair, as are the quotients for all points about one.
-        let plain = moved <= 0.25 * ground && (4.0 * OVERHEAD * OVERHEAD..1e300).contains(&ground);
-        let scale = 1.0 / self.0.norm_squared();
+        let (ground, square) = (self.ground_squared(), self.0.norm_squared());
+        let moved = east * east + north * north;
+        let plain = moved <= 0.25 * ground && ground >= 4.0 * OVERHEAD * OVERHEAD && square < 1e150;
         let (forth, across) = (x * east + y * north, x * north - y * east);
-        let growth = (forth + forth + moved) * scale;
-        plain.then(|| (growth, near_zero::atan(across / (ground + forth))))
+        let bent = (square + square + moved) * moved - 4.0 * forth * forth;
+        let (twice, whole) = (across + across, 2.0 * square * square);
+        let grown = [(forth + forth) / (square + moved), bent / (whole + bent)];
+        let turned = [
+            twice / (ground - moved),
+            -twice * forth / (ground * ground - forth * forth + across * across),
+        ];
+        plain.then(|| {
+            let (logs, turns) = near_zero::artanh_arctan(grown, turned);
+            (logs, turns.map(|turn| 0.5 * turn))
+        })
     }
 
     /// ∂P(d)/∂(East, North).
@@ -83,6 +120,13 @@ impl Sight {
         } else {
             [0.0; 2]
         }
+    }
+
+    /// ∂d²/∂(East, North), and d² where that is far from overhead and overflow.
+    #[inline]
+    pub(super) fn square_slope(&self) -> Option<([f64; 2], f64)> {
+        let square = self.square().filter(|square| *square >= OVERHEAD * OVERHEAD)?;
+        Some(([2.0 * self.0.x, 2.0 * self.0.y], square))
     }
 
     /// ∂bearing/∂(East, North): zero overhead, where no bearing is defined, and where the square

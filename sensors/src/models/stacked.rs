@@ -98,6 +98,20 @@ where
         )
     }
 
+    #[inline(always)]
+    fn expected_parts(
+        &self,
+        state: &State<N>,
+        expected: &SVector<f64, M>,
+        offset: &State<N>,
+        receiver: &Pose,
+    ) -> [SVector<f64, M>; 2] {
+        let (first, second) = split(expected);
+        let first = self.first.expected_parts(state, &first, offset, receiver);
+        let second = self.second.expected_parts(state, &second, offset, receiver);
+        [join(&first[0], &second[0]), join(&first[1], &second[1])]
+    }
+
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
         join(&self.first.jacobian(state, receiver), &self.second.jacobian(state, receiver))
     }

@@ -1,7 +1,6 @@
 use core::f64::consts::{LN_10, PI};
 
 use super::{Propagation, clamp, many_log_distance};
-use crate::near_zero;
 use foxhunt_core::parameter::{self, ParameterError};
 
 /// Free space: P = Pt + Dt + Dr + 20 log₁₀(λ / 4πd) (Friis 1946; Pritzl 2018, eq. 3.4).
@@ -49,8 +48,8 @@ impl Propagation for Friis {
         if inside { -20.0 / (LN_10 * range) } else { 0.0 }
     }
 
-    fn change(&self, growth: f64) -> Option<f64> {
-        Some(-10.0 / LN_10 * near_zero::ln_1p(growth))
+    fn log_slope(&self) -> Option<f64> {
+        Some(-10.0 / LN_10)
     }
 
     #[inline(always)]

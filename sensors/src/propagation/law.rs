@@ -31,7 +31,7 @@ use foxhunt_core::elementary;
 ///
 /// Both methods are finite at every range, 0 and infinity among them; `slope` is the
 /// derivative of `rss_dbm`, and 0 outside the ranges over which the law is followed;
-/// `many_rss_dbm` agrees with `rss_dbm`.
+/// `square_slope` agrees with `slope`, `many_rss_dbm` with `rss_dbm`.
 pub trait Propagation {
     /// The mean received power in dBm at `range` metres.
     fn rss_dbm(&self, range: f64) -> f64;
@@ -39,10 +39,15 @@ pub trait Propagation {
     /// Its derivative at `range`, in dB per metre.
     fn slope(&self, range: f64) -> f64;
 
-    /// P(d √(1 + g)) − P(d) in dB for a square of the range that grows by g = `growth`, a share of
-    /// it; `None` where that depends on d, or has no form with fewer roundings than the difference.
-    fn change(&self, growth: f64) -> Option<f64> {
-        let _ = growth;
+    /// dP/d(d²) where the square of the range is `square` m² and not 0, in dB per m²; a law of
+    /// that square saves the root.
+    fn square_slope(&self, square: f64) -> f64 {
+        let range = libm::sqrt(square);
+        0.5 * self.slope(range) / range
+    }
+
+    /// dP/d(ln d²) in dB where it is the same at every range: P is then linear in the logarithm.
+    fn log_slope(&self) -> Option<f64> {
         None
     }
 
@@ -66,8 +71,12 @@ impl<P: ?Sized + Propagation> Propagation for &P {
         (**self).slope(range)
     }
 
-    fn change(&self, growth: f64) -> Option<f64> {
-        (**self).change(growth)
+    fn square_slope(&self, square: f64) -> f64 {
+        (**self).square_slope(square)
+    }
+
+    fn log_slope(&self) -> Option<f64> {
+        (**self).log_slope()
     }
 
     #[inline(always)]
@@ -81,6 +90,9 @@ impl<P: ?Sized + Propagation> Propagation for &P {
 /// at range 0 is cut off; the far end keeps an overflowed distance finite.
 const RANGES: RangeInclusive<f64> = 1e-3..=1e300;
 
+/// The squares of these, up to the largest number.
+pub(crate) const SQUARES: RangeInclusive<f64> = 1e-6..=f64::MAX;
+
 /// `range` within [`RANGES`], and whether it was there already.
 #[inline]
 pub(crate) fn clamp(range: f64) -> (f64, bool) {
@@ -91,9 +103,8 @@ pub(crate) fn clamp(range: f64) -> (f64, bool) {
 /// metre, and γ.
 #[inline(always)]
 pub(crate) fn many_log_distance(squares: &mut [f64], at_one_metre: f64, exponent: f64) {
-    let least = RANGES.start() * RANGES.start();
     let scale = 5.0 / LN_10 * exponent;
     squares.iter_mut().for_each(|x| {
-        *x = at_one_metre - scale * elementary::ln(x.clamp(least, f64::MAX));
+        *x = at_one_metre - scale * elementary::ln(x.clamp(*SQUARES.start(), *SQUARES.end()));
     });
 }

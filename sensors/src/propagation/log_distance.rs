@@ -1,7 +1,6 @@
 use core::f64::consts::LN_10;
 
-use super::{Propagation, clamp, many_log_distance};
-use crate::near_zero;
+use super::{Propagation, SQUARES, clamp, many_log_distance};
 use foxhunt_core::{
     elementary,
     parameter::{self, ParameterError},
@@ -87,8 +86,14 @@ impl Propagation for LogDistance {
     }
 
     #[inline]
-    fn change(&self, growth: f64) -> Option<f64> {
-        Some(-5.0 / LN_10 * self.exponent * near_zero::ln_1p(growth))
+    fn square_slope(&self, square: f64) -> f64 {
+        let inside = SQUARES.contains(&square);
+        if inside { -5.0 / LN_10 * self.exponent / square } else { 0.0 }
+    }
+
+    #[inline]
+    fn log_slope(&self) -> Option<f64> {
+        Some(-5.0 / LN_10 * self.exponent)
     }
 
     #[inline(always)]

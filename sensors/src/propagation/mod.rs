@@ -10,4 +10,4 @@ pub use law::Propagation;
 pub use log_distance::LogDistance;
 pub use two_ray::{Polarisation, TwoRay};
 
-pub(crate) use law::{clamp, many_log_distance};
+pub(crate) use law::{SQUARES, clamp, many_log_distance};

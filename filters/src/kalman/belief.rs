@@ -1,0 +1,192 @@
+use foxhunt_core::{Axis, Estimate, Observation, State, elementary, noise};
+use nalgebra::{SMatrix, SVector};
+
+use crate::{Gaussian, Moments, triangle};
+
+/// The belief of a filter: its moments, and a factor of the covariance only where that is so thin
+/// that the covariance's own digits would not do.
+///
+/// A step over moments alone is the shortest, but takes differences; one over factors
+/// ([`Regression`](super::regression::Regression)) takes none. So a step is first tried over
+/// moments, and what it comes to is kept if no variance fell below [`LEAST`] of what it was,
+/// given the components before it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Belief<const N: usize> {
+    estimate: Estimate<N>,
+    factor: Option<SMatrix<f64, N, N>>,
+}
+
+/// What is left of a variance when it is taken given others has lost this share of its digits: six
+/// of its sixteen.
+const LEAST: f64 = 1e-6;
+
+impl<const N: usize> Belief<N> {
+    pub(super) fn estimate(&self) -> &Estimate<N> {
+        &self.estimate
+    }
+
+    /// The belief with its factor; `None` where it has none.
+    pub(super) fn gaussian(&self) -> Option<Gaussian<N>> {
+        match self.factor {
+            Some(factor) => Some(Gaussian::with_factor(self.estimate, factor)),
+            None => Gaussian::factored(self.estimate),
+        }
+    }
+
+    /// The moments, where these are all there is to it.
+    #[inline(always)]
+    pub(super) fn moments(&self) -> Option<&Estimate<N>> {
+        self.factor.is_none().then_some(&self.estimate)
+    }
+
+    /// Puts these moments in the place of plain ones.
+    #[inline(always)]
+    pub(super) fn replace(&mut self, moments: &Estimate<N>) {
+        self.estimate = *moments;
+    }
+}
+
+/// Whether all is finite, and no variance, given the components before it, is below [`LEAST`] of
+/// these.
+#[inline(always)]
+pub(super) fn is_plain<const N: usize>(moments: &Estimate<N>, variances: &SVector<f64, N>) -> bool {
+    let finite = triangle::nan_unless_finite(&moments.mean) <= 0.0;
+    triangle::pivots_exceed(moments.covariance, &(variances * LEAST)) && finite
+}
+
+/// An update over moments.
+pub(super) struct Conditioned<const N: usize> {
+    pub(super) posterior: Estimate<N>,
+    /// yᵀ S⁻¹ y.
+    pub(super) nis: f64,
+    /// |S|.
+    determinant: f64,
+}
+
+impl<const N: usize> Conditioned<N> {
+    /// What `prior` is given an observation that differs by `residual` from what is expected, by
+    /// eliminating the observation's components from the covariance of both, one after the other
+    /// (the Schur complement of S); `None` where that would lose digits.
+    #[inline(always)]
+    pub(super) fn on<const M: usize>(
+        prior: &Estimate<N>,
+        expected: &Moments<N, M>,
+        residual: SVector<f64, M>,
+        observation: &Observation<M>,
+        axes: &[Axis; N],
+    ) -> Option<Self> {
+        let Estimate { mut mean, mut covariance } = *prior;
+        let mut y = observation.strike(residual);
+        let mut cross = observation.mask(expected.cross);
+        let explained = observation.mask(observation.strike(expected.covariance));
+        let mut s = explained + observation.noise();
+        let least = s.diagonal() * LEAST;
+
+        let (mut nis, mut determinant) = (0.0, 1.0);
+        let mut plain = true;
+        for k in 0..M {
+            let pivot = s[(k, k)];
+            plain &= pivot > least[k];
+            determinant *= pivot;
+            let inverse = 1.0 / pivot;
+            let (column, share) = (cross.column(k).into_owned(), y[k] * inverse);
+            nis += y[k] * share;
+            mean += column * share;
+            for j in 0..N {
+                let along = column[j] * inverse;
+                for i in j..N {
+                    covariance[(i, j)] -= column[i] * along;
+                }
+            }
+            for j in k + 1..M {
+                let along = s[(j, k)] * inverse;
+                y[j] -= along * y[k];
+                for i in 0..N {
+                    cross[(i, j)] -= along * column[i];
+                }
+                for i in j..M {
+                    s[(i, j)] -= along * s[(i, k)];
+                }
+            }
+        }
+        mean = Axis::difference(axes, &mean, &State::zeros());
+        covariance.fill_upper_triangle_with_lower_triangle();
+        let posterior = Estimate { mean, covariance };
+        plain &= is_plain(&posterior, &prior.covariance.diagonal())
+            && (f64::MIN_POSITIVE..f64::INFINITY).contains(&determinant)
+            && nis < f64::INFINITY;
+        plain.then_some(Self { posterior, nis, determinant })
+    }
+
+    /// ln N(y; 0, S) of `dof` components.
+    #[inline(always)]
+    pub(super) fn log_evidence(&self, dof: usize) -> f64 {
+        noise::log_density(self.nis, 0.5 * elementary::ln(self.determinant), dof)
+    }
+}
+
+/// A Gaussian keeps its factor only where it needs it.
+impl<const N: usize> From<Gaussian<N>> for Belief<N> {
+    fn from(gaussian: Gaussian<N>) -> Self {
+        let estimate = *gaussian.estimate();
+        let plain = is_plain(&estimate, &estimate.covariance.diagonal());
+        Self { estimate, factor: (!plain).then_some(*gaussian.factor()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use foxhunt_core::{Pose, Role};
+    use nalgebra::{Matrix2, Vector2};
+
+    use super::*;
+
+    fn given(noise: Matrix2<f64>, missing: Option<usize>) -> Option<(Conditioned<2>, f64)> {
+        let covariance = Matrix2::new(9.0, 2.0, 2.0, 4.0);
+        let prior = Estimate { mean: Vector2::new(1.0, -2.0), covariance };
+        let slope = Matrix2::new(0.5, -1.0, 0.2, 0.7);
+        let (cross, explained) =
+            (covariance * slope.transpose(), slope * covariance * slope.transpose());
+        let expected = Moments { mean: slope * prior.mean, cross, covariance: explained };
+        let residual = Vector2::new(0.4, -1.1);
+        let observation = Observation::new(0.0, Pose::default(), expected.mean + residual, noise);
+        let observation = observation.expect("proper");
+        let observation = missing.map_or(observation, |component| observation.without(component));
+        let linear = [Axis::Linear; 2];
+        let conditioned = Conditioned::on(&prior, &expected, residual, &observation, &linear)?;
+        // The textbook's, of what is present.
+        let (cross, residual) = (observation.mask(cross), observation.strike(residual));
+        let s = observation.mask(observation.strike(explained)) + observation.noise();
+        let gain = cross * s.try_inverse().expect("definite");
+        let off = (conditioned.posterior.mean - prior.mean - gain * residual).norm()
+            + (conditioned.posterior.covariance - covariance + gain * cross.transpose()).norm()
+            + (conditioned.determinant - s.determinant()).abs();
+        Some((conditioned, off))
+    }
+
+    #[test]
+    fn elimination_is_the_textbooks_update() {
+        let noise = Matrix2::new(2.0, 0.3, 0.3, 1.0);
+        for missing in [None, Some(0), Some(1)] {
+            let (conditioned, off) = given(noise, missing).expect("far from singular");
+            assert!(off < 1e-13, "without {missing:?} off by {off}");
+            let covariance = conditioned.posterior.covariance;
+            assert_eq!(covariance, covariance.transpose());
+        }
+    }
+
+    #[test]
+    fn what_would_lose_digits_is_left_to_factors() {
+        assert!(given(Matrix2::from_diagonal_element(1e-3), None).is_some());
+        for thin in [Matrix2::from_diagonal_element(1e-7), Matrix2::new(1.0, 0.0, 0.0, 1e-9)] {
+            assert!(given(thin, None).is_none(), "{thin}");
+        }
+        let covariance = Matrix2::new(1.0, 1.0, 1.0, 1.0 + 1e-7);
+        let thin = Estimate { mean: Vector2::zeros(), covariance };
+        let thin = Gaussian::new(thin, Role::Prior).expect("definite");
+        assert!(Belief::from(thin).moments().is_none());
+        assert_eq!(Belief::from(thin).gaussian(), Some(thin));
+        let wide = Gaussian::new(Estimate::isotropic(Vector2::zeros(), 3.0), Role::Prior);
+        assert!(Belief::from(wide.expect("definite")).moments().is_some());
+    }
+}
