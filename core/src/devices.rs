@@ -15,6 +15,25 @@ pub trait Radio {
     /// Any failure of the link.
     fn request(&mut self, beacon: BeaconId) -> Result<(), Self::Error>;
 
+    /// Sends questions one after the other, each once the one before is answered, as long as the
+    /// answers come before `until` and are known by now: a simulated radio may [go
+    /// ahead](Clock::go_ahead). Fills `answers` with the time and the power of each, in dBm, and
+    /// returns how many there are; one question is outstanding where these are fewer than there is
+    /// room for. Unless overridden, no answer is known by now.
+    ///
+    /// # Errors
+    ///
+    /// Any failure of the link; then no answer is lost.
+    fn interrogate(
+        &mut self,
+        beacon: BeaconId,
+        until: f64,
+        answers: &mut [(f64, f64)],
+    ) -> Result<usize, Self::Error> {
+        let _ = (until, answers);
+        self.request(beacon).map(|()| 0)
+    }
+
     /// The power of the answer in dBm, once; `None` while there is none. Never blocks.
     ///
     /// # Errors
@@ -71,6 +90,20 @@ pub trait Rotator {
 pub trait Clock {
     /// Seconds since an origin that stays the same for the whole hunt; never decreases.
     fn now(&self) -> f64;
+
+    /// Goes ahead to the first moment at which `event` has come, and returns whether it did: a
+    /// simulated clock may where nobody else interferes until then. It [is ahead](Self::is_ahead)
+    /// until those who poll have come as far. False unless overridden.
+    fn go_ahead(&self, event: f64) -> bool {
+        let _ = event;
+        false
+    }
+
+    /// Whether it has gone ahead of those who poll; what was found out so is not yet to be
+    /// delivered. False unless overridden.
+    fn is_ahead(&self) -> bool {
+        false
+    }
 }
 
 /// A closure is a clock.

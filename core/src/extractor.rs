@@ -14,6 +14,13 @@ pub trait BearingExtractor {
     ///
     /// [`NoReading`] when the sweep holds nothing of use.
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading>;
+
+    /// The σ in radians that a bearing from such samples is expected to have, which a source may
+    /// turn on for; unless overridden that of the bearing that they give, and `None` where they
+    /// give none.
+    fn expected_sigma(&self, sweep: &Sweep<'_>) -> Option<f64> {
+        self.extract(sweep).ok()?.bearing.ok().map(|bearing| bearing.sigma)
+    }
 }
 
 /// An extractor's result for a sweep: level, bearing, and the directions that compete.

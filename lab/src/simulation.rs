@@ -175,6 +175,8 @@ pub fn fly_watched<D: Devices, O: std::error::Error + Send + Sync + 'static>(
         if world.time() > config.limit_s {
             return Err(SimulationError::TooLong { limit_s: config.limit_s });
         }
+        let undisturbed = agenda.undisturbed_until(hunt).unwrap_or(f64::NEG_INFINITY);
+        world.allow_ahead(undisturbed.min(appears_at).min(config.limit_s), config.tick_s);
         let next = agenda.next_event().map_or(0.0, |event| event.min(appears_at));
         world.advance_until(next.min(config.limit_s), config.tick_s)?;
     }

@@ -48,6 +48,8 @@ mod propagation;
 #[cfg(feature = "alloc")]
 mod stepper;
 #[cfg(feature = "alloc")]
+mod turn_goal;
+#[cfg(feature = "alloc")]
 mod turn_recorder;
 
 #[cfg(feature = "alloc")]
@@ -90,3 +92,5 @@ pub use omnidirectional::{OmnidirectionalConfig, OmnidirectionalError, Omnidirec
 pub use propagation::{Friis, LogDistance, Polarisation, Propagation, TwoRay};
 #[cfg(feature = "alloc")]
 pub use stepper::{StepperConfig, StepperError, StepperSource};
+#[cfg(feature = "alloc")]
+pub use turn_goal::{TurnGoal, TurnGoalConfig};

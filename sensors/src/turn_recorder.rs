@@ -7,6 +7,8 @@ use foxhunt_core::{
 };
 use nalgebra::Vector3;
 
+use crate::turn_goal::TurnGoal;
+
 /// A recorder of one turn for several beacons: it collects their samples, and lends a sweep for
 /// each once the turn is over.
 #[derive(Clone, Debug, Default)]
@@ -18,6 +20,9 @@ pub(crate) struct TurnRecorder {
     lent: usize,
     /// The worst σ of the vehicle's places so far, each coordinate by itself.
     place_sigma: Option<Vector3<f64>>,
+    /// Of each beacon, how many samples it had when it was last held against a goal, and whether it
+    /// reached it.
+    judged: Vec<(usize, bool)>,
 }
 
 impl TurnRecorder {
@@ -63,6 +68,31 @@ impl TurnRecorder {
     /// Whether no sample was taken at all.
     pub(crate) fn is_empty(&self) -> bool {
         self.sweeps.iter().all(|sweep| sweep.samples.is_empty())
+    }
+
+    /// Whether the records of all beacons that were received at all reach a goal. `from_nose`:
+    /// boresights of unanswered questions are still counted from the nose.
+    pub(crate) fn reaches(
+        &mut self,
+        goal: &TurnGoal,
+        positions: u16,
+        floor_dbm: Option<f64>,
+        from_nose: bool,
+    ) -> bool {
+        self.judged.resize(self.sweeps.len(), (0, true));
+        self.sweeps.iter().zip(&mut self.judged).all(|(sweep, judged)| {
+            // What did not come teaches too little to be worth a fit of its own.
+            if judged.0 != sweep.samples.len() {
+                let receiver = mean_pose(&sweep.samples).unwrap_or_default();
+                let mut record = sweep.clone();
+                for unanswered in record.unanswered.iter_mut().filter(|_| from_nose) {
+                    unanswered.boresight = angle::wrap(receiver.heading + unanswered.boresight);
+                }
+                let sweep = Sweep { receiver, positions, floor_dbm, ..record.as_sweep() };
+                *judged = (sweep.samples.len(), goal.is_reached(&sweep));
+            }
+            judged.1
+        })
     }
 
     /// Ends the turn: its sweeps may be lent.

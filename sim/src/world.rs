@@ -12,7 +12,7 @@ use crate::{
     LateSource, PulseTrain, SimBody, SimClock, SimError, SimOmnidirectional, SimRadio, SimRotator,
     SimStepper, SimThreeAxis, SimVehicle, ThreeAxisConfig, WorldConfig,
     devices::OnBoard,
-    truth::{Channel, Drone, Port, Streams, Truth, beacon_of, is_due},
+    truth::{Channel, Drone, Free, Port, Streams, Truth, beacon_of, is_due},
 };
 
 /// A simulated world. Clones and devices are handles to the same one.
@@ -43,7 +43,8 @@ impl World {
             Drone::new(drone, config.vehicle, config.stepper, streams)
         };
         let drones = config.drones.iter().map(&mut drone).collect::<Result<_, _>>()?;
-        let truth = Truth { time: 0.0, channel, beacons: config.drawn_beacons(seed), drones };
+        let beacons = config.drawn_beacons(seed);
+        let truth = Truth { time: 0.0, free: Free::default(), channel, beacons, drones };
         Ok(Self { truth: Rc::new(RefCell::new(truth)) })
     }
 
@@ -73,16 +74,31 @@ impl World {
         if until.is_nan() || until == f64::INFINITY {
             return Err(SimError::TimeStep { dt: until });
         }
+        // Drones that rest go on to rest.
+        let rests = truth.drones.iter().all(Drone::rests);
         loop {
             let next = truth.time + dt;
             if !(next > truth.time && next.is_finite()) {
                 return Err(SimError::TimeStep { dt });
             }
-            truth.advance(dt);
+            if rests {
+                truth.time = next;
+            } else {
+                truth.advance(dt);
+            }
             if is_due(until, truth.time) {
                 return Ok(());
             }
         }
+    }
+
+    /// Lets the [steppers](Self::stepper) of drones that rest take their steps before `until`
+    /// ahead of the world's time: at which moments, steps of `dt` seconds from now, and with what
+    /// result remains the same, and so does when they deliver. It is for those who know that
+    /// nobody orders any of these drones, or begins another turn, before that time or the end of
+    /// the turn that is under way; the last such permission holds.
+    pub fn allow_ahead(&self, until: f64, dt: f64) {
+        self.truth.borrow_mut().free = Free { until, step: dt };
     }
 
     /// Seconds since the beginning.
@@ -246,7 +262,7 @@ impl World {
             return Err(SimError::Angle { angle: boresight });
         }
         self.on_board(drone)?.with_truth(|truth, drone| {
-            let Truth { time, channel, beacons, drones } = &mut *truth;
+            let Truth { time, channel, beacons, drones, .. } = &mut *truth;
             let from = beacon_of(beacons, beacon)?;
             let port = Port::Own(antenna);
             Ok(drones[drone].receive(channel, beacon, from, port, boresight, *time))
@@ -267,7 +283,7 @@ impl World {
     /// The world's clock.
     #[must_use]
     pub fn clock(&self) -> SimClock {
-        SimClock(Rc::clone(&self.truth))
+        SimClock { truth: Rc::clone(&self.truth), drone: None }
     }
 
     /// A drone's radio.
@@ -311,7 +327,8 @@ impl World {
             Some(floor) => config.with_floor_dbm(floor).expect("it was checked with the channel"),
             None => config,
         };
-        Ok(StepperSource::new(config, radio, rotator, self.vehicle(drone)?, self.clock()))
+        let (vehicle, clock) = (self.vehicle(drone)?, radio.on_board.clock());
+        Ok(StepperSource::new(config, radio, rotator, vehicle, clock))
     }
 
     /// A source made of a drone's radio and of the drone, which turns as a whole; its antenna

@@ -90,7 +90,7 @@ fn advice_is_followed_and_nothing_is_sent() {
         pilots: Vec::new(),
         recorded: Rc::clone(&recorded),
     };
-    let drones = flight.open(&mut routed, &world.clock(), 0.0, None).expect("devices");
+    let drones = flight.open(&mut routed, &world.clock(), 0.0, None, None).expect("devices");
     let mut mission: Mission<Shared<BoxedAircraft>, BoxedSource> =
         Mission::new(flight.flight, hunt, drones, world.time()).expect("a flight");
     let up = flight.flight.takeoff_up_m;

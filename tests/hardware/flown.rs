@@ -61,7 +61,7 @@ fn fly(scenario: &Scenario, seed: u64, faults: Vec<DroneFaults>, name: &str) -> 
     let estimator = flight.estimator(&registry).expect("it is known");
     let hunt = flight.parts(&registry, estimator, seed).build().expect("a hunt");
     let drones = flight
-        .open(&mut SystemPorts::new(world.clock()), &world.clock(), 0.0, None)
+        .open(&mut SystemPorts::new(world.clock()), &world.clock(), 0.0, None, None)
         .expect("devices");
     let mut mission: Mission<Shared<BoxedAircraft>, BoxedSource> =
         Mission::new(flight.flight, hunt, drones, world.time()).expect("a flight");

@@ -104,7 +104,8 @@ impl Rig {
         let link = CarriedDrone::new(carrier, drone, Some(self.key.clone())).expect("randomness");
         let FlightConfig { site, beacons, drones, extractor, bearings, .. } = &self.flight;
         let (clock, mut ports) = (self.world.clock(), SystemPorts::new(self.world.clock()));
-        let open = drones[drone].open(site, beacons, &mut ports, &clock, 0.0).expect("devices");
+        let open = drones[drone].open(site, beacons, &mut ports, &clock, 0.0, None);
+        let open = open.expect("devices");
         let extractor = self.registry.hunt_extractor(extractor, *bearings).expect("in range");
         let (rules, config) = (self.flight.flight, DroneNodeConfig::default());
         let mut node =

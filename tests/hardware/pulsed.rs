@@ -209,7 +209,7 @@ fn a_hunt_through_samples_finds_a_tag() {
     let registry = Registry::builtin();
     let estimator = flight.estimator(&registry).expect("it is known");
     let hunt = flight.parts(&registry, estimator, 5).build().expect("a hunt");
-    let drones = flight.open(&mut ports, &world.clock(), 0.0, None).expect("devices");
+    let drones = flight.open(&mut ports, &world.clock(), 0.0, None, None).expect("devices");
     let mut mission: Mission<_, BoxedSource> =
         Mission::new(flight.flight, hunt, drones, world.time()).expect("a flight");
     let mut receptions = 0;

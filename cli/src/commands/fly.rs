@@ -246,8 +246,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if field.emulated.is_none() {
         examine_devices(&config, &clock, epoch_s);
     }
-    let drones =
-        config.open(field.ports.as_mut(), &clock, epoch_s, Some(&tap)).map_err(open_error)?;
+    let goal = config.goal(registry).map_err(CliError::input)?;
+    let drones = config.open(field.ports.as_mut(), &clock, epoch_s, goal.as_ref(), Some(&tap));
+    let drones = drones.map_err(open_error)?;
     let mut mission =
         Mission::new(config.flight, hunt, drones, clock.now()).map_err(CliError::input)?;
     mission.wait_for_go(confirms);

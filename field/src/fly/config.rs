@@ -7,6 +7,7 @@ use foxhunt_hunt::{
     log::{LOG_VERSION, LogHeader, LoggedBeacon},
     registry::{DEFAULT_ESTIMATOR, EstimatorEntry, Field, HuntParts, Registry},
 };
+use foxhunt_sensors::{TurnGoal, TurnGoalConfig};
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -34,6 +35,10 @@ pub struct FlightConfig {
     /// How the bearings err and their σ is off, as a calibration has it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bearings: Option<BearingCalibration>,
+    /// How certain the bearings of a turn shall be, which it goes on for; a turn is one round unless
+    /// given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turns: Option<TurnGoalConfig>,
     /// What decides where to listen.
     pub planner: PlannerConfig,
     /// Time-outs, tolerances, the prior, the airspace, the batteries.
@@ -132,6 +137,14 @@ impl FlightConfig {
     pub fn check(&self) -> Result<(), FlyError> {
         self.site.frame()?;
         self.flight.check().map_err(|error| error.within("flight"))?;
+        if let Some(turns) = &self.turns {
+            self.hunt.check_turns(turns).map_err(|error| error.within("turns"))?;
+            let turns = |drone: &DroneConfig| drone.source.turns();
+            if let Some(drone) = self.drones.iter().find(|drone| !turns(drone)) {
+                let reason = "it does not turn, and turns.bearing_sigma_deg is given".to_owned();
+                return Err(FlyError::Drone { drone: drone.name.clone(), reason });
+            }
+        }
         if self.drones.is_empty() || self.beacons.is_empty() {
             let missing = if self.drones.is_empty() { "drones" } else { "beacons" };
             return Err(FlyError::Nothing { missing });
@@ -173,6 +186,18 @@ impl FlightConfig {
         }
         self.check()?;
         Ok(self)
+    }
+
+    /// What its turns go on for, by the extractor of the registry; `None` where that is not given.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError`] when the extractor cannot be built, or a number is out of its range.
+    pub fn goal(&self, registry: &Registry) -> Result<Option<TurnGoal>, FlyError> {
+        let Some(turns) = self.turns else { return Ok(None) };
+        let extractor = registry.build_extractor(&self.extractor)?;
+        let goal = TurnGoal::new(turns, extractor.into());
+        Ok(Some(goal.map_err(|error| error.within("turns"))?))
     }
 
     /// Its estimator.

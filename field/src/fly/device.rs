@@ -103,3 +103,10 @@ pub enum ListenConfig {
         settings: KrakenConfig,
     },
 }
+
+impl ListenConfig {
+    /// Whether it looks along one direction after the other, in turns that may go on.
+    pub(super) fn turns(&self) -> bool {
+        matches!(self, Self::Stepper(_) | Self::RotatingBody(_))
+    }
+}

@@ -179,6 +179,7 @@ impl EmulatedField {
                 model: scenario.model.clone(),
                 extractor: scenario.extractor.clone(),
                 bearings: scenario.bearings,
+                turns: scenario.turns,
                 planner: scenario.planner.clone(),
                 hunt: scenario.hunt.clone(),
                 flight: FlightRules::default(),

@@ -140,7 +140,9 @@ impl EmulatedFlight {
         flight.flight = FlightRules { takeoff_up_m, ..self.rules };
         let estimator = flight.estimator(registry).map_err(setup)?;
         let hunt = flight.parts(registry, estimator, self.seed).build().map_err(setup)?;
-        let drones = flight.open(&mut ports, &world.clock(), 0.0, None).map_err(setup)?;
+        let goal = flight.goal(registry).map_err(setup)?;
+        let drones = flight.open(&mut ports, &world.clock(), 0.0, goal.as_ref(), None);
+        let drones = drones.map_err(setup)?;
         let mut mission: Mission<Shared<BoxedAircraft>, BoxedSource> =
             Mission::new(flight.flight, hunt, drones, world.time()).map_err(setup)?;
         let count = world.drone_count();

@@ -2,7 +2,7 @@ use std::io;
 
 use foxhunt_core::parameter::FieldError;
 use foxhunt_hunt::{
-    config::PlannerConfigError,
+    config::{ExtractorConfigError, PlannerConfigError},
     hunt::HuntError,
     registry::{PartsError, RegistryError},
 };
@@ -36,6 +36,9 @@ pub enum FlyError {
     /// A field is out of its range.
     #[error(transparent)]
     Field(#[from] FieldError),
+    /// The extractor that turns go by cannot be built.
+    #[error(transparent)]
+    Extractor(#[from] ExtractorConfigError),
     /// The estimator's name is not known.
     #[error("estimator: {0}")]
     Estimator(#[from] RegistryError),

@@ -4,7 +4,7 @@ use foxhunt_hardware::{
     RtlTcpRadio, Shared, SikFeed, SikRadio, XbeeRadio,
 };
 use foxhunt_hunt::hunt::{BoxedSource, boxed_source};
-use foxhunt_sensors::{BodySource, OmnidirectionalSource, StepperSource};
+use foxhunt_sensors::{BodySource, OmnidirectionalSource, StepperSource, TurnGoal};
 use foxhunt_wire::{ByteStream, Endpoint};
 
 use super::{
@@ -20,8 +20,9 @@ use super::{
 pub type OpenDrone = FlownDrone<Shared<BoxedAircraft>, BoxedSource>;
 
 impl FlightConfig {
-    /// Opens the devices of all drones at `ports`; their sweeps are passed to `tap` if there is
-    /// one. The clock was 0 at `clock_origin_unix_s` of UNIX time, which signatures carry.
+    /// Opens the devices of all drones at `ports`, whose turns go on for `goal` if there is one;
+    /// their sweeps are passed to `tap` if there is one. The clock was 0 at `clock_origin_unix_s` of
+    /// UNIX time, which signatures carry.
     ///
     /// # Errors
     ///
@@ -31,11 +32,12 @@ impl FlightConfig {
         ports: &mut dyn Ports,
         clock: &C,
         clock_origin_unix_s: f64,
+        goal: Option<&TurnGoal>,
         tap: Option<&Tap>,
     ) -> Result<Vec<OpenDrone>, FlyError> {
         let open = |(index, drone): (usize, &DroneConfig)| {
             let mut open =
-                drone.open(&self.site, &self.beacons, ports, clock, clock_origin_unix_s)?;
+                drone.open(&self.site, &self.beacons, ports, clock, clock_origin_unix_s, goal)?;
             if let Some(tap) = tap {
                 open.source = boxed_source(Tapped::new(open.source, index, tap.clone()));
             }
@@ -46,7 +48,7 @@ impl FlightConfig {
 }
 
 impl DroneConfig {
-    /// Opens its devices.
+    /// Opens its devices; its turns go on for `goal` if there is one.
     ///
     /// # Errors
     ///
@@ -58,11 +60,12 @@ impl DroneConfig {
         ports: &mut dyn Ports,
         clock: &C,
         clock_origin_unix_s: f64,
+        goal: Option<&TurnGoal>,
     ) -> Result<OpenDrone, FlyError> {
         let feed = SikFeed::default();
         let aircraft = self.open_aircraft(site, &feed, ports, clock, clock_origin_unix_s)?;
         let aircraft = Shared::new(aircraft);
-        let source = self.open_source(beacons, aircraft.clone(), feed, ports, clock)?;
+        let source = self.open_source(beacons, aircraft.clone(), feed, ports, clock, goal)?;
         Ok(FlownDrone::new(self.name.clone(), aircraft, source))
     }
 
@@ -196,6 +199,7 @@ impl DroneConfig {
         feed: SikFeed,
         ports: &mut dyn Ports,
         clock: &C,
+        goal: Option<&TurnGoal>,
     ) -> Result<BoxedSource, FlyError> {
         if matches!(self.source, ListenConfig::Kraken { .. }) {
             return Ok(boxed_source(self.open_kraken(beacons, aircraft, clock)?));
@@ -205,11 +209,19 @@ impl DroneConfig {
         Ok(match (&self.source, &self.rotator) {
             (ListenConfig::Stepper(config), Some(rotator)) => {
                 let rotator = self.open_rotator(rotator, ports, &clock)?;
-                boxed_source(StepperSource::new(*config, radio, rotator, aircraft, clock))
+                let source = StepperSource::new(*config, radio, rotator, aircraft, clock);
+                boxed_source(match goal {
+                    Some(goal) => source.with_goal(goal.clone()),
+                    None => source,
+                })
             }
             (ListenConfig::RotatingBody(config), _) => {
                 let source = BodySource::new(*config, radio, aircraft, clock);
-                boxed_source(source.map_err(|error| self.wrong(error))?)
+                let source = source.map_err(|error| self.wrong(error))?;
+                boxed_source(match goal {
+                    Some(goal) => source.with_goal(goal.clone()),
+                    None => source,
+                })
             }
             (ListenConfig::Omnidirectional(config), _) => {
                 let source = OmnidirectionalSource::new(*config, radio, aircraft, clock);

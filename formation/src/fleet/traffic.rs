@@ -271,7 +271,8 @@ impl Traffic {
             self.released = 0.0;
             self.set_off(thorough);
         }
-        let flights = self.flights.iter_mut().enumerate();
+        let due = |(_, flight): &(usize, &mut Flight)| flight.due.is_some();
+        let flights = self.flights.iter_mut().enumerate().filter(due);
         flights.filter_map(|(drone, flight)| flight.order(drone)).collect()
     }
 

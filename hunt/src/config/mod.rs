@@ -20,4 +20,4 @@ pub use model::{ModelConfig, ReceiverModel};
 pub use planner::{PlannerConfig, PlannerConfigError};
 pub use registry_error::RegistryError;
 pub use shape::{BoxedShape, ShapeConfig};
-pub use source::SourceConfig;
+pub use source::{Questions, SourceConfig};

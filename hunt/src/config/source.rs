@@ -1,6 +1,6 @@
 use std::f64::consts::TAU;
 
-use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig, StepperConfig};
+use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig, StepperConfig, TurnGoal};
 use foxhunt_sim::{SimError, SimStepperConfig, ThreeAxisConfig, World};
 use serde::{Deserialize, Serialize};
 
@@ -36,19 +36,51 @@ impl Default for SourceConfig {
 }
 
 impl SourceConfig {
-    /// Builds the source of a drone of a simulated world; `None` for one that is known by name
-    /// alone.
+    /// Whether it looks along one direction after the other, in turns that may go on.
+    #[must_use]
+    pub fn turns(&self) -> bool {
+        matches!(self, Self::Stepper(_) | Self::RotatingBody(_))
+    }
+
+    /// The receiver's weakest reading in dBm, where it is given.
+    #[must_use]
+    pub fn floor_dbm(&self) -> Option<f64> {
+        match self {
+            Self::Stepper(config) => config.floor_dbm(),
+            Self::RotatingBody(config) => config.floor_dbm,
+            Self::Omnidirectional(config) => config.floor_dbm,
+            Self::ThreeAxis(_) | Self::Registered { .. } => None,
+        }
+    }
+
+    /// Builds the source of a drone of a simulated world, whose turns go on for `goal` where there
+    /// is one; `None` for one that is known by name alone.
     ///
     /// # Errors
     ///
     /// [`SimError`] when there is no such drone, or a number is out of its range.
-    pub fn build(&self, world: &World, drone: usize) -> Result<Option<BoxedSource>, SimError> {
+    pub fn build(
+        &self,
+        world: &World,
+        drone: usize,
+        goal: Option<&TurnGoal>,
+    ) -> Result<Option<BoxedSource>, SimError> {
         Ok(Some(match self {
             Self::Stepper(config) => {
-                boxed_source(world.late(drone, world.stepper(drone, *config)?)?)
+                let source = world.stepper(drone, *config)?;
+                let source = match goal {
+                    Some(goal) => source.with_goal(goal.clone()),
+                    None => source,
+                };
+                boxed_source(world.late(drone, source)?)
             }
             Self::RotatingBody(config) => {
-                boxed_source(world.late(drone, world.body(drone, *config)?)?)
+                let source = world.body(drone, *config)?;
+                let source = match goal {
+                    Some(goal) => source.with_goal(goal.clone()),
+                    None => source,
+                };
+                boxed_source(world.late(drone, source)?)
             }
             Self::Omnidirectional(config) => {
                 boxed_source(world.late(drone, world.omnidirectional(drone, *config)?)?)
@@ -60,19 +92,30 @@ impl SourceConfig {
         }))
     }
 
-    /// About how long a turn for so many beacons takes in a simulated world, in seconds,
-    /// where every question is answered; `None` for a source that is known by name alone.
+    /// About how long a turn takes in a simulated world, in seconds, where every question is
+    /// answered; `None` for a source that is known by name alone. `of_goal` gives how many
+    /// questions a turn that takes so many at least is expected to take where it has a goal.
     #[must_use]
-    pub fn turn_s(&self, quickness: &SimStepperConfig, beacons: u16) -> Option<f64> {
-        let answer_s = quickness.radio_latency_s;
+    pub fn turn_s(
+        &self,
+        questions: &Questions,
+        of_goal: impl Fn(u16) -> Option<u16>,
+    ) -> Option<f64> {
+        let Questions { quickness, beacons, interval_s } = *questions;
+        let answer_s = quickness.radio_latency_s.max(interval_s.unwrap_or(0.0));
         let per_question = |spacing_s: f64| f64::from(beacons) * spacing_s.max(answer_s);
         Some(match self {
             Self::Stepper(config) => {
-                let questions =
-                    f64::from(config.positions()) * f64::from(config.samples_per_position());
-                questions * per_question(0.0) + TAU / quickness.rotator_speed_rad_s
+                let (positions, samples) = (config.positions(), config.samples_per_position());
+                // A fit is by boresights.
+                let positions = of_goal(positions).unwrap_or(positions);
+                f64::from(positions) * f64::from(samples) * per_question(0.0)
+                    + TAU / quickness.rotator_speed_rad_s
             }
-            Self::RotatingBody(config) => TAU / config.rate_rad_s.abs(),
+            Self::RotatingBody(config) => match interval_s.and_then(|_| of_goal(FEWEST_PULSES)) {
+                Some(pulses) => f64::from(pulses) * per_question(config.spacing_s),
+                None => TAU / config.rate_rad_s.abs(),
+            },
             Self::Omnidirectional(config) => {
                 f64::from(config.questions) * per_question(config.spacing_s)
             }
@@ -81,3 +124,17 @@ impl SourceConfig {
         })
     }
 }
+
+/// What tells how long questions take.
+#[derive(Clone, Copy, Debug)]
+pub struct Questions {
+    /// How quick the devices of the simulation are.
+    pub quickness: SimStepperConfig,
+    /// For how many beacons a turn is.
+    pub beacons: u16,
+    /// From pulse to pulse of the slowest beacon that sends by itself, in seconds.
+    pub interval_s: Option<f64>,
+}
+
+/// A body that waits for pulses turns so slowly that there are so many in a turn at least.
+const FEWEST_PULSES: u16 = 9;

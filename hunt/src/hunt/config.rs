@@ -1,5 +1,6 @@
 use foxhunt_core::parameter::{FieldError, at_least_one, finite, positive};
 use foxhunt_formation::{AirspaceConfig, AttendanceConfig, EnduranceConfig, StopRules, Void};
+use foxhunt_sensors::TurnGoalConfig;
 use serde::{Deserialize, Serialize};
 
 /// Settings of a [`Hunt`](super::Hunt) besides its parts.
@@ -80,6 +81,20 @@ impl Default for HuntConfig {
 }
 
 impl HuntConfig {
+    /// Whether turns may go on for a goal: their longest must end before they are given up.
+    ///
+    /// # Errors
+    ///
+    /// [`FieldError`] names what cannot be.
+    pub fn check_turns(&self, turns: &TurnGoalConfig) -> Result<(), FieldError> {
+        turns.check()?;
+        if turns.longest_s < self.turn_timeout_s {
+            return Ok(());
+        }
+        let below = "below hunt.turn_timeout_s, after which a turn is given up";
+        Err(FieldError::new("longest_s", turns.longest_s, below))
+    }
+
     pub(super) fn check(&self) -> Result<(), FieldError> {
         for coordinate in self.prior_centre_m.unwrap_or_default() {
             finite("prior_centre_m", coordinate)?;

@@ -240,6 +240,14 @@ impl Agenda {
         self.sources.iter().copied().try_fold(self.look_at_flight()?, earlier)
     }
 
+    /// Until when nothing but their sweeps can make the hunt have its drones do anything, and none
+    /// of them before its own sweep is delivered; absent where that is not known.
+    #[must_use]
+    pub fn undisturbed_until(&self, hunt: &Hunt) -> Option<f64> {
+        let look_at = self.look_at_flight().filter(|_| hunt.waits_for_all());
+        look_at.map(|event| event - 2.0 * EARLY_S)
+    }
+
     /// When the drones are next to be looked at: one step before anything happens to them, too, so
     /// that the hunt knows that they were well until then.
     fn look_at_flight(&self) -> Option<f64> {

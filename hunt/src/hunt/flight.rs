@@ -347,6 +347,11 @@ impl Flight {
         self.drones.iter().any(|drone| drone.awaited && !drone.owed.is_empty())
     }
 
+    /// Whether every sweep that is owed is waited for.
+    pub(super) fn waits_for_all(&self) -> bool {
+        self.drones.iter().all(|drone| drone.awaited || drone.owed.is_empty())
+    }
+
     /// The next time at which [`pass`](Self::pass) or the way home can change anything while every
     /// drone stays where it is and is located; `None` while one flies or is on its way home.
     pub(super) fn next_event(&self) -> Option<f64> {

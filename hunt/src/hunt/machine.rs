@@ -307,7 +307,8 @@ impl Hunt {
     /// When there is no estimator for the next beacon.
     pub fn advance(&mut self, time: f64) -> Result<(), HuntError> {
         let all_found = self.all_found();
-        let turn_timeout_s = self.turn_timeout_s();
+        let listens = matches!(self.phases.phase(), Phase::Measuring(_));
+        let turn_timeout_s = if listens { self.turn_timeout_s() } else { f64::INFINITY };
         let Some(flight) = &mut self.flight else { return Ok(()) };
         flight.pass(time, &mut self.outbox);
         if !all_found && let Some(reason) = flight.must_return(time) {
@@ -352,6 +353,13 @@ impl Hunt {
         let searches = self.targets.iter().filter_map(SearchedTarget::search);
         let budgets = searches.filter_map(|search| Some(search.began + self.config.stop.time_s?));
         Some(budgets.fold(turn.min(flight.next_event()?), f64::min))
+    }
+
+    /// Whether every sweep that is owed is waited for: before the [next event](Self::next_event), no
+    /// drone is sent anywhere or has to listen again that has not delivered.
+    #[must_use]
+    pub fn waits_for_all(&self) -> bool {
+        self.flight.as_ref().is_some_and(Flight::waits_for_all)
     }
 
     /// How long the sweeps of a turn are waited for, in seconds.

@@ -48,6 +48,30 @@ mod tests {
     }
 
     #[test]
+    fn turns_that_cannot_be_are_refused_by_name() {
+        let text = TEXTS.iter().find(|(name, _)| *name == "vhf-tag").expect("built in").1;
+        let parse =
+            |turns: &str| Scenario::parse(&format!("{text}\n[turns]\n{turns}"), "goal.toml");
+        for (turns, expected) in [
+            ("bearing_sigma_deg = 0.0\nlongest_s = 60.0", "turns: bearing_sigma_deg is 0"),
+            ("bearing_sigma_deg = 6.0\nlongest_s = 500.0", "turns: longest_s is 500"),
+        ] {
+            let error = parse(turns).expect_err(turns).to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+        let mut scenario = parse("bearing_sigma_deg = 6.0\nlongest_s = 80.0").expect("in order");
+        // Planners reckon with the pulses that it takes.
+        let with = scenario.field().turn_s.expect("it turns");
+        scenario.turns.as_mut().expect("as parsed").bearing_sigma_deg = 3.0;
+        assert!(scenario.field().turn_s.expect("it turns") > 1.5 * with);
+        let stepper = text.find("[source]").expect("it has one")..text.find("[model]").expect("so");
+        let text = text.replace(&text[stepper], "[source]\nkind = \"omnidirectional\"\n\n");
+        let text = format!("{text}\n[turns]\nbearing_sigma_deg = 6.0\nlongest_s = 60.0");
+        let error = Scenario::parse(&text, "goal.toml").expect_err("it does not turn").to_string();
+        assert!(error.contains("neither steps nor turns"), "{error}");
+    }
+
+    #[test]
     fn every_text_is_a_scenario_of_its_name() {
         let registry = crate::registry::Registry::builtin();
         for (name, text) in TEXTS {

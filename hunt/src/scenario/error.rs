@@ -1,3 +1,5 @@
+use foxhunt_core::parameter::FieldError;
+
 /// Why there is no scenario.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -49,6 +51,14 @@ pub enum ScenarioError {
         sources: usize,
         /// How many drones.
         drones: usize,
+    },
+    /// The turns cannot be as they are wanted.
+    #[error("{file}: turns: {reason}")]
+    Turns {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        reason: FieldError,
     },
     /// A beacon that appears later stands before one that appears earlier.
     #[error("{file}: world.beacons must be in the order in which they appear (appears_after_s)")]

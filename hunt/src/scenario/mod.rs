@@ -11,15 +11,17 @@ pub use random_fleet::random_fleet;
 
 use std::{fs, path::Path};
 
-use foxhunt_core::Quantity;
-use foxhunt_sensors::MagneticDipole;
-use foxhunt_sim::{SimError, VehicleConfig, World, WorldConfig};
+use foxhunt_core::{Quantity, parameter::FieldError};
+use foxhunt_sensors::{MagneticDipole, TurnGoal, TurnGoalConfig};
+use foxhunt_sim::{BeaconConfig, SimError, VehicleConfig, World, WorldConfig};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::{
     calibration::BearingCalibration,
-    config::{ExtractorConfig, ModelConfig, PlannerConfig, SourceConfig},
+    config::{
+        ExtractorConfig, ExtractorConfigError, ModelConfig, PlannerConfig, Questions, SourceConfig,
+    },
     hunt::{BoxedSource, HuntConfig},
     registry::{EstimatorEntry, Field, HuntParts, Registry, RegistryError},
 };
@@ -51,6 +53,10 @@ pub struct Scenario {
     /// What each drone listens with, in their order, where they differ.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sources: Vec<SourceConfig>,
+    /// How certain the bearings of a turn shall be, which it goes on for; a turn is one round unless
+    /// given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turns: Option<TurnGoalConfig>,
     /// Time-outs, tolerances, the prior; the defaults of [`HuntConfig`] unless given.
     #[serde(default)]
     pub hunt: HuntConfig,
@@ -117,6 +123,15 @@ impl Scenario {
                 return Err(ScenarioError::Field { file, field, value, least, most });
             }
         }
+        if let Some(turns) = &scenario.turns {
+            let turning = (0..scenario.world.drones.len().max(1))
+                .all(|drone| scenario.source_of(drone).turns());
+            let none = FieldError::new("bearing_sigma_deg", turns.bearing_sigma_deg, NO_TURN);
+            let checked = scenario.hunt.check_turns(turns);
+            checked
+                .and(if turning { Ok(()) } else { Err(none) })
+                .map_err(|reason| ScenarioError::Turns { file: file.to_owned(), reason })?;
+        }
         let (sources, drones) = (scenario.sources.len(), scenario.world.drones.len());
         if sources > 0 && sources != drones {
             let file = file.to_owned();
@@ -149,15 +164,36 @@ impl Scenario {
         registry: &Registry,
         world: &World,
     ) -> Result<Vec<BoxedSource>, SourcesError> {
+        let goal = self.goal(registry)?;
         let build = |drone: usize| {
             let config = self.source_of(drone);
             if let SourceConfig::Registered { name } = config {
                 return Ok(registry.source(name)?.build(world, drone)?);
             }
-            let built = config.build(world, drone)?;
+            let built = config.build(world, drone, goal.as_ref())?;
             built.ok_or_else(|| SourcesError::Kind { kind: format!("{config:?}") })
         };
         (0..world.drone_count()).map(build).collect()
+    }
+
+    /// What its turns go on for, by its own extractor.
+    fn goal(&self, registry: &Registry) -> Result<Option<TurnGoal>, SourcesError> {
+        let Some(turns) = self.turns else { return Ok(None) };
+        let extractor = registry.build_extractor(&self.extractor)?;
+        Ok(Some(TurnGoal::new(turns, extractor.into())?))
+    }
+
+    /// How many questions a turn of a source that takes `least` at least is expected to take for
+    /// the bearings that are wanted, of a beacon as far away as the prior's σ; `None` where it does
+    /// not go on for them, or its extractor does not know its antenna.
+    fn questions_of_goal(&self, source: &SourceConfig, least: u16) -> Option<u16> {
+        let (antenna, elevation) = self.extractor.known_antenna()?;
+        let goal = TurnGoal::new(self.turns?, self.extractor.build().ok()?.into()).ok()?;
+        let ModelConfig { reference_dbm, exponent, .. } = self.model;
+        let level = reference_dbm - 10.0 * exponent * self.hunt.prior_sigma_m.log10();
+        let floor = source.floor_dbm().or(self.world.channel.floor_dbm);
+        let over = floor.map_or(f64::INFINITY, |floor| level - floor);
+        Some(goal.expected_questions(&antenna.build().ok()?, elevation, over, (least, MOST)))
     }
 
     /// What its sources measure besides level and bearing.
@@ -193,7 +229,16 @@ impl Scenario {
             [] => std::slice::from_ref(&self.source),
             sources => sources,
         };
-        let turns = sources.iter().filter_map(|s| s.turn_s(&self.world.stepper, beacons));
+        let interval = |beacon: &BeaconConfig| Some(beacon.pulses?.interval_s);
+        let questions = Questions {
+            quickness: self.world.stepper,
+            beacons,
+            interval_s: self.world.beacons.iter().filter_map(interval).reduce(f64::max),
+        };
+        let turn = |source: &SourceConfig| {
+            source.turn_s(&questions, |least| self.questions_of_goal(source, least))
+        };
+        let turns = sources.iter().filter_map(turn);
         Field {
             planner: self.planner.clone(),
             exponent: self.model.exponent,
@@ -244,6 +289,12 @@ impl Scenario {
     }
 }
 
+/// The most questions of a turn that are looked ahead to.
+const MOST: u16 = 1024;
+
+/// Why turns of sources that do not turn have no goal.
+const NO_TURN: &str = "left out where a source neither steps nor turns its body";
+
 /// Why the sources of a scenario cannot be built.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -251,6 +302,12 @@ pub enum SourcesError {
     /// A number is out of its range.
     #[error(transparent)]
     Sim(#[from] SimError),
+    /// What turns go on for is out of its range.
+    #[error("turns: {0}")]
+    Turns(#[from] FieldError),
+    /// The extractor that turns go by cannot be built.
+    #[error(transparent)]
+    Extractor(#[from] ExtractorConfigError),
     /// A name is not known.
     #[error("source.name: {0}")]
     Name(#[from] RegistryError),

@@ -152,6 +152,7 @@ pub fn random_fleet(seed: u64) -> Scenario {
         planner: PlannerConfig::Hold { turns: 1 },
         source: SourceConfig::Stepper(stepper()),
         sources: Vec::new(),
+        turns: None,
         hunt,
         simulation: SimulationConfig { tick_s: 0.1, limit_s: 7200.0 },
     };

@@ -5,7 +5,7 @@ use foxhunt_core::{
 };
 
 use super::{BodyConfig, BodyError};
-use crate::{interrogation::Interrogation, turn_recorder::TurnRecorder};
+use crate::{interrogation::Interrogation, turn_goal::TurnGoal, turn_recorder::TurnRecorder};
 
 /// A directional antenna that is fixed to an aircraft, which turns as a whole (Pritzl 2018, §5.1;
 /// Isaacs et al. 2014, §III).
@@ -31,6 +31,7 @@ pub struct BodySource<R, V, C> {
     /// Whether it was ordered to turn, and not to stop since.
     turning: bool,
     last_pose: Pose,
+    goal: Option<TurnGoal>,
 }
 
 /// A turn that is under way.
@@ -77,7 +78,21 @@ impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
             interrogation: Interrogation::default(),
             turning: false,
             last_pose: Pose::default(),
+            goal: None,
         })
+    }
+
+    /// The same that goes on turning, once it has come all the way round, until its bearings are as
+    /// certain as wanted or the goal's longest time is up. Where the configuration has the interval
+    /// of pulses, it turns no faster than some eight of them to a turn.
+    #[must_use]
+    pub fn with_goal(mut self, goal: TurnGoal) -> Self {
+        if let Some(interval_s) = self.config.interval_s {
+            self.config.rate_rad_s = TurnGoal::rate_rad_s(interval_s, self.config.rate_rad_s);
+        }
+        self.config.turn_timeout_s = goal.longest_s();
+        self.goal = Some(goal);
+        self
     }
 
     /// How it goes through a turn.
@@ -156,7 +171,9 @@ impl<R: Radio, V: Spinner, C: Clock> BodySource<R, V, C> {
         if self.interrogation.is_pending() {
             return self.interrogation.poll(radio, recorder, &timing, now, here);
         }
-        if turn.is_round() {
+        let BodyConfig { positions, floor_dbm, .. } = self.config;
+        let reaches = |goal| recorder.reaches(goal, positions, floor_dbm, false);
+        if turn.is_round() && self.goal.as_ref().is_none_or(reaches) {
             turn.phase = Phase::Stop;
             return Ok(true);
         }

@@ -136,13 +136,18 @@ impl Pattern {
         let reach = usize::from(reach).min((turn - 1) / 2);
         for i in 0..turn {
             let (mut sum, mut window) = (0.0, 0_u16);
-            let mut at = if i < reach { i + turn - reach } else { i - reach };
-            for _ in 0..=2 * reach {
-                if let Some(mean) = self.cells[at].mean_dbm() {
+            let (first, end) = ((i + turn - reach) % turn, i + reach + 1);
+            // In two parts where it goes across the turn's ends.
+            let (one, other) = if first > i {
+                (first..turn, 0..end)
+            } else {
+                (first..end.min(turn), 0..end.saturating_sub(turn))
+            };
+            for cell in self.cells[one].iter().chain(&self.cells[other]) {
+                if let Some(mean) = cell.mean_dbm() {
                     sum += mean;
                     window += 1;
                 }
-                at = if at + 1 < turn { at + 1 } else { 0 };
             }
             let cell = &mut self.cells[i];
             cell.window = window;
@@ -168,6 +173,13 @@ pub(super) fn check(sweep: &Sweep<'_>) -> Result<(), NoReading> {
     }
     if sweep.samples.is_empty() {
         return Err(NoReading::Empty);
+    }
+    // Zero times a number that is not finite is none.
+    let zero = |sum: f64, s: &Sample| sum + 0.0 * s.rss_dbm + 0.0 * s.boresight;
+    let finite = sweep.samples.iter().fold(0.0, zero).is_finite();
+    let last = sweep.samples.iter().map(|sample| sample.position).max();
+    if finite && last.is_some_and(|last| last < positions) {
+        return Ok(());
     }
     for (index, sample) in sweep.samples.iter().enumerate() {
         for (field, value) in [("rss_dbm", sample.rss_dbm), ("boresight", sample.boresight)] {

@@ -1,3 +1,4 @@
+use alloc::{vec, vec::Vec};
 use core::f64::consts::TAU;
 
 use foxhunt_core::{
@@ -5,7 +6,10 @@ use foxhunt_core::{
 };
 
 use super::{Phase, StepperConfig, StepperError, Turn};
-use crate::turn_recorder::{TurnRecorder, mean_pose, nearest_position};
+use crate::{
+    turn_goal::TurnGoal,
+    turn_recorder::{TurnRecorder, mean_pose, nearest_position},
+};
 
 /// A directional antenna that a motor steps through a turn, with a radio that requests
 /// answers from a beacon at every step (Pritzl 2018, §5.1).
@@ -31,11 +35,14 @@ pub struct StepperSource<R, T, V, C> {
     clock: C,
     turn: Turn,
     /// Where the antenna was last sent, in the turn's positions.
-    stands_at: u16,
+    stands_at: f64,
     recorder: TurnRecorder,
+    /// The present position's answers: when each came, and its power in dBm.
+    answers: Vec<(f64, f64)>,
     dropped: u32,
     last_pose: Pose,
     aim: Option<Aim>,
+    goal: Option<TurnGoal>,
 }
 
 /// Where the antenna looks: the same for all samples at a position of a drone that hovers.
@@ -74,12 +81,21 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             vehicle,
             clock,
             turn: Turn::new(0, false),
-            stands_at: 0,
+            stands_at: 0.0,
             recorder: TurnRecorder::default(),
+            answers: vec![(0.0, 0.0); config.samples_per_position().into()],
             dropped: 0,
             last_pose: Pose::default(),
             aim: None,
+            goal: None,
         }
+    }
+
+    /// The same that goes on, after a round of all positions, to positions between them until its
+    /// bearings are as certain as wanted or the goal's longest time is up.
+    #[must_use]
+    pub fn with_goal(self, goal: TurnGoal) -> Self {
+        Self { goal: Some(goal), ..self }
     }
 
     /// How it goes through a turn.
@@ -102,7 +118,14 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                 Ok(Progress::Complete) => return Ok(true),
                 Ok(Progress::Stepped) => {}
                 Ok(Progress::Waiting) if self.expire() => {}
-                Ok(Progress::Waiting) => return Ok(false),
+                Ok(Progress::Waiting) => {
+                    let ahead = self.event().is_some_and(|event| self.clock.go_ahead(event));
+                    if !ahead {
+                        return Ok(false);
+                    }
+                }
+                // It is tried again, and fails, when it is time.
+                Err(_) if self.clock.is_ahead() => return Ok(false),
                 Err(error) => {
                     self.expire();
                     return Err(error);
@@ -118,10 +141,11 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                 // The first position's time runs from the first attempt: a motor that refuses
                 // orders must not stop the turn.
                 let first = self.config.first_timeout();
-                self.turn.deadline.get_or_insert_with(|| self.clock.now() + first);
+                let begun = *self.turn.begun.get_or_insert_with(|| self.clock.now());
+                self.turn.deadline.get_or_insert(begun + first);
                 let position = self.turn.position(self.config.positions());
                 self.stands_at = position;
-                let angle = TAU * f64::from(position) / f64::from(self.config.positions());
+                let angle = TAU * position / f64::from(self.config.positions());
                 self.rotator.turn_to(angle).map_err(StepperError::Rotator)?;
                 self.turn.phase = Phase::Turn;
             }
@@ -137,8 +161,17 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
             Phase::Request { angle, answers } => {
                 if !self.expire() {
                     let beacon = self.recorder.beacon(self.turn.beacon).beacon;
-                    self.radio.request(beacon).map_err(StepperError::Radio)?;
-                    self.turn.phase = Phase::Await { angle, answers };
+                    let until = self.turn.deadline.unwrap_or(f64::INFINITY);
+                    let room = &mut self.answers[usize::from(answers)..];
+                    let known = self.radio.interrogate(beacon, until, room);
+                    let known = known.map_err(StepperError::Radio)?.min(room.len());
+                    let awaits = known < room.len();
+                    let new = u16::try_from(known).unwrap_or(u16::MAX);
+                    self.turn.phase = if known == 0 {
+                        Phase::Await { angle, answers }
+                    } else {
+                        Phase::Locate { angle, answers: answers + new, new, awaits }
+                    };
                 }
             }
             Phase::Await { angle, answers } => {
@@ -146,30 +179,53 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                     return Ok(Progress::Waiting);
                 };
                 let time = self.radio.measured_at().unwrap_or_else(|| self.clock.now());
+                self.answers[usize::from(answers)] = (time, rss_dbm);
                 let answers = answers + 1;
                 self.turn.phase = if rss_dbm.is_finite() {
-                    Phase::Locate { angle, answers, rss_dbm, time }
+                    Phase::Locate { angle, answers, new: 1, awaits: false }
                 } else {
                     self.dropped += 1;
                     Phase::Request { angle, answers }
                 };
             }
-            Phase::Locate { angle, answers, rss_dbm, time } => {
+            Phase::Locate { angle, answers, new, awaits } => {
                 let receiver = self.vehicle.pose().map_err(StepperError::Vehicle)?;
                 self.recorder.add_place_sigma(self.vehicle.position_sigma());
-                if receiver.is_finite() {
-                    let Aim { boresight, position, .. } = self.aim(angle, receiver.heading);
-                    let sample = Sample { time, receiver, boresight, position, rss_dbm };
-                    self.recorder.beacon(self.turn.beacon).samples.push(sample);
-                    self.last_pose = receiver;
-                } else {
-                    self.dropped += 1;
+                let Aim { boresight, position, .. } = self.aim(angle, receiver.heading);
+                let finite = receiver.is_finite();
+                let samples = &mut self.recorder.beacon(self.turn.beacon).samples;
+                for &(time, rss_dbm) in &self.answers[usize::from(answers - new)..answers.into()] {
+                    if finite && rss_dbm.is_finite() {
+                        samples.push(Sample { time, receiver, boresight, position, rss_dbm });
+                    } else {
+                        self.dropped += 1;
+                    }
                 }
-                self.turn.phase = Phase::Request { angle, answers };
+                self.last_pose = if finite { receiver } else { self.last_pose };
+                self.turn.phase = if awaits {
+                    Phase::Await { angle, answers }
+                } else {
+                    Phase::Request { angle, answers }
+                };
             }
-            Phase::Finish { .. } => return self.finish(),
+            Phase::Finish { time } => {
+                if !self.goes_on(time) {
+                    return self.finish();
+                }
+                self.turn.phase = Phase::Order;
+            }
         }
         Ok(Progress::Stepped)
+    }
+
+    /// When the device that is waited for, or the time-out, may next have it take a step.
+    fn event(&self) -> Option<f64> {
+        let device = match self.turn.phase {
+            Phase::Turn => self.rotator.next_event(),
+            Phase::Await { .. } => self.radio.next_event(),
+            _ => None,
+        };
+        device.map(|event| self.turn.deadline.map_or(event, |deadline| deadline.min(event)))
     }
 
     /// Where the antenna looks that is turned by `angle` from a nose at `heading`.
@@ -182,6 +238,15 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         let boresight = angle::wrap(heading + angle + self.config.mount_offset());
         let position = nearest_position(angle, self.config.positions());
         *self.aim.insert(Aim { angle, heading, boresight, position })
+    }
+
+    /// Whether the goal is not reached, and there is time for another position.
+    fn goes_on(&mut self, now: f64) -> bool {
+        let (Some(goal), Some(begun)) = (&self.goal, self.turn.begun) else { return false };
+        let position_s = self.turn.beacons() * self.config.position_timeout();
+        let late = now + position_s > begun + goal.longest_s();
+        let (positions, floor_dbm) = (self.config.positions(), self.config.floor_dbm());
+        !late && !self.recorder.reaches(goal, positions, floor_dbm, true)
     }
 
     /// Ends the turn; without samples only the vehicle knows where it took place.
@@ -209,7 +274,9 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         if !late || matches!(turn.phase, Phase::Idle | Phase::Finish { .. }) {
             return false;
         }
-        self.dropped += u32::from(matches!(turn.phase, Phase::Locate { .. }));
+        if let Phase::Locate { new, .. } = turn.phase {
+            self.dropped += u32::from(new);
+        }
         if let Phase::Await { angle, .. } = turn.phase {
             let position = nearest_position(angle, self.config.positions());
             let boresight = angle + self.config.mount_offset();
@@ -226,7 +293,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
 
     fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), Self::Error> {
         // From the end that is nearer to where the antenna was last sent.
-        let backwards = self.stands_at > (self.config.positions() - 1) / 2;
+        let backwards = self.stands_at > f64::from((self.config.positions() - 1) / 2);
         self.turn = Turn::new(beacons.len(), backwards);
         self.recorder = TurnRecorder::new(beacons);
         let each = usize::from(self.config.samples_per_position());
@@ -238,7 +305,8 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
 
     fn poll(&mut self) -> Result<Option<Sweep<'_>>, Self::Error> {
         if self.turn.phase != Phase::Idle {
-            if !self.advance()? {
+            // What was found out ahead of time is delivered when it is time.
+            if self.clock.is_ahead() || !self.advance()? || self.clock.is_ahead() {
                 return Ok(None);
             }
             let ended = match self.turn.phase {
@@ -263,12 +331,10 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> PatternSource for StepperSource
     }
 
     fn next_event(&self) -> Option<f64> {
-        let device = match self.turn.phase {
-            Phase::Idle => return (!self.recorder.has_more()).then_some(f64::INFINITY),
-            Phase::Turn => self.rotator.next_event(),
-            Phase::Await { .. } => self.radio.next_event(),
-            _ => None,
-        };
-        device.map(|event| self.turn.deadline.map_or(event, |deadline| deadline.min(event)))
+        match self.turn.phase {
+            Phase::Idle => (!self.recorder.has_more()).then_some(f64::INFINITY),
+            _ if self.clock.is_ahead() => Some(self.clock.now()),
+            _ => self.event(),
+        }
     }
 }

@@ -10,8 +10,8 @@ use super::{DeadZoneConfig, PathLossConfig, ReflectorConfig, ShadowingConfig};
 /// noise, all in dB: the power P by the law of propagation; the antenna's gain G for the direction
 /// in which the beacon lies from the drone's body, in azimuth and elevation, with the waves of the
 /// reflectors added to the direct one in amplitude; and the mean Ḡ of the gain over a level turn,
-/// in dB, so that the mean over such a turn follows the law. Then come the receiver's rounding, its
-/// floor, and losses.
+/// in dB, so that the mean over such a turn follows the law. Then come the receiver's noise, its
+/// rounding, its floor, and losses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ChannelConfig {
@@ -37,6 +37,11 @@ pub struct ChannelConfig {
     pub sample_sigma_db: f64,
     /// σ in degrees of the angle by which a whole pattern is turned.
     pub bearing_sigma_deg: f64,
+    /// The power in dBm of the receiver's noise in the bandwidth of a pulse or an answer, which adds
+    /// to it as a wave of random phase: a sample of power P has E/N0 = P over it. Readings have its
+    /// mean taken off, as detectors do. Absent for a receiver without noise of its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise_dbm: Option<f64>,
     /// The receiver reports whole dB, rounded half away from zero.
     pub whole_db: bool,
     /// An answer that would read less than this, in dBm, is not received; absent for a receiver
@@ -51,7 +56,7 @@ impl Default for ChannelConfig {
     /// The simulation of Pritzl 2018, §6.1, its noise read as standard deviations: 4 dB for each
     /// pattern, 2 dB for each sample, 30° for each pattern's direction; the law of the open field
     /// (−29.06 dBm, 2.765; §7.1); the reference patch; 2440 MHz; neither shadowing, reflectors
-    /// nor dead zones, no rounding, no floor, no losses.
+    /// nor dead zones, no noise of the receiver, no rounding, no floor, no losses.
     fn default() -> Self {
         Self {
             path_loss: LogDistance::pritzl2018_field().into(),
@@ -63,6 +68,7 @@ impl Default for ChannelConfig {
             pattern_sigma_db: 4.0,
             sample_sigma_db: 2.0,
             bearing_sigma_deg: 30.0,
+            noise_dbm: None,
             whole_db: false,
             floor_dbm: None,
             loss_probability: 0.0,
@@ -88,8 +94,8 @@ impl ChannelConfig {
         not_negative("pattern_sigma_db", self.pattern_sigma_db)?;
         not_negative("sample_sigma_db", self.sample_sigma_db)?;
         not_negative("bearing_sigma_deg", self.bearing_sigma_deg)?;
-        if let Some(floor) = self.floor_dbm {
-            finite("floor_dbm", floor)?;
+        for (field, level) in [("noise_dbm", self.noise_dbm), ("floor_dbm", self.floor_dbm)] {
+            level.map_or(Ok(0.0), |level| finite(field, level))?;
         }
         probability("loss_probability", self.loss_probability)?;
         Ok(())

@@ -1,7 +1,7 @@
 use std::{cell::RefCell, rc::Rc};
 
 use crate::{
-    SimError,
+    SimClock, SimError,
     truth::{Drone, Truth},
 };
 
@@ -22,11 +22,13 @@ impl OnBoard {
         Ok(Self { truth: Rc::clone(truth), drone })
     }
 
-    /// The drone at the present time.
+    /// The drone at the present time of its devices.
     #[inline]
     pub(crate) fn with<T>(&self, act: impl FnOnce(&mut Drone, f64) -> T) -> T {
         let truth = &mut *self.truth.borrow_mut();
-        act(&mut truth.drones[self.drone], truth.time)
+        let drone = &mut truth.drones[self.drone];
+        let now = drone.time(truth.time);
+        act(drone, now)
     }
 
     /// The drone at the present time, over its link.
@@ -46,6 +48,11 @@ impl OnBoard {
                 Err(SimError::Link { drone: self.drone })
             }
         })
+    }
+
+    /// Its clock, which may go ahead of the world's.
+    pub(crate) fn clock(&self) -> SimClock {
+        SimClock { truth: Rc::clone(&self.truth), drone: Some(self.drone) }
     }
 
     /// The drone in its world.

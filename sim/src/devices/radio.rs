@@ -3,7 +3,7 @@ use foxhunt_core::{BeaconId, Radio};
 use super::OnBoard;
 use crate::{
     SimError,
-    truth::{Port, Truth, beacon_of},
+    truth::{Free, Port, Truth, beacon_of},
 };
 
 /// A simulated drone's radio. An answer's power is that of the moment of the request.
@@ -14,6 +14,12 @@ pub struct SimRadio {
     pub(crate) directional: bool,
 }
 
+impl SimRadio {
+    fn port(&self) -> Port<'static> {
+        if self.directional { Port::Directional } else { Port::Omnidirectional }
+    }
+}
+
 impl Radio for SimRadio {
     type Error = SimError;
 
@@ -21,12 +27,29 @@ impl Radio for SimRadio {
     ///
     /// [`SimError::Beacon`] if there is no such beacon; an older request stays then.
     fn request(&mut self, beacon: BeaconId) -> Result<(), SimError> {
-        let port = if self.directional { Port::Directional } else { Port::Omnidirectional };
         self.on_board.with_truth(|truth, drone| {
-            let Truth { time, channel, beacons, drones } = truth;
-            let to = beacon_of(beacons, beacon)?;
-            drones[drone].request(channel, beacon, to, port, *time);
+            let Truth { time, channel, beacons, drones, .. } = truth;
+            let (to, drone) = (beacon_of(beacons, beacon)?, &mut drones[drone]);
+            let now = drone.time(*time);
+            drone.request(channel, beacon, to, self.port(), now);
             Ok(())
+        })
+    }
+
+    /// # Errors
+    ///
+    /// Those of [`request`](Self::request).
+    fn interrogate(
+        &mut self,
+        beacon: BeaconId,
+        until: f64,
+        answers: &mut [(f64, f64)],
+    ) -> Result<usize, SimError> {
+        self.on_board.with_truth(|truth, drone| {
+            let Truth { time, free, channel, beacons, drones } = truth;
+            let to = (beacon, beacon_of(beacons, beacon)?);
+            let free = Free { until: free.until.min(until), ..*free };
+            Ok(drones[drone].interrogate(channel, to, self.port(), (*time, free), answers))
         })
     }
 

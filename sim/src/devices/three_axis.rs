@@ -58,7 +58,7 @@ impl PatternSource for SimThreeAxis {
         self.since = now;
         let config = self.config;
         self.on_board.with_truth(|truth, drone| {
-            let Truth { time, channel, beacons, drones } = truth;
+            let Truth { time, channel, beacons, drones, .. } = truth;
             let from = beacon_of(beacons, beacon)?;
             let drone = &mut drones[drone];
             let field = drone.magnetic_field(channel, from, &config, *time);

@@ -32,6 +32,7 @@ pub(crate) struct Channel {
     pub(super) sample_sigma_db: f64,
     /// In radians.
     pub(super) bearing_sigma: f64,
+    pub(super) noise_dbm: Option<f64>,
     whole_db: bool,
     floor_dbm: Option<f64>,
     pub(super) loss_probability: f64,
@@ -92,6 +93,7 @@ impl Channel {
             pattern_sigma_db: config.pattern_sigma_db,
             sample_sigma_db: config.sample_sigma_db,
             bearing_sigma: config.bearing_sigma_deg.to_radians(),
+            noise_dbm: config.noise_dbm,
             whole_db: config.whole_db,
             floor_dbm: config.floor_dbm,
             loss_probability: config.loss_probability,

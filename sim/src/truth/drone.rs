@@ -3,9 +3,10 @@ use foxhunt_sensors::MagneticDipole;
 use nalgebra::Vector3;
 
 use super::{
-    Channel,
+    Channel, Free,
     body::Body,
     course::Course,
+    is_due,
     receiver::{Arrival, Port, Receiver, Signal},
     streams::Streams,
     turntable::Turntable,
@@ -29,6 +30,8 @@ pub(crate) struct Drone {
     /// Where the antenna was turned by something else than orders, until a request is sent there.
     turned_to: Option<f64>,
     reports_velocity: bool,
+    /// How far its devices' time has gone, in seconds, where that is ahead of the world's.
+    ahead: f64,
 }
 
 impl Drone {
@@ -52,7 +55,35 @@ impl Drone {
             held: false,
             turned_to: None,
             reports_velocity: vehicle.reports_velocity(),
+            ahead: f64::NEG_INFINITY,
         })
+    }
+
+    /// The time of its devices, of which the world's is `world`.
+    #[inline]
+    pub(crate) fn time(&self, world: f64) -> f64 {
+        if self.ahead > world { self.ahead } else { world }
+    }
+
+    /// Takes its devices' time to the first step at which `event` has come, the next one at least,
+    /// if it stays as it is until then; whether it did.
+    pub(crate) fn go_ahead(&mut self, event: f64, world: f64, free: Free) -> bool {
+        let mut time = self.time(world);
+        if !self.body.rests() {
+            return false;
+        }
+        loop {
+            let next = time + free.step;
+            // Not so for a step that is too small to be added, either.
+            if !(next > time && next < free.until) {
+                return false;
+            }
+            time = next;
+            if is_due(event, time) {
+                self.ahead = time;
+                return true;
+            }
+        }
     }
 
     /// Sends it somewhere; while it is stuck, later.
@@ -71,9 +102,15 @@ impl Drone {
     /// Flies for `dt` seconds from `begin` on.
     #[inline]
     pub(super) fn advance(&mut self, begin: f64, dt: f64) {
-        if !(self.body.rests() && self.failures.stuck.is_empty()) {
+        if !self.rests() {
             self.fly(begin, dt);
         }
+    }
+
+    /// Whether it stays where it is until it is ordered to move.
+    #[inline]
+    pub(crate) fn rests(&self) -> bool {
+        self.body.rests() && self.failures.stuck.is_empty()
     }
 
     fn fly(&mut self, begin: f64, dt: f64) {
@@ -137,12 +174,45 @@ impl Drone {
         port: Port<'_>,
         now: f64,
     ) {
-        self.follow_antenna();
-        let turned = self.motor.angle(now);
-        let signal = self.signal(channel, (id, beacon), port, turned, now);
+        let signal = self.aimed(channel, (id, beacon), port, now);
+        self.ask(channel, beacon, signal, now);
+    }
+
+    /// Sends a request to a beacon whose signal is known.
+    fn ask(&mut self, channel: &Channel, beacon: &BeaconConfig, signal: Signal, now: f64) {
         let answer_at = beacon.answer_after(now, self.receiver.latency());
         let transmitted = signal.reaches && beacon.answers_at(now) && self.receives(answer_at);
         self.receiver.answer(channel, signal.power_dbm, transmitted, answer_at);
+    }
+
+    /// Sends requests one after the other while it may go ahead: the times and powers of the
+    /// answers, and how many these are.
+    pub(crate) fn interrogate(
+        &mut self,
+        channel: &Channel,
+        (id, beacon): (BeaconId, &BeaconConfig),
+        port: Port<'_>,
+        (world, free): (f64, Free),
+        answers: &mut [(f64, f64)],
+    ) -> usize {
+        let mut now = self.time(world);
+        let mut signal = self.aimed(channel, (id, beacon), port, now);
+        // Nobody goes ahead of a drone that moves.
+        let lasts = beacon.course.is_none() && self.motor.standing(now).is_some();
+        for (count, answer) in answers.iter_mut().enumerate() {
+            if count > 0 && !lasts {
+                signal = self.aimed(channel, (id, beacon), port, now);
+            }
+            self.ask(channel, beacon, signal, now);
+            let comes = self.receiver.answers_at();
+            if !is_due(comes, now) && !self.go_ahead(comes, world, free) {
+                return count;
+            }
+            now = self.time(world);
+            let Some(rss_dbm) = self.receiver.take_answer(now) else { return count };
+            *answer = (now, rss_dbm);
+        }
+        answers.len()
     }
 
     /// Ends a pattern where the antenna, which something else than orders turned, begins another.
@@ -166,9 +236,7 @@ impl Drone {
         beacon: &BeaconConfig,
         now: f64,
     ) -> Option<f64> {
-        self.follow_antenna();
-        let turned = self.motor.angle(now);
-        let signal = self.signal(channel, (id, beacon), Port::Directional, turned, now);
+        let signal = self.aimed(channel, (id, beacon), Port::Directional, now);
         let sent = signal.reaches && beacon.answers_at(now) && self.receives(now);
         self.receiver.faded(channel, signal.power_dbm).filter(|_| sent)
     }
@@ -207,6 +275,19 @@ impl Drone {
         let measured = (field + noise * receiver.sigma(field.norm())) * sign;
         let sent = channel.reaches(&pose.position) && beacon.answers_at(now) && self.receives(now);
         (sent && measured.norm() >= receiver.floor()).then_some(measured)
+    }
+
+    /// The signal of a beacon through the antenna as it is turned at the time `now`.
+    fn aimed(
+        &mut self,
+        channel: &Channel,
+        beacon: (BeaconId, &BeaconConfig),
+        port: Port<'_>,
+        now: f64,
+    ) -> Signal {
+        self.follow_antenna();
+        let turned = self.motor.angle(now);
+        self.signal(channel, beacon, port, turned, now)
     }
 
     /// The signal of a beacon that transmits at a time: while neither of them moves, the last one.

@@ -27,9 +27,27 @@ use crate::{BeaconConfig, SimError};
 pub(crate) struct Truth {
     /// Seconds since the beginning.
     pub(crate) time: f64,
+    /// How far its drones' clocks may go ahead of it.
+    pub(crate) free: Free,
     pub(crate) channel: Channel,
     pub(crate) beacons: Vec<BeaconConfig>,
     pub(crate) drones: Vec<Drone>,
+}
+
+/// A time in which drones that rest are left alone.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Free {
+    /// Its end, in seconds.
+    pub(crate) until: f64,
+    /// From one moment at which devices may be polled to the next, in seconds.
+    pub(crate) step: f64,
+}
+
+/// Nobody goes ahead.
+impl Default for Free {
+    fn default() -> Self {
+        Self { until: f64::NEG_INFINITY, step: 0.0 }
+    }
 }
 
 /// A beacon of a world.

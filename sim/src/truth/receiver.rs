@@ -1,4 +1,4 @@
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use foxhunt_core::{BeaconId, Pose};
 use foxhunt_sensors::Antenna;
@@ -181,7 +181,23 @@ impl Receiver {
         transmitted: bool,
     ) -> Option<f64> {
         let faded = self.faded(channel, power_dbm);
-        faded.and_then(|power_dbm| channel.reading_dbm(power_dbm)).filter(|_| transmitted)
+        let noisy = faded.map(|power_dbm| match channel.noise_dbm {
+            Some(noise_dbm) => self.noisy(power_dbm, noise_dbm),
+            None => power_dbm,
+        });
+        noisy.and_then(|power_dbm| channel.reading_dbm(power_dbm)).filter(|_| transmitted)
+    }
+
+    /// A power with the receiver's noise added in phase and quadrature, its mean taken off again;
+    /// 30 dB below the noise at least.
+    fn noisy(&mut self, power_dbm: f64, noise_dbm: f64) -> f64 {
+        let amplitude = libm::exp10((power_dbm - noise_dbm) / 20.0);
+        let [in_phase, quadrature]: [f64; 2] =
+            std::array::from_fn(|_| self.streams.sample.sample(StandardNormal));
+        let noise = [in_phase, quadrature].map(|part| part * FRAC_1_SQRT_2);
+        let wave = amplitude + noise[0];
+        let power = wave * wave + noise[1] * noise[1];
+        noise_dbm + 10.0 * libm::log10((power - 1.0).max(1e-3))
     }
 
     /// Draws a sample's own noise and whether it is lost: its power in dBm, unless it is.

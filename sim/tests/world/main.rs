@@ -15,3 +15,4 @@ mod rig;
 mod statistics;
 mod stepper;
 mod streams;
+mod turn_goals;

@@ -124,7 +124,9 @@ fn fly(args: &Args, config: &FlightConfig, context: Context<'_>) -> Result<(), C
         fly::examine_drone(config, drone, &clock, origin_s);
     }
     let mut ports = SystemPorts::new(clock);
-    let open = drone.open(&config.site, &config.beacons, &mut ports, &clock, origin_s);
+    let goal = config.goal(context.registry).map_err(CliError::input)?;
+    let (site, beacons) = (&config.site, &config.beacons);
+    let open = drone.open(site, beacons, &mut ports, &clock, origin_s, goal.as_ref());
     let open = open.map_err(fly::open_error)?;
     let (rules, node_config) = (config.flight, DroneNodeConfig::default());
     let node = FlownNode::new(args.drone, open, extractor, link, epoch, rules, node_config);

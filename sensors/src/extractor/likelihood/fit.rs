@@ -6,7 +6,7 @@ use super::{
     gain_table::GainTable,
     looks::{Look, Looks},
     posterior::Node,
-    silence::Silence,
+    silence::{Silence, normal_cdf},
 };
 use crate::Antenna;
 
@@ -29,6 +29,17 @@ pub(super) const NODES: u16 = 180;
 /// The bearing of a node, counted like the looks.
 pub(super) fn node_offset(node: u16) -> f64 {
     core::f64::consts::TAU * f64::from(node) / f64::from(NODES)
+}
+
+/// The Fisher information about its mean of a reading whose mean lies so many σ above the floor,
+/// censored below it, over that of one that is always received: P(z > −x) − x φ(x) + φ(x)²/Φ(−x).
+fn uncensored(above: f64) -> f64 {
+    let below = normal_cdf(-above);
+    if below < 1e-12 {
+        return 1.0;
+    }
+    let density = libm::exp(-0.5 * above * above) / libm::sqrt(core::f64::consts::TAU);
+    1.0 - below - above * density + density * density / below
 }
 
 impl<'a, A: Antenna> Fit<'a, A> {
@@ -96,6 +107,34 @@ impl<'a, A: Antenna> Fit<'a, A> {
         self.gains(offset, &mut gains);
         let looks = self.looks.looks.iter();
         looks.zip(&gains).map(|(look, gain)| look.mean_dbm - gain - level).collect()
+    }
+
+    /// The Cramér-Rao bound of the bearing's variance, in rad², at a bearing and a level that is not
+    /// known either; `None` where nothing bounds it. Looks and silent boresights alike count with
+    /// what a reading there tells on average, received or below the floor.
+    pub(super) fn bound(&self, offset: f64, level: f64) -> Option<f64> {
+        let (mut tt, mut tl, mut ll) = (0.0, 0.0, 0.0);
+        let mut add = |gain: f64, slope: f64, variance: f64| {
+            let below = self.silence.as_ref().map_or(f64::INFINITY, |silence| {
+                (level + gain - silence.threshold_dbm) / libm::sqrt(self.single_variance)
+            });
+            let information = uncensored(below) / variance;
+            tt += information * slope * slope;
+            tl += information * slope;
+            ll += information;
+        };
+        let mut gains = Vec::new();
+        self.gains(offset, &mut gains);
+        let slopes = self.slopes(offset);
+        for ((gain, slope), variance) in gains.iter().zip(&slopes).zip(&self.variances) {
+            add(*gain, *slope, *variance);
+        }
+        for silent in self.silence.iter().flat_map(|silence| &silence.offsets) {
+            let (gain, slope) = self.table.with_slope(offset - silent);
+            add(gain, slope, self.single_variance);
+        }
+        let known = tt - tl * tl / ll;
+        (known > 0.0 && known.is_finite()).then(|| 1.0 / known)
     }
 
     /// A node from the received looks' log density at its best level, its information and its

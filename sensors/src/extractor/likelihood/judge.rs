@@ -17,6 +17,8 @@ pub(super) struct Judged {
     pub(super) posterior: Posterior,
     /// The root mean square of the residuals at the best bearing, in dB.
     pub(super) residual_db: f64,
+    /// What all variances were multiplied by.
+    pub(super) inflation: f64,
 }
 
 pub(super) fn gaussian<A: Antenna>(fit: &Fit<'_, A>) -> Judged {
@@ -24,7 +26,7 @@ pub(super) fn gaussian<A: Antenna>(fit: &Fit<'_, A>) -> Judged {
     let (offset, level) = summit(&nodes);
     let misfit = Misfit::new(fit, offset, &fit.residuals(offset, level), ONE_PATH);
     let posterior = Posterior::new(&tempered(fit, nodes, misfit.inflation()));
-    Judged { posterior, residual_db: misfit.residual_db }
+    Judged { posterior, residual_db: misfit.residual_db, inflation: misfit.inflation() }
 }
 
 pub(super) fn student<A: Antenna>(fit: &Fit<'_, A>, degrees: f64) -> Judged {
@@ -43,7 +45,8 @@ pub(super) fn student<A: Antenna>(fit: &Fit<'_, A>, degrees: f64) -> Judged {
     let misfit = Misfit::new(fit, offset, &residuals, ONE_PATH);
     let nodes = student::nodes(fit, degrees, misfit.inflation());
     let posterior = Posterior::new(&nodes);
-    Judged { posterior, residual_db: libm::sqrt(trusted / trusts) }
+    let residual_db = libm::sqrt(trusted / trusts);
+    Judged { posterior, residual_db, inflation: misfit.inflation() }
 }
 
 /// Fitted are a level and a bearing, or three more.
@@ -79,7 +82,8 @@ pub(super) fn reflection<A: Antenna>(
     // Near the floor only the strongest readings are received: they leave more than noise.
     if few || fits || fit.looks.tilt > STEEP || fit.is_censored(offset, level) {
         let posterior = Posterior::new(&tempered(fit, single, misfit.inflation()));
-        return Judged { posterior, residual_db: misfit.residual_db };
+        let inflation = misfit.inflation();
+        return Judged { posterior, residual_db: misfit.residual_db, inflation };
     }
     let fit = &fit.measured(fit.variances.clone());
     let two = TwoPaths::new(fit, amplitude);
@@ -109,7 +113,7 @@ fn one_or_two<A: Antenna>(
     let single = tempered(fit, gaussian::nodes(fit, 1.0), inflation);
     let posterior = reflection::mixture(single, &two.nodes(&found, inflation))
         .blurred(UNRESOLVED * best.ratio());
-    Judged { posterior, residual_db: misfit.residual_db }
+    Judged { posterior, residual_db: misfit.residual_db, inflation }
 }
 
 /// The nodes for variances that are larger by a factor.

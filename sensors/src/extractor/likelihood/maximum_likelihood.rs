@@ -1,7 +1,7 @@
 use alloc::vec::Vec;
 
 use foxhunt_core::{
-    BearingExtractor, NoReading, Reading, Sweep,
+    BearingExtractor, NoReading, Reading, Sweep, angle,
     parameter::{ParameterError, not_negative, positive, require},
 };
 
@@ -144,6 +144,24 @@ impl<A: Antenna> MaximumLikelihood<A> {
     }
 }
 
+impl<A: Antenna> MaximumLikelihood<A> {
+    /// A turn laid against the antenna.
+    fn fit(&self, sweep: &Sweep<'_>) -> Result<Fit<'_, A>, NoReading> {
+        let looks = Looks::new(sweep)?;
+        let noise = looks.sample_variance(self.sample_sigma_db, PRIOR_FREEDOM);
+        let misfit = self.misfit_sigma_db * self.misfit_sigma_db;
+        Ok(Fit::new(&self.antenna, &self.table, looks, sweep, noise, misfit))
+    }
+
+    fn judge(&self, fit: &Fit<'_, A>) -> Judged {
+        match self.residuals {
+            Residuals::Gaussian => judge::gaussian(fit),
+            Residuals::StudentT { degrees } => judge::student(fit, degrees),
+            Residuals::Reflection => judge::reflection(fit, &self.amplitude, &self.fadings),
+        }
+    }
+}
+
 /// What two paths and fading make of a gain.
 fn of_table(table: &GainTable) -> (GainTable, Vec<Fading>) {
     let fadings = RATIOS.iter().map(|ratio| Fading::new(table, *ratio)).collect();
@@ -152,15 +170,20 @@ fn of_table(table: &GainTable) -> (GainTable, Vec<Fading>) {
 
 impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
-        let looks = Looks::new(sweep)?;
-        let noise = looks.sample_variance(self.sample_sigma_db, PRIOR_FREEDOM);
-        let misfit = self.misfit_sigma_db * self.misfit_sigma_db;
-        let fit = Fit::new(&self.antenna, &self.table, looks, sweep, noise, misfit);
-        let Judged { posterior, residual_db } = match self.residuals {
-            Residuals::Gaussian => judge::gaussian(&fit),
-            Residuals::StudentT { degrees } => judge::student(&fit, degrees),
-            Residuals::Reflection => judge::reflection(&fit, &self.amplitude, &self.fadings),
-        };
+        let fit = self.fit(sweep)?;
+        let Judged { posterior, residual_db, .. } = self.judge(&fit);
         Ok(read_out(sweep, &fit, &posterior.modes(), residual_db, &self.limits))
+    }
+
+    /// The larger of the bearing's σ and of the Cramér-Rao bound at the bearing and the level that
+    /// were found, over all questions, those below the floor censored. The bound does not depend on
+    /// how the noise fell, so that a turn does not end as soon as the noise makes a narrow peak.
+    fn expected_sigma(&self, sweep: &Sweep<'_>) -> Option<f64> {
+        let fit = self.fit(sweep).ok()?;
+        let Judged { posterior, residual_db, inflation } = self.judge(&fit);
+        let reading = read_out(sweep, &fit, &posterior.modes(), residual_db, &self.limits);
+        let bearing = reading.bearing.ok()?;
+        let bound = fit.bound(angle::wrap(bearing.angle - fit.looks.origin), reading.rss_dbm);
+        Some(bearing.sigma.max(libm::sqrt(bound? * inflation)))
     }
 }

@@ -25,6 +25,10 @@ const BETWEEN: f64 = 0.37;
 /// Fewer looks than this do not show correlation.
 const FEWEST: f64 = 16.0;
 
+/// Residuals with less than this share of the promised mean square are those of a turn without
+/// noise, in which nothing but rounding correlates.
+const NOTHING: f64 = 0.01;
+
 impl Misfit {
     /// That of the residuals at a bearing, with so many unknowns fitted.
     pub(super) fn new<A: Antenna>(
@@ -41,7 +45,11 @@ impl Misfit {
         Self {
             residual_db: libm::sqrt(squares().sum::<f64>() / count),
             scale: scale.max(1.0),
-            correlation: if count < FEWEST { 1.0 } else { correlated(fit, offset, residuals) },
+            correlation: if count < FEWEST || weighted < NOTHING * count {
+                1.0
+            } else {
+                correlated(fit, offset, residuals)
+            },
         }
     }
 }

@@ -23,5 +23,5 @@ pub use cross_correlation::CrossCorrelation;
 pub use maximum_likelihood::MaximumLikelihood;
 pub use residuals::Residuals;
 
-pub(in crate::extractor) use posterior::{Node, Peak, peaks};
+pub(in crate::extractor) use posterior::{Node, Peak, peaks, summit};
 pub(crate) use silence::normal_cdf;

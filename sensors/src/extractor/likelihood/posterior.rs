@@ -133,7 +133,7 @@ fn height(nodes: &[Node], top: usize) -> f64 {
 }
 
 /// The most likely bearing, and the level there.
-pub(super) fn summit(nodes: &[Node]) -> (f64, f64) {
+pub(in crate::extractor) fn summit(nodes: &[Node]) -> (f64, f64) {
     let n = nodes.len();
     let log = |i: &usize| nodes[*i].log_density;
     let top = (0..n).fold(0, |top, i| if log(&i) > log(&top) { i } else { top });

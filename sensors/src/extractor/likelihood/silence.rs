@@ -13,7 +13,7 @@ pub(super) struct Silence {
     /// Where the antenna looked, counted like the looks.
     pub(super) offsets: Vec<f64>,
     /// The power below which nothing is read, in dBm.
-    threshold_dbm: f64,
+    pub(super) threshold_dbm: f64,
     answered: f64,
 }
 

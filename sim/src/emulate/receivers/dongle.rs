@@ -286,7 +286,7 @@ impl EmulatedDongle {
     /// What comes in of a beacon now, in dBm.
     fn power(&self, beacon: BeaconId) -> Option<f64> {
         self.on_board.with_truth(|truth, drone| {
-            let Truth { time, channel, beacons, drones } = truth;
+            let Truth { time, channel, beacons, drones, .. } = truth;
             let from = beacon_of(beacons, beacon).ok()?;
             drones.get_mut(drone)?.incoming(channel, beacon, from, *time)
         })
