@@ -388,22 +388,24 @@ impl<const N: usize> Columns<N> {
         out: &mut Self,
     ) {
         out.hypotheses.resize_with(self.hypotheses.len(), Hypothesis::default);
-        let (mut old, mut new) = (Vec::new(), Vec::new());
+        let (mut logs, mut others) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
         for (to_fill, hypothesis) in out.hypotheses.iter_mut().zip(&self.hypotheses) {
-            let Hypothesis { logs, shifts, information } = to_fill;
+            let Hypothesis { logs: logs_to_fill, shifts, information } = to_fill;
             shifts.resize_with(N - 2, Vec::new);
             information.clone_from(&hypothesis.information);
-            old.push(&hypothesis.logs[..]);
-            old.extend(hypothesis.shifts.iter().map(|column| &column[..]));
-            for column in core::iter::once(logs).chain(shifts) {
-                column.resize(to.len(), 0.0);
-                new.push(&mut column[..]);
+            logs_to_fill.resize(to.len(), 0.0);
+            logs.0.push(&hypothesis.logs[..]);
+            logs.1.push(&mut logs_to_fill[..]);
+            for (column, to_fill) in hypothesis.shifts.iter().zip(shifts) {
+                to_fill.resize(to.len(), 0.0);
+                others.0.push(&column[..]);
+                others.1.push(&mut to_fill[..]);
             }
             for (column, to_fill) in hypothesis.information.iter().zip(information) {
                 if let (Column::Each(column), Column::Each(to_fill)) = (column, to_fill) {
                     to_fill.resize(to.len(), 0.0);
-                    old.push(column);
-                    new.push(&mut to_fill[..]);
+                    others.0.push(column);
+                    others.1.push(&mut to_fill[..]);
                 }
             }
         }
@@ -412,8 +414,8 @@ impl<const N: usize> Columns<N> {
             origin,
             steps,
             sides: [from.side(), to.side()],
-            columns: &old,
-            out: &mut new,
+            logs: (&logs.0, &mut logs.1),
+            others: (&others.0, &mut others.1),
         });
         let last = number(from.side()) - 0.5;
         let beyond = |index: usize| {
@@ -448,22 +450,30 @@ struct Reading<'a, 'b> {
     steps: Matrix2<f64>,
     /// Of the old and the new cells.
     sides: [usize; 2],
-    columns: &'a [&'b [f64]],
-    out: &'a mut [&'b mut [f64]],
+    /// l of every hypothesis, and where it goes.
+    logs: OldAndNew<'a, 'b>,
+    /// All other columns.
+    others: OldAndNew<'a, 'b>,
 }
+
+type OldAndNew<'a, 'b> = (&'a [&'b [f64]], &'a mut [&'b mut [f64]]);
 
 impl Kernel for Reading<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Self { origin, steps, sides: [old, new], columns, out } = self;
+        let Self { origin, steps, sides: [old, new], logs, others } = self;
         for row in 0..new {
             let start = origin + steps.column(1) * number(row);
             for along in 0..new {
                 let stencil = Stencil::at(&(start + steps.column(0) * number(along)), old);
-                for (out, column) in out.iter_mut().zip(columns) {
-                    out[row * new + along] = stencil.read(column, old);
+                let cell = row * new + along;
+                for (out, column) in logs.1.iter_mut().zip(logs.0) {
+                    out[cell] = stencil.read_log(column, old);
+                }
+                for (out, column) in others.1.iter_mut().zip(others.0) {
+                    out[cell] = stencil.read(column, old);
                 }
             }
         }

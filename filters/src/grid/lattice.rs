@@ -238,7 +238,15 @@ pub(super) struct Stencil {
     nearest: usize,
     weights_x: [f64; 4],
     weights_y: [f64; 4],
+    /// Behind which of the four the place lies, along either side, and the share of the way to the
+    /// next.
+    behind: [usize; 2],
+    share: [f64; 2],
 }
+
+/// Numbers that are bent by no more than this from cell to cell are read as they are: it makes an
+/// eighth of it between them.
+const BEND: f64 = 1.0;
 
 impl Stencil {
     /// The one for a place in a lattice with so many cells to a side; `at` as from
@@ -249,7 +257,23 @@ impl Stencil {
         let at = at.map(|c| c.clamp(0.0, last));
         let ((x, weights_x), (y, weights_y)) = (taps(at.x, side), taps(at.y, side));
         let nearest = index(at.y + 0.5) * side + index(at.x + 0.5);
-        Self { first: y * side + x, nearest, weights_x, weights_y }
+        let low = [at.x, at.y].map(|at| index(at).min(side - 2));
+        let share = [at.x - number(low[0]), at.y - number(low[1])];
+        let behind = [low[0] - x, low[1] - y];
+        Self { first: y * side + x, nearest, weights_x, weights_y, behind, share }
+    }
+
+    /// The same for a logarithm that may fall off a cliff between two cells, as it does where all
+    /// bearings meet: beside one, cubics overshoot by a share of its height.
+    #[inline(always)]
+    pub(super) fn read_log(&self, column: &[f64], side: usize) -> f64 {
+        let along = core::array::from_fn(|j| {
+            let first = self.first + j * side;
+            let row = core::array::from_fn(|i| column[first + i]);
+            bent(row, self.behind[0], self.share[0])
+        });
+        let log = bent(along, self.behind[1], self.share[1]);
+        if log.is_finite() { log } else { column[self.nearest] }
     }
 
     /// Where a number that it takes is infinite, the nearest cell's.
@@ -264,6 +288,23 @@ impl Stencil {
         let sum = (a * along[0] + b * along[1]) + (c * along[2] + d * along[3]);
         if sum.is_finite() { sum } else { column[self.nearest] }
     }
+}
+
+/// What lies behind one of four neighbours, at the share `t` of the way to the next: on the two
+/// parabolas through three of them, weighted by their nearness, as [`keys`] has it; but bent no more
+/// than twice what either of the two is.
+#[inline(always)]
+fn bent(four: [f64; 4], behind: usize, t: f64) -> f64 {
+    let [a, b, c, d] = match behind {
+        0 => [3.0 * (four[0] - four[1]) + four[2], four[0], four[1], four[2]],
+        2 => [four[1], four[2], four[3], 3.0 * (four[3] - four[2]) + four[1]],
+        _ => four,
+    };
+    let (before, after) = ((a - b) + (c - b), (b - c) + (d - c));
+    let least = if before * after > 0.0 { before.abs().min(after.abs()) } else { 0.0 };
+    let most = (2.0 * least).max(BEND);
+    let bend = ((1.0 - t) * before + t * after).clamp(-most, most);
+    b + t * (c - b) - 0.5 * t * (1.0 - t) * bend
 }
 
 /// The first of four neighbours along a side, and their weights. One step outside the lattice
@@ -370,8 +411,21 @@ mod tests {
             let place = lattice.centre
                 + lattice.half_sides
                     * ((at * 2.0 + Vector2::repeat(1.0)) / 9.0 - Vector2::repeat(1.0));
-            let error = Stencil::at(&at, 9).read(&column, 9) - quadratic(&place);
-            assert!(error.abs() < 1e-11, "off by {error} at {at}");
+            let stencil = Stencil::at(&at, 9);
+            for read in [stencil.read(&column, 9), stencil.read_log(&column, 9)] {
+                let error = read - quadratic(&place);
+                assert!(error.abs() < 1e-11, "off by {error} at {at}");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_rises_beside_a_cliff() {
+        let edge = |i: usize| if i % 9 > 4 { -400.0 } else { -0.1 * number(i / 9) };
+        let column: Vec<f64> = (0..81).map(edge).collect();
+        for i in 0..=160 {
+            let stencil = Stencil::at(&Vector2::new(0.05 * f64::from(i), 3.4), 9);
+            assert!(stencil.read_log(&column, 9) < -0.2, "at {}", 0.05 * f64::from(i));
         }
     }
 
@@ -379,8 +433,10 @@ mod tests {
     fn what_is_impossible_beside_a_place_does_not_spread() {
         let mut column = [0.5; 81];
         column[40] = f64::NEG_INFINITY;
-        let read = |x, y| Stencil::at(&Vector2::new(x, y), 9).read(&column, 9);
-        assert!((read(3.2, 4.0) - 0.5).abs() < 1e-15);
-        assert!(read(3.9, 4.1) <= f64::NEG_INFINITY);
+        for read in [Stencil::read, Stencil::read_log] {
+            let read = |x, y| read(&Stencil::at(&Vector2::new(x, y), 9), &column, 9);
+            assert!((read(3.2, 4.0) - 0.5).abs() < 1e-15);
+            assert!(read(3.9, 4.1) <= f64::NEG_INFINITY);
+        }
     }
 }
