@@ -18,10 +18,19 @@ pub struct BearingCalibration {
     pub sigma_scale: f64,
     /// What is added to it in squares.
     pub sigma_floor_deg: f64,
+    /// The share of bearings that have nothing to do with the direction, 0 to 0.5: estimators that
+    /// weigh competing directions weigh any direction with it, others take the moments of all.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub outlier_probability: f64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it so")]
+fn is_zero(number: &f64) -> bool {
+    number.abs() <= 0.0
 }
 
 impl Default for BearingCalibration {
-    /// No offset; σ as it is.
+    /// No offset; σ as it is; no outliers.
     fn default() -> Self {
         Self {
             offset_deg_ccw: 0.0,
@@ -29,6 +38,7 @@ impl Default for BearingCalibration {
             cos_heading_deg: 0.0,
             sigma_scale: 1.0,
             sigma_floor_deg: 0.0,
+            outlier_probability: 0.0,
         }
     }
 }
@@ -58,6 +68,7 @@ impl BearingCalibration {
     pub fn wrap<X: BearingExtractor>(&self, extractor: X) -> Result<Calibrated<X>, ParameterError> {
         Calibrated::new(extractor)
             .with_offset(self.offset())?
-            .with_sigma(self.sigma_scale, self.sigma_floor_deg.to_radians())
+            .with_sigma(self.sigma_scale, self.sigma_floor_deg.to_radians())?
+            .with_outliers(self.outlier_probability)
     }
 }

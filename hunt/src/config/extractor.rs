@@ -1,6 +1,6 @@
 use foxhunt_core::{
     BearingExtractor,
-    parameter::{ParameterError, positive},
+    parameter::{ParameterError, positive, require},
 };
 use foxhunt_sensors::{
     AntennaConfig, AntennaError, CrossCorrelation, FirstHarmonic, MainLobeFit, Maximum,
@@ -63,6 +63,10 @@ pub struct KnownAntennaConfig {
     pub antenna: AntennaConfig,
     /// How far beacons are above the horizon, in degrees; below it where negative.
     pub elevation_deg: f64,
+    /// Beacons may be anywhere from there to so far above the horizon, in degrees, for
+    /// `maximum-likelihood`; absent where they are at that elevation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub steepest_deg: Option<f64>,
     /// σ of a reading in dB, where a turn does not show it.
     pub sample_sigma_db: f64,
     /// σ in dB of what the pattern leaves of a boresight's mean, whatever the number of readings.
@@ -78,12 +82,13 @@ pub struct KnownAntennaConfig {
 }
 
 impl Default for KnownAntennaConfig {
-    /// The reference patch, beacons on the horizon, readings of 2 dB, no misfit, 7.9 dB for the
+    /// The reference patch, beacons on the horizon alone, readings of 2 dB, no misfit, 7.9 dB for the
     /// level, bearings up to 57° from 8 boresights on, 4 degrees of freedom.
     fn default() -> Self {
         Self {
             antenna: AntennaConfig::default(),
             elevation_deg: 0.0,
+            steepest_deg: None,
             sample_sigma_db: 2.0,
             misfit_sigma_db: 0.0,
             rss_sigma_db: 7.9,
@@ -191,7 +196,17 @@ impl KnownAntennaConfig {
             .with_rss_sigma_db(self.rss_sigma_db)?
             .with_max_sigma(self.max_sigma_deg.to_radians())?
             .with_min_positions(self.min_positions)?;
-        Ok(Box::new(extractor.with_residuals(residuals)))
+        Ok(Box::new(match (self.steepest_deg, residuals) {
+            (Some(steepest), Residuals::Gaussian) => {
+                extractor.with_steepest(steepest.to_radians())?
+            }
+            (Some(steepest), _) => {
+                let one = "left out: only maximum-likelihood looks at several elevations";
+                require(false, "steepest_deg", steepest, one)?;
+                extractor
+            }
+            (None, _) => extractor.with_residuals(residuals),
+        }))
     }
 }
 
@@ -239,6 +254,8 @@ mod tests {
             ("kind = 'maximum-likelihood'\nmin_positions = 2", "min_positions is 2"),
             ("kind = 'cross-correlation'\nantenna = { file = 'no.msi' }", "no.msi"),
             ("kind = 'maximum-likelihood-t'\nelevation_deg = 100", "elevation"),
+            ("kind = 'maximum-likelihood'\nsteepest_deg = -95", "steepest"),
+            ("kind = 'maximum-likelihood-t'\nsteepest_deg = -40", "several elevations"),
         ] {
             let config = toml::from_str::<ExtractorConfig>(text).expect(text);
             let error = config.build().map(|_| ()).expect_err(text).to_string();

@@ -62,7 +62,7 @@ mod tests {
         let mut scenario = parse("bearing_sigma_deg = 6.0\nlongest_s = 80.0").expect("in order");
         // Planners reckon with the pulses that it takes.
         let with = scenario.field().turn_s.expect("it turns");
-        scenario.turns.as_mut().expect("as parsed").bearing_sigma_deg = 3.0;
+        scenario.turns.as_mut().expect("as parsed").bearing_sigma_deg = 0.7;
         assert!(scenario.field().turn_s.expect("it turns") > 1.5 * with);
         let stepper = text.find("[source]").expect("it has one")..text.find("[model]").expect("so");
         let text = text.replace(&text[stepper], "[source]\nkind = \"omnidirectional\"\n\n");

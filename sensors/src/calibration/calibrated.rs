@@ -1,7 +1,7 @@
 use foxhunt_core::{
     BearingExtractor, BearingMode, BearingModes, NoBearing, NoReading, Reading, Sample, Sweep,
     angle,
-    parameter::{ParameterError, finite, not_negative, positive},
+    parameter::{ParameterError, finite, in_range, not_negative, positive},
 };
 
 use super::BearingOffset;
@@ -10,20 +10,23 @@ use super::BearingOffset;
 /// recordings with truth showed it to be, σ² → (scale · σ)² + floor².
 ///
 /// Competing directions are corrected alike. The correlation of level and bearing stays. A σ that
-/// grows beyond that of a direction of which nothing is known (π/√3) is no bearing.
+/// grows beyond that of a direction of which nothing is known (π/√3) is no bearing. Bearings may be
+/// outliers with some probability: then any direction competes with those that were found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibrated<X> {
     extractor: X,
     offset: BearingOffset,
     scale: f64,
     floor: f64,
+    outlier_probability: f64,
 }
 
 impl<X> Calibrated<X> {
     /// The extractor as it is: no offset, its own σ.
     #[must_use]
     pub fn new(extractor: X) -> Self {
-        Self { extractor, offset: BearingOffset::default(), scale: 1.0, floor: 0.0 }
+        let offset = BearingOffset::default();
+        Self { extractor, offset, scale: 1.0, floor: 0.0, outlier_probability: 0.0 }
     }
 
     /// The same with bearings that are off by `offset`, measured minus true.
@@ -49,6 +52,20 @@ impl<X> Calibrated<X> {
         Ok(Self { scale, floor, ..self })
     }
 
+    /// The same with bearings of which this share has nothing to do with the direction, as
+    /// reflections and turns right above a transmitter give them. The reading's bearing stays what
+    /// it was; an observation made of it takes the moments of all directions, so that estimators
+    /// that do not weigh them one by one are careful: 2 % make 16° of a σ of 6°.
+    ///
+    /// # Errors
+    ///
+    /// When it is not from 0 to 0.5.
+    pub fn with_outliers(self, probability: f64) -> Result<Self, ParameterError> {
+        let outlier_probability =
+            in_range("outlier_probability", probability, 0.0..=0.5, "from 0 to 0.5")?;
+        Ok(Self { outlier_probability, ..self })
+    }
+
     fn sigma(&self, sigma: f64) -> f64 {
         libm::hypot(self.scale * sigma, self.floor)
     }
@@ -61,14 +78,31 @@ impl<X> Calibrated<X> {
         angle::wrap(direction - self.offset.at(heading_towards(sweep, direction)))
     }
 
-    fn modes(&self, sweep: &Sweep<'_>, modes: &BearingModes) -> BearingModes {
+    /// The directions that compete, the only one where nothing else does.
+    fn modes(&self, sweep: &Sweep<'_>, reading: &Reading) -> BearingModes {
+        let alone = reading.bearing.as_ref().ok().map(|bearing| {
+            [BearingMode { weight: 1.0, angle: bearing.angle, sigma: bearing.sigma }]
+        });
+        let own = match (reading.modes.as_slice(), &alone) {
+            ([], Some(alone)) => alone,
+            (modes, _) => modes,
+        };
         let mut corrected = [BearingMode::default(); BearingModes::CAPACITY];
-        let own = modes.as_slice();
+        let mut count = 0;
         for (new, mode) in corrected.iter_mut().zip(own) {
             let angle = self.angle(sweep, mode.angle);
             *new = BearingMode { angle, sigma: self.sigma(mode.sigma), ..*mode };
+            count += 1;
         }
-        BearingModes::new(&corrected[..own.len()]).unwrap_or_default()
+        if self.outlier_probability > 0.0 && count > 0 {
+            // The most likely are first; where there is no room, any direction takes the last's.
+            count = count.min(BearingModes::CAPACITY - 1);
+            let found: f64 = corrected[..count].iter().map(|mode| mode.weight).sum();
+            let weight = found * self.outlier_probability / (1.0 - self.outlier_probability);
+            corrected[count] = BearingMode { weight, sigma: ANY_DIRECTION, ..corrected[0] };
+            count += 1;
+        }
+        BearingModes::new(&corrected[..count]).unwrap_or_default()
     }
 }
 
@@ -79,7 +113,7 @@ impl<X: BearingExtractor> BearingExtractor for Calibrated<X> {
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
         let reading = self.extractor.extract(sweep)?;
         // Directions that compete may be too far apart for a bearing.
-        let modes = self.modes(sweep, &reading.modes);
+        let modes = self.modes(sweep, &reading);
         let Ok(bearing) = reading.bearing else { return Ok(Reading { modes, ..reading }) };
         let (angle, sigma) = (self.angle(sweep, bearing.angle), self.sigma(bearing.sigma));
         if sigma > bearing.sigma.max(ANY_DIRECTION) {

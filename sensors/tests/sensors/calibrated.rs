@@ -3,8 +3,8 @@
 use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{
-    BearingExtractor, BearingMode, BearingModes, NoBearing, NoReading, Pose, Reading, Sample,
-    Sweep, angle, laws,
+    Bearing, BearingExtractor, BearingMode, BearingModes, NoBearing, NoReading, Pose, Reading,
+    Sample, Sweep, angle, laws,
 };
 use foxhunt_sensors::{
     BearingError, BearingOffset, Calibrated, KnownBearing, OffsetTerms, PatternTable, Pritzl2018,
@@ -186,4 +186,34 @@ fn directions_that_compete_are_corrected_each_for_itself() {
         assert!(error < 1e-12 && (mode.sigma - 0.2).abs() < 1e-12, "{mode:?}");
     }
     assert_eq!(reading.modes.as_slice().len(), 2);
+}
+
+/// One direction, and nothing that competes with it.
+struct Plain;
+
+impl BearingExtractor for Plain {
+    fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
+        let bearing = Bearing { angle: 0.3, sigma: 0.1, confidence: 0.9 };
+        let modes = BearingModes::default();
+        Ok(Reading { bearing: Ok(bearing), modes, ..Opposite.extract(sweep)? })
+    }
+}
+
+/// Any direction competes, with its share; the bearing stays what it was.
+#[test]
+fn outliers_point_anywhere() {
+    let sweep = Sweep::default();
+    let plain = Calibrated::new(Plain).with_outliers(0.02).expect("a share");
+    let reading = plain.extract(&sweep).expect("it has a level");
+    assert_eq!(reading.bearing, Plain.extract(&sweep).expect("it has a level").bearing);
+    let [own, any] = reading.modes.as_slice() else { panic!("{:?}", reading.modes) };
+    assert!((own.weight - 0.98).abs() < 1e-12 && (own.angle - 0.3).abs() < 1e-12);
+    assert!((any.weight - 0.02).abs() < 1e-12 && (any.sigma - PI / 3.0_f64.sqrt()).abs() < 1e-12);
+    let two = Calibrated::new(Opposite).with_outliers(0.5).expect("a share");
+    let reading = two.extract(&sweep).expect("it has a level");
+    let weights: Vec<f64> = reading.modes.as_slice().iter().map(|mode| mode.weight).collect();
+    assert!(weights.iter().zip([0.25, 0.25, 0.5]).all(|(w, want)| (w - want).abs() < 1e-12));
+    for probability in [-0.1, 0.6, f64::NAN] {
+        assert!(Calibrated::new(Plain).with_outliers(probability).is_err(), "{probability}");
+    }
 }

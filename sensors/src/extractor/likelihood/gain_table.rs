@@ -29,6 +29,11 @@ impl GainTable {
         Self { rows, mean_db, elevation }
     }
 
+    /// How far above the horizon beacons are, in radians.
+    pub(super) fn elevation(&self) -> f64 {
+        self.elevation
+    }
+
     /// The rows of a turn.
     pub(super) fn rows(&self) -> &[f64] {
         &self.rows[..usize::from(ROWS)]

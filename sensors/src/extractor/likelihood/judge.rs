@@ -29,6 +29,38 @@ pub(super) fn gaussian<A: Antenna>(fit: &Fit<'_, A>) -> Judged {
     Judged { posterior, residual_db: misfit.residual_db, inflation: misfit.inflation() }
 }
 
+/// The posterior over the elevations as well, with the fit of the likeliest. All are judged with
+/// the noise that the one explaining most leaves behind: a wrong elevation must not excuse itself by
+/// what it leaves.
+pub(super) fn elevations<'a, A: Antenna>(
+    first: Fit<'a, A>,
+    others: impl Iterator<Item = Fit<'a, A>>,
+) -> (Fit<'a, A>, Judged) {
+    let weighed = |fit: Fit<'a, A>| {
+        let nodes = gaussian::nodes(&fit, 1.0);
+        let (offset, level) = summit(&nodes);
+        let misfit = Misfit::new(&fit, offset, &fit.residuals(offset, level), ONE_PATH);
+        (fit, nodes, misfit)
+    };
+    let first = weighed(first);
+    let others: Vec<_> = others.map(weighed).collect();
+    let inflations = others.iter().map(|(_, _, misfit)| misfit.inflation());
+    let inflation = inflations.fold(first.2.inflation(), f64::min);
+    let posterior = |(fit, nodes, misfit): (Fit<'a, A>, Vec<Node>, Misfit)| {
+        let posterior = Posterior::new(&tempered(&fit, nodes, inflation));
+        (fit, Judged { posterior, residual_db: misfit.residual_db, inflation })
+    };
+    let (mut best, mut judged) = posterior(first);
+    let mut all = judged.posterior.clone();
+    for (fit, other) in others.into_iter().map(posterior) {
+        all = all.or(other.posterior.clone());
+        if other.posterior.log_mass() > judged.posterior.log_mass() {
+            (best, judged) = (fit, other);
+        }
+    }
+    (best, Judged { posterior: all, ..judged })
+}
+
 pub(super) fn student<A: Antenna>(fit: &Fit<'_, A>, degrees: f64) -> Judged {
     let degrees = if degrees > 0.0 && degrees.is_finite() { degrees } else { 1.0 };
     let nodes = student::nodes(fit, degrees, 1.0);

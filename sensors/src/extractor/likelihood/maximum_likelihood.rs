@@ -31,11 +31,15 @@ use crate::Antenna;
 /// scatter along each boresight; readings in whole dB have no less of it than their rounding. σ
 /// grows with the residuals where they exceed that, and with their correlation around the circle.
 ///
+/// Beacons are at one elevation, or at any of a [range](Self::with_steepest).
+///
 /// The confidence is [`resultant_confidence`](crate::resultant_confidence).
 #[derive(Clone, Debug)]
 pub struct MaximumLikelihood<A> {
     antenna: A,
     table: GainTable,
+    /// For beacons at other elevations.
+    steeper: Vec<GainTable>,
     sample_sigma_db: f64,
     misfit_sigma_db: f64,
     limits: Limits,
@@ -62,6 +66,7 @@ impl<A: Antenna> MaximumLikelihood<A> {
         Self {
             antenna,
             table,
+            steeper: Vec::new(),
             sample_sigma_db: 2.0,
             misfit_sigma_db: 0.0,
             limits: Limits::default(),
@@ -71,10 +76,10 @@ impl<A: Antenna> MaximumLikelihood<A> {
         }
     }
 
-    /// The same with residuals judged in another way.
+    /// The same with residuals judged in another way, for beacons at one elevation.
     #[must_use]
     pub fn with_residuals(self, residuals: Residuals) -> Self {
-        Self { residuals, ..self }
+        Self { residuals, steeper: Vec::new(), ..self }
     }
 
     /// The same for beacons `elevation` radians above the horizon.
@@ -87,7 +92,31 @@ impl<A: Antenna> MaximumLikelihood<A> {
         let elevation = require(holds, "elevation", elevation, "between −π/2 and π/2")?;
         let table = GainTable::new(&self.antenna, elevation);
         let (amplitude, fadings) = of_table(&table);
-        Ok(Self { table, amplitude, fadings, ..self })
+        Ok(Self { table, steeper: Vec::new(), amplitude, fadings, ..self })
+    }
+
+    /// The same for beacons anywhere from its elevation to `steepest`, in radians above the horizon:
+    /// the posterior is over elevations in equal steps of at most 5° too, all as likely as another
+    /// before the turn. A pattern looked at from far above the beacon has other lobes, which at the
+    /// horizon would stand for another direction. Residuals are Gaussian.
+    ///
+    /// # Errors
+    ///
+    /// When it is not within a quarter of a turn.
+    pub fn with_steepest(self, steepest: f64) -> Result<Self, ParameterError> {
+        const STEP: f64 = 0.0873;
+        let holds = steepest.abs() < core::f64::consts::FRAC_PI_2;
+        let steepest = require(holds, "steepest", steepest, "between −π/2 and π/2")?;
+        let from = self.table.elevation();
+        let steps = libm::ceil((steepest - from).abs() / STEP);
+        let mut steeper = Vec::new();
+        let mut step = 1.0;
+        while step <= steps {
+            let elevation = from + (steepest - from) * step / steps;
+            steeper.push(GainTable::new(&self.antenna, elevation));
+            step += 1.0;
+        }
+        Ok(Self { steeper, residuals: Residuals::Gaussian, ..self })
     }
 
     /// Sets another σ of a reading, in dB: it counts like four readings about their mean,
@@ -145,20 +174,24 @@ impl<A: Antenna> MaximumLikelihood<A> {
 }
 
 impl<A: Antenna> MaximumLikelihood<A> {
-    /// A turn laid against the antenna.
-    fn fit(&self, sweep: &Sweep<'_>) -> Result<Fit<'_, A>, NoReading> {
+    /// A turn laid against the antenna, and what is judged of it.
+    fn judged<'s>(&'s self, sweep: &Sweep<'_>) -> Result<(Fit<'s, A>, Judged), NoReading> {
         let looks = Looks::new(sweep)?;
         let noise = looks.sample_variance(self.sample_sigma_db, PRIOR_FREEDOM);
         let misfit = self.misfit_sigma_db * self.misfit_sigma_db;
-        Ok(Fit::new(&self.antenna, &self.table, looks, sweep, noise, misfit))
-    }
-
-    fn judge(&self, fit: &Fit<'_, A>) -> Judged {
-        match self.residuals {
-            Residuals::Gaussian => judge::gaussian(fit),
-            Residuals::StudentT { degrees } => judge::student(fit, degrees),
-            Residuals::Reflection => judge::reflection(fit, &self.amplitude, &self.fadings),
+        let fit = |table: &'s GainTable| {
+            Fit::new(&self.antenna, table, looks.clone(), sweep, noise, misfit)
+        };
+        let level = fit(&self.table);
+        if !self.steeper.is_empty() {
+            return Ok(judge::elevations(level, self.steeper.iter().map(fit)));
         }
+        let judged = match self.residuals {
+            Residuals::Gaussian => judge::gaussian(&level),
+            Residuals::StudentT { degrees } => judge::student(&level, degrees),
+            Residuals::Reflection => judge::reflection(&level, &self.amplitude, &self.fadings),
+        };
+        Ok((level, judged))
     }
 }
 
@@ -170,8 +203,7 @@ fn of_table(table: &GainTable) -> (GainTable, Vec<Fading>) {
 
 impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {
     fn extract(&self, sweep: &Sweep<'_>) -> Result<Reading, NoReading> {
-        let fit = self.fit(sweep)?;
-        let Judged { posterior, residual_db, .. } = self.judge(&fit);
+        let (fit, Judged { posterior, residual_db, .. }) = self.judged(sweep)?;
         Ok(read_out(sweep, &fit, &posterior.modes(), residual_db, &self.limits))
     }
 
@@ -179,8 +211,7 @@ impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {
     /// were found, over all questions, those below the floor censored. The bound does not depend on
     /// how the noise fell, so that a turn does not end as soon as the noise makes a narrow peak.
     fn expected_sigma(&self, sweep: &Sweep<'_>) -> Option<f64> {
-        let fit = self.fit(sweep).ok()?;
-        let Judged { posterior, residual_db, inflation } = self.judge(&fit);
+        let (fit, Judged { posterior, residual_db, inflation }) = self.judged(sweep).ok()?;
         let reading = read_out(sweep, &fit, &posterior.modes(), residual_db, &self.limits);
         let bearing = reading.bearing.ok()?;
         let bound = fit.bound(angle::wrap(bearing.angle - fit.looks.origin), reading.rss_dbm);

@@ -80,6 +80,11 @@ impl Posterior {
         Self { log_mass: best + libm::log(total), peaks }
     }
 
+    /// The logarithm of its integral, up to the constant of the log densities.
+    pub(super) fn log_mass(&self) -> f64 {
+        self.log_mass
+    }
+
     /// This or another, with their masses for weights.
     pub(super) fn or(mut self, other: Self) -> Self {
         let best = self.log_mass.max(other.log_mass);
