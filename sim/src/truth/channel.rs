@@ -32,6 +32,7 @@ pub(crate) struct Channel {
     pub(super) sample_sigma_db: f64,
     /// In radians.
     pub(super) bearing_sigma: f64,
+    pub(super) patterns_stay: bool,
     pub(super) noise_dbm: Option<f64>,
     whole_db: bool,
     floor_dbm: Option<f64>,
@@ -93,6 +94,7 @@ impl Channel {
             pattern_sigma_db: config.pattern_sigma_db,
             sample_sigma_db: config.sample_sigma_db,
             bearing_sigma: config.bearing_sigma_deg.to_radians(),
+            patterns_stay: config.patterns_stay,
             noise_dbm: config.noise_dbm,
             whole_db: config.whole_db,
             floor_dbm: config.floor_dbm,

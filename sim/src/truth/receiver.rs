@@ -91,6 +91,8 @@ struct Pattern {
     spun: f64,
     offset_db: f64,
     bearing_error: f64,
+    /// Its turn is over.
+    ended: bool,
 }
 
 /// The path from a beacon, and where its waves come from.
@@ -133,9 +135,9 @@ impl Receiver {
         (noise, if sample.random::<bool>() { 1.0 } else { -1.0 })
     }
 
-    /// Ends all patterns: the next sample of any beacon begins a new one.
+    /// Ends all patterns: unless they stay, the next sample of any beacon begins a new one.
     pub(crate) fn end_patterns(&mut self) {
-        self.patterns.clear();
+        self.patterns.iter_mut().for_each(|pattern| pattern.ended = true);
         self.last = None;
     }
 
@@ -253,8 +255,9 @@ impl Receiver {
         if let Some(index) = known {
             let pattern = self.patterns[index];
             // A body that has been all the way round begins another one, as an antenna does.
-            let round = (arrival.spun - pattern.spun).abs() > TAU - 1e-9;
-            if (arrival.receiver.position - pattern.place).norm() <= SAME_PLACE && !round {
+            let ended = pattern.ended || (arrival.spun - pattern.spun).abs() > TAU - 1e-9;
+            let stays = channel.patterns_stay || !ended;
+            if (arrival.receiver.position - pattern.place).norm() <= SAME_PLACE && stays {
                 return pattern;
             }
             self.patterns.swap_remove(index);
@@ -267,6 +270,7 @@ impl Receiver {
             spun: arrival.spun,
             offset_db: channel.pattern_sigma_db * offset,
             bearing_error: channel.bearing_sigma * error,
+            ended: false,
         };
         self.patterns.push(pattern);
         pattern

@@ -139,6 +139,7 @@ fn a_world_comes_back_from_a_file_as_it_went() {
             pattern_sigma_db: 1.0,
             sample_sigma_db: 0.5,
             bearing_sigma_deg: 7.0,
+            patterns_stay: true,
             noise_dbm: Some(-113.0),
             whole_db: true,
             floor_dbm: Some(-100.0),

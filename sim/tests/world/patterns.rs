@@ -38,6 +38,20 @@ fn a_turn_is_one_pattern_and_the_next_turn_another() {
 }
 
 #[test]
+fn a_place_may_have_one_pattern_for_all_turns() {
+    let antenna = omnidirectional();
+    let channel = ChannelConfig { pattern_sigma_db: 4.0, patterns_stay: true, antenna, ..quiet() };
+    let mut rig = Rig::new(&config(channel), 8);
+    let first = rig.receive(0);
+    for _ in 0..3 {
+        assert!(rig.turn(0, 2).iter().all(|(_, rss)| same(*rss, first)));
+    }
+    let first = offset(&mut rig);
+    rig.fly_to(5.0, 0.0, 0.0);
+    assert!(!same(offset(&mut rig), first), "another place");
+}
+
+#[test]
 fn a_turn_that_is_begun_again_is_another_pattern() {
     let mut rig = rig();
     let turn = |rig: &mut Rig, angles: &[f64]| -> f64 {
