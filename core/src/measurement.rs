@@ -33,8 +33,8 @@ use crate::{Axis, Observation, Pose, Quantity, State, noise};
 ///
 /// Checked by `laws::measurement_model`, feature `laws`: `expected` is finite for every finite
 /// state; `residual(z, z) = 0`; a turn of 2π on an [`Axis::Angle`] changes no residual;
-/// `expected_change` and `expected_parts` agree with differences of expectations, `jacobian` with finite
-/// differences; `log_likelihoods` and `residuals` agree with `log_likelihood` and `residual`.
+/// `expected_change` and `expected_parts` agree with differences of expectations, `jacobian` with
+/// finite ones; `log_likelihoods` and `residuals` agree with `log_likelihood` and `residual`.
 pub trait MeasurementModel<const N: usize, const M: usize> {
     /// What each component is: its name with its unit, and its geometry. **This method owns the
     /// wrap**: means and residuals in every estimator follow from it.

@@ -98,8 +98,8 @@ impl<const N: usize> Conditioned<N> {
     }
 }
 
-/// The Cholesky factor of a covariance, of which the lower triangle is read; `None` where a pivot is
-/// not positive. No pivot waits for the root of another.
+/// The Cholesky factor of a covariance, of which the lower triangle is read; `None` where a pivot
+/// is not positive. No pivot waits for the root of another.
 #[inline]
 pub(crate) fn cholesky<const D: usize>(mut p: SMatrix<f64, D, D>) -> Option<SMatrix<f64, D, D>> {
     for k in 0..D {

@@ -58,7 +58,7 @@ pub enum RecordingError {
         "{file}, line {line}: no known format has the columns {header}; the nearest, {nearest}, \
          also needs {}{}; known are {}",
         lacks.join(" and "),
-        meant.as_deref().map_or_else(String::new, |[found, missing]| slip_for(Some(found), missing)),
+        meant.as_deref().map_or_else(String::new, |[found, name]| slip_for(Some(found), name)),
         known.join(", ")
     )]
     UnknownFormat {

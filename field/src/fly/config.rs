@@ -35,8 +35,8 @@ pub struct FlightConfig {
     /// How the bearings err and their σ is off, as a calibration has it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bearings: Option<BearingCalibration>,
-    /// How certain the bearings of a turn shall be, which it goes on for; a turn is one round unless
-    /// given.
+    /// How certain the bearings of a turn shall be, which it goes on for; a turn is one round
+    /// unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turns: Option<TurnGoalConfig>,
     /// What decides where to listen.

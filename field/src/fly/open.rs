@@ -21,8 +21,8 @@ pub type OpenDrone = FlownDrone<Shared<BoxedAircraft>, BoxedSource>;
 
 impl FlightConfig {
     /// Opens the devices of all drones at `ports`, whose turns go on for `goal` if there is one;
-    /// their sweeps are passed to `tap` if there is one. The clock was 0 at `clock_origin_unix_s` of
-    /// UNIX time, which signatures carry.
+    /// their sweeps are passed to `tap` if there is one. The clock was 0 at `clock_origin_unix_s`
+    /// of UNIX time, which signatures carry.
     ///
     /// # Errors
     ///

@@ -71,8 +71,8 @@ pub fn independent_share(
     if inflation.is_finite() { 1.0 / inflation.clamp(1.0, crate::count::number(n)) } else { 1.0 }
 }
 
-/// An orthonormal basis of the columns of J: neither the restricted likelihood nor the design effect
-/// hangs on which one. `None` where J is zero or not finite.
+/// An orthonormal basis of the columns of J: neither the restricted likelihood nor the design
+/// effect hangs on which one. `None` where J is zero or not finite.
 fn informed(jacobian: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     if !jacobian.iter().all(|slope| slope.is_finite()) {
         return None;

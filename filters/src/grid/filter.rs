@@ -19,8 +19,8 @@ pub(super) const REACH: f64 = 8.0;
 /// Exact but for its resolution, for any shape of belief: no linearisation, no sampling noise. The
 /// cells follow the belief. Where it has become smaller than they can resolve, they are laid out
 /// anew, along its principal axes, and what was believed is read between the old ones by cubic
-/// convolution; so is a belief that leaves the area. Beside a cliff, as where all bearings meet at a
-/// receiver, it is bounded: cubics would make a peak there of what is nearly impossible.
+/// convolution; so is a belief that leaves the area. Beside a cliff, as where all bearings meet at
+/// a receiver, it is bounded: cubics would make a peak there of what is nearly impossible.
 ///
 /// Components of the state behind East and North are marginalised (Rao-Blackwell): given the
 /// place they are kept as a Gaussian in every cell. The measurement must be linear in them and

@@ -244,8 +244,8 @@ pub(super) struct Stencil {
     share: [f64; 2],
 }
 
-/// Logarithms that are bent by no more than this from cell to cell are read as they are: it makes an
-/// eighth of it between them, where bearings of a hunt are bent by hundreds.
+/// Logarithms that are bent by no more than this from cell to cell are read as they are: it makes
+/// an eighth of it between them, where bearings of a hunt are bent by hundreds.
 const BEND: f64 = 20.0;
 
 impl Stencil {
@@ -291,8 +291,8 @@ impl Stencil {
 }
 
 /// What lies behind one of four neighbours, at the share `t` of the way to the next: on the two
-/// parabolas through three of them, weighted by their nearness, as [`keys`] has it; but bent no more
-/// than twice what either of the two is.
+/// parabolas through three of them, weighted by their nearness, as [`keys`] has it; but bent no
+/// more than twice what either of the two is.
 #[inline(always)]
 fn bent(four: [f64; 4], behind: usize, t: f64) -> f64 {
     let [a, b, c, d] = match behind {

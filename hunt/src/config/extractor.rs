@@ -82,8 +82,8 @@ pub struct KnownAntennaConfig {
 }
 
 impl Default for KnownAntennaConfig {
-    /// The reference patch, beacons on the horizon alone, readings of 2 dB, no misfit, 7.9 dB for the
-    /// level, bearings up to 57° from 8 boresights on, 4 degrees of freedom.
+    /// The reference patch, beacons on the horizon alone, readings of 2 dB, no misfit, 7.9 dB for
+    /// the level, bearings up to 57° from 8 boresights on, 4 degrees of freedom.
     fn default() -> Self {
         Self {
             antenna: AntennaConfig::default(),

@@ -355,8 +355,8 @@ impl Hunt {
         Some(budgets.fold(turn.min(flight.next_event()?), f64::min))
     }
 
-    /// Whether every sweep that is owed is waited for: before the [next event](Self::next_event), no
-    /// drone is sent anywhere or has to listen again that has not delivered.
+    /// Whether every sweep that is owed is waited for: before the [next event](Self::next_event),
+    /// no drone is sent anywhere or has to listen again that has not delivered.
     #[must_use]
     pub fn waits_for_all(&self) -> bool {
         self.flight.as_ref().is_some_and(Flight::waits_for_all)

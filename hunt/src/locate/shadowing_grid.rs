@@ -13,8 +13,8 @@ use super::{
 /// All levels at once on a grid, with shadowing that is correlated along the flight and antennas
 /// whose gain falls with the elevation (`filters::ShadowingGrid`): P₀ and γ are the intercept and
 /// the slope over −10 log₁₀ of the range, the gain's regressor is that of a vertical dipole, or the
-/// known one of the antennas on the way. Bearings, where there are any, weigh in by the likelihood of
-/// `filters::BearingGrid`, and need no power of the transmitter.
+/// known one of the antennas on the way. Bearings, where there are any, weigh in by the likelihood
+/// of `filters::BearingGrid`, and need no power of the transmitter.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CorrelatedShadowing;
 

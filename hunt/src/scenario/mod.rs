@@ -53,8 +53,8 @@ pub struct Scenario {
     /// What each drone listens with, in their order, where they differ.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sources: Vec<SourceConfig>,
-    /// How certain the bearings of a turn shall be, which it goes on for; a turn is one round unless
-    /// given.
+    /// How certain the bearings of a turn shall be, which it goes on for; a turn is one round
+    /// unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turns: Option<TurnGoalConfig>,
     /// Time-outs, tolerances, the prior; the defaults of [`HuntConfig`] unless given.

@@ -51,7 +51,7 @@ pub trait LevelLaw<const P: usize> {
     /// dB per metre: `along` ∂P/∂d.
     fn range_slope(&self, parameters: &[f64; P], range: f64, along: f64) -> f64;
 
-    /// Its derivative over the square of the range where that is `square` m² and not 0, in dB per m².
+    /// Its derivative over the square of the range where that is `square` m², not 0, in dB per m².
     fn square_slope(&self, parameters: &[f64; P], square: f64) -> f64 {
         let range = libm::sqrt(square);
         self.range_slope(parameters, range, 0.5 / range)

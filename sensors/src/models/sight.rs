@@ -76,8 +76,8 @@ impl Sight {
         if x.abs() + y.abs() < 1e300 { elementary::atan2(y, x) } else { libm::atan2(y, x) }
     }
 
-    /// What becomes of ln d² and of the bearing when the target moves by so much, each as its odd and
-    /// its even part in the offset. `None` where the places had better be looked at one by one:
+    /// What becomes of ln d² and of the bearing when the target moves by so much, each as its odd
+    /// and its even part in the offset. `None` where the places had better be looked at one by one:
     /// near overhead, beyond the largest numbers, and where the target goes more than half as far
     /// as it is away over ground.
     ///

@@ -37,13 +37,13 @@ pub struct ChannelConfig {
     pub sample_sigma_db: f64,
     /// σ in degrees of the angle by which a whole pattern is turned.
     pub bearing_sigma_deg: f64,
-    /// A pattern's offset and angle belong to the place, as those of a site do: all turns of a drone
-    /// that stays within half a metre have the same. Else each round has its own.
+    /// A pattern's offset and angle belong to the place, as those of a site do: all turns of a
+    /// drone that stays within half a metre have the same. Else each round has its own.
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub patterns_stay: bool,
-    /// The power in dBm of the receiver's noise in the bandwidth of a pulse or an answer, which adds
-    /// to it as a wave of random phase: a sample of power P has E/N0 = P over it. Readings have its
-    /// mean taken off, as detectors do. Absent for a receiver without noise of its own.
+    /// The power in dBm of the receiver's noise in the bandwidth of a pulse or an answer, which
+    /// adds to it as a wave of random phase: a sample of power P has E/N0 = P over it. Readings
+    /// have its mean taken off, as detectors do. Absent for a receiver without noise of its own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_dbm: Option<f64>,
     /// The receiver reports whole dB, rounded half away from zero.
@@ -59,8 +59,9 @@ pub struct ChannelConfig {
 impl Default for ChannelConfig {
     /// The simulation of Pritzl 2018, §6.1, its noise read as standard deviations: 4 dB for each
     /// pattern, 2 dB for each sample, 30° for each pattern's direction; the law of the open field
-    /// (−29.06 dBm, 2.765; §7.1); patterns of one round; the reference patch; 2440 MHz; neither shadowing, reflectors
-    /// nor dead zones, no noise of the receiver, no rounding, no floor, no losses.
+    /// (−29.06 dBm, 2.765; §7.1); patterns of one round; the reference patch; 2440 MHz; neither
+    /// shadowing, reflectors nor dead zones, no noise of the receiver, no rounding, no floor, no
+    /// losses.
     fn default() -> Self {
         Self {
             path_loss: LogDistance::pritzl2018_field().into(),

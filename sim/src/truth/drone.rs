@@ -175,11 +175,11 @@ impl Drone {
         now: f64,
     ) {
         let signal = self.aimed(channel, (id, beacon), port, now);
-        self.ask(channel, beacon, signal, now);
+        self.transmit(channel, beacon, signal, now);
     }
 
-    /// Sends a request to a beacon whose signal is known.
-    fn ask(&mut self, channel: &Channel, beacon: &BeaconConfig, signal: Signal, now: f64) {
+    /// Transmits a request to a beacon whose signal is known.
+    fn transmit(&mut self, channel: &Channel, beacon: &BeaconConfig, signal: Signal, now: f64) {
         let answer_at = beacon.answer_after(now, self.receiver.latency());
         let transmitted = signal.reaches && beacon.answers_at(now) && self.receives(answer_at);
         self.receiver.answer(channel, signal.power_dbm, transmitted, answer_at);
@@ -203,7 +203,7 @@ impl Drone {
             if count > 0 && !lasts {
                 signal = self.aimed(channel, (id, beacon), port, now);
             }
-            self.ask(channel, beacon, signal, now);
+            self.transmit(channel, beacon, signal, now);
             let comes = self.receiver.answers_at();
             if !is_due(comes, now) && !self.go_ahead(comes, world, free) {
                 return count;

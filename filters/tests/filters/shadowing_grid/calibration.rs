@@ -174,8 +174,8 @@ fn is_on_border(fix: &ShadowingFix, place: &Vector2<f64>) -> bool {
     from_middle.max() > -0.5 * fix.map.cell_m()
 }
 
-/// Bearings of a place from so many of the receivers, whose σ of 8° is right up to a factor with the
-/// grid's prior.
+/// Bearings of a place from so many of the receivers, whose σ of 8° is right up to a factor with
+/// the grid's prior.
 fn bearings(
     grid: &BearingGrid,
     count: usize,

@@ -109,9 +109,9 @@ impl<'a, A: Antenna> Fit<'a, A> {
         looks.zip(&gains).map(|(look, gain)| look.mean_dbm - gain - level).collect()
     }
 
-    /// The Cramér-Rao bound of the bearing's variance, in rad², at a bearing and a level that is not
-    /// known either; `None` where nothing bounds it. Looks and silent boresights alike count with
-    /// what a reading there tells on average, received or below the floor.
+    /// The Cramér-Rao bound of the bearing's variance, in rad², at a bearing and a level that is
+    /// not known either; `None` where nothing bounds it. Looks and silent boresights alike count
+    /// with what a reading there tells on average, received or below the floor.
     pub(super) fn bound(&self, offset: f64, level: f64) -> Option<f64> {
         let (mut tt, mut tl, mut ll) = (0.0, 0.0, 0.0);
         let mut add = |gain: f64, slope: f64, variance: f64| {

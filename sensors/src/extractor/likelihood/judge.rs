@@ -30,8 +30,8 @@ pub(super) fn gaussian<A: Antenna>(fit: &Fit<'_, A>) -> Judged {
 }
 
 /// The posterior over the elevations as well, with the fit of the likeliest. All are judged with
-/// the noise that the one explaining most leaves behind: a wrong elevation must not excuse itself by
-/// what it leaves.
+/// the noise that the one explaining most leaves behind: a wrong elevation must not excuse itself
+/// by what it leaves.
 pub(super) fn elevations<'a, A: Antenna>(
     first: Fit<'a, A>,
     others: impl Iterator<Item = Fit<'a, A>>,

@@ -95,10 +95,10 @@ impl<A: Antenna> MaximumLikelihood<A> {
         Ok(Self { table, steeper: Vec::new(), amplitude, fadings, ..self })
     }
 
-    /// The same for beacons anywhere from its elevation to `steepest`, in radians above the horizon:
-    /// the posterior is over elevations in equal steps of at most 5° too, all as likely as another
-    /// before the turn. A pattern looked at from far above the beacon has other lobes, which at the
-    /// horizon would stand for another direction. Residuals are Gaussian.
+    /// The same for beacons anywhere from its elevation to `steepest`, in radians above the
+    /// horizon: the posterior is over elevations in equal steps of at most 5° too, each as likely
+    /// before the turn. A pattern looked at from far above the beacon has other lobes, which at
+    /// the horizon would stand for another direction. Residuals are Gaussian.
     ///
     /// # Errors
     ///
