@@ -159,11 +159,13 @@ impl<'a> Replayer<'a> {
         };
         estimator.require_stream()?;
         let model = header.model.build()?;
+        let pulses = header.model.build_pulses()?;
         let reference = header.model.reference_m.map(Vector3::from);
         let seed = header.seed;
         Ok(Self::of_tracks(move |search: &Search<'_>| {
             let seed = beacon_seed(seed, search.beacon);
-            let request = TrackRequest { search: *search, model: &model, reference, seed };
+            let (search, pulses) = (*search, pulses.as_ref());
+            let request = TrackRequest { search, model: &model, reference, pulses, seed };
             estimator.track(&request, true)
         }))
     }

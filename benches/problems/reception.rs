@@ -14,6 +14,7 @@ pub(crate) fn in_the_middle(estimator: &EstimatorEntry) -> Option<BoxedEstimator
         target_up_m: 0.0,
         antenna: None,
         reference_m: None,
+        pulses: None,
     };
     let model = model.build().expect("in range");
     let prior = Estimate::isotropic(Vector2::new(3.0, -2.0), 50.0);

@@ -20,6 +20,8 @@ pub struct Sample {
 /// A question that stayed without an answer: it was lost, or too weak to be received.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unanswered {
+    /// When its time was up, in seconds.
+    pub time: f64,
     /// Where the antenna looked, in radians in the world frame.
     pub boresight: f64,
     /// The turn's position at which its question was sent, from 0.

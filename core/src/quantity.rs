@@ -19,6 +19,9 @@ impl Quantity {
     pub const RSS: Self = Self::linear("rss_dbm");
     /// The direction of arrival, in radians counter-clockwise from East.
     pub const BEARING: Self = Self::angle("bearing_rad");
+    /// Where a directional antenna looked while a level was received, in radians counter-clockwise
+    /// from East.
+    pub const BORESIGHT: Self = Self::angle("boresight_rad");
     /// The distance from the receiver to the target, in metres.
     pub const RANGE: Self = Self::linear("range_m");
     /// How much farther the target is from the receiver than from a reference, in metres.

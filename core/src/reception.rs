@@ -1,6 +1,8 @@
 use nalgebra::Vector3;
 
 use crate::{BeaconId, Bearing, BearingModes, MeasuredList, Pose, Reading, Sweep};
+#[cfg(feature = "alloc")]
+use crate::{Measured, Quantity};
 
 /// What one receiver measured of one beacon in one turn: the datum that is logged and replayed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -31,6 +33,10 @@ pub struct Reception {
     pub measured: MeasuredList,
 }
 
+/// σ of a boresight in radians: that of a compass that is well calibrated, 1°.
+#[cfg(feature = "alloc")]
+const BORESIGHT_SIGMA: f64 = 0.017;
+
 /// A received power.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
@@ -51,6 +57,39 @@ impl Reception {
             modes: reading.modes,
             ..Self::without_pattern(sweep)
         }
+    }
+
+    /// Each sample of a sweep, one level along one boresight, and each question without an answer where the receiver's floor is
+    /// known, as a reception of its own: a level, or a silence, with σ `sigma_db` in dB, and
+    /// where the antenna looked ([`Quantity::BORESIGHT`]). In the order of time.
+    #[cfg(feature = "alloc")]
+    #[must_use]
+    pub fn of_samples(sweep: &Sweep<'_>, sigma_db: f64) -> alloc::vec::Vec<Self> {
+        let whole = Self { measured: MeasuredList::default(), ..Self::without_pattern(sweep) };
+        let along = |boresight: f64| {
+            // What a list has room for is in it; a direction that is none makes no observation.
+            let direction = Measured::new(Quantity::BORESIGHT, boresight, BORESIGHT_SIGMA);
+            direction.and_then(|direction| MeasuredList::new(&[direction])).unwrap_or_default()
+        };
+        let level = |rss_dbm| Some(Level { rss_dbm, sigma_db });
+        let samples = sweep.samples.iter().map(|sample| Self {
+            time: sample.time,
+            receiver: sample.receiver,
+            level: level(sample.rss_dbm),
+            measured: along(sample.boresight),
+            ..whole
+        });
+        let silent = sweep.floor_dbm.into_iter().flat_map(|floor| {
+            sweep.unanswered.iter().map(move |missed| Self {
+                time: missed.time,
+                silence: level(floor),
+                measured: along(missed.boresight),
+                ..whole
+            })
+        });
+        let mut receptions: alloc::vec::Vec<_> = samples.chain(silent).collect();
+        receptions.sort_by(|a, b| a.time.total_cmp(&b.time));
+        receptions
     }
 
     /// What was measured in a sweep besides the power along boresights.
@@ -142,6 +181,34 @@ impl From<Reception> for Written {
 #[cfg(all(test, feature = "serde"))]
 mod tests {
     use super::*;
+    use crate::{Sample, Unanswered};
+
+    #[test]
+    fn samples_and_misses_are_receptions_in_the_order_of_time() {
+        let sample = |time, boresight| Sample {
+            time,
+            receiver: Pose::at(time, 0.0, 5.0),
+            boresight,
+            position: 0,
+            rss_dbm: -70.0,
+        };
+        let samples = [sample(1.0, 0.5), sample(3.0, 1.5)];
+        let unanswered = [Unanswered { time: 2.0, boresight: 1.0, position: 0 }];
+        let sweep = Sweep { samples: &samples, unanswered: &unanswered, ..Sweep::default() };
+        let known = Sweep { floor_dbm: Some(-90.0), ..sweep };
+        let receptions = Reception::of_samples(&known, 2.0);
+        let boresight = |r: &Reception| r.measured.get(Quantity::BORESIGHT).map(|m| m.value);
+        assert_eq!(
+            receptions.iter().map(boresight).collect::<alloc::vec::Vec<_>>(),
+            [Some(0.5), Some(1.0), Some(1.5)]
+        );
+        assert_eq!(receptions[0].level, Some(Level { rss_dbm: -70.0, sigma_db: 2.0 }));
+        assert_eq!(receptions[0].receiver, samples[0].receiver);
+        assert_eq!(receptions[1].silence, Some(Level { rss_dbm: -90.0, sigma_db: 2.0 }));
+        assert!(receptions[1].level.is_none());
+        // Where the floor is not known, a miss may have any reason.
+        assert_eq!(Reception::of_samples(&sweep, 2.0).len(), 2);
+    }
 
     #[test]
     fn a_reception_is_written_as_it_was_before_there_were_other_quantities() {

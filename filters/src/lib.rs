@@ -27,6 +27,9 @@
 //! From all readings of one flight at once, [`ShadowingGrid`] locates a transmitter of unknown
 //! power whose level fades alike in neighbouring places.
 //!
+//! From single levels along the boresights of a directional antenna, such as a slow tag's pulses,
+//! [`DirectionalGrid`] locates a transmitter without waiting for whole turns.
+//!
 //! From the near field of a magnetic dipole, [`MomentGrid`] locates one of unknown strength and
 //! orientation.
 //!
@@ -59,6 +62,8 @@ pub mod consistency;
 mod count;
 #[cfg(feature = "alloc")]
 mod cramer_rao;
+#[cfg(feature = "alloc")]
+mod directional_grid;
 #[cfg(feature = "field-map")]
 mod field_map;
 mod gaussian;
@@ -99,6 +104,8 @@ pub use bearings::{
 };
 #[cfg(feature = "alloc")]
 pub use cramer_rao::{CramerRaoError, FisherQuadrature, PosteriorCramerRao};
+#[cfg(feature = "alloc")]
+pub use directional_grid::{DirectionalGrid, DirectionalGridConfig};
 #[cfg(feature = "field-map")]
 pub use field_map::{FieldMap, FieldMapConfig, FieldMaximum, FieldModel};
 pub use gaussian::Gaussian;

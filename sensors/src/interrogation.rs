@@ -110,7 +110,7 @@ impl Interrogation {
         if timing.was_due(beacon.samples.last(), requested, now) {
             let boresight = angle::wrap(from.heading + timing.mount_offset);
             let position = nearest_position(boresight, timing.positions);
-            beacon.unanswered.push(Unanswered { boresight, position });
+            beacon.unanswered.push(Unanswered { time: now, boresight, position });
         }
         self.settle(recorder);
     }

@@ -80,13 +80,13 @@ pub use extractor::{
 #[cfg(feature = "alloc")]
 pub use extractor::{StationAntenna, StationPattern};
 pub use foxhunt_core::parameter::ParameterError;
-#[cfg(feature = "alloc")]
-pub use models::WithElevationPattern;
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLoss, FreePathLossRssBearing,
     FreePower, FreePowerRssBearing, LevelBearing, LevelLaw, MagneticDipole, RangeDifference, Rss,
     RssBearing, Stacked,
 };
+#[cfg(feature = "alloc")]
+pub use models::{DirectionalLevel, WithElevationPattern};
 #[cfg(feature = "alloc")]
 pub use omnidirectional::{OmnidirectionalConfig, OmnidirectionalError, OmnidirectionalSource};
 pub use propagation::{Friis, LogDistance, Polarisation, Propagation, TwoRay};

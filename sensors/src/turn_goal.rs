@@ -101,10 +101,10 @@ impl TurnGoal {
                 // A third of a step off the axis: neither the best nor the worst of places.
                 let boresight = angle::wrap(TAU * (f64::from(position) + 0.33) / f64::from(count));
                 let rss_dbm = antenna.gain_dbi(-boresight, elevation) - mean_db;
+                let time = f64::from(position);
                 if floor_dbm.is_some_and(|floor| rss_dbm < floor) {
-                    unanswered.push(Unanswered { boresight, position });
+                    unanswered.push(Unanswered { time, boresight, position });
                 } else {
-                    let time = f64::from(position);
                     samples.push(Sample { time, receiver, boresight, position, rss_dbm });
                 }
             }

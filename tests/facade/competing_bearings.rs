@@ -22,6 +22,7 @@ const MODEL: ModelConfig = ModelConfig {
     target_up_m: 0.0,
     antenna: None,
     reference_m: None,
+    pulses: None,
 };
 
 /// Four turns from the corners of a square, received by an antenna that takes front for back in
@@ -88,6 +89,7 @@ fn run(
             search: Search { beacon: BeaconId(0), name: "beacon", prior },
             model: &model,
             reference: None,
+            pulses: None,
             seed: u64::from(run),
         };
         let mut track = estimator.track(&request, false).expect("a proper prior");
@@ -152,7 +154,7 @@ fn the_default_knows_what_it_doubts() {
         });
         let noise = (spread * drawn.unwrap_or(1.5)).exp();
         let search = Search { beacon: BeaconId(0), name: "beacon", prior };
-        let request = TrackRequest { search, model: &model, reference: None, seed };
+        let request = TrackRequest { search, model: &model, reference: None, pulses: None, seed };
         let mut track = estimator.track(&request, false).expect("a proper prior");
         for reception in turns(truth, power_db, noise, &mut rng) {
             let _ = track.update(&reception, false).expect("a proper reception");

@@ -257,7 +257,8 @@ impl Field {
                     let prior = hunt_prior.unwrap_or(*prior);
                     let seed = beacon_seed(self.seed, *beacon);
                     let search = Search { beacon: *beacon, name, prior };
-                    let request = TrackRequest { search, model: &model, reference: None, seed };
+                    let request =
+                        TrackRequest { search, model: &model, reference: None, pulses: None, seed };
                     track = Some(self.estimator().track(&request, false).expect("in range"));
                 }
                 Event::Received { drone, first_position, reception, .. }

@@ -27,6 +27,7 @@ fn header(truth: Option<Vector2<f64>>) -> LogHeader {
             target_up_m: 0.0,
             antenna: None,
             reference_m: None,
+            pulses: None,
         },
         planner: None,
         beacons: vec![LoggedBeacon { name: "<fox & co>".to_owned(), truth, course: None }],

@@ -22,10 +22,13 @@ pub struct ReceptionConfig {
     pub bearings: BearingCalibration,
     /// σ of the receiver's own East, North and Up in metres; its place is known where absent.
     pub receiver_sigma_m: Option<f64>,
+    /// Whether the samples of a turn, and what was missed in it, are receptions of their own
+    /// ([`Reception::of_samples`]) instead of one level and bearing.
+    pub by_sample: bool,
 }
 
 impl Default for ReceptionConfig {
-    /// 8 dB, 10°, 128 positions, bearings as they are, receivers at known places.
+    /// 8 dB, 10°, 128 positions, bearings as they are, receivers at known places, whole turns.
     fn default() -> Self {
         let bearing_sigma = 10.0_f64.to_radians();
         Self {
@@ -34,6 +37,7 @@ impl Default for ReceptionConfig {
             positions: 128,
             bearings: BearingCalibration::default(),
             receiver_sigma_m: None,
+            by_sample: false,
         }
     }
 }
@@ -48,6 +52,9 @@ pub struct RecordedReception {
     /// What was received.
     pub reception: Reception,
 }
+
+/// σ in dB that stands for a single sample; the estimators of samples have their own.
+const SAMPLE_SIGMA_DB: f64 = 2.0;
 
 /// The receptions of one beacon: level and bearing of each turn of a directional antenna, the level
 /// of each row of an omnidirectional one (a silence at the receiver's floor and below), ready-made
@@ -102,8 +109,23 @@ pub fn recorded_receptions(
             of_drone.entry(&record.drone).or_default().push((record.line, reception));
         }
     }
-    let turns;
-    if recording.records().iter().any(|record| record.boresight.is_some()) {
+    let (turns, sweeps);
+    if config.by_sample {
+        sweeps = recording.sweeps(config.positions)?;
+        for sweep in &sweeps {
+            if sweep.beacon_name.as_deref() != beacon {
+                continue;
+            }
+            if !sweep.located {
+                return Err(no_place(sweep.line));
+            }
+            let path = of_drone.entry(&sweep.drone).or_default();
+            for reception in Reception::of_samples(&sweep.as_sweep(BeaconId(0)), SAMPLE_SIGMA_DB) {
+                check(&reception, file, sweep.line)?;
+                path.push((sweep.line, reception));
+            }
+        }
+    } else if recording.records().iter().any(|record| record.boresight.is_some()) {
         turns = bearings(recording, extractor, config.positions)?;
         for turn in &turns {
             if turn.sweep.beacon_name.as_deref() != beacon {

@@ -150,18 +150,20 @@ impl Recording {
         step: f64,
     ) -> Result<Vec<Unanswered>, RecordingError> {
         let (Some(first), Some(last)) = (first, last) else { return Ok(Vec::new()) };
-        let of_turn = |record: &&Record| {
+        let of_turn = |(_, record): &(f64, &Record)| {
             let same = record.beacon == first.beacon
                 && record.drone == first.drone
                 && record.turn == first.turn;
             same && record.rss_dbm.is_none() && (first.line..=last).contains(&record.line)
         };
-        let unanswered = |record: &Record| {
+        let unanswered = |(order, record): (f64, &Record)| {
             let boresight = record.boresight?;
+            let time = record.time.unwrap_or(order);
             let position = self.position(record, boresight, positions, step);
-            Some(position.map(|position| Unanswered { boresight, position }))
+            Some(position.map(|position| Unanswered { time, boresight, position }))
         };
-        self.records.iter().filter(of_turn).filter_map(unanswered).collect()
+        let orders = std::iter::successors(Some(1.0), |order| Some(order + 1.0));
+        orders.zip(&self.records).filter(of_turn).filter_map(unanswered).collect()
     }
 
     fn position(

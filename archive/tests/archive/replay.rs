@@ -30,6 +30,7 @@ const MODEL: ModelConfig = ModelConfig {
     target_up_m: 0.0,
     antenna: None,
     reference_m: None,
+    pulses: None,
 };
 
 /// A level and a bearing with errors that look like noise.
@@ -56,7 +57,8 @@ fn track(
 ) -> Result<Track, EstimatorError> {
     let model = MODEL.build().expect("in range");
     let seed = beacon_seed(SEED, search.beacon);
-    let request = TrackRequest { search: *search, model: &model, reference: None, seed };
+    let request =
+        TrackRequest { search: *search, model: &model, reference: None, pulses: None, seed };
     estimator.track(&request, monitored)
 }
 

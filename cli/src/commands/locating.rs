@@ -9,7 +9,7 @@ use std::{
 use foxhunt::locate::{Listener, TrackingConfig, left_out};
 use foxhunt::{
     calibration::CalibrationFile,
-    config::{BoxedExtractor, ExtractorConfig},
+    config::{BoxedExtractor, ExtractorConfig, PulseLevelConfig},
     core::{EstimatorError, Reception, nalgebra::Vector2},
     locate::{LocateConfig, LocateError, Power},
     overview::{Overview, SearchOverview},
@@ -132,16 +132,29 @@ impl Locating {
         }
         let extracted = |recording| self.extracted(registry, recording, &calibration);
         let parts = recordings.iter().map(extracted).collect::<Result<_, _>>()?;
+        let by_sample = match &self.estimator {
+            Some(name) => registry.estimator(name).map_err(CliError::input)?.takes_samples(),
+            None => false,
+        };
+        if by_sample && self.transmitter_antenna.is_some() {
+            return Err(CliError::input(
+                "--transmitter-antenna: an estimator of single samples does not use it",
+            ));
+        }
+        let site_sigma_deg = self.surroundings.site().sigma().to_degrees();
         let reading = ReceptionConfig {
             positions: self.reading.positions,
             bearings: calibration.bearing_calibration(),
             receiver_sigma_m: self.receiver_sigma_m,
+            by_sample,
             ..ReceptionConfig::default()
         };
         let config = LocateConfig {
             power: self.power(&calibration)?,
             target_up_m: self.target_up_m,
             pattern: self.pattern()?,
+            antenna: self.receiver_antenna.as_deref().map(antenna_named),
+            pulses: PulseLevelConfig { site_sigma_deg, ..PulseLevelConfig::default() },
             margin_m: self.margin_m,
             reference_m: self.reference_m.map(Into::into),
             seed: self.seed,

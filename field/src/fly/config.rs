@@ -1,5 +1,6 @@
 use std::{fs, path::Path};
 
+use foxhunt_core::Quantity;
 use foxhunt_hunt::{
     calibration::BearingCalibration,
     config::{ExtractorConfig, ModelConfig, PlannerConfig},
@@ -244,7 +245,7 @@ impl FlightConfig {
             estimator,
             hunt: &self.hunt,
             beacons: self.beacons.iter().map(|beacon| beacon.name.clone()).collect(),
-            quantities: Vec::new(),
+            quantities: vec![Quantity::BORESIGHT],
             seed,
         }
     }

@@ -2,6 +2,7 @@
 //! statistics: one binary, which takes less time to build than one for each folder.
 
 mod batch;
+mod directional_grid;
 mod mixture;
 mod moment_grid;
 mod recorded_flights;

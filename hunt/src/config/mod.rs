@@ -6,6 +6,7 @@ mod extractor;
 mod filter;
 mod model;
 mod planner;
+mod pulses;
 mod registry_error;
 mod shape;
 mod source;
@@ -18,6 +19,7 @@ pub use extractor::{
 pub use filter::{AnyModel, AnyMotion, FilterConfig, GateConfig, OutlierConfig, Prior};
 pub use model::{ModelConfig, ReceiverModel};
 pub use planner::{PlannerConfig, PlannerConfigError};
+pub use pulses::{PulseLevelConfig, PulseModel};
 pub use registry_error::RegistryError;
 pub use shape::{BoxedShape, ShapeConfig};
 pub use source::{Questions, SourceConfig};

@@ -3,6 +3,8 @@ use foxhunt_sensors::{
 };
 use serde::{Deserialize, Serialize};
 
+use super::{PulseLevelConfig, PulseModel};
+
 /// What an estimator takes for the law of propagation, P(d) = P₀ − 10 γ log₁₀ d, and for the
 /// antenna's vertical pattern.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,6 +25,10 @@ pub struct ModelConfig {
     /// metres; only estimators of differences need it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_m: Option<[f64; 3]>,
+    /// How single pulses err, for the estimator `pulses`; as in [`PulseLevelConfig::default`] unless
+    /// given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pulses: Option<PulseLevelConfig>,
 }
 
 /// A model of signal strength and bearing, as hunts have it.
@@ -40,6 +46,18 @@ impl ModelConfig {
         let Some(antenna) = &self.antenna else { return Ok(model.into()) };
         let pattern = ElevationPattern::of(&antenna.build()?);
         Ok(WithElevationPattern::new(model, pattern).with_target_up(self.target_up_m)?)
+    }
+
+    /// Builds the model of single pulses, where the antenna is known.
+    ///
+    /// # Errors
+    ///
+    /// [`AntennaError`] names the field that is out of its range, or the antenna's file.
+    pub fn build_pulses(&self) -> Result<Option<PulseModel>, AntennaError> {
+        let Some(antenna) = &self.antenna else { return Ok(None) };
+        let law = LogDistance::new(self.reference_dbm, self.exponent)?;
+        let config = self.pulses.unwrap_or_default();
+        Ok(Some(PulseModel::new(law, antenna.build()?, self.target_up_m, config)?))
     }
 }
 

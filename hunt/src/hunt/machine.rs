@@ -2,8 +2,8 @@ use std::{collections::BTreeSet, fmt, mem};
 
 use foxhunt_core::{
     BeaconId, BearingExtractor, ByQuantity, Correction, Decision, Estimate, EstimatorError,
-    FormationPlanner, Intake, NoBearing, Outcome, PlanError, Pose, Quantity, Reception, Stage,
-    Station, Sweep, Target,
+    FormationPlanner, Intake, NoBearing, NoReading, Outcome, PlanError, Pose, Quantity, Reception,
+    Stage, Station, Sweep, Target,
 };
 use foxhunt_filters::consistency::NisHealth;
 use foxhunt_formation::{Phase, PhaseError, Phases, Progress, Signal, StopWatch};
@@ -104,6 +104,9 @@ impl fmt::Debug for Parts {
     }
 }
 
+/// σ in dB that stands in the log for a single sample; the estimators of samples have their own.
+const SAMPLE_SIGMA_DB: f64 = 2.0;
+
 /// A hunt for one beacon after the other with a formation of drones; where turns are
 /// [shared](HuntConfig::shared_turns), every turn measures all of them, and the planner may weigh
 /// them.
@@ -120,6 +123,8 @@ impl fmt::Debug for Parts {
 /// [goes on](Self::resume) from its log.
 pub struct Hunt {
     extractor: Box<dyn BearingExtractor>,
+    /// Whether its estimators take the samples of a turn one by one.
+    by_sample: bool,
     planner: Box<dyn FormationPlanner>,
     tracks: Box<dyn Tracks>,
     config: HuntConfig,
@@ -234,6 +239,7 @@ impl Hunt {
         }
         Ok(Self {
             extractor,
+            by_sample: trial.quantities().contains(&Quantity::BORESIGHT),
             planner,
             tracks,
             config,
@@ -512,9 +518,29 @@ impl Hunt {
             self.note_delivery(time, drone, sweep.beacon, sweep.time);
             return;
         }
+        if self.by_sample {
+            return self.samples(time, drone, sweep);
+        }
         match self.read(sweep) {
             Ok((reception, lack)) => self.fuse(time, drone, &reception, lack),
             Err(reason) => self.nothing_received(time, drone, sweep.beacon, sweep.time, reason),
+        }
+    }
+
+    /// Takes the samples of a sweep, and what was missed, one by one.
+    fn samples(&mut self, time: f64, drone: usize, sweep: &Sweep<'_>) {
+        let receptions = Reception::of_samples(sweep, SAMPLE_SIGMA_DB);
+        if receptions.is_empty() {
+            let reason = NoReading::Empty.to_string();
+            return self.nothing_received(time, drone, sweep.beacon, sweep.time, reason);
+        }
+        let Some(in_time) = self.note_delivery(time, drone, sweep.beacon, sweep.time) else {
+            return;
+        };
+        for reception in receptions {
+            if !self.has_fused(drone, &reception) {
+                self.take(time, drone, &reception, None, in_time);
+            }
         }
     }
 
@@ -557,6 +583,19 @@ impl Hunt {
             return;
         }
         let Some(in_time) = self.note_delivery(time, drone, beacon, reception.time) else { return };
+        self.take(time, drone, reception, lack, in_time);
+    }
+
+    /// Has a beacon's estimator take a reception, which came in time or late.
+    fn take(
+        &mut self,
+        time: f64,
+        drone: usize,
+        reception: &Reception,
+        lack: Option<NoBearing>,
+        in_time: bool,
+    ) {
+        let beacon = reception.beacon;
         let listening = matches!(self.phases.phase(), Phase::Measuring(_));
         let index = usize::from(beacon.0);
         let Some(search) = self.targets.get_mut(index).and_then(SearchedTarget::search_mut) else {

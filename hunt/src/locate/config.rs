@@ -1,9 +1,10 @@
 use foxhunt_core::Pose;
-use foxhunt_sensors::{ElevationPattern, ParameterError, WithElevationPattern};
+use foxhunt_sensors::{AntennaConfig, ElevationPattern, ParameterError, WithElevationPattern};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::area::FREE_EXPONENT;
+use crate::config::PulseLevelConfig;
 
 /// How a transmitter is located.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -17,6 +18,13 @@ pub struct LocateConfig {
     /// the estimators take the antennas for isotropic, and `shadowing-grid` infers them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pattern: Option<ElevationPattern>,
+    /// The receiver's directional antenna, for estimators that take the samples of its turns one by
+    /// one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub antenna: Option<AntennaConfig>,
+    /// How single pulses err, for these.
+    #[serde(default)]
+    pub pulses: PulseLevelConfig,
     /// How far beyond the area of the receivers a transmitter is looked for, in metres; the grids
     /// begin there, and go farther where they have to.
     pub margin_m: f64,
@@ -76,13 +84,16 @@ impl Power {
 }
 
 impl Default for LocateConfig {
-    /// Free power, a transmitter on the ground, antennas that nobody knows, 200 m beyond the area of the receivers, two degrees
+    /// Free power, a transmitter on the ground, antennas that nobody knows, pulses as in
+    /// [`PulseLevelConfig::default`], 200 m beyond the area of the receivers, two degrees
     /// of freedom for the bearings' σ, seed 1.
     fn default() -> Self {
         Self {
             power: Power::Free,
             target_up_m: 0.0,
             pattern: None,
+            antenna: None,
+            pulses: PulseLevelConfig::default(),
             margin_m: 200.0,
             bearing_freedom: 2.0,
             reference_m: None,

@@ -54,6 +54,12 @@ pub enum LocateError {
     /// The estimator needs to know where the reference receiver is.
     #[error("it needs the place of the reference receiver (--reference-m)")]
     NoReference,
+    /// The receiver's antenna cannot be built.
+    #[error("the receiver's antenna: {reason}")]
+    Antenna {
+        /// Why not.
+        reason: String,
+    },
     /// The estimator does not follow the antennas that are named.
     #[error(
         "the estimator {estimator} does not use the antennas' patterns (--receiver-antenna, \

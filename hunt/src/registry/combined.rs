@@ -2,10 +2,13 @@
 
 use std::sync::Arc;
 
-use foxhunt_core::{EstimatorError, MeasurementModel, Pose, Quantity, RandomWalk};
-use foxhunt_filters::{Ckf, Gate, Iterations, MomentGrid};
+use foxhunt_core::{
+    EstimatorError, Intake, MeasurementModel, Observation, ObservationError, Pose, Quantity,
+    RandomWalk, Reception, parameter::positive,
+};
+use foxhunt_filters::{Ckf, DirectionalGrid, Gate, Iterations, MomentGrid};
 use foxhunt_sensors::{BearingOnly, DifferentialRss, MagneticDipole, RangeDifference, Stacked};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::{EstimatorEntry, Need, Needs, TrackRequest, estimators::STILL};
 use crate::{
@@ -75,7 +78,56 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
                 Ok(Track::new::<2, 3>(filter, TrackConfig::default()))
             },
         ),
+        EstimatorEntry::own(
+            "pulses",
+            "each pulse of a tag along its boresight, misses and false pulses included: the place on \
+             a grid, the power and what each site does to the pattern integrated out",
+            "Bucy & Senne 1971; Tobin 1958; Bar-Shalom & Tse 1975",
+            Needs { level: Need::Required, ..needs(Need::Unused, &[Quantity::BORESIGHT]) },
+            pulses,
+        ),
     ]
+}
+
+/// The estimator of pulses.
+fn pulses(request: &TrackRequest<'_>) -> Result<Track, EstimatorError> {
+    let model = request.pulses.cloned().ok_or(EstimatorError::Unsupported {
+        what: "an estimator of single pulses without the receiver's antenna (model.antenna, \
+               --receiver-antenna)",
+    })?;
+    let sigma_db = positive("pulses.sigma_db", model.sigma_db())?;
+    let levels = {
+        let model = model.clone();
+        move |place: &Vector2<f64>, pose: &Pose, boresight, turns: &[f64], out: &mut [f64]| {
+            model.levels_dbm(place, pose, boresight, turns, out);
+        }
+    };
+    let grid = DirectionalGrid::new(request.search.prior, model.grid_config(), levels)?;
+    Track::with_intake::<2, 2>(grid, PulseIntake { sigma_db }, TrackConfig::default())
+}
+
+/// A level, or a silence, and where the antenna looked; with σ of its own.
+struct PulseIntake {
+    sigma_db: f64,
+}
+
+impl Intake<2> for PulseIntake {
+    fn quantities(&self) -> [Quantity; 2] {
+        [Quantity::RSS, Quantity::BORESIGHT]
+    }
+
+    fn observation(
+        &self,
+        reception: &Reception,
+    ) -> Result<Option<Observation<2>>, ObservationError> {
+        let Some(boresight) = reception.measured.get(Quantity::BORESIGHT) else { return Ok(None) };
+        let Some(level) = reception.level.or(reception.silence) else { return Ok(None) };
+        let value = Vector2::new(level.rss_dbm, boresight.value);
+        let sigmas = Vector2::new(self.sigma_db, boresight.sigma);
+        let noise = Matrix2::from_diagonal(&sigmas.component_mul(&sigmas));
+        let observation = Observation::new(reception.time, reception.receiver, value, noise)?;
+        Ok(Some(if reception.level.is_some() { observation } else { observation.below(0) }))
+    }
 }
 
 /// σ of each component of an avalanche beacon's moment: EN 300 718-1 demands 0.5 µA/m abeam 10 m

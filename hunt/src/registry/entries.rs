@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use super::{AtOnce, Field, RegistryError};
 use crate::{
-    config::{EstimatorConfig, ExtractorConfig, PlannerConfig, ReceiverModel},
+    config::{EstimatorConfig, ExtractorConfig, PlannerConfig, PulseModel, ReceiverModel},
     hunt::{BoxedSource, Components, Search, Track},
     locate::Locator,
 };
@@ -48,6 +48,8 @@ pub struct TrackRequest<'a> {
     /// Where the reference receiver of range and level differences is: East, North and Up in
     /// metres, where there is one.
     pub reference: Option<Vector3<f64>>,
+    /// The level of single pulses, where the antenna is known.
+    pub pulses: Option<&'a PulseModel>,
     /// The seed for estimators that draw random numbers; it differs from beacon to beacon.
     pub seed: u64,
 }
@@ -221,6 +223,12 @@ impl EstimatorEntry {
             Build::Stream(Recipe::Settings(settings)) => Some(settings),
             _ => None,
         }
+    }
+
+    /// Whether it takes the samples of a turn one by one, each with where the antenna looked.
+    #[must_use]
+    pub fn takes_samples(&self) -> bool {
+        self.needs.others.contains(&Quantity::BORESIGHT)
     }
 
     /// The estimator with other settings.

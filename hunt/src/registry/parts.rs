@@ -49,11 +49,13 @@ impl HuntParts<'_> {
         let estimator = self.estimator.clone();
         estimator.require_stream()?;
         let model = self.model.build()?;
+        let pulses = self.model.build_pulses()?;
         let reference = self.model.reference_m.map(Vector3::from);
         let seed = self.seed;
         let tracks = move |search: &Search<'_>| {
             let seed = beacon_seed(seed, search.beacon);
-            let request = TrackRequest { search: *search, model: &model, reference, seed };
+            let (search, pulses) = (*search, pulses.as_ref());
+            let request = TrackRequest { search, model: &model, reference, pulses, seed };
             estimator.track(&request, false)
         };
         let planner = self.registry.build_planner(&self.field.planner, &self.field)?;

@@ -1,10 +1,10 @@
 use foxhunt_core::{BeaconId, Correction, Pose, Reception};
 use foxhunt_filters::ShadowingGridConfig;
-use foxhunt_sensors::{LogDistance, RssBearing};
+use foxhunt_sensors::{AntennaError, LogDistance, RssBearing};
 
 use super::{EstimatorEntry, Registry, RegistryError, TrackRequest};
 use crate::{
-    config::{EstimatorConfig, ReceiverModel},
+    config::{EstimatorConfig, PulseModel, ReceiverModel},
     hunt::{Components, Search, TrackStep},
     locate::{
         Area, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Power, reference_power,
@@ -50,7 +50,7 @@ impl EstimatorEntry {
     fn uses_antennas(&self) -> bool {
         match self.locator() {
             Some(locator) => locator.uses_antennas(),
-            None => self.streams_levels(),
+            None => self.streams_levels() || self.takes_samples(),
         }
     }
 }
@@ -125,11 +125,24 @@ fn in_time(
     } else {
         estimator.clone()
     };
+    let pulses = match &config.antenna {
+        Some(antenna) if estimator.takes_samples() => {
+            let reason = |error: AntennaError| LocateError::Antenna { reason: error.to_string() };
+            let antenna = antenna.build().map_err(reason)?;
+            let mut pulses = config.pulses;
+            if free {
+                pulses.power_sigma_db = FREE_POWER_SIGMA_DB;
+            }
+            Some(PulseModel::new(law, antenna, config.target_up_m, pulses)?)
+        }
+        _ => None,
+    };
     let beacon = BeaconId(0);
     let request = TrackRequest {
         search: Search { beacon, name: "transmitter", prior },
         model: &model,
         reference: config.reference_m,
+        pulses: pulses.as_ref(),
         seed: config.seed,
     };
     let mut track = estimator.track(&request, false).map_err(LocateError::Start)?;

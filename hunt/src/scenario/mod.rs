@@ -209,6 +209,7 @@ impl Scenario {
                     quantities.extend_from_slice(&registry.source(name)?.quantities);
                 }
                 SourceConfig::ThreeAxis(_) => quantities.extend(MagneticDipole::QUANTITIES),
+                source if source.turns() => quantities.push(Quantity::BORESIGHT),
                 _ => {}
             }
         }

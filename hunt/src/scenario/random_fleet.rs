@@ -146,6 +146,7 @@ pub fn random_fleet(seed: u64) -> Scenario {
             target_up_m: 0.0,
             antenna: None,
             reference_m: None,
+            pulses: None,
         },
         extractor: ExtractorConfig::FirstHarmonic(LobeConfig::default()),
         bearings: None,

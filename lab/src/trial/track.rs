@@ -53,7 +53,7 @@ fn own(
     // Levels are missing, so that any law will do.
     let model = RssBearing::new(LogDistance::new(-30.0, 2.0)?).into();
     let search = Search { beacon: BeaconId(0), name: "target", prior: moments };
-    let request = TrackRequest { search, model: &model, reference: None, seed };
+    let request = TrackRequest { search, model: &model, reference: None, pulses: None, seed };
     Ok(entry.track(&request, false)?)
 }
 

@@ -6,6 +6,8 @@ mod censored;
 mod columns;
 mod differential_rss;
 #[cfg(feature = "alloc")]
+mod directional_level;
+#[cfg(feature = "alloc")]
 mod elevation;
 mod level_bearing;
 mod level_law;
@@ -19,6 +21,8 @@ pub use bearing_mixture::BearingMixture;
 pub use bearing_only::BearingOnly;
 pub use censored::Censored;
 pub use differential_rss::DifferentialRss;
+#[cfg(feature = "alloc")]
+pub use directional_level::DirectionalLevel;
 #[cfg(feature = "alloc")]
 pub use elevation::WithElevationPattern;
 pub use level_bearing::{FreePathLossRssBearing, FreePowerRssBearing, LevelBearing, RssBearing};

@@ -280,7 +280,7 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
         if let Phase::Await { angle, .. } = turn.phase {
             let position = nearest_position(angle, self.config.positions());
             let boresight = angle + self.config.mount_offset();
-            let unanswered = Unanswered { boresight, position };
+            let unanswered = Unanswered { time: now, boresight, position };
             self.recorder.beacon(turn.beacon).unanswered.push(unanswered);
         }
         turn.next(&self.config, now);

@@ -150,11 +150,11 @@ fn below_the_floor(extractor: &impl BearingExtractor) {
             simulate(&Conditions { bearing, ..Conditions::default() }, &antenna, rng.random());
         let (mut samples, mut unanswered): (Vec<Sample>, Vec<Unanswered>) = Default::default();
         for sample in all {
-            let Sample { boresight, position, .. } = sample;
+            let Sample { time, boresight, position, .. } = sample;
             let ended = unanswered.last().is_some_and(|u: &Unanswered| u.position == position);
             match sample.rss_dbm < FLOOR {
                 _ if ended => {}
-                true => unanswered.push(Unanswered { boresight, position }),
+                true => unanswered.push(Unanswered { time, boresight, position }),
                 false => samples.push(sample),
             }
         }

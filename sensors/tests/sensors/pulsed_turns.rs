@@ -74,11 +74,11 @@ fn measured(turn: Turn, turns: u16, seed: u64) -> (f64, f64) {
         for (position, boresight) in (0..).zip(&boresights) {
             let clean = level + antenna.gain_db(boresight - bearing);
             let (boresight, rss_dbm) = (*boresight, clean + noise.sample(&mut rng));
+            let time = f64::from(position) * turn.interval_s;
             if rss_dbm < turn.floor_dbm {
-                unanswered.push(Unanswered { boresight, position });
+                unanswered.push(Unanswered { time, boresight, position });
                 continue;
             }
-            let time = f64::from(position) * turn.interval_s;
             let receiver = Pose::at(1.0, 2.0, 4.0);
             samples.push(Sample { time, receiver, boresight, position, rss_dbm });
         }

@@ -20,6 +20,7 @@ fn logged(outing: &Outing, config: EstimatorConfig) -> String {
             target_up_m: 0.0,
             antenna: None,
             reference_m: None,
+            pulses: None,
         },
         planner: None,
         beacons: TARGETS

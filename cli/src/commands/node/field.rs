@@ -2,6 +2,7 @@ use std::{fs, path::Path};
 
 use foxhunt::{
     config::ExtractorConfig,
+    core::Quantity,
     fly::FlightConfig,
     hunt::Hunt,
     log::LogHeader,
@@ -99,12 +100,14 @@ impl Field {
         seed: u64,
         file: &str,
     ) -> Result<Hunt, CliError> {
-        let parts = match self {
+        let mut parts = match self {
             Self::Simulated(scenario) => {
                 scenario.parts(registry, estimator, seed).map_err(CliError::input)?
             }
             Self::Flown(flight) => flight.parts(registry, estimator, seed),
         };
+        // Nodes send what their extractors read in whole turns.
+        parts.quantities.retain(|quantity| *quantity != Quantity::BORESIGHT);
         parts.build().map_err(|error| choice::simulation_error(error.into(), file))
     }
 }

@@ -1,0 +1,92 @@
+use foxhunt_core::{Pose, parameter::ParameterError};
+use foxhunt_filters::DirectionalGridConfig;
+use foxhunt_sensors::{DirectionalLevel, LogDistance, SharedAntenna};
+use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
+
+/// What the estimator `pulses` takes for known of the pulses of a tag.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PulseLevelConfig {
+    /// σ of a pulse about the level that the antenna's pattern has at its boresight, in dB.
+    pub sigma_db: f64,
+    /// σ in dB of the error that all pulses at one site have in common.
+    pub site_sigma_db: f64,
+    /// σ in degrees by which a site turns the antenna's pattern.
+    pub site_sigma_deg: f64,
+    /// σ in dB of the tag's power about the model's `reference_dbm`.
+    pub power_sigma_db: f64,
+    /// The probability that a pulse above the receiver's floor is missed all the same.
+    pub lost_probability: f64,
+    /// The share of pulses that are not the tag's.
+    pub false_share: f64,
+}
+
+impl Default for PulseLevelConfig {
+    /// 2 dB a pulse, 3 dB and 6° a site, 10 dB of power, one pulse in twenty lost, one in fifty
+    /// false.
+    fn default() -> Self {
+        Self {
+            sigma_db: 2.0,
+            site_sigma_db: 3.0,
+            site_sigma_deg: 6.0,
+            power_sigma_db: 10.0,
+            lost_probability: 0.05,
+            false_share: 0.02,
+        }
+    }
+}
+
+/// The level of a pulse through an antenna whose pattern is known, and how it errs.
+#[derive(Clone, Debug)]
+pub struct PulseModel {
+    level: DirectionalLevel<LogDistance, SharedAntenna>,
+    config: PulseLevelConfig,
+}
+
+impl PulseModel {
+    /// The model of a target `target_up` metres above the ground.
+    ///
+    /// # Errors
+    ///
+    /// When the height is not finite.
+    pub fn new(
+        law: LogDistance,
+        antenna: SharedAntenna,
+        target_up: f64,
+        config: PulseLevelConfig,
+    ) -> Result<Self, ParameterError> {
+        let level = DirectionalLevel::new(law, antenna).with_target_up(target_up)?;
+        Ok(Self { level, config })
+    }
+
+    /// σ of a pulse, in dB.
+    pub(crate) fn sigma_db(&self) -> f64 {
+        self.config.sigma_db
+    }
+
+    /// What a grid takes for known of it.
+    pub(crate) fn grid_config(&self) -> DirectionalGridConfig {
+        let PulseLevelConfig { site_sigma_db, site_sigma_deg, power_sigma_db, .. } = self.config;
+        DirectionalGridConfig {
+            power_sigma_db,
+            site_sigma_db,
+            site_sigma: site_sigma_deg.to_radians(),
+            lost_probability: self.config.lost_probability,
+            false_share: self.config.false_share,
+            ..DirectionalGridConfig::default()
+        }
+    }
+
+    /// The levels in dBm at a place, for some turns of the pattern in radians.
+    pub(crate) fn levels_dbm(
+        &self,
+        place: &Vector2<f64>,
+        receiver: &Pose,
+        boresight: f64,
+        turns: &[f64],
+        levels: &mut [f64],
+    ) {
+        self.level.levels_dbm(place, receiver, boresight, turns, levels);
+    }
+}
