@@ -102,9 +102,9 @@ impl Rig {
     fn drone(&self, drone: usize, take_over: bool) -> Drone {
         let carrier = Recorded(self.carriers.0[drone].clone(), Rc::clone(&self.reports));
         let link = CarriedDrone::new(carrier, drone, Some(self.key.clone())).expect("randomness");
-        let FlightConfig { site, beacons, drones, extractor, bearings, .. } = &self.flight;
+        let FlightConfig { drones, extractor, bearings, .. } = &self.flight;
         let (clock, mut ports) = (self.world.clock(), SystemPorts::new(self.world.clock()));
-        let open = drones[drone].open(site, beacons, &mut ports, &clock, 0.0, None);
+        let open = drones[drone].open(&self.flight, None, &mut ports, &clock, 0.0, None);
         let open = open.expect("devices");
         let extractor = self.registry.hunt_extractor(extractor, *bearings).expect("in range");
         let (rules, config) = (self.flight.flight, DroneNodeConfig::default());

@@ -20,5 +20,6 @@ mod pulsed;
 mod receivers;
 mod samples;
 mod stepper;
+mod terrain;
 mod xbee;
 mod xbee_protocol;

@@ -1,9 +1,9 @@
 //! The edge of foxhunt: what stands between its own units and values and those of others.
 //!
 //! [`geodesy`] turns WGS84 and compass degrees into East-North-Up metres and radians, and the
-//! feature `declination` knows where compasses point to. The codecs turn the bytes of devices into
-//! values and back, and do no I/O; [`ByteStream`] carries bytes, and never blocks. The drivers of
-//! `foxhunt-hardware` and the emulated devices of `foxhunt-sim` are made of the same codecs; what
+//! feature `declination` knows where compasses point to; `terrain` reads tiles of elevation models.
+//! The codecs turn the bytes of devices into values and back, and do no I/O; [`ByteStream`] carries
+//! bytes, and never blocks. The drivers of `foxhunt-hardware` and the emulated devices of `foxhunt-sim` are made of the same codecs; what
 //! keeps both honest are vectors and programs of others.
 
 #[cfg(feature = "ardrone")]
@@ -20,6 +20,8 @@ pub mod mavlink;
 pub mod receivers;
 #[cfg(feature = "stream")]
 mod stream;
+#[cfg(feature = "terrain")]
+pub mod terrain;
 #[cfg(feature = "xbee")]
 pub mod xbee;
 

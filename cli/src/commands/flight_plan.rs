@@ -17,20 +17,32 @@ pub(super) fn print(config: &FlightConfig, hunt: Hunt, output: Output) -> Result
 }
 
 fn describe(plan: &FlightPlan) -> String {
-    let mut drones = list(&["drone", "stands at m", "goes first to m", "device", "reached at"]);
+    let mut heads = vec!["drone", "stands at m", "goes first to m", "device", "reached at"];
+    let has_ground = plan.drones.iter().any(|drone| drone.ground_m.is_some());
+    if has_ground {
+        heads.insert(3, "ground there m");
+        heads.insert(2, "ground m");
+    }
+    let mut drones = list(&heads);
     for drone in &plan.drones {
         let launch = drone.launch_m.map(|[east, north]| format!("{east:.1}, {north:.1}"));
         let goal = drone.first_goal_m.map(|[e, n, u]| format!("{e:.1}, {n:.1}, {u:.1}"));
         for (index, (device, endpoint)) in drone.devices.iter().enumerate() {
             // The drone is named once.
             let first = |cell: String| if index == 0 { cell } else { String::new() };
-            drones.add_row([
+            let mut row = vec![
                 first(drone.name.clone()),
                 first(text(launch.clone())),
                 first(text(goal.clone())),
                 (*device).to_owned(),
                 endpoint.clone(),
-            ]);
+            ];
+            if has_ground {
+                let height = |m: Option<f64>| first(text(m.map(|m| format!("{m:.1}"))));
+                row.insert(3, height(drone.first_ground_m));
+                row.insert(2, height(drone.ground_m));
+            }
+            drones.add_row(row);
         }
     }
     let (site, rules, hunt) = (&plan.site, &plan.rules, &plan.hunt);

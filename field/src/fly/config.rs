@@ -13,7 +13,7 @@ use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{DroneConfig, FlightRules, FlyError};
+use super::{DroneConfig, FlightRules, FlyError, Ground, TerrainConfig, VehicleDevice};
 
 /// A hunt on real devices, as it stands in a file. Where a
 /// [`Scenario`](foxhunt_hunt::scenario::Scenario) has a simulated world, it has devices.
@@ -45,6 +45,10 @@ pub struct FlightConfig {
     /// Time-outs, tolerances, the prior, the airspace, the batteries.
     #[serde(default)]
     pub hunt: HuntConfig,
+    /// The ground that heights are above, by an elevation model; as high everywhere as where each
+    /// drone stands where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub terrain: Option<TerrainConfig>,
     /// How the flight begins and ends.
     #[serde(default)]
     pub flight: FlightRules,
@@ -115,7 +119,11 @@ impl FlightConfig {
         let file = path.display().to_string();
         let text = fs::read_to_string(path)
             .map_err(|source| FlyError::Read { file: file.clone(), source })?;
-        Self::parse(&text, &file)
+        let mut config = Self::parse(&text, &file)?;
+        if let (Some(terrain), Some(folder)) = (&mut config.terrain, path.parent()) {
+            terrain.folder = folder.join(&terrain.folder);
+        }
+        Ok(config)
     }
 
     /// Takes it from TOML; `file` is what errors call it.
@@ -128,6 +136,16 @@ impl FlightConfig {
             .map_err(|source| FlyError::Parse { file: file.to_owned(), source })?;
         config.check()?;
         Ok(config)
+    }
+
+    /// The ground, where it has an elevation model.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError`] where tiles cannot be read, are missing, or have a void.
+    pub fn ground(&self) -> Result<Option<Ground>, FlyError> {
+        let Some(terrain) = &self.terrain else { return Ok(None) };
+        Ok(Some(terrain.read(self.site.frame()?)?))
     }
 
     /// Refuses what cannot be flown; no device is opened.
@@ -143,6 +161,18 @@ impl FlightConfig {
             let turns = |drone: &DroneConfig| drone.source.turns();
             if let Some(drone) = self.drones.iter().find(|drone| !turns(drone)) {
                 let reason = "it does not turn, and turns.bearing_sigma_deg is given".to_owned();
+                return Err(FlyError::Drone { drone: drone.name.clone(), reason });
+            }
+        }
+        if let Some(terrain) = &self.terrain {
+            terrain.check().map_err(|error| error.within("terrain"))?;
+            for drone in &self.drones {
+                let own = match (&drone.vehicle, &drone.gnss) {
+                    (VehicleDevice::ArDrone { .. }, _) => "vehicle.kind is \"ar-drone\"",
+                    (_, Some(_)) => "there is a gnss of its own",
+                    _ => continue,
+                };
+                let reason = format!("{own}, whose heights do not go with those of [terrain]");
                 return Err(FlyError::Drone { drone: drone.name.clone(), reason });
             }
         }

@@ -6,7 +6,7 @@ use foxhunt_wire::Endpoint;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    FlownBeacon, GnssDevice, ListenConfig, RadioDevice, RotatorDevice, Site, VehicleDevice,
+    FlownBeacon, GnssDevice, Ground, ListenConfig, RadioDevice, RotatorDevice, Site, VehicleDevice,
 };
 
 /// A drone and its devices.
@@ -43,12 +43,7 @@ impl DroneConfig {
         beacons: &[FlownBeacon],
         takeoff_up_m: f64,
     ) -> Result<(), String> {
-        let (least, most) = match &self.vehicle {
-            VehicleDevice::Mavlink { settings, .. } => {
-                (settings.limits.min_up_m, settings.limits.max_up_m)
-            }
-            VehicleDevice::ArDrone { settings, .. } => (settings.min_up_m, settings.max_up_m),
-        };
+        let (least, most) = self.limits_up_m();
         if !(least..=most).contains(&takeoff_up_m) {
             return Err(format!(
                 "flight.takeoff_up_m is {takeoff_up_m}; vehicle.settings allow {least} to {most} m"
@@ -143,6 +138,27 @@ impl DroneConfig {
             ));
         }
         Ok(())
+    }
+
+    /// How high it may be sent, from the least to the most, in metres.
+    pub(super) fn limits_up_m(&self) -> (f64, f64) {
+        match &self.vehicle {
+            VehicleDevice::Mavlink { settings, .. } => {
+                (settings.limits.min_up_m, settings.limits.max_up_m)
+            }
+            VehicleDevice::ArDrone { settings, .. } => (settings.min_up_m, settings.max_up_m),
+        }
+    }
+
+    /// The same drone whose driver, which counts from where it stands, lets it be sent to as high
+    /// as that above any ground.
+    pub(super) fn with_limits_over(&self, ground: &Ground) -> Self {
+        let mut drone = self.clone();
+        if let VehicleDevice::Mavlink { settings, .. } = &mut drone.vehicle {
+            settings.limits.min_up_m -= ground.relief_m();
+            settings.limits.max_up_m += ground.relief_m();
+        }
+        drone
     }
 
     fn is_listened_to(&self) -> bool {

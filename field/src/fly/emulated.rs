@@ -182,6 +182,7 @@ impl EmulatedField {
                 turns: scenario.turns,
                 planner: scenario.planner.clone(),
                 hunt: scenario.hunt.clone(),
+                terrain: None,
                 flight: FlightRules::default(),
                 drones: Vec::new(),
             },

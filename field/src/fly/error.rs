@@ -6,7 +6,7 @@ use foxhunt_hunt::{
     hunt::HuntError,
     registry::{PartsError, RegistryError},
 };
-use foxhunt_wire::geodesy::GeodesyError;
+use foxhunt_wire::{geodesy::GeodesyError, terrain::TerrainError};
 
 use super::MissionError;
 
@@ -33,6 +33,9 @@ pub enum FlyError {
     /// The origin is no place.
     #[error("site: {0}")]
     Site(#[from] GeodesyError),
+    /// The ground's heights are not known.
+    #[error("terrain: {0}")]
+    Terrain(#[from] TerrainError),
     /// A field is out of its range.
     #[error(transparent)]
     Field(#[from] FieldError),

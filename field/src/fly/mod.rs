@@ -17,11 +17,13 @@ mod identify;
 mod mission;
 mod mission_file;
 mod open;
+mod over_ground;
 mod plan;
 mod ports;
 mod report;
 mod route;
 mod rules;
+mod terrain;
 
 pub use carried::{CarriedDrone, CarriedDroneError, ForeignVehicle};
 pub use config::{FlightConfig, FlownBeacon, Site};
@@ -51,3 +53,4 @@ pub use ports::{Ports, SystemPorts};
 pub use report::{FlightReport, FlownFix, FlownTruth};
 pub use route::Route;
 pub use rules::{Ending, FlightRules};
+pub use terrain::{Ground, TerrainConfig};

@@ -9,11 +9,12 @@ use foxhunt_wire::{ByteStream, Endpoint};
 
 use super::{
     BoxedAircraft, BoxedRadio, BoxedRotator, DroneConfig, Examine, FlightConfig, FlownBeacon,
-    FlownDrone, FlyError, ListenConfig, Ports, RadioDevice, RotatorDevice, Site, SystemPorts, Tap,
-    Tapped, VehicleDevice,
+    FlownDrone, FlyError, Ground, ListenConfig, Ports, RadioDevice, RotatorDevice, Site,
+    SystemPorts, Tap, Tapped, VehicleDevice,
     advised::Advised,
     driver::{Driver, ExaminedAircraft},
     drone::{found_at, tuned, with_addresses, with_origin},
+    over_ground::OverGround,
 };
 
 /// A drone whose devices are open.
@@ -35,9 +36,10 @@ impl FlightConfig {
         goal: Option<&TurnGoal>,
         tap: Option<&Tap>,
     ) -> Result<Vec<OpenDrone>, FlyError> {
+        let ground = self.ground()?;
+        let ground = ground.as_ref();
         let open = |(index, drone): (usize, &DroneConfig)| {
-            let mut open =
-                drone.open(&self.site, &self.beacons, ports, clock, clock_origin_unix_s, goal)?;
+            let mut open = drone.open(self, ground, ports, clock, clock_origin_unix_s, goal)?;
             if let Some(tap) = tap {
                 open.source = boxed_source(Tapped::new(open.source, index, tap.clone()));
             }
@@ -48,24 +50,36 @@ impl FlightConfig {
 }
 
 impl DroneConfig {
-    /// Opens its devices; its turns go on for `goal` if there is one.
+    /// Opens its devices for a flight, over `ground` where that has an elevation model; its turns go
+    /// on for `goal` if there is one.
     ///
     /// # Errors
     ///
     /// [`FlyError`] names the drone, the device and what is wrong.
     pub fn open<C: Clock + Clone + 'static>(
         &self,
-        site: &Site,
-        beacons: &[FlownBeacon],
+        flight: &FlightConfig,
+        ground: Option<&Ground>,
         ports: &mut dyn Ports,
         clock: &C,
         clock_origin_unix_s: f64,
         goal: Option<&TurnGoal>,
     ) -> Result<OpenDrone, FlyError> {
         let feed = SikFeed::default();
-        let aircraft = self.open_aircraft(site, &feed, ports, clock, clock_origin_unix_s)?;
+        let site = &flight.site;
+        let aircraft: BoxedAircraft = match ground {
+            None => self.open_aircraft(site, &feed, ports, clock, clock_origin_unix_s)?,
+            Some(ground) => {
+                let wide = self.with_limits_over(ground);
+                let aircraft =
+                    wide.open_aircraft(site, &feed, ports, clock, clock_origin_unix_s)?;
+                let limits_m = self.limits_up_m().into();
+                Box::new(Driver(OverGround::new(aircraft, ground.clone(), limits_m)))
+            }
+        };
         let aircraft = Shared::new(aircraft);
-        let source = self.open_source(beacons, aircraft.clone(), feed, ports, clock, goal)?;
+        let source =
+            self.open_source(&flight.beacons, aircraft.clone(), feed, ports, clock, goal)?;
         Ok(FlownDrone::new(self.name.clone(), aircraft, source))
     }
 

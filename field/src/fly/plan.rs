@@ -1,5 +1,6 @@
 use foxhunt_core::{Pose, Station};
 use foxhunt_hunt::hunt::{Command, Hunt, HuntConfig};
+use nalgebra::Vector2;
 use serde::Serialize;
 
 use super::{DroneConfig, FlightConfig, FlightRules, FlyError, Site};
@@ -30,6 +31,11 @@ pub struct PlannedDrone {
     pub name: String,
     /// Where it stands, East and North in metres.
     pub launch_m: Option<[f64; 2]>,
+    /// The height of the ground where it stands, in metres above what the elevation model counts
+    /// from.
+    pub ground_m: Option<f64>,
+    /// The same where it goes first.
+    pub first_ground_m: Option<f64>,
     /// Where it goes first, East, North and Up in metres.
     pub first_goal_m: Option<[f64; 3]>,
     /// What its driver lets it be sent to.
@@ -67,6 +73,13 @@ impl FlightConfig {
         } else {
             remarks.push("the first goals are not known: not every drone has launch_m".to_owned());
         }
+        if let Some(ground) = self.ground()? {
+            for drone in &mut drones {
+                let height = |east, north| ground.height(&Vector2::new(east, north));
+                drone.ground_m = drone.launch_m.and_then(|[east, north]| height(east, north));
+                drone.first_ground_m = drone.first_goal_m.and_then(|[e, n, _]| height(e, n));
+            }
+        }
         if self.hunt.airspace == Default::default() {
             remarks.push("hunt.airspace has no fence: drones may be sent anywhere".to_owned());
         }
@@ -97,6 +110,8 @@ impl PlannedDrone {
         Self {
             name: drone.name.clone(),
             launch_m: drone.launch_m,
+            ground_m: None,
+            first_ground_m: None,
             first_goal_m: None,
             limits: drone.limits(),
             devices: endpoints.map(|(device, endpoint)| (device, endpoint.to_string())).collect(),

@@ -125,8 +125,8 @@ fn fly(args: &Args, config: &FlightConfig, context: Context<'_>) -> Result<(), C
     }
     let mut ports = SystemPorts::new(clock);
     let goal = config.goal(context.registry).map_err(CliError::input)?;
-    let (site, beacons) = (&config.site, &config.beacons);
-    let open = drone.open(site, beacons, &mut ports, &clock, origin_s, goal.as_ref());
+    let ground = config.ground().map_err(CliError::input)?;
+    let open = drone.open(config, ground.as_ref(), &mut ports, &clock, origin_s, goal.as_ref());
     let open = open.map_err(fly::open_error)?;
     let (rules, node_config) = (config.flight, DroneNodeConfig::default());
     let node = FlownNode::new(args.drone, open, extractor, link, epoch, rules, node_config);

@@ -1,0 +1,183 @@
+use std::collections::VecDeque;
+
+use foxhunt_core::{Pose, Spinner, Vehicle, Waypoint};
+use foxhunt_hardware::{Aircraft, AircraftState, Finding};
+use nalgebra::Vector3;
+
+use super::{Examine, Ground, terrain::WayError};
+
+/// An aircraft whose heights are above the ground below it, by an elevation model, where those of
+/// its autopilot are above where it stood.
+///
+/// On the ground it learns what its autopilot's heights count from. A line that does not clear the
+/// ground is flown in several orders: straight up, across, straight down.
+#[derive(Debug)]
+pub(super) struct OverGround<A> {
+    aircraft: A,
+    ground: Ground,
+    /// How high above the ground it may be sent, from the least to the most, in metres.
+    limits_m: [f64; 2],
+    /// What the aircraft's heights are above, in the heights of the model.
+    datum: Option<f64>,
+    /// Where it flies after the order that it has, in the heights of the model.
+    next: VecDeque<Vector3<f64>>,
+    /// Where it was ordered to fly.
+    ordered: Vector3<f64>,
+}
+
+/// An aircraft that is this near to the end of an order gets the next one: over ground and in
+/// height, in metres.
+const ARRIVED_M: [f64; 2] = [1.0, 0.3];
+
+/// Why it is not known how high above the ground an aircraft is, or why it did not obey.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum OverGroundError<E> {
+    /// The aircraft failed.
+    #[error(transparent)]
+    Aircraft(E),
+    /// It was in the air from the beginning.
+    #[error("the height of the ground that it took off from is not known: it was in the air")]
+    NoDatum,
+    /// There is no way over the ground.
+    #[error(transparent)]
+    Way(#[from] WayError),
+    /// It is at no place of the model.
+    #[error("({east:.1}, {north:.1}) m is beyond terrain.reach_m")]
+    Beyond {
+        /// East in metres.
+        east: f64,
+        /// North in metres.
+        north: f64,
+    },
+    /// A goal that it may not be sent to.
+    #[error("{up_m:.1} m above the ground; {least_m} to {most_m} m are allowed")]
+    Limit {
+        /// How high the goal is above the ground, in metres.
+        up_m: f64,
+        /// The least.
+        least_m: f64,
+        /// The most.
+        most_m: f64,
+    },
+}
+
+impl<A> OverGround<A> {
+    pub(super) fn new(aircraft: A, ground: Ground, limits_m: [f64; 2]) -> Self {
+        let (next, ordered) = (VecDeque::new(), Vector3::zeros());
+        Self { aircraft, ground, limits_m, datum: None, next, ordered }
+    }
+
+    fn height<E>(&self, place: &Vector3<f64>) -> Result<f64, OverGroundError<E>> {
+        let beyond = OverGroundError::Beyond { east: place.x, north: place.y };
+        self.ground.height(&place.xy()).ok_or(beyond)
+    }
+}
+
+impl<A: Aircraft> OverGround<A> {
+    /// Orders the next piece of its way where it is at the end of the last.
+    fn go_on(&mut self) -> Result<(), A::Error> {
+        let (Some(datum), Some(next)) = (self.datum, self.next.front().copied()) else {
+            return Ok(());
+        };
+        let Ok(pose) = self.aircraft.pose() else { return Ok(()) };
+        let left = pose.position + Vector3::z() * datum - self.ordered;
+        if left.xy().norm() > ARRIVED_M[0] || left.z.abs() > ARRIVED_M[1] {
+            return Ok(());
+        }
+        self.aircraft.go_to(&Waypoint { position: next - Vector3::z() * datum })?;
+        self.next.pop_front();
+        self.ordered = next;
+        Ok(())
+    }
+}
+
+impl<A: Aircraft> Vehicle for OverGround<A> {
+    type Error = OverGroundError<A::Error>;
+
+    fn pose(&mut self) -> Result<Pose, Self::Error> {
+        let mut pose = self.aircraft.pose().map_err(OverGroundError::Aircraft)?;
+        let ground = self.height(&pose.position)?;
+        pose.position.z += self.datum.ok_or(OverGroundError::NoDatum)? - ground;
+        Ok(pose)
+    }
+
+    fn position_sigma(&self) -> Option<Vector3<f64>> {
+        self.aircraft.position_sigma()
+    }
+
+    fn go_to(&mut self, goal: &Waypoint) -> Result<(), Self::Error> {
+        let datum = self.datum.ok_or(OverGroundError::NoDatum)?;
+        let ([least_m, most_m], up_m) = (self.limits_m, goal.position.z);
+        if !(least_m..=most_m).contains(&up_m) {
+            return Err(OverGroundError::Limit { up_m, least_m, most_m });
+        }
+        let pose = self.aircraft.pose().map_err(OverGroundError::Aircraft)?;
+        let here = pose.position + Vector3::z() * datum;
+        let mut there = goal.position;
+        there.z += self.height(&there)?;
+        let mut way: VecDeque<_> = self.ground.way(&here, &there, most_m)?.into();
+        let first = way.pop_front().unwrap_or(there);
+        let order = Waypoint { position: first - Vector3::z() * datum };
+        self.aircraft.go_to(&order).map_err(OverGroundError::Aircraft)?;
+        (self.next, self.ordered) = (way, first);
+        Ok(())
+    }
+
+    fn land(&mut self) -> Result<(), Self::Error> {
+        self.next.clear();
+        self.aircraft.land().map_err(OverGroundError::Aircraft)
+    }
+}
+
+impl<A: Aircraft> Spinner for OverGround<A> {
+    fn spin(&mut self, rate: Option<f64>) -> Result<(), Self::Error> {
+        self.aircraft.spin(rate).map_err(OverGroundError::Aircraft)
+    }
+}
+
+impl<A: Aircraft> Aircraft for OverGround<A> {
+    fn state(&mut self) -> Result<AircraftState, Self::Error> {
+        let mut state = self.aircraft.state().map_err(OverGroundError::Aircraft)?;
+        if !state.airborne {
+            // As of its last moment on the ground, since autopilots count from where they arm.
+            let place = self.aircraft.pose().ok().map(|pose| pose.position);
+            let ground = place.and_then(|place| Some(self.ground.height(&place.xy())? - place.z));
+            self.datum = ground.or(self.datum);
+            self.next.clear();
+        } else if self.datum.is_none() {
+            state.commanded = false;
+            state.offered = false;
+            state.hindrance = OverGroundError::<A::Error>::NoDatum.to_string();
+        }
+        if state.commanded {
+            if let Err(refusal) = self.go_on() {
+                // It stays where it is, and is missed where it was sent.
+                self.next.clear();
+                state.hindrance = refusal.to_string();
+            }
+        } else {
+            // Whoever takes it sends it where he likes, and it is ordered anew when it is back.
+            self.next.clear();
+        }
+        Ok(state)
+    }
+
+    fn take_off(&mut self, up_m: f64) -> Result<(), Self::Error> {
+        self.aircraft.take_off(up_m).map_err(OverGroundError::Aircraft)
+    }
+
+    fn take_over(&mut self) -> Result<(), Self::Error> {
+        self.aircraft.take_over().map_err(OverGroundError::Aircraft)
+    }
+
+    fn return_to_launch(&mut self) -> Result<(), Self::Error> {
+        self.next.clear();
+        self.aircraft.return_to_launch().map_err(OverGroundError::Aircraft)
+    }
+}
+
+impl<A: Examine> Examine for OverGround<A> {
+    fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
+        self.aircraft.examine(pause)
+    }
+}

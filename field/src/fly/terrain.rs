@@ -1,0 +1,142 @@
+use std::{path::PathBuf, rc::Rc};
+
+use foxhunt_core::parameter::{ParameterError, positive};
+use foxhunt_wire::{
+    geodesy::LocalFrame,
+    terrain::{ElevationModel, TerrainError},
+};
+use nalgebra::{Vector2, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// The ground that a flight is over. With it, every Up of the flight is a height above the ground
+/// below, be it of a pose, a goal or a band of altitudes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TerrainConfig {
+    /// The folder of the tiles, `.hgt` or GeoTIFF; in a file, from where the file is.
+    pub folder: PathBuf,
+    /// How far East, North, West and South of the site's origin the ground is read, in metres: no
+    /// drone is sent farther.
+    #[serde(default = "reach_m")]
+    pub reach_m: f64,
+    /// How high above the highest ground of its line a drone flies at least, in metres; one that is
+    /// sent lower keeps the height that it is sent to.
+    #[serde(default = "clearance_m")]
+    pub clearance_m: f64,
+}
+
+fn reach_m() -> f64 {
+    1000.0
+}
+
+fn clearance_m() -> f64 {
+    4.0
+}
+
+impl TerrainConfig {
+    /// Refuses what cannot be; reads no tile.
+    pub(super) fn check(&self) -> Result<(), ParameterError> {
+        positive("reach_m", self.reach_m)?;
+        positive("clearance_m", self.clearance_m)?;
+        Ok(())
+    }
+
+    /// Reads the tiles about the origin of `frame`.
+    pub(super) fn read(&self, frame: LocalFrame) -> Result<Ground, TerrainError> {
+        let model = ElevationModel::read(&self.folder, frame, self.reach_m)?;
+        Ok(Ground { model: Rc::new(model), clearance_m: self.clearance_m })
+    }
+}
+
+/// The ground about a site, and how far drones keep above it.
+#[derive(Clone, Debug)]
+pub struct Ground {
+    model: Rc<ElevationModel>,
+    clearance_m: f64,
+}
+
+/// Why there is no way over the ground.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub(super) enum WayError {
+    /// It leaves the model.
+    #[error("terrain.reach_m ends before the goal, or before the line to it")]
+    Beyond,
+    /// Some of the line is too high above the ground.
+    #[error("the line to the goal is up to {above_m:.0} m above the ground, more than {most_m} m")]
+    High {
+        /// How high, in metres.
+        above_m: f64,
+        /// The limit.
+        most_m: f64,
+    },
+}
+
+/// A hovering drone is this near the height where it was sent, in metres.
+const HOVER_M: f64 = 0.5;
+
+impl Ground {
+    /// The height of the ground at a place, in metres above what the elevation model counts from;
+    /// `None` beyond its reach.
+    #[must_use]
+    pub fn height(&self, place: &Vector2<f64>) -> Option<f64> {
+        self.model.height(place)
+    }
+
+    /// How much higher its highest place is than its lowest, in metres.
+    pub(super) fn relief_m(&self) -> f64 {
+        self.model.relief_m()
+    }
+
+    /// The places that a drone flies by, straight from one to the next, to come from one place to
+    /// another: the goal alone where the straight line clears the ground, else straight up, over
+    /// the highest ground of the line, and straight down, nowhere more than `most_m` metres above
+    /// the ground. Heights are above what the elevation
+    /// model counts from.
+    pub(super) fn way(
+        &self,
+        from: &Vector3<f64>,
+        to: &Vector3<f64>,
+        most_m: f64,
+    ) -> Result<Vec<Vector3<f64>>, WayError> {
+        let own = to.z - self.height(&to.xy()).ok_or(WayError::Beyond)?;
+        let clearance = self.clearance_m.min(own);
+        // Bilinear ground is highest at a sample of the model, or between two along the line: at a
+        // quarter of a step the slope of an eighth is all that can be missed.
+        let pieces = (4.0 * (to - from).xy().norm() / self.model.step_m()).ceil().max(1.0);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a line within the reach has at most some million pieces"
+        )]
+        let pieces = pieces as u32;
+        let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
+        let (mut clears, mut above_m) = (true, 0.0_f64);
+        for piece in 0..=pieces {
+            let place = from.lerp(to, f64::from(piece) / f64::from(pieces));
+            let ground = self.height(&place.xy()).ok_or(WayError::Beyond)?;
+            (lowest, highest) = (lowest.min(ground), highest.max(ground));
+            above_m = above_m.max(place.z - ground);
+            clears &= place.z >= ground + clearance - HOVER_M;
+        }
+        let level = from.z.max(to.z).max(highest + clearance);
+        if !clears {
+            above_m = level - lowest;
+        }
+        if above_m > most_m + HOVER_M {
+            return Err(WayError::High { above_m, most_m });
+        }
+        if clears {
+            return Ok(vec![*to]);
+        }
+        let at = |place: &Vector3<f64>| Vector3::new(place.x, place.y, level);
+        let mut way = vec![at(from), at(to), *to];
+        way.dedup_by(|next, before| (*next - *before).norm() < HOVER_M);
+        if let Some(last) = way.last_mut() {
+            *last = *to;
+        }
+        if way.len() > 1 && (way[0] - from).norm() < HOVER_M {
+            way.remove(0);
+        }
+        Ok(way)
+    }
+}

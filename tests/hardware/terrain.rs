@@ -1,0 +1,126 @@
+//! A flight over hills: heights are above the ground that an elevation model has.
+
+use std::{fs, path::PathBuf};
+
+use foxhunt::{
+    fly::{
+        BoxedAircraft, EmulatedField, EmulatedFieldConfig, FlightConfig, Mission, TerrainConfig,
+    },
+    hardware::Shared,
+    hunt::{BoxedSource, Event, FlightStage},
+    registry::Registry,
+    scenario::Scenario,
+    sim::World,
+};
+use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
+use nalgebra::{Vector2, Vector3};
+
+/// Samples to a side of a tile of one arc second.
+const SIDE: u32 = 3601;
+
+/// The height of a sample in metres: hills of 12 m, 120 m from top to top northwards, 79 m
+/// eastwards.
+fn hill(row: u32, column: u32) -> i16 {
+    let wave = |index: u32| [0, 4, 6, 3][index as usize % 4];
+    wave(row) + wave(column)
+}
+
+/// The tile of a site, in a folder that is gone at the end.
+struct Tiles(PathBuf);
+
+impl Tiles {
+    fn new() -> Self {
+        let folder = std::env::temp_dir().join(format!("foxhunt-hills-{}", std::process::id()));
+        fs::create_dir_all(&folder).expect("a folder for this test");
+        let places = (0..SIDE).flat_map(|row| (0..SIDE).map(move |column| (row, column)));
+        let bytes: Vec<u8> = places.flat_map(|(r, c)| hill(r, c).to_be_bytes()).collect();
+        fs::write(folder.join("N50E014.hgt"), bytes).expect("it is ours");
+        Self(folder)
+    }
+}
+
+impl Drop for Tiles {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+/// The height of the ground, by the definition of the tile.
+fn ground(frame: &LocalFrame, place: &Vector2<f64>) -> f64 {
+    let place = frame.to_geodetic(&Vector3::new(place.x, place.y, 0.0));
+    let (row, column) = ((51.0 - place.lat_deg) * 3600.0, (place.lon_deg - 14.0) * 3600.0);
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "rows and columns are whole numbers below 3601"
+    )]
+    let at = |row: f64, column: f64| f64::from(hill(row as u32, column as u32));
+    let (top, left) = (row.floor(), column.floor());
+    let (down, along) = (row - top, column - left);
+    let upper = at(top, left) * (1.0 - along) + at(top, left + 1.0) * along;
+    let lower = at(top + 1.0, left) * (1.0 - along) + at(top + 1.0, left + 1.0) * along;
+    upper * (1.0 - down) + lower * down
+}
+
+#[test]
+fn drones_keep_their_height_above_hills() {
+    let tiles = Tiles::new();
+    let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
+    let world = World::new(&scenario.world, 1).expect("a world");
+    let config = EmulatedFieldConfig::default();
+    let (mut field, mut ports) =
+        EmulatedField::in_memory(&scenario, &world, &config).expect("a field");
+    let mut flight: FlightConfig = field.flight().clone();
+    let terrain = |reach_m| TerrainConfig { folder: tiles.0.clone(), reach_m, clearance_m: 4.0 };
+    flight.terrain = Some(terrain(500.0));
+    let origin = Geodetic::new(flight.site.lat_deg, flight.site.lon_deg, 0.0).expect("a place");
+    let frame = LocalFrame::new(origin).expect("a place");
+    let registry = Registry::builtin();
+    let estimator = flight.estimator(&registry).expect("it is known");
+    let hunt = flight.parts(&registry, estimator, 1).build().expect("a hunt");
+    let drones = flight.open(&mut ports, &world.clock(), 0.0, None, None).expect("devices");
+    let mut mission: Mission<Shared<BoxedAircraft>, BoxedSource> =
+        Mission::new(flight.flight, hunt, drones, world.time()).expect("a flight");
+    let up = flight.flight.takeoff_up_m;
+    let place = |drone| world.pose(drone).expect("a drone").position;
+    let launches: Vec<f64> =
+        (0..world.drone_count()).map(|drone| ground(&frame, &place(drone).xy())).collect();
+    let (mut lowest, mut flat) = (f64::INFINITY, f64::INFINITY);
+    let (mut receptions, mut worst) = (0, 0.0_f64);
+    while !mission.is_over() && world.time() < 4000.0 {
+        world.advance(scenario.simulation.tick_s).expect("time passes");
+        field.serve(|device, error| panic!("{device}: {error}"));
+        mission.step(world.time());
+        if mission.stage() == FlightStage::Hunting {
+            for (drone, launch) in launches.iter().enumerate() {
+                let here = place(drone);
+                let rise = ground(&frame, &here.xy()) - launch;
+                lowest = lowest.min(here.z - rise);
+                flat = flat.min(up - rise);
+            }
+        }
+        while let Some(event) = mission.poll_event() {
+            if let Event::Received { drone, reception, .. } = event {
+                let here = place(drone);
+                let above = here.z - (ground(&frame, &here.xy()) - launches[drone]);
+                receptions += 1;
+                // The planner's two heights.
+                worst = worst.max((above - up).abs().min((above - up + 1.0).abs()));
+                worst = worst.max((reception.receiver.position.z - above).abs());
+            }
+        }
+    }
+    assert!(mission.is_over() && mission.failure().is_none(), "{mission:?}");
+    assert_eq!(mission.hunt().fixes().len(), 2);
+    // The hills matter: at one height above the launch a drone would have met them, or nearly so.
+    assert!(flat < 1.0, "{flat}");
+    // The planner's lower height, less what a line may be off; where they listen they are exact.
+    assert!(lowest > up - 1.0 - 0.5, "{lowest}");
+    assert!(receptions > 10 && worst < 0.1, "{receptions} receptions, {worst} m");
+
+    flight.terrain = Some(terrain(45_000.0));
+    let error = flight.open(&mut ports, &world.clock(), 0.0, None, None).err().expect("no tile");
+    let text = error.to_string();
+    assert!(text.starts_with("terrain: ") && text.contains("N49E013.hgt"), "{text}");
+    assert!(text.contains("foxhunt-hills"), "{text}");
+}

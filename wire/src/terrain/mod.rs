@@ -1,0 +1,13 @@
+//! How high the ground is: tiles of elevation models.
+//!
+//! [`ElevationModel`] reads the tiles about a place out of a folder: SRTM's `.hgt`, and GeoTIFF in
+//! degrees such as Copernicus DEM (`.tif`, `.tiff`).
+
+mod error;
+mod geotiff;
+mod hgt;
+mod model;
+mod tile;
+
+pub use error::TerrainError;
+pub use model::ElevationModel;
