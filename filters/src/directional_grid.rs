@@ -1,12 +1,15 @@
 use alloc::{sync::Arc, vec, vec::Vec};
-use core::{f64::consts::TAU, fmt};
+use core::{
+    f64::consts::{FRAC_PI_2, TAU},
+    fmt,
+};
 
 use foxhunt_core::{
     Correction, Covariance, Estimate, Estimator, EstimatorError, Observation, Pose, Quantity, Role,
     State,
     elementary::{exp, ln},
     noise::{log_add, log_normal_cdf},
-    parameter::{ParameterError, in_range, not_negative, positive},
+    parameter::{ParameterError, in_range, positive},
 };
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -58,9 +61,10 @@ impl DirectionalGridConfig {
     ///
     /// [`ParameterError`] names the first that cannot.
     pub fn check(&self) -> Result<(), ParameterError> {
-        positive("power_sigma_db", self.power_sigma_db)?;
-        not_negative("site_sigma_db", self.site_sigma_db)?;
-        not_negative("site_sigma", self.site_sigma)?;
+        // Nodes go so far, and a number from a file must not be able to take all memory.
+        in_range("power_sigma_db", self.power_sigma_db, 0.1..=30.0, "from 0.1 to 30")?;
+        in_range("site_sigma_db", self.site_sigma_db, 0.0..=20.0, "from 0 to 20")?;
+        in_range("site_sigma", self.site_sigma, 0.0..=FRAC_PI_2, "from 0 to π/2")?;
         positive("site_m", self.site_m)?;
         let share = "from 0.0001 to 0.5";
         in_range("lost_probability", self.lost_probability, 1e-4..=0.5, share)?;
@@ -85,7 +89,8 @@ impl DirectionalGridConfig {
 /// one hover do not pass for a hundred witnesses. The place is a grid over what the belief covers.
 /// Where that has become narrower, it is laid out anew from all observations, which are kept.
 ///
-/// The belief is about a target that stays. Its receiver's own place is taken for known.
+/// The belief is about a target that stays, within four σ of the prior. Its receiver's own place
+/// is taken for known.
 #[derive(Clone)]
 pub struct DirectionalGrid {
     prior: Gaussian<2>,
@@ -680,7 +685,9 @@ impl Estimator<2, 2> for DirectionalGrid {
         // A cell's own extent.
         let own = self.nodes.spacing.map(|side| side * side / 12.0);
         let covariance: Covariance<2> = scatter + Covariance::from_diagonal(&own);
-        self.belief = Estimate { mean, covariance };
+        let belief = Estimate { mean, covariance };
+        Gaussian::new(belief, Role::Posterior)?;
+        self.belief = belief;
         let log_evidence = weighed.log_evidence - self.log_evidence;
         self.log_evidence = weighed.log_evidence;
         Ok(Correction::Fused { nis: None, log_evidence, effective_sample_size: None })

@@ -99,6 +99,29 @@ fn an_error_is_against_where_the_beacon_was_then() {
     assert!((fix.time - last).abs() < 1e-12);
 }
 
+/// The pulses of a turn are receptions of their own, along boresights all round.
+#[test]
+fn pulses_are_flown_one_by_one() {
+    let mut scenario = Scenario::find("vhf-tag").expect("built in");
+    "pulses".clone_into(&mut scenario.estimator);
+    scenario.hunt.stop.time_s = Some(40.0);
+    let (_, events) = fly(&scenario);
+    let boresights: Vec<f64> = receptions(&events)
+        .filter_map(|(_, reception)| Some(reception.measured.get(Quantity::BORESIGHT)?.value))
+        .collect();
+    assert_eq!(boresights.len(), receptions(&events).count());
+    assert!(boresights.len() >= 48 && boresights.iter().any(|angle| angle.abs() > 3.0));
+    replayed(&scenario, &events);
+    // Without a direction there is nothing to take one by one.
+    scenario.source = SourceConfig::Omnidirectional(OmnidirectionalConfig::default());
+    let registry = Registry::builtin();
+    let estimator = registry.estimator("pulses").expect("it has a name");
+    let refused = Setup { scenario: &scenario, estimator, registry: &registry }
+        .simulate(1, |_| Ok::<_, Infallible>(()));
+    let error = refused.expect_err("no boresights").to_string();
+    assert!(error.contains("boresight_rad"), "{error}");
+}
+
 #[test]
 fn one_of_three_drones_turns_its_body() {
     let scenario = Scenario::find("pritzl-7.5").expect("built in");

@@ -12,6 +12,7 @@ mod recordings {
     mod sweeps;
     mod values;
 }
+mod pulses;
 mod replay;
 mod silences;
 mod station;

@@ -1,4 +1,7 @@
-use foxhunt_core::{Pose, parameter::ParameterError};
+use foxhunt_core::{
+    Pose,
+    parameter::{ParameterError, in_range, positive},
+};
 use foxhunt_filters::DirectionalGridConfig;
 use foxhunt_sensors::{DirectionalLevel, LogDistance, SharedAntenna};
 use nalgebra::Vector2;
@@ -49,13 +52,16 @@ impl PulseModel {
     ///
     /// # Errors
     ///
-    /// When the height is not finite.
+    /// When the height is not finite, or a σ of the configuration out of range.
     pub fn new(
         law: LogDistance,
         antenna: SharedAntenna,
         target_up: f64,
         config: PulseLevelConfig,
     ) -> Result<Self, ParameterError> {
+        positive("pulses.sigma_db", config.sigma_db)?;
+        let (name, deg) = ("pulses.site_sigma_deg", config.site_sigma_deg);
+        in_range(name, deg, 0.0..=90.0, "from 0 to 90")?;
         let level = DirectionalLevel::new(law, antenna).with_target_up(target_up)?;
         Ok(Self { level, config })
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use foxhunt_core::{
     EstimatorError, Intake, MeasurementModel, Observation, ObservationError, Pose, Quantity,
-    RandomWalk, Reception, parameter::positive,
+    RandomWalk, Reception,
 };
 use foxhunt_filters::{Ckf, DirectionalGrid, Gate, Iterations, MomentGrid};
 use foxhunt_sensors::{BearingOnly, DifferentialRss, MagneticDipole, RangeDifference, Stacked};
@@ -95,7 +95,7 @@ fn pulses(request: &TrackRequest<'_>) -> Result<Track, EstimatorError> {
         what: "an estimator of single pulses without the receiver's antenna (model.antenna, \
                --receiver-antenna)",
     })?;
-    let sigma_db = positive("pulses.sigma_db", model.sigma_db())?;
+    let sigma_db = model.sigma_db();
     let levels = {
         let model = model.clone();
         move |place: &Vector2<f64>, pose: &Pose, boresight, turns: &[f64], out: &mut [f64]| {
