@@ -18,3 +18,4 @@ pub mod recording;
 pub mod relocation;
 pub mod replay;
 pub mod struck;
+mod surrounding;

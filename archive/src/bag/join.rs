@@ -4,7 +4,7 @@ use super::{
     Bag, BagError, Message,
     message::{Kind, Place, Use, compass, level, place, reception},
 };
-use crate::recording::Column;
+use crate::{recording::Column, surrounding::surrounding};
 
 /// What is read of a bag.
 #[derive(Clone, Debug, PartialEq)]
@@ -168,17 +168,11 @@ fn joined(bag: &Bag, topics: &Topics, out: impl Write) -> Result<Converted, BagE
 /// Where a receiver was at a time, between the places about it where they are at most `gap_s`
 /// apart.
 fn between(places: &[(f64, Place)], time: f64, gap_s: f64) -> Option<Place> {
-    let after = places.partition_point(|(at, _)| *at < time);
-    let (later, to) = *places.get(after)?;
-    if later <= time {
-        return Some(to);
-    }
-    let (earlier, from) = *places.get(after.checked_sub(1)?)?;
-    let share = Some((time - earlier) / (later - earlier)).filter(|_| later - earlier <= gap_s)?;
+    let (from, to, share) = surrounding(places, time, gap_s)?;
     let mix = |from: [f64; 3], to: [f64; 3]| {
         [0, 1, 2].map(|axis: usize| from[axis] + share * (to[axis] - from[axis]))
     };
-    match (from, to) {
+    match (*from, *to) {
         (Place::Local(from, heading), Place::Local(to, last)) => {
             let turned = foxhunt_core::angle::wrap(last - heading);
             let heading = foxhunt_core::angle::wrap(heading + share * turned);

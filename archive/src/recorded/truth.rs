@@ -1,6 +1,6 @@
 use nalgebra::Vector2;
 
-use crate::recording::Recording;
+use crate::{recording::Recording, surrounding::surrounding};
 
 /// Where a beacon truly was, if the recordings have it and it stayed there: East and North in
 /// metres.
@@ -30,14 +30,7 @@ pub fn recorded_way(recordings: &[Recording], beacon: Option<&str>) -> Vec<(f64,
 /// apart.
 #[must_use]
 pub fn truth_at(way: &[(f64, Vector2<f64>)], time: f64, gap_s: f64) -> Option<Vector2<f64>> {
-    let after = way.partition_point(|(at, _)| *at < time);
-    let (later, at) = *way.get(after)?;
-    if later <= time {
-        return Some(at);
-    }
-    let (earlier, from) = *way.get(after.checked_sub(1)?)?;
-    let share = (time - earlier) / (later - earlier);
-    (later - earlier <= gap_s).then(|| from.lerp(&at, share))
+    surrounding(way, time, gap_s).map(|(from, to, share)| from.lerp(to, share))
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 //! counter-clockwise from East, seconds, dBm.
 
 mod beside;
+mod clock_offset;
 mod column;
 mod convert;
 mod decompress;
@@ -16,6 +17,7 @@ mod north;
 mod options;
 mod parse;
 mod plan;
+mod poses;
 mod read;
 mod record;
 mod recorded_source;
@@ -29,6 +31,7 @@ pub(crate) mod utc;
 mod value;
 mod write;
 
+pub use clock_offset::{ClockOffset, ClockOffsetError};
 pub use column::Column;
 pub use convert::write_recordings;
 pub use error::{FieldProblem, RecordingError};
@@ -36,6 +39,7 @@ pub use formats::builtin_mappings;
 pub use mapping::{Beside, Keep, Mapping, Melt, Spectrum, Turns};
 pub use north::North;
 pub use options::{Band, ReadOptions};
+pub use poses::{PoseLog, TimedLevel};
 pub use record::{Backwards, Dropped, Record, RecordedBearing, Recording};
 pub use recorded_source::{RecordedSource, RecordingEnded};
 pub use rover::Rover;

@@ -42,3 +42,52 @@ fn what_is_converted_is_located_at_the_same_place() {
     foxhunt(["convert", no_bag, out.to_str().expect("UTF-8")]).failed(2, &["broken.mcap", "bag"]);
     foxhunt(["convert", no_bag]).failed(2, &["2 values"]);
 }
+
+/// Pulses whose clock is 2.3 s behind that of an antenna that turns unevenly, heard at one place.
+#[test]
+fn pulses_are_joined_with_poses_of_another_clock() {
+    let folder = folder("convert-poses");
+    let path = |name: &str| folder.join(name).to_str().expect("UTF-8").to_owned();
+    let [pulses, poses, out] = ["pulses.csv", "poses.csv", "joined.csv"].map(path);
+    let boresight = |time: f64| (24.0 * time + 70.0 * (0.31 * time).sin()).rem_euclid(360.0);
+    let mut text = "time_utc,east_m,north_m,boresight_deg_compass\n".to_owned();
+    for i in 0..1200 {
+        let time = 0.1 * f64::from(i);
+        let utc = format!("10:{:02}:{:04.1}", i / 600, time % 60.0);
+        text += &format!("2026-11-24 {utc},0,0,{}\n", boresight(time));
+    }
+    fs::write(&poses, &text).expect("a file");
+    let mut text = "time_s,frequency_hz,width_s,power_dbm,snr_db,tags\n".to_owned();
+    for i in 0..80 {
+        let time = 6.0 + 1.3 * f64::from(i);
+        let off = (boresight(time) - 77.0).to_radians();
+        // 1 dB one way and the other.
+        let noise = f64::from(i * i * 7 % 21) / 10.0 - 1.0;
+        let level = 7.0 * off.cos() + 2.0 * (2.0 * off).cos() + noise - 60.0;
+        let tag = if i == 40 { "" } else { "fox" };
+        text += &format!("{},150e6,0.02,{level},25,{tag}\n", time - 2.3);
+    }
+    fs::write(&pulses, &text).expect("a file");
+    let args = |offset: &'static str, more: &[&'static str]| {
+        let all = ["--json", "convert", &pulses, &out, "--poses", &poses, "--clock-offset", offset];
+        all.iter().map(ToString::to_string).chain(more.iter().map(ToString::to_string)).collect()
+    };
+    let begin = "2026-11-24T10:00:00Z";
+    let run = |args: Vec<String>| foxhunt(args);
+    let found = run(args(begin, &["--clock-within-s", "4"])).json();
+    let seconds = |value: &serde_json::Value| value.as_f64().expect("seconds") - 1_795_514_400.0;
+    let interval = [0, 1].map(|end| seconds(&found["clock_interval_s"][end]));
+    assert!(interval[0] < 2.3 && 2.3 < interval[1] && interval[1] - interval[0] < 1.0);
+    assert_eq!([&found["rows"], &found["of_no_tag"]], [79, 1]);
+    let bearings = ["--json", "bearing", &out, "--extractor", "first-harmonic-db"];
+    let bearings = foxhunt(bearings).json();
+    let first = bearings["turns"][0]["bearing_deg_compass"].as_f64().expect("a bearing");
+    assert!((first - 77.0).abs() < 20.0, "{bearings}");
+    let earlier = fs::read(&out).expect("what was written");
+    // Neither the true offset in the range nor a pose at all.
+    run(args(begin, &["--clock-within-s", "1"])).failed(2, &["pulses.csv", "poses.csv", "end"]);
+    run(args("1e3", &[])).failed(2, &["none of 80", "--clock-offset"]);
+    run(args("noon", &[])).failed(2, &["UTC"]);
+    run(args(begin, &["--clock-within-s", "-1"])).failed(2, &["-1"]);
+    assert_eq!(fs::read(&out).expect("it is there"), earlier);
+}

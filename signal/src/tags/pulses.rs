@@ -16,6 +16,9 @@ pub struct PulseList {
     pub format: &'static str,
     /// The pulses.
     pub pulses: Vec<Pulse>,
+    /// What each pulse has in a column `tags`, as `foxhunt tags --csv` writes it: empty where it is of
+    /// no tag; `None` where there is no such column.
+    pub tags: Option<Vec<String>>,
 }
 
 /// How long the pulses are that SensorGnome's detector searches for by default, in seconds; its
@@ -60,7 +63,9 @@ pub fn parse_pulses(file: &Path, bytes: &[u8]) -> Result<PulseList, TagError> {
     let known = readers.into_iter().find(|(_, columns, _)| rows.has(columns));
     let (format, _, read) = known.ok_or_else(|| rows.unknown(KNOWN))?;
     let pulses = rows.iter().map(|row| read(&row)).collect::<Result<_, _>>()?;
-    Ok(PulseList { format, pulses })
+    let tag = |row: Row<'_>| row.text("tags").unwrap_or_default().to_owned();
+    let tags = rows.has(&["tags"]).then(|| rows.iter().map(tag).collect());
+    Ok(PulseList { format, pulses, tags })
 }
 
 fn own(row: &Row<'_>) -> Result<Pulse, TagError> {
