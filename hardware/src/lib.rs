@@ -65,9 +65,11 @@ pub use mavlink::{
 };
 #[cfg(feature = "receivers")]
 pub use receivers::{
-    KrakenConfig, KrakenSource, KrakenSourceError, PulseConfig, RtlTcpConfig, RtlTcpLosses,
-    RtlTcpRadio, RtlTcpRadioError, RtlTcpSamples, RtlTcpTuning, SikError, SikFeed, SikRadio,
+    KrakenConfig, KrakenSource, KrakenSourceError, PulseConfig, RtlTcpConfig, RtlTcpRadio,
+    RtlTcpRadioError, RtlTcpSamples, RtlTcpTuning, SampleLosses, SikError, SikFeed, SikRadio,
 };
+#[cfg(feature = "soapy")]
+pub use receivers::{SoapyError, SoapySamples, SoapyTuning, soapy_devices};
 pub use reconnecting::Reconnecting;
 #[cfg(feature = "firmata")]
 pub use stepper::{

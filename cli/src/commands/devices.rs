@@ -63,6 +63,10 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
             let device = format!("{device} at {endpoint}");
             examined.push(Examined { drone: None, device, findings });
         }
+        #[cfg(feature = "soapy")]
+        if args.at.is_empty() {
+            examined.extend(soapy_receivers()?);
+        }
     }
     output.result(&examined, |examined| describe(examined))?;
     let wrong = examined.iter().flat_map(|e| &e.findings).filter(|f| !f.is_good()).count();
@@ -77,6 +81,18 @@ fn serial_ports() -> Result<Vec<Endpoint>, CliError> {
     let ports = SerialStream::available().map_err(CliError::failure)?;
     // The rate is found out.
     Ok(ports.into_iter().map(|port| Endpoint::Serial { port, baud: 57_600 }).collect())
+}
+
+/// What `SoapySDR` finds, each by the name that `listen` takes.
+#[cfg(feature = "soapy")]
+fn soapy_receivers() -> Result<Vec<Examined>, CliError> {
+    let found = foxhunt::hardware::soapy_devices().map_err(CliError::failure)?;
+    let receiver = |device: String| Examined {
+        drone: None,
+        findings: vec![Finding::good("SoapySDR", format_args!("foxhunt listen soapy:{device}"))],
+        device: "receiver".to_owned(),
+    };
+    Ok(found.into_iter().map(receiver).collect())
 }
 
 fn describe(examined: &[Examined]) -> String {

@@ -140,7 +140,30 @@ fn recognise(bytes: &[u8]) -> Option<Protocol> {
 
 #[cfg(test)]
 mod tests {
+    use std::{cell::Cell, net::TcpListener, rc::Rc};
+
     use super::*;
+
+    #[derive(Clone)]
+    struct StepClock(Rc<Cell<f64>>);
+
+    impl Clock for StepClock {
+        fn now(&self) -> f64 {
+            self.0.get()
+        }
+    }
+
+    #[test]
+    fn what_never_answers_is_unknown() {
+        let silent = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let endpoint = format!("tcp:{}", silent.local_addr().expect("an address"));
+        let endpoint = endpoint.parse().expect("an endpoint");
+        let clock = StepClock(Rc::default());
+        let mut pause = || clock.0.set(clock.now() + 0.01);
+        let (device, findings) = identify(&endpoint, &clock, &mut pause);
+        assert_eq!(device, "unknown");
+        assert!(matches!(&findings[..], [finding] if !finding.is_good()), "{findings:?}");
+    }
 
     #[test]
     fn protocols_are_recognised() {

@@ -2,7 +2,7 @@ use foxhunt_core::{BeaconId, Clock, Radio, parameter::FieldError};
 use foxhunt_wire::ByteStream;
 
 use super::{
-    RtlTcpConfig, RtlTcpLosses, RtlTcpRadioError, RtlTcpSamples, gather::Gather, watch::PulseWatch,
+    RtlTcpConfig, RtlTcpRadioError, RtlTcpSamples, SampleLosses, gather::Gather, watch::PulseWatch,
 };
 use crate::Finding;
 
@@ -90,7 +90,7 @@ impl<S: ByteStream, C: Clock + Clone> RtlTcpRadio<S, C> {
 impl<S: ByteStream, C: Clock> RtlTcpRadio<S, C> {
     /// What was lost of its samples until now.
     #[must_use]
-    pub fn losses(&self) -> RtlTcpLosses {
+    pub fn losses(&self) -> SampleLosses {
         self.samples.losses()
     }
 

@@ -7,7 +7,10 @@ use foxhunt_wire::{
     receivers::{RtlTcpCommand, RtlTcpHeader},
 };
 
-use super::{RtlTcpRadioError, timeline::Timeline};
+use super::{
+    RtlTcpRadioError, SampleLosses,
+    placement::{Placement, Silence},
+};
 
 /// What is read at once.
 const CHUNK: usize = 1 << 16;
@@ -65,18 +68,6 @@ impl RtlTcpTuning {
     }
 }
 
-/// What was lost of a stream of samples.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct RtlTcpLosses {
-    /// How many gaps there were.
-    pub gaps: u32,
-    /// How many samples they had.
-    pub samples: u64,
-    /// How often the stream stalled and was opened again.
-    pub stalls: u32,
-}
-
 /// The samples of an RTL-SDR behind rtl_tcp, each at its place in time.
 ///
 /// rtl_tcp sends bytes and no times, so samples are counted, and the count is held against the
@@ -93,16 +84,10 @@ pub struct RtlTcpSamples<S, C> {
     /// What has come of the header.
     begun: Vec<u8>,
     header: Option<RtlTcpHeader>,
-    /// When the receiver was set up, and what has come since, until it has settled.
-    settling: Option<(f64, Timeline)>,
     /// An I whose Q has not come.
     odd: Option<u8>,
     chunk: Vec<u8>,
-    timeline: Timeline,
-    received_at: Option<f64>,
-    /// When it was last opened again for its silence.
-    renewed_at: Option<f64>,
-    losses: RtlTcpLosses,
+    placement: Placement,
 }
 
 impl<S: ByteStream, C: Clock> RtlTcpSamples<S, C> {
@@ -114,19 +99,19 @@ impl<S: ByteStream, C: Clock> RtlTcpSamples<S, C> {
     pub fn new(tuning: RtlTcpTuning, stream: S, clock: C) -> Result<Self, FieldError> {
         tuning.check()?;
         Ok(Self {
-            timeline: Timeline::new(f64::from(tuning.sample_rate_hz)),
+            placement: Placement::new(
+                f64::from(tuning.sample_rate_hz),
+                tuning.settling_s,
+                tuning.silence_s,
+            ),
             tuning,
             connections: stream.connections(),
             stream,
             clock,
             begun: Vec::new(),
             header: None,
-            settling: None,
             odd: None,
             chunk: vec![0; CHUNK],
-            received_at: None,
-            renewed_at: None,
-            losses: RtlTcpLosses::default(),
         })
     }
 
@@ -144,22 +129,22 @@ impl<S: ByteStream, C: Clock> RtlTcpSamples<S, C> {
 
     /// What was lost until now.
     #[must_use]
-    pub fn losses(&self) -> RtlTcpLosses {
-        self.losses
+    pub fn losses(&self) -> SampleLosses {
+        self.placement.losses()
     }
 
     /// When the sample of an index was taken, in seconds of the clock, to what the server and the
     /// network delay at least; `None` before the first sample.
     #[must_use]
     pub fn time_of(&self, index: f64) -> Option<f64> {
-        self.timeline.time_of(index)
+        self.placement.timeline().time_of(index)
     }
 
     /// The index of the sample that is taken at a time of the clock, as far as can be known; 0
     /// before the first sample.
     #[must_use]
     pub fn index_at(&self, time: f64) -> u64 {
-        self.timeline.index_at(time)
+        self.placement.timeline().index_at(time)
     }
 
     /// Tunes to another frequency. What is on its way is still of the old one.
@@ -195,12 +180,13 @@ impl<S: ByteStream, C: Clock> RtlTcpSamples<S, C> {
             }
             let count = came.map_err(RtlTcpRadioError::Stream)?;
             if count == 0 {
-                self.drained(now);
+                if self.header.is_some() {
+                    self.placement.drained(now);
+                }
                 return self.watch(now).map(|()| None);
             }
-            self.received_at = Some(now);
-            if self.renewed_at.take().is_some() && self.header.is_some() {
-                self.settle(now);
+            if self.placement.received(now) && self.header.is_some() {
+                self.placement.settle(now);
             }
             if let Some(first) = self.take(count, now, bytes)? {
                 return Ok(Some(first));
@@ -213,14 +199,7 @@ impl<S: ByteStream, C: Clock> RtlTcpSamples<S, C> {
         self.header = None;
         self.odd = None;
         self.begun.clear();
-        self.received_at = Some(now);
-        self.renewed_at = None;
-    }
-
-    /// What comes is not what was next, and its place in time has to be found.
-    fn settle(&mut self, now: f64) {
-        let rate = f64::from(self.tuning.sample_rate_hz);
-        self.settling = Some((now, Timeline::new(rate)));
+        self.placement.restart(now);
     }
 
     /// Takes so many bytes of the chunk.
@@ -237,7 +216,7 @@ impl<S: ByteStream, C: Clock> RtlTcpSamples<S, C> {
             let Some(header) = self.begun.first_chunk() else { return Ok(None) };
             let header = RtlTcpHeader::decode(*header).map_err(RtlTcpRadioError::Server)?;
             self.header = Some(header);
-            self.settle(now);
+            self.placement.settle(now);
             self.set_up()?;
         }
         bytes.extend(self.odd.take());
@@ -246,47 +225,17 @@ impl<S: ByteStream, C: Clock> RtlTcpSamples<S, C> {
             self.odd = bytes.pop();
         }
         let samples = u64::try_from(bytes.len() / 2).unwrap_or(0);
-        if let Some((since, fresh)) = &mut self.settling {
-            let settling_s = self.tuning.settling_s;
-            if now < *since + settling_s || !fresh.has_begun() {
-                // At first samples may still be those of another rate.
-                if now >= *since + settling_s / 2.0 {
-                    fresh.take(now, samples);
-                }
-                bytes.clear();
-                return Ok(None);
-            }
-            let lost = self.timeline.join(fresh);
-            self.settling = None;
-            self.note(lost);
+        let first = self.placement.take(now, samples);
+        if first.is_none() {
+            bytes.clear();
         }
-        Ok((samples > 0).then(|| self.timeline.take(now, samples)))
-    }
-
-    /// All that had come was taken.
-    fn drained(&mut self, now: f64) {
-        if self.settling.is_none() && self.header.is_some() {
-            let lost = self.timeline.watch(now);
-            self.note(lost);
-        }
-    }
-
-    fn note(&mut self, lost: u64) {
-        self.losses.gaps += u32::from(lost > 0);
-        self.losses.samples += lost;
+        Ok(first)
     }
 
     /// Notices that nothing comes.
     fn watch(&mut self, now: f64) -> Result<(), RtlTcpRadioError> {
-        let since = *self.received_at.get_or_insert(now);
-        let seconds = now - since;
-        if seconds <= self.tuning.silence_s {
-            return Ok(());
-        }
-        let renewed = self.renewed_at.unwrap_or(since);
-        if self.renewed_at.is_none() || now > renewed + 3.0 * self.tuning.silence_s {
-            self.losses.stalls += u32::from(self.renewed_at.is_none());
-            self.renewed_at = Some(now);
+        let Some(Silence { seconds, renews }) = self.placement.watch(now) else { return Ok(()) };
+        if renews {
             self.stream.renew();
         }
         Err(RtlTcpRadioError::Silent { seconds })

@@ -92,9 +92,15 @@ impl Timeline {
         Some(self.origin? + seconds(self.index, self.rate_hz))
     }
 
+    /// So many samples never come.
+    pub(super) fn pass_over(&mut self, samples: u64) {
+        self.index = self.index.saturating_add(samples);
+        self.watched = None;
+    }
+
     fn skip(&mut self, lag: f64) -> u64 {
         let lost = count(lag * self.rate_hz);
-        self.index = self.index.saturating_add(lost);
+        self.pass_over(lost);
         lost
     }
 }

@@ -44,7 +44,7 @@ pub enum XbeeQuestion {
     RemoteDb,
 }
 
-/// No beacons, whose addresses a file has to name; the question by the firmware; `ASK`, echoed; 0.4
+/// No beacons, as of a radio that is only examined; the question by the firmware; `ASK`, echoed; 0.4
 /// s for an answer, 0.5 s for the radio's own.
 impl Default for XbeeConfig {
     fn default() -> Self {
@@ -69,9 +69,6 @@ impl XbeeConfig {
     ///
     /// [`FieldError`] names the first field that cannot.
     pub fn check(&self) -> Result<(), FieldError> {
-        if self.beacons.is_empty() {
-            return Err(FieldError::new("beacons", "empty", "the address of at least one beacon"));
-        }
         for (index, beacon) in self.beacons.iter().enumerate() {
             let field = format!("beacons[{index}]");
             let everyone = [
@@ -108,7 +105,6 @@ mod tests {
         let good = XbeeConfig { beacons: beacons(&["0013A20040AABBCC"]), ..XbeeConfig::default() };
         assert_eq!(good.check(), Ok(()));
         let cases = [
-            (XbeeConfig::default(), "beacons is empty"),
             (XbeeConfig { beacons: beacons(&["0001", "FFFE"]), ..good.clone() }, "[1] is FFFE"),
             (XbeeConfig { beacons: beacons(&["0001", "0001"]), ..good.clone() }, "[1] is 0001"),
             (XbeeConfig { payload: String::new(), ..good.clone() }, "payload is 0 bytes"),

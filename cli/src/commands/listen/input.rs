@@ -67,14 +67,17 @@ pub(super) trait Input {
     }
 }
 
+/// What the names of receivers of `SoapySDR` begin with.
+const SOAPY: &str = "soapy:";
+
 /// Opens what the arguments name.
 pub(super) fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
-    if args.source.starts_with("tcp:") {
+    if args.source.starts_with("tcp:") || args.source.starts_with(SOAPY) {
         return live::open(args);
     }
     for (given, flag) in [(args.gain_db.is_some(), "--gain-db"), (args.ppm.is_some(), "--ppm")] {
         if given {
-            let text = format!("{flag}: only the receiver behind tcp:HOST:PORT can be set");
+            let text = format!("{flag}: only receivers are set, those of tcp: and soapy:");
             return Err(CliError::input(text));
         }
     }
@@ -164,10 +167,9 @@ impl Input for Recorded {
 mod live {
     use super::{Args, CliError, Input};
 
-    pub(super) fn open(_: &Args) -> Result<Box<dyn Input>, CliError> {
-        Err(CliError::input(
-            "tcp: this build has no drivers; one with the feature hardware has them",
-        ))
+    pub(super) fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
+        let text = "this build has no drivers; one with the feature hardware has them";
+        Err(CliError::input(format!("{}: {text}", args.source)))
     }
 }
 
@@ -178,24 +180,43 @@ mod live {
     use foxhunt::{
         core::Clock,
         hardware::{
-            Reconnecting, RtlTcpLosses, RtlTcpRadioError, RtlTcpSamples, RtlTcpTuning, SystemClock,
+            Reconnecting, RtlTcpRadioError, RtlTcpSamples, RtlTcpTuning, SampleLosses, SystemClock,
         },
         signal::{Complex32, samples::SampleFormat},
         wire::Endpoint,
     };
 
-    use super::{Args, Came, CliError, Input, Losses};
+    use super::{Args, Came, CliError, Input, Losses, SOAPY};
 
     /// How often a receiver is looked at.
     const PAUSE: Duration = Duration::from_millis(5);
 
-    /// A receiver behind rtl_tcp.
-    struct Live {
-        samples: RtlTcpSamples<Reconnecting<SystemClock>, SystemClock>,
+    /// A receiver whose samples come as they are taken.
+    trait Receiver {
+        fn rate_hz(&self) -> f64;
+
+        fn center_hz(&self) -> f64;
+
+        fn rounding_noise(&self) -> f64;
+
+        /// Replaces what is in `samples` by those that have come: the index of the first.
+        fn poll(&mut self, samples: &mut Vec<Complex32>) -> Result<Option<u64>, Failure>;
+
+        fn losses(&self) -> SampleLosses;
+    }
+
+    /// Why nothing comes.
+    enum Failure {
+        /// It may come again.
+        Passing(String),
+        /// It never will.
+        Final(CliError),
+    }
+
+    struct Live<R> {
+        receiver: R,
         clock: SystemClock,
-        endpoint: Endpoint,
         name: String,
-        bytes: Vec<u8>,
         /// Whether samples come at present.
         flows: Option<bool>,
         news: Option<String>,
@@ -204,11 +225,17 @@ mod live {
     pub(super) fn open(args: &Args) -> Result<Box<dyn Input>, CliError> {
         let search = &args.search;
         if search.format.is_some() {
-            return Err(CliError::input("--format: rtl_tcp sends cu8, and nothing else"));
+            return Err(CliError::input("--format: receivers have their own"));
         }
         let needed = |value: Option<f64>, flag: &str| {
-            value.ok_or_else(|| CliError::input(format!("{flag}: rtl_tcp has to be set to one")))
+            value.ok_or_else(|| CliError::input(format!("{flag}: a receiver has to be set to one")))
         };
+        let center_hz = needed(search.center_hz, "--center-hz")?;
+        let rate_hz = needed(search.rate_hz, "--rate-hz")?;
+        let clock = SystemClock::start();
+        if let Some(device) = args.source.strip_prefix(SOAPY) {
+            return soapy::open(args, device, [center_hz, rate_hz], clock);
+        }
         let whole = |value: f64, flag: &str| {
             let range = 1.0..4.2e9;
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in range")]
@@ -216,42 +243,77 @@ mod live {
             let text = || CliError::input(format!("{flag} is {value}, and must be 1 to 4.2e9"));
             whole.ok_or_else(text)
         };
-        let center = whole(needed(search.center_hz, "--center-hz")?, "--center-hz")?;
-        let rate = whole(needed(search.rate_hz, "--rate-hz")?, "--rate-hz")?;
-        let mut tuning = RtlTcpTuning::new(center, rate);
+        let mut tuning =
+            RtlTcpTuning::new(whole(center_hz, "--center-hz")?, whole(rate_hz, "--rate-hz")?);
         tuning.gain_db = args.gain_db.unwrap_or(tuning.gain_db);
         tuning.correction_ppm = args.ppm.unwrap_or(0);
         let endpoint: Endpoint = args.source.parse().map_err(CliError::input)?;
-        let clock = SystemClock::start();
-        let stream = Reconnecting::open(endpoint.clone(), clock).map_err(CliError::failure)?;
+        let stream = Reconnecting::open(endpoint, clock).map_err(CliError::failure)?;
         let samples = RtlTcpSamples::new(tuning, stream, clock).map_err(CliError::input)?;
-        let (name, bytes) = (args.source.clone(), Vec::new());
-        Ok(Box::new(Live { samples, clock, endpoint, name, bytes, flows: None, news: None }))
+        Ok(Box::new(Live::new(args, RtlTcp { samples, bytes: Vec::new() }, clock)))
     }
 
-    impl Live {
+    /// A receiver behind rtl_tcp.
+    struct RtlTcp {
+        samples: RtlTcpSamples<Reconnecting<SystemClock>, SystemClock>,
+        bytes: Vec<u8>,
+    }
+
+    impl Receiver for RtlTcp {
+        fn rate_hz(&self) -> f64 {
+            f64::from(self.samples.tuning().sample_rate_hz)
+        }
+
+        fn center_hz(&self) -> f64 {
+            f64::from(self.samples.tuning().center_hz)
+        }
+
+        fn rounding_noise(&self) -> f64 {
+            SampleFormat::Cu8.rounding_noise()
+        }
+
+        fn poll(&mut self, samples: &mut Vec<Complex32>) -> Result<Option<u64>, Failure> {
+            let first = self.samples.poll(&mut self.bytes).map_err(|error| match error {
+                RtlTcpRadioError::Server(_) => Failure::Final(CliError::failure(error)),
+                other => Failure::Passing(other.to_string()),
+            })?;
+            samples.clear();
+            SampleFormat::Cu8.decode(&self.bytes, samples);
+            Ok(first)
+        }
+
+        fn losses(&self) -> SampleLosses {
+            self.samples.losses()
+        }
+    }
+
+    impl<R> Live<R> {
+        fn new(args: &Args, receiver: R, clock: SystemClock) -> Self {
+            Self { receiver, clock, name: args.source.clone(), flows: None, news: None }
+        }
+
         fn note(&mut self, flows: bool, news: impl FnOnce() -> String) {
             if self.flows.replace(flows) != Some(flows) {
-                self.news = Some(news());
+                self.news = Some(format!("{}: {}", self.name, news()));
             }
         }
     }
 
-    impl Input for Live {
+    impl<R: Receiver> Input for Live<R> {
         fn name(&self) -> &str {
             &self.name
         }
 
         fn rate_hz(&self) -> f64 {
-            f64::from(self.samples.tuning().sample_rate_hz)
+            self.receiver.rate_hz()
         }
 
         fn center_hz(&self) -> Option<f64> {
-            Some(f64::from(self.samples.tuning().center_hz))
+            Some(self.receiver.center_hz())
         }
 
         fn rounding_noise(&self) -> f64 {
-            SampleFormat::Cu8.rounding_noise()
+            self.receiver.rounding_noise()
         }
 
         fn is_live(&self) -> bool {
@@ -263,36 +325,91 @@ mod live {
         }
 
         fn read(&mut self, samples: &mut Vec<Complex32>) -> Result<Came, CliError> {
-            match self.samples.poll(&mut self.bytes) {
+            match self.receiver.poll(samples) {
                 Ok(Some(first)) => {
-                    samples.clear();
-                    SampleFormat::Cu8.decode(&self.bytes, samples);
-                    let endpoint = self.endpoint.clone();
-                    let RtlTcpLosses { samples, .. } = self.samples.losses();
-                    self.note(true, || format!("{endpoint}: samples come; {samples} were lost"));
-                    Ok(Came::Samples(first))
+                    let lost = self.receiver.losses().samples;
+                    self.note(true, || format!("samples come; {lost} were lost"));
+                    return Ok(Came::Samples(first));
                 }
-                Ok(None) => {
-                    thread::sleep(PAUSE);
-                    Ok(Came::Nothing)
-                }
-                Err(error @ RtlTcpRadioError::Server(_)) => Err(CliError::failure(error)),
-                Err(error) => {
-                    let endpoint = self.endpoint.clone();
-                    self.note(false, || format!("{endpoint}: {error}; it is tried again"));
-                    thread::sleep(PAUSE);
-                    Ok(Came::Nothing)
+                Ok(None) => {}
+                Err(Failure::Final(error)) => return Err(error),
+                Err(Failure::Passing(error)) => {
+                    self.note(false, || format!("{error}; it is tried again"));
                 }
             }
+            thread::sleep(PAUSE);
+            Ok(Came::Nothing)
         }
 
         fn losses(&self) -> Losses {
-            let RtlTcpLosses { gaps, samples, stalls, .. } = self.samples.losses();
+            let SampleLosses { gaps, samples, stalls, .. } = self.receiver.losses();
             Losses { gaps, samples, stalls }
         }
 
         fn news(&mut self) -> Option<String> {
             self.news.take()
+        }
+    }
+
+    #[cfg(not(feature = "soapy"))]
+    mod soapy {
+        use super::{Args, CliError, Input, SystemClock};
+
+        pub(super) fn open(
+            args: &Args,
+            _: &str,
+            _: [f64; 2],
+            _: SystemClock,
+        ) -> Result<Box<dyn Input>, CliError> {
+            let text = "this build has no SoapySDR; one with the feature soapy has it";
+            Err(CliError::input(format!("{}: {text}", args.source)))
+        }
+    }
+
+    #[cfg(feature = "soapy")]
+    mod soapy {
+        use foxhunt::hardware::{SoapyError, SoapySamples, SoapyTuning};
+
+        use super::{
+            Args, CliError, Complex32, Failure, Input, Live, Receiver, SampleLosses, SystemClock,
+        };
+
+        pub(super) fn open(
+            args: &Args,
+            device: &str,
+            [center_hz, rate_hz]: [f64; 2],
+            clock: SystemClock,
+        ) -> Result<Box<dyn Input>, CliError> {
+            let mut tuning = SoapyTuning::new(device.to_owned(), center_hz, rate_hz);
+            tuning.gain_db = args.gain_db.unwrap_or(tuning.gain_db);
+            tuning.correction_ppm = args.ppm.map_or(0.0, f64::from);
+            let samples = SoapySamples::open(tuning, clock).map_err(|error| match error {
+                SoapyError::Tuning(_) => CliError::input(error),
+                other => CliError::failure(other),
+            })?;
+            Ok(Box::new(Live::new(args, samples, clock)))
+        }
+
+        impl Receiver for SoapySamples<SystemClock> {
+            fn rate_hz(&self) -> f64 {
+                self.tuning().sample_rate_hz
+            }
+
+            fn center_hz(&self) -> f64 {
+                self.tuning().center_hz
+            }
+
+            fn rounding_noise(&self) -> f64 {
+                Self::rounding_noise(self)
+            }
+
+            fn poll(&mut self, samples: &mut Vec<Complex32>) -> Result<Option<u64>, Failure> {
+                Self::poll(self, samples).map_err(|error| Failure::Passing(error.to_string()))
+            }
+
+            fn losses(&self) -> SampleLosses {
+                Self::losses(self)
+            }
         }
     }
 }
