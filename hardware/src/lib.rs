@@ -50,7 +50,7 @@ pub use aircraft::{Aircraft, AircraftState, Shared};
 #[cfg(feature = "ardrone")]
 pub use ardrone::{ArDrone, ArDroneConfig, ArDroneError};
 pub use clock::SystemClock;
-pub use finding::Finding;
+pub use finding::{Finding, Watch};
 #[cfg(feature = "gnss")]
 pub use foxhunt_wire::FixQuality;
 #[cfg(feature = "gnss")]

@@ -1,7 +1,7 @@
 //! The MAVLink driver's link: keys, garbage, and what is found when it is looked at.
 
 use foxhunt::{
-    hardware::{Aircraft, MavlinkConfig, MavlinkError, MavlinkSigning, MavlinkVehicle},
+    hardware::{Aircraft, MavlinkConfig, MavlinkError, MavlinkSigning, MavlinkVehicle, Watch},
     sim::{AutopilotConfig, DroneConfig, EmulatedAutopilot, Emulator, World, WorldConfig},
     wire::{
         ByteStream, MemoryStream, UdpStream,
@@ -189,8 +189,15 @@ fn what_examine_finds() {
     };
     let findings = driver.examine(&mut pause);
     let text: Vec<String> = findings.iter().map(ToString::to_string).collect();
-    assert!(findings.iter().all(foxhunt::hardware::Finding::is_good), "{text:#?}");
+    // Its battery and its fence have no failsafe.
+    let bad: Vec<&str> =
+        findings.iter().filter(|of| !of.is_good()).map(|of| of.subject.as_str()).collect();
+    assert_eq!(bad, ["failsafe: battery", "failsafe: fence"], "{text:#?}");
+    let by_autopilot = findings.iter().filter(|of| of.watch == Watch::Autopilot).count();
+    assert_eq!(by_autopilot, 5, "{text:#?}");
     for wanted in [
+        "failsafe: ground station: FS_GCS_ENABLE is 1",
+        "way home: 15.0 m up",
         "autopilot: ArduPilot, system 1",
         "firmware: 4.5.7",
         "mode: STABILIZE",

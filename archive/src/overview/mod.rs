@@ -52,6 +52,21 @@ pub struct Receiver {
     pub name: String,
     /// Where it was at what time; on straight lines between.
     pub path: Vec<Knot>,
+    /// How its battery, link and position were, from when on; of drones that report that.
+    pub health: Vec<Health>,
+}
+
+/// How battery, link and position of a drone are from a time on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Health {
+    /// When, in seconds.
+    pub time: f64,
+    /// What is left in its battery, from 0 to 1.
+    pub battery: Option<f64>,
+    /// Whether its messages come.
+    pub linked: bool,
+    /// σ of its position, the greatest axis in metres.
+    pub position_sigma_m: Option<f64>,
 }
 
 /// A place at a time.
@@ -196,7 +211,11 @@ impl Overview {
     pub fn receiver(&mut self, name: &str) -> usize {
         let known = self.receivers.iter().position(|receiver| receiver.name == name);
         known.unwrap_or_else(|| {
-            self.receivers.push(Receiver { name: name.to_owned(), path: Vec::new() });
+            self.receivers.push(Receiver {
+                name: name.to_owned(),
+                path: Vec::new(),
+                health: Vec::new(),
+            });
             self.receivers.len() - 1
         })
     }

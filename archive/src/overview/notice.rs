@@ -15,6 +15,9 @@ pub struct Notice {
 /// A clock that is off by more than this, in seconds, is worth setting.
 const OFF_S: f64 = 0.5;
 
+/// Below this share of its battery a drone has to come home.
+const LOW_BATTERY: f64 = 0.3;
+
 /// What happened in an event, in words; `None` for receptions, corrections and clouds.
 #[must_use]
 pub fn notice(event: &Event) -> Option<Notice> {
@@ -71,6 +74,19 @@ pub fn notice(event: &Event) -> Option<Notice> {
             let drone = drone.saturating_add(1);
             let mode = Some(mode.as_str()).filter(|mode| !mode.is_empty()).unwrap_or("no mode yet");
             (time, true, format!("drone {drone}: {mode}, {place}{hindrance}"))
+        }
+        Event::Health { time, drone, battery, linked, position_sigma_m } => {
+            let mut parts = Vec::new();
+            parts.extend(battery.map(|left| format!("{:.0} % of its battery left", left * 100.0)));
+            // What is in the way of its orders says so itself.
+            parts.extend((!linked).then(|| "no messages".to_owned()));
+            parts.extend(position_sigma_m.map(|sigma| format!("position to {sigma:.1} m (σ)")));
+            let low = battery.is_some_and(|left| left < LOW_BATTERY);
+            parts.extend(low.then(|| "bring it home soon".to_owned()));
+            if parts.is_empty() {
+                return None;
+            }
+            (time, low, of_drone(*drone, format!("has {}", parts.join(", "))))
         }
         Event::ClockOffset { time, drone, offset_s, uncertainty_s, jumps } => {
             let set = if *jumps > 0 { "was set and " } else { "" };

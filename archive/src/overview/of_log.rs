@@ -11,7 +11,8 @@ use foxhunt_wire::geodesy::LocalFrame;
 use nalgebra::{Vector2, Vector3};
 
 use super::{
-    Believed, Knot, KnownAntenna, Overview, Received, Receiver, SearchOverview, Turn, notice,
+    Believed, Health, Knot, KnownAntenna, Overview, Received, Receiver, SearchOverview, Turn,
+    notice,
 };
 use crate::{
     replay::{Moment, Replay, ReplayError, Replayer},
@@ -177,6 +178,17 @@ impl<'a> OverviewReader<'a> {
             Event::Received { drone, reception, .. } => self.receive(*drone, reception, moment),
             Event::Sent { time, drone, to, .. } => self.send(*drone, *time, *to),
             Event::PhaseChanged { time, phase: Phase::Measuring(_) } => self.arrive(*time),
+            Event::Health { time, drone, battery, linked, position_sigma_m } => {
+                self.flight(*drone);
+                if let Some(receiver) = self.overview.receivers.get_mut(*drone) {
+                    receiver.health.push(Health {
+                        time: *time,
+                        battery: *battery,
+                        linked: *linked,
+                        position_sigma_m: *position_sigma_m,
+                    });
+                }
+            }
             Event::BeaconFinished { fix, .. } => {
                 let mut searches = self.overview.searches.iter_mut();
                 if let Some(search) = searches.rfind(|search| search.name == fix.name) {
@@ -255,7 +267,7 @@ impl<'a> OverviewReader<'a> {
             self.flights.push(Flight { at: home, to: None });
             let name = format!("drone {}", self.flights.len());
             let path = home.map(|place| Knot { time: 0.0, place }).into_iter().collect();
-            self.overview.receivers.push(Receiver { name, path });
+            self.overview.receivers.push(Receiver { name, path, health: Vec::new() });
         }
         self.flights.get(drone).copied().unwrap_or_default()
     }

@@ -6,7 +6,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::points::Points;
 use crate::{
-    overview::{Believed, Knot, Notice, Overview, Received, SearchOverview, Turn},
+    overview::{Believed, Health, Knot, Notice, Overview, Received, SearchOverview, Turn},
     replay::Replay,
     struck::ReceptionKey,
 };
@@ -80,8 +80,8 @@ pub(super) struct News<'a> {
 /// How much of an overview is known already.
 #[derive(Clone, Debug, Default)]
 pub struct Mark {
-    /// Knots of each receiver's path.
-    paths: Vec<usize>,
+    /// Knots of each receiver's path, and what is known of its health.
+    paths: Vec<(usize, usize)>,
     received: usize,
     turns: usize,
     /// Beliefs of each search, and knots of the truth.
@@ -119,6 +119,9 @@ struct Receiver<'a> {
     name: &'a str,
     /// Time, East, North, Up.
     path: Vec<[f64; 4]>,
+    /// Time, share of the battery that is left, whether its messages come, σ of its position.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    health: Vec<(f64, Option<f64>, bool, Option<f64>)>,
 }
 
 #[derive(Debug, Serialize)]
@@ -224,6 +227,7 @@ impl<'a> Data<'a> {
         let receivers = overview.receivers.iter().map(|receiver| Receiver {
             name: &receiver.name,
             path: thinned(&receiver.path).map(knot).collect(),
+            health: thinned(&receiver.health).map(health).collect(),
         });
         let searches = overview.searches.iter();
         let origin = overview.frame.map(|frame| frame.origin());
@@ -251,11 +255,13 @@ impl<'a> Data<'a> {
 impl<'a> News<'a> {
     /// What came to an overview since the mark, which is moved to its end.
     pub(super) fn since(overview: &'a Overview, mark: &mut Mark) -> Self {
-        mark.paths.resize(overview.receivers.len(), 0);
+        mark.paths.resize(overview.receivers.len(), (0, 0));
         mark.searches.resize(overview.searches.len(), (0, 0));
-        let receivers = overview.receivers.iter().zip(&mut mark.paths).map(|(receiver, known)| {
-            let path = rest(&receiver.path, known).iter().map(knot).collect();
-            Receiver { name: &receiver.name, path }
+        let receivers = overview.receivers.iter().zip(&mut mark.paths);
+        let receivers = receivers.map(|(receiver, (knots, healths))| Receiver {
+            name: &receiver.name,
+            path: rest(&receiver.path, knots).iter().map(knot).collect(),
+            health: rest(&receiver.health, healths).iter().map(health).collect(),
         });
         let receivers = receivers.collect();
         let searches = overview.searches.iter().zip(&mut mark.searches);
@@ -280,7 +286,7 @@ impl<'a> News<'a> {
     pub(super) fn is_empty(&self) -> bool {
         self.received.is_empty()
             && self.notices.is_empty()
-            && self.receivers.iter().all(|receiver| receiver.path.is_empty())
+            && self.receivers.iter().all(|of| of.path.is_empty() && of.health.is_empty())
             && self.searches.iter().all(|search| search.beliefs.is_empty())
     }
 }
@@ -334,6 +340,11 @@ fn thinned<T>(all: &[T]) -> impl Iterator<Item = &T> {
     let every = all.len().div_ceil(MOST).max(1);
     let last = all.len().saturating_sub(1);
     all.iter().enumerate().filter(move |(i, _)| i % every == 0 || *i == last).map(|(_, one)| one)
+}
+
+fn health(of: &Health) -> (f64, Option<f64>, bool, Option<f64>) {
+    let percent = of.battery.map(|left| round(left, 2));
+    (seconds(of.time), percent, of.linked, of.position_sigma_m.map(metres))
 }
 
 fn knot(knot: &Knot) -> [f64; 4] {

@@ -6,6 +6,7 @@ function take(news) {
   news.receivers.forEach((receiver, index) => {
     if (!data.receivers[index]) data.receivers[index] = { name: receiver.name, path: [] };
     data.receivers[index].path.push(...receiver.path);
+    (data.receivers[index].health ??= []).push(...(receiver.health ?? []));
   });
   news.searches.forEach((search, index) => {
     if (!data.searches[index]) data.searches[index] = { ...search, truth: [], beliefs: [] };

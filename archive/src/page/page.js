@@ -29,6 +29,9 @@ function element(tag, attributes, ...children) {
   return made;
 }
 
+// A row of a table, without the cells that are null.
+const row = (cells, tag) => element("tr", {}, ...cells.filter((cell) => cell !== null).map((cell) => element(tag, {}, cell)));
+
 function drawn(tag, attributes, text) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
   for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
@@ -553,12 +556,36 @@ function showLayer([name, text, icon]) {
 }
 showLayers();
 
+// ---------------------------------------------------------------- the drones' health
+
+let shownHealth = "";
+function showHealth() {
+  const cells = data.receivers.filter((receiver) => receiver.health?.length).map((receiver) => {
+    const known = receiver.health.findLast((entry) => entry[0] <= state.time);
+    if (!known) return [receiver.name, "", "", ""];
+    const [, battery, linked, sigma] = known;
+    return [
+      receiver.name,
+      battery === null ? "not reported" : `${Math.round(100 * battery)} %`,
+      linked ? "ok" : "no messages",
+      sigma === null ? "not known" : `± ${sigma.toFixed(1)} m`,
+    ];
+  });
+  const key = cells.join();
+  if (key === shownHealth) return;
+  shownHealth = key;
+  byId("drones-section").hidden = !cells.length;
+  byId("drones").replaceChildren(
+    element("thead", {}, row(["drone", "battery", "link", "position (σ)"], "th")),
+    element("tbody", {}, ...cells.map((line) => row(line, "td"))),
+  );
+}
+
 // ---------------------------------------------------------------- the table of fixes
 
 function showFixes() {
   const known = data.searches.some((search) => search.truth.length);
   const head = ["beacon", data.origin ? "lat, lon" : null, "east m", "north m", "95 % m", known ? "error m" : null];
-  const row = (cells, tag) => element("tr", {}, ...cells.filter((cell) => cell !== null).map((cell) => element(tag, {}, cell)));
   const rows = data.searches.map((search, index) => {
     const belief = beliefAt(search, state.time);
     const swatch = element("span", { class: "swatch", style: `border-color:${searchColour(index)}` });
@@ -821,7 +848,7 @@ function frame(now) {
     state.time = Math.min(state.time + passed * state.speed, end);
     if (state.time >= end) play(false); else redraw();
   }
-  drawMap(); showTurn(); markCharts(); markEvents();
+  drawMap(); showTurn(); markCharts(); markEvents(); showHealth();
   const beliefs = data.searches.map((search) => countUntil(search.times, state.time)).join();
   if (beliefs !== shownBeliefs) { shownBeliefs = beliefs; showFixes(); }
   slider.value = String(Math.round((1000 * (state.time - begin)) / duration));

@@ -3,7 +3,7 @@ use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 
 use super::*;
-use crate::overview::{Believed, Notice, Received, SearchOverview, Turn};
+use crate::overview::{Believed, Health, Notice, Received, SearchOverview, Turn};
 
 /// The data of a page, as a browser reads them.
 fn data_in(page: &str) -> Value {
@@ -39,6 +39,12 @@ fn overview() -> Overview {
     };
     let mut overview = Overview { title: "field".to_owned(), ..Overview::default() };
     let _ = overview.receiver("drone 1");
+    overview.receivers[0].health.push(Health {
+        time: 2.0,
+        battery: Some(0.456),
+        linked: true,
+        position_sigma_m: None,
+    });
     overview.add(received);
     overview.searches.push(SearchOverview {
         name: "fox".to_owned(),
@@ -54,6 +60,7 @@ fn the_page_holds_what_is_in_the_overview() {
     let data = data_in(&page);
     assert_eq!(data["received"][0]["place"], serde_json::json!([1.235, -2.0, 4.0]));
     assert_eq!(data["received"][0]["bearing"], serde_json::json!([0.5, 0.1, 0.9]));
+    assert_eq!(data["receivers"][0]["health"], serde_json::json!([[2.0, 0.46, true, null]]));
     assert_eq!(data["searches"][0]["beliefs"][0]["place"], serde_json::json!([10.0, 20.0]));
     // √χ²₂ at 95 % is 2.4477.
     assert_eq!(data["searches"][0]["beliefs"][0]["ellipse"][0], 4.895);

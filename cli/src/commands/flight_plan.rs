@@ -5,6 +5,7 @@ use foxhunt::{
     hunt::Hunt,
 };
 
+use super::checklist::checklist;
 use crate::{
     error::CliError,
     output::Output,
@@ -74,13 +75,11 @@ fn describe(plan: &FlightPlan) -> String {
             endurance.endurance_s, endurance.reserve_s
         ));
     }
-    for drone in &plan.drones {
-        plan_text.push_str(&format!("{}: {}\n", drone.name, drone.limits));
-    }
     for remark in &plan.remarks {
         plan_text.push_str("note: ");
         plan_text.push_str(remark);
         plan_text.push('\n');
     }
+    plan_text.push_str(&checklist(&plan.checklist));
     plan_text
 }

@@ -15,7 +15,10 @@ use std::{
 
 use foxhunt::{
     core::{BeaconId, Clock, PatternSource, Sweep},
-    fly::{DroneConfig, FlightConfig, FlightReport, FlyError, Mission, Ports, SystemPorts, Tap},
+    fly::{
+        DroneConfig, Examined, FlightConfig, FlightReport, FlyError, Mission, Ports, SystemPorts,
+        Tap,
+    },
     hardware::{Aircraft, Finding, SystemClock},
     hunt::Event,
     log::{Log, LogWriter},
@@ -30,6 +33,7 @@ use foxhunt::{
 
 use super::{
     advice::advise,
+    checklist::checklist,
     choice,
     emulate::{Emulated, Emulation},
     fixes, flight_plan,
@@ -244,7 +248,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     };
     let tap: Tap = Rc::new(RefCell::new(keep));
     if field.emulated.is_none() {
-        examine_devices(&config, &clock, epoch_s);
+        examine_devices(&config, &config.drones, &clock, epoch_s, output);
     }
     let goal = config.goal(registry).map_err(CliError::input)?;
     let drones = config.open(field.ports.as_mut(), &clock, epoch_s, goal.as_ref(), Some(&tap));
@@ -357,29 +361,30 @@ fn last_received(events: &[Event], beacon: BeaconId) -> Option<f64> {
     })
 }
 
-/// Examines the devices before anybody flies, and prints what is wrong. Whether that matters is the
-/// pilot's decision: a beacon may be too far to be received from here.
-fn examine_devices(config: &FlightConfig, clock: &(impl Clock + Clone + 'static), epoch_s: f64) {
-    for drone in &config.drones {
-        examine_drone(config, drone, clock, epoch_s);
-    }
-}
-
-/// Examines the devices of one drone, and prints what is wrong.
-pub(super) fn examine_drone(
+/// Examines the devices of drones before anybody flies, and prints the checklist. Whether it matters
+/// what is wrong is the pilot's decision: a beacon may be too far to be received from here.
+pub(super) fn examine_devices(
     config: &FlightConfig,
-    drone: &DroneConfig,
+    drones: &[DroneConfig],
     clock: &(impl Clock + Clone + 'static),
     epoch_s: f64,
+    output: Output,
 ) {
     let mut pause = || thread::sleep(Duration::from_millis(1));
-    let mut report = |device: &'static str, findings: Vec<Finding>| {
-        for finding in findings.iter().filter(|finding| !finding.is_good()) {
-            warn(&format!("{}, {device}: {finding}", drone.name));
-        }
-    };
-    let (site, beacons) = (&config.site, &config.beacons);
-    drone.examine(site, beacons, clock, epoch_s, &mut pause, &mut report);
+    let mut examined = Vec::new();
+    for drone in drones {
+        let mut report = |device: &'static str, findings: Vec<Finding>| {
+            examined.push(Examined { drone: drone.name.clone(), device, findings });
+        };
+        let (site, beacons) = (&config.site, &config.beacons);
+        drone.examine(site, beacons, clock, epoch_s, &mut pause, &mut report);
+    }
+    let checks = config.checklist(drones, Some(&examined));
+    warn(&checklist(&checks));
+    if output.streams() {
+        // Whatever becomes of standard output, the flight goes on.
+        let _ = event("checklist", &checks);
+    }
 }
 
 pub(super) fn open_error(error: FlyError) -> CliError {

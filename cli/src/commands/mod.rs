@@ -39,6 +39,8 @@ mod advice;
 mod calibration;
 mod calibration_report;
 mod campaign_tables;
+#[cfg(feature = "hardware")]
+mod checklist;
 mod choice;
 mod extraction;
 mod fixes;

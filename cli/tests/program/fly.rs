@@ -53,6 +53,18 @@ fn the_emulated_flight_is_the_same_under_load() {
         assert!(nees < 18.4 && error_m < 3.0, "{beacon}");
     }
     assert!(!ran.stderr.to_lowercase().contains("failsafe"), "{}", ran.stderr);
+    // Batteries are in the log, and the pilot is told once that one is low.
+    let text = String::from_utf8(log.clone()).expect("UTF-8");
+    let events = text.lines().map(|line| serde_json::from_str(line).expect("JSON"));
+    let of_first =
+        events.filter(|of: &serde_json::Value| of["event"] == "health" && of["drone"] == 0);
+    let left: Vec<f64> = of_first.filter_map(|of| of["battery"].as_f64()).collect();
+    assert!(left.len() > 10 && left.is_sorted_by(|a, b| a >= b), "{left:?}");
+    let told: Vec<&str> = ran.stderr.lines().filter(|of| of.contains("bring it home")).collect();
+    assert!(
+        !told.is_empty()
+            && told.iter().all(|line| told.iter().filter(|of| of == &line).count() == 1)
+    );
     let load = Load::new();
     let (_, busy_log, busy_samples) = fly("fly-busy");
     drop(load);
@@ -67,4 +79,34 @@ fn a_field_of_another_program_has_the_time_of_the_wall() {
         .failed(2, &["--speed", "fly --emulate"]);
     foxhunt(["fly"]).failed(2, &["CONFIG"]);
     foxhunt(["fly", "x.toml", "--emulate", "pritzl-6.1"]).failed(2, &["--emulate"]);
+}
+
+/// The dry run says who watches what.
+#[test]
+fn a_dry_run_has_a_checklist() {
+    let config = folder("fly-checklist").join("meadow.toml");
+    let flight = r#"
+        name = "meadow"
+        site = { lat_deg = 50.0755, lon_deg = 14.4378 }
+        beacons = [{ name = "fox", frequency_mhz = 150.1 }]
+        model = { reference_dbm = -29.06, exponent = 2.765 }
+        extractor = { kind = "pritzl2018" }
+        planner = { kind = "follow-estimate" }
+        [[drones]]
+        name = "alpha"
+        vehicle = { kind = "mavlink", endpoint = "udpin:127.0.0.1:0" }
+        radio = { kind = "rtl-tcp", endpoint = "tcp:127.0.0.1:1" }
+        source = { kind = "omnidirectional" }
+    "#;
+    fs::write(&config, flight).expect("a file");
+    let config = config.to_str().expect("the target folder is UTF-8");
+    let plan = foxhunt(["--json", "fly", config, "--dry-run"]).json();
+    let checks = plan["checklist"].as_array().expect("a list");
+    let of = |subject: &str| checks.iter().find(|check| check["subject"] == subject);
+    let borders = of("borders").expect("nobody has set a fence");
+    assert_eq!([&borders["watch"], &borders["state"]], ["pilot", "open"]);
+    assert_eq!(of("failsafes").expect("an autopilot has some")["watch"], "autopilot");
+    assert!(of("antenna").is_none(), "none turns");
+    let text = foxhunt(["fly", config, "--dry-run"]);
+    assert!(text.stdout.contains("for the pilot to look at"), "{}", text.stdout);
 }

@@ -308,12 +308,12 @@ impl FlightConfig {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use foxhunt_sensors::AntennaConfig;
 
     use super::*;
 
-    const MEADOW: &str = r#"
+    pub(crate) const MEADOW: &str = r#"
         name = "meadow"
         site = { lat_deg = 50.0755, lon_deg = 14.4378 }
         beacons = [{ name = "fox", address = "0013A20041234567" }]

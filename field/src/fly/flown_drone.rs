@@ -1,3 +1,5 @@
+use std::collections::VecDeque;
+
 use foxhunt_core::{PatternSource, Waypoint};
 use foxhunt_hardware::{Aircraft, AircraftState};
 use foxhunt_hunt::hunt::{Devices, Event};
@@ -17,6 +19,8 @@ pub struct FlownDrone<A, S> {
     state: Option<AircraftState>,
     /// The state that was logged last.
     reported_state: Option<AircraftState>,
+    /// The health that was logged last.
+    reported_health: Option<Health>,
     /// The mode in which it took our orders last; empty before that.
     commanded_mode: String,
     /// Whether it was ordered to take off, or taken over: before that it is not ours to bring down.
@@ -41,6 +45,7 @@ impl<A, S> FlownDrone<A, S> {
             source,
             state: None,
             reported_state: None,
+            reported_health: None,
             commanded_mode: String::new(),
             engaged: false,
             may_take_over: false,
@@ -128,21 +133,21 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
         Some(format!("{} is in the air in {}, not by us{how}", self.name, state.mode))
     }
 
-    /// Reads the aircraft's state, which serves its link. Returns the event to be logged if
-    /// anything has changed but numbers; `index` is the drone's number in the mission.
+    /// Reads the aircraft's state, which serves its link. Adds what is to be logged where it has
+    /// changed; `index` is the drone's number in the mission.
     pub(crate) fn read_state(
         &mut self,
         time: f64,
         index: usize,
-    ) -> Result<Option<Event>, A::Error> {
+        events: &mut VecDeque<Event>,
+    ) -> Result<(), A::Error> {
         self.state = None;
         let state = self.aircraft.state()?;
         if state.commanded {
             self.commanded_mode.clone_from(&state.mode);
         }
-        let mut event = None;
         if !self.reported_state.as_ref().is_some_and(|reported| is_same(reported, &state)) {
-            event = Some(Event::Aircraft {
+            events.push_back(Event::Aircraft {
                 time,
                 drone: index,
                 mode: state.mode.clone(),
@@ -153,8 +158,21 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
             });
             self.reported_state = Some(state.clone());
         }
+        let sigma = self.aircraft.position_sigma().map(|sigma| sigma.max());
+        let health = Health::new(&state, sigma);
+        if self.reported_health.is_none_or(|reported| !reported.is_like(&health)) {
+            let Health { battery, linked, position_sigma_m } = health;
+            events.push_back(Event::Health {
+                time,
+                drone: index,
+                battery,
+                linked,
+                position_sigma_m,
+            });
+            self.reported_health = Some(health);
+        }
         self.state = Some(state);
-        Ok(event)
+        Ok(())
     }
 
     /// Why it cannot take off yet, if it cannot.
@@ -235,4 +253,58 @@ fn is_same(one: &AircraftState, other: &AircraftState) -> bool {
         && one.armed == other.armed
         && one.airborne == other.airborne
         && one.commanded == other.commanded
+}
+
+/// How long a link may bring nothing until it counts as lost, in seconds.
+const SILENT_S: f64 = 3.0;
+
+/// How an aircraft's battery, link and position are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Health {
+    battery: Option<f64>,
+    linked: bool,
+    position_sigma_m: Option<f64>,
+}
+
+impl Health {
+    fn new(state: &AircraftState, position_sigma_m: Option<f64>) -> Self {
+        Self { battery: state.battery, linked: state.silent_s <= SILENT_S, position_sigma_m }
+    }
+
+    /// Whether it is no noticeable change: less than 5 % of the battery, half of σ.
+    fn is_like(&self, other: &Self) -> bool {
+        let near = |one: Option<f64>, other: Option<f64>, is_near: fn(f64, f64) -> bool| match (
+            one, other,
+        ) {
+            (Some(one), Some(other)) => is_near(one, other),
+            (one, other) => one.is_none() && other.is_none(),
+        };
+        self.linked == other.linked
+            && near(self.battery, other.battery, |one, other| (one - other).abs() < 0.05)
+            && near(self.position_sigma_m, other.position_sigma_m, |one, other| {
+                (0.67..1.5).contains(&(one / other)) || one.max(other) < 0.5
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_changes_of_health_are_none() {
+        let health =
+            |battery, linked, position_sigma_m| Health { battery, linked, position_sigma_m };
+        let known = health(Some(0.80), true, Some(1.0));
+        assert!(known.is_like(&health(Some(0.76), true, Some(1.4))));
+        assert!(!known.is_like(&health(Some(0.74), true, Some(1.0))));
+        assert!(!known.is_like(&health(Some(0.80), false, Some(1.0))));
+        assert!(!known.is_like(&health(Some(0.80), true, Some(1.6))));
+        assert!(!known.is_like(&health(Some(0.80), true, None)));
+        assert!(!known.is_like(&health(None, true, Some(1.0))));
+        let sharp = health(None, true, Some(0.02));
+        assert!(sharp.is_like(&health(None, true, Some(0.4))), "both are good enough");
+        let state = |silent_s| AircraftState { silent_s, ..AircraftState::default() };
+        assert!(Health::new(&state(2.9), None).linked && !Health::new(&state(3.1), None).linked);
+    }
 }

@@ -163,9 +163,8 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
     /// Reads the state of every aircraft, which serves its link, and logs what has changed.
     fn read_states(&mut self, time: f64) {
         for (index, drone) in self.drones.iter_mut().enumerate() {
-            match drone.read_state(time, index) {
-                Ok(event) => self.events.extend(event),
-                Err(error) => self.hunt.device_failed(time, Some(index), error.to_string()),
+            if let Err(error) = drone.read_state(time, index, &mut self.events) {
+                self.hunt.device_failed(time, Some(index), error.to_string());
             }
         }
     }

@@ -2,6 +2,7 @@
 
 mod advised;
 mod carried;
+mod checklist;
 mod config;
 mod device;
 mod driver;
@@ -26,6 +27,7 @@ mod rules;
 mod terrain;
 
 pub use carried::{CarriedDrone, CarriedDroneError, ForeignVehicle};
+pub use checklist::{Check, CheckState, Examined};
 pub use config::{FlightConfig, FlownBeacon, Site};
 pub use device::{GnssDevice, ListenConfig, RadioDevice, RotatorDevice, VehicleDevice};
 pub use driver::{

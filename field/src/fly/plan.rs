@@ -3,7 +3,7 @@ use foxhunt_hunt::hunt::{Command, Hunt, HuntConfig};
 use nalgebra::Vector2;
 use serde::Serialize;
 
-use super::{DroneConfig, FlightConfig, FlightRules, FlyError, Site};
+use super::{Check, DroneConfig, FlightConfig, FlightRules, FlyError, Site};
 
 /// The plan of a flight, as far as it is known before any device is opened.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -20,8 +20,10 @@ pub struct FlightPlan {
     pub rules: FlightRules,
     /// Fences, separation, batteries, time-outs, rules to stop.
     pub hunt: HuntConfig,
-    /// Remarks for the pilot: what is left open, and what is not limited.
+    /// Remarks for the pilot: what is left open.
     pub remarks: Vec<String>,
+    /// What has to hold before take-off.
+    pub checklist: Vec<Check>,
 }
 
 /// A drone of a [`FlightPlan`].
@@ -80,12 +82,6 @@ impl FlightConfig {
                 drone.first_ground_m = drone.first_goal_m.and_then(|[e, n, _]| height(e, n));
             }
         }
-        if self.hunt.airspace == Default::default() {
-            remarks.push("hunt.airspace has no fence: drones may be sent anywhere".to_owned());
-        }
-        if self.hunt.endurance.is_none() {
-            remarks.push("hunt.endurance is absent: nobody comes back for the battery".to_owned());
-        }
         let address = |text: &Option<String>| text.as_ref().map(|text| format!(" at {text}"));
         let tuned = |mhz: f64| format!(" at {mhz} MHz");
         let beacons = self.beacons.iter().map(|beacon| {
@@ -100,6 +96,7 @@ impl FlightConfig {
             rules: self.flight,
             hunt: self.hunt.clone(),
             remarks,
+            checklist: self.checklist(&self.drones, None),
         })
     }
 }

@@ -96,9 +96,8 @@ where
     pub fn step(&mut self, time: f64) -> Result<(), NetworkError> {
         let received = self.node.receive(time);
         let mut failure = None;
-        match self.drone.read_state(time, self.index) {
-            Ok(event) => self.events.extend(event),
-            Err(error) => failure = Some(error.to_string()),
+        if let Err(error) = self.drone.read_state(time, self.index, &mut self.events) {
+            failure = Some(error.to_string());
         }
         self.move_on(time);
         if let Some(failure) = failure {

@@ -17,8 +17,8 @@ const MOST_PAUSES: u32 = 1_000_000;
 const LOW_BATTERY: f64 = 0.3;
 
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
-    /// Looks at the autopilot: who it is, its mode, its position, home, battery and what keeps it
-    /// from arming. Nothing is ordered that moves anything. `pause` is called while it waits.
+    /// Looks at the autopilot: who it is, its mode, its position, home, battery, what keeps it from
+    /// arming and what it does when something fails. Nothing is ordered that moves anything. `pause` is called while it waits.
     pub fn examine(&mut self, pause: &mut dyn FnMut()) -> Vec<Finding> {
         let mut findings = Vec::new();
         let met = self.wait(HEARTBEAT_S, pause, |vehicle| vehicle.telemetry.heartbeat.is_some());
@@ -73,6 +73,13 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         } else {
             Finding::bad("arming", unready, "mend what it complains of; it does not arm before")
         });
+        // Nothing is asked of an autopilot that is only listened to.
+        if !self.config.listen_only {
+            match self.failsafes(pause) {
+                Ok(failsafes) => findings.extend(failsafes),
+                Err(error) => findings.push(Finding::bad("link", error, "check the cable")),
+            }
+        }
         let counts = self.link.counts();
         let figures = format!(
             "{} messages, {} lost, {} bytes of garbage",
@@ -91,7 +98,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     /// Serves the link until something holds, or for so long.
-    fn wait(
+    pub(super) fn wait(
         &mut self,
         limit_s: f64,
         pause: &mut dyn FnMut(),

@@ -4,6 +4,7 @@ mod config;
 mod cruise;
 mod error;
 mod examine;
+mod failsafes;
 mod flight;
 mod goal;
 mod hindrance;

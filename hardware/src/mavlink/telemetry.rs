@@ -1,4 +1,4 @@
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use foxhunt_wire::mavlink::{
     Autopilot, FlightMode, Frame,
@@ -11,7 +11,7 @@ use foxhunt_wire::mavlink::{
 #[cfg(feature = "receivers")]
 use foxhunt_wire::receivers::SikStatus;
 
-use super::MavlinkConfig;
+use super::{MavlinkConfig, failsafes::parameter};
 
 /// A message's content, and when it came.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +53,8 @@ pub(super) struct Telemetry {
     pub(super) target: Option<Timed<POSITION_TARGET_GLOBAL_INT_DATA>>,
     pub(super) landed: Option<Timed<MavLandedState>>,
     pub(super) version: Option<AUTOPILOT_VERSION_DATA>,
+    /// The parameters that it has sent, by their names.
+    pub(super) parameters: BTreeMap<String, f64>,
     pub(super) radio: Option<RadioStatus>,
     /// Where these reports are passed on to.
     #[cfg(feature = "receivers")]
@@ -65,6 +67,9 @@ pub(super) struct Telemetry {
 
 /// How old its landed state may be, in seconds.
 const LANDED_S: f64 = 3.0;
+
+/// So many parameters are kept at most: no autopilot has more.
+const PARAMETERS: usize = 4096;
 
 /// How many texts and answers are kept.
 const KEPT: usize = 16;
@@ -111,6 +116,15 @@ impl Telemetry {
                 self.landed = timed(now, &value.landed_state);
             }
             MavMessage::AUTOPILOT_VERSION(value) => self.version = Some(value.clone()),
+            MavMessage::PARAM_VALUE(value) => {
+                let name = value.param_id.to_str().unwrap_or_default().to_owned();
+                let known =
+                    self.parameters.len() < PARAMETERS || self.parameters.contains_key(&name);
+                if known {
+                    let number = parameter(self.autopilot(), value);
+                    self.parameters.insert(name, number);
+                }
+            }
             MavMessage::STATUSTEXT(value) => {
                 let text: Vec<u8> = value.text.iter().copied().take_while(|b| *b != 0).collect();
                 let text = String::from_utf8_lossy(&text).trim().to_owned();

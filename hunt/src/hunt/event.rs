@@ -208,6 +208,19 @@ pub enum Event {
         /// Why it takes none, or what keeps it on the ground.
         hindrance: String,
     },
+    /// How battery, link and position of an aircraft are, when that has changed noticeably.
+    Health {
+        /// When.
+        time: f64,
+        /// Which drone.
+        drone: usize,
+        /// What is left in its battery, from 0 to 1, where it reports that.
+        battery: Option<f64>,
+        /// Whether its messages come.
+        linked: bool,
+        /// σ of its position, the greatest axis in metres, where it has one.
+        position_sigma_m: Option<f64>,
+    },
     /// The clock of a drone on another computer is known, or known otherwise than before; its times
     /// are corrected by that.
     ClockOffset {
@@ -274,6 +287,7 @@ impl Event {
             | Self::Missing { time, .. }
             | Self::FlightStage { time, .. }
             | Self::Aircraft { time, .. }
+            | Self::Health { time, .. }
             | Self::DeviceFailed { time, .. }
             | Self::ClockOffset { time, .. }
             | Self::Cloud { time, .. }

@@ -121,7 +121,8 @@ fn fly(args: &Args, config: &FlightConfig, context: Context<'_>) -> Result<(), C
     let link = args.link(clock)?;
     // In the air there is no time for it.
     if !args.take_over {
-        fly::examine_drone(config, drone, &clock, origin_s);
+        let one = std::slice::from_ref(drone);
+        fly::examine_devices(config, one, &clock, origin_s, context.output);
     }
     let mut ports = SystemPorts::new(clock);
     let goal = config.goal(context.registry).map_err(CliError::input)?;
