@@ -28,6 +28,6 @@ pub mod xbee;
 pub use fix_quality::FixQuality;
 #[cfg(feature = "stream")]
 pub use stream::{
-    ByteStream, Endpoint, EndpointError, MemoryStream, PtyStream, SerialStream, TcpServerStream,
-    TcpStream, UdpStream, memory_pair,
+    ByteStream, Endpoint, EndpointError, MemoryStream, PtyStream, SerialStream, SharedPort,
+    SharedStream, TcpServerStream, TcpStream, UdpStream, memory_pair,
 };

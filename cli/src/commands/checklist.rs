@@ -2,7 +2,7 @@
 
 use foxhunt::fly::{Check, CheckState};
 
-use crate::table::{list, text};
+use crate::table::list;
 
 /// The checklist as a table, and how much of it does not hold. What is the same of several drones
 /// stands there once.
@@ -19,6 +19,9 @@ pub(super) fn checklist(checks: &[Check]) -> String {
             None => lines.push((check, check.drone.as_deref().into_iter().collect())),
         }
     }
+    let mut all: Vec<&str> = checks.iter().filter_map(|check| check.drone.as_deref()).collect();
+    all.sort_unstable();
+    all.dedup();
     let mut rows = list(&["who", "drone", "check", "", "found", "what to do"]);
     let mut before = None;
     for (Check { state, finding, .. }, drones) in &lines {
@@ -32,7 +35,11 @@ pub(super) fn checklist(checks: &[Check]) -> String {
         };
         rows.add_row([
             if is_new { watch.to_string() } else { String::new() },
-            text(Some(drones.join(", ")).filter(|names| !names.is_empty())),
+            match drones.len() {
+                0 => "-".to_owned(),
+                count if count > 1 && count == all.len() => "each".to_owned(),
+                _ => drones.join(", "),
+            },
             finding.subject.clone(),
             mark.to_owned(),
             finding.text.clone(),

@@ -9,7 +9,10 @@ use foxhunt_hunt::{
     registry::{DEFAULT_ESTIMATOR, EstimatorEntry, Field, HuntParts, Registry},
 };
 use foxhunt_sensors::{TurnGoal, TurnGoalConfig};
-use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
+use foxhunt_wire::{
+    Endpoint,
+    geodesy::{Geodetic, LocalFrame},
+};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -185,10 +188,42 @@ impl FlightConfig {
         if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
             return Err(FlyError::Twice { drone: twice[0].to_owned() });
         }
+        self.check_shared()?;
         self.drones.iter().try_for_each(|drone| {
             let named = |reason| FlyError::Drone { drone: drone.name.clone(), reason };
             drone.check(&self.site, &self.beacons, self.flight.takeoff_up_m).map_err(named)
         })
+    }
+
+    /// Several vehicles may be behind one endpoint, if it is known which is which; nothing else may.
+    fn check_shared(&self) -> Result<(), FlyError> {
+        let mut known: Vec<(&Endpoint, &str, Option<u8>)> = Vec::new();
+        for drone in &self.drones {
+            let wrong = |reason| FlyError::Drone { drone: drone.name.clone(), reason };
+            for (device, endpoint) in drone.endpoints() {
+                let system = match &drone.vehicle {
+                    VehicleDevice::Mavlink { settings, .. } if device == "vehicle" => {
+                        settings.system_id
+                    }
+                    _ => None,
+                };
+                for (_, of, other) in known.iter().filter(|(other, ..)| *other == endpoint) {
+                    if device != "vehicle" || *of == drone.name {
+                        let text =
+                            format!("{device}: {endpoint} is that of another device of {of}");
+                        return Err(wrong(text));
+                    }
+                    if system.is_none() || system == *other {
+                        return Err(wrong(format!(
+                            "{endpoint} is that of {of} too: both need a \
+                             vehicle.settings.system_id of their own"
+                        )));
+                    }
+                }
+                known.push((endpoint, &drone.name, system));
+            }
+        }
+        Ok(())
     }
 
     /// The same flight with pilots who fly: nothing is sent to any vehicle, what would be an order
@@ -375,6 +410,36 @@ pub(super) mod tests {
         let header = named.log_header(estimator, 1, Some(5));
         assert_eq!(header.estimator_name, DEFAULT_ESTIMATOR);
         assert_eq!(header.estimator.as_ref(), estimator.settings());
+    }
+
+    #[test]
+    fn vehicles_behind_one_endpoint_need_numbers() {
+        let (head, alpha) = MEADOW.split_once("[[drones]]").expect("a drone");
+        let with = |system: &str| {
+            let settings = format!("settings = {{ {system}cruise_speed_mps");
+            alpha.replace("settings = { cruise_speed_mps", &settings)
+        };
+        let beta = |system: &str| {
+            let beta = with(system).replace("alpha", "beta").replace("ttyUSB", "ttyACM");
+            beta.replace("[1.0, 2.0]", "[9.0, 2.0]")
+        };
+        let two = |first: &str, second: &str| {
+            format!("{head}[[drones]]{}[[drones]]{}", with(first), beta(second))
+        };
+        let flight = two("system_id = 1, ", "system_id = 2, ");
+        assert_eq!(
+            FlightConfig::parse(&flight, "two.toml").map(|_| ()).map_err(|e| e.to_string()),
+            Ok(())
+        );
+        for (first, second) in
+            [("", ""), ("system_id = 1, ", "system_id = 1, "), ("system_id = 1, ", "")]
+        {
+            let error = refused(&two(first, second));
+            assert!(error.contains("beta") && error.contains("system_id"), "{error}");
+        }
+        let radio = two("system_id = 1, ", "system_id = 2, ").replace("ttyACM0", "ttyUSB0");
+        let error = refused(&radio);
+        assert!(error.contains("radio: serial:/dev/ttyUSB0:57600"), "{error}");
     }
 
     #[test]

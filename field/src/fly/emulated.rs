@@ -289,7 +289,10 @@ impl EmulatedField {
         place: &mut Place<'_>,
     ) -> Result<VehicleDevice, EmulatedFieldError> {
         let site = config.site;
+        // Each its own, so that several may be behind one router; 251 to 255 are ground stations.
+        let system_id = u8::try_from(drone % 250 + 1).unwrap_or(1);
         let autopilot = AutopilotConfig {
+            system_id,
             origin: Geodetic::new(site.lat_deg, site.lon_deg, site.ground_alt_m.unwrap_or(0.0))?,
             autopilot: config.autopilot,
             faults,
@@ -298,7 +301,8 @@ impl EmulatedField {
         let (stream, endpoint) = place.datagrams(config.first_port, drone)?;
         let vehicle = EmulatedAutopilot::new(autopilot, world, drone, stream)?;
         self.keep(&name(drone), "vehicle", vehicle);
-        Ok(VehicleDevice::Mavlink { endpoint, settings: MavlinkConfig::default() })
+        let settings = MavlinkConfig { system_id: Some(system_id), ..MavlinkConfig::default() };
+        Ok(VehicleDevice::Mavlink { endpoint, settings })
     }
 
     /// A vehicle of another program, which the drone's other devices follow.

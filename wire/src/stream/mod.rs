@@ -6,6 +6,7 @@ mod memory;
 #[cfg(unix)]
 mod pty;
 mod serial;
+mod shared;
 mod tcp;
 mod tcp_server;
 mod udp;
@@ -16,6 +17,7 @@ pub use memory::{MemoryStream, memory_pair};
 #[cfg(unix)]
 pub use pty::PtyStream;
 pub use serial::SerialStream;
+pub use shared::{SharedPort, SharedStream};
 pub use tcp::TcpStream;
 pub use tcp_server::TcpServerStream;
 pub use udp::UdpStream;
