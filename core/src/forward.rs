@@ -1,4 +1,4 @@
-//! The traits through `&mut T` and `Box<T>`; the models, which are only read, through `&T`
+//! The traits through `&mut T` and `Box<T>`; models and terrain, which are only read, through `&T`
 //! and `Arc<T>`.
 #![deny(
     clippy::missing_trait_methods,
@@ -7,13 +7,13 @@
 
 use core::fmt;
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 
 use crate::{
     Axis, BeaconId, BearingExtractor, Belief, Correction, Decision, Estimate, Estimator,
     EstimatorError, FormationPlanner, MeasurementModel, MotionModel, NoReading, Observation,
     PatternSource, PlanError, Pose, Quantity, Radio, Reading, Reception, Rotator, Spinner, State,
-    Station, Sweep, Target, Vehicle, Waypoint,
+    Station, Sweep, Target, Terrain, Vehicle, Waypoint,
 };
 
 macro_rules! forward {
@@ -252,6 +252,15 @@ macro_rules! forward_shared {
             #[inline(always)]
             fn move_columns(&self, columns: [&mut [f64]; N], white: [&[f64]; N], dt: f64) {
                 (**self).move_columns(columns, white, dt);
+            }
+        }
+
+        impl<T: ?Sized + Terrain> Terrain for $pointer {
+            fn height(&self, place: &Vector2<f64>) -> Option<f64> {
+                (**self).height(place)
+            }
+            fn step_m(&self) -> f64 {
+                (**self).step_m()
             }
         }
     )+};

@@ -13,6 +13,7 @@
 //! | where the antenna looked | [`PatternSource`] | one finished [`Sweep`] at a time |
 //! | where the signal came from | [`BearingExtractor`] | a sweep to a [`Reading`] |
 //! | where to fly | [`FormationPlanner`] | a goal for each [`Station`] |
+//! | how high the ground is | [`Terrain`] | a height for a place |
 //! | who flies | [`Vehicle`], [`Spinner`] | a pose out, a goal in; turn, if it can |
 //! | what a source is made of | [`Radio`], [`Rotator`], [`Clock`] | power, an angle, the time |
 //!
@@ -53,6 +54,7 @@ mod planner;
 mod pose;
 mod quantity;
 mod reception;
+mod terrain;
 pub mod vectorised;
 mod vehicle;
 
@@ -82,4 +84,5 @@ pub use planner::{
 pub use pose::{BeaconId, Pose, Waypoint};
 pub use quantity::{Measured, MeasuredError, MeasuredList, Quantity, QuantityName};
 pub use reception::{Level, Reception};
+pub use terrain::Terrain;
 pub use vehicle::{Spinner, Vehicle};

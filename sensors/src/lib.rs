@@ -5,6 +5,7 @@
 //! | how power falls with range | [`Propagation`]: [`LogDistance`], [`Friis`], [`TwoRay`] |
 //! | what a receiver expects | [`Rss`], [`BearingOnly`], [`RssBearing`], [`FreePowerRssBearing`], [`FreePathLossRssBearing`] |
 //! | the same through an antenna's vertical pattern | [`WithElevationPattern`] (`alloc`) |
+//! | what terrain takes away; a model with that | [`knife_edge_loss_db`], [`TerrainLoss`], [`Hills`]; [`OverTerrain`] |
 //! | the difference between two receivers | [`DifferentialRss`], [`RangeDifference`] |
 //! | two models at once; silence as a measurement | [`Stacked`]; [`Censored`] |
 //! | how bearings err | [`BearingMixture`] |
@@ -47,6 +48,7 @@ mod omnidirectional;
 mod propagation;
 #[cfg(feature = "alloc")]
 mod stepper;
+mod terrain;
 #[cfg(feature = "alloc")]
 mod turn_goal;
 #[cfg(feature = "alloc")]
@@ -82,8 +84,8 @@ pub use extractor::{StationAntenna, StationPattern};
 pub use foxhunt_core::parameter::ParameterError;
 pub use models::{
     BearingMixture, BearingOnly, Censored, DifferentialRss, FreePathLoss, FreePathLossRssBearing,
-    FreePower, FreePowerRssBearing, LevelBearing, LevelLaw, MagneticDipole, RangeDifference, Rss,
-    RssBearing, Stacked,
+    FreePower, FreePowerRssBearing, LevelBearing, LevelLaw, MagneticDipole, OverTerrain,
+    RangeDifference, Rss, RssBearing, Stacked,
 };
 #[cfg(feature = "alloc")]
 pub use models::{DirectionalLevel, WithElevationPattern};
@@ -92,5 +94,8 @@ pub use omnidirectional::{OmnidirectionalConfig, OmnidirectionalError, Omnidirec
 pub use propagation::{Friis, LogDistance, Polarisation, Propagation, TwoRay};
 #[cfg(feature = "alloc")]
 pub use stepper::{StepperConfig, StepperError, StepperSource};
+#[cfg(feature = "alloc")]
+pub use terrain::{HeightRaster, Hill, Hills};
+pub use terrain::{TerrainLoss, fresnel_parameter, knife_edge_loss_db};
 #[cfg(feature = "alloc")]
 pub use turn_goal::{TurnGoal, TurnGoalConfig};

@@ -26,4 +26,5 @@ mod station;
 mod stepper_faults;
 mod stepper_turns;
 mod sweeps;
+mod terrain;
 mod vectors;

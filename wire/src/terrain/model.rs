@@ -3,6 +3,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use foxhunt_core::Terrain;
 use nalgebra::{Vector2, Vector3};
 
 use super::{
@@ -117,6 +118,16 @@ impl ElevationModel {
             }
         }
         Ok(())
+    }
+}
+
+impl Terrain for ElevationModel {
+    fn height(&self, place: &Vector2<f64>) -> Option<f64> {
+        Self::height(self, place)
+    }
+
+    fn step_m(&self) -> f64 {
+        Self::step_m(self)
     }
 }
 

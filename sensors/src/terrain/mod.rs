@@ -1,0 +1,15 @@
+//! What the ground between two antennas takes away from the level.
+
+mod diffraction;
+#[cfg(feature = "alloc")]
+mod hills;
+mod loss;
+#[cfg(feature = "alloc")]
+mod raster;
+
+pub use diffraction::{fresnel_parameter, knife_edge_loss_db};
+#[cfg(feature = "alloc")]
+pub use hills::{Hill, Hills};
+pub use loss::TerrainLoss;
+#[cfg(feature = "alloc")]
+pub use raster::HeightRaster;
