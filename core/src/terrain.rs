@@ -1,3 +1,5 @@
+use core::fmt::Debug;
+
 use nalgebra::Vector2;
 
 /// How high the ground is: an elevation model, or a formula.
@@ -6,6 +8,7 @@ use nalgebra::Vector2;
 /// use foxhunt_core::{Terrain, nalgebra::Vector2};
 ///
 /// /// A slope that rises by a metre in ten towards the East.
+/// #[derive(Debug)]
 /// struct Slope;
 ///
 /// impl Terrain for Slope {
@@ -24,7 +27,7 @@ use nalgebra::Vector2;
 /// # Laws
 ///
 /// A height is finite, and always the same at the same place; the step is a positive number.
-pub trait Terrain {
+pub trait Terrain: Debug {
     /// The height of the ground at a place, East and North in metres, in metres above whatever the
     /// terrain counts from, which is the same everywhere; `None` where it is not known.
     fn height(&self, place: &Vector2<f64>) -> Option<f64>;

@@ -95,7 +95,7 @@ pub use propagation::{Friis, LogDistance, Polarisation, Propagation, TwoRay};
 #[cfg(feature = "alloc")]
 pub use stepper::{StepperConfig, StepperError, StepperSource};
 #[cfg(feature = "alloc")]
-pub use terrain::{HeightRaster, Hill, Hills};
+pub use terrain::{HeightRaster, Hill, Hills, SharedTerrain};
 pub use terrain::{TerrainLoss, fresnel_parameter, knife_edge_loss_db};
 #[cfg(feature = "alloc")]
 pub use turn_goal::{TurnGoal, TurnGoalConfig};

@@ -1,6 +1,8 @@
 use foxhunt_core::parameter::FieldError;
 use foxhunt_sensors::{AntennaError, ParameterError};
 
+use crate::ReliefError;
+
 /// Why a world, or a request to it, is refused. What was requested did not happen.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -14,6 +16,9 @@ pub enum SimError {
     /// The law of propagation is out of its range.
     #[error("channel.path_loss: {0}")]
     PathLoss(#[source] ParameterError),
+    /// There is no such terrain.
+    #[error("terrain: {0}")]
+    Terrain(#[source] ReliefError),
     /// A source cannot be made as it is requested.
     #[error("the source: {0}")]
     Source(#[source] ParameterError),

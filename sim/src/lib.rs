@@ -41,8 +41,8 @@ mod world;
 
 pub use config::{
     BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DipoleConfig, DroneConfig, Interval,
-    KinematicConfig, PathLossConfig, PulseTrain, ReflectorConfig, ShadowingConfig,
-    SimStepperConfig, ThreeAxisConfig, TwoRayConfig, VehicleConfig, WorldConfig,
+    KinematicConfig, PathLossConfig, PulseTrain, ReflectorConfig, ReliefConfig, ReliefError,
+    ShadowingConfig, SimStepperConfig, ThreeAxisConfig, TwoRayConfig, VehicleConfig, WorldConfig,
 };
 pub use devices::{
     LateSource, SimBody, SimClock, SimOmnidirectional, SimRadio, SimRotator, SimStepper,

@@ -30,13 +30,15 @@ impl World {
     /// # Errors
     ///
     /// [`SimError::Field`] names the field that is out of range, with its value;
-    /// [`SimError::Antenna`] and [`SimError::PathLoss`] what is wrong with these.
+    /// [`SimError::Antenna`], [`SimError::PathLoss`] and [`SimError::Terrain`] what is wrong with
+    /// these.
     pub fn new(config: &WorldConfig, seed: u64) -> Result<Self, SimError> {
         config.check()?;
         // What belongs to places has a generator of its own: fields more or less leave the drones'
         // streams as they are.
         let mut fields = Xoshiro256PlusPlus::seed_from_u64(!seed);
-        let channel = Channel::new(&config.channel, config.beacons.len(), &mut fields)?;
+        let (beacons, terrain) = (config.beacons.len(), config.terrain.as_ref());
+        let channel = Channel::new(&config.channel, terrain, beacons, &mut fields)?;
         let mut root = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut drone = |drone| {
             let streams = Streams::fork(&mut root);

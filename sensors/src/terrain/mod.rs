@@ -13,3 +13,7 @@ pub use hills::{Hill, Hills};
 pub use loss::TerrainLoss;
 #[cfg(feature = "alloc")]
 pub use raster::HeightRaster;
+
+/// A terrain shared by worlds and models.
+#[cfg(feature = "alloc")]
+pub type SharedTerrain = alloc::sync::Arc<dyn foxhunt_core::Terrain + Send + Sync>;

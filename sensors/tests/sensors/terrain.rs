@@ -76,6 +76,7 @@ fn hills_take_what_the_recommendation_takes() {
 
 #[test]
 fn ground_that_rises_evenly_takes_nothing() {
+    #[derive(Debug)]
     struct Slope;
     impl Terrain for Slope {
         fn height(&self, place: &Vector2<f64>) -> Option<f64> {

@@ -6,7 +6,10 @@ use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
-use super::{BeaconCourse, ChannelConfig, DipoleConfig, Interval, SimStepperConfig, VehicleConfig};
+use super::{
+    BeaconCourse, ChannelConfig, DipoleConfig, Interval, ReliefConfig, SimStepperConfig,
+    VehicleConfig,
+};
 
 /// The simulated world: what is true in a simulation. Checked by [`World::new`](crate::World::new).
 ///
@@ -22,6 +25,10 @@ pub struct WorldConfig {
     /// What lies between a beacon's power and a drone's reading.
     #[serde(default)]
     pub channel: ChannelConfig,
+    /// The terrain that all are above, and that hides beacons; level ground where absent. With it
+    /// every Up is a height above the ground below.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub terrain: Option<ReliefConfig>,
     /// How every drone flies.
     #[serde(default)]
     pub vehicle: VehicleConfig,
@@ -261,6 +268,9 @@ impl WorldConfig {
             drone.check().map_err(|error| error.within(format_args!("drones[{i}]")))?;
         }
         self.channel.check().map_err(|error| error.within("channel"))?;
+        if let Some(terrain) = &self.terrain {
+            terrain.check().map_err(|error| error.within("terrain"))?;
+        }
         self.vehicle.check().map_err(|error| error.within("vehicle"))?;
         self.stepper.check().map_err(|error| error.within("stepper"))
     }

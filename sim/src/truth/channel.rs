@@ -1,13 +1,14 @@
 use std::f64::consts::TAU;
 
 use foxhunt_sensors::{
-    Friis, Isotropic, LogDistance, Propagation, ReflectedWave, SharedAntenna, multipath_gain_dbi,
+    Friis, Isotropic, LogDistance, Propagation, ReflectedWave, SharedAntenna, SharedTerrain,
+    TerrainLoss, multipath_gain_dbi,
 };
 use nalgebra::Vector3;
 use rand::rngs::Xoshiro256PlusPlus;
 
 use super::{Port, shadowing::ShadowingField};
-use crate::{ChannelConfig, DeadZoneConfig, PathLossConfig, SimError, TwoRayConfig};
+use crate::{ChannelConfig, DeadZoneConfig, PathLossConfig, ReliefConfig, SimError, TwoRayConfig};
 
 /// In metres per second.
 const SPEED_OF_LIGHT: f64 = 299_792_458.0;
@@ -24,6 +25,8 @@ pub(crate) struct Channel {
     pub(super) wave_number: f64,
     antenna: SharedAntenna,
     mean_gain_db: f64,
+    /// None where the ground is level.
+    terrain: Option<TerrainLoss<SharedTerrain>>,
     /// One for each beacon; none without shadowing.
     shadowing: Vec<ShadowingField>,
     pub(super) reflectors: Vec<Reflector>,
@@ -55,10 +58,11 @@ pub(super) struct Reflector {
 }
 
 impl Channel {
-    /// The channel of a configuration that was checked but for its antenna and its law, for so many
-    /// beacons.
+    /// The channel of a configuration that was checked but for its antenna and its law, over a
+    /// terrain, for so many beacons.
     pub(crate) fn new(
         config: &ChannelConfig,
+        terrain: Option<&ReliefConfig>,
         beacons: usize,
         rng: &mut Xoshiro256PlusPlus,
     ) -> Result<Self, SimError> {
@@ -75,6 +79,8 @@ impl Channel {
                 Law::TwoRay(config)
             }
         };
+        let build = |terrain: &ReliefConfig| terrain.build(config.frequency_mhz);
+        let terrain = terrain.map(build).transpose().map_err(SimError::Terrain)?;
         let reflector = |reflector: &crate::ReflectorConfig| Reflector {
             place: Vector3::new(reflector.east_m, reflector.north_m, reflector.up_m),
             amplitude: reflector.amplitude,
@@ -88,6 +94,7 @@ impl Channel {
             wave_number: TAU / wavelength,
             mean_gain_db: antenna.mean_gain_db(0.0),
             antenna,
+            terrain,
             shadowing: fields.map(|shadowing| ShadowingField::draw(shadowing, rng)).collect(),
             reflectors: config.reflectors.iter().map(reflector).collect(),
             dead_zones: config.dead_zones.clone(),
@@ -102,7 +109,8 @@ impl Channel {
         })
     }
 
-    /// The mean level of a beacon at `to` over a level turn at `from`, in dBm.
+    /// The mean level of a beacon at `to` over a level turn at `from`, in dBm, behind what terrain
+    /// there is between them.
     pub(super) fn level_dbm(&self, beacon: usize, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {
         let range = (to - from).norm();
         let level = match &self.law {
@@ -113,7 +121,11 @@ impl Channel {
                 .expect("it was made at the least height, and vehicles' places are finite")
                 .rss_dbm(range),
         };
-        level + self.shadowing.get(beacon).map_or(0.0, |field| field.at(from))
+        let level = level + self.shadowing.get(beacon).map_or(0.0, |field| field.at(from));
+        match &self.terrain {
+            Some(terrain) => level - terrain.loss_db(from, to),
+            None => level,
+        }
     }
 
     /// The gain over its mean in dB, for a direct wave and reflected ones, of the antenna at a

@@ -1,11 +1,15 @@
-use foxhunt_sensors::{AntennaConfig, GainRow, LogDistance, Polarisation};
+use foxhunt_sensors::{AntennaConfig, GainRow, Hill, LogDistance, Polarisation};
 use foxhunt_sim::{
     BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DroneConfig, Interval,
-    KinematicConfig, PathLossConfig, QuadrotorConfig, ShadowingConfig, SimError, SimStepperConfig,
-    TwoRayConfig, VehicleConfig, WindConfig, World, WorldConfig,
+    KinematicConfig, PathLossConfig, QuadrotorConfig, ReliefConfig, ShadowingConfig, SimError,
+    SimStepperConfig, TwoRayConfig, VehicleConfig, WindConfig, World, WorldConfig,
 };
 
 use crate::rig::{beacon, config, omnidirectional, reflector};
+
+fn hill(radius_m: f64) -> Hill {
+    Hill { east_m: 15.0, north_m: 20.0, height_m: 10.0, radius_m }
+}
 
 type Change = fn(&mut WorldConfig, f64);
 
@@ -19,7 +23,7 @@ fn a_number_out_of_range_is_refused_by_name() {
     let not_negative = [f64::NAN, f64::INFINITY, -1.0];
     let positive = [f64::NAN, f64::INFINITY, -1.0, 0.0].as_slice();
     let below_from = [f64::NAN, f64::INFINITY, 4.9];
-    let cases: [(&str, &[f64], Change); 31] = [
+    let cases: [(&str, &[f64], Change); 33] = [
         ("beacons[1].east_m", &anything, |c, v| c.beacons[1].east_m = v),
         ("beacons[1].north_m", &anything, |c, v| c.beacons[1].north_m = v),
         ("beacons[0].up_m", &anything, |c, v| c.beacons[0].up_m = v),
@@ -66,6 +70,14 @@ fn a_number_out_of_range_is_refused_by_name() {
         }),
         ("channel.floor_dbm", &anything, |c, v| c.channel.floor_dbm = Some(v)),
         ("channel.loss_probability", &[f64::NAN, -0.1, 1.1], |c, v| c.channel.loss_probability = v),
+        ("terrain.hills[0].radius_m", positive, |c, v| {
+            c.terrain = Some(ReliefConfig::of_hills(vec![hill(v)]));
+        }),
+        ("terrain.frequency_mhz", positive, |c, v| {
+            let mut terrain = ReliefConfig::of_hills(vec![hill(25.0)]);
+            terrain.frequency_mhz = Some(v);
+            c.terrain = Some(terrain);
+        }),
         ("vehicle.speed_mps", positive, |c, v| c.vehicle = kinematic(v, 1.0)),
         ("vehicle.climb_mps", positive, |c, v| c.vehicle = kinematic(1.0, v)),
         ("vehicle.drag_per_s", &not_negative, |c, v| {
@@ -145,6 +157,7 @@ fn a_world_comes_back_from_a_file_as_it_went() {
             floor_dbm: Some(-100.0),
             loss_probability: 0.1,
         },
+        terrain: Some(ReliefConfig::of_hills(vec![hill(25.0)])),
         vehicle: kinematic(5.0, 3.0),
         stepper: SimStepperConfig { rotator_speed_rad_s: 1.5, radio_latency_s: 0.05 },
     };

@@ -15,4 +15,5 @@ mod rig;
 mod statistics;
 mod stepper;
 mod streams;
+mod terrain;
 mod turn_goals;

@@ -45,6 +45,7 @@ pub(crate) fn config(channel: ChannelConfig) -> WorldConfig {
         beacons: vec![beacon(30.0, 40.0, 0.0), beacon(-5.0, 0.0, 0.0)],
         drones: vec![DroneConfig::default()],
         channel,
+        terrain: None,
         vehicle: VehicleConfig::Kinematic(KinematicConfig {
             speed_mps: 1e6,
             climb_mps: 1e6,
