@@ -5,11 +5,11 @@ use std::fmt;
 use foxhunt_core::{BeaconId, Estimate, EstimatorError, Reception};
 use foxhunt_filters::consistency::{ChiSquaredAverage, Whiteness};
 use foxhunt_hunt::{
+    config::ModelError,
     hunt::{Event, Fix, Search, Track, TrackStep, Tracks},
     log::{Log, LogHeader},
     registry::{EstimatorEntry, Registry, RegistryError, TrackRequest, beacon_seed},
 };
-use foxhunt_sensors::AntennaError;
 use nalgebra::Vector3;
 
 use crate::struck::{ReceptionId, Struck};
@@ -340,7 +340,7 @@ pub enum ReplayError {
     Name(#[from] RegistryError),
     /// The log's law of propagation is out of range.
     #[error("the model in the log's header: {0}")]
-    Model(#[from] AntennaError),
+    Model(#[from] ModelError),
     /// An estimator could not be made.
     #[error("no estimator for beacon {beacon}")]
     Estimator {

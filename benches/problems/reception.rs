@@ -15,6 +15,7 @@ pub(crate) fn in_the_middle(estimator: &EstimatorEntry) -> Option<BoxedEstimator
         antenna: None,
         reference_m: None,
         pulses: None,
+        terrain: None,
     };
     let model = model.build().expect("in range");
     let prior = Estimate::isotropic(Vector2::new(3.0, -2.0), 50.0);

@@ -23,6 +23,7 @@ const MODEL: ModelConfig = ModelConfig {
     antenna: None,
     reference_m: None,
     pulses: None,
+    terrain: None,
 };
 
 /// Four turns from the corners of a square, received by an antenna that takes front for back in

@@ -28,6 +28,7 @@ fn header(truth: Option<Vector2<f64>>) -> LogHeader {
             antenna: None,
             reference_m: None,
             pulses: None,
+            terrain: None,
         },
         planner: None,
         beacons: vec![LoggedBeacon { name: "<fox & co>".to_owned(), truth, course: None }],

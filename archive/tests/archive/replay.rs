@@ -31,6 +31,7 @@ const MODEL: ModelConfig = ModelConfig {
     antenna: None,
     reference_m: None,
     pulses: None,
+    terrain: None,
 };
 
 /// A level and a bearing with errors that look like noise.

@@ -143,7 +143,7 @@ impl EstimatorConfig {
             }
             return self.build_moving(place, Arc::new(model), moving, prior, seed);
         }
-        let law = *model.model().propagation();
+        let law = *model.model().model().propagation();
         let power_sigma = self.power_sigma_db.map(|s| positive("power_sigma_db", s)).transpose()?;
         let exponent_sigma =
             self.exponent_sigma.map(|s| positive("exponent_sigma", s)).transpose()?;
@@ -151,7 +151,7 @@ impl EstimatorConfig {
             (None, None) => self.build_over(place, prior, seed),
             (Some(sigma), None) => {
                 let prior = with_power(prior, law.reference_dbm(), sigma);
-                let model = model.map(FreePowerRssBearing::from);
+                let model = model.map(|model| model.map(FreePowerRssBearing::from));
                 if let FilterConfig::RaoBlackwellised { count } = self.filter {
                     let rng = generator(count, seed)?;
                     let cloud: RaoBlackwellised<_, _, _, 3, 2, 1> =
@@ -167,8 +167,8 @@ impl EstimatorConfig {
                 let mut prior = Estimate::isotropic(mean, exponent_sigma);
                 prior.covariance.fixed_view_mut::<3, 3>(0, 0).copy_from(&place.covariance);
                 let free = FreePathLossRssBearing::new();
-                let free = free.with_target_up(model.model().target_up())?;
-                let model = model.map(|_| free);
+                let free = free.with_target_up(model.model().model().target_up())?;
+                let model = model.map(|model| model.map(|_| free));
                 let filter = self.build_over::<4, 2>(Arc::new(model), &prior, seed)?;
                 Ok(Box::new(Leading::new(filter)))
             }

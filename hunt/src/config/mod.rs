@@ -10,6 +10,7 @@ mod pulses;
 mod registry_error;
 mod shape;
 mod source;
+mod terrain;
 
 pub use boxed::{BoxedEstimator, CloneEstimator};
 pub use estimator::{EstimatorConfig, MovingConfig};
@@ -17,9 +18,10 @@ pub use extractor::{
     BoxedExtractor, ExtractorConfig, ExtractorConfigError, KnownAntennaConfig, LobeConfig,
 };
 pub use filter::{AnyModel, AnyMotion, FilterConfig, GateConfig, OutlierConfig, Prior};
-pub use model::{ModelConfig, ReceiverModel};
+pub use model::{ModelConfig, ModelError, ReceiverModel};
 pub use planner::{PlannerConfig, PlannerConfigError};
 pub use pulses::{PulseLevelConfig, PulseModel};
 pub use registry_error::RegistryError;
 pub use shape::{BoxedShape, ShapeConfig};
 pub use source::{Questions, SourceConfig};
+pub use terrain::ModelTerrain;

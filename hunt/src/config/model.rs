@@ -1,12 +1,17 @@
+use std::path::Path;
+
+use foxhunt_core::parameter::{FieldError, ParameterError};
 use foxhunt_sensors::{
-    AntennaConfig, AntennaError, ElevationPattern, LogDistance, RssBearing, WithElevationPattern,
+    AntennaConfig, AntennaError, ElevationPattern, LogDistance, OverTerrain, RssBearing,
+    SharedTerrain, TerrainLoss, WithElevationPattern,
 };
+use foxhunt_sim::{ReliefConfig, ReliefError};
 use serde::{Deserialize, Serialize};
 
-use super::{PulseLevelConfig, PulseModel};
+use super::{ModelTerrain, PulseLevelConfig, PulseModel};
 
-/// What an estimator takes for the law of propagation, P(d) = P₀ − 10 γ log₁₀ d, and for the
-/// antenna's vertical pattern.
+/// What an estimator takes for the law of propagation, P(d) = P₀ − 10 γ log₁₀ d, for the antenna's
+/// vertical pattern, and for the terrain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {
@@ -29,36 +34,112 @@ pub struct ModelConfig {
     /// given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pulses: Option<PulseLevelConfig>,
+    /// The terrain whose loss comes off the level; level ground where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub terrain: Option<ModelTerrain>,
 }
 
 /// A model of signal strength and bearing, as hunts have it.
-pub type ReceiverModel = WithElevationPattern<RssBearing<LogDistance>>;
+pub type ReceiverModel = OverTerrain<WithElevationPattern<RssBearing<LogDistance>>, SharedTerrain>;
+
+/// What the loss over terrain is computed with where nothing else is known, in MHz.
+const FREQUENCY_MHZ: f64 = 2440.0;
+
+/// Why there is no such model.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ModelError {
+    /// A field is out of its range, or the antenna's file.
+    #[error(transparent)]
+    Antenna(#[from] AntennaError),
+    /// There is no such terrain.
+    #[error("terrain: {0}")]
+    Terrain(#[from] ReliefError),
+    /// The terrain is that of a world or a flight that has none.
+    #[error(transparent)]
+    NoTerrain(FieldError),
+}
+
+impl From<ParameterError> for ModelError {
+    fn from(error: ParameterError) -> Self {
+        Self::Antenna(error.into())
+    }
+}
 
 impl ModelConfig {
     /// Builds the model of signal strength and bearing.
     ///
     /// # Errors
     ///
-    /// [`AntennaError`] names the field that is out of its range, or the antenna's file.
-    pub fn build(&self) -> Result<ReceiverModel, AntennaError> {
+    /// [`ModelError`] names the field that is out of its range, the antenna's file, or the tile.
+    pub fn build(&self) -> Result<ReceiverModel, ModelError> {
         let model = RssBearing::new(LogDistance::new(self.reference_dbm, self.exponent)?)
             .with_target_up(self.target_up_m)?;
-        let Some(antenna) = &self.antenna else { return Ok(model.into()) };
-        let pattern = ElevationPattern::of(&antenna.build()?);
-        Ok(WithElevationPattern::new(model, pattern).with_target_up(self.target_up_m)?)
+        let model = match &self.antenna {
+            Some(antenna) => {
+                let pattern = ElevationPattern::of(&antenna.build()?);
+                WithElevationPattern::new(model, pattern).with_target_up(self.target_up_m)?
+            }
+            None => model.into(),
+        };
+        let Some(loss) = self.terrain_loss()? else { return Ok(model.into()) };
+        Ok(OverTerrain::new(model, loss).with_target_up(self.target_up_m)?)
+    }
+
+    /// What its terrain takes off the level, if it has one.
+    fn terrain_loss(&self) -> Result<Option<TerrainLoss<SharedTerrain>>, ModelError> {
+        match &self.terrain {
+            None => Ok(None),
+            Some(ModelTerrain::Own(terrain)) => Ok(Some(terrain.build(FREQUENCY_MHZ)?)),
+            Some(ModelTerrain::AsThere) => Err(ModelError::NoTerrain(no_terrain())),
+        }
     }
 
     /// Builds the model of single pulses, where the antenna is known.
     ///
     /// # Errors
     ///
-    /// [`AntennaError`] names the field that is out of its range, or the antenna's file.
-    pub fn build_pulses(&self) -> Result<Option<PulseModel>, AntennaError> {
+    /// [`ModelError`] names the field that is out of its range, the antenna's file, or the tile.
+    pub fn build_pulses(&self) -> Result<Option<PulseModel>, ModelError> {
         let Some(antenna) = &self.antenna else { return Ok(None) };
         let law = LogDistance::new(self.reference_dbm, self.exponent)?;
         let config = self.pulses.unwrap_or_default();
-        Ok(Some(PulseModel::new(law, antenna.build()?, self.target_up_m, config)?))
+        let model = PulseModel::new(law, antenna.build()?, self.target_up_m, config)?;
+        Ok(Some(match self.terrain_loss()? {
+            Some(loss) => model.over_terrain(loss),
+            None => model,
+        }))
     }
+
+    /// Puts the terrain that there is, if there is one, in the place of `terrain = true`.
+    ///
+    /// # Errors
+    ///
+    /// [`FieldError`] where there is none.
+    pub fn resolve_terrain(
+        &mut self,
+        there: impl FnOnce() -> Option<ReliefConfig>,
+    ) -> Result<(), FieldError> {
+        if self.terrain == Some(ModelTerrain::AsThere) {
+            self.terrain = Some(ModelTerrain::Own(there().ok_or_else(no_terrain)?));
+        }
+        Ok(())
+    }
+
+    /// The same with a folder of tiles that was given from another one, such as that of the file in
+    /// which it stands.
+    #[must_use]
+    pub fn in_folder(self, base: &Path) -> Self {
+        let terrain = self.terrain.map(|terrain| match terrain {
+            ModelTerrain::Own(terrain) => ModelTerrain::Own(terrain.in_folder(base)),
+            ModelTerrain::AsThere => ModelTerrain::AsThere,
+        });
+        Self { terrain, ..self }
+    }
+}
+
+fn no_terrain() -> FieldError {
+    FieldError::new("terrain", true, "a table, or left out, where nothing else has a terrain")
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@ use foxhunt_core::{
     parameter::{ParameterError, in_range, positive},
 };
 use foxhunt_filters::DirectionalGridConfig;
-use foxhunt_sensors::{DirectionalLevel, LogDistance, SharedAntenna};
+use foxhunt_sensors::{DirectionalLevel, LogDistance, SharedAntenna, SharedTerrain, TerrainLoss};
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
@@ -44,6 +44,8 @@ impl Default for PulseLevelConfig {
 #[derive(Clone, Debug)]
 pub struct PulseModel {
     level: DirectionalLevel<LogDistance, SharedAntenna>,
+    terrain: Option<TerrainLoss<SharedTerrain>>,
+    target_up: f64,
     config: PulseLevelConfig,
 }
 
@@ -63,7 +65,12 @@ impl PulseModel {
         let (name, deg) = ("pulses.site_sigma_deg", config.site_sigma_deg);
         in_range(name, deg, 0.0..=90.0, "from 0 to 90")?;
         let level = DirectionalLevel::new(law, antenna).with_target_up(target_up)?;
-        Ok(Self { level, config })
+        Ok(Self { level, terrain: None, target_up, config })
+    }
+
+    /// The same over terrain whose loss comes off.
+    pub(super) fn over_terrain(self, loss: TerrainLoss<SharedTerrain>) -> Self {
+        Self { terrain: Some(loss), ..self }
     }
 
     /// σ of a pulse, in dB.
@@ -94,5 +101,9 @@ impl PulseModel {
         levels: &mut [f64],
     ) {
         self.level.levels_dbm(place, receiver, boresight, turns, levels);
+        if let Some(terrain) = &self.terrain {
+            let loss = terrain.loss_db(&receiver.position, &place.push(self.target_up));
+            levels.iter_mut().for_each(|level| *level -= loss);
+        }
     }
 }

@@ -145,13 +145,18 @@ fn needs(bearing: Need, others: &[Quantity]) -> Needs {
 }
 
 fn level_difference(request: &TrackRequest<'_>) -> Result<DifferentialRss, EstimatorError> {
-    let exponent = request.model.model().propagation().exponent();
+    if request.model.loss().is_some() {
+        return Err(EstimatorError::Unsupported {
+            what: "an estimator of level differences over terrain (model.terrain)",
+        });
+    }
+    let exponent = request.model.model().model().propagation().exponent();
     let model = DifferentialRss::new(reference(request)?, exponent)?;
     Ok(model.with_target_up(target_up(request))?)
 }
 
 fn target_up(request: &TrackRequest<'_>) -> f64 {
-    request.model.model().target_up()
+    request.model.model().model().target_up()
 }
 
 fn reference(request: &TrackRequest<'_>) -> Result<Vector3<f64>, EstimatorError> {

@@ -43,7 +43,7 @@ impl<S: fmt::Debug, F: ?Sized> fmt::Debug for Recipe<S, F> {
 pub struct TrackRequest<'a> {
     /// For which beacon, and what is believed of it.
     pub search: Search<'a>,
-    /// The law of propagation and the antenna's vertical pattern.
+    /// The law of propagation, the antenna's vertical pattern, and the terrain.
     pub model: &'a ReceiverModel,
     /// Where the reference receiver of range and level differences is: East, North and Up in
     /// metres, where there is one.

@@ -1,12 +1,13 @@
 use foxhunt_core::{Quantity, parameter::ParameterError};
-use foxhunt_sensors::{AntennaError, Calibrated};
+use foxhunt_sensors::Calibrated;
 use nalgebra::Vector3;
 
 use super::{EstimatorEntry, Field, Registry, RegistryError, TrackRequest, entries::beacon_seed};
 use crate::{
     calibration::BearingCalibration,
     config::{
-        BoxedExtractor, ExtractorConfig, ExtractorConfigError, ModelConfig, PlannerConfigError,
+        BoxedExtractor, ExtractorConfig, ExtractorConfigError, ModelConfig, ModelError,
+        PlannerConfigError,
     },
     hunt::{Hunt, HuntConfig, HuntError, Parts, Search},
 };
@@ -85,9 +86,9 @@ impl Registry {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PartsError {
-    /// The estimator's law of propagation is out of range.
+    /// The estimator's law of propagation is out of range, or its antenna or terrain is none.
     #[error("the model: {0}")]
-    Model(#[from] AntennaError),
+    Model(#[from] ModelError),
     /// The extractor cannot be built.
     #[error("the extractor: {0}")]
     Extractor(#[from] ExtractorConfigError),

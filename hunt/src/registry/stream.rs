@@ -115,7 +115,7 @@ fn in_time(
         }
     };
     let model = RssBearing::new(law).with_target_up(config.target_up_m)?;
-    let model: ReceiverModel = config.through_antennas(model)?;
+    let model: ReceiverModel = config.through_antennas(model)?.into();
     // Who does not use levels needs no power; who has settings is given the one that is not known.
     let estimator = if free && estimator.streams_levels() {
         let change = |settings: &mut EstimatorConfig| {

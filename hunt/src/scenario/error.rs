@@ -60,6 +60,14 @@ pub enum ScenarioError {
         /// What is wrong.
         reason: FieldError,
     },
+    /// The model cannot be as it is wanted.
+    #[error("{file}: model: {reason}")]
+    Model {
+        /// The file.
+        file: String,
+        /// What is wrong.
+        reason: FieldError,
+    },
     /// A beacon that appears later stands before one that appears earlier.
     #[error("{file}: world.beacons must be in the order in which they appear (appears_after_s)")]
     Late {

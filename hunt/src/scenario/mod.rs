@@ -102,7 +102,13 @@ impl Scenario {
         }
         let text = fs::read_to_string(path)
             .map_err(|source| ScenarioError::Read { file: name_or_path.to_owned(), source })?;
-        Self::parse(&text, name_or_path)
+        let mut scenario = Self::parse(&text, name_or_path)?;
+        if let Some(folder) = path.parent() {
+            let terrain = scenario.world.terrain.take();
+            scenario.world.terrain = terrain.map(|terrain| terrain.in_folder(folder));
+            scenario.model = scenario.model.in_folder(folder);
+        }
+        Ok(scenario)
     }
 
     /// A scenario from TOML; `file` is what errors call it.
@@ -111,7 +117,7 @@ impl Scenario {
     ///
     /// [`ScenarioError`] names the file, the line and the field.
     pub fn parse(text: &str, file: &str) -> Result<Self, ScenarioError> {
-        let scenario: Self = toml::from_str(text)
+        let mut scenario: Self = toml::from_str(text)
             .map_err(|source| ScenarioError::Parse { file: file.to_owned(), source })?;
         let SimulationConfig { tick_s, limit_s } = scenario.simulation;
         for (field, value, range) in
@@ -132,6 +138,15 @@ impl Scenario {
                 .and(if turning { Ok(()) } else { Err(none) })
                 .map_err(|reason| ScenarioError::Turns { file: file.to_owned(), reason })?;
         }
+        let there = || {
+            let mut terrain = scenario.world.terrain.clone()?;
+            terrain.frequency_mhz.get_or_insert(scenario.world.channel.frequency_mhz);
+            Some(terrain)
+        };
+        scenario
+            .model
+            .resolve_terrain(there)
+            .map_err(|reason| ScenarioError::Model { file: file.to_owned(), reason })?;
         let (sources, drones) = (scenario.sources.len(), scenario.world.drones.len());
         if sources > 0 && sources != drones {
             let file = file.to_owned();

@@ -147,6 +147,7 @@ pub fn random_fleet(seed: u64) -> Scenario {
             antenna: None,
             reference_m: None,
             pulses: None,
+            terrain: None,
         },
         extractor: ExtractorConfig::FirstHarmonic(LobeConfig::default()),
         bearings: None,

@@ -5,6 +5,8 @@ use foxhunt_core::{
 };
 use nalgebra::{SMatrix, SVector, Vector1, Vector3};
 
+#[cfg(feature = "alloc")]
+use super::WithElevationPattern;
 use super::sight::differences;
 use crate::TerrainLoss;
 
@@ -82,6 +84,14 @@ impl<H, G> OverTerrain<H, G> {
 impl<H, G> From<H> for OverTerrain<H, G> {
     fn from(model: H) -> Self {
         Self { model, loss: None, target_up: 0.0 }
+    }
+}
+
+/// Without terrain and without an antenna's vertical pattern.
+#[cfg(feature = "alloc")]
+impl<H, G> From<H> for OverTerrain<WithElevationPattern<H>, G> {
+    fn from(model: H) -> Self {
+        WithElevationPattern::from(model).into()
     }
 }
 

@@ -21,6 +21,7 @@ fn logged(outing: &Outing, config: EstimatorConfig) -> String {
             antenna: None,
             reference_m: None,
             pulses: None,
+            terrain: None,
         },
         planner: None,
         beacons: TARGETS
