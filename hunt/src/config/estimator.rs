@@ -133,6 +133,15 @@ impl EstimatorConfig {
         prior: &Estimate<2>,
         seed: u64,
     ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
+        let on_grid =
+            matches!(self.filter, FilterConfig::Grid { .. }) || self.start_on_grid.is_some();
+        if model.loss().is_some() && self.power_sigma_db.is_some() && on_grid {
+            // What cells believe of the power is read between them, and jumps at a shadow's edge.
+            return Err(EstimatorError::Unsupported {
+                what: "terrain (model.terrain) with an unknown power (power_sigma_db) on a grid, \
+                       as `default` has it,",
+            });
+        }
         let place: AnyModel<2, 2> = Arc::new(model.clone());
         if let Some(moving) = self.moving {
             if self.power_sigma_db.is_some() || self.exponent_sigma.is_some() {
