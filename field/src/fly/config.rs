@@ -1,6 +1,6 @@
 use std::{fs, path::Path};
 
-use foxhunt_core::Quantity;
+use foxhunt_core::{Quantity, parameter::FieldError};
 use foxhunt_hunt::{
     calibration::BearingCalibration,
     config::{ExtractorConfig, ModelConfig, PlannerConfig},
@@ -9,6 +9,7 @@ use foxhunt_hunt::{
     registry::{DEFAULT_ESTIMATOR, EstimatorEntry, Field, HuntParts, Registry},
 };
 use foxhunt_sensors::{TurnGoal, TurnGoalConfig};
+use foxhunt_sim::ReliefConfig;
 use foxhunt_wire::{
     Endpoint,
     geodesy::{Geodetic, LocalFrame},
@@ -125,6 +126,7 @@ impl FlightConfig {
         let mut config = Self::parse(&text, &file)?;
         if let (Some(terrain), Some(folder)) = (&mut config.terrain, path.parent()) {
             terrain.folder = folder.join(&terrain.folder);
+            config.model = config.model.in_folder(folder);
         }
         Ok(config)
     }
@@ -135,8 +137,19 @@ impl FlightConfig {
     ///
     /// [`FlyError`] names the file, the line and the field.
     pub fn parse(text: &str, file: &str) -> Result<Self, FlyError> {
-        let config: Self = toml::from_str(text)
+        let mut config: Self = toml::from_str(text)
             .map_err(|source| FlyError::Parse { file: file.to_owned(), source })?;
+        let there = || {
+            let terrain = config.terrain.as_ref()?;
+            let mut relief = ReliefConfig::default();
+            relief.folder = Some(terrain.folder.clone());
+            (relief.lat_deg, relief.lon_deg) =
+                (Some(config.site.lat_deg), Some(config.site.lon_deg));
+            relief.reach_m = Some(terrain.reach_m);
+            relief.frequency_mhz = config.beacons.first().and_then(|beacon| beacon.frequency_mhz);
+            Some(relief)
+        };
+        config.model.resolve_terrain(there).map_err(|error| error.within("model"))?;
         config.check()?;
         Ok(config)
     }
@@ -178,6 +191,10 @@ impl FlightConfig {
                 let reason = format!("{own}, whose heights do not go with those of [terrain]");
                 return Err(FlyError::Drone { drone: drone.name.clone(), reason });
             }
+        }
+        if self.model.terrain.is_some() && self.terrain.is_none() {
+            let requirement = "left out without [terrain], which puts heights above the ground";
+            return Err(FieldError::new("model.terrain", "given", requirement).into());
         }
         if self.drones.is_empty() || self.beacons.is_empty() {
             let missing = if self.drones.is_empty() { "drones" } else { "beacons" };
@@ -344,6 +361,7 @@ impl FlightConfig {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use foxhunt_hunt::config::ModelTerrain;
     use foxhunt_sensors::AntennaConfig;
 
     use super::*;
@@ -391,6 +409,23 @@ pub(super) mod tests {
         assert!(FlightConfig::parse(&with_figures, "meadow.toml").is_ok());
         let error = refused(&MEADOW.replace("\"dipole\"", "\"horn\""));
         assert!(error.contains("`horn`") && error.contains("`yagi`"), "{error}");
+    }
+
+    #[test]
+    fn a_model_takes_the_terrain_of_its_flight() {
+        let asked = MEADOW.replace("exponent = 2.765,", "exponent = 2.765, terrain = true,");
+        assert!(refused(&asked).contains("model.terrain is true"), "{}", refused(&asked));
+        let text = format!("{asked}\n[terrain]\nfolder = \"tiles\"\nreach_m = 800.0\n");
+        let flight = FlightConfig::parse(&text, "meadow.toml").expect("in order");
+        let Some(ModelTerrain::Own(relief)) = &flight.model.terrain else { panic!("{text}") };
+        assert_eq!(relief.folder.as_deref(), Some(Path::new("tiles")));
+        assert_eq!((relief.lat_deg, relief.reach_m), (Some(50.0755), Some(800.0)));
+        let written = toml::to_string(&flight).expect("plain fields");
+        let mut alone = flight.clone();
+        assert_eq!(FlightConfig::parse(&written, "written.toml").expect("as written"), flight);
+        alone.terrain = None;
+        let error = alone.check().expect_err("heights are not above the ground").to_string();
+        assert!(error.starts_with("model.terrain is given"), "{error}");
     }
 
     #[test]
