@@ -50,7 +50,8 @@ fn filter<const N: usize>(
         prior.mean[2] = POWER_DBM;
         prior.covariance[(2, 2)] = 25.0;
     }
-    let config = GridConfig { side, most_per_side: 2 * side, noise_scales, area: None };
+    let config =
+        GridConfig { side, most_per_side: 2 * side, noise_scales, ..GridConfig::default() };
     Box::new(GridFilter::new(motion, model, prior, config).expect("proper"))
 }
 

@@ -173,14 +173,34 @@ fn gaussian_sums_are_honest_over_hills() {
     is_honest_with_terrain_alone("gaussian-sum");
 }
 
-/// What a cell of a grid believes of the power is read between cells, and jumps at a shadow's edge.
+/// From seed 0 on, as many as there is time for, with the band of 99.9 % for so many. Over 40 it is 2.03 for `default`, and
+/// 1.82 for `particle-rao-blackwellised`; without terrain 3.08, with twice the median error, as
+/// `default` takes hills for noise, and 7.21.
 #[test]
-fn an_unknown_power_on_a_grid_is_refused() {
+fn an_unknown_power_stays_honest_over_hills() {
+    for (estimator, seeds, without) in
+        [("default", 10, 1.0), ("particle-rao-blackwellised", 20, 4.0)]
+    {
+        let runs = (seeds, RUNS.1);
+        let (nees, share, error_m) =
+            judge(estimator, &model(Some(ModelTerrain::Own(relief()))), runs);
+        let [low, high] = nees.interval().expect("there are runs");
+        let anees = nees.average().unwrap_or(0.0);
+        assert!((low..high).contains(&anees), "{estimator}: ANEES {anees}");
+        assert!(share >= 0.8, "{estimator}: {share} of ellipses of 95 % hold the beacon");
+        let (other, _, other_error_m) = judge(estimator, &model(None), runs);
+        assert!(other_error_m > 1.5 * error_m, "{estimator}: {error_m}, {other_error_m} m");
+        assert!(other.average().unwrap_or(0.0) > without, "{estimator}: {other:?}");
+    }
+}
+
+#[test]
+fn level_differences_over_terrain_are_refused() {
     let registry = Registry::builtin();
     let model = model(Some(ModelTerrain::Own(relief()))).build().expect("in range");
     let search = Search { beacon: BeaconId(0), name: "fox", prior: prior() };
     let request = TrackRequest { search, model: &model, reference: None, pulses: None, seed: 1 };
-    for estimator in ["default", "grid-free-exponent", "level-difference"] {
+    for estimator in ["level-difference", "level-difference-bearing"] {
         let entry = registry.estimator(estimator).expect("it has a name");
         let request = TrackRequest { reference: Some(Vector3::zeros()), ..request.clone() };
         let error = entry.track(&request, false).expect_err("refused").to_string();

@@ -438,6 +438,51 @@ impl<const N: usize> Columns<N> {
     }
 }
 
+impl<const N: usize> Columns<N> {
+    /// Puts the nearest old cell's belief into each new cell beside a cliff, where the old cells
+    /// about it disagree about a component behind the place by more than they are certain of it: to
+    /// read η and l between them would make a peak of what none of them believes.
+    pub(super) fn keep_cliffs(&self, from: &Lattice, to: &Lattice, out: &mut Self) {
+        let (origin, steps) = to.in_coordinates_of(from);
+        for index in 0..to.len() {
+            let cell = Vector2::new(number(index % to.side()), number(index / to.side()));
+            let at = origin + steps * cell;
+            let last = number(from.side() - 1);
+            if at.iter().any(|c| !(-0.5..=last + 0.5).contains(c)) {
+                continue;
+            }
+            let stencil = Stencil::at(&at, from.side());
+            let nearest = stencil.nearest();
+            let disagree = |hypothesis: &Hypothesis| {
+                hypothesis.shifts.iter().enumerate().any(|(i, shifts)| {
+                    // The diagonal of Λ among its rows up to that.
+                    let information = hypothesis.information[i * (i + 3) / 2].at(nearest);
+                    let range = stencil.range(shifts, from.side());
+                    range * range > CLIFF * information
+                })
+            };
+            if !self.hypotheses.iter().any(disagree) {
+                continue;
+            }
+            for (new, old) in out.hypotheses.iter_mut().zip(&self.hypotheses) {
+                new.logs[index] = old.logs[nearest];
+                for (new, old) in new.shifts.iter_mut().zip(&old.shifts) {
+                    new[index] = old[nearest];
+                }
+                for (new, old) in new.information.iter_mut().zip(&old.information) {
+                    if let (Column::Each(new), Column::Each(old)) = (new, old) {
+                        new[index] = old[nearest];
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// How far the mean of a component may be apart among 16 cells to be read between them: by two of
+/// its standard deviations, as the square of that.
+const CLIFF: f64 = 4.0;
+
 /// The components behind the place in pairs, as the rows of Λ up to its diagonal.
 fn behind() -> impl Iterator<Item = (usize, usize)> {
     (2..).flat_map(|i| (2..=i).map(move |j| (i, j)))

@@ -17,12 +17,16 @@ pub struct GridConfig {
     pub area: Option<[Vector2<f64>; 2]>,
     /// What is doubted of the noise that observations are given with; nothing where absent.
     pub noise_scales: Option<NoiseScales>,
+    /// What is expected jumps from place to place, as a level does at the edge of a hill's shadow.
+    /// What enters the measurement linearly is then not read between cells that disagree about it:
+    /// the nearest one counts.
+    pub cliffs: bool,
 }
 
-/// 64 cells to a side, at most 256; the prior's Gaussian; the noise as it is given.
+/// 64 cells to a side, at most 256; the prior's Gaussian; the noise as it is given; no cliffs.
 impl Default for GridConfig {
     fn default() -> Self {
-        Self { side: 64, most_per_side: 256, area: None, noise_scales: None }
+        Self { side: 64, most_per_side: 256, area: None, noise_scales: None, cliffs: false }
     }
 }
 

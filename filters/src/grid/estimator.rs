@@ -208,6 +208,9 @@ where
             _ => f64::NEG_INFINITY,
         };
         columns.over(from, to, fall, out);
+        if self.config.cliffs {
+            columns.keep_cliffs(from, to, out);
+        }
     }
 
     /// Where the cells are after `dt`; sets what is believed in them.

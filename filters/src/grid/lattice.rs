@@ -263,6 +263,23 @@ impl Stencil {
         Self { first: y * side + x, nearest, weights_x, weights_y, behind, share }
     }
 
+    /// The nearest cell.
+    pub(super) fn nearest(&self) -> usize {
+        self.nearest
+    }
+
+    /// How far apart the numbers are that it takes.
+    pub(super) fn range(&self, column: &[f64], side: usize) -> f64 {
+        let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+        for j in 0..4 {
+            let first = self.first + j * side;
+            for value in &column[first..first + 4] {
+                (least, most) = (least.min(*value), most.max(*value));
+            }
+        }
+        most - least
+    }
+
     /// The same for a logarithm that may fall off a cliff between two cells, as it does where all
     /// bearings meet: beside one, cubics overshoot by a share of its height.
     #[inline(always)]

@@ -133,15 +133,7 @@ impl EstimatorConfig {
         prior: &Estimate<2>,
         seed: u64,
     ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
-        let on_grid =
-            matches!(self.filter, FilterConfig::Grid { .. }) || self.start_on_grid.is_some();
-        if model.loss().is_some() && self.power_sigma_db.is_some() && on_grid {
-            // What cells believe of the power is read between them, and jumps at a shadow's edge.
-            return Err(EstimatorError::Unsupported {
-                what: "terrain (model.terrain) with an unknown power (power_sigma_db) on a grid, \
-                       as `default` has it,",
-            });
-        }
+        let cliffs = model.loss().is_some();
         let place: AnyModel<2, 2> = Arc::new(model.clone());
         if let Some(moving) = self.moving {
             if self.power_sigma_db.is_some() || self.exponent_sigma.is_some() {
@@ -157,7 +149,7 @@ impl EstimatorConfig {
         let exponent_sigma =
             self.exponent_sigma.map(|s| positive("exponent_sigma", s)).transpose()?;
         match (power_sigma, exponent_sigma) {
-            (None, None) => self.build_over(place, prior, seed),
+            (None, None) => self.build_over(place, cliffs, prior, seed),
             (Some(sigma), None) => {
                 let prior = with_power(prior, law.reference_dbm(), sigma);
                 let model = model.map(|model| model.map(FreePowerRssBearing::from));
@@ -167,7 +159,7 @@ impl EstimatorConfig {
                         RaoBlackwellised::new(self.walk()?, model, prior, count, rng)?;
                     return Ok(Box::new(Leading::new(cloud)));
                 }
-                let filter = self.build_over::<3, 2>(Arc::new(model), &prior, seed)?;
+                let filter = self.build_over::<3, 2>(Arc::new(model), cliffs, &prior, seed)?;
                 Ok(Box::new(Leading::new(filter)))
             }
             (Some(sigma), Some(exponent_sigma)) => {
@@ -178,7 +170,7 @@ impl EstimatorConfig {
                 let free = FreePathLossRssBearing::new();
                 let free = free.with_target_up(model.model().model().target_up())?;
                 let model = model.map(|model| model.map(|_| free));
-                let filter = self.build_over::<4, 2>(Arc::new(model), &prior, seed)?;
+                let filter = self.build_over::<4, 2>(Arc::new(model), cliffs, &prior, seed)?;
                 Ok(Box::new(Leading::new(filter)))
             }
             (None, Some(_)) => Err(EstimatorError::Unsupported {
@@ -187,22 +179,27 @@ impl EstimatorConfig {
         }
     }
 
-    /// Builds the estimator of a state that begins with the place and otherwise does not move.
+    /// Builds the estimator of a state that begins with the place and otherwise does not move, over a
+    /// model whose level has `cliffs` or not.
     fn build_over<const N: usize, const M: usize>(
         &self,
         model: AnyModel<N, M>,
+        cliffs: bool,
         prior: &Estimate<N>,
         seed: u64,
     ) -> Result<BoxedEstimator<N, M>, EstimatorError> {
         let filter = self.filter;
         let walk: AnyMotion<N> = Arc::new(self.walk()?);
+        if cliffs && let Some(config) = filter.grid_with_cliffs()? {
+            return Ok(Box::new(GridFilter::new(walk, model, *prior, config)?));
+        }
         let Some(observations) = self.start_on_grid else {
             return filter.build(walk, model, prior, seed);
         };
         // What cannot be built fails now, not after the first observations.
         let _ = filter.build::<N, M>(Arc::clone(&walk), Arc::clone(&model), prior, seed)?;
-        let grid =
-            GridFilter::new(Arc::clone(&walk), Arc::clone(&model), *prior, GridConfig::default())?;
+        let config = GridConfig { cliffs, ..GridConfig::default() };
+        let grid = GridFilter::new(Arc::clone(&walk), Arc::clone(&model), *prior, config)?;
         let build = move |first: Estimate<N>| {
             filter.build(Arc::clone(&walk), Arc::clone(&model), &first, seed)
         };

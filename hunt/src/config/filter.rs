@@ -298,8 +298,7 @@ impl FilterConfig {
                 Box::new(batch.with_loss(loss)?)
             }
             Self::Grid { side, level_noise_spread } => {
-                let noise_scales = level_noise_spread.map(noise_scales).transpose()?;
-                let config = GridConfig { side, most_per_side: 2 * side, noise_scales, area: None };
+                let config = grid_config(side, level_noise_spread)?;
                 Box::new(GridFilter::new(motion, model, moments, config)?)
             }
             Self::Particle { count, adaptive_bin } => {
@@ -324,6 +323,13 @@ impl FilterConfig {
                 });
             }
         })
+    }
+
+    /// A grid as [`build`](Self::build) makes it, but for a model with cliffs; `None` for any other
+    /// filter.
+    pub(super) fn grid_with_cliffs(&self) -> Result<Option<GridConfig>, EstimatorError> {
+        let Self::Grid { side, level_noise_spread } = *self else { return Ok(None) };
+        Ok(Some(GridConfig { cliffs: true, ..grid_config(side, level_noise_spread)? }))
     }
 
     /// The filter with another gate, where it has one.
@@ -381,6 +387,12 @@ fn as_walk<const N: usize>(
     let name = "what the target moves in a second";
     require(moved <= 1e-9, name, moved, "0: a batch is of one place")?;
     Ok(RandomWalk { drift })
+}
+
+/// The cells of a grid.
+fn grid_config(side: usize, spread: Option<f64>) -> Result<GridConfig, EstimatorError> {
+    let noise_scales = spread.map(noise_scales).transpose()?;
+    Ok(GridConfig { side, most_per_side: 2 * side, noise_scales, ..GridConfig::default() })
 }
 
 /// A log-normal distribution of the factor on a level's σ, at five nodes three quarters of a

@@ -5,6 +5,7 @@ use foxhunt_core::{
     MeasurementModel, Observation, OutlierMixture, Pose, Quantity, RandomWalk, State, laws,
     nalgebra::{Matrix1, Matrix2, Matrix3, Vector1, Vector2, Vector3},
 };
+use foxhunt_filters::consistency::ChiSquaredAverage;
 use foxhunt_filters::{Ekf, GridConfig, GridFilter, Handover, Kalman, NoiseScales, Taylor};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
@@ -262,6 +263,51 @@ fn a_doubted_noise_is_learnt() {
     }
     let probabilities = grid.noise_scale_probabilities();
     assert!(probabilities[0] > 0.99, "{probabilities:?}");
+}
+
+/// A wall hides targets East of it, behind which the level of an unknown power is 30 dB lower.
+/// Seeds 1 to 60, so that the mean NEES is from 1.26 to 2.96 (99.9 %) where cells that disagree are
+/// not read between; otherwise it is more than five times that.
+#[test]
+fn a_level_that_falls_off_a_cliff_stays_honest() {
+    #[derive(Clone, Copy)]
+    struct Walled;
+    impl MeasurementModel<3, 2> for Walled {
+        fn quantities(&self) -> [Quantity; 2] {
+            [Quantity::RSS, Quantity::BEARING]
+        }
+        fn expected(&self, target: &State<3>, receiver: &Pose) -> Vector2<f64> {
+            let way = target.fixed_rows::<2>(0) - receiver.position.xy();
+            let hidden = if target[0] > 0.3 * target[1] + 4.0 { 30.0 } else { 0.0 };
+            let level = target[2] - 27.0 * way.norm().max(0.1).log10() - hidden;
+            Vector2::new(level, way.y.atan2(way.x))
+        }
+    }
+    let prior = Estimate::isotropic(Vector2::zeros(), 15.0).with_rest::<3>(-30.0, 5.0);
+    let anees = |cliffs: bool| {
+        let mut nees = ChiSquaredAverage::new(0.999).expect("a probability");
+        for seed in 1..=60 {
+            let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+            let mut normal = || rng.sample::<f64, _>(StandardNormal);
+            let truth = Vector3::new(15.0 * normal(), 15.0 * normal(), -30.0 + 5.0 * normal());
+            let config = GridConfig { cliffs, ..GridConfig::default() };
+            let still = RandomWalk::uniform(0.0);
+            let mut grid = GridFilter::new(still, Walled, prior, config).expect("proper");
+            for (east, north) in [(-50.0, -20.0), (-40.0, 10.0), (-30.0, -40.0), (-60.0, 0.0)] {
+                let receiver = Pose::at(east, north, 0.0);
+                let noise = Vector2::new(3.0 * normal(), 0.15 * normal());
+                let z = Walled.expected(&truth, &receiver) + noise;
+                assert!(grid.update(&observed(receiver, z, 3.0, 0.15)).is_ok());
+            }
+            let place = grid.estimate().position();
+            nees.add(place.nees(&truth.xy()).expect("definite"), 2);
+        }
+        (nees.average().expect("some"), nees.interval().expect("some"))
+    };
+    let (with, [low, high]) = anees(true);
+    assert!((low..high).contains(&with), "ANEES {with}, not {low:.2} to {high:.2}");
+    let (without, _) = anees(false);
+    assert!(without > 5.0 * high, "ANEES {without}");
 }
 
 #[test]
