@@ -52,7 +52,7 @@ pub fn notice(event: &Event) -> Option<Notice> {
         Event::FilterDiverged { time, average_nis, interval: [_, high], .. } => {
             let text = format!(
                 "the filter has diverged: its NIS is {average_nis:.1} on average, not below \
-                 {high:.1}"
+                 {high:.1}; do not rely on the ellipse, and look at compass, antenna and model"
             );
             (time, true, text)
         }
@@ -60,7 +60,11 @@ pub fn notice(event: &Event) -> Option<Notice> {
             (time, false, format!("a turn of drone {} is refused: {reason}", drone + 1))
         }
         Event::Missing { time, drone, waited_s } => {
-            (time, true, of_drone(*drone, format!("delivered nothing in {waited_s:.0} s")))
+            let text = format!(
+                "delivered nothing in {waited_s:.0} s; look at its radio and its motor, the others \
+                 go on"
+            );
+            (time, true, of_drone(*drone, text))
         }
         Event::FlightStage { time, stage, reason } => (time, true, format!("{stage}: {reason}")),
         Event::Aircraft { time, drone, mode, armed, airborne, hindrance, .. } => {
@@ -104,7 +108,8 @@ pub fn notice(event: &Event) -> Option<Notice> {
                 Some(drone) => format!("drone {}", drone.saturating_add(1)),
                 None => "the fleet".to_owned(),
             };
-            (time, true, format!("{who}: {reason}"))
+            let remedy = "the hunt goes on; bring it home if it stays so";
+            (time, true, format!("{who}: {reason}; {remedy}"))
         }
         Event::BeaconFinished { time, fix } => {
             (time, true, format!("{}: {} after {} steps", fix.name, fix.outcome, fix.steps))

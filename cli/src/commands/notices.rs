@@ -6,10 +6,10 @@ use foxhunt::{hunt::Event, overview::notice};
 
 use crate::output::warn;
 
-/// After so many seconds a trouble that goes on is printed again.
-const AGAIN_AFTER_S: f64 = 60.0;
+/// A trouble that was away for so many seconds is printed when it comes again.
+const AWAY_S: f64 = 60.0;
 
-/// Prints what people want to know of, and a trouble that goes on from time to time alone.
+/// Prints what people want to know of, and a trouble once while it lasts.
 #[derive(Debug, Default)]
 pub(super) struct Notices {
     troubles: BTreeMap<String, Trouble>,
@@ -18,9 +18,9 @@ pub(super) struct Notices {
 /// A trouble that was printed.
 #[derive(Debug)]
 struct Trouble {
-    /// When it was printed last.
-    printed: f64,
-    /// How often it came since then.
+    /// When it came last.
+    came: f64,
+    /// How often it came since it was printed.
     since: u32,
 }
 
@@ -46,15 +46,16 @@ impl Notices {
         let mut again = String::new();
         if goes_on(event) {
             if let Some(known) = self.troubles.get_mut(&notice.text) {
-                known.since += 1;
-                if notice.time - known.printed < AGAIN_AFTER_S {
+                let away_s = notice.time - known.came;
+                (known.came, known.since) = (notice.time, known.since + 1);
+                if away_s < AWAY_S {
                     return None;
                 }
                 if known.since > 1 {
                     again = format!(" ({} times)", known.since);
                 }
             }
-            let trouble = Trouble { printed: notice.time, since: 0 };
+            let trouble = Trouble { came: notice.time, since: 0 };
             self.troubles.insert(notice.text.clone(), trouble);
         }
         Some(format!("{:7.0} s  {}{again}", notice.time, notice.text))
@@ -78,24 +79,18 @@ mod tests {
     }
 
     #[test]
-    fn a_trouble_that_lasts_is_printed_from_time_to_time() {
+    fn a_trouble_is_printed_once_while_it_lasts() {
         let mut notices = Notices::default();
         let mut lines = Vec::new();
-        for second in 0..130_u8 {
+        for second in (0..130_u8).chain(200..210) {
             let event = failed(f64::from(second), "the radio is silent");
             lines.extend(notices.line(&event));
         }
-        assert_eq!(
-            lines,
-            [
-                "      0 s  drone 1: the radio is silent",
-                "     60 s  drone 1: the radio is silent (60 times)",
-                "    120 s  drone 1: the radio is silent (60 times)",
-            ]
-        );
-        assert!(notices.line(&failed(125.0, "no fix")).is_some(), "another trouble");
-        let left = &notices.troubles["drone 1: the radio is silent"];
-        assert_eq!(left.since, 9);
+        let text = "drone 1: the radio is silent; the hunt goes on; bring it home if it stays so";
+        let expected = [format!("      0 s  {text}"), format!("    200 s  {text} (130 times)")];
+        assert_eq!(lines, expected);
+        assert!(notices.line(&failed(205.0, "no fix")).is_some(), "another trouble");
+        assert_eq!(notices.troubles[text].since, 9);
         // What changes is no trouble that lasts.
         let resumed = Event::Resumed { time: 1.0 };
         assert!(notices.line(&resumed).is_some() && notices.line(&resumed).is_some());
