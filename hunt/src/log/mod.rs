@@ -16,10 +16,11 @@ use serde::{Deserialize, Serialize};
 use crate::config::{EstimatorConfig, ModelConfig, PlannerConfig};
 
 /// The version of the log that this program writes.
-pub const LOG_VERSION: u32 = 6;
+pub const LOG_VERSION: u32 = 7;
 
 /// The oldest version that it reads: one without clouds, and with beacons that stay. Version 5 has
-/// hunts that go on from their log; version 6 estimators and sources of users' own.
+/// hunts that go on from their log; version 6 estimators and sources of users' own;
+/// version 7 the health of drones and models over terrain.
 pub const OLDEST_LOG_VERSION: u32 = 2;
 
 /// The first line of a log: how the estimates came about.

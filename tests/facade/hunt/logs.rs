@@ -221,9 +221,10 @@ fn a_torn_log_loses_its_last_line_alone() {
     let error = Log::parse(&broken, path).expect_err("a misspelt event").to_string();
     let line = broken.lines().position(|l| l.contains("recieved")).expect("it is there") + 1;
     assert!(error.contains(&format!("toy.jsonl, line {line}")), "{error}");
-    let newer = text.replacen("\"foxhunt_log\":6", "\"foxhunt_log\":7", 1);
+    let version = |of: u32| format!("\"foxhunt_log\":{of}");
+    let newer = text.replacen(&version(LOG_VERSION), &version(LOG_VERSION + 1), 1);
     let error = Log::parse(&newer, path).expect_err("another version").to_string();
-    assert!(error.contains('7'), "{error}");
+    assert!(error.contains(&(LOG_VERSION + 1).to_string()), "{error}");
     // Cut within a character, and with bytes that are no text at all.
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("torn.jsonl");
     let foreign = text.replace("second", "druhý");
