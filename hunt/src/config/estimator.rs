@@ -1,11 +1,11 @@
 use std::sync::Arc;
 
 use foxhunt_core::{
-    ConstantVelocity, Estimate, EstimatorError, RandomWalk, State,
+    ConstantVelocity, Estimate, EstimatorError, MeasurementModel, RandomWalk, State,
     parameter::{not_negative, positive},
 };
 use foxhunt_filters::{GridConfig, GridFilter, Handover, Leading, OutOfOrder, RaoBlackwellised};
-use foxhunt_sensors::{FreePathLossRssBearing, FreePowerRssBearing};
+use foxhunt_sensors::{FreePathLossRssBearing, FreePowerRssBearing, OverTerrain, SharedTerrain};
 use nalgebra::Vector4;
 use serde::{Deserialize, Serialize};
 
@@ -134,7 +134,7 @@ impl EstimatorConfig {
         seed: u64,
     ) -> Result<BoxedEstimator<2, 2>, EstimatorError> {
         let cliffs = model.loss().is_some();
-        let place: AnyModel<2, 2> = Arc::new(model.clone());
+        let place: AnyModel<2, 2> = shared(model.clone());
         if let Some(moving) = self.moving {
             if self.power_sigma_db.is_some() || self.exponent_sigma.is_some() {
                 return Err(EstimatorError::Unsupported {
@@ -142,7 +142,7 @@ impl EstimatorConfig {
                            beacon that may move",
                 });
             }
-            return self.build_moving(place, Arc::new(model), moving, prior, seed);
+            return self.build_moving(place, shared(model), moving, prior, seed);
         }
         let law = *model.model().model().propagation();
         let power_sigma = self.power_sigma_db.map(|s| positive("power_sigma_db", s)).transpose()?;
@@ -159,7 +159,7 @@ impl EstimatorConfig {
                         RaoBlackwellised::new(self.walk()?, model, prior, count, rng)?;
                     return Ok(Box::new(Leading::new(cloud)));
                 }
-                let filter = self.build_over::<3, 2>(Arc::new(model), cliffs, &prior, seed)?;
+                let filter = self.build_over::<3, 2>(shared(model), cliffs, &prior, seed)?;
                 Ok(Box::new(Leading::new(filter)))
             }
             (Some(sigma), Some(exponent_sigma)) => {
@@ -170,7 +170,7 @@ impl EstimatorConfig {
                 let free = FreePathLossRssBearing::new();
                 let free = free.with_target_up(model.model().model().target_up())?;
                 let model = model.map(|model| model.map(|_| free));
-                let filter = self.build_over::<4, 2>(Arc::new(model), cliffs, &prior, seed)?;
+                let filter = self.build_over::<4, 2>(shared(model), cliffs, &prior, seed)?;
                 Ok(Box::new(Leading::new(filter)))
             }
             (None, Some(_)) => Err(EstimatorError::Unsupported {
@@ -257,6 +257,17 @@ fn with_power(place: &Estimate<2>, reference_dbm: f64, sigma_db: f64) -> Estimat
     let mut prior = Estimate::isotropic(place.mean.push(reference_dbm), sigma_db);
     prior.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&place.covariance);
     prior
+}
+
+/// The model of an estimator: over level ground the one inside, which is quicker.
+fn shared<H, const N: usize, const M: usize>(model: OverTerrain<H, SharedTerrain>) -> AnyModel<N, M>
+where
+    H: MeasurementModel<N, M> + Clone + 'static,
+{
+    match model.loss() {
+        Some(_) => Arc::new(model),
+        None => Arc::new(model.model().clone()),
+    }
 }
 
 #[cfg(test)]

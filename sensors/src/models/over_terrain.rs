@@ -96,6 +96,7 @@ impl<H, G> From<H> for OverTerrain<WithElevationPattern<H>, G> {
 }
 
 impl<H, G: Terrain> OverTerrain<H, G> {
+    #[inline(never)]
     fn loss_db<const N: usize>(
         &self,
         loss: &TerrainLoss<G>,
@@ -116,14 +117,15 @@ where
         self.model.quantities()
     }
 
+    #[inline]
     fn expected(&self, state: &State<N>, receiver: &Pose) -> SVector<f64, M> {
+        let Some(loss) = &self.loss else { return self.model.expected(state, receiver) };
         let mut expected = self.model.expected(state, receiver);
-        if let Some(loss) = &self.loss {
-            expected[0] -= self.loss_db(loss, state, receiver);
-        }
+        expected[0] -= self.loss_db(loss, state, receiver);
         expected
     }
 
+    #[inline]
     fn residual(&self, z: &SVector<f64, M>, expected: &SVector<f64, M>) -> SVector<f64, M> {
         self.model.residual(z, expected)
     }
@@ -154,9 +156,10 @@ where
         }
     }
 
+    #[inline]
     fn jacobian(&self, state: &State<N>, receiver: &Pose) -> SMatrix<f64, M, N> {
+        let Some(loss) = &self.loss else { return self.model.jacobian(state, receiver) };
         let mut jacobian = self.model.jacobian(state, receiver);
-        let Some(loss) = &self.loss else { return jacobian };
         let place = state.fixed_rows::<2>(0).into_owned();
         let lost = |place: &State<2>| Vector1::new(self.loss_db(loss, place, receiver));
         let slope = numeric_jacobian(&place, lost, |a, b| a - b);
