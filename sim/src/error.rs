@@ -1,8 +1,6 @@
 use foxhunt_core::parameter::FieldError;
 use foxhunt_sensors::{AntennaError, ParameterError};
 
-use crate::ReliefError;
-
 /// Why a world, or a request to it, is refused. What was requested did not happen.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -89,5 +87,20 @@ pub enum SimError {
         north: f64,
         /// Its height in metres.
         up: f64,
+    },
+}
+
+/// Why there is no terrain.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReliefError {
+    /// A number is out of its range, or a field missing or not used.
+    #[error(transparent)]
+    Field(#[from] FieldError),
+    /// The tiles cannot be read, or do not cover the reach.
+    #[error("{reason}")]
+    Tiles {
+        /// What is wrong, with the tile and the place.
+        reason: String,
     },
 }

@@ -41,8 +41,8 @@ mod world;
 
 pub use config::{
     BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DipoleConfig, DroneConfig, Interval,
-    KinematicConfig, PathLossConfig, PulseTrain, ReflectorConfig, ReliefConfig, ReliefError,
-    ShadowingConfig, SimStepperConfig, ThreeAxisConfig, TwoRayConfig, VehicleConfig, WorldConfig,
+    KinematicConfig, PathLossConfig, PulseTrain, ReflectorConfig, ReliefConfig, ShadowingConfig,
+    SimStepperConfig, ThreeAxisConfig, TwoRayConfig, VehicleConfig, WorldConfig,
 };
 pub use devices::{
     LateSource, SimBody, SimClock, SimOmnidirectional, SimRadio, SimRotator, SimStepper,
@@ -56,7 +56,7 @@ pub use emulate::{
     EmulatedStepperConfig, EmulatedSwitch, EmulatedXbee, EmulatedXbeeConfig, Emulator,
     InterfererConfig, PilotOrder, PlayedPulse, Port, xbee_address,
 };
-pub use error::SimError;
+pub use error::{ReliefError, SimError};
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};
 pub use world::World;
 

@@ -17,7 +17,7 @@ pub use devices::SimStepperConfig;
 pub use interval::Interval;
 pub use multipath::{DeadZoneConfig, ReflectorConfig, ShadowingConfig};
 pub use path_loss::{PathLossConfig, TwoRayConfig};
-pub use relief::{ReliefConfig, ReliefError};
+pub use relief::ReliefConfig;
 pub use three_axis::{DipoleConfig, ThreeAxisConfig};
 pub use vehicle::{KinematicConfig, VehicleConfig};
 pub use world::{BeaconConfig, DroneConfig, PulseTrain, WorldConfig};

@@ -7,6 +7,8 @@ use foxhunt_core::parameter::{FieldError, ParameterError, in_range, positive};
 use foxhunt_sensors::{Hill, Hills, SharedTerrain, TerrainLoss};
 use serde::{Deserialize, Serialize};
 
+use crate::error::ReliefError;
+
 /// In metres per second.
 const SPEED_OF_LIGHT: f64 = 299_792_458.0;
 
@@ -71,21 +73,6 @@ impl Default for ReliefConfig {
 
 /// How far tiles are read unless given, in metres.
 const REACH_M: f64 = 1000.0;
-
-/// Why there is no terrain.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ReliefError {
-    /// A number is out of its range, or a field missing or not used.
-    #[error(transparent)]
-    Field(#[from] FieldError),
-    /// The tiles cannot be read, or do not cover the reach.
-    #[error("{reason}")]
-    Tiles {
-        /// What is wrong, with the tile and the place.
-        reason: String,
-    },
-}
 
 impl ReliefConfig {
     /// Some hills.
