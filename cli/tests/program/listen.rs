@@ -59,11 +59,15 @@ fn a_recording_gives_its_tags() {
 #[test]
 fn what_cannot_be_listened_to_is_refused() {
     let (file, _) = recording("listen-refused");
-    foxhunt(["listen", &file, "--gain-db", "20"]).failed(2, &["--gain-db", "tcp:HOST:PORT"]);
+    foxhunt(["listen", &file, "--gain-db", "20"]).failed(2, &["--gain-db", "tcp: and soapy:"]);
     foxhunt(["listen", &file, "--rate-hz", "1e6"]).failed(2, &["tag.sigmf"]);
     foxhunt(["listen", "tcp:127.0.0.1:1", "--rate-hz", "250000"]).failed(2, &["--center-hz"]);
     let nobody = ["tcp:127.0.0.1:1", "--rate-hz", "250000", "--center-hz", "150e6"];
     foxhunt(["listen"].iter().chain(&nobody)).failed(1, &["127.0.0.1:1"]);
+    if !cfg!(feature = "soapy") {
+        let none = ["soapy:driver=none", "--rate-hz", "250000", "--center-hz", "150e6"];
+        foxhunt(["listen"].iter().chain(&none)).failed(2, &["soapy:driver=none", "feature soapy"]);
+    }
     foxhunt(["emulate", "rtl-tcp", "--to", "x.wav", "--for", "1"]).failed(2, &["x.wav"]);
     foxhunt(["emulate", "rtl-tcp", "--speed", "2"]).failed(2, &["--speed"]);
 }
