@@ -136,8 +136,8 @@ fn judge(
     (nees, share, errors[errors.len() / 2])
 }
 
-/// Seeds 0 to 39, so that the sum of NEES has 80 degrees of freedom: their mean is from 1.12 to 3.21
-/// (99.9 %). With the terrain each estimator keeps it; without, the hills are taken for distance.
+/// Seeds 0 to 39, so that the sum of NEES has 80 degrees of freedom: their mean is from 1.12 to
+/// 3.21 (99.9 %). With the terrain each estimator keeps it; without, the hills are taken for distance.
 ///
 /// |  | ANEES with | without | median error in m with | without |
 /// |-|-|-|-|-|
@@ -173,9 +173,9 @@ fn gaussian_sums_are_honest_over_hills() {
     is_honest_with_terrain_alone("gaussian-sum");
 }
 
-/// From seed 0 on, as many as there is time for, with the band of 99.9 % for so many. Over 40 it is 2.03 for `default`, and
-/// 1.82 for `particle-rao-blackwellised`; without terrain 3.08, with twice the median error, as
-/// `default` takes hills for noise, and 7.21.
+/// From seed 0 on, as many as there is time for, with the band of 99.9 % for so many. Over 40 it is
+/// 2.03 for `default`, and 1.82 for `particle-rao-blackwellised`; without terrain 3.08, with twice
+/// the median error, as `default` takes hills for noise, and 7.21.
 #[test]
 fn an_unknown_power_stays_honest_over_hills() {
     for (estimator, seeds, without) in
@@ -216,9 +216,9 @@ const SCENARIO: &str = include_str!("../scenarios/one-drone.toml");
 fn a_scenario_has_terrain_and_its_model_the_same() {
     let hills = "[world.terrain]\nhills = [{ east_m = 9.0, north_m = 4.0, height_m = 6.0, \
                  radius_m = 8.0 }]\n";
-    let asked = |model: &str| SCENARIO.replace("[model]\n", &format!("[model]\n{model}\n"));
+    let with_model = |model: &str| SCENARIO.replace("[model]\n", &format!("[model]\n{model}\n"));
     let parse = |text: &str| Scenario::parse(text, "hills.toml");
-    let scenario = parse(&format!("{}\n{hills}", asked("terrain = true"))).expect("in order");
+    let scenario = parse(&format!("{}\n{hills}", with_model("terrain = true"))).expect("in order");
     let mut world = scenario.world.terrain.clone().expect("given");
     world.frequency_mhz = Some(scenario.world.channel.frequency_mhz);
     assert_eq!(scenario.model.terrain, Some(ModelTerrain::Own(world)));
@@ -229,8 +229,8 @@ fn a_scenario_has_terrain_and_its_model_the_same() {
                height_m = 6.0, radius_m = 8.0 }]\n";
     assert!(parse(&format!("{SCENARIO}\n{own}")).is_ok());
     for (text, expected) in [
-        (asked("terrain = true"), "model: terrain is true; it must be a table"),
-        (asked("terrain = false"), "not a scenario"),
+        (with_model("terrain = true"), "model: terrain is true; it must be a table"),
+        (with_model("terrain = false"), "not a scenario"),
         (format!("{SCENARIO}\n{}", hills.replace("east_m", "east")), "not a scenario"),
     ] {
         let error = parse(&text).expect_err("refused").to_string();

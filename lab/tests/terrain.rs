@@ -44,8 +44,8 @@ fn scenario(terrain: &str) -> Scenario {
     Scenario::parse(&text, "hills.toml").unwrap_or_else(|error| panic!("{error:?}"))
 }
 
-/// Seeds 1 to 30: the sum of NEES has 60 degrees of freedom, and their mean is from 1.01 to 3.43 (99.9
-/// %). It is 1.6 with terrain in the model, the median error 10 m; without it is 816, and 77 m.
+/// Seeds 1 to 30: the sum of NEES has 60 degrees of freedom, and their mean is from 1.01 to 3.43
+/// (99.9 %). It is 1.6 with terrain in the model, the median error 10 m; without it is 816, and 77 m.
 #[test]
 fn a_model_with_terrain_is_honest_in_hunts() {
     let registry = Registry::builtin();

@@ -5,7 +5,8 @@
 //! | how power falls with range | [`Propagation`]: [`LogDistance`], [`Friis`], [`TwoRay`] |
 //! | what a receiver expects | [`Rss`], [`BearingOnly`], [`RssBearing`], [`FreePowerRssBearing`], [`FreePathLossRssBearing`] |
 //! | the same through an antenna's vertical pattern | [`WithElevationPattern`] (`alloc`) |
-//! | what terrain takes away; a model with that | [`knife_edge_loss_db`], [`TerrainLoss`], [`Hills`]; [`OverTerrain`] |
+//! | what terrain takes away | [`knife_edge_loss_db`], [`TerrainLoss`], [`Hills`] |
+//! | a model with that | [`OverTerrain`] |
 //! | the difference between two receivers | [`DifferentialRss`], [`RangeDifference`] |
 //! | two models at once; silence as a measurement | [`Stacked`]; [`Censored`] |
 //! | how bearings err | [`BearingMixture`] |

@@ -87,10 +87,10 @@ type Group = Vec<(f64, Vec<f64>)>;
 impl PoseLog {
     /// Finds by how much the poses' clock is ahead of that of the levels, within `within_s` of
     /// `about_s`: the offset at which patterns explain the levels best by the boresight, by maximum
-    /// likelihood. Each tag has its own pattern at each place where the receiver hovers, any with four
-    /// harmonics in dB, so that neither bearings nor antenna nor noise need be known. The interval is
-    /// that of the profile likelihood, with Student's t for the noise's level (Seber & Wild 1989,
-    /// §5.2).
+    /// likelihood. Each tag has its own pattern at each place where the receiver hovers, any with
+    /// four harmonics in dB, so that neither bearings nor antenna nor noise need be known. The
+    /// interval is that of the profile likelihood, with Student's t for the noise's level (Seber &
+    /// Wild 1989).
     ///
     /// # Errors
     ///
@@ -297,7 +297,8 @@ mod tests {
         }
     }
 
-    /// 200 flights of seed 18: 190 intervals of 95 % hold the offset; 3 σ are 9.2. None is refused.
+    /// 200 flights of seed 18: 190 intervals of 95 % hold the offset; 3 σ are 9.2. None is
+    /// refused.
     #[test]
     fn intervals_hold_the_offset() {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(18);

@@ -62,8 +62,8 @@ pub struct TimedLevel {
 }
 
 impl PoseLog {
-    /// Reads a CSV file with the columns of our own format: `time_s` or `time_utc`, and any of place,
-    /// heading and boresight.
+    /// Reads a CSV file with the columns of our own format: `time_s` or `time_utc`, and any of
+    /// place, heading and boresight.
     ///
     /// # Errors
     ///

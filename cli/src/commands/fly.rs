@@ -361,8 +361,8 @@ fn last_received(events: &[Event], beacon: BeaconId) -> Option<f64> {
     })
 }
 
-/// Examines the devices of drones before anybody flies, and prints the checklist. Whether it matters
-/// what is wrong is the pilot's decision: a beacon may be too far to be received from here.
+/// Examines the devices of drones before anybody flies, and prints the checklist. Whether it
+/// matters what is wrong is the pilot's decision: a beacon may be too far to be received from here.
 pub(super) fn examine_devices(
     config: &FlightConfig,
     drones: &[DroneConfig],

@@ -60,11 +60,10 @@ fn the_emulated_flight_is_the_same_under_load() {
         events.filter(|of: &serde_json::Value| of["event"] == "health" && of["drone"] == 0);
     let left: Vec<f64> = of_first.filter_map(|of| of["battery"].as_f64()).collect();
     assert!(left.len() > 10 && left.is_sorted_by(|a, b| a >= b), "{left:?}");
-    let told: Vec<&str> = ran.stderr.lines().filter(|of| of.contains("bring it home")).collect();
-    assert!(
-        !told.is_empty()
-            && told.iter().all(|line| told.iter().filter(|of| of == &line).count() == 1)
-    );
+    let warnings: Vec<&str> =
+        ran.stderr.lines().filter(|of| of.contains("bring it home")).collect();
+    let count = |line: &str| warnings.iter().filter(|other| **other == line).count();
+    assert!(!warnings.is_empty() && warnings.iter().all(|line| count(line) == 1), "{warnings:?}");
     let load = Load::new();
     let (_, busy_log, busy_samples) = fly("fly-busy");
     drop(load);

@@ -212,7 +212,8 @@ impl FlightConfig {
         })
     }
 
-    /// Several vehicles may be behind one endpoint, if it is known which is which; nothing else may.
+    /// Several vehicles may be behind one endpoint, if it is known which is which; nothing else
+    /// may.
     fn check_shared(&self) -> Result<(), FlyError> {
         let mut known: Vec<(&Endpoint, &str, Option<u8>)> = Vec::new();
         for drone in &self.drones {
@@ -413,9 +414,13 @@ pub(super) mod tests {
 
     #[test]
     fn a_model_takes_the_terrain_of_its_flight() {
-        let asked = MEADOW.replace("exponent = 2.765,", "exponent = 2.765, terrain = true,");
-        assert!(refused(&asked).contains("model.terrain is true"), "{}", refused(&asked));
-        let text = format!("{asked}\n[terrain]\nfolder = \"tiles\"\nreach_m = 800.0\n");
+        let with_terrain = MEADOW.replace("exponent = 2.765,", "exponent = 2.765, terrain = true,");
+        assert!(
+            refused(&with_terrain).contains("model.terrain is true"),
+            "{}",
+            refused(&with_terrain)
+        );
+        let text = format!("{with_terrain}\n[terrain]\nfolder = \"tiles\"\nreach_m = 800.0\n");
         let flight = FlightConfig::parse(&text, "meadow.toml").expect("in order");
         let Some(ModelTerrain::Own(relief)) = &flight.model.terrain else { panic!("{text}") };
         assert_eq!(relief.folder.as_deref(), Some(Path::new("tiles")));

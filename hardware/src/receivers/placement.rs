@@ -21,8 +21,8 @@ pub(super) struct Silence {
     pub(super) renews: bool,
 }
 
-/// Where the samples of a stream are in time, and what was lost of them: a count that is held against
-/// the clock.
+/// Where the samples of a stream are in time, and what was lost of them: a count that is held
+/// against the clock.
 #[derive(Clone, Debug)]
 pub(super) struct Placement {
     rate_hz: f64,

@@ -68,7 +68,7 @@ impl SoapyTuning {
         in_range("center_hz", self.center_hz, 1.0..=1e12, "1 to 1e12")?;
         in_range("sample_rate_hz", self.sample_rate_hz, 1.0..=1e9, "1 to 1e9")?;
         require(self.gain_db.abs() <= 200.0, "gain_db", self.gain_db, "at most 200")?;
-        require(self.correction_ppm.abs() <= 1e3, "correction_ppm", self.correction_ppm, "≤ 1000")?;
+        in_range("correction_ppm", self.correction_ppm, -1e3..=1e3, "from -1000 to 1000")?;
         in_range("settling_s", self.settling_s, 0.0..=10.0, "from 0 to 10")?;
         positive("silence_s", self.silence_s)?;
         Ok(())

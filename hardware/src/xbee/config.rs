@@ -44,8 +44,8 @@ pub enum XbeeQuestion {
     RemoteDb,
 }
 
-/// No beacons, as of a radio that is only examined; the question by the firmware; `ASK`, echoed; 0.4
-/// s for an answer, 0.5 s for the radio's own.
+/// No beacons, as of a radio that is only examined; the question by the firmware; `ASK`, echoed;
+/// 0.4 s for an answer, 0.5 s for the radio's own.
 impl Default for XbeeConfig {
     fn default() -> Self {
         Self {

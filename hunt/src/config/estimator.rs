@@ -179,8 +179,8 @@ impl EstimatorConfig {
         }
     }
 
-    /// Builds the estimator of a state that begins with the place and otherwise does not move, over a
-    /// model whose level has `cliffs` or not.
+    /// Builds the estimator of a state that begins with the place and otherwise does not move, over
+    /// a model whose level has `cliffs` or not.
     fn build_over<const N: usize, const M: usize>(
         &self,
         model: AnyModel<N, M>,

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{ModelTerrain, PulseLevelConfig, PulseModel};
 
-/// What an estimator takes for the law of propagation, P(d) = P₀ − 10 γ log₁₀ d, for the antenna's
-/// vertical pattern, and for the terrain.
+/// What an estimator takes for the law of propagation, P(d) = P₀ − 10 γ log₁₀ d, for the
+/// antenna's vertical pattern, and for the terrain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {

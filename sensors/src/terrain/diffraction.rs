@@ -1,8 +1,9 @@
 //! Knife edges: ITU-R P.526-15, §4.1 and §4.5.1.
 
-/// The Fresnel-Kirchhoff parameter ν = h √(2/λ · (1/d₁ + 1/d₂)) of an edge (ITU-R P.526-15,
-/// §4.1): h is its height above the straight line between the antennas, negative below, d₁ and d₂ are
-/// its distances from them, λ is the wavelength, all in metres and but for h above 0.
+/// The Fresnel-Kirchhoff parameter ν = h √(2/λ · (1/d₁ + 1/d₂)) of an edge (ITU-R
+/// P.526-15, §4.1): h is its height above the straight line between the antennas, negative below,
+/// d₁ and d₂ are its distances from them, λ is the wavelength, all in metres and but for h
+/// above 0.
 #[must_use]
 pub fn fresnel_parameter(height: f64, [d1, d2]: [f64; 2], wavelength: f64) -> f64 {
     height * libm::sqrt(2.0 / wavelength * (1.0 / d1 + 1.0 / d2))
@@ -69,8 +70,8 @@ impl Bullington {
         }
     }
 
-    /// The parameter ν of the equivalent edge, where the steepest lines of sight from both antennas
-    /// meet; of the ground nearest to the line of sight where none is above it (ITU-R P.526-15,
+    /// The parameter ν of the equivalent edge, where the steepest lines of sight from both
+    /// antennas meet; of the ground nearest to the line of sight where none is above it (ITU-R P.526-15,
     /// §4.5.1). Minus infinity without ground.
     pub(super) fn parameter(&self, wavelength: f64) -> f64 {
         let Self { antennas: [first, second], range, steepest: [ahead, back], nearest } = *self;

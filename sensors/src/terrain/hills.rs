@@ -6,7 +6,8 @@ use foxhunt_core::{
 };
 use nalgebra::Vector2;
 
-/// A hill, or with a negative height a hollow: h e^(−(r / radius)²) at the distance r from its top.
+/// A hill, or with a negative height a hollow: h e^(−(r / radius)²) at the distance r from its
+/// top.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]

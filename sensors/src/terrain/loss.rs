@@ -17,10 +17,11 @@ const MOST_HEIGHTS: f64 = 512.0;
 
 /// The loss by diffraction over the terrain between two antennas, beyond that over level ground.
 ///
-/// The profile is replaced by Bullington's equivalent knife edge, L = J(ν) + (1 − e^(−J/6)) (10 +
-/// 0.02 d) with d in km (ITU-R P.526-15, §4.5.1). From that comes off the same loss over level
-/// ground under the same antennas, as in the delta-Bullington method (§4.5.2): a law of propagation
-/// that was measured over open ground has that loss already. So terrain that rises evenly from one
+/// The profile is replaced by Bullington's equivalent knife edge,
+/// L = J(ν) + (1 − e^(−J/6)) (10 + 0.02 d) with d in km (ITU-R P.526-15, §4.5.1). From that
+/// comes off the same loss over level ground under the same antennas, as in the delta-Bullington
+/// method (§4.5.2): a law of propagation that was measured over open ground has that loss already.
+/// So terrain that rises evenly from one
 /// antenna to the other takes nothing, and no terrain adds to a level.
 ///
 /// Heights of antennas are above the ground below them, never less than 0. Nothing is lost where

@@ -16,8 +16,8 @@ pub struct PulseList {
     pub format: &'static str,
     /// The pulses.
     pub pulses: Vec<Pulse>,
-    /// What each pulse has in a column `tags`, as `foxhunt tags --csv` writes it: empty where it is of
-    /// no tag; `None` where there is no such column.
+    /// What each pulse has in a column `tags`, as `foxhunt tags --csv` writes it: empty where it is
+    /// of no tag; `None` where there is no such column.
     pub tags: Option<Vec<String>>,
 }
 
