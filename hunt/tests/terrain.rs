@@ -137,7 +137,8 @@ fn judge(
 }
 
 /// Seeds 0 to 39, so that the sum of NEES has 80 degrees of freedom: their mean is from 1.12 to
-/// 3.21 (99.9 %). With the terrain each estimator keeps it; without, the hills are taken for distance.
+/// 3.21 (99.9 %). With the terrain each estimator keeps it; without, the hills are taken for
+/// distance.
 ///
 /// |  | ANEES with | without | median error in m with | without |
 /// |-|-|-|-|-|
