@@ -45,7 +45,8 @@ fn scenario(terrain: &str) -> Scenario {
 }
 
 /// Seeds 1 to 30: the sum of NEES has 60 degrees of freedom, and their mean is from 1.01 to 3.43
-/// (99.9 %). It is 1.6 with terrain in the model, the median error 10 m; without it is 816, and 77 m.
+/// (99.9 %). It is 1.6 with terrain in the model, the median error 10 m; without it is 816,
+/// and 77 m.
 #[test]
 fn a_model_with_terrain_is_honest_in_hunts() {
     let registry = Registry::builtin();

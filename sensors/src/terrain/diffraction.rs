@@ -71,8 +71,8 @@ impl Bullington {
     }
 
     /// The parameter ν of the equivalent edge, where the steepest lines of sight from both
-    /// antennas meet; of the ground nearest to the line of sight where none is above it (ITU-R P.526-15,
-    /// §4.5.1). Minus infinity without ground.
+    /// antennas meet; of the ground nearest to the line of sight where none is above it (ITU-R
+    /// P.526-15, §4.5.1). Minus infinity without ground.
     pub(super) fn parameter(&self, wavelength: f64) -> f64 {
         let Self { antennas: [first, second], range, steepest: [ahead, back], nearest } = *self;
         let sight = (second - first) / range;
