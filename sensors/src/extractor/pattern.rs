@@ -134,24 +134,24 @@ impl Pattern {
         let turn = usize::from(self.positions);
         // A window longer than the turn would count positions twice.
         let reach = usize::from(reach).min((turn - 1) / 2);
-        for i in 0..turn {
-            let (mut sum, mut window) = (0.0, 0_u16);
-            let (first, end) = ((i + turn - reach) % turn, i + reach + 1);
-            // In two parts where it goes across the turn's ends.
-            let (one, other) = if first > i {
-                (first..turn, 0..end)
-            } else {
-                (first..end.min(turn), 0..end.saturating_sub(turn))
-            };
-            for cell in self.cells[one].iter().chain(&self.cells[other]) {
-                if let Some(mean) = cell.mean_dbm() {
-                    sum += mean;
-                    window += 1;
-                }
-            }
-            let cell = &mut self.cells[i];
-            cell.window = window;
-            cell.smoothed_dbm = if window > 0 { sum / f64::from(window) } else { 0.0 };
+        let width = 2 * reach + 1;
+        // The turn, and its ends once more beyond the other ones. A gap adds nothing.
+        let mut means = [0.0; 2 * Self::CAPACITY as usize];
+        let mut measured = [0_u16; 2 * Self::CAPACITY as usize];
+        for (i, cell) in self.cells().iter().enumerate() {
+            let mean = cell.mean_dbm();
+            means[reach + i] = mean.unwrap_or(0.0);
+            measured[reach + i] = u16::from(mean.is_some());
+        }
+        means.copy_within(turn..turn + reach, 0);
+        means.copy_within(reach..2 * reach, turn + reach);
+        measured.copy_within(turn..turn + reach, 0);
+        measured.copy_within(reach..2 * reach, turn + reach);
+        let windows = means.windows(width).zip(measured.windows(width));
+        for (cell, (means, measured)) in self.cells[..turn].iter_mut().zip(windows) {
+            cell.window = measured.iter().sum();
+            let sum = means.iter().fold(0.0, |sum, mean| sum + mean);
+            cell.smoothed_dbm = if cell.window > 0 { sum / f64::from(cell.window) } else { 0.0 };
             cell.rounded_dbm = round_half_away(cell.smoothed_dbm);
         }
     }
@@ -174,11 +174,13 @@ pub(super) fn check(sweep: &Sweep<'_>) -> Result<(), NoReading> {
     if sweep.samples.is_empty() {
         return Err(NoReading::Empty);
     }
-    // Zero times a number that is not finite is none.
-    let zero = |sum: f64, s: &Sample| sum + 0.0 * s.rss_dbm + 0.0 * s.boresight;
-    let finite = sweep.samples.iter().fold(0.0, zero).is_finite();
-    let last = sweep.samples.iter().map(|sample| sample.position).max();
-    if finite && last.is_some_and(|last| last < positions) {
+    let (mut zero, mut last) = (0.0, 0);
+    for sample in sweep.samples {
+        // Zero times a number that is not finite is none.
+        zero += 0.0 * sample.rss_dbm + 0.0 * sample.boresight;
+        last = last.max(sample.position);
+    }
+    if f64::is_finite(zero) && last < positions {
         return Ok(());
     }
     for (index, sample) in sweep.samples.iter().enumerate() {

@@ -194,13 +194,18 @@ impl<R: Radio, T: Rotator, V: Vehicle, C: Clock> StepperSource<R, T, V, C> {
                 let Aim { boresight, position, .. } = self.aim(angle, receiver.heading);
                 let finite = receiver.is_finite();
                 let samples = &mut self.recorder.beacon(self.turn.beacon).samples;
-                for &(time, rss_dbm) in &self.answers[usize::from(answers - new)..answers.into()] {
-                    if finite && rss_dbm.is_finite() {
-                        samples.push(Sample { time, receiver, boresight, position, rss_dbm });
-                    } else {
-                        self.dropped += 1;
-                    }
+                let before = samples.len();
+                let answers_here = &self.answers[usize::from(answers - new)..answers.into()];
+                let sample =
+                    |&(time, rss_dbm)| Sample { time, receiver, boresight, position, rss_dbm };
+                if finite && answers_here.iter().all(|(_, rss_dbm)| rss_dbm.is_finite()) {
+                    samples.extend(answers_here.iter().map(sample));
+                } else if finite {
+                    let kept = answers_here.iter().filter(|(_, rss_dbm)| rss_dbm.is_finite());
+                    samples.extend(kept.map(sample));
                 }
+                let kept = u32::try_from(samples.len() - before).unwrap_or(u32::MAX);
+                self.dropped += u32::from(new) - kept;
                 self.last_pose = if finite { receiver } else { self.last_pose };
                 self.turn.phase = if awaits {
                     Phase::Await { angle, answers }

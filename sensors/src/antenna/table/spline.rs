@@ -87,10 +87,26 @@ impl PeriodicSpline {
     fn locate(&self, angle: f64) -> (Piece, f64) {
         let wrapped = angle::wrap(angle - self.origin);
         let offset = if wrapped < 0.0 { wrapped + TAU } else { wrapped };
-        let next = self.offsets.partition_point(|&o| o <= offset);
-        let piece = self.piece(next.saturating_sub(1));
+        let piece = self.piece(self.row_before(offset));
         let share = (offset - piece.from) / piece.length;
         (piece, share)
+    }
+
+    /// The last row that is not after an offset from the first one.
+    fn row_before(&self, offset: f64) -> usize {
+        // Most tables have equal steps.
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            clippy::cast_precision_loss,
+            reason = "a guess, which is looked at"
+        )]
+        let guess = (offset * (self.offsets.len() as f64 / TAU)) as usize;
+        let is_after = |row: usize| self.offsets.get(row).is_none_or(|o| *o > offset);
+        if !is_after(guess) && is_after(guess + 1) {
+            return guess;
+        }
+        self.offsets.partition_point(|&o| o <= offset).saturating_sub(1)
     }
 
     /// The piece after row `i`.
