@@ -13,7 +13,7 @@ use crate::{
     Axis, BeaconId, BearingExtractor, Belief, Correction, Decision, Estimate, Estimator,
     EstimatorError, FormationPlanner, MeasurementModel, MotionModel, NoReading, Observation,
     PatternSource, PlanError, Pose, Quantity, Radio, Reading, Reception, Rotator, Spinner, State,
-    Station, Sweep, Target, Terrain, Vehicle, Waypoint,
+    Station, SteadyMotion, Sweep, Target, Terrain, Vehicle, Waypoint,
 };
 
 macro_rules! forward {
@@ -108,8 +108,8 @@ macro_rules! forward {
             fn land(&mut self) -> Result<(), T::Error> {
                 (**self).land()
             }
-            fn next_event(&self) -> Option<f64> {
-                (**self).next_event()
+            fn steady_motion(&self) -> Option<SteadyMotion> {
+                (**self).steady_motion()
             }
         }
 

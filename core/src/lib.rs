@@ -85,4 +85,4 @@ pub use pose::{BeaconId, Pose, Waypoint};
 pub use quantity::{Measured, MeasuredError, MeasuredList, Quantity, QuantityName};
 pub use reception::{Level, Reception};
 pub use terrain::Terrain;
-pub use vehicle::{Spinner, Vehicle};
+pub use vehicle::{Spinner, SteadyMotion, Vehicle};

@@ -2,6 +2,15 @@ use nalgebra::Vector3;
 
 use crate::{Pose, Waypoint};
 
+/// How an aircraft goes on until something happens: straight, at constant speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SteadyMotion {
+    /// East, North and Up in metres per second; zero for one that stays where it is.
+    pub velocity: Vector3<f64>,
+    /// From when on that need not hold any more, in seconds of its clock.
+    pub until: f64,
+}
+
 /// An aircraft that reports its pose and flies to places.
 pub trait Vehicle {
     /// Why the link or the autopilot failed.
@@ -39,10 +48,12 @@ pub trait Vehicle {
         self.go_to(&Waypoint { position })
     }
 
-    /// The next time at which its [`pose`](Self::pose) may change or fail, in seconds of its clock,
-    /// unless it is given an order; infinite where it stays as it is. `None`, unless overridden,
-    /// where that is not known, as while it moves.
-    fn next_event(&self) -> Option<f64> {
+    /// How its [`pose`](Self::pose) goes on, and until when it neither changes otherwise nor fails,
+    /// unless it is given an order: a simulated aircraft may know. `None`, unless overridden, where
+    /// that is not known.
+    ///
+    /// A simulation goes from one event to the next and leaves out the looks in between.
+    fn steady_motion(&self) -> Option<SteadyMotion> {
         None
     }
 }

@@ -1,6 +1,6 @@
 use std::{cell::RefCell, rc::Rc};
 
-use foxhunt_core::{Pose, Spinner, Vehicle, Waypoint};
+use foxhunt_core::{Pose, Spinner, SteadyMotion, Vehicle, Waypoint};
 use nalgebra::Vector3;
 
 /// An aircraft that is flown from the ground up: what a hunt on real devices needs besides going
@@ -174,8 +174,8 @@ impl<V: Vehicle> Vehicle for Shared<V> {
         self.0.borrow_mut().land()
     }
 
-    fn next_event(&self) -> Option<f64> {
-        self.0.borrow().next_event()
+    fn steady_motion(&self) -> Option<SteadyMotion> {
+        self.0.borrow().steady_motion()
     }
 }
 

@@ -67,7 +67,7 @@ impl Setup<'_> {
         seed: u64,
         on_event: impl FnMut(&Event) -> Result<(), O>,
     ) -> Result<Simulated, SimulationError> {
-        self.simulate_watched(seed, on_event, |_| ())
+        self.simulate_with(seed, |_, source| source, on_event, None)
     }
 
     /// Flies it, and `watch` is called with the true world at every tick at which anything happens:
@@ -80,9 +80,9 @@ impl Setup<'_> {
         &self,
         seed: u64,
         on_event: impl FnMut(&Event) -> Result<(), O>,
-        watch: impl FnMut(&World),
+        mut watch: impl FnMut(&World),
     ) -> Result<Simulated, SimulationError> {
-        self.simulate_with(seed, |_, source| source, on_event, watch)
+        self.simulate_with(seed, |_, source| source, on_event, Some(&mut watch))
     }
 
     /// Flies it, and `tap` is called with the turns of all drones, so that their samples can be
@@ -98,7 +98,7 @@ impl Setup<'_> {
         on_event: impl FnMut(&Event) -> Result<(), O>,
     ) -> Result<Simulated, SimulationError> {
         let tapped = |drone, source| boxed_source(Tapped::new(source, drone, tap.clone()));
-        self.simulate_with(seed, tapped, on_event, |_| ())
+        self.simulate_with(seed, tapped, on_event, None)
     }
 
     /// Flies it with sources that `wrap` has changed, each drone's.
@@ -107,7 +107,7 @@ impl Setup<'_> {
         seed: u64,
         wrap: impl Fn(usize, BoxedSource) -> BoxedSource,
         on_event: impl FnMut(&Event) -> Result<(), O>,
-        watch: impl FnMut(&World),
+        watch: Option<Watch<'_>>,
     ) -> Result<Simulated, SimulationError> {
         let Self { scenario, estimator, registry } = self;
         let world = World::new(&scenario.world, seed)?;
@@ -116,9 +116,12 @@ impl Setup<'_> {
         for (drone, source) in scenario.sources(registry, &world)?.into_iter().enumerate() {
             drones.push(Drone { source: wrap(drone, source), vehicle: world.vehicle(drone)? });
         }
-        fly_watched(&mut hunt, &world, &mut drones, scenario.simulation, on_event, watch)
+        fly_with(&mut hunt, &world, &mut drones, scenario.simulation, on_event, watch)
     }
 }
+
+/// What is called with the true world.
+type Watch<'a> = &'a mut dyn FnMut(&World);
 
 /// Flies a hunt of any parts in a simulated world to its end. Beacons of the world that the hunt
 /// does not know are added when they appear.
@@ -138,7 +141,7 @@ pub fn fly<D: Devices, O: std::error::Error + Send + Sync + 'static>(
     config: SimulationConfig,
     on_event: impl FnMut(&Event) -> Result<(), O>,
 ) -> Result<Simulated, SimulationError> {
-    fly_watched(hunt, world, drones, config, on_event, |_| ())
+    fly_with(hunt, world, drones, config, on_event, None)
 }
 
 /// Flies a hunt of any parts, and `watch` is called with the true world at every tick at which
@@ -152,8 +155,19 @@ pub fn fly_watched<D: Devices, O: std::error::Error + Send + Sync + 'static>(
     world: &World,
     drones: &mut [D],
     config: SimulationConfig,
-    mut on_event: impl FnMut(&Event) -> Result<(), O>,
+    on_event: impl FnMut(&Event) -> Result<(), O>,
     mut watch: impl FnMut(&World),
+) -> Result<Simulated, SimulationError> {
+    fly_with(hunt, world, drones, config, on_event, Some(&mut watch))
+}
+
+fn fly_with<D: Devices, O: std::error::Error + Send + Sync + 'static>(
+    hunt: &mut Hunt,
+    world: &World,
+    drones: &mut [D],
+    config: SimulationConfig,
+    mut on_event: impl FnMut(&Event) -> Result<(), O>,
+    mut watch: Option<Watch<'_>>,
 ) -> Result<Simulated, SimulationError> {
     let mut record = Record::default();
     let stations = (0..world.drone_count())
@@ -162,7 +176,9 @@ pub fn fly_watched<D: Devices, O: std::error::Error + Send + Sync + 'static>(
     hunt.start(world.time(), stations)?;
     let mut agenda = Agenda::new(config.tick_s);
     loop {
-        watch(world);
+        if let Some(watch) = &mut watch {
+            watch(world);
+        }
         agenda.drive(hunt, drones, world.time())?;
         let appears_at = add_who_appeared(hunt, world).map_err(DriveError::Hunt)?;
         while let Some(event) = hunt.poll_event() {
@@ -178,6 +194,8 @@ pub fn fly_watched<D: Devices, O: std::error::Error + Send + Sync + 'static>(
         let undisturbed = agenda.undisturbed_until(hunt).unwrap_or(f64::NEG_INFINITY);
         world.allow_ahead(undisturbed.min(appears_at).min(config.limit_s), config.tick_s);
         let next = agenda.next_event().map_or(0.0, |event| event.min(appears_at));
+        // Who watches sees drones that move at every tick.
+        let next = if watch.is_some() && !world.rests() { 0.0 } else { next };
         world.advance_until(next.min(config.limit_s), config.tick_s)?;
     }
 }

@@ -2,7 +2,7 @@
 
 use std::{cell::Cell, convert::Infallible, rc::Rc};
 
-use foxhunt_core::{BeaconId, PatternSource, Pose, Sweep, Vehicle, Waypoint};
+use foxhunt_core::{BeaconId, PatternSource, Pose, SteadyMotion, Sweep, Vehicle, Waypoint};
 use foxhunt_hunt::{
     hunt::Drone,
     registry::Registry,
@@ -55,8 +55,8 @@ impl<V: Vehicle> Vehicle for Counted<V> {
         self.device.land()
     }
 
-    fn next_event(&self) -> Option<f64> {
-        self.device.next_event().filter(|_| self.foresees)
+    fn steady_motion(&self) -> Option<SteadyMotion> {
+        self.device.steady_motion().filter(|_| self.foresees)
     }
 }
 
@@ -108,12 +108,32 @@ fn scenario(name: &str) -> Scenario {
 fn hunts_are_the_same_with_fewer_polls() {
     for name in ["pritzl-6.1", "three-beacons", "rough-field"] {
         let [few, many] = same_both_ways(&scenario(name), 1);
-        assert!(2 * few < many, "{name}: {few} of {many} polls");
+        assert!(6 * few < many, "{name}: {few} of {many} polls");
     }
     // A body that turns with its antenna has something to do at every tick.
     same_both_ways(&scenario("pritzl-7.5"), 1);
     // Pulses come each second, and nothing turns: drones that fly are what is polled most.
     same_both_ways(&scenario("avalanche"), 1);
+}
+
+#[test]
+fn who_watches_sees_every_tick_of_a_flight() {
+    let (scenario, registry) = (scenario("pritzl-6.1"), Registry::builtin());
+    let estimator = registry.estimator("ukf-pritzl2018").expect("it is built in");
+    let setup = Setup { scenario: &scenario, estimator, registry: &registry };
+    let (mut before, mut farthest, mut moved) = (None, 0.0_f64, 0.0);
+    let watch = |world: &World| {
+        let here = world.pose(0).expect("it is there").position;
+        let step = (here - before.replace(here).unwrap_or(here)).norm();
+        farthest = farthest.max(step);
+        moved += step;
+    };
+    let flown = setup.simulate_watched(1, |_| Ok::<_, Infallible>(()), watch);
+    let alone = setup.simulate(1, |_| Ok::<_, Infallible>(()));
+    let [flown, alone] = [flown, alone].map(|flown| flown.expect("it ends").duration_s.to_bits());
+    assert_eq!(flown, alone);
+    // 2 m/s over ground and 1 m/s up for 10 ms.
+    assert!(moved > 10.0 && farthest < 0.0225, "{farthest} m of {moved} m at once");
 }
 
 #[test]

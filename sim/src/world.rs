@@ -77,7 +77,7 @@ impl World {
             return Err(SimError::TimeStep { dt: until });
         }
         // Drones that rest go on to rest.
-        let rests = truth.drones.iter().all(Drone::rests);
+        let rests = truth.rests();
         loop {
             let next = truth.time + dt;
             if !(next > truth.time && next.is_finite()) {
@@ -101,6 +101,12 @@ impl World {
     /// the turn that is under way; the last such permission holds.
     pub fn allow_ahead(&self, until: f64, dt: f64) {
         self.truth.borrow_mut().free = Free { until, step: dt };
+    }
+
+    /// Whether every drone stays where it is until it is sent somewhere.
+    #[must_use]
+    pub fn rests(&self) -> bool {
+        self.truth.borrow().rests()
     }
 
     /// Seconds since the beginning.

@@ -1,4 +1,4 @@
-use foxhunt_core::{Pose, Spinner, Vehicle, Waypoint};
+use foxhunt_core::{Pose, Spinner, SteadyMotion, Vehicle, Waypoint};
 use foxhunt_hardware::{Aircraft, AircraftState, Finding};
 use nalgebra::Vector3;
 
@@ -31,8 +31,8 @@ impl<A: Vehicle> Vehicle for Advised<A> {
         Ok(())
     }
 
-    fn next_event(&self) -> Option<f64> {
-        self.0.next_event()
+    fn steady_motion(&self) -> Option<SteadyMotion> {
+        self.0.steady_motion()
     }
 }
 

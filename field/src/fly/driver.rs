@@ -1,6 +1,8 @@
 use std::io;
 
-use foxhunt_core::{BeaconId, Clock, Pose, Radio, Rotator, Spinner, Vehicle, Waypoint};
+use foxhunt_core::{
+    BeaconId, Clock, Pose, Radio, Rotator, Spinner, SteadyMotion, Vehicle, Waypoint,
+};
 use foxhunt_hardware::{
     Aircraft, AircraftState, ArDrone, Finding, FirmataStepper, GnssDecoder, GnssReceiver,
     KrakenSource, MavlinkVehicle, Placed, RtlTcpRadio, SikRadio, XbeeRadio,
@@ -186,8 +188,8 @@ impl<D: Vehicle> Vehicle for Driver<D> {
         self.0.land().map_err(DeviceError::new)
     }
 
-    fn next_event(&self) -> Option<f64> {
-        self.0.next_event()
+    fn steady_motion(&self) -> Option<SteadyMotion> {
+        self.0.steady_motion()
     }
 }
 

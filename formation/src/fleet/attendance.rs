@@ -160,6 +160,17 @@ impl Attendance {
         }
     }
 
+    /// The next time at which its duty may change while it is located all the time, and `under_way`
+    /// or not, in seconds; `None` for one that stood still and may move on at any time.
+    #[must_use]
+    pub fn next_event(&self, under_way: bool) -> Option<f64> {
+        match (self.still, under_way) {
+            (true, true) => None,
+            (false, true) => Some(self.mark.1 + self.config.still_after_s),
+            (_, false) => Some(f64::INFINITY),
+        }
+    }
+
     /// If it has stood still for long enough, it may take a place in the formation again, and has
     /// to move then.
     pub fn give_another_chance(&mut self, time: f64) {

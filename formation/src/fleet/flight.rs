@@ -192,10 +192,27 @@ impl Flight {
         }
     }
 
-    /// Whether it rests, has no order to come, and nothing changes when it is located there again.
-    pub(super) fn is_settled(&self) -> bool {
-        let rests = matches!(self.travel(), Travel::There | Travel::Blocked);
-        rests && self.due.is_none() && self.former.is_none()
+    /// For how many seconds nothing changes but how far it is on its line, while it goes on from
+    /// `place` at `velocity`; `None` where that is not known.
+    pub(super) fn undisturbed_s(
+        &self,
+        place: &Vector3<f64>,
+        velocity: &Vector3<f64>,
+        tolerance: f64,
+    ) -> Option<f64> {
+        if self.due.is_some() || self.former.is_some() || self.unsent {
+            return None;
+        }
+        let speed = velocity.norm();
+        let Some(to) = self.way.get(1) else { return (speed <= 0.0).then_some(f64::INFINITY) };
+        if speed <= 0.0 {
+            return Some(f64::INFINITY);
+        }
+        let way = to - place;
+        let distance = way.norm();
+        // One that goes elsewhere may leave its line at any time.
+        let straight = (way * speed - velocity * distance).norm() <= 1e-6 * speed * distance;
+        straight.then_some((distance - 0.5 * tolerance) / speed)
     }
 
     /// Whether the leg that it was ordered to leave is released when it is next located.

@@ -266,7 +266,7 @@ impl Traffic {
 
     /// Which drones are to fly where now. Cheap as long as nothing has changed.
     pub fn step(&mut self) -> Vec<Order> {
-        if self.changed || self.released > 0.25 * self.config.keep_m() {
+        if self.changed || self.released > self.release_m() - EXACT {
             let thorough = core::mem::take(&mut self.changed);
             self.released = 0.0;
             self.set_off(thorough);
@@ -276,11 +276,29 @@ impl Traffic {
         flights.filter_map(|(drone, flight)| flight.order(drone)).collect()
     }
 
-    /// Whether every drone rests where it is, at its goal or because there is no way to it, so that
-    /// [`step`](Self::step) does nothing until one is located elsewhere or sent somewhere.
+    /// For how many seconds [`step`](Self::step) gives no order, and no drone arrives, while each
+    /// goes on from its place at its velocity, East, North and Up in metres and metres per second,
+    /// and is sent nowhere; `None` where that is not known, or at once. It may be too short.
     #[must_use]
-    pub fn is_settled(&self) -> bool {
-        !self.changed && self.flights.iter().all(Flight::is_settled)
+    pub fn undisturbed_s(&self, drones: &[(Vector3<f64>, Vector3<f64>)]) -> Option<f64> {
+        if self.changed || drones.len() != self.flights.len() {
+            return None;
+        }
+        let (mut least, mut speeds) = (f64::INFINITY, 0.0);
+        for (flight, (place, velocity)) in self.flights.iter().zip(drones) {
+            least = least.min(flight.undisturbed_s(place, velocity, self.config.tolerance_m)?);
+            speeds += velocity.norm();
+        }
+        // Those that wait look for a way whenever others have released so much of theirs.
+        if self.waiting().next().is_some() && speeds > 0.0 {
+            least = least.min((self.release_m() - self.released) / speeds);
+        }
+        Some(least)
+    }
+
+    /// After how many metres of released line ways are looked for again.
+    fn release_m(&self) -> f64 {
+        0.25 * self.config.keep_m()
     }
 
     /// How far a drone has come. One that does not exist is there.

@@ -64,6 +64,38 @@ fn one_that_waits_sets_off_as_soon_as_the_line_is_released() {
 }
 
 #[test]
+fn nothing_happens_before_one_arrives_or_has_released_enough() {
+    let east = |speed: f64| Vector3::new(speed, 0.0, 0.0);
+    let places = [at(0.0, 0.0), at(10.0, -10.0)];
+    let mut flown = Flown::new(&AirspaceConfig::default(), &places);
+    let resting = places.map(|place| (place, east(0.0)));
+    assert_eq!(flown.traffic.undisturbed_s(&resting), Some(f64::INFINITY));
+    assert_eq!(flown.traffic.undisturbed_s(&resting[..1]), None);
+    flown.traffic.go(0, &at(200.0, 0.0)).expect("there are two");
+    assert_eq!(flown.traffic.undisturbed_s(&resting), None, "it is sent off at once");
+    let _ = flown.traffic.step();
+    for (drone, place) in places.iter().enumerate() {
+        flown.traffic.locate(drone, place);
+    }
+    let _ = flown.traffic.step();
+    let flies = |velocity| [(places[0], velocity), (places[1], east(0.0))];
+    let tolerance_m = flown.traffic.config().tolerance_m;
+    let arrives = (200.0 - 0.5 * tolerance_m) / 2.0;
+    let quiet = flown.traffic.undisturbed_s(&flies(east(2.0))).expect("it flies straight");
+    assert!((quiet - arrives).abs() < 1e-9, "{quiet} s, not {arrives}");
+    // Elsewhere than it was sent, or one that should rest.
+    assert_eq!(flown.traffic.undisturbed_s(&flies(Vector3::new(2.0, 0.1, 0.0))), None);
+    let drifts = [(places[0], east(2.0)), (places[1], east(0.1))];
+    assert_eq!(flown.traffic.undisturbed_s(&drifts), None);
+    // Another one waits for the line.
+    flown.traffic.go(1, &at(10.0, 10.0)).expect("there are two");
+    let _ = flown.traffic.step();
+    let released = 0.25 * flown.traffic.config().keep_m() / 2.0;
+    let quiet = flown.traffic.undisturbed_s(&flies(east(2.0))).expect("it flies straight");
+    assert!((quiet - released).abs() < 1e-9, "{quiet} s, not {released}");
+}
+
+#[test]
 fn resting_drones_are_flown_around() {
     let mut flown = Flown::new(&AirspaceConfig::default(), &[at(0.0, 0.0), at(10.0, 0.5)]);
     flown.traffic.go(0, &at(20.0, 0.0)).expect("there are two");

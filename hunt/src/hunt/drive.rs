@@ -1,6 +1,6 @@
 use std::{error::Error, fmt};
 
-use foxhunt_core::{BeaconId, PatternSource, Pose, Sweep, Vehicle, Waypoint};
+use foxhunt_core::{BeaconId, PatternSource, Pose, SteadyMotion, Sweep, Vehicle, Waypoint};
 use nalgebra::Vector3;
 
 use super::{Command, Hunt, HuntError};
@@ -143,8 +143,8 @@ impl<V: Vehicle> Vehicle for Erased<V> {
         self.0.land().map_err(DeviceError::new)
     }
 
-    fn next_event(&self) -> Option<f64> {
-        self.0.next_event()
+    fn steady_motion(&self) -> Option<SteadyMotion> {
+        self.0.steady_motion()
     }
 }
 
@@ -170,8 +170,8 @@ pub fn drive<D: Devices>(hunt: &mut Hunt, drones: &mut [D], time: f64) -> Result
 /// What [`drive`] would do next, and when, for loops that own the time: a simulation goes from one
 /// event to the next instead of looking at everything at every step.
 ///
-/// Devices that know nothing of their [next event](PatternSource::next_event) are polled at every
-/// call. The hunt is the same as with [`drive`] at every step.
+/// Devices that know nothing of their [next event](PatternSource::next_event) or of [how they go
+/// on](Vehicle::steady_motion) are polled at every call. The hunt is the same as with [`drive`] at every step.
 #[derive(Clone, Debug)]
 pub struct Agenda {
     /// From one possible call to the next, in seconds.
@@ -228,8 +228,9 @@ impl Agenda {
         if polled {
             self.flight = None;
         } else if self.flight.is_none() {
-            let mut vehicles = drones.iter_mut().map(|devices| devices.devices().1.next_event());
-            self.flight = hunt.next_event().and_then(|event| vehicles.try_fold(event, earlier));
+            let motions = drones.iter_mut().map(|devices| devices.devices().1.steady_motion());
+            let motions: Option<Vec<_>> = motions.collect();
+            self.flight = motions.and_then(|motions| hunt.next_event(time, &motions));
         }
         Ok(())
     }

@@ -1,6 +1,6 @@
 use std::mem;
 
-use foxhunt_core::{BeaconId, PlanError, Pose, Station, Target, Waypoint};
+use foxhunt_core::{BeaconId, PlanError, Pose, Station, SteadyMotion, Target, Waypoint};
 use foxhunt_formation::{
     Airspace, Attendance, Duty, Endurance, Traffic, TrafficConfig, TrafficError, Travel,
 };
@@ -352,11 +352,22 @@ impl Flight {
         self.drones.iter().all(|drone| drone.awaited || drone.owed.is_empty())
     }
 
-    /// The next time at which [`pass`](Self::pass) or the way home can change anything while every
-    /// drone stays where it is and is located; `None` while one flies or is on its way home.
-    pub(super) fn next_event(&self) -> Option<f64> {
-        let settled = self.recalled.is_none() && self.traffic.is_settled();
-        settled.then(|| self.endurance.as_ref().map_or(f64::INFINITY, |_| self.return_check_at()))
+    /// The next time at which [`pass`](Self::pass), an arrival or the way home can change anything
+    /// while every drone is located and goes on as it does at `time`; `None` where that is not
+    /// known, or they are on their way home.
+    pub(super) fn next_event(&self, time: f64, motions: &[SteadyMotion]) -> Option<f64> {
+        if self.recalled.is_some() || self.is_deserted() || motions.len() != self.drones.len() {
+            return None;
+        }
+        let going: Vec<_> = (self.drones.iter().zip(motions))
+            .map(|(drone, motion)| (drone.station.pose.position, motion.velocity))
+            .collect();
+        let mut event = time + self.traffic.undisturbed_s(&going)?;
+        for (index, (drone, motion)) in self.drones.iter().zip(motions).enumerate() {
+            let under_way = self.traffic.status(index) == Travel::UnderWay;
+            event = event.min(motion.until).min(drone.attendance.next_event(under_way)?);
+        }
+        Some(self.endurance.as_ref().map_or(event, |_| event.min(self.return_check_at())))
     }
 
     /// Waits no longer for the sweeps that are owed; those that come late are used.

@@ -3,7 +3,7 @@ use std::{collections::BTreeSet, fmt, mem};
 use foxhunt_core::{
     BeaconId, BearingExtractor, ByQuantity, Correction, Decision, Estimate, EstimatorError,
     FormationPlanner, Intake, NoBearing, NoReading, Outcome, PlanError, Pose, Quantity, Reception,
-    Stage, Station, Sweep, Target,
+    Stage, Station, SteadyMotion, Sweep, Target,
 };
 use foxhunt_filters::consistency::NisHealth;
 use foxhunt_formation::{Phase, PhaseError, Phases, Progress, Signal, StopWatch};
@@ -347,18 +347,23 @@ impl Hunt {
     }
 
     /// The next time at which [`advance`](Self::advance) does anything, in seconds, as long as no
-    /// drone delivers anything and all stay where they are and are located; `None` where that is
-    /// not known, as while one flies. A hunt that only waits for sweeps is over their time at most.
+    /// drone delivers anything and all are located and go on as they do at `time`, when they were
+    /// located last; `None` where that is not known. It may be too early, and is never too late.
     #[must_use]
-    pub fn next_event(&self) -> Option<f64> {
-        let flight = self.flight.as_ref().filter(|flight| flight.is_waiting())?;
-        if !(matches!(self.phases.phase(), Phase::Measuring(_)) && self.outbox.is_empty()) {
-            return None;
-        }
-        let turn = self.since + self.turn_timeout_s();
+    pub fn next_event(&self, time: f64, motions: &[SteadyMotion]) -> Option<f64> {
+        let flight = self.flight.as_ref().filter(|_| self.outbox.is_empty())?;
+        let timeout_s = match self.phases.phase() {
+            Phase::Measuring(_) if flight.is_waiting() => self.turn_timeout_s(),
+            // How far all have flown is known where they are located alone.
+            Phase::Start | Phase::Moving(_) if self.config.stop.path_m.is_none() => {
+                self.config.move_timeout_s
+            }
+            _ => return None,
+        };
         let searches = self.targets.iter().filter_map(SearchedTarget::search);
         let budgets = searches.filter_map(|search| Some(search.began + self.config.stop.time_s?));
-        Some(budgets.fold(turn.min(flight.next_event()?), f64::min))
+        let event = flight.next_event(time, motions)?.min(self.since + timeout_s);
+        Some(budgets.fold(event, f64::min))
     }
 
     /// Whether every sweep that is owed is waited for: before the [next event](Self::next_event),

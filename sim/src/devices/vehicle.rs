@@ -1,4 +1,4 @@
-use foxhunt_core::{Pose, Spinner, Vehicle, Waypoint};
+use foxhunt_core::{Pose, Spinner, SteadyMotion, Vehicle, Waypoint};
 
 use super::OnBoard;
 use crate::SimError;
@@ -23,8 +23,8 @@ impl Vehicle for SimVehicle {
         self.0.over_link(|drone, now| drone.go_to(goal.position, now))?
     }
 
-    fn next_event(&self) -> Option<f64> {
-        self.0.with(|drone, now| drone.next_event(now))
+    fn steady_motion(&self) -> Option<SteadyMotion> {
+        self.0.with(|drone, now| drone.steady_motion(now))
     }
 }
 

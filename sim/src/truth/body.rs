@@ -61,6 +61,17 @@ impl Body {
         }
     }
 
+    /// How fast it moves, East, North and Up in metres per second, and for how many seconds it goes
+    /// on so; `None` where that is not known.
+    pub(super) fn steady_motion(&self) -> Option<(Vector3<f64>, f64)> {
+        match self {
+            Self::Kinematic(body) => body.steady_motion(),
+            Self::Quadrotor(_) => None,
+            #[cfg(feature = "emulators")]
+            Self::Carried(_) => None,
+        }
+    }
+
     /// Where its nose points, a turn more being 2π more.
     pub(super) fn heading(&self) -> f64 {
         match self {

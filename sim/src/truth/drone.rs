@@ -1,4 +1,4 @@
-use foxhunt_core::{BeaconId, Pose, angle};
+use foxhunt_core::{BeaconId, Pose, SteadyMotion, angle};
 use foxhunt_sensors::MagneticDipole;
 use nalgebra::Vector3;
 
@@ -6,8 +6,7 @@ use super::{
     Channel, Free,
     body::Body,
     course::Course,
-    is_due,
-    receiver::{Arrival, Port, Receiver, Signal},
+    receiver::{Answer, Arrival, Port, Receiver, Signal},
     streams::Streams,
     turntable::Turntable,
 };
@@ -68,22 +67,13 @@ impl Drone {
     /// Takes its devices' time to the first step at which `event` has come, the next one at least,
     /// if it stays as it is until then; whether it did.
     pub(crate) fn go_ahead(&mut self, event: f64, world: f64, free: Free) -> bool {
-        let mut time = self.time(world);
-        if !self.body.rests() {
-            return false;
-        }
-        loop {
-            let next = time + free.step;
-            // Not so for a step that is too small to be added, either.
-            if !(next > time && next < free.until) {
-                return false;
-            }
-            time = next;
-            if is_due(event, time) {
-                self.ahead = time;
-                return true;
-            }
-        }
+        let reached = self.body.rests().then(|| {
+            let next = free.step_from(self.time(world))?;
+            free.reach(event, next)
+        });
+        let Some(time) = reached.flatten() else { return false };
+        self.ahead = time;
+        true
     }
 
     /// Sends it somewhere; while it is stuck, later.
@@ -132,15 +122,20 @@ impl Drone {
         !self.failures.lost.iter().any(|lost| lost.contains(now))
     }
 
-    /// When its pose or its link may next change, unless it is sent somewhere; `None` while that
-    /// is at any moment.
-    pub(crate) fn next_event(&self, now: f64) -> Option<f64> {
+    /// How it goes on, and until when, unless it is sent somewhere; `None` where that changes at
+    /// any moment.
+    pub(crate) fn steady_motion(&self, now: f64) -> Option<SteadyMotion> {
         let DroneConfig { stuck, lost, .. } = &self.failures;
         let held = stuck.iter().any(|stuck| stuck.contains(now));
-        let rests = self.body.rests() && held == self.held && self.is_linked(now);
+        // One that may get stuck on its way is looked at all the time.
+        let foreseen = self.body.rests() || stuck.is_empty();
+        if held != self.held || !foreseen || !self.is_linked(now) {
+            return None;
+        }
+        let (velocity, left_s) = self.body.steady_motion()?;
         let changes = stuck.iter().chain(lost).flat_map(|time| [Some(time.from_s), time.to_s]);
         let changes = changes.flatten().filter(|change| *change > now);
-        rests.then(|| changes.fold(f64::INFINITY, f64::min))
+        Some(SteadyMotion { velocity, until: changes.fold(now + left_s, f64::min) })
     }
 
     /// Whether its radio works.
@@ -175,14 +170,23 @@ impl Drone {
         now: f64,
     ) {
         let signal = self.aimed(channel, (id, beacon), port, now);
-        self.transmit(channel, beacon, signal, now);
+        let answer = self.transmit(channel, beacon, signal, now);
+        self.receiver.await_answer(answer);
     }
 
-    /// Transmits a request to a beacon whose signal is known.
-    fn transmit(&mut self, channel: &Channel, beacon: &BeaconConfig, signal: Signal, now: f64) {
-        let answer_at = beacon.answer_after(now, self.receiver.latency());
-        let transmitted = signal.reaches && beacon.answers_at(now) && self.receives(answer_at);
-        self.receiver.answer(channel, signal.power_dbm, transmitted, answer_at);
+    /// Transmits a request to a beacon whose signal is known: the answer to come, if one does.
+    #[inline]
+    fn transmit(
+        &mut self,
+        channel: &Channel,
+        beacon: &BeaconConfig,
+        signal: Signal,
+        now: f64,
+    ) -> Option<Answer> {
+        let time = beacon.answer_after(now, self.receiver.latency());
+        let transmitted = signal.reaches && beacon.answers_at(now) && self.receives(time);
+        let reading = self.receiver.draw(channel, signal.power_dbm, transmitted);
+        reading.map(|rss_dbm| Answer { time, rss_dbm })
     }
 
     /// Sends requests one after the other while it may go ahead: the times and powers of the
@@ -198,20 +202,22 @@ impl Drone {
         let mut now = self.time(world);
         let mut signal = self.aimed(channel, (id, beacon), port, now);
         // Nobody goes ahead of a drone that moves.
+        let free = if self.body.rests() { free } else { Free::default() };
         let lasts = beacon.course.is_none() && self.motor.standing(now).is_some();
         for (count, answer) in answers.iter_mut().enumerate() {
             if count > 0 && !lasts {
                 signal = self.aimed(channel, (id, beacon), port, now);
             }
-            self.transmit(channel, beacon, signal, now);
-            let comes = self.receiver.answers_at();
-            if !is_due(comes, now) && !self.go_ahead(comes, world, free) {
+            let answered = self.transmit(channel, beacon, signal, now);
+            let known = answered.and_then(|answer| Some((free.reach(answer.time, now)?, answer)));
+            let Some((time, Answer { rss_dbm, .. })) = known else {
+                self.receiver.await_answer(answered);
                 return count;
-            }
-            now = self.time(world);
-            let Some(rss_dbm) = self.receiver.take_answer(now) else { return count };
-            *answer = (now, rss_dbm);
+            };
+            *answer = (time, rss_dbm);
+            (now, self.ahead) = (time, time);
         }
+        self.receiver.await_answer(None);
         answers.len()
     }
 

@@ -83,6 +83,16 @@ impl Kinematics {
         if needed > 0.0 { way / needed } else { Vector3::zeros() }
     }
 
+    /// How fast it moves, and for how many seconds it goes on so; `None` while it turns.
+    pub(super) fn steady_motion(&self) -> Option<(Vector3<f64>, f64)> {
+        if self.rests {
+            return Some((Vector3::zeros(), f64::INFINITY));
+        }
+        let way = self.goal - self.pose.position;
+        let needed = self.time_needed(&way);
+        (needed > 0.0 && self.rate.abs() <= 0.0).then(|| (way / needed, needed))
+    }
+
     /// The time that a straight line takes, in seconds: the slower of the two speeds sets the pace.
     fn time_needed(&self, way: &Vector3<f64>) -> f64 {
         (way.xy().norm() / self.cruise).max(way.z.abs() / self.limits.climb_mps)

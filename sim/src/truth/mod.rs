@@ -50,6 +50,25 @@ impl Default for Free {
     }
 }
 
+impl Free {
+    /// The step after a moment, if it is free.
+    #[inline]
+    fn step_from(&self, time: f64) -> Option<f64> {
+        let next = time + self.step;
+        // Not so for a step that is too small to be added, either.
+        (next > time && next < self.until).then_some(next)
+    }
+
+    /// The first step from a moment on, itself included, at which `event` has come.
+    #[inline]
+    fn reach(&self, event: f64, mut time: f64) -> Option<f64> {
+        while !is_due(event, time) {
+            time = self.step_from(time)?;
+        }
+        Some(time)
+    }
+}
+
 /// A beacon of a world.
 ///
 /// # Errors
@@ -76,6 +95,11 @@ impl Truth {
         let own = self.beacons.get(usize::from(beacon.0))?.frequency_mhz;
         let spaced = || self.channel.frequency_mhz + SPACING_MHZ * f64::from(beacon.0);
         Some(own.unwrap_or_else(spaced))
+    }
+
+    /// Whether every drone stays where it is until it is sent somewhere.
+    pub(crate) fn rests(&self) -> bool {
+        self.drones.iter().all(Drone::rests)
     }
 
     /// Lets `dt` seconds pass.

@@ -112,10 +112,12 @@ struct Look {
     signal: Signal,
 }
 
+/// The answer to a request.
 #[derive(Clone, Copy, Debug)]
-struct Answer {
-    time: f64,
-    rss_dbm: f64,
+pub(super) struct Answer {
+    /// When it comes.
+    pub(super) time: f64,
+    pub(super) rss_dbm: f64,
 }
 
 impl Receiver {
@@ -162,20 +164,14 @@ impl Receiver {
         self.last = port.of_the_channel().map(|port| Look { beacon, turned, port, signal });
     }
 
-    /// Draws the answer that comes at a time; an older one that was not taken is given up.
-    pub(super) fn answer(
-        &mut self,
-        channel: &Channel,
-        power_dbm: f64,
-        transmitted: bool,
-        time: f64,
-    ) {
-        let reading = self.draw(channel, power_dbm, transmitted);
-        self.answer = reading.map(|rss_dbm| Answer { time, rss_dbm });
+    /// Awaits this answer, if there is one; an older one that was not taken is given up.
+    pub(super) fn await_answer(&mut self, answer: Option<Answer>) {
+        self.answer = answer;
     }
 
     /// Draws what the receiver reads of a signal, in dBm; `None` for a sample that is lost, below
     /// the floor or not transmitted.
+    #[inline]
     pub(super) fn draw(
         &mut self,
         channel: &Channel,
@@ -203,9 +199,12 @@ impl Receiver {
     }
 
     /// Draws a sample's own noise and whether it is lost: its power in dBm, unless it is.
+    #[inline]
     pub(super) fn faded(&mut self, channel: &Channel, power_dbm: f64) -> Option<f64> {
         let noise: f64 = self.streams.sample.sample(StandardNormal);
-        let lost = self.streams.loss.random::<f64>() < channel.loss_probability;
+        // Losses have a stream of their own: nobody misses what is not drawn from it.
+        let lost = channel.loss_probability > 0.0
+            && self.streams.loss.random::<f64>() < channel.loss_probability;
         (!lost).then_some(power_dbm + channel.sample_sigma_db * noise)
     }
 
