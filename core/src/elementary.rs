@@ -62,6 +62,17 @@ pub fn ln(x: f64) -> f64 {
     if x >= f64::MIN_POSITIVE { value } else { small }
 }
 
+/// √x, correctly rounded everywhere.
+#[inline(always)]
+#[must_use]
+pub fn sqrt(x: f64) -> f64 {
+    // The one of libm is an instruction that compilers cannot widen.
+    #[cfg(feature = "std")]
+    return x.sqrt();
+    #[cfg(not(feature = "std"))]
+    return libm::sqrt(x);
+}
+
 /// The direction of (x, y) in [−π, π] to 9·10⁻¹⁶; 0 at the origin. Neither may be beyond 10³⁰⁰.
 #[inline(always)]
 #[must_use]
@@ -131,6 +142,7 @@ mod tests {
             let value = libm::exp(x);
             let exact = libm::log(value);
             assert!((ln(value) - exact).abs() <= ULP * exact.abs(), "ln {value}");
+            assert_eq!(sqrt(value).to_bits(), libm::sqrt(value).to_bits());
             let value = 1.0 + x / 2000.0;
             let exact = libm::log(value);
             assert!((ln(value) - exact).abs() <= ULP * exact.abs(), "ln {value}");

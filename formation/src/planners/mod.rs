@@ -29,8 +29,9 @@ pub use follow_estimate::{FollowConfig, FollowEstimate};
 pub use hold::Hold;
 #[cfg(feature = "alloc")]
 pub use information::{
-    Criterion, ExpectedReading, Information, InformationConfig, Objective, RssBearingTurn,
-    SteepestDescent, SteepestDescentConfig, TurnFisher, TurnInformation,
+    Criterion, ExpectedReading, ExpectedReadings, Information, InformationConfig, Objective,
+    RssBearingTurn, SteepestDescent, SteepestDescentConfig, TARGETS, TurnFisher, TurnFishers,
+    TurnInformation,
 };
 pub use orbit::{Orbit, OrbitConfig};
 pub use settling::SettlingRule;

@@ -3,6 +3,7 @@ use alloc::vec::Vec;
 use foxhunt_core::{Belief, Estimate, PlanError};
 use nalgebra::{Matrix2, Vector2};
 
+use super::columns::{Column, blocks};
 use crate::spiral::spiral;
 
 /// Fewer places than this give a belief's moments and not its shape.
@@ -24,16 +25,45 @@ pub(super) struct Cell {
     pub(super) weight: f64,
 }
 
+/// Some cells in columns; what fills up the last block has no weight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct CellBlock {
+    /// East and North.
+    pub(super) mean: [Column; 2],
+    /// East, both and North.
+    pub(super) covariance: [Column; 3],
+    pub(super) weight: Column,
+}
+
 /// A belief in a few cells of about equal weight, whose mixture has its mean and covariance.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Cells {
     pub(super) moments: Estimate<2>,
     pub(super) cells: Vec<Cell>,
+    /// The same cells in columns.
+    pub(super) blocks: Vec<CellBlock>,
     /// Whether it is nearly Gaussian, so that its moments are all there is.
     pub(super) gaussian: bool,
 }
 
 impl Cells {
+    pub(super) fn new(moments: Estimate<2>, cells: Vec<Cell>, gaussian: bool) -> Self {
+        let numbers = |cell: &Cell| {
+            let (mean, covariance) = (cell.mean, cell.covariance);
+            let [xx, xy, yy] = [covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]];
+            [mean.x, mean.y, xx, xy, yy, cell.weight]
+        };
+        let block = |[x, y, xx, xy, yy, weight]: [Column; 6]| CellBlock {
+            mean: [x, y],
+            covariance: [xx, xy, yy],
+            weight,
+        };
+        let mut blocks: Vec<_> = blocks(&cells, numbers).into_iter().map(block).collect();
+        let weights = blocks.iter_mut().flat_map(|block| &mut block.weight);
+        weights.skip(cells.len()).for_each(|weight| *weight = 0.0);
+        Self { moments, cells, blocks, gaussian }
+    }
+
     /// At most as many cells as `count` makes of whether it is nearly Gaussian: the places are
     /// halved by weight across their wider axis again and again, as in a k-d tree (Bentley 1975).
     /// Nothing is drawn at random.
@@ -67,7 +97,7 @@ impl Cells {
         let mut cells = Vec::with_capacity(count);
         split(&mut places, count, &mut cells);
         let moments = if shaped { moments_of(&places) } else { moments };
-        Ok(Self { moments, cells, gaussian })
+        Ok(Self::new(moments, cells, gaussian))
     }
 }
 

@@ -1,6 +1,7 @@
 //! Planners that listen where the next turns are expected to teach most.
 
 mod cells;
+mod columns;
 mod config;
 mod planner;
 mod power;
@@ -15,4 +16,7 @@ mod worth;
 pub use config::{Criterion, InformationConfig, Objective};
 pub use planner::Information;
 pub use steepest_descent::{SteepestDescent, SteepestDescentConfig};
-pub use turn::{ExpectedReading, RssBearingTurn, TurnFisher, TurnInformation};
+pub use turn::{
+    ExpectedReading, ExpectedReadings, RssBearingTurn, TARGETS, TurnFisher, TurnFishers,
+    TurnInformation,
+};

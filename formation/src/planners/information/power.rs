@@ -3,7 +3,11 @@ use alloc::vec::Vec;
 use foxhunt_core::{BeaconId, Reception};
 use nalgebra::{Vector2, Vector3};
 
-use super::{TurnInformation, cells::Cells};
+use super::{
+    TurnInformation,
+    cells::{Cell, Cells},
+    columns::{Column, blocks},
+};
 
 /// From where the levels of beacons were received: what is known of their power comes from there.
 ///
@@ -113,19 +117,27 @@ impl LevelRecord {
 
 /// What the levels received so far show of the power if the target is in a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct PowerIn {
+struct PowerIn {
+    level_db: f64,
+    level_gradient: Vector2<f64>,
+    variance: f64,
+}
+
+/// The same for many cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct PowerBlock {
     /// The mean level expected at the places where it was received, weighted with its information,
     /// and its gradient over the target's place.
-    pub(super) level_db: f64,
-    pub(super) level_gradient: Vector2<f64>,
+    pub(super) level_db: Column,
+    pub(super) level_gradient: [Column; 2],
     /// The variance of the power that is left, in dB².
-    pub(super) variance: f64,
+    pub(super) variance: Column,
 }
 
 /// The power of a transmitter, given each cell of the belief of its place.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Power {
-    cells: Vec<PowerIn>,
+    pub(super) blocks: Vec<PowerBlock>,
 }
 
 impl Power {
@@ -138,7 +150,7 @@ impl Power {
         sigma_db: f64,
     ) -> Self {
         let known = PowerIn { level_db: 0.0, level_gradient: Vector2::zeros(), variance: 0.0 };
-        let cells = belief.cells.iter().map(|cell| {
+        let in_cell = |cell: &Cell| {
             if sigma_db <= 0.0 {
                 return known;
             }
@@ -155,12 +167,17 @@ impl Power {
                 level_gradient: sum.level_gradient / sum.variance,
                 variance: 1.0 / sum.variance,
             }
-        });
-        Self { cells: cells.collect() }
-    }
-
-    pub(super) fn at(&self, cell: usize) -> &PowerIn {
-        &self.cells[cell]
+        };
+        let numbers = |cell: &Cell| {
+            let power = in_cell(cell);
+            [power.level_db, power.level_gradient.x, power.level_gradient.y, power.variance]
+        };
+        let block = |[level_db, x, y, variance]: [Column; 4]| PowerBlock {
+            level_db,
+            level_gradient: [x, y],
+            variance,
+        };
+        Self { blocks: blocks(&belief.cells, numbers).into_iter().map(block).collect() }
     }
 }
 

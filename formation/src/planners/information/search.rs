@@ -112,7 +112,7 @@ impl<'a, S: TurnInformation + ?Sized> Search<'a, S> {
                 Some(prior) => posterior.by_fisher(turn, belief, power, prior, places),
                 None => posterior.by_entropy(turn, belief, power, places),
             }
-            let course = self.rollout.after(posterior, &belief.cells, places);
+            let course = self.rollout.after(posterior, &belief.blocks);
             nats += posterior.nats;
             total.nats += course.nats;
             // One turn serves all targets.

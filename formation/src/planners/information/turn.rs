@@ -1,8 +1,9 @@
 use core::f64::consts::{FRAC_PI_2, LN_10};
 
 use foxhunt_core::{
-    Reception, angle,
+    Reception, angle, elementary,
     parameter::{ParameterError, positive, require},
+    vectorised::{self, Kernel},
 };
 use nalgebra::{Matrix2, Vector2, Vector3};
 
@@ -28,6 +29,51 @@ pub struct TurnFisher {
     pub level_information: f64,
     /// The Fisher information of the bearing, in 1/m².
     pub bearing: Matrix2<f64>,
+}
+
+/// How many targets a model is given at once, so that it can go through them in loops over columns.
+pub const TARGETS: usize = 32;
+
+/// The expected readings of many targets in one turn, a column for each field of
+/// [`ExpectedReading`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExpectedReadings {
+    /// The levels in dB.
+    pub level_db: [f64; TARGETS],
+    /// Their standard deviations in dB.
+    pub level_sigma_db: [f64; TARGETS],
+    /// The directions in radians counter-clockwise from East.
+    pub bearing: [f64; TARGETS],
+    /// Their standard deviations in radians.
+    pub bearing_sigma: [f64; TARGETS],
+}
+
+/// The Fisher information of one turn about the places of many targets, a column for each number of
+/// [`TurnFisher`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TurnFishers {
+    /// How the level changes with the target's East and North, in dB/m.
+    pub level_gradient: [[f64; TARGETS]; 2],
+    /// The inverse of the level's variance, in 1/dB².
+    pub level_information: [f64; TARGETS],
+    /// The Fisher information of the bearing about East, both and North, in 1/m².
+    pub bearing: [[f64; TARGETS]; 3],
+}
+
+impl Default for ExpectedReadings {
+    /// Zeros.
+    fn default() -> Self {
+        let zeros = [0.0; TARGETS];
+        Self { level_db: zeros, level_sigma_db: zeros, bearing: zeros, bearing_sigma: zeros }
+    }
+}
+
+impl Default for TurnFishers {
+    /// Zeros.
+    fn default() -> Self {
+        let zeros = [0.0; TARGETS];
+        Self { level_gradient: [zeros; 2], level_information: zeros, bearing: [zeros; 3] }
+    }
 }
 
 impl TurnFisher {
@@ -118,6 +164,42 @@ pub trait TurnInformation {
         }
     }
 
+    /// Sets what is expected of many targets, whose East and North are given; unless overridden,
+    /// one after the other by [`expected`](Self::expected).
+    fn expected_of_all(
+        &self,
+        targets: &[[f64; TARGETS]; 2],
+        receiver: &Vector3<f64>,
+        readings: &mut ExpectedReadings,
+    ) {
+        for (i, (east, north)) in targets[0].iter().zip(&targets[1]).enumerate() {
+            let reading = self.expected(&Vector2::new(*east, *north), receiver);
+            readings.level_db[i] = reading.level_db;
+            readings.level_sigma_db[i] = reading.level_sigma_db;
+            readings.bearing[i] = reading.bearing;
+            readings.bearing_sigma[i] = reading.bearing_sigma;
+        }
+    }
+
+    /// Sets the Fisher information about many targets, whose East and North are given; unless
+    /// overridden, one after the other by [`fisher`](Self::fisher).
+    fn fisher_of_all(
+        &self,
+        targets: &[[f64; TARGETS]; 2],
+        receiver: &Vector3<f64>,
+        fishers: &mut TurnFishers,
+    ) {
+        for (i, (east, north)) in targets[0].iter().zip(&targets[1]).enumerate() {
+            let fisher = self.fisher(&Vector2::new(*east, *north), receiver);
+            fishers.level_gradient[0][i] = fisher.level_gradient.x;
+            fishers.level_gradient[1][i] = fisher.level_gradient.y;
+            fishers.level_information[i] = fisher.level_information;
+            fishers.bearing[0][i] = fisher.bearing[(0, 0)];
+            fishers.bearing[1][i] = fisher.bearing[(0, 1)];
+            fishers.bearing[2][i] = fisher.bearing[(1, 1)];
+        }
+    }
+
     /// Takes note of the σs of a reception. Unless overridden, nothing is learned.
     fn learn(&mut self, reception: &Reception) {
         let _ = reception;
@@ -176,12 +258,78 @@ impl RssBearingTurn {
     }
 
     /// The bearing's variance at a horizontal distance and a height, both squared.
+    #[inline(always)]
     fn bearing_variance(&self, ground2: f64, height2: f64) -> f64 {
         // A drone straight above has a bearing of next to no information.
         let ground2 = ground2.max(1e-12 * (1.0 + height2));
         let tan2 = height2 / ground2;
         let steep = (tan2 / self.steep).max(1.0);
         self.bearing.variance() * (1.0 + tan2) * steep * steep
+    }
+
+    /// The level's change with the target's offset, over that offset, and the bearing's information
+    /// across it, over its square, at a horizontal distance and a height, both squared. One
+    /// division for each target.
+    #[inline(always)]
+    fn slopes(&self, ground2: f64, height2: f64) -> [f64; 2] {
+        let (precision, limit) = (1.0 / self.bearing.variance(), self.steep / height2);
+        let range2 = (ground2 + height2).max(1e-24);
+        let ground2 = ground2.max(1e-12 * (1.0 + height2));
+        let both = 1.0 / (ground2 * range2);
+        let steep = (ground2 * limit).min(1.0);
+        [-self.slope * (ground2 * both), both * precision * (steep * steep)]
+    }
+}
+
+struct ExpectedOfAll<'a> {
+    turn: &'a RssBearingTurn,
+    targets: &'a [[f64; TARGETS]; 2],
+    receiver: &'a Vector3<f64>,
+    readings: &'a mut ExpectedReadings,
+}
+
+impl Kernel for ExpectedOfAll<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { turn, targets: [east, north], receiver, readings } = self;
+        let height2 = receiver.z * receiver.z;
+        for i in 0..TARGETS {
+            let (x, y) = (east[i] - receiver.x, north[i] - receiver.y);
+            let ground2 = x * x + y * y;
+            let range2 = (ground2 + height2).max(f64::MIN_POSITIVE);
+            readings.level_db[i] = -0.5 * turn.slope * elementary::ln(range2);
+            readings.bearing[i] = elementary::atan2(y, x);
+            readings.bearing_sigma[i] = elementary::sqrt(turn.bearing_variance(ground2, height2));
+        }
+        readings.level_sigma_db = [libm::sqrt(turn.level_variance); TARGETS];
+    }
+}
+
+struct FisherOfAll<'a> {
+    turn: &'a RssBearingTurn,
+    targets: &'a [[f64; TARGETS]; 2],
+    receiver: &'a Vector3<f64>,
+    fishers: &'a mut TurnFishers,
+}
+
+impl Kernel for FisherOfAll<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { turn, targets: [east, north], receiver, fishers } = self;
+        for i in 0..TARGETS {
+            let (x, y) = (east[i] - receiver.x, north[i] - receiver.y);
+            let [level, across] = turn.slopes(x * x + y * y, receiver.z * receiver.z);
+            fishers.level_gradient[0][i] = x * level;
+            fishers.level_gradient[1][i] = y * level;
+            fishers.bearing[0][i] = y * y * across;
+            fishers.bearing[1][i] = -x * y * across;
+            fishers.bearing[2][i] = x * x * across;
+        }
+        fishers.level_information = [1.0 / turn.level_variance; TARGETS];
     }
 }
 
@@ -208,16 +356,31 @@ impl TurnInformation for RssBearingTurn {
 
     fn fisher(&self, target: &Vector2<f64>, receiver: &Vector3<f64>) -> TurnFisher {
         let offset = target - receiver.xy();
-        let (ground2, height2) = (offset.norm_squared(), receiver.z * receiver.z);
-        let level = -self.slope / (ground2 + height2).max(f64::MIN_POSITIVE);
-        let bearing = 1.0 / ground2.max(1e-12);
-        let across = bearing * bearing / self.bearing_variance(ground2, height2);
         let (x, y) = (offset.x, offset.y);
+        let [level, across] = self.slopes(x * x + y * y, receiver.z * receiver.z);
         TurnFisher {
             level_gradient: offset * level,
             level_information: 1.0 / self.level_variance,
             bearing: Matrix2::new(y * y, -x * y, -x * y, x * x) * across,
         }
+    }
+
+    fn expected_of_all(
+        &self,
+        targets: &[[f64; TARGETS]; 2],
+        receiver: &Vector3<f64>,
+        readings: &mut ExpectedReadings,
+    ) {
+        vectorised::run(ExpectedOfAll { turn: self, targets, receiver, readings });
+    }
+
+    fn fisher_of_all(
+        &self,
+        targets: &[[f64; TARGETS]; 2],
+        receiver: &Vector3<f64>,
+        fishers: &mut TurnFishers,
+    ) {
+        vectorised::run(FisherOfAll { turn: self, targets, receiver, fishers });
     }
 
     /// The bearing's σ becomes that of the bearings received so far, what was assumed counting as
@@ -286,6 +449,39 @@ mod tests {
             let closed = turn.fisher(&target, &receiver).total();
             let differences = numeric.fisher(&target, &receiver).total();
             prop_assert!((closed - differences).norm() < 1e-6 * (1.0 + closed.norm()));
+        }
+    }
+
+    #[test]
+    fn many_targets_are_as_each_of_them() {
+        let (turn, receiver) = (turn(), Vector3::new(3.0, -7.0, 4.0));
+        let mut targets = [[0.0_f64; TARGETS]; 2];
+        for i in 1..TARGETS {
+            let range = libm::exp(0.2 * targets[0][i - 1].abs().min(25.0));
+            targets[0][i] = 3.0 + range * libm::cos(2.4 * range);
+            targets[1][i] = -7.0 + range * libm::sin(2.4 * range);
+        }
+        let (mut readings, mut fishers) = (ExpectedReadings::default(), TurnFishers::default());
+        turn.expected_of_all(&targets, &receiver, &mut readings);
+        turn.fisher_of_all(&targets, &receiver, &mut fishers);
+        for (i, (east, north)) in targets[0].iter().zip(&targets[1]).enumerate() {
+            let target = Vector2::new(*east, *north);
+            let (reading, fisher) =
+                (turn.expected(&target, &receiver), turn.fisher(&target, &receiver));
+            for (a, b) in [
+                (readings.level_db[i], reading.level_db),
+                (readings.level_sigma_db[i], reading.level_sigma_db),
+                (readings.bearing[i], reading.bearing),
+                (readings.bearing_sigma[i], reading.bearing_sigma),
+                (fishers.level_gradient[0][i], fisher.level_gradient.x),
+                (fishers.level_gradient[1][i], fisher.level_gradient.y),
+                (fishers.level_information[i], fisher.level_information),
+                (fishers.bearing[0][i], fisher.bearing[(0, 0)]),
+                (fishers.bearing[1][i], fisher.bearing[(0, 1)]),
+                (fishers.bearing[2][i], fisher.bearing[(1, 1)]),
+            ] {
+                assert!((a - b).abs() <= 1e-12 * (1.0 + b.abs()), "{a}, not {b}");
+            }
         }
     }
 

@@ -1,31 +1,46 @@
 use alloc::vec::Vec;
-use core::{f64::consts::PI, ops::Range};
+use core::f64::consts::{PI, TAU};
 
-use foxhunt_core::angle;
-use nalgebra::{Matrix2, Vector2, Vector3};
+use foxhunt_core::{
+    elementary::{exp, ln, sqrt},
+    vectorised::{self, Kernel},
+};
+use nalgebra::{Matrix2, Vector3};
 
 use super::{
-    TurnInformation,
-    cells::{Cell, Cells},
-    power::Power,
+    ExpectedReadings, TARGETS, TurnFishers, TurnInformation,
+    cells::{Cell, CellBlock, Cells},
+    columns::{Column, dot},
+    power::{Power, PowerBlock},
 };
 
 /// A bearing without information is uniform on the circle, whose variance is π²/3.
 const UNIFORM: f64 = PI * PI / 3.0;
+
+/// Adding it rounds a number below 2⁵¹ to a whole one.
+const ROUND: f64 = 6_755_399_441_055_744.0;
 
 /// The posterior that a turn is expected to leave of a belief: one for each belief and power.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ExpectedPosterior {
     /// How much is learned, in nats.
     pub(super) nats: f64,
-    /// The posterior variances along its principal axes if the target is in a cell, the larger one
-    /// first; for each cell.
-    pub(super) axes: Vec<[f64; 2]>,
+    /// What is left if the target is in a cell, for each block of cells.
+    pub(super) left: Vec<Left>,
     /// What each drone contributes where it is; most formations differ from the last one in a
     /// single drone.
     drones: Vec<Drone>,
-    /// Sums over the drones for each pair of cells of a row.
-    row: [Vec<f64>; 3],
+    /// What all drones together distinguish, where cells are compared.
+    pairs: Vec<Pairs>,
+}
+
+/// What is left if the target is in one of some cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Left {
+    /// The posterior variances along its principal axes, the larger one first.
+    pub(super) axes: [Column; 2],
+    /// The square of how far the farthest drone is from the cell over ground.
+    pub(super) farthest2: Column,
 }
 
 /// What a drone at a place contributes.
@@ -36,145 +51,337 @@ struct Drone {
     taught: Vec<Taught>,
     /// What it would read from each cell, where cells are compared by that.
     readings: Vec<Readings>,
-    /// For each pair of cells, by rows: the parts of their divergence.
-    pairs: [Vec<f64>; 3],
+    /// For each cell, and each block of cells that it is compared with: the parts of their
+    /// divergence.
+    pairs: Vec<Pairs>,
 }
 
-/// What a turn teaches of a target in a cell: the power known, and what is taken off that for the
-/// power in doubt.
+/// What a turn teaches of a target in each of some cells: the power known, and what is taken off
+/// that for the power in doubt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Taught {
-    information: Matrix2<f64>,
-    weighted: Vector2<f64>,
-    level_information: f64,
+    /// The information about East, both and North; the weighted gradient of the level; and the
+    /// level's information.
+    sums: [Column; 6],
+    /// The square of the distance over ground.
+    distance2: Column,
 }
 
-/// The numbers that are read of one cell.
+/// The numbers that are read of each of some cells: value, variance and 1 / variance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Readings {
-    level: Reading,
-    bearing: Reading,
+    level: [Column; 3],
+    bearing: [Column; 3],
+    /// The sum of the logarithms of both variances.
+    log_variance: Column,
 }
 
-/// One number that is read, of one cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Reading {
-    value: f64,
-    variance: f64,
-    /// 1 / variance and ln variance: every pair of cells uses them.
-    precision: f64,
-    log_variance: f64,
-}
+/// Parts of the Kullback-Leibler divergence of what is read of one cell from what is read of each
+/// of some others: twice that, the power known, and the difference of the levels, weighted. The
+/// numbers are taken for independent Gaussians, bearings as well.
+type Pairs = [Column; 2];
 
-/// The variances along the principal axes of the inverse of a positive definite matrix; infinite
-/// for one that is not.
-fn axes_of_inverse(matrix: &Matrix2<f64>) -> [f64; 2] {
-    let (centre, determinant) = (0.5 * matrix.trace(), matrix.determinant());
-    let half = 0.5 * (matrix[(0, 0)] - matrix[(1, 1)]);
-    let radius = libm::sqrt(half * half + matrix[(0, 1)] * matrix[(0, 1)]);
-    let larger = centre + radius;
-    if !(determinant.is_finite() && determinant > 0.0 && centre > 0.0) {
-        return [f64::INFINITY; 2];
-    }
+/// The variances along the principal axes of the inverse of a positive definite matrix with this
+/// determinant, given as East, both and North; infinite for one that is not.
+#[inline(always)]
+fn axes_of_inverse(xx: f64, xy: f64, yy: f64, determinant: f64) -> [f64; 2] {
+    let (centre, half) = (0.5 * (xx + yy), 0.5 * (xx - yy));
+    let larger = centre + sqrt(half * half + xy * xy);
+    let definite = (determinant > 0.0) & (determinant < f64::INFINITY) & (centre > 0.0);
     // The smaller eigenvalue as determinant over the larger one, where a difference would cancel.
-    [larger / determinant, 1.0 / larger]
+    let axes = [larger / determinant, 1.0 / larger];
+    axes.map(|axis| if definite { axis } else { f64::INFINITY })
 }
 
 /// The variances along the principal axes of a covariance.
 pub(super) fn axes(covariance: &Matrix2<f64>) -> [f64; 2] {
-    let half = 0.5 * (covariance[(0, 0)] - covariance[(1, 1)]);
-    let radius = libm::sqrt(half * half + covariance[(0, 1)] * covariance[(0, 1)]);
-    let larger = 0.5 * covariance.trace() + radius;
-    [larger, (covariance.determinant() / larger).max(0.0)]
+    axes_of(covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)])
 }
 
-/// The Fisher information of all drones about a target in cell `index`: of the bearings, and of the
-/// levels with the power in doubt, which they share. Levels have the covariance σ² I + τ 1 1ᵀ,
-/// whose inverse is by Sherman and Morrison; their gradients are those of the difference to the
-/// levels received before.
-fn information_of_all(drones: &[Drone], power: &Power, index: usize) -> Matrix2<f64> {
-    let (mut sum, mut weighted, mut information) = (Matrix2::zeros(), Vector2::zeros(), 0.0);
-    for drone in drones {
-        let taught = &drone.taught[index];
-        sum += taught.information;
-        weighted += taught.weighted;
-        information += taught.level_information;
-    }
-    let variance = power.at(index).variance;
-    let shared = variance / (1.0 + variance * information);
-    sum - weighted * weighted.transpose() * shared
+#[inline(always)]
+fn axes_of(xx: f64, xy: f64, yy: f64) -> [f64; 2] {
+    let half = 0.5 * (xx - yy);
+    let larger = 0.5 * (xx + yy) + sqrt(half * half + xy * xy);
+    [larger, ((xx * yy - xy * xy) / larger).max(0.0)]
 }
 
-impl Drone {
-    /// Sets what it teaches at a place.
-    fn teach<S: TurnInformation + ?Sized>(
-        &mut self,
-        turn: &S,
-        belief: &Cells,
-        power: &Power,
-        place: &Vector3<f64>,
-    ) {
-        let taught = |(index, cell): (usize, &Cell)| {
-            let fisher = turn.fisher(&cell.mean, place);
-            let gradient = fisher.level_gradient - power.at(index).level_gradient;
-            let weighted = gradient * fisher.level_information;
-            Taught {
-                information: fisher.bearing + weighted * gradient.transpose(),
-                weighted,
-                level_information: fisher.level_information,
-            }
-        };
-        self.taught.clear();
-        self.taught.extend(belief.cells.iter().enumerate().map(taught));
-    }
+/// Sets what a drone teaches at a place.
+struct Teach<'a> {
+    fishers: &'a TurnFishers,
+    cells: &'a CellBlock,
+    power: &'a PowerBlock,
+    place: &'a Vector3<f64>,
+    taught: &'a mut Taught,
+}
 
-    /// Sets what it would read at a place, and how that distinguishes the cells.
-    fn read<S: TurnInformation + ?Sized>(
-        &mut self,
-        turn: &S,
-        belief: &Cells,
-        power: &Power,
-        place: &Vector3<f64>,
-    ) {
-        let read = |(index, cell): (usize, &Cell)| {
-            let known = power.at(index);
-            let expected = turn.expected(&cell.mean, place);
-            let mut jacobian = turn.jacobian(&cell.mean, place);
-            let mut level_row = jacobian.row_mut(0);
-            level_row -= known.level_gradient.transpose();
-            let spread = jacobian * cell.covariance * jacobian.transpose();
-            let level = expected.level_sigma_db * expected.level_sigma_db + spread[(0, 0)];
-            let bearing = expected.bearing_sigma * expected.bearing_sigma + spread[(1, 1)];
-            Readings {
-                level: Reading::new(expected.level_db - known.level_db, level),
-                bearing: Reading::new(expected.bearing, bearing.min(UNIFORM)),
-            }
-        };
-        self.readings.clear();
-        self.readings.extend(belief.cells.iter().enumerate().map(read));
-        let [twice, weighted, information] = &mut self.pairs;
-        for parts in [&mut *twice, &mut *weighted, &mut *information] {
-            parts.clear();
-        }
-        for of in &self.readings {
-            for from in &self.readings {
-                let level = of.level.value - from.level.value;
-                let bearing = of.bearing.value - from.bearing.value;
-                // Most differences are in range already, and wrapping is slow.
-                let bearing = if bearing.abs() < PI { bearing } else { angle::wrap(bearing) };
-                twice.push(
-                    one(&of.level, &from.level, level) + one(&of.bearing, &from.bearing, bearing),
-                );
-                weighted.push(level * from.level.precision);
-                information.push(from.level.precision);
-            }
+impl Kernel for Teach<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { fishers, cells, power, place, taught } = self;
+        for i in 0..TARGETS {
+            let x = fishers.level_gradient[0][i] - power.level_gradient[0][i];
+            let y = fishers.level_gradient[1][i] - power.level_gradient[1][i];
+            let information = fishers.level_information[i];
+            taught.sums[0][i] = fishers.bearing[0][i] + x * x * information;
+            taught.sums[1][i] = fishers.bearing[1][i] + x * y * information;
+            taught.sums[2][i] = fishers.bearing[2][i] + y * y * information;
+            taught.sums[3][i] = x * information;
+            taught.sums[4][i] = y * information;
+            taught.sums[5][i] = information;
+            let (east, north) = (cells.mean[0][i] - place.x, cells.mean[1][i] - place.y);
+            taught.distance2[i] = east * east + north * north;
         }
     }
 }
 
-impl Reading {
-    fn new(value: f64, variance: f64) -> Self {
-        Self { value, variance, precision: 1.0 / variance, log_variance: libm::log(variance) }
+/// Sets what a drone would read.
+struct Read<'a> {
+    expected: &'a ExpectedReadings,
+    fishers: &'a TurnFishers,
+    cells: &'a CellBlock,
+    power: &'a PowerBlock,
+    readings: &'a mut Readings,
+}
+
+impl Kernel for Read<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { expected, fishers, cells, power, readings } = self;
+        let [xx, xy, yy] = &cells.covariance;
+        for i in 0..TARGETS {
+            let x = fishers.level_gradient[0][i] - power.level_gradient[0][i];
+            let y = fishers.level_gradient[1][i] - power.level_gradient[1][i];
+            let spread = x * x * xx[i] + 2.0 * x * y * xy[i] + y * y * yy[i];
+            let level = expected.level_sigma_db[i] * expected.level_sigma_db[i] + spread;
+            // The information is the square of the bearing's gradient over its variance.
+            let [b_xx, b_xy, b_yy] = &fishers.bearing;
+            let spread = b_xx[i] * xx[i] + 2.0 * b_xy[i] * xy[i] + b_yy[i] * yy[i];
+            let variance = expected.bearing_sigma[i] * expected.bearing_sigma[i];
+            let bearing = (variance + variance * spread).min(UNIFORM);
+            readings.level[0][i] = expected.level_db[i] - power.level_db[i];
+            readings.level[1][i] = level;
+            readings.level[2][i] = 1.0 / level;
+            readings.bearing[0][i] = expected.bearing[i];
+            readings.bearing[1][i] = bearing;
+            readings.bearing[2][i] = 1.0 / bearing;
+            readings.log_variance[i] = ln(level) + ln(bearing);
+        }
+    }
+}
+
+/// Sets how readings distinguish the cells.
+struct Compare<'a> {
+    /// How many there are.
+    cells: usize,
+    readings: &'a [Readings],
+    pairs: &'a mut [Pairs],
+}
+
+impl Kernel for Compare<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (i, row) in self.pairs.chunks_mut(self.readings.len()).take(self.cells).enumerate() {
+            let (of, i) = (&self.readings[i / TARGETS], i % TARGETS);
+            let [level, bearing] =
+                [of.level, of.bearing].map(|number| [number[0][i], number[1][i]]);
+            let rest = -of.log_variance[i] - 2.0;
+            for (from, [twice, weighted]) in self.readings.iter().zip(row) {
+                for j in 0..TARGETS {
+                    let off = level[0] - from.level[0][j];
+                    let precision = from.level[2][j];
+                    let way = bearing[0] - from.bearing[0][j];
+                    let turns = (way * (1.0 / TAU) + ROUND) - ROUND;
+                    let way = way - turns * TAU;
+                    weighted[j] = off * precision;
+                    twice[j] = from.log_variance[j]
+                        + rest
+                        + (level[1] + off * off) * precision
+                        + (bearing[1] + way * way) * from.bearing[2][j];
+                }
+            }
+        }
+    }
+}
+
+impl Taught {
+    const ZERO: Self = Self { sums: [[0.0; TARGETS]; 6], distance2: [0.0; TARGETS] };
+
+    /// What all drones teach, the power in doubt taken off, and how far the farthest is. Levels have
+    /// the covariance σ² I + τ 1 1ᵀ with the power in doubt, which they share; its inverse is by
+    /// Sherman and Morrison. Their gradients are those of the difference to the levels received
+    /// before.
+    #[inline(always)]
+    fn of_all(drones: &[Drone], block: usize, power: &PowerBlock) -> Self {
+        let mut all = Self::ZERO;
+        for drone in drones {
+            let taught = &drone.taught[block];
+            let parts = all.sums.as_flattened_mut().iter_mut().zip(taught.sums.as_flattened());
+            parts.for_each(|(sum, part)| *sum += part);
+            for (most, square) in all.distance2.iter_mut().zip(&taught.distance2) {
+                *most = if *square > *most { *square } else { *most };
+            }
+        }
+        for i in 0..TARGETS {
+            let variance = power.variance[i];
+            let shared = variance / (1.0 + variance * all.sums[5][i]);
+            let [x, y] = [all.sums[3][i], all.sums[4][i]];
+            all.sums[0][i] -= x * x * shared;
+            all.sums[1][i] -= x * y * shared;
+            all.sums[2][i] -= y * y * shared;
+        }
+        all
+    }
+}
+
+#[inline(always)]
+fn add(sum: &mut Column, part: &Column) {
+    sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+}
+
+/// Sets what is left by Fisher information, and returns what is learned, in nats.
+struct ByFisher<'a> {
+    belief: &'a Cells,
+    power: &'a Power,
+    prior: &'a Matrix2<f64>,
+    drones: &'a [Drone],
+    left: &'a mut [Left],
+}
+
+impl Kernel for ByFisher<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let prior = self.prior;
+        let [xx, xy, yy] = [prior[(0, 0)], prior[(0, 1)], prior[(1, 1)]];
+        let before = ln(prior.determinant());
+        let mut nats = 0.0;
+        for (block, left) in self.left.iter_mut().enumerate() {
+            let all = Taught::of_all(self.drones, block, &self.power.blocks[block]);
+            let mut learned = [0.0; TARGETS];
+            for (i, learned) in learned.iter_mut().enumerate() {
+                let [t_xx, t_xy, t_yy] = [0, 1, 2].map(|k: usize| all.sums[k][i]);
+                let [xx, xy, yy] = [xx + t_xx, xy + t_xy, yy + t_yy];
+                let determinant = xx * yy - xy * xy;
+                let axes = axes_of_inverse(xx, xy, yy, determinant);
+                left.axes[0][i] = axes[0];
+                left.axes[1][i] = axes[1];
+                *learned = 0.5 * (ln(determinant) - before);
+            }
+            left.farthest2 = all.distance2;
+            nats += dot(&learned, &self.belief.blocks[block].weight);
+        }
+        nats
+    }
+}
+
+/// Sets what is left by the mutual information, and returns what is learned, in nats.
+struct ByEntropy<'a> {
+    belief: &'a Cells,
+    power: &'a Power,
+    drones: &'a [Drone],
+    left: &'a mut [Left],
+    /// The covariance that is left within each cell: East, both and North.
+    within: &'a mut [[Column; 3]],
+    /// What the doubt of the power takes off the divergence from each cell.
+    shared: &'a mut [Column],
+    /// What all drones together distinguish.
+    pairs: &'a mut [Pairs],
+}
+
+impl Kernel for ByEntropy<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let Self { belief, power, drones, left, within, shared, pairs } = self;
+        let mut nats = 0.0;
+        for (block, left) in left.iter_mut().enumerate() {
+            let (cells, power) = (&belief.blocks[block], &power.blocks[block]);
+            let all = Taught::of_all(drones, block, power);
+            let mut learned = [0.0; TARGETS];
+            let within = &mut within[block];
+            for i in 0..TARGETS {
+                // (P⁻¹ + T)⁻¹ = (I + P T)⁻¹ P.
+                let [xx, xy, yy] = [0, 1, 2].map(|k: usize| cells.covariance[k][i]);
+                let [t_xx, t_xy, t_yy] = [0, 1, 2].map(|k: usize| all.sums[k][i]);
+                let [a, b] = [1.0 + xx * t_xx + xy * t_xy, xx * t_xy + xy * t_yy];
+                let [c, d] = [xy * t_xx + yy * t_xy, 1.0 + xy * t_xy + yy * t_yy];
+                let determinant = a * d - b * c;
+                let inverse = 1.0 / determinant;
+                within[0][i] = (d * xx - b * xy) * inverse;
+                within[1][i] = 0.5 * ((d + a) * xy - b * yy - c * xx) * inverse;
+                within[2][i] = (a * yy - c * xy) * inverse;
+                learned[i] = 0.5 * ln(determinant.max(1.0));
+            }
+            nats += dot(&learned, &cells.weight);
+            left.farthest2 = all.distance2;
+            let mut information = [0.0; TARGETS];
+            drones.iter().for_each(|drone| add(&mut information, &drone.readings[block].level[2]));
+            for i in 0..TARGETS {
+                let variance = power.variance[i];
+                // Sherman and Morrison again: what all levels have in common may be the power.
+                shared[block][i] = variance / (1.0 + variance * information[i]);
+            }
+        }
+        pairs.as_flattened_mut().as_flattened_mut().fill(0.0);
+        for drone in drones {
+            let sums = pairs.as_flattened_mut().as_flattened_mut().iter_mut();
+            let parts = drone.pairs.as_flattened().as_flattened();
+            sums.zip(parts).for_each(|(sum, part)| *sum += part);
+        }
+        let blocks = belief.blocks.len();
+        for (i, cell) in belief.cells.iter().enumerate() {
+            let row = Self::row(cell, belief, &pairs[i * blocks..], within, shared);
+            let (block, i) = (i / TARGETS, i % TARGETS);
+            let inverse = 1.0 / row[0];
+            let [x, y, xx, xy, yy] = [1, 2, 3, 4, 5].map(|k: usize| row[k] * inverse);
+            let axes = axes_of(xx - x * x, xy - x * y, yy - y * y);
+            nats -= cell.weight * ln(row[0]);
+            left[block].axes[0][i] = axes[0];
+            left[block].axes[1][i] = axes[1];
+        }
+        nats
+    }
+}
+
+impl ByEntropy<'_> {
+    /// The weights that the cells keep if the target is in one of them: their sum, and their first
+    /// and second moments about it.
+    #[inline(always)]
+    fn row(
+        cell: &Cell,
+        belief: &Cells,
+        pairs: &[Pairs],
+        within: &[[Column; 3]],
+        shared: &[Column],
+    ) -> [f64; 6] {
+        let mut moments = [0.0; 6];
+        for (block, others) in belief.blocks.iter().enumerate() {
+            let [twice, weighted] = &pairs[block];
+            let mut weights = [0.0; TARGETS];
+            let mut parts = [[1.0; TARGETS]; 6];
+            for j in 0..TARGETS {
+                let divergence = 0.5 * (twice[j] - weighted[j] * weighted[j] * shared[block][j]);
+                weights[j] = others.weight[j] * exp(-divergence);
+                let (x, y) = (others.mean[0][j] - cell.mean.x, others.mean[1][j] - cell.mean.y);
+                parts[1][j] = x;
+                parts[2][j] = y;
+                parts[3][j] = within[block][0][j] + x * x;
+                parts[4][j] = within[block][1][j] + x * y;
+                parts[5][j] = within[block][2][j] + y * y;
+            }
+            for (moment, part) in moments.iter_mut().zip(&parts) {
+                *moment += dot(part, &weights);
+            }
+        }
+        moments
     }
 }
 
@@ -187,25 +394,24 @@ impl ExpectedPosterior {
         turn: &S,
         belief: &Cells,
         power: &Power,
-        information: &Matrix2<f64>,
+        prior: &Matrix2<f64>,
         places: &[Vector3<f64>],
     ) {
-        self.move_to(places, |drone, place| drone.teach(turn, belief, power, place));
-        let prior = libm::log(information.determinant());
-        self.axes.clear();
-        self.nats = 0.0;
-        for (index, cell) in belief.cells.iter().enumerate() {
-            let posterior = information + information_of_all(&self.drones, power, index);
-            self.nats += 0.5 * cell.weight * (libm::log(posterior.determinant()) - prior);
-            self.axes.push(axes_of_inverse(&posterior));
-        }
+        self.move_to(turn, belief, power, places, false);
+        self.leave_by_fisher(belief, power, prior);
+    }
+
+    fn leave_by_fisher(&mut self, belief: &Cells, power: &Power, prior: &Matrix2<f64>) {
+        let (drones, left) = (&self.drones, &mut self.left);
+        self.nats = vectorised::run(ByFisher { belief, power, prior, drones, left });
     }
 
     /// By the mutual information of reading and place: which cell it is, by the pairwise
     /// divergences D of what would be read, −Σᵢ wᵢ ln Σⱼ wⱼ exp(−Dᵢⱼ) (Kolchinsky
     /// & Tracey 2017, with the Kullback-Leibler divergence of Gaussians), and where in the cell, by
     /// Fisher information. D is additive over the drones but for the power in doubt, which they
-    /// share; the spread of a cell adds to the noise of what is read from it.
+    /// share and which takes off the means' part alone; the spread of a cell adds to the noise of
+    /// what is read from it.
     ///
     /// If the target is in cell i, the other cells keep the weights wⱼ exp(−Dᵢⱼ): with them the
     /// posterior covariance is that of a mixture.
@@ -216,76 +422,76 @@ impl ExpectedPosterior {
         power: &Power,
         places: &[Vector3<f64>],
     ) {
-        let cells = &belief.cells;
-        self.move_to(places, |drone, place| {
-            drone.teach(turn, belief, power, place);
-            drone.read(turn, belief, power, place);
-        });
-        self.axes.clear();
-        self.nats = 0.0;
-        let mut within = Vec::with_capacity(cells.len());
-        for (index, cell) in cells.iter().enumerate() {
-            let taught = information_of_all(&self.drones, power, index);
-            let gain = Matrix2::identity() + cell.covariance * taught;
-            self.nats += 0.5 * cell.weight * libm::log(gain.determinant().max(1.0));
-            let rest = gain.lu().solve(&cell.covariance).unwrap_or(cell.covariance);
-            within.push(0.5 * (rest + rest.transpose()));
-        }
-        for (i, cell) in cells.iter().enumerate() {
-            self.add_up_row(i * cells.len()..(i + 1) * cells.len());
-            let [twice, weighted, information] = &self.row;
-            let (mut sum, mut first, mut second) = (0.0, Vector2::zeros(), Matrix2::zeros());
-            for (j, other) in cells.iter().enumerate() {
-                let variance = power.at(j).variance;
-                // Sherman and Morrison again: what all levels have in common may be the power.
-                let shared = variance / (1.0 + variance * information[j]);
-                let divergence = 0.5 * (twice[j] - weighted[j] * weighted[j] * shared);
-                let weight = other.weight * libm::exp(-divergence);
-                let off = other.mean - cell.mean;
-                sum += weight;
-                first += off * weight;
-                second += (within[j] + off * off.transpose()) * weight;
-            }
-            self.nats -= cell.weight * libm::log(sum);
-            first /= sum;
-            self.axes.push(axes(&(second / sum - first * first.transpose())));
-        }
+        self.move_to(turn, belief, power, places, true);
+        self.leave_by_entropy(belief, power);
+    }
+
+    fn leave_by_entropy(&mut self, belief: &Cells, power: &Power) {
+        let (drones, left, pairs) = (&self.drones, &mut self.left, &mut self.pairs);
+        pairs.resize(belief.cells.len() * left.len(), [[0.0; TARGETS]; 2]);
+        let (mut within, mut shared) = (Vec::new(), Vec::new());
+        within.resize(left.len(), [[0.0; TARGETS]; 3]);
+        shared.resize(left.len(), [0.0; TARGETS]);
+        let (within, shared) = (&mut within, &mut shared);
+        let kernel = ByEntropy { belief, power, drones, left, within, shared, pairs };
+        self.nats = vectorised::run(kernel);
     }
 
     /// Sets anew what those drones contribute that are not where they were.
-    fn move_to(
+    fn move_to<S: TurnInformation + ?Sized>(
         &mut self,
+        turn: &S,
+        belief: &Cells,
+        power: &Power,
         places: &[Vector3<f64>],
-        mut contribute: impl FnMut(&mut Drone, &Vector3<f64>),
+        compared: bool,
     ) {
+        let left = Left { axes: [[0.0; TARGETS]; 2], farthest2: [0.0; TARGETS] };
+        self.left.resize(belief.blocks.len(), left);
         self.drones.resize(places.len(), Drone::default());
         for (drone, place) in self.drones.iter_mut().zip(places) {
             if drone.place != Some(*place) {
-                contribute(drone, place);
-                drone.place = Some(*place);
-            }
-        }
-    }
-
-    /// Adds up the parts of the Kullback-Leibler divergence of what is read of one cell from what
-    /// is read of each other: twice that, the power known; the difference of the levels, weighted;
-    /// and what they hold about the power. The numbers are taken for independent Gaussians,
-    /// bearings as well, and the power in doubt takes off the means' part alone.
-    fn add_up_row(&mut self, pairs: Range<usize>) {
-        for (part, sums) in self.row.iter_mut().enumerate() {
-            sums.clear();
-            sums.resize(pairs.len(), 0.0);
-            for drone in &self.drones {
-                let parts = &drone.pairs[part][pairs.clone()];
-                sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
+                drone.move_to(turn, belief, power, place, compared);
             }
         }
     }
 }
 
-/// Twice the divergence of one number.
-fn one(of: &Reading, from: &Reading, off: f64) -> f64 {
-    from.log_variance - of.log_variance + (of.variance + off * off) * from.precision - 1.0
+impl Drone {
+    /// Sets what it contributes at a place.
+    fn move_to<S: TurnInformation + ?Sized>(
+        &mut self,
+        turn: &S,
+        belief: &Cells,
+        power: &Power,
+        place: &Vector3<f64>,
+        compared: bool,
+    ) {
+        let (blocks, zeros) = (belief.blocks.len(), [0.0; TARGETS]);
+        self.place = Some(*place);
+        self.taught.resize(blocks, Taught::ZERO);
+        let mut fishers = TurnFishers::default();
+        let mut expected = ExpectedReadings::default();
+        if compared {
+            let (level, bearing) = ([zeros; 3], [zeros; 3]);
+            self.readings.resize(blocks, Readings { level, bearing, log_variance: zeros });
+            self.pairs.resize(belief.cells.len() * blocks, [zeros; 2]);
+        }
+        for (block, (cells, power)) in belief.blocks.iter().zip(&power.blocks).enumerate() {
+            turn.fisher_of_all(&cells.mean, place, &mut fishers);
+            let (fishers, taught) = (&fishers, &mut self.taught[block]);
+            vectorised::run(Teach { fishers, cells, power, place, taught });
+            if compared {
+                turn.expected_of_all(&cells.mean, place, &mut expected);
+                let (expected, readings) = (&expected, &mut self.readings[block]);
+                vectorised::run(Read { expected, fishers, cells, power, readings });
+            }
+        }
+        if compared {
+            let (cells, readings) = (belief.cells.len(), &self.readings);
+            vectorised::run(Compare { cells, readings, pairs: &mut self.pairs });
+        }
+    }
 }
 
 #[cfg(test)]
@@ -293,11 +499,17 @@ mod tests {
     use alloc::vec;
     use core::f64::consts::TAU;
 
-    use foxhunt_core::Estimate;
+    use foxhunt_core::{Estimate, angle};
+    use nalgebra::Vector2;
     use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
     use super::*;
     use crate::planners::information::{ExpectedReading, RssBearingTurn};
+
+    fn inverse(matrix: &Matrix2<f64>) -> [f64; 2] {
+        let [xx, xy, yy] = [matrix[(0, 0)], matrix[(0, 1)], matrix[(1, 1)]];
+        axes_of_inverse(xx, xy, yy, matrix.determinant())
+    }
 
     /// Points of equal weight.
     fn points(places: &[[f64; 2]]) -> Cells {
@@ -308,7 +520,7 @@ mod tests {
             weight,
         };
         let moments = Estimate::isotropic(Vector2::zeros(), 1.0);
-        Cells { moments, cells: places.iter().map(cell).collect(), gaussian: false }
+        Cells::new(moments, places.iter().map(cell).collect(), false)
     }
 
     fn normal(rng: &mut Xoshiro256PlusPlus) -> f64 {
@@ -455,7 +667,7 @@ mod tests {
             let cells = vec![cell(1.0, 1.0), cell(east, north)];
             let truth = brute_force_of_cells(&cells);
             let moments = Estimate::isotropic(Vector2::zeros(), 1.0);
-            let belief = Cells { moments, cells, gaussian: false };
+            let belief = Cells::new(moments, cells, false);
             let known = Power::of(&linear, &belief, &[], 0.0);
             let mut posterior = ExpectedPosterior::default();
             posterior.by_entropy(&linear, &belief, &known, &[Vector3::zeros()]);
@@ -474,9 +686,9 @@ mod tests {
             Matrix2::repeat(f64::NAN),
             Matrix2::new(f64::INFINITY, 0.0, 0.0, 1.0),
         ] {
-            assert!(axes_of_inverse(&bad).iter().all(|axis| axis.is_infinite()), "{bad}");
+            assert!(inverse(&bad).iter().all(|axis| axis.is_infinite()), "{bad}");
         }
-        let [large, small] = axes_of_inverse(&Matrix2::new(0.5, 0.0, 0.0, 4.0));
+        let [large, small] = inverse(&Matrix2::new(0.5, 0.0, 0.0, 4.0));
         assert!((large - 2.0).abs() < 1e-12 && (small - 0.25).abs() < 1e-12);
     }
 
@@ -487,7 +699,7 @@ mod tests {
         let covariance = Matrix2::new(9.0, 2.0, 2.0, 4.0);
         let moments = Estimate { mean: Vector2::new(3.0, 1.0), covariance };
         let cell = Cell { mean: moments.mean, covariance, weight: 1.0 };
-        let belief = Cells { moments, cells: vec![cell], gaussian: true };
+        let belief = Cells::new(moments, vec![cell], true);
         let places = [Vector3::new(-9.0, 4.0, 3.0), Vector3::new(5.0, 20.0, 2.0)];
         let power = Power::of(&turn, &belief, &[Vector3::new(40.0, 0.0, 4.0)], 5.0);
         let (mut fisher, mut entropy) =
@@ -496,9 +708,9 @@ mod tests {
         fisher.by_fisher(&turn, &belief, &power, &prior, &places);
         entropy.by_entropy(&turn, &belief, &power, &places);
         assert!((fisher.nats - entropy.nats).abs() < 1e-9);
-        for (a, b) in fisher.axes[0].iter().zip(entropy.axes[0]) {
-            assert!((a - b).abs() < 1e-9);
-        }
+        let axes = |posterior: &ExpectedPosterior| posterior.left[0].axes.map(|axis| axis[0]);
+        let (fisher, entropy) = (axes(&fisher), axes(&entropy));
+        assert!(fisher.iter().zip(entropy).all(|(a, b)| (a - b).abs() < 1e-9));
         // The power as a third unknown, of which a level received before teaches as well.
         let mut whole = nalgebra::Matrix3::zeros();
         whole.fixed_view_mut::<2, 2>(0, 0).copy_from(&prior);
@@ -526,7 +738,7 @@ mod tests {
             all.fixed_view::<2, 2>(0, 0) - cross * cross.transpose() / all[(2, 2)]
         };
         let expected = prior + place_of(&whole) - place_of(&earlier);
-        let axes = axes_of_inverse(&expected);
-        assert!((fisher.axes[0][0] - axes[0]).abs() < 1e-9, "{:?} {axes:?}", fisher.axes);
+        let axes = inverse(&expected);
+        assert!((fisher[0] - axes[0]).abs() < 1e-9, "{fisher:?} {axes:?}");
     }
 }
