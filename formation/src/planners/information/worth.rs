@@ -189,7 +189,7 @@ impl Kernel for Compare<'_> {
         for (i, row) in self.pairs.chunks_mut(self.readings.len()).take(self.cells).enumerate() {
             let (of, i) = (&self.readings[i / TARGETS], i % TARGETS);
             let [level, bearing] =
-                [of.level, of.bearing].map(|number| [number[0][i], number[1][i]]);
+                [&of.level, &of.bearing].map(|number| [number[0][i], number[1][i]]);
             let rest = -of.log_variance[i] - 2.0;
             for (from, [twice, weighted]) in self.readings.iter().zip(row) {
                 for j in 0..TARGETS {
@@ -212,10 +212,11 @@ impl Kernel for Compare<'_> {
 impl Taught {
     const ZERO: Self = Self { sums: [[0.0; TARGETS]; 6], distance2: [0.0; TARGETS] };
 
-    /// What all drones teach, the power in doubt taken off, and how far the farthest is. Levels have
-    /// the covariance σ² I + τ 1 1ᵀ with the power in doubt, which they share; its inverse is by
-    /// Sherman and Morrison. Their gradients are those of the difference to the levels received
-    /// before.
+    /// What all drones teach, the power in doubt taken off, and how far the farthest is.
+    ///
+    /// Levels have the covariance σ² I + τ 1 1ᵀ with the power in doubt, which they share; its
+    /// inverse is by Sherman and Morrison. Their gradients are those of the difference to the
+    /// levels received before.
     #[inline(always)]
     fn of_all(drones: &[Drone], block: usize, power: &PowerBlock) -> Self {
         let mut all = Self::ZERO;
@@ -366,10 +367,13 @@ impl ByEntropy<'_> {
         for (block, others) in belief.blocks.iter().enumerate() {
             let [twice, weighted] = &pairs[block];
             let mut weights = [0.0; TARGETS];
+            for (j, divergence) in weights.iter_mut().enumerate() {
+                *divergence = 0.5 * (twice[j] - weighted[j] * weighted[j] * shared[block][j]);
+            }
+            weights.iter_mut().for_each(|weight| *weight = exp(-*weight));
+            weights.iter_mut().zip(&others.weight).for_each(|(weight, before)| *weight *= before);
             let mut parts = [[1.0; TARGETS]; 6];
             for j in 0..TARGETS {
-                let divergence = 0.5 * (twice[j] - weighted[j] * weighted[j] * shared[block][j]);
-                weights[j] = others.weight[j] * exp(-divergence);
                 let (x, y) = (others.mean[0][j] - cell.mean.x, others.mean[1][j] - cell.mean.y);
                 parts[1][j] = x;
                 parts[2][j] = y;
