@@ -28,6 +28,7 @@
 #[cfg(feature = "alloc")]
 extern crate alloc;
 
+mod above_ground;
 pub mod angle;
 mod axis;
 mod bearing_modes;
@@ -60,6 +61,7 @@ mod vehicle;
 
 pub use nalgebra;
 
+pub use above_ground::{HeightAboveGround, HeightSource};
 pub use axis::Axis;
 pub use bearing_modes::{BearingMode, BearingModes, BearingModesError};
 pub use belief::{Belief, BeliefOf};

@@ -1,6 +1,6 @@
 use std::{cell::RefCell, rc::Rc};
 
-use foxhunt_core::{Pose, Spinner, SteadyMotion, Vehicle, Waypoint};
+use foxhunt_core::{HeightAboveGround, Pose, Spinner, SteadyMotion, Vehicle, Waypoint};
 use nalgebra::Vector3;
 
 /// An aircraft that is flown from the ground up: what a hunt on real devices needs besides going
@@ -130,6 +130,17 @@ pub struct AircraftState {
     pub hindrance: String,
     /// What is left in the battery, from 0 to 1, where it reports that.
     pub battery: Option<f64>,
+    /// How high it is above the ground by its own devices, where it has any.
+    pub above_ground: Option<ReportedHeight>,
+}
+
+/// A height above the ground that an aircraft has reported.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReportedHeight {
+    /// The height.
+    pub height: HeightAboveGround,
+    /// How long ago it came, in seconds.
+    pub age_s: f64,
 }
 
 /// One aircraft for several owners: the fleet that sends it, and the source that turns it and reads

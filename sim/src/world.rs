@@ -42,7 +42,8 @@ impl World {
         let mut root = Xoshiro256PlusPlus::seed_from_u64(seed);
         let mut drone = |drone| {
             let streams = Streams::fork(&mut root);
-            Drone::new(drone, config.vehicle, config.stepper, streams)
+            let ground = channel.terrain().cloned();
+            Drone::new(drone, config.vehicle, config.stepper, streams, ground)
         };
         let drones = config.drones.iter().map(&mut drone).collect::<Result<_, _>>()?;
         let beacons = config.drawn_beacons(seed);
@@ -172,7 +173,7 @@ impl World {
     ///
     /// [`SimError::Drone`] if there is no such drone.
     pub fn pose(&self, drone: usize) -> Result<Pose, SimError> {
-        Ok(self.on_board(drone)?.with(|drone, _| drone.body.pose()))
+        Ok(self.on_board(drone)?.with(|drone, _| drone.pose()))
     }
 
     /// How fast a drone truly moves: East, North and Up in metres per second.

@@ -1,6 +1,7 @@
 //! Drivers against emulated devices of a simulated world, in its own time.
 #![cfg(feature = "hardware")]
 
+mod above_ground;
 mod advised;
 mod ardrone;
 mod carried;

@@ -9,7 +9,7 @@ use foxhunt::{
     },
     sim::{
         AutopilotConfig, AutopilotFaults, DroneConfig, EmulatedAutopilot, Emulator, Interval,
-        KinematicConfig, PilotOrder, SimClock, VehicleConfig, World, WorldConfig,
+        KinematicConfig, PilotOrder, ReliefConfig, SimClock, VehicleConfig, World, WorldConfig,
     },
     wire::{MemoryStream, mavlink::Autopilot, memory_pair},
 };
@@ -40,6 +40,16 @@ impl Field {
 
     /// A drone that is capable of no more.
     fn within(limits: KinematicConfig, emulated: AutopilotConfig, driver: MavlinkConfig) -> Self {
+        Self::over(None, limits, emulated, driver)
+    }
+
+    /// A drone over some terrain.
+    pub(super) fn over(
+        terrain: Option<ReliefConfig>,
+        limits: KinematicConfig,
+        emulated: AutopilotConfig,
+        driver: MavlinkConfig,
+    ) -> Self {
         let drone = DroneConfig {
             east_m: 3.0,
             north_m: -2.0,
@@ -48,7 +58,8 @@ impl Field {
             ..DroneConfig::default()
         };
         let vehicle = VehicleConfig::Kinematic(limits);
-        let config = WorldConfig { drones: vec![drone], vehicle, ..WorldConfig::default() };
+        let config =
+            WorldConfig { drones: vec![drone], vehicle, terrain, ..WorldConfig::default() };
         let world = World::new(&config, 1).expect("a world");
         let (near, far) = memory_pair();
         let origin = emulated.origin;

@@ -8,9 +8,10 @@ use foxhunt::{
     },
     hardware::Shared,
     hunt::{BoxedSource, Event, FlightStage},
+    overview::notice,
     registry::Registry,
     scenario::Scenario,
-    sim::World,
+    sim::{ReliefConfig, World},
 };
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 use nalgebra::{Vector2, Vector3};
@@ -29,8 +30,9 @@ fn hill(row: u32, column: u32) -> i16 {
 struct Tiles(PathBuf);
 
 impl Tiles {
-    fn new() -> Self {
-        let folder = std::env::temp_dir().join(format!("foxhunt-hills-{}", std::process::id()));
+    fn new(test: &str) -> Self {
+        let folder = format!("foxhunt-{test}-{}", std::process::id());
+        let folder = std::env::temp_dir().join(folder);
         fs::create_dir_all(&folder).expect("a folder for this test");
         let places = (0..SIDE).flat_map(|row| (0..SIDE).map(move |column| (row, column)));
         let bytes: Vec<u8> = places.flat_map(|(r, c)| hill(r, c).to_be_bytes()).collect();
@@ -64,14 +66,19 @@ fn ground(frame: &LocalFrame, place: &Vector2<f64>) -> f64 {
 
 #[test]
 fn drones_keep_their_height_above_hills() {
-    let tiles = Tiles::new();
+    let tiles = Tiles::new("hills");
     let scenario = Scenario::find("pritzl-6.1").expect("it is built in");
     let world = World::new(&scenario.world, 1).expect("a world");
     let config = EmulatedFieldConfig::default();
     let (mut field, mut ports) =
         EmulatedField::in_memory(&scenario, &world, &config).expect("a field");
     let mut flight: FlightConfig = field.flight().clone();
-    let terrain = |reach_m| TerrainConfig { folder: tiles.0.clone(), reach_m, clearance_m: 4.0 };
+    let terrain = |reach_m| TerrainConfig {
+        folder: tiles.0.clone(),
+        reach_m,
+        clearance_m: 4.0,
+        height_tolerance_m: 4.0,
+    };
     flight.terrain = Some(terrain(500.0));
     let origin = Geodetic::new(flight.site.lat_deg, flight.site.lon_deg, 0.0).expect("a place");
     let frame = LocalFrame::new(origin).expect("a place");
@@ -123,4 +130,73 @@ fn drones_keep_their_height_above_hills() {
     let text = error.to_string();
     assert!(text.starts_with("terrain: ") && text.contains("N49E013.hgt"), "{text}");
     assert!(text.contains("foxhunt-hills"), "{text}");
+}
+
+/// What is logged of heights by [terrain] that differ from those of the drones' own devices, and
+/// how many drones were received, in a flight whose world has a terrain or is level.
+fn differences(tiles: &Tiles, relief: Option<ReliefConfig>, ranged: bool) -> (Vec<Event>, usize) {
+    let mut scenario = Scenario::find("pritzl-6.1").expect("it is built in");
+    scenario.world.terrain = relief;
+    scenario.hunt.stop.time_s = Some(100.0);
+    let world = World::new(&scenario.world, 1).expect("a world");
+    let rangefinder_m = ranged.then_some([0.2, 40.0]);
+    let config = EmulatedFieldConfig { rangefinder_m, ..EmulatedFieldConfig::default() };
+    let (mut field, mut ports) =
+        EmulatedField::in_memory(&scenario, &world, &config).expect("a field");
+    let mut flight = field.flight().clone();
+    flight.terrain = Some(TerrainConfig {
+        folder: tiles.0.clone(),
+        reach_m: 500.0,
+        clearance_m: 4.0,
+        height_tolerance_m: 4.0,
+    });
+    let registry = Registry::builtin();
+    let estimator = flight.estimator(&registry).expect("it is known");
+    let hunt = flight.parts(&registry, estimator, 1).build().expect("a hunt");
+    let drones = flight.open(&mut ports, &world.clock(), 0.0, None, None).expect("devices");
+    let mut mission: Mission<Shared<BoxedAircraft>, BoxedSource> =
+        Mission::new(flight.flight, hunt, drones, world.time()).expect("a flight");
+    let (mut differences, mut heights) = (Vec::new(), 0);
+    while !mission.is_over() && world.time() < 1000.0 {
+        world.advance(scenario.simulation.tick_s).expect("time passes");
+        field.serve(|device, error| panic!("{device}: {error}"));
+        mission.step(world.time());
+        while let Some(event) = mission.poll_event() {
+            match event {
+                Event::HeightDiffers { .. } => differences.push(event),
+                Event::Health { above_ground: Some(_), .. } => heights += 1,
+                _ => {}
+            }
+        }
+    }
+    assert!(mission.is_over() && mission.failure().is_none(), "{mission:?}");
+    (differences, heights)
+}
+
+#[test]
+fn ground_that_is_not_where_the_tiles_have_it_is_reported() {
+    let tiles = Tiles::new("shifted");
+    // The world is level, and the tiles have hills of 12 m there.
+    let (shifted, heights) = differences(&tiles, None, true);
+    assert!(heights > 10, "{heights}");
+    assert!(!shifted.is_empty() && shifted.len() < 30, "once while it lasts: {}", shifted.len());
+    for event in &shifted {
+        let Event::HeightDiffers { reported, expected_m, tolerance_m, .. } = event else {
+            continue;
+        };
+        assert!((reported.metres - expected_m).abs() > *tolerance_m, "{event:?}");
+        let text = notice(event).expect("it is shown").text;
+        assert!(text.contains("by rangefinder") && text.contains("terrain.folder"), "{text}");
+    }
+    let (unknown, heights) = differences(&tiles, None, false);
+    assert_eq!((unknown, heights), (vec![], 0), "nobody has a rangefinder");
+    // A world with the same hills.
+    let mut relief = ReliefConfig::default();
+    let site = EmulatedFieldConfig::default().site;
+    relief.folder = Some(tiles.0.clone());
+    (relief.lat_deg, relief.lon_deg) = (Some(site.lat_deg), Some(site.lon_deg));
+    relief.reach_m = Some(500.0);
+    let (same, heights) = differences(&tiles, Some(relief), true);
+    assert!(heights > 5, "{heights}");
+    assert_eq!(same, vec![]);
 }

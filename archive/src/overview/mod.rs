@@ -12,7 +12,7 @@ pub use notice::{Notice, notice};
 pub use of_log::{KeptTurn, OverviewReader};
 pub use turn::{KnownAntenna, Turn};
 
-use foxhunt_core::{Bearing, BearingModes, Ellipse, Estimate, Level};
+use foxhunt_core::{Bearing, BearingModes, Ellipse, Estimate, HeightAboveGround, Level};
 #[cfg(feature = "batch")]
 use foxhunt_hunt::locate::Tracked;
 use foxhunt_hunt::locate::{Located, Region, Rival};
@@ -56,7 +56,7 @@ pub struct Receiver {
     pub health: Vec<Health>,
 }
 
-/// How battery, link and position of a drone are from a time on.
+/// How battery, link and position of a drone are from a time on, and how high it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
     /// When, in seconds.
@@ -67,6 +67,8 @@ pub struct Health {
     pub linked: bool,
     /// σ of its position, the greatest axis in metres.
     pub position_sigma_m: Option<f64>,
+    /// How high it is above the ground by its own devices.
+    pub above_ground: Option<HeightAboveGround>,
 }
 
 /// A place at a time.

@@ -79,18 +79,30 @@ pub fn notice(event: &Event) -> Option<Notice> {
             let mode = Some(mode.as_str()).filter(|mode| !mode.is_empty()).unwrap_or("no mode yet");
             (time, true, format!("drone {drone}: {mode}, {place}{hindrance}"))
         }
-        Event::Health { time, drone, battery, linked, position_sigma_m } => {
+        Event::Health { time, drone, battery, linked, position_sigma_m, above_ground } => {
             let mut parts = Vec::new();
             parts.extend(battery.map(|left| format!("{:.0} % of its battery left", left * 100.0)));
             // What is in the way of its orders says so itself.
             parts.extend((!linked).then(|| "no messages".to_owned()));
             parts.extend(position_sigma_m.map(|sigma| format!("position to {sigma:.1} m (σ)")));
+            parts.extend(above_ground.map(|height| {
+                format!("{:.1} m to the ground below ({})", height.metres, height.source)
+            }));
             let low = battery.is_some_and(|left| left < LOW_BATTERY);
             parts.extend(low.then(|| "bring it home soon".to_owned()));
             if parts.is_empty() {
                 return None;
             }
             (time, low, of_drone(*drone, format!("has {}", parts.join(", "))))
+        }
+        Event::HeightDiffers { time, drone, reported, expected_m, tolerance_m } => {
+            let text = format!(
+                "is {:.1} m above the ground by {}, {expected_m:.1} m by [terrain], more than \
+                 {tolerance_m} m apart; look at it, take it over if it is low, and check the \
+                 tiles of terrain.folder",
+                reported.metres, reported.source
+            );
+            (time, true, of_drone(*drone, text))
         }
         Event::ClockOffset { time, drone, offset_s, uncertainty_s, jumps } => {
             let set = if *jumps > 0 { "was set and " } else { "" };

@@ -178,7 +178,7 @@ impl<'a> OverviewReader<'a> {
             Event::Received { drone, reception, .. } => self.receive(*drone, reception, moment),
             Event::Sent { time, drone, to, .. } => self.send(*drone, *time, *to),
             Event::PhaseChanged { time, phase: Phase::Measuring(_) } => self.arrive(*time),
-            Event::Health { time, drone, battery, linked, position_sigma_m } => {
+            Event::Health { time, drone, battery, linked, position_sigma_m, above_ground } => {
                 self.flight(*drone);
                 if let Some(receiver) = self.overview.receivers.get_mut(*drone) {
                     receiver.health.push(Health {
@@ -186,6 +186,7 @@ impl<'a> OverviewReader<'a> {
                         battery: *battery,
                         linked: *linked,
                         position_sigma_m: *position_sigma_m,
+                        above_ground: *above_ground,
                     });
                 }
             }

@@ -1,4 +1,4 @@
-use foxhunt_core::Ellipse;
+use foxhunt_core::{Ellipse, HeightSource};
 use foxhunt_hunt::hunt::PlaceEstimate;
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
@@ -114,14 +114,17 @@ struct RestruckFix<'a> {
     estimate: PlaceEstimate,
 }
 
+/// Time, share of the battery that is left, whether its messages come, σ of its position, and how
+/// high it is above the ground by which of its devices.
+type HealthRow = (f64, Option<f64>, bool, Option<f64>, Option<(f64, HeightSource)>);
+
 #[derive(Debug, Serialize)]
 struct Receiver<'a> {
     name: &'a str,
     /// Time, East, North, Up.
     path: Vec<[f64; 4]>,
-    /// Time, share of the battery that is left, whether its messages come, σ of its position.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    health: Vec<(f64, Option<f64>, bool, Option<f64>)>,
+    health: Vec<HealthRow>,
 }
 
 #[derive(Debug, Serialize)]
@@ -342,9 +345,10 @@ fn thinned<T>(all: &[T]) -> impl Iterator<Item = &T> {
     all.iter().enumerate().filter(move |(i, _)| i % every == 0 || *i == last).map(|(_, one)| one)
 }
 
-fn health(of: &Health) -> (f64, Option<f64>, bool, Option<f64>) {
+fn health(of: &Health) -> HealthRow {
     let percent = of.battery.map(|left| round(left, 2));
-    (seconds(of.time), percent, of.linked, of.position_sigma_m.map(metres))
+    let above_ground = of.above_ground.map(|height| (metres(height.metres), height.source));
+    (seconds(of.time), percent, of.linked, of.position_sigma_m.map(metres), above_ground)
 }
 
 fn knot(knot: &Knot) -> [f64; 4] {

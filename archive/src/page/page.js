@@ -560,15 +560,19 @@ showLayers();
 
 let shownHealth = "";
 function showHealth() {
-  const cells = data.receivers.filter((receiver) => receiver.health?.length).map((receiver) => {
+  const receivers = data.receivers.filter((receiver) => receiver.health?.length);
+  // The autopilot's own height above the ground, where any has one.
+  const heights = receivers.some((receiver) => receiver.health.some((entry) => entry[4]));
+  const cells = receivers.map((receiver) => {
     const known = receiver.health.findLast((entry) => entry[0] <= state.time);
-    if (!known) return [receiver.name, "", "", ""];
-    const [, battery, linked, sigma] = known;
+    if (!known) return [receiver.name, "", "", "", ...(heights ? [""] : [])];
+    const [, battery, linked, sigma, height] = known;
     return [
       receiver.name,
       battery === null ? "not reported" : `${Math.round(100 * battery)} %`,
       linked ? "ok" : "no messages",
       sigma === null ? "not known" : `± ${sigma.toFixed(1)} m`,
+      ...(heights ? [height ? `${height[0].toFixed(1)} m (${height[1]})` : "not reported"] : []),
     ];
   });
   const key = cells.join();
@@ -576,7 +580,7 @@ function showHealth() {
   shownHealth = key;
   byId("drones-section").hidden = !cells.length;
   byId("drones").replaceChildren(
-    element("thead", {}, row(["drone", "battery", "link", "position (σ)"], "th")),
+    element("thead", {}, row(["drone", "battery", "link", "position (σ)", ...(heights ? ["above ground"] : [])], "th")),
     element("tbody", {}, ...cells.map((line) => row(line, "td"))),
   );
 }

@@ -1,4 +1,4 @@
-use foxhunt_core::{Bearing, BearingModes, Estimate, Level};
+use foxhunt_core::{Bearing, BearingModes, Estimate, HeightAboveGround, HeightSource, Level};
 use nalgebra::{Vector2, Vector3};
 use serde_json::Value;
 
@@ -44,6 +44,14 @@ fn overview() -> Overview {
         battery: Some(0.456),
         linked: true,
         position_sigma_m: None,
+        above_ground: None,
+    });
+    overview.receivers[0].health.push(Health {
+        time: 3.0,
+        battery: None,
+        linked: true,
+        position_sigma_m: None,
+        above_ground: Some(HeightAboveGround { metres: 3.5, source: HeightSource::Rangefinder }),
     });
     overview.add(received);
     overview.searches.push(SearchOverview {
@@ -60,7 +68,11 @@ fn the_page_holds_what_is_in_the_overview() {
     let data = data_in(&page);
     assert_eq!(data["received"][0]["place"], serde_json::json!([1.235, -2.0, 4.0]));
     assert_eq!(data["received"][0]["bearing"], serde_json::json!([0.5, 0.1, 0.9]));
-    assert_eq!(data["receivers"][0]["health"], serde_json::json!([[2.0, 0.46, true, null]]));
+    let health = serde_json::json!([
+        [2.0, 0.46, true, null, null],
+        [3.0, null, true, null, [3.5, "rangefinder"]]
+    ]);
+    assert_eq!(data["receivers"][0]["health"], health);
     assert_eq!(data["searches"][0]["beliefs"][0]["place"], serde_json::json!([10.0, 20.0]));
     // √χ²₂ at 95 % is 2.4477.
     assert_eq!(data["searches"][0]["beliefs"][0]["ellipse"][0], 4.895);

@@ -44,6 +44,12 @@ pub struct EmulatedFieldConfig {
     pub site: Site,
     /// Whose firmware flies its drones.
     pub autopilot: Autopilot,
+    /// From which least to which greatest distance in metres rangefinders of the autopilots measure,
+    /// which look down; there are none where absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rangefinder_m: Option<[f64; 2]>,
+    /// Whether the autopilots have the world's terrain, and report their heights above it.
+    pub terrain_data: bool,
     /// The UDP port that the first drone's autopilot sends to, the next ones to those after it; any
     /// free ones where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -72,14 +78,24 @@ pub struct DroneFaults {
     pub vehicle: AutopilotFaults,
 }
 
-/// A field in the middle of Europe, ArduCopter, on free ports, without faults.
+/// A field in the middle of Europe, ArduCopter without rangefinders and terrain, on free ports,
+/// without faults.
 impl Default for EmulatedFieldConfig {
     fn default() -> Self {
         let site = Site { lat_deg: 50.0755, lon_deg: 14.4378, ground_alt_m: None };
         let autopilot = Autopilot::ArduPilot;
         let rtl_tcp = EmulatedRtlTcpConfig::default();
         let (vehicles, faults) = (Vec::new(), Vec::new());
-        Self { site, autopilot, first_port: None, vehicles, faults, rtl_tcp }
+        Self {
+            site,
+            autopilot,
+            rangefinder_m: None,
+            terrain_data: false,
+            first_port: None,
+            vehicles,
+            faults,
+            rtl_tcp,
+        }
     }
 }
 
@@ -295,6 +311,8 @@ impl EmulatedField {
             system_id,
             origin: Geodetic::new(site.lat_deg, site.lon_deg, site.ground_alt_m.unwrap_or(0.0))?,
             autopilot: config.autopilot,
+            rangefinder_m: config.rangefinder_m,
+            terrain_data: config.terrain_data,
             faults,
             ..AutopilotConfig::default()
         };

@@ -1,10 +1,10 @@
 use std::collections::VecDeque;
 
-use foxhunt_core::{PatternSource, Waypoint};
+use foxhunt_core::{HeightAboveGround, PatternSource, Waypoint};
 use foxhunt_hardware::{Aircraft, AircraftState};
 use foxhunt_hunt::hunt::{Devices, Event};
 
-use super::Ending;
+use super::{Ending, height_watch::HeightWatch};
 
 /// A drone of a [`Mission`](super::Mission): its devices, and what is known of it.
 #[derive(Debug)]
@@ -31,6 +31,8 @@ pub struct FlownDrone<A, S> {
     last_order: f64,
     /// Whether it has accepted the order to leave.
     leave_accepted: bool,
+    /// What compares its own height above the ground with the elevation model's, if there is one.
+    height_watch: Option<HeightWatch>,
 }
 
 /// How often an order that was not followed is repeated, in seconds.
@@ -51,7 +53,16 @@ impl<A, S> FlownDrone<A, S> {
             may_take_over: false,
             last_order: f64::NEG_INFINITY,
             leave_accepted: false,
+            height_watch: None,
         }
+    }
+
+    /// Compares the height above the ground that it reports with that of its pose, in the air: what
+    /// is more than `tolerance_m` metres apart is logged ([`Event::HeightDiffers`]).
+    #[must_use]
+    pub fn with_height_tolerance(mut self, tolerance_m: f64) -> Self {
+        self.height_watch = Some(HeightWatch::new(tolerance_m));
+        self
     }
 
     /// Whether it takes our orders.
@@ -160,14 +171,21 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
         }
         let sigma = self.aircraft.position_sigma().map(|sigma| sigma.max());
         let health = Health::new(&state, sigma);
+        if let Some(watch) = &mut self.height_watch
+            && let Some(reported) = state.above_ground.filter(|_| state.airborne)
+            && let Ok(pose) = self.aircraft.pose()
+        {
+            events.extend(watch.compare(time, index, reported, pose.position.z));
+        }
         if self.reported_health.is_none_or(|reported| !reported.is_like(&health)) {
-            let Health { battery, linked, position_sigma_m } = health;
+            let Health { battery, linked, position_sigma_m, above_ground } = health;
             events.push_back(Event::Health {
                 time,
                 drone: index,
                 battery,
                 linked,
                 position_sigma_m,
+                above_ground,
             });
             self.reported_health = Some(health);
         }
@@ -258,21 +276,30 @@ fn is_same(one: &AircraftState, other: &AircraftState) -> bool {
 /// How long a link may bring nothing until it counts as lost, in seconds.
 const SILENT_S: f64 = 3.0;
 
-/// How an aircraft's battery, link and position are.
+/// How an aircraft's battery, link, position and height above the ground are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Health {
     battery: Option<f64>,
     linked: bool,
     position_sigma_m: Option<f64>,
+    above_ground: Option<HeightAboveGround>,
 }
 
 impl Health {
     fn new(state: &AircraftState, position_sigma_m: Option<f64>) -> Self {
-        Self { battery: state.battery, linked: state.silent_s <= SILENT_S, position_sigma_m }
+        Self {
+            battery: state.battery,
+            linked: state.silent_s <= SILENT_S,
+            position_sigma_m,
+            above_ground: state.above_ground.map(|reported| reported.height),
+        }
     }
 
-    /// Whether it is no noticeable change: less than 5 % of the battery, half of σ.
+    /// Whether it is no noticeable change: less than 5 % of the battery, half of σ, a metre and a
+    /// fifth of the height.
     fn is_like(&self, other: &Self) -> bool {
+        let source = |of: &Self| of.above_ground.map(|height| height.source);
+        let metres = |of: &Self| of.above_ground.map(|height| height.metres);
         let near = |one: Option<f64>, other: Option<f64>, is_near: fn(f64, f64) -> bool| match (
             one, other,
         ) {
@@ -280,6 +307,10 @@ impl Health {
             (one, other) => one.is_none() && other.is_none(),
         };
         self.linked == other.linked
+            && source(self) == source(other)
+            && near(metres(self), metres(other), |one, other| {
+                (one - other).abs() < (0.2 * one.abs().max(other.abs())).max(1.0)
+            })
             && near(self.battery, other.battery, |one, other| (one - other).abs() < 0.05)
             && near(self.position_sigma_m, other.position_sigma_m, |one, other| {
                 (0.67..1.5).contains(&(one / other)) || one.max(other) < 0.5
@@ -289,12 +320,18 @@ impl Health {
 
 #[cfg(test)]
 mod tests {
+    use foxhunt_core::HeightSource;
+
     use super::*;
 
     #[test]
     fn small_changes_of_health_are_none() {
-        let health =
-            |battery, linked, position_sigma_m| Health { battery, linked, position_sigma_m };
+        let health = |battery, linked, position_sigma_m| Health {
+            battery,
+            linked,
+            position_sigma_m,
+            above_ground: None,
+        };
         let known = health(Some(0.80), true, Some(1.0));
         assert!(known.is_like(&health(Some(0.76), true, Some(1.4))));
         assert!(!known.is_like(&health(Some(0.74), true, Some(1.0))));
@@ -304,6 +341,15 @@ mod tests {
         assert!(!known.is_like(&health(None, true, Some(1.0))));
         let sharp = health(None, true, Some(0.02));
         assert!(sharp.is_like(&health(None, true, Some(0.4))), "both are good enough");
+        let high = |metres, source| Health {
+            above_ground: Some(HeightAboveGround { metres, source }),
+            ..known
+        };
+        let by = HeightSource::Rangefinder;
+        assert!(high(4.0, by).is_like(&high(4.9, by)) && high(40.0, by).is_like(&high(46.0, by)));
+        assert!(!high(4.0, by).is_like(&high(5.1, by)) && !high(40.0, by).is_like(&high(51.0, by)));
+        assert!(!high(4.0, by).is_like(&high(4.0, HeightSource::Terrain)));
+        assert!(!high(4.0, by).is_like(&known));
         let state = |silent_s| AircraftState { silent_s, ..AircraftState::default() };
         assert!(Health::new(&state(2.9), None).linked && !Health::new(&state(3.1), None).linked);
     }

@@ -14,6 +14,7 @@ mod emulated_flight;
 mod emulated_tags;
 mod error;
 mod flown_drone;
+mod height_watch;
 mod identify;
 mod mission;
 mod mission_file;

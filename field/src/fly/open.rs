@@ -80,7 +80,11 @@ impl DroneConfig {
         let aircraft = Shared::new(aircraft);
         let source =
             self.open_source(&flight.beacons, aircraft.clone(), feed, ports, clock, goal)?;
-        Ok(FlownDrone::new(self.name.clone(), aircraft, source))
+        let drone = FlownDrone::new(self.name.clone(), aircraft, source);
+        Ok(match ground {
+            None => drone,
+            Some(ground) => drone.with_height_tolerance(ground.height_tolerance_m()),
+        })
     }
 
     /// Examines each of its devices, and calls `report` with its name and the findings as soon as

@@ -66,6 +66,7 @@ impl<A: ByteStream, N: ByteStream, C: Clock> Aircraft for ArDrone<A, N, C> {
             offered: self.phase == Phase::Lost && self.is_flying(),
             hindrance: self.hindrance(now),
             battery: demo.map(|demo| f64::from(demo.battery_percent.min(100)) / 100.0),
+            above_ground: None,
         })
     }
 

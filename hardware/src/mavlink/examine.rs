@@ -81,6 +81,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 Err(error) => findings.push(Finding::bad("link", error, "check the cable")),
             }
         }
+        let ground = self.telemetry.ground.summary(self.clock.now(), &self.telemetry.attitude);
+        findings.extend(ground.map(|text| Finding::good("height above ground", text)));
         let counts = self.link.counts();
         let figures = format!(
             "{} messages, {} lost, {} bytes of garbage",

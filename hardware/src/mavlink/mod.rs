@@ -7,6 +7,7 @@ mod examine;
 mod failsafes;
 mod flight;
 mod goal;
+mod ground;
 mod hindrance;
 mod limits;
 mod link;

@@ -1,13 +1,14 @@
 use foxhunt_wire::mavlink::{
     Autopilot, Message, MessageData,
     dialect::{
-        ATTITUDE_DATA, EKF_STATUS_REPORT_DATA, ESTIMATOR_STATUS_DATA, EXTENDED_SYS_STATE_DATA,
-        GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HOME_POSITION_DATA, MavCmd, MavMessage,
-        POSITION_TARGET_GLOBAL_INT_DATA, SYS_STATUS_DATA,
+        ALTITUDE_DATA, ATTITUDE_DATA, DISTANCE_SENSOR_DATA, EKF_STATUS_REPORT_DATA,
+        ESTIMATOR_STATUS_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA,
+        HOME_POSITION_DATA, MavCmd, MavMessage, POSITION_TARGET_GLOBAL_INT_DATA, RANGEFINDER_DATA,
+        SYS_STATUS_DATA, TERRAIN_REPORT_DATA,
     },
 };
 
-use super::{MavlinkConfig, orders::Order};
+use super::{MavlinkConfig, ground::GROUND_PERIOD_S, orders::Order};
 
 /// Messages that the autopilot is requested to send regularly.
 #[derive(Debug)]
@@ -38,6 +39,13 @@ impl Streams {
             Autopilot::ArduPilot => EKF_STATUS_REPORT_DATA::ID,
             Autopilot::Px4 => ESTIMATOR_STATUS_DATA::ID,
         };
+        // What a vehicle does not have is refused, and requested again now and then.
+        let ground: &[u32] = match autopilot {
+            Autopilot::ArduPilot => {
+                &[DISTANCE_SENSOR_DATA::ID, RANGEFINDER_DATA::ID, TERRAIN_REPORT_DATA::ID]
+            }
+            Autopilot::Px4 => &[DISTANCE_SENSOR_DATA::ID, ALTITUDE_DATA::ID],
+        };
         let wanted = [
             (GLOBAL_POSITION_INT_DATA::ID, pose),
             (ATTITUDE_DATA::ID, pose),
@@ -51,6 +59,7 @@ impl Streams {
         let never = f64::NEG_INFINITY;
         let wanted = wanted
             .into_iter()
+            .chain(ground.iter().map(|message| (*message, GROUND_PERIOD_S)))
             .map(|(message, period_s)| Wanted {
                 message,
                 period_s,

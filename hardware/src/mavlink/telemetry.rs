@@ -11,7 +11,8 @@ use foxhunt_wire::mavlink::{
 #[cfg(feature = "receivers")]
 use foxhunt_wire::receivers::SikStatus;
 
-use super::{MavlinkConfig, failsafes::parameter};
+use super::{MavlinkConfig, failsafes::parameter, ground::GroundReports};
+use crate::ReportedHeight;
 
 /// A message's content, and when it came.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +53,7 @@ pub(super) struct Telemetry {
     pub(super) home: Option<Timed<HOME_POSITION_DATA>>,
     pub(super) target: Option<Timed<POSITION_TARGET_GLOBAL_INT_DATA>>,
     pub(super) landed: Option<Timed<MavLandedState>>,
+    pub(super) ground: GroundReports,
     pub(super) version: Option<AUTOPILOT_VERSION_DATA>,
     /// The parameters that it has sent, by their names.
     pub(super) parameters: BTreeMap<String, f64>,
@@ -115,6 +117,10 @@ impl Telemetry {
             MavMessage::EXTENDED_SYS_STATE(value) => {
                 self.landed = timed(now, &value.landed_state);
             }
+            MavMessage::DISTANCE_SENSOR(_)
+            | MavMessage::RANGEFINDER(_)
+            | MavMessage::TERRAIN_REPORT(_)
+            | MavMessage::ALTITUDE(_) => self.ground.take(now, self.autopilot(), &frame.message),
             MavMessage::AUTOPILOT_VERSION(value) => self.version = Some(value.clone()),
             MavMessage::PARAM_VALUE(value) => {
                 let name = value.param_id.to_str().unwrap_or_default().to_owned();
@@ -191,6 +197,11 @@ impl Telemetry {
     /// Metres above its launch place.
     pub(super) fn up(&self) -> Option<f64> {
         Some(f64::from(self.position.as_ref()?.value.relative_alt) * 1e-3)
+    }
+
+    /// How high it is above the ground by its own devices.
+    pub(super) fn above_ground(&self, now: f64) -> Option<ReportedHeight> {
+        self.ground.height(now, self.attitude.as_ref())
     }
 
     /// What is left in the battery, from 0 to 1.

@@ -372,6 +372,7 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
             offered: self.is_offered(now),
             hindrance: self.hindrance(now),
             battery: self.telemetry.battery(),
+            above_ground: self.telemetry.above_ground(now),
         })
     }
 

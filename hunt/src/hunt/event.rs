@@ -1,4 +1,4 @@
-use foxhunt_core::{BeaconId, Correction, Estimate, Outcome, Reception};
+use foxhunt_core::{BeaconId, Correction, Estimate, HeightAboveGround, Outcome, Reception};
 use foxhunt_formation::{Duty, MovedReason, OrderReason, Phase};
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
@@ -220,6 +220,23 @@ pub enum Event {
         linked: bool,
         /// σ of its position, the greatest axis in metres, where it has one.
         position_sigma_m: Option<f64>,
+        /// How high it is above the ground by its own devices, where it has any.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        above_ground: Option<HeightAboveGround>,
+    },
+    /// An aircraft's own devices have it at another height above the ground than the flight's
+    /// elevation model. Once, until they agree again.
+    HeightDiffers {
+        /// When.
+        time: f64,
+        /// Which drone.
+        drone: usize,
+        /// How high it is above the ground by its own devices.
+        reported: HeightAboveGround,
+        /// How high by the elevation model, in metres.
+        expected_m: f64,
+        /// How far apart they may be, in metres.
+        tolerance_m: f64,
     },
     /// The clock of a drone on another computer is known, or known otherwise than before; its times
     /// are corrected by that.
@@ -288,6 +305,7 @@ impl Event {
             | Self::FlightStage { time, .. }
             | Self::Aircraft { time, .. }
             | Self::Health { time, .. }
+            | Self::HeightDiffers { time, .. }
             | Self::DeviceFailed { time, .. }
             | Self::ClockOffset { time, .. }
             | Self::Cloud { time, .. }

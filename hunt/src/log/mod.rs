@@ -20,7 +20,7 @@ pub const LOG_VERSION: u32 = 7;
 
 /// The oldest version that it reads: one without clouds, and with beacons that stay. Version 5 has
 /// hunts that go on from their log; version 6 estimators and sources of users' own;
-/// version 7 the health of drones and models over terrain.
+/// version 7 the health of drones, their heights above the ground, and models over terrain.
 pub const OLDEST_LOG_VERSION: u32 = 2;
 
 /// The first line of a log: how the estimates came about.

@@ -109,6 +109,11 @@ impl Channel {
         })
     }
 
+    /// The ground, where it is not level.
+    pub(crate) fn terrain(&self) -> Option<&SharedTerrain> {
+        self.terrain.as_ref().map(TerrainLoss::terrain)
+    }
+
     /// The mean level of a beacon at `to` over a level turn at `from`, in dBm, behind what terrain
     /// there is between them.
     pub(super) fn level_dbm(&self, beacon: usize, from: &Vector3<f64>, to: &Vector3<f64>) -> f64 {

@@ -1,5 +1,5 @@
 use foxhunt_core::{BeaconId, Pose, SteadyMotion, angle};
-use foxhunt_sensors::MagneticDipole;
+use foxhunt_sensors::{MagneticDipole, SharedTerrain};
 use nalgebra::Vector3;
 
 use super::{
@@ -31,6 +31,11 @@ pub(crate) struct Drone {
     reports_velocity: bool,
     /// How far its devices' time has gone, in seconds, where that is ahead of the world's.
     ahead: f64,
+    /// The ground, where it is not level.
+    terrain: Option<SharedTerrain>,
+    /// How high the ground is that its body's heights count from, where they do not count from the
+    /// ground below.
+    launch: Option<f64>,
 }
 
 impl Drone {
@@ -39,6 +44,7 @@ impl Drone {
         vehicle: VehicleConfig,
         stepper: SimStepperConfig,
         streams: Streams,
+        terrain: Option<SharedTerrain>,
     ) -> Result<Self, SimError> {
         let pose = Pose::level(
             Vector3::new(config.east_m, config.north_m, config.up_m),
@@ -55,7 +61,32 @@ impl Drone {
             turned_to: None,
             reports_velocity: vehicle.reports_velocity(),
             ahead: f64::NEG_INFINITY,
+            terrain,
+            launch: None,
         })
+    }
+
+    /// Where it is; Up is its height above the ground below.
+    #[inline]
+    pub(crate) fn pose(&self) -> Pose {
+        let mut pose = self.body.pose();
+        if let Some(launch) = self.launch {
+            pose.position.z += launch - self.ground(&pose.position).unwrap_or(launch);
+        }
+        pose
+    }
+
+    /// How high the ground is below a place; `None` where that is not known.
+    fn ground(&self, place: &Vector3<f64>) -> Option<f64> {
+        self.terrain.as_ref()?.height(&place.xy())
+    }
+
+    /// Puts it on the ground. From then on its body flies as an autopilot does, whose heights count
+    /// from there whatever the ground below.
+    #[cfg(feature = "emulators")]
+    pub(crate) fn launch(&mut self) {
+        self.body.put_down();
+        self.launch = self.ground(&self.body.pose().position);
     }
 
     /// The time of its devices, of which the world's is `world`.
@@ -272,7 +303,7 @@ impl Drone {
         receiver: &ThreeAxisConfig,
         now: f64,
     ) -> Option<Vector3<f64>> {
-        let (pose, place) = (self.body.pose(), beacon.place_at(now));
+        let (pose, place) = (self.pose(), beacon.place_at(now));
         // What is drawn does not depend on what is received.
         let (noise, sign) = self.receiver.field_noise();
         let moment = beacon.dipole?.moment();
@@ -309,7 +340,7 @@ impl Drone {
         if still && let Some(last) = self.receiver.last(id, port, turned) {
             return last;
         }
-        let receiver = self.body.pose();
+        let receiver = self.pose();
         let (to, spun) = (beacon.place_at(sent), self.body.heading());
         let arrival = Arrival { beacon: id, receiver, to, turned, spun, port };
         let power_dbm = self.receiver.power_dbm(channel, &arrival);
@@ -324,6 +355,6 @@ impl Drone {
     #[inline]
     pub(crate) fn reported_pose(&self) -> Pose {
         let velocity = self.reports_velocity.then(|| self.body.velocity());
-        Pose { velocity, ..self.body.pose() }
+        Pose { velocity, ..self.pose() }
     }
 }

@@ -22,8 +22,10 @@ pub(super) struct Brain {
     pub(super) params: Params,
     /// Where it stood when it was put on the ground.
     pub(super) home: Vector3<f64>,
-    /// What it truly is at the time of the last step.
+    /// What it truly is at the time of the last step; Up counts from where it was put down.
     pub(super) pose: Pose,
+    /// How high it is above the ground below, in metres.
+    pub(super) above_ground: f64,
     pub(super) now: f64,
     /// East, North and Up in metres per second; radians per second.
     pub(super) velocity: Vector3<f64>,
@@ -45,18 +47,19 @@ const GROUND_SYSTEM: u32 = 255;
 impl Brain {
     pub(super) fn new(config: AutopilotConfig, frame: CommonFrame, on_board: OnBoard) -> Self {
         let (pose, now) = on_board.with(|drone, now| {
-            drone.body.put_down();
+            drone.launch();
             (drone.body.pose(), now)
         });
         Self {
             flight: Flight::new(config.autopilot.at_boot(), &pose, now),
-            streams: Streams::new(config.autopilot, now),
+            streams: Streams::new(&config, now),
             params: Params::new(&config),
             config,
             frame,
             on_board,
             home: pose.position,
             pose,
+            above_ground: 0.0,
             now,
             velocity: Vector3::zeros(),
             turning: 0.0,
@@ -85,14 +88,15 @@ impl Brain {
 
     /// Goes on flying at the world's present time.
     pub(super) fn step(&mut self) {
-        let (pose, now) = self.on_board.with(|drone, now| (drone.body.pose(), now));
+        let (pose, above_ground, now) =
+            self.on_board.with(|drone, now| (drone.body.pose(), drone.pose().position.z, now));
         let dt = now - self.now;
         if dt > 0.0 {
             self.velocity = (pose.position - self.pose.position) / dt;
             self.turning = foxhunt_core::angle::wrap(pose.heading - self.pose.heading) / dt;
             self.used_s += if self.flight.armed { dt } else { 0.0 };
         }
-        (self.pose, self.now) = (pose, now);
+        (self.pose, self.above_ground, self.now) = (pose, above_ground, now);
         while let Some(order) = self.config.faults.pilot.get(self.piloted) {
             if order.at_s > now {
                 break;
@@ -103,7 +107,7 @@ impl Brain {
             }
         }
         self.fail_safe();
-        let order = self.flight.step(&pose, self.home, now, dt);
+        let order = self.flight.step(&pose, above_ground, self.home, now, dt);
         for (severity, text) in std::mem::take(&mut self.flight.texts) {
             self.send(severity, text);
         }

@@ -1,4 +1,4 @@
-use foxhunt_core::parameter::{ParameterError, finite, not_negative, positive};
+use foxhunt_core::parameter::{ParameterError, finite, in_range, not_negative, positive};
 use foxhunt_wire::{
     geodesy::Geodetic,
     mavlink::{Autopilot, FlightMode, SigningKey},
@@ -27,6 +27,11 @@ pub struct AutopilotConfig {
     pub return_up_m: f64,
     /// How long its battery lasts, in seconds with motors running.
     pub endurance_s: f64,
+    /// From which least to which greatest distance in metres its rangefinder measures, which looks
+    /// down; it has none where absent.
+    pub rangefinder_m: Option<[f64; 2]>,
+    /// Whether it has the world's terrain, and reports its height above it.
+    pub terrain_data: bool,
     /// Without a ground station's heartbeat for so long it comes back; never where absent.
     pub ground_failsafe_s: Option<f64>,
     /// The key of its link.
@@ -39,8 +44,9 @@ pub struct AutopilotConfig {
 
 impl Default for AutopilotConfig {
     /// An ArduCopter, system 1, at the place of ArduPilot's own simulator; a position after 3 s,
-    /// good to 0.5 m and 0.8 m; returns at 15 m; 20 minutes of battery; comes back 5 s after the
-    /// last heartbeat of a ground station; no signing, no faults.
+    /// good to 0.5 m and 0.8 m; returns at 15 m; 20 minutes of battery; neither
+    /// rangefinder nor terrain; comes back 5 s after the last heartbeat of a ground station; no
+    /// signing, no faults.
     fn default() -> Self {
         Self {
             autopilot: Autopilot::ArduPilot,
@@ -51,6 +57,8 @@ impl Default for AutopilotConfig {
             vertical_accuracy_m: 0.8,
             return_up_m: 15.0,
             endurance_s: 1200.0,
+            rangefinder_m: None,
+            terrain_data: false,
             ground_failsafe_s: Some(5.0),
             signing: None,
             clock_origin_unix_s: 0.0,
@@ -100,6 +108,12 @@ impl AutopilotConfig {
         positive("endurance_s", self.endurance_s)?;
         positive("ground_failsafe_s", self.ground_failsafe_s.unwrap_or(1.0))?;
         finite("clock_origin_unix_s", self.clock_origin_unix_s)?;
+        if let Some([least, most]) = self.rangefinder_m {
+            not_negative("rangefinder_m", least)?;
+            // Messages hold 65535 cm.
+            let requirement = "greater than the least distance, at most 655 m";
+            in_range("rangefinder_m", most, least.next_up()..=655.0, requirement)?;
+        }
         for order in &self.faults.pilot {
             not_negative("faults.pilot.at_s", order.at_s)?;
         }

@@ -130,12 +130,20 @@ impl Flight {
         self.setpoints_flow && now - self.setpoint_at <= FLOW_S
     }
 
-    /// Goes on with the mode.
-    pub(super) fn step(&mut self, pose: &Pose, home: Vector3<f64>, now: f64, dt: f64) -> BodyOrder {
+    /// Goes on with the mode, so high above the ground below.
+    pub(super) fn step(
+        &mut self,
+        pose: &Pose,
+        above_ground: f64,
+        home: Vector3<f64>,
+        now: f64,
+        dt: f64,
+    ) -> BodyOrder {
         let at = pose.position;
+        let ground_z = at.z - above_ground;
         let autopilot = self.mode.autopilot;
         if !self.armed {
-            let ground = Vector3::new(at.x, at.y, 0.0);
+            let ground = Vector3::new(at.x, at.y, ground_z);
             (self.goal, self.landed) = (ground, MavLandedState::MAV_LANDED_STATE_ON_GROUND);
             return BodyOrder { goal: ground, turn_rate: 0.0 };
         }
@@ -156,9 +164,9 @@ impl Flight {
                 }
             }
         } else if self.mode == autopilot.land() && self.is_airborne() {
-            self.descend(at, now);
+            self.descend(above_ground, ground_z, now);
         } else if self.mode == autopilot.return_to_launch() && self.is_airborne() {
-            self.come_back(at, home, now);
+            self.come_back(at, ground_z, home, now);
         } else if self.is_airborne() {
             self.landed = MavLandedState::MAV_LANDED_STATE_IN_AIR;
         } else if self.goal.z > at.z + THERE_M {
@@ -173,10 +181,11 @@ impl Flight {
         BodyOrder { goal: self.goal, turn_rate: self.yaw.step(pose.heading, dt) }
     }
 
-    fn descend(&mut self, at: Vector3<f64>, now: f64) {
+    /// Down to the ground, which is at `ground_z` below it.
+    fn descend(&mut self, above_ground: f64, ground_z: f64, now: f64) {
         self.landed = MavLandedState::MAV_LANDED_STATE_LANDING;
-        self.goal = Vector3::new(self.goal.x, self.goal.y, 0.0);
-        if at.z > 0.05 {
+        self.goal = Vector3::new(self.goal.x, self.goal.y, ground_z);
+        if above_ground > 0.05 {
             self.down_at = None;
         } else if now - *self.down_at.get_or_insert(now) >= STOP_S {
             self.disarm();
@@ -184,11 +193,11 @@ impl Flight {
     }
 
     /// Up, home, down.
-    fn come_back(&mut self, at: Vector3<f64>, home: Vector3<f64>, now: f64) {
+    fn come_back(&mut self, at: Vector3<f64>, ground_z: f64, home: Vector3<f64>, now: f64) {
         let up = self.return_up.max(self.goal.z);
         if self.over_home && (at - home).xy().norm() < THERE_M {
             self.goal = home;
-            return self.descend(at, now);
+            return self.descend(at.z - ground_z, ground_z, now);
         }
         self.landed = MavLandedState::MAV_LANDED_STATE_IN_AIR;
         if self.over_home || (at.z - up).abs() < THERE_M {

@@ -1,12 +1,15 @@
 use foxhunt_wire::mavlink::{
     Autopilot, MessageData,
     dialect::{
-        ATTITUDE_DATA, EKF_STATUS_REPORT_DATA, ESTIMATOR_STATUS_DATA, EXTENDED_SYS_STATE_DATA,
-        GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, HEARTBEAT_DATA, HOME_POSITION_DATA,
-        LOCAL_POSITION_NED_DATA, POSITION_TARGET_GLOBAL_INT_DATA, SYS_STATUS_DATA,
-        SYSTEM_TIME_DATA, VFR_HUD_DATA,
+        ALTITUDE_DATA, ATTITUDE_DATA, DISTANCE_SENSOR_DATA, EKF_STATUS_REPORT_DATA,
+        ESTIMATOR_STATUS_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA,
+        HEARTBEAT_DATA, HOME_POSITION_DATA, LOCAL_POSITION_NED_DATA,
+        POSITION_TARGET_GLOBAL_INT_DATA, RANGEFINDER_DATA, SYS_STATUS_DATA, SYSTEM_TIME_DATA,
+        TERRAIN_REPORT_DATA, VFR_HUD_DATA,
     },
 };
+
+use super::AutopilotConfig;
 
 /// Which messages it sends, and how often.
 #[derive(Debug)]
@@ -23,7 +26,7 @@ struct Stream {
 }
 
 /// What may be requested, and how often PX4 sends it without a request, per second.
-const KNOWN: [(u32, f64); 12] = [
+const KNOWN: [(u32, f64); 16] = [
     (ATTITUDE_DATA::ID, 10.0),
     (GLOBAL_POSITION_INT_DATA::ID, 5.0),
     (LOCAL_POSITION_NED_DATA::ID, 2.0),
@@ -36,16 +39,28 @@ const KNOWN: [(u32, f64); 12] = [
     (POSITION_TARGET_GLOBAL_INT_DATA::ID, 1.0),
     (ESTIMATOR_STATUS_DATA::ID, 1.0),
     (EKF_STATUS_REPORT_DATA::ID, 0.0),
+    (DISTANCE_SENSOR_DATA::ID, 1.0),
+    (ALTITUDE_DATA::ID, 1.0),
+    (RANGEFINDER_DATA::ID, 0.0),
+    (TERRAIN_REPORT_DATA::ID, 0.0),
 ];
 
 impl Streams {
-    pub(super) fn new(autopilot: Autopilot, now: f64) -> Self {
-        let foreign = match autopilot {
-            Autopilot::ArduPilot => ESTIMATOR_STATUS_DATA::ID,
-            Autopilot::Px4 => EKF_STATUS_REPORT_DATA::ID,
+    pub(super) fn new(config: &AutopilotConfig, now: f64) -> Self {
+        let (ranges, terrain) = (config.rangefinder_m.is_some(), config.terrain_data);
+        let px4 = config.autopilot == Autopilot::Px4;
+        // What the firmware has no message of, or the vehicle no device for.
+        let has = |id: u32| match id {
+            ESTIMATOR_STATUS_DATA::ID => px4,
+            EKF_STATUS_REPORT_DATA::ID => !px4,
+            DISTANCE_SENSOR_DATA::ID => ranges,
+            RANGEFINDER_DATA::ID => ranges && !px4,
+            TERRAIN_REPORT_DATA::ID => terrain && !px4,
+            ALTITUDE_DATA::ID => (ranges || terrain) && px4,
+            _ => true,
         };
-        let known = KNOWN.iter().filter(|(id, _)| *id != foreign).map(|(id, rate)| {
-            let unrequested = autopilot == Autopilot::Px4;
+        let known = KNOWN.iter().filter(|(id, _)| has(*id)).map(|(id, rate)| {
+            let unrequested = px4;
             Stream {
                 id: *id,
                 period: if unrequested { 1.0 / rate } else { f64::INFINITY },

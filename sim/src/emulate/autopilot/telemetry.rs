@@ -148,6 +148,42 @@ impl Brain {
                     ..EKF_STATUS_REPORT_DATA::default()
                 })
             }
+            DISTANCE_SENSOR_DATA::ID => MavMessage::DISTANCE_SENSOR(self.distance_sensor()?),
+            RANGEFINDER_DATA::ID if self.config.autopilot == Autopilot::ArduPilot => {
+                let [least, most] = self.config.rangefinder_m?;
+                let distance = single(self.beam().clamp(least, most));
+                MavMessage::RANGEFINDER(RANGEFINDER_DATA { distance, voltage: 0.0 })
+            }
+            TERRAIN_REPORT_DATA::ID
+                if self.config.terrain_data && self.config.autopilot == Autopilot::ArduPilot =>
+            {
+                let ground = self.config.origin.alt_m + position.z - self.above_ground;
+                MavMessage::TERRAIN_REPORT(TERRAIN_REPORT_DATA {
+                    lat,
+                    lon,
+                    terrain_height: single(ground),
+                    current_height: single(self.above_ground),
+                    // It knows no terrain before it knows its place.
+                    spacing: if self.is_placed() { 100 } else { 0 },
+                    pending: 0,
+                    loaded: if self.is_placed() { 64 } else { 0 },
+                })
+            }
+            ALTITUDE_DATA::ID if self.config.autopilot == Autopilot::Px4 => {
+                let ranged = self.distance_sensor().is_some_and(|sensor| is_within(&sensor));
+                let known = ranged || (self.config.terrain_data && self.is_placed());
+                let known = |value: f64| if known { single(value) } else { f32::NAN };
+                MavMessage::ALTITUDE(ALTITUDE_DATA {
+                    time_usec: self.usec(),
+                    altitude_monotonic: single(position.z),
+                    altitude_amsl: single(self.config.origin.alt_m + position.z),
+                    altitude_local: single(position.z),
+                    altitude_relative: single(position.z),
+                    // The terrain's own height, not that above it.
+                    altitude_terrain: known(position.z - self.above_ground),
+                    bottom_clearance: known(self.above_ground),
+                })
+            }
             AUTOPILOT_VERSION_DATA::ID => MavMessage::AUTOPILOT_VERSION(self.version()),
             _ => return None,
         })
@@ -230,6 +266,33 @@ impl Brain {
         }
     }
 
+    /// The distance to the ground along the vehicle's own axis, in metres; the ground is taken for
+    /// level there.
+    fn beam(&self) -> f64 {
+        self.above_ground.max(0.0) / (self.pose.roll.cos() * self.pose.pitch.cos()).max(0.1)
+    }
+
+    /// What its rangefinder reads. Beyond the range it is a centimetre more or less than that.
+    fn distance_sensor(&self) -> Option<DISTANCE_SENSOR_DATA> {
+        let [least, most] = self.config.rangefinder_m?;
+        let (min_distance, max_distance) = (positive(least * 100.0), positive(most * 100.0));
+        let distance = positive(self.beam() * 100.0);
+        let current_distance =
+            distance.clamp(min_distance.saturating_sub(1), max_distance.saturating_add(1));
+        let orientation = MavSensorOrientation::MAV_SENSOR_ROTATION_PITCH_270;
+        Some(DISTANCE_SENSOR_DATA {
+            time_boot_ms: self.boot_ms(),
+            min_distance,
+            max_distance,
+            current_distance,
+            mavtype: MavDistanceSensor::MAV_DISTANCE_SENSOR_LASER,
+            id: 0,
+            orientation,
+            covariance: u8::MAX,
+            ..DISTANCE_SENSOR_DATA::default()
+        })
+    }
+
     fn version(&self) -> AUTOPILOT_VERSION_DATA {
         use MavProtocolCapability as C;
         AUTOPILOT_VERSION_DATA {
@@ -247,4 +310,8 @@ impl Brain {
             ..AUTOPILOT_VERSION_DATA::default()
         }
     }
+}
+
+fn is_within(sensor: &DISTANCE_SENSOR_DATA) -> bool {
+    (sensor.min_distance..=sensor.max_distance).contains(&sensor.current_distance)
 }

@@ -98,7 +98,7 @@ impl<S: ByteStream> EmulatedGnss<S> {
 
     /// The epoch that is due, if it was not sent yet.
     fn due(&mut self) -> Option<Epoch> {
-        let (truth, now) = self.on_board.with(|drone, now| (drone.body.pose().position, now));
+        let (truth, now) = self.on_board.with(|drone, now| (drone.pose().position, now));
         // A hair before an epoch is that epoch: time is a sum of steps.
         let number = (now * self.config.rate_hz + 1e-6).floor();
         let rate_hz = self.config.rate_hz;
