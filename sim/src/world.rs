@@ -195,7 +195,8 @@ impl World {
     }
 
     /// Puts a drone where something outside of the world flies it: its antenna and its radio go
-    /// along, and orders of this world move it no more.
+    /// along, and orders of this world move it no more. Over terrain its Up counts from the ground
+    /// where it is put first.
     ///
     /// # Errors
     ///
@@ -207,7 +208,7 @@ impl World {
         if !pose.is_finite() {
             return Err(SimError::Pose { drone });
         }
-        on_board.with(|drone, _| drone.body.carry(pose));
+        on_board.with(|drone, _| drone.carry(pose));
         Ok(())
     }
 

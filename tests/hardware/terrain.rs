@@ -74,7 +74,8 @@ fn drones_keep_their_height_above_hills() {
         EmulatedField::in_memory(&scenario, &world, &config).expect("a field");
     let mut flight: FlightConfig = field.flight().clone();
     let terrain = |reach_m| TerrainConfig {
-        folder: tiles.0.clone(),
+        folder: Some(tiles.0.clone()),
+        hills: Vec::new(),
         reach_m,
         clearance_m: 4.0,
         height_tolerance_m: 4.0,
@@ -145,7 +146,8 @@ fn differences(tiles: &Tiles, relief: Option<ReliefConfig>, ranged: bool) -> (Ve
         EmulatedField::in_memory(&scenario, &world, &config).expect("a field");
     let mut flight = field.flight().clone();
     flight.terrain = Some(TerrainConfig {
-        folder: tiles.0.clone(),
+        folder: Some(tiles.0.clone()),
+        hills: Vec::new(),
         reach_m: 500.0,
         clearance_m: 4.0,
         height_tolerance_m: 4.0,
@@ -199,4 +201,101 @@ fn ground_that_is_not_where_the_tiles_have_it_is_reported() {
     let (same, heights) = differences(&tiles, Some(relief), true);
     assert!(heights > 5, "{heights}");
     assert_eq!(same, vec![]);
+}
+
+/// A drone South of a hill of 14 m, which flies to the other side, where the beacon is.
+const HILL: &str = r#"
+name = "hill"
+description = "over a hill"
+estimator = "particle"
+[world]
+beacons = [{ name = "fox", east_m = 0.0, north_m = 60.0, up_m = 0.5 }]
+drones = [{ east_m = 0.0, north_m = -25.0, up_m = 4.0 }]
+[world.terrain]
+hills = [{ east_m = 0.0, north_m = 15.0, height_m = 14.0, radius_m = 15.0 }]
+[source]
+kind = "stepper"
+positions = 16
+samples_per_position = 1
+[model]
+reference_dbm = -29.06
+exponent = 2.765
+target_up_m = 0.5
+terrain = true
+[extractor]
+kind = "pritzl2018"
+[planner]
+kind = "waypoints"
+places_m = [[0.0, -25.0], [0.0, 50.0]]
+up_m = 4.0
+[hunt]
+prior_centre_m = [0.0, 40.0]
+prior_sigma_m = 40.0
+move_timeout_s = 120.0
+"#;
+
+#[test]
+fn an_emulated_flight_has_the_terrain_of_its_world() {
+    let scenario = Scenario::parse(HILL, "hill.toml").expect("a scenario");
+    let world = World::new(&scenario.world, 1).expect("a world");
+    let config =
+        EmulatedFieldConfig { rangefinder_m: Some([0.2, 40.0]), ..EmulatedFieldConfig::default() };
+    let (mut field, mut ports) =
+        EmulatedField::in_memory(&scenario, &world, &config).expect("a field");
+    let flight = field.flight().clone();
+    flight.check().expect("a model over terrain goes with the flight's");
+    let file = toml::to_string(&flight).expect("it is plain");
+    assert_eq!(FlightConfig::parse(&file, "field.toml").expect("what was written"), flight);
+    let registry = Registry::builtin();
+    let estimator = flight.estimator(&registry).expect("it is known");
+    let hunt = flight.parts(&registry, estimator, 1).build().expect("a hunt");
+    let drones = flight.open(&mut ports, &world.clock(), 0.0, None, None).expect("devices");
+    let mut mission: Mission<Shared<BoxedAircraft>, BoxedSource> =
+        Mission::new(flight.flight, hunt, drones, world.time()).expect("a flight");
+    let (mut lowest, mut heard, mut north) = (f64::INFINITY, Vec::new(), f64::NEG_INFINITY);
+    while !mission.is_over() && world.time() < 2000.0 {
+        world.advance(scenario.simulation.tick_s).expect("time passes");
+        field.serve(|device, error| panic!("{device}: {error}"));
+        mission.step(world.time());
+        let here = world.pose(0).expect("a drone").position;
+        if mission.stage() == FlightStage::Hunting {
+            (lowest, north) = (lowest.min(here.z), north.max(here.y));
+        }
+        while let Some(event) = mission.poll_event() {
+            match event {
+                Event::Received { reception, .. } => {
+                    let reported = reception.receiver.position;
+                    assert!((reported - here).norm() < 0.2, "{reported} at {here}");
+                    heard.push(here.z);
+                }
+                Event::HeightDiffers { .. } => panic!("{event:?}"),
+                _ => {}
+            }
+        }
+    }
+    assert!(mission.is_over() && mission.failure().is_none(), "{mission:?}");
+    assert!(north > 49.0, "it came to the other side: {north}");
+    // The half metre is what a climb may end below its goal. Straight on it would have been 10 m
+    // inside of the hill.
+    assert!(lowest > 4.0 - 0.5 - 0.1, "{lowest}");
+    assert!(heard.len() >= 2 && heard.iter().all(|up| (up - 4.0).abs() < 0.1), "{heard:?}");
+}
+
+#[test]
+fn a_site_away_from_the_tiles_is_refused() {
+    let tiles = Tiles::new("site");
+    let mut scenario = Scenario::find("one-drone").expect("it is built in");
+    let mut relief = ReliefConfig::default();
+    relief.folder = Some(tiles.0.clone());
+    (relief.lat_deg, relief.lon_deg, relief.reach_m) = (Some(50.5), Some(14.5), Some(300.0));
+    scenario.world.terrain = Some(relief);
+    let world = World::new(&scenario.world, 1).expect("a world");
+    let mut config = EmulatedFieldConfig::default();
+    let (field, _) = EmulatedField::in_memory(&scenario, &world, &config).expect("a field");
+    let flight = field.flight();
+    assert_eq!((flight.site.lat_deg, flight.site.lon_deg), (50.5, 14.5));
+    assert_eq!(flight.terrain.as_ref().and_then(|it| it.folder.as_ref()), Some(&tiles.0));
+    config.site.lat_deg = 51.0;
+    let error = EmulatedField::in_memory(&scenario, &world, &config).expect_err("elsewhere");
+    assert!(error.to_string().contains("50.5"), "{error}");
 }

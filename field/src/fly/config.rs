@@ -125,7 +125,7 @@ impl FlightConfig {
             .map_err(|source| FlyError::Read { file: file.clone(), source })?;
         let mut config = Self::parse(&text, &file)?;
         if let (Some(terrain), Some(folder)) = (&mut config.terrain, path.parent()) {
-            terrain.folder = folder.join(&terrain.folder);
+            terrain.folder = terrain.folder.as_ref().map(|tiles| folder.join(tiles));
             config.model = config.model.in_folder(folder);
         }
         Ok(config)
@@ -141,11 +141,13 @@ impl FlightConfig {
             .map_err(|source| FlyError::Parse { file: file.to_owned(), source })?;
         let there = || {
             let terrain = config.terrain.as_ref()?;
-            let mut relief = ReliefConfig::default();
-            relief.folder = Some(terrain.folder.clone());
-            (relief.lat_deg, relief.lon_deg) =
-                (Some(config.site.lat_deg), Some(config.site.lon_deg));
-            relief.reach_m = Some(terrain.reach_m);
+            let mut relief = ReliefConfig::of_hills(terrain.hills.clone());
+            if let Some(folder) = &terrain.folder {
+                relief.folder = Some(folder.clone());
+                (relief.lat_deg, relief.lon_deg) =
+                    (Some(config.site.lat_deg), Some(config.site.lon_deg));
+                relief.reach_m = Some(terrain.reach_m);
+            }
             relief.frequency_mhz = config.beacons.first().and_then(|beacon| beacon.frequency_mhz);
             Some(relief)
         };

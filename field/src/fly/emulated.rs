@@ -13,7 +13,7 @@ use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig};
 use foxhunt_sim::{
     AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedAutopilot, EmulatedRtlTcp,
     EmulatedRtlTcpConfig, EmulatedStepper, EmulatedStepperConfig, EmulatedXbee, EmulatedXbeeConfig,
-    Emulator, Port, SimError, World, xbee_address,
+    Emulator, Port, ReliefConfig, SimError, World, xbee_address,
 };
 use foxhunt_wire::{
     ByteStream, Endpoint, MemoryStream, PtyStream, TcpServerStream, UdpStream,
@@ -25,8 +25,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     CarriedDrone, CarriedDroneError, DroneConfig, FlightConfig, FlightRules, FlownBeacon,
-    ForeignVehicle, ListenConfig, Ports, RadioDevice, RotatorDevice, Site, VehicleDevice,
-    emulated_tags::Tags,
+    ForeignVehicle, ListenConfig, Ports, RadioDevice, RotatorDevice, Site, TerrainConfig,
+    VehicleDevice, emulated_tags::Tags,
 };
 
 /// How long a position and the first one of a turn may take with a real motor, in seconds.
@@ -40,11 +40,11 @@ const TURN_S: f64 = 150.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EmulatedFieldConfig {
-    /// Where its East and North are 0.
+    /// Where its East and North are 0; with a world's tiles it is their origin.
     pub site: Site,
     /// Whose firmware flies its drones.
     pub autopilot: Autopilot,
-    /// From which least to which greatest distance in metres rangefinders of the autopilots measure,
+    /// From which least to which greatest distance in metres the autopilots' rangefinders measure,
     /// which look down; there are none where absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rangefinder_m: Option<[f64; 2]>,
@@ -176,6 +176,13 @@ impl EmulatedField {
         config: &EmulatedFieldConfig,
         mut place: Place<'_>,
     ) -> Result<Self, EmulatedFieldError> {
+        // A flight's file may be elsewhere than the scenario.
+        let here = std::env::current_dir()?;
+        let terrain = scenario.world.terrain.clone().map(|terrain| terrain.in_folder(&here));
+        let config = &EmulatedFieldConfig {
+            site: site_of(config.site, terrain.as_ref())?,
+            ..config.clone()
+        };
         let count = scenario.beacon_names().len();
         let tags = Tags::of(world, count)?;
         let beacons = (0..).map(BeaconId).map_while(|beacon| {
@@ -192,13 +199,13 @@ impl EmulatedField {
                 site: config.site,
                 beacons: beacons.collect(),
                 estimator: scenario.estimator.clone(),
-                model: scenario.model.clone(),
+                model: scenario.model.clone().in_folder(&here),
                 extractor: scenario.extractor.clone(),
                 bearings: scenario.bearings,
                 turns: scenario.turns,
                 planner: scenario.planner.clone(),
                 hunt: scenario.hunt.clone(),
-                terrain: None,
+                terrain: terrain.as_ref().map(TerrainConfig::of_world),
                 flight: FlightRules::default(),
                 drones: Vec::new(),
             },
@@ -514,6 +521,17 @@ fn port(first: Option<u16>, drone: usize) -> Result<u16, EmulatedFieldError> {
     }
 }
 
+/// The site of a field: the origin of its world's tiles, where it has any.
+fn site_of(site: Site, terrain: Option<&ReliefConfig>) -> Result<Site, EmulatedFieldError> {
+    let origin = terrain.and_then(|terrain| terrain.lat_deg.zip(terrain.lon_deg));
+    let Some((lat_deg, lon_deg)) = origin else { return Ok(site) };
+    let there = Site { lat_deg, lon_deg, ..site };
+    if site != there && site != EmulatedFieldConfig::default().site {
+        return Err(EmulatedFieldError::Origin { lat_deg, lon_deg });
+    }
+    Ok(there)
+}
+
 /// Why a field cannot be emulated.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -570,6 +588,17 @@ pub enum EmulatedFieldError {
         beacon: usize,
         /// How long those of the first tag are.
         pulse_s: f64,
+    },
+    /// The site is not where the world's tiles have their origin.
+    #[error(
+        "site: world.terrain of the scenario has its origin at {lat_deg}°, {lon_deg}°; leave the \
+         site out, or give that"
+    )]
+    Origin {
+        /// Latitude of the tiles' origin in degrees.
+        lat_deg: f64,
+        /// Longitude.
+        lon_deg: f64,
     },
     /// The site is no place.
     #[error("site: {0}")]

@@ -1,12 +1,13 @@
-use std::{path::PathBuf, rc::Rc};
+use std::{path::PathBuf, sync::Arc};
 
-use foxhunt_core::parameter::{ParameterError, positive};
-use foxhunt_wire::{
-    geodesy::LocalFrame,
-    terrain::{ElevationModel, TerrainError},
-};
+use foxhunt_core::parameter::{FieldError, positive};
+use foxhunt_sensors::{Hill, Hills, SharedTerrain};
+use foxhunt_sim::ReliefConfig;
+use foxhunt_wire::{geodesy::LocalFrame, terrain::ElevationModel};
 use nalgebra::{Vector2, Vector3};
 use serde::{Deserialize, Serialize};
+
+use super::FlyError;
 
 /// The ground that a flight is over. With it, every Up of the flight is a height above the ground
 /// below, be it of a pose, a goal or a band of altitudes.
@@ -14,7 +15,11 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct TerrainConfig {
     /// The folder of the tiles, `.hgt` or GeoTIFF; in a file, from where the file is.
-    pub folder: PathBuf,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub folder: Option<PathBuf>,
+    /// The hills of a plain in the place of tiles, as emulated fields have them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub hills: Vec<Hill>,
     /// How far East, North, West and South of the site's origin the ground is read, in metres: no
     /// drone is sent farther.
     #[serde(default = "reach_m")]
@@ -43,27 +48,66 @@ fn height_tolerance_m() -> f64 {
     4.0
 }
 
+/// How far there are hills, in metres: no tile has to be read for them.
+const HILLS_REACH_M: f64 = 50_000.0;
+
 impl TerrainConfig {
+    /// That of a simulated world, with the clearance and the tolerance that are usual.
+    #[must_use]
+    pub fn of_world(relief: &ReliefConfig) -> Self {
+        let usual = if relief.folder.is_some() { reach_m() } else { HILLS_REACH_M };
+        Self {
+            folder: relief.folder.clone(),
+            hills: relief.hills.clone(),
+            reach_m: relief.reach_m.unwrap_or(usual),
+            clearance_m: clearance_m(),
+            height_tolerance_m: height_tolerance_m(),
+        }
+    }
+
     /// Refuses what cannot be; reads no tile.
-    pub(super) fn check(&self) -> Result<(), ParameterError> {
+    pub(super) fn check(&self) -> Result<(), FieldError> {
+        if self.folder.is_some() != self.hills.is_empty() {
+            let (value, requirement) = match &self.folder {
+                Some(folder) => (folder.display().to_string(), "left out beside hills"),
+                None => ("absent".to_owned(), "given, or hills"),
+            };
+            return Err(FieldError::new("folder", value, requirement));
+        }
+        Hills::new(self.hills.clone()).map_err(|error| error.within("hills"))?;
         positive("reach_m", self.reach_m)?;
         positive("clearance_m", self.clearance_m)?;
         positive("height_tolerance_m", self.height_tolerance_m)?;
         Ok(())
     }
 
-    /// Reads the tiles about the origin of `frame`.
-    pub(super) fn read(&self, frame: LocalFrame) -> Result<Ground, TerrainError> {
-        let model = ElevationModel::read(&self.folder, frame, self.reach_m)?;
-        let Self { clearance_m, height_tolerance_m, .. } = *self;
-        Ok(Ground { model: Rc::new(model), clearance_m, height_tolerance_m })
+    /// Reads the tiles about the origin of `frame`, or takes the hills.
+    pub(super) fn read(&self, frame: LocalFrame) -> Result<Ground, FlyError> {
+        let (terrain, relief_m): (SharedTerrain, f64) = match &self.folder {
+            Some(folder) => {
+                let model = ElevationModel::read(folder, frame, self.reach_m)?;
+                let relief_m = model.relief_m();
+                (Arc::new(model), relief_m)
+            }
+            None => {
+                let hills = Hills::new(self.hills.clone());
+                let hills = hills.map_err(|error| error.within("terrain.hills"))?;
+                // No two places of theirs are farther apart in height.
+                let relief_m = self.hills.iter().map(|hill| hill.height_m.abs()).sum();
+                (Arc::new(hills), relief_m)
+            }
+        };
+        let Self { reach_m, clearance_m, height_tolerance_m, .. } = *self;
+        Ok(Ground { terrain, relief_m, reach_m, clearance_m, height_tolerance_m })
     }
 }
 
 /// The ground about a site, and how far drones keep above it.
 #[derive(Clone, Debug)]
 pub struct Ground {
-    model: Rc<ElevationModel>,
+    terrain: SharedTerrain,
+    relief_m: f64,
+    reach_m: f64,
     clearance_m: f64,
     height_tolerance_m: f64,
 }
@@ -92,7 +136,7 @@ impl Ground {
     /// `None` beyond its reach.
     #[must_use]
     pub fn height(&self, place: &Vector2<f64>) -> Option<f64> {
-        self.model.height(place)
+        (place.amax() <= self.reach_m).then(|| self.terrain.height(place))?
     }
 
     /// How far heights above the ground that drones report may be from its own, in metres.
@@ -100,9 +144,9 @@ impl Ground {
         self.height_tolerance_m
     }
 
-    /// How much higher its highest place is than its lowest, in metres.
+    /// How much higher its highest place is than its lowest at most, in metres.
     pub(super) fn relief_m(&self) -> f64 {
-        self.model.relief_m()
+        self.relief_m
     }
 
     /// The places that a drone flies by, straight from one to the next, to come from one place to
@@ -120,7 +164,7 @@ impl Ground {
         let clearance = self.clearance_m.min(own);
         // Bilinear ground is highest at a sample of the model, or between two along the line: at a
         // quarter of a step the slope of an eighth is all that can be missed.
-        let pieces = (4.0 * (to - from).xy().norm() / self.model.step_m()).ceil().max(1.0);
+        let pieces = (4.0 * (to - from).xy().norm() / self.terrain.step_m()).ceil().max(1.0);
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,

@@ -89,6 +89,16 @@ impl Drone {
         self.launch = self.ground(&self.body.pose().position);
     }
 
+    /// Puts it where something outside of the world flies it, whose heights count from the ground
+    /// where that has it first.
+    #[cfg(feature = "emulators")]
+    pub(crate) fn carry(&mut self, pose: Pose) {
+        if !matches!(self.body, Body::Carried(_)) {
+            self.launch = self.ground(&pose.position);
+        }
+        self.body.carry(pose);
+    }
+
     /// The time of its devices, of which the world's is `world`.
     #[inline]
     pub(crate) fn time(&self, world: f64) -> f64 {
