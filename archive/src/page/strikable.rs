@@ -190,6 +190,9 @@ pub enum NotStrikable {
         /// How many there are.
         receptions: usize,
     },
+    /// The page does not have the tiles of the terrain.
+    #[error("the tiles of the terrain are not in the page")]
+    Terrain,
     /// The σ of bearings was learned from those of all beacons.
     #[error("σ of the bearings is learned from how those of all beacons meet")]
     LearnedSigma,

@@ -43,6 +43,7 @@ use crate::{
                         --p0-dbm -29.06 --exponent 2.765\n  \
                         foxhunt locate bearings.csv --every-beacon\n  \
                         foxhunt locate flight.csv --ignore struck.jsonl --report without.html\n  \
+                        foxhunt locate hills.csv --terrain tiles --p0-dbm -29.06 --exponent 2.765\n  \
                         foxhunt locate stations.csv --track")]
 pub(crate) struct Args {
     /// Recordings: CSV with named columns
@@ -58,7 +59,7 @@ pub(crate) struct Args {
     /// Track a transmitter that moves: its place at each time, from all that was received before
     /// and after, by one or several receivers
     #[cfg(feature = "batch")]
-    #[arg(long, conflicts_with_all = ["estimator", "every_beacon", "movebank_to"])]
+    #[arg(long, conflicts_with_all = ["estimator", "every_beacon", "movebank_to", "terrain"])]
     track: bool,
     #[cfg(feature = "batch")]
     #[command(flatten)]

@@ -26,6 +26,7 @@ use super::{
     calibration::{Calibration, Part, Surroundings, calibrated, parts},
     choice,
     extraction::Extraction,
+    over_terrain::{OverTerrain, Relief},
     parameter::{EastNorthUp, Parameter},
     recorded::{LatLon, Reading, no_degrees},
     views::Antennas,
@@ -75,6 +76,8 @@ pub(super) struct Locating {
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
     #[command(flatten)]
+    terrain: OverTerrain,
+    #[command(flatten)]
     calibration: Calibration,
     #[command(flatten)]
     surroundings: Surroundings,
@@ -91,6 +94,8 @@ pub(super) struct Prepared {
     parts: Vec<Vec<Extracted>>,
     reading: ReceptionConfig,
     config: LocateConfig,
+    /// The ground below the receivers, where it is given.
+    relief: Option<Relief>,
     antenna: Antennas,
     /// What each recording is called in a list of what is struck out.
     names: Vec<String>,
@@ -141,6 +146,7 @@ impl Locating {
                 "--transmitter-antenna: an estimator of single samples does not use it",
             ));
         }
+        let relief = self.terrain.read(&recordings, self.margin_m)?;
         let site_sigma_deg = self.surroundings.site().sigma().to_degrees();
         let reading = ReceptionConfig {
             positions: self.reading.positions,
@@ -155,6 +161,7 @@ impl Locating {
             pattern: self.pattern()?,
             antenna: self.receiver_antenna.as_deref().map(antenna_named),
             pulses: PulseLevelConfig { site_sigma_deg, ..PulseLevelConfig::default() },
+            terrain: relief.as_ref().map(|relief| relief.config.clone()),
             margin_m: self.margin_m,
             reference_m: self.reference_m.map(Into::into),
             seed: self.seed,
@@ -169,6 +176,7 @@ impl Locating {
             parts,
             reading,
             config,
+            relief,
             antenna,
             names,
             struck,
@@ -232,6 +240,10 @@ impl Locating {
     ) -> Result<&'a EstimatorEntry, CliError> {
         match &self.estimator {
             Some(name) => choice::estimator(registry, name, "--estimator"),
+            // What suits receptions over level ground takes all of them at once.
+            None if self.terrain.is_given() => {
+                registry.estimator("particle").map_err(CliError::input)
+            }
             None => registry.suited_to(received).map_err(CliError::input),
         }
     }
@@ -419,6 +431,9 @@ impl Prepared {
         searches: impl IntoIterator<Item = (&'a SearchOverview, Option<&'a str>)>,
         given: bool,
     ) -> Result<Result<PageLog, NotStrikable>, CliError> {
+        if self.relief.is_some() {
+            return Ok(Err(NotStrikable::Terrain));
+        }
         if self.learned_sigma {
             return Ok(Err(NotStrikable::LearnedSigma));
         }
@@ -495,6 +510,9 @@ impl Prepared {
             let Some(part) = part.as_ref().or(whole) else { continue };
             let more = recorded_receptions(part, beacon, extractor.as_ref(), &self.reading);
             received.append(&mut more.map_err(CliError::input)?);
+        }
+        if let Some(relief) = &self.relief {
+            received.iter_mut().try_for_each(|row| relief.place(number, row))?;
         }
         Ok(received)
     }

@@ -51,6 +51,7 @@ mod locating;
 #[cfg(feature = "hardware")]
 mod mission_files;
 mod notices;
+mod over_terrain;
 mod overrides;
 mod parameter;
 mod planning;

@@ -1,5 +1,11 @@
 use std::{fmt::Write as _, fs, path::Path};
 
+use foxhunt::{
+    core::{Terrain as _, nalgebra::Vector3},
+    geodesy::{Geodetic, LocalFrame},
+    sim::ReliefConfig,
+};
+
 use crate::support::{folder, foxhunt, has};
 
 fn write(folder: &Path, name: &str, text: &str) -> String {
@@ -590,4 +596,95 @@ fn a_time_that_runs_back_is_named() {
     for part in ["walk.csv, line 4", "back by 5 s"] {
         assert!(ran.stderr.contains(part), "{part:?} is not in {ran:?}");
     }
+}
+
+/// The place of a recording's first row, in the middle of a tile of one arc second.
+const BEFORE_RIDGE: [f64; 2] = [50.5, 14.5];
+
+/// A tile with a ridge of 40 m from West to East, 154 m North of that place.
+fn ridge(folder: &Path) -> String {
+    let tiles = folder.join("tiles");
+    fs::create_dir_all(&tiles).expect("the folder can be written to");
+    let height = |row: i32, column: i32| -> i16 {
+        let is_ridge = (row - 1795).abs() <= 1 && (column - 1800).abs() <= 10;
+        if is_ridge { 340 } else { 300 }
+    };
+    let places = (0..3601).flat_map(|row| (0..3601).map(move |column| (row, column)));
+    let bytes: Vec<u8> =
+        places.flat_map(|(row, column)| height(row, column).to_be_bytes()).collect();
+    fs::write(tiles.join("N50E014.hgt"), bytes).expect("the folder can be written to");
+    tiles.to_str().expect("the target folder is UTF-8").to_owned()
+}
+
+/// A flight along the ridge's South side, over it and beside it, 20 m above the ground; the
+/// transmitter is behind it, 300 m to the North. Heights are above the ground, or above where the
+/// flight began.
+fn behind_ridge(tiles: &str, above_ground: bool) -> String {
+    let [lat_deg, lon_deg] = BEFORE_RIDGE;
+    let mut relief = ReliefConfig::default();
+    relief.folder = Some(tiles.into());
+    (relief.lat_deg, relief.lon_deg, relief.reach_m) = (Some(lat_deg), Some(lon_deg), Some(800.0));
+    let loss = relief.build(2440.0).expect("a tile");
+    let frame = LocalFrame::new(Geodetic { lat_deg, lon_deg, alt_m: 0.0 }).expect("a place");
+    let ground = |place: &Vector3<f64>| loss.terrain().height(&place.xy()).expect("on the tile");
+    let begin = ground(&Vector3::zeros());
+    let along = (0..=20).map(|k| (25.0 * f64::from(k) - 250.0, 0.0));
+    let over = (0..=6).map(|k| (0.0, 30.0 * f64::from(k)));
+    let beside = (0..=8).map(|k| (259.5, 25.0 * f64::from(k)));
+    let places = std::iter::once((0.0, 0.0)).chain(along).chain(over).chain(beside);
+    let mut text = "time_s,lat_deg,lon_deg,alt_agl_m,rss_dbm\n".to_owned();
+    for (second, (east, north)) in places.enumerate() {
+        let here = Vector3::new(east, north, 20.0);
+        let to = Vector3::new(0.0, 300.0, 0.0);
+        // A dB up and down is all the noise.
+        let noise = if second % 2 == 0 { 1.0 } else { -1.0 };
+        let level = -29.06 - 27.65 * (to - here).norm().log10() - loss.loss_db(&here, &to) + noise;
+        let place = frame.to_geodetic(&Vector3::new(east, north, 0.0));
+        let up = if above_ground { here.z } else { here.z + ground(&here) - begin };
+        let Geodetic { lat_deg, lon_deg, .. } = place;
+        writeln!(text, "{second},{lat_deg:.9},{lon_deg:.9},{up:.6},{level:.2}")
+            .expect("a text takes it all");
+    }
+    text
+}
+
+#[test]
+fn a_transmitter_behind_a_ridge_is_located_over_terrain() {
+    let folder = folder("ridge");
+    let tiles = ridge(&folder);
+    let file = write(&folder, "agl.csv", &behind_ridge(&tiles, true));
+    let frame = LocalFrame::new(Geodetic { lat_deg: 50.5, lon_deg: 14.5, alt_m: 0.0 });
+    let truth = frame.expect("a place").to_geodetic(&Vector3::new(0.0, 300.0, 0.0));
+    let truth = format!("{:.8},{:.8}", truth.lat_deg, truth.lon_deg);
+    // The margin makes the tiles' reach 800 m, as in the levels above: heights between samples, of
+    // slopes as steep as this, depend on it.
+    let law = ["--p0-dbm", "-29.06", "--exponent", "2.765", "--truth", &truth, "--margin-m", "540"];
+    let locate = |file: &str, more: &[&str]| {
+        let flags = ["locate", "--json", file];
+        foxhunt(flags.iter().chain(&law).chain(more)).json()["error_m"]
+            .as_f64()
+            .expect("the truth is given")
+    };
+    let with = locate(&file, &["--terrain", &tiles]);
+    let without = locate(&file, &["--estimator", "particle"]);
+    assert!(with < 50.0 && without > 10.0 * with, "{with} m with terrain, {without} m without");
+    // The same flight as an autopilot counts its heights.
+    let above_launch = write(&folder, "relative.csv", &behind_ridge(&tiles, false));
+    let again = locate(&above_launch, &["--terrain", &tiles, "--up-from", "take-off"]);
+    assert!((again - with).abs() < 0.5, "{again} m, {with} m");
+
+    let refused = |more: &[&str]| foxhunt(["locate", &file].iter().chain(&law).chain(more));
+    refused(&["--terrain", &tiles, "--estimator", "shadowing-grid"])
+        .failed(2, &["shadowing-grid", "--terrain", "particle"]);
+    refused(&["--up-from", "take-off"]).failed(2, &["--terrain"]);
+    let none = folder.join("none");
+    fs::create_dir_all(&none).expect("the folder can be written to");
+    let none = none.to_str().expect("the target folder is UTF-8");
+    refused(&["--terrain", none]).failed(2, &["--terrain", "N50E014.hgt"]);
+    let metres = write(&folder, "metres.csv", "east_m,north_m,rss_dbm\n0,0,-60\n50,0,-62\n");
+    foxhunt(["locate", &metres, "--terrain", &tiles]).failed(2, &["--terrain", "degrees"]);
+    let ellipsoid = behind_ridge(&tiles, false).replace("alt_agl_m", "alt_m");
+    let ellipsoid = write(&folder, "ellipsoid.csv", &ellipsoid);
+    foxhunt(["locate", &ellipsoid, "--terrain", &tiles])
+        .failed(2, &["alt_m", "--up-from take-off"]);
 }

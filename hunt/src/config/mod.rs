@@ -18,6 +18,7 @@ pub use extractor::{
     BoxedExtractor, ExtractorConfig, ExtractorConfigError, KnownAntennaConfig, LobeConfig,
 };
 pub use filter::{AnyModel, AnyMotion, FilterConfig, GateConfig, OutlierConfig, Prior};
+pub(crate) use model::FREQUENCY_MHZ;
 pub use model::{ModelConfig, ModelError, ReceiverModel};
 pub use planner::{PlannerConfig, PlannerConfigError};
 pub use pulses::{PulseLevelConfig, PulseModel};

@@ -43,7 +43,7 @@ pub struct ModelConfig {
 pub type ReceiverModel = OverTerrain<WithElevationPattern<RssBearing<LogDistance>>, SharedTerrain>;
 
 /// What the loss over terrain is computed with where nothing else is known, in MHz.
-const FREQUENCY_MHZ: f64 = 2440.0;
+pub(crate) const FREQUENCY_MHZ: f64 = 2440.0;
 
 /// Why there is no such model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

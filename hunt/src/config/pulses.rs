@@ -69,7 +69,7 @@ impl PulseModel {
     }
 
     /// The same over terrain whose loss comes off.
-    pub(super) fn over_terrain(self, loss: TerrainLoss<SharedTerrain>) -> Self {
+    pub(crate) fn over_terrain(self, loss: TerrainLoss<SharedTerrain>) -> Self {
         Self { terrain: Some(loss), ..self }
     }
 

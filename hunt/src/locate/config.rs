@@ -1,10 +1,14 @@
 use foxhunt_core::Pose;
-use foxhunt_sensors::{AntennaConfig, ElevationPattern, ParameterError, WithElevationPattern};
+use foxhunt_sensors::{
+    AntennaConfig, ElevationPattern, ParameterError, SharedTerrain, TerrainLoss,
+    WithElevationPattern,
+};
+use foxhunt_sim::{ReliefConfig, ReliefError};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::area::FREE_EXPONENT;
-use crate::config::PulseLevelConfig;
+use crate::config::{FREQUENCY_MHZ, PulseLevelConfig};
 
 /// How a transmitter is located.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,6 +29,10 @@ pub struct LocateConfig {
     /// How single pulses err, for these.
     #[serde(default)]
     pub pulses: PulseLevelConfig,
+    /// The terrain whose loss comes off the levels, for estimators of levels one after the other;
+    /// every Up is then a height above the ground below. Level ground where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub terrain: Option<ReliefConfig>,
     /// How far beyond the area of the receivers a transmitter is looked for, in metres; the grids
     /// begin there, and go farther where they have to.
     pub margin_m: f64,
@@ -71,6 +79,11 @@ impl LocateConfig {
         }
         .with_target_up(self.target_up_m)
     }
+
+    /// What the terrain takes off the levels, if there is one.
+    pub(crate) fn terrain_loss(&self) -> Result<Option<TerrainLoss<SharedTerrain>>, ReliefError> {
+        self.terrain.as_ref().map(|terrain| terrain.build(FREQUENCY_MHZ)).transpose()
+    }
 }
 
 impl Power {
@@ -84,7 +97,7 @@ impl Power {
 }
 
 impl Default for LocateConfig {
-    /// Free power, a transmitter on the ground, antennas that nobody knows, pulses as in
+    /// Free power, a transmitter on level ground, antennas that nobody knows, pulses as in
     /// [`PulseLevelConfig::default`], 200 m beyond the area of the receivers, two degrees
     /// of freedom for the bearings' σ, seed 1.
     fn default() -> Self {
@@ -94,6 +107,7 @@ impl Default for LocateConfig {
             pattern: None,
             antenna: None,
             pulses: PulseLevelConfig::default(),
+            terrain: None,
             margin_m: 200.0,
             bearing_freedom: 2.0,
             reference_m: None,

@@ -2,6 +2,7 @@ use foxhunt_core::{EstimatorError, Quantity, parameter::ParameterError};
 #[cfg(feature = "batch")]
 use foxhunt_filters::BatchError;
 use foxhunt_filters::ShadowingGridError;
+use foxhunt_sim::ReliefError;
 
 use crate::{config::RegistryError, hunt::TrackError};
 
@@ -59,6 +60,18 @@ pub enum LocateError {
     Antenna {
         /// Why not.
         reason: String,
+    },
+    /// The terrain cannot be had.
+    #[error("the terrain: {0}")]
+    Terrain(#[from] ReliefError),
+    /// The estimator takes the ground for level.
+    #[error(
+        "the estimator {estimator} takes the ground for level, and a terrain is given (--terrain); \
+         particle, gaussian-sum, grid and others of levels in the order of time know one"
+    )]
+    NoUseOfTerrain {
+        /// Which estimator.
+        estimator: String,
     },
     /// The estimator does not follow the antennas that are named.
     #[error(

@@ -1,6 +1,6 @@
 use foxhunt_core::{BeaconId, Correction, Pose, Reception};
 use foxhunt_filters::ShadowingGridConfig;
-use foxhunt_sensors::{AntennaError, LogDistance, RssBearing};
+use foxhunt_sensors::{AntennaError, LogDistance, OverTerrain, RssBearing};
 
 use super::{EstimatorEntry, Registry, RegistryError, TrackRequest};
 use crate::{
@@ -32,6 +32,9 @@ impl EstimatorEntry {
         if config.pattern.is_some() && !self.uses_antennas() {
             return Err(LocateError::NoUseOfAntennas { estimator: self.name.clone().into_owned() });
         }
+        if config.terrain.is_some() && !self.uses_terrain() {
+            return Err(LocateError::NoUseOfTerrain { estimator: self.name.clone().into_owned() });
+        }
         let Some(locator) = self.locator() else { return in_time(receptions, self, config) };
         locator.locate(receptions, config).map_err(|source| LocateError::Named {
             estimator: self.name.clone().into_owned(),
@@ -44,6 +47,11 @@ impl EstimatorEntry {
         let uses =
             |settings: &EstimatorConfig| settings.track.components != Components::BearingOnly;
         self.settings().is_some_and(uses)
+    }
+
+    /// Whether terrain is in its model of levels.
+    fn uses_terrain(&self) -> bool {
+        self.locator().is_none() && (self.streams_levels() || self.takes_samples())
     }
 
     /// Whether the antennas' pattern is in its model of levels.
@@ -115,7 +123,12 @@ fn in_time(
         }
     };
     let model = RssBearing::new(law).with_target_up(config.target_up_m)?;
-    let model: ReceiverModel = config.through_antennas(model)?.into();
+    let model = config.through_antennas(model)?;
+    let loss = config.terrain_loss()?;
+    let model: ReceiverModel = match &loss {
+        Some(loss) => OverTerrain::new(model, loss.clone()).with_target_up(config.target_up_m)?,
+        None => model.into(),
+    };
     // Who does not use levels needs no power; who has settings is given the one that is not known.
     let estimator = if free && estimator.streams_levels() {
         let change = |settings: &mut EstimatorConfig| {
@@ -133,7 +146,11 @@ fn in_time(
             if free {
                 pulses.power_sigma_db = FREE_POWER_SIGMA_DB;
             }
-            Some(PulseModel::new(law, antenna, config.target_up_m, pulses)?)
+            let model = PulseModel::new(law, antenna, config.target_up_m, pulses)?;
+            Some(match loss {
+                Some(loss) => model.over_terrain(loss),
+                None => model,
+            })
         }
         _ => None,
     };

@@ -1,0 +1,125 @@
+//! The terrain between recorded receptions and a transmitter.
+
+use std::{collections::BTreeMap, path::PathBuf};
+
+use foxhunt::{
+    core::nalgebra::{Vector2, Vector3},
+    geodesy::Geodetic,
+    recorded::RecordedReception,
+    recording::Recording,
+    sensors::SharedTerrain,
+    sim::ReliefConfig,
+};
+
+use crate::error::CliError;
+
+/// The terrain whose loss comes off the levels.
+#[derive(Debug, clap::Args)]
+pub(super) struct OverTerrain {
+    /// Take what terrain hides off the levels, by the tiles of this folder: .hgt, or GeoTIFF in
+    /// degrees (docs/terrain.md). For estimators of levels in the order of time, `particle` unless
+    /// one is named
+    #[arg(long, value_name = "FOLDER")]
+    terrain: Option<PathBuf>,
+    /// What the recordings' heights count from; those above the ellipsoid (alt_m) need `take-off`
+    #[arg(long, value_name = "FROM", requires = "terrain", default_value = "ground")]
+    up_from: UpFrom,
+    /// What the transmitter sends at, for the loss over the terrain
+    #[arg(long, value_name = "MHZ", requires = "terrain", default_value_t = 2440.0)]
+    frequency_mhz: f64,
+}
+
+/// What Up counts from in a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum UpFrom {
+    /// The ground below the receiver
+    Ground,
+    /// The ground at the first place of each drone, as an autopilot counts; of alt_m the ground at
+    /// the first place of all, where a receiver stood
+    TakeOff,
+}
+
+/// The terrain below receivers.
+pub(super) struct Relief {
+    /// As estimators take it.
+    pub(super) config: ReliefConfig,
+    terrain: SharedTerrain,
+    up_from: UpFrom,
+    /// The heights of the ground where the drones of each recording began, in metres.
+    launches: Vec<BTreeMap<String, f64>>,
+}
+
+impl OverTerrain {
+    /// Whether there is one.
+    pub(super) fn is_given(&self) -> bool {
+        self.terrain.is_some()
+    }
+
+    /// Reads the tiles about the recordings, as far as the transmitter is looked for at first.
+    pub(super) fn read(
+        &self,
+        recordings: &[Recording],
+        margin_m: f64,
+    ) -> Result<Option<Relief>, CliError> {
+        let Some(folder) = &self.terrain else { return Ok(None) };
+        let Some(frame) = recordings.iter().find_map(Recording::frame) else {
+            let reason = "--terrain: the recordings are in local metres; places in degrees are \
+                          needed to find them on the tiles";
+            return Err(CliError::input(reason));
+        };
+        let Geodetic { lat_deg, lon_deg, alt_m } = frame.origin();
+        let by_ellipsoid = alt_m.abs() > 0.0;
+        if by_ellipsoid && self.up_from == UpFrom::Ground {
+            let reason = "--terrain: the recordings' heights (alt_m) are above the ellipsoid and \
+                          not above the ground; --up-from take-off counts them from their first \
+                          place, where the receiver has to have stood on the ground";
+            return Err(CliError::input(reason));
+        }
+        let receivers = recordings.iter().flat_map(Recording::records).filter_map(|r| r.receiver);
+        let farthest_m = receivers.map(|pose| pose.position.xy().amax()).fold(0.0, f64::max);
+        let mut config = ReliefConfig::default();
+        config.folder = Some(folder.clone());
+        (config.lat_deg, config.lon_deg) = (Some(lat_deg), Some(lon_deg));
+        config.reach_m = Some((farthest_m + margin_m).ceil());
+        config.frequency_mhz = Some(self.frequency_mhz);
+        let wrong = |error| CliError::input(format!("--terrain: {error}"));
+        let terrain = config.build(self.frequency_mhz).map_err(wrong)?.terrain().clone();
+        let mut relief = Relief { config, terrain, up_from: self.up_from, launches: Vec::new() };
+        for recording in recordings {
+            let mut launches = BTreeMap::new();
+            for record in recording.records() {
+                let Some(receiver) = record.receiver else { continue };
+                let from = if by_ellipsoid { Vector3::zeros() } else { receiver.position };
+                if !launches.contains_key(&record.drone) {
+                    launches.insert(record.drone.clone(), relief.ground(&from.xy())?);
+                }
+            }
+            relief.launches.push(launches);
+        }
+        Ok(Some(relief))
+    }
+}
+
+impl Relief {
+    /// Puts the Up of a reception of a recording, counted from 0, above the ground below.
+    pub(super) fn place(
+        &self,
+        number: usize,
+        received: &mut RecordedReception,
+    ) -> Result<(), CliError> {
+        let launch = self.launches.get(number).and_then(|of| of.get(&received.drone));
+        if let (UpFrom::TakeOff, Some(launch)) = (self.up_from, launch) {
+            let place = &mut received.reception.receiver.position;
+            place.z += launch - self.ground(&place.xy())?;
+        }
+        Ok(())
+    }
+
+    fn ground(&self, place: &Vector2<f64>) -> Result<f64, CliError> {
+        let beyond = || {
+            let [east, north] = [place.x, place.y];
+            CliError::input(format!("--terrain: no height at ({east:.0}, {north:.0}) m"))
+        };
+        self.terrain.height(place).ok_or_else(beyond)
+    }
+}
