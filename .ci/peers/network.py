@@ -1,7 +1,8 @@
 """Runs three drone nodes and a fusion node as programs, kills one of each, and judges the log.
 
-network.py MIDDLEWARE FOXHUNT [PYTHON]: PYTHON runs the observer, peer_MIDDLEWARE.py beside this, which
-receives the estimates, sends a reception, and prints what it received as one JSON value.
+network.py MIDDLEWARE FOXHUNT [signed] [PYTHON]: PYTHON runs the observer, peer_MIDDLEWARE.py beside this, which
+receives the estimates, sends a reception, and prints what it received as one JSON value. Where the hunt is
+signed the observer has no key: nothing that it sends may count, and no drone's node with a key of its own.
 """
 
 import json
@@ -16,11 +17,16 @@ SPEED = 10
 OWN_LEVEL_DBM = -61.0625  # the level of the observer's reception
 
 here = pathlib.Path(__file__).parent
-middleware, foxhunt = sys.argv[1:3]
-python = sys.argv[3] if len(sys.argv) > 3 else sys.executable
+middleware, foxhunt, *more = sys.argv[1:]
+signed = more[:1] == ["signed"]
+python = (more[signed:] or [sys.executable])[0]
 folder = pathlib.Path(tempfile.mkdtemp(prefix="foxhunt-network-"))
 log = folder / "hunt.jsonl"
-common = ["--over", middleware, "--unsigned", "--speed", str(SPEED)]
+key, other_key = folder / "team.key", folder / "other.key"
+for file in (key, other_key):
+    subprocess.run([foxhunt, "node", "key", file], check=True, stdout=subprocess.DEVNULL)
+common = ["--over", middleware, "--speed", str(SPEED)]
+keyed = ["--key", key] if signed else ["--unsigned"]
 running = []
 
 
@@ -31,14 +37,14 @@ def start(name, *command, **more):
     return process
 
 
-def drone(number, *more):
-    return start(f"drone_{number}", foxhunt, "node", "drone", "--simulate", folder / "field.toml",
-                 "--drone", number, *common, *more)
+def drone(number, *more, name="drone", keyed=keyed):
+    return start(f"{name}_{number}", foxhunt, "node", "drone", "--simulate", folder / "field.toml",
+                 "--drone", number, *common, *keyed, *more)
 
 
 def fusion():
     return start("fusion", foxhunt, "--json", "node", "fusion", folder / "field.toml", "--log", log,
-                 "--resume", *common, stdout=subprocess.PIPE, text=True)
+                 "--resume", *common, *keyed, stdout=subprocess.PIPE, text=True)
 
 
 def events(kind):
@@ -76,9 +82,12 @@ def hunt():
         # A computer that is busy for a moment is busy for long by a fast clock: 30 s on the wall.
         + "\n[hunt]\nshared_turns = true\nattendance = { lost_after_s = 300 }\n")
     observer = start("observer", python, here / f"peer_{middleware}.py", SPEED, OWN_LEVEL_DBM,
-                     stdout=subprocess.PIPE, text=True)
+                     *["signed"] * signed, stdout=subprocess.PIPE, text=True)
     fusing = fusion()
     drones = [drone(0), drone(1), drone(2, "--drop", 0.2)]
+    # ROS 1 ends the first of two nodes with one name, whoever they are.
+    if signed and middleware != "ros1":
+        drone(0, "--seed", 2, name="stranger", keyed=["--key", other_key])
     wait_for("8 receptions", lambda: len(events("received")) >= 8, fusing)
     drones[1].kill()
     drones[1].wait()
@@ -124,8 +133,16 @@ def judge(report, observed):
                 (drone, beacon) == other[:2] and abs(micros - other[2]) < 2 for other in logged):
             fail(f"taken in and not in the log: {(drone, beacon, micros)}")
     own = [e for e in received if e["reception"]["rss_dbm"] == OWN_LEVEL_DBM]
-    if len(own) != 1:
+    if len(own) != (0 if signed else 1):
         fail(f"the observer's reception is in the log {len(own)} times")
+    if signed:
+        refused = " ".join(event["reason"] for event in events("device_failed"))
+        for why in ("no message of a foxhunt node", "too long for a message",
+                    "not signed with the key of this node"):
+            if why not in refused:
+                fail(f"the log does not name what was {why!r}")
+        if not observed["intruded"]:
+            fail("the stranger has sent nothing")
     if observed["estimates"] < 10 or not observed["last_estimate"]:
         fail(f"the observer received {observed['estimates']} estimates")
     replay = subprocess.run([foxhunt, "--json", "replay", str(log)], check=True, capture_output=True,
@@ -146,7 +163,9 @@ def judge(report, observed):
           f"node killed and begun anew ({len(events('resumed'))} times from the log), 20 % of drone 2's "
           f"messages lost; {replay['identical']} of {replay['compared']} estimates identical; the "
           f"observer received {observed['estimates']} estimates, {observed['paths']} paths, "
-          f"{observed['diagnostics']} diagnostics, and its reception was taken in once")
+          f"{observed['diagnostics']} diagnostics, "
+          + ("signed: who lacks the key was refused" if signed else
+             "and its reception was taken in once"))
 
 
 try:

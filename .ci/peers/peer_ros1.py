@@ -1,7 +1,8 @@
 """Observes a hunt with Debian's rospy, and sends a reception.
 
-peer_ros1.py SPEED LEVEL_DBM; on SIGTERM prints what it received as JSON. The messages of foxhunt_msgs are made
-from their files by genpy, with MD5 sums that rospy holds against ours.
+peer_ros1.py SPEED LEVEL_DBM [signed]; on SIGTERM prints what it received as JSON. The messages of foxhunt_msgs
+are made from their files by genpy, with MD5 sums that rospy holds against ours. Where the hunt is signed it is a
+stranger without the key, who also sends orders to land, garbage and what he has recorded.
 """
 
 import json
@@ -18,9 +19,10 @@ from genpy import Time
 from genpy.dynamic import generate_dynamic
 from geometry_msgs.msg import Point, PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.msg import Path
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 
 SPEED, LEVEL_DBM = float(sys.argv[1]), float(sys.argv[2])
+SIGNED = sys.argv[3:] == ["signed"]
 SEPARATOR = "=" * 80
 messages = pathlib.Path(__file__).parent.parent.parent / "hardware/ros/foxhunt_msgs/msg"
 
@@ -88,6 +90,13 @@ def on_order(message, drone):
             taken.add((drone, beacon, micros(sec, nanosec)))
 
 
+def on_text(message, kept):
+    with lock:
+        if not intruded:
+            kept.append(message.data)
+            del kept[:-20]
+
+
 def on_stop(*_):
     global stop
     stop = True
@@ -102,6 +111,29 @@ for number in range(3):
     rospy.Subscriber(f"/foxhunt/drone_{number}/reception", Reception, on_reception, number)
     rospy.Subscriber(f"/foxhunt/drone_{number}/order", Order, on_order, number)
 speaker = rospy.Publisher("/foxhunt/drone_2/reception", Reception, queue_size=10)
+signed = [f"/foxhunt/drone_{n}/signed_{what}" for n in range(3) for what in ("report", "order")]
+recorded = [[] for _ in signed] if SIGNED else []
+intruded = False
+for topic, kept in zip(signed, recorded):
+    rospy.Subscriber(topic, String, on_text, kept)
+forgers = [rospy.Publisher(topic, String, queue_size=100) for topic in signed] if SIGNED else []
+landers = [rospy.Publisher(f"/foxhunt/drone_{n}/order", Order, queue_size=10)
+           for n in range(3)] if SIGNED else []
+
+
+def intrude():
+    """Has all drones land, and sends garbage and what was recorded."""
+    for lander in landers:
+        lander.publish(Order(header=Header(stamp=Time(int(now()), 0), frame_id="map"), number=2**63,
+                             land=True, leave=2))
+    with lock:
+        sent = [list(kept) for kept in recorded]
+    for n, forger in enumerate(forgers):
+        # On its own channel, on another one, and what nobody has sent.
+        for data in sent[n] + sent[n - 2] + ["garbage", "x" * 200_000]:
+            forger.publish(String(data))
+
+
 signal.signal(signal.SIGTERM, on_stop)
 
 own, own_taken = None, False
@@ -115,6 +147,10 @@ while not stop:
             heard=True, position=place, position_sigma=[1.0, 1.0, 2.0], rss_dbm=LEVEL_DBM,
             rss_sigma_db=8.0, has_bearing=True, bearing=math.atan2(-10.0 - place.y, -10.0 - place.x),
             bearing_sigma=0.5, bearing_confidence=0.5)
+    if SIGNED and own is not None and not intruded and all(recorded):
+        with lock:
+            intruded = True
+        intrude()
     if own is not None and not own_taken:
         stamp = own.header.stamp
         with lock:
@@ -125,5 +161,6 @@ if own is not None:
     # Once more, though it was taken in.
     speaker.publish(own)
 with lock:
+    observed["intruded"] = intruded
     observed["received"], observed["taken"] = sorted(received), sorted(taken)
     print(json.dumps(observed), flush=True)

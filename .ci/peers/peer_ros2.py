@@ -1,6 +1,7 @@
 """Observes a hunt over DDS with PyPI cyclonedds, as any ROS 2 node would, and sends a reception.
 
-peer_ros2.py SPEED LEVEL_DBM; on SIGTERM prints what it received as JSON.
+peer_ros2.py SPEED LEVEL_DBM [signed]; on SIGTERM prints what it received as JSON. Where the hunt is signed it
+is a stranger without the key, who also sends orders to land, garbage and what he has recorded.
 """
 
 import json
@@ -20,6 +21,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 SPEED, LEVEL_DBM = float(sys.argv[1]), float(sys.argv[2])
+SIGNED = sys.argv[3:] == ["signed"]
 
 
 @dataclass
@@ -129,6 +131,11 @@ class Reception(IdlStruct, typename="foxhunt_msgs::msg::dds_::Reception_"):
 
 
 @dataclass
+class String(IdlStruct, typename="std_msgs::msg::dds_::String_"):
+    data: str
+
+
+@dataclass
 class Order(IdlStruct, typename="foxhunt_msgs::msg::dds_::Order_"):
     header: Header
     number: uint64
@@ -175,13 +182,38 @@ paths = reader("/foxhunt/drone_0/path", Path, latched)
 poses = reader("/foxhunt/drone_2/pose", PoseStamped, live)
 receptions = [reader(f"/foxhunt/drone_{n}/reception", Reception, live) for n in range(3)]
 orders = [reader(f"/foxhunt/drone_{n}/order", Order, live) for n in range(3)]
-speaker = DataWriter(
-    participant, Topic(participant, "rt/foxhunt/drone_2/reception", Reception), qos=spoken)
+
+
+def writer(topic, kind):
+    return DataWriter(participant, Topic(participant, "rt" + topic, kind), qos=spoken)
+
+
+speaker = writer("/foxhunt/drone_2/reception", Reception)
+signed = [f"/foxhunt/drone_{n}/signed_{what}" for n in range(3) for what in ("report", "order")]
+texts = [reader(topic, String, live) for topic in signed] if SIGNED else []
+forgers = [writer(topic, String) for topic in signed] if SIGNED else []
+landers = [writer(f"/foxhunt/drone_{n}/order", Order) for n in range(3)] if SIGNED else []
+recorded = [[] for _ in texts]
+
+
+def intrude():
+    """Has all drones land, and sends garbage and what was recorded."""
+    stamp = Time(int(now()), 0)
+    for lander in landers:
+        lander.write(Order(
+            header=Header(stamp=stamp), number=2**63, has_goal=False, goal=Point(), land=True, turn=0,
+            beacons=[], taken_beacons=[], taken_sec=[], taken_nanosec=[], take_off=False, leave=2,
+            echo_sec=[], echo_nanosec=[]))
+    for n, forger in enumerate(forgers):
+        # On its own channel, on another one, and what nobody has sent.
+        for data in recorded[n] + recorded[n - 2] + ["garbage", "x" * 200_000]:
+            forger.write(String(data))
+
 
 observed = {"estimates": 0, "last_estimate": None, "diagnostics": 0, "paths": 0}
 received, taken = set(), set()
 own, own_taken, place = None, False, None
-stop = False
+stop, intruded = False, False
 
 
 def on_stop(*_):
@@ -223,6 +255,13 @@ while not stop:
             bearing=math.atan2(north, east), bearing_sigma=0.5, bearing_confidence=0.5,
             covariance=0.0, mode_weights=[], mode_bearings=[], mode_sigmas=[], velocity=[],
             quantity_names=[], quantity_values=[], quantity_sigmas=[])
+    if not intruded:
+        for text, kept in zip(texts, recorded):
+            kept.extend(message.data for message in text.take(N=100))
+            del kept[:-20]
+    if SIGNED and own is not None and not intruded and all(recorded):
+        intruded = True
+        intrude()
     if own is not None and not own_taken:
         stamp = own.header.stamp
         own_taken = (2, 0, micros(stamp.sec, stamp.nanosec)) in taken
@@ -231,5 +270,6 @@ while not stop:
 if own is not None:
     # Once more, though it was taken in.
     speaker.write(own)
+observed["intruded"] = intruded
 observed["received"], observed["taken"] = sorted(received), sorted(taken)
 print(json.dumps(observed))

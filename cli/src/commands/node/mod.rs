@@ -12,8 +12,8 @@ use crate::{context::Context, error::CliError};
 /// Run one computer's part of a hunt, over MQTT, ROS 1 or ROS 2
 ///
 /// Every drone's computer runs a drone node, and one computer the fusion node. Messages may be
-/// lost, late or doubled, and every node may be stopped and started again. Over MQTT they are
-/// signed with the key of the team.
+/// lost, late or doubled, and every node may be stopped and started again. They are signed with the
+/// key of the team.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples: the key of the team, then three simulated drones and the fusion node, \

@@ -73,11 +73,6 @@ impl Shared {
     fn key(&self) -> Result<Option<TeamKey>, CliError> {
         if self.unsigned {
             warn("messages are not signed: whoever reaches the network can fly the drones");
-        } else if self.over != Over::Mqtt {
-            return Err(CliError::input(
-                "--key: messages are signed over MQTT alone; over ROS, --unsigned in a network \
-                 that nobody else can reach",
-            ));
         }
         self.key.as_deref().map(TeamKey::read).transpose().map_err(key_error)
     }
@@ -105,12 +100,12 @@ impl Shared {
             }
             #[cfg(feature = "ros1")]
             Over::Ros1 => {
-                let link = foxhunt::hardware::link::Ros1Drone::join(&self.ros1(), drone);
+                let link = foxhunt::hardware::link::Ros1Drone::join(&self.ros1(), drone, key);
                 Ok(Box::new(link.map_err(CliError::failure)?))
             }
             #[cfg(feature = "ros2")]
             Over::Ros2 => {
-                let link = foxhunt::hardware::link::Ros2Drone::join(self.ros2()?, drone);
+                let link = foxhunt::hardware::link::Ros2Drone::join(self.ros2()?, drone, key);
                 Ok(Box::new(link.map_err(CliError::failure)?))
             }
         }
@@ -127,12 +122,12 @@ impl Shared {
             }
             #[cfg(feature = "ros1")]
             Over::Ros1 => {
-                let link = foxhunt::hardware::link::Ros1Fusion::join(&self.ros1(), drones);
+                let link = foxhunt::hardware::link::Ros1Fusion::join(&self.ros1(), drones, key);
                 Ok(Box::new(link.map_err(CliError::failure)?))
             }
             #[cfg(feature = "ros2")]
             Over::Ros2 => {
-                let link = foxhunt::hardware::link::Ros2Fusion::join(self.ros2()?, drones);
+                let link = foxhunt::hardware::link::Ros2Fusion::join(self.ros2()?, drones, key);
                 Ok(Box::new(link.map_err(CliError::failure)?))
             }
         }

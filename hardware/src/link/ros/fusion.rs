@@ -5,21 +5,33 @@ use std::{
 
 use super::{
     DIAGNOSTICS, DiagnosticArray, Kept, Order, Path, PoseStamped, PoseWithCovarianceStamped,
-    Publisher, Reception, RosHeader, Status, Subscriber, Topics, beacon_topic, convert,
-    drone_topic, show,
+    Publisher, Reception, RosHeader, Status, Subscriber, Text, Topics, beacon_topic,
+    carrier::RosCarrier, convert, drone_topic, show,
 };
-use crate::link::{self, FusionLink, LinkError, Report, View};
+use crate::link::{self, CarriedFusion, FusionLink, LinkError, Report, TeamKey, View};
 
 /// The fusing end of a link over ROS: the drones' topics the other way round, and for viewers each
 /// drone's `goal` and `path`, `/foxhunt/beacon_<n>/estimate` and `/diagnostics`.
 pub(in crate::link) struct FusionEnd<H, N> {
-    drones: Vec<Drone<H>>,
+    channel: Channel<H>,
+    shown: Vec<Shown<H>>,
     estimates: BTreeMap<u16, Publisher<PoseWithCovarianceStamped<H>>>,
     diagnostics: Publisher<DiagnosticArray<H>>,
-    /// Which drone's topics were read last, so that each has its turn.
-    turn: usize,
     /// The topics live no longer than their node.
     node: N,
+}
+
+/// What orders and reports go by.
+enum Channel<H> {
+    Open(Drones<H>),
+    Signed(CarriedFusion<RosCarrier>),
+}
+
+/// The topics of all drones.
+struct Drones<H> {
+    drones: Vec<Drone<H>>,
+    /// Which drone's topics were read last, so that each has its turn.
+    turn: usize,
 }
 
 /// The topics of one drone.
@@ -28,13 +40,17 @@ struct Drone<H> {
     status: Subscriber<Status<H>>,
     reception: Subscriber<Reception<H>>,
     order: Publisher<Order<H>>,
+}
+
+/// What viewers see of one drone.
+struct Shown<H> {
     goal: Publisher<PoseStamped<H>>,
     path: Publisher<Path<H>>,
 }
 
 impl<H, N> fmt::Debug for FusionEnd<H, N> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("FusionEnd").field("drones", &self.drones.len()).finish_non_exhaustive()
+        f.debug_struct("FusionEnd").field("drones", &self.shown.len()).finish_non_exhaustive()
     }
 }
 
@@ -45,24 +61,67 @@ where
         + Topics<Reception<H>>
         + Topics<Order<H>>
         + Topics<Path<H>>
-        + Topics<DiagnosticArray<H>>,
+        + Topics<DiagnosticArray<H>>
+        + Topics<Text>,
 {
-    /// The topics of so many drones.
-    pub(in crate::link) fn new(mut node: N, drones: usize) -> Result<Self, LinkError> {
-        let mut of = |drone: usize| {
+    /// The topics of so many drones. With a key no report counts that is not signed with it.
+    pub(in crate::link) fn new(
+        mut node: N,
+        drones: usize,
+        key: Option<TeamKey>,
+    ) -> Result<Self, LinkError> {
+        let channel = match key {
+            Some(key) => {
+                let carrier = RosCarrier::fusion(&mut node, drones)?;
+                Channel::Signed(CarriedFusion::new(carrier, drones, Some(key))?)
+            }
+            None => Channel::Open(Drones::new(&mut node, drones)?),
+        };
+        let mut shown = |drone| {
+            Ok(Shown {
+                goal: node.publisher(&drone_topic(drone, "goal"), Kept::Last)?,
+                path: node.publisher(&drone_topic(drone, "path"), Kept::Last)?,
+            })
+        };
+        let shown = (0..drones).map(&mut shown).collect::<Result<_, LinkError>>()?;
+        let diagnostics = node.publisher(DIAGNOSTICS, Kept::Queue(1))?;
+        Ok(Self { channel, shown, estimates: BTreeMap::new(), diagnostics, node })
+    }
+}
+
+impl<H> Drones<H> {
+    fn new<N>(node: &mut N, drones: usize) -> Result<Self, LinkError>
+    where
+        N: Topics<PoseStamped<H>> + Topics<Status<H>> + Topics<Reception<H>> + Topics<Order<H>>,
+    {
+        let of = |drone| {
             let topic = |what| drone_topic(drone, what);
             Ok(Drone {
                 pose: node.subscriber(&topic("pose"), 10)?,
                 status: node.subscriber(&topic("status"), 10)?,
                 reception: node.subscriber(&topic("reception"), 100)?,
                 order: node.publisher(&topic("order"), Kept::Queue(1))?,
-                goal: node.publisher(&topic("goal"), Kept::Last)?,
-                path: node.publisher(&topic("path"), Kept::Last)?,
             })
         };
-        let drones = (0..drones).map(&mut of).collect::<Result<_, LinkError>>()?;
-        let diagnostics = node.publisher(DIAGNOSTICS, Kept::Queue(1))?;
-        Ok(Self { drones, estimates: BTreeMap::new(), diagnostics, turn: 0, node })
+        Ok(Self { drones: (0..drones).map(of).collect::<Result<_, LinkError>>()?, turn: 0 })
+    }
+}
+
+impl<H: RosHeader> Drones<H> {
+    fn send(&mut self, drone: usize, order: &link::Order) -> Result<(), LinkError> {
+        let drones = self.drones.len();
+        let to = self.drones.get_mut(drone).ok_or(LinkError::Drone { drone, drones })?;
+        to.order.publish(convert::order_message(order)?)
+    }
+
+    fn take(&mut self) -> Result<Option<(usize, Report)>, LinkError> {
+        for _ in 0..self.drones.len() {
+            self.turn = (self.turn + 1) % self.drones.len();
+            if let Some(report) = self.drones[self.turn].take()? {
+                return Ok(Some((self.turn, report)));
+            }
+        }
+        Ok(None)
     }
 }
 
@@ -80,19 +139,17 @@ impl<H: RosHeader> Drone<H> {
 
 impl<H: RosHeader, N: Topics<PoseWithCovarianceStamped<H>>> FusionLink for FusionEnd<H, N> {
     fn send(&mut self, drone: usize, order: &link::Order) -> Result<(), LinkError> {
-        let drones = self.drones.len();
-        let to = self.drones.get_mut(drone).ok_or(LinkError::Drone { drone, drones })?;
-        to.order.publish(convert::order_message(order)?)
+        match &mut self.channel {
+            Channel::Open(drones) => drones.send(drone, order),
+            Channel::Signed(link) => link.send(drone, order),
+        }
     }
 
     fn receive(&mut self) -> Result<Option<(usize, Report)>, LinkError> {
-        for _ in 0..self.drones.len() {
-            self.turn = (self.turn + 1) % self.drones.len();
-            if let Some(report) = self.drones[self.turn].take()? {
-                return Ok(Some((self.turn, report)));
-            }
+        match &mut self.channel {
+            Channel::Open(drones) => drones.take(),
+            Channel::Signed(link) => link.receive(),
         }
-        Ok(None)
     }
 
     fn show(&mut self, view: &View) -> Result<(), LinkError> {
@@ -112,11 +169,11 @@ impl<H: RosHeader, N: Topics<PoseWithCovarianceStamped<H>>> FusionLink for Fusio
             }
             published?;
         }
-        for (drone, shown) in self.drones.iter_mut().zip(&view.drones) {
-            if let Some(goal) = &shown.goal {
-                drone.goal.publish(show::goal(at, goal)?)?;
+        for (topics, drone) in self.shown.iter_mut().zip(&view.drones) {
+            if let Some(goal) = &drone.goal {
+                topics.goal.publish(show::goal(at, goal)?)?;
             }
-            drone.path.publish(show::path(at, shown)?)?;
+            topics.path.publish(show::path(at, drone)?)?;
         }
         self.diagnostics.publish(show::diagnostics(at, &view.health)?)
     }

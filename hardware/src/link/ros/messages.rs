@@ -1,5 +1,5 @@
 //! Messages as they lie in the stream, in the order of their fields: `geometry_msgs`, `nav_msgs`,
-//! `diagnostic_msgs`, and `foxhunt_msgs` of `hardware/ros`.
+//! `diagnostic_msgs`, `std_msgs`, and `foxhunt_msgs` of `hardware/ros`.
 
 use std::fmt::Debug;
 
@@ -114,6 +114,12 @@ pub(in crate::link) struct DiagnosticStatus {
 pub(in crate::link) struct DiagnosticArray<H> {
     pub(in crate::link) header: H,
     pub(in crate::link) status: Vec<DiagnosticStatus>,
+}
+
+/// `std_msgs/String`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(in crate::link) struct Text {
+    pub(in crate::link) data: String,
 }
 
 /// `foxhunt_msgs/Reception`.

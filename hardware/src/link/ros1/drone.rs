@@ -1,23 +1,29 @@
 use super::{Header, Node, Ros1Config};
 use crate::link::{
-    DroneLink, LinkError, Order, Report,
+    DroneLink, LinkError, Order, Report, TeamKey,
     ros::{DroneEnd, drone_name},
 };
 
 /// A drone's end of a link over ROS 1: `/foxhunt/drone_<n>/` with `pose`, `status` and `reception`
-/// out, and `order` in.
+/// out, and `order` in. With the key of the team it sends `signed_report` and takes `signed_order`,
+/// and `pose` is for viewers alone.
 #[derive(Debug)]
 pub struct Ros1Drone(DroneEnd<Header, Node>);
 
 impl Ros1Drone {
-    /// Joins the network as a drone, counted from 0; waits for the master's answers.
+    /// Joins the network as a drone, counted from 0; waits for the master's answers. Without a
+    /// key nothing is signed, and the drone follows whoever sends.
     ///
     /// # Errors
     ///
     /// [`LinkError::Open`] names what could not be set up.
-    pub fn join(config: &Ros1Config, drone: usize) -> Result<Self, LinkError> {
+    pub fn join(
+        config: &Ros1Config,
+        drone: usize,
+        key: Option<TeamKey>,
+    ) -> Result<Self, LinkError> {
         let node = Node::join(config, &drone_name(drone))?;
-        DroneEnd::new(node, drone).map(Self)
+        DroneEnd::new(node, drone, key).map(Self)
     }
 }
 

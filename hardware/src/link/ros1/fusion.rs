@@ -1,20 +1,26 @@
 use super::{Header, Node, Ros1Config};
-use crate::link::{FusionLink, LinkError, Order, Report, View, ros::FusionEnd};
+use crate::link::{FusionLink, LinkError, Order, Report, TeamKey, View, ros::FusionEnd};
 
 /// The fusing end of a link over ROS 1: the drones' topics the other way round, and for viewers
 /// each drone's `goal` and `path`, `/foxhunt/beacon_<n>/estimate` and `/diagnostics`.
+/// With the key of the team it takes `signed_report` of each drone and sends `signed_order`.
 #[derive(Debug)]
 pub struct Ros1Fusion(FusionEnd<Header, Node>);
 
 impl Ros1Fusion {
     /// Joins the network as the one that fuses for so many drones; waits for the master's answers.
     /// Nothing waits later: a beacon's topic is published on as soon as the master knows of it.
+    /// Without a key nothing is signed, and whoever sends is believed.
     ///
     /// # Errors
     ///
     /// [`LinkError::Open`] names what could not be set up.
-    pub fn join(config: &Ros1Config, drones: usize) -> Result<Self, LinkError> {
-        FusionEnd::new(Node::join(config, "fusion")?, drones).map(Self)
+    pub fn join(
+        config: &Ros1Config,
+        drones: usize,
+        key: Option<TeamKey>,
+    ) -> Result<Self, LinkError> {
+        FusionEnd::new(Node::join(config, "fusion")?, drones, key).map(Self)
     }
 }
 

@@ -45,8 +45,11 @@ macro_rules! pose {
 }
 
 macro_rules! described {
-    ($message:ident, $name:literal, $md5:literal, $definition:expr) => {
-        impl RosMessageType for ros::$message<Header> {
+    ($message:ident, $($rest:tt)+) => {
+        described!(@ ros::$message<Header>, $($rest)+);
+    };
+    (@ $message:ty, $name:literal, $md5:literal, $definition:expr) => {
+        impl RosMessageType for $message {
             const DESCRIPTION: MessageDescriptor =
                 MessageDescriptor::new::<Self>($name, $md5, $definition, "", &[0; 32]);
         }
@@ -117,6 +120,7 @@ described!(
     "b6caffdaadc2e3e499c2c706c2485423",
     concat!(include_str!("../../../ros/foxhunt_msgs/msg/Status.msg"), header!())
 );
+described!(@ ros::Text, "std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1", "string data\n");
 
 #[cfg(test)]
 mod tests {
@@ -139,5 +143,6 @@ mod tests {
         check::<ros::Reception<Header>>();
         check::<ros::Order<Header>>();
         check::<ros::Status<Header>>();
+        check::<ros::Text>();
     }
 }

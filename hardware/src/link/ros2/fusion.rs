@@ -1,19 +1,25 @@
 use super::{Header, Node, Ros2Config};
-use crate::link::{FusionLink, LinkError, Order, Report, View, ros::FusionEnd};
+use crate::link::{FusionLink, LinkError, Order, Report, TeamKey, View, ros::FusionEnd};
 
 /// The fusing end of a link over ROS 2: the drones' topics the other way round, and for viewers
 /// each drone's `goal` and `path`, `/foxhunt/beacon_<n>/estimate` and `/diagnostics`.
+/// With the key of the team it takes `signed_report` of each drone and sends `signed_order`.
 #[derive(Debug)]
 pub struct Ros2Fusion(FusionEnd<Header, Node>);
 
 impl Ros2Fusion {
     /// Joins the network as the one that fuses for so many drones.
+    /// Without a key nothing is signed, and whoever sends is believed.
     ///
     /// # Errors
     ///
     /// [`LinkError::Open`] names what could not be set up.
-    pub fn join(config: Ros2Config, drones: usize) -> Result<Self, LinkError> {
-        FusionEnd::new(Node::join(config, "fusion")?, drones).map(Self)
+    pub fn join(
+        config: Ros2Config,
+        drones: usize,
+        key: Option<TeamKey>,
+    ) -> Result<Self, LinkError> {
+        FusionEnd::new(Node::join(config, "fusion")?, drones, key).map(Self)
     }
 }
 

@@ -45,6 +45,11 @@ messages! {
     "foxhunt_msgs": Reception, Order, Status;
 }
 
+impl RosMessage for ros::Text {
+    const PACKAGE: &'static str = "std_msgs";
+    const NAME: &'static str = "String";
+}
+
 /// A node that has joined.
 pub(super) struct Node {
     node: ros2_client::Node,
