@@ -13,6 +13,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 
 foxhunt = sys.argv[1]
@@ -30,7 +31,7 @@ def start(name, *command, **more):
     stderr = open(folder / f"{name}.txt", "a")
     process = subprocess.Popen([str(part) for part in command], stderr=stderr,
                                stdin=subprocess.DEVNULL, **more)
-    process.begun = time.monotonic()
+    process.begun, process.most_mb = time.monotonic(), 0.0
     running.append(process)
     return process
 
@@ -151,8 +152,23 @@ def hunt():
         elapsed_s = time.monotonic() - process.begun
         share = 100 * (usage.ru_utime + usage.ru_stime) / elapsed_s
         print(f"the node of drone {number}: {share:.1f} % of a core over {elapsed_s:.0f} s, "
-              f"{usage.ru_maxrss / 1024:.1f} MB at most")
+              f"{process.most_mb:.1f} MB at most")
     return json.loads(out)
+
+
+def watch_memory():
+    """Notes the most memory of each process; the kernel's ru_maxrss counts that of Python before it, too."""
+    while True:
+        for process in list(running):
+            try:
+                status = pathlib.Path(f"/proc/{process.pid}/status").read_text()
+            except OSError:
+                continue
+            # One that has ended has none.
+            for line in status.splitlines():
+                if line.startswith("VmHWM:"):
+                    process.most_mb = int(line.split()[1]) / 1024
+        time.sleep(0.5)
 
 
 def ended(process, limit_s=120):
@@ -205,6 +221,7 @@ def judge(report):
           f"offsets {offsets}; strangers refused")
 
 
+threading.Thread(target=watch_memory, daemon=True).start()
 try:
     judge(hunt())
 finally:
