@@ -171,7 +171,8 @@ pub fn drive<D: Devices>(hunt: &mut Hunt, drones: &mut [D], time: f64) -> Result
 /// event to the next instead of looking at everything at every step.
 ///
 /// Devices that know nothing of their [next event](PatternSource::next_event) or of [how they go
-/// on](Vehicle::steady_motion) are polled at every call. The hunt is the same as with [`drive`] at every step.
+/// on](Vehicle::steady_motion) are polled at every call. The hunt is the same as with [`drive`] at
+/// every step.
 #[derive(Clone, Debug)]
 pub struct Agenda {
     /// From one possible call to the next, in seconds.

@@ -37,6 +37,7 @@ impl Pattern {
     }
 
     /// A turn of no positions, to be filled.
+    #[inline(always)]
     pub(super) fn empty() -> Self {
         let cells = [Cell::default(); Self::CAPACITY as usize];
         Self { cells, positions: 0, measured: 0, rss_dbm: 0.0 }
@@ -44,9 +45,11 @@ impl Pattern {
 
     /// Puts a sweep in order where an empty pattern is: 20 kB are not moved.
     pub(super) fn fill(&mut self, sweep: &Sweep<'_>, window: u16) -> Result<(), NoReading> {
-        check(sweep)?;
+        check_turn(sweep)?;
         self.positions = sweep.positions;
-        self.average(sweep);
+        if !self.average(sweep) {
+            check(sweep)?;
+        }
         self.smooth(window / 2);
         Ok(())
     }
@@ -75,14 +78,18 @@ impl Pattern {
         self.cells().iter().filter_map(Cell::rounded_dbm).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Per-position means of power and angle (Pritzl 2018, eqs. 4.1 and 4.2).
-    fn average(&mut self, sweep: &Sweep<'_>) {
+    /// Per-position means of power and angle (Pritzl 2018, eqs. 4.1 and 4.2); whether all of them
+    /// are finite and in the turn, so that the samples are as well.
+    fn average(&mut self, sweep: &Sweep<'_>) -> bool {
         // An antenna that stands while it is sampled has one boresight for several samples.
         let same = |a: &Sample, b: &Sample| {
             a.position == b.position && a.boresight.to_bits() == b.boresight.to_bits()
         };
         for run in sweep.samples.chunk_by(same) {
             let Some(&Sample { position, boresight, .. }) = run.first() else { continue };
+            if position >= sweep.positions || !boresight.is_finite() {
+                return false;
+            }
             let cell = &mut self.cells[usize::from(position)];
             if cell.count == 0 {
                 (cell.angle, cell.steady) = (boresight, true);
@@ -114,6 +121,7 @@ impl Pattern {
         if self.measured < self.positions {
             self.turn_unmeasured();
         }
+        self.rss_dbm.is_finite()
     }
 
     /// Turns the positions without samples by the mean yaw of the others.
@@ -165,15 +173,19 @@ fn nominal(i: u16, positions: u16) -> f64 {
     TAU * f64::from(i) / f64::from(positions)
 }
 
-/// Refuses what is no sweep of at most [`Pattern::CAPACITY`] positions.
-pub(super) fn check(sweep: &Sweep<'_>) -> Result<(), NoReading> {
+/// Refuses a turn that has no samples, or more than [`Pattern::CAPACITY`] positions.
+fn check_turn(sweep: &Sweep<'_>) -> Result<(), NoReading> {
     let positions = sweep.positions;
     if !(1..=Pattern::CAPACITY).contains(&positions) {
         return Err(NoReading::Capacity { positions, capacity: Pattern::CAPACITY });
     }
-    if sweep.samples.is_empty() {
-        return Err(NoReading::Empty);
-    }
+    if sweep.samples.is_empty() { Err(NoReading::Empty) } else { Ok(()) }
+}
+
+/// Refuses what is no sweep of at most [`Pattern::CAPACITY`] positions.
+pub(super) fn check(sweep: &Sweep<'_>) -> Result<(), NoReading> {
+    check_turn(sweep)?;
+    let positions = sweep.positions;
     let (mut zero, mut last) = (0.0, 0);
     for sample in sweep.samples {
         // Zero times a number that is not finite is none.

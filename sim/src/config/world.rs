@@ -161,6 +161,7 @@ impl BeaconConfig {
     }
 
     /// When it answers a request of a time whose answer takes `latency` seconds.
+    #[inline]
     pub(crate) fn answer_after(&self, time: f64, latency: f64) -> f64 {
         self.pulses.map_or(time + latency, |pulses| pulses.end_after(time))
     }
@@ -173,6 +174,7 @@ impl BeaconConfig {
 
     /// Whether it answers at the time `time`.
     #[must_use]
+    #[inline]
     pub fn answers_at(&self, time: f64) -> bool {
         self.appears_after_s.is_none_or(|appears| time >= appears)
     }

@@ -180,6 +180,7 @@ impl Drone {
     }
 
     /// Whether its radio works.
+    #[inline]
     fn receives(&self, now: f64) -> bool {
         self.failures.silent_after_s.is_none_or(|silent| now < silent)
             && !self.failures.silent.iter().any(|silent| silent.contains(now))
@@ -216,7 +217,7 @@ impl Drone {
     }
 
     /// Transmits a request to a beacon whose signal is known: the answer to come, if one does.
-    #[inline]
+    #[inline(always)]
     fn transmit(
         &mut self,
         channel: &Channel,
@@ -337,7 +338,8 @@ impl Drone {
         self.signal(channel, beacon, port, turned, now)
     }
 
-    /// The signal of a beacon that transmits at a time: while neither of them moves, the last one.
+    /// The signal of a beacon that transmits at a time: while neither of them moves, by the last
+    /// one.
     fn signal(
         &mut self,
         channel: &Channel,
@@ -347,18 +349,13 @@ impl Drone {
         sent: f64,
     ) -> Signal {
         let still = self.body.rests() && beacon.course.is_none();
-        if still && let Some(last) = self.receiver.last(id, port, turned) {
+        if still && let Some(last) = self.receiver.last(channel, id, port, turned) {
             return last;
         }
         let receiver = self.pose();
         let (to, spun) = (beacon.place_at(sent), self.body.heading());
         let arrival = Arrival { beacon: id, receiver, to, turned, spun, port };
-        let power_dbm = self.receiver.power_dbm(channel, &arrival);
-        let signal = Signal { power_dbm, reaches: channel.reaches(&receiver.position) };
-        if still {
-            self.receiver.keep_last(&arrival, signal);
-        }
-        signal
+        self.receiver.signal(channel, &arrival, still)
     }
 
     /// Its pose as it reports it: with a velocity if its autopilot measures one.

@@ -103,13 +103,16 @@ struct Way {
 }
 
 /// The signal in one direction, which does not change while neither drone, beacon nor antenna
-/// moves.
+/// moves; while the antenna alone does, all but the gain stays.
 #[derive(Clone, Copy, Debug)]
 struct Look {
     beacon: BeaconId,
     turned: f64,
     port: Port<'static>,
     signal: Signal,
+    /// Which way the signal comes, and in which pattern.
+    way: usize,
+    pattern: Pattern,
 }
 
 /// The answer to a request.
@@ -118,6 +121,16 @@ pub(super) struct Answer {
     /// When it comes.
     pub(super) time: f64,
     pub(super) rss_dbm: f64,
+}
+
+impl Way {
+    /// The power that comes in, in dBm, through an antenna that is turned by `turned` from the
+    /// nose.
+    fn power_dbm(&self, channel: &Channel, pattern: &Pattern, turned: f64, port: Port<'_>) -> f64 {
+        // The pattern's error turns everything that the antenna receives.
+        let turned = turned - pattern.bearing_error;
+        self.path.level_dbm + self.arrivals.gain_db(channel, turned, port) + pattern.offset_db
+    }
 }
 
 impl Receiver {
@@ -148,20 +161,30 @@ impl Receiver {
         self.last = None;
     }
 
-    /// The last sample's signal, if it was of the same beacon through the same antenna in the same
-    /// direction, and the drone has not moved since.
-    pub(super) fn last(&self, beacon: BeaconId, port: Port<'_>, turned: f64) -> Option<Signal> {
-        let look = self.last.as_ref()?;
-        let same = look.beacon == beacon
-            && look.turned.to_bits() == turned.to_bits()
-            && look.port.is_same(port);
-        same.then_some(look.signal)
+    /// The signal of the beacon of the last sample through the same antenna, whichever way that
+    /// looks now, if the drone has not moved since.
+    pub(super) fn last(
+        &mut self,
+        channel: &Channel,
+        beacon: BeaconId,
+        port: Port<'_>,
+        turned: f64,
+    ) -> Option<Signal> {
+        let same = |look: &&mut Look| look.beacon == beacon && look.port.is_same(port);
+        let look = self.last.as_mut().filter(same)?;
+        if look.turned.to_bits() != turned.to_bits() {
+            look.turned = turned;
+            look.signal.power_dbm =
+                self.ways.get(look.way)?.power_dbm(channel, &look.pattern, turned, port);
+        }
+        Some(look.signal)
     }
 
     /// Keeps a sample's signal for the next one.
-    pub(super) fn keep_last(&mut self, arrival: &Arrival<'_>, signal: Signal) {
+    fn keep_last(&mut self, arrival: &Arrival<'_>, signal: Signal, way: usize, pattern: Pattern) {
         let Arrival { beacon, turned, port, .. } = *arrival;
-        self.last = port.of_the_channel().map(|port| Look { beacon, turned, port, signal });
+        let look = |port| Look { beacon, turned, port, signal, way, pattern };
+        self.last = port.of_the_channel().map(look);
     }
 
     /// Awaits this answer, if there is one; an older one that was not taken is given up.
@@ -171,7 +194,7 @@ impl Receiver {
 
     /// Draws what the receiver reads of a signal, in dBm; `None` for a sample that is lost, below
     /// the floor or not transmitted.
-    #[inline]
+    #[inline(always)]
     pub(super) fn draw(
         &mut self,
         channel: &Channel,
@@ -188,6 +211,7 @@ impl Receiver {
 
     /// A power with the receiver's noise added in phase and quadrature, its mean taken off again;
     /// 30 dB below the noise at least.
+    #[inline(never)]
     fn noisy(&mut self, power_dbm: f64, noise_dbm: f64) -> f64 {
         let amplitude = libm::exp10((power_dbm - noise_dbm) / 20.0);
         let [in_phase, quadrature]: [f64; 2] =
@@ -199,7 +223,7 @@ impl Receiver {
     }
 
     /// Draws a sample's own noise and whether it is lost: its power in dBm, unless it is.
-    #[inline]
+    #[inline(always)]
     pub(super) fn faded(&mut self, channel: &Channel, power_dbm: f64) -> Option<f64> {
         let noise: f64 = self.streams.sample.sample(StandardNormal);
         // Losses have a stream of their own: nobody misses what is not drawn from it.
@@ -208,13 +232,22 @@ impl Receiver {
         (!lost).then_some(power_dbm + channel.sample_sigma_db * noise)
     }
 
-    /// What comes in but for each sample's own noise, in dBm.
-    pub(super) fn power_dbm(&mut self, channel: &Channel, arrival: &Arrival<'_>) -> f64 {
+    /// What comes in but for each sample's own noise; kept for the next sample of a drone that
+    /// stays.
+    pub(super) fn signal(
+        &mut self,
+        channel: &Channel,
+        arrival: &Arrival<'_>,
+        stays: bool,
+    ) -> Signal {
         let pattern = self.pattern_for(channel, arrival);
-        let Way { path, arrivals } = self.way(channel, arrival);
-        // The pattern's error turns everything that the antenna receives.
-        let turned = arrival.turned - pattern.bearing_error;
-        path.level_dbm + arrivals.gain_db(channel, turned, arrival.port) + pattern.offset_db
+        let way = self.way(channel, arrival);
+        let power_dbm = self.ways[way].power_dbm(channel, &pattern, arrival.turned, arrival.port);
+        let signal = Signal { power_dbm, reaches: channel.reaches(&arrival.receiver.position) };
+        if stays {
+            self.keep_last(arrival, signal, way, pattern);
+        }
+        signal
     }
 
     /// When the answer that is on its way comes; infinite where none is.
@@ -227,8 +260,8 @@ impl Receiver {
         self.answer.take_if(|answer| is_due(answer.time, now)).map(|answer| answer.rss_dbm)
     }
 
-    /// The way of a signal.
-    fn way(&mut self, channel: &Channel, arrival: &Arrival<'_>) -> &Way {
+    /// Which of the ways is that of a signal.
+    fn way(&mut self, channel: &Channel, arrival: &Arrival<'_>) -> usize {
         let (beacon, receiver) = (usize::from(arrival.beacon.0), &arrival.receiver);
         let way = || {
             let path = Path::new(channel, beacon, receiver.position, arrival.to);
@@ -246,7 +279,7 @@ impl Receiver {
         } else if !known.arrivals.are_at(receiver) {
             known.arrivals = known.path.arrivals(receiver);
         }
-        known
+        index
     }
 
     fn pattern_for(&mut self, channel: &Channel, arrival: &Arrival<'_>) -> Pattern {

@@ -111,7 +111,7 @@ impl PeriodicSpline {
 
     /// The piece after row `i`.
     fn piece(&self, i: usize) -> Piece {
-        let next = (i + 1) % self.values.len();
+        let next = if i + 1 < self.values.len() { i + 1 } else { 0 };
         // Before the solution there is none to look at.
         let curvature = |i: usize| self.curvatures.get(i).copied().unwrap_or(0.0);
         Piece {
