@@ -107,6 +107,22 @@ pub trait Aircraft: Spinner {
     ///
     /// Any error of the link or the autopilot.
     fn return_to_launch(&mut self) -> Result<(), Self::Error>;
+
+    /// Has its own camera take one picture from where it is; returns when the order is on its way.
+    /// Unless overridden it has no camera, and nothing happens.
+    ///
+    /// # Errors
+    ///
+    /// Any error of the link, and while it takes no orders.
+    fn photograph(&mut self) -> Result<(), Self::Error> {
+        Ok(())
+    }
+
+    /// Why the picture that was ordered last was not taken, once; `None` where nothing is known of
+    /// that.
+    fn picture_failure(&mut self) -> Option<Self::Error> {
+        None
+    }
 }
 
 /// What an aircraft is doing.
@@ -212,6 +228,14 @@ impl<V: ?Sized + Aircraft> Aircraft for Box<V> {
     fn return_to_launch(&mut self) -> Result<(), V::Error> {
         (**self).return_to_launch()
     }
+
+    fn photograph(&mut self) -> Result<(), V::Error> {
+        (**self).photograph()
+    }
+
+    fn picture_failure(&mut self) -> Option<V::Error> {
+        (**self).picture_failure()
+    }
 }
 
 impl<V: Aircraft> Aircraft for Shared<V> {
@@ -229,5 +253,13 @@ impl<V: Aircraft> Aircraft for Shared<V> {
 
     fn return_to_launch(&mut self) -> Result<(), V::Error> {
         self.0.borrow_mut().return_to_launch()
+    }
+
+    fn photograph(&mut self) -> Result<(), V::Error> {
+        self.0.borrow_mut().photograph()
+    }
+
+    fn picture_failure(&mut self) -> Option<V::Error> {
+        self.0.borrow_mut().picture_failure()
     }
 }

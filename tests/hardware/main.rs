@@ -4,6 +4,7 @@
 mod above_ground;
 mod advised;
 mod ardrone;
+mod camera;
 mod carried;
 mod faults;
 mod firmware;

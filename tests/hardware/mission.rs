@@ -33,6 +33,8 @@ struct Doings {
     /// It is ours once it is taken over.
     yields: bool,
     orders: Vec<&'static str>,
+    pictures: u32,
+    camera_fails: Option<SimError>,
 }
 
 impl Vehicle for Lifted {
@@ -98,6 +100,15 @@ impl Aircraft for Lifted {
         doings.airborne = false;
         Ok(())
     }
+
+    fn photograph(&mut self) -> Result<(), SimError> {
+        self.doings.borrow_mut().pictures += 1;
+        Ok(())
+    }
+
+    fn picture_failure(&mut self) -> Option<SimError> {
+        self.doings.borrow_mut().camera_fails.take()
+    }
 }
 
 struct Field {
@@ -158,7 +169,21 @@ fn a_flight_goes_from_the_ground_to_the_ground() {
     for doings in &field.doings {
         let orders = &doings.borrow().orders;
         assert_eq!((orders[0], orders[orders.len() - 1]), ("take off", "land"), "{orders:?}");
+        assert_eq!(doings.borrow().pictures, 2, "one of each beacon");
     }
+}
+
+#[test]
+fn only_those_in_our_hands_photograph_and_what_fails_is_logged() {
+    let mut field = Field::new(FlightRules::default());
+    field.run(30.0, |_| false);
+    field.doings[0].borrow_mut().pilot = true;
+    field.doings[1].borrow_mut().camera_fails = Some(SimError::Drone { drone: 7, drones: 3 });
+    field.run(2000.0, |field| field.mission.hunt().fixes().len() == 2);
+    let pictures: Vec<u32> = field.doings.iter().map(|doings| doings.borrow().pictures).collect();
+    assert_eq!(pictures, [0, 2, 2]);
+    let failure = |event: &&Event| matches!(event, Event::DeviceFailed { drone: Some(1), .. });
+    assert_eq!(field.events.iter().filter(failure).count(), 1);
 }
 
 #[test]

@@ -215,4 +215,12 @@ impl<D: Aircraft> Aircraft for Driver<D> {
     fn return_to_launch(&mut self) -> Result<(), DeviceError> {
         self.0.return_to_launch().map_err(DeviceError::new)
     }
+
+    fn photograph(&mut self) -> Result<(), DeviceError> {
+        self.0.photograph().map_err(DeviceError::new)
+    }
+
+    fn picture_failure(&mut self) -> Option<DeviceError> {
+        self.0.picture_failure().map(DeviceError::new)
+    }
 }

@@ -112,6 +112,9 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             _ => {}
         }
         while let Some(event) = self.hunt.poll_event() {
+            if matches!(&event, Event::BeaconFinished { fix, .. } if fix.steps > 0) {
+                self.photograph(time);
+            }
             self.events.push_back(event);
         }
     }
@@ -164,6 +167,20 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
     fn read_states(&mut self, time: f64) {
         for (index, drone) in self.drones.iter_mut().enumerate() {
             if let Err(error) = drone.read_state(time, index, &mut self.events) {
+                self.hunt.device_failed(time, Some(index), error.to_string());
+            }
+            if let Some(error) = drone.aircraft.picture_failure() {
+                self.hunt.device_failed(time, Some(index), error.to_string());
+            }
+        }
+    }
+
+    /// Has the cameras of those in our hands take a picture.
+    fn photograph(&mut self, time: f64) {
+        for (index, drone) in self.drones.iter_mut().enumerate() {
+            if drone.is_commanded()
+                && let Err(error) = drone.aircraft.photograph()
+            {
                 self.hunt.device_failed(time, Some(index), error.to_string());
             }
         }

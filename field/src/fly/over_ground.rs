@@ -174,6 +174,14 @@ impl<A: Aircraft> Aircraft for OverGround<A> {
         self.next.clear();
         self.aircraft.return_to_launch().map_err(OverGroundError::Aircraft)
     }
+
+    fn photograph(&mut self) -> Result<(), Self::Error> {
+        self.aircraft.photograph().map_err(OverGroundError::Aircraft)
+    }
+
+    fn picture_failure(&mut self) -> Option<Self::Error> {
+        self.aircraft.picture_failure().map(OverGroundError::Aircraft)
+    }
 }
 
 impl<A: Examine> Examine for OverGround<A> {

@@ -100,6 +100,14 @@ impl<V: Aircraft, G: Positioning> Aircraft for Placed<V, G> {
     fn return_to_launch(&mut self) -> Result<(), Self::Error> {
         self.vehicle.return_to_launch().map_err(PlacedError::Vehicle)
     }
+
+    fn photograph(&mut self) -> Result<(), Self::Error> {
+        self.vehicle.photograph().map_err(PlacedError::Vehicle)
+    }
+
+    fn picture_failure(&mut self) -> Option<Self::Error> {
+        self.vehicle.picture_failure().map(PlacedError::Vehicle)
+    }
 }
 
 /// A direction of the body, forward, left and up, in the world: the inverse of

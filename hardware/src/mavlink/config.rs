@@ -28,6 +28,8 @@ pub struct MavlinkConfig {
     /// absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cruise_speed_mps: Option<f64>,
+    /// Whether it has a camera of its own, which takes a picture where one is ordered.
+    pub camera: bool,
     /// How close to the height of take-off it takes goals, in metres.
     pub take_off_tolerance_m: f64,
     /// How long a take-off may take from the order to climb on, in seconds.
@@ -68,7 +70,7 @@ impl Default for MavlinkConfig {
     /// Any autopilot, our system number 255; its launch place the origin; take-off to within 0.5 m
     /// in 60 s after up to 120 s for a position; pose 10 Hz, status 2 Hz, set-points 5 Hz; the link
     /// lost after 3.5 s, a pose old after 1 s; 5 attempts a second apart; turns up to 90 °/s, to
-    /// headings at 30 °/s within 5°; no signing; orders are sent.
+    /// headings at 30 °/s within 5°; no camera; no signing; orders are sent.
     fn default() -> Self {
         Self {
             autopilot: None,
@@ -77,6 +79,7 @@ impl Default for MavlinkConfig {
             origin: None,
             listen_only: false,
             cruise_speed_mps: None,
+            camera: false,
             take_off_tolerance_m: 0.5,
             take_off_timeout_s: 60.0,
             position_timeout_s: 120.0,

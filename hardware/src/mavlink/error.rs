@@ -40,6 +40,12 @@ pub enum MavlinkError {
         /// What is in the way.
         why: String,
     },
+    /// It has not taken a picture.
+    #[error("no picture was taken: {why}")]
+    Picture {
+        /// What became of the order.
+        why: String,
+    },
     /// The goal is too high or too low.
     #[error("an Up of {up_m} m is not within the limits of {min_up_m} to {max_up_m} m")]
     UpLimit {

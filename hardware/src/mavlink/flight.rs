@@ -103,7 +103,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     fn lose(&mut self, why: String, by_pilot: bool) {
-        (self.goal, self.order, self.turning) = (None, None, None);
+        (self.goal, self.order, self.turning, self.camera.order) = (None, None, None, None);
         (self.leaving, self.strayed) = (None, None);
         self.enter(Phase::Taken { why, by_pilot, in_our_mode: false });
     }
@@ -142,10 +142,18 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             self.request_version(now)?;
         }
         for (command, result) in std::mem::take(&mut self.telemetry.acks) {
-            let orders = [&mut self.order, &mut self.turning, &mut self.cruise.order];
+            let orders = [
+                &mut self.order,
+                &mut self.turning,
+                &mut self.cruise.order,
+                &mut self.camera.order,
+            ];
             for order in orders.into_iter().flatten() {
                 order.answered(command, result);
             }
+        }
+        if matches!(self.phase, Phase::Flying | Phase::Landing | Phase::Returning) {
+            self.photograph_further(now)?;
         }
         match self.phase.clone() {
             Phase::Idle => self.disarm_further(now),

@@ -1,5 +1,6 @@
 //! ArduPilot and PX4 over MAVLink 2.
 
+mod camera;
 mod config;
 mod cruise;
 mod error;

@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 
 use super::{
     MavlinkConfig, MavlinkError, RadioStatus,
+    camera::Camera,
     cruise::Cruise,
     link::Link,
     orders::Order,
@@ -53,6 +54,7 @@ pub struct MavlinkVehicle<S, C> {
     /// A heading that it was ordered to, and the order.
     pub(super) turning: Option<Order>,
     pub(super) cruise: Cruise,
+    pub(super) camera: Camera,
     /// Why a take-off or an order was given up.
     pub(super) failure: String,
     pub(super) version_requested: f64,
@@ -86,6 +88,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             order: None,
             turning: None,
             cruise: Cruise::default(),
+            camera: Camera::default(),
             failure: String::new(),
             version_requested: f64::NEG_INFINITY,
         })
@@ -275,7 +278,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     /// The present goal, where it is ours to set another one.
-    fn commanded_goal(&self, now: f64) -> Result<Goal, MavlinkError> {
+    pub(super) fn commanded_goal(&self, now: f64) -> Result<Goal, MavlinkError> {
         self.check_link(now)?;
         match (&self.phase, self.goal) {
             (Phase::Flying, Some(goal)) => Ok(goal),
@@ -374,6 +377,15 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
             battery: self.telemetry.battery(),
             above_ground: self.telemetry.above_ground(now),
         })
+    }
+
+    fn photograph(&mut self) -> Result<(), MavlinkError> {
+        let now = self.serve()?;
+        self.begin_picture(now)
+    }
+
+    fn picture_failure(&mut self) -> Option<MavlinkError> {
+        self.camera.take_failure()
     }
 
     fn take_off(&mut self, up_m: f64) -> Result<(), MavlinkError> {

@@ -38,6 +38,9 @@ pub(super) struct Brain {
     ground_lost: bool,
     /// How many of the pilot's orders are done.
     piloted: usize,
+    /// How many pictures its camera has taken, and the number of the last one ordered.
+    pub(super) pictures: u32,
+    pub(super) pictured: Option<f32>,
     pub(super) outbox: Vec<MavMessage>,
 }
 
@@ -67,6 +70,8 @@ impl Brain {
             ground_contact: None,
             ground_lost: false,
             piloted: 0,
+            pictures: 0,
+            pictured: None,
             outbox: Vec::new(),
         }
     }

@@ -86,6 +86,17 @@ impl Brain {
             MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES => {
                 self.requested(AUTOPILOT_VERSION_DATA::ID)
             }
+            // PX4 leaves it to cameras that speak MAVLink themselves.
+            MavCmd::MAV_CMD_IMAGE_START_CAPTURE
+                if self.config.camera && autopilot == Autopilot::ArduPilot =>
+            {
+                self.pictures += u32::from(self.pictured.replace(c.param4) != Some(c.param4));
+                ACCEPTED
+            }
+            MavCmd::MAV_CMD_DO_DIGICAM_CONTROL if self.config.camera && c.param5 > 0.5 => {
+                self.pictures += 1;
+                ACCEPTED
+            }
             _ => UNSUPPORTED,
         }
     }

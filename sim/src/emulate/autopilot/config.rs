@@ -32,6 +32,8 @@ pub struct AutopilotConfig {
     pub rangefinder_m: Option<[f64; 2]>,
     /// Whether it has the world's terrain, and reports its height above it.
     pub terrain_data: bool,
+    /// Whether it has a camera, which counts its [pictures](super::EmulatedAutopilot::pictures).
+    pub camera: bool,
     /// Without a ground station's heartbeat for so long it comes back; never where absent.
     pub ground_failsafe_s: Option<f64>,
     /// The key of its link.
@@ -59,6 +61,7 @@ impl Default for AutopilotConfig {
             endurance_s: 1200.0,
             rangefinder_m: None,
             terrain_data: false,
+            camera: false,
             ground_failsafe_s: Some(5.0),
             signing: None,
             clock_origin_unix_s: 0.0,

@@ -57,6 +57,12 @@ impl<S: ByteStream> EmulatedAutopilot<S> {
         let brain = Brain::new(config, frame, world.on_board(drone)?);
         Ok(Self { stream, codec, connections, brain })
     }
+
+    /// How many pictures its camera has taken.
+    #[must_use]
+    pub fn pictures(&self) -> u32 {
+        self.brain.pictures
+    }
 }
 
 impl<S: ByteStream> Emulator for EmulatedAutopilot<S> {
