@@ -43,7 +43,8 @@ use crate::{
                         --p0-dbm -29.06 --exponent 2.765\n  \
                         foxhunt locate bearings.csv --every-beacon\n  \
                         foxhunt locate flight.csv --ignore struck.jsonl --report without.html\n  \
-                        foxhunt locate hills.csv --terrain tiles --p0-dbm -29.06 --exponent 2.765\n  \
+                        foxhunt locate hills.csv --terrain tiles --p0-dbm -29.06 \
+                        --exponent 2.765\n  \
                         foxhunt locate stations.csv --track")]
 pub(crate) struct Args {
     /// Recordings: CSV with named columns

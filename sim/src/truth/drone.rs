@@ -169,8 +169,8 @@ impl Drone {
         let DroneConfig { stuck, lost, .. } = &self.failures;
         let held = stuck.iter().any(|stuck| stuck.contains(now));
         // One that may get stuck on its way is looked at all the time.
-        let foreseen = self.body.rests() || stuck.is_empty();
-        if held != self.held || !foreseen || !self.is_linked(now) {
+        let predictable = self.body.rests() || stuck.is_empty();
+        if held != self.held || !predictable || !self.is_linked(now) {
             return None;
         }
         let (velocity, left_s) = self.body.steady_motion()?;

@@ -199,6 +199,6 @@ fn with_a_key_viewers_still_see_the_pose() {
     let mut drone = Drone::new(network, 0, Some(key())).expect("joined");
     let report = Report::Pose { at: UnixTime::whole(3), pose: Pose::at(1.0, 2.0, 3.0) };
     drone.send(&report).expect("sent");
-    let seen = viewer.take().expect("nothing fails").expect("it was sent");
-    assert_eq!(convert::report_of_pose(&seen), report);
+    let received = viewer.take().expect("nothing fails").expect("it was sent");
+    assert_eq!(convert::report_of_pose(&received), report);
 }

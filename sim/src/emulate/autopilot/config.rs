@@ -46,8 +46,8 @@ pub struct AutopilotConfig {
 
 impl Default for AutopilotConfig {
     /// An ArduCopter, system 1, at the place of ArduPilot's own simulator; a position after 3 s,
-    /// good to 0.5 m and 0.8 m; returns at 15 m; 20 minutes of battery; neither
-    /// rangefinder nor terrain; comes back 5 s after the last heartbeat of a ground station; no
+    /// good to 0.5 m and 0.8 m; returns at 15 m; 20 minutes of battery; no
+    /// rangefinder, terrain or camera; comes back 5 s after the last heartbeat of a ground station; no
     /// signing, no faults.
     fn default() -> Self {
         Self {
