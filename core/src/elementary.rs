@@ -5,7 +5,7 @@
 //! number after the other, on every processor. Each is inlined wherever it stands, into functions
 //! that are compiled for wider vectors too.
 
-use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, LOG2_E, PI};
+use core::f64::consts::{FRAC_PI_2, LOG2_E, PI};
 
 /// Adding it rounds a number below 2⁵¹ to a whole one, which then stands in the lowest bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
@@ -51,13 +51,15 @@ pub fn ln(x: f64) -> f64 {
     let s = f / (2.0 + f);
     let z = s * s;
     let w = z * z;
-    let even = w
-        * (0.399_999_999_994_094_2 + w * (0.222_221_984_321_497_84 + w * 0.153_138_376_992_093_73));
-    let odd = z
-        * (0.666_666_666_666_673_5
-            + w * (0.285_714_287_436_623_9
-                + w * (0.181_835_721_616_180_5 + w * 0.147_981_986_051_165_86)));
-    let value = s * (half_square + (even + odd)) + k * LN_2[1] - half_square + f + k * LN_2[0];
+    // In pairs, so that few terms wait for each other (Estrin 1960).
+    let (first, second) = (
+        (0.666_666_666_666_673_5 + z * 0.399_999_999_994_094_2)
+            + w * (0.285_714_287_436_623_9 + z * 0.222_221_984_321_497_84),
+        (0.181_835_721_616_180_5 + z * 0.153_138_376_992_093_73) + w * 0.147_981_986_051_165_86,
+    );
+    let series = first + w * w * second;
+    let rest = s * half_square + (k * LN_2[1] - half_square);
+    let value = (s * z * series + rest) + f + k * LN_2[0];
     let small = if x >= 0.0 { f64::NEG_INFINITY } else { f64::NAN };
     if x >= f64::MIN_POSITIVE { value } else { small }
 }
@@ -73,35 +75,36 @@ pub fn sqrt(x: f64) -> f64 {
     return libm::sqrt(x);
 }
 
-/// The direction of (x, y) in [−π, π] to 9·10⁻¹⁶; 0 at the origin. Neither may be beyond 10³⁰⁰.
+/// The direction of (x, y) in [−π, π] to 9·10⁻¹⁶; 0 at the origin. Neither may be beyond 10³⁰⁰, and
+/// the larger counts as no smaller than the smallest normal number.
 #[inline(always)]
 #[must_use]
 pub fn atan2(y: f64, x: f64) -> f64 {
-    /// tan(π/8).
-    const MIDDLE: f64 = 0.414_213_562_373_095_1;
+    const ATAN_HALF: f64 = 0.463_647_609_000_806_1;
     let (across, along) = (y.abs(), x.abs());
-    let steep = across > along;
-    let (low, high) = if steep { (along, across) } else { (across, along) };
-    // Above π/8, atan t = π/4 + atan((t − 1) / (t + 1)).
-    let far = low > MIDDLE * high;
-    let (above, below) = (if far { low - high } else { low }, if far { low + high } else { high });
-    let t = if low + high <= 0.0 { 0.0 } else { above / below };
-    let z = t * t;
+    // In this form a NaN comes out, and nothing is divided by zero.
+    let low = if across < along { across } else { along };
+    let high = if along > across { along } else { across };
+    let high = if f64::MIN_POSITIVE > high { f64::MIN_POSITIVE } else { high };
+    // atan t = atan ½ + atan u with u in [−½, ⅓], for every t in [0, 1].
+    let u = (low - 0.5 * high) / (high + 0.5 * low);
+    let z = u * u;
     let w = z * z;
-    let even = z
-        * (0.333_333_333_333_329_3
-            + w * (0.142_857_142_725_034_66
-                + w * (0.090_908_871_334_365_07
-                    + w * (0.066_610_731_373_875_31
-                        + w * (0.049_768_779_946_159_324 + w * 0.016_285_820_115_365_782)))));
-    let odd = w
-        * (-0.199_999_999_998_764_83
-            + w * (-0.111_111_104_054_623_56
-                + w * (-0.076_918_762_050_448_3
-                    + w * (-0.058_335_701_337_905_735 + w * -0.036_531_572_744_216_916))));
-    let angle = (t - t * (even + odd)) + if far { FRAC_PI_4 } else { 0.0 };
-    let angle = if steep { FRAC_PI_2 - angle } else { angle };
-    let angle = if x < 0.0 { PI - angle } else { angle };
+    let v = w * w;
+    // (u − atan u) / u³ by Remez's algorithm, to 2·10⁻¹⁷ of the angle; in pairs, too.
+    let (first, second, third) = (
+        (0.333_333_333_333_176_8 - z * 0.199_999_999_971_480_44)
+            + w * (0.142_857_140_898_093_87 - z * 0.111_111_040_692_099_16),
+        (0.090_907_570_642_054_96 - z * 0.076_901_890_607_279_3)
+            + w * (0.066_468_502_569_456_24 - z * 0.057_557_262_176_816_46),
+        (0.047_097_803_090_235_084 - z * 0.031_306_846_504_253_84) + w * 0.011_836_412_548_886_578,
+    );
+    let series = first + v * (second + v * third);
+    let angle = ATAN_HALF + (u - u * z * series);
+    // From the axis ahead or back.
+    let axis = if x < 0.0 { PI } else { 0.0 };
+    let axis = if across > along { FRAC_PI_2 } else { axis };
+    let angle = axis + angle.copysign((along - across) * x);
     angle.copysign(y)
 }
 
@@ -125,6 +128,8 @@ pub fn sin_cos_octant(x: f64) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
+    use core::f64::consts::FRAC_PI_4;
+
     use super::*;
 
     /// Numbers spread evenly over [−reach, reach].
