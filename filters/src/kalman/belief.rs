@@ -112,9 +112,9 @@ impl<const N: usize> Conditioned<N> {
         mean = Axis::difference(axes, &mean, &State::zeros());
         covariance.fill_upper_triangle_with_lower_triangle();
         let posterior = Estimate { mean, covariance };
-        plain &= is_plain(&posterior, &prior.covariance.diagonal())
-            && (f64::MIN_POSITIVE..f64::INFINITY).contains(&determinant)
-            && nis < f64::INFINITY;
+        plain &= triangle::pivots_exceed(covariance, &(prior.covariance.diagonal() * LEAST))
+            && determinant >= f64::MIN_POSITIVE
+            && triangle::nan_unless_finite(&mean) + 0.0 * determinant + 0.0 * nis <= 0.0;
         plain.then_some(Self { posterior, nis, determinant })
     }
 

@@ -31,48 +31,26 @@ pub(super) struct Pairs {
     pub(super) kurtosis: f64,
 }
 
-/// What the pairs show of a map.
-struct Slopes<const A: usize, const B: usize> {
-    /// ŷ.
-    mean: SVector<f64, B>,
-    /// V.
-    whitened_cross: SMatrix<f64, A, B>,
-    /// c sᵢ.
-    bent: SMatrix<f64, B, A>,
-    /// s.
-    curvature: SVector<f64, B>,
-}
-
 impl Pairs {
-    #[inline(always)]
-    fn slopes<const A: usize, const B: usize>(
-        &self,
-        mean: &SVector<f64, A>,
-        factor: &SMatrix<f64, A, A>,
-        map: &impl Map<A, B>,
-    ) -> Slopes<A, B> {
-        let centre = map.value(mean);
-        let spread = libm::sqrt(self.square);
-        let inverse = 1.0 / spread;
-        let mut whitened_cross = SMatrix::<f64, A, B>::zeros();
-        let mut bent = SMatrix::<f64, B, A>::zeros();
-        for i in 0..A {
-            let [odd, even] = map.parts(mean, &centre, &(factor.column(i) * spread));
-            whitened_cross.set_row(i, &(odd * inverse).transpose());
-            bent.set_column(i, &(even * inverse));
-        }
-        let curvature: SVector<f64, B> = bent.column_sum() * inverse;
-        Slopes { mean: centre + curvature, whitened_cross, bent, curvature }
-    }
-
     #[inline(always)]
     pub(super) fn image<const A: usize, const B: usize>(
         &self,
         source: &Gaussian<A>,
         map: &impl Map<A, B>,
     ) -> Image<A, B> {
-        let Slopes { mean, whitened_cross, mut bent, curvature } =
-            self.slopes(source.mean(), source.factor(), map);
+        let centre = map.value(source.mean());
+        let spread = libm::sqrt(self.square);
+        let inverse = 1.0 / spread;
+        let mut whitened_cross = SMatrix::<f64, A, B>::zeros();
+        // c sᵢ, and s.
+        let mut bent = SMatrix::<f64, B, A>::zeros();
+        for i in 0..A {
+            let offset = source.factor().column(i) * spread;
+            let [odd, even] = map.parts(source.mean(), &centre, &offset);
+            whitened_cross.set_row(i, &(odd * inverse).transpose());
+            bent.set_column(i, &(even * inverse));
+        }
+        let curvature: SVector<f64, B> = bent.column_sum() * inverse;
         let common = libm::sqrt(self.kurtosis / number(A)) - libm::sqrt(self.square) / number(A);
         bent.column_iter_mut().for_each(|mut each| each += curvature * common);
         let unexplained = if A > B {
@@ -82,26 +60,36 @@ impl Pairs {
             bent.column_iter().enumerate().for_each(|(i, each)| padded.set_column(i, &each));
             padded
         };
-        Image { mean, whitened_cross, unexplained }
+        Image { mean: centre + curvature, whitened_cross, unexplained }
     }
 
-    /// The moments, with c² Σ (sᵢ − s̄)(sᵢ − s̄)ᵀ = Σ c sᵢ c sᵢᵀ − c² s sᵀ / n.
+    /// The moments, by the textbook's weights 1 / 2c² of a pair: with the odd parts oᵢ = c dᵢ and
+    /// the even parts eᵢ = c² sᵢ, Pxy = Σ c lᵢ oᵢᵀ / c² and Pyy = Σ (oᵢ oᵢᵀ + eᵢ eᵢᵀ) / c² +
+    /// (k − c² / n) s sᵀ.
     #[inline(always)]
     pub(super) fn moments<const A: usize, const B: usize>(
         &self,
         source: &Estimate<A>,
         map: &impl Map<A, B>,
     ) -> Option<Moments<A, B>> {
-        let factor = triangle::cholesky(source.covariance)?;
-        let Slopes { mean, whitened_cross, bent, curvature } =
-            self.slopes(&source.mean, &factor, map);
+        let spread = triangle::cholesky(source.covariance)? * libm::sqrt(self.square);
+        let centre = map.value(&source.mean);
+        let weight = 1.0 / self.square;
+        let mut curvature = SVector::<f64, B>::zeros();
+        let mut cross = SMatrix::<f64, A, B>::zeros();
+        let mut covariance = SMatrix::<f64, B, B>::zeros();
+        for offset in spread.column_iter().map(|column| column.into_owned()) {
+            let [odd, even] = map.parts(&source.mean, &centre, &offset);
+            curvature += even;
+            cross += offset * odd.transpose();
+            covariance += odd * odd.transpose() + even * even.transpose();
+        }
+        curvature *= weight;
         let common = curvature * (self.kurtosis - self.square / number(A));
-        let covariance = SMatrix::from_fn(|i, j| {
-            let each = (0..A).map(|k| {
-                whitened_cross[(k, i)] * whitened_cross[(k, j)] + bent[(i, k)] * bent[(j, k)]
-            });
-            each.sum::<f64>() + common[i] * curvature[j]
-        });
-        Some(Moments { mean, cross: factor * whitened_cross, covariance })
+        Some(Moments {
+            mean: centre + curvature,
+            cross: cross * weight,
+            covariance: covariance * weight + common * curvature.transpose(),
+        })
     }
 }

@@ -87,7 +87,7 @@ impl<const N: usize> MeasurementModel<N, 1> for BearingOnly {
     ) -> [Vector1<f64>; 2] {
         match Sight::new(state, receiver, 0.0).parts(offset[0], offset[1]) {
             Some((_, turns)) => turns.map(Vector1::new),
-            None => differences(self, state, expected, offset, receiver),
+            None => differences(self, *state, *expected, *offset, receiver),
         }
     }
 

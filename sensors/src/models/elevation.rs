@@ -132,7 +132,7 @@ where
         receiver: &Pose,
     ) -> [SVector<f64, M>; 2] {
         match &self.pattern {
-            Some(_) => differences(self, state, expected, offset, receiver),
+            Some(_) => differences(self, *state, *expected, *offset, receiver),
             None => self.model.expected_parts(state, expected, offset, receiver),
         }
     }

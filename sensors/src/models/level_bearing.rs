@@ -162,7 +162,7 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
     ) -> [Vector2<f64>; 2] {
         let parts = Sight::new(state, receiver, self.target_up).parts(offset[0], offset[1]);
         let (Some((logs, turns)), Some(slope)) = (parts, self.law.log_slope()) else {
-            return differences(self, state, expected, offset, receiver);
+            return differences(self, *state, *expected, *offset, receiver);
         };
         let (mut odd, even) = (slope * logs[0], slope * logs[1]);
         if P > 0 {
@@ -183,10 +183,9 @@ impl<L: LevelLaw<P>, const P: usize, const N: usize> MeasurementModel<N, 2> for 
             let slope = self.law.square_slope(&parameters, square);
             [jacobian[(0, 0)], jacobian[(0, 1)]] = along.map(|along| along * slope);
         }
-        for (i, derivative) in
-            self.law.sensitivity(&parameters, sight.range()).into_iter().enumerate()
-        {
-            jacobian[(0, N - P + i)] = derivative;
+        if P > 0 {
+            let sensitivity = self.law.sensitivity(&parameters, sight.range());
+            (0..P).for_each(|i| jacobian[(0, N - P + i)] = sensitivity[i]);
         }
         [jacobian[(1, 0)], jacobian[(1, 1)]] = sight.bearing_slope();
         jacobian

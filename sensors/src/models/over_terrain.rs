@@ -151,7 +151,7 @@ where
         receiver: &Pose,
     ) -> [SVector<f64, M>; 2] {
         match &self.loss {
-            Some(_) => differences(self, state, expected, offset, receiver),
+            Some(_) => differences(self, *state, *expected, *offset, receiver),
             None => self.model.expected_parts(state, expected, offset, receiver),
         }
     }

@@ -74,7 +74,7 @@ impl<P: Propagation, const N: usize> MeasurementModel<N, 1> for Rss<P> {
         let parts = Sight::new(state, receiver, self.target_up).parts(offset[0], offset[1]);
         match (parts, self.propagation.log_slope()) {
             (Some((logs, _)), Some(slope)) => logs.map(|log| Vector1::new(slope * log)),
-            _ => differences(self, state, expected, offset, receiver),
+            _ => differences(self, *state, *expected, *offset, receiver),
         }
     }
 

@@ -13,18 +13,18 @@ const OVERHEAD: f64 = 1e-3;
 pub(super) struct Sight(Vector3<f64>);
 
 /// The odd and the even part of h(x + δ) ⊖ h(x) from two differences; apart from where it is
-/// rarely called.
+/// rarely called, and with copies, so that there the numbers need not be in memory.
 #[cold]
 #[inline(never)]
 pub(super) fn differences<const N: usize, const M: usize>(
     model: &impl MeasurementModel<N, M>,
-    state: &State<N>,
-    expected: &SVector<f64, M>,
-    offset: &State<N>,
+    state: State<N>,
+    expected: SVector<f64, M>,
+    offset: State<N>,
     receiver: &Pose,
 ) -> [SVector<f64, M>; 2] {
-    let change = |offset| model.residual(&model.expected(&(state + offset), receiver), expected);
-    let (ahead, behind) = (change(*offset), change(-offset));
+    let change = |offset| model.residual(&model.expected(&(state + offset), receiver), &expected);
+    let (ahead, behind) = (change(offset), change(-offset));
     [(ahead - behind) * 0.5, (ahead + behind) * 0.5]
 }
 
@@ -65,7 +65,7 @@ impl Sight {
     }
 
     #[cold]
-    fn odd_range(&self) -> f64 {
+    fn odd_range(self) -> f64 {
         libm::hypot(libm::hypot(self.0.x, self.0.y), self.0.z)
     }
 
