@@ -20,6 +20,8 @@ use super::{Cell, Pattern};
 pub fn resultant_confidence(pattern: &Pattern) -> f64 {
     let cells = pattern.cells();
     let maximum_dbm = pattern.maximum_dbm();
+    #[expect(clippy::cast_precision_loss, reason = "a turn has at most 360 positions")]
+    let half_step = 0.5 * TAU / cells.len() as f64;
     let (mut resultant, mut measured) = (Resultant::default(), 0.0);
     let is_empty = |cell: &&Cell| cell.count() == 0;
     let first = cells.iter().take_while(is_empty).count();
@@ -29,19 +31,13 @@ pub fn resultant_confidence(pattern: &Pattern) -> f64 {
         let next = cells.iter().skip(index + 1);
         let empty = next.take_while(is_empty).count();
         let after = if index + 1 + empty < cells.len() { empty } else { empty + first };
-        let gaps = [mem::replace(&mut before, after), after];
-        let arc = gaps.iter().map(|gap| 0.5 * arc(gap + 1, cells.len())).sum::<f64>();
-        let arc = arc.min(FRAC_PI_4);
+        let steps = mem::replace(&mut before, after) + after + 2;
+        #[expect(clippy::cast_precision_loss, reason = "as above")]
+        let arc = (half_step * steps as f64).min(FRAC_PI_4);
         measured += arc;
         // Relative to the strongest, so that no power underflows.
         let relative_db = mean_dbm - maximum_dbm;
         resultant += cell.direction(arc * elementary::exp(0.1 * LN_10 * relative_db));
     }
     (resultant.length() * (measured / TAU)).clamp(0.0, 1.0)
-}
-
-/// The angle of so many positions.
-#[expect(clippy::cast_precision_loss, reason = "a turn has at most 360 positions")]
-fn arc(positions: usize, of: usize) -> f64 {
-    TAU * positions as f64 / of as f64
 }

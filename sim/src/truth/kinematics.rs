@@ -15,9 +15,21 @@ pub(crate) struct Kinematics {
     /// How fast it turns, in radians per second.
     rate: f64,
     goal: Vector3<f64>,
+    leg: Leg,
     /// Whether it is at its goal and does not turn.
     rests: bool,
     path_length: f64,
+}
+
+/// How it flies to its goal from where it is.
+#[derive(Clone, Copy, Debug, Default)]
+struct Leg {
+    /// East, North and Up in metres per second.
+    velocity: Vector3<f64>,
+    /// The norm of that.
+    speed: f64,
+    /// For how many seconds it goes on so: 0 at the goal.
+    left_s: f64,
 }
 
 impl Kinematics {
@@ -25,7 +37,8 @@ impl Kinematics {
     pub(super) fn new(limits: KinematicConfig, pose: Pose) -> Self {
         let (goal, heading) = (pose.position, pose.heading);
         let cruise = limits.speed_mps;
-        Self { limits, cruise, pose, heading, rate: 0.0, goal, rests: true, path_length: 0.0 }
+        let leg = Leg::default();
+        Self { limits, cruise, pose, heading, rate: 0.0, goal, leg, rests: true, path_length: 0.0 }
     }
 
     #[inline]
@@ -60,6 +73,7 @@ impl Kinematics {
             return Err(SimError::Goal { east: goal.x, north: goal.y, up: goal.z });
         }
         self.goal = goal;
+        self.leg = self.straight_to_goal();
         self.rests = false;
         Ok(())
     }
@@ -68,19 +82,19 @@ impl Kinematics {
     pub(super) fn put_down(&mut self) {
         self.pose.position.z = 0.0;
         self.goal = self.pose.position;
+        self.leg = Leg::default();
         self.rests = false;
     }
 
     #[cfg(feature = "emulators")]
     pub(super) fn cruise(&mut self, speed: f64) {
         self.cruise = speed.min(self.limits.speed_mps);
+        self.leg = self.straight_to_goal();
     }
 
     /// How fast it moves, East, North and Up in metres per second.
     pub(crate) fn velocity(&self) -> Vector3<f64> {
-        let way = self.goal - self.pose.position;
-        let needed = self.time_needed(&way);
-        if needed > 0.0 { way / needed } else { Vector3::zeros() }
+        self.leg.velocity
     }
 
     /// How fast it moves, and for how many seconds it goes on so; `None` while it turns.
@@ -88,14 +102,20 @@ impl Kinematics {
         if self.rests {
             return Some((Vector3::zeros(), f64::INFINITY));
         }
-        let way = self.goal - self.pose.position;
-        let needed = self.time_needed(&way);
-        (needed > 0.0 && self.rate.abs() <= 0.0).then(|| (way / needed, needed))
+        let Leg { velocity, left_s, .. } = self.leg;
+        (left_s > 0.0 && self.rate.abs() <= 0.0).then_some((velocity, left_s))
     }
 
-    /// The time that a straight line takes, in seconds: the slower of the two speeds sets the pace.
-    fn time_needed(&self, way: &Vector3<f64>) -> f64 {
-        (way.xy().norm() / self.cruise).max(way.z.abs() / self.limits.climb_mps)
+    /// The straight line from where it is: the slower of the two speeds sets the pace.
+    fn straight_to_goal(&self) -> Leg {
+        let way = self.goal - self.pose.position;
+        let left_s = (way.xy().norm() / self.cruise).max(way.z.abs() / self.limits.climb_mps);
+        if left_s > 0.0 {
+            let velocity = way / left_s;
+            Leg { velocity, speed: velocity.norm(), left_s }
+        } else {
+            Leg::default()
+        }
     }
 
     /// Moves for `dt` seconds.
@@ -108,19 +128,17 @@ impl Kinematics {
             self.heading += self.rate * dt;
             self.pose.heading = angle::wrap(self.heading);
         }
-        if self.pose.position == self.goal {
+        let Leg { velocity, speed, left_s } = self.leg;
+        if left_s <= 0.0 {
             self.rests = !turns;
-            return;
-        }
-        let way = self.goal - self.pose.position;
-        let needed = self.time_needed(&way);
-        if needed <= dt {
+        } else if left_s <= dt {
             self.pose.position = self.goal;
-            self.path_length += way.norm();
+            self.path_length += speed * left_s;
+            self.leg = Leg::default();
         } else {
-            let share = dt / needed;
-            self.pose.position += way * share;
-            self.path_length += way.norm() * share;
+            self.pose.position += velocity * dt;
+            self.path_length += speed * dt;
+            self.leg.left_s -= dt;
         }
     }
 }

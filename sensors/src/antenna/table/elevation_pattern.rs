@@ -62,7 +62,7 @@ impl ElevationPattern {
 
     /// The gains at −90°, −89° … 90°, in dB.
     fn gains(&self) -> Vec<f64> {
-        self.spline.values()[..ELEVATIONS].to_vec()
+        self.spline.values().take(ELEVATIONS).collect()
     }
 
     /// The mean gain at an elevation in radians over that on the horizon, in dB.

@@ -78,9 +78,8 @@ impl PatternTable {
             return Err(PatternTableError::Span { span });
         }
         let spline = PeriodicSpline::new(rows);
-        let gains = spline.values();
-        let least = gains.iter().copied().fold(f64::INFINITY, f64::min);
-        let largest = gains.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let least = spline.values().fold(f64::INFINITY, f64::min);
+        let largest = spline.values().fold(f64::NEG_INFINITY, f64::max);
         let mean = spline.mean(|gain| gain.clamp(least, largest));
         Ok(Self { spline, least, largest, mean })
     }
@@ -93,7 +92,7 @@ impl PatternTable {
 
     /// The rows: angles off boresight in radians, counter-clockwise, and gains in dB.
     pub fn rows(&self) -> impl Iterator<Item = (f64, f64)> {
-        self.spline.angles().zip(self.spline.values().iter().copied())
+        self.spline.angles().zip(self.spline.values())
     }
 }
 

@@ -9,35 +9,31 @@ use foxhunt_core::angle;
 pub(super) struct PeriodicSpline {
     /// The first value's angle.
     origin: f64,
-    /// Each value's angle after the first one's, increasing from 0, below a turn.
-    offsets: Vec<f64>,
-    values: Vec<f64>,
-    /// The second derivative at each value.
-    curvatures: Vec<f64>,
+    /// One from each value to the next, the last one to the first.
+    pieces: Vec<Piece>,
 }
 
-/// One piece: where it begins, how long it is, values and second derivatives at its ends.
+/// One piece: where it begins after the first value's angle, increasing from 0, below a turn; and
+/// the factors of the powers of the angle from there on, the first of which is the value.
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Piece {
     from: f64,
-    length: f64,
-    values: [f64; 2],
-    curvatures: [f64; 2],
+    factors: [f64; 4],
 }
 
 impl Piece {
-    /// The cubic at the share `b` of the piece (Press et al. 2007, eq. 3.3.3).
-    fn at(&self, b: f64) -> f64 {
-        let a = 1.0 - b;
-        let bend = (a * a * a - a) * self.curvatures[0] + (b * b * b - b) * self.curvatures[1];
-        a * self.values[0] + b * self.values[1] + bend * self.length * self.length / 6.0
+    /// The cubic at an angle after its beginning.
+    #[inline]
+    fn at(&self, along: f64) -> f64 {
+        let [value, slope, bend, twist] = self.factors;
+        (value + along * slope) + along * along * (bend + along * twist)
     }
 
-    /// Its derivative there (eq. 3.3.5).
-    fn slope(&self, b: f64) -> f64 {
-        let a = 1.0 - b;
-        let bend =
-            (3.0 * b * b - 1.0) * self.curvatures[1] - (3.0 * a * a - 1.0) * self.curvatures[0];
-        (self.values[1] - self.values[0]) / self.length + bend * self.length / 6.0
+    /// Its derivative there.
+    #[inline]
+    fn slope(&self, along: f64) -> f64 {
+        let [_, slope, bend, twist] = self.factors;
+        slope + along * (2.0 * bend + 3.0 * along * twist)
     }
 }
 
@@ -45,54 +41,66 @@ impl PeriodicSpline {
     /// Through at least three rows of increasing angles in radians that span less than a turn.
     pub(super) fn new(rows: &[(f64, f64)]) -> Self {
         let origin = rows[0].0;
-        let (offsets, values): (Vec<_>, Vec<_>) =
-            rows.iter().map(|(angle, value)| (angle - origin, *value)).unzip();
-        let mut spline = Self { origin, offsets, values, curvatures: Vec::new() };
-        spline.curvatures = spline.solve();
-        spline
+        let next = |i: usize| if i + 1 < rows.len() { i + 1 } else { 0 };
+        let end = |i: usize| rows.get(i + 1).map_or(TAU, |(angle, _)| angle - origin);
+        let length: Vec<f64> = (0..rows.len()).map(|i| end(i) - (rows[i].0 - origin)).collect();
+        let slope = |i: usize| (rows[next(i)].1 - rows[i].1) / length[i];
+        let slope: Vec<f64> = (0..rows.len()).map(slope).collect();
+        let curvatures = curvatures(&length, &slope);
+        let piece = |(i, &(angle, value)): (usize, &(f64, f64))| {
+            // Press et al. 2007, eq. 3.3.3, by powers.
+            let (begin, change) = (curvatures[i], curvatures[next(i)] - curvatures[i]);
+            let along = slope[i] - length[i] * (3.0 * begin + change) / 6.0;
+            let factors = [value, along, 0.5 * begin, change / (6.0 * length[i])];
+            Piece { from: angle - origin, factors }
+        };
+        Self { origin, pieces: rows.iter().enumerate().map(piece).collect() }
     }
 
-    pub(super) fn values(&self) -> &[f64] {
-        &self.values
+    pub(super) fn values(&self) -> impl Iterator<Item = f64> {
+        self.pieces.iter().map(|piece| piece.factors[0])
     }
 
     /// Where the rows lie, in radians.
     pub(super) fn angles(&self) -> impl Iterator<Item = f64> {
-        self.offsets.iter().map(|offset| self.origin + offset)
+        self.pieces.iter().map(|piece| self.origin + piece.from)
     }
 
+    #[inline]
     pub(super) fn at(&self, angle: f64) -> f64 {
-        let (piece, share) = self.locate(angle);
-        piece.at(share)
+        let (piece, along) = self.locate(angle);
+        piece.at(along)
     }
 
     /// The derivative per radian.
     pub(super) fn slope(&self, angle: f64) -> f64 {
-        let (piece, share) = self.locate(angle);
-        piece.slope(share)
+        let (piece, along) = self.locate(angle);
+        piece.slope(along)
     }
 
     /// The mean of a function of the spline's values over the turn, by two-point Gauss quadrature
     /// in each piece: exact for the spline itself.
     pub(super) fn mean(&self, of: impl Fn(f64) -> f64) -> f64 {
         let node = 0.5 - 0.5 / libm::sqrt(3.0);
-        let strip = |i| {
-            let piece = self.piece(i);
-            0.5 * piece.length * (of(piece.at(node)) + of(piece.at(1.0 - node)))
+        let ends = self.pieces.iter().skip(1).map(|piece| piece.from).chain([TAU]);
+        let strip = |(piece, end): (&Piece, f64)| {
+            let length = end - piece.from;
+            0.5 * length * (of(piece.at(node * length)) + of(piece.at((1.0 - node) * length)))
         };
-        (0..self.values.len()).map(strip).sum::<f64>() / TAU
+        self.pieces.iter().zip(ends).map(strip).sum::<f64>() / TAU
     }
 
-    /// The piece that holds `angle`, and the share of it that lies before.
-    fn locate(&self, angle: f64) -> (Piece, f64) {
+    /// The piece that holds `angle`, and how far from its beginning that is.
+    #[inline]
+    fn locate(&self, angle: f64) -> (&Piece, f64) {
         let wrapped = angle::wrap(angle - self.origin);
         let offset = if wrapped < 0.0 { wrapped + TAU } else { wrapped };
-        let piece = self.piece(self.row_before(offset));
-        let share = (offset - piece.from) / piece.length;
-        (piece, share)
+        let piece = &self.pieces[self.row_before(offset)];
+        (piece, offset - piece.from)
     }
 
     /// The last row that is not after an offset from the first one.
+    #[inline]
     fn row_before(&self, offset: f64) -> usize {
         // Most tables have equal steps.
         #[expect(
@@ -101,62 +109,47 @@ impl PeriodicSpline {
             clippy::cast_precision_loss,
             reason = "a guess, which is looked at"
         )]
-        let guess = (offset * (self.offsets.len() as f64 / TAU)) as usize;
-        let is_after = |row: usize| self.offsets.get(row).is_none_or(|o| *o > offset);
+        let guess = (offset * (self.pieces.len() as f64 / TAU)) as usize;
+        let is_after = |row: usize| self.pieces.get(row).is_none_or(|piece| piece.from > offset);
         if !is_after(guess) && is_after(guess + 1) {
             return guess;
         }
-        self.offsets.partition_point(|&o| o <= offset).saturating_sub(1)
+        self.pieces.partition_point(|piece| piece.from <= offset).saturating_sub(1)
     }
+}
 
-    /// The piece after row `i`.
-    fn piece(&self, i: usize) -> Piece {
-        let next = if i + 1 < self.values.len() { i + 1 } else { 0 };
-        // Before the solution there is none to look at.
-        let curvature = |i: usize| self.curvatures.get(i).copied().unwrap_or(0.0);
-        Piece {
-            from: self.offsets[i],
-            length: self.offsets.get(i + 1).unwrap_or(&TAU) - self.offsets[i],
-            values: [self.values[i], self.values[next]],
-            curvatures: [curvature(i), curvature(next)],
-        }
+/// The second derivatives at the rows, from the pieces' lengths and mean slopes: a cyclic
+/// tridiagonal system, by a correction of rank one (Press et al. 2007, §2.7.2). Its diagonal
+/// dominates, so nothing has to be pivoted.
+fn curvatures(length: &[f64], slope: &[f64]) -> Vec<f64> {
+    let rows = length.len();
+    let last = rows - 1;
+    let before = |i: usize| if i == 0 { last } else { i - 1 };
+    let mut diagonal: Vec<f64> = (0..rows).map(|i| 2.0 * (length[before(i)] + length[i])).collect();
+    let mut right: Vec<f64> = (0..rows).map(|i| 6.0 * (slope[i] - slope[before(i)])).collect();
+    // The corner c couples the first unknown with the last: A = T + u vᵀ with u = (γ, 0, …, c) and
+    // v = (1, 0, …, c/γ).
+    let corner = length[last];
+    let gamma = -diagonal[0];
+    diagonal[0] -= gamma;
+    diagonal[last] -= corner * corner / gamma;
+    let mut along = alloc::vec![0.0; rows];
+    (along[0], along[last]) = (gamma, corner);
+    for i in 1..rows {
+        let factor = length[i - 1] / diagonal[i - 1];
+        diagonal[i] -= factor * length[i - 1];
+        right[i] -= factor * right[i - 1];
+        along[i] -= factor * along[i - 1];
     }
-
-    /// The second derivatives: a cyclic tridiagonal system, by a correction of rank one (Press et
-    /// al. 2007, §2.7.2). Its diagonal dominates, so nothing has to be pivoted.
-    fn solve(&self) -> Vec<f64> {
-        let rows = self.values.len();
-        let last = rows - 1;
-        let length: Vec<f64> = (0..rows).map(|i| self.piece(i).length).collect();
-        let slope: Vec<f64> = (0..rows).map(|i| self.piece(i).slope(0.5)).collect();
-        let before = |i: usize| if i == 0 { last } else { i - 1 };
-        let mut diagonal: Vec<f64> =
-            (0..rows).map(|i| 2.0 * (length[before(i)] + length[i])).collect();
-        let mut right: Vec<f64> = (0..rows).map(|i| 6.0 * (slope[i] - slope[before(i)])).collect();
-        // The corner c couples the first unknown with the last: A = T + u vᵀ with u = (γ, 0, …, c)
-        // and v = (1, 0, …, c/γ).
-        let corner = length[last];
-        let gamma = -diagonal[0];
-        diagonal[0] -= gamma;
-        diagonal[last] -= corner * corner / gamma;
-        let mut along = alloc::vec![0.0; rows];
-        (along[0], along[last]) = (gamma, corner);
-        for i in 1..rows {
-            let factor = length[i - 1] / diagonal[i - 1];
-            diagonal[i] -= factor * length[i - 1];
-            right[i] -= factor * right[i - 1];
-            along[i] -= factor * along[i - 1];
-        }
-        for i in (0..rows).rev() {
-            let (coupling, [beyond, more]) =
-                if i < last { (length[i], [right[i + 1], along[i + 1]]) } else { (0.0, [0.0; 2]) };
-            right[i] = (right[i] - coupling * beyond) / diagonal[i];
-            along[i] = (along[i] - coupling * more) / diagonal[i];
-        }
-        let through = |x: &[f64]| x[0] + x[last] * corner / gamma;
-        let share = through(&right) / (1.0 + through(&along));
-        right.iter().zip(&along).map(|(x, z)| x - share * z).collect()
+    for i in (0..rows).rev() {
+        let (coupling, [beyond, more]) =
+            if i < last { (length[i], [right[i + 1], along[i + 1]]) } else { (0.0, [0.0; 2]) };
+        right[i] = (right[i] - coupling * beyond) / diagonal[i];
+        along[i] = (along[i] - coupling * more) / diagonal[i];
     }
+    let through = |x: &[f64]| x[0] + x[last] * corner / gamma;
+    let share = through(&right) / (1.0 + through(&along));
+    right.iter().zip(&along).map(|(x, z)| x - share * z).collect()
 }
 
 #[cfg(test)]
@@ -175,8 +168,10 @@ mod tests {
         let spline = PeriodicSpline::new(&rows());
         for (i, (angle, value)) in rows().into_iter().enumerate() {
             assert!((spline.at(angle) - value).abs() < 1e-12);
-            let (after, before) = (spline.piece(i), spline.piece((i + 6) % 7));
-            assert!((before.slope(1.0) - after.slope(0.0)).abs() < 1e-10, "at row {i}");
+            let (after, before) = (spline.pieces[i], spline.pieces[(i + 6) % 7]);
+            let end = if i == 0 { TAU } else { after.from };
+            let slope = before.slope(end - before.from);
+            assert!((slope - after.slope(0.0)).abs() < 1e-10, "at row {i}");
             // Second derivatives by differences: of a cubic they are exact but for rounding.
             let step = 1e-3;
             let curve = |middle: f64| {
