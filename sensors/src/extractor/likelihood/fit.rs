@@ -82,6 +82,7 @@ impl<'a, A: Antenna> Fit<'a, A> {
     }
 
     /// The gain about its mean along one look, for a signal from each node.
+    #[inline(always)]
     pub(super) fn gains_of(&self, look: &Look, out: &mut [f64; NODES as usize]) {
         if self.looks.level {
             return self.table.around(-look.offset, out);

@@ -13,20 +13,33 @@ pub(super) struct GainTable {
     /// The gain over its mean in dB, at equal steps counter-clockwise from boresight; the last is
     /// the first.
     rows: Vec<f64>,
+    /// The same by their place within a node's step, each over two turns of nodes.
+    nodes: [Vec<f64>; STEP],
     mean_db: f64,
     elevation: f64,
 }
 
 /// Rows of half a degree: between them the gain is taken as linear, which errs by less than
 /// 0.003 dB on a lobe of 30°.
-const ROWS: u16 = 720;
+pub(super) const ROWS: u16 = 720;
+
+/// Rows from one node to the next.
+const STEP: usize = (ROWS / NODES) as usize;
+const _: () = assert!(ROWS.is_multiple_of(NODES), "a step is a whole number of rows");
+
+/// Every fourth row, from each of the first four on: what a loop over nodes reads is in a column.
+fn by_node(rows: &[f64]) -> [Vec<f64>; STEP] {
+    let turn = &rows[..usize::from(ROWS)];
+    let from = |first| turn.iter().chain(turn).skip(first).step_by(STEP).copied().collect();
+    core::array::from_fn(from)
+}
 
 impl GainTable {
     pub(super) fn new(antenna: &impl Antenna, elevation: f64) -> Self {
         let mean_db = antenna.mean_gain_db(elevation);
         let gain = |row| antenna.gain_dbi(TAU * f64::from(row) / f64::from(ROWS), elevation);
-        let rows = (0..=ROWS).map(|row| gain(row) - mean_db).collect();
-        Self { rows, mean_db, elevation }
+        let rows: Vec<f64> = (0..=ROWS).map(|row| gain(row) - mean_db).collect();
+        Self { nodes: by_node(&rows), rows, mean_db, elevation }
     }
 
     /// How far above the horizon beacons are, in radians.
@@ -41,7 +54,8 @@ impl GainTable {
 
     /// A table of the same kind with something made of each row.
     pub(super) fn map(&self, change: impl Fn(f64) -> f64) -> Self {
-        Self { rows: self.rows.iter().map(|row| change(*row)).collect(), ..*self }
+        let rows: Vec<f64> = self.rows.iter().map(|row| change(*row)).collect();
+        Self { nodes: by_node(&rows), rows, ..*self }
     }
 
     /// The value `azimuth` radians counter-clockwise of boresight.
@@ -60,21 +74,12 @@ impl GainTable {
 
     /// The values for bearings at equal steps over a turn, from `azimuth` on. A step is a whole
     /// number of rows, so that all of them lie at one place between two rows.
+    #[inline(always)]
     pub(super) fn around(&self, azimuth: f64, out: &mut [f64; NODES as usize]) {
-        const STEP: usize = (ROWS / NODES) as usize;
-        const { assert!(ROWS.is_multiple_of(NODES), "a step is a whole number of rows") };
         let (first, share) = row_of(azimuth);
-        // Up to the turn's end, and on from its beginning.
-        let (before, after) = out.split_at_mut((usize::from(ROWS) - first).div_ceil(STEP));
-        let begin = first % STEP;
-        for (out, rows) in [(before, &self.rows[first..]), (after, &self.rows[begin..])] {
-            for (value, rows) in out.iter_mut().zip(rows.chunks(STEP)) {
-                // The last row of a turn stands in the next chunk where a chunk ends.
-                *value = rows[0];
-            }
-            for (value, rows) in out.iter_mut().zip(rows[1..].chunks(STEP)) {
-                *value += (rows[0] - *value) * share;
-            }
+        let rows = |row: usize| &self.nodes[row % STEP][row / STEP..];
+        for ((out, from), to) in out.iter_mut().zip(rows(first)).zip(rows(first + 1)) {
+            *out = from + (to - from) * share;
         }
     }
 

@@ -1,28 +1,48 @@
 use alloc::vec::Vec;
 
+use foxhunt_core::vectorised::{self, Kernel};
+
 use super::{
     fit::{Fit, NODES, node_offset},
     posterior::Node,
 };
 use crate::Antenna;
 
+const COUNT: usize = NODES as usize;
+
+/// What is left of each look's mean above a reference, at each node: its weighted sum and sum of
+/// squares over the looks, and the sum of weights.
+struct Rests<'a, A> {
+    fit: &'a Fit<'a, A>,
+    reference: f64,
+}
+
+impl<A: Antenna> Kernel for Rests<'_, A> {
+    type Output = ([f64; COUNT], [f64; COUNT], f64);
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        let (mut gains, mut ones) = ([0.0; COUNT], 0.0);
+        let (mut sums, mut squares) = ([0.0; COUNT], [0.0; COUNT]);
+        for (look, variance) in self.fit.looks.looks.iter().zip(&self.fit.variances) {
+            let (weight, rest) = (1.0 / variance, look.mean_dbm - self.reference);
+            ones += weight;
+            self.fit.gains_of(look, &mut gains);
+            for ((gain, sum), square) in gains.iter().zip(&mut sums).zip(&mut squares) {
+                let rest = rest - gain;
+                *sum += weight * rest;
+                *square += weight * rest * rest;
+            }
+        }
+        (sums, squares, ones)
+    }
+}
+
 /// The log likelihood of Gaussian residuals over a turn of bearings, the level profiled out, each
 /// variance `inflation` times that of the look.
 pub(super) fn nodes<A: Antenna>(fit: &Fit<'_, A>, inflation: f64) -> Vec<Node> {
-    const COUNT: usize = NODES as usize;
     let (reference, _) = fit.looks.spread();
-    let (mut gains, mut ones) = ([0.0; COUNT], 0.0);
-    let (mut sums, mut squares) = ([0.0; COUNT], [0.0; COUNT]);
-    for (look, variance) in fit.looks.looks.iter().zip(&fit.variances) {
-        let (weight, rest) = (1.0 / variance, look.mean_dbm - reference);
-        ones += weight;
-        fit.gains_of(look, &mut gains);
-        for ((gain, sum), square) in gains.iter().zip(&mut sums).zip(&mut squares) {
-            let rest = rest - gain;
-            *sum += weight * rest;
-            *square += weight * rest * rest;
-        }
-    }
+    let (sums, squares, ones) = vectorised::run(Rests { fit, reference });
     let node = |(node, (sum, squares)): (u16, (&f64, &f64))| {
         let log_density = -0.5 * (squares - sum * sum / ones) / inflation;
         let (information, weighted) = (ones / inflation, (sum + reference * ones) / inflation);

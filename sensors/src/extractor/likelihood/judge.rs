@@ -1,9 +1,9 @@
 use alloc::vec::Vec;
 
 use super::{
+    amplitude_table::AmplitudeTable,
     fading::Fading,
     fit::Fit,
-    gain_table::GainTable,
     gaussian,
     misfit::Misfit,
     posterior::{Node, Posterior, summit},
@@ -103,7 +103,7 @@ const UNRESOLVED: f64 = 0.06;
 
 pub(super) fn reflection<A: Antenna>(
     fit: &Fit<'_, A>,
-    amplitude: &GainTable,
+    amplitude: &AmplitudeTable,
     fadings: &[Fading],
 ) -> Judged {
     let single = gaussian::nodes(fit, 1.0);
@@ -135,7 +135,7 @@ pub(super) fn reflection<A: Antenna>(
 
 fn one_or_two<A: Antenna>(
     fit: &Fit<'_, A>,
-    amplitude: &GainTable,
+    amplitude: &AmplitudeTable,
     found: Vec<super::two_paths::Paths>,
 ) -> Judged {
     let two = TwoPaths::new(fit, amplitude);

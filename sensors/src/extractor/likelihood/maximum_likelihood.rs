@@ -6,13 +6,13 @@ use foxhunt_core::{
 };
 
 use super::{
+    amplitude_table::AmplitudeTable,
     fading::Fading,
     fit::Fit,
     gain_table::GainTable,
     judge::{self, Judged},
     looks::Looks,
     read_out::{Limits, read_out},
-    reflection,
     residuals::Residuals,
 };
 use crate::Antenna;
@@ -45,7 +45,7 @@ pub struct MaximumLikelihood<A> {
     limits: Limits,
     residuals: Residuals,
     /// Of the amplitude, for waves that add up.
-    amplitude: GainTable,
+    amplitude: AmplitudeTable,
     fadings: Vec<Fading>,
 }
 
@@ -196,9 +196,9 @@ impl<A: Antenna> MaximumLikelihood<A> {
 }
 
 /// What two paths and fading make of a gain.
-fn of_table(table: &GainTable) -> (GainTable, Vec<Fading>) {
+fn of_table(table: &GainTable) -> (AmplitudeTable, Vec<Fading>) {
     let fadings = RATIOS.iter().map(|ratio| Fading::new(table, *ratio)).collect();
-    (reflection::amplitude(table), fadings)
+    (AmplitudeTable::new(table), fadings)
 }
 
 impl<A: Antenna> BearingExtractor for MaximumLikelihood<A> {

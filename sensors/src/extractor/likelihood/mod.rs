@@ -1,5 +1,6 @@
 //! A turn laid against an antenna whose gain is known.
 
+mod amplitude_table;
 mod cross_correlation;
 mod fading;
 mod fit;

@@ -6,7 +6,6 @@ use nalgebra::SVector;
 
 use super::{
     fit::{Fit, NODES},
-    gain_table::GainTable,
     posterior::{Node, Posterior},
     two_paths::{BEARING, Paths, REFLECTION, TwoPaths, UNKNOWNS},
 };
@@ -163,8 +162,3 @@ pub(super) fn faded<A: Antenna>(
 /// Fading is alike along neighbouring boresights, over about 15°: so many of a turn's 128 count
 /// as one.
 const NEIGHBOURS: f64 = 6.0;
-
-/// The amplitude pattern, about the amplitude of its mean gain.
-pub(super) fn amplitude(gain: &GainTable) -> GainTable {
-    gain.map(|row| libm::exp(row / super::two_paths::DB))
-}

@@ -1,10 +1,13 @@
 use alloc::vec::Vec;
 use core::f64::consts::{LN_2, TAU};
 
-use foxhunt_core::elementary;
+use foxhunt_core::{
+    elementary,
+    vectorised::{self, Kernel},
+};
 use nalgebra::{SMatrix, SVector};
 
-use super::{fit::Fit, gain_table::GainTable, posterior::Node};
+use super::{amplitude_table::AmplitudeTable, fit::Fit, posterior::Node};
 
 /// Unknowns of two paths: the bearing, the level, the reflection's bearing, and its amplitude over
 /// the direct one's, in phase and in quadrature.
@@ -36,60 +39,50 @@ const LONGEST: f64 = 0.35;
 /// z, the same all round.
 #[derive(Debug)]
 pub(super) struct TwoPaths<'a> {
-    amplitude: &'a GainTable,
+    amplitude: &'a AmplitudeTable,
     /// Every look.
-    pub(super) fine: Columns,
+    pub(super) fine: Vec<Block>,
     /// Neighbours taken for one look: as good to find out where to look closer.
-    pub(super) coarse: Columns,
+    pub(super) coarse: Vec<Block>,
 }
 
-/// Looks in columns.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Columns {
-    offset: Vec<f64>,
-    mean_dbm: Vec<f64>,
-    /// 1 / the variance of the mean.
-    precision: Vec<f64>,
+/// So many looks go into one wide vector.
+const LANES: usize = 4;
+type Lanes = [f64; LANES];
+
+/// Some looks in columns; where there is none, without weight.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Block {
+    /// In turns.
+    offset: Lanes,
+    mean_dbm: Lanes,
+    /// 1 / σ of the mean.
+    root: Lanes,
 }
 
 /// So many looks show where two paths may come from; with half as many, directions that compete
 /// were lost.
 const COARSE: usize = 64;
 
-impl Columns {
-    fn push(&mut self, offset: f64, mean_dbm: f64, precision: f64) {
-        self.offset.push(offset);
-        self.mean_dbm.push(mean_dbm);
-        self.precision.push(precision);
-    }
-
-    fn of<A>(fit: &Fit<'_, A>) -> Self {
-        let mut columns = Self::default();
-        for (look, variance) in fit.looks.looks.iter().zip(&fit.variances) {
-            columns.push(look.offset, look.mean_dbm, 1.0 / variance);
+/// The looks in blocks, and so many neighbours in the order of the offsets taken together.
+fn blocks(looks: &[(f64, f64, f64)], together: usize) -> Vec<Block> {
+    let merged = |group: &[(f64, f64, f64)]| {
+        let precision: f64 = group.iter().map(|(_, _, precision)| precision).sum();
+        let (mut offset, mut mean_dbm) = (0.0, 0.0);
+        for look in group {
+            offset += look.2 * look.0 / precision;
+            mean_dbm += look.2 * look.1 / precision;
         }
-        columns
-    }
-
-    /// The same with neighbours taken together.
-    fn coarse(&self) -> Self {
-        let together = self.offset.len() / COARSE;
-        if together < 2 {
-            return self.clone();
+        (offset / TAU, mean_dbm, libm::sqrt(precision))
+    };
+    let block = |looks: &[(f64, f64, f64)]| {
+        let mut block = Block::default();
+        for (lane, group) in looks.chunks(together).enumerate() {
+            (block.offset[lane], block.mean_dbm[lane], block.root[lane]) = merged(group);
         }
-        let mut order: Vec<usize> = (0..self.offset.len()).collect();
-        order.sort_unstable_by(|a, b| self.offset[*a].total_cmp(&self.offset[*b]));
-        let mut columns = Self::default();
-        for group in order.chunks(together) {
-            let sum = |of: &dyn Fn(usize) -> f64| -> f64 {
-                group.iter().map(|i| self.precision[*i] * of(*i)).sum()
-            };
-            let precision = sum(&|_| 1.0);
-            let offset = sum(&|i| self.offset[i]) / precision;
-            columns.push(offset, sum(&|i| self.mean_dbm[i]) / precision, precision);
-        }
-        columns
-    }
+        block
+    };
+    looks.chunks(together * LANES).map(block).collect()
 }
 
 /// Two paths laid against a turn.
@@ -102,70 +95,81 @@ pub(super) struct Paths {
     pull: Vector,
 }
 
-/// What two paths leave along one look, in dB, and how it changes with the unknowns but the level.
-struct Term {
-    rest: f64,
-    slopes: [f64; 4],
+/// The slopes along the unknowns, and what two paths leave, over σ.
+const COLUMNS: usize = UNKNOWNS + 1;
+const REST: usize = UNKNOWNS;
+
+/// The products of the [columns](COLUMNS), summed over all looks, below the diagonal and on it.
+struct Products<'a> {
+    amplitude: &'a AmplitudeTable,
+    looks: &'a [Block],
+    unknowns: &'a Vector,
 }
 
-/// The unknowns that [`Term::slopes`] are of.
-const SLOPES: [usize; 4] = [BEARING, REFLECTION, IN_PHASE, QUADRATURE];
+impl Kernel for Products<'_> {
+    type Output = [[f64; COLUMNS]; COLUMNS];
 
-impl<'a> TwoPaths<'a> {
-    pub(super) fn new<A>(fit: &Fit<'_, A>, amplitude: &'a GainTable) -> Self {
-        let fine = Columns::of(fit);
-        Self { amplitude, coarse: fine.coarse(), fine }
-    }
-
-    #[inline]
-    fn term(&self, offset: f64, mean_dbm: f64, unknowns: &Vector) -> Term {
-        let (x, y) = (unknowns[IN_PHASE], unknowns[QUADRATURE]);
-        let (direct, direct_slope) = self.amplitude.with_slope(unknowns[BEARING] - offset);
-        let (other, other_slope) = self.amplitude.with_slope(unknowns[REFLECTION] - offset);
-        let (re, im) = (direct + x * other, y * other);
-        let power = (re * re + im * im).max(1e-12);
-        let factor = DB / power;
-        Term {
-            rest: mean_dbm - unknowns[LEVEL] - 0.5 * DB * elementary::ln(power),
-            slopes: [
-                factor * re * direct_slope,
-                factor * (re * x + im * y) * other_slope,
-                factor * re * other,
-                factor * im * other,
-            ],
-        }
-    }
-
-    fn at(&self, looks: &Columns, unknowns: &Vector) -> Paths {
-        let prior = 1.0 / (AMPLITUDE_SIGMA * AMPLITUDE_SIGMA);
-        // The level's slope is 1: its products with the others are their sums.
-        let (mut ones, mut rests, mut cost) = (0.0, 0.0, 0.0);
-        let (mut sums, mut pulls, mut products) = ([0.0; 4], [0.0; 4], [[0.0; 4]; 4]);
-        let columns = looks.offset.iter().zip(&looks.mean_dbm).zip(&looks.precision);
-        for ((offset, mean_dbm), precision) in columns {
-            let Term { rest, slopes } = self.term(*offset, *mean_dbm, unknowns);
-            let weighted = precision * rest;
-            ones += precision;
-            rests += weighted;
-            cost += weighted * rest;
-            for i in 0..4 {
-                let scaled = precision * slopes[i];
-                sums[i] += scaled;
-                pulls[i] += slopes[i] * weighted;
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        let mut sums = [[[0.0; LANES]; COLUMNS]; COLUMNS];
+        for block in self.looks {
+            let columns = columns(self.amplitude, block, self.unknowns);
+            for i in 0..COLUMNS {
                 for j in 0..=i {
-                    products[i][j] += scaled * slopes[j];
+                    for lane in 0..LANES {
+                        sums[i][j][lane] += columns[i][lane] * columns[j][lane];
+                    }
                 }
             }
         }
-        let (mut normal, mut pull) = (Matrix::zeros(), Vector::zeros());
-        (normal[(LEVEL, LEVEL)], pull[LEVEL]) = (ones, rests);
-        for (i, row) in SLOPES.into_iter().enumerate() {
-            pull[row] = pulls[i];
-            (normal[(row, LEVEL)], normal[(LEVEL, row)]) = (sums[i], sums[i]);
-            for (j, column) in SLOPES.into_iter().enumerate().take(i + 1) {
-                (normal[(row, column)], normal[(column, row)]) = (products[i][j], products[i][j]);
-            }
+        let sum = |[a, b, c, d]: Lanes| (a + b) + (c + d);
+        core::array::from_fn(|i| core::array::from_fn(|j| sum(sums[i][j])))
+    }
+}
+
+#[inline(always)]
+fn columns(amplitude: &AmplitudeTable, looks: &Block, unknowns: &Vector) -> [Lanes; COLUMNS] {
+    let (x, y) = (unknowns[IN_PHASE], unknowns[QUADRATURE]);
+    let bearing = unknowns[BEARING] / TAU;
+    let reflection = unknowns[REFLECTION] / TAU;
+    let mut columns = [[0.0; LANES]; COLUMNS];
+    for lane in 0..LANES {
+        let (offset, root) = (looks.offset[lane], looks.root[lane]);
+        let (direct, direct_slope) = amplitude.with_slope(bearing - offset);
+        let (other, other_slope) = amplitude.with_slope(reflection - offset);
+        let (re, im) = (direct + x * other, y * other);
+        let power = (re * re + im * im).max(1e-12);
+        let rest = looks.mean_dbm[lane] - unknowns[LEVEL] - 0.5 * DB * elementary::ln(power);
+        let factor = root * DB / power;
+        columns[BEARING][lane] = factor * re * direct_slope;
+        columns[LEVEL][lane] = root;
+        columns[REFLECTION][lane] = factor * (re * x + im * y) * other_slope;
+        columns[IN_PHASE][lane] = factor * re * other;
+        columns[QUADRATURE][lane] = factor * im * other;
+        columns[REST][lane] = root * rest;
+    }
+    columns
+}
+
+impl<'a> TwoPaths<'a> {
+    pub(super) fn new<A>(fit: &Fit<'_, A>, amplitude: &'a AmplitudeTable) -> Self {
+        let looks = fit.looks.looks.iter().zip(&fit.variances);
+        let mut looks: Vec<_> = looks.map(|(l, v)| (l.offset, l.mean_dbm, 1.0 / v)).collect();
+        let fine = blocks(&looks, 1);
+        let together = looks.len() / COARSE;
+        if together < 2 {
+            return Self { amplitude, coarse: fine.clone(), fine };
         }
+        looks.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        Self { amplitude, coarse: blocks(&looks, together), fine }
+    }
+
+    fn at(&self, looks: &[Block], unknowns: &Vector) -> Paths {
+        let sums = vectorised::run(Products { amplitude: self.amplitude, looks, unknowns });
+        let mut normal = Matrix::from_fn(|i, j| sums[i.max(j)][i.min(j)]);
+        let mut pull = Vector::from_fn(|i, _| sums[REST][i]);
+        let mut cost = sums[REST][REST];
+        let prior = 1.0 / (AMPLITUDE_SIGMA * AMPLITUDE_SIGMA);
         for part in [IN_PHASE, QUADRATURE] {
             cost += unknowns[part] * unknowns[part] * prior;
             normal[(part, part)] += prior;
@@ -179,7 +183,7 @@ impl<'a> TwoPaths<'a> {
     /// stay. Ends where a round gains less than the tolerance.
     pub(super) fn descend(
         &self,
-        looks: &Columns,
+        looks: &[Block],
         start: &Vector,
         fixed: usize,
         rounds: u32,
@@ -221,8 +225,12 @@ impl<'a> TwoPaths<'a> {
 
     /// What the two paths leave of each look's mean, in dB.
     pub(super) fn residuals(&self, paths: &Paths) -> Vec<f64> {
-        let looks = self.fine.offset.iter().zip(&self.fine.mean_dbm);
-        looks.map(|(offset, mean)| self.term(*offset, *mean, &paths.unknowns).rest).collect()
+        let rest = |block: &Block| {
+            let rest = columns(self.amplitude, block, &paths.unknowns)[REST];
+            let looks = rest.into_iter().zip(block.root).filter(|(_, root)| *root > 0.0);
+            looks.map(|(rest, root)| rest / root)
+        };
+        self.fine.iter().flat_map(rest).collect()
     }
 }
 
