@@ -1,7 +1,7 @@
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use foxhunt_core::BearingModes;
+use foxhunt_core::{BearingModes, elementary};
 
 /// A fit at one bearing.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,6 +33,9 @@ const APART: f64 = 1.5;
 
 /// A density lower than the highest by this factor's logarithm adds less than 1e-10.
 const NEGLIGIBLE: f64 = 25.0;
+
+/// One lower by this factor's logarithm, 5e-5, is read once a node.
+const FAINT: f64 = 10.0;
 
 /// The bearings that compete, most likely first, from the log density at equal steps over a turn.
 pub(in crate::extractor) fn peaks(nodes: &[Node]) -> Vec<Peak> {
@@ -211,16 +214,18 @@ impl Sums {
         let mut sums = Self { begin: start * step, base_level: node(top).level, ..Self::default() };
         for i in begin..end {
             let near = (top + n).abs_diff(i + n) <= 2;
-            if !near && log(i).max(log(i + 1)) < best - 2.0 * NEGLIGIBLE {
+            let below = best - log(i).max(log(i + 1));
+            if !near && below > 2.0 * NEGLIGIBLE {
                 continue;
             }
+            let per_node = if !near && below > FAINT { 1.0 } else { per_node };
             let along = [log(i + n - 1), log(i), log(i + 1), log(i + 2)];
             let (a, b) = (node(i), node(i + 1));
             let mut k = 0.0;
             while k < per_node {
                 let t = (k + 0.5) / per_node;
                 let log_density = cubic(along, t);
-                let density = libm::exp(log_density - best) / per_node;
+                let density = elementary::exp(log_density - best) / per_node;
                 #[expect(clippy::cast_precision_loss, reason = "as above")]
                 let angle = ((i - begin) as f64 + t) * step;
                 let level = a.level + t * (b.level - a.level) - sums.base_level;
