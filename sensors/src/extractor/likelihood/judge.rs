@@ -8,7 +8,7 @@ use super::{
     misfit::Misfit,
     posterior::{Node, Posterior, summit},
     reflection, student,
-    two_paths::{BEARING, TwoPaths},
+    two_paths::{BEARING, Paths, TwoPaths},
 };
 use crate::Antenna;
 
@@ -123,27 +123,21 @@ pub(super) fn reflection<A: Antenna>(
     let Some(best) = found.first() else { return gaussian(fit) };
     let residuals = two.residuals(best);
     match reflection::faded(fit, fadings, best.unknowns[BEARING], &residuals) {
-        None => one_or_two(fit, amplitude, found),
+        None => one_or_two(fit, &two, &found),
         Some(variances) => {
             let fit = fit.measured(variances);
             let two = TwoPaths::new(&fit, amplitude);
-            let found = two.search(offset, level);
-            one_or_two(&fit, amplitude, found)
+            one_or_two(&fit, &two, &two.search(offset, level))
         }
     }
 }
 
-fn one_or_two<A: Antenna>(
-    fit: &Fit<'_, A>,
-    amplitude: &AmplitudeTable,
-    found: Vec<super::two_paths::Paths>,
-) -> Judged {
-    let two = TwoPaths::new(fit, amplitude);
+fn one_or_two<A: Antenna>(fit: &Fit<'_, A>, two: &TwoPaths<'_>, found: &[Paths]) -> Judged {
     let Some(best) = found.first() else { return gaussian(fit) };
     let misfit = Misfit::new(fit, best.unknowns[BEARING], &two.residuals(best), TWO_PATHS);
     let inflation = misfit.inflation();
     let single = tempered(fit, gaussian::nodes(fit, 1.0), inflation);
-    let posterior = reflection::mixture(single, &two.nodes(&found, inflation))
+    let posterior = reflection::mixture(single, &two.nodes(found, inflation))
         .blurred(UNRESOLVED * best.ratio());
     Judged { posterior, residual_db: misfit.residual_db, inflation }
 }

@@ -98,6 +98,7 @@ pub(super) struct Paths {
 /// The slopes along the unknowns, and what two paths leave, over σ.
 const COLUMNS: usize = UNKNOWNS + 1;
 const REST: usize = UNKNOWNS;
+const PRODUCTS: usize = COLUMNS * (COLUMNS + 1) / 2;
 
 /// The products of the [columns](COLUMNS), summed over all looks, below the diagonal and on it.
 struct Products<'a> {
@@ -107,23 +108,23 @@ struct Products<'a> {
 }
 
 impl Kernel for Products<'_> {
-    type Output = [[f64; COLUMNS]; COLUMNS];
+    type Output = [f64; PRODUCTS];
 
     #[inline(always)]
     fn run(self) -> Self::Output {
-        let mut sums = [[[0.0; LANES]; COLUMNS]; COLUMNS];
+        let mut sums = [[0.0; LANES]; PRODUCTS];
         for block in self.looks {
             let columns = columns(self.amplitude, block, self.unknowns);
+            let mut sums = sums.iter_mut();
             for i in 0..COLUMNS {
-                for j in 0..=i {
+                for (j, sum) in (0..=i).zip(&mut sums) {
                     for lane in 0..LANES {
-                        sums[i][j][lane] += columns[i][lane] * columns[j][lane];
+                        sum[lane] += columns[i][lane] * columns[j][lane];
                     }
                 }
             }
         }
-        let sum = |[a, b, c, d]: Lanes| (a + b) + (c + d);
-        core::array::from_fn(|i| core::array::from_fn(|j| sum(sums[i][j])))
+        sums.map(|[a, b, c, d]| (a + b) + (c + d))
     }
 }
 
@@ -166,9 +167,10 @@ impl<'a> TwoPaths<'a> {
 
     fn at(&self, looks: &[Block], unknowns: &Vector) -> Paths {
         let sums = vectorised::run(Products { amplitude: self.amplitude, looks, unknowns });
-        let mut normal = Matrix::from_fn(|i, j| sums[i.max(j)][i.min(j)]);
-        let mut pull = Vector::from_fn(|i, _| sums[REST][i]);
-        let mut cost = sums[REST][REST];
+        let product = |i: usize, j: usize| sums[i * (i + 1) / 2 + j];
+        let mut normal = Matrix::from_fn(|i, j| product(i.max(j), i.min(j)));
+        let mut pull = Vector::from_fn(|i, _| product(REST, i));
+        let mut cost = product(REST, REST);
         let prior = 1.0 / (AMPLITUDE_SIGMA * AMPLITUDE_SIGMA);
         for part in [IN_PHASE, QUADRATURE] {
             cost += unknowns[part] * unknowns[part] * prior;
