@@ -16,8 +16,9 @@ pub(super) struct Misfit {
     pub(super) correlation: f64,
 }
 
-/// Lags are counted in classes of 5°.
-const LAGS: usize = 36;
+/// Lags are counted in classes of 5°, up to short of half a turn: beyond it a pair is met from its
+/// other look.
+const LAGS: u16 = 36;
 
 /// Their limits lie where the steps of no usual turn do, so that rounding moves no lag across one.
 const BETWEEN: f64 = 0.37;
@@ -64,6 +65,14 @@ impl Misfit {
 /// How many residuals of the promised size are added.
 const PROMISED: f64 = 4.0;
 
+/// A look's residual and its slope about the mean one, over σ.
+#[derive(Clone, Copy)]
+struct Residual {
+    offset: f64,
+    normal: f64,
+    slope: f64,
+}
+
 /// The bearing of a least-squares fit is Σ wᵢ sᵢ eᵢ / Σ wᵢ sᵢ², with the slopes sᵢ of the gain: its
 /// variance for residuals with the autocorrelation that these have, up to where that first
 /// vanishes, over its variance for independent ones.
@@ -71,41 +80,37 @@ fn correlated<A: Antenna>(fit: &Fit<'_, A>, offset: f64, residuals: &[f64]) -> f
     let slopes = fit.slopes(offset);
     let weight: f64 = fit.variances.iter().map(|v| 1.0 / v).sum();
     let mean = slopes.iter().zip(&fit.variances).map(|(s, v)| s / v).sum::<f64>() / weight;
-    let pulls: Vec<f64> = slopes.iter().zip(&fit.variances).map(|(s, v)| (s - mean) / v).collect();
-    let normal: Vec<f64> =
-        residuals.iter().zip(&fit.variances).map(|(r, v)| r / libm::sqrt(*v)).collect();
-    let square: f64 = normal.iter().map(|rest| rest * rest).sum();
-    let joint: Vec<f64> =
-        pulls.iter().zip(&fit.variances).map(|(pull, v)| pull * libm::sqrt(*v)).collect();
-    let own: f64 = joint.iter().map(|pull| pull * pull).sum();
-    let mut order: Vec<usize> = (0..residuals.len()).collect();
-    let offset_of = |i: &usize| fit.looks.looks[*i].offset;
-    order.sort_unstable_by(|a, b| offset_of(a).total_cmp(&offset_of(b)));
-    let count = order.len();
+    let looks = fit.looks.looks.iter().zip(&fit.variances).zip(residuals).zip(&slopes);
+    let mut looks: Vec<Residual> = looks
+        .map(|(((look, variance), rest), slope)| {
+            let sigma = libm::sqrt(*variance);
+            let (normal, slope) = (rest / sigma, (slope - mean) / sigma);
+            Residual { offset: look.offset, normal, slope }
+        })
+        .collect();
+    let square: f64 = looks.iter().map(|look| look.normal * look.normal).sum();
+    let own: f64 = looks.iter().map(|look| look.slope * look.slope).sum();
+    looks.sort_unstable_by(|a, b| a.offset.total_cmp(&b.offset));
+    let count = looks.len();
+    // Around the circle: what follows the last look is the first, a turn on.
+    looks.extend_from_within(..);
+    looks[count..].iter_mut().for_each(|look| look.offset += TAU);
     // How many looks follow each one up to the present lag: pairs are visited lag by lag, since few
     // lags correlate.
     let mut reached: Vec<usize> = core::iter::repeat_n(1, count).collect();
     let mut sum = own;
-    for lag in 0..LAGS {
+    for lag in 1..=LAGS {
+        let limit = (f64::from(lag) - BETWEEN) * (PI / f64::from(LAGS));
         let (mut products, mut pairs, mut both) = (0.0, 0.0, 0.0);
         for (first, reached) in reached.iter_mut().enumerate() {
-            let i = order[first];
-            while *reached < count {
-                let (turned, j) = match order.get(first + *reached) {
-                    Some(j) => (offset_of(j) - offset_of(&i), *j),
-                    None => {
-                        let j = order[first + *reached - count];
-                        (TAU - (offset_of(&i) - offset_of(&j)), j)
-                    }
-                };
-                // Half a turn on, a pair is met from its other look.
-                let wraps = first + *reached >= count;
-                if turned > PI || (wraps && turned >= PI) || lag_of(turned) > lag {
+            let look = &looks[first];
+            for other in &looks[first + *reached..] {
+                if other.offset - look.offset >= limit {
                     break;
                 }
-                products += normal[i] * normal[j];
+                products += look.normal * other.normal;
                 pairs += 1.0;
-                both += joint[i] * joint[j];
+                both += look.slope * other.slope;
                 *reached += 1;
             }
         }
@@ -120,11 +125,4 @@ fn correlated<A: Antenna>(fit: &Fit<'_, A>, offset: f64, residuals: &[f64]) -> f
         sum += 2.0 * correlation.min(1.0) * both;
     }
     (sum / own).max(1.0)
-}
-
-/// The lag of two looks so many radians apart, up to half a turn.
-#[expect(clippy::cast_possible_truncation, reason = "it lies between 0 and LAGS")]
-#[expect(clippy::cast_sign_loss, reason = "as above")]
-fn lag_of(turned: f64) -> usize {
-    ((turned / PI * 36.0 + BETWEEN) as usize).min(LAGS - 1)
 }
