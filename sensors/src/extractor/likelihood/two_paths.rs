@@ -124,7 +124,11 @@ impl Kernel for Products<'_> {
                 }
             }
         }
-        sums.map(|[a, b, c, d]| (a + b) + (c + d))
+        let mut totals = [0.0; PRODUCTS];
+        for (total, [a, b, c, d]) in totals.iter_mut().zip(sums) {
+            *total = (a + b) + (c + d);
+        }
+        totals
     }
 }
 
