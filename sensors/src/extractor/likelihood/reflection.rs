@@ -2,18 +2,21 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use foxhunt_core::angle;
-use nalgebra::SVector;
 
 use super::{
     fit::{Fit, NODES},
     posterior::{Node, Posterior},
-    two_paths::{BEARING, Paths, REFLECTION, TwoPaths, UNKNOWNS},
+    two_paths::{BEARING, Paths, REFLECTION, TwoPaths, Vector},
 };
 use crate::Antenna;
 
 /// Directions of a reflection that a search starts from, each with either sign.
 const STARTS: u16 = 12;
 const ROUNDS: u32 = 10;
+
+/// So many of these starts are followed, those that fit best: the others find next to nothing that
+/// these do not.
+const PROMISING: usize = 16;
 
 /// A descent ends where a round gains less.
 const TOLERANCE: f64 = 0.05;
@@ -37,24 +40,28 @@ const PROBABLE: f64 = 0.2;
 impl TwoPaths<'_> {
     /// The places where the two paths fit best, best first.
     pub(super) fn search(&self, bearing: f64, level: f64) -> Vec<Paths> {
-        let mut found: Vec<Paths> = Vec::new();
+        let mut starts: Vec<Paths> = Vec::new();
         for start in 0..STARTS {
             let reflection = bearing + TAU * (f64::from(start) + 0.5) / f64::from(STARTS);
             for in_phase in [0.3, -0.3] {
-                let start: SVector<f64, UNKNOWNS> =
-                    [bearing, level, reflection, in_phase, 0.15].into();
-                found.push(self.descend(&self.coarse, &start, 0, ROUNDS, TOLERANCE));
+                let start = Vector::from([bearing, level, reflection, in_phase, 0.15]);
+                starts.push(self.at(&self.coarse, &start));
             }
         }
+        starts.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let promising = starts.into_iter().take(PROMISING);
+        let descend = |start| self.descend(&self.coarse, start, 0, ROUNDS, TOLERANCE);
+        let found = promising.map(descend).collect();
         // What looks alike from afar may differ from near, and what is dear may be cheap.
         let mut near = distinct(found, 2 * FOLLOWED, 2.0 * TOO_DEAR);
         for paths in &mut near {
-            *paths = self.descend(&self.fine, &paths.unknowns, 0, ROUNDS, TOLERANCE);
+            let start = self.at(&self.fine, &paths.unknowns);
+            *paths = self.descend(&self.fine, start, 0, ROUNDS, TOLERANCE);
         }
         let mut kept = distinct(near, FOLLOWED, TOO_DEAR);
         // The result must not depend on the start that led there.
         for paths in &mut kept {
-            *paths = self.descend(&self.fine, &paths.unknowns, 0, 2 * ROUNDS, TOLERANCE * 1e-9);
+            *paths = self.descend(&self.fine, *paths, 0, 2 * ROUNDS, TOLERANCE * 1e-9);
         }
         kept
     }
@@ -70,7 +77,8 @@ impl TwoPaths<'_> {
                 let mut unknowns = paths.unknowns;
                 for gone in 0..NODES / 2 {
                     unknowns[BEARING] = index * step;
-                    let here = self.descend(&self.fine, &unknowns, 1, 3, TOLERANCE);
+                    let start = self.at(&self.fine, &unknowns);
+                    let here = self.descend(&self.fine, start, 1, 3, TOLERANCE);
                     unknowns = here.unknowns;
                     if gone > NEAREST && (here.cost - least) / inflation > HOPELESS {
                         break;

@@ -18,7 +18,7 @@ pub(super) const REFLECTION: usize = 2;
 const IN_PHASE: usize = 3;
 const QUADRATURE: usize = 4;
 
-type Vector = SVector<f64, UNKNOWNS>;
+pub(super) type Vector = SVector<f64, UNKNOWNS>;
 type Matrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 
 /// σ of the reflected amplitude's parts before a turn: 0.5 of the direct one in the root mean
@@ -118,8 +118,8 @@ impl Kernel for Products<'_> {
             let mut sums = sums.iter_mut();
             for i in 0..COLUMNS {
                 for (j, sum) in (0..=i).zip(&mut sums) {
-                    for lane in 0..LANES {
-                        sum[lane] += columns[i][lane] * columns[j][lane];
+                    for (lane, sum) in sum.iter_mut().enumerate() {
+                        *sum += columns[i][lane] * columns[j][lane];
                     }
                 }
             }
@@ -138,8 +138,8 @@ fn columns(amplitude: &AmplitudeTable, looks: &Block, unknowns: &Vector) -> [Lan
     let bearing = unknowns[BEARING] / TAU;
     let reflection = unknowns[REFLECTION] / TAU;
     let mut columns = [[0.0; LANES]; COLUMNS];
-    for lane in 0..LANES {
-        let (offset, root) = (looks.offset[lane], looks.root[lane]);
+    for (lane, offset) in looks.offset.iter().enumerate() {
+        let root = looks.root[lane];
         let (direct, direct_slope) = amplitude.with_slope(bearing - offset);
         let (other, other_slope) = amplitude.with_slope(reflection - offset);
         let (re, im) = (direct + x * other, y * other);
@@ -169,7 +169,8 @@ impl<'a> TwoPaths<'a> {
         Self { amplitude, coarse: blocks(&looks, together), fine }
     }
 
-    fn at(&self, looks: &[Block], unknowns: &Vector) -> Paths {
+    /// The two paths with these unknowns.
+    pub(super) fn at(&self, looks: &[Block], unknowns: &Vector) -> Paths {
         let sums = vectorised::run(Products { amplitude: self.amplitude, looks, unknowns });
         let product = |i: usize, j: usize| sums[i * (i + 1) / 2 + j];
         let mut normal = Matrix::from_fn(|i, j| product(i.max(j), i.min(j)));
@@ -190,12 +191,11 @@ impl<'a> TwoPaths<'a> {
     pub(super) fn descend(
         &self,
         looks: &[Block],
-        start: &Vector,
+        mut best: Paths,
         fixed: usize,
         rounds: u32,
         tolerance: f64,
     ) -> Paths {
-        let mut best = self.at(looks, start);
         let mut damping = 1e-2;
         for _ in 0..rounds {
             let (mut normal, mut pull) = (best.normal, best.pull);
