@@ -64,18 +64,21 @@ pub(super) struct Block {
 /// were lost.
 const COARSE: usize = 64;
 
-/// The looks in blocks, and so many neighbours in the order of the offsets taken together.
-fn blocks(looks: &[(f64, f64, f64)], together: usize) -> Vec<Block> {
-    let merged = |group: &[(f64, f64, f64)]| {
-        let precision: f64 = group.iter().map(|(_, _, precision)| precision).sum();
+/// A look's offset, its mean, and 1 / the variance of the mean.
+type Measured = (f64, f64, f64);
+
+/// Looks in blocks, so many neighbours taken for one.
+fn blocks(looks: &[Measured], together: usize) -> Vec<Block> {
+    let merged = |group: &[Measured]| {
+        let total: f64 = group.iter().map(|(_, _, precision)| precision).sum();
         let (mut offset, mut mean_dbm) = (0.0, 0.0);
-        for look in group {
-            offset += look.2 * look.0 / precision;
-            mean_dbm += look.2 * look.1 / precision;
+        for (at, mean, precision) in group {
+            offset += precision * at / total;
+            mean_dbm += precision * mean / total;
         }
-        (offset / TAU, mean_dbm, libm::sqrt(precision))
+        (offset / TAU, mean_dbm, libm::sqrt(total))
     };
-    let block = |looks: &[(f64, f64, f64)]| {
+    let block = |looks: &[Measured]| {
         let mut block = Block::default();
         for (lane, group) in looks.chunks(together).enumerate() {
             (block.offset[lane], block.mean_dbm[lane], block.root[lane]) = merged(group);
@@ -115,6 +118,7 @@ impl Kernel for Products<'_> {
         let mut sums = [[0.0; LANES]; PRODUCTS];
         for block in self.looks {
             let columns = columns(self.amplitude, block, self.unknowns);
+            // Row by row, each up to the diagonal.
             let mut sums = sums.iter_mut();
             for i in 0..COLUMNS {
                 for (j, sum) in (0..=i).zip(&mut sums) {
@@ -132,6 +136,7 @@ impl Kernel for Products<'_> {
     }
 }
 
+/// The [columns](COLUMNS) along a block's looks.
 #[inline(always)]
 fn columns(amplitude: &AmplitudeTable, looks: &Block, unknowns: &Vector) -> [Lanes; COLUMNS] {
     let (x, y) = (unknowns[IN_PHASE], unknowns[QUADRATURE]);
@@ -159,7 +164,8 @@ fn columns(amplitude: &AmplitudeTable, looks: &Block, unknowns: &Vector) -> [Lan
 impl<'a> TwoPaths<'a> {
     pub(super) fn new<A>(fit: &Fit<'_, A>, amplitude: &'a AmplitudeTable) -> Self {
         let looks = fit.looks.looks.iter().zip(&fit.variances);
-        let mut looks: Vec<_> = looks.map(|(l, v)| (l.offset, l.mean_dbm, 1.0 / v)).collect();
+        let mut looks: Vec<Measured> =
+            looks.map(|(l, v)| (l.offset, l.mean_dbm, 1.0 / v)).collect();
         let fine = blocks(&looks, 1);
         let together = looks.len() / COARSE;
         if together < 2 {
