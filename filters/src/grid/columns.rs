@@ -2,9 +2,12 @@ use alloc::{borrow::Cow, vec, vec::Vec};
 use core::f64::consts::TAU;
 
 use foxhunt_core::{Covariance, EstimatorError, Role, State, elementary};
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::Vector2;
 
-use super::{Lattice, lattice::Stencil};
+use super::{
+    Lattice,
+    reading::{Place, Reading},
+};
 use crate::{
     count::number,
     vectorised::{Dot, Kernel, Map, Sum, run},
@@ -451,13 +454,13 @@ impl<const N: usize> Columns<N> {
             if at.iter().any(|c| !(-0.5..=last + 0.5).contains(c)) {
                 continue;
             }
-            let stencil = Stencil::at(&at, from.side());
-            let nearest = stencil.nearest();
+            let place = Place::at(&at, from.side());
+            let nearest = place.nearest(from.side());
             let disagree = |hypothesis: &Hypothesis| {
                 hypothesis.shifts.iter().enumerate().any(|(i, shifts)| {
                     // The diagonal of Λ among its rows up to that.
                     let information = hypothesis.information[i * (i + 3) / 2].at(nearest);
-                    let range = stencil.range(shifts, from.side());
+                    let range = place.range(shifts, from.side());
                     range * range > CLIFF * information
                 })
             };
@@ -486,43 +489,6 @@ const CLIFF: f64 = 4.0;
 /// The components behind the place in pairs, as the rows of Λ up to its diagonal.
 fn behind() -> impl Iterator<Item = (usize, usize)> {
     (2..).flat_map(|i| (2..=i).map(move |j| (i, j)))
-}
-
-/// Columns read between their cells.
-struct Reading<'a, 'b> {
-    /// Where the first new cell is, counted in old ones, and how far its neighbours are from it.
-    origin: Vector2<f64>,
-    steps: Matrix2<f64>,
-    /// Of the old and the new cells.
-    sides: [usize; 2],
-    /// l of every hypothesis, and where it goes.
-    logs: OldAndNew<'a, 'b>,
-    /// All other columns.
-    others: OldAndNew<'a, 'b>,
-}
-
-type OldAndNew<'a, 'b> = (&'a [&'b [f64]], &'a mut [&'b mut [f64]]);
-
-impl Kernel for Reading<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Self { origin, steps, sides: [old, new], logs, others } = self;
-        for row in 0..new {
-            let start = origin + steps.column(1) * number(row);
-            for along in 0..new {
-                let stencil = Stencil::at(&(start + steps.column(0) * number(along)), old);
-                let cell = row * new + along;
-                for (out, column) in logs.1.iter_mut().zip(logs.0) {
-                    out[cell] = stencil.read_log(column, old);
-                }
-                for (out, column) in others.1.iter_mut().zip(others.0) {
-                    out[cell] = stencil.read(column, old);
-                }
-            }
-        }
-    }
 }
 
 /// The mean of the one component behind the place, 0 where there is none.

@@ -1,0 +1,318 @@
+use alloc::{vec, vec::Vec};
+
+use nalgebra::{Matrix2, Vector2};
+
+use crate::{count::number, vectorised::Kernel};
+
+/// A place among the cells of a lattice.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Place {
+    /// The cell before it along both sides.
+    before: usize,
+    /// The share of the way to the next one, along either side.
+    share: [f64; 2],
+}
+
+impl Place {
+    /// The one in a lattice with so many cells to a side; `at` as from
+    /// [`Lattice::coordinates`](super::Lattice::coordinates). Outside, what stands on the border.
+    #[inline(always)]
+    pub(super) fn at(at: &Vector2<f64>, side: usize) -> Self {
+        let at = at.map(|c| within(c, 0.0, number(side - 1)));
+        let before = [at.x, at.y].map(|at| index(at).min(side - 2));
+        Self {
+            before: before[1] * side + before[0],
+            share: [at.x - number(before[0]), at.y - number(before[1])],
+        }
+    }
+
+    /// The nearest cell.
+    pub(super) fn nearest(&self, side: usize) -> usize {
+        let next = self.share.map(|share| usize::from(share >= 0.5));
+        self.before + next[1] * side + next[0]
+    }
+
+    /// How far apart the numbers of the 4 × 4 cells about it are.
+    pub(super) fn range(&self, column: &[f64], side: usize) -> f64 {
+        let first = [self.before % side, self.before / side];
+        let [x, y] = first.map(|cell| cell.saturating_sub(1).min(side - 4));
+        let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+        for row in y..y + 4 {
+            for value in &column[row * side + x..][..4] {
+                (least, most) = (least.min(*value), most.max(*value));
+            }
+        }
+        most - least
+    }
+}
+
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "within the lattice")]
+#[expect(clippy::cast_sign_loss, reason = "within the lattice")]
+fn index(coordinate: f64) -> usize {
+    coordinate as u32 as usize
+}
+
+/// The number, or the limit that it is beyond; selections alone, which wide vectors have.
+#[inline(always)]
+fn within(number: f64, least: f64, most: f64) -> f64 {
+    let number = if number < most { number } else { most };
+    if number > least { number } else { least }
+}
+
+/// Columns read between their cells by cubic convolution (Keys 1981): along either side on the two
+/// parabolas through three cells each, weighted by their nearness. This is exact for quadratics,
+/// the logarithms of Gaussians.
+pub(super) struct Reading<'a, 'b> {
+    /// Where the first new cell is, counted in old ones, and how far its neighbours are from it.
+    pub(super) origin: Vector2<f64>,
+    pub(super) steps: Matrix2<f64>,
+    /// Of the old and the new cells.
+    pub(super) sides: [usize; 2],
+    /// Logarithms, and where they go.
+    pub(super) logs: OldAndNew<'a, 'b>,
+    /// All other columns.
+    pub(super) others: OldAndNew<'a, 'b>,
+}
+
+type OldAndNew<'a, 'b> = (&'a [&'b [f64]], &'a mut [&'b mut [f64]]);
+
+impl Kernel for Reading<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { origin, steps, sides: [old, new], logs, others } = self;
+        let mut places = vec![Place::default(); new * new];
+        for (row, places) in places.chunks_exact_mut(new).enumerate() {
+            let start = origin + steps.column(1) * number(row);
+            for (along, place) in places.iter_mut().enumerate() {
+                *place = Place::at(&(start + steps.column(0) * number(along)), old);
+            }
+        }
+        let mut surface = Surface::new(old);
+        let mut between = vec![Point::default(); new];
+        for (out, column) in logs.1.iter_mut().zip(logs.0) {
+            surface.fit(column, limited);
+            surface.read(column, &places, &mut between, out);
+        }
+        for (out, column) in others.1.iter_mut().zip(others.0) {
+            surface.fit(column, |_, bend, _| bend);
+            surface.read(column, &places, &mut between, out);
+        }
+    }
+}
+
+/// A column in a cell or between cells, its bends (second differences from cell to cell) along
+/// either side, and the bend along the first of that along the second: as wide as a vector.
+type Point = [f64; 4];
+
+/// A column and its bends.
+struct Surface {
+    side: usize,
+    points: Vec<Point>,
+    bends: [Vec<f64>; 3],
+    /// Bends before they are limited.
+    plain: Vec<f64>,
+}
+
+impl Surface {
+    #[inline(always)]
+    fn new(side: usize) -> Self {
+        let column = || vec![0.0; side * side];
+        Self {
+            side,
+            points: vec![Point::default(); side * side],
+            bends: core::array::from_fn(|_| column()),
+            plain: column(),
+        }
+    }
+
+    /// Becomes that of a column. `limit` makes of the bends in three cells in a row the one that is
+    /// taken in the middle.
+    #[inline(always)]
+    fn fit(&mut self, column: &[f64], limit: impl Fn(f64, f64, f64) -> f64 + Copy) {
+        let Self { side, points, bends: [x, y, both], plain } = self;
+        bend(column, *side, [1, *side], limit, plain, x);
+        bend(column, *side, [*side, 1], limit, plain, y);
+        bend(y, *side, [1, *side], limit, plain, both);
+        let columns = column.iter().zip(x).zip(y).zip(both);
+        for (point, (((value, x), y), both)) in points.iter_mut().zip(columns) {
+            *point = [*value, *x, *y, *both];
+        }
+    }
+
+    /// Reads the column. Where a number that is taken is infinite, the nearest cell's.
+    #[inline(always)]
+    fn read(&self, column: &[f64], places: &[Place], between: &mut [Point], out: &mut [f64]) {
+        let rows = out.chunks_exact_mut(between.len());
+        for (out, places) in rows.zip(places.chunks_exact(between.len())) {
+            for (point, place) in between.iter_mut().zip(places) {
+                let ([a, b], [c, d]) = (self.two(place.before), self.two(place.before + self.side));
+                let [x, y] = place.share;
+                *point = on_the_way(&on_the_way(a, c, y), &on_the_way(b, d, y), x);
+            }
+            for ((out, [value, bend_x, bend_y, both]), place) in
+                out.iter_mut().zip(&*between).zip(places)
+            {
+                let [x, y] = place.share.map(|share| 0.5 * share * (1.0 - share));
+                *out = (value - (x * bend_x + y * bend_y)) + x * y * both;
+            }
+            if !out.iter().fold(true, |finite, value| finite & value.is_finite()) {
+                for (out, place) in out.iter_mut().zip(places) {
+                    if !out.is_finite() {
+                        *out = column[place.nearest(self.side)];
+                    }
+                }
+            }
+        }
+    }
+
+    /// The points in a cell and the next one.
+    #[inline(always)]
+    fn two(&self, first: usize) -> [&Point; 2] {
+        let two = &self.points[first..first + 2];
+        [&two[0], &two[1]]
+    }
+}
+
+/// The bends of a square column from cell to cell along one side; the other numbers are the
+/// steps to the next cell along it and across it. `plain` is memory.
+#[inline(always)]
+fn bend(
+    column: &[f64],
+    side: usize,
+    [along, across]: [usize; 2],
+    limit: impl Fn(f64, f64, f64) -> f64,
+    plain: &mut [f64],
+    out: &mut [f64],
+) {
+    let ends = || (0..side).map(|line| (line * across, line * across + (side - 1) * along));
+    of_three(column, along, plain, |before, at, after| (before - at) + (after - at));
+    // There is no bend at the end of a line. The last two have the same one, that of the parabola
+    // through three cells, which the next one limits.
+    for (first, last) in ends() {
+        (plain[first], plain[last]) = (plain[first + 2 * along], plain[last - 2 * along]);
+    }
+    of_three(plain, along, out, limit);
+    for (first, last) in ends() {
+        (out[first], out[last]) = (out[first + along], out[last - along]);
+    }
+}
+
+/// Sets each number but the first and last so many to `of` the three of a column that are as far
+/// apart, the middle one in its place.
+#[inline(always)]
+fn of_three(column: &[f64], apart: usize, out: &mut [f64], of: impl Fn(f64, f64, f64) -> f64) {
+    let count = column.len() - 2 * apart;
+    let (before, at, after) =
+        (&column[..count], &column[apart..][..count], &column[2 * apart..][..count]);
+    let out = &mut out[apart..][..count];
+    for (((out, before), at), after) in out.iter_mut().zip(before).zip(at).zip(after) {
+        *out = of(*before, *at, *after);
+    }
+}
+
+#[inline(always)]
+fn on_the_way(from: &Point, to: &Point, share: f64) -> Point {
+    core::array::from_fn(|i| from[i] + share * (to[i] - from[i]))
+}
+
+/// Logarithms that are bent by no more than this from cell to cell are read as they are: it makes
+/// an eighth of it between them, where bearings of a hunt are bent by hundreds.
+const BEND: f64 = 20.0;
+
+/// A bend of no more than twice what either neighbour is bent the same way, as a logarithm may
+/// fall off a cliff between two cells where all bearings meet: beside one, parabolas overshoot by
+/// a share of its height.
+#[inline(always)]
+fn limited(before: f64, at: f64, after: f64) -> f64 {
+    let larger = |a: f64, b: f64| if a > b { a } else { b };
+    let alike = |a: f64, b: f64| {
+        let least = if a.abs() < b.abs() { a.abs() } else { b.abs() };
+        if a * b > 0.0 { least } else { 0.0 }
+    };
+    let most = larger(2.0 * larger(alike(before, at), alike(at, after)), BEND);
+    within(at, -most, most)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::vectorised::run;
+
+    use super::*;
+
+    /// A column of 9 × 9 cells at a place, as any column and as a logarithm.
+    fn read(at: Vector2<f64>, column: &[f64]) -> [f64; 2] {
+        let (mut any, mut log) = ([0.0], [0.0]);
+        run(Reading {
+            origin: at,
+            steps: Matrix2::zeros(),
+            sides: [9, 1],
+            logs: (&[column], &mut [&mut log]),
+            others: (&[column], &mut [&mut any]),
+        });
+        [any[0], log[0]]
+    }
+
+    #[test]
+    fn a_quadratic_is_read_exactly_up_to_the_border() {
+        let quadratic = |x: f64, y: f64| 1.0 - 0.3 * x * x + x * y - 0.2 * y * y + y;
+        let column: Vec<f64> = (0..81).map(|i| quadratic(number(i % 9), number(i / 9))).collect();
+        for [x, y] in [[0.0, 0.0], [0.3, 0.4], [3.5, 7.9], [8.0, 8.0], [7.7, 0.2], [4.1, 4.9]] {
+            for read in read(Vector2::new(x, y), &column) {
+                let error = read - quadratic(x, y);
+                assert!(error.abs() < 1e-11, "off by {error} at {x}, {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn all_columns_are_read_in_all_rows() {
+        let column = |factor: f64| -> Vec<f64> { (0..81).map(|i| factor * number(i)).collect() };
+        let old: Vec<Vec<f64>> = [1.0, 2.0, 3.0, 4.0].into_iter().map(column).collect();
+        let mut new = vec![vec![0.0; 49]; 4];
+        let (old, mut new_mut): (Vec<&[f64]>, Vec<&mut [f64]>) =
+            old.iter().zip(&mut new).map(|(old, new)| (&old[..], &mut new[..])).unzip();
+        let (origin, steps) = (Vector2::new(1.0, 0.5), Matrix2::new(0.75, 0.25, -0.05, 1.1));
+        let (logs, others) = new_mut.split_at_mut(2);
+        run(Reading {
+            origin,
+            steps,
+            sides: [9, 7],
+            logs: (&old[..2], logs),
+            others: (&old[2..], others),
+        });
+        for (factor, new) in [1.0, 2.0, 3.0, 4.0].into_iter().zip(&new) {
+            for (i, value) in new.iter().enumerate() {
+                let at = origin + steps * Vector2::new(number(i % 7), number(i / 7));
+                let expected = factor * (at.x + 9.0 * at.y);
+                assert!((value - expected).abs() < 1e-12 * 81.0, "{value} for {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn little_rises_beside_a_cliff() {
+        let edge = |i: usize| if i % 9 > 4 { -400.0 } else { -0.1 * number(i / 9) };
+        let column: Vec<f64> = (0..81).map(edge).collect();
+        let highest = |which: usize| {
+            let places = (0..=160).map(|i| Vector2::new(0.05 * f64::from(i), 3.4));
+            places.map(|at| read(at, &column)[which]).fold(f64::NEG_INFINITY, f64::max)
+        };
+        let (cubic, log) = (highest(0), highest(1));
+        assert!(cubic > 25.0 && log < 0.125 * BEND, "{cubic}, {log}");
+    }
+
+    #[test]
+    fn what_is_impossible_beside_a_place_does_not_spread() {
+        let mut column = [0.5; 81];
+        column[40] = f64::NEG_INFINITY;
+        for value in read(Vector2::new(3.2, 4.0), &column) {
+            assert!((value - 0.5).abs() < 1e-15);
+        }
+        for value in read(Vector2::new(3.9, 4.1), &column) {
+            assert!(value <= f64::NEG_INFINITY);
+        }
+    }
+}
