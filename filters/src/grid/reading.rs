@@ -18,7 +18,8 @@ impl Place {
     /// [`Lattice::coordinates`](super::Lattice::coordinates). Outside, what stands on the border.
     #[inline(always)]
     pub(super) fn at(at: &Vector2<f64>, side: usize) -> Self {
-        let at = at.map(|c| within(c, 0.0, number(side - 1)));
+        let last = number(side - 1);
+        let at = at.map(|c| c.clamp(0.0, last));
         let before = [at.x, at.y].map(|at| index(at).min(side - 2));
         Self {
             before: before[1] * side + before[0],
@@ -34,15 +35,31 @@ impl Place {
 
     /// How far apart the numbers of the 4 × 4 cells about it are.
     pub(super) fn range(&self, column: &[f64], side: usize) -> f64 {
-        let first = [self.before % side, self.before / side];
-        let [x, y] = first.map(|cell| cell.saturating_sub(1).min(side - 4));
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
-        for row in y..y + 4 {
-            for value in &column[row * side + x..][..4] {
-                (least, most) = (least.min(*value), most.max(*value));
-            }
+        for value in self.about(column, side).0.as_flattened() {
+            (least, most) = (least.min(*value), most.max(*value));
         }
         most - least
+    }
+
+    /// A logarithm, which may fall off a cliff between two cells, as it does where all bearings
+    /// meet: beside one, cubics overshoot by a share of its height.
+    fn read_limited(&self, column: &[f64], side: usize) -> f64 {
+        let (rows, behind) = self.about(column, side);
+        let along = rows.map(|row| bent(row, behind[0], self.share[0]));
+        let log = bent(along, behind[1], self.share[1]);
+        if log.is_finite() { log } else { column[self.nearest(side)] }
+    }
+
+    /// The 4 × 4 cells about it, and behind which of the four it lies, along either side.
+    fn about(&self, column: &[f64], side: usize) -> ([[f64; 4]; 4], [usize; 2]) {
+        let before = [self.before % side, self.before / side];
+        let first = before.map(|cell| cell.saturating_sub(1).min(side - 4));
+        let row = |j| {
+            let first = (first[1] + j) * side + first[0];
+            core::array::from_fn(|i| column[first + i])
+        };
+        (core::array::from_fn(row), [before[0] - first[0], before[1] - first[1]])
     }
 }
 
@@ -51,13 +68,6 @@ impl Place {
 #[expect(clippy::cast_sign_loss, reason = "within the lattice")]
 fn index(coordinate: f64) -> usize {
     coordinate as u32 as usize
-}
-
-/// The number, or the limit that it is beyond; selections alone, which wide vectors have.
-#[inline(always)]
-fn within(number: f64, least: f64, most: f64) -> f64 {
-    let number = if number < most { number } else { most };
-    if number > least { number } else { least }
 }
 
 /// Columns read between their cells by cubic convolution (Keys 1981): along either side on the two
@@ -93,11 +103,12 @@ impl Kernel for Reading<'_, '_> {
         let mut surface = Surface::new(old);
         let mut between = vec![Point::default(); new];
         for (out, column) in logs.1.iter_mut().zip(logs.0) {
-            surface.fit(column, limited);
+            surface.fit(column);
             surface.read(column, &places, &mut between, out);
+            surface.limit(column, &places, out);
         }
         for (out, column) in others.1.iter_mut().zip(others.0) {
-            surface.fit(column, |_, bend, _| bend);
+            surface.fit(column);
             surface.read(column, &places, &mut between, out);
         }
     }
@@ -112,30 +123,25 @@ struct Surface {
     side: usize,
     points: Vec<Point>,
     bends: [Vec<f64>; 3],
-    /// Bends before they are limited.
-    plain: Vec<f64>,
 }
 
 impl Surface {
     #[inline(always)]
     fn new(side: usize) -> Self {
-        let column = || vec![0.0; side * side];
         Self {
             side,
             points: vec![Point::default(); side * side],
-            bends: core::array::from_fn(|_| column()),
-            plain: column(),
+            bends: core::array::from_fn(|_| vec![0.0; side * side]),
         }
     }
 
-    /// Becomes that of a column. `limit` makes of the bends in three cells in a row the one that is
-    /// taken in the middle.
+    /// Becomes that of a column.
     #[inline(always)]
-    fn fit(&mut self, column: &[f64], limit: impl Fn(f64, f64, f64) -> f64 + Copy) {
-        let Self { side, points, bends: [x, y, both], plain } = self;
-        bend(column, *side, [1, *side], limit, plain, x);
-        bend(column, *side, [*side, 1], limit, plain, y);
-        bend(y, *side, [1, *side], limit, plain, both);
+    fn fit(&mut self, column: &[f64]) {
+        let Self { side, points, bends: [x, y, both] } = self;
+        bend(column, *side, [1, *side], x);
+        bend(column, *side, [*side, 1], y);
+        bend(y, *side, [1, *side], both);
         let columns = column.iter().zip(x).zip(y).zip(both);
         for (point, (((value, x), y), both)) in points.iter_mut().zip(columns) {
             *point = [*value, *x, *y, *both];
@@ -168,6 +174,30 @@ impl Surface {
         }
     }
 
+    /// Reads the column as a logarithm where one of the bends that are taken may be beyond its
+    /// limit. Elsewhere it has been read.
+    #[inline(always)]
+    fn limit(&self, column: &[f64], places: &[Place], out: &mut [f64]) {
+        // NaN and infinite ones, beside an infinite number, are steep as well.
+        let steep = |bend: &f64| bend.is_nan() | (bend.abs() > STEEP);
+        if !self.bends[..2].iter().any(|b| b.iter().fold(false, |any, b| any | steep(b))) {
+            return;
+        }
+        let mut takes_one = vec![false; column.len()];
+        let (side, bends) = (self.side, self.bends[0].iter().zip(&self.bends[1]));
+        for (cell, _) in bends.enumerate().filter(|(_, (x, y))| steep(x) || steep(y)) {
+            let [x, y] = [cell % side, cell / side];
+            for row in y.saturating_sub(2)..(y + 2).min(side) {
+                takes_one[row * side..][x.saturating_sub(2)..(x + 2).min(side)].fill(true);
+            }
+        }
+        for (out, place) in out.iter_mut().zip(places) {
+            if takes_one[place.before] {
+                *out = place.read_limited(column, side);
+            }
+        }
+    }
+
     /// The points in a cell and the next one.
     #[inline(always)]
     fn two(&self, first: usize) -> [&Point; 2] {
@@ -177,39 +207,19 @@ impl Surface {
 }
 
 /// The bends of a square column from cell to cell along one side; the other numbers are the
-/// steps to the next cell along it and across it. `plain` is memory.
+/// steps to the next cell along it and across it.
 #[inline(always)]
-fn bend(
-    column: &[f64],
-    side: usize,
-    [along, across]: [usize; 2],
-    limit: impl Fn(f64, f64, f64) -> f64,
-    plain: &mut [f64],
-    out: &mut [f64],
-) {
-    let ends = || (0..side).map(|line| (line * across, line * across + (side - 1) * along));
-    of_three(column, along, plain, |before, at, after| (before - at) + (after - at));
-    // There is no bend at the end of a line. The last two have the same one, that of the parabola
-    // through three cells, which the next one limits.
-    for (first, last) in ends() {
-        (plain[first], plain[last]) = (plain[first + 2 * along], plain[last - 2 * along]);
+fn bend(column: &[f64], side: usize, [along, across]: [usize; 2], out: &mut [f64]) {
+    let count = column.len() - 2 * along;
+    let (before, after) = (&column[..count], &column[2 * along..]);
+    let cells = column[along..].iter().zip(before).zip(after);
+    for (out, ((at, before), after)) in out[along..].iter_mut().zip(cells) {
+        *out = (before - at) + (after - at);
     }
-    of_three(plain, along, out, limit);
-    for (first, last) in ends() {
+    // One step outside stands the quadratic through the last three cells of a line.
+    for line in 0..side {
+        let (first, last) = (line * across, line * across + (side - 1) * along);
         (out[first], out[last]) = (out[first + along], out[last - along]);
-    }
-}
-
-/// Sets each number but the first and last so many to `of` the three of a column that are as far
-/// apart, the middle one in its place.
-#[inline(always)]
-fn of_three(column: &[f64], apart: usize, out: &mut [f64], of: impl Fn(f64, f64, f64) -> f64) {
-    let count = column.len() - 2 * apart;
-    let (before, at, after) =
-        (&column[..count], &column[apart..][..count], &column[2 * apart..][..count]);
-    let out = &mut out[apart..][..count];
-    for (((out, before), at), after) in out.iter_mut().zip(before).zip(at).zip(after) {
-        *out = of(*before, *at, *after);
     }
 }
 
@@ -222,18 +232,24 @@ fn on_the_way(from: &Point, to: &Point, share: f64) -> Point {
 /// an eighth of it between them, where bearings of a hunt are bent by hundreds.
 const BEND: f64 = 20.0;
 
-/// A bend of no more than twice what either neighbour is bent the same way, as a logarithm may
-/// fall off a cliff between two cells where all bearings meet: beside one, parabolas overshoot by
-/// a share of its height.
-#[inline(always)]
-fn limited(before: f64, at: f64, after: f64) -> f64 {
-    let larger = |a: f64, b: f64| if a > b { a } else { b };
-    let alike = |a: f64, b: f64| {
-        let least = if a.abs() < b.abs() { a.abs() } else { b.abs() };
-        if a * b > 0.0 { least } else { 0.0 }
+/// Where cells are bent by no more than this, what lies between is bent by no more than [`BEND`]:
+/// the weights of cubic convolution have magnitudes of up to 1.25 together.
+const STEEP: f64 = BEND / 1.25;
+
+/// What lies behind one of four neighbours, at the share `t` of the way to the next: on the two
+/// parabolas through three of them, weighted by their nearness; but bent no more than twice what
+/// either of the two is.
+fn bent(four: [f64; 4], behind: usize, t: f64) -> f64 {
+    let [a, b, c, d] = match behind {
+        0 => [3.0 * (four[0] - four[1]) + four[2], four[0], four[1], four[2]],
+        2 => [four[1], four[2], four[3], 3.0 * (four[3] - four[2]) + four[1]],
+        _ => four,
     };
-    let most = larger(2.0 * larger(alike(before, at), alike(at, after)), BEND);
-    within(at, -most, most)
+    let (before, after) = ((a - b) + (c - b), (b - c) + (d - c));
+    let least = if before * after > 0.0 { before.abs().min(after.abs()) } else { 0.0 };
+    let most = (2.0 * least).max(BEND);
+    let bend = ((1.0 - t) * before + t * after).clamp(-most, most);
+    b + t * (c - b) - 0.5 * t * (1.0 - t) * bend
 }
 
 #[cfg(test)]
@@ -302,6 +318,25 @@ mod tests {
         };
         let (cubic, log) = (highest(0), highest(1));
         assert!(cubic > 25.0 && log < 0.125 * BEND, "{cubic}, {log}");
+    }
+
+    #[test]
+    fn bends_are_limited_wherever_one_is_beyond_its_limit() {
+        // Waves of all sizes, with a cliff.
+        let wave = |i: usize| {
+            let (x, y) = (number(i % 9), number(i / 9));
+            x * y * libm::sin(2.0 * x + 3.0 * y) - if x + y > 13.0 { 200.0 } else { 0.0 }
+        };
+        let column: Vec<f64> = (0..81).map(wave).collect();
+        let mut limited = 0;
+        for i in 0..1600 {
+            let at = Vector2::new(0.2 * number(i % 40), 0.2 * number(i / 40)).add_scalar(0.07);
+            let exact = Place::at(&at, 9).read_limited(&column, 9);
+            let [any, log] = read(at, &column);
+            assert!((log - exact).abs() < 1e-10, "{log} for {exact} at {at}");
+            limited += usize::from((any - exact).abs() > 1e-10);
+        }
+        assert!((200..1400).contains(&limited), "{limited}");
     }
 
     #[test]
