@@ -16,9 +16,11 @@ levels = np.array([pulse["power_dbm"] for pulse in heard["pulses"]])
 rows = [(float(row["time_s"]), float(row["frequency_hz"]), float(row["power_dbm"])) for row in played]
 
 # The first samples are left out while the receiver settles: what is heard first is found by the gaps.
+# A pulse near the first sample may be without its beginning.
 first = [t for t, f, _ in rows if t > 1.0]
-best = max((t - u for t in first for u in times[:4]),
+best = max((t - u for t in first for u in times[1:5]),
            key=lambda d: sum(np.any(np.abs(times + d - t) < 2e-3) for t, _, _ in rows if t < LOST[0]))
+rows = [row for row in rows if row[0] > best + 0.02]
 off = {"before": [], "after a loss": [], "after a silence": []}
 missed, resumed = [], None
 for time, frequency, power in rows:
