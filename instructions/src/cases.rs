@@ -28,7 +28,7 @@ pub(crate) type Work = Box<dyn FnOnce() -> f64>;
 pub(crate) type Case = (&'static str, fn() -> Result<Work, Box<dyn Error>>);
 
 /// Every case.
-pub(crate) const CASES: [Case; 14] = [
+pub(crate) const CASES: [Case; 15] = [
     ("ukf, 48 steps", || Ok(steps(beacon::ukf()))),
     ("ukf by hand, 48 steps", || Ok(steps_by_hand(beacon::hand_ukf))),
     ("ekf, 48 steps", || Ok(steps(beacon::ekf()))),
@@ -40,7 +40,8 @@ pub(crate) const CASES: [Case; 14] = [
     ("batch, 1000 observations", || receptions("batch", 1000)),
     ("extractor of the reference, a turn", || extraction("pritzl2018")),
     ("recommended extractor, a turn", || extraction(RECOMMENDED_EXTRACTOR)),
-    ("information planner, a decision", decision),
+    ("information planner, a decision", || decision(&[[20.0, 30.0]], 15.0)),
+    ("information planner, two modes", || decision(&[[-40.0, 30.0], [60.0, 10.0]], 8.0)),
     ("hunt pritzl-6.1 with ukf-pritzl2018", || hunt("ukf-pritzl2018")),
     ("hunt pritzl-6.1 with ekf", || hunt("ekf")),
 ];
@@ -95,9 +96,9 @@ fn extraction(name: &str) -> Result<Work, Box<dyn Error>> {
     }))
 }
 
-fn decision() -> Result<Work, Box<dyn Error>> {
+fn decision(modes: &[[f64; 2]], sigma: f64) -> Result<Work, Box<dyn Error>> {
     let mut planner = Information::new(InformationConfig::default())?;
-    let belief = belief::Cloud::about(&[[20.0, 30.0]], 15.0);
+    let belief = belief::Cloud::about(modes, sigma);
     let mut drones = belief::drones();
     Ok(Box::new(move || {
         let _ = planner.plan(&belief, &mut drones).expect("a belief that can be planned from");

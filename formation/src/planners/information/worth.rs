@@ -9,16 +9,23 @@ use nalgebra::{Matrix2, Vector3};
 
 use super::{
     ExpectedReadings, TARGETS, TurnFishers, TurnInformation,
-    cells::{Cell, CellBlock, Cells},
+    cells::{CellBlock, Cells},
     columns::{Column, dot},
     power::{Power, PowerBlock},
 };
+use crate::shape::number;
 
 /// A bearing without information is uniform on the circle, whose variance is π²/3.
 const UNIFORM: f64 = PI * PI / 3.0;
 
 /// Adding it rounds a number below 2⁵¹ to a whole one.
 const ROUND: f64 = 6_755_399_441_055_744.0;
+
+/// How many cells are weighed at once: half a block, which often is one of two modes.
+const PART: usize = 16;
+
+/// A weight of less than e⁻⁵⁰ of a cell's own is lost in rounding.
+const NEGLIGIBLE: f64 = -50.0;
 
 /// The posterior that a turn is expected to leave of a belief: one for each belief and power.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -30,8 +37,8 @@ pub(super) struct ExpectedPosterior {
     /// What each drone contributes where it is; most formations differ from the last one in a
     /// single drone.
     drones: Vec<Drone>,
-    /// What all drones together distinguish, where cells are compared.
-    pairs: Vec<Pairs>,
+    /// What all drones together know of each cell, where cells are compared.
+    known: Vec<Known>,
 }
 
 /// What is left if the target is in one of some cells.
@@ -51,8 +58,7 @@ struct Drone {
     taught: Vec<Taught>,
     /// What it would read from each cell, where cells are compared by that.
     readings: Vec<Readings>,
-    /// For each cell, and each block of cells that it is compared with: the parts of their
-    /// divergence.
+    /// For each cell, and each block of cells, the parts of the divergence of these from it.
     pairs: Vec<Pairs>,
 }
 
@@ -67,7 +73,8 @@ struct Taught {
     distance2: Column,
 }
 
-/// The numbers that are read of each of some cells: value, variance and 1 / variance.
+/// The numbers that are read of each of some cells: value, variance and 1 / variance; bearings
+/// within ±π.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Readings {
     level: [Column; 3],
@@ -76,10 +83,29 @@ struct Readings {
     log_variance: Column,
 }
 
-/// Parts of the Kullback-Leibler divergence of what is read of one cell from what is read of each
-/// of some others: twice that, the power known, and the difference of the levels, weighted. The
-/// numbers are taken for independent Gaussians, bearings as well.
+/// What all drones together know of each of some cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Known {
+    /// The covariance that is left within it: East, both and North.
+    within: [Column; 3],
+    /// The sum of the logarithms of the variances of all readings.
+    log_variance: Column,
+    /// What the doubt of the power takes off the divergence from it.
+    shared: Column,
+}
+
+/// Parts of the Kullback-Leibler divergence of what is read of each of some cells from what is read
+/// of another: twice that, the power known and without the logarithms of variances, and the
+/// difference of the levels, weighted. The numbers are taken for independent Gaussians, bearings as
+/// well.
 type Pairs = [Column; 2];
+
+/// What a model gives of a block of cells.
+#[derive(Debug, Default)]
+struct Given {
+    fishers: TurnFishers,
+    expected: ExpectedReadings,
+}
 
 /// The variances along the principal axes of the inverse of a positive definite matrix with this
 /// determinant, given as East, both and North; infinite for one that is not.
@@ -165,10 +191,11 @@ impl Kernel for Read<'_> {
             readings.level[0][i] = expected.level_db[i] - power.level_db[i];
             readings.level[1][i] = level;
             readings.level[2][i] = 1.0 / level;
-            readings.bearing[0][i] = expected.bearing[i];
+            let turns = (expected.bearing[i] * (1.0 / TAU) + ROUND) - ROUND;
+            readings.bearing[0][i] = expected.bearing[i] - turns * TAU;
             readings.bearing[1][i] = bearing;
             readings.bearing[2][i] = 1.0 / bearing;
-            readings.log_variance[i] = ln(level) + ln(bearing);
+            readings.log_variance[i] = ln(level * bearing);
         }
     }
 }
@@ -186,23 +213,19 @@ impl Kernel for Compare<'_> {
 
     #[inline(always)]
     fn run(self) {
-        for (i, row) in self.pairs.chunks_mut(self.readings.len()).take(self.cells).enumerate() {
-            let (of, i) = (&self.readings[i / TARGETS], i % TARGETS);
+        for (j, row) in self.pairs.chunks_mut(self.readings.len()).take(self.cells).enumerate() {
+            let (from, j) = (&self.readings[j / TARGETS], j % TARGETS);
             let [level, bearing] =
-                [&of.level, &of.bearing].map(|number| [number[0][i], number[1][i]]);
-            let rest = -of.log_variance[i] - 2.0;
-            for (from, [twice, weighted]) in self.readings.iter().zip(row) {
-                for j in 0..TARGETS {
-                    let off = level[0] - from.level[0][j];
-                    let precision = from.level[2][j];
-                    let way = bearing[0] - from.bearing[0][j];
-                    let turns = (way * (1.0 / TAU) + ROUND) - ROUND;
-                    let way = way - turns * TAU;
-                    weighted[j] = off * precision;
-                    twice[j] = from.log_variance[j]
-                        + rest
-                        + (level[1] + off * off) * precision
-                        + (bearing[1] + way * way) * from.bearing[2][j];
+                [&from.level, &from.bearing].map(|number| [number[0][j], number[2][j]]);
+            for (of, [twice, weighted]) in self.readings.iter().zip(row) {
+                for i in 0..TARGETS {
+                    let off = of.level[0][i] - level[0];
+                    let way = (of.bearing[0][i] - bearing[0]).abs();
+                    let other = TAU - way;
+                    let way = if way < other { way } else { other };
+                    weighted[i] = off * level[1];
+                    twice[i] = (of.level[1][i] * level[1] + off * weighted[i])
+                        + (of.bearing[1][i] + way * way) * bearing[1];
                 }
             }
         }
@@ -288,12 +311,8 @@ struct ByEntropy<'a> {
     power: &'a Power,
     drones: &'a [Drone],
     left: &'a mut [Left],
-    /// The covariance that is left within each cell: East, both and North.
-    within: &'a mut [[Column; 3]],
-    /// What the doubt of the power takes off the divergence from each cell.
-    shared: &'a mut [Column],
-    /// What all drones together distinguish.
-    pairs: &'a mut [Pairs],
+    /// What all drones together know of each cell.
+    known: &'a mut [Known],
 }
 
 impl Kernel for ByEntropy<'_> {
@@ -301,14 +320,14 @@ impl Kernel for ByEntropy<'_> {
 
     #[inline(always)]
     fn run(self) -> f64 {
-        let Self { belief, power, drones, left, within, shared, pairs } = self;
+        let Self { belief, power, drones, left, known } = self;
         let mut nats = 0.0;
         for (block, left) in left.iter_mut().enumerate() {
             let (cells, power) = (&belief.blocks[block], &power.blocks[block]);
             let all = Taught::of_all(drones, block, power);
             let mut learned = [0.0; TARGETS];
-            let within = &mut within[block];
-            for i in 0..TARGETS {
+            let known = &mut known[block];
+            for (i, learned) in learned.iter_mut().enumerate() {
                 // (P⁻¹ + T)⁻¹ = (I + P T)⁻¹ P.
                 let [xx, xy, yy] = [0, 1, 2].map(|k: usize| cells.covariance[k][i]);
                 let [t_xx, t_xy, t_yy] = [0, 1, 2].map(|k: usize| all.sums[k][i]);
@@ -316,76 +335,96 @@ impl Kernel for ByEntropy<'_> {
                 let [c, d] = [xy * t_xx + yy * t_xy, 1.0 + xy * t_xy + yy * t_yy];
                 let determinant = a * d - b * c;
                 let inverse = 1.0 / determinant;
-                within[0][i] = (d * xx - b * xy) * inverse;
-                within[1][i] = 0.5 * ((d + a) * xy - b * yy - c * xx) * inverse;
-                within[2][i] = (a * yy - c * xy) * inverse;
-                learned[i] = 0.5 * ln(determinant.max(1.0));
+                known.within[0][i] = (d * xx - b * xy) * inverse;
+                known.within[1][i] = 0.5 * ((d + a) * xy - b * yy - c * xx) * inverse;
+                known.within[2][i] = (a * yy - c * xy) * inverse;
+                *learned = 0.5 * ln(determinant.max(1.0));
             }
             nats += dot(&learned, &cells.weight);
             left.farthest2 = all.distance2;
             let mut information = [0.0; TARGETS];
-            drones.iter().for_each(|drone| add(&mut information, &drone.readings[block].level[2]));
-            for i in 0..TARGETS {
+            known.log_variance = [0.0; TARGETS];
+            for drone in drones {
+                let readings = &drone.readings[block];
+                add(&mut information, &readings.level[2]);
+                add(&mut known.log_variance, &readings.log_variance);
+            }
+            for (i, information) in information.iter().enumerate() {
                 let variance = power.variance[i];
                 // Sherman and Morrison again: what all levels have in common may be the power.
-                shared[block][i] = variance / (1.0 + variance * information[i]);
+                known.shared[i] = variance / (1.0 + variance * information);
             }
         }
-        pairs.as_flattened_mut().as_flattened_mut().fill(0.0);
-        for drone in drones {
-            let sums = pairs.as_flattened_mut().as_flattened_mut().iter_mut();
-            let parts = drone.pairs.as_flattened().as_flattened();
-            sums.zip(parts).for_each(|(sum, part)| *sum += part);
-        }
-        let blocks = belief.blocks.len();
-        for (i, cell) in belief.cells.iter().enumerate() {
-            let row = Self::row(cell, belief, &pairs[i * blocks..], within, shared);
-            let (block, i) = (i / TARGETS, i % TARGETS);
-            let inverse = 1.0 / row[0];
-            let [x, y, xx, xy, yy] = [1, 2, 3, 4, 5].map(|k: usize| row[k] * inverse);
-            let axes = axes_of(xx - x * x, xy - x * y, yy - y * y);
-            nats -= cell.weight * ln(row[0]);
-            left[block].axes[0][i] = axes[0];
-            left[block].axes[1][i] = axes[1];
+        for (block, left) in left.iter_mut().enumerate() {
+            let mut sums = [[0.0; TARGETS]; 6];
+            for first in (0..TARGETS).step_by(PART) {
+                weigh(belief, drones, known, block, first, &mut sums);
+            }
+            let mut learned = [0.0; TARGETS];
+            for (i, learned) in learned.iter_mut().enumerate() {
+                let inverse = 1.0 / sums[0][i];
+                let [x, y, xx, xy, yy] = [1, 2, 3, 4, 5].map(|k: usize| sums[k][i] * inverse);
+                let axes = axes_of(xx - x * x, xy - x * y, yy - y * y);
+                left.axes[0][i] = axes[0];
+                left.axes[1][i] = axes[1];
+                *learned = ln(sums[0][i]);
+            }
+            nats -= dot(&learned, &belief.blocks[block].weight);
         }
         nats
     }
 }
 
-impl ByEntropy<'_> {
-    /// The weights that the cells keep if the target is in one of them: their sum, and their first
-    /// and second moments about it.
-    #[inline(always)]
-    fn row(
-        cell: &Cell,
-        belief: &Cells,
-        pairs: &[Pairs],
-        within: &[[Column; 3]],
-        shared: &[Column],
-    ) -> [f64; 6] {
-        let mut moments = [0.0; 6];
-        for (block, others) in belief.blocks.iter().enumerate() {
-            let [twice, weighted] = &pairs[block];
-            let mut weights = [0.0; TARGETS];
-            for (j, divergence) in weights.iter_mut().enumerate() {
-                *divergence = 0.5 * (twice[j] - weighted[j] * weighted[j] * shared[block][j]);
-            }
-            weights.iter_mut().for_each(|weight| *weight = exp(-*weight));
-            weights.iter_mut().zip(&others.weight).for_each(|(weight, before)| *weight *= before);
-            let mut parts = [[1.0; TARGETS]; 6];
-            for j in 0..TARGETS {
-                let (x, y) = (others.mean[0][j] - cell.mean.x, others.mean[1][j] - cell.mean.y);
-                parts[1][j] = x;
-                parts[2][j] = y;
-                parts[3][j] = within[block][0][j] + x * x;
-                parts[4][j] = within[block][1][j] + x * y;
-                parts[5][j] = within[block][2][j] + y * y;
-            }
-            for (moment, part) in moments.iter_mut().zip(&parts) {
-                *moment += dot(part, &weights);
+/// Sets, for a part of a block, the weights that all cells keep if the target is in one of these:
+/// their sums, and their first and second moments about it.
+#[inline(always)]
+fn weigh(
+    belief: &Cells,
+    drones: &[Drone],
+    known: &[Known],
+    block: usize,
+    first: usize,
+    sums: &mut [Column; 6],
+) {
+    let (of, of_known) = (&belief.blocks[block], &known[block]);
+    let two_each = 2.0 * number(drones.len());
+    let mut moments = [[0.0; PART]; 6];
+    for (j, cell) in belief.cells.iter().enumerate() {
+        let pairs = j * belief.blocks.len() + block;
+        let (from, j) = (&known[j / TARGETS], j % TARGETS);
+        let (rest, shared) = (from.log_variance[j] - two_each, from.shared[j]);
+        let within = [from.within[0][j], from.within[1][j], from.within[2][j]];
+        let (mut twice, mut weighted) = ([0.0; PART], [0.0; PART]);
+        for drone in drones {
+            let pairs = &drone.pairs[pairs];
+            for i in 0..PART {
+                twice[i] += pairs[0][first + i];
+                weighted[i] += pairs[1][first + i];
             }
         }
-        moments
+        let (mut exponents, mut negligible) = ([0.0; PART], true);
+        for i in 0..PART {
+            let twice = twice[i] + (rest - of_known.log_variance[first + i]);
+            exponents[i] = 0.5 * (weighted[i] * weighted[i] * shared - twice);
+            negligible &= exponents[i] < NEGLIGIBLE;
+        }
+        if negligible {
+            continue;
+        }
+        for i in 0..PART {
+            let weight = exp(exponents[i]) * cell.weight;
+            let x = cell.mean.x - of.mean[0][first + i];
+            let y = cell.mean.y - of.mean[1][first + i];
+            moments[0][i] += weight;
+            moments[1][i] += weight * x;
+            moments[2][i] += weight * y;
+            moments[3][i] += weight * (within[0] + x * x);
+            moments[4][i] += weight * (within[1] + x * y);
+            moments[5][i] += weight * (within[2] + y * y);
+        }
+    }
+    for (sums, moments) in sums.iter_mut().zip(&moments) {
+        sums[first..first + PART].copy_from_slice(moments);
     }
 }
 
@@ -431,14 +470,10 @@ impl ExpectedPosterior {
     }
 
     fn leave_by_entropy(&mut self, belief: &Cells, power: &Power) {
-        let (drones, left, pairs) = (&self.drones, &mut self.left, &mut self.pairs);
-        pairs.resize(belief.cells.len() * left.len(), [[0.0; TARGETS]; 2]);
-        let (mut within, mut shared) = (Vec::new(), Vec::new());
-        within.resize(left.len(), [[0.0; TARGETS]; 3]);
-        shared.resize(left.len(), [0.0; TARGETS]);
-        let (within, shared) = (&mut within, &mut shared);
-        let kernel = ByEntropy { belief, power, drones, left, within, shared, pairs };
-        self.nats = vectorised::run(kernel);
+        let (drones, left, known) = (&self.drones, &mut self.left, &mut self.known);
+        let zeros = [0.0; TARGETS];
+        known.resize(left.len(), Known { within: [zeros; 3], log_variance: zeros, shared: zeros });
+        self.nats = vectorised::run(ByEntropy { belief, power, drones, left, known });
     }
 
     /// Sets anew what those drones contribute that are not where they were.
@@ -453,9 +488,10 @@ impl ExpectedPosterior {
         let left = Left { axes: [[0.0; TARGETS]; 2], farthest2: [0.0; TARGETS] };
         self.left.resize(belief.blocks.len(), left);
         self.drones.resize(places.len(), Drone::default());
+        let mut given = Given::default();
         for (drone, place) in self.drones.iter_mut().zip(places) {
             if drone.place != Some(*place) {
-                drone.move_to(turn, belief, power, place, compared);
+                drone.move_to(turn, belief, power, place, compared, &mut given);
             }
         }
     }
@@ -470,24 +506,23 @@ impl Drone {
         power: &Power,
         place: &Vector3<f64>,
         compared: bool,
+        Given { fishers, expected }: &mut Given,
     ) {
         let (blocks, zeros) = (belief.blocks.len(), [0.0; TARGETS]);
         self.place = Some(*place);
         self.taught.resize(blocks, Taught::ZERO);
-        let mut fishers = TurnFishers::default();
-        let mut expected = ExpectedReadings::default();
         if compared {
             let (level, bearing) = ([zeros; 3], [zeros; 3]);
             self.readings.resize(blocks, Readings { level, bearing, log_variance: zeros });
             self.pairs.resize(belief.cells.len() * blocks, [zeros; 2]);
         }
         for (block, (cells, power)) in belief.blocks.iter().zip(&power.blocks).enumerate() {
-            turn.fisher_of_all(&cells.mean, place, &mut fishers);
-            let (fishers, taught) = (&fishers, &mut self.taught[block]);
+            turn.fisher_of_all(&cells.mean, place, fishers);
+            let (fishers, taught) = (&*fishers, &mut self.taught[block]);
             vectorised::run(Teach { fishers, cells, power, place, taught });
             if compared {
-                turn.expected_of_all(&cells.mean, place, &mut expected);
-                let (expected, readings) = (&expected, &mut self.readings[block]);
+                turn.expected_of_all(&cells.mean, place, expected);
+                let (expected, readings) = (&*expected, &mut self.readings[block]);
                 vectorised::run(Read { expected, fishers, cells, power, readings });
             }
         }
@@ -508,7 +543,7 @@ mod tests {
     use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
     use super::*;
-    use crate::planners::information::{ExpectedReading, RssBearingTurn};
+    use crate::planners::information::{ExpectedReading, RssBearingTurn, cells::Cell};
 
     fn inverse(matrix: &Matrix2<f64>) -> [f64; 2] {
         let [xx, xy, yy] = [matrix[(0, 0)], matrix[(0, 1)], matrix[(1, 1)]];
