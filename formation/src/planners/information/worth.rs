@@ -646,6 +646,57 @@ mod tests {
         }
     }
 
+    /// Two groups of points, more than fit into two blocks, as the formulas have them: every pair
+    /// by itself.
+    #[test]
+    fn all_pairs_of_all_blocks_count() {
+        let turn = RssBearingTurn::new(2.765, 4.0, 0.4, 0.6).expect("in range");
+        let at = |i: u32| {
+            let (range, angle) = (0.4 * f64::from(i), 2.4 * f64::from(i));
+            let east = if i < 40 { -200.0 } else { 150.0 };
+            [east + range * libm::cos(angle), range * libm::sin(angle)]
+        };
+        let points = points(&(0..70).map(at).collect::<Vec<_>>());
+        let places = [Vector3::new(-180.0, 5.0, 3.0), Vector3::new(140.0, -20.0, 3.0)];
+        let known = Power::of(&turn, &points, &[], 5.0);
+        let mut posterior = ExpectedPosterior::default();
+        posterior.by_entropy(&turn, &points, &known, &places);
+        let divergence = |of: &Cell, from: &Cell| {
+            let (mut twice, mut weighted, mut information) = (0.0, 0.0, 0.0);
+            for place in &places {
+                let [of, from] = [of, from].map(|cell| turn.expected(&cell.mean, place));
+                let off = of.level_db - from.level_db;
+                let way = angle::wrap(of.bearing - from.bearing);
+                let levels = [of, from].map(|read| read.level_sigma_db * read.level_sigma_db);
+                let bearings = [of, from].map(|read| read.bearing_sigma * read.bearing_sigma);
+                let bearings = bearings.map(|variance| variance.min(UNIFORM));
+                for (off, [of, from]) in [(off, levels), (way, bearings)] {
+                    twice += libm::log(from / of) - 1.0 + (of + off * off) / from;
+                }
+                let precision = 1.0 / levels[1];
+                weighted += off * precision;
+                information += precision;
+            }
+            0.5 * (twice - weighted * weighted * 25.0 / (1.0 + 25.0 * information))
+        };
+        let mut nats = 0.0;
+        for (i, of) in points.cells.iter().enumerate() {
+            let kept = |from: &Cell| from.weight * libm::exp(-divergence(of, from));
+            let kept: Vec<_> = points.cells.iter().map(|from| (from.mean, kept(from))).collect();
+            let total: f64 = kept.iter().map(|(_, weight)| weight).sum();
+            nats -= of.weight * libm::log(total);
+            let mean = kept.iter().map(|(at, weight)| at * *weight).sum::<Vector2<f64>>() / total;
+            let square = |(at, weight): &(Vector2<f64>, f64)| {
+                (at - mean) * (at - mean).transpose() * *weight
+            };
+            let covariance = kept.iter().map(square).sum::<Matrix2<f64>>() / total;
+            let left = posterior.left[i / TARGETS].axes.map(|axis| axis[i % TARGETS]);
+            let error = left[0] + left[1] - covariance.trace();
+            assert!(error.abs() < 1e-9 * covariance.trace(), "{i}: off by {error}");
+        }
+        assert!((posterior.nats - nats).abs() < 1e-9 * nats, "{} for {nats}", posterior.nats);
+    }
+
     /// Level by East and bearing by North, both linear: what is read of a Gaussian cell is
     /// Gaussian.
     fn linear(target: &Vector2<f64>, _: &Vector3<f64>) -> ExpectedReading {
