@@ -2,6 +2,7 @@ use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 
 use foxhunt_core::{
+    angle,
     elementary::{exp, ln, sqrt},
     vectorised::{self, Kernel},
 };
@@ -17,9 +18,6 @@ use crate::shape::number;
 
 /// A bearing without information is uniform on the circle, whose variance is π²/3.
 const UNIFORM: f64 = PI * PI / 3.0;
-
-/// Adding it rounds a number below 2⁵¹ to a whole one.
-const ROUND: f64 = 6_755_399_441_055_744.0;
 
 /// How many cells are weighed at once: half a block, which often is one of two modes.
 const PART: usize = 16;
@@ -191,12 +189,11 @@ impl Kernel for Read<'_> {
             readings.level[0][i] = expected.level_db[i] - power.level_db[i];
             readings.level[1][i] = level;
             readings.level[2][i] = 1.0 / level;
-            let turns = (expected.bearing[i] * (1.0 / TAU) + ROUND) - ROUND;
-            readings.bearing[0][i] = expected.bearing[i] - turns * TAU;
             readings.bearing[1][i] = bearing;
             readings.bearing[2][i] = 1.0 / bearing;
             readings.log_variance[i] = ln(level * bearing);
         }
+        readings.bearing[0] = expected.bearing.map(angle::wrap);
     }
 }
 
@@ -390,13 +387,13 @@ fn weigh(
     let two_each = 2.0 * number(drones.len());
     let mut moments = [[0.0; PART]; 6];
     for (j, cell) in belief.cells.iter().enumerate() {
-        let pairs = j * belief.blocks.len() + block;
+        let pair = j * belief.blocks.len() + block;
         let (from, j) = (&known[j / TARGETS], j % TARGETS);
         let (rest, shared) = (from.log_variance[j] - two_each, from.shared[j]);
         let within = [from.within[0][j], from.within[1][j], from.within[2][j]];
         let (mut twice, mut weighted) = ([0.0; PART], [0.0; PART]);
         for drone in drones {
-            let pairs = &drone.pairs[pairs];
+            let pairs = &drone.pairs[pair];
             for i in 0..PART {
                 twice[i] += pairs[0][first + i];
                 weighted[i] += pairs[1][first + i];
@@ -538,7 +535,7 @@ mod tests {
     use alloc::vec;
     use core::f64::consts::TAU;
 
-    use foxhunt_core::{Estimate, angle};
+    use foxhunt_core::Estimate;
     use nalgebra::Vector2;
     use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
