@@ -149,21 +149,30 @@ proptest! {
         (place_east, place_north) in (20.0..250.0, -80.0..80.0),
         up in 0.5..2.0, level in -120.0..-20.0,
     ) {
-        let pose = Pose::at(east, north, height);
         let place = Vector2::new(place_east, place_north);
-        let loss = loss(Arc::new(two()), WAVELENGTH);
-        let rss = Rss::new(law()).with_target_up(up).expect("finite");
-        let model = OverTerrain::new(rss, loss.clone()).with_target_up(up).expect("finite");
-        let z = Observation::new(3.0, pose, Vector1::new(level), Matrix1::new(9.0));
-        laws::measurement_model::<2, 1>(&model, &place, &z.expect("proper"));
-        let noise = Matrix2::new(36.0, 0.5, 0.5, 0.16);
-        let z = Observation::new(3.0, pose, Vector2::new(level, 0.3), noise).expect("proper");
-        let model = OverTerrain::new(RssBearing::new(law()), loss);
-        let moving = Vector4::new(place.x, place.y, 1.0, -2.0);
-        laws::measurement_model::<4, 2>(&model, &moving, &z);
-        let free = model.map(FreePowerRssBearing::from);
-        laws::measurement_model::<3, 2>(&free, &State::<3>::new(place.x, place.y, -30.0), &z);
+        models_keep_the_laws(Pose::at(east, north, height), place, up, level);
     }
+}
+
+#[test]
+fn models_over_terrain_keep_the_laws_at_a_bend() {
+    let pose = Pose::at(-29.238061143596696, 76.5323863872215, 26.370864287890004);
+    models_keep_the_laws(pose, Vector2::new(146.83210544369462, -18.44620177914951), 0.5, -20.0);
+}
+
+fn models_keep_the_laws(pose: Pose, place: Vector2<f64>, up: f64, level: f64) {
+    let loss = loss(Arc::new(two()), WAVELENGTH);
+    let rss = Rss::new(law()).with_target_up(up).expect("finite");
+    let model = OverTerrain::new(rss, loss.clone()).with_target_up(up).expect("finite");
+    let z = Observation::new(3.0, pose, Vector1::new(level), Matrix1::new(9.0));
+    laws::measurement_model::<2, 1>(&model, &place, &z.expect("proper"));
+    let noise = Matrix2::new(36.0, 0.5, 0.5, 0.16);
+    let z = Observation::new(3.0, pose, Vector2::new(level, 0.3), noise).expect("proper");
+    let model = OverTerrain::new(RssBearing::new(law()), loss);
+    let moving = Vector4::new(place.x, place.y, 1.0, -2.0);
+    laws::measurement_model::<4, 2>(&model, &moving, &z);
+    let free = model.map(FreePowerRssBearing::from);
+    laws::measurement_model::<3, 2>(&free, &State::<3>::new(place.x, place.y, -30.0), &z);
 }
 
 #[test]
