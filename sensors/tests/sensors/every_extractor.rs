@@ -87,6 +87,31 @@ proptest! {
     }
 }
 
+/// A turn in which a reflection vanishes, and one in which rounding decided which look came first:
+/// either read otherwise when it was louder or turned.
+#[test]
+fn the_search_for_a_reflection_does_not_depend_on_rounding() {
+    let vanishing = Conditions {
+        bearing: -2.293970009509383,
+        heading: 0.45694831129959407,
+        noise_db: 0.1937253642422705,
+        lost: 0.10982243300819514,
+        whole_db: false,
+    };
+    let rounded = Conditions {
+        bearing: 0.0,
+        heading: -0.38632945305661415,
+        noise_db: 0.1,
+        lost: 0.0,
+        whole_db: true,
+    };
+    let extractor = likelihood(Residuals::Reflection);
+    for (conditions, seed) in [(vanishing, 14_587_836_258_946_246_955), (rounded, 0)] {
+        let samples = simulate(&conditions, &PatternTable::reference_patch(), seed);
+        laws::bearing_extractor(&extractor, &sweep_of(&samples), &mut samples.clone());
+    }
+}
+
 /// Errors over some turns.
 struct Errors {
     rms_deg: f64,

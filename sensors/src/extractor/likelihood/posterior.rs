@@ -265,7 +265,7 @@ impl Sums {
 }
 
 /// An angle between 0 and a turn.
-fn wrapped(angle: f64) -> f64 {
+pub(super) fn wrapped(angle: f64) -> f64 {
     angle - TAU * libm::floor(angle / TAU)
 }
 

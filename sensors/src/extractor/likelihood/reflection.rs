@@ -6,7 +6,7 @@ use foxhunt_core::angle;
 use super::{
     fit::{Fit, NODES},
     posterior::{Node, Posterior},
-    two_paths::{BEARING, Paths, REFLECTION, TwoPaths, Vector},
+    two_paths::{BEARING, IN_PHASE, Paths, REFLECTION, TwoPaths, Vector},
 };
 use crate::Antenna;
 
@@ -34,6 +34,9 @@ const FOLLOWED: usize = 4;
 /// A cost that is larger than the best by this is not followed.
 const TOO_DEAR: f64 = 20.0;
 
+/// A reflected amplitude below this is that of a fit without a reflection.
+const VANISHING: f64 = 1e-5;
+
 /// Before a turn there is a reflection that matters with this probability.
 const PROBABLE: f64 = 0.2;
 
@@ -59,9 +62,14 @@ impl TwoPaths<'_> {
             *paths = self.descend(&self.fine, start, 0, ROUNDS, TOLERANCE);
         }
         let mut kept = distinct(near, FOLLOWED, TOO_DEAR);
-        // The result must not depend on the start that led there.
+        // The result must not depend on the start that led there, nor on how much is left of a
+        // reflection that is none, as the fits at other bearings go on from there.
         for paths in &mut kept {
             *paths = self.descend(&self.fine, *paths, 0, 2 * ROUNDS, TOLERANCE * 1e-9);
+            if paths.ratio() < VANISHING {
+                paths.unknowns[IN_PHASE] = VANISHING;
+                *paths = self.at(&self.fine, &paths.unknowns);
+            }
         }
         kept
     }

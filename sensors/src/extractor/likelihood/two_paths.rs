@@ -7,7 +7,11 @@ use foxhunt_core::{
 };
 use nalgebra::{SMatrix, SVector};
 
-use super::{amplitude_table::AmplitudeTable, fit::Fit, posterior::Node};
+use super::{
+    amplitude_table::AmplitudeTable,
+    fit::Fit,
+    posterior::{Node, wrapped},
+};
 
 /// Unknowns of two paths: the bearing, the level, the reflection's bearing, and its amplitude over
 /// the direct one's, in phase and in quadrature.
@@ -15,7 +19,7 @@ pub(super) const UNKNOWNS: usize = 5;
 pub(super) const BEARING: usize = 0;
 const LEVEL: usize = 1;
 pub(super) const REFLECTION: usize = 2;
-const IN_PHASE: usize = 3;
+pub(super) const IN_PHASE: usize = 3;
 const QUADRATURE: usize = 4;
 
 pub(super) type Vector = SVector<f64, UNKNOWNS>;
@@ -63,6 +67,9 @@ pub(super) struct Block {
 /// So many looks show where two paths may come from; with half as many, directions that compete
 /// were lost.
 const COARSE: usize = 64;
+
+/// Less than looks are apart, in radians.
+const BEFORE: f64 = 0.004;
 
 /// A look's offset, its mean, and 1 / the variance of the mean.
 type Measured = (f64, f64, f64);
@@ -171,6 +178,9 @@ impl<'a> TwoPaths<'a> {
         if together < 2 {
             return Self { amplitude, coarse: fine.clone(), fine };
         }
+        // One turn from just before the first boresight on: at its end there is none, of which
+        // rounding would decide whether it comes first or last.
+        looks.iter_mut().for_each(|look| look.0 = wrapped(look.0 + BEFORE) - BEFORE);
         looks.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         Self { amplitude, coarse: blocks(&looks, together), fine }
     }
