@@ -72,14 +72,17 @@ impl Pairs {
         source: &Estimate<A>,
         map: &impl Map<A, B>,
     ) -> Option<Moments<A, B>> {
-        let spread = triangle::cholesky(source.covariance)? * libm::sqrt(self.square);
-        let centre = map.value(&source.mean);
+        let spread = triangle::cholesky(source.covariance * self.square)?;
+        // A copy, so that what a map works out from it alone is worked out once.
+        let mean = source.mean;
+        let centre = map.value(&mean);
         let weight = 1.0 / self.square;
-        let mut curvature = SVector::<f64, B>::zeros();
-        let mut cross = SMatrix::<f64, A, B>::zeros();
-        let mut covariance = SMatrix::<f64, B, B>::zeros();
+        // Added to −0, a number is itself to the bit, so that the first additions fall away.
+        let mut curvature = SVector::<f64, B>::repeat(-0.0);
+        let mut cross = SMatrix::<f64, A, B>::repeat(-0.0);
+        let mut covariance = SMatrix::<f64, B, B>::repeat(-0.0);
         for offset in spread.column_iter().map(|column| column.into_owned()) {
-            let [odd, even] = map.parts(&source.mean, &centre, &offset);
+            let [odd, even] = map.parts(&mean, &centre, &offset);
             curvature += even;
             cross += offset * odd.transpose();
             covariance += odd * odd.transpose() + even * even.transpose();

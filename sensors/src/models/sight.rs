@@ -8,6 +8,10 @@ use crate::{Propagation, near_zero};
 /// position's σ, so only the singularity itself is cut out.
 const OVERHEAD: f64 = 1e-3;
 
+/// Where a target moves by no more than this share of the square of its distance over ground, both
+/// squared, 4 times as much bounds the squares of what [`near_zero`] takes.
+const NEAR: f64 = 3e-5;
+
 /// The way from a receiver to a target, in metres East, North, Up.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sight(Vector3<f64>);
@@ -83,26 +87,30 @@ impl Sight {
     ///
     /// With m the square of the offset δ, f = 2 d·δ and s = d², ln d² changes by
     /// ln((s + m ± f) / s), so the parts are artanh(f / (s + m)) and
-    /// artanh(q / (2 s² + q)), q = (2 s + m) m − f². Over ground, with a = d × δ, the bearing turns
-    /// by ± arctan(a / (g ± f/2)), g = d²; the parts are those of sums of two arctangents.
+    /// artanh(q / (2 s² + q)), q = (2 s + m) m − f². Over ground, with a = 2 d × δ, the bearing turns
+    /// by ± arctan(½ a / (g ± f/2)), g = d²; the parts are those of sums of two arctangents.
     #[inline(always)]
     pub(super) fn parts(&self, east: f64, north: f64) -> Option<([f64; 2], [f64; 2])> {
         let (x, y) = (self.0.x, self.0.y);
         let (ground, square) = (self.ground_squared(), self.0.norm_squared());
         let moved = east * east + north * north;
-        let plain = moved <= 0.25 * ground && ground >= 4.0 * OVERHEAD * OVERHEAD && square < 1e150;
-        let (forth, across) = (x * east + y * north, x * north - y * east);
-        let bent = (square + square + moved) * moved - 4.0 * forth * forth;
+        let plain = ground >= 4.0 * OVERHEAD * OVERHEAD && square < 1e150;
+        let (forth, across) = (2.0 * (x * east + y * north), 2.0 * (x * north - y * east));
+        let (forth_squared, across_squared) = (forth * forth, across * across);
+        let bent = (square + square + moved) * moved - forth_squared;
         let (twice, whole) = (across + across, 2.0 * square * square);
-        let grown = [(forth + forth) / (square + moved), bent / (whole + bent)];
+        let grown = [forth / (square + moved), bent / (whole + bent)];
         let turned = [
-            twice / (ground - moved),
-            -twice * forth / (ground * ground - forth * forth + across * across),
+            across / (ground - moved),
+            -twice * forth / (4.0 * ground * ground - forth_squared + across_squared),
         ];
-        plain.then(|| {
+        let halves = |turns: [f64; 2]| turns.map(|turn| 0.5 * turn);
+        if plain && moved <= NEAR * ground {
             let (logs, turns) = near_zero::artanh_arctan(grown, turned);
-            (logs, turns.map(|turn| 0.5 * turn))
-        })
+            return Some((logs, halves(turns)));
+        }
+        (plain && moved <= 0.25 * ground)
+            .then(|| (grown.map(libm::atanh), halves(turned.map(libm::atan))))
     }
 
     /// ∂P(d)/∂(East, North).
