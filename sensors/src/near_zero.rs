@@ -4,8 +4,8 @@
 /// a ninth of its fourth power, are below half the last digit.
 const SMALL: f64 = 1.4e-4;
 
-/// artanh x of two numbers whose squares are below 1.4·10⁻⁴, and arctan x of two others: as series
-/// of four at once.
+/// artanh x of two numbers and arctan x of two others, all with squares below 1.4·10⁻⁴: as
+/// series of four at once.
 #[inline]
 pub(crate) fn artanh_arctan(artanh: [f64; 2], arctan: [f64; 2]) -> ([f64; 2], [f64; 2]) {
     debug_assert!(artanh.iter().chain(&arctan).all(|x| x * x < SMALL), "{artanh:?}, {arctan:?}");
@@ -20,8 +20,8 @@ pub(crate) fn artanh_arctan(artanh: [f64; 2], arctan: [f64; 2]) -> ([f64; 2], [f
     (artanh, arctan)
 }
 
-/// The even and the odd terms of artanh √z / √z = 1 + z/3 + z²/5 + z³/7 + …, whose difference is
-/// arctan √z / √z.
+/// The even and the odd terms of artanh √z / √z = 1 + z/3 + z²/5 + z³/7 + …, whose
+/// difference is arctan √z / √z.
 #[inline]
 fn terms(z: f64) -> [f64; 2] {
     let w = z * z;

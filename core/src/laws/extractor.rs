@@ -29,25 +29,17 @@ pub fn bearing_extractor(
     }
     let changed = extractor.extract(&Sweep { samples, ..*sweep }).expect("as good as before");
     let rise = changed.rss_dbm - reading.rss_dbm - LOUDER;
-    let room = room_for(reading.rss_sigma_db);
-    assert!(rise.abs() < room, "{LOUDER} dB more raised the level by {rise} dB more than that");
+    assert!(rise.abs() < 1e-6, "{LOUDER} dB more raised the level by {rise} dB more than that");
     match (reading.bearing, changed.bearing) {
         (Ok(before), Ok(after)) => {
-            let room = room_for(before.sigma);
             let error = angle::distance(after.angle, before.angle + turn);
-            assert!(error < room, "a turned sweep's bearing is off by {error} rad");
+            assert!(error < 1e-6, "a turned sweep's bearing is off by {error} rad");
             let change = (after.sigma - before.sigma).abs();
-            assert!(change < room, "a turned sweep's σ changed by {change} rad");
+            assert!(change < 1e-6, "a turned sweep's σ changed by {change} rad");
             assert!(before.sigma > 0.0, "the bearing's σ is {} rad", before.sigma);
             assert!((0.0..=1.0).contains(&before.confidence), "confidence {}", before.confidence);
         }
         (Err(_), Err(_)) => {}
         (before, after) => panic!("the turned sweep has {after:?}, the other {before:?}"),
     }
-}
-
-/// What rounding may become in a fit by iteration: a ten-thousandth of what a reading is uncertain
-/// by.
-fn room_for(sigma: f64) -> f64 {
-    1e-6 + 1e-4 * sigma
 }

@@ -112,6 +112,7 @@ impl<const N: usize> Conditioned<N> {
         mean = Axis::difference(axes, &mean, &State::zeros());
         covariance.fill_upper_triangle_with_lower_triangle();
         let posterior = Estimate { mean, covariance };
+        // One product for all of it: a sum that overflows only takes the way over factors, too.
         plain &= triangle::pivots_exceed(covariance, &(prior.covariance.diagonal() * LEAST))
             && determinant >= f64::MIN_POSITIVE
             && 0.0 * (mean.sum() + determinant + nis) <= 0.0;

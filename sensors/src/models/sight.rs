@@ -8,8 +8,8 @@ use crate::{Propagation, near_zero};
 /// position's σ, so only the singularity itself is cut out.
 const OVERHEAD: f64 = 1e-3;
 
-/// Where a target moves by no more than this share of the square of its distance over ground, both
-/// squared, 4 times as much bounds the squares of what [`near_zero`] takes.
+/// The largest m / g of [`Sight::parts`] for series: the squares of what [`near_zero`] takes are
+/// below 4 m / g (1 + 3 m / g).
 const NEAR: f64 = 3e-5;
 
 /// The way from a receiver to a target, in metres East, North, Up.
@@ -87,8 +87,9 @@ impl Sight {
     ///
     /// With m the square of the offset δ, f = 2 d·δ and s = d², ln d² changes by
     /// ln((s + m ± f) / s), so the parts are artanh(f / (s + m)) and
-    /// artanh(q / (2 s² + q)), q = (2 s + m) m − f². Over ground, with a = 2 d × δ, the bearing turns
-    /// by ± arctan(½ a / (g ± f/2)), g = d²; the parts are those of sums of two arctangents.
+    /// artanh(q / (2 s² + q)), q = (2 s + m) m − f². Over ground, with a = 2 d × δ and
+    /// g = d², the bearing turns by ± arctan(½ a / (g ± f/2)); the parts are those of sums of
+    /// two arctangents.
     #[inline(always)]
     pub(super) fn parts(&self, east: f64, north: f64) -> Option<([f64; 2], [f64; 2])> {
         let (x, y) = (self.0.x, self.0.y);

@@ -43,7 +43,7 @@ pub(in crate::extractor) struct Looks {
 
 /// Readings whose boresights differ by less than this, in radians, are of one look: a quarter of
 /// a degree to either side changes the gain of a 30° lobe by less than 0.01 dB on average.
-const SAME_LOOK: f64 = 0.0087;
+pub(super) const SAME_LOOK: f64 = 0.0087;
 
 /// Below this an antenna is level, in radians.
 const LEVEL: f64 = 0.0175;

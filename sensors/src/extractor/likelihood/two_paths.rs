@@ -10,6 +10,7 @@ use nalgebra::{SMatrix, SVector};
 use super::{
     amplitude_table::AmplitudeTable,
     fit::Fit,
+    looks::SAME_LOOK,
     posterior::{Node, wrapped},
 };
 
@@ -69,7 +70,7 @@ pub(super) struct Block {
 const COARSE: usize = 64;
 
 /// Less than looks are apart, in radians.
-const BEFORE: f64 = 0.004;
+const BEFORE: f64 = 0.5 * SAME_LOOK;
 
 /// A look's offset, its mean, and 1 / the variance of the mean.
 type Measured = (f64, f64, f64);
