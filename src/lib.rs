@@ -65,7 +65,7 @@ pub use foxhunt_formation as formation;
 pub use foxhunt_sensors as sensors;
 
 #[cfg(feature = "hunt")]
-pub use foxhunt_hunt::{calibration, config, hunt, locate, log, registry, scenario};
+pub use foxhunt_hunt::{calibration, config, document, hunt, locate, log, registry, scenario};
 #[cfg(feature = "hunt")]
 pub use foxhunt_sim as sim;
 

@@ -5,6 +5,7 @@ use foxhunt_core::Reception;
 #[cfg(feature = "batch")]
 use foxhunt_hunt::locate::{Listener, TrackingConfig, left_out, track};
 use foxhunt_hunt::{
+    document,
     locate::{LocateConfig, LocateError},
     registry::{Registry, RegistryError},
 };
@@ -147,8 +148,8 @@ impl Relocation {
     ///
     /// The error of the JSON writer.
     pub fn lines(&self) -> Result<Vec<String>, serde_json::Error> {
-        let header = std::iter::once(serde_json::to_string(&self.header));
-        header.chain(self.rows.iter().map(serde_json::to_string)).collect()
+        let header = std::iter::once(document::to_json(&self.header));
+        header.chain(self.rows.iter().map(|row| document::to_json(row))).collect()
     }
 
     /// Reads the lines; [`None`] where the first is the header of something else.
@@ -163,11 +164,11 @@ impl Relocation {
             return Ok(None);
         }
         let line = |line| move |source| RelocationError::Line { line, source };
-        let header: Header = serde_json::from_str(first).map_err(line(1))?;
+        let header: Header = document::from_json(first).map_err(line(1))?;
         if header.foxhunt_relocation != VERSION {
             return Err(RelocationError::Version { version: header.foxhunt_relocation });
         }
-        let row = |(text, number)| serde_json::from_str(text).map_err(line(number));
+        let row = |(text, number)| document::from_json(text).map_err(line(number));
         let rows = lines.map(row).collect::<Result<_, _>>()?;
         Ok(Some(Self { header, rows }))
     }

@@ -5,6 +5,7 @@ use std::{
 };
 
 use clap::ValueEnum;
+use foxhunt::document;
 use serde::Serialize;
 
 use crate::{error::CliError, screen};
@@ -68,9 +69,7 @@ impl<'a> Output<'a> {
         text: impl FnOnce(&T) -> String,
     ) -> Result<(), CliError> {
         let text = match self.json {
-            Some(JsonForm::Value) => {
-                serde_json::to_string_pretty(value).map_err(CliError::failure)?
-            }
+            Some(JsonForm::Value) => document::to_pretty_json(value).map_err(CliError::failure)?,
             Some(JsonForm::Lines) => return event("result", value).map_err(CliError::printing),
             None => screen::wrapped(text(value).trim_end(), screen::width()),
         };
@@ -133,7 +132,7 @@ pub(crate) fn count_warnings() {
 
 /// Prints what happened in long work, as a line of JSON.
 pub(crate) fn event<T: Serialize>(kind: &str, value: &T) -> io::Result<()> {
-    printed(&serde_json::to_string(&Line { kind, value })?)
+    printed(&document::to_json(&Line { kind, value })?)
 }
 
 /// Prints a line on standard error.

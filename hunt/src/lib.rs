@@ -3,10 +3,11 @@
 //! [`hunt`] imports nothing of the other modules: it works with any implementors of the traits of
 //! `foxhunt-core`. Above it lie [`config`], which makes parts of what stands in files and on
 //! command lines; [`locate`], the estimators that take all receptions at once; the [`registry`] of
-//! all that has a name; the [`log`]; and [`scenario`]s.
+//! all that has a name; the [`log`]; and [`scenario`]s. [`document`] reads and writes files.
 
 pub mod calibration;
 pub mod config;
+pub mod document;
 pub mod hunt;
 pub mod locate;
 pub mod log;

@@ -10,9 +10,9 @@ use foxhunt::{
     registry::RECOMMENDED_EXTRACTOR,
 };
 
-#[path = "../../filters/benches/beacon/mod.rs"]
+#[path = "../../benches/beacon/mod.rs"]
 mod beacon;
-#[path = "../../filters/benches/bearings/mod.rs"]
+#[path = "../../benches/bearings/mod.rs"]
 mod bearings;
 #[path = "../../benches/problems/belief.rs"]
 mod belief;

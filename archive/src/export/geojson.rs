@@ -1,3 +1,4 @@
+use foxhunt_hunt::document;
 use foxhunt_wire::geodesy::LocalFrame;
 use serde_json::{Map, Value, json};
 
@@ -8,7 +9,9 @@ use super::{
 use crate::overview::Overview;
 
 pub(super) fn write(overview: &Overview, frame: &LocalFrame) -> Result<Vec<u8>, ExportError> {
-    serde_json::to_vec(&collection(overview, frame)).map_err(ExportError::write)
+    document::to_json(&collection(overview, frame))
+        .map(String::into_bytes)
+        .map_err(ExportError::write)
 }
 
 /// The collection of all features (RFC 7946, section 3.3).

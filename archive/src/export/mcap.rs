@@ -1,6 +1,7 @@
 use std::{collections::BTreeMap, io::Cursor};
 
 use ::mcap::{WriteOptions, Writer, records::MessageHeader};
+use foxhunt_hunt::document;
 use foxhunt_wire::geodesy::LocalFrame;
 use nalgebra::{Matrix2, Vector3};
 use serde_json::{Value, json};
@@ -40,7 +41,7 @@ pub(super) fn write(overview: &Overview, frame: &LocalFrame) -> Result<Vec<u8>, 
             log_time: nanoseconds,
             publish_time: nanoseconds,
         };
-        let data = serde_json::to_vec(&message.data).map_err(ExportError::write)?;
+        let data = document::to_json(&message.data).map_err(ExportError::write)?.into_bytes();
         writer.write_to_known_channel(&header, &data).map_err(ExportError::write)?;
     }
     let _ = writer.finish().map_err(ExportError::write)?;
@@ -124,7 +125,7 @@ fn messages(overview: &Overview, frame: &LocalFrame) -> Result<Vec<Message>, Exp
         });
     }
     let map = geojson::collection(overview, frame);
-    let text = serde_json::to_string(&map).map_err(ExportError::write)?;
+    let text = document::to_json(&map).map_err(ExportError::write)?;
     messages.push(Message {
         time: epoch + overview.span()[1],
         topic: "/map".to_owned(),

@@ -12,6 +12,8 @@ mod strikable;
 pub use data::{Live, LiveTiles, Mark};
 pub use strikable::{NotStrikable, PageLog, page_line};
 
+use foxhunt_hunt::document;
+
 use crate::{
     overview::{Overview, SearchOverview},
     replay::Replay,
@@ -67,7 +69,7 @@ pub fn live_page(
 /// The error of the JSON writer, which has none for these data.
 pub fn news(overview: &Overview, mark: &mut Mark) -> Result<Option<String>, serde_json::Error> {
     let news = data::News::since(overview, mark);
-    if news.is_empty() { Ok(None) } else { serde_json::to_string(&news).map(Some) }
+    if news.is_empty() { Ok(None) } else { document::to_json(&news).map(Some) }
 }
 
 /// What a page shows in place of its own estimates when receptions were struck out, as JSON.
@@ -76,7 +78,7 @@ pub fn news(overview: &Overview, mark: &mut Mark) -> Result<Option<String>, serd
 ///
 /// The error of the JSON writer, which has none for these data.
 pub fn restruck(overview: &Overview, replay: &Replay) -> Result<String, serde_json::Error> {
-    serde_json::to_string(&data::Restruck::of(overview, replay))
+    document::to_json(&data::Restruck::of(overview, replay))
 }
 
 /// The same of a page of recordings, which locates again.
@@ -85,7 +87,7 @@ pub fn restruck(overview: &Overview, replay: &Replay) -> Result<String, serde_js
 ///
 /// The error of the JSON writer, which has none for these data.
 pub fn relocated(searches: &[SearchOverview]) -> Result<String, serde_json::Error> {
-    serde_json::to_string(&data::Restruck::located(searches))
+    document::to_json(&data::Restruck::located(searches))
 }
 
 fn join(
@@ -98,7 +100,7 @@ fn join(
     let safe = |text: String| text.replace('<', "\\u003c");
     let is_live = live.is_some();
     let has_tiles = live.as_ref().is_some_and(|live| live.tiles.is_some());
-    let data = serde_json::to_string(&data::Data::of(overview, live, not_strikable))?;
+    let data = document::to_json(&data::Data::of(overview, live, not_strikable))?;
     let log = log.and_then(|log| log.as_ref().ok());
     let lines = log.map_or_else(Vec::new, |log| log.lines().collect());
     let mut page = HTML.to_owned();

@@ -1,5 +1,6 @@
 use foxhunt_hunt::{
     config::{EstimatorConfig, FilterConfig},
+    document,
     hunt::Event,
     log::LogHeader,
     registry::{EstimatorEntry, Registry},
@@ -114,7 +115,7 @@ pub fn page_line(event: &Event) -> Option<String> {
         Event::BeaconStarted { .. } | Event::Received { .. } | Event::BeaconFinished { .. }
     );
     // What cannot be written stands in no log either.
-    needed.then(|| serde_json::to_string(event).ok()).flatten()
+    needed.then(|| document::to_json(event).ok()).flatten()
 }
 
 fn header_line(
@@ -137,7 +138,7 @@ fn header_line(
         homes: Vec::new(),
         ..header.clone()
     };
-    serde_json::to_string(&header).map_err(|_| NotStrikable::NoText)
+    document::to_json(&header).map_err(|_| NotStrikable::NoText)
 }
 
 /// Refuses what would take a browser too long.

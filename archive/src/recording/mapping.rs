@@ -1,6 +1,7 @@
 use std::{collections::BTreeMap, fs, path::Path};
 
 use foxhunt_core::parameter::FieldError;
+use foxhunt_hunt::document;
 use serde::Deserialize;
 
 use super::{Column, North, RecordingError, Source, Value, column::Kind, formats};
@@ -174,9 +175,8 @@ impl Mapping {
     /// [`RecordingError::Mapping`] for what is no mapping, [`RecordingError::MappingField`] for
     /// a field that is out of its range.
     pub fn parse(text: &str, file: &str) -> Result<Self, RecordingError> {
-        let mapping: Self = toml::from_str(text).map_err(|source| RecordingError::Mapping {
-            file: file.to_owned(),
-            source: Box::new(source),
+        let mapping: Self = document::from_toml(text).map_err(|source| {
+            RecordingError::Mapping { file: file.to_owned(), source: Box::new(source) }
         })?;
         mapping.check(file)?;
         Ok(mapping)

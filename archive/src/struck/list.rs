@@ -1,5 +1,6 @@
 use std::{fs, path::Path};
 
+use foxhunt_hunt::document;
 use serde::{Deserialize, de::DeserializeOwned};
 
 use super::StruckError;
@@ -28,14 +29,14 @@ pub(super) fn entries<T: DeserializeOwned>(
     let path = || path.to_owned();
     let mut lines = text.lines().zip(1..);
     let (first, _) = lines.next().unwrap_or_default();
-    let Header { foxhunt_struck: version } = serde_json::from_str(first)
+    let Header { foxhunt_struck: version } = document::from_json(first)
         .map_err(|source| StruckError::Header { path: path(), source })?;
     if version != STRUCK_VERSION {
         return Err(StruckError::Version { path: path(), version });
     }
     let entry = |(text, line): (&str, usize)| {
         let wrong = |source| StruckError::Line { path: path(), line, what, source };
-        Ok((line, serde_json::from_str(text).map_err(wrong)?))
+        Ok((line, document::from_json(text).map_err(wrong)?))
     };
     lines.filter(|(text, _)| !text.trim().is_empty()).map(entry).collect()
 }

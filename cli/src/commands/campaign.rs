@@ -5,7 +5,7 @@ use std::{
 };
 
 use foxhunt::{
-    campaign::campaign_watched, registry::EstimatorEntry, report::HuntReport,
+    campaign::campaign_watched, document, registry::EstimatorEntry, report::HuntReport,
     scenario::DEFAULT_SCENARIO, trial::builtin_trials,
 };
 
@@ -91,7 +91,7 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
                 event("hunt", &hunt)?;
             }
             let Some(file) = &mut file else { return Ok(()) };
-            serde_json::to_writer(&mut *file, &hunt)?;
+            document::write_json(&mut *file, &hunt)?;
             file.write_all(b"\n")
         })
     });

@@ -4,6 +4,7 @@ use foxhunt_core::{Quantity, parameter::FieldError};
 use foxhunt_hunt::{
     calibration::BearingCalibration,
     config::{ExtractorConfig, ModelConfig, PlannerConfig},
+    document,
     hunt::HuntConfig,
     log::{LOG_VERSION, LogHeader, LoggedBeacon},
     registry::{DEFAULT_ESTIMATOR, EstimatorEntry, Field, HuntParts, Registry},
@@ -137,7 +138,7 @@ impl FlightConfig {
     ///
     /// [`FlyError`] names the file, the line and the field.
     pub fn parse(text: &str, file: &str) -> Result<Self, FlyError> {
-        let mut config: Self = toml::from_str(text)
+        let mut config: Self = document::from_toml(text)
             .map_err(|source| FlyError::Parse { file: file.to_owned(), source })?;
         let there = || {
             let terrain = config.terrain.as_ref()?;

@@ -9,6 +9,7 @@ use serde::{
 };
 
 use super::{BearingSection, CalibrationFileError, PathLossSection, StationPlace, StationSection};
+use crate::document;
 
 /// The version of the file that this program writes and reads.
 pub const CALIBRATION_VERSION: u32 = 1;
@@ -103,6 +104,7 @@ impl CalibrationFile {
     /// # Errors
     ///
     /// [`CalibrationFileError`] names the file, and the line or the number that is wrong.
+    #[inline]
     pub fn read(path: &Path) -> Result<Self, CalibrationFileError> {
         let file = path.display().to_string();
         let text = fs::read_to_string(path)
@@ -115,8 +117,9 @@ impl CalibrationFile {
     /// # Errors
     ///
     /// As [`read`](Self::read).
+    #[inline]
     pub fn parse(text: &str, file: &str) -> Result<Self, CalibrationFileError> {
-        let read: Self = toml::from_str(text)
+        let read: Self = document::from_toml(text)
             .map_err(|source| CalibrationFileError::Parse { file: file.to_owned(), source })?;
         let version = read.foxhunt_calibration;
         if version != CALIBRATION_VERSION {

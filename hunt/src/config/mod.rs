@@ -1,9 +1,6 @@
 //! Parts picked at run time: what stands in files and on the command line.
 
-mod boxed;
-mod estimator;
 mod extractor;
-mod filter;
 mod model;
 mod planner;
 mod pulses;
@@ -12,14 +9,15 @@ mod shape;
 mod source;
 mod terrain;
 
-pub use boxed::{BoxedEstimator, CloneEstimator};
-pub use estimator::{EstimatorConfig, MovingConfig};
 pub use extractor::{
     BoxedExtractor, ExtractorConfig, ExtractorConfigError, KnownAntennaConfig, LobeConfig,
 };
-pub use filter::{AnyModel, AnyMotion, FilterConfig, GateConfig, OutlierConfig, Prior};
+pub use foxhunt_estimators::{
+    AnyModel, AnyMotion, BoxedEstimator, CloneEstimator, EstimatorConfig, FilterConfig, FilterOf,
+    GateConfig, MovingConfig, OutlierConfig, Prior, ReceiverModel,
+};
 pub(crate) use model::FREQUENCY_MHZ;
-pub use model::{ModelConfig, ModelError, ReceiverModel};
+pub use model::{ModelConfig, ModelError};
 pub use planner::{PlannerConfig, PlannerConfigError};
 pub use pulses::{PulseLevelConfig, PulseModel};
 pub use registry_error::RegistryError;

@@ -8,7 +8,7 @@ use foxhunt_sensors::{
 use foxhunt_sim::{ReliefConfig, ReliefError};
 use serde::{Deserialize, Serialize};
 
-use super::{ModelTerrain, PulseLevelConfig, PulseModel};
+use super::{ModelTerrain, PulseLevelConfig, PulseModel, ReceiverModel};
 
 /// What an estimator takes for the law of propagation, P(d) = P₀ − 10 γ log₁₀ d, for the
 /// antenna's vertical pattern, and for the terrain.
@@ -38,9 +38,6 @@ pub struct ModelConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub terrain: Option<ModelTerrain>,
 }
-
-/// A model of signal strength and bearing, as hunts have it.
-pub type ReceiverModel = OverTerrain<WithElevationPattern<RssBearing<LogDistance>>, SharedTerrain>;
 
 /// What the loss over terrain is computed with where nothing else is known, in MHz.
 pub(crate) const FREQUENCY_MHZ: f64 = 2440.0;

@@ -11,7 +11,6 @@ mod machine;
 mod outbox;
 mod place_estimate;
 mod tapped;
-mod track;
 
 pub use cloud::cloud;
 pub use command::Command;
@@ -22,7 +21,9 @@ pub use drive::{
 };
 pub use error::HuntError;
 pub use event::{Event, Fix, FlightStage};
+pub use foxhunt_estimators::{
+    Components, TimeStep, Track, TrackConfig, TrackError, TrackStep, WithoutBearing,
+};
 pub use machine::{Believed, Hunt, Parts, Search, Tracks};
 pub use place_estimate::PlaceEstimate;
 pub use tapped::{Tap, Tapped};
-pub use track::{Components, TimeStep, Track, TrackConfig, TrackError, TrackStep, WithoutBearing};

@@ -4,7 +4,7 @@ use std::{
 };
 
 use super::{LOG_VERSION, LogHeader, OLDEST_LOG_VERSION};
-use crate::hunt::Event;
+use crate::{document, hunt::Event};
 
 /// A log that was read.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +23,7 @@ impl Log {
     /// # Errors
     ///
     /// [`LogError`] names the file and the line.
+    #[inline]
     pub fn read(path: &Path) -> Result<Self, LogError> {
         let failed = |source| LogError::Read { path: path.to_owned(), source };
         let text = match String::from_utf8(fs::read(path).map_err(failed)?) {
@@ -43,11 +44,12 @@ impl Log {
     /// # Errors
     ///
     /// [`LogError`] names the file and the line.
+    #[inline]
     pub fn parse(text: &str, path: &Path) -> Result<Self, LogError> {
         let path = || path.to_owned();
         let mut lines = text.lines().enumerate();
         let (_, first) = lines.next().ok_or_else(|| LogError::Empty { path: path() })?;
-        let version = serde_json::from_str::<Version>(first)
+        let version = document::from_json::<Version>(first)
             .map_err(|source| LogError::NotALog { path: path(), source })?
             .foxhunt_log;
         if !(OLDEST_LOG_VERSION..=LOG_VERSION).contains(&version) {
@@ -55,12 +57,12 @@ impl Log {
         }
         let broken =
             |line: usize| move |source| LogError::Line { path: path(), line: line + 1, source };
-        let header = serde_json::from_str(first).map_err(broken(0))?;
+        let header = document::from_json(first).map_err(broken(0))?;
         let mut events = Vec::new();
         let mut torn = false;
         let last = text.lines().count() - 1;
         for (index, line) in lines {
-            match serde_json::from_str(line) {
+            match document::from_json(line) {
                 Ok(event) => events.push(event),
                 Err(_) if index == last && !text.ends_with('\n') => torn = true,
                 Err(source) => return Err(broken(index)(source)),

@@ -6,13 +6,16 @@ use foxhunt_core::{
     EstimatorError, Intake, MeasurementModel, Observation, ObservationError, Pose, Quantity,
     RandomWalk, Reception,
 };
-use foxhunt_filters::{Ckf, DirectionalGrid, Gate, Iterations, MomentGrid};
+use foxhunt_filters::{DirectionalGrid, MomentGrid};
 use foxhunt_sensors::{BearingOnly, DifferentialRss, MagneticDipole, RangeDifference, Stacked};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use super::{EstimatorEntry, Need, Needs, TrackRequest, estimators::STILL};
+use super::{
+    EstimatorEntry, Need, Needs, TrackRequest,
+    estimators::{ITERATIONS, STILL},
+};
 use crate::{
-    config::AnyModel,
+    config::{FilterConfig, FilterOf, GateConfig},
     hunt::{Track, TrackConfig},
 };
 
@@ -169,11 +172,17 @@ fn reference(request: &TrackRequest<'_>) -> Result<Vector3<f64>, EstimatorError>
 fn track<const M: usize>(
     request: &TrackRequest<'_>,
     model: impl MeasurementModel<2, M> + 'static,
-) -> Result<Track, EstimatorError> {
-    // Built here, not by `FilterConfig`, which would compile every filter for every M.
-    let model: AnyModel<2, M> = Arc::new(model);
-    let filter = Ckf::new(RandomWalk::uniform(STILL), model, request.search.prior)?
-        .with_gate(Gate::probability(0.999)?)
-        .with_iterations(Iterations::at_most(10)?);
+) -> Result<Track, EstimatorError>
+where
+    FilterConfig: FilterOf<2, M>,
+{
+    let filter = FilterConfig::Cubature {
+        gate: GateConfig::Probability(0.999),
+        outliers: None,
+        iterations: ITERATIONS,
+    };
+    let walk = Arc::new(RandomWalk::uniform(STILL));
+    let seed = request.seed;
+    let filter = filter.build(walk, Arc::new(model), &request.search.prior, seed)?;
     Ok(Track::new::<2, M>(filter, TrackConfig::default()))
 }

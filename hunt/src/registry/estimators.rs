@@ -22,7 +22,7 @@ const PRITZL_PRIOR_SIGMA_M: f64 = 8.366_600_265_340_756;
 
 /// Enough for what follows to change an iterated update by less than the filter's own tolerance;
 /// most end after 3 to 6.
-const ITERATIONS: u32 = 10;
+pub(super) const ITERATIONS: u32 = 10;
 
 /// The root of 0.19572 m², the other reading of what is printed there.
 const PRITZL_VARIANCE_DRIFT: f64 = 0.442_402_531_638_326;

@@ -214,8 +214,12 @@ fn find<'a, E>(
 
 #[cfg(test)]
 mod tests {
+    use foxhunt_core::{Estimate, EstimatorError};
+    use foxhunt_sensors::{LogDistance, RssBearing};
+    use nalgebra::Vector2;
+
     use super::*;
-    use crate::config::FilterConfig;
+    use crate::config::{EstimatorConfig, FilterConfig};
 
     #[test]
     fn names_are_found_and_differ() {
@@ -246,5 +250,29 @@ mod tests {
         assert_eq!(registry.estimators().len(), count + 1);
         assert_eq!(settings(&registry, "tiny"), small);
         assert_eq!(settings(&registry, "ukf"), small);
+    }
+
+    #[test]
+    fn settings_that_would_not_be_used_are_refused() {
+        let model = RssBearing::new(LogDistance::new(-29.06, 2.765).expect("in range"));
+        let prior = Estimate::isotropic(Vector2::zeros(), 10.0);
+        let registry = Registry::builtin();
+        let config = |name| {
+            let entry = registry.estimator(name).expect("it has a name");
+            *entry.settings().expect("a stream estimator of the program")
+        };
+        let refused = |config: EstimatorConfig| match config.build(model, &prior, 1).err() {
+            Some(EstimatorError::Unsupported { what }) => what,
+            other => panic!("{other:?}"),
+        };
+        let late = EstimatorConfig { lag_s: Some(5.0), ..config("ukf-pritzl2018") };
+        assert!(refused(late).contains("lag_s"));
+        let moving = EstimatorConfig { power_sigma_db: Some(5.0), ..config("imm") };
+        assert!(refused(moving).contains("power_sigma_db"));
+        let cloud =
+            EstimatorConfig { power_sigma_db: None, ..config("particle-rao-blackwellised") };
+        assert!(refused(cloud).contains("reference power"));
+        let seconds = EstimatorConfig { lag_s: Some(5.0), ..config("ukf") };
+        assert!(seconds.build(model, &prior, 1).is_ok());
     }
 }

@@ -28,6 +28,7 @@ pub(super) fn text_of(name: &str) -> Option<&'static str> {
 
 /// The scenarios that need no file.
 #[must_use]
+#[inline]
 pub fn builtin_scenarios() -> Vec<Scenario> {
     TEXTS
         .iter()

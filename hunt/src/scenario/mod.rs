@@ -22,6 +22,7 @@ use crate::{
     config::{
         ExtractorConfig, ExtractorConfigError, ModelConfig, PlannerConfig, Questions, SourceConfig,
     },
+    document,
     hunt::{BoxedSource, HuntConfig},
     registry::{EstimatorEntry, Field, HuntParts, Registry, RegistryError},
 };
@@ -88,6 +89,7 @@ impl Scenario {
     /// # Errors
     ///
     /// [`ScenarioError`] names the file, the line and the field.
+    #[inline]
     pub fn find(name_or_path: &str) -> Result<Self, ScenarioError> {
         if let Some(text) = builtin::text_of(name_or_path) {
             return Self::parse(text, name_or_path);
@@ -116,8 +118,9 @@ impl Scenario {
     /// # Errors
     ///
     /// [`ScenarioError`] names the file, the line and the field.
+    #[inline]
     pub fn parse(text: &str, file: &str) -> Result<Self, ScenarioError> {
-        let mut scenario: Self = toml::from_str(text)
+        let mut scenario: Self = document::from_toml(text)
             .map_err(|source| ScenarioError::Parse { file: file.to_owned(), source })?;
         let SimulationConfig { tick_s, limit_s } = scenario.simulation;
         for (field, value, range) in

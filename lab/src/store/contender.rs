@@ -1,6 +1,8 @@
 use std::fmt::Write as _;
 
-use foxhunt_hunt::{config::EstimatorConfig, registry::EstimatorEntry, scenario::Scenario};
+use foxhunt_hunt::{
+    config::EstimatorConfig, document, registry::EstimatorEntry, scenario::Scenario,
+};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
@@ -67,7 +69,7 @@ impl StoredCampaign {
         scenario: &Scenario,
         beacons: Vec<String>,
     ) -> Result<Self, StoreError> {
-        let definition = toml::to_string(&CampaignText { program, planner, scenario })?;
+        let definition = document::to_toml(&CampaignText { program, planner, scenario })?;
         Ok(Self {
             id: 0,
             digest: digest(&[&definition]),
@@ -86,7 +88,7 @@ impl Contender {
         estimator: &EstimatorEntry,
     ) -> Result<Self, StoreError> {
         let text = ContenderText { estimator: &estimator.name, settings: estimator.settings() };
-        let definition = toml::to_string(&text)?;
+        let definition = document::to_toml(&text)?;
         Ok(Self {
             id: 0,
             campaign: campaign.id,

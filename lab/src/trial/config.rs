@@ -1,6 +1,7 @@
 use std::{fs, path::Path};
 
 use foxhunt_core::parameter::{ParameterError, finite, not_negative, positive, require};
+use foxhunt_hunt::document;
 use serde::{Deserialize, Serialize};
 
 use super::TrialError;
@@ -209,7 +210,7 @@ impl Trial {
     ///
     /// [`TrialError`] names the file, the line and the field.
     pub fn parse(text: &str, file: &str) -> Result<Self, TrialError> {
-        let trial: Self = toml::from_str(text)
+        let trial: Self = document::from_toml(text)
             .map_err(|source| TrialError::Parse { file: file.to_owned(), source })?;
         let wrong = |error| TrialError::Field { trial: file.to_owned(), error };
         trial.check().map_err(wrong)?;

@@ -2,7 +2,9 @@ use std::sync::Arc;
 
 use foxhunt_core::{BeaconId, ConstantVelocity, Estimate, EstimatorError, RandomWalk};
 use foxhunt_hunt::{
-    config::{AnyMotion, EstimatorConfig, GateConfig, OutlierConfig, Prior as _},
+    config::{
+        AnyMotion, EstimatorConfig, FilterConfig, FilterOf, GateConfig, OutlierConfig, Prior as _,
+    },
     hunt::{Components, Search, TimeStep, Track},
     registry::{EstimatorEntry, Need, TrackRequest},
 };
@@ -105,7 +107,10 @@ fn build<const N: usize>(
     motion: AnyMotion<N>,
     prior: &Prior,
     seed: u64,
-) -> Result<Track, TrialError> {
+) -> Result<Track, TrialError>
+where
+    FilterConfig: FilterOf<N, 1>,
+{
     let bearings = &trial.bearings;
     let share = bearings.outlier_share;
     let mut model = BearingOnly::new().with_bias(bearings.bias_rad)?;
@@ -120,7 +125,7 @@ fn build<const N: usize>(
         filter = filter.with_gate(GateConfig::Open);
     }
     let estimator: Result<_, EstimatorError> =
-        filter.build::<N, 1>(motion, Arc::new(model), &Leading(prior), seed);
+        filter.build(motion, Arc::new(model), &Leading(prior), seed);
     Ok(Track::new::<N, 1>(estimator?, settings.track))
 }
 

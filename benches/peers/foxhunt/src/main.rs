@@ -6,9 +6,9 @@ use common::{Beacon, Bearing, Bearings, Call, Cloud, Kalman, Measured};
 use foxhunt_core::{Estimate, Estimator, Observation};
 use foxhunt_filters::Resampling;
 
-#[path = "../../../../filters/benches/beacon/mod.rs"]
+#[path = "../../../../benches/beacon/mod.rs"]
 mod beacon;
-#[path = "../../../../filters/benches/bearings/mod.rs"]
+#[path = "../../../../benches/bearings/mod.rs"]
 mod bearings;
 
 /// Writes the problems.

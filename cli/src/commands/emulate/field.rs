@@ -4,6 +4,7 @@ use std::{
 };
 
 use foxhunt::{
+    document,
     fly::{EmulatedField, EmulatedFieldConfig, EmulatedPorts, FlightConfig},
     scenario::Scenario,
     sim::{Emulator, World},
@@ -53,7 +54,7 @@ pub(super) fn place(args: &Args, scenario: &Scenario, world: &World) -> Result<P
     fs::create_dir_all(&folder).map_err(|error| CliError::writing(&folder, error))?;
     let folder = folder.canonicalize().map_err(|error| CliError::writing(&folder, error))?;
     let field = EmulatedField::new(scenario, world, &config, &folder).map_err(CliError::input)?;
-    let text = toml::to_string(field.flight()).map_err(CliError::failure)?;
+    let text = document::to_toml(field.flight()).map_err(CliError::failure)?;
     fs::write(&args.config, text).map_err(|error| CliError::writing(&args.config, error))?;
     let endpoint = args.config.display().to_string();
     Ok(Placed { device: "field", endpoint, emulator: Box::new(Whole(field)) })
@@ -66,7 +67,7 @@ fn config(path: Option<&Path>) -> Result<EmulatedFieldConfig, CliError> {
         CliError::input(InFile { file: path.display().to_string(), source })
     };
     let text = fs::read_to_string(path).map_err(|error| wrong(error.into()))?;
-    toml::from_str(&text).map_err(|error| wrong(error.into()))
+    document::from_toml(&text).map_err(|error| wrong(error.into()))
 }
 
 /// A field that is flown by this program, in its own time.

@@ -5,6 +5,7 @@ use std::{
 };
 
 use foxhunt::{
+    document,
     sim::{EmulatedRtlTcp, EmulatedRtlTcpConfig, Emulator, PlayedPulse, World},
     wire::TcpServerStream,
 };
@@ -82,7 +83,7 @@ impl Args {
             CliError::input(InFile { file: path.display().to_string(), source })
         };
         let text = fs::read_to_string(path).map_err(|error| wrong(error.into()))?;
-        toml::from_str(&text).map_err(|error| wrong(error.into()))
+        document::from_toml(&text).map_err(|error| wrong(error.into()))
     }
 }
 

@@ -18,7 +18,7 @@ use clap::value_parser;
 #[cfg(all(unix, feature = "hardware"))]
 use foxhunt::fly::EmulatedFlight;
 use foxhunt::{
-    Experiment, Runner,
+    Experiment, Runner, document,
     registry::Registry,
     scenario::Scenario,
     soak::{SoakFailure, SoakFlight},
@@ -286,14 +286,14 @@ fn keep(
         Kind::Devices => {
             let fails = |flight: &EmulatedFlight| fails(&devices::fly(flight, registry));
             let flight = devices::minimal(EmulatedFlight::draw(seed), fails);
-            let text = toml::to_string(&flight.field).map_err(CliError::failure)?;
+            let text = document::to_toml(&flight.field).map_err(CliError::failure)?;
             let again = format!("foxhunt soak --runs 1 --seed {seed}");
             (out.join(format!("{seed}.toml")), text.into_bytes(), again)
         }
         Kind::Flight => {
             let fails = |flight: &SoakFlight| fails(&fly(flight, registry));
             let SoakFlight { scenario, .. } = SoakFlight::draw(registry, seed).minimal(fails);
-            let text = toml::to_string(&scenario).map_err(CliError::failure)?;
+            let text = document::to_toml(&scenario).map_err(CliError::failure)?;
             let file = out.join(format!("{seed}.toml"));
             let again = again_with(&file, seed);
             (file, text.into_bytes(), again)

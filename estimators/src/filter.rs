@@ -13,7 +13,7 @@ use foxhunt_filters::{
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 use serde::{Deserialize, Serialize};
 
-use super::BoxedEstimator;
+use crate::BoxedEstimator;
 
 /// How a target moves, of any kind: filters are compiled once for each size of state.
 pub type AnyMotion<const N: usize> = Arc<dyn MotionModel<N>>;
@@ -218,7 +218,7 @@ pub enum GateConfig {
 }
 
 impl GateConfig {
-    pub(crate) fn build(self) -> Result<Gate, EstimatorError> {
+    fn build(self) -> Result<Gate, EstimatorError> {
         match self {
             Self::Open => Ok(Gate::open()),
             Self::Probability(probability) => Gate::probability(probability),
@@ -227,13 +227,47 @@ impl GateConfig {
     }
 }
 
-impl FilterConfig {
+/// A filter over states of N and measurements of M components.
+///
+/// It is implemented for the sizes of hunts and trials, each compiled here and nowhere else.
+pub trait FilterOf<const N: usize, const M: usize> {
     /// Builds the filter over two models and a prior; `seed` is for those that draw random numbers.
     ///
     /// # Errors
     ///
     /// [`EstimatorError`] when the prior or a parameter does not make one.
-    pub fn build<const N: usize, const M: usize>(
+    fn build(
+        &self,
+        motion: AnyMotion<N>,
+        model: AnyModel<N, M>,
+        prior: &dyn Prior<N>,
+        seed: u64,
+    ) -> Result<BoxedEstimator<N, M>, EstimatorError>;
+}
+
+macro_rules! filters_of {
+    ($(($n:literal, $m:literal)),+) => {$(
+        impl FilterOf<$n, $m> for FilterConfig {
+            fn build(
+                &self,
+                motion: AnyMotion<$n>,
+                model: AnyModel<$n, $m>,
+                prior: &dyn Prior<$n>,
+                seed: u64,
+            ) -> Result<BoxedEstimator<$n, $m>, EstimatorError> {
+                self.of_size(motion, model, prior, seed)
+            }
+        }
+    )+};
+}
+
+// A place with its level and bearing, with the reference power, and with the exponent or a velocity;
+// a place, and one with its velocity, of bearings or differences alone.
+filters_of!((2, 2), (3, 2), (4, 2), (2, 1), (4, 1));
+
+impl FilterConfig {
+    /// Builds the filter for a size that this package has.
+    pub(crate) fn of_size<const N: usize, const M: usize>(
         &self,
         motion: AnyMotion<N>,
         model: AnyModel<N, M>,
@@ -327,7 +361,7 @@ impl FilterConfig {
 
     /// A grid as [`build`](Self::build) makes it, but for a model with cliffs; `None` for any other
     /// filter.
-    pub(super) fn grid_with_cliffs(&self) -> Result<Option<GridConfig>, EstimatorError> {
+    pub(crate) fn grid_with_cliffs(&self) -> Result<Option<GridConfig>, EstimatorError> {
         let Self::Grid { side, level_noise_spread } = *self else { return Ok(None) };
         Ok(Some(GridConfig { cliffs: true, ..grid_config(side, level_noise_spread)? }))
     }
@@ -416,40 +450,7 @@ const FEWEST: usize = 500;
 ///
 /// [`EstimatorError::Parameter`] when there are too many: a number from a file must not be able to
 /// take all memory there is.
-pub(super) fn generator(count: usize, seed: u64) -> Result<Xoshiro256PlusPlus, EstimatorError> {
+pub(crate) fn generator(count: usize, seed: u64) -> Result<Xoshiro256PlusPlus, EstimatorError> {
     in_range("count", as_value(count), 0.0..=as_value(MOST_PARTICLES), "at most 10 000 000")?;
     Ok(Xoshiro256PlusPlus::seed_from_u64(seed))
-}
-
-#[cfg(test)]
-mod tests {
-    use foxhunt_sensors::{LogDistance, RssBearing};
-
-    use super::*;
-
-    #[test]
-    fn an_update_is_linearised_once_by_default() {
-        let read = |kind: &str, rest: &str| {
-            let text = format!(r#"{{"kind": "{kind}", "gate": "open"{rest}}}"#);
-            serde_json::from_str::<FilterConfig>(&text)
-        };
-        for (kind, rest) in
-            [("ekf", ""), ("cubature", ""), ("ukf", r#", "alpha": 1, "beta": 2, "kappa": 0"#)]
-        {
-            let bare = read(kind, rest).expect("as it was before there were iterations");
-            for (iterations, same) in [(1, true), (2, false)] {
-                let given = read(kind, &format!(r#"{rest}, "iterations": {iterations}"#));
-                assert_eq!(given.expect("in order") == bare, same, "{kind}, {iterations}");
-            }
-            let never = read(kind, &format!(r#"{rest}, "iterations": 0"#)).expect("a number");
-            let model = RssBearing::new(LogDistance::new(-29.06, 2.765).expect("in range"));
-            let walk = Arc::new(RandomWalk::uniform(0.1));
-            let prior = Estimate::isotropic(State::<2>::zeros(), 1.0);
-            let refused = never.build::<2, 2>(walk, Arc::new(model), &prior, 0).err();
-            let Some(EstimatorError::Parameter(error)) = refused else {
-                panic!("{kind}: {refused:?}");
-            };
-            assert_eq!(error.name, "iterations", "{kind}");
-        }
-    }
 }

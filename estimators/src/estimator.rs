@@ -5,12 +5,20 @@ use foxhunt_core::{
     parameter::{not_negative, positive},
 };
 use foxhunt_filters::{GridConfig, GridFilter, Handover, Leading, OutOfOrder, RaoBlackwellised};
-use foxhunt_sensors::{FreePathLossRssBearing, FreePowerRssBearing, OverTerrain, SharedTerrain};
+use foxhunt_sensors::{
+    FreePathLossRssBearing, FreePowerRssBearing, LogDistance, OverTerrain, RssBearing,
+    SharedTerrain, WithElevationPattern,
+};
 use nalgebra::Vector4;
 use serde::{Deserialize, Serialize};
 
-use super::{AnyModel, AnyMotion, BoxedEstimator, FilterConfig, ReceiverModel, filter::generator};
-use crate::hunt::{TimeStep, Track, TrackConfig};
+use crate::{
+    AnyModel, AnyMotion, BoxedEstimator, FilterConfig, TimeStep, Track, TrackConfig,
+    filter::generator,
+};
+
+/// A model of signal strength and bearing, as hunts have it.
+pub type ReceiverModel = OverTerrain<WithElevationPattern<RssBearing<LogDistance>>, SharedTerrain>;
 
 /// An estimator: a filter, what it takes for known, and how receptions are put to it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -194,14 +202,14 @@ impl EstimatorConfig {
             return Ok(Box::new(GridFilter::new(walk, model, *prior, config)?));
         }
         let Some(observations) = self.start_on_grid else {
-            return filter.build(walk, model, prior, seed);
+            return filter.of_size(walk, model, prior, seed);
         };
         // What cannot be built fails now, not after the first observations.
-        let _ = filter.build::<N, M>(Arc::clone(&walk), Arc::clone(&model), prior, seed)?;
+        let _ = filter.of_size::<N, M>(Arc::clone(&walk), Arc::clone(&model), prior, seed)?;
         let config = GridConfig { cliffs, ..GridConfig::default() };
         let grid = GridFilter::new(Arc::clone(&walk), Arc::clone(&model), *prior, config)?;
         let build = move |first: Estimate<N>| {
-            filter.build(Arc::clone(&walk), Arc::clone(&model), &first, seed)
+            filter.of_size(Arc::clone(&walk), Arc::clone(&model), &first, seed)
         };
         Ok(Box::new(Handover::new(grid, observations, build)))
     }
@@ -224,7 +232,7 @@ impl EstimatorConfig {
             let still = Vector4::new(place.mean.x, place.mean.y, 0.0, 0.0);
             let mut prior = Estimate::isotropic(still, speed_sigma);
             prior.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&place.covariance);
-            let whole = filter.build(Arc::clone(&motion), Arc::clone(&model), &prior, seed)?;
+            let whole = filter.of_size(Arc::clone(&motion), Arc::clone(&model), &prior, seed)?;
             Ok(Leading::<_, 4>::new(whole))
         };
         let whole = build(*prior)?;
@@ -267,38 +275,5 @@ where
     match model.loss() {
         Some(_) => Arc::new(model),
         None => Arc::new(model.model().clone()),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use foxhunt_sensors::{LogDistance, RssBearing};
-    use nalgebra::Vector2;
-
-    use super::*;
-    use crate::registry::Registry;
-
-    #[test]
-    fn settings_that_would_not_be_used_are_refused() {
-        let model = RssBearing::new(LogDistance::new(-29.06, 2.765).expect("in range"));
-        let prior = Estimate::isotropic(Vector2::zeros(), 10.0);
-        let registry = Registry::builtin();
-        let config = |name| {
-            let entry = registry.estimator(name).expect("it has a name");
-            *entry.settings().expect("a stream estimator of the program")
-        };
-        let refused = |config: EstimatorConfig| match config.build(model, &prior, 1).err() {
-            Some(EstimatorError::Unsupported { what }) => what,
-            other => panic!("{other:?}"),
-        };
-        let late = EstimatorConfig { lag_s: Some(5.0), ..config("ukf-pritzl2018") };
-        assert!(refused(late).contains("lag_s"));
-        let moving = EstimatorConfig { power_sigma_db: Some(5.0), ..config("imm") };
-        assert!(refused(moving).contains("power_sigma_db"));
-        let cloud =
-            EstimatorConfig { power_sigma_db: None, ..config("particle-rao-blackwellised") };
-        assert!(refused(cloud).contains("reference power"));
-        let seconds = EstimatorConfig { lag_s: Some(5.0), ..config("ukf") };
-        assert!(seconds.build(model, &prior, 1).is_ok());
     }
 }

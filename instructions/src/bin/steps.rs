@@ -1,8 +1,8 @@
 //! Runs one filter for so many steps, so that what one step costs can be counted:
 //!
 //! ```sh
-//! cargo build --release -p foxhunt-filters --example steps
-//! valgrind --tool=callgrind target/release/examples/steps ukf 48000
+//! cargo build --release -p foxhunt-instructions --bin steps
+//! valgrind --tool=callgrind target/release/steps ukf 48000
 //! ```
 //!
 //! The difference of two counts is what the steps between them cost.
@@ -11,7 +11,7 @@ use std::{error::Error, hint::black_box};
 
 use foxhunt_core::{Estimate, Estimator, Observation};
 
-#[path = "../benches/beacon/mod.rs"]
+#[path = "../../../benches/beacon/mod.rs"]
 mod beacon;
 
 fn run<E: Estimator<2, 2> + ?Sized>(filter: &mut E, steps: usize) -> Result<(), Box<dyn Error>> {
