@@ -12,8 +12,8 @@ const isChanged = () => received.some((one) => Boolean(one.struck) !== one.origi
 const struckOnes = () => received.filter((one) => one.struck);
 
 // The list as `foxhunt replay --ignore` and `foxhunt locate --ignore` read it.
-function struckText() {
-  const lines = new Set(struckOnes().map(({ id }) => idText(id)));
+function struckText(ones = struckOnes()) {
+  const lines = new Set(ones.map(({ id }) => idText(id)));
   return `${[JSON.stringify({ foxhunt_struck: 1 }), ...lines].join("\n")}\n`;
 }
 
@@ -142,9 +142,9 @@ async function compile() {
   return WebAssembly.compile(await new Response(inflated).arrayBuffer());
 }
 
-async function replayed() {
+async function replayed(list = struckText()) {
   number += 1;
-  const mine = number, input = `${logLines.join("\n")}\n\n${struckText()}`;
+  const mine = number, input = `${logLines.join("\n")}\n\n${list}`;
   replayer ||= compile();
   const module = await replayer;
   if (mine !== number) return null;
@@ -193,6 +193,23 @@ function moved() {
   }).filter(Boolean).join(", ");
 }
 
+// Metres that rounding in the page may account for.
+const ROUNDED = 0.01;
+
+// How far the page's own estimators are from the program that wrote the page where nothing was changed, in metres;
+// null until they have run. They may be of an older version.
+let drift = null;
+
+function driftOf(result) {
+  const apart = data.searches.map((search, index) => {
+    const [now, before] = [result.searches[index].beliefs.at(-1), search.original.at(-1)];
+    return now && before ? Math.hypot(now.place[0] - before.place[0], now.place[1] - before.place[1]) : Number(Boolean(now) !== Boolean(before));
+  });
+  return Math.max(0, ...apart);
+}
+
+const driftText = () => (drift > ROUNDED ? ` The estimators in this page are older than the program that wrote it: with nothing changed their place differs by ${fixed(drift, 2)} m. Save the list for ${readsList()}.` : "");
+
 async function restrike() {
   showStruck();
   shownTurn = undefined;
@@ -211,11 +228,16 @@ async function restrike() {
   strikeStatus(`${receptions}; replaying …`);
   const begun = performance.now();
   try {
+    if (drift === null && !data.live) {
+      const unchanged = await replayed(struckText(received.filter((one) => one.original.struck)));
+      if (!unchanged) return;
+      drift = driftOf(unchanged);
+    }
     const result = await replayed();
     if (!result) return;
     showReplayed(result);
     if (again) { again = false; restrike(); return; }
-    strikeStatus(`${receptions}: ${moved()} (replayed in ${fixed((performance.now() - begun) / 1000, 1)} s).`);
+    strikeStatus(`${receptions}: ${moved()} (replayed in ${fixed((performance.now() - begun) / 1000, 1)} s).${driftText()}`);
   } catch (error) {
     strikeStatus(`${receptions}. The page cannot replay: ${error.message}`);
   }
