@@ -2,7 +2,6 @@
 
 mod cell;
 mod confidence;
-mod config;
 #[cfg(feature = "alloc")]
 mod direct;
 #[cfg(feature = "alloc")]
