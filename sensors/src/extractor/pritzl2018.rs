@@ -4,7 +4,7 @@ use foxhunt_core::{
     parameter::{ParameterError, not_negative, positive, require},
 };
 
-use super::{Cell, Pattern, resultant_confidence};
+use super::{Cell, Pattern, resultant_confidence, rounding::LEAST_RESULTANT};
 
 /// The reference extractor (Pritzl 2018, §4.1–4.2): the level is the mean over the turn, the
 /// bearing the angle of the moving mean's maximum, its σ the reach of the lobe about it.
@@ -136,9 +136,6 @@ impl Pritzl2018 {
         Ok(Bearing { angle, sigma: reach, confidence: resultant_confidence(pattern) })
     }
 }
-
-/// A resultant shorter than this is rounding: the strongest positions cancel.
-const LEAST_RESULTANT: f64 = 1e-9;
 
 /// The positions whose rounded moving mean is at least `level`.
 fn above(pattern: &Pattern, level: f64) -> impl Iterator<Item = &Cell> {
