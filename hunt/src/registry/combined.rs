@@ -10,11 +10,15 @@ use foxhunt_filters::{Ckf, DirectionalGrid, Gate, Iterations, MomentGrid};
 use foxhunt_sensors::{BearingOnly, DifferentialRss, MagneticDipole, RangeDifference, Stacked};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use super::{EstimatorEntry, Need, Needs, TrackRequest, estimators::STILL};
+use super::{EstimatorEntry, Need, Needs, TrackRequest};
 use crate::{
     config::AnyModel,
     hunt::{Track, TrackConfig},
 };
+
+/// The random walk of a still beacon, m/√s: a few decimetres over a hunt, so that nothing
+/// freezes.
+pub(super) const STILL: f64 = 0.02;
 
 /// The entries.
 pub(super) fn builtin() -> Vec<EstimatorEntry> {

@@ -3,15 +3,15 @@ use std::f64::consts::TAU;
 #[cfg(feature = "batch")]
 use foxhunt_filters::Loss;
 
-use super::{EstimatorEntry, combined, locators};
+use super::{
+    EstimatorEntry,
+    combined::{self, STILL},
+    locators,
+};
 use crate::{
     config::{EstimatorConfig, FilterConfig, GateConfig, MovingConfig, OutlierConfig},
     hunt::{Components, TimeStep, TrackConfig, WithoutBearing},
 };
-
-/// The random walk of a still beacon, m/√s: a few decimetres over a hunt, so that nothing
-/// freezes.
-pub(super) const STILL: f64 = 0.02;
 
 /// The reference's random walk in metres per step: q² is 0.1957², its exponent lost in print
 /// (Pritzl 2018, §4.4).
