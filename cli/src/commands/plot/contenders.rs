@@ -5,7 +5,7 @@ use std::{fs, path::PathBuf};
 use foxhunt::picture::{Ratios, ratios_svg};
 use serde::Deserialize;
 
-use super::Drawing;
+use super::drawing::Drawing;
 #[cfg(feature = "store")]
 use crate::commands::{results, storing};
 use crate::{
