@@ -1,12 +1,19 @@
 //! Who may import whom: reads the manifests and fails on any edge that the architecture does not
-//! have, on circles between the modules of a package, and on clocks and self-seeded generators
-//! where there must be none.
+//! have, on circles between the files of a package, and on clocks and self-seeded generators where
+//! there must be none.
+
+#[path = "layering/modules.rs"]
+mod modules;
+#[path = "layering/tokens.rs"]
+mod tokens;
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeSet,
     fs,
     path::{Path, PathBuf},
 };
+
+use modules::Package;
 
 /// Each package's folder and the foxhunt packages that its dependencies may name. Tests may besides
 /// name the package itself, to have all of its features, and `foxhunt-core` with its laws; those of
@@ -101,131 +108,25 @@ fn no_new_edges() {
     }
 }
 
-/// The modules at the top of a package import each other in one direction only.
+/// Files of a package import each other in one direction only, and so do whole folders.
 #[test]
 fn no_circle_between_modules() {
-    for (folder, _) in MAY_IMPORT.iter().filter(|(folder, _)| !folder.is_empty()) {
-        let source = root().join(folder).join("src");
-        let heads = ["lib.rs", "main.rs"].map(|head| source.join(head));
-        let head = heads.iter().find(|head| head.exists()).expect("a package has a first file");
-        let exports = exports(&code_of(head));
-        let mut edges: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-        let mut files = Vec::new();
-        collect(&source, &mut files);
-        for path in files {
-            let inside = path.strip_prefix(&source).expect("it was found there");
-            let first = inside.components().next().expect("a file has a name");
-            let module = Path::new(first.as_os_str()).with_extension("");
-            let module = module.to_str().expect("UTF-8").to_owned();
-            if matches!(module.as_str(), "lib" | "main" | "bin") {
-                continue;
-            }
-            let imported = imports(&code_of(&path));
-            let of = |name: String| exports.get(&name).cloned().unwrap_or(name);
-            let others = imported.into_iter().map(of).filter(|name| *name != module);
-            edges.entry(module.clone()).or_default().extend(others.collect::<Vec<_>>());
-        }
-        let known: BTreeSet<String> = edges.keys().cloned().collect();
-        for module in &known {
-            let mut open = vec![vec![module.clone()]];
-            let mut reached = BTreeSet::new();
-            while let Some(path) = open.pop() {
-                let last = path.last().expect("a path has a module");
-                for next in edges[last].iter().filter(|next| known.contains(*next)) {
-                    let way = path.join(" -> ");
-                    assert_ne!(next, module, "{folder}: a circle of modules, {way} -> {module}");
-                    if reached.insert(next.clone()) {
-                        open.push(path.iter().chain([next]).cloned().collect());
-                    }
-                }
-            }
-        }
+    let mut circles = Vec::new();
+    for (folder, _) in MAY_IMPORT {
+        let name = package(folder);
+        let found = modules_of(folder).circles().into_iter();
+        circles.extend(found.map(|circle| format!("in {name}:\n{circle}")));
     }
+    assert!(circles.is_empty(), "files import each other\n{}", circles.join("\n"));
 }
 
 /// `hunt::hunt` is the machine alone: it knows nothing of files, names and scenarios.
 #[test]
 fn the_machine_imports_no_other_module() {
-    let mut files = Vec::new();
-    collect(&root().join("hunt/src/hunt"), &mut files);
-    for path in files {
-        let imported = imports(&code_of(&path));
-        let other = imported.iter().find(|name| *name != "hunt");
-        assert_eq!(other, None, "{} imports it", path.display());
-    }
-}
-
-/// The module that each name at the root of a package comes from.
-fn exports(root: &str) -> BTreeMap<String, String> {
-    let mut exports = BTreeMap::new();
-    for statement in root.split(';') {
-        let Some((_, tree)) = statement.split_once("use ") else { continue };
-        for path in leaves(tree) {
-            if let (Some(first), Some(last)) = (path.first(), path.last())
-                && path.len() > 1
-            {
-                exports.insert(last.clone(), first.clone());
-            }
-        }
-    }
-    exports
-}
-
-/// The first segments behind `crate::` in a file.
-fn imports(code: &str) -> BTreeSet<String> {
-    let mut names = BTreeSet::new();
-    for (at, _) in code.match_indices("crate::") {
-        let rest = &code[at + "crate::".len()..];
-        let end = rest.find(';').unwrap_or(rest.len());
-        if rest.starts_with('{') {
-            names.extend(leaves(&rest[..end]).into_iter().filter_map(|path| path.first().cloned()));
-        } else {
-            let letters = |c: &char| c.is_alphanumeric() || *c == '_';
-            names.insert(rest.chars().take_while(letters).collect());
-        }
-    }
-    names
-}
-
-/// The paths that a tree of imports stands for.
-fn leaves(tree: &str) -> Vec<Vec<String>> {
-    let tree = tree.trim();
-    let Some((before, inside)) = tree.split_once('{') else {
-        let path = tree.split(" as ").next().unwrap_or(tree);
-        return vec![path.split("::").map(|segment| segment.trim().to_owned()).collect()];
-    };
-    let before: Vec<String> = before
-        .split("::")
-        .map(|segment| segment.trim().to_owned())
-        .filter(|segment| !segment.is_empty())
-        .collect();
-    let inside = inside.rsplit_once('}').map_or(inside, |(inside, _)| inside);
-    let (mut depth, mut start, mut parts) = (0_i32, 0, Vec::new());
-    for (at, letter) in inside.char_indices() {
-        match letter {
-            '{' => depth += 1,
-            '}' => depth -= 1,
-            ',' if depth == 0 => {
-                parts.push(&inside[start..at]);
-                start = at + 1;
-            }
-            _ => {}
-        }
-    }
-    parts.push(&inside[start..]);
-    let parts = parts.into_iter().filter(|part| !part.trim().is_empty());
-    let whole = |path: Vec<String>| before.iter().cloned().chain(path).collect();
-    parts.flat_map(leaves).map(whole).collect()
-}
-
-/// A file without its comments and its tests, which stand at its end.
-fn code_of(path: &Path) -> String {
-    let text = fs::read_to_string(path).expect("sources are UTF-8");
-    let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or(&text);
-    code.lines()
-        .filter(|line| !line.trim_start().starts_with("//"))
-        .map(|line| format!("{line}\n"))
-        .collect()
+    let machine = ["hunt".to_owned()];
+    let mut imports = modules_of("hunt").imports().into_iter();
+    let other = imports.find(|of| of.by.starts_with(&machine) && !of.from.starts_with(&machine));
+    assert_eq!(other.map(|import| import.text), None);
 }
 
 #[test]
@@ -247,7 +148,8 @@ fn clocks_and_output_stay_outside() {
         collect(&root().join(folder).join("src"), &mut files);
         assert!(!files.is_empty(), "no sources in {folder:?}");
         for path in files {
-            let code = code_of(&path);
+            let text = fs::read_to_string(&path).expect("sources are UTF-8");
+            let code = tokens::tokens(&text).concat();
             let forbidden = |words: &[&str]| {
                 for word in words {
                     assert!(!code.contains(word), "{}: {word} stands here", path.display());
@@ -261,6 +163,25 @@ fn clocks_and_output_stay_outside() {
             }
         }
     }
+}
+
+/// Reads the modules of a package's library, or of its program where it has no library.
+fn modules_of(folder: &str) -> Package {
+    let source = root().join(folder).join("src");
+    let has_library = source.join("lib.rs").exists();
+    let mut files = Vec::new();
+    collect(&source, &mut files);
+    let mut package = Package::default();
+    for path in files {
+        let file = path.strip_prefix(&source).expect("it was found there");
+        // Programs beside a library are packages of their own to Rust.
+        if has_library && (file == Path::new("main.rs") || file.starts_with("bin")) {
+            continue;
+        }
+        let text = fs::read_to_string(&path).expect("sources are UTF-8");
+        package.add(file.to_str().expect("UTF-8"), &text);
+    }
+    package
 }
 
 fn collect(folder: &Path, files: &mut Vec<PathBuf>) {

@@ -7,7 +7,17 @@ use std::{
     process::ExitCode,
 };
 
-use crate::CommandError;
+/// Why a command gave no result.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CommandError {
+    /// Wrong use or input; or the help that was wanted.
+    #[error("{0}")]
+    Input(String),
+    /// A failure.
+    #[error("{0}")]
+    Failure(String),
+}
 
 /// How the program ends when it does not succeed.
 #[derive(Debug, thiserror::Error)]

@@ -38,6 +38,7 @@ use std::{cell::RefCell, env, ffi::OsString, process::ExitCode};
 
 use foxhunt::registry::Registry;
 
+pub use crate::error::CommandError;
 use crate::{context::Context, output::Output};
 
 /// Runs the program on its command line, and returns what it ends with: 0 for success, 2 for wrong
@@ -80,18 +81,6 @@ pub fn run_json(
     let context = Context { output, registry, command_line: args::command };
     commands::run(cli.command, context)?;
     Ok(json.into_inner())
-}
-
-/// Why a command gave no result.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum CommandError {
-    /// Wrong use or input; or the help that was wanted.
-    #[error("{0}")]
-    Input(String),
-    /// A failure.
-    #[error("{0}")]
-    Failure(String),
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 use std::{io::Write, path::Path};
 
 use super::{
-    Bag, BagError, Message,
+    BagError,
+    contents::{Bag, Message},
     message::{Kind, Place, Use, compass, level, place, reception},
 };
 use crate::{recording::Column, surrounding::surrounding};

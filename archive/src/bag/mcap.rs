@@ -1,6 +1,10 @@
 use ::mcap::MessageStream;
 
-use super::{Bag, BagError, Message, Topic, message::Kind};
+use super::{
+    BagError,
+    contents::{Bag, Message, Topic},
+    message::Kind,
+};
 
 /// The messages of an MCAP file.
 pub(super) fn read(bytes: &[u8]) -> Result<Bag, BagError> {

@@ -2,7 +2,10 @@ use std::path::Path;
 
 use rusqlite::{Connection, OpenFlags, Result};
 
-use super::{Bag, Message, Topic, message::Kind};
+use super::{
+    contents::{Bag, Message, Topic},
+    message::Kind,
+};
 
 /// The messages of a bag's file as `rosbag2_storage_sqlite3` writes it.
 pub(super) fn read(path: &Path) -> Result<Bag> {

@@ -1,3 +1,5 @@
+use std::path::Path;
+
 use foxhunt_core::{Bearing, BearingModes, Estimate, Level};
 use foxhunt_hunt::locate::{Located, Region, Rival};
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};

@@ -1,4 +1,4 @@
-use std::sync::LazyLock;
+use std::{fs, path::Path, sync::LazyLock};
 
 use super::{Mapping, RecordingError, near_miss::near_miss};
 
@@ -31,8 +31,28 @@ pub fn builtin_mappings() -> &'static [Mapping] {
     &SHIPPED
 }
 
+impl Mapping {
+    /// The mapping of a shipped name, or else of a TOML file.
+    ///
+    /// # Errors
+    ///
+    /// [`RecordingError`] names the file, the line and the field, or lists the shipped names.
+    pub fn find(name_or_path: &str) -> Result<Self, RecordingError> {
+        if let Some(shipped) = builtin_mappings().iter().find(|m| m.name == name_or_path) {
+            return Ok(shipped.clone());
+        }
+        if !Path::new(name_or_path).exists() {
+            let name = name_or_path.to_owned();
+            return Err(RecordingError::NoSuchFormat { name, known: known() });
+        }
+        let text = fs::read_to_string(name_or_path)
+            .map_err(|source| RecordingError::Read { file: name_or_path.to_owned(), source })?;
+        Self::parse(&text, name_or_path)
+    }
+}
+
 /// The shipped formats' names.
-pub(super) fn known() -> Vec<String> {
+fn known() -> Vec<String> {
     SHIPPED.iter().map(|mapping| mapping.name.clone()).collect()
 }
 

@@ -1,10 +1,10 @@
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{collections::BTreeMap, path::Path};
 
 use foxhunt_core::parameter::FieldError;
 use foxhunt_hunt::document;
 use serde::Deserialize;
 
-use super::{Column, North, RecordingError, Source, Value, column::Kind, formats};
+use super::{Column, North, RecordingError, Source, Value, column::Kind};
 
 /// How a CSV format's columns become ours.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -148,26 +148,6 @@ fn name_in<'c>(pattern: &str, column: &'c str) -> Option<&'c str> {
 }
 
 impl Mapping {
-    /// The mapping of a shipped name, or else of a TOML file.
-    ///
-    /// # Errors
-    ///
-    /// [`RecordingError`] names the file, the line and the field, or lists the shipped names.
-    pub fn find(name_or_path: &str) -> Result<Self, RecordingError> {
-        if let Some(shipped) = formats::builtin_mappings().iter().find(|m| m.name == name_or_path) {
-            return Ok(shipped.clone());
-        }
-        if !Path::new(name_or_path).exists() {
-            return Err(RecordingError::NoSuchFormat {
-                name: name_or_path.to_owned(),
-                known: formats::known(),
-            });
-        }
-        let text = fs::read_to_string(name_or_path)
-            .map_err(|source| RecordingError::Read { file: name_or_path.to_owned(), source })?;
-        Self::parse(&text, name_or_path)
-    }
-
     /// A mapping from TOML; `file` is what errors call it.
     ///
     /// # Errors

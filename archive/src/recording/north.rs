@@ -1,13 +1,8 @@
 use std::str::FromStr;
 
-use foxhunt_wire::{
-    declination::declination_deg,
-    geodesy::{LocalFrame, grid_convergence_deg},
-};
-use nalgebra::Vector3;
 use serde::Deserialize;
 
-use super::{Column, FieldProblem, RecordingError, Value, row::Reader};
+use super::Value;
 
 /// What the angles of a recording are counted from: bearings, headings and boresights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
@@ -48,35 +43,5 @@ impl FromStr for North {
 
     fn from_str(text: &str) -> Result<Self, String> {
         text.parse().map_or_else(|_| Value::from(text), Value::Number).try_into()
-    }
-}
-
-impl Reader<'_> {
-    /// How far east of the frame's North the angles of this row are counted from, in degrees, for
-    /// a receiver at `position` of the frame; `column` is the angle that needs it.
-    pub(super) fn north_deg(
-        &self,
-        column: Column,
-        frame: Option<LocalFrame>,
-        position: Option<Vector3<f64>>,
-    ) -> Result<f64, RecordingError> {
-        let in_metres = self.plan.has(Column::EastM);
-        let place = || match (frame, position) {
-            (Some(frame), Some(position)) => Ok(frame.to_geodetic(&position)),
-            _ => Err(FieldProblem::NoPlace),
-        };
-        // Only a time in UTC is one of a known day.
-        let unix_s = if self.plan.has(Column::TimeUtc) { self.time()? } else { None };
-        let turned = match self.north {
-            North::True => Ok(0.0),
-            North::Stated(deg) => Ok(deg),
-            North::Grid if in_metres => Ok(0.0),
-            North::Grid => place().map(|place| grid_convergence_deg(&place)),
-            North::Magnetic => place().and_then(|place| {
-                let unix_s = unix_s.or(self.date_s).ok_or(FieldProblem::NoDate)?;
-                declination_deg(&place, unix_s).map_err(FieldProblem::NoDeclination)
-            }),
-        };
-        turned.map_err(|problem| self.wrong(column, problem))
     }
 }

@@ -1,9 +1,12 @@
 use foxhunt_core::{Measured, MeasuredList, Pose, Quantity};
-use foxhunt_wire::geodesy::{Geodetic, LocalFrame, compass_deg_to_radians};
+use foxhunt_wire::{
+    declination::declination_deg,
+    geodesy::{Geodetic, LocalFrame, compass_deg_to_radians, grid_convergence_deg},
+};
 use nalgebra::{Vector2, Vector3};
 
 use super::{
-    Column, FieldProblem, Record, RecordedBearing, RecordingError, Rover,
+    Column, FieldProblem, North, Record, RecordedBearing, RecordingError, Rover,
     row::{Reader, whole},
 };
 
@@ -99,6 +102,34 @@ impl Reader<'_> {
             },
             truth: self.truth(frame)?,
         }))
+    }
+
+    /// How far east of the frame's North the angles of this row are counted from, in degrees, for
+    /// a receiver at `position` of the frame; `column` is the angle that needs it.
+    fn north_deg(
+        &self,
+        column: Column,
+        frame: Option<LocalFrame>,
+        position: Option<Vector3<f64>>,
+    ) -> Result<f64, RecordingError> {
+        let in_metres = self.plan.has(Column::EastM);
+        let place = || match (frame, position) {
+            (Some(frame), Some(position)) => Ok(frame.to_geodetic(&position)),
+            _ => Err(FieldProblem::NoPlace),
+        };
+        // Only a time in UTC is one of a known day.
+        let unix_s = if self.plan.has(Column::TimeUtc) { self.time()? } else { None };
+        let turned = match self.north {
+            North::True => Ok(0.0),
+            North::Stated(deg) => Ok(deg),
+            North::Grid if in_metres => Ok(0.0),
+            North::Grid => place().map(|place| grid_convergence_deg(&place)),
+            North::Magnetic => place().and_then(|place| {
+                let unix_s = unix_s.or(self.date_s).ok_or(FieldProblem::NoDate)?;
+                declination_deg(&place, unix_s).map_err(FieldProblem::NoDeclination)
+            }),
+        };
+        turned.map_err(|problem| self.wrong(column, problem))
     }
 
     /// A ready-made bearing, clockwise from North.

@@ -5,9 +5,8 @@ use foxhunt_core::angle;
 use super::{
     Column, FieldProblem, RecordingError,
     decompress::decompressed,
-    row::utc_seconds,
     table::{Row, Table},
-    utc::utc,
+    utc::{utc, utc_seconds},
 };
 use crate::surrounding::surrounding;
 

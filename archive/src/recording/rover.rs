@@ -6,7 +6,11 @@ use quick_xml::{
     events::{BytesStart, Event},
 };
 
-use super::{FieldProblem, RecordingError, decompress::decompressed, row::utc_seconds, utc::utc};
+use super::{
+    FieldProblem, RecordingError,
+    decompress::decompressed,
+    utc::{utc, utc_seconds},
+};
 
 /// Two points of a track farther apart in seconds are not joined: the receiver may have been
 /// anywhere between them.

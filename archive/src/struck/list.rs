@@ -3,10 +3,7 @@ use std::{fs, path::Path};
 use foxhunt_hunt::document;
 use serde::{Deserialize, de::DeserializeOwned};
 
-use super::StruckError;
-
-/// The version of the file that this program writes and reads.
-pub const STRUCK_VERSION: u32 = 1;
+use super::{STRUCK_VERSION, StruckError};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,44 +1,8 @@
 use std::{collections::BTreeMap, path::Path};
 
-use foxhunt_core::{BeaconId, Reception};
 use foxhunt_hunt::{hunt::Event, log::Log};
-use serde::{Deserialize, Serialize};
 
-use super::{StruckError, list};
-
-/// What a reception of a log is known by.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ReceptionId {
-    /// Which drone's, from 0.
-    pub drone: usize,
-    /// Of which beacon.
-    pub beacon: BeaconId,
-    /// When it was received, in seconds; every bit counts.
-    pub time: f64,
-}
-
-impl ReceptionId {
-    /// What a drone's reception is known by.
-    #[must_use]
-    pub fn new(drone: usize, reception: &Reception) -> Self {
-        Self { drone, beacon: reception.beacon, time: reception.time }
-    }
-
-    /// Drone, beacon and the bits of the time, where −0 is 0.
-    fn key(self) -> Key {
-        (self.drone, self.beacon, (self.time + 0.0).to_bits())
-    }
-}
-
-impl std::fmt::Display for ReceptionId {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { drone, beacon, time } = self;
-        write!(f, "drone {drone}, beacon {}, time {time}", beacon.0)
-    }
-}
-
-type Key = (usize, BeaconId, u64);
+use super::{ReceptionId, StruckError, format::Key, list};
 
 /// Receptions of a log that are left out of its replay; none by default.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,32 +1,7 @@
 use std::{collections::BTreeMap, path::Path};
 
-use serde::{Deserialize, Serialize};
-
-use super::{StruckError, list};
+use super::{RowId, StruckError, list};
 use crate::recording::Recording;
-
-/// What a reception of a recording is known by.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RowId {
-    /// The name of the file, without its folder unless another one of the same name is read along.
-    pub file: String,
-    /// The line of the row, or of the first one of the turn, from 1.
-    pub line: u64,
-    /// The beacon, where the recording names beacons.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub beacon: Option<String>,
-}
-
-impl std::fmt::Display for RowId {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { file, line, beacon } = self;
-        match beacon {
-            Some(beacon) => write!(f, "{beacon} in line {line} of {file}"),
-            None => write!(f, "line {line} of {file}"),
-        }
-    }
-}
 
 /// What the files of some recordings are called in a [`RowId`], in their order.
 #[must_use]

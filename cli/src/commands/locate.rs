@@ -1,22 +1,22 @@
+mod found;
 #[cfg(feature = "batch")]
 mod tracked;
 
 use std::{fs, path::PathBuf};
 
 use foxhunt::{
-    core::{Ellipse, Estimate, nalgebra::Vector2},
+    core::{Ellipse, nalgebra::Vector2},
     geodesy::Geodetic,
-    hunt::PlaceEstimate,
     locate::{CommonErrors, Explanation, Located, Region, Rival},
     movebank::{MovebankFix, write_movebank},
     overview::{Overview, SearchOverview},
-    page::{NotStrikable, PageLog},
     recording::Recording,
     registry::Registry,
     report::Place,
 };
 use serde::Serialize;
 
+use self::found::{Estimated, Found, likeliest};
 use super::{
     locating::{Locating, NAMELESS, Prepared, not_located, truth},
     recorded::LatLon,
@@ -119,17 +119,6 @@ struct RivalPlace {
     error_m: Option<f64>,
 }
 
-/// An estimate on Earth and in the local frame.
-#[derive(Debug, Serialize)]
-struct Estimated {
-    /// Absent where the recordings are in local metres.
-    lat_deg: Option<f64>,
-    lon_deg: Option<f64>,
-    east_m: f64,
-    north_m: f64,
-    covariance_m2: [[f64; 2]; 2],
-}
-
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     args.views.check()?;
@@ -166,16 +155,6 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
 /// Why there is no table for Movebank.
 const NOT_FOR_MOVEBANK: &str =
     "--movebank-to: Movebank takes places in degrees and times in UTC alone";
-
-/// What was found of a beacon, for the page and for exports.
-struct Found {
-    beacon: Option<String>,
-    /// What found it.
-    method: String,
-    search: SearchOverview,
-    /// What a page needs to track it again, where it is tracked.
-    tracks: Option<Result<PageLog, NotStrikable>>,
-}
 
 /// Writes the page and the exports, where they were wanted.
 fn show(
@@ -300,18 +279,6 @@ fn every(
     failed.filter(|_| reports.is_empty()).map_or(Ok(reports), Err)
 }
 
-impl Estimated {
-    fn new(estimate: &Estimate<2>, on_earth: Option<Geodetic>) -> Self {
-        Self {
-            lat_deg: on_earth.map(|place| place.lat_deg),
-            lon_deg: on_earth.map(|place| place.lon_deg),
-            east_m: estimate.mean.x,
-            north_m: estimate.mean.y,
-            covariance_m2: PlaceEstimate::from(estimate).covariance_m2,
-        }
-    }
-}
-
 impl Report {
     fn new(
         estimator: String,
@@ -425,12 +392,6 @@ fn details(report: &Report) -> String {
     let rivals = Some(&report.rivals).filter(|rivals| !rivals.is_empty());
     let rivals = rivals.map(|rivals| rivals_of(rivals, &whose));
     [explanation, common, regions, rivals].into_iter().flatten().collect()
-}
-
-/// The value with the largest probability, and that.
-fn likeliest(values: &[(f64, f64)]) -> (f64, f64) {
-    let best = values.iter().max_by(|a, b| a.1.total_cmp(&b.1)).copied();
-    best.unwrap_or((f64::NAN, f64::NAN))
 }
 
 /// What explains the levels best, in a sentence.

@@ -27,8 +27,6 @@ pub(crate) mod pulses;
 pub(crate) mod replay;
 #[cfg(feature = "store")]
 pub(crate) mod results;
-#[cfg(feature = "store")]
-mod results_page;
 pub(crate) mod soak;
 pub(crate) mod tags;
 #[cfg(not(feature = "hardware"))]

@@ -100,7 +100,7 @@ impl Job<'_> {
 }
 
 fn create(path: &Path) -> Result<Store, CliError> {
-    Store::create(path).map_err(|error| self::error(error, ""))
+    Store::create(path).map_err(reading)
 }
 
 /// The exit code of a store that went wrong; `scenario` is what was flown.
@@ -112,6 +112,11 @@ pub(super) fn error(error: StoreError, scenario: &str) -> CliError {
         }
         _ => CliError::input(error),
     }
+}
+
+/// Error of a store that cannot be read.
+pub(super) fn reading(error: StoreError) -> CliError {
+    self::error(error, "")
 }
 
 /// What starts many processes, and the variables by which each knows which one it is: its number,

@@ -1,5 +1,7 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 
+#[cfg(feature = "serde")]
+use super::file::Parts;
 use crate::{BearingModes, Covariance, ObservationError, Pose, noise};
 
 /// `M` numbers measured by one receiver at one time, each with its own noise, any of them
@@ -17,8 +19,8 @@ use crate::{BearingModes, Covariance, ObservationError, Pose, noise};
 /// σ is what the extractor made of that very sweep. It is factored once, here.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(try_from = "super::file::Parts<M>"))]
-#[cfg_attr(feature = "serde", serde(into = "super::file::Parts<M>"))]
+#[cfg_attr(feature = "serde", serde(try_from = "Parts<M>"))]
+#[cfg_attr(feature = "serde", serde(into = "Parts<M>"))]
 pub struct Observation<const M: usize> {
     pub(super) time: f64,
     pub(super) receiver: Pose,
@@ -288,6 +290,43 @@ impl<const M: usize> Observation<M> {
     }
 }
 
+/// Reads back only through [`Observation::new`].
+#[cfg(feature = "serde")]
+impl<const M: usize> TryFrom<Parts<M>> for Observation<M> {
+    type Error = ObservationError;
+
+    fn try_from(parts: Parts<M>) -> Result<Self, ObservationError> {
+        let mut whole = Self::new(parts.time, parts.receiver, parts.value, parts.noise)?;
+        if let Some(sigma) = parts.receiver_sigma {
+            whole = whole.with_receiver_sigma(sigma)?;
+        }
+        if let Some((component, modes)) = parts.modes {
+            if component >= M || parts.missing[component] {
+                return Err(ObservationError::NoBearing { component });
+            }
+            whole = whole.with_bearing_modes(component, modes);
+        }
+        let present = (0..M).filter(|&i| parts.missing[i]).fold(whole, Self::without);
+        Ok((0..M).filter(|&i| parts.below[i]).fold(present, Self::below))
+    }
+}
+
+#[cfg(feature = "serde")]
+impl<const M: usize> From<Observation<M>> for Parts<M> {
+    fn from(o: Observation<M>) -> Self {
+        Self {
+            time: o.time,
+            receiver: o.receiver,
+            value: o.value,
+            noise: o.noise,
+            missing: SVector::from_fn(|i, _| !o.present[i]),
+            below: SVector::from_fn(|i, _| o.below[i]),
+            receiver_sigma: o.receiver_sigma,
+            modes: o.modes,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::{Matrix1, Matrix2, Vector1, Vector2};
@@ -353,5 +392,31 @@ mod tests {
         let pair = pair.expect("proper");
         assert_eq!(whole.marginal::<2>(1), pair);
         assert_eq!(whole.below(2).marginal::<2>(1), pair.below(1));
+    }
+
+    #[cfg(feature = "serde")]
+    #[test]
+    fn missing_components_are_kept_in_files() {
+        use crate::BearingMode;
+
+        let made = Observation::new(0.5, Pose::default(), Vector2::zeros(), Matrix2::identity());
+        let whole = made.expect("proper");
+        let mode = |angle| BearingMode { weight: 0.5, angle, sigma: 0.25 };
+        let modes = BearingModes::new(&[mode(0.0), mode(1.0)]).expect("proper");
+        for observation in [
+            whole,
+            whole.without(1),
+            whole.below(0),
+            whole.below(0).without(1),
+            whole.with_bearing_modes(1, modes),
+        ] {
+            let text = serde_json::to_string(&observation).expect("plain data");
+            assert_eq!(text.contains("below"), observation.is_censored(), "{text}");
+            let back: Observation<2> = serde_json::from_str(&text).expect("what was written");
+            assert_eq!(back, observation);
+        }
+        let text = serde_json::to_string(&whole.with_bearing_modes(1, modes)).expect("plain data");
+        let nowhere = text.replace("\"modes\":[1,", "\"modes\":[2,");
+        assert!(serde_json::from_str::<Observation<2>>(&nowhere).is_err(), "{nowhere}");
     }
 }

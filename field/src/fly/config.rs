@@ -11,14 +11,13 @@ use foxhunt_hunt::{
 };
 use foxhunt_sensors::{TurnGoal, TurnGoalConfig};
 use foxhunt_sim::ReliefConfig;
-use foxhunt_wire::{
-    Endpoint,
-    geodesy::{Geodetic, LocalFrame},
-};
+use foxhunt_wire::Endpoint;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{DroneConfig, FlightRules, FlyError, Ground, TerrainConfig, VehicleDevice};
+use super::{
+    DroneConfig, FlightRules, FlownBeacon, FlyError, Ground, Site, TerrainConfig, VehicleDevice,
+};
 
 /// A hunt on real devices, as it stands in a file. Where a
 /// [`Scenario`](foxhunt_hunt::scenario::Scenario) has a simulated world, it has devices.
@@ -61,34 +60,6 @@ pub struct FlightConfig {
     pub drones: Vec<DroneConfig>,
 }
 
-/// The origin of the common frame.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Site {
-    /// Latitude in degrees, WGS84, North positive.
-    pub lat_deg: f64,
-    /// Longitude in degrees, WGS84, East positive.
-    pub lon_deg: f64,
-    /// Height above the ellipsoid of the ground where the drones stand, in metres: what Up is
-    /// counted from for drones with a GNSS receiver of their own.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub ground_alt_m: Option<f64>,
-}
-
-/// A beacon that is to be found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FlownBeacon {
-    /// Its name.
-    pub name: String,
-    /// Its XBee address: 16 hexadecimal digits, or 4.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub address: Option<String>,
-    /// The frequency that a receiver is tuned to, in MHz.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub frequency_mhz: Option<f64>,
-}
-
 /// How close to where he is advised to fly a pilot comes, in metres.
 const BY_HAND_M: f64 = 2.0;
 
@@ -97,21 +68,6 @@ const DAY_S: f64 = 86_400.0;
 
 fn default_estimator() -> String {
     DEFAULT_ESTIMATOR.to_owned()
-}
-
-impl Site {
-    /// The common East-North-Up frame.
-    ///
-    /// # Errors
-    ///
-    /// [`FlyError::Site`] when there is no such place.
-    pub fn frame(&self) -> Result<LocalFrame, FlyError> {
-        Ok(LocalFrame::new(Geodetic::new(
-            self.lat_deg,
-            self.lon_deg,
-            self.ground_alt_m.unwrap_or(0.0),
-        )?)?)
-    }
 }
 
 impl FlightConfig {

@@ -10,9 +10,12 @@ mod drone;
 #[cfg(unix)]
 mod emulated;
 #[cfg(unix)]
+mod emulated_error;
+#[cfg(unix)]
 mod emulated_flight;
 mod emulated_tags;
 mod error;
+mod flown_beacon;
 mod flown_drone;
 mod height_watch;
 mod identify;
@@ -25,11 +28,12 @@ mod ports;
 mod report;
 mod route;
 mod rules;
+mod site;
 mod terrain;
 
 pub use carried::{CarriedDrone, CarriedDroneError, ForeignVehicle};
 pub use checklist::{Check, CheckState, Examined};
-pub use config::{FlightConfig, FlownBeacon, Site};
+pub use config::FlightConfig;
 pub use device::{GnssDevice, ListenConfig, RadioDevice, RotatorDevice, VehicleDevice};
 pub use driver::{
     BoxedAircraft, BoxedRadio, BoxedRotator, Examine, ExaminedAircraft, ExaminedRadio,
@@ -37,14 +41,15 @@ pub use driver::{
 };
 pub use drone::DroneConfig;
 #[cfg(unix)]
-pub use emulated::{
-    DroneFaults, EmulatedField, EmulatedFieldConfig, EmulatedFieldError, EmulatedPorts,
-};
+pub use emulated::{DroneFaults, EmulatedField, EmulatedFieldConfig, EmulatedPorts};
+#[cfg(unix)]
+pub use emulated_error::EmulatedFieldError;
 #[cfg(unix)]
 pub use emulated_flight::{
     EmulatedFlight, EmulatedFlightError, EmulatedFlown, ReportedMode, pilot_modes,
 };
 pub use error::FlyError;
+pub use flown_beacon::FlownBeacon;
 pub use flown_drone::FlownDrone;
 pub use foxhunt_hunt::hunt::{Tap, Tapped};
 pub use identify::identify;
@@ -56,4 +61,5 @@ pub use ports::{Ports, SystemPorts};
 pub use report::{FlightReport, FlownFix, FlownTruth};
 pub use route::Route;
 pub use rules::{Ending, FlightRules};
+pub use site::Site;
 pub use terrain::{Ground, TerrainConfig};

@@ -1,6 +1,6 @@
 use foxhunt_core::{Covariance, MeasurementModel, State};
 
-use super::{BatchError, iteration::Region, problem::Problem};
+use super::{BatchError, problem::Problem, region::Region};
 use crate::count::number;
 
 /// The cost's second derivatives.

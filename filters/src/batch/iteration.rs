@@ -1,19 +1,11 @@
 use foxhunt_core::{Covariance, MeasurementModel, State};
-use nalgebra::Vector2;
 
 use super::{
     BatchError,
     curvature::{Curvature, flatness, hessian, reciprocal_condition, settle},
     problem::{Local, Problem},
+    region::Region,
 };
-
-/// Where the iterates may go.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Region {
-    pub(super) centre: Vector2<f64>,
-    /// In metres; infinite where a prior keeps the optimum near.
-    pub(super) limit: f64,
-}
 
 /// Where an iteration ended.
 #[derive(Clone, Debug)]

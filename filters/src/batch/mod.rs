@@ -11,6 +11,7 @@ mod iteration;
 mod loss;
 mod modes;
 mod problem;
+mod region;
 mod solver;
 
 pub use dependence::independent_share;

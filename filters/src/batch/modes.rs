@@ -4,8 +4,9 @@ use foxhunt_core::{MeasurementModel, State};
 
 use super::{
     BatchError,
-    iteration::{End, Region, descend},
+    iteration::{End, descend},
     problem::{Datum, Problem},
+    region::Region,
 };
 
 /// The distinct optima that some starts led to.

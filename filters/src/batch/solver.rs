@@ -6,10 +6,11 @@ use nalgebra::Vector2;
 use super::{
     BatchError, BatchFix, Loss, at_least,
     belief::posterior,
-    iteration::{End, Region},
+    iteration::End,
     modes::{Modes, NoMode, overhead, search, trap},
     positive_entry,
     problem::{Datum, Problem},
+    region::Region,
 };
 use crate::{Gaussian, count::number};
 

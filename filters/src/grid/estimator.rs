@@ -4,13 +4,13 @@ use core::mem;
 use foxhunt_core::{
     Correction, Covariance, Estimate, Estimator, EstimatorError, MeasurementModel, MotionModel,
     Observation, Quantity, State, absorb_receiver_noise,
-    parameter::{ParameterError, require},
 };
 use nalgebra::{Matrix2, SVector, Vector2};
 
 use super::{
     Columns, Lattice, Likelihood, Weights, Window,
     filter::{GridFilter, REACH, log_total},
+    motion::slope_of_place,
 };
 use crate::{
     Innovation,
@@ -31,22 +31,6 @@ const LEAST_VISITED: f64 = 1e-12;
 /// Cells less likely than the likeliest by this, 4.9 standard deviations of a Gaussian, have no
 /// part in what is expected of an observation.
 const LEAST_LIKELY: f64 = 6e-6;
-
-/// ∂f/∂x over the place, after refusing a motion of the further components that is not a random
-/// walk, such as that of a velocity.
-pub(super) fn slope_of_place<const N: usize>(
-    motion: &impl MotionModel<N>,
-    state: &State<N>,
-    dt: f64,
-) -> Result<Matrix2<f64>, ParameterError> {
-    let slope = motion.jacobian(state, dt);
-    let mut rest = slope - Covariance::<N>::identity();
-    rest.fixed_view_mut::<2, 2>(0, 0).fill(0.0);
-    let coupling = rest.norm();
-    let name = "the motion of the components beside the place";
-    require(coupling <= 1e-9, name, coupling, "a random walk independent of the place")?;
-    Ok(slope.fixed_view::<2, 2>(0, 0).into_owned())
-}
 
 impl<F, H, const N: usize, const M: usize> Estimator<N, M> for GridFilter<F, H, N, M>
 where

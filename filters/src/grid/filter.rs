@@ -3,9 +3,7 @@ use alloc::vec::Vec;
 use foxhunt_core::{Estimate, EstimatorError, MeasurementModel, MotionModel, Role, State};
 use nalgebra::{Matrix2, Vector2};
 
-use super::{
-    Columns, GridConfig, Lattice, Pool, Weights, columns::Cell, estimator::slope_of_place,
-};
+use super::{Columns, GridConfig, Lattice, Pool, Weights, columns::Cell, motion::slope_of_place};
 use crate::{
     Gaussian,
     vectorised::{Sum, run},

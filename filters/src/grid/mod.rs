@@ -7,6 +7,7 @@ mod estimator;
 mod filter;
 mod lattice;
 mod likelihood;
+mod motion;
 mod reading;
 mod weights;
 mod window;

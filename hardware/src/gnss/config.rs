@@ -1,5 +1,3 @@
-use std::f64::consts::SQRT_2;
-
 use foxhunt_core::parameter::{FieldError, finite, not_negative, positive};
 use foxhunt_wire::FixQuality;
 use nalgebra::Vector3;
@@ -185,9 +183,4 @@ impl GnssConfig {
         }
         Ok(())
     }
-}
-
-/// σ of one axis where a horizontal accuracy is √(σ_E² + σ_N²), both alike.
-pub(super) fn axis_of(horizontal: f64) -> f64 {
-    horizontal / SQRT_2
 }

@@ -1,3 +1,5 @@
+use std::f64::consts::SQRT_2;
+
 use foxhunt_wire::{
     FixQuality,
     geodesy::{Geodetic, compass_deg_to_radians},
@@ -35,6 +37,11 @@ pub(super) fn sane(value: f64) -> Option<f64> {
 /// σ of East, North and Up, where all three can be.
 pub(super) fn sane_sigma(east: f64, north: f64, up: f64) -> Option<Vector3<f64>> {
     Some(Vector3::new(sane(east)?, sane(north)?, sane(up)?))
+}
+
+/// σ of one axis where a horizontal accuracy is √(σ_E² + σ_N²), both alike.
+pub(super) fn axis_of(horizontal: f64) -> f64 {
+    horizontal / SQRT_2
 }
 
 /// The velocity of a speed over ground in the direction of a course.

@@ -5,8 +5,7 @@ use serde::Deserialize;
 
 use super::{
     GnssDecoder, GnssFix,
-    config::axis_of,
-    fix::{over_ground, sane, sane_sigma, seconds},
+    fix::{axis_of, over_ground, sane, sane_sigma, seconds},
     line::Line,
 };
 

@@ -16,8 +16,7 @@ use ublox::{
 
 use super::{
     GnssDecoder, GnssFix,
-    config::axis_of,
-    fix::{sane_sigma, sane_velocity, seconds},
+    fix::{axis_of, sane_sigma, sane_velocity, seconds},
 };
 
 /// The longest message that is waited for, in bytes: a NAV-PVT has 100. A length that was garbled

@@ -1,8 +1,7 @@
-use foxhunt_core::Clock;
-use foxhunt_wire::{ByteStream, mavlink::dialect::MavCmd};
+use foxhunt_wire::mavlink::dialect::{COMMAND_LONG_DATA, MavCmd};
 
 use super::{
-    MavlinkError, MavlinkVehicle,
+    MavlinkConfig, MavlinkError,
     orders::{Order, Step},
 };
 
@@ -20,7 +19,8 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    fn order_one(&mut self) {
+    /// Begins the order of one more picture.
+    pub(super) fn order_one(&mut self) {
         self.ordered = self.ordered.wrapping_add(1).max(1);
         // Every camera, at once, one picture, and which one that is.
         let parameters = [0.0, 0.0, 1.0, f32::from(self.ordered), 0.0, 0.0, 0.0];
@@ -31,37 +31,26 @@ impl Camera {
     pub(super) fn take_failure(&mut self) -> Option<MavlinkError> {
         self.failure.take().map(|why| MavlinkError::Picture { why })
     }
-}
 
-impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
-    /// Orders a picture if it is known to have a camera.
-    pub(super) fn begin_picture(&mut self, now: f64) -> Result<(), MavlinkError> {
-        if !self.config.camera || self.config.listen_only {
-            return Ok(());
-        }
-        self.commanded_goal(now)?;
-        self.camera.order_one();
-        self.photograph_further(now)
-    }
-
-    /// Orders it until that is answered.
-    pub(super) fn photograph_further(&mut self, now: f64) -> Result<(), MavlinkError> {
-        let Some(order) = &mut self.camera.order else { return Ok(()) };
+    /// Returns the command that is due: the order is given until it is answered.
+    pub(super) fn due(&mut self, now: f64, config: &MavlinkConfig) -> Option<COMMAND_LONG_DATA> {
+        let order = self.order.as_mut()?;
         if order.accepted() {
-            self.camera.order = None;
-            return Ok(());
+            self.order = None;
+            return None;
         }
         if order.refused() && order.command.command == MavCmd::MAV_CMD_IMAGE_START_CAPTURE {
             // The fifth parameter is the shutter.
             let parameters = [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0];
             *order = Order::new(MavCmd::MAV_CMD_DO_DIGICAM_CONTROL, parameters);
         }
-        match order.advance(now, self.config.ack_timeout_s, self.config.attempts) {
-            Step::Wait => Ok(()),
-            Step::Send(command) => self.command(now, command),
+        match order.advance(now, config.ack_timeout_s, config.attempts) {
+            Step::Wait => None,
+            Step::Send(command) => Some(command),
             Step::Failed(why) => {
-                (self.camera.order, self.camera.failure) = (None, Some(why));
-                Ok(())
+                self.order = None;
+                self.failure = Some(why);
+                None
             }
         }
     }

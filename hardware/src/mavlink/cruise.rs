@@ -1,10 +1,9 @@
-use foxhunt_core::Clock;
-use foxhunt_wire::{ByteStream, mavlink::dialect::MavCmd};
+use foxhunt_wire::mavlink::dialect::{COMMAND_LONG_DATA, MavCmd};
 
 use super::{
-    MavlinkError, MavlinkVehicle,
+    MavlinkConfig,
     orders::{Order, Step, single},
-    setpoint,
+    phase::Goal,
 };
 
 /// How much faster than ordered it may be: a gust, an overshoot. A share, and metres per second.
@@ -28,51 +27,52 @@ pub(super) struct Cruise {
     pub(super) failure: String,
 }
 
-impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
-    fn speed_order(&self) -> Option<Order> {
-        // 1: over ground; −1: the throttle as it is.
-        let parameters = [1.0, single(self.config.cruise_speed_mps?), -1.0, 0.0, 0.0, 0.0, 0.0];
-        Some(Order::new(MavCmd::MAV_CMD_DO_CHANGE_SPEED, parameters))
+impl Cruise {
+    /// Begins when the vehicle takes set-points from now on, and has its own speed.
+    pub(super) fn begin(config: &MavlinkConfig) -> Self {
+        Self { order: speed_order(config), ..Self::default() }
     }
 
-    /// It takes set-points from now on, and has its own speed.
-    pub(super) fn begin_cruise(&mut self) {
-        self.cruise = Cruise { order: self.speed_order(), ..Cruise::default() };
-    }
-
-    /// Orders the speed until it is accepted, and again while it flies faster.
-    pub(super) fn cruise_further(&mut self, now: f64) -> Result<(), MavlinkError> {
-        let (Some(goal), Some(limit)) = (self.goal, self.config.cruise_speed_mps) else {
-            return Ok(());
-        };
-        let speed = setpoint::velocity(&self.telemetry).xy().norm();
+    /// Returns the command that is due at a speed over ground in metres per second: the order is
+    /// given until it is accepted, and again while the vehicle flies faster.
+    pub(super) fn due(
+        &mut self,
+        now: f64,
+        speed: f64,
+        goal: &Goal,
+        config: &MavlinkConfig,
+    ) -> Option<COMMAND_LONG_DATA> {
+        let limit = config.cruise_speed_mps?;
         if speed <= SHARE * limit + MARGIN_MPS {
-            self.cruise.fast_since = None;
-        } else if self.cruise.order.is_none()
-            && now - *self.cruise.fast_since.get_or_insert(now) >= FAST_S
-        {
-            self.cruise.failure =
-                format!("it flies at {speed:.1} m/s; cruise_speed_mps is {limit}");
-            (self.cruise.order, self.cruise.fast_since) = (self.speed_order(), None);
+            self.fast_since = None;
+        } else if self.order.is_none() && now - *self.fast_since.get_or_insert(now) >= FAST_S {
+            self.failure = format!("it flies at {speed:.1} m/s; cruise_speed_mps is {limit}");
+            self.order = speed_order(config);
+            self.fast_since = None;
         }
-        let Some(order) = &mut self.cruise.order else { return Ok(()) };
+        let order = self.order.as_mut()?;
         if order.accepted() {
-            self.cruise.order = None;
-            return Ok(());
+            self.order = None;
+            return None;
         }
         // One that is not confirmed has been sent twice before it counts as known.
         if !goal.confirmed && goal.times < 2 {
-            return Ok(());
+            return None;
         }
-        match order.advance(now, self.config.ack_timeout_s, self.config.attempts) {
-            Step::Wait => Ok(()),
-            Step::Send(command) => self.command(now, command),
+        match order.advance(now, config.ack_timeout_s, config.attempts) {
+            Step::Wait => None,
+            Step::Send(command) => Some(command),
             Step::Failed(why) => {
-                self.cruise.failure =
-                    format!("the order to fly at {limit} m/s was given up: {why}");
-                self.cruise.order = None;
-                Ok(())
+                self.failure = format!("the order to fly at {limit} m/s was given up: {why}");
+                self.order = None;
+                None
             }
         }
     }
+}
+
+fn speed_order(config: &MavlinkConfig) -> Option<Order> {
+    // 1: over ground; −1: the throttle as it is.
+    let parameters = [1.0, single(config.cruise_speed_mps?), -1.0, 0.0, 0.0, 0.0, 0.0];
+    Some(Order::new(MavCmd::MAV_CMD_DO_CHANGE_SPEED, parameters))
 }

@@ -11,7 +11,7 @@ use super::{
     MavlinkError, MavlinkVehicle,
     orders::{Order, Step, single},
     phase::{Goal, Nose, Ordered, Phase, Stage},
-    quality,
+    quality, setpoint,
     streams::Streams,
 };
 
@@ -172,6 +172,19 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             Phase::Landing => self.come_down_further(now, autopilot.land()),
             Phase::Returning => self.come_down_further(now, autopilot.return_to_launch()),
         }
+    }
+
+    /// Orders a picture until the order is answered.
+    pub(super) fn photograph_further(&mut self, now: f64) -> Result<(), MavlinkError> {
+        self.camera.due(now, &self.config).map_or(Ok(()), |command| self.command(now, command))
+    }
+
+    /// Orders the speed until it is accepted, and again while it flies faster.
+    fn cruise_further(&mut self, now: f64) -> Result<(), MavlinkError> {
+        let Some(goal) = self.goal else { return Ok(()) };
+        let speed = setpoint::velocity(&self.telemetry).xy().norm();
+        let command = self.cruise.due(now, speed, &goal, &self.config);
+        command.map_or(Ok(()), |command| self.command(now, command))
     }
 
     pub(super) fn request_version(&mut self, now: f64) -> Result<(), MavlinkError> {

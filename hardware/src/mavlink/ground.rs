@@ -6,7 +6,7 @@ use foxhunt_wire::mavlink::{
     },
 };
 
-use super::telemetry::Timed;
+use super::timed::Timed;
 use crate::ReportedHeight;
 
 /// How often heights above the ground are requested, in seconds.

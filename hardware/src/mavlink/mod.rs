@@ -13,6 +13,7 @@ mod hindrance;
 mod limits;
 mod link;
 mod orders;
+mod parameter;
 mod phase;
 mod quality;
 #[cfg(test)]
@@ -21,6 +22,7 @@ mod setpoint;
 mod streams;
 mod take_off;
 mod telemetry;
+mod timed;
 mod vehicle;
 
 pub use config::{MavlinkConfig, MavlinkOrigin, MavlinkSigning, PositionRequirements};

@@ -118,7 +118,7 @@ mod tests {
     use foxhunt_wire::mavlink::dialect::GPS_RAW_INT_DATA;
 
     use super::*;
-    use crate::mavlink::telemetry::Timed;
+    use crate::mavlink::timed::Timed;
 
     fn telemetry(fix_type: GpsFixType, h_acc: u32, eph: u16) -> Telemetry {
         let value = GPS_RAW_INT_DATA {

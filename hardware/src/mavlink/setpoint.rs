@@ -11,7 +11,8 @@ use nalgebra::Vector3;
 
 use super::{
     phase::{Goal, Nose},
-    telemetry::{Telemetry, Timed},
+    telemetry::Telemetry,
+    timed::Timed,
 };
 
 /// Velocities, accelerations and the yaw rate are not given: place and yaw are (0x9F8).

@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 
 use super::{
     MavlinkError, MavlinkVehicle,
+    cruise::Cruise,
     orders::{Order, single},
     phase::{Goal, Nose, Ordered, Phase, Stage},
     quality, setpoint,
@@ -182,7 +183,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     /// It has climbed: it is ours.
     pub(super) fn up_there(&mut self) {
         self.order = None;
-        self.begin_cruise();
+        self.cruise = Cruise::begin(&self.config);
         self.enter(Phase::Flying);
     }
 }

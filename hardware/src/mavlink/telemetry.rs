@@ -11,15 +11,8 @@ use foxhunt_wire::mavlink::{
 #[cfg(feature = "receivers")]
 use foxhunt_wire::receivers::SikStatus;
 
-use super::{MavlinkConfig, failsafes::parameter, ground::GroundReports};
+use super::{MavlinkConfig, ground::GroundReports, parameter::parameter, timed::Timed};
 use crate::ReportedHeight;
-
-/// A message's content, and when it came.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Timed<T> {
-    pub(super) at: f64,
-    pub(super) value: T,
-}
 
 /// A SiK telemetry radio's report of its link (RADIO_STATUS).
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -381,7 +381,12 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
 
     fn photograph(&mut self) -> Result<(), MavlinkError> {
         let now = self.serve()?;
-        self.begin_picture(now)
+        if !self.config.camera || self.config.listen_only {
+            return Ok(());
+        }
+        self.commanded_goal(now)?;
+        self.camera.order_one();
+        self.photograph_further(now)
     }
 
     fn picture_failure(&mut self) -> Option<MavlinkError> {

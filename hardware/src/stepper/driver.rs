@@ -3,8 +3,8 @@ use foxhunt_wire::{ByteStream, firmata::Reply};
 
 use super::{
     BeyondCable, FirmataConfig, FirmataStepperError, LostPosition,
+    error::HomeFailure,
     gearing::Gearing,
-    homing::HomeFailure,
     link::Link,
     phase::{Arrangement, Phase, Side, Stage, Wait},
 };

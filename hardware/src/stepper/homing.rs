@@ -3,6 +3,7 @@ use foxhunt_wire::{ByteStream, firmata::StepperRequest};
 
 use super::{
     FirmataStepper, FirmataStepperError, LostPosition,
+    error::HomeFailure,
     phase::{Phase, Side, Stage, Wait},
 };
 
@@ -12,21 +13,6 @@ const SEEK_TURNS: f64 = 1.1;
 const LEAVE_TURNS: f64 = 0.25;
 /// How long after a step the switch has reported its level, in seconds.
 const LOOK_S: f64 = 0.03;
-
-/// Why the antenna was not homed.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct HomeFailure {
-    pin: u8,
-    expected: &'static str,
-    turns: f64,
-}
-
-impl HomeFailure {
-    pub(super) fn error(&self) -> FirmataStepperError {
-        let Self { pin, expected, turns } = *self;
-        FirmataStepperError::NoHome { pin, expected, turns }
-    }
-}
 
 impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     /// Has it look for its home switch again; then it goes where it was last sent.

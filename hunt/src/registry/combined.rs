@@ -10,14 +10,19 @@ use foxhunt_filters::{DirectionalGrid, MomentGrid};
 use foxhunt_sensors::{BearingOnly, DifferentialRss, MagneticDipole, RangeDifference, Stacked};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use super::{
-    EstimatorEntry, Need, Needs, TrackRequest,
-    estimators::{ITERATIONS, STILL},
-};
+use super::{EstimatorEntry, Need, Needs, TrackRequest};
 use crate::{
     config::{FilterConfig, FilterOf, GateConfig},
     hunt::{Track, TrackConfig},
 };
+
+/// The random walk of a still beacon, m/√s: a few decimetres over a hunt, so that nothing
+/// freezes.
+pub(super) const STILL: f64 = 0.02;
+
+/// Enough for what follows to change an iterated update by less than the filter's own tolerance;
+/// most end after 3 to 6.
+pub(super) const ITERATIONS: u32 = 10;
 
 /// The entries.
 pub(super) fn builtin() -> Vec<EstimatorEntry> {

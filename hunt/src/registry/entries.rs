@@ -4,7 +4,7 @@ use foxhunt_core::{BeaconId, BearingExtractor, EstimatorError, FormationPlanner,
 use foxhunt_sim::{SimError, World};
 use nalgebra::Vector3;
 
-use super::{AtOnce, Field, RegistryError};
+use super::{Field, RegistryError};
 use crate::{
     config::{EstimatorConfig, ExtractorConfig, PlannerConfig, PulseModel, ReceiverModel},
     hunt::{BoxedSource, Components, Search, Track},
@@ -109,7 +109,7 @@ pub struct EstimatorEntry {
 #[derive(Clone)]
 enum Build {
     Stream(Recipe<EstimatorConfig, MakeTrack>),
-    AtOnce(AtOnce),
+    AtOnce(Arc<dyn Locator>),
 }
 
 impl fmt::Debug for EstimatorEntry {

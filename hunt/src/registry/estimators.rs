@@ -3,15 +3,15 @@ use std::f64::consts::TAU;
 #[cfg(feature = "batch")]
 use foxhunt_filters::Loss;
 
-use super::{EstimatorEntry, combined, locators};
+use super::{
+    EstimatorEntry,
+    combined::{self, ITERATIONS, STILL},
+    locators,
+};
 use crate::{
     config::{EstimatorConfig, FilterConfig, GateConfig, MovingConfig, OutlierConfig},
     hunt::{Components, TimeStep, TrackConfig, WithoutBearing},
 };
-
-/// The random walk of a still beacon, m/√s: a few decimetres over a hunt, so that nothing
-/// freezes.
-pub(super) const STILL: f64 = 0.02;
 
 /// The reference's random walk in metres per step: q² is 0.1957², its exponent lost in print
 /// (Pritzl 2018, §4.4).
@@ -19,10 +19,6 @@ const PRITZL_DRIFT: f64 = 0.1957;
 
 /// √70 m, the root of the reference's prior variance (Pritzl 2018, §4.4).
 const PRITZL_PRIOR_SIGMA_M: f64 = 8.366_600_265_340_756;
-
-/// Enough for what follows to change an iterated update by less than the filter's own tolerance;
-/// most end after 3 to 6.
-pub(super) const ITERATIONS: u32 = 10;
 
 /// The root of 0.19572 m², the other reading of what is printed there.
 const PRITZL_VARIANCE_DRIFT: f64 = 0.442_402_531_638_326;

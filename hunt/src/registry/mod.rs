@@ -23,14 +23,9 @@ pub use extractors::{RECOMMENDED_EXTRACTOR, antenna_named};
 pub use field::Field;
 pub use parts::{HuntExtractor, HuntParts, PartsError};
 
-use std::sync::Arc;
-
 use foxhunt_core::{BearingExtractor, FormationPlanner};
 
-use crate::{
-    config::{ExtractorConfig, ExtractorConfigError, PlannerConfig, PlannerConfigError},
-    locate::Locator,
-};
+use crate::config::{ExtractorConfig, ExtractorConfigError, PlannerConfig, PlannerConfigError};
 
 /// The names of estimators, extractors, planners and sources, and what each stands for.
 #[derive(Clone, Debug)]
@@ -188,9 +183,6 @@ impl Default for Registry {
         Self::builtin()
     }
 }
-
-/// What locates with an estimator that takes all receptions at once.
-type AtOnce = Arc<dyn Locator>;
 
 fn put<E>(entries: &mut Vec<E>, entry: E, name: impl Fn(&E) -> &str) {
     match entries.iter().position(|known| name(known) == name(&entry)) {

@@ -4,6 +4,7 @@ mod antennas;
 mod fleet_watch;
 mod fleets;
 mod planners;
+mod report;
 mod run;
 mod summary;
 
@@ -17,10 +18,8 @@ pub use planners::{
     OutcomeCount, PLANNER_SCENARIOS, PlannedBeacon, PlannerCampaign, PlannerComparison,
     PlannersReport, planners_campaign,
 };
-pub use run::{
-    BeaconCampaign, CampaignError, CampaignReport, Checkpoint, EstimatorCampaign, OWN, Repetition,
-    campaign, campaign_watched, campaign_with,
-};
+pub use report::{BeaconCampaign, CampaignReport, Checkpoint, EstimatorCampaign, OWN};
+pub use run::{CampaignError, Repetition, campaign, campaign_watched, campaign_with};
 pub use summary::BeaconRun;
 pub(crate) use summary::{BeaconSummary, Sample};
 #[cfg(feature = "store")]

@@ -1,112 +1,20 @@
 use std::convert::Infallible;
 
 use foxhunt_core::Outcome;
-use foxhunt_filters::consistency::Verdict;
 use foxhunt_hunt::{
     registry::{EstimatorEntry, Registry},
     scenario::Scenario,
 };
-use serde::Serialize;
 
-use super::summary::{BeaconRun, FlightsSummary, Sample};
+use super::{
+    report::{CampaignReport, EstimatorCampaign, OWN},
+    summary::{BeaconRun, FlightsSummary, Sample},
+};
 use crate::{
-    Experiment, FirstPassage, Runner, Spread, StepSpread, ThreadsError,
+    Experiment, Runner, Spread, ThreadsError,
     report::HuntReport,
     simulation::{Found, SearchProgress, Setup, Simulated, SimulationError},
 };
-
-/// What a report calls a planner or an estimator that is the scenario's own.
-pub const OWN: &str = "scenario's own";
-
-/// The results of a campaign.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct CampaignReport {
-    /// The scenario's name.
-    pub scenario: String,
-    /// The planner: the scenario's own, [`OWN`], unless the caller names another one; absent where
-    /// nothing flies.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub planner: Option<String>,
-    /// How many hunts each estimator flew.
-    pub runs: u32,
-    /// The seed of the first run; run i has this plus i.
-    pub seed: u64,
-    /// The estimators, in the order of the call.
-    pub estimators: Vec<EstimatorCampaign>,
-}
-
-/// One estimator's campaign.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct EstimatorCampaign {
-    /// The estimator's name.
-    pub estimator: String,
-    /// The beacons, in their order.
-    pub beacons: Vec<BeaconCampaign>,
-}
-
-/// One estimator on one beacon over all runs.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct BeaconCampaign {
-    /// The beacon's name.
-    pub name: String,
-    /// From the estimate to the truth; absent when every run failed, like all that follows.
-    pub error_m: Option<Spread>,
-    /// Receptions that went through the estimator.
-    pub steps: Option<StepSpread>,
-    /// After how many steps the semi-major axis of the 95 % ellipse was below 3 m for the first
-    /// time, over all runs; absent where nothing flies. A run that could not go on never got
-    /// there.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub steps_to_3m: Option<FirstPassage>,
-    /// The same in simulated seconds, from when the search for this beacon began.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub time_to_3m_s: Option<FirstPassage>,
-    /// How far all drones together flew from the beginning of the search to its end, in metres,
-    /// over the runs in which it ended; absent where nothing flies.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub path_m: Option<Spread>,
-    /// The average normalised estimation error squared; 2 for a consistent estimator.
-    pub anees: Option<f64>,
-    /// Where a consistent estimator's ANEES lies with 95 %.
-    pub anees_interval: Option<[f64; 2]>,
-    /// Whether the errors are as large as the covariances claim, by the ANEES.
-    pub verdict: Verdict,
-    /// The share of truths inside the 95 % ellipse.
-    pub coverage_95: Option<f64>,
-    /// Where the true share lies with at least 95 %.
-    pub coverage_95_interval: Option<[f64; 2]>,
-    /// The average normalised innovation squared over all steps that have one.
-    pub anis: Option<f64>,
-    /// Where a consistent estimator's ANIS lies with 95 %.
-    pub anis_interval: Option<[f64; 2]>,
-    /// Runs without a fix: nothing received before the search ended, not over in time, or an
-    /// estimate without a positive definite covariance.
-    pub failed: u32,
-    /// The root mean square of a bound on the error of any estimator, such as the posterior
-    /// Cramér-Rao bound, at the end; where there is one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub bound_m: Option<f64>,
-    /// The root mean square error over the whole track, not only at its end; where there is one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub track_rms_m: Option<f64>,
-    /// The errors on the way, where the scenario sets checkpoints.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub checkpoints: Vec<Checkpoint>,
-}
-
-/// The errors after some of the measurements.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Checkpoint {
-    /// After how many.
-    pub measurements: u32,
-    /// From the estimate to the truth; absent when every run failed, like what follows.
-    pub error_m: Option<Spread>,
-    /// The average normalised estimation error squared; 2 for a consistent estimator.
-    pub anees: Option<f64>,
-    /// The root mean square of a bound on the error of any estimator, where there is one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub bound_m: Option<f64>,
-}
 
 /// Hunts that are flown by `fly`, one for each seed.
 ///
@@ -252,7 +160,7 @@ impl Repetition<'_> {
 /// # Errors
 ///
 /// [`CampaignError`] when the scenario or an estimator cannot be built. A single run that goes
-/// wrong is counted in [`BeaconCampaign::failed`].
+/// wrong is counted in [`BeaconCampaign::failed`](super::BeaconCampaign::failed).
 pub fn campaign(
     registry: &Registry,
     scenario: &Scenario,
@@ -305,7 +213,7 @@ pub fn campaign_watched<O: std::error::Error + Send + Sync + 'static>(
 /// # Errors
 ///
 /// [`CampaignError`] when a run cannot be built. A single run that goes wrong is counted in
-/// [`BeaconCampaign::failed`].
+/// [`BeaconCampaign::failed`](super::BeaconCampaign::failed).
 pub fn campaign_with(
     name: &str,
     beacons: &[String],

@@ -2,7 +2,7 @@
 
 use core::f64::consts::{FRAC_PI_2, LOG10_2, PI};
 
-use super::{Antenna, MainLobe, linear};
+use super::linear;
 
 /// 10 log₁₀ 2: by how much half the power is less, in dB.
 const HALF_POWER_DB: f64 = 10.0 * LOG10_2;
@@ -10,16 +10,29 @@ const HALF_POWER_DB: f64 = 10.0 * LOG10_2;
 /// Steps of a search, in radians: a narrower lobe may be missed.
 const STEP: f64 = PI / 180.0;
 
+/// The direction of an antenna's largest gain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct MainLobe {
+    /// In radians counter-clockwise of the boresight.
+    pub azimuth: f64,
+    /// In radians above the plane through the boresight.
+    pub elevation: f64,
+    /// The gain there.
+    pub gain_dbi: f64,
+}
+
 fn degrees(whole: i16) -> f64 {
     f64::from(whole).to_radians()
 }
 
 /// The strongest direction: on a grid of whole degrees from the horizon up and down, then by
 /// halving steps. Of equal ones the first, so that what does not depend on elevation has it level.
-pub(super) fn main_lobe(antenna: &(impl Antenna + ?Sized)) -> MainLobe {
+pub(super) fn main_lobe(gain_dbi: impl Fn(f64, f64) -> f64) -> MainLobe {
     let lobe = |azimuth: f64, elevation: f64| {
         let (azimuth, elevation) = over_the_pole(azimuth, elevation);
-        MainLobe { azimuth, elevation, gain_dbi: antenna.gain_dbi(azimuth, elevation) }
+        MainLobe { azimuth, elevation, gain_dbi: gain_dbi(azimuth, elevation) }
     };
     let mut best = lobe(0.0, 0.0);
     for level in 0..=90 {
@@ -77,17 +90,21 @@ fn beamwidth(cut: impl Fn(f64) -> f64, most: i16) -> Option<f64> {
 }
 
 /// The cut of azimuth through a direction, at its elevation.
-pub(super) fn azimuth_beamwidth(antenna: &(impl Antenna + ?Sized)) -> Option<f64> {
-    let lobe = antenna.main_lobe();
-    beamwidth(|a| antenna.gain_dbi(lobe.azimuth + a, lobe.elevation), 180)
+pub(super) fn azimuth_beamwidth(
+    lobe: &MainLobe,
+    gain_dbi: impl Fn(f64, f64) -> f64,
+) -> Option<f64> {
+    beamwidth(|a| gain_dbi(lobe.azimuth + a, lobe.elevation), 180)
 }
 
 /// The great circle of elevation through a direction, a quarter turn up and down.
-pub(super) fn elevation_beamwidth(antenna: &(impl Antenna + ?Sized)) -> Option<f64> {
-    let lobe = antenna.main_lobe();
+pub(super) fn elevation_beamwidth(
+    lobe: &MainLobe,
+    gain_dbi: impl Fn(f64, f64) -> f64,
+) -> Option<f64> {
     let cut = |up: f64| {
         let (azimuth, elevation) = over_the_pole(lobe.azimuth, lobe.elevation + up);
-        antenna.gain_dbi(azimuth, elevation)
+        gain_dbi(azimuth, elevation)
     };
     beamwidth(cut, 90)
 }
@@ -105,8 +122,8 @@ pub(super) fn mean_over_sphere(of: impl Fn(f64, f64) -> f64) -> f64 {
 
 /// 10 log₁₀(4π U_max / ∮ U dΩ) (IEEE Std 145-2013; Balanis 2016, eq. 2-22), with the radiation
 /// intensity U in proportion to the gain.
-pub(super) fn directivity_dbi(antenna: &(impl Antenna + ?Sized)) -> f64 {
-    let largest = antenna.main_lobe().gain_dbi;
+pub(super) fn directivity_dbi(lobe: &MainLobe, gain_dbi: impl Fn(f64, f64) -> f64) -> f64 {
+    let largest = lobe.gain_dbi;
     // Relative to the maximum, so that no level overflows.
-    -10.0 * libm::log10(mean_over_sphere(|a, e| linear(antenna.gain_dbi(a, e) - largest)))
+    -10.0 * libm::log10(mean_over_sphere(|a, e| linear(gain_dbi(a, e) - largest)))
 }

@@ -1,7 +1,7 @@
 use alloc::{boxed::Box, sync::Arc};
 use core::fmt::Debug;
 
-use super::figures;
+use super::{MainLobe, figures};
 
 /// An antenna: its gain over direction, and what follows from it.
 ///
@@ -44,20 +44,20 @@ pub trait Antenna: Debug {
     /// The direction of the largest gain: searched in steps of 1°, then refined. Of equal ones that
     /// nearest to the horizon.
     fn main_lobe(&self) -> MainLobe {
-        figures::main_lobe(self)
+        figures::main_lobe(|a, e| self.gain_dbi(a, e))
     }
 
     /// The angle in radians between the half-power points about the main lobe, in the cut of
     /// azimuth at its elevation; `None` where the gain never falls by half.
     fn half_power_beamwidth(&self) -> Option<f64> {
-        figures::azimuth_beamwidth(self)
+        figures::azimuth_beamwidth(&self.main_lobe(), |a, e| self.gain_dbi(a, e))
     }
 
     /// The angle in radians between the half-power points in the cut of elevation through the main
     /// lobe; `None` where the gain does not fall by
     /// half within a quarter turn up and down.
     fn elevation_half_power_beamwidth(&self) -> Option<f64> {
-        figures::elevation_beamwidth(self)
+        figures::elevation_beamwidth(&self.main_lobe(), |a, e| self.gain_dbi(a, e))
     }
 
     /// The gain of the main lobe over that straight opposite to it, in dB.
@@ -69,21 +69,8 @@ pub trait Antenna: Debug {
     /// The power of the main lobe over its mean over the sphere, in dBi (IEEE Std 145-2013): what
     /// the gain would be without losses.
     fn directivity_dbi(&self) -> f64 {
-        figures::directivity_dbi(self)
+        figures::directivity_dbi(&self.main_lobe(), |a, e| self.gain_dbi(a, e))
     }
-}
-
-/// The direction of an antenna's largest gain.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
-pub struct MainLobe {
-    /// In radians counter-clockwise of the boresight.
-    pub azimuth: f64,
-    /// In radians above the plane through the boresight.
-    pub elevation: f64,
-    /// The gain there.
-    pub gain_dbi: f64,
 }
 
 macro_rules! forward {

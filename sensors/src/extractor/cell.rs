@@ -1,6 +1,6 @@
 use foxhunt_core::angle::Resultant;
 
-use super::pattern::LEAST_RESULTANT;
+use super::rounding::LEAST_RESULTANT;
 
 /// One position of a turn: what was measured there, and what its neighbours make of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -2,7 +2,6 @@
 
 mod cell;
 mod confidence;
-mod config;
 #[cfg(feature = "alloc")]
 mod direct;
 #[cfg(feature = "alloc")]
@@ -28,6 +27,5 @@ pub use station::{StationAntenna, StationPattern};
 pub(crate) use likelihood::normal_cdf;
 #[cfg(feature = "alloc")]
 use pattern::check;
-use rounding::round_half_away;
 #[cfg(feature = "alloc")]
 pub(crate) use station::{LOST, TAIL, lobe_db};

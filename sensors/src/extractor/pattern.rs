@@ -5,7 +5,10 @@ use foxhunt_core::{
     angle::{self, Resultant},
 };
 
-use super::{Cell, round_half_away};
+use super::{
+    Cell,
+    rounding::{LEAST_RESULTANT, round_half_away},
+};
 
 /// A turn of the antenna in order (Pritzl 2018, §4.1): what each position measured on average,
 /// and the moving mean around the circle, which fills gaps from their neighbours.
@@ -164,9 +167,6 @@ impl Pattern {
         }
     }
 }
-
-/// Directions whose mean resultant is shorter than this cancel up to rounding.
-pub(super) const LEAST_RESULTANT: f64 = 1e-9;
 
 /// Where position `i` of a turn looks, in radians from the antenna's zero.
 fn nominal(i: u16, positions: u16) -> f64 {

@@ -1,9 +1,10 @@
 use foxhunt_core::{
     Bearing, BearingExtractor, BearingModes, NoBearing, NoReading, Reading, Sweep,
     angle::{self, Resultant},
+    parameter::{ParameterError, not_negative, positive, require},
 };
 
-use super::{Cell, Pattern, resultant_confidence};
+use super::{Cell, Pattern, resultant_confidence, rounding::LEAST_RESULTANT};
 
 /// The reference extractor (Pritzl 2018, §4.1–4.2): the level is the mean over the turn, the
 /// bearing the angle of the moving mean's maximum, its σ the reach of the lobe about it.
@@ -18,16 +19,13 @@ use super::{Cell, Pattern, resultant_confidence};
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(try_from = "Fields", into = "Fields"))]
 pub struct Pritzl2018 {
-    pub(super) window: u16,
-    pub(super) rss_sigma_db: f64,
-    pub(super) width_db: f64,
-    pub(super) max_sigma: f64,
-    pub(super) min_sigma: f64,
-    pub(super) min_positions: u16,
+    window: u16,
+    rss_sigma_db: f64,
+    width_db: f64,
+    max_sigma: f64,
+    min_sigma: f64,
+    min_positions: u16,
 }
-
-#[cfg(feature = "serde")]
-use super::config::Fields;
 
 /// A window of 7 positions, σRSS 7.9 dB, a width of 2 dB and bearings up to 3 rad as in the source;
 /// σθ from 0.05 rad on (one of 128 positions) and from 16 measured positions on.
@@ -45,6 +43,65 @@ impl Default for Pritzl2018 {
 }
 
 impl Pritzl2018 {
+    /// Sets a moving mean over `positions`, an odd number of them.
+    ///
+    /// # Errors
+    ///
+    /// When the number is even or above the pattern's capacity.
+    pub fn with_window(self, positions: u16) -> Result<Self, ParameterError> {
+        let valid = positions % 2 == 1 && positions <= Pattern::CAPACITY;
+        require(valid, "window", positions.into(), "odd and at most 360")?;
+        Ok(Self { window: positions, ..self })
+    }
+
+    /// Sets another standard deviation of the level, in dB.
+    ///
+    /// # Errors
+    ///
+    /// When it is not a positive number.
+    pub fn with_rss_sigma_db(self, sigma: f64) -> Result<Self, ParameterError> {
+        Ok(Self { rss_sigma_db: positive("rss_sigma_db", sigma)?, ..self })
+    }
+
+    /// Sets the fall in dB at which the bearing's σ is taken.
+    ///
+    /// # Errors
+    ///
+    /// When it is negative or not finite.
+    pub fn with_width_db(self, width: f64) -> Result<Self, ParameterError> {
+        Ok(Self { width_db: not_negative("width_db", width)?, ..self })
+    }
+
+    /// Sets the greatest standard deviation of a bearing, in radians.
+    ///
+    /// # Errors
+    ///
+    /// When it is not a positive number.
+    pub fn with_max_sigma(self, sigma: f64) -> Result<Self, ParameterError> {
+        Ok(Self { max_sigma: positive("max_sigma", sigma)?, ..self })
+    }
+
+    /// Sets the least standard deviation of a bearing, in radians.
+    ///
+    /// # Errors
+    ///
+    /// When it is negative or not finite. At 0 a pattern with a single position on top has the
+    /// σ of 0, which no [`Observation`](foxhunt_core::Observation) takes.
+    pub fn with_min_sigma(self, sigma: f64) -> Result<Self, ParameterError> {
+        Ok(Self { min_sigma: not_negative("min_sigma", sigma)?, ..self })
+    }
+
+    /// Sets the minimum number of positions for a bearing.
+    ///
+    /// # Errors
+    ///
+    /// When it is 0 or above the pattern's capacity.
+    pub fn with_min_positions(self, positions: u16) -> Result<Self, ParameterError> {
+        let valid = (1..=Pattern::CAPACITY).contains(&positions);
+        require(valid, "min_positions", positions.into(), "1 to 360")?;
+        Ok(Self { min_positions: positions, ..self })
+    }
+
     /// A sweep as this extractor puts it in order, to look at.
     ///
     /// # Errors
@@ -80,9 +137,6 @@ impl Pritzl2018 {
     }
 }
 
-/// A resultant shorter than this is rounding: the strongest positions cancel.
-const LEAST_RESULTANT: f64 = 1e-9;
-
 /// The positions whose rounded moving mean is at least `level`.
 fn above(pattern: &Pattern, level: f64) -> impl Iterator<Item = &Cell> {
     pattern.cells().iter().filter(move |cell| cell.rounded_dbm().is_some_and(|dbm| dbm >= level))
@@ -99,5 +153,54 @@ impl BearingExtractor for Pritzl2018 {
             covariance: 0.0,
             modes: BearingModes::default(),
         })
+    }
+}
+
+/// Settings as they stand in a file, each with its default; read back only through the setters.
+#[cfg(feature = "serde")]
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Fields {
+    window: u16,
+    rss_sigma_db: f64,
+    width_db: f64,
+    max_sigma: f64,
+    min_sigma: f64,
+    min_positions: u16,
+}
+
+#[cfg(feature = "serde")]
+impl Default for Fields {
+    fn default() -> Self {
+        Pritzl2018::default().into()
+    }
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Fields> for Pritzl2018 {
+    type Error = ParameterError;
+
+    fn try_from(fields: Fields) -> Result<Self, ParameterError> {
+        Self::default()
+            .with_window(fields.window)?
+            .with_rss_sigma_db(fields.rss_sigma_db)?
+            .with_width_db(fields.width_db)?
+            .with_max_sigma(fields.max_sigma)?
+            .with_min_sigma(fields.min_sigma)?
+            .with_min_positions(fields.min_positions)
+    }
+}
+
+#[cfg(feature = "serde")]
+impl From<Pritzl2018> for Fields {
+    fn from(extractor: Pritzl2018) -> Self {
+        Self {
+            window: extractor.window,
+            rss_sigma_db: extractor.rss_sigma_db,
+            width_db: extractor.width_db,
+            max_sigma: extractor.max_sigma,
+            min_sigma: extractor.min_sigma,
+            min_positions: extractor.min_positions,
+        }
     }
 }

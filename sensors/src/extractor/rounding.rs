@@ -11,6 +11,9 @@ pub(super) fn round_half_away(value: f64) -> f64 {
     libm::copysign(libm::floor(value.abs() + (0.5 + TIE)), value)
 }
 
+/// Length of a mean resultant below which directions cancel, up to rounding.
+pub(super) const LEAST_RESULTANT: f64 = 1e-9;
+
 #[cfg(test)]
 mod tests {
     use super::*;

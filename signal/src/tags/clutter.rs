@@ -8,6 +8,9 @@ use crate::Pulse;
 /// Within how many seconds of a pulse others are counted: noise comes in bursts.
 const NEAR_S: f64 = 20.0;
 
+/// The standard deviation of the logarithm of a width that a detector measures.
+pub(super) const WIDTH_SIGMA: f64 = 0.2;
+
 /// The logarithm of the density of other pulses about each pulse, per second, hertz and natural
 /// logarithm of a width.
 #[derive(Debug, Clone)]
@@ -64,5 +67,5 @@ fn spread(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
     let n = count(values.clone().count()).max(1.0);
     let mean = values.clone().sum::<f64>() / n;
     let variance = values.map(|x| (x - mean).powi(2)).sum::<f64>() / n;
-    (mean, variance.sqrt().max(super::train::WIDTH_SIGMA))
+    (mean, variance.sqrt().max(WIDTH_SIGMA))
 }

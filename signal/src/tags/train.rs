@@ -6,13 +6,11 @@
 //! each are per-survivor processing (Raheli, Polydoros and Tzou 1995).
 
 use super::{
-    clutter::{Clutter, ln_normal},
+    clutter::{Clutter, WIDTH_SIGMA, ln_normal},
     transform::count,
 };
 use crate::Pulse;
 
-/// The standard deviation of the logarithm of a width that a detector measures.
-pub(super) const WIDTH_SIGMA: f64 = 0.2;
 /// How many paths are kept to each pulse.
 const PATHS: usize = 3;
 /// Beyond how many standard deviations nothing is a train's next pulse.

@@ -3,10 +3,10 @@ use foxhunt_sensors::{MagneticDipole, SharedTerrain};
 use nalgebra::Vector3;
 
 use super::{
-    Channel, Free,
+    Channel, Free, Port,
     body::Body,
     course::Course,
-    receiver::{Answer, Arrival, Port, Receiver, Signal},
+    receiver::{Answer, Arrival, Receiver, Signal},
     streams::Streams,
     turntable::Turntable,
 };

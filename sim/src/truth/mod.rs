@@ -8,15 +8,18 @@ mod course;
 mod drone;
 mod kinematics;
 mod path;
+mod port;
 mod receiver;
 mod shadowing;
 mod streams;
+mod time;
 mod turntable;
 
 pub(crate) use channel::Channel;
 pub(crate) use drone::Drone;
-pub(crate) use receiver::Port;
+pub(crate) use port::Port;
 pub(crate) use streams::Streams;
+pub(crate) use time::{Free, is_due};
 
 use foxhunt_core::BeaconId;
 
@@ -34,41 +37,6 @@ pub(crate) struct Truth {
     pub(crate) drones: Vec<Drone>,
 }
 
-/// A time in which drones that rest are left alone.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Free {
-    /// Its end, in seconds.
-    pub(crate) until: f64,
-    /// From one moment at which devices may be polled to the next, in seconds.
-    pub(crate) step: f64,
-}
-
-/// Nobody goes ahead.
-impl Default for Free {
-    fn default() -> Self {
-        Self { until: f64::NEG_INFINITY, step: 0.0 }
-    }
-}
-
-impl Free {
-    /// The step after a moment, if it is free.
-    #[inline]
-    fn step_from(&self, time: f64) -> Option<f64> {
-        let next = time + self.step;
-        // Not so for a step that is too small to be added, either.
-        (next > time && next < self.until).then_some(next)
-    }
-
-    /// The first step from a moment on, itself included, at which `event` has come.
-    #[inline]
-    fn reach(&self, event: f64, mut time: f64) -> Option<f64> {
-        while !is_due(event, time) {
-            time = self.step_from(time)?;
-        }
-        Some(time)
-    }
-}
-
 /// A beacon of a world.
 ///
 /// # Errors
@@ -77,13 +45,6 @@ impl Free {
 pub(crate) fn beacon_of(beacons: &[BeaconConfig], id: BeaconId) -> Result<&BeaconConfig, SimError> {
     let error = || SimError::Beacon { beacon: id.0, beacons: beacons.len() };
     beacons.get(usize::from(id.0)).ok_or_else(error)
-}
-
-/// Whether the moment `at` has come. A nanosecond is forgiven: time is a sum of steps, and its
-/// rounding must not cost a step more.
-#[inline]
-pub(crate) fn is_due(at: f64, now: f64) -> bool {
-    now >= at - 1e-9
 }
 
 /// From the frequency of one beacon to that of the next where none are given, in MHz.

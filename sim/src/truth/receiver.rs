@@ -1,15 +1,15 @@
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 use foxhunt_core::{BeaconId, Pose};
-use foxhunt_sensors::Antenna;
 use nalgebra::Vector3;
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::{
-    Channel, is_due,
+    Channel, Port,
     path::{Arrivals, Path},
     streams::Streams,
+    time::is_due,
 };
 
 /// A drone that moves farther than this begins a new pattern, in metres: fading is another one
@@ -29,34 +29,6 @@ pub(crate) struct Receiver {
     /// The last sample's, of a drone that has not moved since.
     last: Option<Look>,
     answer: Option<Answer>,
-}
-
-/// The antenna that a signal comes in through.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Port<'a> {
-    /// That of the channel.
-    Directional,
-    /// One with the same gain in all directions, the mean of that of the channel.
-    Omnidirectional,
-    /// A user's own.
-    Own(&'a dyn Antenna),
-}
-
-impl Port<'_> {
-    /// It, if it is one of the channel's own.
-    fn of_the_channel(self) -> Option<Port<'static>> {
-        match self {
-            Self::Directional => Some(Port::Directional),
-            Self::Omnidirectional => Some(Port::Omnidirectional),
-            Self::Own(_) => None,
-        }
-    }
-
-    /// Whether it is one of the channel's own, and then the same as another one.
-    fn is_same(self, other: Port<'_>) -> bool {
-        use Port::{Directional, Omnidirectional};
-        matches!((self, other), (Directional, Directional) | (Omnidirectional, Omnidirectional))
-    }
 }
 
 /// A signal as it comes in at the antenna.

@@ -1,4 +1,4 @@
-use super::is_due;
+use super::time::is_due;
 
 /// An antenna's motor: it turns at constant speed to where it was last ordered.
 #[derive(Clone, Copy, Debug)]

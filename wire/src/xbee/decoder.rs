@@ -1,6 +1,7 @@
 use super::{
-    ApiMode, Frame, FrameError, LONGEST_DATA,
-    packet::{DELIMITER, ESCAPE, FLIP, HEAD, checked},
+    ApiMode, Frame, FrameError,
+    layout::{DELIMITER, ESCAPE, FLIP, HEAD, LONGEST_DATA},
+    packet::checked,
 };
 
 /// Finds frames in what comes over a serial line, however it is divided.

@@ -1,17 +1,7 @@
-use super::{Frame, FrameError};
-
-/// The longest data of a frame that is sent or accepted: more than any 2.4 GHz radio of the family
-/// carries. A length beyond it is taken for garbage.
-pub const LONGEST_DATA: usize = 512;
-
-/// What a frame begins with.
-pub(super) const DELIMITER: u8 = 0x7E;
-/// What announces an escaped byte.
-pub(super) const ESCAPE: u8 = 0x7D;
-/// What an escaped byte is changed by.
-pub(super) const FLIP: u8 = 0x20;
-/// Delimiter and length before the data.
-pub(super) const HEAD: usize = 3;
+use super::{
+    Frame, FrameError,
+    layout::{DELIMITER, ESCAPE, FLIP, HEAD, LONGEST_DATA},
+};
 
 /// How frames are written on the serial line: the radio's parameter `AP`.
 #[derive(

@@ -1,6 +1,6 @@
 use std::{
-    fs, io,
-    path::{Path, PathBuf},
+    fs,
+    path::PathBuf,
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -9,13 +9,13 @@ use std::{
     time::{Duration, Instant},
 };
 
-use foxhunt::{
-    scenario::{DEFAULT_SCENARIO, Scenario},
-    sim::{Emulator, World},
-};
+use foxhunt::{scenario::Scenario, sim::World};
 use serde::Serialize;
 
-use super::{field, gnss, rtl_tcp, sample_file, stepper, vehicle, xbee};
+use super::{
+    device::{Field, Placed},
+    field, gnss, rtl_tcp, sample_file, stepper, vehicle, xbee,
+};
 use crate::{
     commands::choice,
     error::CliError,
@@ -47,41 +47,9 @@ enum Device {
     Field(field::Args),
 }
 
-/// The arguments of all emulated devices.
-#[derive(Debug, clap::Args)]
-pub(super) struct Field {
-    /// The field that it works in: a built-in scenario or a TOML file
-    #[arg(long, value_name = "SCENARIO", default_value = DEFAULT_SCENARIO)]
-    scenario: String,
-    /// Which of the scenario's drones carries it, counted from 0
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(super) drone: usize,
-    /// The seed of everything that is drawn at random
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub(super) seed: u64,
-    /// How much faster than the clock on the wall the device's time runs, for programs that know it
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = positive)]
-    pub(super) speed: f64,
-    /// End after so many seconds of the field's time
-    #[arg(long = "for", value_name = "S", value_parser = positive)]
-    pub(super) duration_s: Option<f64>,
-    /// Where to put a symbolic link to the serial port; what is there is replaced if it is a link
-    #[arg(long, value_name = "PATH")]
-    pub(super) link: Option<PathBuf>,
-}
-
 /// The farthest that a field's time falls behind, in seconds of the wall: on a busy computer it
 /// runs slower, rather than past the heartbeats of whoever flies in it.
 const MOST_BEHIND_S: f64 = 0.1;
-
-/// A device that is ready to be served.
-pub(super) struct Placed {
-    /// What it is, such as `xbee`.
-    pub(super) device: &'static str,
-    /// How it is reached, as `foxhunt fly` takes it.
-    pub(super) endpoint: String,
-    pub(super) emulator: Box<dyn Emulator>,
-}
 
 /// A device in the result, as JSON has it.
 #[derive(Serialize)]
@@ -168,25 +136,4 @@ fn serve(
         let _ = fs::remove_file(link);
     }
     Ok(())
-}
-
-/// Links to the pseudo-terminal of a device where one is given; what names it then.
-pub(super) fn linked(port: &Path, link: Option<&Path>) -> Result<String, CliError> {
-    let Some(link) = link else { return Ok(port.display().to_string()) };
-    let replaced = match fs::symlink_metadata(link) {
-        Ok(there) if there.is_symlink() => fs::remove_file(link),
-        Ok(_) => Err(io::Error::new(io::ErrorKind::AlreadyExists, "something else is there")),
-        Err(_) => Ok(()),
-    };
-    replaced
-        .and_then(|()| std::os::unix::fs::symlink(port, link))
-        .map_err(|error| CliError::writing(link, error))?;
-    Ok(link.display().to_string())
-}
-
-pub(super) fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err("not a positive number".into()),
-    }
 }

@@ -10,7 +10,7 @@ use foxhunt::{
     sim::{Emulator, World},
 };
 
-use super::bench::{Field, Placed};
+use super::device::{Field, Placed};
 use crate::{
     commands::choice,
     error::{CliError, InFile},

@@ -8,7 +8,7 @@ use foxhunt::{
     wire::{ByteStream, FixQuality, PtyStream, TcpServerStream},
 };
 
-use super::bench::{Field, Placed, linked};
+use super::device::{Field, Placed, linked};
 use crate::error::CliError;
 
 /// A GNSS receiver

@@ -1,6 +1,7 @@
 //! Emulated devices as programs: what a driver, ours or another's, meets instead of a real one.
 
 mod bench;
+mod device;
 mod field;
 mod gnss;
 mod pose;

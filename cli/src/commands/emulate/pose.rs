@@ -6,7 +6,7 @@ use foxhunt::{
     wire::Endpoint,
 };
 
-use super::bench::{Field, Placed};
+use super::device::{Field, Placed};
 use crate::error::CliError;
 
 /// Where a drone is that another program flies.

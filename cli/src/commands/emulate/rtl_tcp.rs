@@ -11,7 +11,7 @@ use foxhunt::{
 };
 
 use super::{
-    bench::{Field, Placed},
+    device::{Field, Placed},
     pose::Pose,
 };
 use crate::error::{CliError, InFile};

@@ -5,7 +5,7 @@ use foxhunt::{
 };
 
 use super::{
-    bench::{Field, Placed, linked},
+    device::{Field, Placed, linked},
     pose::Pose,
 };
 use crate::error::CliError;

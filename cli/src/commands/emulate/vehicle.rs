@@ -10,7 +10,7 @@ use foxhunt::{
     },
 };
 
-use super::bench::{Field, Placed};
+use super::device::{Field, Placed};
 use crate::error::CliError;
 
 /// An autopilot that speaks MAVLink: ArduCopter, or PX4

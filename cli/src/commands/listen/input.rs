@@ -11,7 +11,7 @@ use foxhunt::signal::{
 };
 use serde::Serialize;
 
-use super::Args;
+use super::args::Args;
 use crate::error::CliError;
 
 /// What a look for samples came to.

@@ -1,12 +1,14 @@
 //! Pulses and tags as they come in.
 
+mod args;
 mod input;
 mod screen;
 mod tracker;
 
+pub(crate) use args::Args;
+
 use std::{
     io::{IsTerminal, stdout},
-    path::PathBuf,
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -23,65 +25,14 @@ use serde::Serialize;
 use self::{
     input::{Came, Input, Losses},
     screen::Screen,
-    tracker::{TagRow, Tracker},
+    tracker::{TagRow, Tracker, rows},
 };
-use super::{
-    pulses::{HEADER, Search, line},
-    tags::from_to,
-};
+use super::pulses::{HEADER, line};
 use crate::{
     context::Context,
     error::{CliError, InFile},
     output::{Output, warn},
-    table::{number, table},
 };
-
-/// Show tags as they pulse: from a receiver, a file or a pipe
-///
-/// Searches samples as they come for pulses, and gives the pulses to tags. On a terminal there are
-/// a waterfall and a table of tags; elsewhere a line for each pulse, and the table at the end.
-/// Reads `rtl_tcp` (tcp:HOST:PORT) and receivers of `SoapySDR` (soapy:driver=...), which it sets,
-/// files of samples, and raw samples on standard input. Ends with Ctrl-C.
-#[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  \
-                        foxhunt listen tcp:127.0.0.1:1234 --center-hz 150.08e6 --rate-hz 250000\n  \
-                        foxhunt listen tcp:127.0.0.1:1234 --center-hz 150.08e6 --rate-hz 250000 \
-                        --tags tags.csv --csv > pulses.csv\n  \
-                        foxhunt listen soapy:driver=airspy --center-hz 150.08e6 --rate-hz 2.5e6\n  \
-                        foxhunt listen tag.sigmf-meta\n  \
-                        rtl_sdr -f 150080000 -s 250000 - | foxhunt listen - --format cu8 \
-                        --rate-hz 250000 --center-hz 150.08e6")]
-pub(crate) struct Args {
-    /// Where samples come from: tcp:HOST:PORT of rtl_tcp, soapy:ARGUMENTS of `SoapySDR`, a file, or
-    /// - for standard input
-    source: String,
-    /// Print each pulse as soon as it is found, as CSV
-    #[arg(long, conflicts_with = "json")]
-    csv: bool,
-    #[command(flatten)]
-    search: Search,
-    /// The receiver's gain, in dB; only of tcp: and soapy:
-    #[arg(long, value_name = "DB", allow_negative_numbers = true)]
-    gain_db: Option<f64>,
-    /// How far off the receiver's oscillator is, in parts per million; only of tcp: and
-    /// soapy:
-    #[arg(long, value_name = "PPM", allow_negative_numbers = true)]
-    ppm: Option<i32>,
-    /// A table of known tags, as `foxhunt tags` reads it
-    #[arg(long, value_name = "FILE")]
-    tags: Option<PathBuf>,
-    /// The shortest and the longest interval of unknown tags, in seconds
-    #[arg(long, value_name = "FROM,TO", value_parser = from_to)]
-    intervals_s: Option<[f64; 2]>,
-    /// End after so many seconds
-    #[arg(long, value_name = "S", value_parser = positive)]
-    for_s: Option<f64>,
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|value: &f64| *value > 0.0 && value.is_finite());
-    value.ok_or_else(|| "not a positive number".to_owned())
-}
 
 /// What `--json` prints at the end.
 #[derive(Debug, Serialize)]
@@ -279,26 +230,4 @@ fn text(report: &Report) -> String {
         report.lost.samples,
         report.lost.gaps
     )
-}
-
-/// Rows of tags at a time, in the samples' clock.
-fn rows(tags: &[TagRow], time_s: f64, is_calibrated: bool) -> String {
-    let level = if is_calibrated { "dBm" } else { "dBFS" };
-    let columns =
-        ["tag", "frequency Hz", "interval s", "± ms", "width ms", level, "E/N0 dB", "last s", "n"];
-    let mut table = table(&columns);
-    for tag in tags {
-        table.add_row([
-            tag.name.clone(),
-            number(tag.frequency_hz, 0),
-            number(tag.interval_s, 4),
-            number(1e3 * tag.jitter_s, 1),
-            number(1e3 * tag.width_s, 1),
-            number(tag.power_dbm, 1),
-            number(tag.snr_db, 1),
-            format!("-{:.1}", (time_s - tag.last_pulse_s).max(0.0)),
-            tag.pulses.to_string(),
-        ]);
-    }
-    table.to_string()
 }

@@ -11,8 +11,7 @@ use foxhunt::signal::{Complex32, Waterfall, WaterfallRow};
 
 use super::{
     input::{Input, Losses},
-    rows,
-    tracker::Tracker,
+    tracker::{Tracker, rows},
 };
 use crate::error::CliError;
 

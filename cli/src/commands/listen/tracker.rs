@@ -4,7 +4,10 @@ use foxhunt::signal::{
 };
 use serde::Serialize;
 
-use crate::commands::tags::name;
+use crate::{
+    commands::tags::name,
+    table::{number, table},
+};
 
 /// From one association to the next, in seconds of the samples.
 const EVERY_S: f64 = 2.0;
@@ -209,6 +212,28 @@ impl Tracker {
         });
         self.rows.len() - 1
     }
+}
+
+/// Rows of tags at a time, in the samples' clock.
+pub(super) fn rows(tags: &[TagRow], time_s: f64, is_calibrated: bool) -> String {
+    let level = if is_calibrated { "dBm" } else { "dBFS" };
+    let columns =
+        ["tag", "frequency Hz", "interval s", "± ms", "width ms", level, "E/N0 dB", "last s", "n"];
+    let mut table = table(&columns);
+    for tag in tags {
+        table.add_row([
+            tag.name.clone(),
+            number(tag.frequency_hz, 0),
+            number(tag.interval_s, 4),
+            number(1e3 * tag.jitter_s, 1),
+            number(1e3 * tag.width_s, 1),
+            number(tag.power_dbm, 1),
+            number(tag.snr_db, 1),
+            format!("-{:.1}", (time_s - tag.last_pulse_s).max(0.0)),
+            tag.pulses.to_string(),
+        ]);
+    }
+    table.to_string()
 }
 
 #[cfg(test)]

@@ -2,8 +2,7 @@ use std::{
     cell::Cell,
     net::TcpListener,
     sync::{
-        Arc, Mutex, PoisonError,
-        atomic::{AtomicBool, Ordering},
+        Arc,
         mpsc::{self, Receiver, Sender},
     },
     thread,
@@ -16,9 +15,8 @@ use foxhunt::{
     page::{Live, Mark, PageLog, live_page, news, page_line},
     replay::ReplayError,
 };
-use tokio::sync::watch;
 
-use super::{LivePlan, Shown, server, tiles::Tiles};
+use super::{LivePlan, Shown, server, shared::Shared};
 use crate::{commands::views::Antennas, error::CliError, output::warn};
 
 /// How many places stand for one belief at most: a long hunt is sent as a whole to who joins late.
@@ -26,50 +24,6 @@ const PLACES: u32 = 500;
 
 /// How long browsers have to take the last news before the program ends.
 const FAREWELL: Duration = Duration::from_secs(2);
-
-/// What is shown, and to whom: shared by the hunt, the thread that reads it and the server.
-pub(super) struct Shared {
-    pub(super) page: String,
-    pub(super) token: Option<String>,
-    pub(super) orders: bool,
-    pub(super) tiles: Option<Arc<Tiles>>,
-    /// What the numbers of the news belong to: another hunt has others.
-    pub(super) run: String,
-    /// Everything that was to be shown since the beginning, in this order. Each browser has its
-    /// place in it, so that none of them is waited for, and who joins late gets all of it.
-    news: Mutex<Vec<Arc<str>>>,
-    /// How many news there are, and whether they are all.
-    pub(super) progress: watch::Sender<Progress>,
-    /// Whether somebody who has the token breaks the flight off.
-    broken_off: AtomicBool,
-}
-
-/// How far a hunt has come.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Progress {
-    pub(super) news: usize,
-    pub(super) over: bool,
-}
-
-impl Shared {
-    /// The news of a number, from 0.
-    pub(super) fn news(&self, number: usize) -> Option<Arc<str>> {
-        let news = self.news.lock().unwrap_or_else(PoisonError::into_inner);
-        news.get(number).cloned()
-    }
-
-    fn add(&self, text: String) {
-        let mut news = self.news.lock().unwrap_or_else(PoisonError::into_inner);
-        news.push(text.into());
-        let count = news.len();
-        drop(news);
-        self.progress.send_modify(|progress| progress.news = count);
-    }
-
-    pub(super) fn break_off(&self) {
-        self.broken_off.store(true, Ordering::Relaxed);
-    }
-}
 
 /// What happens in a hunt.
 enum Happening {
@@ -113,16 +67,8 @@ impl LiveView {
         let log = PageLog::live(&header, None);
         let about = tiles.as_ref().map(|tiles| tiles.about().clone());
         let page = live_page(beginning.overview(), &log, Live { orders, tiles: about });
-        let shared = Arc::new(Shared {
-            page: page.map_err(CliError::failure)?,
-            token: token.clone(),
-            orders,
-            tiles: tiles.clone(),
-            run: run_name(),
-            news: Mutex::new(Vec::new()),
-            progress: watch::Sender::new(Progress::default()),
-            broken_off: AtomicBool::new(false),
-        });
+        let page = page.map_err(CliError::failure)?;
+        let shared = Arc::new(Shared::new(page, token.clone(), orders, tiles.clone(), run_name()));
         let (happenings, happened) = mpsc::channel();
         let kept = Arc::clone(&shared);
         thread::spawn(move || {
@@ -168,7 +114,7 @@ impl LiveView {
 
     /// Whether somebody who has the token has broken the flight off since the last call.
     pub(in crate::commands) fn is_broken_off(&self) -> bool {
-        self.shared.broken_off.swap(false, Ordering::Relaxed)
+        self.shared.take_break_off()
     }
 
     /// Goes on serving the page of a hunt that is over until `interrupted`, or ends at once where

@@ -5,6 +5,8 @@ mod feed;
 #[cfg(feature = "live")]
 mod server;
 #[cfg(feature = "live")]
+mod shared;
+#[cfg(feature = "live")]
 mod tiles;
 #[cfg(not(feature = "live"))]
 mod without;

@@ -14,7 +14,7 @@ use axum::{
 use futures_util::{Stream, stream};
 
 use super::{
-    feed::{Progress, Shared},
+    shared::{Progress, Shared},
     tiles::{Tile, TileAt},
 };
 use crate::error::CliError;

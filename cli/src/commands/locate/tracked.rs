@@ -19,7 +19,7 @@ use super::{
         locating::{Prepared, not_located},
         recorded::{LatLon, no_degrees},
     },
-    Estimated, Found, likeliest,
+    found::{Estimated, Found, likeliest},
 };
 use crate::{
     error::CliError,

@@ -5,9 +5,9 @@ use std::{fs, path::PathBuf};
 use foxhunt::picture::{Ratios, ratios_svg};
 use serde::Deserialize;
 
-use super::Drawing;
+use super::drawing::Drawing;
 #[cfg(feature = "store")]
-use crate::commands::results;
+use crate::commands::{results, storing};
 use crate::{
     error::{CliError, InFile},
     output::Output,
@@ -114,7 +114,7 @@ pub(super) fn distributions(args: &Distributions, output: Output) -> Result<(), 
     use foxhunt::store::Store;
 
     args.drawing.check()?;
-    let store = Store::open(&args.file).map_err(results::reading)?;
+    let store = Store::open(&args.file).map_err(storing::reading)?;
     let filter = args.selection.filter(None);
     let (own, distributions) = results::titled_distributions(&store, &filter)?;
     let title = args.drawing.title(&own);

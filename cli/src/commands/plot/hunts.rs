@@ -12,7 +12,7 @@ use foxhunt::{
     struck::Struck,
 };
 
-use super::Drawing;
+use super::drawing::Drawing;
 use crate::{
     commands::choice,
     context::Context,

@@ -14,7 +14,7 @@ use foxhunt::{
     sensors::{BearingMixture, fit_log_distance},
 };
 
-use super::Drawing;
+use super::drawing::Drawing;
 use crate::{
     commands::{
         extraction::Extraction,

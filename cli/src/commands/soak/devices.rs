@@ -6,7 +6,7 @@ use foxhunt::{
     soak::SoakFailure,
 };
 
-use super::{Kind, Tally};
+use super::tally::{Kind, Tally, text_of};
 
 /// Flies emulated devices with which things go wrong.
 pub(super) fn fly(flight: &EmulatedFlight, registry: &Registry) -> Tally {
@@ -20,7 +20,7 @@ pub(super) fn fly(flight: &EmulatedFlight, registry: &Registry) -> Tally {
             tally.failures = violations.map(|what| SoakFailure::new("devices", what)).collect();
         }
         Ok(Err(error)) => tally.failures = failure("devices", format!("{error}: {error:?}")),
-        Err(panic) => tally.failures = failure("panic", super::text_of(&*panic)),
+        Err(panic) => tally.failures = failure("panic", text_of(&*panic)),
     }
     tally
 }

@@ -7,7 +7,7 @@ use foxhunt::{
     soak::{SoakFailure, SoakFlight, SoakRun},
 };
 
-use super::Tally;
+use super::tally::Tally;
 
 /// Flies a flight, and replays its log.
 pub(super) fn fly(flight: &SoakFlight, registry: &Registry) -> Tally {

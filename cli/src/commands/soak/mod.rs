@@ -5,9 +5,9 @@ mod devices;
 mod flights;
 mod memory;
 mod recordings;
+mod tally;
 
 use std::{
-    any::Any,
     convert::Infallible,
     fs,
     path::{Path, PathBuf},
@@ -25,7 +25,12 @@ use foxhunt::{
 };
 use serde::Serialize;
 
-use self::{flights::fly, memory::Memory, recordings::BentRecording};
+use self::{
+    flights::fly,
+    memory::Memory,
+    recordings::BentRecording,
+    tally::{Kind, Tally},
+};
 use crate::{
     context::Context,
     error::CliError,
@@ -113,55 +118,6 @@ struct Failed {
     what: String,
     /// The command that shows it again.
     again: String,
-}
-
-/// What one run adds to the report.
-#[derive(Debug, Default)]
-struct Tally {
-    kind: Kind,
-    refused: bool,
-    searches: u64,
-    estimates: u64,
-    replayed: u64,
-    log_bytes: u64,
-    /// Places that were found in a recording.
-    located: u64,
-    failures: Vec<SoakFailure>,
-}
-
-/// What a run is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Kind {
-    /// A simulated flight.
-    #[default]
-    Flight,
-    /// A flight of emulated devices.
-    #[cfg(all(unix, feature = "hardware"))]
-    Devices,
-    /// A recording that could be read, or not.
-    Recording {
-        /// Whether it could.
-        is_read: bool,
-    },
-}
-
-impl Kind {
-    /// What a seed draws: a recording one time in four, and emulated devices, whose flights take
-    /// longest, one time in eight.
-    fn of(seed: u64) -> Self {
-        match seed % 8 {
-            0 | 4 => Self::Recording { is_read: false },
-            #[cfg(all(unix, feature = "hardware"))]
-            7 => Self::Devices,
-            _ => Self::Flight,
-        }
-    }
-}
-
-/// What a panic has left.
-fn text_of(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<String>().map(String::as_str);
-    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("?").to_owned()
 }
 
 /// The runs of a soak.

@@ -15,7 +15,7 @@ use foxhunt::{
     soak::SoakFailure,
 };
 
-use super::{Kind, Tally, text_of};
+use super::tally::{Kind, Tally, text_of};
 
 /// A recording of a few drones, which was bent, and cut off somewhere.
 #[derive(Debug)]

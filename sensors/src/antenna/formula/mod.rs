@@ -13,7 +13,5 @@ pub use isotropic::Isotropic;
 pub use patch::Patch;
 pub use yagi::Yagi;
 
-pub(super) use terms::linear;
-
 use super::{Antenna, figures::mean_over_sphere};
 use terms::{back_lobe, decibels, direction, half_wave_dipole};

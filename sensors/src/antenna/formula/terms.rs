@@ -11,11 +11,6 @@ pub(super) fn decibels(power: f64) -> f64 {
     10.0 * libm::log10(power.max(NULL_POWER))
 }
 
-/// A gain in dB as a factor of power.
-pub(in crate::antenna) fn linear(gain_db: f64) -> f64 {
-    libm::exp10(0.1 * gain_db)
-}
-
 /// A direction as a unit vector: forward, left, up.
 pub(super) fn direction(azimuth: f64, elevation: f64) -> [f64; 3] {
     let level = libm::cos(elevation);

@@ -5,7 +5,9 @@ use foxhunt_core::{
 };
 use nalgebra::{Matrix3, Vector3};
 
-use crate::extractor::{Cell, Pattern, likelihood::Looks, resultant_confidence};
+use crate::extractor::{
+    Cell, Pattern, likelihood::Looks, resultant_confidence, rounding::LEAST_RESULTANT,
+};
 
 /// The top of the parabola in dB that fits the readings about the maximum best: a lobe that is
 /// Gaussian in power is one.
@@ -38,7 +40,6 @@ const FEWEST: u16 = 4;
 const WINDOW: u16 = 7;
 
 const PRIOR_FREEDOM: f64 = 4.0;
-const LEAST_RESULTANT: f64 = 1e-9;
 
 impl MainLobeFit {
     /// The same with the parabola laid over `half_width` radians to either side.

@@ -10,6 +10,7 @@ use crate::extractor::{
     Pattern,
     likelihood::{Look, Looks},
     resultant_confidence,
+    rounding::LEAST_RESULTANT,
 };
 
 /// The boresight whose readings are the strongest on average (Isaacs et al. 2014, §II).
@@ -33,9 +34,6 @@ impl Default for Maximum {
 /// σ comes from the strongest boresights: one in so many, and at least four.
 const SHARE: usize = 20;
 const FEWEST: usize = 4;
-
-/// A resultant shorter than this is rounding.
-const LEAST_RESULTANT: f64 = 1e-9;
 
 impl Maximum {
     /// Sets another standard deviation of the level, in dB.

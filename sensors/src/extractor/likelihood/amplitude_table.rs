@@ -1,10 +1,10 @@
 use alloc::{boxed::Box, vec::Vec};
 use core::f64::consts::TAU;
 
-use super::{
-    gain_table::{GainTable, ROWS},
-    two_paths::DB,
-};
+use super::gain_table::{GainTable, ROWS};
+
+/// Decibels to one natural logarithm of an amplitude: 20 log₁₀ e.
+pub(super) const DB: f64 = 20.0 * core::f64::consts::LOG10_E;
 
 /// An antenna's amplitude over that of its mean gain, tabulated like the gain, so that a loop over
 /// looks is vectorised.

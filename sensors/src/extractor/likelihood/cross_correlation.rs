@@ -6,11 +6,11 @@ use foxhunt_core::{
 };
 
 use super::{
-    fit::{Fit, NODES, node_offset},
+    fit::Fit,
     gain_table::GainTable,
     looks::Looks,
     misfit::Misfit,
-    posterior::{Node, Peak, summit},
+    posterior::{NODES, Node, Peak, node_offset, summit},
     read_out::{Limits, read_out},
 };
 use crate::Antenna;

@@ -5,7 +5,7 @@ use foxhunt_core::Sweep;
 use super::{
     gain_table::GainTable,
     looks::{Look, Looks},
-    posterior::Node,
+    posterior::{NODES, Node, node_offset},
     silence::{Silence, normal_cdf},
 };
 use crate::Antenna;
@@ -21,14 +21,6 @@ pub(super) struct Fit<'a, A> {
     /// The variance of a single reading.
     pub(super) single_variance: f64,
     pub(super) silence: Option<Silence>,
-}
-
-/// A bearing to every second degree; between them the posterior is interpolated.
-pub(super) const NODES: u16 = 180;
-
-/// The bearing of a node, counted like the looks.
-pub(super) fn node_offset(node: u16) -> f64 {
-    core::f64::consts::TAU * f64::from(node) / f64::from(NODES)
 }
 
 /// The Fisher information about its mean of a reading whose mean lies so many σ above the floor,

@@ -3,7 +3,7 @@ use core::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
-use super::{fit::NODES, looks::Look};
+use super::{looks::Look, posterior::NODES};
 use crate::Antenna;
 
 /// An antenna's gain about its mean over a turn, tabulated for beacons at one elevation: a fit

@@ -3,8 +3,8 @@ use alloc::vec::Vec;
 use foxhunt_core::vectorised::{self, Kernel};
 
 use super::{
-    fit::{Fit, NODES, node_offset},
-    posterior::Node,
+    fit::Fit,
+    posterior::{NODES, Node, node_offset},
 };
 use crate::Antenna;
 

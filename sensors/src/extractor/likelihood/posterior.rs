@@ -3,6 +3,15 @@ use core::f64::consts::TAU;
 
 use foxhunt_core::{BearingModes, elementary};
 
+/// Number of bearings over a turn that are fitted, one to every second degree; the posterior is
+/// interpolated between them.
+pub(super) const NODES: u16 = 180;
+
+/// The bearing of a node, counted like the looks.
+pub(super) fn node_offset(node: u16) -> f64 {
+    TAU * f64::from(node) / f64::from(NODES)
+}
+
 /// A fit at one bearing.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::extractor) struct Node {

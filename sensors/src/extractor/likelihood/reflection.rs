@@ -4,8 +4,8 @@ use core::f64::consts::TAU;
 use foxhunt_core::angle;
 
 use super::{
-    fit::{Fit, NODES},
-    posterior::{Node, Posterior},
+    fit::Fit,
+    posterior::{NODES, Node, Posterior},
     two_paths::{BEARING, IN_PHASE, Paths, REFLECTION, TwoPaths, Vector},
 };
 use crate::Antenna;

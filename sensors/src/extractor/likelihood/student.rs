@@ -1,8 +1,8 @@
 use alloc::vec::Vec;
 
 use super::{
-    fit::{Fit, NODES, node_offset},
-    posterior::Node,
+    fit::Fit,
+    posterior::{NODES, Node, node_offset},
 };
 use crate::Antenna;
 

@@ -8,7 +8,7 @@ use foxhunt_core::{
 use nalgebra::{SMatrix, SVector};
 
 use super::{
-    amplitude_table::AmplitudeTable,
+    amplitude_table::{AmplitudeTable, DB},
     fit::Fit,
     looks::SAME_LOOK,
     posterior::{Node, wrapped},
@@ -32,9 +32,6 @@ const AMPLITUDE_SIGMA: f64 = 0.35;
 
 /// The inverse variance of a uniform density over a turn.
 const TURN_PRECISION: f64 = 12.0 / (TAU * TAU);
-
-/// 20 log₁₀ e.
-pub(super) const DB: f64 = 20.0 * core::f64::consts::LOG10_E;
 
 /// In one round no direction moves farther, in radians: the pattern there is another one.
 const LONGEST: f64 = 0.35;

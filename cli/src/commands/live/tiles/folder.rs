@@ -6,7 +6,11 @@ use std::{
 use foxhunt::page::LiveTiles;
 use serde::Deserialize;
 
-use super::{Opened, TileAt, TileSource, TilesError, zooms};
+use super::{
+    TileAt,
+    error::TilesError,
+    source::{Opened, TileSource, zooms},
+};
 
 /// The endings that tiles may have.
 const ENDINGS: [&str; 5] = ["png", "jpg", "jpeg", "webp", "avif"];

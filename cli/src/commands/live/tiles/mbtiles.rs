@@ -6,7 +6,12 @@ use std::{
 use foxhunt::page::LiveTiles;
 use rusqlite::{Connection, OpenFlags, OptionalExtension, params};
 
-use super::{Opened, TileAt, TileSource, TilesError, image_type, zooms};
+use super::{
+    TileAt,
+    error::TilesError,
+    source::{Opened, TileSource, zooms},
+    tile::image_type,
+};
 
 /// Tiles in SQLite (MBTiles 1.3).
 struct MbTiles {

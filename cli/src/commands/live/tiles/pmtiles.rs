@@ -12,7 +12,11 @@ use pmtiles::{
 use serde::Deserialize;
 use tokio::runtime::{Builder, Runtime};
 
-use super::{Opened, TileAt, TileSource, TilesError, zooms};
+use super::{
+    TileAt,
+    error::TilesError,
+    source::{Opened, TileSource, zooms},
+};
 
 /// Tiles in an archive (PMTiles 3).
 struct PmTiles {

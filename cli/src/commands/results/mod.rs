@@ -1,3 +1,9 @@
+mod compared;
+mod distributions;
+mod page;
+
+pub(super) use self::distributions::titled_distributions;
+
 use std::{
     fs::{self, File},
     io::BufWriter,
@@ -7,17 +13,17 @@ use std::{
 };
 
 use foxhunt::{
-    campaign::EstimatorCampaign,
-    picture::{Distribution, distributions_svg},
-    store::{self, Filter, Held, SeedBySeed, Store, StoreError, Summary, compare, write_csv},
+    picture::distributions_svg,
+    store::{self, Filter, SeedBySeed, Store, StoreError, Summary, compare, write_csv},
 };
 use serde::Serialize;
 
-use super::{campaign_tables::tables, results_page, storing};
+use self::compared::{COMPARED, compared_row};
+use super::{campaign_tables::tables, storing::reading};
 use crate::{
     error::CliError,
     output::{Output, warn},
-    table::{number, table},
+    table::table,
 };
 
 /// Summarise, compare and export the runs of a store
@@ -140,27 +146,26 @@ impl FromStr for Seeds {
 }
 
 pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
-    let failed = reading;
     let path = match (&args.part, &args.file) {
         (Some(Part::Merge(MergeArgs { shards, to })), _) => {
-            store::merge(shards, to).map_err(failed)?;
-            let merged = Store::open(to).map_err(failed)?;
+            store::merge(shards, to).map_err(reading)?;
+            let merged = Store::open(to).map_err(reading)?;
             return show(&merged, &Filter::default(), output);
         }
         (None, Some(path)) => path,
         (None, None) => return Err(CliError::input("a file is missing")),
     };
-    let store = Store::open(path).map_err(failed)?;
+    let store = Store::open(path).map_err(reading)?;
     let filter = args.selection.filter(args.seeds.clone().map(|Seeds(seeds)| seeds));
     let mut written = false;
     if let Some(path) = &args.csv {
-        let rows = write_csv(&store, &filter, created(path)?).map_err(failed)?;
+        let rows = write_csv(&store, &filter, created(path)?).map_err(reading)?;
         warn(&format!("{rows} rows: {}", path.display()));
         written = true;
     }
     #[cfg(feature = "parquet")]
     if let Some(path) = &args.parquet {
-        let rows = store::write_parquet(&store, &filter, created(path)?).map_err(failed)?;
+        let rows = store::write_parquet(&store, &filter, created(path)?).map_err(reading)?;
         warn(&format!("{rows} rows: {}", path.display()));
         written = true;
     }
@@ -172,20 +177,20 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
         written = true;
     }
     if let Some(path) = &args.report {
-        let page = results_page::page(&store, &filter, &fitting(&store, &filter)?)?;
+        let page = page::page(&store, &filter, &fitting(&store, &filter)?)?;
         fs::write(path, page).map_err(|error| CliError::writing(path, error))?;
         warn(&format!("page: {}", path.display()));
         written = true;
     }
     if let (Some(seed), Some(path)) = (args.log_of, &args.log) {
-        let log = log_of(&store, &filter, seed).map_err(failed)?;
+        let log = log_of(&store, &filter, seed).map_err(reading)?;
         fs::write(path, log).map_err(|error| CliError::writing(path, error))?;
         warn(&format!("log: {}", path.display()));
         written = true;
     }
     match args.compare.as_deref() {
         Some([first, second]) => {
-            let compared = compare(&store, &filter, first, second).map_err(failed)?;
+            let compared = compare(&store, &filter, first, second).map_err(reading)?;
             output.result(&compared, |compared| comparisons(compared))
         }
         _ if written => Ok(()),
@@ -195,53 +200,6 @@ pub(crate) fn run(args: &Args, output: Output) -> Result<(), CliError> {
 
 fn created(path: &Path) -> Result<BufWriter<File>, CliError> {
     File::create(path).map(BufWriter::new).map_err(|error| CliError::writing(path, error))
-}
-
-/// The exit code of a store that cannot be read.
-pub(super) fn reading(error: StoreError) -> CliError {
-    storing::error(error, "")
-}
-
-/// How the runs of one campaign and beacon are distributed, and what they are called.
-pub(super) fn titled_distributions(
-    store: &Store,
-    filter: &Filter,
-) -> Result<(String, Vec<Distribution>), CliError> {
-    let summaries = store.summaries(filter).map_err(reading)?;
-    let [summary] = &summaries[..] else {
-        return Err(CliError::input(format!(
-            "a picture is that of one campaign, and {} fit; choose with --scenario and --planner",
-            summaries.len()
-        )));
-    };
-    let campaign = &summary.campaign;
-    let wanted = |name: &&String| filter.beacon.as_ref().is_none_or(|beacon| beacon == *name);
-    let names: Vec<&String> = campaign.beacons.iter().filter(wanted).collect();
-    let [name] = names[..] else {
-        return Err(CliError::input(format!(
-            "a picture is that of one beacon; choose one of {} with --beacon",
-            campaign.beacons.join(", ")
-        )));
-    };
-    let beacon = campaign.beacons.iter().position(|beacon| beacon == name).unwrap_or(0);
-    let distributions = distributions(store, filter, summary, beacon)?;
-    let title = format!("{}, {name}, planner {}", campaign.scenario, campaign.planner);
-    Ok((title, distributions))
-}
-
-/// What the runs of each contender came to for the beacon of an index.
-pub(super) fn distributions(
-    store: &Store,
-    filter: &Filter,
-    summary: &Summary,
-    beacon: usize,
-) -> Result<Vec<Distribution>, CliError> {
-    let distribution = |(held, of): (&Held, &EstimatorCampaign)| {
-        let [errors_m, nees] = store.samples(&held.contender, beacon, filter)?;
-        Ok(Distribution { name: of.estimator.clone(), errors_m, nees })
-    };
-    let of = summary.held.iter().zip(&summary.report.estimators).map(distribution);
-    of.collect::<Result<_, StoreError>>().map_err(reading)
 }
 
 /// The log of the one contender that the filter lets through.
@@ -296,41 +254,6 @@ fn campaign(summary: &Summary) -> String {
     lines.join("\n")
 }
 
-/// The columns of a comparison.
-pub(super) const COMPARED: [&str; 10] = [
-    "beacon",
-    "figure",
-    "pairs",
-    "mean",
-    "95 %",
-    "p (t)",
-    "p (ranks)",
-    "ratio",
-    "95 %",
-    "p (t of ratio)",
-];
-
-/// A comparison in these columns.
-pub(super) fn compared_row(one: &SeedBySeed) -> [String; 10] {
-    let interval = |at: Option<[f64; 2]>, decimals: usize| match at {
-        Some([low, high]) => format!("{low:.decimals$} to {high:.decimals$}"),
-        None => "-".to_owned(),
-    };
-    let (difference, ratio) = (one.difference, one.ratio);
-    [
-        one.beacon.clone(),
-        one.figure.to_owned(),
-        difference.map_or(0, |d| d.pairs).to_string(),
-        number(difference.map(|d| d.mean), 3),
-        interval(difference.map(|d| d.mean_interval), 3),
-        probability(difference.and_then(|d| d.t_p_value)),
-        probability(difference.and_then(|d| d.signed_rank_p_value)),
-        number(ratio.map(|r| r.ratio), 3),
-        interval(ratio.map(|r| r.ratio_interval), 3),
-        probability(ratio.map(|r| r.p_value)),
-    ]
-}
-
 fn comparisons(compared: &[SeedBySeed]) -> String {
     let Some(first) = compared.first() else { return "They have no beacon in common.".to_owned() };
     let mut rows = table(&COMPARED).named_by(2);
@@ -343,12 +266,4 @@ fn comparisons(compared: &[SeedBySeed]) -> String {
          over the second one's.",
         first.first, first.second
     )
-}
-
-/// A probability; one that four digits do not show is below them.
-fn probability(value: Option<f64>) -> String {
-    match value {
-        Some(value) if value < 1e-4 => "< 0.0001".to_owned(),
-        value => number(value, 4),
-    }
 }

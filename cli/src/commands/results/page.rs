@@ -6,8 +6,12 @@ use foxhunt::{
     store::{Filter, SeedBySeed, Store, Summary, compare},
 };
 
-use super::results::{COMPARED, compared_row, distributions, reading};
+use super::{
+    compared::{COMPARED, compared_row},
+    distributions::distributions,
+};
 use crate::{
+    commands::storing::reading,
     error::CliError,
     table::{number, text},
 };

@@ -1,0 +1,35 @@
+/// Why nothing was exported.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExportError {
+    /// The file's ending is that of no format.
+    #[error("the ending {ending:?} is none of .geojson, .json, .kml, .gpx, .csv, .cot and .mcap")]
+    Ending {
+        /// The ending.
+        ending: String,
+    },
+    /// Places are in local metres of an origin that is not known.
+    #[error(
+        "the places are in metres from an origin whose latitude and longitude are not known; give \
+         them with --origin LAT,LON"
+    )]
+    NoOrigin,
+    /// The format needs the time of day, and only seconds since the beginning are known.
+    #[error(
+        "the format needs times in UTC, and only seconds since the beginning are known; give that \
+         of the beginning with --start-utc"
+    )]
+    NoTime,
+    /// The format is not in this build.
+    #[error("MCAP is not in this build: build with the feature `mcap`")]
+    NotBuilt,
+    /// Text could not be put together.
+    #[error("the export cannot be written")]
+    Write(#[source] Box<dyn std::error::Error + Send + Sync>),
+}
+
+impl ExportError {
+    pub(super) fn write(error: impl std::error::Error + Send + Sync + 'static) -> Self {
+        Self::Write(Box::new(error))
+    }
+}

@@ -1,0 +1,98 @@
+use std::path::PathBuf;
+
+use super::format::{ReceptionId, RowId, STRUCK_VERSION};
+
+/// Why a list of struck receptions cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StruckError {
+    /// The file cannot be read.
+    #[error("{}: cannot be read", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// The first line is no header.
+    #[error(
+        "{}, line 1: no header of struck receptions, such as {{\"foxhunt_struck\":1}}",
+        path.display()
+    )]
+    Header {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+    /// The list is of another version.
+    #[error(
+        "{}, line 1: foxhunt_struck is {version}; this program reads {STRUCK_VERSION}",
+        path.display()
+    )]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// Its version.
+        version: u32,
+    },
+    /// A line is no reception.
+    #[error("{}, line {line}: not {what}", path.display())]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// Which line, from 1.
+        line: usize,
+        /// What stands in such a line.
+        what: &'static str,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+    /// The log has no such reception.
+    #[error(
+        "{}, line {line}: the log has no reception of {reception}; {}",
+        path.display(),
+        where_it_is(nearest.as_ref())
+    )]
+    NoReception {
+        /// The file.
+        path: PathBuf,
+        /// Which line, from 1.
+        line: usize,
+        /// What stands there.
+        reception: ReceptionId,
+        /// The reception of the same drone and beacon that is nearest in time.
+        nearest: Option<ReceptionId>,
+    },
+    /// The recordings have no reception in such a row.
+    #[error("{}, line {line}: there is no reception of {row}; {there}", path.display())]
+    NoRow {
+        /// The file.
+        path: PathBuf,
+        /// Which line, from 1.
+        line: usize,
+        /// What stands there.
+        row: RowId,
+        /// What there is instead.
+        there: String,
+    },
+    /// A reception stands there twice.
+    #[error("{}, line {line}: {what} stands in line {before} already", path.display())]
+    Twice {
+        /// The file.
+        path: PathBuf,
+        /// Which line, from 1.
+        line: usize,
+        /// What stands there.
+        what: String,
+        /// Where it stood before.
+        before: usize,
+    },
+}
+
+fn where_it_is(nearest: Option<&ReceptionId>) -> String {
+    nearest.map_or_else(
+        || "that drone has none of that beacon".to_owned(),
+        |nearest| format!("the nearest is at {}", nearest.time),
+    )
+}

@@ -1,0 +1,63 @@
+//! Arguments and endpoints of all emulated devices.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use foxhunt::{scenario::DEFAULT_SCENARIO, sim::Emulator};
+
+use crate::error::CliError;
+
+/// The arguments of all emulated devices.
+#[derive(Debug, clap::Args)]
+pub(super) struct Field {
+    /// The field that it works in: a built-in scenario or a TOML file
+    #[arg(long, value_name = "SCENARIO", default_value = DEFAULT_SCENARIO)]
+    pub(super) scenario: String,
+    /// Which of the scenario's drones carries it, counted from 0
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) drone: usize,
+    /// The seed of everything that is drawn at random
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(super) seed: u64,
+    /// How much faster than the clock on the wall the device's time runs, for programs that know it
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = positive)]
+    pub(super) speed: f64,
+    /// End after so many seconds of the field's time
+    #[arg(long = "for", value_name = "S", value_parser = positive)]
+    pub(super) duration_s: Option<f64>,
+    /// Where to put a symbolic link to the serial port; what is there is replaced if it is a link
+    #[arg(long, value_name = "PATH")]
+    pub(super) link: Option<PathBuf>,
+}
+
+/// A device that is ready to be served.
+pub(super) struct Placed {
+    /// What it is, such as `xbee`.
+    pub(super) device: &'static str,
+    /// How it is reached, as `foxhunt fly` takes it.
+    pub(super) endpoint: String,
+    pub(super) emulator: Box<dyn Emulator>,
+}
+
+/// Links to the pseudo-terminal of a device where one is given; what names it then.
+pub(super) fn linked(port: &Path, link: Option<&Path>) -> Result<String, CliError> {
+    let Some(link) = link else { return Ok(port.display().to_string()) };
+    let replaced = match fs::symlink_metadata(link) {
+        Ok(there) if there.is_symlink() => fs::remove_file(link),
+        Ok(_) => Err(io::Error::new(io::ErrorKind::AlreadyExists, "something else is there")),
+        Err(_) => Ok(()),
+    };
+    replaced
+        .and_then(|()| std::os::unix::fs::symlink(port, link))
+        .map_err(|error| CliError::writing(link, error))?;
+    Ok(link.display().to_string())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
+        _ => Err("not a positive number".into()),
+    }
+}

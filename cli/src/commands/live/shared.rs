@@ -1,0 +1,78 @@
+use std::sync::{
+    Arc, Mutex, PoisonError,
+    atomic::{AtomicBool, Ordering},
+};
+
+use tokio::sync::watch;
+
+use super::tiles::Tiles;
+
+/// Page and news of a hunt, shared by the hunt, the thread that reads it and the server.
+pub(super) struct Shared {
+    pub(super) page: String,
+    pub(super) token: Option<String>,
+    pub(super) orders: bool,
+    pub(super) tiles: Option<Arc<Tiles>>,
+    /// Name of the run that the numbers of the news belong to: another hunt has others.
+    pub(super) run: String,
+    /// Everything that was to be shown since the beginning, in this order. Each browser has its
+    /// place in it, so that none of them is waited for, and who joins late gets all of it.
+    news: Mutex<Vec<Arc<str>>>,
+    /// Number of news, and whether they are all.
+    pub(super) progress: watch::Sender<Progress>,
+    /// True if somebody who has the token breaks the flight off.
+    broken_off: AtomicBool,
+}
+
+/// Progress of a hunt.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Progress {
+    pub(super) news: usize,
+    pub(super) over: bool,
+}
+
+impl Shared {
+    /// Begins without news.
+    pub(super) fn new(
+        page: String,
+        token: Option<String>,
+        orders: bool,
+        tiles: Option<Arc<Tiles>>,
+        run: String,
+    ) -> Self {
+        Self {
+            page,
+            token,
+            orders,
+            tiles,
+            run,
+            news: Mutex::new(Vec::new()),
+            progress: watch::Sender::new(Progress::default()),
+            broken_off: AtomicBool::new(false),
+        }
+    }
+
+    /// The news of a number, from 0.
+    pub(super) fn news(&self, number: usize) -> Option<Arc<str>> {
+        let news = self.news.lock().unwrap_or_else(PoisonError::into_inner);
+        news.get(number).cloned()
+    }
+
+    /// Adds news for every browser.
+    pub(super) fn add(&self, text: String) {
+        let mut news = self.news.lock().unwrap_or_else(PoisonError::into_inner);
+        news.push(text.into());
+        let count = news.len();
+        drop(news);
+        self.progress.send_modify(|progress| progress.news = count);
+    }
+
+    pub(super) fn break_off(&self) {
+        self.broken_off.store(true, Ordering::Relaxed);
+    }
+
+    /// Returns true if the flight was broken off since the last call.
+    pub(super) fn take_break_off(&self) -> bool {
+        self.broken_off.swap(false, Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,29 @@
+use std::io;
+
+#[cfg(not(feature = "store"))]
+use crate::hints;
+
+/// Why a map cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum TilesError {
+    #[error("cannot be read")]
+    Read(#[from] io::Error),
+    #[error("there is no tile z/x/y.png in it, nor .jpg, .jpeg, .webp or .avif")]
+    NoTiles,
+    #[error("it is neither a folder of tiles z/x/y, nor MBTiles, nor PMTiles")]
+    Unknown,
+    #[error("its tiles are {0}; images are needed: PNG, JPEG, WebP or AVIF")]
+    NoImages(String),
+    #[error("it is cut short: {length} bytes of {needed}")]
+    CutShort { length: u64, needed: u64 },
+    #[error("the zoom levels {0} to {1} are none of a map")]
+    Zooms(i64, i64),
+    #[cfg(feature = "store")]
+    #[error("it is no MBTiles, or damaged")]
+    Sqlite(#[from] rusqlite::Error),
+    #[error("it is no PMTiles, or damaged")]
+    PmTiles(#[from] ::pmtiles::PmtError),
+    #[cfg(not(feature = "store"))]
+    #[error("MBTiles need a build with the feature store: {}", hints::build("live,store"))]
+    NoSqlite,
+}

@@ -1,0 +1,40 @@
+/// More zoom levels than any map has.
+pub(super) const DEEPEST: u8 = 30;
+
+/// A tile of the map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::commands::live) struct TileAt {
+    pub(super) zoom: u8,
+    /// From the West.
+    pub(super) column: u32,
+    /// From the North.
+    pub(super) row: u32,
+}
+
+impl TileAt {
+    /// A tile, where there can be one.
+    pub(in crate::commands::live) fn new(zoom: u8, column: u32, row: u32) -> Option<Self> {
+        let side = 1_u32.checked_shl(zoom.into()).filter(|_| zoom <= DEEPEST)?;
+        (column < side && row < side).then_some(Self { zoom, column, row })
+    }
+}
+
+/// An image of a tile.
+#[derive(Debug, PartialEq, Eq)]
+pub(in crate::commands::live) struct Tile {
+    pub(in crate::commands::live) bytes: Vec<u8>,
+    /// Its type, as HTTP has it.
+    pub(in crate::commands::live) content_type: &'static str,
+}
+
+/// The type of an image by how it begins, whatever its name is.
+pub(super) fn image_type(bytes: &[u8]) -> Option<&'static str> {
+    let at = |from: usize, what: &[u8]| bytes.get(from..).is_some_and(|b| b.starts_with(what));
+    match () {
+        () if at(0, b"\x89PNG\r\n\x1a\n") => Some("image/png"),
+        () if at(0, b"\xff\xd8\xff") => Some("image/jpeg"),
+        () if at(0, b"RIFF") && at(8, b"WEBP") => Some("image/webp"),
+        () if at(4, b"ftypavif") => Some("image/avif"),
+        () => None,
+    }
+}

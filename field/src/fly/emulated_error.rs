@@ -1,0 +1,80 @@
+use std::io;
+
+use foxhunt_hunt::config::SourceConfig;
+use foxhunt_sim::SimError;
+use foxhunt_wire::geodesy::GeodesyError;
+
+use super::CarriedDroneError;
+
+/// Why a field cannot be emulated.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EmulatedFieldError {
+    /// A port cannot be had.
+    #[error(transparent)]
+    Open(#[from] io::Error),
+    /// There are no more ports.
+    #[error("there is no UDP port for drone {drone}, counted from 0, after {first}")]
+    Port {
+        /// The first one.
+        first: u16,
+        /// Which drone.
+        drone: usize,
+    },
+    /// A number is out of its range.
+    #[error(transparent)]
+    Device(#[from] SimError),
+    /// There is no emulated device of this kind.
+    #[error("drone {drone}, counted from 0: {kind:?} cannot be emulated as its source")]
+    Source {
+        /// Which drone.
+        drone: usize,
+        /// What it listens with.
+        kind: SourceConfig,
+    },
+    /// A vehicle of another program cannot be followed.
+    #[error(transparent)]
+    Carried(#[from] CarriedDroneError),
+    /// A vehicle of another program keeps the time of the wall.
+    #[error(
+        "vehicles[{drone}]: fly --emulate keeps a time of its own, which another program's vehicle \
+         does not; emulate field goes with the clock on the wall"
+    )]
+    Foreign {
+        /// Whose it is.
+        drone: usize,
+    },
+    /// There are more vehicles than drones.
+    #[error("there are {vehicles} vehicles for {drones} drones")]
+    Vehicles {
+        /// How many vehicles.
+        vehicles: usize,
+        /// How many drones.
+        drones: usize,
+    },
+    /// The beacons do not all pulse alike, so that no one receiver is set for them.
+    #[error(
+        "beacon {beacon}, counted from 0: a field with tags that pulse has tags alone, with pulses \
+         of {pulse_s} s each"
+    )]
+    Pulses {
+        /// The first that is otherwise.
+        beacon: usize,
+        /// How long those of the first tag are.
+        pulse_s: f64,
+    },
+    /// The site is not where the world's tiles have their origin.
+    #[error(
+        "site: world.terrain of the scenario has its origin at {lat_deg}°, {lon_deg}°; leave the \
+         site out, or give that"
+    )]
+    Origin {
+        /// Latitude of the tiles' origin in degrees.
+        lat_deg: f64,
+        /// Longitude.
+        lon_deg: f64,
+    },
+    /// The site is no place.
+    #[error("site: {0}")]
+    Site(#[from] GeodesyError),
+}

@@ -1,0 +1,299 @@
+use foxhunt_core::{Quantity, parameter::FieldError};
+use foxhunt_sensors::{MagneticDipole, TurnGoal, TurnGoalConfig};
+use foxhunt_sim::{BeaconConfig, SimError, VehicleConfig, World, WorldConfig};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::ScenarioError;
+use crate::{
+    calibration::BearingCalibration,
+    config::{
+        ExtractorConfig, ExtractorConfigError, ModelConfig, PlannerConfig, Questions, SourceConfig,
+    },
+    document,
+    hunt::{BoxedSource, HuntConfig},
+    registry::{EstimatorEntry, Field, HuntParts, Registry, RegistryError},
+};
+
+/// A simulated hunt.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// Its name.
+    pub name: String,
+    /// What it is, in a line.
+    pub description: String,
+    /// The estimator it flies with unless another one is given.
+    pub estimator: String,
+    /// What is true.
+    pub world: WorldConfig,
+    /// What the estimator takes for the law of propagation.
+    pub model: ModelConfig,
+    /// What makes a level and a bearing of a turn.
+    pub extractor: ExtractorConfig,
+    /// How the bearings err and their σ is off, as a calibration has it; as they are unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bearings: Option<BearingCalibration>,
+    /// What decides where to listen.
+    pub planner: PlannerConfig,
+    /// What every drone listens with; the reference's stepper unless given.
+    #[serde(default)]
+    pub source: SourceConfig,
+    /// What each drone listens with, in their order, where they differ.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sources: Vec<SourceConfig>,
+    /// How certain the bearings of a turn shall be, which it goes on for; a turn is one round
+    /// unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turns: Option<TurnGoalConfig>,
+    /// Time-outs, tolerances, the prior; the defaults of [`HuntConfig`] unless given.
+    #[serde(default)]
+    pub hunt: HuntConfig,
+    /// How the simulation runs; the defaults of [`SimulationConfig`] unless given.
+    #[serde(default)]
+    pub simulation: SimulationConfig,
+}
+
+/// How a simulation runs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SimulationConfig {
+    /// From one look at the devices to the next, in seconds.
+    pub tick_s: f64,
+    /// A hunt that takes longer than this, in simulated seconds, has failed.
+    pub limit_s: f64,
+}
+
+impl Default for SimulationConfig {
+    /// A tick of 10 ms, a limit of 4 hours.
+    fn default() -> Self {
+        Self { tick_s: 0.01, limit_s: 14_400.0 }
+    }
+}
+
+impl Scenario {
+    /// A scenario from TOML; `file` is what errors call it.
+    ///
+    /// # Errors
+    ///
+    /// [`ScenarioError`] names the file, the line and the field.
+    #[inline]
+    pub fn parse(text: &str, file: &str) -> Result<Self, ScenarioError> {
+        let mut scenario: Self = document::from_toml(text)
+            .map_err(|source| ScenarioError::Parse { file: file.to_owned(), source })?;
+        let SimulationConfig { tick_s, limit_s } = scenario.simulation;
+        for (field, value, range) in
+            [("simulation.tick_s", tick_s, 1e-4..=1.0), ("simulation.limit_s", limit_s, 1.0..=1e7)]
+        {
+            if !range.contains(&value) {
+                let (least, most) = range.into_inner();
+                let file = file.to_owned();
+                return Err(ScenarioError::Field { file, field, value, least, most });
+            }
+        }
+        if let Some(turns) = &scenario.turns {
+            let turning = (0..scenario.world.drones.len().max(1))
+                .all(|drone| scenario.source_of(drone).turns());
+            let none = FieldError::new("bearing_sigma_deg", turns.bearing_sigma_deg, NO_TURN);
+            let checked = scenario.hunt.check_turns(turns);
+            checked
+                .and(if turning { Ok(()) } else { Err(none) })
+                .map_err(|reason| ScenarioError::Turns { file: file.to_owned(), reason })?;
+        }
+        let there = || {
+            let mut terrain = scenario.world.terrain.clone()?;
+            terrain.frequency_mhz.get_or_insert(scenario.world.channel.frequency_mhz);
+            Some(terrain)
+        };
+        scenario
+            .model
+            .resolve_terrain(there)
+            .map_err(|reason| ScenarioError::Model { file: file.to_owned(), reason })?;
+        let sources = scenario.sources.len();
+        let drones = scenario.world.drones.len();
+        if sources > 0 && sources != drones {
+            let file = file.to_owned();
+            return Err(ScenarioError::Sources { file, sources, drones });
+        }
+        let appears: Vec<f64> = scenario
+            .world
+            .beacons
+            .iter()
+            .map(|beacon| beacon.appears_after_s.unwrap_or(0.0))
+            .collect();
+        if !appears.is_sorted() {
+            return Err(ScenarioError::Late { file: file.to_owned() });
+        }
+        Ok(scenario)
+    }
+
+    /// What a drone listens with.
+    fn source_of(&self, drone: usize) -> &SourceConfig {
+        self.sources.get(drone).unwrap_or(&self.source)
+    }
+
+    /// Builds what the drones of a world of this scenario listen with, in their order.
+    ///
+    /// # Errors
+    ///
+    /// [`SourcesError`] when a number is out of its range, or a name not known.
+    pub fn sources(
+        &self,
+        registry: &Registry,
+        world: &World,
+    ) -> Result<Vec<BoxedSource>, SourcesError> {
+        let goal = self.goal(registry)?;
+        let build = |drone: usize| {
+            let config = self.source_of(drone);
+            if let SourceConfig::Registered { name } = config {
+                return Ok(registry.source(name)?.build(world, drone)?);
+            }
+            let built = config.build(world, drone, goal.as_ref())?;
+            built.ok_or_else(|| SourcesError::Kind { kind: format!("{config:?}") })
+        };
+        (0..world.drone_count()).map(build).collect()
+    }
+
+    /// What its turns go on for, by its own extractor.
+    fn goal(&self, registry: &Registry) -> Result<Option<TurnGoal>, SourcesError> {
+        let Some(turns) = self.turns else { return Ok(None) };
+        let extractor = registry.build_extractor(&self.extractor)?;
+        Ok(Some(TurnGoal::new(turns, extractor.into())?))
+    }
+
+    /// How many questions a turn of a source that takes `least` at least is expected to take for
+    /// the bearings that are wanted, of a beacon as far away as the prior's σ; `None` where it does
+    /// not go on for them, or its extractor does not know its antenna.
+    fn questions_of_goal(&self, source: &SourceConfig, least: u16) -> Option<u16> {
+        let (antenna, elevation) = self.extractor.known_antenna()?;
+        let goal = TurnGoal::new(self.turns?, self.extractor.build().ok()?.into()).ok()?;
+        let ModelConfig { reference_dbm, exponent, .. } = self.model;
+        let level = reference_dbm - 10.0 * exponent * self.hunt.prior_sigma_m.log10();
+        let floor = source.floor_dbm().or(self.world.channel.floor_dbm);
+        let over = floor.map_or(f64::INFINITY, |floor| level - floor);
+        Some(goal.expected_questions(&antenna.build().ok()?, elevation, over, (least, MOST)))
+    }
+
+    /// What its sources measure besides level and bearing.
+    ///
+    /// # Errors
+    ///
+    /// [`RegistryError`] when the name of a source is not known.
+    pub fn quantities(&self, registry: &Registry) -> Result<Vec<Quantity>, RegistryError> {
+        let mut quantities = Vec::new();
+        for drone in 0..self.world.drones.len() {
+            match self.source_of(drone) {
+                SourceConfig::Registered { name } => {
+                    quantities.extend_from_slice(&registry.source(name)?.quantities);
+                }
+                SourceConfig::ThreeAxis(_) => quantities.extend(MagneticDipole::QUANTITIES),
+                source if source.turns() => quantities.push(Quantity::BORESIGHT),
+                _ => {}
+            }
+        }
+        Ok(quantities)
+    }
+
+    /// What planners need to know of it.
+    #[must_use]
+    pub fn field(&self) -> Field {
+        let speeds = match &self.world.vehicle {
+            VehicleConfig::Kinematic(vehicle) => Some((vehicle.speed_mps, vehicle.climb_mps)),
+            VehicleConfig::Quadrotor(vehicle) => Some((vehicle.speed_mps, vehicle.climb_mps)),
+            _ => None,
+        };
+        let beacons = if self.hunt.shared_turns { self.world.beacons.len() } else { 1 };
+        let beacons = u16::try_from(beacons).unwrap_or(u16::MAX);
+        let sources = match self.sources.as_slice() {
+            [] => std::slice::from_ref(&self.source),
+            sources => sources,
+        };
+        let interval = |beacon: &BeaconConfig| Some(beacon.pulses?.interval_s);
+        let questions = Questions {
+            quickness: self.world.stepper,
+            beacons,
+            interval_s: self.world.beacons.iter().filter_map(interval).reduce(f64::max),
+        };
+        let turn = |source: &SourceConfig| {
+            source.turn_s(&questions, |least| self.questions_of_goal(source, least))
+        };
+        let turns = sources.iter().filter_map(turn);
+        Field {
+            planner: self.planner.clone(),
+            exponent: self.model.exponent,
+            speed_mps: speeds.map(|(speed, _)| speed),
+            climb_mps: speeds.map(|(_, climb)| climb),
+            turn_s: turns.reduce(f64::max),
+            hunt: self.hunt.clone(),
+            drones_m: self
+                .world
+                .drones
+                .iter()
+                .map(|drone| Vector3::new(drone.east_m, drone.north_m, drone.up_m))
+                .collect(),
+        }
+    }
+
+    /// What its hunt is made of with an estimator and a seed.
+    ///
+    /// # Errors
+    ///
+    /// [`RegistryError`] when the name of a source is not known.
+    pub fn parts<'a>(
+        &'a self,
+        registry: &'a Registry,
+        estimator: &'a EstimatorEntry,
+        seed: u64,
+    ) -> Result<HuntParts<'a>, RegistryError> {
+        Ok(HuntParts {
+            registry,
+            extractor: &self.extractor,
+            bearings: self.bearings,
+            field: self.field(),
+            model: &self.model,
+            estimator,
+            hunt: &self.hunt,
+            beacons: self.beacon_names(),
+            quantities: self.quantities(registry)?,
+            seed,
+        })
+    }
+
+    /// The names of the beacons that are there from the beginning, in their order. Those that
+    /// appear later come after them, and are taken in when they do.
+    #[must_use]
+    pub fn beacon_names(&self) -> Vec<String> {
+        let present = self.world.beacons.iter().filter(|b| b.appears_after_s.is_none());
+        present.map(|beacon| beacon.name.clone()).collect()
+    }
+}
+
+/// The most questions of a turn that are looked ahead to.
+const MOST: u16 = 1024;
+
+/// Why turns of sources that do not turn have no goal.
+const NO_TURN: &str = "left out where a source neither steps nor turns its body";
+
+/// Why the sources of a scenario cannot be built.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SourcesError {
+    /// A number is out of its range.
+    #[error(transparent)]
+    Sim(#[from] SimError),
+    /// What turns go on for is out of its range.
+    #[error("turns: {0}")]
+    Turns(#[from] FieldError),
+    /// The extractor that turns go by cannot be built.
+    #[error(transparent)]
+    Extractor(#[from] ExtractorConfigError),
+    /// A name is not known.
+    #[error("source.name: {0}")]
+    Name(#[from] RegistryError),
+    /// The kind cannot be simulated.
+    #[error("source {kind} cannot be simulated")]
+    Kind {
+        /// The source.
+        kind: String,
+    },
+}
