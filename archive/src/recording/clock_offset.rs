@@ -1,14 +1,10 @@
 use std::collections::BTreeMap;
 
-use nalgebra::{SMatrix, SVector};
+use foxhunt_sensors::{HARMONIC_PATTERN_UNKNOWNS, unexplained_by_harmonics};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::{PoseLog, TimedLevel};
 
-/// How many harmonics of the boresight a pattern in dB has.
-const HARMONICS: u8 = 4;
-/// A mean, and sine and cosine of each harmonic.
-const UNKNOWNS: usize = 9;
 /// So many pulses of a tag at a place count at least, more than twice the unknowns.
 const LEAST_PULSES: usize = 24;
 /// The boresight turns by so many radians at most from one offset to the next that is tried.
@@ -119,7 +115,7 @@ impl PoseLog {
         let squares = |place| groups.iter().map(|group| unexplained(group, place)).sum();
         let squares: Vec<f64> = (0..offsets.len()).map(squares).collect();
         #[expect(clippy::cast_precision_loss, reason = "pulses of a flight")]
-        let freedom = (pulses - UNKNOWNS * groups.len() - 1) as f64;
+        let freedom = (pulses - HARMONIC_PATTERN_UNKNOWNS * groups.len() - 1) as f64;
         let profile = Profile { offsets: &offsets, squares: &squares, freedom };
         let (found, places) = profile.interval()?;
         let turn_deg = turn(&groups, places).to_degrees();
@@ -222,28 +218,9 @@ fn turn(groups: &[Group], [from, to]: [usize; 2]) -> f64 {
 /// The sum of squares that the best pattern leaves of levels, by their boresights at one of the
 /// offsets.
 fn unexplained(group: &Group, place: usize) -> f64 {
-    // Boresights that leave a harmonic open leave it at none.
-    let mut normal = SMatrix::<f64, UNKNOWNS, UNKNOWNS>::identity() * 1e-6;
-    let mut right = SVector::<f64, UNKNOWNS>::zeros();
-    #[expect(clippy::cast_precision_loss, reason = "pulses of a flight")]
-    let mean = group.iter().map(|(level, _)| level).sum::<f64>() / group.len() as f64;
-    let rows = || group.iter().map(|(level, of)| (level - mean, row(of[place])));
-    for (level, row) in rows() {
-        normal.ger(1.0, &row, &row, 1.0);
-        right.axpy(level, &row, 1.0);
-    }
-    let Some(factor) = normal.cholesky() else { return f64::INFINITY };
-    let pattern = factor.solve(&right);
-    rows().map(|(level, row)| (level - row.dot(&pattern)).powi(2)).sum()
-}
-
-/// What a pattern is made of at a boresight.
-fn row(boresight: f64) -> SVector<f64, UNKNOWNS> {
-    let harmonics = (1..=HARMONICS).flat_map(|order| {
-        let (sin, cos) = (f64::from(order) * boresight).sin_cos();
-        [sin, cos]
-    });
-    SVector::from_iterator(std::iter::once(1.0).chain(harmonics))
+    let levels: Vec<f64> = group.iter().map(|(level, _)| *level).collect();
+    let boresights: Vec<f64> = group.iter().map(|(_, of)| of[place]).collect();
+    unexplained_by_harmonics(&levels, &boresights)
 }
 
 #[cfg(test)]
