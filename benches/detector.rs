@@ -5,10 +5,10 @@
 use std::{f32::consts::TAU, hint::black_box};
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
+use foxhunt_signal::Complex32;
 use foxhunt_signal::detector::{Detector, DetectorConfig};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::{Distribution, StandardNormal};
-use rustfft::num_complex::Complex32;
 
 /// A second of noise with a pulse of 20 ms and 35 dB of each tag.
 fn second(rate: usize, tags: usize) -> Vec<Complex32> {
