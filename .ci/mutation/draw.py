@@ -48,7 +48,7 @@ class Sources:
         return [place for place in self._places[package] if place[0].kind == kind]
 
     def locate(self, mistake: Mistake) -> Mistake | None:
-        """The mistake as it is made here, by function and lines, if need be in a file they moved to."""
+        """The mistake as it is made here, by function and lines, if need be in the file they moved to."""
         candidates = self._by_identity[_identity(mistake)]
         same_file = [candidate for candidate in candidates if candidate.file == mistake.file]
         candidates = same_file or candidates
@@ -81,6 +81,8 @@ class Slot:
         located = drawn and sources.locate(drawn)
         self.mistake = located or drawn
         self.obstacle = "absent" if drawn and not located else ""
+        if located:
+            self.package = located.package
 
     def drop(self, sources: Sources) -> None:
         """Replaces a mistake that does not compile; without a replacement it stays, marked."""
@@ -144,8 +146,7 @@ def replay(results: dict) -> list[Slot]:
 
 
 def _identity(mistake: Mistake) -> tuple:
-    names = (mistake.package, mistake.function, mistake.kind)
-    return (*names, mistake.right, mistake.wrong, mistake.occurrence)
+    return (mistake.function, mistake.kind, mistake.right, mistake.wrong, mistake.occurrence)
 
 
 def _quotas(weights: dict[str, int], count: int) -> dict[str, int]:
@@ -160,11 +161,11 @@ def _quotas(weights: dict[str, int], count: int) -> dict[str, int]:
 
 
 def _archive(root: Path, revision: str, package: str) -> dict[str, Source]:
-    """The sources of a package as committed at a revision."""
+    """The sources of a package as committed at a revision; empty if the revision lacks the package."""
     command = ["git", "-C", str(root), "archive", "--format=tar", revision, f"{package}/src"]
     ran = subprocess.run(command, capture_output=True)
     if ran.returncode != 0:
-        raise SystemExit(f"{revision} has no {package}/src: {ran.stderr.decode().strip()}")
+        return {}
     files = {}
     with tarfile.open(fileobj=io.BytesIO(ran.stdout)) as archive:
         for member in archive:

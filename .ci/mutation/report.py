@@ -64,7 +64,7 @@ class Results:
         verdict = self.verdicts.get(slot.number)
         if word == "caught":
             word = f"caught by {verdict.test.label} ({verdict.how}) after {verdict.seconds:.1f} s"
-        elif verdict:
+        elif verdict and word != "open":
             word += f" ({verdict.reaching} tests reach it) after {verdict.seconds:.1f} s"
         mistake = slot.mistake
         where = f"{mistake.file}:{mistake.line}"
