@@ -101,7 +101,6 @@ impl SoakFlight {
     /// each beacon; separation, airspace, altitude and batteries; estimates that are finite, with
     /// covariances that are positive definite; the same log again to the bit; a log that can be
     /// read up to its last whole line wherever it is cut off; and no panic.
-    #[inline]
     #[must_use]
     pub fn fly(&self, registry: &Registry) -> SoakRun {
         let flown = catch_unwind(AssertUnwindSafe(|| self.fly_unguarded(registry)));
@@ -112,7 +111,6 @@ impl SoakFlight {
         })
     }
 
-    #[inline]
     fn fly_unguarded(&self, registry: &Registry) -> SoakRun {
         let mut run = self.fly_once(registry);
         if self.fly_once(registry).log != run.log {
@@ -123,7 +121,6 @@ impl SoakFlight {
         run
     }
 
-    #[inline]
     fn fly_once(&self, registry: &Registry) -> SoakRun {
         let Self { scenario, seed } = self;
         let estimator = match registry.estimator(&scenario.estimator) {
@@ -170,7 +167,6 @@ impl SoakFlight {
     }
 
     /// Whether a log reads back, whole and cut off.
-    #[inline]
     fn look_at_log(&self, log: &[u8]) -> Vec<SoakFailure> {
         let path = Path::new("soak.jsonl");
         let failure = |what: String| vec![SoakFailure::new("log", what)];

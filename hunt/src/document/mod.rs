@@ -2,7 +2,7 @@
 //!
 //! Code that serde derives is compiled once for each pair of type and format. A scenario holds some
 //! two hundred types, and TOML and JSON each buffer tagged enums in formats of their own, so that
-//! derived code was half of what the program's build had to optimise. Here a text becomes a tree
+//! derived code was near half of what this package gave the optimiser. Here a text becomes a tree
 //! first, whatever its format, and every type is read from that tree, and written through an erased
 //! serializer.
 
