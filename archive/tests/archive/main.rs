@@ -1,6 +1,7 @@
 //! The archive through its public interface: recordings, receptions, locating, replay.
 
 mod locate;
+mod pictures;
 mod recordings {
     mod errors;
     mod generated;

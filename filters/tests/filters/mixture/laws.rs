@@ -47,7 +47,7 @@ proptest! {
     }
 
     #[test]
-    fn a_turn_keeps_the_laws_of_motion(
+    fn every_motion_keeps_its_laws(
         place in prop::array::uniform2(-50.0..50.0), velocity in prop::array::uniform2(-9.0..9.0),
         rate in -2.0..2.0, scale in 0.0..1.0, dt in 0.0..10.0,
     ) {
@@ -56,5 +56,9 @@ proptest! {
         let rate = rate * f64::powi(scale, 8);
         let state = State::from([place[0], place[1], velocity[0], velocity[1], rate]);
         laws::motion_model(&turn, &state, dt);
+        let walk = RandomWalk { drift: State::from([0.1, 0.2, 0.3, 0.4, 0.05]) };
+        laws::motion_model(&walk, &state, dt);
+        let straight = ConstantVelocity { acceleration_density: 0.3 };
+        laws::motion_model(&straight, &state.fixed_rows::<4>(0).into_owned(), dt);
     }
 }
