@@ -9,7 +9,7 @@
 
 #define NAME "foxhunt-stepper"
 #define NAME_MAJOR 1
-#define NAME_MINOR 0
+#define NAME_MINOR 1
 
 #define SYSEX 0xF0
 #define END_SYSEX 0xF7
@@ -40,7 +40,7 @@ static uint8_t data[LONGEST], length, status, wanted;
 static bool in_sysex;
 static uint8_t device;
 static uint8_t inputs[2];
-static bool reported[2], levels_sent[2];
+static bool reported[2];
 static uint8_t last[2];
 
 static void send_text(const char *text) {
@@ -162,7 +162,9 @@ static void stepper(const uint8_t *bytes, uint8_t count) {
         return;
     switch (command) {
     case 0x01:
-        motor_zero();
+        /* One with a position is an order to go there that was garbled. */
+        if (count == 0)
+            motor_zero();
         break;
     case 0x02:
         if (count == 5)
@@ -215,6 +217,11 @@ static void pin_mode(uint8_t pin, uint8_t mode) {
     if (pin < FIRST_PIN || pin > LAST_PIN || (mode != MODE_INPUT && mode != MODE_PULLUP))
         return;
     uint8_t bit = _BV(pin & 7);
+    if (motor_uses(pin)) {
+        /* It goes on driving its coil, and has its level reported. */
+        inputs[pin >> 3] |= bit;
+        return;
+    }
     /* A step between reading a port and writing it would be undone. */
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
         if (pin < 8) {
@@ -228,6 +235,16 @@ static void pin_mode(uint8_t pin, uint8_t mode) {
     inputs[pin >> 3] |= bit;
 }
 
+static uint8_t levels_of(uint8_t port) { return (port ? PINB : PIND) & inputs[port]; }
+
+static void send_levels(uint8_t port) {
+    uint8_t levels = levels_of(port);
+    uart_send(DIGITAL | port);
+    uart_send(levels & 0x7F);
+    uart_send(levels >> 7);
+    last[port] = levels;
+}
+
 static void short_message(void) {
     if (status == PIN_MODE) {
         pin_mode(data[0], data[1]);
@@ -235,7 +252,8 @@ static void short_message(void) {
         uint8_t port = status & 0x0F;
         if (port < 2) {
             reported[port] = data[0];
-            levels_sent[port] = false;
+            if (reported[port])
+                send_levels(port);
         }
     }
 }
@@ -288,14 +306,7 @@ void firmata_receive(uint8_t byte) {
 void firmata_report(void) {
     if (motor_has_arrived())
         send_position(0x0A);
-    for (uint8_t port = 0; port < 2; port++) {
-        uint8_t levels = (port ? PINB : PIND) & inputs[port];
-        if (reported[port] && (!levels_sent[port] || levels != last[port])) {
-            uart_send(DIGITAL | port);
-            uart_send(levels & 0x7F);
-            uart_send(levels >> 7);
-            last[port] = levels;
-            levels_sent[port] = true;
-        }
-    }
+    for (uint8_t port = 0; port < 2; port++)
+        if (reported[port] && levels_of(port) != last[port])
+            send_levels(port);
 }

@@ -153,13 +153,19 @@ void motor_configure(const uint8_t pins[4], uint8_t half_steps) {
     motor_enable(false);
     DDRB |= mask_b;
     DDRD |= mask_d;
+    /* Coils count with the position, as AccelStepper's do: a host may compare them. */
     position = target = 0;
+    phase = 0;
     acceleration_now = 0;
     motor_speed(1);
     configured = true;
 }
 
 bool motor_is_configured(void) { return configured; }
+
+bool motor_uses(uint8_t pin) {
+    return pin < 8 ? mask_d >> pin & 1 : mask_b >> (pin - 8) & 1;
+}
 
 int32_t motor_position(void) {
     int32_t now;

@@ -7,6 +7,8 @@
  * stands at 0 then, at a step a second, without ramps. */
 void motor_configure(const uint8_t pins[4], uint8_t half_steps);
 bool motor_is_configured(void);
+/* Whether a pin of D0 to D13 leads to a coil. */
+bool motor_uses(uint8_t pin);
 /* No motor any more; its coils are off. */
 void motor_forget(void);
 

@@ -73,7 +73,8 @@ pub use receivers::{SoapyError, SoapySamples, SoapyTuning, soapy_devices};
 pub use reconnecting::Reconnecting;
 #[cfg(feature = "firmata")]
 pub use stepper::{
-    Approach, BeyondCable, FirmataConfig, FirmataStepper, FirmataStepperError, Homing, LostPosition,
+    Approach, BeyondCable, CoilFailure, FirmataConfig, FirmataStepper, FirmataStepperError, Homing,
+    LostPosition, MissingStepper,
 };
 #[cfg(feature = "xbee")]
 pub use xbee::{XbeeConfig, XbeeCounts, XbeeError, XbeeIdentity, XbeeQuestion, XbeeRadio};

@@ -52,7 +52,7 @@ fn no_half_step_is_lost_and_the_switch_is_found() {
     }
     let findings = motor.examine(&mut || thread::sleep(Duration::from_millis(1)));
     assert!(findings.iter().all(Finding::is_good), "{findings:?}");
-    assert!(findings[0].to_string().contains("foxhunt-stepper 1.0"), "{findings:?}");
+    assert!(findings[0].to_string().contains("foxhunt-stepper 1.1"), "{findings:?}");
     drop(motor);
 
     // The switch opens at −100 half steps of the rotor, which is 0 from now on.

@@ -103,6 +103,13 @@ fn requests_are_those_of_firmata_io() {
 }
 
 #[test]
+fn a_pin_state_has_a_pin_a_mode_and_a_level() {
+    let reply = Reply::PinState { pin: 9, mode: PinMode::Stepper.code(), state: 1 };
+    assert_eq!(bytes(&reply), [0xF0, 0x6E, 9, 8, 1, 0xF7]);
+    assert_eq!(read::<Reply>(&bytes(&reply)), [reply]);
+}
+
+#[test]
 fn replies_are_those_that_firmata_io_understands() {
     let vectors = vectors();
     let replies = vectors["replies"].as_array().expect("a list");

@@ -1,12 +1,16 @@
 use foxhunt_core::{Clock, Rotator, parameter::FieldError};
-use foxhunt_wire::{ByteStream, firmata::Reply};
+use foxhunt_wire::{
+    ByteStream,
+    firmata::{PinMode, Reply},
+};
 
 use super::{
     BeyondCable, FirmataConfig, FirmataStepperError, LostPosition,
-    error::HomeFailure,
+    error::{CoilFailure, HomeFailure},
     gearing::Gearing,
+    levels::Levels,
     link::Link,
-    phase::{Arrangement, Phase, Side, Stage, Wait},
+    phase::{Next, Phase, Side, Stage, Wait},
 };
 
 /// An antenna on a stepper motor behind Firmata: ConfigurableFirmata's AccelStepper, or the
@@ -15,8 +19,12 @@ use super::{
 /// It sets its Arduino up by itself, again whenever that was reset or plugged in anew, and then
 /// goes where it was last ordered. Targets are exact fractions of a turn, rounded once, so that
 /// turns do not add up to a drift. Messages that were lost on the way are made good by queries.
+///
+/// Firmata has no checksum. A position is believed if it is one that the order and the motor's
+/// speed allow, and once the levels of the coils' pins are those of it; otherwise the motor is
+/// stopped and the position is lost. A motor that turns is stopped when this is dropped.
 #[derive(Debug)]
-pub struct FirmataStepper<S, C> {
+pub struct FirmataStepper<S: ByteStream, C> {
     pub(super) config: FirmataConfig,
     pub(super) gearing: Gearing,
     pub(super) link: Link<S>,
@@ -35,6 +43,23 @@ pub struct FirmataStepper<S, C> {
     /// What the firmware calls itself.
     pub(super) firmware: Option<String>,
     pub(super) switch_closed: Option<bool>,
+    /// Levels of ports since they were last requested.
+    pub(super) levels: Levels,
+    /// Whether the motor has made a step since it was configured, and the coils followed.
+    pub(super) aligned: bool,
+    /// Whether the coils stood at `motor` when the motor was last aligned.
+    pub(super) is_held: bool,
+    /// Whether the first step goes forwards.
+    pub(super) forwards: bool,
+    /// How often the first step did not show in the coils.
+    pub(super) misaligned: u8,
+    pub(super) coil_failure: Option<CoilFailure>,
+    /// How often the present order was repeated.
+    pub(super) tries: u8,
+    /// Since when the motor is being set up.
+    pub(super) arranging_since: Option<f64>,
+    /// Whether the firmware lists pins for steppers.
+    pub(super) has_steppers: Option<bool>,
     /// Whether the version came without a request, and nothing since.
     booting: bool,
     /// Whether the link failed since its last reply.
@@ -66,6 +91,15 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
             wanted: None,
             firmware: None,
             switch_closed: None,
+            levels: Levels::default(),
+            aligned: false,
+            is_held: false,
+            forwards: true,
+            misaligned: 0,
+            coil_failure: None,
+            tries: 0,
+            arranging_since: None,
+            has_steppers: None,
             booting: false,
             broken: false,
         };
@@ -92,17 +126,27 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     ///
     /// [`FirmataStepperError::Busy`] while it turns; any error of the link.
     pub fn zero(&mut self) -> Result<(), FirmataStepperError> {
-        let now = self.clock.now();
-        self.phase = match self.phase {
-            Phase::Standing { .. } => {
-                Phase::Arranging { wait: Wait::new(now), how: Arrangement::Zero }
-            }
-            still @ (Phase::Greeting(_) | Phase::Arranging { .. }) => still,
+        let (now, home) = (self.clock.now(), self.home());
+        match self.phase {
+            Phase::Standing { .. } | Phase::Greeting(_) | Phase::Arranging(_) => {}
             _ => return Err(FirmataStepperError::Busy),
-        };
-        (self.motor, self.side) = (self.home(), Side::Unknown);
+        }
+        // The Arduino goes on counting from where it does.
+        self.base += home - self.motor;
+        (self.motor, self.side) = (home, Side::Unknown);
+        let was_lost = self.lost.is_some() || self.coil_failure.is_some();
         (self.lost, self.home_failure, self.wanted) = (None, None, None);
+        self.forgive();
+        if was_lost && let Phase::Standing { .. } = self.phase {
+            self.is_held = false;
+            self.rearrange(now)?;
+        }
         self.advance()
+    }
+
+    /// Gives the coils another chance.
+    pub(super) fn forgive(&mut self) {
+        (self.coil_failure, self.misaligned, self.tries) = (None, 0, 0);
     }
 
     /// Unwinds the cable: turns the antenna to the same direction within half a turn of 0.
@@ -131,7 +175,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         if self.link.was_reopened() {
             self.was_reset(now);
         } else if was_broken {
-            self.check(now);
+            self.check(now)?;
         }
         for reply in replies {
             self.take_reply(&reply, now)?;
@@ -146,15 +190,29 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         match reply {
             Reply::Firmware { major, minor, name } => {
                 if booted {
+                    self.link.has_stopped();
                     self.was_reset(now);
                 }
                 if let Phase::Greeting(_) = self.phase {
                     self.firmware = Some(format!("{name} {major}.{minor}"));
-                    self.phase = Phase::Arranging { wait: Wait::new(now), how: Arrangement::Setup };
+                    self.phase = Phase::Arranging(Wait::new(now).every(self.config.ask_s()));
+                    self.arranging_since.get_or_insert(now);
                 }
             }
-            Reply::Digital { port, levels } => return self.switched(*port, *levels, now),
+            Reply::Capabilities(pins) => {
+                let stepper = PinMode::Stepper.code();
+                let mut modes = pins.iter().flatten().map(|can| can.mode);
+                self.has_steppers = Some(modes.any(|mode| mode == stepper));
+            }
+            Reply::Digital { port, levels } => {
+                if let Some(of) = self.levels.get_mut(usize::from(*port)) {
+                    *of = Some(*levels);
+                }
+                self.confirm_levels(now)?;
+                return self.switched(*port, *levels, now);
+            }
             Reply::Position { device, position } if *device == self.config.device => {
+                self.link.was_answered();
                 return self.located(*position, false, now);
             }
             Reply::Done { device, position } if *device == self.config.device => {
@@ -166,44 +224,38 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     }
 
     /// Takes the motor's reported position.
-    fn located(&mut self, at: i32, done: bool, now: f64) -> Result<(), FirmataStepperError> {
-        let at = i64::from(at);
-        match &mut self.phase {
-            // It stands where it stood; its own count is another one.
-            Phase::Arranging { .. } if !done => {
-                self.base = self.motor - at;
-                self.stand(now);
-                self.go_on(now)
+    fn located(&mut self, count: i32, done: bool, now: f64) -> Result<(), FirmataStepperError> {
+        let count = i64::from(count);
+        let (at, rests) = (self.base + count, self.rests());
+        let (leg, seen) = match &mut self.phase {
+            Phase::Arranging(_) if !done => return self.arranged(count, now),
+            Phase::Confirming(_) if !done => return self.confirm_position(at, now),
+            Phase::Checking(_) | Phase::Standing { .. } if !done => {
+                // One report may be garbled.
+                let checked = matches!(self.phase, Phase::Checking(_));
+                return if at != rests || checked {
+                    self.confirm(rests, Next::Stand(self.side), now)
+                } else {
+                    Ok(())
+                };
             }
-            Phase::Checking { turning: true, .. } => self.halt(now),
-            Phase::Checking { turning: false, .. } => {
-                if self.base + at != self.motor {
-                    // Something else has turned it, by a known way.
-                    (self.motor, self.side) = (self.base + at, Side::Unknown);
-                }
-                self.stand(now);
-                self.go_on(now)
+            Phase::Aligning(leg)
+            | Phase::Moving { leg, .. }
+            | Phase::Homing(
+                Stage::Seeking(leg) | Stage::Stopping(leg, _) | Stage::Leaving(leg, _),
+            ) => {
+                let seen = leg.see(at, done, &self.config, now);
+                (*leg, seen)
             }
-            Phase::Moving { leg, then, side } => {
-                if !leg.is_complete(self.base + at, done) {
-                    return Ok(());
-                }
-                let (then, side) = (*then, *side);
-                self.motor = self.base + at;
-                self.moved(then, side, now)
-            }
-            Phase::Homing(stage) => match stage {
-                Stage::Seeking(leg) | Stage::Stopping(leg) | Stage::Leaving(leg, _) => {
-                    if !leg.is_complete(self.base + at, done) {
-                        return Ok(());
-                    }
-                    self.motor = self.base + at;
-                    self.sought(now)
-                }
-                Stage::Level(_) | Stage::Looking(..) => Ok(()),
-            },
-            Phase::Greeting(_) | Phase::Arranging { .. } | Phase::Standing { .. } => Ok(()),
-        }
+            _ => return Ok(()),
+        };
+        self.seen(seen, &leg, at, now)
+    }
+
+    /// Where the Arduino counts that the motor stands, in steps. Before its first step the rotor is
+    /// not where the coils would pull it.
+    pub(super) fn rests(&self) -> i64 {
+        if self.aligned { self.motor } else { self.base }
     }
 
     /// Where the antenna looks, in steps.
@@ -255,8 +307,12 @@ impl<S: ByteStream, C: Clock> Rotator for FirmataStepper<S, C> {
         let now = self.clock.now();
         self.hindrance(now)?;
         self.reachable(target)?;
-        self.wanted = Some(target);
+        (self.wanted, self.tries) = (Some(target), 0);
         let outcome = match self.phase {
+            // An open query may have been garbled into an order.
+            Phase::Standing { .. } if self.link.unanswered() > 0 => {
+                self.confirm(self.rests(), Next::Stand(self.side), now)
+            }
             Phase::Standing { .. } => self.go_on(now),
             Phase::Moving { .. } => self.turn_aside(target, now),
             _ => Ok(()),
@@ -271,7 +327,7 @@ impl<S: ByteStream, C: Clock> Rotator for FirmataStepper<S, C> {
         self.hindrance(now)?;
         let stands = match self.phase {
             // A sum of steps of time may fall short by its rounding.
-            Phase::Standing { settled } => self.wanted.is_none() && now >= settled - 1e-9,
+            Phase::Standing { settled, .. } => self.wanted.is_none() && now >= settled - 1e-9,
             _ => false,
         };
         Ok(stands.then(|| self.angle(self.antenna())))

@@ -8,16 +8,36 @@ pub enum FirmataStepperError {
     #[error("the link to the stepper: {0}")]
     Link(#[from] io::Error),
     /// No firmware answers.
-    #[error("no Firmata answers for {seconds:.1} s: is it the right port, at 57600 baud?")]
+    #[error(
+        "no Firmata answers for {seconds:.1} s: {}",
+        if *bytes == 0 {
+            "is it the right port, at 57600 baud?".to_owned()
+        } else {
+            format!(
+                "{bytes} bytes came at another rate, or from another device; the sketch of \
+                 ConfigurableFirmata begins at 115200 baud"
+            )
+        }
+    )]
     NoAnswer {
         /// How long it was queried.
         seconds: f64,
+        /// Number of bytes that came.
+        bytes: u64,
     },
     /// There is Firmata, and it knows no steppers.
-    #[error("the firmware {firmware:?} does not answer messages of a stepper")]
+    #[error("the firmware {firmware:?} does not answer messages of a stepper: {why}")]
     NoStepper {
         /// What it calls itself.
         firmware: String,
+        /// What is known of the reason.
+        why: MissingStepper,
+    },
+    /// The coils do not follow.
+    #[error("the pins of the coils {failure}")]
+    Coils {
+        /// What they did instead.
+        failure: CoilFailure,
     },
     /// Nobody knows where the antenna looks.
     #[error(
@@ -86,6 +106,55 @@ pub enum LostPosition {
     Reset,
     /// The Arduino fell silent while it turned.
     Silent,
+    /// It was reported where it was not sent: an order was garbled.
+    Astray,
+    /// Its count was set to 0, which was not ordered.
+    Zeroed,
+    /// A move ended sooner than the motor turns.
+    TooFast,
+    /// Its coils do not have the levels of the reported position.
+    Coils,
+}
+
+/// What is known of the reason why no stepper answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum MissingStepper {
+    /// The firmware lists no pin that a stepper could have.
+    NotInSketch,
+    /// The firmware fell silent when the stepper was configured.
+    Hung,
+    /// The firmware lists pins for steppers.
+    Silent,
+}
+
+impl fmt::Display for MissingStepper {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotInSketch => "AccelStepper is not in its sketch",
+            Self::Hung => "it hangs when the stepper is configured, for want of memory",
+            Self::Silent => "is the configured pin one that it leaves alone?",
+        })
+    }
+}
+
+/// What the pins of the coils did instead of following.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum CoilFailure {
+    /// Their levels were not reported.
+    Silent,
+    /// Their levels were not those of the motor's first step.
+    Wrong,
+}
+
+impl fmt::Display for CoilFailure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Silent => "did not report the motor's first step",
+            Self::Wrong => "did not have the levels of the motor's first step",
+        })
+    }
 }
 
 impl fmt::Display for LostPosition {
@@ -94,6 +163,10 @@ impl fmt::Display for LostPosition {
             Self::NotHomed => "it has not been homed",
             Self::Reset => "the Arduino was reset",
             Self::Silent => "the Arduino fell silent while it turned",
+            Self::Astray => "the motor was reported where it was not sent",
+            Self::Zeroed => "the motor's count was set to 0 without an order",
+            Self::TooFast => "a move ended sooner than the motor turns",
+            Self::Coils => "the coils do not have the levels of the reported position",
         })
     }
 }

@@ -2,7 +2,7 @@ use foxhunt_core::Clock;
 use foxhunt_wire::ByteStream;
 
 use super::{
-    FirmataStepper, FirmataStepperError,
+    CoilFailure, FirmataStepper, FirmataStepperError, MissingStepper,
     phase::{Phase, Side},
 };
 use crate::Finding;
@@ -49,7 +49,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         for _ in 0..MOST_PAUSES {
             let served = self.advance();
             let now = self.clock.now();
-            if let Phase::Standing { settled } = self.phase
+            if let Phase::Standing { settled, .. } = self.phase
                 && now >= settled
                 && served.is_ok()
             {
@@ -70,6 +70,10 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     fn shown(&mut self, pause: &mut dyn FnMut()) -> Finding {
         let before = self.motor;
         let mut to = |stepper: &mut Self, to: i64| {
+            if !stepper.aligned {
+                stepper.align(stepper.clock.now())?;
+                stepper.stands(pause)?;
+            }
             stepper.set_off(to, None, Side::Unknown, stepper.clock.now())?;
             stepper.stands(pause)?;
             Ok::<_, FirmataStepperError>(stepper.motor)
@@ -117,12 +121,31 @@ fn remedy(error: &FirmataStepperError) -> &'static str {
         FirmataStepperError::Link(_) => {
             "plug the Arduino in, check the port's name, and that you may use it (group dialout)"
         }
+        FirmataStepperError::NoAnswer { bytes: 1.., .. } => {
+            "set Firmata.begin(57600) in the sketch, or write 115200 after the port's name"
+        }
         FirmataStepperError::NoAnswer { .. } => {
             "check that it is the Arduino's port, and flash hardware/firmware"
+        }
+        FirmataStepperError::NoStepper { why: MissingStepper::NotInSketch, .. } => {
+            "flash hardware/firmware, or take the comment off ENABLE_ACCELSTEPPER in the sketch of \
+             ConfigurableFirmata"
+        }
+        FirmataStepperError::NoStepper { why: MissingStepper::Hung, .. } => {
+            "flash hardware/firmware, or leave ENABLE_DIGITAL and ENABLE_ACCELSTEPPER alone in the \
+             sketch of ConfigurableFirmata: a Nano has no room for more"
         }
         FirmataStepperError::NoStepper { .. } => {
             "flash hardware/firmware, or ConfigurableFirmata with AccelStepper"
         }
+        FirmataStepperError::Coils { failure: CoilFailure::Silent } => {
+            "flash the present hardware/firmware, or leave ENABLE_DIGITAL on in the sketch of \
+             ConfigurableFirmata"
+        }
+        FirmataStepperError::Coils { .. } => {
+            "flash the present hardware/firmware, and see that nothing else uses the motor's pins"
+        }
+
         FirmataStepperError::NoHome { .. } => {
             "check the switch, its pin, and that the antenna closes it once a turn"
         }

@@ -4,15 +4,15 @@ use foxhunt_wire::{ByteStream, firmata::StepperRequest};
 use super::{
     FirmataStepper, FirmataStepperError, LostPosition,
     error::HomeFailure,
-    phase::{Phase, Side, Stage, Wait},
+    phase::{Next, Phase, Side, Stage, Wait},
 };
 
 /// How far the switch is looked for, in turns.
 const SEEK_TURNS: f64 = 1.1;
 /// How far it is left, in turns.
 const LEAVE_TURNS: f64 = 0.25;
-/// How long after a step the switch has reported its level, in seconds.
-const LOOK_S: f64 = 0.03;
+/// How long after a step the switch has its level, in seconds.
+const LOOK_S: f64 = 0.02;
 
 impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     /// Has it look for its home switch again; then it goes where it was last sent.
@@ -26,18 +26,24 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
             return Err(FirmataStepperError::NoSwitch);
         }
         let now = self.clock.now();
+        (self.lost, self.home_failure) = (Some(LostPosition::NotHomed), None);
         match self.phase {
-            Phase::Standing { .. } => self.seek(now),
-            Phase::Greeting(_) | Phase::Arranging { .. } => {}
+            Phase::Standing { .. } => {
+                self.forgive();
+                self.go_on(now)?;
+            }
+            Phase::Greeting(_) | Phase::Arranging(_) => {}
             _ => return Err(FirmataStepperError::Busy),
         }
-        (self.lost, self.home_failure) = (Some(LostPosition::NotHomed), None);
         self.advance()
     }
 
     /// Begins to look for the switch.
-    pub(super) fn seek(&mut self, now: f64) {
-        self.phase = Phase::Homing(Stage::Level(Wait::new(now)));
+    pub(super) fn seek(&mut self, now: f64) -> Result<(), FirmataStepperError> {
+        let left = whole(self.gearing.per_turn() * SEEK_TURNS);
+        let wait = Wait::new(now).every(self.config.ask_s());
+        self.phase = Phase::Homing(Stage::Level { wait, seen: None, left });
+        self.look(now)
     }
 
     /// Takes the levels of a port.
@@ -52,53 +58,64 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         };
         let closed = levels >> (pin % 8) & 1 == 0;
         self.switch_closed = Some(closed);
-        if closed && let Phase::Homing(Stage::Seeking(_)) = self.phase {
-            self.link.order(StepperRequest::Stop)?;
-            self.phase = Phase::Homing(Stage::Stopping(self.stopping(now)));
-        }
-        Ok(())
-    }
-
-    /// Goes on once the switch is known.
-    pub(super) fn look(&mut self, now: f64) -> Result<(), FirmataStepperError> {
-        let turn = self.gearing.per_turn();
         match &mut self.phase {
-            Phase::Homing(Stage::Level(wait)) => match self.switch_closed {
-                Some(true) => self.leave(0, now),
-                Some(false) => {
-                    let far = whole(turn * SEEK_TURNS);
-                    let leg = self.ordered(self.motor - far, now)?;
-                    self.phase = Phase::Homing(Stage::Seeking(leg));
-                    Ok(())
+            Phase::Homing(Stage::Seeking(leg)) if closed => {
+                let to = leg.to.unwrap_or(self.motor);
+                let stop = leg.stopped(&self.config, now);
+                self.phase = Phase::Homing(Stage::Stopping(stop, to));
+                self.link.order(StepperRequest::Stop)?;
+                Ok(self.link.order(StepperRequest::Report)?)
+            }
+            Phase::Homing(Stage::Level { seen, .. }) if *seen != Some(closed) => {
+                // One report may be garbled.
+                *seen = Some(closed);
+                self.read_switch()
+            }
+            Phase::Homing(Stage::Level { left, .. }) => {
+                let left = *left;
+                if closed {
+                    return self.leave(0, now);
                 }
-                None if now >= wait.since + self.config.answer_timeout_s => {
-                    self.fail("report whether it is closed", 0.0, now);
-                    Ok(())
+                let leg = self.ordered(self.motor - left, [self.motor; 2], now)?;
+                self.phase = Phase::Homing(Stage::Seeking(leg));
+                Ok(())
+            }
+            Phase::Homing(Stage::Looking { until, steps, wait, opened }) => {
+                if now < *until - 1e-9 || wait.count == 0 {
+                    return Ok(());
                 }
-                None => {
-                    let due = wait.is_due(now);
-                    if due { self.watch_switch() } else { Ok(()) }
-                }
-            },
-            Phase::Homing(Stage::Looking(until, steps)) if now >= *until - 1e-9 => {
                 let steps = *steps;
-                if self.switch_closed == Some(false) {
-                    let home = self.home();
-                    self.base += home - self.motor;
-                    // It was pushed here.
-                    (self.motor, self.side) = (home, Side::Below);
-                    self.lost = None;
-                    self.stand(now);
-                    self.go_on(now)
-                } else if steps >= whole(turn * LEAVE_TURNS).unsigned_abs() {
-                    self.fail("open", LEAVE_TURNS, now);
-                    Ok(())
-                } else {
-                    self.leave(steps, now)
+                if !closed && !std::mem::replace(opened, true) {
+                    return self.read_switch();
                 }
+                if !closed {
+                    return self.is_home(now);
+                }
+                if steps >= whole(self.gearing.per_turn() * LEAVE_TURNS).unsigned_abs() {
+                    self.fail("open", LEAVE_TURNS, now);
+                    return Ok(());
+                }
+                self.leave(steps, now)
             }
             _ => Ok(()),
         }
+    }
+
+    /// Requests the switch's level where it is due.
+    pub(super) fn look(&mut self, now: f64) -> Result<(), FirmataStepperError> {
+        let patience = self.config.answer_timeout_s;
+        let wait = match &mut self.phase {
+            Phase::Homing(Stage::Level { wait, .. }) => wait,
+            Phase::Homing(Stage::Looking { until, wait, .. }) if now >= *until - 1e-9 => wait,
+            _ => return Ok(()),
+        };
+        if now >= wait.since + patience {
+            self.fail("report whether it is closed", 0.0, now);
+        } else if wait.is_due(now) {
+            // A pin that was not made an input reports nothing.
+            return if wait.count > 1 { self.watch_switch() } else { self.read_switch() };
+        }
+        Ok(())
     }
 
     /// A move of the search has ended where the motor is now.
@@ -108,9 +125,17 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
                 self.fail("close", SEEK_TURNS, now);
                 Ok(())
             }
-            Phase::Homing(Stage::Stopping(_)) => self.leave(0, now),
+            Phase::Homing(Stage::Stopping(_, to)) => {
+                self.calm()?;
+                let left = self.motor - to;
+                let wait = Wait::new(now).every(self.config.ask_s());
+                self.phase = Phase::Homing(Stage::Level { wait, seen: None, left });
+                self.look(now)
+            }
             Phase::Homing(Stage::Leaving(_, steps)) => {
-                self.phase = Phase::Homing(Stage::Looking(now + LOOK_S, steps));
+                let wait = Wait::new(now + LOOK_S).every(self.config.ask_s());
+                let until = now + LOOK_S;
+                self.phase = Phase::Homing(Stage::Looking { until, steps, wait, opened: false });
                 Ok(())
             }
             _ => Ok(()),
@@ -119,15 +144,26 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
 
     /// One step forwards, after so many.
     fn leave(&mut self, steps: u64, now: f64) -> Result<(), FirmataStepperError> {
-        let leg = self.ordered(self.motor + 1, now)?;
+        let leg = self.ordered(self.motor + 1, [self.motor; 2], now)?;
         self.phase = Phase::Homing(Stage::Leaving(leg, steps + 1));
         Ok(())
+    }
+
+    /// The motor stands where the switch opens.
+    fn is_home(&mut self, now: f64) -> Result<(), FirmataStepperError> {
+        let home = self.home();
+        self.base += home - self.motor;
+        self.motor = home;
+        (self.lost, self.tries) = (None, 0);
+        // It was pushed here.
+        self.confirm(home, Next::Stand(Side::Below), now)
     }
 
     fn fail(&mut self, expected: &'static str, turns: f64, now: f64) {
         let pin = self.config.switch().unwrap_or_default();
         self.home_failure = Some(HomeFailure { pin, expected, turns });
         self.wanted = None;
+        self.link.has_stopped();
         self.stand(now);
     }
 }

@@ -1,5 +1,6 @@
 //! The antenna's stepper behind Firmata.
 
+mod coils;
 mod config;
 mod driver;
 mod error;
@@ -7,6 +8,7 @@ mod examine;
 mod gearing;
 mod homing;
 mod leg;
+mod levels;
 mod link;
 mod moving;
 mod phase;
@@ -16,4 +18,4 @@ mod tests;
 
 pub use config::{Approach, BeyondCable, FirmataConfig, Homing};
 pub use driver::FirmataStepper;
-pub use error::{FirmataStepperError, LostPosition};
+pub use error::{CoilFailure, FirmataStepperError, LostPosition, MissingStepper};

@@ -1,14 +1,21 @@
 use foxhunt_core::Clock;
-use foxhunt_wire::{ByteStream, firmata::StepperRequest};
+use foxhunt_wire::{
+    ByteStream,
+    firmata::{Decimal, StepperRequest},
+};
 
 use super::{
-    Approach, FirmataStepper, FirmataStepperError,
-    leg::Leg,
-    phase::{Arrangement, Phase, Side, Wait},
+    Approach, FirmataStepper, FirmataStepperError, LostPosition,
+    leg::{Leg, Seen},
+    phase::{Next, Phase, Side, Stage},
 };
 
 /// The Arduino's own count is kept below this; the real firmware loses the bits above 2²⁸.
 const MOST_COUNTED: u64 = 1 << 27;
+/// How often a move that ended short of its target is ordered again.
+const MOST_TRIES: u8 = 5;
+/// How long a motor that stands is left alone first, in seconds.
+const WATCH_S: f64 = 1.0;
 
 /// A way to a target: where to first, where to then, and on which side of the gear's play it ends.
 type Way = (i64, Option<i64>, Side);
@@ -28,23 +35,32 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         Err(FirmataStepperError::TooFar { steps })
     }
 
-    /// It stands where the motor is.
-    pub(super) fn stand(&mut self, now: f64) {
-        self.phase = Phase::Standing { settled: now + self.config.settle_s };
+    /// It stands where the motor is, since then.
+    pub(super) fn stand(&mut self, since: f64) {
+        let (settled, watch_at) = (since + self.config.settle_s, since + WATCH_S);
+        self.phase = Phase::Standing { settled, watch_at };
     }
 
     /// Goes where it was last sent, if it is known where it is.
     pub(super) fn go_on(&mut self, now: f64) -> Result<(), FirmataStepperError> {
+        if self.coil_failure.is_some() {
+            return Ok(());
+        }
         if self.lost.is_some() {
             if self.config.switch().is_some() && self.home_failure.is_none() {
-                self.seek(now);
+                return if self.aligned { self.seek(now) } else { self.align(now) };
             }
             return Ok(());
         }
         let Some(target) = self.wanted else { return Ok(()) };
         if self.motor.abs_diff(self.base) >= MOST_COUNTED {
-            self.phase = Phase::Arranging { wait: Wait::new(now), how: Arrangement::Zero };
-            return self.act(now);
+            return self.rearrange(now);
+        }
+        if !self.aligned {
+            return self.align(now);
+        }
+        if self.tries > 0 {
+            self.send_pace()?;
         }
         match self.way(target) {
             None => self.wanted = None,
@@ -75,19 +91,13 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     pub(super) fn turn_aside(&mut self, target: i64, now: f64) -> Result<(), FirmataStepperError> {
         let Phase::Moving { leg, then, side } = self.phase else { return Ok(()) };
         let bound = then.or(leg.to);
-        if bound == Some(target) && side == Side::Below {
+        // A motor that is being stopped goes on from where it stops.
+        if leg.to.is_none() || bound == Some(target) && side == Side::Below {
             return Ok(());
         }
         let (first, then, side) = roundabout(target, self.play());
-        // It is between where it set off and where it was sent.
-        let behind = leg.steps;
-        self.set_off(first, then, side, now)?;
-        if let Phase::Moving { leg, .. } = &mut self.phase {
-            let steps = leg.steps + behind;
-            let (duration, patience) =
-                (self.config.duration_s(steps), self.config.answer_timeout_s);
-            *leg = Leg::new(leg.to, steps, duration, patience, now);
-        }
+        let leg = self.ordered(first, leg.range(), now)?.overtaking(&leg);
+        self.phase = Phase::Moving { leg, then, side };
         Ok(())
     }
 
@@ -99,54 +109,115 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         side: Side,
         now: f64,
     ) -> Result<(), FirmataStepperError> {
-        let leg = self.ordered(first, now)?;
+        let leg = self.ordered(first, [self.motor; 2], now)?;
         (self.phase, self.side) = (Phase::Moving { leg, then, side }, Side::Unknown);
         Ok(())
     }
 
-    /// Orders the motor to a step.
-    pub(super) fn ordered(&mut self, to: i64, now: f64) -> Result<Leg, FirmataStepperError> {
+    /// Orders the motor to a step, which is somewhere within a range.
+    pub(super) fn ordered(
+        &mut self,
+        to: i64,
+        range: [i64; 2],
+        now: f64,
+    ) -> Result<Leg, FirmataStepperError> {
         let request = self.request_to(to)?;
+        let leg = Leg::new(to, range, self.base, &self.config, now);
         self.link.order(request)?;
-        let steps = to.abs_diff(self.motor);
-        let (duration, patience) = (self.config.duration_s(steps), self.config.answer_timeout_s);
-        Ok(Leg::new(Some(to), steps, duration, patience, now))
+        if leg.is_doubtful() {
+            self.link.order(StepperRequest::Report)?;
+        }
+        Ok(leg)
     }
 
-    pub(super) fn request_to(&self, to: i64) -> Result<StepperRequest, FirmataStepperError> {
+    fn request_to(&self, to: i64) -> Result<StepperRequest, FirmataStepperError> {
         let too_far = |_| FirmataStepperError::TooFar { steps: to.abs_diff(self.base) };
         i32::try_from(to - self.base).map(StepperRequest::To).map_err(too_far)
     }
 
-    /// Stops it, wherever it is.
-    pub(super) fn halt(&mut self, now: f64) -> Result<(), FirmataStepperError> {
+    /// Stops the motor, wherever it is.
+    pub(super) fn halt(&mut self, leg: Leg) -> Result<(), FirmataStepperError> {
+        self.phase = Phase::Moving { leg, then: None, side: Side::Unknown };
         self.link.order(StepperRequest::Stop)?;
-        self.phase = Phase::Moving { leg: self.stopping(now), then: None, side: Side::Unknown };
+        Ok(self.link.order(StepperRequest::Report)?)
+    }
+
+    /// Takes the motor's reported position in the light of its move.
+    pub(super) fn seen(
+        &mut self,
+        seen: Seen,
+        leg: &Leg,
+        at: i64,
+        now: f64,
+    ) -> Result<(), FirmataStepperError> {
+        match (seen, self.phase) {
+            (Seen::Going, _) => Ok(()),
+            (Seen::Zeroed, _) => self.lose(LostPosition::Zeroed, now),
+            (Seen::TooFast, _) => self.lose(LostPosition::TooFast, now),
+            (Seen::Astray, Phase::Moving { .. }) if leg.to.is_some() => {
+                // It may be the report that is garbled.
+                self.halt(leg.stopped(&self.config, now))
+            }
+            (Seen::Astray, _) => self.lose(LostPosition::Astray, now),
+            (Seen::Short, phase) => {
+                self.tries += 1;
+                if self.tries > MOST_TRIES {
+                    return self.time_out(leg, leg.lasted(now), now);
+                }
+                match phase {
+                    Phase::Aligning(_) => self.align(now),
+                    Phase::Homing(_) => self.again(leg, now),
+                    _ => self.confirm(at, Next::Stand(Side::Unknown), now),
+                }
+            }
+            (Seen::Complete, Phase::Aligning(_)) => self.confirm(at, Next::Align, now),
+            (Seen::Complete, Phase::Homing(_)) => {
+                self.motor = at;
+                self.sought(now)
+            }
+            (Seen::Complete, Phase::Moving { then, side, .. }) => {
+                self.motor = at;
+                match then {
+                    Some(next) => self.set_off(next, None, side, now),
+                    None if leg.to.is_none() && self.has_ramp() => {
+                        self.calm()?;
+                        let leg = Leg::new(at, [at; 2], self.base, &self.config, now);
+                        self.phase = Phase::Moving { leg, then, side };
+                        Ok(())
+                    }
+                    None => self.confirm(at, Next::Stand(side), now),
+                }
+            }
+            (Seen::Complete, _) => Ok(()),
+        }
+    }
+
+    /// Orders a move of the search for home once more.
+    fn again(&mut self, leg: &Leg, now: f64) -> Result<(), FirmataStepperError> {
+        let Some(to) = leg.to else { return Ok(()) };
+        self.send_pace()?;
+        let new = self.ordered(to, leg.range(), now)?;
+        if let Phase::Homing(Stage::Seeking(leg) | Stage::Leaving(leg, _)) = &mut self.phase {
+            *leg = new;
+        }
         Ok(())
     }
 
-    /// The end of a move that was stopped.
-    pub(super) fn stopping(&self, now: f64) -> Leg {
-        let (duration, patience) = (self.config.duration_s(0), self.config.answer_timeout_s);
-        Leg::new(None, 0, duration, patience, now)
+    pub(super) fn has_ramp(&self) -> bool {
+        self.config.acceleration_half_steps_per_s2 > 0.0
     }
 
-    /// A leg has ended where the motor is now.
-    pub(super) fn moved(
-        &mut self,
-        then: Option<i64>,
-        side: Side,
-        now: f64,
-    ) -> Result<(), FirmataStepperError> {
-        if let Some(next) = then {
-            return self.set_off(next, None, side, now);
+    /// Takes the speed from a motor that was stopped: AccelStepper keeps it, and goes on by as much
+    /// as it would take to stop before it turns round. Without a ramp it takes no step to stop, so
+    /// that an order to where it stands ends its move.
+    pub(super) fn calm(&mut self) -> Result<(), FirmataStepperError> {
+        if !self.has_ramp() {
+            return Ok(());
         }
-        self.side = side;
-        self.stand(now);
-        if side != Side::Unknown && self.wanted == Some(self.antenna()) {
-            self.wanted = None;
-        }
-        self.go_on(now)
+        self.link.order(StepperRequest::Acceleration(Decimal::default()))?;
+        let here = self.request_to(self.motor)?;
+        self.link.order(here)?;
+        self.send_pace()
     }
 }
 

@@ -5,18 +5,14 @@ use super::leg::Leg;
 pub(super) enum Phase {
     /// Waiting for the report which firmware there is.
     Greeting(Wait),
-    /// Set up; waiting for the report which position its own 0 belongs to.
-    Arranging {
-        wait: Wait,
-        /// What was sent, to be sent again.
-        how: Arrangement,
-    },
-    /// Waiting for the report where it is, after the link was broken or a move took too long.
-    Checking {
-        wait: Wait,
-        /// Whether it may have been turning.
-        turning: bool,
-    },
+    /// Set up; waiting for the report that it stands at its own 0.
+    Arranging(Wait),
+    /// Waiting for the report where it stands, after the link was broken.
+    Checking(Wait),
+    /// Making its first step, which shows that its coils follow.
+    Aligning(Leg),
+    /// Waiting for reports that confirm where it stands.
+    Confirming(Confirming),
     Homing(Stage),
     Moving {
         leg: Leg,
@@ -28,6 +24,8 @@ pub(super) enum Phase {
     Standing {
         /// From when on the antenna does not swing.
         settled: f64,
+        /// When its position is queried next.
+        watch_at: f64,
     },
 }
 
@@ -37,6 +35,11 @@ pub(super) enum Phase {
 pub(super) struct Wait {
     pub(super) since: f64,
     queried_at: Option<f64>,
+    every_s: f64,
+    /// How often it was queried.
+    pub(super) count: u32,
+    /// Answers that are not those that must come.
+    pub(super) doubts: u32,
 }
 
 /// How often something is queried, in seconds.
@@ -44,28 +47,52 @@ const QUERY_S: f64 = 0.5;
 
 impl Wait {
     pub(super) fn new(now: f64) -> Self {
-        Self { since: now, queried_at: None }
+        Self { since: now, queried_at: None, every_s: QUERY_S, count: 0, doubts: 0 }
+    }
+
+    /// One that queries at other intervals, in seconds.
+    pub(super) fn every(self, every_s: f64) -> Self {
+        Self { every_s, ..self }
     }
 
     /// Whether a query is due, which is taken to be sent.
     pub(super) fn is_due(&mut self, now: f64) -> bool {
-        let due = self.queried_at.is_none_or(|queried_at| now >= queried_at + QUERY_S);
+        let due = self.queried_at.is_none_or(|queried_at| now >= queried_at + self.every_s - 1e-9);
         if due {
             if self.queried_at.is_none() {
                 self.since = now;
             }
             self.queried_at = Some(now);
+            self.count += 1;
         }
         due
     }
 }
 
+/// Reports that are to confirm where the motor stands.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Arrangement {
-    /// Its pins and speed.
-    Setup,
-    /// That it is at 0.
-    Zero,
+pub(super) struct Confirming {
+    /// That place, in steps.
+    pub(super) at: i64,
+    pub(super) next: Next,
+    pub(super) since: f64,
+    /// When it was last requested.
+    pub(super) asked_at: f64,
+    /// Whether the levels of the coils are still to come.
+    pub(super) reads: bool,
+    /// Whether the position is still to come.
+    pub(super) asks: bool,
+    /// Reports that contradicted.
+    pub(super) strikes: u8,
+}
+
+/// What a confirmed place is.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Next {
+    /// The first step.
+    Align,
+    /// A place to stand at, and where the play of the gear is.
+    Stand(Side),
 }
 
 /// Where the play of the gear is.
@@ -81,14 +108,19 @@ pub(super) enum Side {
 /// How far the search for the home switch is.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Stage {
-    /// Waiting for the report whether the switch is closed.
-    Level(Wait),
+    /// Waiting for two reports whether the switch is closed.
+    Level {
+        wait: Wait,
+        seen: Option<bool>,
+        /// How far it may still be looked for, in steps.
+        left: i64,
+    },
     /// Turning backwards until it closes.
     Seeking(Leg),
-    /// Stopping there.
-    Stopping(Leg),
+    /// Stopping there; where it would have been given up.
+    Stopping(Leg, i64),
     /// Going forwards by a step; how many there were.
     Leaving(Leg, u64),
     /// Waiting for the switch, until then; how many steps there were.
-    Looking(f64, u64),
+    Looking { until: f64, steps: u64, wait: Wait, opened: bool },
 }

@@ -6,48 +6,81 @@ use foxhunt_wire::{
 
 use super::{
     FirmataStepper, FirmataStepperError, LostPosition,
-    leg::Due,
-    phase::{Arrangement, Phase, Side, Stage, Wait},
+    coils::FIRST_STEPS,
+    error::{CoilFailure, MissingStepper},
+    leg::{Due, Leg, MONITOR_S},
+    phase::{Phase, Side, Stage, Wait},
 };
 
 /// A 28BYJ-48 is driven in half steps.
 const HALF_STEPS: u8 = 1;
+/// Half steps of the coils until the first ones are on again.
+const CYCLE: i64 = 8;
+/// Queries of the position to a set-up; then it is repeated.
+const QUERIES: u32 = 5;
+/// How often the position is queried while the motor stands, and if that is not answered.
+const WATCH_S: [f64; 2] = [1.0, 0.25];
+/// How long a motor that turns may be silent, in times that an answer takes.
+const MOST_SILENT: f64 = 3.0;
+/// Queries of a motor that stands that may stay unanswered.
+const MOST_UNANSWERED: u32 = 4;
 
 impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
-    /// The Arduino was reset, or plugged in anew: it is set up again, and has forgotten where it
-    /// was.
+    /// The Arduino was reset, or plugged in again, or fell silent: it is set up again, and has
+    /// forgotten where it was.
     pub(super) fn was_reset(&mut self, now: f64) {
         match self.phase {
             // Nothing was known of it yet that it could forget.
-            Phase::Greeting(_) | Phase::Arranging { how: Arrangement::Setup, .. } => {}
-            Phase::Standing { .. }
-            | Phase::Arranging { .. }
-            | Phase::Checking { turning: false, .. }
-                if self.config.trust_after_reset => {}
-            _ => self.lose(LostPosition::Reset),
+            Phase::Greeting(_) | Phase::Arranging(_) => {}
+            Phase::Standing { .. } | Phase::Checking(_) if self.config.trust_after_reset => {}
+            _ => self.forget(LostPosition::Reset),
         }
-        self.side = Side::Unknown;
-        self.switch_closed = None;
+        self.link.forget_queries();
+        (self.aligned, self.side, self.switch_closed) = (false, Side::Unknown, None);
         self.phase = Phase::Greeting(Wait::new(now));
     }
 
-    pub(super) fn lose(&mut self, why: LostPosition) {
+    /// It is not known any more where the antenna looks.
+    pub(super) fn forget(&mut self, why: LostPosition) {
         // An older reason is the better one.
         self.lost.get_or_insert(why);
+        self.is_held = false;
         // With a switch it is found again, and goes on where it was sent.
         if self.config.switch().is_none() {
             self.wanted = None;
         }
     }
 
+    /// It is not known any more where the antenna looks: the motor is stopped, and set up again.
+    pub(super) fn lose(&mut self, why: LostPosition, now: f64) -> Result<(), FirmataStepperError> {
+        self.forget(why);
+        self.rearrange(now)
+    }
+
+    /// Sets the motor up again, which stops it.
+    pub(super) fn rearrange(&mut self, now: f64) -> Result<(), FirmataStepperError> {
+        self.link.forget_queries();
+        (self.aligned, self.side) = (false, Side::Unknown);
+        self.phase = Phase::Arranging(Wait::new(now).every(self.config.ask_s()));
+        self.arranging_since.get_or_insert(now);
+        self.act(now)
+    }
+
     /// The link was broken: the Arduino may have been reset without notice.
-    pub(super) fn check(&mut self, now: f64) {
-        let turning = match self.phase {
-            Phase::Greeting(_) | Phase::Arranging { .. } | Phase::Checking { .. } => return,
-            Phase::Standing { .. } => false,
-            Phase::Homing(_) | Phase::Moving { .. } => true,
-        };
-        self.phase = Phase::Checking { wait: Wait::new(now), turning };
+    pub(super) fn check(&mut self, now: f64) -> Result<(), FirmataStepperError> {
+        match self.phase {
+            Phase::Standing { .. } => {
+                self.link.forget_queries();
+                self.phase = Phase::Checking(Wait::new(now));
+                Ok(())
+            }
+            Phase::Moving { leg, .. }
+            | Phase::Homing(
+                Stage::Seeking(leg) | Stage::Stopping(leg, _) | Stage::Leaving(leg, _),
+            ) => self.halt(leg.stopped(&self.config, now)),
+            Phase::Aligning(_) => self.rearrange(now),
+            _ => Ok(()),
+        }
     }
 
     /// Does what is due.
@@ -56,90 +89,179 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         match &mut self.phase {
             Phase::Greeting(wait) => {
                 if wait.is_due(now) {
+                    if self.link.may_turn() {
+                        self.link.order(StepperRequest::Stop)?;
+                    }
                     self.link.send(Request::Firmware)?;
                 }
                 Ok(())
             }
-            Phase::Arranging { wait, how } => {
-                let (due, how) = (wait.is_due(now), *how);
-                if due { self.arrange(how) } else { Ok(()) }
+            Phase::Arranging(wait) => {
+                let (due, count) = (wait.is_due(now), wait.count);
+                if due { self.arrange(count) } else { Ok(()) }
             }
-            Phase::Checking { wait, turning } => {
+            Phase::Checking(wait) => {
                 if now >= wait.since + patience {
-                    if *turning {
-                        self.lose(LostPosition::Silent);
-                    }
                     self.was_reset(now);
                 } else if wait.is_due(now) {
                     self.link.order(StepperRequest::Report)?;
                 }
                 Ok(())
             }
-            Phase::Moving { leg, .. } => {
-                let (due, to, steps) = (leg.due(now), leg.to, leg.steps);
-                self.urge(due, to, steps, now)
+            Phase::Confirming(_) => self.await_confirmation(now),
+            Phase::Moving { leg, .. }
+            | Phase::Aligning(leg)
+            | Phase::Homing(
+                Stage::Seeking(leg) | Stage::Stopping(leg, _) | Stage::Leaving(leg, _),
+            ) => {
+                let (due, leg) = (leg.due(now), *leg);
+                self.urge(due, &leg, now)
             }
-            Phase::Homing(Stage::Seeking(leg) | Stage::Stopping(leg) | Stage::Leaving(leg, _)) => {
-                let (due, to, steps) = (leg.due(now), leg.to, leg.steps);
-                self.urge(due, to, steps, now)
+            Phase::Homing(Stage::Level { .. } | Stage::Looking { .. }) => self.look(now),
+            Phase::Standing { watch_at, .. } if now >= *watch_at => {
+                let unanswered = self.link.unanswered();
+                let [seldom, soon] = WATCH_S;
+                *watch_at = now + if unanswered > 0 { soon } else { seldom };
+                if unanswered >= MOST_UNANSWERED {
+                    self.link.forget_queries();
+                    self.phase = Phase::Checking(Wait::new(now));
+                    return Ok(());
+                }
+                Ok(self.link.order(StepperRequest::Report)?)
             }
-            Phase::Homing(Stage::Level(_) | Stage::Looking(..)) => self.look(now),
             Phase::Standing { .. } => Ok(()),
         }
     }
 
-    /// Makes good what was lost of a move.
-    fn urge(
-        &mut self,
-        due: Due,
-        to: Option<i64>,
-        steps: u64,
-        now: f64,
-    ) -> Result<(), FirmataStepperError> {
+    /// Looks after a move.
+    fn urge(&mut self, due: Due, leg: &Leg, now: f64) -> Result<(), FirmataStepperError> {
         match due {
-            Due::Nothing => {}
-            Due::RequestPosition => self.link.order(StepperRequest::Report)?,
-            Due::Repeat => {
-                let again = to.map_or(Ok(StepperRequest::Stop), |to| self.request_to(to))?;
-                self.link.order(again)?;
-                self.link.order(StepperRequest::Report)?;
+            Due::Nothing => return Ok(()),
+            Due::TimedOut(seconds) => return self.time_out(leg, seconds, now),
+            // A stop is sent until it is confirmed.
+            _ if leg.to.is_none() => self.link.order(StepperRequest::Stop)?,
+            // What does not answer may turn anywhere.
+            _ if f64::from(self.link.silent()) * MONITOR_S >= MOST_SILENT * self.config.ask_s() => {
+                return self.halt(leg.stopped(&self.config, now));
             }
-            Due::TimedOut(seconds) => {
-                self.phase = Phase::Checking { wait: Wait::new(now), turning: true };
-                return Err(FirmataStepperError::MoveTimeout { steps, seconds });
-            }
+            Due::Urge => self.send_pace()?,
+            Due::RequestPosition => {}
         }
-        Ok(())
+        Ok(self.link.order(StepperRequest::Report)?)
     }
 
-    /// Configures the Arduino's motor, or sets its position to 0, and queries it.
-    fn arrange(&mut self, how: Arrangement) -> Result<(), FirmataStepperError> {
-        match how {
-            Arrangement::Zero => self.link.order(StepperRequest::Zero)?,
-            Arrangement::Setup => {
-                let [in1, in2, in3, in4] = self.config.pins;
-                self.link.order(StepperRequest::Configure(StepperInterface {
-                    wiring: Wiring::FourWire([in1, in3, in2, in4]),
-                    divisor_log2: HALF_STEPS,
-                    enable_pin: None,
-                    inverted: 0,
-                }))?;
-                let decimal = |value| Decimal::truncated(value).unwrap_or_default();
-                let speed = decimal(self.config.speed_half_steps_per_s);
-                self.link.order(StepperRequest::Speed(speed))?;
-                let acceleration = decimal(self.config.acceleration_half_steps_per_s2);
-                self.link.order(StepperRequest::Acceleration(acceleration))?;
-                self.link.order(StepperRequest::Enable(true))?;
-                self.watch_switch()?;
+    /// Gives a move up.
+    pub(super) fn time_out(
+        &mut self,
+        leg: &Leg,
+        seconds: f64,
+        now: f64,
+    ) -> Result<(), FirmataStepperError> {
+        if leg.is_given_up {
+            // The stop goes on with the greeting.
+            self.forget(LostPosition::Silent);
+            self.was_reset(now);
+            return Ok(());
+        }
+        if let Phase::Aligning(_) = self.phase {
+            return self.fail_coils(CoilFailure::Silent, now);
+        }
+        (self.wanted, self.tries) = (None, 0);
+        self.halt(leg.given_up(&self.config, now))?;
+        Err(FirmataStepperError::MoveTimeout { steps: leg.steps, seconds })
+    }
+
+    /// Configures the Arduino's motor, and queries its position, which is 0 then.
+    fn arrange(&mut self, count: u32) -> Result<(), FirmataStepperError> {
+        if count % QUERIES == 1 {
+            if self.link.may_turn() {
+                self.link.order(StepperRequest::Stop)?;
+            }
+            // Each Configure without it takes up memory for good.
+            self.link.send(Request::Reset)?;
+            let [in1, in2, in3, in4] = self.config.pins;
+            self.link.order(StepperRequest::Configure(StepperInterface {
+                wiring: Wiring::FourWire([in1, in3, in2, in4]),
+                divisor_log2: HALF_STEPS,
+                enable_pin: None,
+                inverted: 0,
+            }))?;
+            if count > 1 {
+                self.link.send(Request::Capabilities)?;
             }
         }
         Ok(self.link.order(StepperRequest::Report)?)
+    }
+
+    /// Takes the position that the motor has after it was configured.
+    pub(super) fn arranged(&mut self, count: i64, now: f64) -> Result<(), FirmataStepperError> {
+        if count != 0 {
+            let Phase::Arranging(wait) = &mut self.phase else { return Ok(()) };
+            // It is garbled, or the motor turns, or it was not configured.
+            wait.doubts += 1;
+            if wait.doubts > 1 {
+                (wait.doubts, wait.count) = (0, 0);
+            }
+            return Ok(());
+        }
+        self.link.has_stopped();
+        self.link.forget_queries();
+        self.arranging_since = None;
+        // Coils count from 0 with the Arduino. The rotor is pulled to the next place that belongs
+        // to their first step, which is not four half steps away and so to be foreseen.
+        let ahead = if self.is_held { (self.motor - self.base).rem_euclid(CYCLE) } else { 0 };
+        self.forwards = ahead <= CYCLE / 2;
+        self.base = self.motor - ahead + if self.forwards { 0 } else { CYCLE };
+        self.stand(now);
+        self.go_on(now)
+    }
+
+    /// Has the motor make its first steps, by which the coils show that they follow.
+    pub(super) fn align(&mut self, now: f64) -> Result<(), FirmataStepperError> {
+        self.send_pace()?;
+        self.expose_coils()?;
+        self.watch_switch()?;
+        self.align_to(FIRST_STEPS, [self.base; 2], now)
+    }
+
+    /// Sends the motor so many steps from the Arduino's 0.
+    pub(super) fn align_to(
+        &mut self,
+        steps: i64,
+        range: [i64; 2],
+        now: f64,
+    ) -> Result<(), FirmataStepperError> {
+        let to = self.base + if self.forwards { steps } else { -steps };
+        let leg = self.ordered(to, range, now)?;
+        self.phase = Phase::Aligning(leg);
+        Ok(())
+    }
+
+    /// Sends how fast the motor turns.
+    pub(super) fn send_pace(&mut self) -> Result<(), FirmataStepperError> {
+        let decimal = |value| Decimal::truncated(value).unwrap_or_default();
+        let speed = decimal(self.config.speed_half_steps_per_s);
+        self.link.order(StepperRequest::Speed(speed))?;
+        // A motor that was just configured has no ramp.
+        if self.config.acceleration_half_steps_per_s2 > 0.0 {
+            let acceleration = decimal(self.config.acceleration_half_steps_per_s2);
+            self.link.order(StepperRequest::Acceleration(acceleration))?;
+        }
+        Ok(())
     }
 
     /// Has the Arduino report the level of the home switch.
     pub(super) fn watch_switch(&mut self) -> Result<(), FirmataStepperError> {
         if let Some(pin) = self.config.switch() {
             self.link.send(Request::PinMode { pin, mode: PinMode::PullUp })?;
+            self.read_switch()?;
+        }
+        Ok(())
+    }
+
+    /// Has the Arduino report the level of the home switch once more.
+    pub(super) fn read_switch(&mut self) -> Result<(), FirmataStepperError> {
+        if let Some(pin) = self.config.switch() {
             self.link.send(Request::ReportDigital { port: pin / 8, on: true })?;
         }
         Ok(())
@@ -148,19 +270,28 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     /// What keeps the antenna from turning.
     pub(super) fn hindrance(&self, now: f64) -> Result<(), FirmataStepperError> {
         let patience = self.config.answer_timeout_s;
+        let overdue = self.arranging_since.is_some_and(|since| now >= since + patience);
         match self.phase {
-            Phase::Greeting(wait) if now >= wait.since + patience => {
-                Err(FirmataStepperError::NoAnswer { seconds: now - wait.since })
-            }
-            Phase::Arranging { wait, .. } if now >= wait.since + patience => {
+            // A firmware that hangs may begin again and again.
+            Phase::Greeting(_) | Phase::Arranging(_) if overdue && self.firmware.is_some() => {
                 let firmware = self.firmware.clone().unwrap_or_default();
-                Err(FirmataStepperError::NoStepper { firmware })
+                let why = match self.has_steppers {
+                    Some(false) => MissingStepper::NotInSketch,
+                    Some(true) => MissingStepper::Silent,
+                    None => MissingStepper::Hung,
+                };
+                Err(FirmataStepperError::NoStepper { firmware, why })
+            }
+            Phase::Greeting(wait) if now >= wait.since + patience => {
+                let (seconds, bytes) = (now - wait.since, self.link.bytes());
+                Err(FirmataStepperError::NoAnswer { seconds, bytes })
             }
             Phase::Homing(_) => Ok(()),
-            _ => match (&self.home_failure, self.lost) {
-                (Some(failure), _) => Err(failure.error()),
+            _ => match (self.coil_failure, &self.home_failure, self.lost) {
+                (Some(failure), ..) => Err(FirmataStepperError::Coils { failure }),
+                (None, Some(failure), _) => Err(failure.error()),
                 // With a switch it will be homed.
-                (None, Some(why)) if self.config.switch().is_none() => {
+                (None, None, Some(why)) if self.config.switch().is_none() => {
                     Err(FirmataStepperError::PositionLost { why })
                 }
                 _ => Ok(()),

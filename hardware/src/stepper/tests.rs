@@ -57,7 +57,7 @@ fn what_cannot_be_is_named_with_its_value() {
     }
 }
 
-/// What a driver sends while a device that answers at once moves in no time.
+/// Orders of a driver to a device whose motor and coils do what they should.
 fn orders(approach: Approach, angles: &[f64]) -> Vec<i32> {
     let (here, mut there) = memory_pair();
     let time = Rc::new(Cell::new(0.0));
@@ -69,27 +69,45 @@ fn orders(approach: Approach, angles: &[f64]) -> Vec<i32> {
     let mut driver = FirmataStepper::new(config, here, clock).expect("it is in order");
     let mut decoder = Decoder::<Request>::default();
     let mut orders = Vec::new();
+    // Where it was sent from, where to, and when.
+    let (mut from, mut to, mut sent) = (0_i32, 0_i32, 0.0);
+    let mut pending = false;
     for angle in angles {
         driver.turn_to(*angle).expect("the order is accepted");
-        let stands = (0..100).find_map(|_| {
+        let stands = (0..2000).find_map(|_| {
             time.set(time.get() + 0.02);
+            let mut replies = Vec::new();
             let mut into = [0; 256];
             let count = there.receive(&mut into).expect("it is there");
             for request in into[..count].iter().filter_map(|byte| decoder.push(*byte)) {
-                let reply = match request {
+                let steps = 600.0 * (time.get() - sent);
+                let gone = f64::from(to - from).signum() * steps.min(f64::from(to - from).abs());
+                #[expect(clippy::cast_possible_truncation, reason = "some steps")]
+                let position = from + gone as i32;
+                replies.push(match request {
                     Request::Firmware => Reply::Firmware { major: 1, minor: 0, name: "x".into() },
-                    Request::Stepper { device, request: StepperRequest::To(position) } => {
-                        orders.push(position);
-                        Reply::Done { device, position }
+                    Request::Stepper { request: StepperRequest::To(target), .. } => {
+                        orders.push(target);
+                        (from, to, sent, pending) = (position, target, time.get(), true);
+                        continue;
                     }
                     Request::Stepper { device, request: StepperRequest::Report } => {
-                        Reply::Position { device, position: 0 }
+                        Reply::Position { device, position }
+                    }
+                    Request::ReportDigital { port, on: true } => {
+                        let patterns = [0x1, 0x3, 0x2, 0x6, 0x4, 0xC, 0x8, 0x9];
+                        let at = usize::try_from(position.rem_euclid(8)).expect("it is positive");
+                        Reply::Digital { port, levels: patterns[at] }
                     }
                     _ => continue,
-                };
-                let mut bytes = Vec::new();
-                reply.encode(&mut bytes).expect("it has room");
-                there.send(&bytes).expect("it is there");
+                });
+            }
+            if pending && time.get() >= sent + f64::from((to - from).abs()) / 600.0 {
+                (from, pending) = (to, false);
+                replies.push(Reply::Done { device: 0, position: to });
+            }
+            for reply in replies {
+                there.send(&encoded(&reply)).expect("it is there");
             }
             driver.poll().expect("nothing fails")
         });
@@ -101,14 +119,14 @@ fn orders(approach: Approach, angles: &[f64]) -> Vec<i32> {
 #[test]
 fn an_angle_is_come_to_from_below() {
     let quarter = TAU / 4.0;
-    // 6° are 68 half steps, a quarter of a turn 1019.
+    // First steps show that the coils follow. 6° are 68 half steps, a quarter of a turn 1019.
     let made = orders(Approach::OneSided, &[quarter, 2.0 * quarter, quarter, quarter, 0.0]);
-    assert_eq!(made, [1019, 2038, 951, 1019, -68, 0]);
+    assert_eq!(made, [1, 5, 1019, 2038, 951, 1019, -68, 0]);
     // From the start the play may be anywhere: 32 half steps do not take it up.
-    assert_eq!(orders(Approach::OneSided, &[0.05]), [-36, 32]);
+    assert_eq!(orders(Approach::OneSided, &[0.05]), [1, 5, -36, 32]);
     // Once the play is taken up, each side is known.
     let made = orders(Approach::Compensated, &[quarter, 2.0 * quarter, quarter, 0.0, quarter]);
-    assert_eq!(made, [1019, 2038, 951, -68, 1019]);
+    assert_eq!(made, [1, 5, 1019, 2038, 951, -68, 1019]);
 }
 
 fn reply() -> impl Strategy<Value = Vec<u8>> {

@@ -21,6 +21,61 @@ pub(crate) struct Cable {
     pub(crate) count: u32,
     /// So many messages to the device are lost.
     pub(crate) swallows: u32,
+    /// Bytes that are damaged, of those to the device and of those from it.
+    pub(crate) damage: [Vec<Damage>; 2],
+    /// What is replaced once, of what is sent to the device and of what comes from it.
+    pub(crate) swaps: [Vec<[Vec<u8>; 2]>; 2],
+    /// Bytes that were sent to the device, and that came from it.
+    pub(crate) passed: [usize; 2],
+}
+
+/// A byte of a direction, counted from 0, and what happens to it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Damage {
+    pub(crate) at: usize,
+    pub(crate) kind: DamageKind,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum DamageKind {
+    Lost,
+    Garbled(u8),
+    /// One bit of it.
+    Flipped(u8),
+    Doubled,
+    Inserted(u8),
+}
+
+pub(crate) const TO_DEVICE: usize = 0;
+pub(crate) const FROM_DEVICE: usize = 1;
+
+impl Cable {
+    /// Bytes of a direction as they arrive.
+    fn pass(&mut self, direction: usize, bytes: &[u8]) -> Vec<u8> {
+        let mut swapped = bytes.to_vec();
+        self.swaps[direction].retain(|[from, to]| {
+            let at = swapped.windows(from.len()).position(|window| window == from);
+            if let Some(at) = at {
+                swapped.splice(at..at + from.len(), to.iter().copied());
+            }
+            at.is_none()
+        });
+        let mut arrived = Vec::new();
+        for byte in &swapped {
+            let at = self.passed[direction];
+            self.passed[direction] += 1;
+            let damage = self.damage[direction].iter().find(|damage| damage.at == at);
+            match damage.map(|damage| damage.kind) {
+                None => arrived.push(*byte),
+                Some(DamageKind::Lost) => {}
+                Some(DamageKind::Garbled(other)) => arrived.push(other),
+                Some(DamageKind::Flipped(bit)) => arrived.push(byte ^ 1 << bit),
+                Some(DamageKind::Doubled) => arrived.extend([*byte; 2]),
+                Some(DamageKind::Inserted(other)) => arrived.extend([other, *byte]),
+            }
+        }
+        arrived
+    }
 }
 
 /// The host's end of a cable.
@@ -45,7 +100,16 @@ impl ByteStream for Plug {
             }
             return Ok(count);
         }
-        let count = self.stream.receive(into)?;
+        // Each byte may become two.
+        let mut came = vec![0; into.len() / 4];
+        let count = self.stream.receive(&mut came)?;
+        let arrived = cable.pass(FROM_DEVICE, &came[..count]);
+        into[..arrived.len()].copy_from_slice(&arrived);
+        if arrived.is_empty() && count > 0 {
+            drop(cable);
+            return self.receive(into);
+        }
+        let count = arrived.len();
         let Some(every) = cable.loses_every else { return Ok(count) };
         let mut kept = 0;
         for i in 0..count {
@@ -73,8 +137,9 @@ impl ByteStream for Plug {
             cable.swallows -= 1;
             return Ok(());
         }
+        let arriving = cable.pass(TO_DEVICE, bytes);
         drop(cable);
-        self.stream.send(bytes)
+        self.stream.send(&arriving)
     }
 
     fn connections(&self) -> u32 {
@@ -104,6 +169,11 @@ impl Rig {
         let device = EmulatedStepper::new(&world, 0, emulated, there).expect("it is in order");
         let truth = world.rotator(0).expect("there is a drone");
         Self { world, driver, device, cable, truth, tick_s: 0.01 }
+    }
+
+    /// Replaces bytes once, of those to the device or from it.
+    pub(crate) fn swap(&mut self, direction: usize, from: &[u8], to: &[u8]) {
+        self.cable.borrow_mut().swaps[direction].push([from.to_vec(), to.to_vec()]);
     }
 
     /// Lets time pass, and polls the driver.

@@ -71,7 +71,9 @@ impl Decimal {
         [low, middle, high, seven(self.significand >> 21) | exponent << 2 | sign]
     }
 
-    pub(super) fn decode([low, middle, high, last]: [u8; 4]) -> Self {
+    /// The number of four bytes as they are sent.
+    #[must_use]
+    pub fn decode([low, middle, high, last]: [u8; 4]) -> Self {
         let significand = u32::from(low)
             | u32::from(middle) << 7
             | u32::from(high) << 14

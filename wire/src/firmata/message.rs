@@ -29,6 +29,7 @@ pub(super) const ANALOG_MAPPING_QUERY: u8 = 0x69;
 pub(super) const ANALOG_MAPPING: u8 = 0x6A;
 pub(super) const CAPABILITY_QUERY: u8 = 0x6B;
 pub(super) const CAPABILITIES: u8 = 0x6C;
+pub(super) const PIN_STATE: u8 = 0x6E;
 pub(super) const TEXT: u8 = 0x71;
 pub(super) const FIRMWARE: u8 = 0x79;
 

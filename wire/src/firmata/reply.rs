@@ -2,8 +2,8 @@ use super::{
     FirmataError, Message,
     error::at_most,
     message::{
-        ANALOG_MAPPING, CAPABILITIES, DIGITAL, DONE, FIRMWARE, REPORT, STEPPER, TEXT, VERSION,
-        sysex,
+        ANALOG_MAPPING, CAPABILITIES, DIGITAL, DONE, FIRMWARE, PIN_STATE, REPORT, STEPPER, TEXT,
+        VERSION, sysex,
     },
     seven_bit::{decode_i32, decode_text, encode_i32, encode_text},
 };
@@ -35,6 +35,15 @@ pub enum Reply {
     Capabilities(Vec<Vec<PinCapability>>),
     /// Which analog input each pin is, from pin 0 on.
     AnalogMapping(Vec<Option<u8>>),
+    /// The mode of a pin, and what was last written to it.
+    PinState {
+        /// Its number.
+        pin: u8,
+        /// The code of a [`PinMode`](super::PinMode), or of one that is not listed there.
+        mode: u8,
+        /// The lowest seven bits; longer ones are not read.
+        state: u8,
+    },
     /// The levels of a port of eight pins.
     Digital {
         /// The port: pins 8 · port to 8 · port + 7.
@@ -96,6 +105,9 @@ impl Message for Reply {
                 let channel = |code: &u8| (*code != NONE).then_some(*code);
                 Some(Self::AnalogMapping(channels.iter().map(channel).collect()))
             }
+            [PIN_STATE, pin, mode, state] => {
+                Some(Self::PinState { pin: *pin, mode: *mode, state: *state })
+            }
             [STEPPER, kind, device, position @ ..] => {
                 let (device, position) = (*device, decode_i32(position.try_into().ok()?)?);
                 match *kind {
@@ -147,6 +159,10 @@ impl Message for Reply {
                     let code = channel.map_or(Ok(NONE), |code| at_most("channel", code, NONE - 1));
                     payload.push(code?);
                 }
+            }
+            Self::PinState { pin, mode, state } => {
+                payload.extend([PIN_STATE, at_most("pin", *pin, 0x7F)?]);
+                payload.extend([at_most("mode", *mode, 0x7F)?, at_most("state", *state, 0x7F)?]);
             }
             Self::Position { device, position } => {
                 payload.extend([STEPPER, REPORT, at_most("device", *device, 0x7F)?]);

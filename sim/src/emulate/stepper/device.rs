@@ -2,30 +2,40 @@ use std::io;
 
 use foxhunt_wire::{
     ByteStream,
-    firmata::{
-        Decoder, Message, PinCapability, PinMode, Reply, Request, StepperInterface, StepperRequest,
-        Wiring,
-    },
+    firmata::{Decimal, Message, Reply},
 };
 
-use super::{EmulatedStepperConfig, gear::Gear, motor::Motor};
+use super::{
+    EmulatedStepperConfig,
+    gear::Gear,
+    motor::{Action, Motor},
+    parser::{Parser, Taken},
+    pins::{COUNT, Pins, analog_channel, capabilities},
+    wires::{Wires, half_step},
+};
 use crate::{Emulator, SimError, World, devices::OnBoard};
 
-/// An Arduino Nano with ConfigurableFirmata, and a 28BYJ-48 that turns the antenna of a drone.
+/// An Arduino Nano with ConfigurableFirmata 3.4, and a 28BYJ-48 that turns the antenna of a drone.
 ///
-/// It begins as after switching on, with the version and the firmware. Its stepper is to be
-/// configured before it does anything; a motor that is wired otherwise than configured shivers and
-/// stays, while its steps are counted.
+/// It has the leniency of that firmware with damaged messages, which it takes with bytes that older
+/// ones left, and its faults: it keeps its speed after a stop, and hangs when a Configure finds no
+/// memory. Its coils are those that its pins energise; the rotor follows them or does not, whatever
+/// position is reported.
 #[derive(Debug)]
 pub struct EmulatedStepper<S> {
     on_board: OnBoard,
     stream: S,
-    decoder: Decoder<Request>,
+    parser: Parser,
     config: EmulatedStepperConfig,
     gear: Gear,
-    stepper: Option<Stepper>,
+    pins: Pins,
+    steppers: [Option<Stepper>; STEPPERS],
+    /// Steppers that take up memory and are reached no more.
+    leaked: u32,
+    hung: bool,
     /// Which ports report their levels, and what they reported last.
-    sent: [Option<Option<u8>>; PORTS],
+    sent: [Option<u8>; PORTS],
+    sampled: f64,
     /// Why a reply could not be sent.
     failure: Option<io::Error>,
 }
@@ -33,21 +43,28 @@ pub struct EmulatedStepper<S> {
 /// A stepper as it was configured.
 #[derive(Clone, Copy, Debug)]
 struct Stepper {
-    device: u8,
     motor: Motor,
-    /// Half steps that the rotor makes in a step forwards.
-    gain: i64,
-    has_enable_pin: bool,
-    enabled: bool,
+    wires: Wires,
 }
 
 /// D0 to A5 are in three ports of eight.
 const PORTS: usize = 3;
-/// D0 to D13, A0 to A5.
-const PINS: u8 = 20;
-const FIRST_ANALOG: u8 = 14;
-/// The real firmware loses what is above.
-const COUNTED_BITS: i32 = 0x0FFF_FFFF;
+const STEPPERS: usize = 10;
+/// How often ports are looked at for levels that changed, in seconds.
+const SAMPLE_S: f64 = 0.019;
+const NAME: &str = "EmulatedFirmata";
+
+/// Commands of AccelStepper.
+const STEPPER: u8 = 0x62;
+const CONFIGURE: u8 = 0x00;
+const ZERO: u8 = 0x01;
+const STEP: u8 = 0x02;
+const TO: u8 = 0x03;
+const ENABLE: u8 = 0x04;
+const STOP: u8 = 0x05;
+const REPORT: u8 = 0x06;
+const ACCELERATION: u8 = 0x08;
+const SPEED: u8 = 0x09;
 
 impl<S: ByteStream> EmulatedStepper<S> {
     /// The stepper under a drone, at the other end of `stream`.
@@ -67,11 +84,15 @@ impl<S: ByteStream> EmulatedStepper<S> {
         let mut emulated = Self {
             on_board: world.on_board(drone)?,
             stream,
-            decoder: Decoder::default(),
+            parser: Parser::default(),
             gear: Gear::new(&config),
             config,
-            stepper: None,
+            pins: Pins::new(),
+            steppers: [None; STEPPERS],
+            leaked: 0,
+            hung: false,
             sent: [None; PORTS],
+            sampled: 0.0,
             failure: None,
         };
         emulated.reset();
@@ -79,15 +100,24 @@ impl<S: ByteStream> EmulatedStepper<S> {
         Ok(emulated)
     }
 
-    /// Presses the reset button: it forgets its stepper and where that was, and begins anew.
+    /// Presses the reset button: it forgets its steppers and where they were, and begins again.
     pub fn reset(&mut self) {
+        (self.leaked, self.hung) = (0, false);
         self.begin();
-        self.emit(&Reply::Version { major: 2, minor: 6 });
-        self.emit(&Reply::Firmware { major: 2, minor: 10, name: "EmulatedFirmata".to_owned() });
+        self.emit(&Reply::Version { major: 2, minor: 8 });
+        self.emit(&Reply::Firmware { major: 3, minor: 4, name: NAME.to_owned() });
+    }
+
+    /// Half steps that the rotor has really made since the beginning, forwards less backwards.
+    #[must_use]
+    pub fn rotor(&self) -> i64 {
+        self.gear.rotor()
     }
 
     fn begin(&mut self) {
-        self.stepper = None;
+        self.parser = Parser::default();
+        self.steppers = [None; STEPPERS];
+        self.pins = Pins::new();
         self.sent = [None; PORTS];
     }
 
@@ -99,123 +129,210 @@ impl<S: ByteStream> EmulatedStepper<S> {
         }
     }
 
-    /// Lets the motor run until `now`.
+    /// Lets the motors run until `now`.
     fn run(&mut self, now: f64) {
-        while let Some(stepper) = &mut self.stepper
-            && let Some(step) = stepper.motor.step(now)
-        {
-            let (device, position) = (stepper.device, stepper.motor.position);
-            if step == 0 {
-                let position = counted(position);
-                self.emit(&Reply::Done { device, position });
-            } else if stepper.enabled || !stepper.has_enable_pin {
-                // Without an enable pin every step switches its coils on.
-                stepper.enabled = true;
-                self.gear.turn(step * stepper.gain);
+        for device in 0..STEPPERS {
+            while let Some(stepper) = &mut self.steppers[device] {
+                let can_follow = |after_s: f64| {
+                    let fastest = self.config.fastest_half_steps_per_s;
+                    fastest.is_none_or(|fastest| after_s * fastest >= 1.0 - 1e-9)
+                };
+                let in_step = Some(self.gear.phase()) == half_step(coils(&self.pins, &self.config));
+                let gain = stepper.wires.gain(self.config.pins).filter(|_| in_step);
+                if let Some(gain) = gain {
+                    let (steps, between_s) = stepper.motor.cruise(now);
+                    if can_follow(between_s) {
+                        self.gear.turn(steps * gain);
+                    }
+                    energise(&mut self.pins, stepper.wires.at(stepper.motor.position), steps != 0);
+                }
+                let action = stepper.motor.act(now);
+                let position = stepper.motor.position;
+                match action {
+                    None => break,
+                    Some(Action::Arrived) => {
+                        let (device, position) = (number(device), counted(position));
+                        self.emit(&Reply::Done { device, position });
+                    }
+                    Some(Action::Step { after_s }) => {
+                        energise(&mut self.pins, stepper.wires.at(position), true);
+                        if can_follow(after_s) {
+                            self.pull();
+                        }
+                    }
+                }
             }
         }
     }
 
-    fn answer(&mut self, request: &Request, now: f64) {
-        match request {
-            Request::Version => self.emit(&Reply::Version { major: 2, minor: 6 }),
-            Request::Firmware => {
-                let name = "EmulatedFirmata".to_owned();
-                self.emit(&Reply::Firmware { major: 2, minor: 10, name });
-            }
-            Request::Capabilities => {
-                self.emit(&Reply::Capabilities((0..PINS).map(capabilities).collect()));
-            }
-            Request::AnalogMapping => {
-                let channel = |pin: u8| pin.checked_sub(FIRST_ANALOG);
-                self.emit(&Reply::AnalogMapping((0..PINS).map(channel).collect()));
-            }
-            Request::ReportDigital { port, on } => {
-                if let Some(sent) = self.sent.get_mut(usize::from(*port)) {
-                    *sent = on.then_some(None);
+    /// Has the rotor follow its coils.
+    fn pull(&mut self) {
+        if let Some(phase) = half_step(coils(&self.pins, &self.config)) {
+            self.gear.follow(phase);
+        }
+    }
+
+    fn answer(&mut self, taken: Taken, now: f64) {
+        match taken {
+            Taken::Version => self.emit(&Reply::Version { major: 2, minor: 8 }),
+            Taken::Reset => self.begin(),
+            Taken::PinMode { pin, mode } => {
+                self.pins.set_mode(pin, mode);
+                if pin < 2 || usize::from(pin) >= COUNT {
+                    self.emit(&Reply::Text("Unknown pin mode".to_owned()));
                 }
             }
-            Request::Reset => self.begin(),
-            Request::Stepper { device, request } => self.obey(*device, request, now),
-            // Nothing but its switch is connected, which pulls to ground by itself.
+            Taken::PinLevel { pin, high } => self.pins.write(pin, high),
+            Taken::Levels { port, levels } => {
+                (0..8).for_each(|bit| self.pins.write(port * 8 + bit, levels >> bit & 1 == 1));
+            }
+            Taken::ReportDigital { port, on } => self.report(port, on),
+            Taken::Sysex => self.sysex(now),
+        }
+        self.pull();
+    }
+
+    fn report(&mut self, port: u8, on: bool) {
+        if usize::from(port) >= PORTS {
+            return;
+        }
+        let levels = self.levels(port);
+        self.sent[usize::from(port)] = on.then_some(levels);
+        if on {
+            self.emit(&Reply::Digital { port, levels });
+        }
+    }
+
+    fn sysex(&mut self, now: f64) {
+        let (command, length, arguments) = self.parser.sysex();
+        let first = arguments[0];
+        match command {
+            0x79 => {
+                let name = NAME.to_owned();
+                self.emit(&Reply::Firmware { major: 3, minor: 4, name });
+            }
+            0x6B => {
+                let has = self.config.accel_stepper;
+                let pins = (0..number(COUNT)).map(|pin| capabilities(pin, has));
+                self.emit(&Reply::Capabilities(pins.collect()));
+            }
+            0x69 => {
+                let channels = (0..number(COUNT)).map(analog_channel);
+                self.emit(&Reply::AnalogMapping(channels.collect()));
+            }
+            0x6D if length > 0 => {
+                if let Some((mode, state)) = self.pins.mode_and_state(first) {
+                    self.emit(&Reply::PinState { pin: first, mode, state });
+                }
+            }
+            STEPPER if self.config.accel_stepper => {
+                let mut argv = [0; 12];
+                argv.copy_from_slice(&arguments[..12]);
+                self.obey(argv, length, now);
+            }
+            // There is no room in a Nano's texts for the complaint about others.
             _ => {}
         }
     }
 
-    fn obey(&mut self, device: u8, request: &StepperRequest, now: f64) {
-        if let StepperRequest::Configure(interface) = request {
-            if let Some(gain) = self.gain(interface) {
-                let has_enable_pin = interface.enable_pin.is_some();
-                let motor = Motor::new(now);
-                self.stepper = Some(Stepper { device, motor, gain, has_enable_pin, enabled: true });
-            }
+    fn obey(&mut self, argv: [u8; 12], length: usize, now: f64) {
+        let (command, device) = (argv[0], usize::from(argv[1]));
+        if device >= STEPPERS {
             return;
         }
-        let Some(stepper) = self.stepper.as_mut().filter(|stepper| stepper.device == device) else {
+        if command == CONFIGURE {
+            self.configure(argv, length, now);
             return;
-        };
-        let motor = &mut stepper.motor;
-        match request {
-            StepperRequest::Zero => motor.zero(),
-            StepperRequest::Step(steps) => motor.order(motor.position + i64::from(*steps), now),
-            StepperRequest::To(position) => {
-                let kept = (position.abs() & COUNTED_BITS) * position.signum();
-                motor.order(i64::from(kept), now);
+        }
+        let Some(stepper) = &mut self.steppers[device] else { return };
+        let Stepper { motor, wires } = stepper;
+        let wires = *wires;
+        let decimal = || Decimal::decode([argv[2], argv[3], argv[4], argv[5]]).to_f64();
+        match command {
+            ZERO => motor.zero(),
+            STEP => motor.order(motor.position + whole(argv), now),
+            TO => motor.order(whole(argv), now),
+            ENABLE if argv[2] == 0 => energise(&mut self.pins, wires.off(), true),
+            ENABLE => {
+                let pins = wires.pins.into_iter().take(wires.count).chain(wires.enable_pin);
+                pins.for_each(|pin| self.pins.drive(pin));
             }
-            StepperRequest::Enable(on) => stepper.enabled = *on,
-            StepperRequest::Acceleration(acceleration) => {
-                motor.set_acceleration(acceleration.to_f64());
+            ACCELERATION => motor.set_acceleration(decimal()),
+            SPEED => motor.set_speed(decimal()),
+            STOP | REPORT => {
+                if command == STOP {
+                    motor.stop();
+                }
+                let (device, position) = (number(device), counted(motor.position));
+                self.emit(&if command == STOP {
+                    Reply::Done { device, position }
+                } else {
+                    Reply::Position { device, position }
+                });
             }
-            StepperRequest::Speed(speed) => motor.set_speed(speed.to_f64()),
-            StepperRequest::Stop => {
-                motor.stop();
-                let position = counted(motor.position);
-                self.emit(&Reply::Done { device, position });
-            }
-            StepperRequest::Report => {
-                let position = counted(motor.position);
-                self.emit(&Reply::Position { device, position });
-            }
-            StepperRequest::Configure(_) => {}
+            _ => {}
         }
     }
 
-    /// Half steps that the rotor makes in a step forwards; `None` for a stepper of another kind.
-    fn gain(&self, interface: &StepperInterface) -> Option<i64> {
-        let Wiring::FourWire([a, c, b, d]) = interface.wiring else { return None };
-        let size = match interface.divisor_log2 {
-            0 => 2,
-            1 => 1,
-            _ => return None,
-        };
-        let coil = |pin: u8| self.config.pins.iter().position(|wired| *wired == pin);
-        // The coils as they take turns.
-        let order = [coil(a)?, coil(b)?, coil(c)?, coil(d)?];
-        let follows = |by: usize| (0..4).all(|i| (order[i] + by) % 4 == order[(i + 1) % 4]);
-        Some(if follows(1) {
-            size
-        } else if follows(3) {
-            -size
-        } else {
-            0
-        })
+    fn configure(&mut self, argv: [u8; 12], length: usize, now: f64) {
+        let (device, interface) = (usize::from(argv[1]), argv[2]);
+        let wanted = usize::from(interface >> 4 & 7).clamp(2, 4);
+        let pins = [argv[3], argv[4], argv[5], argv[6]];
+        pins.iter().take(wanted).for_each(|pin| self.pins.set_mode(*pin, 0x08));
+        let mut next = 3 + wanted;
+        let enable_pin = (interface & 1 == 1).then(|| {
+            next += 1;
+            argv[next - 1]
+        });
+        if let Some(wires) = Wires::new(interface, pins) {
+            self.leaked += u32::from(self.steppers[device].is_some());
+            let live = self.steppers.iter().enumerate();
+            let live = live.filter(|(at, stepper)| *at != device && stepper.is_some()).count();
+            if self.leaked + u32::from(number(live)) >= self.config.steppers_in_memory {
+                self.hung = true;
+                return;
+            }
+            self.steppers[device] = Some(Stepper { motor: Motor::new(now), wires });
+        }
+        let Some(stepper) = &mut self.steppers[device] else { return };
+        if length >= next {
+            stepper.wires.inverted = argv[next];
+        }
+        if let Some(pin) = enable_pin {
+            stepper.wires.enable_pin = enable_pin;
+            self.pins.drive(pin);
+            self.pins.set_level(pin, stepper.wires.inverted >> 4 & 1 == 0);
+        }
+        // Even of a stepper that stays, as there is none of such wires.
+        stepper.motor.set_speed(1.0);
+        stepper.motor.set_acceleration(0.0);
     }
 
-    /// Turns the drone's antenna, and reports its switch.
+    fn levels(&self, port: u8) -> u8 {
+        let angle = self.gear.angle().to_degrees();
+        let closed = self.config.switch.filter(|switch| {
+            let before = (switch.opens_at_deg - angle).rem_euclid(360.0);
+            before > 0.0 && before <= switch.width_deg
+        });
+        self.pins.levels(port, closed.map(|switch| switch.pin), self.config.pins)
+    }
+
+    /// Turns the drone's antenna.
     fn carry(&mut self) {
         let angle = self.gear.angle();
         self.on_board.with(|drone, now| drone.hold_antenna_at(angle, now));
-        let closed = self.config.switch.filter(|switch| {
-            let before = (switch.opens_at_deg - angle.to_degrees()).rem_euclid(360.0);
-            before > 0.0 && before <= switch.width_deg
-        });
-        for port in 0..PORTS {
-            let of_port =
-                closed.map(|switch| switch.pin).filter(|pin| usize::from(pin / 8) == port);
-            let levels = !of_port.map_or(0, |pin| 1 << (pin % 8));
-            if self.sent[port].is_some_and(|sent| sent != Some(levels)) {
-                self.sent[port] = Some(Some(levels));
-                let port = u8::try_from(port).unwrap_or_default();
+    }
+
+    /// Reports levels that changed.
+    fn sample(&mut self, now: f64) {
+        if now < self.sampled + SAMPLE_S {
+            return;
+        }
+        self.sampled = now;
+        for (at, port) in (0..).take(PORTS).enumerate() {
+            let levels = self.levels(port);
+            if self.sent[at].is_some_and(|sent| sent != levels) {
+                self.sent[at] = Some(levels);
                 self.emit(&Reply::Digital { port, levels });
             }
         }
@@ -225,15 +342,20 @@ impl<S: ByteStream> EmulatedStepper<S> {
 impl<S: ByteStream> Emulator for EmulatedStepper<S> {
     fn serve(&mut self) -> io::Result<()> {
         let now = self.on_board.with(|_, now| now);
-        self.run(now);
+        if !self.hung {
+            self.run(now);
+        }
         let mut into = [0; 256];
         let outcome = loop {
             match self.stream.receive(&mut into) {
                 Ok(0) => break Ok(()),
                 Ok(count) => {
                     for byte in into.iter().take(count) {
-                        if let Some(request) = self.decoder.push(*byte) {
-                            self.answer(&request, now);
+                        if self.hung {
+                            continue;
+                        }
+                        if let Some(taken) = self.parser.push(*byte) {
+                            self.answer(taken, now);
                             self.run(now);
                         }
                     }
@@ -242,8 +364,29 @@ impl<S: ByteStream> Emulator for EmulatedStepper<S> {
             }
         };
         self.carry();
+        if !self.hung {
+            self.sample(now);
+        }
         outcome.and(self.failure.take().map_or(Ok(()), Err))
     }
+}
+
+fn energise(pins: &mut Pins, levels: impl Iterator<Item = (u8, bool)>, changed: bool) {
+    if changed {
+        levels.for_each(|(pin, high)| pins.set_level(pin, high));
+    }
+}
+
+/// Whether current flows through IN1 to IN4.
+fn coils(pins: &Pins, config: &EmulatedStepperConfig) -> [bool; 4] {
+    config.pins.map(|pin| pins.is_driven_high(pin))
+}
+
+/// A position as the firmware takes it, without the bits above 2²⁸ of which it loses sight.
+fn whole(argv: [u8; 12]) -> i64 {
+    let byte = |at: usize| i64::from(argv[at]);
+    let magnitude = byte(2) | byte(3) << 7 | byte(4) << 14 | byte(5) << 21;
+    if argv[6] >> 3 == 1 { -magnitude } else { magnitude }
 }
 
 /// A position as it is sent.
@@ -251,13 +394,6 @@ fn counted(position: i64) -> i32 {
     i32::try_from(position).unwrap_or(if position < 0 { -i32::MAX } else { i32::MAX })
 }
 
-/// What a pin of a Nano can do; the first two are the serial port's.
-fn capabilities(pin: u8) -> Vec<PinCapability> {
-    let can = |mode: PinMode, resolution| PinCapability { mode: mode.code(), resolution };
-    if pin < 2 {
-        return Vec::new();
-    }
-    let digital = [(PinMode::Input, 1), (PinMode::PullUp, 1), (PinMode::Output, 1)];
-    let last = if pin < FIRST_ANALOG { (PinMode::Stepper, 21) } else { (PinMode::Analog, 10) };
-    digital.into_iter().chain([last]).map(|(mode, resolution)| can(mode, resolution)).collect()
+fn number(index: usize) -> u8 {
+    u8::try_from(index).unwrap_or(u8::MAX)
 }

@@ -4,6 +4,9 @@ mod config;
 mod device;
 mod gear;
 mod motor;
+mod parser;
+mod pins;
+mod wires;
 
 pub use config::{EmulatedStepperConfig, EmulatedSwitch};
 pub use device::EmulatedStepper;
