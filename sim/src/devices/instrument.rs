@@ -1,31 +1,71 @@
 use std::collections::VecDeque;
 
-use foxhunt_core::{BeaconId, Measured, MeasuredList, PatternSource, Sweep};
+use foxhunt_core::{
+    BeaconId, Measured, MeasuredError, MeasuredList, PatternSource, Quantity, Sweep,
+};
 use foxhunt_sensors::MagneticDipole;
 
 use super::OnBoard;
 use crate::{
-    SimError, ThreeAxisConfig,
-    truth::{Truth, beacon_of, is_due},
+    BeaconConfig, RangeDifferenceConfig, SimError, ThreeAxisConfig,
+    truth::{Channel, Drone, Truth, beacon_of, is_due},
 };
 
-/// A simulated receiver of three axes: its sweeps hold no samples but the magnetic field of the
-/// beacon's next pulse, in [`MagneticDipole::QUANTITIES`], up to its sign; nothing where that is
-/// too weak.
+/// A simulated receiver whose sweeps hold no samples but quantities of the beacon's next pulse;
+/// nothing where it does not reach the receiver.
 ///
-/// Several beacons are received one after the other.
+/// One of three axes measures the magnetic field, in [`MagneticDipole::QUANTITIES`], up to its
+/// sign; one that shares its clock with a reference receiver the range difference, in
+/// [`Quantity::RANGE_DIFFERENCE`]. Several beacons are received one after the other.
 #[derive(Clone, Debug)]
-pub struct SimThreeAxis {
+pub struct SimInstrument {
     on_board: OnBoard,
-    config: ThreeAxisConfig,
+    instrument: Instrument,
     /// What is still to be received, and from when on.
     waiting: VecDeque<BeaconId>,
     since: f64,
 }
 
-impl SimThreeAxis {
-    pub(crate) fn new(on_board: OnBoard, config: ThreeAxisConfig) -> Self {
-        Self { on_board, config, waiting: VecDeque::new(), since: 0.0 }
+/// What a [`SimInstrument`] measures.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Instrument {
+    ThreeAxis(ThreeAxisConfig),
+    RangeDifference(RangeDifferenceConfig),
+}
+
+impl Instrument {
+    /// Returns the quantities of a pulse that is sent now.
+    fn measure(
+        self,
+        drone: &mut Drone,
+        channel: &Channel,
+        beacon: &BeaconConfig,
+        now: f64,
+    ) -> Result<MeasuredList, MeasuredError> {
+        match self {
+            Self::ThreeAxis(config) => {
+                let Some(field) = drone.magnetic_field(channel, beacon, &config, now) else {
+                    return Ok(MeasuredList::default());
+                };
+                // σ follows from what is measured, as a receiver knows no more.
+                let sigma = config.sigma(field.norm());
+                let part = |n: usize| Measured::new(MagneticDipole::QUANTITIES[n], field[n], sigma);
+                MeasuredList::new(&[part(0)?, part(1)?, part(2)?])
+            }
+            Self::RangeDifference(config) => {
+                let Some(value) = drone.range_difference(channel, beacon, &config, now) else {
+                    return Ok(MeasuredList::default());
+                };
+                let quantity = Quantity::RANGE_DIFFERENCE;
+                MeasuredList::new(&[Measured::new(quantity, value, config.sigma_m)?])
+            }
+        }
+    }
+}
+
+impl SimInstrument {
+    pub(crate) fn new(on_board: OnBoard, instrument: Instrument) -> Self {
+        Self { on_board, instrument, waiting: VecDeque::new(), since: 0.0 }
     }
 
     /// When the pulse ends that is waited for; infinite where none is.
@@ -39,7 +79,7 @@ impl SimThreeAxis {
     }
 }
 
-impl PatternSource for SimThreeAxis {
+impl PatternSource for SimInstrument {
     type Error = SimError;
 
     fn begin(&mut self, beacons: &[BeaconId]) -> Result<(), SimError> {
@@ -56,24 +96,18 @@ impl PatternSource for SimThreeAxis {
         }
         let Some(beacon) = self.waiting.pop_front() else { return Ok(None) };
         self.since = now;
-        let config = self.config;
+        let instrument = self.instrument;
         self.on_board.with_truth(|truth, drone| {
             let Truth { time, channel, beacons, drones, .. } = truth;
             let from = beacon_of(beacons, beacon)?;
             let drone = &mut drones[drone];
-            let field = drone.magnetic_field(channel, from, &config, *time);
-            let measured = field.map_or(Ok(MeasuredList::default()), |field| {
-                // σ follows from what is measured, as a receiver knows no more.
-                let sigma = config.sigma(field.norm());
-                let part = |n: usize| Measured::new(MagneticDipole::QUANTITIES[n], field[n], sigma);
-                MeasuredList::new(&[part(0)?, part(1)?, part(2)?])
-            });
+            let measured = instrument.measure(drone, channel, from, *time);
             Ok(Some(Sweep {
                 beacon,
                 time: *time,
                 receiver: drone.reported_pose(),
                 positions: 1,
-                measured: measured.expect("a field is finite, and there is room for three"),
+                measured: measured.expect("places are finite, and there is room for three"),
                 ..Sweep::default()
             }))
         })
