@@ -220,6 +220,7 @@ impl EmulatedField {
         hunt.turn_timeout_s = hunt.turn_timeout_s.max(TURN_S);
         let (known, platform) = (scenario.field(), EnduranceConfig::default());
         hunt.endurance.get_or_insert(EnduranceConfig {
+            endurance_s: AutopilotConfig::default().endurance_s,
             speed_mps: known.speed_mps.unwrap_or(platform.speed_mps),
             climb_mps: known.climb_mps.unwrap_or(platform.climb_mps),
             ..platform

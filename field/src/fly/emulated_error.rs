@@ -26,7 +26,7 @@ pub enum EmulatedFieldError {
     /// There is no emulated device of this kind.
     #[error(
         "drone {drone}, counted from 0: no emulated device is a source of kind \"{kind}\"; \
-         foxhunt hunt --scenario flies it in a simulated world without devices"
+         foxhunt hunt SCENARIO flies it in a simulated world without devices"
     )]
     Source {
         /// Which drone.

@@ -1,10 +1,8 @@
 //! Estimators of what receptions hold besides level and bearing, and of several of it at once.
 
-use std::sync::Arc;
-
 use foxhunt_core::{
     ConstantVelocity, EstimatorError, Intake, MeasurementModel, Observation, ObservationError,
-    Pose, Quantity, RandomWalk, Reception, Role,
+    Pose, Quantity, Reception, Role,
 };
 use foxhunt_filters::{DirectionalGrid, MomentGrid, ParticleFilter, Resampling};
 use foxhunt_sensors::{
@@ -14,25 +12,15 @@ use nalgebra::{Matrix1, Matrix2, Vector1, Vector2, Vector3, Vector4};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 
-use super::{EstimatorEntry, Need, Needs, TrackRequest};
-use crate::{
-    config::{FilterConfig, FilterOf},
-    hunt::{Track, TrackConfig, WithoutBearing},
-};
-
-/// The random walk of a still beacon, m/√s: a few decimetres over a hunt, so that nothing
-/// freezes.
-pub(super) const STILL: f64 = 0.02;
-
-/// Cells along each side of a grid, as the estimator `grid` has them.
-const CELLS_PER_SIDE: usize = 64;
+use super::{EstimatorEntry, Need, Needs, TrackRequest, recalled_grid::RecalledGrid};
+use crate::hunt::{Track, TrackConfig, WithoutBearing};
 
 /// The entries.
 pub(super) fn builtin() -> Vec<EstimatorEntry> {
     vec![
         EstimatorEntry::own(
             "range-difference",
-            "recursive Bayes over cells of range differences to a reference receiver",
+            "range differences to a reference receiver, all of them weighed on a grid after each",
             "Bucy & Senne 1971; Smith & Abel 1987",
             needs(Need::Unused, &[Quantity::RANGE_DIFFERENCE]),
             |request| {
@@ -42,7 +30,7 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
         ),
         EstimatorEntry::own(
             "level-difference",
-            "recursive Bayes over cells of level differences to a reference receiver",
+            "level differences to a reference receiver, all of them weighed on a grid after each",
             "Bucy & Senne 1971; Gustafsson & Gunnarsson 2005",
             needs(Need::Unused, &[Quantity::RSS_DIFFERENCE]),
             |request| track(request, level_difference(request)?),
@@ -240,16 +228,10 @@ fn reference(request: &TrackRequest<'_>) -> Result<Vector3<f64>, EstimatorError>
 
 fn track<const M: usize>(
     request: &TrackRequest<'_>,
-    model: impl MeasurementModel<2, M> + 'static,
-) -> Result<Track, EstimatorError>
-where
-    FilterConfig: FilterOf<2, M>,
-{
+    model: impl MeasurementModel<2, M> + Clone + 'static,
+) -> Result<Track, EstimatorError> {
     // Each difference is a hyperbola or a circle, and two of them meet in two places: no Gaussian,
     // wherever it starts from, holds both.
-    let filter = FilterConfig::Grid { side: CELLS_PER_SIDE, level_noise_spread: None };
-    let walk = Arc::new(RandomWalk::uniform(STILL));
-    let seed = request.seed;
-    let filter = filter.build(walk, Arc::new(model), &request.search.prior, seed)?;
+    let filter = RecalledGrid::new(model, request.search.prior)?;
     Ok(Track::new::<2, M>(filter, TrackConfig::default()))
 }

@@ -3,11 +3,7 @@ use std::f64::consts::TAU;
 #[cfg(feature = "batch")]
 use foxhunt_filters::Loss;
 
-use super::{
-    EstimatorEntry,
-    combined::{self, STILL},
-    locators,
-};
+use super::{EstimatorEntry, combined, locators};
 use crate::{
     config::{EstimatorConfig, FilterConfig, GateConfig, MovingConfig, OutlierConfig},
     hunt::{Components, TimeStep, TrackConfig, WithoutBearing},
@@ -30,6 +26,10 @@ pub const DEFAULT_ESTIMATOR: &str = "default";
 /// Enough for what follows to change an iterated update by less than the filter's own tolerance;
 /// most end after 3 to 6.
 const ITERATIONS: u32 = 10;
+
+/// The random walk of a still beacon, m/√s: a few decimetres over a hunt, so that nothing
+/// freezes.
+const STILL: f64 = 0.02;
 
 /// A Kalman filter starts from what a grid makes of so many receptions: two formation positions
 /// of three drones.

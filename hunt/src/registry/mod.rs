@@ -11,6 +11,7 @@ mod field;
 mod locators;
 mod parts;
 mod planners;
+mod recalled_grid;
 mod stream;
 
 pub use crate::config::RegistryError;
