@@ -56,9 +56,10 @@ impl FormationPlanner for HalfWay {
             station.goal.position.x += offset;
         }
         self.turns += 1;
-        let small = target.covariance.trace().sqrt() < 2.5;
-        Ok(if small || self.turns.is_multiple_of(40) {
+        Ok(if target.covariance.trace().sqrt() < 2.5 {
             Decision::Finish(Outcome::Converged)
+        } else if self.turns.is_multiple_of(40) {
+            Decision::Finish(Outcome::MoveLimit)
         } else {
             Decision::Listen(Stage::Searching)
         })
