@@ -149,6 +149,9 @@ pub enum Stage {
 pub enum Outcome {
     /// The planner's rule was met.
     Converged,
+    /// The planner's rule was met, and the ellipse that holds the target with 95 % is larger than
+    /// was asked for.
+    Settled,
     /// The planner's cap on moves was reached first.
     MoveLimit,
     /// The path that was planned beforehand is flown.
@@ -174,6 +177,7 @@ impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Converged => "converged",
+            Self::Settled => "settled, ellipse too large",
             Self::MoveLimit => "move limit reached",
             Self::PathDone => "path flown",
             Self::NoSignal => "no signal",

@@ -127,6 +127,12 @@ pub enum FilterConfig {
         #[serde(default = "once")]
         iterations: u32,
     },
+    /// Two extended Kalman filters, each from one half of the prior, weighed by their evidence.
+    DualEkf {
+        /// How often an update is linearised, each time about its own posterior.
+        #[serde(default = "once")]
+        iterations: u32,
+    },
     /// A bank of cubature filters in a row along the first bearing.
     RangeParameterised {
         /// How many there are.
@@ -304,6 +310,11 @@ impl FilterConfig {
                     Some(outliers) => Box::new(sum.with_outliers(outliers.build()?)),
                     None => Box::new(sum),
                 }
+            }
+            Self::DualEkf { iterations } => {
+                let filter = Ekf::new(motion, model, moments)?
+                    .with_iterations(Iterations::at_most(iterations)?);
+                Box::new(GaussianSum::new(&filter, split(&moments, [2, 1])?)?)
             }
             Self::RangeParameterised { parts, iterations } => {
                 let filter = Ckf::new(motion, model, moments)?

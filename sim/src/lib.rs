@@ -41,12 +41,13 @@ mod world;
 
 pub use config::{
     BeaconConfig, BeaconCourse, ChannelConfig, DeadZoneConfig, DipoleConfig, DroneConfig, Interval,
-    KinematicConfig, PathLossConfig, PulseTrain, ReflectorConfig, ReliefConfig, ShadowingConfig,
-    SimStepperConfig, ThreeAxisConfig, TwoRayConfig, VehicleConfig, WorldConfig,
+    KinematicConfig, PathLossConfig, PulseTrain, RangeDifferenceConfig, ReflectorConfig,
+    ReliefConfig, ShadowingConfig, SimStepperConfig, ThreeAxisConfig, TwoRayConfig, VehicleConfig,
+    WorldConfig,
 };
 pub use devices::{
-    LateSource, SimBody, SimClock, SimOmnidirectional, SimRadio, SimRotator, SimStepper,
-    SimThreeAxis, SimVehicle,
+    LateSource, SimBody, SimClock, SimInstrument, SimOmnidirectional, SimRadio, SimRotator,
+    SimStepper, SimVehicle,
 };
 #[cfg(feature = "emulators")]
 pub use emulate::{

@@ -9,9 +9,9 @@ use nalgebra::Vector3;
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use crate::{
-    LateSource, PulseTrain, SimBody, SimClock, SimError, SimOmnidirectional, SimRadio, SimRotator,
-    SimStepper, SimThreeAxis, SimVehicle, ThreeAxisConfig, WorldConfig,
-    devices::OnBoard,
+    LateSource, PulseTrain, RangeDifferenceConfig, SimBody, SimClock, SimError, SimInstrument,
+    SimOmnidirectional, SimRadio, SimRotator, SimStepper, SimVehicle, ThreeAxisConfig, WorldConfig,
+    devices::{Instrument, OnBoard},
     truth::{Channel, Drone, Free, Port, Streams, Truth, beacon_of, is_due},
 };
 
@@ -387,13 +387,29 @@ impl World {
         &self,
         drone: usize,
         config: ThreeAxisConfig,
-    ) -> Result<SimThreeAxis, SimError> {
+    ) -> Result<SimInstrument, SimError> {
         config.check().map_err(SimError::Source)?;
         if self.truth.borrow().beacons.iter().all(|beacon| beacon.dipole.is_none()) {
             let lacks = "given for a receiver of three axes";
             return Err(FieldError::new("beacons[0].dipole", "absent", lacks).into());
         }
-        Ok(SimThreeAxis::new(self.on_board(drone)?, config))
+        Ok(SimInstrument::new(self.on_board(drone)?, Instrument::ThreeAxis(config)))
+    }
+
+    /// A receiver on a drone that measures range differences to a reference receiver.
+    ///
+    /// # Errors
+    ///
+    /// [`SimError::Drone`] if there is no such drone; [`SimError::Source`] names what is out of
+    /// range in `config`.
+    pub fn range_difference(
+        &self,
+        drone: usize,
+        config: RangeDifferenceConfig,
+    ) -> Result<SimInstrument, SimError> {
+        config.check().map_err(SimError::Source)?;
+        let instrument = Instrument::RangeDifference(config);
+        Ok(SimInstrument::new(self.on_board(drone)?, instrument))
     }
 
     /// A source of a drone whose sweeps come later by its [`late_s`](crate::DroneConfig::late_s).

@@ -3,8 +3,9 @@
 use foxhunt::{
     campaign::{BeaconCampaign, CampaignReport, Repetition},
     config::FilterConfig,
-    hunt::TimeStep,
-    registry::{EstimatorEntry, Registry},
+    core::Quantity,
+    hunt::{Components, TimeStep},
+    registry::{EstimatorEntry, Need, Registry},
     trial::{Trial, builtin_trials, run_trial, trial_campaign},
 };
 
@@ -51,8 +52,19 @@ fn the_number_of_threads_changes_nothing() {
 }
 
 /// Whether a trial can honour all that an estimator is set to.
-fn suits(estimator: &EstimatorEntry, moving: bool) -> bool {
-    let Some(settings) = estimator.settings() else { return false };
+fn suits(estimator: &EstimatorEntry, trial: &Trial, moving: bool) -> bool {
+    let differences = trial.differences.is_some();
+    let Some(settings) = estimator.settings() else {
+        let needs = estimator.needs();
+        let others: &[Quantity] = if differences { &[Quantity::RANGE_DIFFERENCE] } else { &[] };
+        let fed = needs.others == others && (differences || needs.bearing != Need::Unused);
+        return fed && !needs.all_at_once;
+    };
+    // A row along the first bearing needs one.
+    let rows = matches!(settings.filter, FilterConfig::RangeParameterised { .. });
+    if differences && (rows || settings.track.components == Components::BearingOnly) {
+        return false;
+    }
     // Cells and batches are of a place that does not move on its own.
     let follows = match settings.filter {
         FilterConfig::Grid { .. } | FilterConfig::Batch { .. } => !moving,
@@ -74,7 +86,7 @@ fn every_estimator_runs_every_trial_that_suits_it() {
         let moving = trial.name == "isaacs-circle" || trial.name.starts_with("bot");
         for estimator in Registry::builtin().estimators() {
             let EstimatorEntry { name, .. } = estimator;
-            let suited = suits(estimator, moving);
+            let suited = suits(estimator, &trial, moving);
             match run_trial(&trial, estimator, 3) {
                 Ok(run) => assert!(suited && !run.failed(), "{} {name}", trial.name),
                 Err(error) => assert!(!suited, "{} {name}: {error}", trial.name),

@@ -1,5 +1,6 @@
 //! The archive through its public interface: recordings, receptions, locating, replay.
 
+mod differences;
 mod locate;
 mod pictures;
 mod recordings {

@@ -165,6 +165,12 @@ impl Field {
         })
     }
 
+    /// Drones of an emulated field that its scenario has lost for good.
+    fn lost(&self, time: f64) -> impl Iterator<Item = usize> + use<> {
+        let lost = self.emulated.as_ref().map(|emulated| emulated.lost(time));
+        lost.into_iter().flatten()
+    }
+
     /// Lets time pass until the next step.
     fn pass(&mut self) -> Result<(), CliError> {
         match &mut self.emulated {
@@ -277,6 +283,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
             warn("all drones are ready: Enter takes off, Ctrl-C breaks off");
         }
         pilot.steer(&mut mission, time)?;
+        for drone in field.lost(time) {
+            mission.write_off(drone);
+        }
         if live.as_ref().is_some_and(LiveView::is_broken_off) {
             mission.abort(time, "broken off in the live view");
         }

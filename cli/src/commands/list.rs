@@ -2,6 +2,7 @@ use std::borrow::Cow;
 
 use foxhunt::{
     bearing_trial::bearing_cases,
+    config::SourceConfig,
     core::Quantity,
     registry::{EstimatorEntry, Need, RECOMMENDED_EXTRACTOR, Registry},
     scenario::{DEFAULT_SCENARIO, builtin_scenarios},
@@ -36,7 +37,7 @@ enum What {
     Extractors,
     /// What `--planner` takes: what decides where the drones listen next
     Planners,
-    /// What a drone of a scenario's file may listen with
+    /// What `--source` takes: what the drones listen with
     Sources,
     /// Simulated turns of an antenna: for `compare extractors`
     Cases,
@@ -241,15 +242,8 @@ struct ListedSource {
     registered: bool,
 }
 
-/// The kinds of sources that a file may have besides the registered ones.
-const SOURCE_KINDS: [(&str, &str); 3] = [
-    ("stepper", "a directional antenna on a stepper motor"),
-    ("rotating-body", "a directional antenna that is fixed to the drone, which turns as a whole"),
-    ("omnidirectional", "an antenna without a direction: levels alone"),
-];
-
 fn sources(registry: &Registry, output: Output) -> Result<(), CliError> {
-    let kinds = SOURCE_KINDS.into_iter().map(|(name, about)| ListedSource {
+    let kinds = SourceConfig::KINDS.into_iter().map(|(name, about)| ListedSource {
         name: name.into(),
         about: about.into(),
         quantities: Vec::new(),

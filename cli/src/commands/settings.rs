@@ -1,5 +1,5 @@
 use foxhunt::{
-    registry::{EstimatorEntry, Registry},
+    registry::{EstimatorEntry, Registry, RegistryError},
     scenario::Scenario,
 };
 
@@ -9,6 +9,9 @@ use crate::error::CliError;
 /// What a flown hunt has otherwise than its scenario, besides the planner.
 #[derive(Debug, clap::Args)]
 pub(super) struct Settings {
+    /// What all drones listen with; the scenario's own unless given (`foxhunt list sources`)
+    #[arg(long, value_name = "NAME")]
+    source: Option<String>,
     #[command(flatten)]
     extraction: Extraction,
     #[command(flatten)]
@@ -18,16 +21,38 @@ pub(super) struct Settings {
 }
 
 impl Settings {
-    /// Sets calibration, bearings and extractor of a scenario.
+    /// Sets source, calibration, bearings and extractor of a scenario.
     pub(super) fn apply_to(
         &self,
         scenario: &mut Scenario,
         registry: &Registry,
     ) -> Result<(), CliError> {
+        self.apply_source_to(scenario, registry)?;
         self.calibration.read()?.apply_to(scenario);
         self.overrides.apply_to(scenario);
         scenario.extractor = self.extraction.config(registry, &scenario.extractor)?;
         self.overrides.warn_of_turned_patterns(scenario);
+        Ok(())
+    }
+
+    /// Sets the source of all drones of a scenario.
+    fn apply_source_to(
+        &self,
+        scenario: &mut Scenario,
+        registry: &Registry,
+    ) -> Result<(), CliError> {
+        let Some(name) = &self.source else { return Ok(()) };
+        let refused = |why: RegistryError| CliError::input(format!("--source: {why}"));
+        let source = registry.source_config(name, &scenario.source, &scenario.model);
+        let source = source.map_err(refused)?;
+        if scenario.turns.is_some() && !source.turns() {
+            return Err(CliError::input(format!(
+                "--source {name}: [turns] of {} has a goal for turns, and this source does not turn",
+                scenario.name
+            )));
+        }
+        scenario.source = source;
+        scenario.sources.clear();
         Ok(())
     }
 

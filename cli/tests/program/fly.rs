@@ -109,3 +109,65 @@ fn a_dry_run_has_a_checklist() {
     let text = foxhunt(["fly", config, "--dry-run"]);
     assert!(text.stdout.contains("for the pilot to look at"), "{}", text.stdout);
 }
+
+/// Every scenario of the list is planned with emulated devices, or refused before anything happens
+/// with the reason and the remedy.
+#[test]
+fn every_listed_scenario_is_planned_or_refused() {
+    let listed = foxhunt(["--json", "list", "scenarios"]).json();
+    for scenario in listed.as_array().expect("a list") {
+        let name = scenario["name"].as_str().expect("a name");
+        let ran = foxhunt(["--json", "fly", "--emulate", name, "--dry-run"]);
+        if NOT_EMULATED.contains(&name) {
+            ran.failed(2, &["no emulated device", "foxhunt hunt SCENARIO"]);
+            assert!(!ran.stderr.contains('{'), "{}", ran.stderr);
+            continue;
+        }
+        let plan = ran.json();
+        assert_eq!(
+            plan["beacons"].as_array().map(Vec::len),
+            scenario["beacons"].as_u64().map(|n| usize::try_from(n).expect("few")),
+            "{plan}"
+        );
+        let endurance = plan["hunt"]["endurance"]["endurance_s"].as_f64();
+        assert!(endurance.is_some_and(|seconds| seconds <= 1200.0), "{plan}");
+    }
+}
+
+/// Scenarios with sources that no emulated device is.
+const NOT_EMULATED: [&str; 2] = ["avalanche", "tdoa"];
+
+/// Each is flown from the ground to the ground. A search that ends as converged has an ellipse no
+/// larger than the prior's σ.
+#[test]
+#[ignore = "takes minutes"]
+fn every_listed_scenario_is_flown() {
+    let listed = foxhunt(["--json", "list", "scenarios"]).json();
+    let names = listed.as_array().expect("a list").iter().map(|of| of["name"].as_str());
+    for name in names.map(|name| name.expect("a name")) {
+        if !NOT_EMULATED.contains(&name) {
+            flown(name);
+        }
+    }
+}
+
+/// A metre up in a room, and a drone that is lost on the way.
+#[test]
+fn low_flights_and_lost_drones_end_well() {
+    for name in ["isaacs-static", "pritzl-7.4.1"] {
+        flown(name);
+    }
+}
+
+/// Flies a scenario with emulated devices.
+fn flown(name: &str) {
+    let out = folder(&format!("fly-{name}"));
+    let path = out.to_str().expect("the target folder is UTF-8");
+    let report = foxhunt(["--json", "fly", "--emulate", name, "--out", path]).json();
+    assert!(report["failure"].is_null(), "{name}: {report}");
+    for beacon in report["beacons"].as_array().expect("a list") {
+        let axis_m = beacon["ellipse_95"]["semi_major"].as_f64().unwrap_or(f64::INFINITY);
+        let converged = beacon["outcome"] == "converged";
+        assert!(!converged || axis_m < 50.0, "{name}: {beacon}");
+    }
+}

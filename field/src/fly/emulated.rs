@@ -7,7 +7,8 @@ use std::{
 };
 
 use foxhunt_core::BeaconId;
-use foxhunt_hardware::{FirmataConfig, MavlinkConfig, MavlinkOrigin, XbeeConfig};
+use foxhunt_formation::EnduranceConfig;
+use foxhunt_hardware::{FirmataConfig, FlightLimits, MavlinkConfig, MavlinkOrigin, XbeeConfig};
 use foxhunt_hunt::{config::SourceConfig, scenario::Scenario};
 use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig};
 use foxhunt_sim::{
@@ -19,6 +20,7 @@ use foxhunt_wire::{
     ByteStream, Endpoint, MemoryStream, PtyStream, TcpServerStream, UdpStream, geodesy::Geodetic,
     mavlink::Autopilot, memory_pair,
 };
+use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -33,6 +35,12 @@ const FIRST_STEP_S: f64 = 10.0;
 
 /// How long a turn may take then, in seconds.
 const TURN_S: f64 = 150.0;
+
+/// How far from the prior's middle drones may be sent, in its standard deviations.
+const PRIOR_REACH: f64 = 4.0;
+
+/// Share of the height of a drone's start at which it may fly; it may rise to the height over this.
+const LEAST_UP: f64 = 0.5;
 
 /// How a field is emulated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -181,8 +189,8 @@ impl EmulatedField {
             site: site_of(config.site, terrain.as_ref())?,
             ..config.clone()
         };
-        let count = scenario.beacon_names().len();
-        let tags = Tags::of(world, count)?;
+        // Beacons that appear later are looked for from the start: a flight's list is of all.
+        let tags = Tags::of(world, scenario.world.beacons.len())?;
         let beacons = (0..).map(BeaconId).map_while(|beacon| {
             let name = world.beacon_name(beacon)?;
             let (address, _) = xbee_address(beacon);
@@ -208,14 +216,19 @@ impl EmulatedField {
                 drones: Vec::new(),
             },
         };
-        let turn_s = &mut field.flight.hunt.turn_timeout_s;
-        *turn_s = turn_s.max(TURN_S);
+        let hunt = &mut field.flight.hunt;
+        hunt.turn_timeout_s = hunt.turn_timeout_s.max(TURN_S);
+        let (known, platform) = (scenario.field(), EnduranceConfig::default());
+        hunt.endurance.get_or_insert(EnduranceConfig {
+            endurance_s: AutopilotConfig::default().endurance_s,
+            speed_mps: known.speed_mps.unwrap_or(platform.speed_mps),
+            climb_mps: known.climb_mps.unwrap_or(platform.climb_mps),
+            ..platform
+        });
         let (vehicles, drones) = (config.vehicles.len(), scenario.world.drones.len());
         if vehicles > drones {
             return Err(EmulatedFieldError::Vehicles { vehicles, drones });
         }
-        // Beacons that appear later are no part of a flight's list.
-        field.flight.beacons.truncate(count);
         for (drone, stands) in scenario.world.drones.iter().enumerate() {
             field.flight.flight.takeoff_up_m = stands.up_m;
             let source = scenario.sources.get(drone).unwrap_or(&scenario.source);
@@ -291,7 +304,7 @@ impl EmulatedField {
                     ..*config
                 })
             }
-            other => return Err(EmulatedFieldError::Source { drone, kind: other.clone() }),
+            other => return Err(EmulatedFieldError::Source { drone, kind: other.kind() }),
         };
         let radio = Some(radio);
         let launch_m = None;
@@ -324,8 +337,28 @@ impl EmulatedField {
         let (stream, endpoint) = place.datagrams(config.first_port, drone)?;
         let vehicle = EmulatedAutopilot::new(autopilot, world, drone, stream)?;
         self.keep(&name(drone), "vehicle", vehicle);
-        let settings = MavlinkConfig { system_id: Some(system_id), ..MavlinkConfig::default() };
+        let settings = MavlinkConfig {
+            system_id: Some(system_id),
+            limits: self.limits(world, drone)?,
+            ..MavlinkConfig::default()
+        };
         Ok(VehicleDevice::Mavlink { endpoint, settings })
+    }
+
+    /// Returns limits within which a drone reaches the places and heights of its world: the
+    /// driver's own, widened where the world needs it.
+    fn limits(&self, world: &World, drone: usize) -> Result<FlightLimits, EmulatedFieldError> {
+        let limits = FlightLimits::default();
+        let start = world.pose(drone)?.position;
+        let hunt = &self.flight.hunt;
+        let centre = hunt.prior_centre_m.map_or(start.xy(), Vector2::from);
+        let farthest_m = (centre - start.xy()).norm() + PRIOR_REACH * hunt.prior_sigma_m;
+        Ok(FlightLimits {
+            min_up_m: limits.min_up_m.min(LEAST_UP * start.z),
+            max_up_m: limits.max_up_m.max(start.z / LEAST_UP),
+            fence_radius_m: limits.fence_radius_m.max(farthest_m),
+            ..limits
+        })
     }
 
     /// A vehicle of another program, which the drone's other devices follow.

@@ -1,6 +1,5 @@
 use std::io;
 
-use foxhunt_hunt::config::SourceConfig;
 use foxhunt_sim::SimError;
 use foxhunt_wire::geodesy::GeodesyError;
 
@@ -25,12 +24,15 @@ pub enum EmulatedFieldError {
     #[error(transparent)]
     Device(#[from] SimError),
     /// There is no emulated device of this kind.
-    #[error("drone {drone}, counted from 0: {kind:?} cannot be emulated as its source")]
+    #[error(
+        "drone {drone}, counted from 0: no emulated device is a source of kind \"{kind}\"; \
+         foxhunt hunt SCENARIO flies it in a simulated world without devices"
+    )]
     Source {
         /// Which drone.
         drone: usize,
-        /// What it listens with.
-        kind: SourceConfig,
+        /// The kind of its source.
+        kind: &'static str,
     },
     /// A vehicle of another program cannot be followed.
     #[error(transparent)]

@@ -29,6 +29,10 @@ pub struct Mission<A, S> {
     attended: f64,
     /// Why the flight ended before its time.
     failure: Option<String>,
+    /// Why each drone does not take off, by its last order to.
+    refused: Vec<Option<String>>,
+    /// Drones that nobody waits for any more.
+    written_off: Vec<bool>,
     events: VecDeque<Event>,
 }
 
@@ -59,6 +63,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         if drones.is_empty() {
             return Err(MissionError::NoDrone);
         }
+        let count = drones.len();
         let mut mission = Self {
             rules,
             hunt,
@@ -70,6 +75,8 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             ready: false,
             attended: time,
             failure: None,
+            refused: vec![None; count],
+            written_off: vec![false; count],
             events: VecDeque::new(),
         };
         mission.enter(time, FlightStage::Preparing, "the log begins".into());
@@ -116,6 +123,14 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
                 self.photograph(time);
             }
             self.events.push_back(event);
+        }
+    }
+
+    /// Gives a drone up, which is known to be lost: the end of the flight does not wait until it is
+    /// down. It gets its orders all the same.
+    pub fn write_off(&mut self, drone: usize) {
+        if let Some(written_off) = self.written_off.get_mut(drone) {
+            *written_off = true;
         }
     }
 
@@ -208,16 +223,23 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
     /// Has them take off until all are up, and begins the hunt.
     fn climb(&mut self, time: f64) {
         let mut waiting = None;
-        for (index, drone) in self.drones.iter_mut().enumerate() {
+        let drones = self.drones.iter_mut().zip(&mut self.refused).enumerate();
+        for (index, (drone, refused)) in drones {
             if drone.is_commanded() {
                 continue;
             }
-            let mut why = format!("{} is not up: {}", drone.name, drone.hindrance());
             if let Err(error) = drone.take_off(time, self.rules.takeoff_up_m) {
-                why = format!("{} does not take off: {error}", drone.name);
+                let why = format!("{} does not take off: {error}", drone.name);
                 self.hunt.device_failed(time, Some(index), why.clone());
+                *refused = Some(why);
             }
-            waiting = waiting.or(Some(why));
+            waiting = waiting.or_else(|| {
+                let silent = || format!("{} is not up, and gives no reason", drone.name);
+                Some(match drone.hindrance() {
+                    "" => refused.clone().unwrap_or_else(silent),
+                    why => format!("{} is not up: {why}", drone.name),
+                })
+            });
         }
         match waiting {
             None => self.begin(time),
@@ -280,7 +302,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             {
                 self.hunt.device_failed(time, Some(index), error.to_string());
             }
-            if !down {
+            if !down && !self.written_off.get(index).is_some_and(|written_off| *written_off) {
                 waited_for.push(drone.name.as_str());
             }
         }

@@ -12,6 +12,9 @@ pub enum RegistryError {
         /// The names that there are.
         known: Vec<String>,
     },
+    /// A source of range differences has no reference receiver.
+    #[error("range-difference needs model.reference_m, the reference receiver's place")]
+    NoReference,
     /// The estimator takes all receptions at once, and there is a stream of them.
     #[error("the estimator {estimator} needs all receptions at once; it works in `locate`")]
     NeedsAllAtOnce {

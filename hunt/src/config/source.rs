@@ -1,7 +1,7 @@
 use std::f64::consts::TAU;
 
 use foxhunt_sensors::{BodyConfig, OmnidirectionalConfig, StepperConfig, TurnGoal};
-use foxhunt_sim::{SimError, SimStepperConfig, ThreeAxisConfig, World};
+use foxhunt_sim::{RangeDifferenceConfig, SimError, SimStepperConfig, ThreeAxisConfig, World};
 use serde::{Deserialize, Serialize};
 
 use crate::hunt::{BoxedSource, boxed_source};
@@ -11,7 +11,7 @@ use crate::hunt::{BoxedSource, boxed_source};
 #[serde(tag = "kind", rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum SourceConfig {
-    /// An antenna on a stepper motor (Pritzl 2018, §5.1).
+    /// An antenna on a stepper motor (Pritzl 2018, §4.1).
     Stepper(StepperConfig),
     /// An antenna that is fixed to the drone, which turns as a whole (Pritzl 2018, §5.1; Isaacs et
     /// al. 2014, §III).
@@ -21,12 +21,17 @@ pub enum SourceConfig {
     /// A receiver of three coils: the magnetic field near a beacon (EN 300 718-1), in simulated
     /// worlds.
     ThreeAxis(ThreeAxisConfig),
+    /// Receiver that measures range differences to a reference receiver, in simulated worlds.
+    RangeDifference(RangeDifferenceConfig),
     /// One that a [`Registry`](crate::registry::Registry) knows by a name.
     Registered {
         /// The name.
         name: String,
     },
 }
+
+/// σ of a range difference in metres unless given: 10 ns of the arrivals' times.
+const DIFFERENCE_SIGMA_M: f64 = 3.0;
 
 impl Default for SourceConfig {
     /// The reference's stepper.
@@ -36,6 +41,52 @@ impl Default for SourceConfig {
 }
 
 impl SourceConfig {
+    /// Names of the kinds besides registered ones, each with what it is.
+    pub const KINDS: [(&'static str, &'static str); 5] = [
+        ("stepper", "a directional antenna on a stepper motor"),
+        (
+            "rotating-body",
+            "a directional antenna that is fixed to the drone, which turns as a whole",
+        ),
+        ("omnidirectional", "an antenna without a direction: levels alone"),
+        ("three-axis", "three coils across each other: the magnetic field near a beacon"),
+        (
+            "range-difference",
+            "a receiver that shares its clock with a reference receiver: range differences",
+        ),
+    ];
+
+    /// Source of a kind with its defaults; `None` for a name that is no kind, and for a range
+    /// difference without the reference receiver's place, East, North and Up in metres.
+    #[must_use]
+    pub fn of_kind(kind: &str, reference_m: Option<[f64; 3]>) -> Option<Self> {
+        Some(match kind {
+            "stepper" => Self::Stepper(StepperConfig::default()),
+            "rotating-body" => Self::RotatingBody(BodyConfig::default()),
+            "omnidirectional" => Self::Omnidirectional(OmnidirectionalConfig::default()),
+            "three-axis" => Self::ThreeAxis(ThreeAxisConfig::default()),
+            "range-difference" => {
+                let sigma_m = DIFFERENCE_SIGMA_M;
+                let reference_m = reference_m?;
+                Self::RangeDifference(RangeDifferenceConfig { reference_m, sigma_m })
+            }
+            _ => return None,
+        })
+    }
+
+    /// Name of its kind, as files have it.
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Stepper(_) => "stepper",
+            Self::RotatingBody(_) => "rotating-body",
+            Self::Omnidirectional(_) => "omnidirectional",
+            Self::ThreeAxis(_) => "three-axis",
+            Self::RangeDifference(_) => "range-difference",
+            Self::Registered { .. } => "registered",
+        }
+    }
+
     /// Whether it looks along one direction after the other, in turns that may go on.
     #[must_use]
     pub fn turns(&self) -> bool {
@@ -49,7 +100,7 @@ impl SourceConfig {
             Self::Stepper(config) => config.floor_dbm(),
             Self::RotatingBody(config) => config.floor_dbm,
             Self::Omnidirectional(config) => config.floor_dbm,
-            Self::ThreeAxis(_) | Self::Registered { .. } => None,
+            Self::ThreeAxis(_) | Self::RangeDifference(_) | Self::Registered { .. } => None,
         }
     }
 
@@ -88,6 +139,9 @@ impl SourceConfig {
             Self::ThreeAxis(config) => {
                 boxed_source(world.late(drone, world.three_axis(drone, *config)?)?)
             }
+            Self::RangeDifference(config) => {
+                boxed_source(world.late(drone, world.range_difference(drone, *config)?)?)
+            }
             Self::Registered { .. } => return Ok(None),
         }))
     }
@@ -119,7 +173,7 @@ impl SourceConfig {
             Self::Omnidirectional(config) => {
                 f64::from(config.questions) * per_question(config.spacing_s)
             }
-            Self::ThreeAxis(_) => per_question(0.0),
+            Self::ThreeAxis(_) | Self::RangeDifference(_) => per_question(0.0),
             Self::Registered { .. } => return None,
         })
     }

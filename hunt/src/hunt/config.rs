@@ -81,6 +81,14 @@ impl Default for HuntConfig {
 }
 
 impl HuntConfig {
+    /// Semi-major axis of the ellipse with 95 % that a search asks for, in metres: that of
+    /// [`stop`](Self::stop), or the prior's σ where there is none. A search that its planner ends
+    /// on a larger one has [`Settled`](foxhunt_core::Outcome::Settled), and not converged.
+    #[must_use]
+    pub fn asked_ellipse_m(&self) -> f64 {
+        self.stop.ellipse_95_m.unwrap_or(self.prior_sigma_m)
+    }
+
     /// Whether turns may go on for a goal: their longest must end before they are given up.
     ///
     /// # Errors

@@ -984,10 +984,16 @@ impl Hunt {
         let SearchState::Active(search) = mem::replace(&mut target.state, SearchState::Done) else {
             return;
         };
+        let estimate = search.track.position();
+        let axis_m = estimate.ellipse(0.95).map_or(f64::INFINITY, |ellipse| ellipse.semi_major);
+        let outcome = match outcome {
+            Outcome::Converged if axis_m > self.config.asked_ellipse_m() => Outcome::Settled,
+            other => other,
+        };
         let fix = Fix {
             beacon: beacon_id(index),
             name: target.name.clone(),
-            estimate: search.track.position(),
+            estimate,
             steps: search.track.steps(),
             formation_positions: search.measured,
             outcome,

@@ -4,16 +4,13 @@ use foxhunt_sensors::{Censored, LogDistance, RssBearing};
 use nalgebra::{DMatrix, Vector2};
 
 use super::{
-    LocateConfig, LocateError, Located, Locator, Power, Rival,
+    LocateConfig, LocateError, Located, Locator, Power,
     area::{Area, free_power, reference_power},
-    located::{pairs, several_places},
+    located::{pairs, rivals, several_places},
 };
 
 /// ν of Student's t (Lange, Little & Taylor 1989).
 const DEGREES: f64 = 4.0;
-
-/// Optima with less than this share of the best one's density are not reported.
-const LEAST_RELATIVE_DENSITY: f64 = 0.01;
 
 /// Residuals of less than this mean square are within their σ, and their pattern is of no account.
 const WITHIN_SIGMA: f64 = 0.5;
@@ -94,13 +91,9 @@ where
         fix = solver.solve_counted(&parts, &counts, starts)?;
     }
     let used = |o: &&Observation<2>| !o.is_empty() || o.is_censored();
-    let rivals = fix.rivals.iter().map(|(state, log_ratio)| Rival {
-        place: state.fixed_rows::<2>(0).into_owned(),
-        relative_density: log_ratio.exp(),
-    });
     Ok(Located {
         observations: observations.iter().filter(used).count(),
-        rivals: rivals.filter(|r| r.relative_density >= LEAST_RELATIVE_DENSITY).collect(),
+        rivals: rivals(&fix.rivals),
         ..Located::at(fix.estimate.position())
     })
 }

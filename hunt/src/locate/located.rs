@@ -1,16 +1,22 @@
 #[cfg(any(feature = "batch", feature = "maps"))]
 use foxhunt_core::Pose;
+use foxhunt_core::{Belief, Ellipse, Estimate, Reception};
 #[cfg(feature = "batch")]
-use foxhunt_core::{ByQuantity, Intake, Observation, Quantity};
-use foxhunt_core::{Ellipse, Estimate, Reception};
+use foxhunt_core::{ByQuantity, Intake, Observation, Quantity, State};
 use foxhunt_filters::{Marginal, ShadowedReading};
 use nalgebra::Vector2;
 use serde::Serialize;
 
-use super::{LocateConfig, LocateError, Region};
+use super::{
+    LocateConfig, LocateError, Region,
+    parts::{Part, parts},
+};
 
 /// With more probability than this on the border of the area the place is in doubt.
 const MUCH_ON_BORDER: f64 = 0.05;
+
+/// Places with less than this share of the best one's density are not reported.
+const LEAST_RELATIVE_DENSITY: f64 = 0.01;
 
 /// A transmitter's place.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,6 +94,28 @@ pub struct StationError {
 }
 
 impl Located {
+    /// Place of a belief: its moments; of one in several parts the mean of the densest, with the
+    /// mean squared deviations of all from it, the other parts being rivals.
+    pub(crate) fn of_belief(belief: &dyn Belief) -> Self {
+        let whole = belief.position();
+        let parts = parts(belief);
+        let [first, others @ ..] = &parts[..] else { return Self::at(whole) };
+        if others.is_empty() {
+            return Self::at(whole);
+        }
+        let away = whole.mean - first.estimate.mean;
+        let covariance = whole.covariance + away * away.transpose();
+        let rival = |part: &Part| Rival {
+            place: part.estimate.mean,
+            relative_density: part.density() / first.density(),
+        };
+        let rivals = others.iter().map(rival);
+        Self {
+            rivals: rivals.filter(|r| r.relative_density >= LEAST_RELATIVE_DENSITY).collect(),
+            ..Self::at(Estimate { mean: first.estimate.mean, covariance })
+        }
+    }
+
     /// A place without anything else.
     #[must_use]
     pub fn at(estimate: Estimate<2>) -> Self {
@@ -217,6 +245,16 @@ pub(super) fn levels_and_silences(
     let readings: Vec<_> = receptions.iter().filter_map(reading).collect();
     let has_levels = readings.iter().any(|reading| !reading.is_below);
     if has_levels { Ok(readings) } else { Err(LocateError::NoLevels) }
+}
+
+/// Returns the other optima of a batch, each with the logarithm of its density over the best one's.
+#[cfg(feature = "batch")]
+pub(super) fn rivals<const N: usize>(optima: &[(State<N>, f64)]) -> Vec<Rival> {
+    let rival = |(state, log_ratio): &(State<N>, f64)| Rival {
+        place: state.fixed_rows::<2>(0).into_owned(),
+        relative_density: log_ratio.exp(),
+    };
+    optima.iter().map(rival).filter(|r| r.relative_density >= LEAST_RELATIVE_DENSITY).collect()
 }
 
 /// Refuses receptions of a single place for a quantity that fixes none from there.

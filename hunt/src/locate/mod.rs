@@ -14,6 +14,7 @@ mod least_absolute;
 mod located;
 #[cfg(feature = "batch")]
 mod moving;
+mod parts;
 #[cfg(feature = "batch")]
 mod ranges;
 mod region;

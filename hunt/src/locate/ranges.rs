@@ -5,7 +5,7 @@ use foxhunt_filters::{
 use foxhunt_sensors::{LogDistance, Propagation, RangeDifference};
 use nalgebra::{Matrix1, Vector1, Vector3};
 
-use super::{LocateConfig, LocateError, Located, Locator, Power, Rival};
+use super::{LocateConfig, LocateError, Located, Locator, Power, located::rivals};
 
 /// The place from ranges: measured ones, or those that levels have by a known law of propagation
 /// (`filters::multilaterate`); a silence is farther away than its floor would be.
@@ -40,13 +40,8 @@ impl Locator for Multilateration {
             return Err(LocateError::NoLevels);
         }
         let fix = multilaterate(&ranges, &beyond, config.target_up_m)?;
-        let rivals = fix
-            .rivals
-            .iter()
-            .map(|(place, log_ratio)| Rival { place: *place, relative_density: log_ratio.exp() });
-        let rivals = rivals.collect();
         let observations = ranges.len() + beyond.len();
-        Ok(Located { observations, rivals, ..Located::at(fix.estimate) })
+        Ok(Located { observations, rivals: rivals(&fix.rivals), ..Located::at(fix.estimate) })
     }
 }
 
@@ -99,6 +94,7 @@ impl Locator for RangeDifferences {
         let starts = spherical_intersection(reference, &differences, up)?;
         let model = RangeDifference::new(reference)?.with_target_up(up)?;
         let fix = BatchSolver::new(model).solve(&observations, &starts)?;
-        Ok(Located { observations: differences.len(), ..Located::at(fix.estimate) })
+        let observations = differences.len();
+        Ok(Located { observations, rivals: rivals(&fix.rivals), ..Located::at(fix.estimate) })
     }
 }

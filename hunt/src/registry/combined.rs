@@ -1,36 +1,27 @@
 //! Estimators of what receptions hold besides level and bearing, and of several of it at once.
 
-use std::sync::Arc;
-
 use foxhunt_core::{
-    EstimatorError, Intake, MeasurementModel, Observation, ObservationError, Pose, Quantity,
-    RandomWalk, Reception,
+    ConstantVelocity, EstimatorError, Intake, MeasurementModel, Observation, ObservationError,
+    Pose, Quantity, Reception, Role,
 };
-use foxhunt_filters::{DirectionalGrid, MomentGrid};
-use foxhunt_sensors::{BearingOnly, DifferentialRss, MagneticDipole, RangeDifference, Stacked};
-use nalgebra::{Matrix2, Vector2, Vector3};
-
-use super::{EstimatorEntry, Need, Needs, TrackRequest};
-use crate::{
-    config::{FilterConfig, FilterOf, GateConfig},
-    hunt::{Track, TrackConfig},
+use foxhunt_filters::{DirectionalGrid, MomentGrid, ParticleFilter, Resampling};
+use foxhunt_sensors::{
+    BearingMixture, BearingOnly, DifferentialRss, MagneticDipole, RangeDifference, Stacked,
 };
+use nalgebra::{Matrix1, Matrix2, Vector1, Vector2, Vector3, Vector4};
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand_distr::StandardNormal;
 
-/// The random walk of a still beacon, m/√s: a few decimetres over a hunt, so that nothing
-/// freezes.
-pub(super) const STILL: f64 = 0.02;
-
-/// Enough for what follows to change an iterated update by less than the filter's own tolerance;
-/// most end after 3 to 6.
-pub(super) const ITERATIONS: u32 = 10;
+use super::{EstimatorEntry, Need, Needs, TrackRequest, recalled_grid::RecalledGrid};
+use crate::hunt::{Track, TrackConfig, WithoutBearing};
 
 /// The entries.
 pub(super) fn builtin() -> Vec<EstimatorEntry> {
     vec![
         EstimatorEntry::own(
             "range-difference",
-            "iterated posterior linearisation over range differences to a reference receiver",
-            "Smith & Abel 1987; García-Fernández, Svensson, Morelande & Särkkä 2015",
+            "range differences to a reference receiver, all of them weighed on a grid after each",
+            "Bucy & Senne 1971; Smith & Abel 1987",
             needs(Need::Unused, &[Quantity::RANGE_DIFFERENCE]),
             |request| {
                 let model = RangeDifference::new(reference(request)?)?;
@@ -39,8 +30,8 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
         ),
         EstimatorEntry::own(
             "level-difference",
-            "iterated posterior linearisation over level differences to a reference receiver",
-            "the above; Gustafsson & Gunnarsson 2005",
+            "level differences to a reference receiver, all of them weighed on a grid after each",
+            "Bucy & Senne 1971; Gustafsson & Gunnarsson 2005",
             needs(Need::Unused, &[Quantity::RSS_DIFFERENCE]),
             |request| track(request, level_difference(request)?),
         ),
@@ -94,7 +85,68 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
             Needs { level: Need::Required, ..needs(Need::Unused, &[Quantity::BORESIGHT]) },
             pulses,
         ),
+        EstimatorEntry::own(
+            "particle-isaacs2014",
+            "the particle filter of the document: uniform over the room, multinomial resampling at \
+             every step, bearings that err as its mixture",
+            "Isaacs et al. 2014, §IV and eq. 28 to 30",
+            Needs { moving: true, ..needs(Need::Required, &[]) },
+            isaacs2014,
+        ),
     ]
+}
+
+/// Particles of the document, which does not print their number.
+const ISAACS_PARTICLES: usize = 2000;
+
+/// The filter of Isaacs et al. 2014, §IV, over a room of the prior's moments: a square whose sides
+/// are 2 √3 standard deviations.
+///
+/// The document prints neither the intensity of the target's acceleration nor its speed: they are
+/// those of `particle-bearing-moving`.
+fn isaacs2014(request: &TrackRequest<'_>) -> Result<Track, EstimatorError> {
+    let prior = request.search.prior;
+    let singular = EstimatorError::NotPositiveDefinite { role: Role::Prior };
+    let factor = prior.covariance.cholesky().ok_or(singular)?.unpack() * 3.0_f64.sqrt();
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(request.seed);
+    let mut states = Vec::with_capacity(ISAACS_PARTICLES);
+    for _ in 0..ISAACS_PARTICLES {
+        let mut side = || rng.random_range(-1.0..=1.0);
+        let place = prior.mean + factor * Vector2::new(side(), side());
+        let mut speed = || SPEED_SIGMA_MPS * rng.sample::<f64, _>(StandardNormal);
+        states.push(Vector4::new(place.x, place.y, speed(), speed()));
+    }
+    let motion = ConstantVelocity { acceleration_density: ACCELERATION_DENSITY };
+    let filter = ParticleFilter::from_samples(motion, BearingOnly::isaacs2014(), &states, rng)?
+        .with_resampling(Resampling::Multinomial)
+        .with_resampling_threshold(1.0)?
+        .with_kernel_bandwidth(0.0)?
+        .with_progressive_correction(0.0)?;
+    let config = TrackConfig { without_bearing: WithoutBearing::Discard, ..TrackConfig::default() };
+    Track::with_intake::<4, 1>(filter, MixtureIntake(BearingMixture::isaacs2014().sigma()), config)
+}
+
+/// √q of the target's acceleration, in m s⁻² per √Hz, and σ of its velocity's East and North in
+/// m/s.
+const ACCELERATION_DENSITY: f64 = 0.005;
+const SPEED_SIGMA_MPS: f64 = 0.05;
+
+/// A bearing with σ of the mixture, in radians, whatever its own.
+struct MixtureIntake(f64);
+
+impl Intake<1> for MixtureIntake {
+    fn quantities(&self) -> [Quantity; 1] {
+        [Quantity::BEARING]
+    }
+
+    fn observation(
+        &self,
+        reception: &Reception,
+    ) -> Result<Option<Observation<1>>, ObservationError> {
+        let Some(bearing) = reception.bearing else { return Ok(None) };
+        let (value, noise) = (Vector1::new(bearing.angle), Matrix1::new(self.0 * self.0));
+        Ok(Some(Observation::new(reception.time, reception.receiver, value, noise)?))
+    }
 }
 
 /// The estimator of pulses.
@@ -176,18 +228,10 @@ fn reference(request: &TrackRequest<'_>) -> Result<Vector3<f64>, EstimatorError>
 
 fn track<const M: usize>(
     request: &TrackRequest<'_>,
-    model: impl MeasurementModel<2, M> + 'static,
-) -> Result<Track, EstimatorError>
-where
-    FilterConfig: FilterOf<2, M>,
-{
-    let filter = FilterConfig::Cubature {
-        gate: GateConfig::Probability(0.999),
-        outliers: None,
-        iterations: ITERATIONS,
-    };
-    let walk = Arc::new(RandomWalk::uniform(STILL));
-    let seed = request.seed;
-    let filter = filter.build(walk, Arc::new(model), &request.search.prior, seed)?;
+    model: impl MeasurementModel<2, M> + Clone + 'static,
+) -> Result<Track, EstimatorError> {
+    // Each difference is a hyperbola or a circle, and two of them meet in two places: no Gaussian,
+    // wherever it starts from, holds both.
+    let filter = RecalledGrid::new(model, request.search.prior)?;
     Ok(Track::new::<2, M>(filter, TrackConfig::default()))
 }

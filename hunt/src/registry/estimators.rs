@@ -3,11 +3,7 @@ use std::f64::consts::TAU;
 #[cfg(feature = "batch")]
 use foxhunt_filters::Loss;
 
-use super::{
-    EstimatorEntry,
-    combined::{self, ITERATIONS, STILL},
-    locators,
-};
+use super::{EstimatorEntry, combined, locators};
 use crate::{
     config::{EstimatorConfig, FilterConfig, GateConfig, MovingConfig, OutlierConfig},
     hunt::{Components, TimeStep, TrackConfig, WithoutBearing},
@@ -26,6 +22,14 @@ const PRITZL_VARIANCE_DRIFT: f64 = 0.442_402_531_638_326;
 /// The estimator `default`: it assumes what a user knows, which is neither the transmitter's
 /// power nor the level's σ to better than some dB.
 pub const DEFAULT_ESTIMATOR: &str = "default";
+
+/// Enough for what follows to change an iterated update by less than the filter's own tolerance;
+/// most end after 3 to 6.
+const ITERATIONS: u32 = 10;
+
+/// The random walk of a still beacon, m/√s: a few decimetres over a hunt, so that nothing
+/// freezes.
+const STILL: f64 = 0.02;
 
 /// A Kalman filter starts from what a grid makes of so many receptions: two formation positions
 /// of three drones.
@@ -126,6 +130,13 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
             "extended Kalman filter linearised up to 10 times about its posterior, χ² gate",
             "Bell & Cathey 1993",
             started(FilterConfig::Ekf { gate, iterations: ITERATIONS }),
+        ),
+        EstimatorEntry::of_settings(
+            "ekf-dual",
+            "two extended Kalman filters, each from one half of the prior, weighed by their \
+             evidence: for measurements that two places fit",
+            "Okello, Fletcher, Mušicki & Ristic 2011",
+            as_read(FilterConfig::DualEkf { iterations: 1 }),
         ),
         EstimatorEntry::of_settings(
             "cubature",

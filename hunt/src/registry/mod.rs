@@ -11,6 +11,7 @@ mod field;
 mod locators;
 mod parts;
 mod planners;
+mod recalled_grid;
 mod stream;
 
 pub use crate::config::RegistryError;
@@ -25,7 +26,10 @@ pub use parts::{HuntExtractor, HuntParts, PartsError};
 
 use foxhunt_core::{BearingExtractor, FormationPlanner};
 
-use crate::config::{ExtractorConfig, ExtractorConfigError, PlannerConfig, PlannerConfigError};
+use crate::config::{
+    ExtractorConfig, ExtractorConfigError, ModelConfig, PlannerConfig, PlannerConfigError,
+    SourceConfig,
+};
 
 /// The names of estimators, extractors, planners and sources, and what each stands for.
 #[derive(Clone, Debug)]
@@ -134,6 +138,37 @@ impl Registry {
     /// [`RegistryError::Unknown`] lists the names that there are.
     pub fn source(&self, name: &str) -> Result<&SourceEntry, RegistryError> {
         find("source", &self.sources, name, |entry| &entry.name)
+    }
+
+    /// The source of a kind or of an entry's name, by its defaults, for a hunt with this model; of
+    /// the kind of `own` that one.
+    ///
+    /// # Errors
+    ///
+    /// [`RegistryError::Unknown`] lists the names that there are; [`RegistryError::NoReference`]
+    /// for range differences where the model has no place of a reference receiver.
+    pub fn source_config(
+        &self,
+        name: &str,
+        own: &SourceConfig,
+        model: &ModelConfig,
+    ) -> Result<SourceConfig, RegistryError> {
+        if self.sources.iter().any(|entry| entry.name == name) {
+            return Ok(SourceConfig::Registered { name: name.to_owned() });
+        }
+        let kinds = SourceConfig::KINDS.map(|(kind, _)| kind);
+        if !kinds.contains(&name) {
+            let registered = self.sources.iter().map(|entry| entry.name.to_string());
+            return Err(RegistryError::Unknown {
+                what: "source",
+                name: name.to_owned(),
+                known: kinds.map(str::to_owned).into_iter().chain(registered).collect(),
+            });
+        }
+        if own.kind() == name {
+            return Ok(own.clone());
+        }
+        SourceConfig::of_kind(name, model.reference_m).ok_or(RegistryError::NoReference)
     }
 
     /// Builds an extractor; one that is registered under a name by its entry.

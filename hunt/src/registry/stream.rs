@@ -185,5 +185,5 @@ fn in_time(
             quantities: track.quantities(),
         });
     }
-    Ok(Located { observations: used, rejected, ..Located::at(track.position()) })
+    Ok(Located { observations: used, rejected, ..Located::of_belief(track.belief()) })
 }

@@ -4,7 +4,7 @@ use super::Scenario;
 pub const DEFAULT_SCENARIO: &str = "pritzl-6.1";
 
 /// The built-in scenarios' texts, by name.
-const TEXTS: [(&str, &str); 15] = [
+const TEXTS: [(&str, &str); 16] = [
     ("pritzl-6.1", include_str!("../../scenarios/pritzl-6.1.toml")),
     ("pritzl-7.2", include_str!("../../scenarios/pritzl-7.2.toml")),
     ("pritzl-7.3", include_str!("../../scenarios/pritzl-7.3.toml")),
@@ -20,6 +20,7 @@ const TEXTS: [(&str, &str); 15] = [
     ("rough-field", include_str!("../../scenarios/rough-field.toml")),
     ("vhf-tag", include_str!("../../scenarios/vhf-tag.toml")),
     ("avalanche", include_str!("../../scenarios/avalanche.toml")),
+    ("tdoa", include_str!("../../scenarios/tdoa.toml")),
 ];
 
 pub(super) fn text_of(name: &str) -> Option<&'static str> {

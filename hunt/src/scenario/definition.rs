@@ -149,7 +149,7 @@ impl Scenario {
                 return Ok(registry.source(name)?.build(world, drone)?);
             }
             let built = config.build(world, drone, goal.as_ref())?;
-            built.ok_or_else(|| SourcesError::Kind { kind: format!("{config:?}") })
+            built.ok_or_else(|| SourcesError::Kind { kind: config.kind() })
         };
         (0..world.drone_count()).map(build).collect()
     }
@@ -187,6 +187,7 @@ impl Scenario {
                     quantities.extend_from_slice(&registry.source(name)?.quantities);
                 }
                 SourceConfig::ThreeAxis(_) => quantities.extend(MagneticDipole::QUANTITIES),
+                SourceConfig::RangeDifference(_) => quantities.push(Quantity::RANGE_DIFFERENCE),
                 source if source.turns() => quantities.push(Quantity::BORESIGHT),
                 _ => {}
             }
@@ -291,9 +292,9 @@ pub enum SourcesError {
     #[error("source.name: {0}")]
     Name(#[from] RegistryError),
     /// The kind cannot be simulated.
-    #[error("source {kind} cannot be simulated")]
+    #[error("source.kind is \"{kind}\", which cannot be simulated")]
     Kind {
-        /// The source.
-        kind: String,
+        /// The kind.
+        kind: &'static str,
     },
 }

@@ -14,7 +14,8 @@ const MOST: usize = 500;
 /// Nothing where there is no such bound: where the prior has no density with a slope, as that of a
 /// room, and where the target does not move as the estimators take it to.
 pub(super) fn bounds(trial: &Trial, seeds: impl Iterator<Item = u64>) -> Vec<Option<f64>> {
-    let Some(motion) = trial.moving().filter(|_| as_modelled(trial)) else {
+    let of_bearings = trial.differences.is_none();
+    let Some(motion) = trial.moving().filter(|_| of_bearings && as_modelled(trial)) else {
         return Vec::new();
     };
     let draws: Vec<Draw> = seeds.take(MOST).map(|seed| Draw::new(trial, seed)).collect();

@@ -23,8 +23,11 @@ pub struct Trial {
     pub checkpoints: Vec<u32>,
     /// Where the receiver is.
     pub receiver: ReceiverConfig,
-    /// Its bearings.
+    /// Its bearings; of differences how many there are, and when.
     pub bearings: BearingsConfig,
+    /// What is measured instead of bearings; bearings where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub differences: Option<DifferencesConfig>,
     /// Where the target is.
     pub target: TargetConfig,
     /// How the estimators take the target to move.
@@ -72,7 +75,8 @@ pub struct BearingsConfig {
     pub count: u32,
     /// From one to the next, in seconds.
     pub interval_s: f64,
-    /// Their standard deviation, in radians.
+    /// Their standard deviation, in radians; left out where differences are measured.
+    #[serde(default)]
     pub sigma_rad: f64,
     /// By how much they lie counter-clockwise of the truth, in radians; 0 unless given.
     #[serde(default)]
@@ -80,6 +84,16 @@ pub struct BearingsConfig {
     /// The share of those that point anywhere; 0 unless given.
     #[serde(default)]
     pub outlier_share: f64,
+}
+
+/// Range differences to a second receiver, which stays where it is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DifferencesConfig {
+    /// East and North of the second receiver, in metres.
+    pub reference_m: [f64; 2],
+    /// Their standard deviation, in metres.
+    pub sigma_m: f64,
 }
 
 /// Where a target truly is.
@@ -166,12 +180,13 @@ pub enum PriorConfig {
 }
 
 /// The built-in trials' texts, by name.
-const TEXTS: [(&str, &str); 5] = [
+const TEXTS: [(&str, &str); 6] = [
     ("isaacs-static", include_str!("../../trials/isaacs-static.toml")),
     ("isaacs-line", include_str!("../../trials/isaacs-line.toml")),
     ("isaacs-circle", include_str!("../../trials/isaacs-circle.toml")),
     ("bot-m", include_str!("../../trials/bot-m.toml")),
     ("bot-h", include_str!("../../trials/bot-h.toml")),
+    ("tdoa-two-drones", include_str!("../../trials/tdoa-two-drones.toml")),
 ];
 
 /// The trials that need no file.
@@ -227,7 +242,28 @@ impl Trial {
         let cloud = (5..=10_000_000).contains(&particles);
         require(cloud, "particles", f64::from(particles), "in 5 … 10 000 000")?;
         positive("bearings.interval_s", interval_s)?;
-        positive("bearings.sigma_rad", sigma_rad)?;
+        match self.differences {
+            None => {
+                positive("bearings.sigma_rad", sigma_rad)?;
+            }
+            Some(DifferencesConfig { reference_m, sigma_m }) => {
+                let BearingsConfig { bias_rad, outlier_share, .. } = self.bearings;
+                for (name, unused) in [
+                    ("bearings.sigma_rad", sigma_rad),
+                    ("bearings.bias_rad", bias_rad),
+                    ("bearings.outlier_share", outlier_share),
+                ] {
+                    let absent = unused.abs() <= 0.0;
+                    require(absent, name, unused, "left out where differences are measured")?;
+                }
+                for coordinate in reference_m {
+                    finite("differences.reference_m", coordinate)?;
+                }
+                positive("differences.sigma_m", sigma_m)?;
+                let room = matches!(self.prior, PriorConfig::Room { .. });
+                require(room, "prior", 0.0, "a room where differences are measured")?;
+            }
+        }
         for &point in &self.checkpoints {
             let within = (1..=count).contains(&point);
             require(within, "checkpoints", f64::from(point), "in 1 … bearings.count")?;

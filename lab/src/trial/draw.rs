@@ -1,9 +1,9 @@
-use foxhunt_core::{Bearing, Pose, Reception};
+use foxhunt_core::{Bearing, Measured, MeasuredList, Pose, Quantity, Reception};
 use nalgebra::{Vector2, Vector4};
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 
-use super::{BearingsConfig, Trial, course, prior::Prior};
+use super::{BearingsConfig, DifferencesConfig, Trial, course, prior::Prior};
 
 /// What is drawn for one run, the same for every estimator.
 #[derive(Clone, Debug)]
@@ -32,14 +32,18 @@ impl Draw {
             .zip(&receiver)
             .enumerate()
             .map(|(k, (target, at))| {
-                let angle = bearing(bearings, target.xy() - at, &mut rng);
-                let sigma = bearings.sigma_rad;
-                Reception {
+                let reception = Reception {
                     time: bearings.interval_s * f64::from(u32::try_from(k).unwrap_or(u32::MAX)),
                     receiver: Pose::at(at.x, at.y, 0.0),
-                    bearing: Some(Bearing { angle, sigma, confidence: 1.0 }),
                     ..Reception::default()
+                };
+                if let Some(config) = &trial.differences {
+                    let measured = difference(config, target.xy(), *at, &mut rng);
+                    return Reception { measured, ..reception };
                 }
+                let angle = bearing(bearings, target.xy() - at, &mut rng);
+                let sigma = bearings.sigma_rad;
+                Reception { bearing: Some(Bearing { angle, sigma, confidence: 1.0 }), ..reception }
             })
             .collect();
         let first = receptions.first().and_then(|reception| reception.bearing);
@@ -48,6 +52,21 @@ impl Draw {
         let prior = Prior::new(&trial.prior, &truth[0], receiver[0], first, &mut rng);
         Self { truth, receptions, prior }
     }
+}
+
+/// Range difference of a target between a receiver and the second one.
+fn difference(
+    config: &DifferencesConfig,
+    target: Vector2<f64>,
+    at: Vector2<f64>,
+    rng: &mut Xoshiro256PlusPlus,
+) -> MeasuredList {
+    let DifferencesConfig { reference_m, sigma_m } = *config;
+    let error: f64 = rng.sample(StandardNormal);
+    let farther = (target - at).norm() - (target - Vector2::from(reference_m)).norm();
+    let measured = Measured::new(Quantity::RANGE_DIFFERENCE, farther + sigma_m * error, sigma_m);
+    let measured = measured.expect("the places of a trial are finite, and its sigma is positive");
+    MeasuredList::new(&[measured]).expect("there is room for one")
 }
 
 /// A bearing of what lies at `offset` from the receiver.

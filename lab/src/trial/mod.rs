@@ -13,8 +13,8 @@ mod track;
 
 pub use campaign::trial_campaign;
 pub use config::{
-    BearingsConfig, Leg, PriorConfig, ReceiverConfig, TargetConfig, TargetMotion, Trial,
-    builtin_trials,
+    BearingsConfig, DifferencesConfig, Leg, PriorConfig, ReceiverConfig, TargetConfig,
+    TargetMotion, Trial, builtin_trials,
 };
 pub use error::TrialError;
 pub use run::{TrialRun, run_trial};

@@ -1,17 +1,18 @@
 use std::sync::Arc;
 
-use foxhunt_core::{BeaconId, ConstantVelocity, Estimate, EstimatorError, RandomWalk};
+use foxhunt_core::{BeaconId, ConstantVelocity, Estimate, EstimatorError, Quantity, RandomWalk};
 use foxhunt_hunt::{
     config::{
         AnyMotion, EstimatorConfig, FilterConfig, FilterOf, GateConfig, OutlierConfig, Prior as _,
     },
-    hunt::{Components, Search, TimeStep, Track},
+    hunt::{Components, Search, TimeStep, Track, TrackConfig, WithoutBearing},
     registry::{EstimatorEntry, Need, TrackRequest},
 };
-use foxhunt_sensors::{BearingOnly, LogDistance, RssBearing};
+use foxhunt_sensors::{BearingOnly, LogDistance, RangeDifference, RssBearing};
+use nalgebra::{Vector2, Vector3};
 
 use super::{
-    TargetMotion, Trial, TrialError,
+    DifferencesConfig, TargetMotion, Trial, TrialError,
     prior::{Leading, Prior},
 };
 
@@ -48,15 +49,28 @@ fn own(
     prior: &Prior,
     seed: u64,
 ) -> Result<Track, TrialError> {
-    if entry.needs().bearing == Need::Unused {
-        return unsuited(trial, entry, "what is no bearing");
+    let needs = entry.needs();
+    match trial.differences {
+        None if needs.bearing == Need::Unused => {
+            return unsuited(trial, entry, "what is no bearing");
+        }
+        Some(_) if needs.others != [Quantity::RANGE_DIFFERENCE] => {
+            return unsuited(trial, entry, "what is no range difference");
+        }
+        _ => {}
     }
     let moments: Estimate<2> = Leading(prior).moments();
     // Levels are missing, so that any law will do.
     let model = RssBearing::new(LogDistance::new(-30.0, 2.0)?).into();
     let search = Search { beacon: BeaconId(0), name: "target", prior: moments };
-    let request = TrackRequest { search, model: &model, reference: None, pulses: None, seed };
+    let reference = trial.differences.map(|differences| reference(&differences));
+    let request = TrackRequest { search, model: &model, reference, pulses: None, seed };
     Ok(entry.track(&request, false)?)
+}
+
+/// Place of the second receiver: East, North and Up in metres.
+fn reference(differences: &DifferencesConfig) -> Vector3<f64> {
+    Vector2::from(differences.reference_m).push(0.0)
 }
 
 fn unsuited(
@@ -88,6 +102,9 @@ fn of_settings(
     if settings.track.time_step == TimeStep::PerReception {
         return unsuited("steps that count receptions (track.time_step)");
     }
+    if trial.differences.is_some() && settings.track.components == Components::BearingOnly {
+        return unsuited("bearings (track.components)");
+    }
     if settings.lag_s.is_some() {
         return unsuited("receptions that come late (lag_s)");
     }
@@ -111,6 +128,13 @@ fn build<const N: usize>(
 where
     FilterConfig: FilterOf<N, 1>,
 {
+    if let Some(differences) = &trial.differences {
+        let model = RangeDifference::new(reference(differences))?;
+        let filter = settings.filter.with_particles(trial.particles).with_gate(GateConfig::Open);
+        let estimator = filter.build(motion, Arc::new(model), &Leading(prior), seed)?;
+        let config = TrackConfig { without_bearing: WithoutBearing::UseLevel, ..settings.track };
+        return Ok(Track::new::<N, 1>(estimator, config));
+    }
     let bearings = &trial.bearings;
     let share = bearings.outlier_share;
     let mut model = BearingOnly::new().with_bias(bearings.bias_rad)?;

@@ -33,7 +33,7 @@ impl BearingMixture {
         })
     }
 
-    /// p₀ = 0.19, μ = 0.0929 rad, σ = 0.2468 rad (Isaacs et al. 2014, §IV).
+    /// p₀ = 0.19, μ = 0.0929 rad, σ = 0.2468 rad (Isaacs et al. 2014, §V-B).
     #[must_use]
     pub fn isaacs2014() -> Self {
         Self { outlier_share: 0.19, bias: 0.0929, sigma: 0.2468 }

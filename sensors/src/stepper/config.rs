@@ -22,7 +22,7 @@ impl Default for StepperConfig {
 
 impl StepperConfig {
     /// 128 positions, 6 samples at each, at most 0.4 s for a position and 2 s for the first
-    /// (Pritzl 2018, §5.1); an antenna that looks along the nose at 0.
+    /// (Pritzl 2018, §4.1); an antenna that looks along the nose at 0.
     #[must_use]
     pub fn pritzl2018() -> Self {
         Self {

@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// A directional antenna that a motor steps through a turn, with a radio that requests
-/// answers from a beacon at every step (Pritzl 2018, §5.1).
+/// answers from a beacon at every step (Pritzl 2018, §4.1).
 ///
 /// Turns go to and fro, 0 … 127 and 127 … 0, so that the cable does not wind up and the next turn
 /// starts where the antenna stands. A position ends with its last sample or its time-out, which

@@ -1,20 +1,21 @@
 //! The handles through which a simulated world is met: the traits of the hardware.
 
 mod clock;
+mod instrument;
 mod late;
 mod on_board;
 mod radio;
 mod rotator;
-mod three_axis;
 mod vehicle;
 
 pub use clock::SimClock;
+pub use instrument::SimInstrument;
 pub use late::LateSource;
 pub use radio::SimRadio;
 pub use rotator::SimRotator;
-pub use three_axis::SimThreeAxis;
 pub use vehicle::SimVehicle;
 
+pub(crate) use instrument::Instrument;
 pub(crate) use on_board::OnBoard;
 
 use foxhunt_sensors::{BodySource, OmnidirectionalSource, StepperSource};

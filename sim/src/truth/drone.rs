@@ -11,7 +11,8 @@ use super::{
     turntable::Turntable,
 };
 use crate::{
-    BeaconConfig, DroneConfig, SimError, SimStepperConfig, ThreeAxisConfig, VehicleConfig,
+    BeaconConfig, DroneConfig, RangeDifferenceConfig, SimError, SimStepperConfig, ThreeAxisConfig,
+    VehicleConfig,
 };
 
 /// A drone: a body, an antenna that turns under it, and a radio at the antenna.
@@ -323,6 +324,23 @@ impl Drone {
         let measured = (field + noise * receiver.sigma(field.norm())) * sign;
         let sent = channel.reaches(&pose.position) && beacon.answers_at(now) && self.receives(now);
         (sent && measured.norm() >= receiver.floor()).then_some(measured)
+    }
+
+    /// Range difference of a beacon that a receiver measures against its reference, in metres;
+    /// `None` where it receives nothing.
+    pub(crate) fn range_difference(
+        &mut self,
+        channel: &Channel,
+        beacon: &BeaconConfig,
+        receiver: &RangeDifferenceConfig,
+        now: f64,
+    ) -> Option<f64> {
+        let (own, place) = (self.pose().position, beacon.place_at(now));
+        // What is drawn does not depend on what is received.
+        let (noise, _) = self.receiver.field_noise();
+        let farther = (place - own).norm() - (place - Vector3::from(receiver.reference_m)).norm();
+        let sent = channel.reaches(&own) && beacon.answers_at(now) && self.receives(now);
+        sent.then_some(farther + receiver.sigma_m * noise.x)
     }
 
     /// The signal of a beacon through the antenna as it is turned at the time `now`.

@@ -75,6 +75,8 @@ pub(crate) struct Emulated {
     pub(crate) world: World,
     field: EmulatedField,
     tick_s: f64,
+    /// Drones that are lost for good, each with when it is.
+    losses: Vec<(usize, f64)>,
 }
 
 /// An emulated field, the flight for it, and the ports for that.
@@ -95,8 +97,19 @@ impl Emulated {
         let (field, ports) = EmulatedField::in_memory(&scenario, &world, &config(faults)?)
             .map_err(CliError::input)?;
         let config = field.flight().clone();
-        let emulated = Self { world, field, tick_s: scenario.simulation.tick_s };
+        let drones = scenario.world.drones.iter().enumerate();
+        let for_good = drones.flat_map(|(drone, stands)| {
+            let endless = stands.lost.iter().filter(|lost| lost.to_s.is_none());
+            endless.map(move |lost| (drone, lost.from_s))
+        });
+        let losses = for_good.collect();
+        let emulated = Self { world, field, tick_s: scenario.simulation.tick_s, losses };
         Ok(Emulation { emulated, ports, config })
+    }
+
+    /// Returns the drones that are lost for good by a time, in seconds.
+    pub(crate) fn lost(&self, time: f64) -> Vec<usize> {
+        self.losses.iter().filter(|(_, from_s)| time >= *from_s).map(|(drone, _)| *drone).collect()
     }
 
     /// Lets a tick of the world's time pass, and serves the devices.

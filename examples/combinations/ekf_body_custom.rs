@@ -1,0 +1,9 @@
+//! The extended Kalman filter on a body that turns, with a planner of one's own.
+//!
+//! `cargo run --example ekf_body_custom`
+
+mod helper;
+
+fn main() -> Result<(), Box<dyn helper::Error>> {
+    helper::hunt("ekf", helper::rotating_body(), helper::custom())
+}

@@ -1,0 +1,9 @@
+//! The extended Kalman filter on an antenna on a stepper motor, with a planner of one's own.
+//!
+//! `cargo run --example ekf_stepper_custom`
+
+mod helper;
+
+fn main() -> Result<(), Box<dyn helper::Error>> {
+    helper::hunt("ekf", helper::stepper(), helper::custom())
+}

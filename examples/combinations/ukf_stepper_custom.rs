@@ -1,0 +1,9 @@
+//! The unscented Kalman filter on an antenna on a stepper motor, with a planner of one's own.
+//!
+//! `cargo run --example ukf_stepper_custom`
+
+mod helper;
+
+fn main() -> Result<(), Box<dyn helper::Error>> {
+    helper::hunt("ukf", helper::stepper(), helper::custom())
+}

@@ -1,0 +1,320 @@
+use std::f64::consts::TAU;
+
+use foxhunt_core::{
+    Correction, Estimate, Estimator, EstimatorError, MeasurementModel, Observation, Quantity, Role,
+    State, absorb_receiver_noise,
+};
+use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
+
+/// Where a target that stays is, by a grid over all observations so far, whatever their model.
+///
+/// The density at a place is the prior's times the likelihood of every observation, evaluated anew
+/// after each: nothing of it was read from other cells, so that the ridge of a first difference may
+/// be far narrower than the cells of a wide prior. Cells are laid about each maximum, along the
+/// principal axes of what is about it. The estimate is the most probable place, with the mean squared
+/// deviations from it: of a skewed belief, or one in two places, the mean is a poor place. The prior's area is searched as a whole whenever there are
+/// twice as many observations.
+#[derive(Clone, Debug)]
+pub(super) struct RecalledGrid<H, const M: usize> {
+    model: H,
+    prior: Estimate<2>,
+    /// The root of the prior's information: its product with a deviation is white.
+    whitener: Matrix2<f64>,
+    data: Vec<Observation<M>>,
+    /// From how many observations on the whole area is searched anew.
+    search_at: usize,
+    modes: Vec<Window>,
+    cells: Vec<(Vector2<f64>, f64)>,
+    belief: Estimate<2>,
+    log_evidence: f64,
+}
+
+/// Parallelogram about a maximum.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    middle: Vector2<f64>,
+    /// Half sides as columns.
+    half_sides: Matrix2<f64>,
+}
+
+/// The area goes so many standard deviations of the prior each way, a mode's cells so many of its own.
+const AREA: f64 = 4.0;
+const REACH: f64 = 5.0;
+/// Cells to a side where the whole area is searched, where a maximum is enclosed, and at the end.
+const SEARCHED: usize = 64;
+const ENCLOSED: usize = 17;
+const WEIGHED: usize = 49;
+/// Maxima that are followed.
+const MAXIMA: usize = 8;
+/// Cells this many nats below the highest hold nothing; windows this many below the best.
+const NEGLIGIBLE: f64 = 12.5;
+const BEHIND: f64 = 15.0;
+/// The power of the density whose mean is the most probable place.
+const SHARPENED: i32 = 6;
+/// How often a window is laid out anew at most.
+const LAYOUTS: usize = 60;
+/// A side shrinks to this share, and grows by this factor, from one layout to the next at most.
+const SHRINK: f64 = 0.4;
+const GROW: f64 = 1.6;
+
+impl<H: MeasurementModel<2, M>, const M: usize> RecalledGrid<H, M> {
+    /// Makes a grid that starts from a prior.
+    ///
+    /// # Errors
+    ///
+    /// [`EstimatorError::NotPositiveDefinite`] for a prior whose covariance is not.
+    pub(super) fn new(model: H, prior: Estimate<2>) -> Result<Self, EstimatorError> {
+        let singular = EstimatorError::NotPositiveDefinite { role: Role::Prior };
+        let factor = prior.covariance.cholesky().ok_or(singular)?.unpack();
+        let whitener = factor.solve_lower_triangular(&Matrix2::identity()).ok_or(singular)?;
+        let (data, modes, cells) = (Vec::new(), Vec::new(), Vec::new());
+        let (search_at, belief, log_evidence) = (1, prior, 0.0);
+        Ok(Self { model, prior, whitener, data, search_at, modes, cells, belief, log_evidence })
+    }
+
+    /// The observations, with the uncertainty of their receivers' own places in their noise, each
+    /// with L⁻¹ of it, L Lᵀ, without what is missing.
+    fn whitened(&self) -> Vec<(Observation<M>, SMatrix<f64, M, M>, f64)> {
+        let mean = &self.belief.mean;
+        let whiten = |observation: &Observation<M>| {
+            let observation = absorb_receiver_noise(&self.model, mean, observation);
+            let factor = observation.noise_factor();
+            let whitener = factor.solve_lower_triangular_unchecked(&SMatrix::identity());
+            let present = (0..M).filter(|part| observation.has(*part));
+            let normaliser =
+                present.map(|part| -factor[(part, part)].ln() - 0.5 * TAU.ln()).sum::<f64>();
+            let whitener = whitener * observation.strike(SMatrix::identity());
+            (observation, whitener, normaliser)
+        };
+        self.data.iter().map(whiten).collect()
+    }
+
+    /// The cells of a window with the logarithm of prior and likelihood at each.
+    fn weigh(
+        &self,
+        data: &[(Observation<M>, SMatrix<f64, M, M>, f64)],
+        window: &Window,
+        side: usize,
+    ) -> Vec<(Vector2<f64>, f64)> {
+        let share = |n: usize| (2.0 * count(n) + 1.0) / count(side) - 1.0;
+        let places: Vec<Vector2<f64>> = (0..side * side)
+            .map(|index| Vector2::new(share(index % side), share(index / side)))
+            .map(|off| window.middle + window.half_sides * off)
+            .collect();
+        let columns = [0, 1].map(|axis| places.iter().map(|at| at[axis]).collect::<Vec<f64>>());
+        let columns = [columns[0].as_slice(), columns[1].as_slice()];
+        let log_root = self.whitener.determinant().ln() - TAU.ln();
+        let prior = |at: &Vector2<f64>| {
+            log_root - 0.5 * (self.whitener * (at - self.prior.mean)).norm_squared()
+        };
+        let mut logs: Vec<f64> = places.iter().map(prior).collect();
+        let mut residuals: [Vec<f64>; M] = std::array::from_fn(|_| vec![0.0; places.len()]);
+        for (observation, whitener, normaliser) in data {
+            let out = residuals.each_mut().map(Vec::as_mut_slice);
+            self.model.residuals(columns, observation.value(), observation.receiver(), out);
+            for (index, log) in logs.iter_mut().enumerate() {
+                let residual = SVector::<f64, M>::from_fn(|part, _| residuals[part][index]);
+                *log += normaliser - 0.5 * (whitener * residual).norm_squared();
+            }
+        }
+        places.into_iter().zip(logs).collect()
+    }
+
+    /// The prior's area.
+    fn area(&self) -> Window {
+        let eigen = self.prior.covariance.symmetric_eigen();
+        let half = eigen.eigenvalues.map(|variance| AREA * variance.max(0.0).sqrt());
+        let half_sides = eigen.eigenvectors * Matrix2::from_diagonal(&half);
+        Window { middle: self.prior.mean, half_sides }
+    }
+
+    /// The highest of the area's maxima, each with the cells about it.
+    fn maxima(&self, data: &[(Observation<M>, SMatrix<f64, M, M>, f64)]) -> Vec<Window> {
+        let area = self.area();
+        let cells = self.weigh(data, &area, SEARCHED);
+        let value = |row: usize, column: usize| cells[row * SEARCHED + column].1;
+        let mut maxima = Vec::new();
+        for row in 0..SEARCHED {
+            for column in 0..SEARCHED {
+                let own = value(row, column);
+                let rows = row.saturating_sub(1)..(row + 2).min(SEARCHED);
+                let columns = column.saturating_sub(1)..(column + 2).min(SEARCHED);
+                let mut near = rows.flat_map(|row| columns.clone().map(move |c| (row, c)));
+                if near.all(|(row, column)| value(row, column) <= own) {
+                    maxima.push((cells[row * SEARCHED + column].0, own));
+                }
+            }
+        }
+        maxima.sort_by(|a, b| b.1.total_cmp(&a.1));
+        maxima.truncate(MAXIMA);
+        let half_sides = area.half_sides * (4.0 / count(SEARCHED));
+        maxima.into_iter().map(|(middle, _)| Window { middle, half_sides }).collect()
+    }
+
+    /// Lays a window about a maximum so that it holds next to all of what is about it; and the
+    /// logarithm of the density there.
+    fn enclose(
+        &self,
+        data: &[(Observation<M>, SMatrix<f64, M, M>, f64)],
+        mut window: Window,
+    ) -> (Window, f64) {
+        let mut highest = f64::NEG_INFINITY;
+        for _ in 0..LAYOUTS {
+            let cells = self.weigh(data, &window, ENCLOSED);
+            let most = cells.iter().fold(f64::NEG_INFINITY, |most, (_, log)| most.max(*log));
+            if !most.is_finite() {
+                break;
+            }
+            highest = highest.max(most);
+            let own = moments(cells.iter().map(|(at, log)| (*at, (log - most).exp())));
+            let next = window.about(&own, &cells, most);
+            let moved = window.half_sides.try_inverse().map_or(0.0, |inverse| {
+                let off = (inverse * (next.middle - window.middle)).amax();
+                let sizes =
+                    inverse * next.half_sides * next.half_sides.transpose() * inverse.transpose();
+                off.max((sizes - Matrix2::identity()).amax())
+            });
+            window = next;
+            if moved < 0.15 {
+                break;
+            }
+        }
+        (window, highest)
+    }
+
+    /// Finds the maxima that count, and the cells about them with their share of the mass.
+    fn solve(&mut self) -> Result<(), EstimatorError> {
+        let data = self.whitened();
+        let mut starts = std::mem::take(&mut self.modes);
+        if self.data.len() >= self.search_at {
+            self.search_at = 2 * self.data.len();
+            starts.extend(self.maxima(&data));
+        }
+        let mut enclosed: Vec<(Window, f64)> =
+            starts.into_iter().map(|start| self.enclose(&data, start)).collect();
+        enclosed.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let best = enclosed.first().map_or(f64::NEG_INFINITY, |(_, log)| *log);
+        if !best.is_finite() {
+            return Err(EstimatorError::NotFinite { role: Role::Posterior });
+        }
+        let (mut modes, mut cells): (Vec<Window>, Vec<(Vector2<f64>, f64)>) = Default::default();
+        for (window, log) in enclosed {
+            let known = |at: &Vector2<f64>| modes.iter().any(|mode| mode.holds(at));
+            if log < best - BEHIND || known(&window.middle) {
+                continue;
+            }
+            let area = 4.0 * window.half_sides.determinant().abs();
+            let log_cell = area.ln() - 2.0 * count(WEIGHED).ln();
+            let own = self.weigh(&data, &window, WEIGHED).into_iter();
+            // What another window holds as well counts once.
+            let own: Vec<_> = own.filter(|(at, _)| !known(at)).collect();
+            cells.extend(own.into_iter().map(|(at, log)| (at, log + log_cell)));
+            modes.push(window);
+        }
+        let most = cells.iter().fold(f64::NEG_INFINITY, |most, (_, log)| most.max(*log));
+        let mut sum = 0.0;
+        for (_, log) in &mut cells {
+            *log = (*log - most).exp();
+            sum += *log;
+        }
+        cells.iter_mut().for_each(|(_, weight)| *weight /= sum);
+        cells.retain(|(_, weight)| *weight > 1e-9);
+        let Some(first) = modes.first() else {
+            return Err(EstimatorError::NotFinite { role: Role::Posterior });
+        };
+        // A power of the density has its mean near the maximum, wherever that is between cells.
+        let sharp = |(at, weight): &(Vector2<f64>, f64)| (*at, weight.powi(SHARPENED));
+        let about = cells.iter().filter(|(at, _)| first.holds(at)).map(sharp);
+        let (place, whole) = (moments(about).mean, moments(cells.iter().copied()));
+        let away = whole.mean - place;
+        let covariance = whole.covariance + away * away.transpose();
+        let belief = Estimate { mean: place, covariance };
+        if belief.covariance.cholesky().is_none() || !belief.mean.iter().all(|c| c.is_finite()) {
+            return Err(EstimatorError::NotPositiveDefinite { role: Role::Posterior });
+        }
+        (self.modes, self.cells, self.belief) = (modes, cells, belief);
+        self.log_evidence = most + sum.ln();
+        Ok(())
+    }
+}
+
+impl Window {
+    /// Whether it holds a place.
+    fn holds(&self, place: &Vector2<f64>) -> bool {
+        let inverse = self.half_sides.try_inverse();
+        inverse.is_some_and(|inverse| (inverse * (place - self.middle)).amax() <= 1.0)
+    }
+
+    /// The window about the moments of its own cells, no more than so much smaller or larger; it
+    /// grows where there is something at its border.
+    fn about(&self, own: &Estimate<2>, cells: &[(Vector2<f64>, f64)], most: f64) -> Self {
+        let spacing = self.half_sides * (2.0 / count(ENCLOSED));
+        let covariance = own.covariance + spacing * spacing.transpose() / 12.0;
+        let eigen = covariance.symmetric_eigen();
+        let mut half_sides = Matrix2::zeros();
+        for axis in 0..2 {
+            let direction = eigen.eigenvectors.column(axis).into_owned();
+            let wanted = REACH * eigen.eigenvalues[axis].max(0.0).sqrt();
+            let now = (self.half_sides.transpose() * direction).amax();
+            let reached = cells
+                .iter()
+                .filter(|(_, log)| *log > most - NEGLIGIBLE)
+                .map(|(at, _)| (at - own.mean).dot(&direction).abs())
+                .fold(0.0, f64::max);
+            let half = wanted.max(reached).clamp(SHRINK * now, GROW * now);
+            half_sides.set_column(axis, &(direction * half));
+        }
+        Self { middle: own.mean, half_sides }
+    }
+}
+
+/// Mean and covariance of weighted places, whose weights need not sum to 1.
+fn moments(places: impl Iterator<Item = (Vector2<f64>, f64)> + Clone) -> Estimate<2> {
+    let total: f64 = places.clone().map(|(_, weight)| weight).sum();
+    let mean = places.clone().map(|(at, weight)| at * weight).sum::<Vector2<f64>>() / total;
+    let covariance = places.fold(Matrix2::zeros(), |sum, (at, weight)| {
+        sum + (at - mean) * (at - mean).transpose() * (weight / total)
+    });
+    Estimate { mean, covariance }
+}
+
+/// A small number of things as a number.
+fn count(things: usize) -> f64 {
+    f64::from(u32::try_from(things).unwrap_or(u32::MAX))
+}
+
+impl<H, const M: usize> Estimator<2, M> for RecalledGrid<H, M>
+where
+    H: MeasurementModel<2, M> + Clone,
+{
+    fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
+        EstimatorError::check_time_step(dt)
+    }
+
+    fn update(&mut self, observation: &Observation<M>) -> Result<Correction, EstimatorError> {
+        if observation.is_empty() {
+            return Ok(Correction::Empty);
+        }
+        let mut next = self.clone();
+        next.data.push(*observation);
+        next.solve()?;
+        let log_evidence = next.log_evidence - self.log_evidence;
+        *self = next;
+        Ok(Correction::Fused { nis: None, log_evidence, effective_sample_size: None })
+    }
+
+    fn estimate(&self) -> Estimate<2> {
+        self.belief
+    }
+
+    fn quantities(&self) -> [Quantity; M] {
+        self.model.quantities()
+    }
+
+    fn visit_samples(&self, visit: &mut dyn FnMut(&State<2>, f64)) {
+        if self.cells.is_empty() {
+            return foxhunt_core::visit_cubature_points(&self.belief, visit);
+        }
+        self.cells.iter().for_each(|(place, weight)| visit(place, *weight));
+    }
+}
