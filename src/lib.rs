@@ -11,7 +11,7 @@
 //! |-|-|
 //! | always | [`core`], [`filters`], [`sensors`], [`formation`] |
 //! | `hunt` | [`hunt`], [`registry`], [`config`], [`scenario`], [`log`], [`locate`], [`calibration`], [`sim`] |
-//! | `lab` | [`simulation`], [`campaign`], [`trial`], [`bearing_trial`], [`report`], [`soak`] |
+//! | `lab` | [`simulation`], [`campaign`], [`trial`], [`bearing_trial`], [`report`], [`soak`], [`drawn`] |
 //! | `store` | [`store`]: campaigns in a file; with `parquet` also as Parquet |
 //! | `archive` | [`recording`], [`recorded`], [`relocation`], [`replay`], [`overview`], [`page`], [`export`], [`movebank`], [`geodesy`]; with `pictures` also `picture` |
 //! | `signal` | `signal` |
@@ -72,7 +72,7 @@ pub use foxhunt_sim as sim;
 #[cfg(feature = "lab")]
 pub use foxhunt_lab::{
     Experiment, FirstPassage, Paired, PairedDifference, Runner, Spread, StepSpread, ThreadsError,
-    bearing_trial, campaign, report, simulation, soak, trial,
+    bearing_trial, campaign, drawn, report, simulation, soak, trial,
 };
 
 #[cfg(feature = "store")]

@@ -165,6 +165,22 @@ fn clocks_and_output_stay_outside() {
     }
 }
 
+/// The recordings that judge the estimators are drawn by code of their own: a mistake in a model or
+/// in the simulated world is not made twice.
+#[test]
+fn drawn_recordings_share_no_code_with_estimators() {
+    let mut files = Vec::new();
+    collect(&root().join("lab/src/drawn"), &mut files);
+    assert!(files.len() > 5, "the module is elsewhere: {files:?}");
+    for path in files {
+        let text = fs::read_to_string(&path).expect("sources are UTF-8");
+        let code = tokens::tokens(&text).concat();
+        for word in ["foxhunt_", "crate::", "super::super"] {
+            assert!(!code.contains(word), "{}: {word} stands here", path.display());
+        }
+    }
+}
+
 /// Reads the modules of a package's library, or of its program where it has no library.
 fn modules_of(folder: &str) -> Package {
     let source = root().join(folder).join("src");

@@ -107,10 +107,23 @@ impl<'a> Output<'a> {
 thread_local! {
     /// The warnings of the command that runs, each with how often it came.
     static WARNED: RefCell<BTreeMap<String, u32>> = const { RefCell::new(BTreeMap::new()) };
+    /// Lines of this thread that are kept instead of printed, while a work is [`overheard`].
+    static OVERHEARD: RefCell<Option<Vec<String>>> = const { RefCell::new(None) };
+}
+
+/// Runs a work and returns what it would have printed on standard error from this thread.
+pub(crate) fn overheard<T>(work: impl FnOnce() -> T) -> (T, Vec<String>) {
+    let before = OVERHEARD.replace(Some(Vec::new()));
+    let done = work();
+    (done, OVERHEARD.replace(before).unwrap_or_default())
 }
 
 /// Prints a line on standard error the first time that it comes in a command.
 pub(crate) fn warn_once(line: &str) {
+    if OVERHEARD.with_borrow(Option::is_some) {
+        warn(line);
+        return;
+    }
     let is_new = WARNED.with_borrow_mut(|warned| {
         let count = warned.entry(line.to_owned()).or_default();
         *count += 1;
@@ -137,6 +150,16 @@ pub(crate) fn event<T: Serialize>(kind: &str, value: &T) -> io::Result<()> {
 
 /// Prints a line on standard error.
 pub(crate) fn warn(line: &str) {
+    let is_kept = OVERHEARD.with_borrow_mut(|kept| match kept {
+        Some(kept) => {
+            kept.push(line.to_owned());
+            true
+        }
+        None => false,
+    });
+    if is_kept {
+        return;
+    }
     // Where standard error is closed nobody can read it.
     let _ = writeln!(io::stderr(), "{line}");
 }

@@ -1,13 +1,13 @@
 use clap::{Arg, Command, builder::PossibleValuesParser};
 use foxhunt::registry::{EstimatorEntry, Registry};
 
-/// The subcommand that has all receptions before it begins.
-const AT_ONCE: &str = "locate";
+/// The subcommands that have all receptions before they begin.
+const AT_ONCE: [&str; 2] = ["locate", "judge"];
 
 /// Has every `--estimator`, `--extractor` and `--planner` of a command and its subcommands take
 /// the names of a registry.
 pub(super) fn command(command: Command, registry: &Registry) -> Command {
-    let at_once = command.get_name() == AT_ONCE;
+    let at_once = AT_ONCE.contains(&command.get_name());
     command
         .mut_args(|arg| argument(arg, registry, at_once))
         .mut_subcommands(|subcommand| self::command(subcommand, registry))
@@ -55,7 +55,9 @@ mod tests {
             assert!(takes(path, "estimator", "particle"), "{path:?}");
             assert!(!takes(path, "estimator", "shadowing-grid"), "{path:?}");
         }
-        assert!(takes(&["locate"], "estimator", "shadowing-grid"));
+        for path in [&["locate"][..], &["judge"]] {
+            assert!(takes(path, "estimator", "shadowing-grid"), "{path:?}");
+        }
         assert!(takes(&["compare", "planners"], "planner", "orbit"));
         assert!(takes(&["compare", "extractors"], "extractor", "main-lobe"));
     }

@@ -1,10 +1,7 @@
 use std::path::PathBuf;
 
 use foxhunt::{
-    Spread,
-    core::{Reception, nalgebra::Vector2},
-    filters::consistency::Coverage,
-    locate::Located,
+    core::Reception,
     recording::Recording,
     registry::{EstimatorEntry, Registry},
 };
@@ -14,6 +11,7 @@ use super::{
     choice,
     locating::{Locating, NAMELESS, Prepared, truth},
     recorded::LatLon,
+    scores::{Answer, Summary},
 };
 use crate::{
     context::Context,
@@ -63,36 +61,6 @@ struct Fix {
     answers: Vec<Answer>,
 }
 
-/// What one estimator made of a fix.
-#[derive(Debug, Serialize)]
-struct Answer {
-    estimator: String,
-    /// Absent where it found no place, for the reason of `failure`.
-    error_m: Option<f64>,
-    nees: Option<f64>,
-    /// Whether the 95 % ellipse holds the truth.
-    inside_95: Option<bool>,
-    failure: Option<String>,
-}
-
-/// One estimator over all fixes.
-#[derive(Debug, Serialize)]
-struct Summary {
-    estimator: String,
-    fixes: usize,
-    /// How many fixes it found no place for.
-    failed: usize,
-    median_error_m: Option<f64>,
-    mean_error_m: Option<f64>,
-    mean_nees: Option<f64>,
-    /// How many of its 95 % ellipses hold the truth.
-    inside_95: usize,
-    /// Where the share of ellipses that hold the truth lies with 95 % (Clopper & Pearson 1934).
-    coverage_interval: Option<[f64; 2]>,
-    /// In how many fixes the estimator that is judged first is nearer than this one.
-    first_is_nearer: Option<usize>,
-}
-
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
     let beside = args.against.iter().map(|name| choice::estimator(registry, name, "--against"));
@@ -116,7 +84,8 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         }
     }
     progress.finish();
-    let report = Report { estimators: summaries(&fixes)?, fixes };
+    let answers = || fixes.iter().map(|fix| &fix.answers[..]);
+    let report = Report { estimators: Summary::of_each(answers)?, fixes };
     output.result(&report, text)
 }
 
@@ -152,8 +121,8 @@ fn judge(
     };
     let answer = |estimator: &&EstimatorEntry| match estimator.locate(&received, prepared.config())
     {
-        Ok(located) => Answer::new(estimator, &located, &known),
-        Err(error) => Answer::failed(estimator, error.to_string()),
+        Ok(located) => Answer::new(&estimator.name, &located, Some(&known)),
+        Err(error) => Answer::failed(&estimator.name, error.to_string()),
     };
     Ok(Fix {
         file: file.to_owned(),
@@ -172,73 +141,6 @@ fn baselines<'a>(registry: &'a Registry, received: &[Reception]) -> Vec<&'a Esti
     };
     // A registry of one's own need not have them.
     names.iter().filter_map(|name| registry.estimator(name).ok()).collect()
-}
-
-impl Answer {
-    fn new(estimator: &EstimatorEntry, located: &Located, truth: &Vector2<f64>) -> Self {
-        Self {
-            estimator: estimator.name.to_string(),
-            error_m: Some((located.estimate.mean - truth).norm()),
-            nees: located.estimate.nees(truth),
-            inside_95: located.ellipse_95_holds(truth),
-            failure: None,
-        }
-    }
-
-    fn failed(estimator: &EstimatorEntry, reason: String) -> Self {
-        Self {
-            estimator: estimator.name.to_string(),
-            error_m: None,
-            nees: None,
-            inside_95: None,
-            failure: Some(reason),
-        }
-    }
-}
-
-/// Every estimator over all fixes, in the order of their first answers.
-fn summaries(fixes: &[Fix]) -> Result<Vec<Summary>, CliError> {
-    let mut names: Vec<&str> = Vec::new();
-    for answer in fixes.iter().flat_map(|fix| &fix.answers) {
-        if !names.contains(&answer.estimator.as_str()) {
-            names.push(&answer.estimator);
-        }
-    }
-    names.into_iter().map(|name| summary(fixes, name)).collect()
-}
-
-fn summary(fixes: &[Fix], name: &str) -> Result<Summary, CliError> {
-    let mut coverage = Coverage::new(0.95, 0.95).map_err(CliError::failure)?;
-    let (mut errors, mut nees) = (Vec::new(), Vec::new());
-    let (mut failed, mut inside, mut nearer, mut is_first) = (0, 0, 0, false);
-    for fix in fixes {
-        let Some(answer) = fix.answers.iter().find(|answer| answer.estimator == name) else {
-            continue;
-        };
-        failed += usize::from(answer.failure.is_some());
-        errors.extend(answer.error_m);
-        nees.extend(answer.nees);
-        if let Some(held) = answer.inside_95 {
-            coverage.add(held);
-            inside += usize::from(held);
-        }
-        let first = fix.answers.first();
-        is_first |= first.is_some_and(|first| first.estimator == name);
-        let first_m = first.and_then(|first| first.error_m);
-        nearer += usize::from(matches!((first_m, answer.error_m), (Some(a), Some(b)) if a < b));
-    }
-    let spread = Spread::of(&errors);
-    Ok(Summary {
-        estimator: name.to_owned(),
-        fixes: errors.len() + failed,
-        failed,
-        median_error_m: spread.map(|spread| spread.p50),
-        mean_error_m: spread.map(|spread| spread.mean),
-        mean_nees: Spread::of(&nees).map(|spread| spread.mean),
-        inside_95: inside,
-        coverage_interval: coverage.interval(),
-        first_is_nearer: (!is_first).then_some(nearer),
-    })
 }
 
 fn text(report: &Report) -> String {
@@ -271,6 +173,7 @@ fn text(report: &Report) -> String {
         "median m",
         "mean m",
         "mean NEES",
+        "log score",
         "in 95 %",
         "share (95 %)",
         "first nearer",
@@ -284,6 +187,7 @@ fn text(report: &Report) -> String {
             number(of.median_error_m, 1),
             number(of.mean_error_m, 1),
             number(of.mean_nees, 2),
+            number(of.mean_log_score, 1),
             of.inside_95.to_string(),
             share.unwrap_or_else(|| "-".to_owned()),
             of.first_is_nearer.map_or_else(|| "-".to_owned(), |count| count.to_string()),
@@ -291,7 +195,8 @@ fn text(report: &Report) -> String {
     }
     format!(
         "{fixes}\n\n{all}\nA consistent estimator in the plane has a mean NEES of 2; `share` is \
-         where the share of its 95 % ellipses that hold the truth lies. `first nearer` counts the \
+         where the share of its 95 % ellipses that hold the truth lies; `log score` is the mean of \
+         -ln of its density at the truth, in 1/m². `first nearer` counts the \
          fixes in which the first estimator has the smaller error."
     )
 }

@@ -5,8 +5,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-#[cfg(feature = "batch")]
-use foxhunt::locate::{Listener, TrackingConfig, left_out};
 use foxhunt::{
     calibration::CalibrationFile,
     config::{BoxedExtractor, ExtractorConfig, PulseLevelConfig},
@@ -20,6 +18,11 @@ use foxhunt::{
     relocation::Relocation,
     sensors::{ElevationPattern, Isotropic},
     struck::{RowId, StruckError, StruckRows, file_names},
+};
+#[cfg(feature = "batch")]
+use foxhunt::{
+    locate::{Listener, Tracked, TrackingConfig, left_out, track_watched},
+    recorded::listeners,
 };
 
 use super::{
@@ -35,6 +38,10 @@ use crate::error::CliError;
 
 /// What stands for the name of a beacon without one.
 pub(super) const NAMELESS: &str = "(no name)";
+
+/// Truths farther apart than this are not interpolated, in seconds.
+#[cfg(feature = "batch")]
+pub(super) const TRUTH_GAP_S: f64 = 300.0;
 
 /// How transmitters are located.
 #[derive(Debug, clap::Args)]
@@ -349,9 +356,35 @@ impl Prepared {
         Ok(self)
     }
 
+    /// Tracks a beacon through all recordings, and returns the receivers that listened with its
+    /// track; `watch` is given how many steps are done, and how many there are at most.
+    #[cfg(feature = "batch")]
+    pub(super) fn track(
+        &self,
+        beacon: Option<&str>,
+        tracking: &TrackingConfig,
+        watch: &dyn Fn(usize, usize),
+    ) -> Result<(Tracked, Vec<Listener>), CliError> {
+        let timeless =
+            |recording: &&Recording| recording.records().iter().any(|r| r.time.is_none());
+        if let Some(recording) = self.recordings.iter().find(timeless) {
+            let message = format!("{}: --track needs the time of each row", recording.file());
+            return Err(CliError::input(message));
+        }
+        if self.config.pattern.is_some() {
+            let why = "--track does not use the antennas' patterns (--receiver-antenna, \
+                       --transmitter-antenna)";
+            return Err(CliError::input(why));
+        }
+        let received = self.receptions_of_track(beacon)?;
+        let listeners = listeners(&self.recordings, &self.every_reception()?);
+        let tracked = track_watched(&received, &listeners, &self.config, tracking, watch);
+        Ok((tracked.map_err(not_located)?, listeners))
+    }
+
     /// The receptions of every beacon in all recordings, also those struck out.
     #[cfg(feature = "batch")]
-    pub(super) fn every_reception(&self) -> Result<Vec<Reception>, CliError> {
+    fn every_reception(&self) -> Result<Vec<Reception>, CliError> {
         let mut received = Vec::new();
         for (number, recording) in self.recordings.iter().enumerate() {
             for beacon in recording.beacons() {
@@ -364,10 +397,7 @@ impl Prepared {
     /// The receptions of a beacon in all recordings, with what is left of those struck out for a
     /// track.
     #[cfg(feature = "batch")]
-    pub(super) fn receptions_of_track(
-        &self,
-        beacon: Option<&str>,
-    ) -> Result<Vec<Reception>, CliError> {
+    fn receptions_of_track(&self, beacon: Option<&str>) -> Result<Vec<Reception>, CliError> {
         let mut received = Vec::new();
         for (id, reception) in self.identified(beacon)? {
             let is_struck = self.struck.contains(&id);

@@ -55,6 +55,7 @@ mod parameter;
 mod planning;
 mod recorded;
 mod repetition;
+mod scores;
 mod settings;
 #[cfg(feature = "store")]
 mod storing;

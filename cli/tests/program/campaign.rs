@@ -217,3 +217,84 @@ fn a_short_soak_finds_nothing() {
     foxhunt(["soak"]).failed(2, &["--hours", "--runs"]);
     foxhunt(["soak", "--hours", "-1"]).failed(2, &["--hours"]);
 }
+
+/// Scores of a class, without the times.
+fn scores(report: &Value) -> Vec<Value> {
+    let of_class = |class: &Value| {
+        let estimators = class["estimators"].as_array().expect("a list").iter();
+        let own = std::iter::once(&class["default"]).chain(estimators);
+        let scores = own.map(|row| (row["scores"].clone(), row["remarks"].clone()));
+        serde_json::json!([class["class"], class["bound_m"], scores.collect::<Vec<_>>()])
+    };
+    report["classes"].as_array().expect("a list").iter().map(of_class).collect()
+}
+
+#[test]
+fn drawn_recordings_are_judged_alike_on_any_number_of_threads() {
+    let classes = "few-nodes,bearings,bearings-diverge,hover,ranges,differences-two,comma";
+    let judge = |jobs: &str| {
+        let args = ["--json", "soak", "--recordings", "--runs", "3", "--seed", "5"];
+        foxhunt([&args[..], &["--jobs", jobs, "--class", classes]].concat()).json()
+    };
+    let report = judge("1");
+    assert_eq!(scores(&report), scores(&judge("2")));
+    let of = |name: &str| {
+        let all = report["classes"].as_array().expect("a list");
+        all.iter().find(|class| class["class"] == name).expect("it was drawn").clone()
+    };
+    for name in classes.split(',') {
+        let class = of(name);
+        has(&class, &["about", "bound_m", "most_memory_mib", "default", "estimators"]);
+        let scores = &class["default"]["scores"];
+        has(scores, &["median_error_m", "median_interval_m", "mean_log_score", "in_regions_95"]);
+        assert_eq!(scores["fixes"].as_u64().map(|fixes| fixes > 3), Some(false), "{class}");
+    }
+    let lost = |name: &str| of(name)["lost"].as_array().expect("a list").clone();
+    assert!(lost("comma").contains(&"refused".into()), "{}", of("comma"));
+    assert_eq!(lost("hover"), [] as [Value; 0], "a refusal is right where the place is open");
+    // The best that can be done stands beside what was done.
+    assert!(of("bearings")["bound_m"].as_f64().expect("a number") > 1.0);
+    assert!(of("comma")["bound_m"].is_null(), "the law of its levels is not that of the bound");
+    let names = |class: &Value| -> Vec<String> {
+        let rows = class["estimators"].as_array().expect("a list").iter();
+        rows.map(|row| row["scores"]["estimator"].as_str().expect("a name").to_owned()).collect()
+    };
+    let expected = ["bearing-grid", "lenth1981", "lenth1981-andrews", "pseudolinear"];
+    assert!(expected.iter().all(|name| names(&of("bearings")).iter().any(|own| own == name)));
+    assert_eq!(report["skipped"], serde_json::json!([]));
+}
+
+#[test]
+fn the_worst_draws_are_written_with_a_command_that_shows_them() {
+    let out = folder("worst");
+    let out = out.to_str().expect("UTF-8");
+    let args =
+        ["--json", "soak", "--recordings", "--runs", "4", "--class", "differences-two,comma"];
+    let report = foxhunt([&args[..], &["--write", out]].concat()).json();
+    for worst in report["worst"].as_array().expect("a list") {
+        let of = |key: &str| worst[key].as_str().expect("a text").to_owned();
+        let [least, rows] = [&worst["least"][0], &worst["least"][1]];
+        assert!(rows[0].as_u64() <= rows[1].as_u64(), "{worst}");
+        for command in [of("command"), least.as_str().expect("a command").to_owned()] {
+            let words: Vec<OsString> = command.split(' ').skip(1).map(OsString::from).collect();
+            let shown = foxhunt(words);
+            assert!(shown.code == 0 || of("what").contains("refused"), "{command}: {shown:?}");
+        }
+        let again: Vec<OsString> = of("again").split(' ').skip(1).map(OsString::from).collect();
+        let again = foxhunt([vec![OsString::from("--json")], again].concat()).json();
+        assert_eq!(again["worst"][0]["what"], worst["what"]);
+    }
+}
+
+#[test]
+fn classes_of_recordings_are_named_and_real_ones_need_their_folder() {
+    let soak = |args: &[&str]| foxhunt([&["soak", "--recordings"], args].concat());
+    soak(&["--runs", "1", "--class", "no-such"]).failed(2, &["no-such", "lanes-white", "otter"]);
+    soak(&["--runs", "1", "--data", "no-such-folder"]).failed(2, &["no-such-folder"]);
+    soak(&["--hours", "1"]).failed(2, &["--runs"]);
+    soak(&["--runs", "1", "--against", "no-such"]).failed(2, &["no-such"]);
+    foxhunt(["soak", "--runs", "1", "--class", "lanes"]).failed(2, &["--recordings"]);
+    let left = soak(&["--runs", "1", "--class", "otter,bearings-place", "--json"]);
+    assert!(left.stderr.contains("FOXHUNT_DATA"), "{left:?}");
+    assert_eq!(left.json()["skipped"], serde_json::json!(["otter"]));
+}

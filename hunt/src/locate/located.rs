@@ -150,6 +150,51 @@ impl Located {
         Some(along.hypot(across) <= 1.0)
     }
 
+    /// Returns true if the region that a user is shown holds a place: the
+    /// [`regions_95`](Self::regions_95) where the ellipse is a poor picture of them, and else the
+    /// [`ellipse_95`](Self::ellipse_95). `None` without either.
+    #[must_use]
+    pub fn region_95_holds(&self, place: &Vector2<f64>) -> Option<bool> {
+        if self.ellipse_is_poor() && !self.regions_95.is_empty() {
+            return Some(self.regions_95.iter().any(|region| region.holds(place)));
+        }
+        self.ellipse_95_holds(place)
+    }
+
+    /// Returns the negative logarithm of the density at a place, in nats, the density in 1/m²: the
+    /// logarithmic score (Good 1952) of the estimate, for which a wide ellipse costs as much as a
+    /// miss. The density is the normal one of the estimate; each rival adds the same about its own
+    /// place, by its relative density. `None` when the covariance is not positive definite.
+    #[must_use]
+    pub fn log_score(&self, place: &Vector2<f64>) -> Option<f64> {
+        let Estimate { mean, covariance } = &self.estimate;
+        let factor = covariance.cholesky()?;
+        let kernel = |centre: &Vector2<f64>| -> f64 {
+            let away = place - centre;
+            -0.5 * away.dot(&factor.solve(&away))
+        };
+        let mut terms = vec![(1.0, kernel(mean))];
+        terms.extend(self.rivals.iter().map(|r| (r.relative_density, kernel(&r.place))));
+        // The largest term is taken out, as all of them may underflow.
+        let most = terms.iter().map(|(_, log)| *log).fold(f64::NEG_INFINITY, f64::max);
+        let sum: f64 = terms.iter().map(|(weight, log)| weight * (log - most).exp()).sum();
+        let weights: f64 = terms.iter().map(|(weight, _)| weight).sum();
+        let log_norm = core::f64::consts::TAU.ln() + factor.l_dirty().diagonal().map(f64::ln).sum();
+        Some(log_norm + weights.ln() - most - sum.ln())
+    }
+
+    /// Codes of what casts doubt on the place, each with a sentence or a table where it is shown:
+    /// `border`, `ellipse-is-poor`, `rivals`. An answer without any stands as it is.
+    #[must_use]
+    pub fn remarks(&self) -> Vec<&'static str> {
+        let all = [
+            ("border", self.is_at_border()),
+            ("ellipse-is-poor", self.ellipse_is_poor()),
+            ("rivals", !self.rivals.is_empty()),
+        ];
+        all.into_iter().filter(|(_, applies)| *applies).map(|(code, _)| code).collect()
+    }
+
     /// Whether the ellipse is a poor picture of where the transmitter may be: the region that holds
     /// it is in parts, fills less than half of the ellipse, or reaches the border of the area that
     /// was searched.
@@ -282,4 +327,48 @@ pub(super) fn levels(receptions: &[Reception]) -> Result<Vec<(Pose, f64)>, Locat
     let level = |r: &Reception| Some((r.receiver, r.level?.rss_dbm));
     let levels: Vec<_> = receptions.iter().filter_map(level).collect();
     if levels.is_empty() { Err(LocateError::NoLevels) } else { Ok(levels) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(from: f64, to: f64) -> Vec<Vector2<f64>> {
+        let corners = [(from, from), (to, from), (to, to), (from, to), (from, from)];
+        corners.iter().map(|(x, y)| Vector2::new(*x, *y)).collect()
+    }
+
+    #[test]
+    fn the_score_is_that_of_the_normal_density_and_of_its_rivals() {
+        let place = Vector2::new(3.0, 4.0);
+        let mut located = Located::at(Estimate::isotropic(Vector2::zeros(), 2.0));
+        let normal = |square: f64| (-0.5 * square).exp() / (core::f64::consts::TAU * 4.0);
+        let alone = located.log_score(&place).expect("positive definite");
+        assert!((alone + normal(25.0 / 4.0).ln()).abs() < 1e-12, "{alone}");
+        located.rivals = vec![Rival { place: Vector2::new(3.0, 3.0), relative_density: 0.5 }];
+        let both = (normal(25.0 / 4.0) + 0.5 * normal(0.25)) / 1.5;
+        let score = located.log_score(&place).expect("positive definite");
+        assert!((score + both.ln()).abs() < 1e-12, "{score}");
+        let far = located.log_score(&Vector2::new(1e6, 0.0)).expect("positive definite");
+        assert!(far.is_finite() && far > 1e9, "{far}");
+    }
+
+    #[test]
+    fn regions_stand_for_an_ellipse_that_is_a_poor_picture() {
+        let mut located = Located::at(Estimate::isotropic(Vector2::zeros(), 10.0));
+        assert_eq!(located.remarks(), [""; 0]);
+        assert_eq!(located.region_95_holds(&Vector2::zeros()), Some(true));
+        let ring = Region {
+            probability: 0.95,
+            area_m2: 100.0 - 4.0,
+            outline: square(-5.0, 5.0),
+            holes: vec![square(-1.0, 1.0)],
+        };
+        located.regions_95 = vec![ring];
+        assert_eq!(located.remarks(), ["ellipse-is-poor"]);
+        assert_eq!(located.region_95_holds(&Vector2::zeros()), Some(false));
+        assert_eq!(located.region_95_holds(&Vector2::new(3.0, -2.0)), Some(true));
+        assert_eq!(located.region_95_holds(&Vector2::new(6.0, 0.0)), Some(false));
+        assert_eq!(located.ellipse_95_holds(&Vector2::new(6.0, 0.0)), Some(true));
+    }
 }

@@ -41,4 +41,4 @@ pub use moving::{Tracked, TrackingConfig, left_out, track, track_watched};
 pub(crate) use ranges::{Multilateration, RangeDifferences};
 pub use region::Region;
 pub(crate) use shadowing_grid::CorrelatedShadowing;
-pub(crate) use strongest::Strongest;
+pub(crate) use strongest::{Strongest, WeightedCentroid};

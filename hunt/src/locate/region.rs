@@ -17,6 +17,25 @@ pub struct Region {
     pub holes: Vec<Vec<Vector2<f64>>>,
 }
 
+impl Region {
+    /// Returns true if a place lies within the border and in no hole.
+    #[must_use]
+    pub fn holds(&self, place: &Vector2<f64>) -> bool {
+        is_within(&self.outline, place) && !self.holes.iter().any(|hole| is_within(hole, place))
+    }
+}
+
+/// Returns true if a line from a place to the East crosses a closed border an odd number of times.
+fn is_within(border: &[Vector2<f64>], place: &Vector2<f64>) -> bool {
+    let crosses = |pair: &&[Vector2<f64>]| match pair {
+        [a, b] if (a.y > place.y) != (b.y > place.y) => {
+            place.x < a.x + (b.x - a.x) * (place.y - a.y) / (b.y - a.y)
+        }
+        _ => false,
+    };
+    border.windows(2).filter(crosses).count() % 2 == 1
+}
+
 /// The region of highest posterior density with a probability (Box & Tiao 1973), the most probable
 /// part first.
 pub(super) fn regions(map: &PosteriorMap, probability: f64) -> Vec<Region> {

@@ -32,6 +32,34 @@ impl Locator for Strongest {
     }
 }
 
+/// The mean of the receivers' places, each weighed by the amplitude that it received, which free
+/// space makes one over the distance (Blumenthal et al. 2007); its covariance is that of a weighted
+/// mean. A baseline: it finds nothing beyond the receivers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WeightedCentroid;
+
+impl Locator for WeightedCentroid {
+    fn locate(&self, receptions: &[Reception], _: &LocateConfig) -> Result<Located, LocateError> {
+        let levels: Vec<ShadowedReading> =
+            levels_and_silences(receptions)?.into_iter().filter(|r| !r.is_below).collect();
+        let most = levels.iter().map(|r| r.value).fold(f64::NEG_INFINITY, f64::max);
+        let weighed = |r: &ShadowedReading| {
+            (10.0_f64.powf((r.value - most) / 20.0), r.receiver.position.xy())
+        };
+        let weighed: Vec<(f64, Vector2<f64>)> = levels.iter().map(weighed).collect();
+        let total: f64 = weighed.iter().map(|(weight, _)| weight).sum();
+        let sum: Vector2<f64> = weighed.iter().map(|(weight, place)| place * *weight).sum();
+        let mean = sum / total;
+        let square = |sum: Matrix2<f64>, (weight, place): &(f64, Vector2<f64>)| {
+            let apart = (place - mean) * *weight;
+            sum + apart * apart.transpose()
+        };
+        let covariance = weighed.iter().fold(Matrix2::zeros(), square) / (total * total)
+            + Matrix2::identity() * LEAST_SIGMA_M * LEAST_SIGMA_M;
+        Ok(Located { observations: levels.len(), ..Located::at(Estimate { mean, covariance }) })
+    }
+}
+
 /// σ of a place that a satellite receiver gives, in metres: where there is one strongest level
 /// alone, its place is no better known.
 const LEAST_SIGMA_M: f64 = 3.0;

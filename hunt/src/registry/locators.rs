@@ -4,7 +4,7 @@ use foxhunt_core::Quantity;
 use foxhunt_filters::BearingWeights;
 
 use super::{EstimatorEntry, Need, Needs};
-use crate::locate::{CorrelatedShadowing, Strongest};
+use crate::locate::{CorrelatedShadowing, Strongest, WeightedCentroid};
 
 /// Where the paper's weights begin to fall (Lenth 1981, table 2).
 #[cfg(feature = "batch")]
@@ -35,6 +35,14 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
             "",
             needs(Need::Required, Need::Unused),
             Strongest,
+        ),
+        EstimatorEntry::at_once(
+            "weighted-centroid",
+            "the mean of the receivers' places, weighed by amplitude: a baseline that needs no law \
+             of propagation",
+            "Blumenthal et al. 2007",
+            needs(Need::Required, Need::Unused),
+            WeightedCentroid,
         ),
     ];
     #[cfg(feature = "maps")]

@@ -6,9 +6,9 @@ use foxhunt::{
     Spread,
     core::{Ellipse, nalgebra::Vector2},
     filters::consistency::Coverage,
-    locate::{Located, Region, Tracked, TrackingConfig, track_watched},
+    locate::{Located, Region, Tracked, TrackingConfig},
     overview::SearchOverview,
-    recorded::{listeners, recorded_way, truth_at},
+    recorded::{recorded_way, truth_at},
     recording::Recording,
     report::Place,
 };
@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use super::{
     super::{
-        locating::{Prepared, not_located},
+        locating::{Prepared, TRUTH_GAP_S},
         recorded::{LatLon, no_degrees},
     },
     found::{Estimated, Found, likeliest},
@@ -81,9 +81,6 @@ struct Passed {
     inside_95: Option<bool>,
 }
 
-/// Truths farther apart than this are not interpolated, in seconds.
-const TRUTH_GAP_S: f64 = 300.0;
-
 pub(super) fn report(
     tracking: &Tracking,
     truth: Option<LatLon>,
@@ -92,14 +89,6 @@ pub(super) fn report(
     output: Output,
 ) -> Result<(Report, Found), CliError> {
     let recordings = prepared.recordings();
-    let timeless =
-        |recording: &&Recording| recording.records().iter().any(|record| record.time.is_none());
-    if let Some(recording) = recordings.iter().find(timeless) {
-        let message = format!("{}: --track needs the time of each row", recording.file());
-        return Err(CliError::input(message));
-    }
-    let received = prepared.receptions_of_track(beacon.as_deref())?;
-    let listeners = listeners(recordings, &prepared.every_reception()?);
     let config = TrackingConfig {
         window_s: tracking.window_s,
         correlation_s: tracking.correlation_s,
@@ -112,16 +101,11 @@ pub(super) fn report(
         progress.get_or_init(begin).reach(count(done));
         steps.set(most);
     };
-    if prepared.config().pattern.is_some() {
-        let why = "--track does not use the antennas' patterns (--receiver-antenna, \
-                   --transmitter-antenna)";
-        return Err(CliError::input(why));
-    }
-    let tracked = track_watched(&received, &listeners, prepared.config(), &config, &watch);
+    let tracked = prepared.track(beacon.as_deref(), &config, &watch);
     if let Some(progress) = progress.get() {
         progress.finish();
     }
-    let tracked = tracked.map_err(not_located)?;
+    let (tracked, listeners) = tracked?;
     if tracked.border_mass > 0.05 {
         warn("the track is in doubt: it may leave the area that was searched; see --margin-m");
     }

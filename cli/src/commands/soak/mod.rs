@@ -2,10 +2,13 @@
 
 #[cfg(all(unix, feature = "hardware"))]
 mod devices;
+mod drawn;
 mod flights;
-mod memory;
+mod least;
 mod recordings;
 mod tally;
+mod usage;
+mod world;
 
 use std::{
     convert::Infallible,
@@ -27,9 +30,10 @@ use serde::Serialize;
 
 use self::{
     flights::fly,
-    memory::Memory,
     recordings::BentRecording,
     tally::{Kind, Tally},
+    usage::Memory,
+    world::World,
 };
 use crate::{
     context::Context,
@@ -47,12 +51,14 @@ use crate::{
 /// devices whose cables, links and autopilots fail. Checks that each search has an end or a reason,
 /// that drones keep separation, airspace and batteries, that estimates are finite and their
 /// covariances positive definite, that flight and replay repeat to the bit, that logs are read
-/// wherever they are cut off, and that memory does not grow. The exit code is 1 where something did
+/// wherever they are cut off, and that memory does not grow. With --recordings it draws recordings
+/// as people make them and judges the estimators instead (docs/judging.md). The exit code is 1 where something did
 /// not hold; what is needed to see it again is then in the folder.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt soak --hours 8\n  \
                         foxhunt soak --runs 1000 --seed 5000\n  \
-                        foxhunt soak --again soak/7.toml --seed 7")]
+                        foxhunt soak --again soak/7.toml --seed 7\n  \
+                        foxhunt soak --recordings --runs 200 --write worst")]
 #[command(group = clap::ArgGroup::new("length").required(true))]
 pub(crate) struct Args {
     /// For so many hours
@@ -76,6 +82,8 @@ pub(crate) struct Args {
     /// The folder that the least scenario of each failure is written to
     #[arg(long, value_name = "DIR", default_value = "soak")]
     out: PathBuf,
+    #[command(flatten)]
+    world: World,
 }
 
 /// What a soak came to.
@@ -142,7 +150,7 @@ impl Experiment for Soak<'_> {
 
 pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let Context { output, registry, .. } = context;
-    if let Some(path) = &args.again {
+    if let Some(path) = args.again.as_ref().filter(|_| !args.world.recordings) {
         return again(path, args.seed, registry, output);
     }
     let jobs = match args.jobs {
@@ -150,6 +158,12 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         None => std::thread::available_parallelism().map_or(1, usize::from),
     };
     let runner = Runner::new(jobs).map_err(CliError::failure)?;
+    if args.world.recordings {
+        let why = "--recordings: --runs states how many draws of each class are made";
+        let runs = args.runs.ok_or_else(|| CliError::input(why))?;
+        let draws = (runs, args.seed, &runner);
+        return world::run(&args.world, draws, registry, output, !args.quiet);
+    }
     let most = args.hours.map(|hours| Duration::try_from_secs_f64(3600.0 * hours));
     let most = most.transpose().map_err(|error| CliError::input(format!("--hours: {error}")))?;
     let (begun, runs) = (Instant::now(), args.runs.unwrap_or(u64::MAX));

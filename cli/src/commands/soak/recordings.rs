@@ -15,7 +15,10 @@ use foxhunt::{
     soak::SoakFailure,
 };
 
-use super::tally::{Kind, Tally, text_of};
+use super::{
+    least::least,
+    tally::{Kind, Tally, text_of},
+};
 
 /// A recording of a few drones, which was bent, and cut off somewhere.
 #[derive(Debug)]
@@ -94,25 +97,11 @@ impl BentRecording {
         self.text
     }
 
-    /// The same recording with as few lines as still make it fail: first halves are left out, then
-    /// quarters, down to single lines.
+    /// The same recording with as few lines as still make it fail.
     pub(super) fn minimal(self, fails: impl Fn(&Self) -> bool) -> Self {
         let Self { seed, text } = self;
-        let mut lines: Vec<&[u8]> = text.split_inclusive(|byte| *byte == b'\n').collect();
-        let mut size = lines.len().div_ceil(2);
-        while size > 0 {
-            let mut start = 0;
-            while start < lines.len() {
-                let end = lines.len().min(start + size);
-                let shorter = [&lines[..start], &lines[end..]].concat();
-                if fails(&Self { seed, text: shorter.concat() }) {
-                    lines = shorter;
-                } else {
-                    start = end;
-                }
-            }
-            size /= 2;
-        }
+        let lines = text.split_inclusive(|byte| *byte == b'\n').collect();
+        let lines = least(lines, |lines| fails(&Self { seed, text: lines.concat() }));
         Self { seed, text: lines.concat() }
     }
 

@@ -1,4 +1,7 @@
-use std::fs;
+use std::{
+    fs,
+    time::{SystemTime, UNIX_EPOCH},
+};
 
 /// Watches how much memory the program holds, where the system has it in a file.
 #[derive(Debug, Default)]
@@ -36,10 +39,19 @@ impl Memory {
     }
 }
 
-/// What the program holds now, by Linux's account of it.
-fn held_mib() -> Option<f64> {
+/// Memory that the program holds now, by Linux's account of it.
+pub(super) fn held_mib() -> Option<f64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
     let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib / 1024.0)
+}
+
+/// Seconds that this thread has been on a processor, by Linux's account; of the clock on other
+/// systems. Differences count alone.
+pub(super) fn spent_s() -> f64 {
+    let account = fs::read_to_string("/proc/thread-self/schedstat").ok();
+    let own = account.as_deref().and_then(|text| text.split(' ').next()?.parse::<f64>().ok());
+    let clock = || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |t| t.as_secs_f64());
+    own.map_or_else(clock, |nanoseconds| 1e-9 * nanoseconds)
 }

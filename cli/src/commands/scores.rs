@@ -1,0 +1,205 @@
+//! Scores of estimators on fixes whose truth is known.
+
+use foxhunt::{Spread, core::nalgebra::Vector2, filters::consistency::Coverage, locate::Located};
+use serde::Serialize;
+
+use crate::error::CliError;
+
+/// An estimator's answer to a fix.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Answer {
+    pub(super) estimator: String,
+    /// Absent where it found no place, for the reason of `failure`.
+    pub(super) error_m: Option<f64>,
+    pub(super) nees: Option<f64>,
+    /// True if the 95 % ellipse holds the truth.
+    pub(super) inside_95: Option<bool>,
+    /// True if the region that is shown holds the truth: that of the posterior where the ellipse is
+    /// a poor picture of it.
+    pub(super) in_region_95: Option<bool>,
+    /// -ln of the density at the truth, in 1/m².
+    pub(super) log_score: Option<f64>,
+    /// Codes of what casts doubt on the place.
+    pub(super) remarks: Vec<&'static str>,
+    pub(super) failure: Option<String>,
+}
+
+/// An estimator over all fixes.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Summary {
+    pub(super) estimator: String,
+    pub(super) fixes: usize,
+    /// Fixes that it found no place for.
+    pub(super) failed: usize,
+    pub(super) median_error_m: Option<f64>,
+    /// Interval that holds the median of the errors with 95 % (by order statistics).
+    pub(super) median_interval_m: Option<[f64; 2]>,
+    pub(super) mean_error_m: Option<f64>,
+    pub(super) mean_nees: Option<f64>,
+    pub(super) median_nees: Option<f64>,
+    /// Mean of the log scores, each at most [`WORST_SCORE`].
+    pub(super) mean_log_score: Option<f64>,
+    /// Number of 95 % ellipses that hold the truth.
+    pub(super) inside_95: usize,
+    /// Interval that holds the share of ellipses that hold the truth with 95 % (Clopper & Pearson
+    /// 1934).
+    pub(super) coverage_interval: Option<[f64; 2]>,
+    /// Number of 95 % regions, as they are shown, that hold the truth, of how many.
+    pub(super) in_regions_95: [usize; 2],
+    /// The interval of `coverage_interval` for the regions.
+    pub(super) region_interval: Option<[f64; 2]>,
+    /// In how many fixes the estimator that is judged first is nearer than this one.
+    pub(super) first_is_nearer: Option<usize>,
+}
+
+/// Largest log score that a mean takes, in nats: one answer that is sure and wrong would hide all
+/// others.
+pub(super) const WORST_SCORE: f64 = 100.0;
+
+impl Answer {
+    /// Scores a place; without a truth nothing but its remarks counts.
+    pub(super) fn new(estimator: &str, located: &Located, truth: Option<&Vector2<f64>>) -> Self {
+        Self {
+            estimator: estimator.to_owned(),
+            error_m: truth.map(|truth| (located.estimate.mean - truth).norm()),
+            nees: truth.and_then(|truth| located.estimate.nees(truth)),
+            inside_95: truth.and_then(|truth| located.ellipse_95_holds(truth)),
+            in_region_95: truth.and_then(|truth| located.region_95_holds(truth)),
+            log_score: truth.and_then(|truth| located.log_score(truth)),
+            remarks: located.remarks(),
+            failure: None,
+        }
+    }
+
+    /// Records why there is no place.
+    pub(super) fn failed(estimator: &str, reason: String) -> Self {
+        Self {
+            estimator: estimator.to_owned(),
+            error_m: None,
+            nees: None,
+            inside_95: None,
+            in_region_95: None,
+            log_score: None,
+            remarks: Vec::new(),
+            failure: Some(reason),
+        }
+    }
+}
+
+impl Summary {
+    /// Summarises every estimator over all fixes, in the order of their first answers. The first
+    /// answer of a fix is that of the estimator that is judged.
+    pub(super) fn of_each<'a, I>(fixes: impl Fn() -> I) -> Result<Vec<Self>, CliError>
+    where
+        I: Iterator<Item = &'a [Answer]>,
+    {
+        let mut names: Vec<&str> = Vec::new();
+        for answer in fixes().flatten() {
+            if !names.contains(&answer.estimator.as_str()) {
+                names.push(&answer.estimator);
+            }
+        }
+        let of = |name: &&str| {
+            let own = |answers: &'a [Answer]| {
+                let answer = answers.iter().find(|answer| answer.estimator == *name)?;
+                Some((answer, answers.first()))
+            };
+            Self::of(name, fixes().filter_map(own))
+        };
+        names.iter().map(of).collect()
+    }
+
+    /// Summarises answers, each beside that of the estimator which is judged first.
+    pub(super) fn of<'a>(
+        name: &str,
+        answers: impl Iterator<Item = (&'a Answer, Option<&'a Answer>)>,
+    ) -> Result<Self, CliError> {
+        let coverage = || Coverage::new(0.95, 0.95).map_err(CliError::failure);
+        let mut ellipses = coverage()?;
+        let mut regions = coverage()?;
+        let mut errors = Vec::new();
+        let mut nees = Vec::new();
+        let mut scores = Vec::new();
+        let mut is_first = false;
+        let [mut failed, mut inside, mut in_regions, mut nearer] = [0; 4];
+        for (answer, first) in answers {
+            failed += usize::from(answer.failure.is_some());
+            errors.extend(answer.error_m);
+            nees.extend(answer.nees);
+            scores.extend(answer.log_score.map(|score| score.min(WORST_SCORE)));
+            if let Some(held) = answer.inside_95 {
+                ellipses.add(held);
+                inside += usize::from(held);
+            }
+            if let Some(held) = answer.in_region_95 {
+                regions.add(held);
+                in_regions += usize::from(held);
+            }
+            is_first |= first.is_some_and(|first| first.estimator == name);
+            let first_m = first.and_then(|first| first.error_m);
+            nearer += usize::from(matches!((first_m, answer.error_m), (Some(a), Some(b)) if a < b));
+        }
+        let spread = Spread::of(&errors);
+        let of_nees = Spread::of(&nees);
+        Ok(Self {
+            estimator: name.to_owned(),
+            fixes: errors.len() + failed,
+            failed,
+            median_error_m: spread.map(|spread| spread.p50),
+            median_interval_m: median_interval(&mut errors),
+            mean_error_m: spread.map(|spread| spread.mean),
+            mean_nees: of_nees.map(|spread| spread.mean),
+            median_nees: of_nees.map(|spread| spread.p50),
+            mean_log_score: Spread::of(&scores).map(|spread| spread.mean),
+            inside_95: inside,
+            coverage_interval: ellipses.interval(),
+            in_regions_95: [in_regions, regions.count()],
+            region_interval: regions.interval(),
+            first_is_nearer: (!is_first).then_some(nearer),
+        })
+    }
+}
+
+/// Interval of a median: the order statistics between which it lies with 95 %, as the number of
+/// values below it is binomial with a half. `None` for fewer than six values, for which none does.
+fn median_interval(values: &mut [f64]) -> Option<[f64; 2]> {
+    values.sort_by(f64::total_cmp);
+    // Twice the largest number of values that are below the median with at most 2.5 %.
+    let count = values.len();
+    let half = 0.5_f64.powi(i32::try_from(count).ok()?);
+    let mut term = half;
+    let mut sum = 0.0;
+    let mut below = 0;
+    if half > 0.0 {
+        while sum + term <= 0.025 && below < count {
+            sum += term;
+            let at = f64::from(u32::try_from(below).ok()?);
+            term *= (f64::from(u32::try_from(count).ok()?) - at) / (at + 1.0);
+            below += 1;
+        }
+    } else {
+        // Beyond a thousand values the normal approximation is exact to a rank.
+        let count = f64::from(u32::try_from(count).ok()?);
+        while f64::from(u32::try_from(below).ok()?) + 1.0 < 0.5 * count - 0.98 * count.sqrt() {
+            below += 1;
+        }
+    }
+    let low = values.get(below.checked_sub(1)?)?;
+    Some([*low, *values.get(count - below)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn medians_lie_between_the_ranks_of_the_tables() {
+        // Conover 1999, table A3 for the median: ranks 2 and 9 of 10, 1 and 6 of 6.
+        let mut values: Vec<f64> = (1..=10).rev().map(f64::from).collect();
+        assert_eq!(median_interval(&mut values), Some([2.0, 9.0]));
+        assert_eq!(median_interval(&mut values[..6]), Some([1.0, 6.0]));
+        assert_eq!(median_interval(&mut values[..5]), None);
+        let mut many: Vec<f64> = (1..=1000).map(f64::from).collect();
+        assert_eq!(median_interval(&mut many), Some([469.0, 532.0]));
+    }
+}
