@@ -9,7 +9,7 @@ use foxhunt_wire::mavlink::{
 use nalgebra::Vector3;
 
 use super::{AutopilotConfig, flight::Flight, params::Params, streams::Streams};
-use crate::devices::OnBoard;
+use crate::{Interval, devices::OnBoard};
 
 /// Everything of the autopilot but its cable.
 #[derive(Debug)]
@@ -36,13 +36,29 @@ pub(super) struct Brain {
     pub(super) ground_contact: Option<f64>,
     /// Whether it has none, and has acted on that.
     ground_lost: bool,
-    /// How many of the pilot's orders are done.
+    /// How many of the pilot's orders are done, how many failsafes, and how many restarts.
     piloted: usize,
+    failed: usize,
+    restarted: usize,
+    /// Since when it knows where it is.
+    placed_at: f64,
+    /// Whether a failsafe acts, as its heartbeats say.
+    pub(super) critical: bool,
+    /// Whether it flies by velocities: it reports no target then.
+    pub(super) by_velocity: bool,
+    /// Whether another station has started its motors.
+    by_others: bool,
     /// How many pictures its camera has taken, and the number of the last one ordered.
     pub(super) pictures: u32,
     pub(super) pictured: Option<f32>,
     pub(super) outbox: Vec<MavMessage>,
 }
+
+/// How long its position takes after a restart, in seconds.
+const RESTART_S: f64 = 30.0;
+
+/// How fast another station sends it, in m/s.
+const STATION_MPS: f64 = 3.0;
 
 /// The ground station that it belongs to (SYSID_MYGCS).
 const GROUND_SYSTEM: u32 = 255;
@@ -57,7 +73,6 @@ impl Brain {
             flight: Flight::new(config.autopilot.at_boot(), &pose, now),
             streams: Streams::new(&config, now),
             params: Params::new(&config),
-            config,
             frame,
             on_board,
             home: pose.position,
@@ -70,9 +85,16 @@ impl Brain {
             ground_contact: None,
             ground_lost: false,
             piloted: 0,
+            failed: 0,
+            restarted: 0,
+            placed_at: config.position_good_after_s,
+            critical: false,
+            by_velocity: false,
+            by_others: false,
             pictures: 0,
             pictured: None,
             outbox: Vec::new(),
+            config,
         }
     }
 
@@ -80,15 +102,28 @@ impl Brain {
         self.config.clock_origin_unix_s + self.now
     }
 
-    /// Whether anybody has a link to it.
-    pub(super) fn is_reachable(&self) -> bool {
+    /// Whether what is sent to it arrives.
+    pub(super) fn hears(&self) -> bool {
+        self.is_linked() && !self.is_within(&self.config.faults.deaf)
+    }
+
+    /// Whether what it sends arrives.
+    fn is_heard(&self) -> bool {
+        self.is_linked() && !self.is_within(&self.config.faults.unheard)
+    }
+
+    fn is_linked(&self) -> bool {
         self.on_board.with(|drone, now| drone.is_linked(now))
-            && !self.config.faults.silent.iter().any(|silent| silent.contains(self.now))
+            && !self.is_within(&self.config.faults.silent)
+    }
+
+    pub(super) fn is_within(&self, times: &[Interval]) -> bool {
+        times.iter().any(|interval| interval.contains(self.now))
     }
 
     /// Whether its estimator knows where it is.
     pub(super) fn is_placed(&self) -> bool {
-        self.now >= self.config.position_good_after_s
+        self.now >= self.placed_at
     }
 
     /// Goes on flying at the world's present time.
@@ -108,9 +143,11 @@ impl Brain {
             }
             self.piloted += 1;
             if let Some(mode) = FlightMode::named(self.config.autopilot, &order.mode) {
-                self.change_mode(mode);
+                self.critical = false;
+                self.begin(mode);
             }
         }
+        self.suffer(dt);
         self.fail_safe();
         let order = self.flight.step(&pose, above_ground, self.home, now, dt);
         for (severity, text) in std::mem::take(&mut self.flight.texts) {
@@ -123,6 +160,58 @@ impl Brain {
         });
     }
 
+    /// What failsafes, other stations and restarts do.
+    fn suffer(&mut self, dt: f64) {
+        while let Some(order) = self.config.faults.failsafes.get(self.failed).cloned() {
+            if order.at_s > self.now {
+                break;
+            }
+            self.failed += 1;
+            let mode = FlightMode::named(self.config.autopilot, &order.mode);
+            if let (Some(mode), true) = (mode, self.flight.is_airborne()) {
+                self.send(MavSeverity::MAV_SEVERITY_WARNING, &order.text);
+                self.critical = true;
+                self.begin(mode);
+            }
+        }
+        while let Some(at_s) = self.config.faults.restarts_s.get(self.restarted) {
+            if *at_s > self.now {
+                break;
+            }
+            self.restarted += 1;
+            if !self.flight.is_airborne() {
+                self.flight = Flight::new(self.config.autopilot.at_boot(), &self.pose, self.now);
+                self.streams = Streams::new(&self.config, self.now);
+                self.placed_at = self.now + RESTART_S;
+                (self.critical, self.ground_contact) = (false, None);
+            }
+        }
+        let commanded = self.flight.mode == self.config.autopilot.commanded();
+        if commanded && self.flight.is_airborne() && self.is_within(&self.config.faults.velocities)
+        {
+            // The body goes as fast as it may: so far ahead is the goal.
+            self.flight.climb_to = None;
+            self.flight.goal =
+                self.pose.position + Vector3::new(0.0, STATION_MPS * dt.max(0.1), 0.0);
+            (self.by_velocity, self.flight.setpoint_at) = (true, self.now);
+        }
+        let motors = self.is_within(&self.config.faults.motors);
+        if motors && !self.flight.armed && !self.flight.is_airborne() {
+            self.flight.arm(&self.pose, self.now);
+            self.by_others = true;
+        } else if !motors && std::mem::take(&mut self.by_others) && !self.flight.is_airborne() {
+            self.flight.disarm();
+        }
+    }
+
+    /// Goes into a mode, as it comes back from here.
+    pub(super) fn begin(&mut self, mode: FlightMode) {
+        if mode == mode.autopilot.return_to_launch() {
+            self.flight.return_up = self.config.return_up_m;
+        }
+        self.change_mode(mode);
+    }
+
     fn fail_safe(&mut self) {
         let autopilot = self.config.autopilot;
         let limit = self.config.ground_failsafe_s;
@@ -132,15 +221,21 @@ impl Brain {
             (false, true) => {
                 // The pilot's modes go on: FS_OPTIONS is 16.
                 let mode = self.flight.mode;
-                if [autopilot.commanded(), autopilot.land()].contains(&mode) {
+                // PX4's state is critical where a failsafe has changed its mode.
+                self.critical = autopilot == Autopilot::ArduPilot || mode == autopilot.commanded();
+                if !self.flight.is_airborne() {
+                    self.send(MavSeverity::MAV_SEVERITY_WARNING, "GCS Failsafe - Disarming");
+                    self.flight.disarm();
+                } else if [autopilot.commanded(), autopilot.land()].contains(&mode) {
                     self.send(MavSeverity::MAV_SEVERITY_WARNING, "GCS Failsafe - RTL");
-                    self.change_mode(autopilot.return_to_launch());
+                    self.begin(autopilot.return_to_launch());
                 } else {
                     let text = "GCS Failsafe - Continuing Pilot Control";
                     self.send(MavSeverity::MAV_SEVERITY_WARNING, text);
                 }
             }
             (true, false) => {
+                self.critical = false;
                 self.send(MavSeverity::MAV_SEVERITY_WARNING, "GCS Failsafe Cleared");
             }
             _ => {}
@@ -249,7 +344,7 @@ impl Brain {
             self.outbox.extend(self.message(id));
         }
         let sent = std::mem::take(&mut self.outbox);
-        if self.is_reachable() { sent } else { Vec::new() }
+        if self.is_heard() { sent } else { Vec::new() }
     }
 
     /// Why its motors may not be started.

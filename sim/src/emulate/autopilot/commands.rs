@@ -152,10 +152,8 @@ impl Brain {
         if !self.is_placed() && !by_hand && (px4 || self.flight.armed) {
             return self.refuse("Mode change failed: requires position", FAILED);
         }
-        if mode == mode.autopilot.return_to_launch() {
-            self.flight.return_up = self.config.return_up_m;
-        }
-        self.change_mode(mode);
+        self.critical = false;
+        self.begin(mode);
         ACCEPTED
     }
 
@@ -265,7 +263,7 @@ impl Brain {
             return;
         }
         self.begin_setpoints();
-        self.flight.goal = goal;
+        (self.flight.goal, self.by_velocity) = (goal, false);
         let (yaw, rate, here) = (f64::from(yaw), f64::from(yaw_rate), self.pose.heading);
         if mask & NO_YAW == 0 && yaw.is_finite() {
             self.flight.yaw.aim(heading_of_yaw(yaw), here, None);

@@ -77,8 +77,34 @@ pub struct AutopilotFaults {
     /// Nothing is received of it, and it receives nothing. The world's own `lost` intervals have
     /// the same effect.
     pub silent: Vec<Interval>,
+    /// Nothing is received of it, and what is sent to it arrives.
+    pub unheard: Vec<Interval>,
+    /// It receives nothing, and is received.
+    pub deaf: Vec<Interval>,
+    /// Its messages come late by up to a second each, out of order, and some of them twice.
+    pub late: Vec<Interval>,
     /// When the pilot chooses a mode on his remote control.
     pub pilot: Vec<PilotOrder>,
+    /// When a failsafe of its own chooses a mode.
+    pub failsafes: Vec<FailsafeOrder>,
+    /// When another station sends it northwards at 3 m/s, in the mode of orders.
+    pub velocities: Vec<Interval>,
+    /// When another station runs its motors on the ground.
+    pub motors: Vec<Interval>,
+    /// When it starts again; in the air it does not.
+    pub restarts_s: Vec<f64>,
+}
+
+/// A failsafe that acts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FailsafeOrder {
+    /// When.
+    pub at_s: f64,
+    /// Its words, such as `Battery Failsafe`.
+    pub text: String,
+    /// The mode that it chooses.
+    pub mode: String,
 }
 
 /// A mode that the pilot chooses.
@@ -94,9 +120,10 @@ pub struct PilotOrder {
 impl AutopilotConfig {
     pub(super) fn check(&self) -> Result<(), SimError> {
         self.check_numbers().map_err(|error| error.within("autopilot"))?;
-        for order in &self.faults.pilot {
-            if FlightMode::named(self.autopilot, &order.mode).is_none() {
-                return Err(SimError::FlightMode { mode: order.mode.clone() });
+        let pilots = self.faults.pilot.iter().map(|order| &order.mode);
+        for mode in pilots.chain(self.faults.failsafes.iter().map(|order| &order.mode)) {
+            if FlightMode::named(self.autopilot, mode).is_none() {
+                return Err(SimError::FlightMode { mode: mode.clone() });
             }
         }
         Ok(())
@@ -119,6 +146,12 @@ impl AutopilotConfig {
         }
         for order in &self.faults.pilot {
             not_negative("faults.pilot.at_s", order.at_s)?;
+        }
+        for order in &self.faults.failsafes {
+            not_negative("faults.failsafes.at_s", order.at_s)?;
+        }
+        for at_s in &self.faults.restarts_s {
+            not_negative("faults.restarts_s", *at_s)?;
         }
         Ok(())
     }

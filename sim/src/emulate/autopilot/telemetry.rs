@@ -121,7 +121,7 @@ impl Brain {
                 time_boot_ms,
             }),
             POSITION_TARGET_GLOBAL_INT_DATA::ID
-                if self.flight.mode == self.config.autopilot.commanded() =>
+                if self.flight.mode == self.config.autopilot.commanded() && !self.by_velocity =>
             {
                 let (lat_int, lon_int) = self.lat_lon(&self.flight.goal);
                 MavMessage::POSITION_TARGET_GLOBAL_INT(POSITION_TARGET_GLOBAL_INT_DATA {
@@ -204,7 +204,9 @@ impl Brain {
                 Autopilot::Px4 => MavAutopilot::MAV_AUTOPILOT_PX4,
             },
             base_mode: if self.flight.armed { custom | armed } else { custom },
-            system_status: if self.flight.is_airborne() {
+            system_status: if self.critical {
+                MavState::MAV_STATE_CRITICAL
+            } else if self.flight.is_airborne() {
                 MavState::MAV_STATE_ACTIVE
             } else {
                 MavState::MAV_STATE_STANDBY
