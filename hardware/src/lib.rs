@@ -46,7 +46,7 @@ mod stepper;
 #[cfg(feature = "xbee")]
 mod xbee;
 
-pub use aircraft::{Aircraft, AircraftState, ReportedHeight, Shared};
+pub use aircraft::{Aircraft, AircraftState, Hands, ReportedHeight, Shared};
 #[cfg(feature = "ardrone")]
 pub use ardrone::{ArDrone, ArDroneConfig, ArDroneError};
 pub use clock::SystemClock;

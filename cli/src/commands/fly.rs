@@ -259,7 +259,8 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if args.take_over {
         mission.allow_take_over();
     }
-    warn(&format!("log: {}; Enter breaks off", files.log.display()));
+    let log_path = files.log.display();
+    warn(&format!("log: {log_path}; Enter breaks off; {UP} clears what came down by itself"));
 
     let mut events = Vec::new();
     let mut notices = Notices::default();
@@ -466,15 +467,20 @@ impl Samples {
 
 /// The person at the keyboard.
 pub(super) struct Pilot {
-    lines: Receiver<()>,
+    lines: Receiver<String>,
     interrupts: Arc<AtomicU8>,
     handled: Cell<u8>,
 }
+
+/// The word that clears drones which came down without an order to take off again.
+const UP: &str = "up";
 
 /// What the pilot wants.
 pub(super) enum PilotInput {
     None,
     Enter,
+    /// What came down without an order may take off again.
+    Up,
     Interrupt,
     /// A second interrupt: the program shall end at once.
     Quit,
@@ -492,8 +498,8 @@ impl Pilot {
         let (line, lines) = mpsc::channel();
         // It ends with the program: nothing else can end a read of the keyboard.
         thread::spawn(move || {
-            for _ in io::stdin().lock().lines().map_while(Result::ok) {
-                if line.send(()).is_err() {
+            for typed in io::stdin().lock().lines().map_while(Result::ok) {
+                if line.send(typed).is_err() {
                     break;
                 }
             }
@@ -510,6 +516,7 @@ impl Pilot {
         match self.poll() {
             PilotInput::None => {}
             PilotInput::Enter if mission.is_ready() => mission.go(),
+            PilotInput::Up => mission.clear_to_take_off(time),
             PilotInput::Enter | PilotInput::Interrupt => {
                 mission.abort(time, "the pilot breaks off");
             }
@@ -530,6 +537,10 @@ impl Pilot {
             // Two that come at once are one: the terminal and a script may both send it.
             return if before > 0 { PilotInput::Quit } else { PilotInput::Interrupt };
         }
-        if self.lines.try_recv().is_ok() { PilotInput::Enter } else { PilotInput::None }
+        match self.lines.try_recv() {
+            Ok(typed) if typed.trim().eq_ignore_ascii_case(UP) => PilotInput::Up,
+            Ok(_) => PilotInput::Enter,
+            Err(_) => PilotInput::None,
+        }
     }
 }

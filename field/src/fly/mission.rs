@@ -4,7 +4,7 @@ use foxhunt_core::{PatternSource, Station, parameter::FieldError};
 use foxhunt_hardware::Aircraft;
 use foxhunt_hunt::hunt::{Event, FlightStage, Hunt, drive};
 
-use super::{Ending, FlightRules, FlownDrone};
+use super::{Ending, FlightRules, FlownDrone, flown_drone::Departure};
 
 /// Without a message for so many seconds an aircraft takes no part.
 const SILENT_S: f64 = 5.0;
@@ -92,6 +92,15 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
     /// Lets them take off.
     pub fn go(&mut self) {
         self.waits = false;
+    }
+
+    /// Passes on the pilot's word that what came down without our order may take off again. Of
+    /// effect while the drones climb; afterwards nothing takes off any more.
+    pub fn clear_to_take_off(&mut self, time: f64) {
+        if self.stage == FlightStage::Climbing {
+            self.since = time;
+            self.drones.iter_mut().for_each(FlownDrone::clear_to_take_off);
+        }
     }
 
     /// Whether all drones are ready, and wait for [`go`](Self::go).
@@ -264,33 +273,42 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         }
     }
 
-    /// Orders all that are in our hands down, until they are: those in the air, and those that are
-    /// about to leave the ground. One whose link fails is ordered all the same.
+    /// Orders all that are in our hands down, until each is down, or in the hands of somebody who
+    /// is named. Until then one that is given back is brought home, too.
     fn leave(&mut self, time: f64) {
         let mut waited_for = Vec::new();
+        let mut left = Vec::new();
         for (index, drone) in self.drones.iter_mut().enumerate() {
-            let down = drone.is_down();
-            let ours = drone.is_ours();
-            if self.ending == Ending::Hold && !ours {
-                continue;
-            }
-            if (!down || !drone.has_accepted_leaving())
-                && ours
+            let departure = drone.departure(self.ending);
+            if departure == Departure::Ordered
                 && let Err(error) = drone.order_to_leave(time, self.ending)
             {
                 self.hunt.device_failed(time, Some(index), error.to_string());
             }
-            if !down {
-                waited_for.push(drone.name.as_str());
+            match departure {
+                Departure::Down => {}
+                Departure::Left(to) => left.push(to),
+                Departure::Ordered | Departure::Awaited => waited_for.push(drone.name.as_str()),
             }
         }
-        if waited_for.is_empty() {
-            self.enter(time, FlightStage::Over, "nobody is left to be brought down".into());
-        } else if time - self.since >= self.rules.leaving_timeout_s {
-            let why = format!("not known to be down: {}", waited_for.join(", "));
-            self.failure.get_or_insert_with(|| why.clone());
-            self.enter(time, FlightStage::Over, why);
+        let why = if !waited_for.is_empty() {
+            if time - self.since < self.rules.leaving_timeout_s {
+                return;
+            }
+            left.insert(0, format!("not known to be down: {}", waited_for.join(", ")));
+            left.join("; ")
+        } else if left.is_empty() {
+            return self.enter(time, FlightStage::Over, "nobody is left to be brought down".into());
+        } else {
+            left.join("; ")
+        };
+        if self.ending != Ending::Hold || !waited_for.is_empty() {
+            self.failure = Some(match self.failure.take() {
+                Some(failure) => format!("{failure}; {why}"),
+                None => why.clone(),
+            });
         }
+        self.enter(time, FlightStage::Over, why);
     }
 
     /// Ends the hunt before its time; those in our hands leave by the pilot's rule for that.

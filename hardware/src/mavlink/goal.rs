@@ -7,7 +7,7 @@ use foxhunt_wire::{
 use super::{
     MavlinkError, MavlinkVehicle,
     orders::{Order, Step, single},
-    phase::{Goal, Nose},
+    phase::{Goal, Nose, Phase},
     setpoint,
 };
 
@@ -57,6 +57,16 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         let (Some(frame), Some(mut goal)) = (self.frame, self.goal) else { return Ok(()) };
         let regular = 1.0 / self.config.setpoint_rate_hz;
         let turns = matches!(goal.nose, Nose::Turns(_));
+        if self.phase == Phase::Flying
+            && let Some(away_m) = self.drifted(&frame, &mut goal)
+        {
+            let why = format!(
+                "it has gone {away_m:.0} m away from its goal, which we did not order: another \
+                 station flies it"
+            );
+            self.yield_to_station(why);
+            return Ok(());
+        }
         if goal.confirmed && !turns {
             let elsewhere = self.sent_elsewhere(&frame, &goal);
             match (goal.replaced, elsewhere) {
@@ -86,6 +96,14 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
         self.goal = Some(goal);
         Ok(())
+    }
+
+    /// How far it has gone away from a goal that it was sent, in metres.
+    fn drifted(&self, frame: &CommonFrame, goal: &mut Goal) -> Option<f64> {
+        let at = self.telemetry.position.as_ref()?.at;
+        let place = setpoint::pose(frame, &self.telemetry, at)?.position;
+        let speed = setpoint::velocity(&self.telemetry).norm();
+        if goal.is_new() { None } else { goal.drift.see(at, place, speed, &goal.place) }
     }
 
     /// When the autopilot, which knew the goal, reported another target, and how far from the goal

@@ -17,10 +17,14 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             return "no heartbeat of an autopilot yet".into();
         }
         if self.telemetry.without_heartbeat(now) > self.config.link_timeout_s {
-            return "its heartbeats stopped".into();
+            return "its heartbeats stopped; it is sent no order and no heartbeat, so that its own \
+                    failsafe acts"
+                .into();
+        }
+        if !self.authority.why().is_empty() {
+            return self.authority.why().into();
         }
         match &self.phase {
-            Phase::Taken { why, .. } => return why.clone(),
             Phase::Landing => return self.after_failure("it lands"),
             Phase::Returning => return self.after_failure("it returns to its launch place"),
             Phase::TakingOver => return "it is requested to change its mode".into(),

@@ -1,8 +1,10 @@
 //! ArduPilot and PX4 over MAVLink 2.
 
+mod authority;
 mod camera;
 mod config;
 mod cruise;
+mod drift;
 mod error;
 mod examine;
 mod failsafes;

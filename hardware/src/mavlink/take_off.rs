@@ -68,13 +68,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 Ok(())
             }
             Stage::Climb => {
-                if !self.telemetry.armed() {
-                    self.ordered = Ordered::Nothing;
-                    self.give_up(now, "the take-off", "the motors were stopped");
-                } else if self
-                    .telemetry
-                    .up()
-                    .is_some_and(|at| at >= up - self.config.take_off_tolerance_m)
+                if self.telemetry.up().is_some_and(|at| at >= up - self.config.take_off_tolerance_m)
                 {
                     match autopilot {
                         Autopilot::ArduPilot => self.up_there(),
@@ -102,7 +96,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                         ),
                     };
                     self.order.get_or_insert_with(climb);
-                    self.ordered = Ordered::Climb;
+                    (self.ordered, self.climbs_to) = (Ordered::Climb, Some(up));
                     if let Some(why) = self.give(now)? {
                         if self.order.as_ref().is_some_and(Order::refused) {
                             self.ordered = Ordered::Arm;
@@ -167,7 +161,12 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Stops the motors after a take-off that was ended on the ground.
     pub(super) fn disarm_further(&mut self, now: f64) -> Result<(), MavlinkError> {
-        let Some(order) = &self.order else { return Ok(()) };
+        let Some(order) = &self.order else {
+            if self.authority.is_ours() && !self.telemetry.armed() {
+                self.authority.rest();
+            }
+            return Ok(());
+        };
         if self.telemetry.airborne(now) {
             // It has climbed before it was ordered to.
             self.begin_coming_down(Phase::Landing);
@@ -182,7 +181,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// It has climbed: it is ours.
     pub(super) fn up_there(&mut self) {
-        self.order = None;
+        (self.order, self.climbs_to) = (None, None);
         self.cruise = Cruise::begin(&self.config);
         self.enter(Phase::Flying);
     }

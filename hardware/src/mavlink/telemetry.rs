@@ -5,7 +5,8 @@ use foxhunt_wire::mavlink::{
     dialect::{
         ATTITUDE_DATA, AUTOPILOT_VERSION_DATA, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA,
         HEARTBEAT_DATA, HOME_POSITION_DATA, MavAutopilot, MavLandedState, MavMessage, MavModeFlag,
-        MavResult, MavSeverity, MavType, POSITION_TARGET_GLOBAL_INT_DATA, SYS_STATUS_DATA,
+        MavResult, MavSeverity, MavState, MavType, POSITION_TARGET_GLOBAL_INT_DATA,
+        SYS_STATUS_DATA,
     },
 };
 #[cfg(feature = "receivers")]
@@ -37,6 +38,8 @@ pub(super) struct Telemetry {
     /// When anything of it came last.
     pub(super) last: Option<f64>,
     pub(super) heartbeat: Option<Timed<HEARTBEAT_DATA>>,
+    /// The number of its frame.
+    pub(super) beat_sequence: u8,
     pub(super) position: Option<Timed<GLOBAL_POSITION_INT_DATA>>,
     pub(super) attitude: Option<Timed<ATTITUDE_DATA>>,
     pub(super) gps: Option<Timed<GPS_RAW_INT_DATA>>,
@@ -62,6 +65,9 @@ pub(super) struct Telemetry {
 
 /// How old its landed state may be, in seconds.
 const LANDED_S: f64 = 3.0;
+
+/// Heartbeats overtake each other by less than that, in seconds.
+const REORDERED_S: f64 = 2.0;
 
 /// So many parameters are kept at most: no autopilot has more.
 const PARAMETERS: usize = 4096;
@@ -94,7 +100,11 @@ impl Telemetry {
         }
         self.last = Some(now);
         match &frame.message {
-            MavMessage::HEARTBEAT(value) => self.heartbeat = timed(now, value),
+            MavMessage::HEARTBEAT(value) => {
+                if self.is_newer(now, frame.header.sequence) {
+                    self.heartbeat = timed(now, value);
+                }
+            }
             MavMessage::GLOBAL_POSITION_INT(value) => self.position = timed(now, value),
             MavMessage::ATTITUDE(value) => self.attitude = timed(now, value),
             MavMessage::GPS_RAW_INT(value) => self.gps = timed(now, value),
@@ -139,6 +149,17 @@ impl Telemetry {
         true
     }
 
+    /// Whether a heartbeat was sent after the last one: what comes late or twice must not show an
+    /// older mode. After a while without any, every one counts: the autopilot may have been reset.
+    fn is_newer(&mut self, now: f64, sequence: u8) -> bool {
+        let ahead = sequence.wrapping_sub(self.beat_sequence);
+        let newer = (1..128).contains(&ahead) || self.without_heartbeat(now) > REORDERED_S;
+        if newer {
+            self.beat_sequence = sequence;
+        }
+        newer
+    }
+
     fn meet(&mut self, config: &MavlinkConfig, system: u8, component: u8, beat: &HEARTBEAT_DATA) {
         // Ground stations, gimbals and cameras have heartbeats, too.
         if beat.mavtype == MavType::MAV_TYPE_GCS
@@ -168,6 +189,12 @@ impl Telemetry {
     pub(super) fn armed(&self) -> bool {
         let armed = MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED;
         self.heartbeat.as_ref().is_some_and(|beat| beat.value.base_mode.contains(armed))
+    }
+
+    /// Whether its last heartbeat reports that a failsafe acts.
+    pub(super) fn failsafe(&self) -> bool {
+        let critical = MavState::MAV_STATE_CRITICAL;
+        self.heartbeat.as_ref().is_some_and(|beat| beat.value.system_status == critical)
     }
 
     /// Seconds since its last heartbeat.
@@ -205,12 +232,21 @@ impl Telemetry {
 
     /// What it complained of since `since`, the newest first.
     pub(super) fn complaints(&self, since: f64) -> impl Iterator<Item = &str> {
+        self.timed_complaints(since).map(|(_, words)| words)
+    }
+
+    /// What it complained of last since `since`, with its time.
+    pub(super) fn complained(&self, since: f64) -> Option<(f64, &str)> {
+        self.timed_complaints(since).next()
+    }
+
+    fn timed_complaints(&self, since: f64) -> impl Iterator<Item = (f64, &str)> {
         self.texts.iter().rev().filter_map(move |text| {
             let (severity, words) = &text.value;
             let bad = *severity as u32 <= MavSeverity::MAV_SEVERITY_WARNING as u32
                 || words.starts_with("PreArm:")
                 || words.starts_with("Arm:");
-            (bad && !is_good_news(words) && text.at >= since).then_some(words.as_str())
+            (bad && !is_good_news(words) && text.at >= since).then_some((text.at, words.as_str()))
         })
     }
 }
