@@ -119,6 +119,23 @@ fn rows() -> Vec<Row> {
         );
     }
     for (what, happenings) in [
+        (
+            "HOLD at the moment in which a silence begins and OFFBOARD is ordered",
+            vec![(10.4, HOLD), (10.4, What::Silent(157))],
+        ),
+        (
+            "its pilot returns it, and a failsafe stops that",
+            vec![(50.0, What::Takes(4)), (60.0, What::Failsafe(2))],
+        ),
+        (
+            "a failsafe holds it in the climb, and in a silence its pilot flies it and holds it",
+            vec![
+                (5.3, What::Failsafe(2)),
+                (46.1, What::Silent(240)),
+                (46.1, What::Takes(2)),
+                (60.1, What::GivesBack),
+            ],
+        ),
         ("HOLD before a heartbeat has shown OFFBOARD", vec![(10.4, HOLD)]),
         ("HOLD before a heartbeat has shown the climb", vec![(5.3, HOLD)]),
         ("HOLD in the climb", vec![(7.5, HOLD)]),

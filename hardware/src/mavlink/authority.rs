@@ -61,6 +61,9 @@ pub(super) struct Seen<'a> {
 /// pilot that could have been read.
 const FRESH_S: f64 = 0.5;
 
+/// Heartbeats come at least this often on a link that works, in seconds.
+const HEARD_S: f64 = 1.5;
+
 /// A vehicle that was ordered to climb, has accepted that and holds without rising is held by its
 /// pilot after so many heartbeats more.
 const HELD: u32 = 2;
@@ -154,9 +157,11 @@ impl Authority {
 
     /// It is to come down. What is not heard is ordered to when its heartbeat shows that nobody
     /// else has it.
-    pub(super) fn bring_down(&mut self) {
+    pub(super) fn bring_down(&mut self, now: f64) {
         self.leaves = true;
-        if matches!(self.hands, Hands::GivenBack | Hands::Stopped) {
+        // In a silence its pilot may have it: the next heartbeat tells.
+        let stopped = self.hands == Hands::Stopped && now - self.read_at <= HEARD_S;
+        if stopped || self.hands == Hands::GivenBack {
             self.hands = Hands::Ours;
             self.pending.clear();
             self.why.clear();
@@ -228,7 +233,9 @@ impl Authority {
             Hands::Unheard if rests => self.rest(),
             // A climb that ended in a silence has ended as it would have without.
             Hands::Unheard
-                if !changed || self.is_pending(seen.mode) || self.has_climbed(before, seen) =>
+                if (!changed && !self.may_be_held(seen.mode))
+                    || self.is_pending(seen.mode)
+                    || self.has_climbed(before, seen) =>
             {
                 self.follow(seen.mode);
                 let hands = if self.leaves { Hands::Ours } else { Hands::GivenBack };
@@ -250,6 +257,7 @@ impl Authority {
             {
                 (self.hands, self.why) = (Hands::GivenBack, "it was given back".into());
             }
+            Hands::Unheard => self.lose(seen, explained),
             _ if changed => self.lose(seen, explained),
             // The failsafe acts no more, and its pilot has chosen to stay in this mode.
             Hands::Stopped if !seen.failsafe => self.lose(seen, None),
@@ -295,6 +303,12 @@ impl Authority {
                 false => self.ground("its motors were stopped, which we did not order"),
             }
         }
+    }
+
+    /// Whether PX4's pilot may have held it in a silence in which another mode was on its way.
+    fn may_be_held(&self, mode: FlightMode) -> bool {
+        let px4 = mode.autopilot == Autopilot::Px4;
+        px4 && mode == mode.autopilot.hold() && !self.pending.is_empty()
     }
 
     /// Whether its mode is the one in which PX4 ends a climb, at the height of that.
@@ -434,7 +448,7 @@ mod tests {
                     4 => { authority.falls_silent(); }
                     5 => authority.clear_to_take_off(),
                     6 => {
-                        authority.bring_down();
+                        authority.bring_down(now);
                         if matches!(before, Hands::Pilot | Hands::Autopilot | Hands::Station) {
                             prop_assert_eq!(authority.hands(), before);
                         }

@@ -312,7 +312,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             here.filter(|_| px4).map(|pose| Goal::new(pose.position, Nose::Holds(pose.heading)));
         (self.order, self.turning, self.strayed) = (None, None, None);
         (self.leaving, self.settles) = (true, false);
-        self.authority.bring_down();
+        self.authority.bring_down(now);
         self.enter(phase);
     }
 
