@@ -53,7 +53,7 @@ pub use emulate::{
     AutopilotConfig, AutopilotFaults, CableFaults, Cabled, EmulatedArDrone, EmulatedAutopilot,
     EmulatedDongle, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken,
     EmulatedKrakenConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig, EmulatedStepper,
-    EmulatedStepperConfig, EmulatedSwitch, EmulatedXbee, EmulatedXbeeConfig, Emulator,
+    EmulatedStepperConfig, EmulatedSwitch, EmulatedXbee, EmulatedXbeeConfig, Emulator, GpsStep,
     InterfererConfig, PilotOrder, PlayedPulse, Port, xbee_address,
 };
 pub use error::{ReliefError, SimError};

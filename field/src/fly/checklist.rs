@@ -1,10 +1,11 @@
+use foxhunt_formation::AirspaceError;
 use foxhunt_hardware::{Finding, Watch};
 use serde::Serialize;
 
-use super::{DroneConfig, FlightConfig, VehicleDevice};
+use super::{DroneConfig, FlightConfig, FlyError, VehicleDevice};
 
 /// Something that has to hold before a flight, and who watches it during the flight.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Check {
     /// Of which drone; absent where it is of all.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -29,7 +30,7 @@ pub enum CheckState {
 }
 
 /// What was found of a drone's device.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Examined {
     /// The drone's name.
     pub drone: String,
@@ -57,9 +58,59 @@ impl FlightConfig {
                 Check { drone: Some(drone.clone()), state, finding }
             }));
         }
+        checks.extend(self.ways_home(examined.unwrap_or_default()));
         // What holds for all comes before what is of one drone.
         checks.sort_by_key(|check| check.finding.watch);
         checks
+    }
+
+    /// Narrows the airspace to what the autopilots' own fences permit, as they were read: goals
+    /// beyond them would be refused. What is left is planned in.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError::Drone`] names the drone whose fence leaves nothing.
+    pub fn stay_inside(&mut self, examined: &[Examined]) -> Result<(), FlyError> {
+        for Examined { drone, findings, .. } in examined {
+            let wrong = |error: AirspaceError| {
+                let reason = format!("its autopilot's own fence and hunt.airspace: {error}");
+                FlyError::Drone { drone: drone.clone(), reason }
+            };
+            for fence in findings.iter().filter_map(|finding| finding.own_fence) {
+                let airspace = &mut self.hunt.airspace;
+                if let (Some(centre_m), Some(radius_m)) = (fence.centre_m, fence.radius_m) {
+                    *airspace = airspace.within_disc(centre_m, radius_m).map_err(wrong)?;
+                }
+                // Heights over terrain count from another zero.
+                if self.terrain.is_none() && (fence.min_up_m.is_some() || fence.max_up_m.is_some())
+                {
+                    let lowest = fence.min_up_m.unwrap_or(0.0);
+                    let highest = fence.max_up_m.unwrap_or(HIGHEST_M);
+                    *airspace = airspace.within_band(lowest, highest).map_err(wrong)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether drones come home at heights that keep them apart: autopilots return by themselves
+    /// when their links or batteries fail, and may do so at the same time.
+    fn ways_home(&self, examined: &[Examined]) -> Option<Check> {
+        let height = |of: &Examined| Some((of.drone.clone(), home_up_m(of)?));
+        let mut heights: Vec<(String, f64)> = examined.iter().filter_map(height).collect();
+        heights.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let apart_m = self.hunt.separation_m.max(HOME_APART_M);
+        let near = heights.windows(2).find_map(|pair| {
+            let [(one, low), (other, high)] = pair else { return None };
+            let text = format!("{one} and {other} come home {low:.0} and {high:.0} m up");
+            (high - low < apart_m).then_some(text)
+        })?;
+        let remedy = format!(
+            "set their return heights (RTL_ALT, RTL_RETURN_ALT) at least {apart_m:.0} m apart: \
+             failsafes may bring them home at the same time"
+        );
+        let finding = Finding::bad("ways home", near, &remedy).watched(Watch::Autopilot);
+        Some(Check { drone: None, state: CheckState::Bad, finding })
     }
 
     fn rules(&self) -> Vec<Check> {
@@ -142,6 +193,18 @@ impl DroneConfig {
     }
 }
 
+/// Least difference of the heights at which two drones come home, in metres: the autopilots' own
+/// heights are some 2 m off.
+const HOME_APART_M: f64 = 5.0;
+
+/// No drone flies higher, in metres: the border of a fence that has none above.
+const HIGHEST_M: f64 = 10_000.0;
+
+/// How high a drone comes home, where that was read.
+fn home_up_m(examined: &Examined) -> Option<f64> {
+    examined.findings.iter().find_map(|finding| finding.home_up_m)
+}
+
 /// Something that foxhunt sees to.
 fn good(subject: &str, text: &str) -> Check {
     Check { drone: None, state: CheckState::Good, finding: Finding::good(subject, text) }
@@ -155,6 +218,8 @@ fn open(subject: &str, text: &str) -> Check {
 
 #[cfg(test)]
 mod tests {
+    use foxhunt_hardware::OwnFence;
+
     use super::{super::config::tests::MEADOW, *};
 
     fn of<'c>(checks: &'c [Check], subject: &str) -> &'c Check {
@@ -183,6 +248,45 @@ mod tests {
         assert_eq!((borders.finding.watch, borders.state), (Watch::Foxhunt, CheckState::Good));
         assert!(of(&checks, "endurance").finding.text.contains("480 s"));
         assert!(of(&checks, "heights").finding.text.starts_with("3 to 20 m"));
+    }
+
+    #[test]
+    fn own_fences_narrow_the_airspace_and_ways_home_are_compared() {
+        let mut flight = FlightConfig::parse(MEADOW, "meadow.toml").expect("in order");
+        let of = |drone: &str, home_up_m, radius_m| {
+            let own_fence = OwnFence {
+                centre_m: Some([0.0, 0.0]),
+                radius_m: Some(radius_m),
+                max_up_m: Some(20.0),
+                min_up_m: Some(1.0),
+                has_polygons: false,
+            };
+            let fence = Finding { own_fence: Some(own_fence), ..Finding::good("fence", "on") };
+            let home = Finding { home_up_m: Some(home_up_m), ..Finding::good("way home", "up") };
+            let findings = vec![fence, home];
+            Examined { drone: drone.to_owned(), device: "vehicle", findings }
+        };
+        let near = [of("alpha", 15.0, 30.0), of("beta", 18.0, 12.0)];
+        flight.stay_inside(&near).expect("there is room");
+        let airspace = &flight.hunt.airspace;
+        assert_eq!(airspace.altitude_m, Some([1.0, 20.0]));
+        let far = |corner: &[f64; 2]| corner[0].hypot(corner[1]);
+        assert!(airspace.fence_m.len() > 30);
+        assert!(airspace.fence_m.iter().all(|corner| (far(corner) - 12.0).abs() < 0.1));
+        let checks = flight.checklist(&flight.drones, Some(&near));
+        let ways = checks.iter().find(|check| check.finding.subject == "ways home");
+        let text = "alpha and beta come home 15 and 18 m up";
+        assert_eq!(ways.map(|check| check.finding.text.as_str()), Some(text));
+        let apart = [of("alpha", 15.0, 30.0), of("beta", 21.0, 30.0)];
+        let checks = flight.checklist(&flight.drones, Some(&apart));
+        assert!(checks.iter().all(|check| check.finding.subject != "ways home"));
+        // A fence elsewhere leaves nothing.
+        let mut away = of("beta", 18.0, 5.0);
+        away.findings[0].own_fence = Some(OwnFence {
+            centre_m: Some([90.0, 0.0]),
+            ..away.findings[0].own_fence.expect("one")
+        });
+        assert!(flight.stay_inside(&[away]).is_err());
     }
 
     #[test]

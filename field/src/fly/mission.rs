@@ -27,6 +27,8 @@ pub struct Mission<A, S> {
     ready: bool,
     /// When an aircraft took part last.
     attended: f64,
+    /// How many of those that leave are not down yet.
+    leaving: usize,
     /// Why the flight ended before its time.
     failure: Option<String>,
     events: VecDeque<Event>,
@@ -69,6 +71,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             waits: false,
             ready: false,
             attended: time,
+            leaving: 0,
             failure: None,
             events: VecDeque::new(),
         };
@@ -266,9 +269,20 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
 
     /// Orders all that are in our hands down, until they are: those in the air, and those that are
     /// about to leave the ground. One whose link fails is ordered all the same.
+    ///
+    /// They return one after the other: each climbs to the height of its autopilot and flies home
+    /// over those that hold their places until it is down. One whose battery is low, or whose link
+    /// fails, does not wait.
     fn leave(&mut self, time: f64) {
         let mut waited_for = Vec::new();
+        let mut comes_home = false;
         for (index, drone) in self.drones.iter_mut().enumerate() {
+            if self.ending == Ending::Return && drone.can_wait() {
+                if std::mem::replace(&mut comes_home, true) {
+                    waited_for.push(drone.name.as_str());
+                    continue;
+                }
+            }
             let down = drone.is_down();
             let ours = drone.is_ours();
             if self.ending == Ending::Hold && !ours {
@@ -284,6 +298,11 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
                 waited_for.push(drone.name.as_str());
             }
         }
+        if waited_for.len() < self.leaving {
+            // Each has the time of one.
+            self.since = time;
+        }
+        self.leaving = waited_for.len();
         if waited_for.is_empty() {
             self.enter(time, FlightStage::Over, "nobody is left to be brought down".into());
         } else if time - self.since >= self.rules.leaving_timeout_s {

@@ -81,7 +81,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             Phase::Returning => &[home, land, landed],
         };
         let expected = expected.contains(&mode);
-        if self.telemetry.without_heartbeat(now) > self.config.link_timeout_s {
+        if self.telemetry.silence(now) > self.config.link_timeout_s {
             // The order to come down stands, for when its link is back.
             if lands {
                 return;
@@ -89,7 +89,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             self.lose("the link was lost".into(), false);
         } else if !expected {
             let mut why = format!("its mode became {mode}, which we did not order");
-            if let Some(text) = self.telemetry.complaints(now - COMPLAINT_S).next() {
+            if let Some(text) = self.telemetry.texts.complaints(now - COMPLAINT_S).next() {
                 why = format!("{why} ({text})");
             }
             self.lose(why, true);
@@ -116,7 +116,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Records why something was given up, for the error.
     pub(super) fn explain(&mut self, now: f64, what: &str, why: &str) {
-        let complaint = self.telemetry.complaints(now - COMPLAINT_S).next();
+        let complaint = self.telemetry.texts.reason(now - COMPLAINT_S);
         self.failure = match complaint {
             Some(text) => format!("{what} was given up: {why} ({text})"),
             None => format!("{what} was given up: {why}"),
@@ -125,7 +125,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Sends what is due.
     pub(super) fn advance(&mut self, now: f64) -> Result<(), MavlinkError> {
-        let Some((system, component, autopilot)) = self.telemetry.who else { return Ok(()) };
+        let Some((.., autopilot)) = self.telemetry.who else { return Ok(()) };
         let origin = self.telemetry.position.as_ref().filter(|_| self.frame.is_none());
         let origin = origin.map(|message| (message.value.lat, message.value.lon));
         if let (Some((lat, lon)), Ok(())) =
@@ -136,6 +136,9 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         let streams = self.streams.get_or_insert_with(|| Streams::new(&self.config, autopilot));
         for order in streams.due(now) {
             self.command(now, order.command)?;
+        }
+        if self.phase == Phase::Idle {
+            self.learn_fence(now)?;
         }
         if self.telemetry.version.is_none() && now - self.version_requested > 5.0 {
             self.version_requested = now;
@@ -160,13 +163,13 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             Phase::Taken { .. } => Ok(()),
             Phase::TakingOff { up, stage, .. } => self.take_off_further(now, autopilot, up, stage),
             Phase::TakingOver => {
-                self.send_goal(now, (system, component))?;
+                self.send_goal(now)?;
                 self.request_mode(now, autopilot.commanded(), Phase::Flying)
             }
             Phase::Flying => {
                 self.keep_inside(now);
                 self.turn_further(now)?;
-                self.send_goal(now, (system, component))?;
+                self.send_goal(now)?;
                 self.cruise_further(now)
             }
             Phase::Landing => self.come_down_further(now, autopilot.land()),
@@ -248,9 +251,17 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         Ok(())
     }
 
-    /// Sends it back once when it has left the limits.
+    /// Sends it back once when it has left the limits. One that sinks below them is not flying to any
+    /// goal of ours: it is sent none, and climbs by its own way home, or lands.
     fn keep_inside(&mut self, now: f64) {
         let Ok(pose) = self.fresh_pose(now) else { return };
+        let sinks_mps = pose.velocity.map_or(0.0, |velocity| -velocity.z);
+        if let Some(why) = self.config.limits.sinks(pose.position.z, sinks_mps) {
+            return self.leave_without_goals(why);
+        }
+        if self.telemetry.doubt.why(now).is_some() {
+            return;
+        }
         let launch = self.launch_place();
         let strayed = self.config.limits.strayed(&pose.position, launch.as_ref());
         if let (None, Some((place, _))) = (&self.strayed, &strayed) {
@@ -268,10 +279,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
         // PX4 leaves OFFBOARD for the pilot's modes without set-points: it stays in place until it
         // has taken the order.
-        if let (Some((system, component, _)), true) =
-            (self.telemetry.who, self.telemetry.mode() == Some(mode.autopilot.commanded()))
-        {
-            self.send_goal(now, (system, component))?;
+        if self.telemetry.mode() == Some(mode.autopilot.commanded()) {
+            self.send_goal(now)?;
         }
         self.order.get_or_insert_with(|| mode_order(mode));
         if let Some(why) = self.give(now)? {

@@ -3,6 +3,7 @@
 mod camera;
 mod config;
 mod cruise;
+mod doubt;
 mod error;
 mod examine;
 mod failsafes;
@@ -13,6 +14,7 @@ mod hindrance;
 mod limits;
 mod link;
 mod orders;
+mod own_fence;
 mod parameter;
 mod phase;
 mod quality;
@@ -22,6 +24,7 @@ mod setpoint;
 mod streams;
 mod take_off;
 mod telemetry;
+mod texts;
 mod timed;
 mod vehicle;
 
