@@ -3,8 +3,11 @@
 
 use foxhunt::{
     config::SourceConfig,
-    fly::{BoxedAircraft, DroneFaults, EmulatedField, EmulatedFieldConfig, FlightRules, Mission},
-    hardware::Shared,
+    fly::{
+        BoxedAircraft, DroneFaults, EmulatedField, EmulatedFieldConfig, Examined, FlightRules,
+        Mission,
+    },
+    hardware::{Finding, OwnFence, Shared},
     hunt::{BoxedSource, Event, FlightStage},
     registry::Registry,
     scenario::Scenario,
@@ -20,7 +23,8 @@ struct Hunted {
     found: usize,
     /// Modes of the first drone while hunting.
     modes: Vec<String>,
-    /// The worst difference of a drone's height from 4 m in the second half of its hunt, in metres.
+    /// The worst difference of a drone's height from its goal's, five seconds after that was set, in
+    /// metres.
     worst_up_m: f64,
     /// The nearest two drones in the air, in space, hunting and coming home, in metres.
     nearest_m: [f64; 2],
@@ -66,30 +70,29 @@ fn hunt(drones: &str, autopilot: Autopilot, vehicle: &AutopilotFaults) -> Hunted
         nearest_m: [f64::INFINITY; 2],
         seconds: 0.0,
     };
-    let mut begun = None;
-    let mut leaving = 0.0;
+    // When goals were set last, and their heights.
+    let mut sent = (0.0, Vec::new());
     while !mission.is_over() && world.time() < 1800.0 {
         world.advance(scenario.simulation.tick_s).expect("time passes");
         field.serve(|device, error| panic!("{device}: {error}"));
         mission.step(world.time());
         while let Some(event) = mission.poll_event() {
-            if let Event::Aircraft { drone: 0, mode, .. } = event
-                && hunted.modes.last() != Some(&mode)
-            {
-                hunted.modes.push(mode);
+            match event {
+                Event::Aircraft { drone: 0, mode, .. } if hunted.modes.last() != Some(&mode) => {
+                    hunted.modes.push(mode);
+                }
+                Event::GoalsSet { time, goals } => {
+                    sent = (time, goals.iter().map(|goal| goal.z).collect());
+                }
+                _ => {}
             }
         }
         let places: Vec<_> =
             (0..count).map(|drone| world.pose(drone).expect("a drone").position).collect();
         let leaves = mission.stage() == FlightStage::Leaving;
-        if mission.stage() == FlightStage::Hunting {
-            let begun = *begun.get_or_insert(world.time());
-            if world.time() - begun > 10.0 {
-                let off = places.iter().map(|at| (at.z - 4.0).abs());
-                hunted.worst_up_m = off.fold(hunted.worst_up_m, f64::max);
-            }
-        } else if leaves && leaving < 1.0 {
-            leaving = world.time();
+        if mission.stage() == FlightStage::Hunting && world.time() - sent.0 > 5.0 {
+            let off = places.iter().zip(&sent.1).map(|(at, up)| (at.z - up).abs());
+            hunted.worst_up_m = off.fold(hunted.worst_up_m, f64::max);
         }
         if leaves || mission.stage() == FlightStage::Hunting {
             let nearest = &mut hunted.nearest_m[usize::from(leaves)];
@@ -141,6 +144,46 @@ fn check(drones: &str, autopilot: Autopilot, gap_s: f64, reference_m: f64, drift
         assert!(hunted.worst_up_m < 0.3, "{drones}, {autopilot}: {hunted:?}");
     }
     assert!(hunted.nearest_m.iter().all(|nearest| *nearest > 2.0), "{drones}: {hunted:?}");
+}
+
+#[test]
+fn own_fences_narrow_the_airspace_and_ways_home_are_compared() {
+    let scenario = scenario("three");
+    let world = World::new(&scenario.world, 1).expect("a world");
+    let (field, _) = EmulatedField::in_memory(&scenario, &world, &EmulatedFieldConfig::default())
+        .expect("a field");
+    let mut flight = field.flight().clone();
+    let of = |drone: &str, home_up_m, radius_m, east_m| {
+        let own_fence = OwnFence {
+            centre_m: Some([east_m, 0.0]),
+            radius_m: Some(radius_m),
+            max_up_m: Some(20.0),
+            min_up_m: Some(1.0),
+            has_polygons: false,
+        };
+        let fence = Finding { own_fence: Some(own_fence), ..Finding::good("fence", "on") };
+        let home = Finding { home_up_m: Some(home_up_m), ..Finding::good("way home", "up") };
+        Examined { drone: drone.to_owned(), device: "vehicle", findings: vec![fence, home] }
+    };
+    flight.hunt.airspace.fence_m.clear();
+    flight.hunt.airspace.altitude_m = None;
+    let near = [of("alpha", 15.0, 30.0, 0.0), of("beta", 18.0, 12.0, 0.0)];
+    flight.stay_inside(&near).expect("there is room");
+    let airspace = &flight.hunt.airspace;
+    assert_eq!(airspace.altitude_m, Some([1.0, 20.0]));
+    let far = |corner: &[f64; 2]| corner[0].hypot(corner[1]);
+    assert!(airspace.fence_m.len() > 30);
+    assert!(airspace.fence_m.iter().all(|corner| (far(corner) - 12.0).abs() < 0.1));
+    let ways = |examined: &[Examined]| {
+        let checks = flight.checklist(&flight.drones, Some(examined));
+        let ways = checks.into_iter().find(|check| check.finding.subject == "ways home");
+        ways.map(|check| check.finding.text)
+    };
+    assert_eq!(ways(&near).as_deref(), Some("alpha and beta come home 15 and 18 m up"));
+    assert_eq!(ways(&[of("alpha", 15.0, 30.0, 0.0), of("beta", 21.0, 30.0, 0.0)]), None);
+    // A fence elsewhere leaves nothing.
+    let error = flight.clone().stay_inside(&[of("beta", 18.0, 5.0, 90.0)]).expect_err("nothing");
+    assert!(error.to_string().contains("beta"), "{error}");
 }
 
 #[test]

@@ -218,8 +218,6 @@ fn open(subject: &str, text: &str) -> Check {
 
 #[cfg(test)]
 mod tests {
-    use foxhunt_hardware::OwnFence;
-
     use super::{super::config::tests::MEADOW, *};
 
     fn of<'c>(checks: &'c [Check], subject: &str) -> &'c Check {
@@ -248,45 +246,6 @@ mod tests {
         assert_eq!((borders.finding.watch, borders.state), (Watch::Foxhunt, CheckState::Good));
         assert!(of(&checks, "endurance").finding.text.contains("480 s"));
         assert!(of(&checks, "heights").finding.text.starts_with("3 to 20 m"));
-    }
-
-    #[test]
-    fn own_fences_narrow_the_airspace_and_ways_home_are_compared() {
-        let mut flight = FlightConfig::parse(MEADOW, "meadow.toml").expect("in order");
-        let of = |drone: &str, home_up_m, radius_m| {
-            let own_fence = OwnFence {
-                centre_m: Some([0.0, 0.0]),
-                radius_m: Some(radius_m),
-                max_up_m: Some(20.0),
-                min_up_m: Some(1.0),
-                has_polygons: false,
-            };
-            let fence = Finding { own_fence: Some(own_fence), ..Finding::good("fence", "on") };
-            let home = Finding { home_up_m: Some(home_up_m), ..Finding::good("way home", "up") };
-            let findings = vec![fence, home];
-            Examined { drone: drone.to_owned(), device: "vehicle", findings }
-        };
-        let near = [of("alpha", 15.0, 30.0), of("beta", 18.0, 12.0)];
-        flight.stay_inside(&near).expect("there is room");
-        let airspace = &flight.hunt.airspace;
-        assert_eq!(airspace.altitude_m, Some([1.0, 20.0]));
-        let far = |corner: &[f64; 2]| corner[0].hypot(corner[1]);
-        assert!(airspace.fence_m.len() > 30);
-        assert!(airspace.fence_m.iter().all(|corner| (far(corner) - 12.0).abs() < 0.1));
-        let checks = flight.checklist(&flight.drones, Some(&near));
-        let ways = checks.iter().find(|check| check.finding.subject == "ways home");
-        let text = "alpha and beta come home 15 and 18 m up";
-        assert_eq!(ways.map(|check| check.finding.text.as_str()), Some(text));
-        let apart = [of("alpha", 15.0, 30.0), of("beta", 21.0, 30.0)];
-        let checks = flight.checklist(&flight.drones, Some(&apart));
-        assert!(checks.iter().all(|check| check.finding.subject != "ways home"));
-        // A fence elsewhere leaves nothing.
-        let mut away = of("beta", 18.0, 5.0);
-        away.findings[0].own_fence = Some(OwnFence {
-            centre_m: Some([90.0, 0.0]),
-            ..away.findings[0].own_fence.expect("one")
-        });
-        assert!(flight.stay_inside(&[away]).is_err());
     }
 
     #[test]
