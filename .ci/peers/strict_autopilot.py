@@ -77,6 +77,8 @@ class Autopilot:
         self.minor, self.reference, self.drift = minor, reference, drift
         self.parameters, self.texts = PARAMETERS[kind] | parameters, 0
         self.own_goal = self.wanted_up = None
+        # While its link is down, in both directions.
+        self.deaf = False
         # The worst that a goal was missed by in height, three seconds after the last one came.
         self.worst_up, self.goal_since = 0.0, math.inf
         self.kind, self.system, self.modes = kind, system, MODES[kind]
@@ -132,7 +134,8 @@ class Autopilot:
         if not self.is_in("GUIDED"):
             self.own_goal = self.goal
         while (message := self.link.recv_msg()) is not None:
-            self.take(message)
+            if not self.deaf:
+                self.take(message)
         try:
             while self.copy.recv(4096):
                 self.disturbed += 1
@@ -424,7 +427,7 @@ class Autopilot:
             self.send(m.MAVLink_statustext_message(m.MAV_SEVERITY_CRITICAL, chunk.encode(), number, sequence))
 
     def send(self, message):
-        if message is None:
+        if message is None or self.deaf:
             return
         self.link.mav.send(message)
         try:
