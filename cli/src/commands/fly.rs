@@ -364,8 +364,8 @@ fn last_received(events: &[Event], beacon: BeaconId) -> Option<f64> {
 }
 
 /// Examines the devices of drones before anybody flies, prints the checklist, and returns what was
-/// found. Whether it
-/// matters what is wrong is the pilot's decision: a beacon may be too far to be received from here.
+/// found. Whether it matters what is wrong is the pilot's decision: a beacon may be too far to be
+/// received from here.
 pub(super) fn examine_devices(
     config: &FlightConfig,
     drones: &[DroneConfig],
