@@ -197,9 +197,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
     let place = format!("{}: estimator", field.name);
     let estimator = choice::estimator(registry, &config.estimator, &place)?;
-    let hunt = config.parts(registry, estimator, args.seed).build().map_err(CliError::input)?;
+    let planned = config.parts(registry, estimator, args.seed).build().map_err(CliError::input)?;
     if args.dry_run {
-        return flight_plan::print(&config, hunt, output);
+        return flight_plan::print(&config, planned, output);
     }
     if let Some(file) = &args.mission_to {
         return mission_files::write(&config, registry, file, args.hold_s, output);
@@ -222,6 +222,11 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let epoch_s = field.epoch_s.unwrap_or(0.0);
     #[expect(clippy::cast_possible_truncation, reason = "a whole number of seconds")]
     let epoch = field.epoch_s.map(|epoch_s| epoch_s as i64);
+    if field.emulated.is_none() {
+        let examined = examine_devices(&config, &config.drones, &clock, epoch_s, output);
+        config.stay_inside(&examined).map_err(CliError::input)?;
+    }
+    let hunt = config.parts(registry, estimator, args.seed).build().map_err(CliError::input)?;
     let mut header = config.log_header(estimator, args.seed, epoch);
     args.exports.check_known(header.origin.is_some(), epoch.is_some())?;
     if let Some(emulated) = &field.emulated {
@@ -247,9 +252,6 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         (keep_turn.borrow_mut())(drone, sweep);
     };
     let tap: Tap = Rc::new(RefCell::new(keep));
-    if field.emulated.is_none() {
-        examine_devices(&config, &config.drones, &clock, epoch_s, output);
-    }
     let goal = config.goal(registry).map_err(CliError::input)?;
     let drones = config.open(field.ports.as_mut(), &clock, epoch_s, goal.as_ref(), Some(&tap));
     let drones = drones.map_err(open_error)?;
@@ -362,15 +364,16 @@ fn last_received(events: &[Event], beacon: BeaconId) -> Option<f64> {
     })
 }
 
-/// Examines the devices of drones before anybody flies, and prints the checklist. Whether it
-/// matters what is wrong is the pilot's decision: a beacon may be too far to be received from here.
+/// Examines the devices of drones before anybody flies, prints the checklist, and returns what was
+/// found. Whether it matters what is wrong is the pilot's decision: a beacon may be too far to be
+/// received from here.
 pub(super) fn examine_devices(
     config: &FlightConfig,
     drones: &[DroneConfig],
     clock: &(impl Clock + Clone + 'static),
     epoch_s: f64,
     output: Output,
-) {
+) -> Vec<Examined> {
     let mut pause = || thread::sleep(Duration::from_millis(1));
     let mut examined = Vec::new();
     for drone in drones {
@@ -386,6 +389,7 @@ pub(super) fn examine_devices(
         // Whatever becomes of standard output, the flight goes on.
         let _ = event("checklist", &checks);
     }
+    examined
 }
 
 pub(super) fn open_error(error: FlyError) -> CliError {

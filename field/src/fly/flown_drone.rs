@@ -46,6 +46,15 @@ pub(crate) enum Departure {
     Left(String),
 }
 
+/// Modes of those that come down.
+const HOMEWARD: [&str; 3] = ["RTL", "RETURN", "LAND"];
+
+/// A link that has brought nothing for longer does not carry an order that is given once, in seconds.
+const ALIVE_S: f64 = 1.0;
+
+/// A drone with less than this share of its battery waits for nobody.
+const LOW_BATTERY: f64 = 0.25;
+
 /// How often an order that was not followed is repeated, in seconds.
 const ORDER_AGAIN_S: f64 = 2.0;
 
@@ -138,6 +147,17 @@ impl<A, S> FlownDrone<A, S> {
         self.leave_accepted = false;
     }
 
+    /// Whether one that leaves may hold its place while another one comes home, or is coming home
+    /// itself: it is in the air and in our hands, or on its way home by our order.
+    pub(crate) fn can_wait(&self) -> bool {
+        self.state.as_ref().is_some_and(|state| {
+            let charged = state.battery.is_none_or(|left| left > LOW_BATTERY);
+            let comes = HOMEWARD.contains(&state.mode.as_str());
+            let ours = state.commanded || (self.leave_accepted && comes);
+            state.airborne && ours && charged && state.silent_s <= SILENT_S
+        })
+    }
+
     /// Why it is not up.
     pub(crate) fn hindrance(&self) -> &str {
         self.state.as_ref().map_or("its link has failed", |state| state.hindrance.as_str())
@@ -164,8 +184,11 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
         if state.offered && self.may_take_over {
             return None;
         }
-        let how =
-            if state.offered { "; allow a take-over only if nobody else flies it" } else { "" };
+        let how = match (state.offered, self.may_take_over) {
+            (true, _) => "; allow a take-over only if nobody else flies it",
+            (false, true) => "; a take-over needs GUIDED, or HOLD of PX4",
+            (false, false) => "",
+        };
         Some(format!("{} is in the air in {}, not by us{how}", self.name, state.mode))
     }
 
@@ -252,7 +275,8 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
     /// is back and nobody has it. A mode that the pilot has chosen is never changed.
     pub(crate) fn take_over_again(&mut self, time: f64) {
         let back = self.is_airborne() && self.hands() == Hands::GivenBack;
-        if back && self.takes_turn(time) {
+        let lives = self.state.as_ref().is_some_and(|state| state.silent_s < ALIVE_S);
+        if back && lives && self.takes_turn(time) {
             // What is in the way stands in its state, which is logged.
             let _ = self.aircraft.take_over();
         }

@@ -27,6 +27,8 @@ pub struct Mission<A, S> {
     ready: bool,
     /// When an aircraft took part last.
     attended: f64,
+    /// How many of those that leave are not down yet.
+    leaving: usize,
     /// Why the flight ended before its time.
     failure: Option<String>,
     events: VecDeque<Event>,
@@ -69,6 +71,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             waits: false,
             ready: false,
             attended: time,
+            leaving: 0,
             failure: None,
             events: VecDeque::new(),
         };
@@ -275,10 +278,20 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
 
     /// Orders all that are in our hands down, until each is down, or in the hands of somebody who
     /// is named. Until then one that is given back is brought home, too.
+    ///
+    /// They return one after the other: each climbs to the height of its autopilot and flies home
+    /// over those that hold their places until it is down. One whose battery is low, or whose link
+    /// fails, does not wait.
     fn leave(&mut self, time: f64) {
         let mut waited_for = Vec::new();
         let mut left = Vec::new();
+        let mut comes_home = false;
         for (index, drone) in self.drones.iter_mut().enumerate() {
+            let waits = self.ending == Ending::Return && drone.can_wait();
+            if waits && std::mem::replace(&mut comes_home, true) {
+                waited_for.push(drone.name.as_str());
+                continue;
+            }
             let departure = drone.departure(self.ending);
             if departure == Departure::Ordered
                 && let Err(error) = drone.order_to_leave(time, self.ending)
@@ -291,6 +304,11 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
                 Departure::Ordered | Departure::Awaited => waited_for.push(drone.name.as_str()),
             }
         }
+        if waited_for.len() < self.leaving {
+            // Each has the time of one.
+            self.since = time;
+        }
+        self.leaving = waited_for.len();
         let why = if !waited_for.is_empty() {
             if time - self.since < self.rules.leaving_timeout_s {
                 return;

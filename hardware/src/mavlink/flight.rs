@@ -41,7 +41,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     pub(super) fn watch(&mut self, now: f64) {
         let Some(beat_at) = self.telemetry.heartbeat.as_ref().map(|beat| beat.at) else { return };
         let lands = matches!(self.phase, Phase::Landing | Phase::Returning);
-        if self.telemetry.without_heartbeat(now) > self.config.link_timeout_s {
+        if self.telemetry.silence(now) > self.config.link_timeout_s {
             // That it is to come down stands; whether it is ordered, its next heartbeat decides.
             if self.authority.falls_silent() && !lands {
                 self.stop();
@@ -76,7 +76,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             climbed,
             started: self.ordered != Ordered::Nothing,
             ended: lands || (self.phase == Phase::Idle && self.order.is_some()),
-            complaint: self.telemetry.complained(now - COMPLAINT_S),
+            complaint: self.telemetry.texts.complained(now - COMPLAINT_S),
         };
         self.authority.hear(beat_at, &seen);
         match self.authority.hands() {
@@ -129,7 +129,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Records why something was given up, for the error.
     pub(super) fn explain(&mut self, now: f64, what: &str, why: &str) {
-        let complaint = self.telemetry.complaints(now - COMPLAINT_S).next();
+        let complaint = self.telemetry.texts.reason(now - COMPLAINT_S);
         self.failure = match complaint {
             Some(text) => format!("{what} was given up: {why} ({text})"),
             None => format!("{what} was given up: {why}"),
@@ -138,7 +138,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Sends what is due.
     pub(super) fn advance(&mut self, now: f64) -> Result<(), MavlinkError> {
-        let Some((system, component, autopilot)) = self.telemetry.who else { return Ok(()) };
+        let Some((.., autopilot)) = self.telemetry.who else { return Ok(()) };
         let origin = self.telemetry.position.as_ref().filter(|_| self.frame.is_none());
         let origin = origin.map(|message| (message.value.lat, message.value.lon));
         if let (Some((lat, lon)), Ok(())) =
@@ -149,6 +149,9 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         let streams = self.streams.get_or_insert_with(|| Streams::new(&self.config, autopilot));
         for order in streams.due(now) {
             self.command(now, order.command)?;
+        }
+        if self.phase == Phase::Idle {
+            self.learn_fence(now)?;
         }
         if self.telemetry.version.is_none() && now - self.version_requested > 5.0 {
             self.version_requested = now;
@@ -172,13 +175,13 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             Phase::Idle => self.disarm_further(now),
             Phase::TakingOff { up, stage, .. } => self.take_off_further(now, autopilot, up, stage),
             Phase::TakingOver => {
-                self.send_goal(now, (system, component))?;
+                self.send_goal(now)?;
                 self.request_mode(now, autopilot.commanded(), Phase::Flying)
             }
             Phase::Flying => {
                 self.keep_inside(now);
                 self.turn_further(now)?;
-                self.send_goal(now, (system, component))?;
+                self.send_goal(now)?;
                 self.cruise_further(now)
             }
             Phase::Landing => self.come_down_further(now, autopilot.land()),
@@ -265,9 +268,17 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         Ok(())
     }
 
-    /// Sends it back once when it has left the limits.
+    /// Sends it back once when it has left the limits. One that sinks below them is not flying to any
+    /// goal of ours: it is sent none, and climbs by its own way home, or lands.
     fn keep_inside(&mut self, now: f64) {
         let Ok(pose) = self.fresh_pose(now) else { return };
+        let sinks_mps = pose.velocity.map_or(0.0, |velocity| -velocity.z);
+        if let Some(why) = self.config.limits.sinks(pose.position.z, sinks_mps) {
+            return self.leave_without_goals(why);
+        }
+        if self.telemetry.doubt.why(now).is_some() {
+            return;
+        }
         let launch = self.launch_place();
         let strayed = self.config.limits.strayed(&pose.position, launch.as_ref());
         if let (None, Some((place, _))) = (&self.strayed, &strayed) {
@@ -288,10 +299,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
         // PX4 leaves OFFBOARD for the pilot's modes without set-points: it stays in place until it
         // has taken the order.
-        if let (Some((system, component, _)), true) =
-            (self.telemetry.who, self.telemetry.mode() == Some(mode.autopilot.commanded()))
-        {
-            self.send_goal(now, (system, component))?;
+        if self.telemetry.mode() == Some(mode.autopilot.commanded()) {
+            self.send_goal(now)?;
         }
         self.order.get_or_insert_with(|| mode_order(mode));
         if let Some(why) = self.give(now)? {

@@ -53,11 +53,14 @@ pub(super) struct Goal {
     pub(super) nose: Nose,
     /// Whether the autopilot has shown that it knows.
     pub(super) confirmed: bool,
-    /// When it was sent last.
+    /// When it was sent first, and last.
+    pub(super) first: f64,
     pub(super) sent: f64,
     /// How often it was sent.
     pub(super) times: u32,
-    /// Since when the autopilot, which knew it, has had another one.
+    /// The autopilot's own target before it was sent.
+    pub(super) before: Option<Vector3<f64>>,
+    /// Since when the autopilot, which knew it or could, has had another one.
     pub(super) replaced: Option<f64>,
     /// Whether it goes there.
     pub(super) drift: Drift,
@@ -78,8 +81,10 @@ impl Goal {
             place,
             nose,
             confirmed: false,
+            first: f64::NEG_INFINITY,
             sent: f64::NEG_INFINITY,
             times: 0,
+            before: None,
             replaced: None,
             drift: Drift::default(),
         }

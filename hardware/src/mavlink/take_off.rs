@@ -16,6 +16,11 @@ use super::{
 /// Set-points go to PX4 for so long before OFFBOARD is requested, in seconds.
 const BEFORE_OFFBOARD_S: f64 = 1.0;
 
+/// Its checks in the mode in which it is armed are known so long after that began, in seconds, and
+/// are waited for so long.
+const BEFORE_ARMING_S: f64 = 1.0;
+const CHECKS_S: f64 = 5.0;
+
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     pub(super) fn take_off_further(
         &mut self,
@@ -52,6 +57,21 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 match self.first_goal(now, up) {
                     Ok(()) => self.stage(now, up, Stage::Climb),
                     Err(why) => self.give_up(now, "the take-off", &why.to_string()),
+                }
+                Ok(())
+            }
+            // In the first moments of a mode PX4 reports the checks of the one before.
+            Stage::Arm
+                if autopilot == Autopilot::Px4
+                    && self.order.is_none()
+                    && !late(BEFORE_ARMING_S) =>
+            {
+                Ok(())
+            }
+            Stage::Arm if self.order.is_none() && !self.unready(now).is_empty() => {
+                if late(CHECKS_S) {
+                    let why = self.unready(now);
+                    self.give_up(now, "the take-off", &why);
                 }
                 Ok(())
             }
@@ -107,8 +127,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 Ok(())
             }
             Stage::Command => {
-                let Some((system, component, _)) = self.telemetry.who else { return Ok(()) };
-                self.send_goal(now, (system, component))?;
+                self.send_goal(now)?;
                 if !late(BEFORE_OFFBOARD_S) {
                     return Ok(());
                 }

@@ -13,6 +13,7 @@ use super::{
     cruise::Cruise,
     link::Link,
     orders::{Order, mode_of},
+    own_fence::FenceQuery,
     phase::{Goal, Nose, Ordered, Phase, Stage},
     quality, setpoint,
     streams::Streams,
@@ -72,6 +73,7 @@ pub struct MavlinkVehicle<S, C> {
     /// Why a take-off or an order was given up.
     pub(super) failure: String,
     pub(super) version_requested: f64,
+    pub(super) fence_query: FenceQuery,
 }
 
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
@@ -110,6 +112,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             camera: Camera::default(),
             failure: String::new(),
             version_requested: f64::NEG_INFINITY,
+            fence_query: FenceQuery::default(),
         })
     }
 
@@ -223,7 +226,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// What the autopilot wrote last, the newest first.
     pub fn texts(&self) -> impl Iterator<Item = &str> {
-        self.telemetry.texts.iter().rev().map(|text| text.value.1.as_str())
+        self.telemetry.texts.all()
     }
 
     /// What came over the link, and what was lost of it.
@@ -235,8 +238,9 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     /// Moves data over the link and goes on with what was begun.
     pub(super) fn serve(&mut self) -> Result<f64, MavlinkError> {
         let now = self.clock.now();
+        let flies = self.telemetry.armed() || self.phase != Phase::Idle;
         let Self { telemetry, streams, config, link, .. } = self;
-        let received = link.receive(now, |frame| {
+        let received = link.receive(now, flies, |frame| {
             let ours = telemetry.take(now, config, frame);
             if let Some(streams) = streams.as_mut().filter(|_| ours) {
                 streams.received(now, &frame.message);
@@ -248,6 +252,13 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             if let Some(streams) = &mut self.streams {
                 streams.restart();
             }
+        }
+        let reported = self.telemetry.estimator.is_some_and(|report| report.at >= now);
+        if reported
+            && self.telemetry.armed()
+            && let Err(why) = quality::estimator(&self.telemetry, now)
+        {
+            self.telemetry.doubt.condition(now, why);
         }
         // A take-over in the meantime is noticed even while the port fails.
         self.watch(now);
@@ -278,8 +289,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     fn check_link(&self, now: f64) -> Result<(), MavlinkError> {
-        let (silent_s, limit_s) =
-            (self.telemetry.without_heartbeat(now), self.config.link_timeout_s);
+        let (silent_s, limit_s) = (self.telemetry.silence(now), self.config.link_timeout_s);
         if silent_s > limit_s { Err(MavlinkError::Silent { silent_s, limit_s }) } else { Ok(()) }
     }
 
@@ -306,6 +316,15 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         Err(MavlinkError::Position { why: "its place or attitude is no number".into() })
     }
 
+    /// Where it is, unless there are signs that its place or its heading is false.
+    fn trusted_pose(&self, now: f64) -> Result<Pose, MavlinkError> {
+        let pose = self.fresh_pose(now)?;
+        match self.telemetry.doubt.why(now) {
+            Some(why) => Err(MavlinkError::Position { why: why.into() }),
+            None => Ok(pose),
+        }
+    }
+
     /// The present goal, where it is ours to set another one.
     pub(super) fn commanded_goal(&self, now: f64) -> Result<Goal, MavlinkError> {
         self.check_link(now)?;
@@ -326,13 +345,14 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 }
 
 /// Poses are errors while the link is lost, while what came is older than the configuration
-/// allows, and while the autopilot's estimator does not know its place.
+/// allows, while the autopilot's estimator does not know its place, and while there are signs that
+/// the place or the heading is false.
 impl<S: ByteStream, C: Clock> Vehicle for MavlinkVehicle<S, C> {
     type Error = MavlinkError;
 
     fn pose(&mut self) -> Result<Pose, MavlinkError> {
         let now = self.serve()?;
-        self.fresh_pose(now)
+        self.trusted_pose(now)
     }
 
     fn position_sigma(&self) -> Option<Vector3<f64>> {
@@ -347,13 +367,16 @@ impl<S: ByteStream, C: Clock> Vehicle for MavlinkVehicle<S, C> {
     fn go_to(&mut self, goal: &Waypoint) -> Result<(), MavlinkError> {
         let now = self.serve()?;
         let older = self.commanded_goal(now)?;
-        let here = self.fresh_pose(now)?.position;
+        let here = self.trusted_pose(now)?.position;
         let launch = self.launch_place();
         if launch.is_none() && self.config.limits.fence_radius_m.is_finite() {
             let why = "its launch place is unknown, from which limits.fence_radius_m counts".into();
             return Err(MavlinkError::Position { why });
         }
         self.config.limits.check_goal(&goal.position, Some(&here), launch.as_ref())?;
+        if let Some(fence) = self.fence() {
+            fence.check(&goal.position, launch.as_ref())?;
+        }
         self.goal = Some(Goal::new(goal.position, older.nose));
         self.advance(now)
     }
@@ -400,7 +423,10 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
             mode: self.telemetry.mode().map_or_else(String::new, |mode| mode.to_string()),
             armed: self.telemetry.armed(),
             airborne: self.telemetry.airborne(now),
-            commanded: self.phase == Phase::Flying && self.check_link(now).is_ok(),
+            // What it receives at a place that is in doubt is of no use.
+            commanded: self.phase == Phase::Flying
+                && self.check_link(now).is_ok()
+                && self.telemetry.doubt.why(now).is_none(),
             offered: self.is_offered(now),
             hands: self.authority.hands(),
             hindrance: self.hindrance(now),
@@ -426,6 +452,9 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
     fn take_off(&mut self, up_m: f64) -> Result<(), MavlinkError> {
         let now = self.serve()?;
         self.config.limits.check_up(up_m)?;
+        if let Some(fence) = self.fence() {
+            fence.check(&Vector3::new(0.0, 0.0, up_m), None)?;
+        }
         if self.telemetry.airborne(now) || matches!(self.phase, Phase::TakingOff { .. }) {
             return Ok(());
         }

@@ -12,7 +12,7 @@ mod xbee;
 
 pub use ardrone::EmulatedArDrone;
 pub use autopilot::{
-    AutopilotConfig, AutopilotFaults, EmulatedAutopilot, FailsafeOrder, PilotOrder,
+    AutopilotConfig, AutopilotFaults, EmulatedAutopilot, FailsafeOrder, GpsStep, PilotOrder,
 };
 pub use cable::{CableFaults, Cabled, Port};
 pub use emulator::Emulator;

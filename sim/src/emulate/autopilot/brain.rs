@@ -22,8 +22,12 @@ pub(super) struct Brain {
     pub(super) params: Params,
     /// Where it stood when it was put on the ground.
     pub(super) home: Vector3<f64>,
-    /// What it truly is at the time of the last step; Up counts from where it was put down.
+    /// What its estimator has at the time of the last step; Up counts from where it was put down.
     pub(super) pose: Pose,
+    /// Its true place.
+    place: Vector3<f64>,
+    /// Whether its estimator found then that its GPS jumps.
+    glitch: bool,
     /// How high it is above the ground below, in metres.
     pub(super) above_ground: f64,
     pub(super) now: f64,
@@ -51,6 +55,8 @@ pub(super) struct Brain {
     /// How many pictures its camera has taken, and the number of the last one ordered.
     pub(super) pictures: u32,
     pub(super) pictured: Option<f32>,
+    /// The number of the last text in chunks.
+    texts: u16,
     pub(super) outbox: Vec<MavMessage>,
 }
 
@@ -59,6 +65,9 @@ const RESTART_S: f64 = 30.0;
 
 /// How fast another station sends it, in m/s.
 const STATION_MPS: f64 = 3.0;
+
+/// Bytes of a text that one message holds.
+const CHUNK: usize = 50;
 
 /// The ground station that it belongs to (SYSID_MYGCS).
 const GROUND_SYSTEM: u32 = 255;
@@ -76,7 +85,9 @@ impl Brain {
             frame,
             on_board,
             home: pose.position,
+            place: pose.position,
             pose,
+            glitch: false,
             above_ground: 0.0,
             now,
             velocity: Vector3::zeros(),
@@ -93,6 +104,7 @@ impl Brain {
             by_others: false,
             pictures: 0,
             pictured: None,
+            texts: 0,
             outbox: Vec::new(),
             config,
         }
@@ -132,11 +144,16 @@ impl Brain {
             self.on_board.with(|drone, now| (drone.body.pose(), drone.pose().position.z, now));
         let dt = now - self.now;
         if dt > 0.0 {
-            self.velocity = (pose.position - self.pose.position) / dt;
+            self.velocity = (pose.position - self.place) / dt;
             self.turning = foxhunt_core::angle::wrap(pose.heading - self.pose.heading) / dt;
             self.used_s += if self.flight.armed { dt } else { 0.0 };
         }
+        let aside = self.config.faults.aside(now);
+        self.place = pose.position;
+        let pose = Pose { position: pose.position + aside, ..pose };
         (self.pose, self.above_ground, self.now) = (pose, above_ground, now);
+        self.set_up_flight();
+        self.tell_glitches();
         while let Some(order) = self.config.faults.pilot.get(self.piloted) {
             if order.at_s > now {
                 break;
@@ -155,7 +172,7 @@ impl Brain {
         }
         self.on_board.with(|drone, now| {
             // A goal of the world's own size is a place.
-            let _ = drone.go_to(order.goal, now);
+            let _ = drone.go_to(order.goal - aside, now);
             let _ = drone.body.spin(Some(order.turn_rate));
         });
     }
@@ -206,10 +223,53 @@ impl Brain {
 
     /// Goes into a mode, as it comes back from here.
     pub(super) fn begin(&mut self, mode: FlightMode) {
-        if mode == mode.autopilot.return_to_launch() {
-            self.flight.return_up = self.config.return_up_m;
-        }
         self.change_mode(mode);
+    }
+
+    /// What its parameters have it do.
+    fn set_up_flight(&mut self) {
+        let value = |name: &str| self.params.value(name).map(f64::from);
+        let autopilot = self.config.autopilot;
+        let up = match autopilot {
+            Autopilot::ArduPilot => value("RTL_ALT").map(|cm| cm * 0.01),
+            Autopilot::Px4 => value("RTL_RETURN_ALT"),
+        };
+        self.flight.return_up = up.unwrap_or(self.config.return_up_m);
+        if let (Some(loss_s), Some(action)) = (value("COM_OF_LOSS_T"), value("COM_OBL_RC_ACT")) {
+            let then = match action {
+                3.0 => autopilot.return_to_launch(),
+                4.0 => autopilot.land(),
+                5.0 => autopilot.hold(),
+                _ => autopilot.by_hand(),
+            };
+            self.flight.offboard_loss = (loss_s, then);
+        }
+    }
+
+    /// ArduCopter tells in words what its estimator finds.
+    fn tell_glitches(&mut self) {
+        let glitch = self.config.faults.is_glitch(self.now);
+        if std::mem::replace(&mut self.glitch, glitch) == glitch
+            || self.config.autopilot == Autopilot::Px4
+        {
+            return;
+        }
+        match glitch {
+            true => self.send(MavSeverity::MAV_SEVERITY_CRITICAL, "GPS Glitch or Compass error"),
+            false => self.send(MavSeverity::MAV_SEVERITY_CRITICAL, "Glitch cleared"),
+        }
+    }
+
+    /// Whether its own fence lets it go to a place.
+    pub(super) fn is_inside(&self, goal: &Vector3<f64>) -> bool {
+        let value = |name: &str| self.params.value(name).map_or(0.0, f64::from);
+        if value("FENCE_ENABLE") < 0.5 {
+            return true;
+        }
+        let kinds = value("FENCE_TYPE");
+        let has = |bit: f64| (kinds / bit).floor() % 2.0 > 0.5;
+        let away = (goal - self.home).xy().norm();
+        !(has(1.0) && goal.z > value("FENCE_ALT_MAX") || has(2.0) && away > value("FENCE_RADIUS"))
     }
 
     fn fail_safe(&mut self) {
@@ -223,10 +283,12 @@ impl Brain {
                 let mode = self.flight.mode;
                 // PX4's state is critical where a failsafe has changed its mode.
                 self.critical = autopilot == Autopilot::ArduPilot || mode == autopilot.commanded();
+                // PX4 goes on with a landing.
+                let lands = autopilot == Autopilot::ArduPilot && mode == autopilot.land();
                 if !self.flight.is_airborne() {
                     self.send(MavSeverity::MAV_SEVERITY_WARNING, "GCS Failsafe - Disarming");
                     self.flight.disarm();
-                } else if [autopilot.commanded(), autopilot.land()].contains(&mode) {
+                } else if mode == autopilot.commanded() || lands {
                     self.send(MavSeverity::MAV_SEVERITY_WARNING, "GCS Failsafe - RTL");
                     self.begin(autopilot.return_to_launch());
                 } else {
@@ -260,11 +322,16 @@ impl Brain {
         }
     }
 
-    /// Writes something to the ground station.
+    /// Writes something to the ground station, longer texts in chunks with a common number.
     pub(super) fn send(&mut self, severity: MavSeverity, text: &str) {
-        let text = CharArray::from(text);
-        let data = STATUSTEXT_DATA { severity, text, ..STATUSTEXT_DATA::default() };
-        self.outbox.push(MavMessage::STATUSTEXT(data));
+        let chunked = text.len() > CHUNK;
+        self.texts = self.texts.wrapping_add(u16::from(chunked)).max(1);
+        let id = if chunked { self.texts } else { 0 };
+        for (chunk_seq, chunk) in (0..).zip(text.as_bytes().chunks(CHUNK)) {
+            let text = CharArray::from(String::from_utf8_lossy(chunk).as_ref());
+            let data = STATUSTEXT_DATA { severity, text, id, chunk_seq };
+            self.outbox.push(MavMessage::STATUSTEXT(data));
+        }
     }
 
     /// Whether a message is meant for it.
@@ -348,19 +415,23 @@ impl Brain {
     }
 
     /// Why its motors may not be started.
-    pub(super) fn is_armable(&self) -> Result<(), &'static str> {
+    pub(super) fn is_armable(&self) -> Result<(), String> {
         use foxhunt_wire::mavlink::Autopilot::{ArduPilot, Px4};
         let mode = self.flight.mode;
-        match mode.autopilot {
+        let failed = &self.config.faults.preflight;
+        let why = match mode.autopilot {
             ArduPilot
                 if mode == mode.autopilot.land() || mode == mode.autopilot.return_to_launch() =>
             {
-                Err("Arm: Mode not armable")
+                "Arm: Mode not armable".into()
             }
+            ArduPilot if !failed.is_empty() => format!("PreArm: {failed}"),
+            Px4 if !failed.is_empty() => format!("Preflight Fail: {failed}"),
             // Modes that are flown by hand need no place.
-            _ if mode == mode.autopilot.at_boot() || self.is_placed() => Ok(()),
-            ArduPilot => Err("Arm: Need Position Estimate"),
-            Px4 => Err("Preflight Fail: no global position"),
-        }
+            _ if mode == mode.autopilot.at_boot() || self.is_placed() => return Ok(()),
+            ArduPilot => "Arm: Need Position Estimate".into(),
+            Px4 => "Preflight Fail: no global position".into(),
+        };
+        Err(why)
     }
 }
