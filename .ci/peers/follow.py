@@ -20,7 +20,7 @@ STEP = 0.02
 folder = pathlib.Path(tempfile.mkdtemp())
 drones = [
     Autopilot("ardupilot", 1, (0.0, 0.0), 14671, 14672),
-    Autopilot("px4", 2, (8.0, 0.0), 14681, 14682),
+    Autopilot("px4", 2, (8.0, 0.0), 14681, 14682, minor=18, reference=2.5, drift=-0.02),
 ]
 (folder / "foreign.toml").write_text(f"""
 site = {{ lat_deg = {LAT}, lon_deg = {LON} }}
@@ -73,7 +73,7 @@ finally:
 
 messages = (folder / "messages.txt").read_text()
 for drone in drones:
-    print(f"{drone.kind}: fastest {drone.fastest}, failsafes {drone.failsafes}, refused {drone.refused}")
+    print(f"{drone.kind}: fastest {drone.fastest}, off in height {drone.worst_up:.2f} m, failsafes {drone.failsafes}, refused {drone.refused}")
 assert flight.returncode == 0, messages
 result = json.loads((folder / "result.json").read_text())
 estimate = result["beacons"][0]["estimate"]
@@ -87,6 +87,7 @@ assert taken == -1.0, "the pilot never had it"
 for drone in drones:
     assert drone.flown and not drone.armed and not drone.airborne(), f"{drone.kind} is not down:\n{messages}"
     assert not drone.failsafes, f"{drone.kind}: {drone.failsafes}"
+    assert drone.worst_up < 0.3, f"{drone.kind} was {drone.worst_up:.2f} m from the height of a goal"
     assert drone.disturbed == 0, f"{drone.disturbed} datagrams came to {drone.kind}'s telemetry"
 assert len(drones[0].fastest) >= 2, "it was given back"
 assert all(0.5 < fastest < CRUISE * 1.1 for fastest in drones[0].fastest), "the ordered speed"

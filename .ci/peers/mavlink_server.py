@@ -52,7 +52,8 @@ def on_target(message, *_):
         return
     goal[0] = (fields["lat_int"] * 1e-7 - LAT) * 111_320
     goal[1] = (fields["lon_int"] * 1e-7 - LON) * 111_320 * math.cos(math.radians(LAT))
-    goal[2] = fields["alt"]
+    # MAV_FRAME_GLOBAL_INT is above sea level.
+    goal[2] = fields["alt"] - (ALT if fields["coordinate_frame"] == 5 else 0.0)
     if not int(fields["type_mask"]) & 0x400:
         goal[3] = fields["yaw"]
 

@@ -7,7 +7,12 @@ flies is a point. They share no code with our emulated ones. Differences between
 | take-off | armed in GUIDED, height above home | any armed mode, height above sea level |
 | orders | GUIDED, which needs a position | OFFBOARD, which needs set-points at 2 Hz before |
 | speed | WPNAV_SPEED again at each entry into GUIDED and at the first set-point | its own |
-| set-points stop | it stays | RTL after 1 s (COM_OF_LOSS_T) |
+| set-points stop | it stays | after COM_OF_LOSS_T the mode of COM_OBL_RC_ACT |
+| heights of set-points | above home | converted as PX4 1.12 to 1.18 does, about the zero of its estimator |
+| the estimator's flags | 0x33F | from 1.16 on CONST_POS_MODE whenever it stands still |
+| checks before arming | enabled and health of SYS_STATUS | health alone |
+| texts | up to 50 bytes | longer ones in chunks |
+| its target in OFFBOARD | POSITION_TARGET_GLOBAL_INT | POSITION_TARGET_LOCAL_NED; the global one keeps an old target |
 | the station is silent | RTL after 5 s (FS_GCS_ENABLE) | nothing |
 | armed and left alone | disarmed after 10 s (DISARM_DELAY) | disarmed after 10 s (COM_DISARM_PRFLT) |
 """
@@ -15,6 +20,7 @@ flies is a point. They share no code with our emulated ones. Differences between
 import math
 import os
 import socket
+import struct
 import time
 
 os.environ["MAVLINK20"] = "1"
@@ -43,8 +49,22 @@ MODES = {
 # The messages that each can be requested to send.
 KNOWN = {
     "ardupilot": {1, 24, 30, 33, 87, 148, 193, 242, 245},
-    "px4": {1, 24, 30, 33, 87, 148, 230, 242, 245},
+    "px4": {1, 24, 30, 32, 33, 85, 87, 148, 230, 242, 245},
 }
+
+# Whole numbers of PX4 are sent as the bits of a float.
+PARAMETERS = {
+    "ardupilot": {
+        "SYSID_MYGCS": 255.0, "FS_GCS_ENABLE": 1.0, "FS_GCS_TIMEOUT": 5.0, "FS_THR_ENABLE": 1.0,
+        "BATT_FS_LOW_ACT": 2.0, "RTL_ALT": 800.0, "FENCE_ENABLE": 0.0,
+    },
+    "px4": {
+        "COM_OF_LOSS_T": 3.5, "COM_OBL_RC_ACT": 3, "NAV_DLL_ACT": 2, "NAV_RCL_ACT": 2,
+        "COM_LOW_BAT_ACT": 3, "RTL_RETURN_ALT": 13.0, "MPC_XY_VEL_MAX": 3.0, "GF_ACTION": 2,
+        "GF_MAX_HOR_DIST": 0.0, "GF_MAX_VER_DIST": 0.0,
+    },
+}
+WITHOUT_SETPOINTS = {0: "HAND", 3: "RTL", 4: "LAND", 5: "LOITER"}
 
 
 def towards(value, target, most):
@@ -52,7 +72,15 @@ def towards(value, target, most):
 
 
 class Autopilot:
-    def __init__(self, kind, system, home, port, copy_port):
+    def __init__(self, kind, system, home, port, copy_port, minor=16, reference=0.0, drift=0.0, **parameters):
+        """`reference`: the zero of PX4's estimator above home in metres, whose altitude drifts by `drift` m/s."""
+        self.minor, self.reference, self.drift = minor, reference, drift
+        self.parameters, self.texts = PARAMETERS[kind] | parameters, 0
+        self.own_goal = self.wanted_up = None
+        # While its link is down, in both directions.
+        self.deaf = False
+        # The worst that a goal was missed by in height, three seconds after the last one came.
+        self.worst_up, self.goal_since = 0.0, math.inf
         self.kind, self.system, self.modes = kind, system, MODES[kind]
         self.ardupilot = kind == "ardupilot"
         self.link = mavutil.mavlink_connection(
@@ -66,7 +94,7 @@ class Autopilot:
         self.mode, self.armed, self.speed = self.modes["HAND"], False, WPNAV_SPEED
         self.begun = self.now = time.monotonic()
         self.sent, self.period = {}, {} if self.ardupilot else {
-            30: 0.1, 33: 0.2, 24: 0.5, 1: 0.5, 245: 0.5, 230: 1.0, 242: 2.0, 87: 0.5,
+            30: 0.1, 33: 0.2, 24: 0.5, 1: 0.5, 245: 0.5, 230: 1.0, 242: 2.0, 87: 0.5, 32: 0.5, 85: 0.5,
         }
         self.station = self.armed_at = self.fed_since = self.fed = -math.inf
         self.positioned = False
@@ -93,7 +121,7 @@ class Autopilot:
         if name in ("LAND", "RTL"):
             self.goal = list(self.place)
         if name == "RTL":
-            self.goal = [*self.home, max(self.place[2], 8.0)]
+            self.goal = [*self.home, max(self.place[2], self.return_up())]
 
     def is_in(self, name):
         return self.mode == self.modes.get(name)
@@ -102,8 +130,12 @@ class Autopilot:
         self.now = time.monotonic()
         self.fly(dt)
         self.failsafe()
+        self.judge_height()
+        if not self.is_in("GUIDED"):
+            self.own_goal = self.goal
         while (message := self.link.recv_msg()) is not None:
-            self.take(message)
+            if not self.deaf:
+                self.take(message)
         try:
             while self.copy.recv(4096):
                 self.disturbed += 1
@@ -136,6 +168,52 @@ class Autopilot:
         if self.is_in("GUIDED") and self.goal and self.positioned and self.now - self.positioned > 2.0:
             self.fastest[-1] = max(self.fastest[-1], math.hypot(*self.velocity[:2]))
 
+    # What differs on PX4.
+
+    def return_up(self):
+        return self.parameters["RTL_ALT"] * 0.01 if self.ardupilot else self.parameters["RTL_RETURN_ALT"]
+
+    def home_alt(self):
+        """The altitude of home in the terms of those that it reports."""
+        return SEA_M + (0.0 if self.ardupilot else self.drift * (self.now - self.begun))
+
+    def up_of(self, alt, frame):
+        """How high above home a set-point is flown. PX4 has `home.alt - alt - ref_alt` for heights
+        above home, where it should be `ref_alt - home.alt - alt`, from 1.12 to 1.18."""
+        above_home = frame == m.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+        if self.ardupilot:
+            return alt if above_home else alt - SEA_M
+        home_alt, ref_alt = SEA_M, self.home_alt() + self.reference
+        down = home_alt - alt - ref_alt if above_home else ref_alt - alt
+        # Home lies as far below the estimator's zero as it was when it was set.
+        return self.reference - down
+
+    def local(self, place):
+        """North, East and Down from the zero of its estimator, which is where it was switched on."""
+        return place[1], place[0], self.reference - place[2]
+
+    def flags(self):
+        if not self.is_placed():
+            return 0xA7 if self.minor >= 16 else 0
+        standing = self.minor >= 16 and not self.airborne()
+        return 0x33F | (0x80 if standing else 0)
+
+    def parameter(self, query):
+        name = query.param_id.rstrip("\0")
+        value = self.parameters.get(name)
+        if value is None:
+            return
+        whole = isinstance(value, int)
+        sent = struct.unpack("f", struct.pack("i", value))[0] if whole else value
+        kind = m.MAV_PARAM_TYPE_INT32 if whole else m.MAV_PARAM_TYPE_REAL32
+        self.send(m.MAVLink_param_value_message(name.encode(), sent, kind, len(self.parameters), 0))
+
+    def judge_height(self):
+        """How far it is from the height of a goal that it was sent to three seconds ago and longer."""
+        level = abs(self.velocity[2]) < 0.05
+        if self.is_in("GUIDED") and self.wanted_up is not None and level and self.now - self.goal_since > 3.0:
+            self.worst_up = max(self.worst_up, abs(self.place[2] - self.wanted_up))
+
     def failsafe(self):
         fly_themselves = self.is_in("RTL") or self.is_in("LAND")
         if self.armed and not self.airborne() and self.goal is None and self.now - self.armed_at > 10.0:
@@ -146,10 +224,10 @@ class Autopilot:
             self.failsafes.append("GCS Failsafe")
             self.text("GCS Failsafe")
             self.enter("RTL")
-        if not self.ardupilot and self.is_in("GUIDED") and self.now - self.fed > 1.0:
+        if not self.ardupilot and self.is_in("GUIDED") and self.now - self.fed > self.parameters["COM_OF_LOSS_T"]:
             self.failsafes.append("Offboard control lost")
             self.text("Offboard control lost")
-            self.enter("RTL")
+            self.enter(WITHOUT_SETPOINTS[self.parameters["COM_OBL_RC_ACT"]])
 
     def pilot(self, name):
         """The pilot's switch."""
@@ -175,6 +253,8 @@ class Autopilot:
             ))
         elif kind == "SET_POSITION_TARGET_GLOBAL_INT":
             self.target(message)
+        elif kind == "PARAM_REQUEST_READ":
+            self.parameter(message)
 
     def command(self, c):
         accepted, failed, denied = m.MAV_RESULT_ACCEPTED, m.MAV_RESULT_FAILED, m.MAV_RESULT_DENIED
@@ -198,14 +278,18 @@ class Autopilot:
                 self.armed = False
                 return accepted
             if not self.is_placed() or self.is_in("LAND") or self.is_in("RTL"):
-                self.text("PreArm: Need Position Estimate")
-                return failed
+                if self.ardupilot:
+                    self.text("PreArm: Need Position Estimate")
+                    return failed
+                self.text("Preflight Fail: no global position")
+                self.text("Arming denied: Resolve system health failures first")
+                return m.MAV_RESULT_TEMPORARILY_REJECTED
             self.armed, self.armed_at, self.home = True, self.now, tuple(self.place[:2])
             return accepted
         if c.command == m.MAV_CMD_NAV_TAKEOFF:
             if not self.armed or self.airborne() or self.ardupilot and not self.is_in("GUIDED"):
                 return failed
-            up = c.param7 if self.ardupilot else c.param7 - SEA_M
+            up = c.param7 if self.ardupilot else c.param7 - self.home_alt()
             if not 0.5 < up < 100.0:
                 return denied
             if not self.ardupilot:
@@ -247,12 +331,20 @@ class Autopilot:
             return
         north = (t.lat_int * 1e-7 - LAT) * METRES
         east = (t.lon_int * 1e-7 - LON) * METRES * math.cos(math.radians(LAT))
+        up = self.up_of(t.alt, t.coordinate_frame)
+        # The height that was meant.
         above_home = t.coordinate_frame == m.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+        wanted = t.alt if above_home else t.alt - self.home_alt()
+        if self.wanted_up is None or abs(wanted - self.wanted_up) > 0.2:
+            self.goal_since = self.now
+        self.wanted_up = wanted
+        if not self.ardupilot:
+            self.speed = self.parameters["MPC_XY_VEL_MAX"]
         if self.ardupilot and not self.positioned:
             # From velocities or a take-off to positions: WPNAV's own speed again.
             self.speed = WPNAV_SPEED
         self.positioned = self.positioned or self.now
-        self.goal = [east, north, t.alt if above_home else t.alt - SEA_M]
+        self.goal = [east, north, up]
         if not t.type_mask & 0x400:
             self.goal_yaw = t.yaw
 
@@ -261,7 +353,7 @@ class Autopilot:
         east, north, up = self.place
         lat = int((LAT + north / METRES) * 1e7)
         lon = int((LON + east / METRES / math.cos(math.radians(LAT))) * 1e7)
-        alt, relative = int((SEA_M + up) * 1000), int(up * 1000)
+        alt, relative = int((self.home_alt() + up) * 1000), int(up * 1000)
         vx, vy, vz = (int(v * 100) for v in (self.velocity[1], self.velocity[0], -self.velocity[2]))
         ready = self.is_placed()
         if number == 33:
@@ -276,11 +368,12 @@ class Autopilot:
         if number == 193:
             return m.MAVLink_ekf_status_report_message(0x33F if ready else 0x400, 0.1, 0.1, 0.1, 0.1, 0.1)
         if number == 230:
-            return m.MAVLink_estimator_status_message(boot * 1000, 0x33F if ready else 0, *[0.1] * 6, 0.5, 0.5)
+            return m.MAVLink_estimator_status_message(boot * 1000, self.flags(), *[0.1] * 6, 0.5, 0.5)
         if number == 1:
             checks = 0x10000000
+            enabled = checks if self.ardupilot else 0
             return m.MAVLink_sys_status_message(
-                checks, checks, checks if ready else 0, 300, 12000, 500, 80, 0, 0, 0, 0, 0, 0
+                enabled, enabled, checks if ready else 0, 300, 12000, 500, 80, 0, 0, 0, 0, 0, 0
             )
         if number == 245:
             landed = 2 if self.airborne() else 1
@@ -292,16 +385,23 @@ class Autopilot:
             return m.MAVLink_home_position_message(
                 lat, lon, int(SEA_M * 1000), 0, 0, 0, [1.0, 0.0, 0.0, 0.0], 0, 0, 0
             )
-        if number == 87 and self.goal is not None:
-            east, north, up = self.goal
+        if number == 32:
+            x, y, z = self.local(self.place)
+            return m.MAVLink_local_position_ned_message(boot, x, y, z, vx * 0.01, vy * 0.01, vz * 0.01)
+        if number == 85 and self.goal is not None:
+            return m.MAVLink_position_target_local_ned_message(boot, 1, 0, *self.local(self.goal), *[0.0] * 8)
+        # PX4 keeps there what its own modes flew to.
+        target = self.goal if self.ardupilot else self.own_goal
+        if number == 87 and target is not None:
+            east, north, up = target
             lat = int((LAT + north / METRES) * 1e7)
             lon = int((LON + east / METRES / math.cos(math.radians(LAT))) * 1e7)
             return m.MAVLink_position_target_global_int_message(
-                boot, 5, 0xDF8, lat, lon, SEA_M + up, *[0.0] * 8
+                boot, 5, 0xDF8, lat, lon, self.home_alt() + up, *[0.0] * 8
             )
         if number == 148:
             return m.MAVLink_autopilot_version_message(
-                0x2000, 0x04060300 if self.ardupilot else 0x011000FF, 0, 0, 0,
+                0x2000, 0x04060300 if self.ardupilot else 0x010000FF | self.minor << 16, 0, 0, 0,
                 [0] * 8, [0] * 8, [0] * 8, 0, 0, self.system,
             )
         return None
@@ -320,10 +420,14 @@ class Autopilot:
                 self.send(self.message(number))
 
     def text(self, words):
-        self.send(m.MAVLink_statustext_message(m.MAV_SEVERITY_CRITICAL, words.encode()))
+        chunks = [words[at : at + 50] for at in range(0, len(words), 50)]
+        self.texts += len(chunks) > 1
+        number = self.texts if len(chunks) > 1 else 0
+        for sequence, chunk in enumerate(chunks):
+            self.send(m.MAVLink_statustext_message(m.MAV_SEVERITY_CRITICAL, chunk.encode(), number, sequence))
 
     def send(self, message):
-        if message is None:
+        if message is None or self.deaf:
             return
         self.link.mav.send(message)
         try:

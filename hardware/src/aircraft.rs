@@ -108,6 +108,10 @@ pub trait Aircraft: Spinner {
     /// Any error of the link or the autopilot.
     fn return_to_launch(&mut self) -> Result<(), Self::Error>;
 
+    /// Passes on the pilot's word that it may take off again after it came down without our order.
+    /// Unless overridden nothing is waited for.
+    fn clear_to_take_off(&mut self) {}
+
     /// Has its own camera take one picture from where it is; returns when the order is on its way.
     /// Unless overridden it has no camera, and nothing happens.
     ///
@@ -142,12 +146,41 @@ pub struct AircraftState {
     /// Whether it is in the air and not ours, in a mode in which it may be [taken
     /// over](Aircraft::take_over), if it is known that nobody else flies it.
     pub offered: bool,
+    /// Who flies it.
+    pub hands: Hands,
     /// Why it takes no orders, or what keeps it on the ground; empty where nothing does.
     pub hindrance: String,
     /// What is left in the battery, from 0 to 1, where it reports that.
     pub battery: Option<f64>,
     /// How high it is above the ground by its own devices, where it has any.
     pub above_ground: Option<ReportedHeight>,
+}
+
+/// Who flies an aircraft, as far as its driver knows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Hands {
+    /// Nobody whom the driver knows of: it stands on the ground, or was in the air before.
+    #[default]
+    Nobody,
+    /// It takes off, flies or comes down by our orders.
+    Ours,
+    /// Nothing is heard of it. Nothing is ordered until a heartbeat shows whose it is.
+    Unheard,
+    /// Its pilot, in a mode that was not ordered.
+    Pilot,
+    /// Its autopilot: it returns or lands without our order.
+    Autopilot,
+    /// Nobody: its own failsafe holds it in place.
+    Stopped,
+    /// Another station, in the mode of our orders.
+    Station,
+    /// Nobody: its pilot has given it back, or its link is back. It may be [taken
+    /// over](Aircraft::take_over).
+    GivenBack,
+    /// Nobody: it came down without our order, and stays down until its pilot [clears
+    /// it](Aircraft::clear_to_take_off).
+    Grounded,
 }
 
 /// A height above the ground that an aircraft has reported.
@@ -229,6 +262,10 @@ impl<V: ?Sized + Aircraft> Aircraft for Box<V> {
         (**self).return_to_launch()
     }
 
+    fn clear_to_take_off(&mut self) {
+        (**self).clear_to_take_off();
+    }
+
     fn photograph(&mut self) -> Result<(), V::Error> {
         (**self).photograph()
     }
@@ -253,6 +290,10 @@ impl<V: Aircraft> Aircraft for Shared<V> {
 
     fn return_to_launch(&mut self) -> Result<(), V::Error> {
         self.0.borrow_mut().return_to_launch()
+    }
+
+    fn clear_to_take_off(&mut self) {
+        self.0.borrow_mut().clear_to_take_off();
     }
 
     fn photograph(&mut self) -> Result<(), V::Error> {

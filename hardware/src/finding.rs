@@ -1,7 +1,7 @@
 use std::fmt;
 
 /// What was found about one thing when a device was looked at, and how to mend it.
-#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Finding {
     /// What was looked at, such as `firmware` or `RSSI now`.
     pub subject: String,
@@ -12,6 +12,31 @@ pub struct Finding {
     pub remedy: Option<String>,
     /// Who watches it while the drone flies.
     pub watch: Watch,
+    /// Height in metres above its launch place at which a drone comes home, where that was read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub home_up_m: Option<f64>,
+    /// Borders of the autopilot's own fence, where they were read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub own_fence: Option<OwnFence>,
+}
+
+/// Borders of an autopilot's own fence, less its margin: where goals are not refused.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct OwnFence {
+    /// Its launch place, East and North in metres of the common frame, where that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub centre_m: Option<[f64; 2]>,
+    /// Greatest distance over ground from the launch place, in metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radius_m: Option<f64>,
+    /// Greatest height above the launch place, in metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_up_m: Option<f64>,
+    /// Least height above the launch place, in metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min_up_m: Option<f64>,
+    /// Whether it has polygons besides, which are not read.
+    pub has_polygons: bool,
 }
 
 /// Who watches something while a drone flies, and acts when it fails.
@@ -46,6 +71,8 @@ impl Finding {
             text: text.to_string(),
             remedy: None,
             watch: Watch::Foxhunt,
+            home_up_m: None,
+            own_fence: None,
         }
     }
 

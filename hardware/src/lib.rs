@@ -46,11 +46,11 @@ mod stepper;
 #[cfg(feature = "xbee")]
 mod xbee;
 
-pub use aircraft::{Aircraft, AircraftState, ReportedHeight, Shared};
+pub use aircraft::{Aircraft, AircraftState, Hands, ReportedHeight, Shared};
 #[cfg(feature = "ardrone")]
 pub use ardrone::{ArDrone, ArDroneConfig, ArDroneError};
 pub use clock::SystemClock;
-pub use finding::{Finding, Watch};
+pub use finding::{Finding, OwnFence, Watch};
 #[cfg(feature = "gnss")]
 pub use foxhunt_wire::FixQuality;
 #[cfg(feature = "gnss")]

@@ -141,4 +141,12 @@ impl<C: Clock> ByteStream for Reconnecting<C> {
     fn unpin(&mut self) -> io::Result<()> {
         self.with(|stream| stream.unpin())
     }
+
+    fn peer(&self) -> Option<std::net::SocketAddr> {
+        self.stream.as_ref()?.peer()
+    }
+
+    fn sender(&self) -> Option<std::net::SocketAddr> {
+        self.stream.as_ref()?.sender()
+    }
 }

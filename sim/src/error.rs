@@ -39,6 +39,13 @@ pub enum SimError {
         /// What it was called.
         mode: String,
     },
+    /// An emulated autopilot has no parameter of this name.
+    #[cfg(feature = "emulators")]
+    #[error("there is no parameter {name:?}")]
+    Parameter {
+        /// Its name.
+        name: String,
+    },
     /// A drone was put at a pose with numbers that are not finite.
     #[cfg(feature = "emulators")]
     #[error("drone {drone} was put at a pose that is not finite")]

@@ -55,7 +55,7 @@ pub use emulate::{
     EmulatedDongle, EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind, EmulatedKraken,
     EmulatedKrakenConfig, EmulatedRtlTcp, EmulatedRtlTcpConfig, EmulatedStepper,
     EmulatedStepperConfig, EmulatedSwitch, EmulatedXbee, EmulatedXbeeConfig, Emulator,
-    InterfererConfig, PilotOrder, PlayedPulse, Port, xbee_address,
+    FailsafeOrder, GpsStep, InterfererConfig, PilotOrder, PlayedPulse, Port, xbee_address,
 };
 pub use error::{ReliefError, SimError};
 pub use quadrotor::{Gains, Piloting, Quadrotor, QuadrotorConfig, WindConfig};

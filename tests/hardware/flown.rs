@@ -158,7 +158,7 @@ fn a_hunt_survives_its_faults() {
             ..DroneFaults::default()
         },
         DroneFaults {
-            vehicle: AutopilotFaults { silent: during(80.0, 95.0), pilot: Vec::new() },
+            vehicle: AutopilotFaults { silent: during(80.0, 95.0), ..AutopilotFaults::default() },
             ..DroneFaults::default()
         },
     ];

@@ -19,6 +19,8 @@ mod network;
 mod nodes;
 mod peers;
 mod pulsed;
+mod px4;
+mod px4_hunts;
 mod receivers;
 mod samples;
 mod stepper;

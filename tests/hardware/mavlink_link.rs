@@ -2,7 +2,10 @@
 
 use foxhunt::{
     hardware::{Aircraft, MavlinkConfig, MavlinkError, MavlinkSigning, MavlinkVehicle, Watch},
-    sim::{AutopilotConfig, DroneConfig, EmulatedAutopilot, Emulator, World, WorldConfig},
+    sim::{
+        AutopilotConfig, AutopilotFaults, DroneConfig, EmulatedAutopilot, Emulator, Interval,
+        World, WorldConfig,
+    },
     wire::{
         ByteStream, MemoryStream, UdpStream,
         mavlink::{
@@ -143,6 +146,51 @@ fn a_link_is_taken_up_from_another_port() {
     }
 }
 
+/// The link of a drone in flight is silent for 12 s: a stranger who has its number is neither heard
+/// nor answered, the drone is sent to all the while, and is heard again.
+#[test]
+fn a_silent_link_in_flight_is_kept_for_its_drone() {
+    let config = WorldConfig { drones: vec![DroneConfig::default()], ..WorldConfig::default() };
+    let world = World::new(&config, 1).expect("a world");
+    let near = UdpStream::listen("127.0.0.1:0").expect("a port");
+    let address = near.local_address().expect("a port").to_string();
+    let to = || UdpStream::to(&address).expect("a port");
+    let faults = AutopilotFaults {
+        silent: vec![Interval { from_s: 30.0, to_s: Some(42.0) }],
+        ..AutopilotFaults::default()
+    };
+    let autopilot = AutopilotConfig { faults, ground_failsafe_s: None, ..Default::default() };
+    let mut emulated = EmulatedAutopilot::new(autopilot, &world, 0, to()).expect("one");
+    let (mut stranger, mut other) = (to(), Codec::new(1, 1));
+    let mut driver =
+        MavlinkVehicle::new(MavlinkConfig::default(), near, world.clock()).expect("a driver");
+    let mut ordered = false;
+    let mut into = [0; 512];
+    while world.time() < 50.0 {
+        world.advance(TICK).expect("time passes");
+        emulated.serve().expect("a port");
+        let state = driver.state().expect("a port");
+        if !ordered && state.hindrance.is_empty() {
+            driver.take_off(5.0).expect("accepted");
+            ordered = true;
+        }
+        if world.time() > 29.0 {
+            let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+                custom_mode: 9,
+                mavtype: MavType::MAV_TYPE_QUADROTOR,
+                autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+                base_mode: MavModeFlag::from_bits_retain(0),
+                system_status: MavState::MAV_STATE_ACTIVE,
+                mavlink_version: 3,
+            });
+            stranger.send(&other.encode(&beat, world.time())).expect("a port");
+            assert_ne!(state.mode, "LAND", "the stranger was heard");
+            assert_eq!(stranger.receive(&mut into).expect("a port"), 0, "it was answered");
+        }
+    }
+    assert!(driver.pose().is_ok(), "{:?}", driver.state());
+}
+
 #[test]
 fn garbage_on_the_cable_is_survived() {
     let config = WorldConfig { drones: vec![DroneConfig::default()], ..WorldConfig::default() };
@@ -196,7 +244,7 @@ fn what_examine_finds() {
     let by_autopilot = findings.iter().filter(|of| of.watch == Watch::Autopilot).count();
     assert_eq!(by_autopilot, 5, "{text:#?}");
     for wanted in [
-        "failsafe: ground station: FS_GCS_ENABLE is 1",
+        "failsafe: ground station: FS_GCS_ENABLE is 1; it acts 5 s after foxhunt's last heartbeat",
         "way home: 15.0 m up",
         "autopilot: ArduPilot, system 1",
         "firmware: 4.5.7",

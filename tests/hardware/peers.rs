@@ -67,3 +67,52 @@ fn an_autopilot_of_mavsdk_is_flown() {
     until(&mut vehicle, "down", &|state, _| !state.armed && !state.airborne);
     println!("our driver flew MAVSDK's autopilot: armed, 6 m up, to a place and a heading, landed");
 }
+
+/// What is compared is its true height, which `.ci/peers/mavlink_strict.py` does.
+#[test]
+#[ignore = "needs .ci/peers/mavlink_strict.py at the endpoints of FOXHUNT_PEER_STRICT"]
+fn strict_px4s_are_flown_at_their_heights() {
+    let endpoints =
+        env::var("FOXHUNT_PEER_STRICT").expect("the script that starts the peer sets it");
+    for endpoint in endpoints.split(',') {
+        let clock = SystemClock::start();
+        let config = MavlinkConfig {
+            origin: Some(MavlinkOrigin { lat_deg: 47.397_742, lon_deg: 8.545_594 }),
+            ..MavlinkConfig::default()
+        };
+        let endpoint: Endpoint = endpoint.parse().expect("an endpoint");
+        let stream = endpoint.open().expect("a port");
+        let mut vehicle = MavlinkVehicle::new(config, stream, clock).expect("a driver");
+        let until = |vehicle: &mut MavlinkVehicle<_, _>,
+                     what: &str,
+                     seconds: f64,
+                     holds: &dyn Fn(&AircraftState) -> bool| {
+            let begun = clock.now();
+            loop {
+                let state = vehicle.state().expect("a link");
+                if holds(&state) {
+                    return state;
+                }
+                let texts: Vec<_> = vehicle.texts().collect();
+                assert!(clock.now() - begun < seconds, "{what}: {state:?}, {texts:?}");
+                thread::sleep(Duration::from_millis(20));
+            }
+        };
+        until(&mut vehicle, "ready", 60.0, &|state| {
+            state.silent_s < 1.0 && state.hindrance.is_empty()
+        });
+        vehicle.take_off(4.0).expect("accepted");
+        until(&mut vehicle, "up", 60.0, &|state| state.commanded);
+        for goal in [[4.0, 3.0, 4.0], [8.0, 3.0, 6.0], [3.0, 0.0, 3.0]] {
+            let position = Vector3::from(goal);
+            vehicle.go_to(&Waypoint { position }).expect("accepted");
+            let begun = clock.now();
+            let state = until(&mut vehicle, "there", 30.0, &|_| clock.now() - begun > 9.0);
+            assert!(state.commanded && state.hindrance.is_empty(), "{state:?}");
+            let place = vehicle.pose().expect("a pose").position;
+            assert!((place - position).norm() < 0.3, "{place} instead of {position}");
+        }
+        vehicle.land().expect("accepted");
+        until(&mut vehicle, "down", 60.0, &|state| !state.armed && !state.airborne);
+    }
+}

@@ -203,9 +203,9 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     }
     let place = format!("{}: estimator", field.name);
     let estimator = choice::estimator(registry, &config.estimator, &place)?;
-    let hunt = config.parts(registry, estimator, args.seed).build().map_err(CliError::input)?;
+    let planned = config.parts(registry, estimator, args.seed).build().map_err(CliError::input)?;
     if args.dry_run {
-        return flight_plan::print(&config, hunt, output);
+        return flight_plan::print(&config, planned, output);
     }
     if let Some(file) = &args.mission_to {
         return mission_files::write(&config, registry, file, args.hold_s, output);
@@ -228,6 +228,11 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     let epoch_s = field.epoch_s.unwrap_or(0.0);
     #[expect(clippy::cast_possible_truncation, reason = "a whole number of seconds")]
     let epoch = field.epoch_s.map(|epoch_s| epoch_s as i64);
+    if field.emulated.is_none() {
+        let examined = examine_devices(&config, &config.drones, &clock, epoch_s, output);
+        config.stay_inside(&examined).map_err(CliError::input)?;
+    }
+    let hunt = config.parts(registry, estimator, args.seed).build().map_err(CliError::input)?;
     let mut header = config.log_header(estimator, args.seed, epoch);
     args.exports.check_known(header.origin.is_some(), epoch.is_some())?;
     if let Some(emulated) = &field.emulated {
@@ -253,9 +258,6 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         (keep_turn.borrow_mut())(drone, sweep);
     };
     let tap: Tap = Rc::new(RefCell::new(keep));
-    if field.emulated.is_none() {
-        examine_devices(&config, &config.drones, &clock, epoch_s, output);
-    }
     let goal = config.goal(registry).map_err(CliError::input)?;
     let drones = config.open(field.ports.as_mut(), &clock, epoch_s, goal.as_ref(), Some(&tap));
     let drones = drones.map_err(open_error)?;
@@ -265,7 +267,8 @@ pub(crate) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     if args.take_over {
         mission.allow_take_over();
     }
-    warn(&format!("log: {}; Enter breaks off", files.log.display()));
+    let log_path = files.log.display();
+    warn(&format!("log: {log_path}; Enter breaks off; {UP} clears what came down by itself"));
 
     let mut events = Vec::new();
     let mut notices = Notices::default();
@@ -370,15 +373,16 @@ fn last_received(events: &[Event], beacon: BeaconId) -> Option<f64> {
     })
 }
 
-/// Examines the devices of drones before anybody flies, and prints the checklist. Whether it
-/// matters what is wrong is the pilot's decision: a beacon may be too far to be received from here.
+/// Examines the devices of drones before anybody flies, prints the checklist, and returns what was
+/// found. Whether it matters what is wrong is the pilot's decision: a beacon may be too far to be
+/// received from here.
 pub(super) fn examine_devices(
     config: &FlightConfig,
     drones: &[DroneConfig],
     clock: &(impl Clock + Clone + 'static),
     epoch_s: f64,
     output: Output,
-) {
+) -> Vec<Examined> {
     let mut pause = || thread::sleep(Duration::from_millis(1));
     let mut examined = Vec::new();
     for drone in drones {
@@ -394,6 +398,7 @@ pub(super) fn examine_devices(
         // Whatever becomes of standard output, the flight goes on.
         let _ = event("checklist", &checks);
     }
+    examined
 }
 
 pub(super) fn open_error(error: FlyError) -> CliError {
@@ -475,15 +480,20 @@ impl Samples {
 
 /// The person at the keyboard.
 pub(super) struct Pilot {
-    lines: Receiver<()>,
+    lines: Receiver<String>,
     interrupts: Arc<AtomicU8>,
     handled: Cell<u8>,
 }
+
+/// The word that clears drones which came down without an order to take off again.
+const UP: &str = "up";
 
 /// What the pilot wants.
 pub(super) enum PilotInput {
     None,
     Enter,
+    /// What came down without an order may take off again.
+    Up,
     Interrupt,
     /// A second interrupt: the program shall end at once.
     Quit,
@@ -501,8 +511,8 @@ impl Pilot {
         let (line, lines) = mpsc::channel();
         // It ends with the program: nothing else can end a read of the keyboard.
         thread::spawn(move || {
-            for _ in io::stdin().lock().lines().map_while(Result::ok) {
-                if line.send(()).is_err() {
+            for typed in io::stdin().lock().lines().map_while(Result::ok) {
+                if line.send(typed).is_err() {
                     break;
                 }
             }
@@ -519,6 +529,7 @@ impl Pilot {
         match self.poll() {
             PilotInput::None => {}
             PilotInput::Enter if mission.is_ready() => mission.go(),
+            PilotInput::Up => mission.clear_to_take_off(time),
             PilotInput::Enter | PilotInput::Interrupt => {
                 mission.abort(time, "the pilot breaks off");
             }
@@ -539,6 +550,10 @@ impl Pilot {
             // Two that come at once are one: the terminal and a script may both send it.
             return if before > 0 { PilotInput::Quit } else { PilotInput::Interrupt };
         }
-        if self.lines.try_recv().is_ok() { PilotInput::Enter } else { PilotInput::None }
+        match self.lines.try_recv() {
+            Ok(typed) if typed.trim().eq_ignore_ascii_case(UP) => PilotInput::Up,
+            Ok(_) => PilotInput::Enter,
+            Err(_) => PilotInput::None,
+        }
     }
 }

@@ -1,5 +1,5 @@
 use foxhunt_core::{Pose, Spinner, SteadyMotion, Vehicle, Waypoint};
-use foxhunt_hardware::{Aircraft, AircraftState, Finding};
+use foxhunt_hardware::{Aircraft, AircraftState, Finding, Hands};
 use nalgebra::Vector3;
 
 use super::Examine;
@@ -49,6 +49,8 @@ impl<A: Aircraft> Aircraft for Advised<A> {
         Ok(AircraftState {
             commanded: state.airborne && state.armed && placed,
             offered: false,
+            // Its pilot brings it down when he is advised to, and is waited for.
+            hands: if state.airborne { Hands::Ours } else { Hands::Nobody },
             hindrance: if placed { String::new() } else { state.hindrance },
             ..state
         })

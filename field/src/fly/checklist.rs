@@ -1,10 +1,11 @@
+use foxhunt_formation::AirspaceError;
 use foxhunt_hardware::{Finding, Watch};
 use serde::Serialize;
 
-use super::{DroneConfig, FlightConfig, VehicleDevice};
+use super::{DroneConfig, FlightConfig, FlyError, VehicleDevice};
 
 /// Something that has to hold before a flight, and who watches it during the flight.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Check {
     /// Of which drone; absent where it is of all.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -29,7 +30,7 @@ pub enum CheckState {
 }
 
 /// What was found of a drone's device.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Examined {
     /// The drone's name.
     pub drone: String,
@@ -57,9 +58,59 @@ impl FlightConfig {
                 Check { drone: Some(drone.clone()), state, finding }
             }));
         }
+        checks.extend(self.ways_home(examined.unwrap_or_default()));
         // What holds for all comes before what is of one drone.
         checks.sort_by_key(|check| check.finding.watch);
         checks
+    }
+
+    /// Narrows the airspace to what the autopilots' own fences permit, as they were read: goals
+    /// beyond them would be refused. What is left is planned in.
+    ///
+    /// # Errors
+    ///
+    /// [`FlyError::Drone`] names the drone whose fence leaves nothing.
+    pub fn stay_inside(&mut self, examined: &[Examined]) -> Result<(), FlyError> {
+        for Examined { drone, findings, .. } in examined {
+            let wrong = |error: AirspaceError| {
+                let reason = format!("its autopilot's own fence and hunt.airspace: {error}");
+                FlyError::Drone { drone: drone.clone(), reason }
+            };
+            for fence in findings.iter().filter_map(|finding| finding.own_fence) {
+                let airspace = &mut self.hunt.airspace;
+                if let (Some(centre_m), Some(radius_m)) = (fence.centre_m, fence.radius_m) {
+                    *airspace = airspace.within_disc(centre_m, radius_m).map_err(wrong)?;
+                }
+                // Heights over terrain count from another zero.
+                if self.terrain.is_none() && (fence.min_up_m.is_some() || fence.max_up_m.is_some())
+                {
+                    let lowest = fence.min_up_m.unwrap_or(0.0);
+                    let highest = fence.max_up_m.unwrap_or(HIGHEST_M);
+                    *airspace = airspace.within_band(lowest, highest).map_err(wrong)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether drones come home at heights that keep them apart: autopilots return by themselves
+    /// when their links or batteries fail, and may do so at the same time.
+    fn ways_home(&self, examined: &[Examined]) -> Option<Check> {
+        let height = |of: &Examined| Some((of.drone.clone(), home_up_m(of)?));
+        let mut heights: Vec<(String, f64)> = examined.iter().filter_map(height).collect();
+        heights.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let apart_m = self.hunt.separation_m.max(HOME_APART_M);
+        let near = heights.windows(2).find_map(|pair| {
+            let [(one, low), (other, high)] = pair else { return None };
+            let text = format!("{one} and {other} come home {low:.0} and {high:.0} m up");
+            (high - low < apart_m).then_some(text)
+        })?;
+        let remedy = format!(
+            "set their return heights (RTL_ALT, RTL_RETURN_ALT) at least {apart_m:.0} m apart: \
+             failsafes may bring them home at the same time"
+        );
+        let finding = Finding::bad("ways home", near, &remedy).watched(Watch::Autopilot);
+        Some(Check { drone: None, state: CheckState::Bad, finding })
     }
 
     fn rules(&self) -> Vec<Check> {
@@ -140,6 +191,18 @@ impl DroneConfig {
         }
         checks
     }
+}
+
+/// Least difference of the heights at which two drones come home, in metres: the autopilots' own
+/// heights are some 2 m off.
+const HOME_APART_M: f64 = 5.0;
+
+/// No drone flies higher, in metres: the border of a fence that has none above.
+const HIGHEST_M: f64 = 10_000.0;
+
+/// How high a drone comes home, where that was read.
+fn home_up_m(examined: &Examined) -> Option<f64> {
+    examined.findings.iter().find_map(|finding| finding.home_up_m)
 }
 
 /// Something that foxhunt sees to.

@@ -216,6 +216,10 @@ impl<D: Aircraft> Aircraft for Driver<D> {
         self.0.return_to_launch().map_err(DeviceError::new)
     }
 
+    fn clear_to_take_off(&mut self) {
+        self.0.clear_to_take_off();
+    }
+
     fn photograph(&mut self) -> Result<(), DeviceError> {
         self.0.photograph().map_err(DeviceError::new)
     }

@@ -1,7 +1,7 @@
 use std::collections::VecDeque;
 
 use foxhunt_core::{HeightAboveGround, PatternSource, Waypoint};
-use foxhunt_hardware::{Aircraft, AircraftState};
+use foxhunt_hardware::{Aircraft, AircraftState, Hands};
 use foxhunt_hunt::hunt::{Devices, Event};
 
 use super::{Ending, height_watch::HeightWatch};
@@ -21,8 +21,6 @@ pub struct FlownDrone<A, S> {
     reported_state: Option<AircraftState>,
     /// The health that was logged last.
     reported_health: Option<Health>,
-    /// The mode in which it took our orders last; empty before that.
-    commanded_mode: String,
     /// Whether it was ordered to take off, or taken over: before that it is not ours to bring down.
     engaged: bool,
     /// Whether one that is in the air already may be taken over.
@@ -34,6 +32,28 @@ pub struct FlownDrone<A, S> {
     /// What compares its own height above the ground with the elevation model's, if there is one.
     height_watch: Option<HeightWatch>,
 }
+
+/// What a drone does that is to leave.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Departure {
+    /// It is on the ground, its motors at rest.
+    Down,
+    /// It is to be ordered down, and waited for.
+    Ordered,
+    /// It comes down by rules of its own, and is waited for.
+    Awaited,
+    /// Somebody has it, who keeps it: who that is.
+    Left(String),
+}
+
+/// Modes of those that come down.
+const HOMEWARD: [&str; 3] = ["RTL", "RETURN", "LAND"];
+
+/// A link that has brought nothing for longer does not carry an order that is given once, in seconds.
+const ALIVE_S: f64 = 1.0;
+
+/// A drone with less than this share of its battery waits for nobody.
+const LOW_BATTERY: f64 = 0.25;
 
 /// How often an order that was not followed is repeated, in seconds.
 const ORDER_AGAIN_S: f64 = 2.0;
@@ -48,7 +68,6 @@ impl<A, S> FlownDrone<A, S> {
             state: None,
             reported_state: None,
             reported_health: None,
-            commanded_mode: String::new(),
             engaged: false,
             may_take_over: false,
             last_order: f64::NEG_INFINITY,
@@ -72,7 +91,9 @@ impl<A, S> FlownDrone<A, S> {
 
     /// Whether it is known to be on the ground with its motors off.
     pub(crate) fn is_down(&self) -> bool {
-        self.state.as_ref().is_some_and(|state| !state.airborne && !state.armed)
+        self.state
+            .as_ref()
+            .is_some_and(|state| !state.airborne && !state.armed && state.hands != Hands::Unheard)
     }
 
     /// Whether it is known to be in the air.
@@ -85,15 +106,33 @@ impl<A, S> FlownDrone<A, S> {
         self.may_take_over = true;
     }
 
-    /// Whether it is in our hands: it was sent up or taken over, and takes our orders, or is in the
-    /// mode in which it took them last. One that is coming down by our order has another mode; one
-    /// whose link fails counts as ours.
-    pub(crate) fn is_ours(&self) -> bool {
-        self.engaged
-            && self.state.as_ref().is_none_or(|state| {
-                let mode = &self.commanded_mode;
-                state.commanded || !state.airborne || mode.is_empty() || *mode == state.mode
-            })
+    /// Who flies it. One whose link fails counts as not heard.
+    pub(crate) fn hands(&self) -> Hands {
+        self.state.as_ref().map_or(Hands::Unheard, |state| match state.commanded {
+            true => Hands::Ours,
+            false => state.hands,
+        })
+    }
+
+    /// What it does when it is to leave by a rule.
+    pub(crate) fn departure(&self, ending: Ending) -> Departure {
+        let hands = self.hands();
+        let mode = self.state.as_ref().map_or("", |state| state.mode.as_str());
+        let left = |who: &str| Departure::Left(format!("{} is left to {who}", self.name));
+        match hands {
+            Hands::Unheard if self.engaged => Departure::Ordered,
+            // A take-off that has not left the ground is ended, too.
+            _ if self.is_down() && (hands != Hands::Ours || self.leave_accepted) => Departure::Down,
+            Hands::Ours => Departure::Ordered,
+            Hands::GivenBack | Hands::Stopped if self.engaged && ending != Ending::Hold => {
+                Departure::Ordered
+            }
+            Hands::Autopilot => Departure::Awaited,
+            Hands::Station => left(&format!("another station, which flies it in {mode}")),
+            Hands::Stopped => left(&format!("its autopilot, which holds it in {mode}")),
+            Hands::Pilot => left(&format!("its pilot, who has it in {mode}; he keeps it")),
+            _ => left(&format!("whoever flies it in {mode}")),
+        }
     }
 
     /// Whether nothing may be expected of it any more: it is down, or nothing was received of it
@@ -102,15 +141,21 @@ impl<A, S> FlownDrone<A, S> {
         self.is_down() || self.state.as_ref().is_none_or(|state| state.silent_s > silent_s)
     }
 
-    /// Whether it has accepted the order to leave.
-    pub(crate) fn has_accepted_leaving(&self) -> bool {
-        self.leave_accepted
-    }
-
     /// Makes every order due at once, and the order to leave one that it has not accepted.
     pub(crate) fn reset_orders(&mut self) {
         self.last_order = f64::NEG_INFINITY;
         self.leave_accepted = false;
+    }
+
+    /// Whether one that leaves may hold its place while another one comes home, or is coming home
+    /// itself: it is in the air and in our hands, or on its way home by our order.
+    pub(crate) fn can_wait(&self) -> bool {
+        self.state.as_ref().is_some_and(|state| {
+            let charged = state.battery.is_none_or(|left| left > LOW_BATTERY);
+            let comes = HOMEWARD.contains(&state.mode.as_str());
+            let ours = state.commanded || (self.leave_accepted && comes);
+            state.airborne && ours && charged && state.silent_s <= SILENT_S
+        })
     }
 
     /// Why it is not up.
@@ -139,8 +184,11 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
         if state.offered && self.may_take_over {
             return None;
         }
-        let how =
-            if state.offered { "; allow a take-over only if nobody else flies it" } else { "" };
+        let how = match (state.offered, self.may_take_over) {
+            (true, _) => "; allow a take-over only if nobody else flies it",
+            (false, true) => "; a take-over needs GUIDED, or HOLD of PX4",
+            (false, false) => "",
+        };
         Some(format!("{} is in the air in {}, not by us{how}", self.name, state.mode))
     }
 
@@ -154,9 +202,6 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
     ) -> Result<(), A::Error> {
         self.state = None;
         let state = self.aircraft.state()?;
-        if state.commanded {
-            self.commanded_mode.clone_from(&state.mode);
-        }
         if !self.reported_state.as_ref().is_some_and(|reported| is_same(reported, &state)) {
             events.push_back(Event::Aircraft {
                 time,
@@ -210,29 +255,36 @@ impl<A: Aircraft, S> FlownDrone<A, S> {
         if !self.takes_turn(time) {
             return Ok(());
         }
-        if !self.state.as_ref().is_some_and(|state| state.airborne) {
+        if !self.is_airborne() {
+            if self.hands() == Hands::Grounded {
+                return Ok(());
+            }
             // It counts from the attempt on: an order may arrive though its link fails.
             self.engaged = true;
             return self.aircraft.take_off(up_m);
         }
-        if self.engaged || self.may_take_over {
+        let offered = self.may_take_over && self.state.as_ref().is_some_and(|state| state.offered);
+        if self.hands() == Hands::GivenBack || (offered && !self.engaged) {
             self.aircraft.take_over()?;
             self.engaged = true;
         }
         Ok(())
     }
 
-    /// Has it take our orders again, if that is due, when it has stopped taking them and is in the
-    /// mode in which it took them: its link is back, or the pilot has given it back. A mode that
-    /// the pilot has chosen is never changed.
+    /// Has it take our orders again, if that is due, when its pilot has given it back, or its link
+    /// is back and nobody has it. A mode that the pilot has chosen is never changed.
     pub(crate) fn take_over_again(&mut self, time: f64) {
-        let lost = self.state.as_ref().is_some_and(|state| {
-            state.airborne && !state.commanded && state.mode == self.commanded_mode
-        });
-        if lost && self.takes_turn(time) {
+        let back = self.is_airborne() && self.hands() == Hands::GivenBack;
+        let lives = self.state.as_ref().is_some_and(|state| state.silent_s < ALIVE_S);
+        if back && lives && self.takes_turn(time) {
             // What is in the way stands in its state, which is logged.
             let _ = self.aircraft.take_over();
         }
+    }
+
+    /// Passes on the pilot's word that it may take off again.
+    pub(crate) fn clear_to_take_off(&mut self) {
+        self.aircraft.clear_to_take_off();
     }
 
     /// Orders it to leave by a rule, if that order is due.

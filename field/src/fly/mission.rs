@@ -4,7 +4,7 @@ use foxhunt_core::{PatternSource, Station, parameter::FieldError};
 use foxhunt_hardware::Aircraft;
 use foxhunt_hunt::hunt::{Event, FlightStage, Hunt, drive};
 
-use super::{Ending, FlightRules, FlownDrone};
+use super::{Ending, FlightRules, FlownDrone, flown_drone::Departure};
 
 /// Without a message for so many seconds an aircraft takes no part.
 const SILENT_S: f64 = 5.0;
@@ -27,6 +27,8 @@ pub struct Mission<A, S> {
     ready: bool,
     /// When an aircraft took part last.
     attended: f64,
+    /// How many of those that leave are not down yet.
+    leaving: usize,
     /// Why the flight ended before its time.
     failure: Option<String>,
     /// Why each drone does not take off, by its last order to.
@@ -74,6 +76,7 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
             waits: false,
             ready: false,
             attended: time,
+            leaving: 0,
             failure: None,
             refused: vec![None; count],
             written_off: vec![false; count],
@@ -99,6 +102,15 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
     /// Lets them take off.
     pub fn go(&mut self) {
         self.waits = false;
+    }
+
+    /// Passes on the pilot's word that what came down without our order may take off again. Of
+    /// effect while the drones climb; afterwards nothing takes off any more.
+    pub fn clear_to_take_off(&mut self, time: f64) {
+        if self.stage == FlightStage::Climbing {
+            self.since = time;
+            self.drones.iter_mut().for_each(FlownDrone::clear_to_take_off);
+        }
     }
 
     /// Whether all drones are ready, and wait for [`go`](Self::go).
@@ -286,33 +298,59 @@ impl<A: Aircraft, S: PatternSource> Mission<A, S> {
         }
     }
 
-    /// Orders all that are in our hands down, until they are: those in the air, and those that are
-    /// about to leave the ground. One whose link fails is ordered all the same.
+    /// Orders all that are in our hands down, until each is down, or in the hands of somebody who
+    /// is named. Until then one that is given back is brought home, too.
+    ///
+    /// They return one after the other: each climbs to the height of its autopilot and flies home
+    /// over those that hold their places until it is down. One whose battery is low, or whose link
+    /// fails, does not wait.
     fn leave(&mut self, time: f64) {
         let mut waited_for = Vec::new();
+        let mut left = Vec::new();
+        let mut comes_home = false;
         for (index, drone) in self.drones.iter_mut().enumerate() {
-            let down = drone.is_down();
-            let ours = drone.is_ours();
-            if self.ending == Ending::Hold && !ours {
+            let waits = self.ending == Ending::Return && drone.can_wait();
+            if waits && std::mem::replace(&mut comes_home, true) {
+                waited_for.push(drone.name.as_str());
                 continue;
             }
-            if (!down || !drone.has_accepted_leaving())
-                && ours
+            let departure = drone.departure(self.ending);
+            if departure == Departure::Ordered
                 && let Err(error) = drone.order_to_leave(time, self.ending)
             {
                 self.hunt.device_failed(time, Some(index), error.to_string());
             }
-            if !down && !self.written_off.get(index).is_some_and(|written_off| *written_off) {
-                waited_for.push(drone.name.as_str());
+            let written_off = self.written_off.get(index).is_some_and(|written_off| *written_off);
+            match departure {
+                Departure::Down => {}
+                Departure::Left(to) => left.push(to),
+                Departure::Ordered | Departure::Awaited if written_off => {}
+                Departure::Ordered | Departure::Awaited => waited_for.push(drone.name.as_str()),
             }
         }
-        if waited_for.is_empty() {
-            self.enter(time, FlightStage::Over, "nobody is left to be brought down".into());
-        } else if time - self.since >= self.rules.leaving_timeout_s {
-            let why = format!("not known to be down: {}", waited_for.join(", "));
-            self.failure.get_or_insert_with(|| why.clone());
-            self.enter(time, FlightStage::Over, why);
+        if waited_for.len() < self.leaving {
+            // Each has the time of one.
+            self.since = time;
         }
+        self.leaving = waited_for.len();
+        let why = if !waited_for.is_empty() {
+            if time - self.since < self.rules.leaving_timeout_s {
+                return;
+            }
+            left.insert(0, format!("not known to be down: {}", waited_for.join(", ")));
+            left.join("; ")
+        } else if left.is_empty() {
+            return self.enter(time, FlightStage::Over, "nobody is left to be brought down".into());
+        } else {
+            left.join("; ")
+        };
+        if self.ending != Ending::Hold || !waited_for.is_empty() {
+            self.failure = Some(match self.failure.take() {
+                Some(failure) => format!("{failure}; {why}"),
+                None => why.clone(),
+            });
+        }
+        self.enter(time, FlightStage::Over, why);
     }
 
     /// Ends the hunt before its time; those in our hands leave by the pilot's rule for that.

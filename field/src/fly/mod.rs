@@ -50,6 +50,7 @@ pub use emulated_flight::{
 };
 pub use error::FlyError;
 pub use flown_beacon::FlownBeacon;
+pub(crate) use flown_drone::Departure;
 pub use flown_drone::FlownDrone;
 pub use foxhunt_hunt::hunt::{Tap, Tapped};
 pub use identify::identify;

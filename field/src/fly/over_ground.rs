@@ -175,6 +175,10 @@ impl<A: Aircraft> Aircraft for OverGround<A> {
         self.aircraft.return_to_launch().map_err(OverGroundError::Aircraft)
     }
 
+    fn clear_to_take_off(&mut self) {
+        self.aircraft.clear_to_take_off();
+    }
+
     fn photograph(&mut self) -> Result<(), Self::Error> {
         self.aircraft.photograph().map_err(OverGroundError::Aircraft)
     }

@@ -8,7 +8,7 @@ use foxhunt_hardware::{
 use foxhunt_hunt::hunt::Event;
 
 use super::{DroneNode, DroneNodeConfig, NetworkError};
-use crate::fly::{Ending, FlightRules, FlownDrone};
+use crate::fly::{Departure, Ending, FlightRules, FlownDrone};
 
 /// A [`DroneNode`] with a real aircraft, by the same pilot's rules as a
 /// [`Mission`](crate::fly::Mission): it takes off by an order alone, which comes when all drones
@@ -214,21 +214,28 @@ where
 
     /// Orders it down while it is in our hands.
     fn come_down(&mut self, time: f64) {
-        let ours = self.drone.is_ours();
-        if self.drone.is_down() && (self.drone.has_accepted_leaving() || !ours) {
-            let reason = format!("it is down: {}", self.reason);
-            return self.enter(time, Stage::Over, &reason);
-        }
-        if ours && let Err(error) = self.drone.order_to_leave(time, self.ending) {
+        let departure = self.drone.departure(self.ending);
+        if departure == Departure::Ordered
+            && let Err(error) = self.drone.order_to_leave(time, self.ending)
+        {
             self.events.push_back(Event::DeviceFailed {
                 time,
                 drone: Some(self.index),
                 reason: error.to_string(),
             });
         }
-        let holds = self.ending == Ending::Hold && !ours;
-        if holds || time - self.since >= self.rules.leaving_timeout_s {
-            self.enter(time, Stage::Over, "not known to be down");
+        match departure {
+            Departure::Down => {
+                let reason = format!("it is down: {}", self.reason);
+                self.enter(time, Stage::Over, &reason);
+            }
+            Departure::Left(to) => self.enter(time, Stage::Over, &to),
+            Departure::Ordered | Departure::Awaited
+                if time - self.since >= self.rules.leaving_timeout_s =>
+            {
+                self.enter(time, Stage::Over, "not known to be down");
+            }
+            _ => {}
         }
     }
 

@@ -39,6 +39,50 @@ enum Zone {
     Polygon(Polygon<f64>),
 }
 
+impl AirspaceConfig {
+    /// Narrows it to a disc: the fence becomes the part of it that lies in the disc, the largest
+    /// where there are several, or the disc where there is no fence.
+    ///
+    /// # Errors
+    ///
+    /// [`AirspaceError`] names what is wrong with the fence or the disc, or that nothing is left.
+    pub fn within_disc(&self, centre_m: [f64; 2], radius_m: f64) -> Result<Self, AirspaceError> {
+        let centre = Vector2::from(centre_m);
+        finite("centre_m", centre.x + centre.y)?;
+        positive("radius_m", radius_m)?;
+        // The corners of the disc's polygon lie on its edge.
+        let inner = radius_m * libm::cos(core::f64::consts::PI / f64::from(DISC_CORNERS));
+        let ring = ring_about(&centre, inner, DISC_CORNERS).map(|corner| point(&corner));
+        let disc = Polygon::new(LineString(ring.collect()), vec![]);
+        let left = match self.fence_m.as_slice() {
+            [] => Some(disc),
+            corners => {
+                let parts = polygon("fence_m", corners)?.intersection(&disc);
+                parts.0.into_iter().max_by(|a, b| a.unsigned_area().total_cmp(&b.unsigned_area()))
+            }
+        };
+        let left = left.ok_or(AirspaceError::NothingLeft { margin_m: 0.0 })?;
+        let mut fence_m: Vec<[f64; 2]> = left.exterior().coords().map(|at| [at.x, at.y]).collect();
+        // A closed ring has its first corner twice.
+        fence_m.pop();
+        Ok(Self { fence_m, ..self.clone() })
+    }
+
+    /// Narrows the band of altitudes.
+    ///
+    /// # Errors
+    ///
+    /// [`AirspaceError::Band`] where nothing is left of it.
+    pub fn within_band(&self, lowest: f64, highest: f64) -> Result<Self, AirspaceError> {
+        let [least, most] = self.altitude_m.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        let (lowest, highest) = (lowest.max(least), highest.min(most));
+        if lowest > highest {
+            return Err(AirspaceError::Band { lowest, highest });
+        }
+        Ok(Self { altitude_m: Some([lowest, highest]), ..self.clone() })
+    }
+}
+
 impl Airspace {
     /// An airspace with no margin: its edges may be touched.
     ///

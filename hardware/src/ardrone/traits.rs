@@ -6,7 +6,7 @@ use foxhunt_wire::{
 use nalgebra::{Vector2, Vector3};
 
 use super::{ArDrone, ArDroneConfig, ArDroneError, control::Goal, serve::send, vehicle::Phase};
-use crate::{Aircraft, AircraftState};
+use crate::{Aircraft, AircraftState, Hands};
 
 impl<A: ByteStream, N: ByteStream, C: Clock> Vehicle for ArDrone<A, N, C> {
     type Error = ArDroneError;
@@ -64,6 +64,12 @@ impl<A: ByteStream, N: ByteStream, C: Clock> Aircraft for ArDrone<A, N, C> {
             airborne: self.is_flying(),
             commanded: self.phase == Phase::Flying && self.check_link(now).is_ok(),
             offered: self.phase == Phase::Lost && self.is_flying(),
+            hands: match self.phase {
+                Phase::Idle => Hands::Nobody,
+                Phase::Lost if self.check_link(now).is_err() => Hands::Unheard,
+                Phase::Lost => Hands::GivenBack,
+                _ => Hands::Ours,
+            },
             hindrance: self.hindrance(now),
             battery: demo.map(|demo| f64::from(demo.battery_percent.min(100)) / 100.0),
             above_ground: None,

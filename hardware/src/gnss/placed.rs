@@ -101,6 +101,10 @@ impl<V: Aircraft, G: Positioning> Aircraft for Placed<V, G> {
         self.vehicle.return_to_launch().map_err(PlacedError::Vehicle)
     }
 
+    fn clear_to_take_off(&mut self) {
+        self.vehicle.clear_to_take_off();
+    }
+
     fn photograph(&mut self) -> Result<(), Self::Error> {
         self.vehicle.photograph().map_err(PlacedError::Vehicle)
     }

@@ -43,7 +43,8 @@ pub struct MavlinkConfig {
     /// How often set-points are repeated where they have to be: to PX4, and while it turns; per
     /// second.
     pub setpoint_rate_hz: f64,
-    /// Without a heartbeat for so long the link is lost, in seconds.
+    /// Without any message for so long the link is lost, in seconds; without a heartbeat for twice
+    /// as long.
     pub link_timeout_s: f64,
     /// An older place or attitude is an error, in seconds.
     pub pose_timeout_s: f64,

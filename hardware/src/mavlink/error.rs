@@ -10,10 +10,10 @@ pub enum MavlinkError {
     /// The port failed.
     #[error("the link: {0}")]
     Link(#[from] io::Error),
-    /// No heartbeat of an autopilot.
-    #[error("no heartbeat of an autopilot{}; the limit is {limit_s} s", lasting(*silent_s))]
+    /// Nothing of an autopilot.
+    #[error("nothing of an autopilot came{}; the limit is {limit_s} s", lasting(*silent_s))]
     Silent {
-        /// Since when, in seconds; infinite where there never was one.
+        /// Since when, in seconds; infinite where there never was anything.
         silent_s: f64,
         /// The configured limit.
         limit_s: f64,
@@ -83,6 +83,12 @@ pub enum MavlinkError {
         /// Corners of the fence.
         corners: usize,
     },
+    /// The goal is beyond the autopilot's own fence.
+    #[error("the autopilot's own fence: {why}")]
+    OwnFence {
+        /// The border, and where the goal is.
+        why: String,
+    },
     /// The goal is no place.
     #[error("the goal ({east_m}, {north_m}, {up_m}) m is not finite")]
     Goal {
@@ -115,7 +121,7 @@ pub enum MavlinkError {
     Origin(#[from] GeodesyError),
 }
 
-/// For how long there was no heartbeat, where there ever was one.
+/// For how long nothing came, where there ever was anything.
 fn lasting(silent_s: f64) -> String {
     if silent_s.is_finite() { format!(" for {silent_s:.1} s") } else { " yet".to_owned() }
 }

@@ -10,6 +10,9 @@ const HEARTBEAT_S: f64 = 5.0;
 /// How long an answer is waited for, in seconds.
 const ANSWERS_S: f64 = 6.0;
 
+/// How long a good position is waited for, in seconds.
+const POSITION_S: f64 = 5.0;
+
 /// A clock that stands still does not keep us for ever.
 const MOST_PAUSES: u32 = 1_000_000;
 
@@ -37,6 +40,14 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             telemetry.version.is_some() && telemetry.status.is_some() && telemetry.home.is_some()
         };
         if let Err(error) = self.wait(ANSWERS_S, pause, answers) {
+            findings.push(Finding::bad("link", error, "check the cable"));
+        }
+        // Its messages come one after the other: a fix is not judged before it can have come.
+        let placed = |vehicle: &Self| {
+            let now = vehicle.clock.now();
+            quality::for_take_off(&vehicle.telemetry, &vehicle.config.position, now).is_ok()
+        };
+        if let Err(error) = self.wait(POSITION_S, pause, placed) {
             findings.push(Finding::bad("link", error, "check the cable"));
         }
         let now = self.clock.now();
@@ -83,6 +94,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
         let ground = self.telemetry.ground.summary(self.clock.now(), &self.telemetry.attitude);
         findings.extend(ground.map(|text| Finding::good("height above ground", text)));
+        findings.extend(self.others());
         let counts = self.link.counts();
         let figures = format!(
             "{} messages, {} lost, {} bytes of garbage",
@@ -97,6 +109,27 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         } else {
             Finding::good("link", figures)
         });
+        findings
+    }
+
+    /// Who else is on the link, or could be.
+    fn others(&self) -> Vec<Finding> {
+        let mut findings = Vec::new();
+        let stations: Vec<String> = self.telemetry.stations.iter().map(u8::to_string).collect();
+        if !stations.is_empty() {
+            let text = format!("other ground stations on this link: {}", stations.join(", "));
+            findings.push(Finding::good("stations", text));
+        }
+        if self.link.is_for_anybody() {
+            findings.push(Finding::bad(
+                "signing",
+                "anybody who reaches this port with its system number can become its other end",
+                "give the link a key (vehicle.settings.signing, docs/devices/mavlink.md)",
+            ));
+        }
+        if let Some(change) = self.link.change() {
+            findings.push(Finding::good("link", &change.value));
+        }
         findings
     }
 

@@ -21,30 +21,20 @@ struct Failsafe {
     remedy: &'static str,
 }
 
-const ARDUPILOT: [Failsafe; 4] = [
+const ARDUPILOT: [Failsafe; 2] = [
     Failsafe {
         subject: "failsafe: battery",
         parameter: "BATT_FS_LOW_ACT",
         remedy: "set BATT_FS_LOW_ACT to 2 (RTL) and BATT_LOW_VOLT to your battery's",
     },
     Failsafe {
-        subject: "failsafe: ground station",
-        parameter: "FS_GCS_ENABLE",
-        remedy: "set FS_GCS_ENABLE to 1 (RTL): it acts when foxhunt's link is lost",
-    },
-    Failsafe {
         subject: "failsafe: remote control",
         parameter: "FS_THR_ENABLE",
         remedy: "set FS_THR_ENABLE to 1 (RTL)",
     },
-    Failsafe {
-        subject: "failsafe: fence",
-        parameter: "FENCE_ENABLE",
-        remedy: "set FENCE_ENABLE to 1 and FENCE_RADIUS beyond the hunt's own fence",
-    },
 ];
 
-const PX4: [Failsafe; 4] = [
+const PX4: [Failsafe; 3] = [
     Failsafe {
         subject: "failsafe: battery",
         parameter: "COM_LOW_BAT_ACT",
@@ -53,69 +43,243 @@ const PX4: [Failsafe; 4] = [
     Failsafe {
         subject: "failsafe: ground station",
         parameter: "NAV_DLL_ACT",
-        remedy: "set NAV_DLL_ACT to 2 (return): it acts when foxhunt's link is lost",
+        remedy: "set NAV_DLL_ACT to 2 (return)",
     },
     Failsafe {
         subject: "failsafe: remote control",
         parameter: "NAV_RCL_ACT",
         remedy: "set NAV_RCL_ACT to 2 (return)",
     },
-    Failsafe {
-        subject: "failsafe: fence",
-        parameter: "GF_ACTION",
-        remedy: "set GF_ACTION to 3 (return) and GF_MAX_HOR_DIST beyond the hunt's own fence",
-    },
 ];
 
+/// Parameters that are read besides, and those that only some versions have.
+const ARDUPILOT_ALSO: [&str; 11] = [
+    "FS_GCS_ENABLE",
+    "FENCE_ENABLE",
+    "FENCE_TYPE",
+    "FENCE_ACTION",
+    "FENCE_RADIUS",
+    "FENCE_ALT_MAX",
+    "FENCE_ALT_MIN",
+    "FENCE_MARGIN",
+    "FENCE_TOTAL",
+    "RTL_ALT",
+    "SYSID_MYGCS",
+];
+const ARDUPILOT_SOME: [&str; 3] = ["FS_GCS_TIMEOUT", "MAV_GCS_SYSID", "RTL_ALT_M"];
+const PX4_ALSO: [&str; 7] = [
+    "COM_OF_LOSS_T",
+    "COM_OBL_RC_ACT",
+    "GF_ACTION",
+    "GF_MAX_HOR_DIST",
+    "GF_MAX_VER_DIST",
+    "RTL_RETURN_ALT",
+    "MPC_XY_VEL_MAX",
+];
+
+/// What COM_OBL_RC_ACT has PX4 do when set-points have stopped.
+const WITHOUT_SETPOINTS: [&str; 8] = [
+    "POSITION, which is flown by hand",
+    "ALTITUDE, which is flown by hand",
+    "STABILIZED, which is flown by hand",
+    "it returns",
+    "it lands",
+    "it holds, for as long as its battery lasts",
+    "it ends its flight and falls",
+    "its motors are stopped",
+];
+
+/// ArduPilot acts after so many seconds where FS_GCS_TIMEOUT is not reported.
+const USUAL_TIMEOUT_S: f64 = 5.0;
+
+/// Share by which it may be set up to fly faster than it is ordered.
+const FASTER: f64 = 1.2;
+
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
-    /// What the autopilot does by itself when battery, links or fence fail, and how high it comes
-    /// home. Parameters are read, none is set.
+    /// What the autopilot does by itself when battery, links or fence fail, what becomes of the
+    /// drone when foxhunt dies, its own fence and speed, and how high it comes home. Parameters are
+    /// read, none is set.
     pub(super) fn failsafes(
         &mut self,
         pause: &mut dyn FnMut(),
     ) -> Result<Vec<Finding>, MavlinkError> {
-        let Some((system, component, autopilot)) = self.telemetry.who else {
-            return Ok(Vec::new());
+        let Some((_, _, autopilot)) = self.telemetry.who else { return Ok(Vec::new()) };
+        let (failsafes, also, some): (&[Failsafe], &[&str], &[&str]) = match autopilot {
+            Autopilot::ArduPilot => (&ARDUPILOT, &ARDUPILOT_ALSO, &ARDUPILOT_SOME),
+            Autopilot::Px4 => (&PX4, &PX4_ALSO, &[]),
         };
-        let (failsafes, home) = match autopilot {
-            Autopilot::ArduPilot => (ARDUPILOT, ("RTL_ALT", 0.01)),
-            Autopilot::Px4 => (PX4, ("RTL_RETURN_ALT", 1.0)),
-        };
-        let names = failsafes.iter().map(|of| of.parameter).chain([home.0]);
+        let names = failsafes.iter().map(|of| of.parameter).chain(also.iter().copied());
         let names: Vec<&'static str> = names.collect();
-        for name in &names {
-            let request = PARAM_REQUEST_READ_DATA {
-                target_system: system,
-                target_component: component,
-                param_id: CharArray::from(*name),
-                // By its name.
-                param_index: -1,
-            };
-            self.send(self.clock.now(), &MavMessage::PARAM_REQUEST_READ(request))?;
-        }
-        self.wait(ANSWERS_S, pause, |vehicle| {
-            names.iter().all(|name| vehicle.telemetry.parameters.contains_key(*name))
-        })?;
-        let known = |name: &str| self.telemetry.parameters.get(name).copied();
-        let finding = |failsafe: &Failsafe| {
-            let Failsafe { subject, parameter, remedy } = failsafe;
-            match known(parameter) {
-                None => Finding::bad(subject, format!("{parameter} is not reported"), remedy),
-                Some(value) if value > 0.0 => {
-                    Finding::good(subject, format!("{parameter} is {value}"))
-                }
-                Some(_) => Finding::bad(subject, format!("off ({parameter} is 0)"), remedy),
+        // Datagrams are lost.
+        for _ in 0..2 {
+            for name in names.iter().chain(some) {
+                self.query(name)?;
             }
-        };
-        let mut findings: Vec<Finding> = failsafes.iter().map(finding).collect();
-        findings.push(match known(home.0) {
-            Some(value) => Finding::good("way home", format!("{:.1} m up", value * home.1)),
-            None => Finding::bad(
-                "way home",
-                format!("{} is not reported", home.0),
-                "see in a ground station how high it comes home",
-            ),
-        });
+            self.wait(ANSWERS_S, pause, |vehicle| {
+                names.iter().all(|name| vehicle.parameter(name).is_some())
+            })?;
+            if names.iter().all(|name| self.parameter(name).is_some()) {
+                break;
+            }
+        }
+        let mut findings: Vec<Finding> = failsafes.iter().map(|of| self.failsafe(of)).collect();
+        match autopilot {
+            Autopilot::ArduPilot => findings.push(self.ground_station()),
+            Autopilot::Px4 => findings.extend([self.set_points(), self.speed()]),
+        }
+        findings.push(self.own_fence());
+        findings.push(self.way_home());
         Ok(findings.into_iter().map(|finding| finding.watched(Watch::Autopilot)).collect())
+    }
+
+    /// Requests a parameter by its name.
+    pub(super) fn query(&mut self, name: &str) -> Result<(), MavlinkError> {
+        let Some((target_system, target_component, _)) = self.telemetry.who else { return Ok(()) };
+        let request = PARAM_REQUEST_READ_DATA {
+            target_system,
+            target_component,
+            param_id: CharArray::from(name),
+            // By its name.
+            param_index: -1,
+        };
+        self.send(self.clock.now(), &MavMessage::PARAM_REQUEST_READ(request))
+    }
+
+    pub(super) fn parameter(&self, name: &str) -> Option<f64> {
+        self.telemetry.parameters.get(name).copied()
+    }
+
+    fn failsafe(&self, Failsafe { subject, parameter, remedy }: &Failsafe) -> Finding {
+        match self.parameter(parameter) {
+            None => Finding::bad(subject, format!("{parameter} is not reported"), remedy),
+            Some(value) if value > 0.0 => Finding::good(subject, format!("{parameter} is {value}")),
+            Some(_) => Finding::bad(subject, format!("off ({parameter} is 0)"), remedy),
+        }
+    }
+
+    /// What becomes of an ArduPilot when foxhunt dies: its failsafe follows the heartbeats of one
+    /// number, whoever sends them.
+    fn ground_station(&self) -> Finding {
+        const SUBJECT: &str = "failsafe: ground station";
+        const ON: &str = "set FS_GCS_ENABLE to 1 (RTL): it acts when foxhunt's heartbeats stop";
+        let ours = self.config.ground_system_id;
+        match self.parameter("FS_GCS_ENABLE") {
+            None => return Finding::bad(SUBJECT, "FS_GCS_ENABLE is not reported", ON),
+            Some(value) if value <= 0.0 => {
+                let text = "off (FS_GCS_ENABLE is 0): if foxhunt dies it stays in GUIDED";
+                return Finding::bad(SUBJECT, text, ON);
+            }
+            Some(_) => {}
+        }
+        let number = ["MAV_GCS_SYSID", "SYSID_MYGCS"]
+            .into_iter()
+            .find_map(|name| Some((name, self.parameter(name)?)));
+        let Some((name, followed)) = number else {
+            let text = "SYSID_MYGCS is not reported: which station it follows is unknown";
+            return Finding::bad(
+                SUBJECT,
+                text,
+                "see in a ground station that it is foxhunt's number",
+            );
+        };
+        if (followed - f64::from(ours)).abs() > 0.5 {
+            let text = format!(
+                "{name} is {followed}, and foxhunt is {ours}: if foxhunt dies nothing happens"
+            );
+            let remedy = format!(
+                "set {name} to {ours}, or vehicle.settings.ground_system_id to {followed} if no \
+                 other station has that number"
+            );
+            return Finding::bad(SUBJECT, text, &remedy);
+        }
+        if self.telemetry.stations.contains(&ours) {
+            let other = if ours == 254 { 253 } else { 254 };
+            let text = format!(
+                "another station on this link has foxhunt's number {ours}: if foxhunt dies its \
+                 heartbeats keep the failsafe quiet"
+            );
+            let remedy = format!(
+                "set vehicle.settings.ground_system_id and {name} to {other}, which nobody else has"
+            );
+            return Finding::bad(SUBJECT, text, &remedy);
+        }
+        let after_s = self.parameter("FS_GCS_TIMEOUT").unwrap_or(USUAL_TIMEOUT_S);
+        let text = format!(
+            "FS_GCS_ENABLE is {}; it acts {after_s} s after foxhunt's last heartbeat",
+            self.parameter("FS_GCS_ENABLE").unwrap_or_default()
+        );
+        Finding::good(SUBJECT, text)
+    }
+
+    /// What becomes of a PX4 when set-points stop, as when foxhunt dies, whoever else is on the link.
+    fn set_points(&self) -> Finding {
+        const SUBJECT: &str = "failsafe: set-points";
+        let (Some(after_s), Some(action)) =
+            (self.parameter("COM_OF_LOSS_T"), self.parameter("COM_OBL_RC_ACT"))
+        else {
+            let text = "COM_OF_LOSS_T and COM_OBL_RC_ACT are not reported";
+            let remedy = "see in a ground station what it does when set-points stop";
+            return Finding::bad(SUBJECT, text, remedy);
+        };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+        let index = action as usize;
+        let what = WITHOUT_SETPOINTS.get(index).unwrap_or(&"unknown");
+        let text = format!(
+            "{after_s} s after the last one, as when foxhunt dies: {what} (COM_OBL_RC_ACT is \
+             {action})"
+        );
+        let gap_s = self.config.link_timeout_s;
+        if index != 3 && index != 4 {
+            let remedy = "set COM_OBL_RC_ACT to 3 (return), or have the pilot take it";
+            return Finding::bad(SUBJECT, text, remedy);
+        }
+        if after_s < gap_s {
+            let text = format!("{text}; foxhunt waits {gap_s} s for a link that is lost");
+            let remedy =
+                format!("set COM_OF_LOSS_T to {gap_s}: shorter gaps do not end the hunt then");
+            return Finding::bad(SUBJECT, text, &remedy);
+        }
+        Finding::good(SUBJECT, text)
+    }
+
+    /// Whether a PX4 flies as fast as it is ordered: in OFFBOARD its own limit alone counts.
+    fn speed(&self) -> Finding {
+        let fastest = self.parameter("MPC_XY_VEL_MAX");
+        match (fastest, self.config.cruise_speed_mps) {
+            (None, _) => Finding::bad(
+                "speed",
+                "MPC_XY_VEL_MAX is not reported",
+                "see in a ground station how fast it flies to set-points",
+            ),
+            (Some(fastest), Some(cruise)) if fastest > FASTER * cruise => Finding::bad(
+                "speed",
+                format!("up to {fastest} m/s (MPC_XY_VEL_MAX); cruise_speed_mps is {cruise}"),
+                &format!("set MPC_XY_VEL_MAX to {cruise}: OFFBOARD knows no other speed"),
+            ),
+            (Some(fastest), _) => Finding::good("speed", format!("up to {fastest} m/s")),
+        }
+    }
+
+    /// How high it comes home, against the limits of the file.
+    fn way_home(&self) -> Finding {
+        const SUBJECT: &str = "way home";
+        let (name, scale) = match self.telemetry.autopilot() {
+            Autopilot::Px4 => ("RTL_RETURN_ALT", 1.0),
+            Autopilot::ArduPilot if self.parameter("RTL_ALT_M").is_some() => ("RTL_ALT_M", 1.0),
+            Autopilot::ArduPilot => ("RTL_ALT", 0.01),
+        };
+        let Some(up_m) = self.parameter(name).map(|value| value * scale) else {
+            let remedy = "see in a ground station how high it comes home";
+            return Finding::bad(SUBJECT, format!("{name} is not reported"), remedy);
+        };
+        let most_m = self.config.limits.max_up_m;
+        let text = format!("{up_m:.1} m up");
+        let finding = if up_m > most_m {
+            let text = format!("{text}; limits.max_up_m is {most_m}");
+            Finding::bad(SUBJECT, text, &format!("set {name} to {:.0}", most_m / scale))
+        } else {
+            Finding::good(SUBJECT, text)
+        };
+        Finding { home_up_m: Some(up_m), ..finding }
     }
 }

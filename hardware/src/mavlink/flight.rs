@@ -9,14 +9,27 @@ use foxhunt_wire::{
 
 use super::{
     MavlinkError, MavlinkVehicle,
-    orders::{Order, Step, single},
+    authority::Seen,
+    orders::{Order, Step, mode_order},
     phase::{Goal, Nose, Ordered, Phase, Stage},
     quality, setpoint,
     streams::Streams,
 };
+use crate::Hands;
 
 /// Complaints of the autopilot are shown for so long, in seconds.
 const COMPLAINT_S: f64 = 15.0;
+
+/// A heartbeat is left undecided for so long, in seconds; meanwhile nothing is ordered.
+const UNDECIDED_S: f64 = 6.0;
+
+/// So many heartbeats after an accepted order that show another mode show somebody's choice. The
+/// first of them may be older than the order.
+const IGNORED: u32 = 2;
+
+/// PX4 ends its climb this far below the height that was ordered, in metres (NAV_MC_ALT_RAD, with
+/// some room).
+const CLIMBED_SHORT_M: f64 = 1.0;
 
 /// What goes on by itself between one call and the next.
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
@@ -26,97 +39,97 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Notices that the link is lost, that somebody else has the aircraft, or that it is down.
     pub(super) fn watch(&mut self, now: f64) {
-        let Some(mode) = self.telemetry.mode() else { return };
-        let autopilot = mode.autopilot;
-        let (commanded, hold) = (autopilot.commanded(), autopilot.hold());
-        let (before, climb) = (autopilot.before_take_off(), autopilot.take_off());
-        let (land, home) = (autopilot.land(), autopilot.return_to_launch());
-        let leaving = self.leaving.unwrap_or(mode);
+        let Some(beat_at) = self.telemetry.heartbeat.as_ref().map(|beat| beat.at) else { return };
         let lands = matches!(self.phase, Phase::Landing | Phase::Returning);
-        if lands && mode == if self.phase == Phase::Landing { land } else { home } {
-            self.leaving = None;
-        }
-        // PX4 alone holds when it has landed: LOITER of ArduPilot is the pilot's.
-        let landed = if autopilot == Autopilot::Px4 { hold } else { land };
-        let ours = [before, climb, commanded, land, home];
-        // Any of them may be on its way when it is ordered to come down; but one that lands or
-        // returns without our order is not turned back.
-        let down = if self.phase == Phase::Returning { home } else { land };
-        let ordered = [before, climb, commanded, down, leaving];
-        if let Phase::Taken { in_our_mode, .. } = &mut self.phase {
-            *in_our_mode &= mode == commanded;
-        }
-        if matches!(self.phase, Phase::TakingOff { .. })
-            && self.ordered == Ordered::Nothing
-            && (self.telemetry.armed() || self.telemetry.airborne(now))
-        {
-            return self.lose("its motors run, which we did not order".into(), true);
-        }
-        let expected: &[FlightMode] = match &self.phase {
-            // Nobody has it who stands on the ground after a lost link.
-            Phase::Taken { by_pilot: false, .. }
-                if !self.telemetry.armed() && self.telemetry.without_heartbeat(now) < 1.0 =>
-            {
-                self.phase = Phase::Idle;
-                return;
+        if self.telemetry.silence(now) > self.config.link_timeout_s {
+            // That it is to come down stands; whether it is ordered, its next heartbeat decides.
+            if self.authority.falls_silent() && !lands {
+                self.stop();
             }
-            // After a lost link its pilot flies it, unless it comes home by its own rules.
-            Phase::Taken { by_pilot: false, .. }
-                if !ours.contains(&mode)
-                    && self.telemetry.without_heartbeat(now) <= self.config.link_timeout_s =>
-            {
-                &ours
-            }
-            Phase::Idle | Phase::Taken { .. } => return,
-            Phase::TakingOff { stage: Stage::Position | Stage::Mode, .. } => {
-                &[leaving, before, commanded]
-            }
-            Phase::TakingOff { stage: Stage::Arm, .. } => &[before],
-            Phase::TakingOff { stage: Stage::Climb, .. } => &[before, climb],
-            Phase::TakingOff { stage: Stage::Command, .. } => &[before, climb, commanded],
-            Phase::TakingOver => &[before, commanded],
-            Phase::Flying => &[commanded],
-            Phase::Landing | Phase::Returning if self.leaving.is_some() => &ordered,
-            Phase::Landing => &[land, landed],
-            Phase::Returning => &[home, land, landed],
+            return;
+        }
+        let Some(mode) = self.telemetry.mode().filter(|_| beat_at > self.authority.read_at())
+        else {
+            return;
         };
-        let expected = expected.contains(&mode);
-        if self.telemetry.without_heartbeat(now) > self.config.link_timeout_s {
-            // The order to come down stands, for when its link is back.
-            if lands {
-                return;
-            }
-            self.lose("the link was lost".into(), false);
-        } else if !expected {
-            let mut why = format!("its mode became {mode}, which we did not order");
-            if let Some(text) = self.telemetry.complaints(now - COMPLAINT_S).next() {
-                why = format!("{why} ({text})");
-            }
-            self.lose(why, true);
-        } else if matches!(self.phase, Phase::Flying | Phase::Landing | Phase::Returning)
-            && !self.telemetry.armed()
+        // Whether PX4 has ended its climb by itself, a position of now tells.
+        let position_at = self.telemetry.position.as_ref().map_or(f64::NEG_INFINITY, |of| of.at);
+        if self.climbs_to.is_some()
+            && mode == mode.autopilot.hold()
+            && now - position_at > self.config.pose_timeout_s
+            && now - *self.undecided.get_or_insert(now) < UNDECIDED_S
         {
-            (self.goal, self.order, self.turning) = (None, None, None);
-            (self.ordered, self.leaving) = (Ordered::Nothing, None);
-            self.enter(Phase::Idle);
+            return;
+        }
+        self.undecided = None;
+        let short_m = self.config.take_off_tolerance_m.max(CLIMBED_SHORT_M);
+        let climbed =
+            self.climbs_to.zip(self.telemetry.up()).is_some_and(|(to, up)| up >= to - short_m);
+        let seen = Seen {
+            mode,
+            armed: self.telemetry.armed(),
+            airborne: self.telemetry.airborne(now),
+            failsafe: self.telemetry.failsafe(),
+            climbs: matches!(self.phase, Phase::TakingOff { stage: Stage::Climb, .. })
+                && self.order.as_ref().is_some_and(Order::accepted),
+            up_m: self.telemetry.up().unwrap_or(0.0),
+            climbed,
+            started: self.ordered != Ordered::Nothing,
+            ended: lands || (self.phase == Phase::Idle && self.order.is_some()),
+            complaint: self.telemetry.texts.complained(now - COMPLAINT_S),
+        };
+        self.authority.hear(beat_at, &seen);
+        match self.authority.hands() {
+            Hands::Ours => {
+                let target = match self.phase {
+                    Phase::Returning => mode.autopilot.return_to_launch(),
+                    _ => mode.autopilot.land(),
+                };
+                self.leaving &= !(lands && mode == target);
+                self.notice_ignored(mode);
+            }
+            hands => {
+                self.stop();
+                if matches!(hands, Hands::Nobody | Hands::Grounded) {
+                    (self.ordered, self.climbs_to) = (Ordered::Nothing, None);
+                }
+            }
         }
     }
 
-    fn lose(&mut self, why: String, by_pilot: bool) {
+    /// Notices that somebody has chosen another mode before a heartbeat could show the one that was
+    /// ordered and accepted.
+    fn notice_ignored(&mut self, mode: FlightMode) {
+        let accepted = self.order.as_ref().filter(|order| order.accepted());
+        let target = accepted.and_then(|order| order.mode(mode.autopilot));
+        let Some(target) = target.filter(|target| *target != mode) else {
+            self.ignored = 0;
+            return;
+        };
+        self.ignored += 1;
+        if self.ignored >= IGNORED {
+            self.stop();
+            let why = format!("it accepted {target} and is in {mode}, which we did not order");
+            self.authority.release(why);
+        }
+    }
+
+    /// Ends whatever was under way.
+    pub(super) fn stop(&mut self) {
         (self.goal, self.order, self.turning, self.camera.order) = (None, None, None, None);
-        (self.leaving, self.strayed) = (None, None);
-        self.enter(Phase::Taken { why, by_pilot, in_our_mode: false });
+        (self.leaving, self.strayed, self.ignored) = (false, None, 0);
+        self.enter(Phase::Idle);
     }
 
     /// Another station flies it, in the mode of our orders.
     pub(super) fn yield_to_station(&mut self, why: String) {
-        self.lose(why.clone(), true);
-        self.enter(Phase::Taken { why, by_pilot: true, in_our_mode: true });
+        self.stop();
+        self.authority.yield_to_station(why);
     }
 
     /// Records why something was given up, for the error.
     pub(super) fn explain(&mut self, now: f64, what: &str, why: &str) {
-        let complaint = self.telemetry.complaints(now - COMPLAINT_S).next();
+        let complaint = self.telemetry.texts.reason(now - COMPLAINT_S);
         self.failure = match complaint {
             Some(text) => format!("{what} was given up: {why} ({text})"),
             None => format!("{what} was given up: {why}"),
@@ -125,7 +138,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Sends what is due.
     pub(super) fn advance(&mut self, now: f64) -> Result<(), MavlinkError> {
-        let Some((system, component, autopilot)) = self.telemetry.who else { return Ok(()) };
+        let Some((.., autopilot)) = self.telemetry.who else { return Ok(()) };
         let origin = self.telemetry.position.as_ref().filter(|_| self.frame.is_none());
         let origin = origin.map(|message| (message.value.lat, message.value.lon));
         if let (Some((lat, lon)), Ok(())) =
@@ -136,6 +149,9 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         let streams = self.streams.get_or_insert_with(|| Streams::new(&self.config, autopilot));
         for order in streams.due(now) {
             self.command(now, order.command)?;
+        }
+        if self.phase == Phase::Idle {
+            self.learn_fence(now)?;
         }
         if self.telemetry.version.is_none() && now - self.version_requested > 5.0 {
             self.version_requested = now;
@@ -157,16 +173,15 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
         match self.phase.clone() {
             Phase::Idle => self.disarm_further(now),
-            Phase::Taken { .. } => Ok(()),
             Phase::TakingOff { up, stage, .. } => self.take_off_further(now, autopilot, up, stage),
             Phase::TakingOver => {
-                self.send_goal(now, (system, component))?;
+                self.send_goal(now)?;
                 self.request_mode(now, autopilot.commanded(), Phase::Flying)
             }
             Phase::Flying => {
                 self.keep_inside(now);
                 self.turn_further(now)?;
-                self.send_goal(now, (system, component))?;
+                self.send_goal(now)?;
                 self.cruise_further(now)
             }
             Phase::Landing => self.come_down_further(now, autopilot.land()),
@@ -204,8 +219,12 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.send(now, &MavMessage::COMMAND_LONG(command))
     }
 
-    /// Gives the order that the phase waits for; why it is given up.
+    /// Gives the order that the phase waits for, when a heartbeat has just shown that nobody else
+    /// has it; why it is given up.
     pub(super) fn give(&mut self, now: f64) -> Result<Option<String>, MavlinkError> {
+        if !self.authority.may_order(now) {
+            return Ok(None);
+        }
         let Some(order) = &mut self.order else { return Ok(None) };
         match order.advance(now, self.config.ack_timeout_s, self.config.attempts) {
             Step::Wait => Ok(None),
@@ -242,15 +261,24 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 self.give_up(now, &what, &why);
             } else {
                 self.explain(now, &what, &why);
-                self.lose(self.failure.clone(), false);
+                self.stop();
+                self.authority.release(self.failure.clone());
             }
         }
         Ok(())
     }
 
-    /// Sends it back once when it has left the limits.
+    /// Sends it back once when it has left the limits. One that sinks below them is not flying to any
+    /// goal of ours: it is sent none, and climbs by its own way home, or lands.
     fn keep_inside(&mut self, now: f64) {
         let Ok(pose) = self.fresh_pose(now) else { return };
+        let sinks_mps = pose.velocity.map_or(0.0, |velocity| -velocity.z);
+        if let Some(why) = self.config.limits.sinks(pose.position.z, sinks_mps) {
+            return self.leave_without_goals(why);
+        }
+        if self.telemetry.doubt.why(now).is_some() {
+            return;
+        }
         let launch = self.launch_place();
         let strayed = self.config.limits.strayed(&pose.position, launch.as_ref());
         if let (None, Some((place, _))) = (&self.strayed, &strayed) {
@@ -262,22 +290,24 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Gives the order to come down until its mode shows that it does it.
     fn come_down_further(&mut self, now: f64, mode: FlightMode) -> Result<(), MavlinkError> {
-        if self.leaving.is_none() {
+        if !self.leaving {
             (self.order, self.goal) = (None, None);
+            return Ok(());
+        }
+        if !self.authority.is_ours() {
             return Ok(());
         }
         // PX4 leaves OFFBOARD for the pilot's modes without set-points: it stays in place until it
         // has taken the order.
-        if let (Some((system, component, _)), true) =
-            (self.telemetry.who, self.telemetry.mode() == Some(mode.autopilot.commanded()))
-        {
-            self.send_goal(now, (system, component))?;
+        if self.telemetry.mode() == Some(mode.autopilot.commanded()) {
+            self.send_goal(now)?;
         }
         self.order.get_or_insert_with(|| mode_order(mode));
         if let Some(why) = self.give(now)? {
             self.explain(now, &format!("the order to {mode}"), &why);
             // It is ordered again, to land at least.
             self.order = None;
+            self.settles = true;
             self.enter(Phase::Landing);
         }
         Ok(())
@@ -290,74 +320,58 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         self.goal =
             here.filter(|_| px4).map(|pose| Goal::new(pose.position, Nose::Holds(pose.heading)));
         (self.order, self.turning, self.strayed) = (None, None, None);
-        self.leaving = self.telemetry.mode();
+        (self.leaving, self.settles) = (true, false);
+        self.authority.bring_down(now);
         self.enter(phase);
     }
 
     pub(super) fn come_down(&mut self, phase: Phase) -> Result<(), MavlinkError> {
         let now = self.serve()?;
-        if self.phase == phase {
+        if self.phase == phase || (self.phase == Phase::Landing && self.settles) {
             return Ok(());
         }
         let refused = |why: String| Err(MavlinkError::NotCommanded { why });
-        let pending = self.ordered != Ordered::Nothing;
-        let taking_off = matches!(self.phase, Phase::TakingOff { .. });
-        match self.phase {
-            Phase::Taken { by_pilot: true, .. } => return refused(self.hindrance(now)),
-            Phase::Idle if !pending && self.telemetry.airborne(now) => {
-                return refused(format!("it is flown in {}, not by us", self.mode_name()));
-            }
-            Phase::Taken { .. } if self.telemetry.airborne(now) && self.comes_down(now) => {
+        let airborne = self.telemetry.airborne(now);
+        let hands = self.authority.hands();
+        match hands {
+            Hands::Autopilot => {
                 return refused(format!("it comes down by its own rules ({})", self.mode_name()));
             }
-            Phase::Idle | Phase::Taken { .. } if !pending && !self.telemetry.airborne(now) => {
-                return refused("it is on the ground".into());
+            Hands::Pilot | Hands::Station => return refused(self.hindrance(now)),
+            Hands::Nobody if airborne => {
+                return refused(format!("it is flown in {}, not by us", self.mode_name()));
             }
             // The motors are being stopped.
-            Phase::Idle if self.order.is_some() => return Ok(()),
-            _ => {}
+            Hands::Ours if self.phase == Phase::Idle && self.order.is_some() => return Ok(()),
+            Hands::Ours if self.phase == Phase::Idle => {
+                return refused("it is on the ground".into());
+            }
+            Hands::Nobody | Hands::Grounded => return refused("it is on the ground".into()),
+            Hands::Ours | Hands::GivenBack | Hands::Stopped | Hands::Unheard => {}
         }
         self.failure.clear();
-        let in_our_hands = matches!(
-            self.phase,
-            Phase::Flying | Phase::TakingOver | Phase::Landing | Phase::Returning
-        );
-        if taking_off || !in_our_hands && !self.telemetry.airborne(now) {
+        if matches!(self.phase, Phase::TakingOff { .. }) {
             self.end_take_off(now, phase);
+        } else if hands == Hands::Unheard && !airborne {
+            // Coming back would climb first.
+            self.begin_coming_down(Phase::Landing);
         } else {
             self.begin_coming_down(phase);
         }
         self.advance(now)
     }
 
-    /// Whether it lands or returns, as of a heartbeat that is not old.
-    fn comes_down(&self, now: f64) -> bool {
-        let fresh = self.telemetry.without_heartbeat(now) <= self.config.link_timeout_s;
-        let down = |mode: FlightMode| {
-            [mode.autopilot.land(), mode.autopilot.return_to_launch()].contains(&mode)
-        };
-        fresh && self.telemetry.mode().is_some_and(down)
-    }
-
     /// Whether it is in the air, not ours, and in the mode in which it may be taken over.
     pub(super) fn is_offered(&self, now: f64) -> bool {
-        let given_back = |mode: FlightMode| {
-            [mode.autopilot.commanded(), mode.autopilot.before_take_off()].contains(&mode)
+        let Some(mode) = self.telemetry.mode() else { return false };
+        let (commanded, before) = (mode.autopilot.commanded(), mode.autopilot.before_take_off());
+        let offered = match self.authority.hands() {
+            Hands::Nobody => [commanded, before].contains(&mode),
+            Hands::GivenBack => true,
+            // PX4's HOLD: whether he gives it back by that, he alone knows.
+            Hands::Pilot => mode == before && before != commanded,
+            _ => false,
         };
-        matches!(self.phase, Phase::Idle | Phase::Taken { in_our_mode: false, .. })
-            && self.telemetry.airborne(now)
-            && self.telemetry.mode().is_some_and(given_back)
+        offered && self.telemetry.airborne(now)
     }
-}
-
-/// The order to go into a mode.
-fn mode_order(mode: FlightMode) -> Order {
-    let (main, sub) = mode.main_and_sub();
-    let [mode, sub] = match mode.autopilot {
-        Autopilot::ArduPilot => [f64::from(mode.custom), 0.0],
-        Autopilot::Px4 => [f64::from(main), f64::from(sub)],
-    };
-    // 1: the modes are the autopilot's own.
-    let parameters = [1.0, single(mode), single(sub), 0.0, 0.0, 0.0, 0.0];
-    Order::new(MavCmd::MAV_CMD_DO_SET_MODE, parameters)
 }

@@ -3,11 +3,12 @@ use foxhunt_wire::{
     ByteStream,
     mavlink::{Autopilot, CommonFrame, dialect::MavCmd, yaw_of_heading},
 };
+use nalgebra::Vector3;
 
 use super::{
     MavlinkError, MavlinkVehicle,
     orders::{Order, Step, single},
-    phase::{Goal, Nose},
+    phase::{Goal, Nose, Phase},
     setpoint,
 };
 
@@ -52,25 +53,37 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
     }
 
-    /// Sends the goal when it is due.
-    pub(super) fn send_goal(&mut self, now: f64, who: (u8, u8)) -> Result<(), MavlinkError> {
+    /// Sends the goal when it is due. Ends it where the autopilot has made another one of it.
+    pub(super) fn send_goal(&mut self, now: f64) -> Result<(), MavlinkError> {
         let (Some(frame), Some(mut goal)) = (self.frame, self.goal) else { return Ok(()) };
-        let regular = 1.0 / self.config.setpoint_rate_hz;
-        let turns = matches!(goal.nose, Nose::Turns(_));
-        if goal.confirmed && !turns {
-            let elsewhere = self.sent_elsewhere(&frame, &goal);
-            match (goal.replaced, elsewhere) {
-                (Some(since), Some((at, distance))) if at - since >= REPLACED_S => {
-                    let why = format!("another station has sent it {distance:.0} m from its goal");
-                    self.yield_to_station(why);
+        if self.phase == Phase::Flying
+            && let Some(away_m) = self.drifted(&frame, &mut goal)
+        {
+            let why = format!(
+                "it has gone {away_m:.0} m away from its goal, which we did not order: another \
+                 station flies it"
+            );
+            self.yield_to_station(why);
+            return Ok(());
+        }
+        let target = setpoint::target(&frame, &self.telemetry, &goal);
+        let known = target.as_ref().filter(|target| !goal.is_new() && target.at >= goal.sent);
+        if let Some(target) = known {
+            let (over_ground, up) = apart(&target.value, &goal.place);
+            if is_there(over_ground, up) {
+                (goal.confirmed, goal.replaced) = (true, None);
+            } else if self.phase == Phase::Flying && !goal.is_still_before(&target.value) {
+                let since = *goal.replaced.get_or_insert(target.at);
+                if target.at - since >= REPLACED_S {
+                    self.end_goal(over_ground, up);
                     return Ok(());
                 }
-                (since, elsewhere) => {
-                    goal.replaced = elsewhere.map(|(at, _)| since.unwrap_or(at));
-                }
             }
+        } else if target.is_none() {
+            goal.confirmed = goal.confirmed || self.moves_there(&frame, &goal);
         }
-        goal.confirmed = goal.confirmed || self.is_confirmed(&frame, &goal);
+        let turns = matches!(goal.nose, Nose::Turns(_));
+        let regular = 1.0 / self.config.setpoint_rate_hz;
         let period = match self.telemetry.autopilot() {
             Autopilot::Px4 => regular,
             Autopilot::ArduPilot if turns => regular,
@@ -78,9 +91,13 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             Autopilot::ArduPilot => self.config.ack_timeout_s,
         };
         // A hair early rather than a whole call late.
-        if goal.is_new() || now - goal.sent >= period - 1e-3 {
+        if (goal.is_new() || now - goal.sent >= period - 1e-3)
+            && let Some(message) = setpoint::message(&frame, &goal, &self.telemetry, now)
+        {
+            if goal.is_new() {
+                (goal.first, goal.before) = (now, target.map(|target| target.value));
+            }
             (goal.sent, goal.times) = (now, goal.times.saturating_add(1));
-            let message = setpoint::message(&frame, &goal, who, now);
             self.goal = Some(goal);
             return self.send(now, &message);
         }
@@ -88,31 +105,70 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         Ok(())
     }
 
-    /// When the autopilot, which knew the goal, reported another target, and how far from the goal
-    /// that is.
-    fn sent_elsewhere(&self, frame: &CommonFrame, goal: &Goal) -> Option<(f64, f64)> {
-        let target = self.telemetry.target.as_ref().filter(|target| target.at >= goal.sent)?;
-        let alt = setpoint::launch_alt(&self.telemetry)?;
-        let distance = setpoint::distance_m(frame, goal, &target.value, alt);
-        (distance >= setpoint::SAME_M).then_some((target.at, distance))
+    /// How far it has gone away from a goal that it was sent, in metres.
+    fn drifted(&self, frame: &CommonFrame, goal: &mut Goal) -> Option<f64> {
+        let at = self.telemetry.position.as_ref()?.at;
+        let place = setpoint::pose(frame, &self.telemetry, at)?.position;
+        let speed = setpoint::velocity(&self.telemetry).norm();
+        if goal.is_new() { None } else { goal.drift.see(at, place, speed, &goal.place) }
     }
 
-    /// Whether it has shown that it took the goal: its own target is the same, or, where it reports
-    /// none, it is there or moves there.
-    fn is_confirmed(&self, frame: &CommonFrame, goal: &Goal) -> bool {
-        let (Some(position), false) = (&self.telemetry.position, goal.is_new()) else {
+    /// Ends a goal of which the autopilot has made another one, so far over ground and upwards. A
+    /// place over ground that is ours with another height is our own goal, misunderstood: no further
+    /// one is sent, and it comes home by a rule of its own, which hangs on no height of ours.
+    fn end_goal(&mut self, over_ground: f64, up: f64) {
+        if over_ground < setpoint::SAME_M && up.is_finite() {
+            let side = if up > 0.0 { "above" } else { "below" };
+            let up = up.abs();
+            let why = format!("it flies to a place {up:.1} m {side} the one to which it was sent");
+            self.leave_without_goals(why);
+        } else if over_ground.is_finite() {
+            let why = format!("another station has sent it {over_ground:.0} m from its goal");
+            self.yield_to_station(why);
+        } else {
+            self.yield_to_station("another station has given it velocities".into());
+        }
+    }
+
+    /// Has it come home without any set-point: its heights cannot be relied upon.
+    pub(super) fn leave_without_goals(&mut self, why: String) {
+        self.begin_coming_down(Phase::Returning);
+        (self.goal, self.failure) = (None, why);
+    }
+
+    /// Whether it is there or moves there, for an autopilot that reports no target of its own.
+    fn moves_there(&self, frame: &CommonFrame, goal: &Goal) -> bool {
+        let position = self.telemetry.position.as_ref();
+        let Some(position) = position.filter(|at| !goal.is_new() && at.at >= goal.sent) else {
             return false;
         };
-        let target = self.telemetry.target.as_ref().filter(|target| target.at >= goal.sent);
-        if let (Some(target), Some(alt)) = (target, setpoint::launch_alt(&self.telemetry)) {
-            return setpoint::distance_m(frame, goal, &target.value, alt) < setpoint::SAME_M;
-        }
-        if self.telemetry.target.is_some() || position.at < goal.sent {
-            return false;
-        }
         let Some(pose) = setpoint::pose(frame, &self.telemetry, position.at) else { return false };
         let way = goal.place - pose.position;
         let distance = way.norm();
         distance < 0.5 || setpoint::velocity(&self.telemetry).dot(&way) / distance > MOVING_MPS
+    }
+}
+
+/// Metres over ground and upwards from a goal to a target.
+fn apart(target: &Vector3<f64>, goal: &Vector3<f64>) -> (f64, f64) {
+    let way = target - goal;
+    let over_ground =
+        if way.xy().iter().all(|of| of.is_finite()) { way.xy().norm() } else { f64::INFINITY };
+    (over_ground, if way.z.is_finite() { way.z } else { f64::INFINITY })
+}
+
+fn is_there(over_ground: f64, up: f64) -> bool {
+    over_ground < setpoint::SAME_M && up.abs() < setpoint::SAME_UP_M
+}
+
+impl Goal {
+    /// Whether a target is the one that the autopilot had before this goal, which it may not have
+    /// received, or refuses.
+    fn is_still_before(&self, target: &Vector3<f64>) -> bool {
+        !self.confirmed
+            && self.before.is_some_and(|before| {
+                let (over_ground, up) = apart(target, &before);
+                is_there(over_ground, up)
+            })
     }
 }

@@ -10,6 +10,11 @@ const STRAYED_M: f64 = 2.0;
 /// How far beyond the limits of height, in metres.
 const STRAYED_UP_M: f64 = 1.0;
 
+/// Depth below the least height, in metres, and rate of sinking, in metres per second, from which an
+/// aircraft does not fly to any goal of ours.
+const SUNK_M: f64 = 0.5;
+const SINKS_MPS: f64 = 0.3;
+
 /// Where an aircraft may be sent, whatever its own fence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -128,6 +133,17 @@ impl FlightLimits {
             place.z, self.min_up_m, self.max_up_m
         );
         (up > STRAYED_UP_M).then_some((inside, why))
+    }
+
+    /// What is wrong with an aircraft that is at a height and sinks at a rate, where it is below the
+    /// limits and goes on sinking.
+    pub(super) fn sinks(&self, up_m: f64, sinks_mps: f64) -> Option<String> {
+        let least = self.min_up_m;
+        (up_m < least - SUNK_M && sinks_mps > SINKS_MPS).then(|| {
+            format!(
+                "it sinks at {sinks_mps:.1} m/s, {up_m:.1} m up, and the least height is {least} m"
+            )
+        })
     }
 
     fn edges(&self) -> impl Iterator<Item = (Vector2<f64>, Vector2<f64>)> {

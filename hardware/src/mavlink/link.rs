@@ -1,4 +1,4 @@
-use std::io;
+use std::{io, net::SocketAddr};
 
 use foxhunt_wire::{
     ByteStream,
@@ -8,7 +8,7 @@ use foxhunt_wire::{
     },
 };
 
-use super::MavlinkConfig;
+use super::{MavlinkConfig, timed::Timed};
 
 /// Messages to and from the other end of a stream, as a ground station.
 #[derive(Debug)]
@@ -16,10 +16,15 @@ pub(super) struct Link<S> {
     stream: S,
     codec: Codec,
     connections: u32,
-    /// Where anybody may send: since when the one that is pinned has sent nothing.
-    pinned: Option<f64>,
-    /// Without a message for so long another one may be pinned, in seconds.
+    /// Where anybody may send: when the one that is pinned, or was, has sent something of the
+    /// autopilot last.
+    heard: Option<f64>,
+    /// Without a message for so long it may come from elsewhere, in seconds.
     timeout_s: f64,
+    /// Whether a sender is known by its signature.
+    signed: bool,
+    /// The last change of the other end.
+    change: Option<Timed<String>>,
     /// Whether nothing is sent.
     listen_only: bool,
     /// When the last heartbeat of ours went out.
@@ -30,6 +35,10 @@ pub(super) struct Link<S> {
 
 /// Our component: MAV_COMP_ID_MISSIONPLANNER, a ground station.
 const COMPONENT: u8 = 190;
+
+/// An unsigned peer that has been silent for so long is gone, in seconds: by then the autopilot's own
+/// failsafes have acted.
+const GONE_S: f64 = 30.0;
 
 /// Between our heartbeats, in seconds.
 const BEAT_S: f64 = 1.0;
@@ -43,13 +52,14 @@ impl<S: ByteStream> Link<S> {
         };
         let connections = stream.connections();
         let beaten = f64::NEG_INFINITY;
-        let timeout_s = config.link_timeout_s;
         Self {
             stream,
             codec,
             connections,
-            pinned: None,
-            timeout_s,
+            heard: None,
+            timeout_s: config.link_timeout_s,
+            signed: config.signing.is_some(),
+            change: None,
             listen_only: config.listen_only,
             beaten,
             clock_origin_unix_s: 0.0,
@@ -58,15 +68,18 @@ impl<S: ByteStream> Link<S> {
 
     /// Hands on what has come; `take` returns whether a frame is of the autopilot. Where anybody
     /// may send, only the sender of such a frame is received and answered, until it has been silent
-    /// for as long as a link may be. Whether the stream was opened anew since the last time.
+    /// for as long as a link may be. Then it is answered still, and others are heard at once where
+    /// they sign or nothing `flies`, and otherwise when it may be taken for gone. Whether the stream
+    /// was opened anew since the last time.
     pub(super) fn receive(
         &mut self,
         now: f64,
+        flies: bool,
         mut take: impl FnMut(&Frame) -> bool,
     ) -> io::Result<bool> {
         let mut into = [0; 2048];
-        if self.pinned.is_some_and(|since| now - since > self.timeout_s) {
-            self.pinned = None;
+        let silent_s = self.heard.map_or(f64::INFINITY, |heard| now - heard);
+        if self.heard.is_some() && silent_s > self.timeout_s && !self.stream.is_open() {
             self.stream.unpin()?;
         }
         // As many as a second of the fastest link holds: a device that floods us is not followed.
@@ -74,6 +87,11 @@ impl<S: ByteStream> Link<S> {
             let count = self.stream.receive(&mut into)?;
             let Some(bytes) = into.get(..count).filter(|bytes| !bytes.is_empty()) else { break };
             let open = self.stream.is_open();
+            let (known, sender) = (self.stream.peer(), self.stream.sender());
+            let elsewhere = open && known.is_some() && sender != known;
+            if elsewhere && flies && !self.signed && silent_s < GONE_S {
+                continue;
+            }
             if open {
                 // What a stranger has begun is not continued by another one.
                 self.codec.restart();
@@ -84,23 +102,44 @@ impl<S: ByteStream> Link<S> {
                 ours |= take(&frame);
             }
             if ours {
-                self.pinned = Some(now);
+                self.heard = Some(now);
                 if open {
                     self.stream.pin()?;
+                }
+                if let (true, Some(known), Some(sender)) = (elsewhere, known, sender) {
+                    self.moved(now, known, sender);
                 }
             }
         }
         let reopened = self.stream.connections() != self.connections;
         if reopened {
-            (self.connections, self.pinned) = (self.stream.connections(), None);
+            (self.connections, self.heard) = (self.stream.connections(), None);
             self.codec.restart();
         }
         Ok(reopened)
     }
 
-    /// Sends a message. Where anybody may send, nobody is answered before the autopilot is known.
+    fn moved(&mut self, now: f64, from: SocketAddr, to: SocketAddr) {
+        let sign = if self.signed { "" } else { ", unsigned: anybody may have sent it" };
+        let value = format!("its link comes from {to} now, and came from {from}{sign}");
+        self.change = Some(Timed { at: now, value });
+    }
+
+    /// The last change of the other end.
+    pub(super) fn change(&self) -> Option<&Timed<String>> {
+        self.change.as_ref()
+    }
+
+    /// Whether anybody could become the other end.
+    pub(super) fn is_for_anybody(&self) -> bool {
+        !self.signed && (self.stream.is_open() || self.stream.peer().is_some())
+    }
+
+    /// Sends a message. Where anybody may send, nobody is answered before the autopilot is known;
+    /// one that has fallen silent is sent to still, as it may hear us.
     pub(super) fn send(&mut self, now: f64, message: &MavMessage) -> io::Result<()> {
-        if self.listen_only || self.stream.is_open() {
+        let nobody = self.stream.is_open() && self.stream.peer().is_none();
+        if self.listen_only || nobody {
             return Ok(());
         }
         let bytes = self.codec.encode(message, self.clock_origin_unix_s + now);

@@ -1,8 +1,11 @@
 //! ArduPilot and PX4 over MAVLink 2.
 
+mod authority;
 mod camera;
 mod config;
 mod cruise;
+mod doubt;
+mod drift;
 mod error;
 mod examine;
 mod failsafes;
@@ -13,6 +16,7 @@ mod hindrance;
 mod limits;
 mod link;
 mod orders;
+mod own_fence;
 mod parameter;
 mod phase;
 mod quality;
@@ -22,6 +26,7 @@ mod setpoint;
 mod streams;
 mod take_off;
 mod telemetry;
+mod texts;
 mod timed;
 mod vehicle;
 

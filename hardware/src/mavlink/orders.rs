@@ -1,4 +1,7 @@
-use foxhunt_wire::mavlink::dialect::{COMMAND_LONG_DATA, MavCmd, MavResult};
+use foxhunt_wire::mavlink::{
+    Autopilot, FlightMode,
+    dialect::{COMMAND_LONG_DATA, MavCmd, MavResult},
+};
 
 /// An order that is given until it is answered and has its effect.
 #[derive(Clone, Debug)]
@@ -54,6 +57,12 @@ impl Order {
         )
     }
 
+    /// The mode that it is for, if it orders one.
+    pub(super) fn mode(&self, autopilot: Autopilot) -> Option<FlightMode> {
+        let orders_mode = self.command.command == MavCmd::MAV_CMD_DO_SET_MODE;
+        mode_of(autopilot, &self.command).filter(|_| orders_mode)
+    }
+
     pub(super) fn refused(&self) -> bool {
         self.answer.is_some() && !self.accepted()
     }
@@ -91,6 +100,39 @@ fn name(result: MavResult) -> &'static str {
         MavResult::MAV_RESULT_FAILED => "failed",
         _ => "not taken in this form",
     }
+}
+
+/// The order to go into a mode.
+pub(super) fn mode_order(mode: FlightMode) -> Order {
+    let (main, sub) = mode.main_and_sub();
+    let [mode, sub] = match mode.autopilot {
+        Autopilot::ArduPilot => [f64::from(mode.custom), 0.0],
+        Autopilot::Px4 => [f64::from(main), f64::from(sub)],
+    };
+    // 1: the modes are the autopilot's own.
+    let parameters = [1.0, single(mode), single(sub), 0.0, 0.0, 0.0, 0.0];
+    Order::new(MavCmd::MAV_CMD_DO_SET_MODE, parameters)
+}
+
+/// The mode that an order brings about, if it brings one about.
+pub(super) fn mode_of(autopilot: Autopilot, order: &COMMAND_LONG_DATA) -> Option<FlightMode> {
+    match order.command {
+        MavCmd::MAV_CMD_NAV_TAKEOFF => Some(autopilot.take_off()),
+        MavCmd::MAV_CMD_DO_SET_MODE => Some(match autopilot {
+            Autopilot::ArduPilot => FlightMode { autopilot, custom: small(order.param2).into() },
+            Autopilot::Px4 => FlightMode::px4(small(order.param2), small(order.param3)),
+        }),
+        _ => None,
+    }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "it saturates, and modes are numbers below 256"
+)]
+fn small(parameter: f32) -> u8 {
+    parameter as u8
 }
 
 /// A single precision number of a message; no more digits are sent.

@@ -1,7 +1,9 @@
 use nalgebra::Vector3;
 
+use super::drift::Drift;
+
 /// What was ordered of an aircraft, and how far that is.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Phase {
     /// Nothing yet, or it is down again.
     Idle,
@@ -15,9 +17,6 @@ pub(super) enum Phase {
     Landing,
     /// Coming back by its own rules.
     Returning,
-    /// Out of our hands, and why. Where another station flies it in the mode of our orders, it is
-    /// given back by another mode in between.
-    Taken { why: String, by_pilot: bool, in_our_mode: bool },
 }
 
 /// The farthest that was ordered of a take-off since it stood on the ground, its motors at rest.
@@ -54,12 +53,17 @@ pub(super) struct Goal {
     pub(super) nose: Nose,
     /// Whether the autopilot has shown that it knows.
     pub(super) confirmed: bool,
-    /// When it was sent last.
+    /// When it was sent first, and last.
+    pub(super) first: f64,
     pub(super) sent: f64,
     /// How often it was sent.
     pub(super) times: u32,
-    /// Since when the autopilot, which knew it, has had another one.
+    /// The autopilot's own target before it was sent.
+    pub(super) before: Option<Vector3<f64>>,
+    /// Since when the autopilot, which knew it or could, has had another one.
     pub(super) replaced: Option<f64>,
+    /// Whether it goes there.
+    pub(super) drift: Drift,
 }
 
 /// What the nose does.
@@ -73,7 +77,17 @@ pub(super) enum Nose {
 
 impl Goal {
     pub(super) fn new(place: Vector3<f64>, nose: Nose) -> Self {
-        Self { place, nose, confirmed: false, sent: f64::NEG_INFINITY, times: 0, replaced: None }
+        Self {
+            place,
+            nose,
+            confirmed: false,
+            first: f64::NEG_INFINITY,
+            sent: f64::NEG_INFINITY,
+            times: 0,
+            before: None,
+            replaced: None,
+            drift: Drift::default(),
+        }
     }
 
     /// Whether it was never sent in this form.

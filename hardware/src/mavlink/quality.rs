@@ -3,26 +3,60 @@ use nalgebra::Vector3;
 
 use super::{PositionRequirements, telemetry::Telemetry};
 
-/// Attitude, velocities and both horizontal positions of the estimator.
-const GOOD: u16 = 0x1F;
+/// Flags of an estimator, by the bits that both firmwares share, that have to be set, and what the
+/// estimator lacks without each.
+const NEEDED: [(u16, &str); 6] = [
+    (0x01, "attitude"),
+    (0x02, "horizontal velocity"),
+    (0x04, "vertical velocity"),
+    (0x08, "relative position"),
+    (0x10, "global position"),
+    (0x20, "height"),
+];
 
-/// It only guesses that it stands still; it was never healthy, or its GPS jumps.
-const BAD: u16 = 0x480;
+/// ArduPilot: attitude, velocities and both horizontal positions.
+const ARDUPILOT_NEEDED: u16 = 0x1F;
 
-/// How old what is judged may be, in seconds.
+/// Flags of ArduPilot that must not be set.
+const ARDUPILOT_BAD: [(u16, &str); 3] = [
+    (0x0080, "guesses that it stands still"),
+    (0x0400, "was never healthy"),
+    (0x8000, "finds that its GPS jumps"),
+];
+
+/// PX4: the height as well.
+const PX4_NEEDED: u16 = 0x3F;
+
+/// Flags of PX4. Since 2024 it sets 0x080 (CONST_POS_MODE) whenever the vehicle stands still, which
+/// tells nothing about its place (PX4 1.16, `Ekf::get_ekf_soln_status`).
+const PX4_BAD: [(u16, &str); 1] = [(0x0400, "finds that its GPS jumps")];
+
+/// Oldest report that is judged, in seconds.
 const OLD_S: f64 = 5.0;
 
-/// Whether the autopilot's estimator knows where it is; else what its flags lack.
+/// Checks that the autopilot's estimator knows where it is; the error names what its flags lack.
 pub(super) fn estimator(telemetry: &Telemetry, now: f64) -> Result<(), String> {
-    match telemetry.estimator.filter(|flags| now - flags.at < OLD_S) {
-        Some(flags) if flags.value & BAD != 0 || flags.value & GOOD != GOOD => {
-            Err(format!("the estimator's flags are {:#06x}", flags.value))
-        }
-        Some(_) => Ok(()),
-        // Not every PX4 link has its estimator's status; the position alone has to do.
-        None if telemetry.autopilot() == Autopilot::Px4 => Ok(()),
-        None => Err("nothing was received of the estimator yet".into()),
-    }
+    let autopilot = telemetry.autopilot();
+    let (needed, bad): (_, &[(u16, &str)]) = match autopilot {
+        Autopilot::ArduPilot => (ARDUPILOT_NEEDED, &ARDUPILOT_BAD),
+        Autopilot::Px4 => (PX4_NEEDED, &PX4_BAD),
+    };
+    let Some(flags) = telemetry.estimator.filter(|flags| now - flags.at < OLD_S) else {
+        return match autopilot {
+            // Not every PX4 link has its estimator's status; the position alone has to do.
+            Autopilot::Px4 => Ok(()),
+            Autopilot::ArduPilot => Err("nothing was received of the estimator yet".into()),
+        };
+    };
+    let flags = flags.value;
+    let missing = NEEDED.iter().filter(|(bit, _)| needed & bit != 0 && flags & bit == 0);
+    let missing: Vec<&str> = missing.map(|(_, name)| *name).collect();
+    let why = match bad.iter().find(|(bit, _)| flags & bit != 0) {
+        _ if !missing.is_empty() => format!("has no {}", missing.join(", no ")),
+        Some((_, what)) => (*what).into(),
+        None => return Ok(()),
+    };
+    Err(format!("the estimator {why} (flags {flags:#06x})"))
 }
 
 /// Whether the position is good enough for a take-off; else what is not.
@@ -153,19 +187,37 @@ mod tests {
     }
 
     #[test]
-    fn flags_are_those_of_the_hardware() {
+    fn flags_are_those_of_the_firmware() {
         let mut telemetry = telemetry(GpsFixType::GPS_FIX_TYPE_3D_FIX, 800, 90);
-        for (flags, good) in [
-            (0x33F, true),
-            (0x01F, true),
-            (0x00F, false),
-            (0x09F, false),
-            (0x41F, false),
-            (0x000, false),
-        ] {
+        let of = |telemetry: &mut Telemetry, autopilot, flags| {
+            telemetry.who = Some((1, 1, autopilot));
             telemetry.estimator = Some(Timed { at: 10.0, value: flags });
-            assert_eq!(estimator(&telemetry, 11.0).is_ok(), good, "{flags:#x}");
+            estimator(telemetry, 11.0)
+        };
+        for (flags, ardupilot, px4) in [
+            (0x33F, true, true),
+            // PX4 1.18, standing still and with its GPS in use.
+            (0x3FF, false, true),
+            (0x0BF, false, true),
+            (0x01F, true, false),
+            (0x00F, false, false),
+            (0x09F, false, false),
+            (0x43F, false, false),
+            // PX4 1.18 without GPS.
+            (0x0A7, false, false),
+            (0x000, false, false),
+        ] {
+            assert_eq!(
+                of(&mut telemetry, Autopilot::ArduPilot, flags).is_ok(),
+                ardupilot,
+                "{flags:#x}"
+            );
+            assert_eq!(of(&mut telemetry, Autopilot::Px4, flags).is_ok(), px4, "{flags:#x}");
         }
+        let why = of(&mut telemetry, Autopilot::Px4, 0x0A7).expect_err("no GPS");
+        let text = "the estimator has no relative position, no global position (flags 0x00a7)";
+        assert_eq!(why, text);
+        telemetry.who = Some((1, 1, Autopilot::ArduPilot));
         telemetry.estimator = Some(Timed { at: 10.0, value: 0x33F });
         assert!(estimator(&telemetry, 16.0).is_err(), "an old word");
         let wanted = PositionRequirements::default();

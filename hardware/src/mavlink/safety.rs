@@ -20,7 +20,7 @@ use foxhunt_wire::{
 use nalgebra::Vector3;
 
 use super::{FlightLimits, MavlinkConfig, MavlinkError, MavlinkSigning, MavlinkVehicle};
-use crate::{Aircraft, AircraftState};
+use crate::{Aircraft, AircraftState, Hands};
 
 type Time = Box<dyn Fn() -> f64>;
 
@@ -41,6 +41,10 @@ struct Copter {
     north_m: f64,
     yaw: f32,
     speaks: bool,
+    /// Its heartbeats are lost, and nothing else.
+    beatless: bool,
+    /// How many heartbeats have come.
+    beats: usize,
     refuses: Option<MavCmd>,
     /// The orders that came, with their first parameter.
     orders: Vec<(MavCmd, u32)>,
@@ -72,6 +76,8 @@ impl Copter {
             north_m: 0.0,
             yaw: 0.0,
             speaks: true,
+            beatless: false,
+            beats: 0,
             refuses: None,
             orders: Vec::new(),
             goals: 0,
@@ -124,8 +130,8 @@ impl Copter {
                 ..Default::default()
             }),
         ];
-        for message in messages {
-            self.send(&message);
+        for message in messages.iter().skip(usize::from(self.beatless)) {
+            self.send(message);
         }
         if let Some(target) = self.target.clone() {
             let lat_int = target.lat_int + (self.moved_m / 111_320.0 * 1e7) as i32;
@@ -163,6 +169,10 @@ impl Copter {
                         alt,
                         ..Default::default()
                     });
+                    continue;
+                }
+                MavMessage::HEARTBEAT(_) => {
+                    self.beats += 1;
                     continue;
                 }
                 _ => continue,
@@ -345,12 +355,19 @@ fn whatever_we_did_not_order_is_the_pilots() {
     field.run(2.0);
     assert_eq!(field.mode, LAND);
     let sent = field.goals;
-    for mode in [LOITER, GUIDED] {
-        field.mode = mode;
-        field.run(3.0);
-        assert!(field.mode == mode && field.goals == sent, "nothing is sent to the pilot's");
-        assert!(field.driver.return_to_launch().is_err());
-    }
+    field.mode = LOITER;
+    field.run(3.0);
+    assert!(field.mode == LOITER && field.goals == sent, "nothing is sent to the pilot's");
+    assert!(field.driver.return_to_launch().is_err());
+    // GUIDED at once is a mode that he has chosen, not one that he gives back.
+    let mut field = copter();
+    field.fly();
+    field.driver.land().expect("accepted");
+    field.run(2.0);
+    field.mode = GUIDED;
+    let state = field.run(3.0);
+    assert!(field.mode == GUIDED && state.hands == Hands::Pilot, "{state:?}");
+    assert!(field.driver.return_to_launch().is_err());
     // After a lost link.
     let mut field = copter();
     field.fly();
@@ -416,6 +433,220 @@ fn another_station_that_sends_it_elsewhere_has_it() {
     field.run(1.0);
     field.driver.take_over().expect("it was given back");
     assert!(field.run(3.0).commanded);
+}
+
+/// Orders that change its mode or its motors.
+fn changes(field: &Copter) -> usize {
+    let asks = [MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, MavCmd::MAV_CMD_REQUEST_MESSAGE];
+    field.orders.iter().filter(|(order, _)| !asks.contains(order)).count()
+}
+
+/// A receiver that died: its orders arrive, and nothing is heard.
+#[test]
+fn nothing_is_ordered_and_no_heartbeat_sent_while_nothing_is_heard() {
+    for before_s in [0.0, 1.0, 2.5, 6.0] {
+        let mut field = copter();
+        field.fly();
+        field.run(3.0);
+        field.speaks = false;
+        field.run(before_s);
+        let sent = changes(&field);
+        let _ = field.driver.return_to_launch();
+        field.run(10.0);
+        let given = changes(&field) - sent;
+        assert!(given <= usize::from(before_s < 0.5), "{given} orders after {before_s} s");
+        let (beats, goals) = (field.beats, field.goals);
+        let state = field.run(30.0);
+        assert_eq!((field.beats, field.goals), (beats, goals), "its failsafe is to act");
+        assert!(state.hands == Hands::Unheard && state.hindrance.contains("no heartbeat"));
+        assert_eq!(changes(&field) - sent, given);
+        // Nobody has changed its mode: it is brought home.
+        field.speaks = true;
+        field.run(3.0);
+        assert_eq!(field.mode, RTL);
+    }
+}
+
+#[test]
+fn a_mode_that_was_chosen_in_a_silence_is_the_pilots() {
+    for leaves in [false, true] {
+        let mut field = copter();
+        field.fly();
+        field.run(3.0);
+        field.speaks = false;
+        field.run(6.0);
+        if leaves {
+            field.driver.return_to_launch().expect("for when it is heard again");
+        }
+        let sent = changes(&field);
+        // Everything but heartbeats comes back first.
+        (field.speaks, field.beatless, field.mode) = (true, true, LOITER);
+        field.run(4.0);
+        assert_eq!(changes(&field), sent, "its mode is not known");
+        field.beatless = false;
+        let state = field.run(20.0);
+        assert_eq!(changes(&field), sent);
+        assert_eq!((state.hands, field.mode), (Hands::Pilot, LOITER));
+        assert_eq!(state.hindrance, "its mode became LOITER, which we did not order");
+    }
+}
+
+#[test]
+fn what_came_down_without_our_order_stays_down() {
+    let down = |words: &str, change: &dyn Fn(&mut Copter)| {
+        let mut field = copter();
+        field.driver.take_off(10.0).expect("accepted");
+        field.until(CLIMB);
+        (field.airborne, field.up) = (true, 4.0);
+        field.run(1.0);
+        change(&mut field);
+        (field.armed, field.airborne, field.up, field.speaks) = (false, false, 0.0, true);
+        field.run(1.0);
+        let armed = field.count(ARM, 1);
+        for _ in 0..10 {
+            let refused = field.driver.take_off(10.0).expect_err("somebody may walk to it");
+            assert!(refused.to_string().contains("stays down until"), "{refused}");
+            let state = field.run(2.0);
+            assert_eq!(state.hands, Hands::Grounded);
+            assert!(state.hindrance.contains(words), "{state:?}");
+        }
+        assert!(!field.armed && field.count(ARM, 1) == armed);
+        field
+    };
+    // Its link is lost, and its failsafe lands it in the meantime.
+    let silent = |field: &mut Copter| {
+        field.speaks = false;
+        field.run(9.0);
+        field.mode = RTL;
+    };
+    let mut field = down("while nothing was heard", &silent);
+    field.driver.clear_to_take_off();
+    field.driver.take_off(10.0).expect("by a word of its pilot");
+    field.run(3.0);
+    assert!(field.armed);
+    // It lands where that is seen.
+    let seen = |field: &mut Copter| {
+        field.mode = LAND;
+        field.run(9.0);
+    };
+    let mut field = down("its mode became LAND", &seen);
+    (field.mode, _) = (LOITER, field.run(1.0));
+    assert!(field.driver.take_off(10.0).is_err(), "LOITER is no word");
+    (field.mode, _) = (GUIDED, field.run(1.0));
+    field.run(1.0);
+    field.driver.take_off(10.0).expect("its pilot has set GUIDED");
+    // Another station stops its motors.
+    down("its motors were stopped", &|_| {});
+    // Another station starts them after a landing of ours, and stops them.
+    let mut field = copter();
+    field.fly();
+    field.driver.land().expect("accepted");
+    field.run(2.0);
+    (field.armed, field.airborne, field.up) = (false, false, 0.0);
+    assert_eq!(field.run(1.0).hands, Hands::Nobody);
+    field.armed = true;
+    assert_eq!(field.run(1.0).hindrance, "its motors run, which we did not order");
+    field.armed = false;
+    assert_eq!(field.run(1.0).hands, Hands::Grounded);
+    assert!(field.driver.take_off(10.0).is_err());
+}
+
+#[test]
+fn what_is_given_back_while_it_leaves_is_brought_home() {
+    let mut field = copter();
+    field.fly();
+    field.driver.return_to_launch().expect("accepted");
+    field.run(2.0);
+    field.mode = LOITER;
+    field.run(5.0);
+    assert!(field.driver.return_to_launch().is_err(), "he has it");
+    field.mode = GUIDED;
+    let state = field.run(1.0);
+    assert_eq!((state.hands, field.mode), (Hands::GivenBack, GUIDED), "{state:?}");
+    field.driver.return_to_launch().expect("it was given back");
+    field.run(2.0);
+    assert_eq!(field.mode, RTL);
+}
+
+#[test]
+fn words_go_with_the_change_that_they_explain() {
+    let mut field = copter();
+    field.fly();
+    field.write(MavSeverity::MAV_SEVERITY_WARNING, "Radio Failsafe");
+    field.mode = RTL;
+    let state = field.run(3.0);
+    let why = "its mode became RTL, which we did not order (Radio Failsafe)";
+    assert_eq!((state.hands, state.hindrance.as_str()), (Hands::Autopilot, why));
+    field.mode = LOITER;
+    let state = field.run(3.0);
+    let why = "its mode became LOITER, which we did not order";
+    assert_eq!((state.hands, state.hindrance.as_str()), (Hands::Pilot, why));
+    field.mode = GUIDED;
+    let state = field.run(1.0);
+    assert_eq!((state.hands, state.hindrance.as_str()), (Hands::GivenBack, "it was given back"));
+}
+
+/// Velocities of another station: it reports no target.
+#[test]
+fn another_station_that_sends_velocities_has_it() {
+    let mut field = copter();
+    field.fly();
+    assert!(field.run(5.0).commanded);
+    for _ in 0..60 {
+        field.target = None;
+        field.north_m += 0.2;
+        field.tick();
+    }
+    let state = field.tick();
+    assert!(!state.commanded && state.hands == Hands::Station, "{state:?}");
+    assert!(state.hindrance.contains("another station flies it"), "{state:?}");
+    let goals = field.goals;
+    field.run(5.0);
+    assert_eq!(field.goals, goals, "nobody fights for it");
+    assert!(field.driver.return_to_launch().is_err() && field.driver.take_over().is_err());
+}
+
+#[test]
+fn refusals_do_not_alternate() {
+    let mut field = copter();
+    field.fly();
+    field.refuses = Some(MavCmd::MAV_CMD_DO_SET_MODE);
+    for _ in 0..30 {
+        field.driver.return_to_launch().expect("accepted");
+        field.run(2.0);
+    }
+    // By their first parameter they are alike: so many of a landing after those of a return.
+    let state = field.tick();
+    assert!(state.hindrance.contains("it lands; the order to"), "{state:?}");
+    field.refuses = None;
+    field.run(3.0);
+    assert_eq!(field.mode, LAND);
+}
+
+/// A heartbeat that comes late or twice shows nothing of now.
+#[test]
+fn late_heartbeats_do_not_give_it_back() {
+    let mut field = copter();
+    field.fly();
+    field.run(2.0);
+    let beat = |mode| {
+        MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+            custom_mode: mode,
+            mavtype: MavType::MAV_TYPE_QUADROTOR,
+            autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+            base_mode: MavModeFlag::from_bits_retain(129),
+            system_status: MavState::MAV_STATE_ACTIVE,
+            mavlink_version: 3,
+        })
+    };
+    let older = field.codec.encode(&beat(GUIDED), 0.0);
+    field.mode = LOITER;
+    assert_eq!(field.run(1.0).hands, Hands::Pilot);
+    for _ in 0..5 {
+        field.stream.send(&older).expect("memory");
+        assert_eq!(field.driver.state().expect("memory").hands, Hands::Pilot);
+        assert_eq!(field.run(0.3).hands, Hands::Pilot);
+    }
 }
 
 #[test]

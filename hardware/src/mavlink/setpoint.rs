@@ -1,10 +1,7 @@
 use foxhunt_core::Pose;
 use foxhunt_wire::mavlink::{
-    CommonFrame, degrees_of_e7,
-    dialect::{
-        MavFrame, MavMessage, POSITION_TARGET_GLOBAL_INT_DATA, PositionTargetTypemask,
-        SET_POSITION_TARGET_GLOBAL_INT_DATA,
-    },
+    Autopilot, CommonFrame, degrees_of_e7,
+    dialect::{MavFrame, MavMessage, PositionTargetTypemask, SET_POSITION_TARGET_GLOBAL_INT_DATA},
     e7_of_degrees, heading_of_yaw, ned_of_enu, whole, yaw_of_heading,
 };
 use nalgebra::Vector3;
@@ -24,22 +21,42 @@ const PLACE_AND_RATE: u16 = 0x5F8;
 /// The longest time over which a message is carried forward, in seconds.
 const MOST_FORWARD_S: f64 = 0.5;
 
-/// How close the autopilot's own target is to ours when it is the same, in metres.
+/// Distance over ground below which the autopilot's own target is the goal, in metres.
 pub(super) const SAME_M: f64 = 1.0;
 
-/// The message that orders a goal.
-pub(super) fn message(frame: &CommonFrame, goal: &Goal, who: (u8, u8), now: f64) -> MavMessage {
+/// Difference in height below which it is, in metres: from a quarter of a metre on a hunt's goals do
+/// not count as reached.
+pub(super) const SAME_UP_M: f64 = 0.3;
+
+/// Longest time between two reports of one estimator that are compared, in seconds.
+const PAIRED_S: f64 = 0.5;
+
+/// The message that orders a goal; `None` while the height of the launch place is unknown.
+///
+/// ArduPilot takes heights above its launch place. PX4 converts that frame with a wrong sign, by
+/// `home.alt - target.alt - ref_alt`, from 2021 to 2026: the vehicle flies `2 (reference - home)` too
+/// high. It is sent heights above sea level, in the terms of the altitudes that it reports itself.
+pub(super) fn message(
+    frame: &CommonFrame,
+    goal: &Goal,
+    telemetry: &Telemetry,
+    now: f64,
+) -> Option<MavMessage> {
+    let (target_system, target_component, autopilot) = telemetry.who?;
     let (lat_deg, lon_deg) = frame.to_degrees(&goal.place);
     let (mask, yaw, yaw_rate) = match goal.nose {
         Nose::Holds(heading) => (PLACE_AND_YAW, yaw_of_heading(heading), 0.0),
         // Clockwise is positive there.
         Nose::Turns(rate) => (PLACE_AND_RATE, 0.0, -rate),
     };
+    #[expect(deprecated, reason = "older firmware knows no other frames")]
+    let (coordinate_frame, alt) = match autopilot {
+        Autopilot::ArduPilot => (MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, goal.place.z),
+        Autopilot::Px4 => (MavFrame::MAV_FRAME_GLOBAL_INT, goal.place.z + launch_alt(telemetry)?),
+    };
     #[expect(clippy::cast_possible_truncation, reason = "the messages have no more digits")]
-    let [alt, yaw, yaw_rate] = [goal.place.z as f32, yaw as f32, yaw_rate as f32];
-    #[expect(deprecated, reason = "PX4 takes no other frame with heights above the launch place")]
-    let coordinate_frame = MavFrame::MAV_FRAME_GLOBAL_RELATIVE_ALT_INT;
-    MavMessage::SET_POSITION_TARGET_GLOBAL_INT(SET_POSITION_TARGET_GLOBAL_INT_DATA {
+    let [alt, yaw, yaw_rate] = [alt as f32, yaw as f32, yaw_rate as f32];
+    Some(MavMessage::SET_POSITION_TARGET_GLOBAL_INT(SET_POSITION_TARGET_GLOBAL_INT_DATA {
         time_boot_ms: whole(now.max(0.0) * 1e3).unsigned_abs(),
         lat_int: e7_of_degrees(lat_deg),
         lon_int: e7_of_degrees(lon_deg),
@@ -47,28 +64,57 @@ pub(super) fn message(frame: &CommonFrame, goal: &Goal, who: (u8, u8), now: f64)
         yaw,
         yaw_rate,
         type_mask: PositionTargetTypemask::from_bits_retain(mask),
-        target_system: who.0,
-        target_component: who.1,
+        target_system,
+        target_component,
         coordinate_frame,
         ..SET_POSITION_TARGET_GLOBAL_INT_DATA::default()
-    })
+    }))
 }
 
-/// From a goal to the autopilot's own target, in metres. Heights are above sea level there, or
-/// above the launch place with some firmware.
-pub(super) fn distance_m(
+/// What the autopilot reports as its own target, in the common frame, with an Up above its launch
+/// place. Components that it was given no target of are not finite.
+///
+/// PX4's POSITION_TARGET_GLOBAL_INT holds the target of its own modes, in OFFBOARD an old one; its
+/// POSITION_TARGET_LOCAL_NED holds what it flies to, and counts from the zero of its estimator. That
+/// zero is found by its place, which it reports in both frames.
+pub(super) fn target(
     frame: &CommonFrame,
+    telemetry: &Telemetry,
     goal: &Goal,
-    target: &POSITION_TARGET_GLOBAL_INT_DATA,
-    launch_alt: f64,
-) -> f64 {
-    let (lat, lon) = (degrees_of_e7(target.lat_int), degrees_of_e7(target.lon_int));
-    let alt = f64::from(target.alt);
-    let from = |up: f64| (frame.to_local(lat, lon, up) - goal.place).norm();
-    from(alt - launch_alt).min(from(alt))
+) -> Option<Timed<Vector3<f64>>> {
+    match telemetry.autopilot() {
+        Autopilot::ArduPilot => {
+            let Timed { at, value } = telemetry.target.as_ref()?;
+            let alt = f64::from(value.alt);
+            // Above sea level; above the launch place with some firmware.
+            let ups = [alt - launch_alt(telemetry)?, alt];
+            let away = |up: &f64| (up - goal.place.z).abs();
+            let up = ups.into_iter().min_by(|a, b| away(a).total_cmp(&away(b)))?;
+            let value =
+                frame.to_local(degrees_of_e7(value.lat_int), degrees_of_e7(value.lon_int), up);
+            Some(Timed { at: *at, value })
+        }
+        Autopilot::Px4 => {
+            let Timed { at, value: target } = telemetry.local_target.as_ref()?;
+            let (here, local) =
+                (&telemetry.position.as_ref()?.value, &telemetry.local.as_ref()?.value);
+            let apart_s = (f64::from(here.time_boot_ms) - f64::from(local.time_boot_ms)) * 1e-3;
+            let enu = |x: f32, y: f32, z: f32| ned_of_enu(&Vector3::new(x, y, z).map(f64::from));
+            let place = frame.to_local(
+                degrees_of_e7(here.lat),
+                degrees_of_e7(here.lon),
+                f64::from(here.relative_alt) * 1e-3,
+            );
+            let then = enu(local.x, local.y, local.z) + enu(local.vx, local.vy, local.vz) * apart_s;
+            let value = place + enu(target.x, target.y, target.z) - then;
+            (apart_s.abs() <= PAIRED_S).then_some(Timed { at: *at, value })
+        }
+    }
 }
 
-/// Height of the launch place above sea level, in metres.
+/// Height of the launch place above sea level in the terms of the altitudes that the autopilot
+/// reports, in metres: PX4's HOME_POSITION keeps the altitude of the time at which it was set, from
+/// which the reference of its estimator may drift away.
 pub(super) fn launch_alt(telemetry: &Telemetry) -> Option<f64> {
     let position = &telemetry.position.as_ref()?.value;
     Some(f64::from(position.alt - position.relative_alt) * 1e-3)

@@ -3,7 +3,8 @@ use foxhunt_wire::mavlink::{
     dialect::{
         ALTITUDE_DATA, ATTITUDE_DATA, DISTANCE_SENSOR_DATA, EKF_STATUS_REPORT_DATA,
         ESTIMATOR_STATUS_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA,
-        HOME_POSITION_DATA, MavCmd, MavMessage, POSITION_TARGET_GLOBAL_INT_DATA, RANGEFINDER_DATA,
+        HOME_POSITION_DATA, LOCAL_POSITION_NED_DATA, MavCmd, MavMessage,
+        POSITION_TARGET_GLOBAL_INT_DATA, POSITION_TARGET_LOCAL_NED_DATA, RANGEFINDER_DATA,
         SYS_STATUS_DATA, TERRAIN_REPORT_DATA,
     },
 };
@@ -35,9 +36,16 @@ const PATIENCE: u32 = 5;
 impl Streams {
     pub(super) fn new(config: &MavlinkConfig, autopilot: Autopilot) -> Self {
         let (pose, status) = (1.0 / config.pose_rate_hz, 1.0 / config.status_rate_hz);
-        let estimator = match autopilot {
-            Autopilot::ArduPilot => EKF_STATUS_REPORT_DATA::ID,
-            Autopilot::Px4 => ESTIMATOR_STATUS_DATA::ID,
+        // PX4 has its target in OFFBOARD in the local frame alone.
+        let own: &[u32] = match autopilot {
+            Autopilot::ArduPilot => {
+                &[EKF_STATUS_REPORT_DATA::ID, POSITION_TARGET_GLOBAL_INT_DATA::ID]
+            }
+            Autopilot::Px4 => &[
+                ESTIMATOR_STATUS_DATA::ID,
+                LOCAL_POSITION_NED_DATA::ID,
+                POSITION_TARGET_LOCAL_NED_DATA::ID,
+            ],
         };
         // What a vehicle does not have is refused, and requested again now and then.
         let ground: &[u32] = match autopilot {
@@ -50,15 +58,14 @@ impl Streams {
             (GLOBAL_POSITION_INT_DATA::ID, pose),
             (ATTITUDE_DATA::ID, pose),
             (GPS_RAW_INT_DATA::ID, status),
-            (estimator, status),
             (SYS_STATUS_DATA::ID, status),
             (EXTENDED_SYS_STATE_DATA::ID, status),
-            (POSITION_TARGET_GLOBAL_INT_DATA::ID, status),
             (HOME_POSITION_DATA::ID, HOME_PERIOD_S),
         ];
         let never = f64::NEG_INFINITY;
         let wanted = wanted
             .into_iter()
+            .chain(own.iter().map(|message| (*message, status)))
             .chain(ground.iter().map(|message| (*message, GROUND_PERIOD_S)))
             .map(|(message, period_s)| Wanted {
                 message,

@@ -16,6 +16,11 @@ use super::{
 /// Set-points go to PX4 for so long before OFFBOARD is requested, in seconds.
 const BEFORE_OFFBOARD_S: f64 = 1.0;
 
+/// Its checks in the mode in which it is armed are known so long after that began, in seconds, and
+/// are waited for so long.
+const BEFORE_ARMING_S: f64 = 1.0;
+const CHECKS_S: f64 = 5.0;
+
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     pub(super) fn take_off_further(
         &mut self,
@@ -55,6 +60,21 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 }
                 Ok(())
             }
+            // In the first moments of a mode PX4 reports the checks of the one before.
+            Stage::Arm
+                if autopilot == Autopilot::Px4
+                    && self.order.is_none()
+                    && !late(BEFORE_ARMING_S) =>
+            {
+                Ok(())
+            }
+            Stage::Arm if self.order.is_none() && !self.unready(now).is_empty() => {
+                if late(CHECKS_S) {
+                    let why = self.unready(now);
+                    self.give_up(now, "the take-off", &why);
+                }
+                Ok(())
+            }
             Stage::Arm => {
                 let arm = || {
                     let parameters = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -68,13 +88,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 Ok(())
             }
             Stage::Climb => {
-                if !self.telemetry.armed() {
-                    self.ordered = Ordered::Nothing;
-                    self.give_up(now, "the take-off", "the motors were stopped");
-                } else if self
-                    .telemetry
-                    .up()
-                    .is_some_and(|at| at >= up - self.config.take_off_tolerance_m)
+                if self.telemetry.up().is_some_and(|at| at >= up - self.config.take_off_tolerance_m)
                 {
                     match autopilot {
                         Autopilot::ArduPilot => self.up_there(),
@@ -102,7 +116,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                         ),
                     };
                     self.order.get_or_insert_with(climb);
-                    self.ordered = Ordered::Climb;
+                    (self.ordered, self.climbs_to) = (Ordered::Climb, Some(up));
                     if let Some(why) = self.give(now)? {
                         if self.order.as_ref().is_some_and(Order::refused) {
                             self.ordered = Ordered::Arm;
@@ -113,8 +127,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 Ok(())
             }
             Stage::Command => {
-                let Some((system, component, _)) = self.telemetry.who else { return Ok(()) };
-                self.send_goal(now, (system, component))?;
+                self.send_goal(now)?;
                 if !late(BEFORE_OFFBOARD_S) {
                     return Ok(());
                 }
@@ -167,7 +180,12 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Stops the motors after a take-off that was ended on the ground.
     pub(super) fn disarm_further(&mut self, now: f64) -> Result<(), MavlinkError> {
-        let Some(order) = &self.order else { return Ok(()) };
+        let Some(order) = &self.order else {
+            if self.authority.is_ours() && !self.telemetry.armed() {
+                self.authority.rest();
+            }
+            return Ok(());
+        };
         if self.telemetry.airborne(now) {
             // It has climbed before it was ordered to.
             self.begin_coming_down(Phase::Landing);
@@ -182,7 +200,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// It has climbed: it is ours.
     pub(super) fn up_there(&mut self) {
-        self.order = None;
+        (self.order, self.climbs_to) = (None, None);
         self.cruise = Cruise::begin(&self.config);
         self.enter(Phase::Flying);
     }

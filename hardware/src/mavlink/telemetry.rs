@@ -1,17 +1,21 @@
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use foxhunt_wire::mavlink::{
     Autopilot, FlightMode, Frame,
     dialect::{
         ATTITUDE_DATA, AUTOPILOT_VERSION_DATA, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA,
-        HEARTBEAT_DATA, HOME_POSITION_DATA, MavAutopilot, MavLandedState, MavMessage, MavModeFlag,
-        MavResult, MavSeverity, MavType, POSITION_TARGET_GLOBAL_INT_DATA, SYS_STATUS_DATA,
+        HEARTBEAT_DATA, HOME_POSITION_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavLandedState,
+        MavMessage, MavModeFlag, MavResult, MavState, MavType, POSITION_TARGET_GLOBAL_INT_DATA,
+        POSITION_TARGET_LOCAL_NED_DATA, SYS_STATUS_DATA,
     },
 };
 #[cfg(feature = "receivers")]
 use foxhunt_wire::receivers::SikStatus;
 
-use super::{MavlinkConfig, ground::GroundReports, parameter::parameter, timed::Timed};
+use super::{
+    MavlinkConfig, doubt::Doubt, ground::GroundReports, parameter::parameter, texts::Texts,
+    timed::Timed,
+};
 use crate::ReportedHeight;
 
 /// A SiK telemetry radio's report of its link (RADIO_STATUS).
@@ -37,6 +41,8 @@ pub(super) struct Telemetry {
     /// When anything of it came last.
     pub(super) last: Option<f64>,
     pub(super) heartbeat: Option<Timed<HEARTBEAT_DATA>>,
+    /// The number of its frame.
+    pub(super) beat_sequence: u8,
     pub(super) position: Option<Timed<GLOBAL_POSITION_INT_DATA>>,
     pub(super) attitude: Option<Timed<ATTITUDE_DATA>>,
     pub(super) gps: Option<Timed<GPS_RAW_INT_DATA>>,
@@ -45,9 +51,16 @@ pub(super) struct Telemetry {
     pub(super) status: Option<Timed<SYS_STATUS_DATA>>,
     pub(super) home: Option<Timed<HOME_POSITION_DATA>>,
     pub(super) target: Option<Timed<POSITION_TARGET_GLOBAL_INT_DATA>>,
+    /// Its place and its target in the frame of its own estimator.
+    pub(super) local: Option<Timed<LOCAL_POSITION_NED_DATA>>,
+    pub(super) local_target: Option<Timed<POSITION_TARGET_LOCAL_NED_DATA>>,
     pub(super) landed: Option<Timed<MavLandedState>>,
+    /// Whether its place may be believed.
+    pub(super) doubt: Doubt,
     pub(super) ground: GroundReports,
     pub(super) version: Option<AUTOPILOT_VERSION_DATA>,
+    /// Ground stations whose heartbeats came over this link.
+    pub(super) stations: BTreeSet<u8>,
     /// The parameters that it has sent, by their names.
     pub(super) parameters: BTreeMap<String, f64>,
     pub(super) radio: Option<RadioStatus>,
@@ -55,7 +68,7 @@ pub(super) struct Telemetry {
     #[cfg(feature = "receivers")]
     pub(super) feed: Option<crate::SikFeed>,
     /// The last texts, the newest last.
-    pub(super) texts: VecDeque<Timed<(MavSeverity, String)>>,
+    pub(super) texts: Texts,
     /// Answers to orders that nobody has looked at yet: the order's number and what was answered.
     pub(super) acks: VecDeque<(u32, MavResult)>,
 }
@@ -63,10 +76,13 @@ pub(super) struct Telemetry {
 /// How old its landed state may be, in seconds.
 const LANDED_S: f64 = 3.0;
 
+/// Heartbeats overtake each other by less than that, in seconds.
+const REORDERED_S: f64 = 2.0;
+
 /// So many parameters are kept at most: no autopilot has more.
 const PARAMETERS: usize = 4096;
 
-/// How many texts and answers are kept.
+/// How many answers are kept.
 const KEPT: usize = 16;
 
 impl Telemetry {
@@ -89,12 +105,25 @@ impl Telemetry {
         if let (None, MavMessage::HEARTBEAT(heartbeat)) = (self.who, &frame.message) {
             self.meet(config, system, component, heartbeat);
         }
+        if let MavMessage::HEARTBEAT(beat) = &frame.message
+            && beat.mavtype == MavType::MAV_TYPE_GCS
+        {
+            self.stations.insert(system);
+        }
         if self.who.is_none_or(|(s, c, _)| (s, c) != (system, component)) {
             return false;
         }
         self.last = Some(now);
+        match self.armed() {
+            true => self.doubt.take(now, &frame.message),
+            false => self.doubt.clear(),
+        }
         match &frame.message {
-            MavMessage::HEARTBEAT(value) => self.heartbeat = timed(now, value),
+            MavMessage::HEARTBEAT(value) => {
+                if self.is_newer(now, frame.header.sequence) {
+                    self.heartbeat = timed(now, value);
+                }
+            }
             MavMessage::GLOBAL_POSITION_INT(value) => self.position = timed(now, value),
             MavMessage::ATTITUDE(value) => self.attitude = timed(now, value),
             MavMessage::GPS_RAW_INT(value) => self.gps = timed(now, value),
@@ -107,6 +136,8 @@ impl Telemetry {
             MavMessage::SYS_STATUS(value) => self.status = timed(now, value),
             MavMessage::HOME_POSITION(value) => self.home = timed(now, value),
             MavMessage::POSITION_TARGET_GLOBAL_INT(value) => self.target = timed(now, value),
+            MavMessage::LOCAL_POSITION_NED(value) => self.local = timed(now, value),
+            MavMessage::POSITION_TARGET_LOCAL_NED(value) => self.local_target = timed(now, value),
             MavMessage::EXTENDED_SYS_STATE(value) => {
                 self.landed = timed(now, &value.landed_state);
             }
@@ -124,11 +155,7 @@ impl Telemetry {
                     self.parameters.insert(name, number);
                 }
             }
-            MavMessage::STATUSTEXT(value) => {
-                let text: Vec<u8> = value.text.iter().copied().take_while(|b| *b != 0).collect();
-                let text = String::from_utf8_lossy(&text).trim().to_owned();
-                keep(&mut self.texts, Timed { at: now, value: (value.severity, text) });
-            }
+            MavMessage::STATUSTEXT(value) => self.texts.take(now, value),
             MavMessage::COMMAND_ACK(value)
                 if [0, config.ground_system_id].contains(&value.target_system) =>
             {
@@ -137,6 +164,17 @@ impl Telemetry {
             _ => {}
         }
         true
+    }
+
+    /// Whether a heartbeat was sent after the last one: what comes late or twice must not show an
+    /// older mode. After a while without any, every one counts: the autopilot may have been reset.
+    fn is_newer(&mut self, now: f64, sequence: u8) -> bool {
+        let ahead = sequence.wrapping_sub(self.beat_sequence);
+        let newer = (1..128).contains(&ahead) || self.without_heartbeat(now) > REORDERED_S;
+        if newer {
+            self.beat_sequence = sequence;
+        }
+        newer
     }
 
     fn meet(&mut self, config: &MavlinkConfig, system: u8, component: u8, beat: &HEARTBEAT_DATA) {
@@ -159,6 +197,13 @@ impl Telemetry {
         self.who.map_or(Autopilot::default(), |(_, _, autopilot)| autopilot)
     }
 
+    /// Returns true for a PX4 1 that reports a minor version of at least `minor`.
+    pub(super) fn is_px4_since(&self, minor: u8) -> bool {
+        let version = self.version.as_ref().map(|version| version.flight_sw_version.to_be_bytes());
+        self.autopilot() == Autopilot::Px4
+            && version.is_some_and(|[major, of, ..]| major > 1 || (major == 1 && of >= minor))
+    }
+
     /// The mode of the last heartbeat.
     pub(super) fn mode(&self) -> Option<FlightMode> {
         let custom = self.heartbeat.as_ref()?.value.custom_mode;
@@ -170,9 +215,22 @@ impl Telemetry {
         self.heartbeat.as_ref().is_some_and(|beat| beat.value.base_mode.contains(armed))
     }
 
+    /// Whether its last heartbeat reports that a failsafe acts.
+    pub(super) fn failsafe(&self) -> bool {
+        let critical = MavState::MAV_STATE_CRITICAL;
+        self.heartbeat.as_ref().is_some_and(|beat| beat.value.system_status == critical)
+    }
+
     /// Seconds since its last heartbeat.
     pub(super) fn without_heartbeat(&self, now: f64) -> f64 {
         self.heartbeat.as_ref().map_or(f64::INFINITY, |beat| now - beat.at)
+    }
+
+    /// Seconds since anything of it came: any message shows that the link lives. Heartbeats, which
+    /// alone have its mode, may be away for twice as long.
+    pub(super) fn silence(&self, now: f64) -> f64 {
+        let any = self.last.map_or(f64::INFINITY, |last| now - last);
+        any.max(0.5 * self.without_heartbeat(now))
     }
 
     /// Whether it is in the air, by its last reports.
@@ -202,26 +260,6 @@ impl Telemetry {
         let percent = self.status.as_ref()?.value.battery_remaining;
         (0..=100).contains(&percent).then(|| f64::from(percent) / 100.0)
     }
-
-    /// What it complained of since `since`, the newest first.
-    pub(super) fn complaints(&self, since: f64) -> impl Iterator<Item = &str> {
-        self.texts.iter().rev().filter_map(move |text| {
-            let (severity, words) = &text.value;
-            let bad = *severity as u32 <= MavSeverity::MAV_SEVERITY_WARNING as u32
-                || words.starts_with("PreArm:")
-                || words.starts_with("Arm:");
-            (bad && !is_good_news(words) && text.at >= since).then_some(words.as_str())
-        })
-    }
-}
-
-/// Whether a text reports that something is well again: ArduCopter sends "GCS Failsafe Cleared" and
-/// its like as warnings.
-fn is_good_news(words: &str) -> bool {
-    let words = words.to_ascii_lowercase();
-    ["cleared", "recovered", "regained", "restored", "arming motors"]
-        .iter()
-        .any(|good| words.contains(good))
 }
 
 #[expect(clippy::unnecessary_wraps, reason = "fields of this type are assigned from it")]
@@ -229,6 +267,7 @@ fn timed<T: Clone>(at: f64, value: &T) -> Option<Timed<T>> {
     Some(Timed { at, value: value.clone() })
 }
 
+/// Adds to a queue of limited length, which forgets the oldest.
 fn keep<T>(queue: &mut VecDeque<T>, item: T) {
     if queue.len() >= KEPT {
         queue.pop_front();

@@ -2,35 +2,41 @@ use foxhunt_core::{Clock, Pose, Spinner, Vehicle, Waypoint, angle};
 use foxhunt_wire::{
     ByteStream,
     geodesy::Geodetic,
-    mavlink::{CommonFrame, FlightMode, FrameCounts, degrees_of_e7, dialect::MavMessage},
+    mavlink::{CommonFrame, FrameCounts, degrees_of_e7, dialect::MavMessage},
 };
 use nalgebra::Vector3;
 
 use super::{
     MavlinkConfig, MavlinkError, RadioStatus,
+    authority::Authority,
     camera::Camera,
     cruise::Cruise,
     link::Link,
-    orders::Order,
+    orders::{Order, mode_of},
+    own_fence::FenceQuery,
     phase::{Goal, Nose, Ordered, Phase, Stage},
     quality, setpoint,
     streams::Streams,
     telemetry::Telemetry,
 };
-use crate::{Aircraft, AircraftState};
+use crate::{Aircraft, AircraftState, Hands};
 
 /// An ArduCopter or a PX4 multicopter behind any stream of bytes.
 ///
 /// It is served in every call, which is to be several times a second. East and
 /// North count from the common origin, Up from its own launch place.
 ///
-/// **Who flies.** It is ours from the end of a [`take_off`](Aircraft::take_off) until it is landed
-/// or returned, until its link is lost, or until its mode is one that we did not order: the
-/// pilot's, or a failsafe's. From that moment nothing is sent but heartbeats and questions, and
-/// orders are errors. It is ours again when the pilot has given the mode back (GUIDED, or with PX4
-/// HOLD) *and* [`take_over`](Self::take_over) is called; it then stays where it is until it is sent
-/// somewhere. Where another station sends it elsewhere in GUIDED, it is that station's until its
-/// mode has been another one. What lands or returns without our order is left to do so.
+/// **Who flies.** It is ours from a [`take_off`](Aircraft::take_off) until it is landed or
+/// returned, until its link is lost, or until its mode is one that we did not order: the pilot's,
+/// or a failsafe's ([`Hands`]). From that moment nothing is sent but heartbeats and questions, and
+/// orders are errors; without a heartbeat of it for `link_timeout_s` our own end, too, so that its
+/// failsafe acts. Orders that change its mode or its motors follow one of its heartbeats within
+/// half a second. It is ours again when the pilot has given the mode back (GUIDED; with PX4 HOLD,
+/// where the caller knows that) *and* [`take_over`](Self::take_over) is called; it then stays where
+/// it is until it is sent somewhere. Where another station sends it elsewhere in GUIDED, it is that
+/// station's until its mode has been another one. What lands or returns without our order is left
+/// to do so, and stays down until its pilot [clears it](Aircraft::clear_to_take_off) or sets
+/// GUIDED on the ground.
 #[derive(Debug)]
 pub struct MavlinkVehicle<S, C> {
     pub(super) config: MavlinkConfig,
@@ -43,9 +49,18 @@ pub struct MavlinkVehicle<S, C> {
     pub(super) launch: Option<Vector3<f64>>,
     pub(super) phase: Phase,
     pub(super) ordered: Ordered,
-    /// The mode in which a take-off began, or in which it was ordered to come down until it was
-    /// observed to.
-    pub(super) leaving: Option<FlightMode>,
+    /// How high its take-off is to bring it, in metres, until it is up there.
+    pub(super) climbs_to: Option<f64>,
+    /// Since when a position is waited for that shows whether it has climbed.
+    pub(super) undecided: Option<f64>,
+    /// How many heartbeats in a row have shown another mode than the one that it has accepted.
+    pub(super) ignored: u32,
+    /// Who flies it, and hence what may be sent to it.
+    pub(super) authority: Authority,
+    /// Whether it was ordered to come down and has not been observed to.
+    pub(super) leaving: bool,
+    /// Whether it lands because it has refused to return.
+    pub(super) settles: bool,
     /// How it is outside the limits while it is.
     pub(super) strayed: Option<String>,
     pub(super) goal: Option<Goal>,
@@ -58,6 +73,7 @@ pub struct MavlinkVehicle<S, C> {
     /// Why a take-off or an order was given up.
     pub(super) failure: String,
     pub(super) version_requested: f64,
+    pub(super) fence_query: FenceQuery,
 }
 
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
@@ -82,7 +98,12 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             launch: None,
             phase: Phase::Idle,
             ordered: Ordered::Nothing,
-            leaving: None,
+            climbs_to: None,
+            undecided: None,
+            ignored: 0,
+            authority: Authority::default(),
+            leaving: false,
+            settles: false,
             strayed: None,
             goal: None,
             order: None,
@@ -91,6 +112,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             camera: Camera::default(),
             failure: String::new(),
             version_requested: f64::NEG_INFINITY,
+            fence_query: FenceQuery::default(),
         })
     }
 
@@ -121,36 +143,34 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     /// that fails.
     pub fn take_over(&mut self) -> Result<(), MavlinkError> {
         let now = self.serve()?;
-        if !matches!(self.phase, Phase::Idle | Phase::Taken { .. }) {
+        if self.authority.is_ours() {
             return Ok(());
         }
         self.check_link(now)?;
-        let refused = |why: String| Err(MavlinkError::NotCommanded { why });
-        let autopilot = self.telemetry.autopilot();
-        let given_back = [autopilot.commanded(), autopilot.before_take_off()];
-        let mode = self.telemetry.mode();
-        if matches!(self.phase, Phase::Taken { in_our_mode: true, .. }) {
-            return refused(format!(
-                "{}; it is given back by another mode and then {}",
-                self.hindrance(now),
-                autopilot.commanded()
-            ));
+        let (airborne, autopilot) = (self.telemetry.airborne(now), self.telemetry.autopilot());
+        if airborne && !self.is_offered(now) {
+            let (commanded, before) = (autopilot.commanded(), autopilot.before_take_off());
+            let why = match self.authority.hands() {
+                Hands::Station | Hands::Pilot if self.telemetry.mode() == Some(commanded) => {
+                    let why = self.hindrance(now);
+                    format!("{why}; it is given back by another mode and then {commanded}")
+                }
+                _ => {
+                    let mode = self.mode_name();
+                    format!("the pilot has it in {mode}, and gives it back by {before}")
+                }
+            };
+            return Err(MavlinkError::NotCommanded { why });
         }
-        if !mode.is_some_and(|mode| given_back.contains(&mode)) {
-            return refused(format!(
-                "the pilot has it in {}, and gives it back by {}",
-                self.mode_name(),
-                autopilot.before_take_off()
-            ));
-        }
-        if !self.telemetry.airborne(now) {
-            self.enter(Phase::Idle);
+        if !airborne {
             return Ok(());
         }
         let pose = self.fresh_pose(now)?;
+        self.stop();
         self.goal = Some(Goal::new(pose.position, Nose::Holds(pose.heading)));
-        (self.order, self.turning) = (None, None);
         self.failure.clear();
+        self.authority.take();
+        self.ordered = Ordered::Climb;
         self.enter(Phase::TakingOver);
         self.advance(now)
     }
@@ -206,7 +226,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// What the autopilot wrote last, the newest first.
     pub fn texts(&self) -> impl Iterator<Item = &str> {
-        self.telemetry.texts.iter().rev().map(|text| text.value.1.as_str())
+        self.telemetry.texts.all()
     }
 
     /// What came over the link, and what was lost of it.
@@ -218,8 +238,9 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     /// Moves data over the link and goes on with what was begun.
     pub(super) fn serve(&mut self) -> Result<f64, MavlinkError> {
         let now = self.clock.now();
+        let flies = self.telemetry.armed() || self.phase != Phase::Idle;
         let Self { telemetry, streams, config, link, .. } = self;
-        let received = link.receive(now, |frame| {
+        let received = link.receive(now, flies, |frame| {
             let ours = telemetry.take(now, config, frame);
             if let Some(streams) = streams.as_mut().filter(|_| ours) {
                 streams.received(now, &frame.message);
@@ -232,15 +253,34 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
                 streams.restart();
             }
         }
+        let reported = self.telemetry.estimator.is_some_and(|report| report.at >= now);
+        if reported
+            && self.telemetry.armed()
+            && let Err(why) = quality::estimator(&self.telemetry, now)
+        {
+            self.telemetry.doubt.condition(now, why);
+        }
         // A take-over in the meantime is noticed even while the port fails.
         self.watch(now);
         received?;
-        self.link.beat(now)?;
+        if Authority::beats(self.telemetry.without_heartbeat(now), self.config.link_timeout_s) {
+            self.link.beat(now)?;
+        }
         self.advance(now)?;
         Ok(now)
     }
 
+    /// Sends a message, unless it is an order and somebody else has the vehicle.
     pub(super) fn send(&mut self, now: f64, message: &MavMessage) -> Result<(), MavlinkError> {
+        let silent_s = self.telemetry.without_heartbeat(now);
+        if !self.authority.permits(message, now, silent_s <= self.config.link_timeout_s) {
+            return Ok(());
+        }
+        if let MavMessage::COMMAND_LONG(command) = message
+            && let Some(mode) = mode_of(self.telemetry.autopilot(), command)
+        {
+            self.authority.ordered(mode);
+        }
         Ok(self.link.send(now, message)?)
     }
 
@@ -249,8 +289,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     fn check_link(&self, now: f64) -> Result<(), MavlinkError> {
-        let (silent_s, limit_s) =
-            (self.telemetry.without_heartbeat(now), self.config.link_timeout_s);
+        let (silent_s, limit_s) = (self.telemetry.silence(now), self.config.link_timeout_s);
         if silent_s > limit_s { Err(MavlinkError::Silent { silent_s, limit_s }) } else { Ok(()) }
     }
 
@@ -277,6 +316,15 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         Err(MavlinkError::Position { why: "its place or attitude is no number".into() })
     }
 
+    /// Where it is, unless there are signs that its place or its heading is false.
+    fn trusted_pose(&self, now: f64) -> Result<Pose, MavlinkError> {
+        let pose = self.fresh_pose(now)?;
+        match self.telemetry.doubt.why(now) {
+            Some(why) => Err(MavlinkError::Position { why: why.into() }),
+            None => Ok(pose),
+        }
+    }
+
     /// The present goal, where it is ours to set another one.
     pub(super) fn commanded_goal(&self, now: f64) -> Result<Goal, MavlinkError> {
         self.check_link(now)?;
@@ -297,13 +345,14 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 }
 
 /// Poses are errors while the link is lost, while what came is older than the configuration
-/// allows, and while the autopilot's estimator does not know its place.
+/// allows, while the autopilot's estimator does not know its place, and while there are signs that
+/// the place or the heading is false.
 impl<S: ByteStream, C: Clock> Vehicle for MavlinkVehicle<S, C> {
     type Error = MavlinkError;
 
     fn pose(&mut self) -> Result<Pose, MavlinkError> {
         let now = self.serve()?;
-        self.fresh_pose(now)
+        self.trusted_pose(now)
     }
 
     fn position_sigma(&self) -> Option<Vector3<f64>> {
@@ -318,19 +367,22 @@ impl<S: ByteStream, C: Clock> Vehicle for MavlinkVehicle<S, C> {
     fn go_to(&mut self, goal: &Waypoint) -> Result<(), MavlinkError> {
         let now = self.serve()?;
         let older = self.commanded_goal(now)?;
-        let here = self.fresh_pose(now)?.position;
+        let here = self.trusted_pose(now)?.position;
         let launch = self.launch_place();
         if launch.is_none() && self.config.limits.fence_radius_m.is_finite() {
             let why = "its launch place is unknown, from which limits.fence_radius_m counts".into();
             return Err(MavlinkError::Position { why });
         }
         self.config.limits.check_goal(&goal.position, Some(&here), launch.as_ref())?;
+        if let Some(fence) = self.fence() {
+            fence.check(&goal.position, launch.as_ref())?;
+        }
         self.goal = Some(Goal::new(goal.position, older.nose));
         self.advance(now)
     }
 
-    /// Lands it where it is, and ends a take-off for good. After and during a lost link that may be
-    /// ordered as well: it is repeated until it is obeyed. Not while a pilot has it.
+    /// Lands it where it is, and ends a take-off for good. During a lost link that may be ordered
+    /// as well: it is sent when a heartbeat shows that nobody else has it. Not while a pilot has it.
     fn land(&mut self) -> Result<(), MavlinkError> {
         self.come_down(Phase::Landing)
     }
@@ -371,8 +423,12 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
             mode: self.telemetry.mode().map_or_else(String::new, |mode| mode.to_string()),
             armed: self.telemetry.armed(),
             airborne: self.telemetry.airborne(now),
-            commanded: self.phase == Phase::Flying && self.check_link(now).is_ok(),
+            // What it receives at a place that is in doubt is of no use.
+            commanded: self.phase == Phase::Flying
+                && self.check_link(now).is_ok()
+                && self.telemetry.doubt.why(now).is_none(),
             offered: self.is_offered(now),
+            hands: self.authority.hands(),
             hindrance: self.hindrance(now),
             battery: self.telemetry.battery(),
             above_ground: self.telemetry.above_ground(now),
@@ -396,23 +452,27 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
     fn take_off(&mut self, up_m: f64) -> Result<(), MavlinkError> {
         let now = self.serve()?;
         self.config.limits.check_up(up_m)?;
+        if let Some(fence) = self.fence() {
+            fence.check(&Vector3::new(0.0, 0.0, up_m), None)?;
+        }
         if self.telemetry.airborne(now) || matches!(self.phase, Phase::TakingOff { .. }) {
             return Ok(());
         }
         self.check_link(now)?;
         // The motors may be being stopped as well.
-        let ends = matches!(self.phase, Phase::Landing | Phase::Returning)
-            || (self.phase == Phase::Idle && self.order.is_some());
-        if ends || matches!(self.phase, Phase::Taken { by_pilot: true, .. }) {
+        let ends = self.phase != Phase::Idle || self.order.is_some();
+        if ends || !matches!(self.authority.hands(), Hands::Nobody | Hands::Ours) {
             return Err(MavlinkError::NotCommanded { why: self.hindrance(now) });
         }
         if self.telemetry.armed() {
+            self.authority.engage();
             let why = "its motors run already, and not by this take-off".into();
             return Err(MavlinkError::NotCommanded { why });
         }
         self.failure.clear();
-        (self.ordered, self.leaving) = (Ordered::Nothing, self.telemetry.mode());
-        (self.order, self.turning, self.goal) = (None, None, None);
+        self.stop();
+        self.ordered = Ordered::Nothing;
+        self.authority.take();
         self.enter(Phase::TakingOff { up: up_m, stage: Stage::Position, since: now });
         self.advance(now)
     }
@@ -423,5 +483,9 @@ impl<S: ByteStream, C: Clock> Aircraft for MavlinkVehicle<S, C> {
 
     fn return_to_launch(&mut self) -> Result<(), MavlinkError> {
         self.come_down(Phase::Returning)
+    }
+
+    fn clear_to_take_off(&mut self) {
+        self.authority.clear_to_take_off();
     }
 }

@@ -11,7 +11,9 @@ mod stepper;
 mod xbee;
 
 pub use ardrone::EmulatedArDrone;
-pub use autopilot::{AutopilotConfig, AutopilotFaults, EmulatedAutopilot, PilotOrder};
+pub use autopilot::{
+    AutopilotConfig, AutopilotFaults, EmulatedAutopilot, FailsafeOrder, GpsStep, PilotOrder,
+};
 pub use cable::{CableFaults, Cabled, Port};
 pub use emulator::Emulator;
 pub use gnss::{EmulatedGnss, EmulatedGnssConfig, EmulatedGnssKind};

@@ -1,4 +1,4 @@
-use std::io;
+use std::{io, net::SocketAddr};
 
 /// A stream of bytes, or of datagrams, to and from a device. It never waits for the other side.
 ///
@@ -84,13 +84,24 @@ pub trait ByteStream {
         Ok(())
     }
 
-    /// Opens it to anybody again.
+    /// Opens it to anybody again. What is sent goes to the last peer until another one is pinned.
     ///
     /// # Errors
     ///
     /// Any error of the port.
     fn unpin(&mut self) -> io::Result<()> {
         Ok(())
+    }
+
+    /// Returns the peer that was pinned last, which is the one that is answered; `None` before the
+    /// first, and where there is one other end.
+    fn peer(&self) -> Option<SocketAddr> {
+        None
+    }
+
+    /// Returns the sender of what was received last, where it is open.
+    fn sender(&self) -> Option<SocketAddr> {
+        None
     }
 }
 
@@ -117,6 +128,12 @@ macro_rules! forward {
             }
             fn unpin(&mut self) -> io::Result<()> {
                 (**self).unpin()
+            }
+            fn peer(&self) -> Option<SocketAddr> {
+                (**self).peer()
+            }
+            fn sender(&self) -> Option<SocketAddr> {
+                (**self).sender()
             }
         }
     };

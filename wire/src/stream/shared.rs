@@ -2,6 +2,7 @@ use std::{
     cell::RefCell,
     collections::{BTreeMap, VecDeque},
     io,
+    net::SocketAddr,
     rc::{Rc, Weak},
 };
 
@@ -22,14 +23,18 @@ pub struct SharedStream {
     port: Rc<RefCell<Port>>,
     /// Its place among those who share.
     index: u32,
-    /// The number of the receipt that it took last.
+    /// The number and the sender of the receipt that it took last.
     taken: u64,
+    sender: Option<SocketAddr>,
 }
+
+/// Something that was received: its number, its sender where anybody may send, its bytes.
+type Receipt = (u64, Option<SocketAddr>, Vec<u8>);
 
 struct Port {
     stream: Box<dyn ByteStream>,
-    /// What those who share have not taken yet, each receipt with its number.
-    waiting: BTreeMap<u32, VecDeque<(u64, Vec<u8>)>>,
+    /// What those who share have not taken yet.
+    waiting: BTreeMap<u32, VecDeque<Receipt>>,
     /// Those who hear their own.
     pinned: Vec<u32>,
     receipts: u64,
@@ -72,7 +77,7 @@ impl SharedStream {
             port.waiting.insert(index, VecDeque::new());
             index
         };
-        Self { port, index, taken: 0 }
+        Self { port, index, taken: 0, sender: None }
     }
 }
 
@@ -115,11 +120,12 @@ impl Port {
             return Ok(());
         };
         self.receipts += 1;
+        let sender = self.stream.sender();
         for queue in self.waiting.values_mut() {
             if queue.len() >= KEPT {
                 queue.pop_front();
             }
-            queue.push_back((self.receipts, bytes.to_vec()));
+            queue.push_back((self.receipts, sender, bytes.to_vec()));
         }
         Ok(())
     }
@@ -133,13 +139,13 @@ impl ByteStream for SharedStream {
         }
         let is_datagram = port.stream.is_open();
         let Some(queue) = port.waiting.get_mut(&self.index) else { return Ok(0) };
-        let Some((number, mut bytes)) = queue.pop_front() else { return Ok(0) };
-        self.taken = number;
+        let Some((number, sender, mut bytes)) = queue.pop_front() else { return Ok(0) };
+        (self.taken, self.sender) = (number, sender);
         let count = bytes.len().min(into.len());
         let rest = bytes.split_off(count);
         into.iter_mut().zip(&bytes).for_each(|(to, from)| *to = *from);
         if !rest.is_empty() && !is_datagram {
-            queue.push_front((number, rest));
+            queue.push_front((number, sender, rest));
         }
         Ok(count)
     }
@@ -173,6 +179,14 @@ impl ByteStream for SharedStream {
         let port = &mut *self.port.borrow_mut();
         port.pinned.retain(|of| *of != self.index);
         if port.pinned.is_empty() { port.stream.unpin() } else { Ok(()) }
+    }
+
+    fn peer(&self) -> Option<SocketAddr> {
+        self.port.borrow().stream.peer()
+    }
+
+    fn sender(&self) -> Option<SocketAddr> {
+        self.sender.filter(|_| self.is_open())
     }
 }
 

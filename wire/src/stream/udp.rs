@@ -5,7 +5,8 @@ use std::{
 
 use super::ByteStream;
 
-/// Datagrams to and from one peer: a known one, or the last sender until that one is pinned.
+/// Datagrams to and from one peer: a known one, or the last sender until one is pinned. Opened again
+/// it receives from anybody, and sends to the peer that was pinned until another one is.
 ///
 /// To a pinned peer the socket is connected, so that the system itself drops what others send, and
 /// a stranger's flood takes neither time nor room.
@@ -17,6 +18,10 @@ pub struct UdpStream {
     learns: bool,
     /// Whether the socket is connected to the peer.
     pinned: bool,
+    /// Whether the peer was pinned before, and stays the one that is answered.
+    kept: bool,
+    /// The sender of what was received last.
+    sender: Option<SocketAddr>,
     /// The address at which it listens to any sender.
     address: SocketAddr,
 }
@@ -30,7 +35,8 @@ impl UdpStream {
     pub fn listen(address: &str) -> io::Result<Self> {
         let socket = bound(address)?;
         let address = socket.local_addr()?;
-        Ok(Self { socket, peer: None, learns: true, pinned: false, address })
+        let (peer, sender) = (None, None);
+        Ok(Self { socket, peer, learns: true, pinned: false, kept: false, sender, address })
     }
 
     /// A socket that sends to `address`, and receives from it alone.
@@ -46,7 +52,8 @@ impl UdpStream {
         let any = if peer.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
         let socket = bound(any)?;
         let address = socket.local_addr()?;
-        Ok(Self { socket, peer: Some(peer), learns: false, pinned: false, address })
+        let (peer, sender) = (Some(peer), None);
+        Ok(Self { socket, peer, learns: false, pinned: false, kept: false, sender, address })
     }
 
     /// Where it listens.
@@ -79,7 +86,10 @@ impl ByteStream for UdpStream {
         for _ in 0..STRANGERS {
             match self.socket.recv_from(into) {
                 Ok((count, from)) if self.learns && !self.pinned => {
-                    self.peer = Some(from);
+                    self.sender = Some(from);
+                    if !self.kept {
+                        self.peer = Some(from);
+                    }
                     return Ok(count);
                 }
                 Ok((count, from)) if self.peer == Some(from) => return Ok(count),
@@ -112,9 +122,9 @@ impl ByteStream for UdpStream {
     }
 
     fn pin(&mut self) -> io::Result<()> {
-        if let (Some(peer), true) = (self.peer, self.is_open()) {
+        if let (Some(peer), true) = (self.sender, self.is_open()) {
             self.socket.connect(peer)?;
-            self.pinned = true;
+            (self.peer, self.pinned, self.kept) = (Some(peer), true, true);
         }
         Ok(())
     }
@@ -125,9 +135,17 @@ impl ByteStream for UdpStream {
             // once the old one is closed; where it cannot be had it is tried again.
             self.socket = bound(ANY)?;
             self.socket = bound(&self.address.to_string())?;
-            self.pinned = false;
+            (self.pinned, self.sender) = (false, None);
         }
         Ok(())
+    }
+
+    fn peer(&self) -> Option<SocketAddr> {
+        self.peer.filter(|_| self.kept)
+    }
+
+    fn sender(&self) -> Option<SocketAddr> {
+        self.sender.filter(|_| self.is_open())
     }
 }
 
@@ -178,13 +196,24 @@ mod tests {
         server.send(b"answer").expect("it works");
         assert_eq!(stranger.receive(&mut into).expect("it works"), 0);
         assert_eq!(peer.receive(&mut into).expect("it works"), 6);
+        let first = server.peer();
         server.unpin().expect("it works");
         stranger.send(b"me").expect("it works");
         assert_eq!(server.receive(&mut into).expect("it works"), 2);
+        assert!(server.sender().is_some() && server.sender() != server.peer());
+        // The one that was pinned is answered until another one is.
         server.send(b"you").expect("it works");
-        assert_eq!(stranger.receive(&mut into).expect("it works"), 3);
+        assert_eq!(peer.receive(&mut into).expect("it works"), 3);
+        assert_eq!(stranger.receive(&mut into).expect("it works"), 0);
         // The peer comes back at the same port.
         peer.send(b"peer").expect("it works");
         assert_eq!(server.receive(&mut into).expect("it works"), 4);
+        assert!(first.is_some() && server.sender() == first);
+        stranger.send(b"me").expect("it works");
+        assert_eq!(server.receive(&mut into).expect("it works"), 2);
+        server.pin().expect("it works");
+        server.send(b"you").expect("it works");
+        assert_eq!(stranger.receive(&mut into).expect("it works"), 3);
+        assert!(server.peer() != first);
     }
 }

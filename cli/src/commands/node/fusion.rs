@@ -158,6 +158,7 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
         match operator.poll() {
             PilotInput::None => rest(),
             PilotInput::Enter if node.is_ready() => node.go(),
+            PilotInput::Up => warn("a drone of a node is cleared by its mode, at its transmitter"),
             PilotInput::Enter => {
                 warn("the drones leave");
                 node.abort(time, "the pilot breaks off").map_err(CliError::failure)?;
@@ -175,7 +176,9 @@ pub(super) fn run(args: &Args, context: Context<'_>) -> Result<(), CliError> {
     report(args, &log, node.hunt().fixes(), output)?;
     page(args, &log, registry, &estimator, output)?;
     if let Some(live) = live {
-        live.stay(|| !matches!(operator.poll(), PilotInput::None | PilotInput::Enter));
+        live.stay(|| {
+            !matches!(operator.poll(), PilotInput::None | PilotInput::Enter | PilotInput::Up)
+        });
     }
     match node.failure() {
         Some(why) => Err(CliError::failure(why)),

@@ -9,7 +9,7 @@ use foxhunt_wire::mavlink::{
 use nalgebra::Vector3;
 
 use super::{AutopilotConfig, flight::Flight, params::Params, streams::Streams};
-use crate::devices::OnBoard;
+use crate::{Interval, devices::OnBoard};
 
 /// Everything of the autopilot but its cable.
 #[derive(Debug)]
@@ -22,8 +22,12 @@ pub(super) struct Brain {
     pub(super) params: Params,
     /// Where it stood when it was put on the ground.
     pub(super) home: Vector3<f64>,
-    /// What it truly is at the time of the last step; Up counts from where it was put down.
+    /// What its estimator has at the time of the last step; Up counts from where it was put down.
     pub(super) pose: Pose,
+    /// Its true place.
+    place: Vector3<f64>,
+    /// Whether its estimator found then that its GPS jumps.
+    glitch: bool,
     /// How high it is above the ground below, in metres.
     pub(super) above_ground: f64,
     pub(super) now: f64,
@@ -36,13 +40,34 @@ pub(super) struct Brain {
     pub(super) ground_contact: Option<f64>,
     /// Whether it has none, and has acted on that.
     ground_lost: bool,
-    /// How many of the pilot's orders are done.
+    /// How many of the pilot's orders are done, how many failsafes, and how many restarts.
     piloted: usize,
+    failed: usize,
+    restarted: usize,
+    /// Since when it knows where it is.
+    placed_at: f64,
+    /// Whether a failsafe acts, as its heartbeats say.
+    pub(super) critical: bool,
+    /// Whether it flies by velocities: it reports no target then.
+    pub(super) by_velocity: bool,
+    /// Whether another station has started its motors.
+    by_others: bool,
     /// How many pictures its camera has taken, and the number of the last one ordered.
     pub(super) pictures: u32,
     pub(super) pictured: Option<f32>,
+    /// The number of the last text in chunks.
+    texts: u16,
     pub(super) outbox: Vec<MavMessage>,
 }
+
+/// How long its position takes after a restart, in seconds.
+const RESTART_S: f64 = 30.0;
+
+/// How fast another station sends it, in m/s.
+const STATION_MPS: f64 = 3.0;
+
+/// Bytes of a text that one message holds.
+const CHUNK: usize = 50;
 
 /// The ground station that it belongs to (SYSID_MYGCS).
 const GROUND_SYSTEM: u32 = 255;
@@ -57,11 +82,12 @@ impl Brain {
             flight: Flight::new(config.autopilot.at_boot(), &pose, now),
             streams: Streams::new(&config, now),
             params: Params::new(&config),
-            config,
             frame,
             on_board,
             home: pose.position,
+            place: pose.position,
             pose,
+            glitch: false,
             above_ground: 0.0,
             now,
             velocity: Vector3::zeros(),
@@ -70,9 +96,17 @@ impl Brain {
             ground_contact: None,
             ground_lost: false,
             piloted: 0,
+            failed: 0,
+            restarted: 0,
+            placed_at: config.position_good_after_s,
+            critical: false,
+            by_velocity: false,
+            by_others: false,
             pictures: 0,
             pictured: None,
+            texts: 0,
             outbox: Vec::new(),
+            config,
         }
     }
 
@@ -80,15 +114,28 @@ impl Brain {
         self.config.clock_origin_unix_s + self.now
     }
 
-    /// Whether anybody has a link to it.
-    pub(super) fn is_reachable(&self) -> bool {
+    /// Whether what is sent to it arrives.
+    pub(super) fn hears(&self) -> bool {
+        self.is_linked() && !self.is_within(&self.config.faults.deaf)
+    }
+
+    /// Whether what it sends arrives.
+    fn is_heard(&self) -> bool {
+        self.is_linked() && !self.is_within(&self.config.faults.unheard)
+    }
+
+    fn is_linked(&self) -> bool {
         self.on_board.with(|drone, now| drone.is_linked(now))
-            && !self.config.faults.silent.iter().any(|silent| silent.contains(self.now))
+            && !self.is_within(&self.config.faults.silent)
+    }
+
+    pub(super) fn is_within(&self, times: &[Interval]) -> bool {
+        times.iter().any(|interval| interval.contains(self.now))
     }
 
     /// Whether its estimator knows where it is.
     pub(super) fn is_placed(&self) -> bool {
-        self.now >= self.config.position_good_after_s
+        self.now >= self.placed_at
     }
 
     /// Goes on flying at the world's present time.
@@ -97,20 +144,27 @@ impl Brain {
             self.on_board.with(|drone, now| (drone.body.pose(), drone.pose().position.z, now));
         let dt = now - self.now;
         if dt > 0.0 {
-            self.velocity = (pose.position - self.pose.position) / dt;
+            self.velocity = (pose.position - self.place) / dt;
             self.turning = foxhunt_core::angle::wrap(pose.heading - self.pose.heading) / dt;
             self.used_s += if self.flight.armed { dt } else { 0.0 };
         }
+        let aside = self.config.faults.aside(now);
+        self.place = pose.position;
+        let pose = Pose { position: pose.position + aside, ..pose };
         (self.pose, self.above_ground, self.now) = (pose, above_ground, now);
+        self.set_up_flight();
+        self.tell_glitches();
         while let Some(order) = self.config.faults.pilot.get(self.piloted) {
             if order.at_s > now {
                 break;
             }
             self.piloted += 1;
             if let Some(mode) = FlightMode::named(self.config.autopilot, &order.mode) {
-                self.change_mode(mode);
+                self.critical = false;
+                self.begin(mode);
             }
         }
+        self.suffer(dt);
         self.fail_safe();
         let order = self.flight.step(&pose, above_ground, self.home, now, dt);
         for (severity, text) in std::mem::take(&mut self.flight.texts) {
@@ -118,9 +172,104 @@ impl Brain {
         }
         self.on_board.with(|drone, now| {
             // A goal of the world's own size is a place.
-            let _ = drone.go_to(order.goal, now);
+            let _ = drone.go_to(order.goal - aside, now);
             let _ = drone.body.spin(Some(order.turn_rate));
         });
+    }
+
+    /// What failsafes, other stations and restarts do.
+    fn suffer(&mut self, dt: f64) {
+        while let Some(order) = self.config.faults.failsafes.get(self.failed).cloned() {
+            if order.at_s > self.now {
+                break;
+            }
+            self.failed += 1;
+            let mode = FlightMode::named(self.config.autopilot, &order.mode);
+            if let (Some(mode), true) = (mode, self.flight.is_airborne()) {
+                self.send(MavSeverity::MAV_SEVERITY_WARNING, &order.text);
+                self.critical = true;
+                self.begin(mode);
+            }
+        }
+        while let Some(at_s) = self.config.faults.restarts_s.get(self.restarted) {
+            if *at_s > self.now {
+                break;
+            }
+            self.restarted += 1;
+            if !self.flight.is_airborne() {
+                self.flight = Flight::new(self.config.autopilot.at_boot(), &self.pose, self.now);
+                self.streams = Streams::new(&self.config, self.now);
+                self.placed_at = self.now + RESTART_S;
+                (self.critical, self.ground_contact) = (false, None);
+            }
+        }
+        let commanded = self.flight.mode == self.config.autopilot.commanded();
+        if commanded && self.flight.is_airborne() && self.is_within(&self.config.faults.velocities)
+        {
+            // The body goes as fast as it may: so far ahead is the goal.
+            self.flight.climb_to = None;
+            self.flight.goal =
+                self.pose.position + Vector3::new(0.0, STATION_MPS * dt.max(0.1), 0.0);
+            (self.by_velocity, self.flight.setpoint_at) = (true, self.now);
+        }
+        let motors = self.is_within(&self.config.faults.motors);
+        if motors && !self.flight.armed && !self.flight.is_airborne() {
+            self.flight.arm(&self.pose, self.now);
+            self.by_others = true;
+        } else if !motors && std::mem::take(&mut self.by_others) && !self.flight.is_airborne() {
+            self.flight.disarm();
+        }
+    }
+
+    /// Goes into a mode, as it comes back from here.
+    pub(super) fn begin(&mut self, mode: FlightMode) {
+        self.change_mode(mode);
+    }
+
+    /// What its parameters have it do.
+    fn set_up_flight(&mut self) {
+        let value = |name: &str| self.params.value(name).map(f64::from);
+        let autopilot = self.config.autopilot;
+        let up = match autopilot {
+            Autopilot::ArduPilot => value("RTL_ALT").map(|cm| cm * 0.01),
+            Autopilot::Px4 => value("RTL_RETURN_ALT"),
+        };
+        self.flight.return_up = up.unwrap_or(self.config.return_up_m);
+        if let (Some(loss_s), Some(action)) = (value("COM_OF_LOSS_T"), value("COM_OBL_RC_ACT")) {
+            let then = match action {
+                3.0 => autopilot.return_to_launch(),
+                4.0 => autopilot.land(),
+                5.0 => autopilot.hold(),
+                _ => autopilot.by_hand(),
+            };
+            self.flight.offboard_loss = (loss_s, then);
+        }
+    }
+
+    /// ArduCopter tells in words what its estimator finds.
+    fn tell_glitches(&mut self) {
+        let glitch = self.config.faults.is_glitch(self.now);
+        if std::mem::replace(&mut self.glitch, glitch) == glitch
+            || self.config.autopilot == Autopilot::Px4
+        {
+            return;
+        }
+        match glitch {
+            true => self.send(MavSeverity::MAV_SEVERITY_CRITICAL, "GPS Glitch or Compass error"),
+            false => self.send(MavSeverity::MAV_SEVERITY_CRITICAL, "Glitch cleared"),
+        }
+    }
+
+    /// Whether its own fence lets it go to a place.
+    pub(super) fn is_inside(&self, goal: &Vector3<f64>) -> bool {
+        let value = |name: &str| self.params.value(name).map_or(0.0, f64::from);
+        if value("FENCE_ENABLE") < 0.5 {
+            return true;
+        }
+        let kinds = value("FENCE_TYPE");
+        let has = |bit: f64| (kinds / bit).floor() % 2.0 > 0.5;
+        let away = (goal - self.home).xy().norm();
+        !(has(1.0) && goal.z > value("FENCE_ALT_MAX") || has(2.0) && away > value("FENCE_RADIUS"))
     }
 
     fn fail_safe(&mut self) {
@@ -132,15 +281,23 @@ impl Brain {
             (false, true) => {
                 // The pilot's modes go on: FS_OPTIONS is 16.
                 let mode = self.flight.mode;
-                if [autopilot.commanded(), autopilot.land()].contains(&mode) {
+                // PX4's state is critical where a failsafe has changed its mode.
+                self.critical = autopilot == Autopilot::ArduPilot || mode == autopilot.commanded();
+                // PX4 goes on with a landing.
+                let lands = autopilot == Autopilot::ArduPilot && mode == autopilot.land();
+                if !self.flight.is_airborne() {
+                    self.send(MavSeverity::MAV_SEVERITY_WARNING, "GCS Failsafe - Disarming");
+                    self.flight.disarm();
+                } else if mode == autopilot.commanded() || lands {
                     self.send(MavSeverity::MAV_SEVERITY_WARNING, "GCS Failsafe - RTL");
-                    self.change_mode(autopilot.return_to_launch());
+                    self.begin(autopilot.return_to_launch());
                 } else {
                     let text = "GCS Failsafe - Continuing Pilot Control";
                     self.send(MavSeverity::MAV_SEVERITY_WARNING, text);
                 }
             }
             (true, false) => {
+                self.critical = false;
                 self.send(MavSeverity::MAV_SEVERITY_WARNING, "GCS Failsafe Cleared");
             }
             _ => {}
@@ -165,11 +322,16 @@ impl Brain {
         }
     }
 
-    /// Writes something to the ground station.
+    /// Writes something to the ground station, longer texts in chunks with a common number.
     pub(super) fn send(&mut self, severity: MavSeverity, text: &str) {
-        let text = CharArray::from(text);
-        let data = STATUSTEXT_DATA { severity, text, ..STATUSTEXT_DATA::default() };
-        self.outbox.push(MavMessage::STATUSTEXT(data));
+        let chunked = text.len() > CHUNK;
+        self.texts = self.texts.wrapping_add(u16::from(chunked)).max(1);
+        let id = if chunked { self.texts } else { 0 };
+        for (chunk_seq, chunk) in (0..).zip(text.as_bytes().chunks(CHUNK)) {
+            let text = CharArray::from(String::from_utf8_lossy(chunk).as_ref());
+            let data = STATUSTEXT_DATA { severity, text, id, chunk_seq };
+            self.outbox.push(MavMessage::STATUSTEXT(data));
+        }
     }
 
     /// Whether a message is meant for it.
@@ -249,23 +411,27 @@ impl Brain {
             self.outbox.extend(self.message(id));
         }
         let sent = std::mem::take(&mut self.outbox);
-        if self.is_reachable() { sent } else { Vec::new() }
+        if self.is_heard() { sent } else { Vec::new() }
     }
 
     /// Why its motors may not be started.
-    pub(super) fn is_armable(&self) -> Result<(), &'static str> {
+    pub(super) fn is_armable(&self) -> Result<(), String> {
         use foxhunt_wire::mavlink::Autopilot::{ArduPilot, Px4};
         let mode = self.flight.mode;
-        match mode.autopilot {
+        let failed = &self.config.faults.preflight;
+        let why = match mode.autopilot {
             ArduPilot
                 if mode == mode.autopilot.land() || mode == mode.autopilot.return_to_launch() =>
             {
-                Err("Arm: Mode not armable")
+                "Arm: Mode not armable".into()
             }
+            ArduPilot if !failed.is_empty() => format!("PreArm: {failed}"),
+            Px4 if !failed.is_empty() => format!("Preflight Fail: {failed}"),
             // Modes that are flown by hand need no place.
-            _ if mode == mode.autopilot.at_boot() || self.is_placed() => Ok(()),
-            ArduPilot => Err("Arm: Need Position Estimate"),
-            Px4 => Err("Preflight Fail: no global position"),
-        }
+            _ if mode == mode.autopilot.at_boot() || self.is_placed() => return Ok(()),
+            ArduPilot => "Arm: Need Position Estimate".into(),
+            Px4 => "Preflight Fail: no global position".into(),
+        };
+        Err(why)
     }
 }

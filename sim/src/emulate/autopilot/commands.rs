@@ -127,8 +127,13 @@ impl Brain {
         if self.flight.armed {
             return ACCEPTED;
         }
+        let autopilot = self.config.autopilot;
         match self.is_armable() {
-            Err(why) => self.refuse(why, FAILED),
+            Err(why) if autopilot == Autopilot::ArduPilot => self.refuse(&why, FAILED),
+            Err(why) => {
+                self.send(MavSeverity::MAV_SEVERITY_WARNING, &why);
+                self.refuse("Arming denied: Resolve system health failures first", REJECTED)
+            }
             Ok(()) => {
                 self.flight.arm(&self.pose, self.now);
                 if self.is_placed() {
@@ -152,10 +157,8 @@ impl Brain {
         if !self.is_placed() && !by_hand && (px4 || self.flight.armed) {
             return self.refuse("Mode change failed: requires position", FAILED);
         }
-        if mode == mode.autopilot.return_to_launch() {
-            self.flight.return_up = self.config.return_up_m;
-        }
-        self.change_mode(mode);
+        self.critical = false;
+        self.begin(mode);
         ACCEPTED
     }
 
@@ -174,7 +177,7 @@ impl Brain {
             }
             Autopilot::Px4 => {
                 let usual = f64::from(self.params.value("MIS_TAKEOFF_ALT").unwrap_or(2.5));
-                let up = height - self.config.origin.alt_m;
+                let up = height - self.home_alt();
                 let up = if up.is_finite() { up.max(0.5) } else { usual };
                 self.change_mode(autopilot.take_off());
                 self.flight.climb_to = Some(up);
@@ -213,7 +216,7 @@ impl Brain {
             Some((x, y, frame)) => (degrees_of_e7(x), degrees_of_e7(y), is_relative(frame)),
             None => (f64::from(c.param5), f64::from(c.param6), false),
         };
-        let up = f64::from(c.param7) - if relative { 0.0 } else { self.config.origin.alt_m };
+        let up = f64::from(c.param7) - if relative { 0.0 } else { self.home_alt() };
         match autopilot {
             Autopilot::ArduPilot => {
                 if self.flight.mode != autopilot.commanded() && c.param2 < 0.5 {
@@ -234,8 +237,17 @@ impl Brain {
     }
 
     pub(super) fn set_global(&mut self, target: &SET_POSITION_TARGET_GLOBAL_INT_DATA) {
-        let relative = is_relative(target.coordinate_frame);
-        let up = f64::from(target.alt) - if relative { 0.0 } else { self.config.origin.alt_m };
+        let alt = f64::from(target.alt);
+        let up = match self.config.autopilot {
+            // PX4 until 1.18: `home.alt - alt - ref_alt` down from its estimator's zero, where that
+            // is `ref_alt - (home.alt + alt)`.
+            Autopilot::Px4 if is_relative(target.coordinate_frame) => {
+                alt + 2.0 * self.config.faults.reference_m + self.reference_drift()
+            }
+            Autopilot::ArduPilot if is_relative(target.coordinate_frame) => alt,
+            _ => alt - self.home_alt(),
+        };
+        let up = up + self.config.faults.misread_up_m;
         let goal =
             self.frame.to_local(degrees_of_e7(target.lat_int), degrees_of_e7(target.lon_int), up);
         self.set(goal, target.type_mask.bits(), target.yaw, target.yaw_rate);
@@ -243,10 +255,11 @@ impl Brain {
 
     pub(super) fn set_local(&mut self, target: &SET_POSITION_TARGET_LOCAL_NED_DATA) {
         let [north, east, down] = [target.x, target.y, target.z].map(f64::from);
-        // Local places count from home; those of an offset frame from where it is.
-        let from = match target.coordinate_frame {
-            MavFrame::MAV_FRAME_LOCAL_OFFSET_NED => self.pose.position,
-            _ => self.home,
+        // Local places count from the estimator's zero; those of an offset frame from where it is.
+        let from = match (target.coordinate_frame, self.config.autopilot) {
+            (MavFrame::MAV_FRAME_LOCAL_OFFSET_NED, _) => self.pose.position,
+            (_, Autopilot::ArduPilot) => self.home,
+            (_, Autopilot::Px4) => self.home + Vector3::z() * self.config.faults.reference_m,
         };
         let goal = from + ned_of_enu(&Vector3::new(north, east, down));
         self.set(goal, target.type_mask.bits(), target.yaw, target.yaw_rate);
@@ -261,11 +274,12 @@ impl Brain {
 
     fn set(&mut self, goal: Vector3<f64>, mask: u16, yaw: f32, yaw_rate: f32) {
         let placed = mask & NO_PLACE == 0 && goal.iter().all(|value| value.is_finite());
-        if !self.flight.takes_setpoint(self.now) || !placed {
+        // A goal outside its fence is left out without a word.
+        if !self.flight.takes_setpoint(self.now) || !placed || !self.is_inside(&goal) {
             return;
         }
         self.begin_setpoints();
-        self.flight.goal = goal;
+        (self.flight.goal, self.by_velocity) = (goal, false);
         let (yaw, rate, here) = (f64::from(yaw), f64::from(yaw_rate), self.pose.heading);
         if mask & NO_YAW == 0 && yaw.is_finite() {
             self.flight.yaw.aim(heading_of_yaw(yaw), here, None);

@@ -1,11 +1,15 @@
+use std::collections::BTreeMap;
+
 use foxhunt_core::parameter::{ParameterError, finite, in_range, not_negative, positive};
 use foxhunt_wire::{
     geodesy::Geodetic,
     mavlink::{Autopilot, FlightMode, SigningKey},
 };
 
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::params;
 use crate::{Interval, SimError};
 
 /// What an emulated autopilot is like.
@@ -13,6 +17,9 @@ use crate::{Interval, SimError};
 pub struct AutopilotConfig {
     /// Whose behaviour it has.
     pub autopilot: Autopilot,
+    /// The minor version of a PX4: from 1.16 on its estimator's CONST_POS_MODE is set whenever it
+    /// stands still.
+    pub px4_minor: u8,
     /// Its system number.
     pub system_id: u8,
     /// Where the world's East, North and Up are 0, heights above sea level.
@@ -45,13 +52,14 @@ pub struct AutopilotConfig {
 }
 
 impl Default for AutopilotConfig {
-    /// An ArduCopter, system 1, at the place of ArduPilot's own simulator; a position after 3 s,
+    /// An ArduCopter (or a PX4 1.16), system 1, at the place of ArduPilot's own simulator; a position after 3 s,
     /// good to 0.5 m and 0.8 m; returns at 15 m; 20 minutes of battery; no
     /// rangefinder, terrain or camera; comes back 5 s after the last heartbeat of a ground station; no
     /// signing, no faults.
     fn default() -> Self {
         Self {
             autopilot: Autopilot::ArduPilot,
+            px4_minor: 16,
             system_id: 1,
             origin: Geodetic { lat_deg: -35.363_262, lon_deg: 149.165_237, alt_m: 584.0 },
             position_good_after_s: 3.0,
@@ -77,8 +85,87 @@ pub struct AutopilotFaults {
     /// Nothing is received of it, and it receives nothing. The world's own `lost` intervals have
     /// the same effect.
     pub silent: Vec<Interval>,
+    /// Nothing is received of it, and what is sent to it arrives.
+    pub unheard: Vec<Interval>,
+    /// It receives nothing, and is received.
+    pub deaf: Vec<Interval>,
+    /// Its messages come late by up to a second each, out of order, and some of them twice.
+    pub late: Vec<Interval>,
     /// When the pilot chooses a mode on his remote control.
     pub pilot: Vec<PilotOrder>,
+    /// When a failsafe of its own chooses a mode.
+    pub failsafes: Vec<FailsafeOrder>,
+    /// When another station sends it northwards at 3 m/s, in the mode of orders.
+    pub velocities: Vec<Interval>,
+    /// When another station runs its motors on the ground.
+    pub motors: Vec<Interval>,
+    /// When it starts again; in the air it does not.
+    pub restarts_s: Vec<f64>,
+    /// Height of the zero of a PX4's estimator above its home, in metres: its barometer has drifted
+    /// since it was switched on.
+    pub reference_m: f64,
+    /// Drift of that zero's altitude, in metres per second.
+    pub reference_drift_mps: f64,
+    /// Heights of set-points are flown so much too high, in metres.
+    pub misread_up_m: f64,
+    /// When its GPS is aside.
+    pub gps_steps: Vec<GpsStep>,
+    /// Why its checks before arming fail; they pass where it is empty.
+    pub preflight: String,
+    /// Parameters that are set up differently, by their names.
+    pub parameters: BTreeMap<String, f64>,
+}
+
+/// A time during which the GPS is aside: its estimator calls that a glitch at first, takes the other
+/// place after [`GpsStep::TAKEN_S`], and calls the glitch cleared when it has had it for as long.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GpsStep {
+    /// From when on.
+    pub from_s: f64,
+    /// Until when.
+    pub to_s: f64,
+    /// How far aside it is, to the East and to the North in metres.
+    pub aside_m: [f64; 2],
+}
+
+impl GpsStep {
+    /// Time after which an estimator takes a place that its GPS insists on, in seconds.
+    pub const TAKEN_S: f64 = 10.0;
+
+    fn is_glitch(&self, now: f64) -> bool {
+        let within = |from: f64| (from..from + 2.0 * Self::TAKEN_S).contains(&now);
+        within(self.from_s) || within(self.to_s)
+    }
+
+    fn is_taken(&self, now: f64) -> bool {
+        (self.from_s + Self::TAKEN_S..self.to_s + Self::TAKEN_S).contains(&now)
+    }
+}
+
+impl AutopilotFaults {
+    /// How far from its true place its estimator has it, in metres.
+    pub(super) fn aside(&self, now: f64) -> Vector3<f64> {
+        let taken = self.gps_steps.iter().filter(|step| step.is_taken(now));
+        taken.map(|step| Vector3::new(step.aside_m[0], step.aside_m[1], 0.0)).sum()
+    }
+
+    /// Whether its estimator finds that its GPS jumps.
+    pub(super) fn is_glitch(&self, now: f64) -> bool {
+        self.gps_steps.iter().any(|step| step.is_glitch(now))
+    }
+}
+
+/// A failsafe that acts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FailsafeOrder {
+    /// When.
+    pub at_s: f64,
+    /// Its words, such as `Battery Failsafe`.
+    pub text: String,
+    /// The mode that it chooses.
+    pub mode: String,
 }
 
 /// A mode that the pilot chooses.
@@ -94,9 +181,15 @@ pub struct PilotOrder {
 impl AutopilotConfig {
     pub(super) fn check(&self) -> Result<(), SimError> {
         self.check_numbers().map_err(|error| error.within("autopilot"))?;
-        for order in &self.faults.pilot {
-            if FlightMode::named(self.autopilot, &order.mode).is_none() {
-                return Err(SimError::FlightMode { mode: order.mode.clone() });
+        for name in self.faults.parameters.keys() {
+            if !params::is_known(self.autopilot, name) {
+                return Err(SimError::Parameter { name: name.clone() });
+            }
+        }
+        let pilots = self.faults.pilot.iter().map(|order| &order.mode);
+        for mode in pilots.chain(self.faults.failsafes.iter().map(|order| &order.mode)) {
+            if FlightMode::named(self.autopilot, mode).is_none() {
+                return Err(SimError::FlightMode { mode: mode.clone() });
             }
         }
         Ok(())
@@ -120,6 +213,23 @@ impl AutopilotConfig {
         for order in &self.faults.pilot {
             not_negative("faults.pilot.at_s", order.at_s)?;
         }
+        for order in &self.faults.failsafes {
+            not_negative("faults.failsafes.at_s", order.at_s)?;
+        }
+        for at_s in &self.faults.restarts_s {
+            not_negative("faults.restarts_s", *at_s)?;
+        }
+        for step in &self.faults.gps_steps {
+            finite("faults.gps_steps.from_s", step.from_s)?;
+            finite("faults.gps_steps.to_s", step.to_s)?;
+            finite("faults.gps_steps.aside_m", step.aside_m[0] + step.aside_m[1])?;
+        }
+        for value in self.faults.parameters.values() {
+            finite("faults.parameters", *value)?;
+        }
+        finite("faults.reference_m", self.faults.reference_m)?;
+        finite("faults.reference_drift_mps", self.faults.reference_drift_mps)?;
+        finite("faults.misread_up_m", self.faults.misread_up_m)?;
         Ok(())
     }
 }

@@ -2,8 +2,9 @@ use std::io;
 
 use foxhunt_wire::{
     ByteStream,
-    mavlink::{Codec, CommonFrame, Signing},
+    mavlink::{Codec, CommonFrame, FlightMode, Signing},
 };
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use super::{AutopilotConfig, brain::Brain};
 use crate::{Emulator, SimError, World};
@@ -28,7 +29,13 @@ pub struct EmulatedAutopilot<S> {
     codec: Codec,
     connections: u32,
     brain: Brain,
+    /// What is on its way, with when it arrives.
+    late: Vec<(f64, Vec<u8>)>,
+    random: Xoshiro256PlusPlus,
 }
+
+/// The share of late messages that come twice.
+const TWICE: f64 = 0.1;
 
 /// MAV_COMP_ID_AUTOPILOT1.
 const COMPONENT: u8 = 1;
@@ -54,8 +61,27 @@ impl<S: ByteStream> EmulatedAutopilot<S> {
             None => codec,
         };
         let connections = stream.connections();
+        let random = Xoshiro256PlusPlus::seed_from_u64(u64::from(config.system_id));
         let brain = Brain::new(config, frame, world.on_board(drone)?);
-        Ok(Self { stream, codec, connections, brain })
+        Ok(Self { stream, codec, connections, brain, late: Vec::new(), random })
+    }
+
+    /// Its mode.
+    #[must_use]
+    pub fn mode(&self) -> FlightMode {
+        self.brain.flight.mode
+    }
+
+    /// Whether its motors run.
+    #[must_use]
+    pub fn is_armed(&self) -> bool {
+        self.brain.flight.armed
+    }
+
+    /// Whether it is in the air.
+    #[must_use]
+    pub fn is_airborne(&self) -> bool {
+        self.brain.flight.is_airborne()
     }
 
     /// How many pictures its camera has taken.
@@ -68,14 +94,14 @@ impl<S: ByteStream> EmulatedAutopilot<S> {
 impl<S: ByteStream> Emulator for EmulatedAutopilot<S> {
     fn serve(&mut self) -> io::Result<()> {
         self.brain.step();
-        let reachable = self.brain.is_reachable();
+        let hears = self.brain.hears();
         let unix_s = self.brain.unix_s();
         let mut into = [0; 2048];
         loop {
             let count = self.stream.receive(&mut into)?;
             let Some(bytes) = into.get(..count).filter(|bytes| !bytes.is_empty()) else { break };
             // What was sent in the meantime is gone.
-            if reachable {
+            if hears {
                 self.codec.push(bytes);
             }
             while let Some(frame) = self.codec.next_frame(unix_s) {
@@ -86,8 +112,19 @@ impl<S: ByteStream> Emulator for EmulatedAutopilot<S> {
             self.connections = self.stream.connections();
             self.codec.restart();
         }
+        let now = self.brain.now;
+        let late = self.brain.is_within(&self.brain.config.faults.late);
         for message in self.brain.emit() {
             let bytes = self.codec.encode(&message, unix_s);
+            if late && self.random.random::<f64>() < TWICE {
+                self.late.push((now + self.random.random::<f64>(), bytes.clone()));
+            }
+            let delay = if late { self.random.random::<f64>() } else { 0.0 };
+            self.late.push((now + delay, bytes));
+        }
+        let mut due: Vec<_> = self.late.extract_if(.., |(at, _)| *at <= now).collect();
+        due.sort_by(|one, other| one.0.total_cmp(&other.0));
+        for (_, bytes) in due {
             match self.stream.send(&bytes) {
                 // Nobody is there yet.
                 Err(error) if error.kind() == io::ErrorKind::NotConnected => {}

@@ -16,6 +16,8 @@ pub(super) struct Flight {
     pub(super) yaw: Yaw,
     /// Where the mode has it go.
     pub(super) goal: Vector3<f64>,
+    /// Where a mode of its own had it go last.
+    pub(super) own_goal: Option<Vector3<f64>>,
     /// How high it comes back.
     pub(super) return_up: f64,
     /// How high a take-off goes, while there is one.
@@ -24,6 +26,8 @@ pub(super) struct Flight {
     pub(super) setpoint_at: f64,
     /// Whether they come often enough for OFFBOARD.
     pub(super) setpoints_flow: bool,
+    /// Time after the last set-point at which OFFBOARD ends, in seconds, and the mode that follows.
+    pub(super) offboard_loss: (f64, FlightMode),
     armed_at: f64,
     /// When it touched the ground.
     down_at: Option<f64>,
@@ -51,9 +55,6 @@ const STOP_S: f64 = 1.0;
 /// Set-points farther apart than that do not flow, in seconds: 2 Hz.
 const FLOW_S: f64 = 0.5;
 
-/// OFFBOARD ends so long after the last set-point, in seconds (COM_OF_LOSS_T).
-const OFFBOARD_LOSS_S: f64 = 1.0;
-
 /// How close is there, in metres.
 const THERE_M: f64 = 0.3;
 
@@ -65,10 +66,12 @@ impl Flight {
             landed: MavLandedState::MAV_LANDED_STATE_ON_GROUND,
             yaw: Yaw::new(pose.heading),
             goal: pose.position,
+            own_goal: None,
             return_up: 0.0,
             climb_to: None,
             setpoint_at: f64::NEG_INFINITY,
             setpoints_flow: false,
+            offboard_loss: (f64::INFINITY, mode),
             armed_at: now,
             down_at: None,
             over_home: false,
@@ -148,9 +151,10 @@ impl Flight {
             return BodyOrder { goal: ground, turn_rate: 0.0 };
         }
         let offboard = autopilot == Autopilot::Px4 && self.mode == autopilot.commanded();
-        if offboard && now - self.setpoint_at > OFFBOARD_LOSS_S {
+        let (loss_s, then) = self.offboard_loss;
+        if offboard && now - self.setpoint_at > loss_s {
             self.texts.push((MavSeverity::MAV_SEVERITY_CRITICAL, "Offboard control lost"));
-            self.change_mode(autopilot.by_hand(), pose);
+            self.change_mode(then, pose);
         }
         if let Some(up) = self.climb_to {
             self.goal.z = up;
@@ -177,6 +181,9 @@ impl Flight {
             if now - self.armed_at > IDLE_S {
                 self.disarm();
             }
+        }
+        if self.mode != autopilot.commanded() && self.mode != autopilot.by_hand() {
+            self.own_goal = Some(self.goal);
         }
         BodyOrder { goal: self.goal, turn_rate: self.yaw.step(pose.heading, dt) }
     }

@@ -10,5 +10,5 @@ mod streams;
 mod telemetry;
 mod yaw;
 
-pub use config::{AutopilotConfig, AutopilotFaults, PilotOrder};
+pub use config::{AutopilotConfig, AutopilotFaults, FailsafeOrder, GpsStep, PilotOrder};
 pub use emulated::EmulatedAutopilot;

@@ -4,8 +4,8 @@ use foxhunt_wire::mavlink::{
         ALTITUDE_DATA, ATTITUDE_DATA, DISTANCE_SENSOR_DATA, EKF_STATUS_REPORT_DATA,
         ESTIMATOR_STATUS_DATA, EXTENDED_SYS_STATE_DATA, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA,
         HEARTBEAT_DATA, HOME_POSITION_DATA, LOCAL_POSITION_NED_DATA,
-        POSITION_TARGET_GLOBAL_INT_DATA, RANGEFINDER_DATA, SYS_STATUS_DATA, SYSTEM_TIME_DATA,
-        TERRAIN_REPORT_DATA, VFR_HUD_DATA,
+        POSITION_TARGET_GLOBAL_INT_DATA, POSITION_TARGET_LOCAL_NED_DATA, RANGEFINDER_DATA,
+        SYS_STATUS_DATA, SYSTEM_TIME_DATA, TERRAIN_REPORT_DATA, VFR_HUD_DATA,
     },
 };
 
@@ -26,7 +26,7 @@ struct Stream {
 }
 
 /// What may be requested, and how often PX4 sends it without a request, per second.
-const KNOWN: [(u32, f64); 16] = [
+const KNOWN: [(u32, f64); 17] = [
     (ATTITUDE_DATA::ID, 10.0),
     (GLOBAL_POSITION_INT_DATA::ID, 5.0),
     (LOCAL_POSITION_NED_DATA::ID, 2.0),
@@ -37,6 +37,7 @@ const KNOWN: [(u32, f64); 16] = [
     (VFR_HUD_DATA::ID, 2.0),
     (SYSTEM_TIME_DATA::ID, 1.0),
     (POSITION_TARGET_GLOBAL_INT_DATA::ID, 1.0),
+    (POSITION_TARGET_LOCAL_NED_DATA::ID, 1.0),
     (ESTIMATOR_STATUS_DATA::ID, 1.0),
     (EKF_STATUS_REPORT_DATA::ID, 0.0),
     (DISTANCE_SENSOR_DATA::ID, 1.0),
@@ -51,7 +52,7 @@ impl Streams {
         let px4 = config.autopilot == Autopilot::Px4;
         // What the firmware has no message of, or the vehicle no device for.
         let has = |id: u32| match id {
-            ESTIMATOR_STATUS_DATA::ID => px4,
+            ESTIMATOR_STATUS_DATA::ID | POSITION_TARGET_LOCAL_NED_DATA::ID => px4,
             EKF_STATUS_REPORT_DATA::ID => !px4,
             DISTANCE_SENSOR_DATA::ID => ranges,
             RANGEFINDER_DATA::ID => ranges && !px4,

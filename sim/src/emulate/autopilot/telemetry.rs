@@ -8,9 +8,19 @@ use super::brain::Brain;
 const PLACED: u16 = 0x33F;
 const UNPLACED: u16 = 0x081;
 
-/// ArduCopter 4.5.7 and PX4 1.15.4, both released.
+/// CONST_POS_MODE.
+const STANDS_STILL: u16 = 0x080;
+
+/// GPS_GLITCH of ESTIMATOR_STATUS, and of EKF_STATUS_REPORT.
+const PX4_GLITCH: u16 = 0x0400;
+const ARDUPILOT_GLITCH: u16 = 0x8000;
+
+/// The first minor version of PX4 that sets it whenever the vehicle stands still.
+const TELLS_STANDING: u8 = 16;
+
+/// ArduCopter 4.5.7, and the first release of a minor version of PX4 1.
 const ARDUCOPTER_VERSION: u32 = 0x0405_07FF;
-const PX4_VERSION: u32 = 0x010F_04FF;
+const PX4_VERSION: u32 = 0x0100_00FF;
 
 #[expect(clippy::cast_possible_truncation, reason = "the messages have no more digits")]
 fn single(value: f64) -> f32 {
@@ -44,8 +54,31 @@ impl Brain {
         (e7_of_degrees(lat), e7_of_degrees(lon))
     }
 
+    /// Altitude of home in the terms of the altitudes that it reports: PX4's go with the altitude of
+    /// its estimator's zero.
+    pub(super) fn home_alt(&self) -> f64 {
+        self.config.origin.alt_m + self.reference_drift()
+    }
+
+    /// Drift of that altitude since the beginning, in metres.
+    pub(super) fn reference_drift(&self) -> f64 {
+        match self.config.autopilot {
+            Autopilot::ArduPilot => 0.0,
+            Autopilot::Px4 => self.config.faults.reference_drift_mps * self.now,
+        }
+    }
+
+    /// A place in the frame of its estimator: North, East, and Down from its zero.
+    fn local(&self, place: &nalgebra::Vector3<f64>) -> [f32; 3] {
+        let mut ned = ned_of_enu(&(place - self.home));
+        if self.config.autopilot == Autopilot::Px4 {
+            ned.z += self.config.faults.reference_m;
+        }
+        ned.map(single).into()
+    }
+
     fn alt_mm(&self, up: f64) -> i32 {
-        whole((self.config.origin.alt_m + up) * 1e3)
+        whole((self.home_alt() + up) * 1e3)
     }
 
     /// The message of a number, as of now; `None` where it has none of that kind.
@@ -79,12 +112,12 @@ impl Brain {
                 })
             }
             LOCAL_POSITION_NED_DATA::ID => {
-                let place = ned_of_enu(&(position - self.home));
+                let [x, y, z] = self.local(position);
                 MavMessage::LOCAL_POSITION_NED(LOCAL_POSITION_NED_DATA {
                     time_boot_ms,
-                    x: single(place.x),
-                    y: single(place.y),
-                    z: single(place.z),
+                    x,
+                    y,
+                    z,
                     vx: single(ned.x),
                     vy: single(ned.y),
                     vz: single(ned.z),
@@ -103,14 +136,15 @@ impl Brain {
                 MavMessage::HOME_POSITION(HOME_POSITION_DATA {
                     latitude,
                     longitude,
-                    altitude: self.alt_mm(0.0),
+                    // As it was when it was set.
+                    altitude: whole(self.config.origin.alt_m * 1e3),
                     q: [1.0, 0.0, 0.0, 0.0],
                     ..HOME_POSITION_DATA::default()
                 })
             }
             VFR_HUD_DATA::ID => MavMessage::VFR_HUD(VFR_HUD_DATA {
                 groundspeed: single(self.velocity.xy().norm()),
-                alt: single(self.config.origin.alt_m + position.z),
+                alt: single(self.home_alt() + position.z),
                 climb: single(self.velocity.z),
                 heading: i16::try_from(whole(compass_deg)).unwrap_or(0),
                 throttle: if self.flight.is_airborne() { 50 } else { 0 },
@@ -120,17 +154,34 @@ impl Brain {
                 time_unix_usec: self.usec(),
                 time_boot_ms,
             }),
-            POSITION_TARGET_GLOBAL_INT_DATA::ID
-                if self.flight.mode == self.config.autopilot.commanded() =>
-            {
-                let (lat_int, lon_int) = self.lat_lon(&self.flight.goal);
+            // PX4 keeps here what its own modes flew to, in OFFBOARD too.
+            POSITION_TARGET_GLOBAL_INT_DATA::ID if !self.by_velocity => {
+                let commanded = self.flight.mode == self.config.autopilot.commanded();
+                let goal = match self.config.autopilot {
+                    Autopilot::ArduPilot => commanded.then_some(self.flight.goal)?,
+                    Autopilot::Px4 => self.flight.own_goal?,
+                };
+                let (lat_int, lon_int) = self.lat_lon(&goal);
                 MavMessage::POSITION_TARGET_GLOBAL_INT(POSITION_TARGET_GLOBAL_INT_DATA {
                     time_boot_ms,
                     lat_int,
                     lon_int,
-                    alt: single(self.config.origin.alt_m + self.flight.goal.z),
+                    alt: single(self.home_alt() + goal.z),
                     coordinate_frame: MavFrame::MAV_FRAME_GLOBAL,
                     ..POSITION_TARGET_GLOBAL_INT_DATA::default()
+                })
+            }
+            POSITION_TARGET_LOCAL_NED_DATA::ID
+                if self.config.autopilot == Autopilot::Px4 && self.flight.armed =>
+            {
+                let [x, y, z] = self.local(&self.flight.goal);
+                MavMessage::POSITION_TARGET_LOCAL_NED(POSITION_TARGET_LOCAL_NED_DATA {
+                    time_boot_ms,
+                    x,
+                    y,
+                    z,
+                    coordinate_frame: MavFrame::MAV_FRAME_LOCAL_NED,
+                    ..POSITION_TARGET_LOCAL_NED_DATA::default()
                 })
             }
             ESTIMATOR_STATUS_DATA::ID if self.config.autopilot == Autopilot::Px4 => {
@@ -176,7 +227,7 @@ impl Brain {
                 MavMessage::ALTITUDE(ALTITUDE_DATA {
                     time_usec: self.usec(),
                     altitude_monotonic: single(position.z),
-                    altitude_amsl: single(self.config.origin.alt_m + position.z),
+                    altitude_amsl: single(self.home_alt() + position.z),
                     altitude_local: single(position.z),
                     altitude_relative: single(position.z),
                     // The terrain's own height, not that above it.
@@ -190,7 +241,18 @@ impl Brain {
     }
 
     fn estimator(&self) -> u16 {
-        if self.is_placed() { PLACED } else { UNPLACED }
+        let px4 = self.config.autopilot == Autopilot::Px4;
+        if !self.is_placed() {
+            return UNPLACED;
+        }
+        let mut flags = PLACED;
+        if px4 && self.config.px4_minor >= TELLS_STANDING && !self.flight.is_airborne() {
+            flags |= STANDS_STILL;
+        }
+        if self.config.faults.is_glitch(self.now) {
+            flags |= if px4 { PX4_GLITCH } else { ARDUPILOT_GLITCH };
+        }
+        flags
     }
 
     fn heartbeat(&self) -> HEARTBEAT_DATA {
@@ -204,7 +266,9 @@ impl Brain {
                 Autopilot::Px4 => MavAutopilot::MAV_AUTOPILOT_PX4,
             },
             base_mode: if self.flight.armed { custom | armed } else { custom },
-            system_status: if self.flight.is_airborne() {
+            system_status: if self.critical {
+                MavState::MAV_STATE_CRITICAL
+            } else if self.flight.is_airborne() {
                 MavState::MAV_STATE_ACTIVE
             } else {
                 MavState::MAV_STATE_STANDBY
@@ -247,16 +311,23 @@ impl Brain {
             | S::MAV_SYS_STATUS_AHRS
             | S::MAV_SYS_STATUS_SENSOR_BATTERY
             | S::MAV_SYS_STATUS_PREARM_CHECK;
-        let unplaced = S::MAV_SYS_STATUS_SENSOR_GPS | S::MAV_SYS_STATUS_PREARM_CHECK;
+        let mut bad = S::empty();
+        if !self.is_placed() {
+            bad |= S::MAV_SYS_STATUS_SENSOR_GPS;
+        }
+        if !self.flight.armed && (!self.is_placed() || !self.config.faults.preflight.is_empty()) {
+            bad |= S::MAV_SYS_STATUS_PREARM_CHECK;
+        }
+        // PX4 has that check in its health alone.
+        let enabled = match self.config.autopilot {
+            Autopilot::ArduPilot => present,
+            Autopilot::Px4 => present.difference(S::MAV_SYS_STATUS_PREARM_CHECK),
+        };
         let left = (1.0 - self.used_s / self.config.endurance_s).clamp(0.0, 1.0);
         SYS_STATUS_DATA {
             onboard_control_sensors_present: present,
-            onboard_control_sensors_enabled: present,
-            onboard_control_sensors_health: if self.is_placed() {
-                present
-            } else {
-                present.difference(unplaced)
-            },
+            onboard_control_sensors_enabled: enabled,
+            onboard_control_sensors_health: present.difference(bad),
             load: 200,
             // Three cells, from full to empty.
             voltage_battery: positive(9_900.0 + 2_700.0 * left),
@@ -305,7 +376,7 @@ impl Brain {
             uid: u64::from(self.config.system_id),
             flight_sw_version: match self.config.autopilot {
                 Autopilot::ArduPilot => ARDUCOPTER_VERSION,
-                Autopilot::Px4 => PX4_VERSION,
+                Autopilot::Px4 => PX4_VERSION | u32::from(self.config.px4_minor) << 16,
             },
             ..AUTOPILOT_VERSION_DATA::default()
         }
