@@ -50,7 +50,7 @@ impl<A: Aircraft> Aircraft for Advised<A> {
             commanded: state.airborne && state.armed && placed,
             offered: false,
             // Its pilot brings it down when he is advised to, and is waited for.
-            hands: if state.airborne { Hands::Ours } else { Hands::Nobody },
+            hands: if state.airborne || state.armed { Hands::Ours } else { Hands::Nobody },
             hindrance: if placed { String::new() } else { state.hindrance },
             ..state
         })

@@ -171,7 +171,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         if matches!(self.phase, Phase::Flying | Phase::Landing | Phase::Returning) {
             self.photograph_further(now)?;
         }
-        match self.phase.clone() {
+        match self.phase {
             Phase::Idle => self.disarm_further(now),
             Phase::TakingOff { up, stage, .. } => self.take_off_further(now, autopilot, up, stage),
             Phase::TakingOver => {

@@ -119,10 +119,8 @@ impl Telemetry {
             false => self.doubt.clear(),
         }
         match &frame.message {
-            MavMessage::HEARTBEAT(value) => {
-                if self.is_newer(now, frame.header.sequence) {
-                    self.heartbeat = timed(now, value);
-                }
+            MavMessage::HEARTBEAT(value) if self.is_newer(now, frame.header.sequence) => {
+                self.heartbeat = timed(now, value);
             }
             MavMessage::GLOBAL_POSITION_INT(value) => self.position = timed(now, value),
             MavMessage::ATTITUDE(value) => self.attitude = timed(now, value),
