@@ -70,9 +70,11 @@ pub use foxhunt_hunt::{calibration, config, document, hunt, locate, log, registr
 pub use foxhunt_sim as sim;
 
 #[cfg(feature = "lab")]
+pub use foxhunt_drawn as drawn;
+#[cfg(feature = "lab")]
 pub use foxhunt_lab::{
     Experiment, FirstPassage, Paired, PairedDifference, Runner, Spread, StepSpread, ThreadsError,
-    bearing_trial, campaign, drawn, report, simulation, soak, trial,
+    bearing_trial, campaign, report, simulation, soak, trial,
 };
 
 #[cfg(feature = "store")]

@@ -7,7 +7,6 @@
 
 pub mod bearing_trial;
 pub mod campaign;
-pub mod drawn;
 mod experiment;
 mod paired;
 pub mod report;
