@@ -128,6 +128,7 @@ fn faults(autopilot: Autopilot, gap_s: f64, reference_m: f64, drift_mps: f64) ->
     }
 }
 
+#[expect(clippy::print_stdout, reason = "the table is read by whoever runs it")]
 fn check(drones: &str, autopilot: Autopilot, gap_s: f64, reference_m: f64, drift_mps: f64) {
     let hunted = hunt(drones, autopilot, &faults(autopilot, gap_s, reference_m, drift_mps));
     println!(

@@ -166,10 +166,8 @@ impl Judge {
                     (self.taken, self.mode_taken) = (Some(now), false);
                 }
             }
-            (true, false) if self.engaged => {
-                if !self.ended || self.taken.is_some() {
-                    self.grounded = Some(now);
-                }
+            (true, false) if self.engaged && (!self.ended || self.taken.is_some()) => {
+                self.grounded = Some(now);
             }
             _ => {}
         }
