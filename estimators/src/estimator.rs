@@ -13,7 +13,7 @@ use nalgebra::Vector4;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    AnyModel, AnyMotion, BoxedEstimator, FilterConfig, TimeStep, Track, TrackConfig,
+    AnyModel, AnyMotion, BoxedEstimator, FilterConfig, FilterOf, TimeStep, Track, TrackConfig,
     filter::generator,
 };
 
@@ -195,21 +195,24 @@ impl EstimatorConfig {
         cliffs: bool,
         prior: &Estimate<N>,
         seed: u64,
-    ) -> Result<BoxedEstimator<N, M>, EstimatorError> {
+    ) -> Result<BoxedEstimator<N, M>, EstimatorError>
+    where
+        FilterConfig: FilterOf<N, M>,
+    {
         let filter = self.filter;
         let walk: AnyMotion<N> = Arc::new(self.walk()?);
         if cliffs && let Some(config) = filter.grid_with_cliffs()? {
             return Ok(Box::new(GridFilter::new(walk, model, *prior, config)?));
         }
         let Some(observations) = self.start_on_grid else {
-            return filter.of_size(walk, model, prior, seed);
+            return filter.build(walk, model, prior, seed);
         };
         // What cannot be built fails now, not after the first observations.
-        let _ = filter.of_size::<N, M>(Arc::clone(&walk), Arc::clone(&model), prior, seed)?;
+        let _ = filter.build(Arc::clone(&walk), Arc::clone(&model), prior, seed)?;
         let config = GridConfig { cliffs, ..GridConfig::default() };
         let grid = GridFilter::new(Arc::clone(&walk), Arc::clone(&model), *prior, config)?;
         let build = move |first: Estimate<N>| {
-            filter.of_size(Arc::clone(&walk), Arc::clone(&model), &first, seed)
+            filter.build(Arc::clone(&walk), Arc::clone(&model), &first, seed)
         };
         Ok(Box::new(Handover::new(grid, observations, build)))
     }
@@ -232,7 +235,7 @@ impl EstimatorConfig {
             let still = Vector4::new(place.mean.x, place.mean.y, 0.0, 0.0);
             let mut prior = Estimate::isotropic(still, speed_sigma);
             prior.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&place.covariance);
-            let whole = filter.of_size(Arc::clone(&motion), Arc::clone(&model), &prior, seed)?;
+            let whole = filter.build(Arc::clone(&motion), Arc::clone(&model), &prior, seed)?;
             Ok(Leading::<_, 4>::new(whole))
         };
         let whole = build(*prior)?;

@@ -8,7 +8,7 @@ use foxhunt_core::{
 use foxhunt_filters::{BatchEstimator, Loss};
 use foxhunt_filters::{
     Ckf, Ekf, FirstBearing, Gate, GaussianSum, GridConfig, GridFilter, Imm, Iterations, Kalman,
-    KldSampling, NoiseScales, ParticleFilter, Transition, Ukf, Unscented, split,
+    KldSampling, NoiseScales, ParticleFilter, Resampling, Transition, Ukf, Unscented, split,
 };
 use rand::{SeedableRng, rngs::Xoshiro256PlusPlus};
 use serde::{Deserialize, Serialize};
@@ -174,6 +174,10 @@ pub enum FilterConfig {
         /// belief occupies; fixed where absent.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         adaptive_bin: Option<f64>,
+        /// Particles are drawn anew at every step, multinomially, and not spread (Gordon, Salmond &
+        /// Smith 1993), instead of when few of them count.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        every_step: bool,
     },
     /// A cloud of places, each with a Gaussian of the reference power, which has to be unknown.
     RaoBlackwellised {
@@ -252,7 +256,7 @@ pub trait FilterOf<const N: usize, const M: usize> {
 }
 
 macro_rules! filters_of {
-    ($(($n:literal, $m:literal)),+) => {$(
+    ($(($n:literal, $m:literal) $dual:ident),+) => {$(
         impl FilterOf<$n, $m> for FilterConfig {
             fn build(
                 &self,
@@ -261,7 +265,10 @@ macro_rules! filters_of {
                 prior: &dyn Prior<$n>,
                 seed: u64,
             ) -> Result<BoxedEstimator<$n, $m>, EstimatorError> {
-                self.of_size(motion, model, prior, seed)
+                match *self {
+                    Self::DualEkf { iterations } => $dual(iterations, motion, model, prior),
+                    _ => self.of_size(motion, model, prior, seed),
+                }
             }
         }
     )+};
@@ -269,11 +276,34 @@ macro_rules! filters_of {
 
 // A place with its level and bearing, with the reference power, and with the exponent or a velocity;
 // a place, and one with its velocity, of bearings or differences alone.
-filters_of!((2, 2), (3, 2), (4, 2), (2, 1), (4, 1));
+filters_of!((2, 2) dual_ekf, (3, 2) no_dual, (4, 2) no_dual, (2, 1) dual_ekf, (4, 1) no_dual);
+
+/// Two extended Kalman filters, from the halves of a prior along its longer axis.
+fn dual_ekf<const N: usize, const M: usize>(
+    iterations: u32,
+    motion: AnyMotion<N>,
+    model: AnyModel<N, M>,
+    prior: &dyn Prior<N>,
+) -> Result<BoxedEstimator<N, M>, EstimatorError> {
+    let moments = prior.moments();
+    let filter =
+        Ekf::new(motion, model, moments)?.with_iterations(Iterations::at_most(iterations)?);
+    Ok(Box::new(GaussianSum::new(&filter, split(&moments, [2, 1])?)?))
+}
+
+/// Refuses larger states: each size of a sum costs as much to build as a filter.
+fn no_dual<const N: usize, const M: usize>(
+    _: u32,
+    _: AnyMotion<N>,
+    _: AnyModel<N, M>,
+    _: &dyn Prior<N>,
+) -> Result<BoxedEstimator<N, M>, EstimatorError> {
+    Err(EstimatorError::Unsupported { what: "two Kalman filters of more than a place" })
+}
 
 impl FilterConfig {
     /// Builds the filter for a size that this package has.
-    pub(crate) fn of_size<const N: usize, const M: usize>(
+    fn of_size<const N: usize, const M: usize>(
         &self,
         motion: AnyMotion<N>,
         model: AnyModel<N, M>,
@@ -311,11 +341,6 @@ impl FilterConfig {
                     None => Box::new(sum),
                 }
             }
-            Self::DualEkf { iterations } => {
-                let filter = Ekf::new(motion, model, moments)?
-                    .with_iterations(Iterations::at_most(iterations)?);
-                Box::new(GaussianSum::new(&filter, split(&moments, [2, 1])?)?)
-            }
             Self::RangeParameterised { parts, iterations } => {
                 let filter = Ckf::new(motion, model, moments)?
                     .with_iterations(Iterations::at_most(iterations)?);
@@ -346,13 +371,21 @@ impl FilterConfig {
                 let config = grid_config(side, level_noise_spread)?;
                 Box::new(GridFilter::new(motion, model, moments, config)?)
             }
-            Self::Particle { count, adaptive_bin } => {
+            Self::Particle { count, adaptive_bin, every_step } => {
                 let mut rng = generator(count, seed)?;
                 let cloud = if prior.is_gaussian() {
                     ParticleFilter::new(motion, model, moments, count, rng)?
                 } else {
                     let states: Vec<_> = (0..count).map(|_| prior.draw(&mut rng)).collect();
                     ParticleFilter::from_samples(motion, model, &states, rng)?
+                };
+                let cloud = match every_step {
+                    true => cloud
+                        .with_resampling(Resampling::Multinomial)
+                        .with_resampling_threshold(1.0)?
+                        .with_kernel_bandwidth(0.0)?
+                        .with_progressive_correction(0.0)?,
+                    false => cloud,
                 };
                 match adaptive_bin {
                     Some(bin) => {
@@ -361,6 +394,9 @@ impl FilterConfig {
                     }
                     None => Box::new(cloud),
                 }
+            }
+            Self::DualEkf { .. } => {
+                return no_dual(1, motion, model, prior);
             }
             Self::RaoBlackwellised { .. } => {
                 return Err(EstimatorError::Unsupported {

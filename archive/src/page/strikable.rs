@@ -229,7 +229,8 @@ mod tests {
         let put: LogHeader = serde_json::from_str(header_line).expect("a header");
         assert_eq!(put.estimator.as_ref(), particle.settings());
         let many = particle.with_settings("count", |settings| {
-            settings.filter = FilterConfig::Particle { count: 1_000_000, adaptive_bin: None };
+            settings.filter =
+                FilterConfig::Particle { count: 1_000_000, adaptive_bin: None, every_step: false };
         });
         let heavy = PageLog::live(&header, many.ok().as_ref()).expect_err("it takes half an hour");
         assert!(matches!(heavy, NotStrikable::TooHeavy { .. }), "{heavy}");

@@ -1,15 +1,18 @@
 //! Estimators of what receptions hold besides level and bearing, and of several of it at once.
 
+use std::sync::Arc;
+
 use foxhunt_core::{
-    ConstantVelocity, EstimatorError, Intake, MeasurementModel, Observation, ObservationError,
-    Pose, Quantity, Reception, Role,
+    ConstantVelocity, Estimate, EstimatorError, Intake, MeasurementModel, Observation,
+    ObservationError, Pose, Quantity, Reception, Role,
 };
-use foxhunt_filters::{DirectionalGrid, MomentGrid, ParticleFilter, Resampling};
+use foxhunt_estimators::{AnyModel, FilterConfig, FilterOf, Prior};
+use foxhunt_filters::{DirectionalGrid, MomentGrid};
 use foxhunt_sensors::{
     BearingMixture, BearingOnly, DifferentialRss, MagneticDipole, RangeDifference, Stacked,
 };
 use nalgebra::{Matrix1, Matrix2, Vector1, Vector2, Vector3, Vector4};
-use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand::{RngExt, rngs::Xoshiro256PlusPlus};
 use rand_distr::StandardNormal;
 
 use super::{EstimatorEntry, Need, Needs, TrackRequest, recalled_grid::RecalledGrid};
@@ -99,31 +102,63 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
 /// Particles of the document, which does not print their number.
 const ISAACS_PARTICLES: usize = 2000;
 
-/// The filter of Isaacs et al. 2014, §IV, over a room of the prior's moments: a square whose sides
-/// are 2 √3 standard deviations.
+/// The filter of Isaacs et al. 2014, §IV, over a room of the prior's moments.
 ///
 /// The document prints neither the intensity of the target's acceleration nor its speed: they are
 /// those of `particle-bearing-moving`.
 fn isaacs2014(request: &TrackRequest<'_>) -> Result<Track, EstimatorError> {
-    let prior = request.search.prior;
-    let singular = EstimatorError::NotPositiveDefinite { role: Role::Prior };
-    let factor = prior.covariance.cholesky().ok_or(singular)?.unpack() * 3.0_f64.sqrt();
-    let mut rng = Xoshiro256PlusPlus::seed_from_u64(request.seed);
-    let mut states = Vec::with_capacity(ISAACS_PARTICLES);
-    for _ in 0..ISAACS_PARTICLES {
-        let mut side = || rng.random_range(-1.0..=1.0);
-        let place = prior.mean + factor * Vector2::new(side(), side());
-        let mut speed = || SPEED_SIGMA_MPS * rng.sample::<f64, _>(StandardNormal);
-        states.push(Vector4::new(place.x, place.y, speed(), speed()));
-    }
     let motion = ConstantVelocity { acceleration_density: ACCELERATION_DENSITY };
-    let filter = ParticleFilter::from_samples(motion, BearingOnly::isaacs2014(), &states, rng)?
-        .with_resampling(Resampling::Multinomial)
-        .with_resampling_threshold(1.0)?
-        .with_kernel_bandwidth(0.0)?
-        .with_progressive_correction(0.0)?;
+    let model = BearingOnly::isaacs2014();
+    let filter =
+        FilterConfig::Particle { count: ISAACS_PARTICLES, adaptive_bin: None, every_step: true };
+    let room = Room::new(&request.search.prior)?;
+    let filter = filter.build(Arc::new(motion), Arc::new(model), &room, request.seed)?;
     let config = TrackConfig { without_bearing: WithoutBearing::Discard, ..TrackConfig::default() };
     Track::with_intake::<4, 1>(filter, MixtureIntake(BearingMixture::isaacs2014().sigma()), config)
+}
+
+/// A target anywhere in a room alike, with the moments of a Gaussian: a parallelogram whose half
+/// sides are √3 of its standard deviations; and with any small velocity.
+struct Room {
+    middle: Vector2<f64>,
+    half_sides: Matrix2<f64>,
+}
+
+impl Room {
+    fn new(prior: &Estimate<2>) -> Result<Self, EstimatorError> {
+        let singular = EstimatorError::NotPositiveDefinite { role: Role::Prior };
+        let factor = prior.covariance.cholesky().ok_or(singular)?.unpack();
+        Ok(Self { middle: prior.mean, half_sides: factor * 3.0_f64.sqrt() })
+    }
+}
+
+impl Prior<4> for Room {
+    fn moments(&self) -> Estimate<4> {
+        let mean = Vector4::new(self.middle.x, self.middle.y, 0.0, 0.0);
+        let mut moments = Estimate::isotropic(mean, SPEED_SIGMA_MPS);
+        let place = self.half_sides * self.half_sides.transpose() / 3.0;
+        moments.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&place);
+        moments
+    }
+
+    fn is_gaussian(&self) -> bool {
+        false
+    }
+
+    fn draw(&self, rng: &mut Xoshiro256PlusPlus) -> Vector4<f64> {
+        let mut side = || rng.random_range(-1.0..=1.0);
+        let place = self.middle + self.half_sides * Vector2::new(side(), side());
+        let mut speed = || SPEED_SIGMA_MPS * rng.sample::<f64, _>(StandardNormal);
+        Vector4::new(place.x, place.y, speed(), speed())
+    }
+
+    fn sum(&self, parts: usize) -> Result<Vec<(f64, Estimate<4>)>, EstimatorError> {
+        self.moments().sum(parts)
+    }
+
+    fn row(&self, _: usize) -> Result<Option<Vec<(f64, Estimate<4>)>>, EstimatorError> {
+        Ok(None)
+    }
 }
 
 /// √q of the target's acceleration, in m s⁻² per √Hz, and σ of its velocity's East and North in
@@ -228,10 +263,11 @@ fn reference(request: &TrackRequest<'_>) -> Result<Vector3<f64>, EstimatorError>
 
 fn track<const M: usize>(
     request: &TrackRequest<'_>,
-    model: impl MeasurementModel<2, M> + Clone + 'static,
+    model: impl MeasurementModel<2, M> + 'static,
 ) -> Result<Track, EstimatorError> {
     // Each difference is a hyperbola or a circle, and two of them meet in two places: no Gaussian,
     // wherever it starts from, holds both.
+    let model: AnyModel<2, M> = Arc::new(model);
     let filter = RecalledGrid::new(model, request.search.prior)?;
     Ok(Track::new::<2, M>(filter, TrackConfig::default()))
 }

@@ -78,7 +78,8 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
         kappa: 1.0,
         iterations: 1,
     };
-    let bearing_cloud = FilterConfig::Particle { count: 2000, adaptive_bin: None };
+    let bearing_cloud =
+        FilterConfig::Particle { count: 2000, adaptive_bin: None, every_step: false };
     let mut entries = vec![
         EstimatorEntry::of_settings(
             DEFAULT_ESTIMATOR,
@@ -192,13 +193,17 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
             "particle",
             "particle filter, 5000 particles, regularised systematic resampling",
             "Gordon, Salmond & Smith 1993; Liu & West 2001",
-            as_read(FilterConfig::Particle { count: 5000, adaptive_bin: None }),
+            as_read(FilterConfig::Particle { count: 5000, adaptive_bin: None, every_step: false }),
         ),
         EstimatorEntry::of_settings(
             "particle-adaptive",
             "particle filter with 500 to 20 000 particles, as many as the belief is wide",
             "Fox 2003",
-            as_read(FilterConfig::Particle { count: 20_000, adaptive_bin: Some(0.5) }),
+            as_read(FilterConfig::Particle {
+                count: 20_000,
+                adaptive_bin: Some(0.5),
+                every_step: false,
+            }),
         ),
         EstimatorEntry::of_settings(
             "particle-rao-blackwellised",
@@ -224,7 +229,11 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
             EstimatorConfig {
                 moving: Some(MovingConfig { acceleration_density: 0.005, speed_sigma: 0.05 }),
                 track: BEARING_ONLY,
-                ..as_read(FilterConfig::Particle { count: 5000, adaptive_bin: None })
+                ..as_read(FilterConfig::Particle {
+                    count: 5000,
+                    adaptive_bin: None,
+                    every_step: false,
+                })
             },
         ),
         EstimatorEntry::of_settings(

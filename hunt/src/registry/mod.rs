@@ -269,7 +269,7 @@ mod tests {
             *registry.estimator(name).expect("known").settings().expect("settings")
         };
         let mut small = settings(&Registry::builtin(), "particle");
-        small.filter = FilterConfig::Particle { count: 100, adaptive_bin: None };
+        small.filter = FilterConfig::Particle { count: 100, adaptive_bin: None, every_step: false };
         let own = |name: &str| {
             EstimatorEntry::of_settings(name.to_owned(), "a small cloud", "none", small)
         };

@@ -1,9 +1,10 @@
 use std::f64::consts::TAU;
 
 use foxhunt_core::{
-    Correction, Estimate, Estimator, EstimatorError, MeasurementModel, Observation, Quantity, Role,
-    State, absorb_receiver_noise,
+    Correction, Estimate, Estimator, EstimatorError, Observation, Quantity, Role, State,
+    absorb_receiver_noise,
 };
+use foxhunt_estimators::AnyModel;
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 /// Where a target that stays is, by a grid over all observations so far, whatever their model.
@@ -12,11 +13,11 @@ use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 /// after each: nothing of it was read from other cells, so that the ridge of a first difference may
 /// be far narrower than the cells of a wide prior. Cells are laid about each maximum, along the
 /// principal axes of what is about it. The estimate is the most probable place, with the mean squared
-/// deviations from it: of a skewed belief, or one in two places, the mean is a poor place. The prior's area is searched as a whole whenever there are
-/// twice as many observations.
-#[derive(Clone, Debug)]
-pub(super) struct RecalledGrid<H, const M: usize> {
-    model: H,
+/// deviations from it: of a skewed belief, or one in two places, the mean is a poor place. The
+/// prior's area is searched as a whole whenever there are twice as many observations.
+#[derive(Clone)]
+pub(super) struct RecalledGrid<const M: usize> {
+    model: AnyModel<2, M>,
     prior: Estimate<2>,
     /// The root of the prior's information: its product with a deviation is white.
     whitener: Matrix2<f64>,
@@ -57,13 +58,13 @@ const LAYOUTS: usize = 60;
 const SHRINK: f64 = 0.4;
 const GROW: f64 = 1.6;
 
-impl<H: MeasurementModel<2, M>, const M: usize> RecalledGrid<H, M> {
+impl<const M: usize> RecalledGrid<M> {
     /// Makes a grid that starts from a prior.
     ///
     /// # Errors
     ///
     /// [`EstimatorError::NotPositiveDefinite`] for a prior whose covariance is not.
-    pub(super) fn new(model: H, prior: Estimate<2>) -> Result<Self, EstimatorError> {
+    pub(super) fn new(model: AnyModel<2, M>, prior: Estimate<2>) -> Result<Self, EstimatorError> {
         let singular = EstimatorError::NotPositiveDefinite { role: Role::Prior };
         let factor = prior.covariance.cholesky().ok_or(singular)?.unpack();
         let whitener = factor.solve_lower_triangular(&Matrix2::identity()).ok_or(singular)?;
@@ -77,7 +78,7 @@ impl<H: MeasurementModel<2, M>, const M: usize> RecalledGrid<H, M> {
     fn whitened(&self) -> Vec<(Observation<M>, SMatrix<f64, M, M>, f64)> {
         let mean = &self.belief.mean;
         let whiten = |observation: &Observation<M>| {
-            let observation = absorb_receiver_noise(&self.model, mean, observation);
+            let observation = absorb_receiver_noise(&*self.model, mean, observation);
             let factor = observation.noise_factor();
             let whitener = factor.solve_lower_triangular_unchecked(&SMatrix::identity());
             let present = (0..M).filter(|part| observation.has(*part));
@@ -283,10 +284,7 @@ fn count(things: usize) -> f64 {
     f64::from(u32::try_from(things).unwrap_or(u32::MAX))
 }
 
-impl<H, const M: usize> Estimator<2, M> for RecalledGrid<H, M>
-where
-    H: MeasurementModel<2, M> + Clone,
-{
+impl<const M: usize> Estimator<2, M> for RecalledGrid<M> {
     fn predict(&mut self, dt: f64) -> Result<(), EstimatorError> {
         EstimatorError::check_time_step(dt)
     }

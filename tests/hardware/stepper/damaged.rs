@@ -7,7 +7,7 @@ use foxhunt::{
     hardware::{Approach, FirmataConfig, FirmataStepperError},
     sim::{EmulatedStepperConfig, Emulator},
 };
-use rand::{RngExt, SeedableRng, rngs::StdRng};
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
 use super::rig::{Damage, DamageKind, FROM_DEVICE, Rig, TO_DEVICE};
 
@@ -38,7 +38,7 @@ struct Flown {
 /// A flight of a seed.
 struct Flight {
     rig: Rig,
-    random: StdRng,
+    random: Xoshiro256PlusPlus,
     flown: Flown,
     /// When the present error began, and where the rotor stood at the end of its grace.
     failed: Option<(f64, Option<i64>)>,
@@ -47,7 +47,7 @@ struct Flight {
 
 impl Flight {
     fn new(seed: u64, damage: [Vec<Damage>; 2]) -> Self {
-        let mut random = StdRng::seed_from_u64(seed);
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
         let ramp = random.random_bool(0.5);
         let two_sided = random.random_bool(0.5);
         let config = FirmataConfig {
@@ -185,7 +185,7 @@ impl Flight {
 
 /// One to three damaged bytes, anywhere in a flight of so many.
 fn damage(seed: u64, passed: [usize; 2]) -> [Vec<Damage>; 2] {
-    let mut random = StdRng::seed_from_u64(seed ^ 0x5EED);
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x5EED);
     let mut damage = [Vec::new(), Vec::new()];
     // Half of them come together.
     let together = random.random_bool(0.5);
