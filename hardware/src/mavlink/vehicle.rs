@@ -263,7 +263,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         // A take-over in the meantime is noticed even while the port fails.
         self.watch(now);
         received?;
-        if Authority::beats(self.telemetry.without_heartbeat(now), self.config.link_timeout_s) {
+        if Authority::beats(self.telemetry.silence(now), self.config.link_timeout_s) {
             self.link.beat(now)?;
         }
         self.advance(now)?;
@@ -272,7 +272,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
 
     /// Sends a message, unless it is an order and somebody else has the vehicle.
     pub(super) fn send(&mut self, now: f64, message: &MavMessage) -> Result<(), MavlinkError> {
-        let silent_s = self.telemetry.without_heartbeat(now);
+        let silent_s = self.telemetry.silence(now);
         if !self.authority.permits(message, now, silent_s <= self.config.link_timeout_s) {
             return Ok(());
         }

@@ -18,17 +18,29 @@ use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 #[derive(Clone)]
 pub(super) struct RecalledGrid<const M: usize> {
     model: AnyModel<2, M>,
+    data: Vec<Observation<M>>,
+    found: Found,
+}
+
+/// What is found where, whatever the observations are: compiled once for all of them.
+#[derive(Clone, Debug)]
+struct Found {
     prior: Estimate<2>,
     /// The root of the prior's information: its product with a deviation is white.
     whitener: Matrix2<f64>,
-    data: Vec<Observation<M>>,
     /// From how many observations on the whole area is searched anew.
     search_at: usize,
     modes: Vec<Window>,
-    cells: Vec<(Vector2<f64>, f64)>,
+    cells: Vec<Cell>,
     belief: Estimate<2>,
     log_evidence: f64,
 }
+
+/// A place, with its weight or the logarithm of its density.
+type Cell = (Vector2<f64>, f64);
+
+/// The logarithm of the likelihood of all observations at places, as columns of East and North.
+type LogLikelihoods<'a> = dyn Fn([&[f64]; 2], &mut [f64]) + 'a;
 
 /// Parallelogram about a maximum.
 #[derive(Clone, Copy, Debug)]
@@ -65,18 +77,13 @@ impl<const M: usize> RecalledGrid<M> {
     ///
     /// [`EstimatorError::NotPositiveDefinite`] for a prior whose covariance is not.
     pub(super) fn new(model: AnyModel<2, M>, prior: Estimate<2>) -> Result<Self, EstimatorError> {
-        let singular = EstimatorError::NotPositiveDefinite { role: Role::Prior };
-        let factor = prior.covariance.cholesky().ok_or(singular)?.unpack();
-        let whitener = factor.solve_lower_triangular(&Matrix2::identity()).ok_or(singular)?;
-        let (data, modes, cells) = (Vec::new(), Vec::new(), Vec::new());
-        let (search_at, belief, log_evidence) = (1, prior, 0.0);
-        Ok(Self { model, prior, whitener, data, search_at, modes, cells, belief, log_evidence })
+        Ok(Self { model, data: Vec::new(), found: Found::new(prior)? })
     }
 
     /// The observations, with the uncertainty of their receivers' own places in their noise, each
     /// with L⁻¹ of it, L Lᵀ, without what is missing.
     fn whitened(&self) -> Vec<(Observation<M>, SMatrix<f64, M, M>, f64)> {
-        let mean = &self.belief.mean;
+        let mean = &self.found.belief.mean;
         let whiten = |observation: &Observation<M>| {
             let observation = absorb_receiver_noise(&*self.model, mean, observation);
             let factor = observation.noise_factor();
@@ -90,34 +97,52 @@ impl<const M: usize> RecalledGrid<M> {
         self.data.iter().map(whiten).collect()
     }
 
+    fn solve(&mut self) -> Result<(), EstimatorError> {
+        let (data, model) = (self.whitened(), &self.model);
+        self.found.solve(data.len(), &|columns, logs| {
+            let mut residuals: [Vec<f64>; M] = std::array::from_fn(|_| vec![0.0; logs.len()]);
+            for (observation, whitener, normaliser) in &data {
+                let out = residuals.each_mut().map(Vec::as_mut_slice);
+                model.residuals(columns, observation.value(), observation.receiver(), out);
+                for (index, log) in logs.iter_mut().enumerate() {
+                    let residual = SVector::<f64, M>::from_fn(|part, _| residuals[part][index]);
+                    *log += normaliser - 0.5 * (whitener * residual).norm_squared();
+                }
+            }
+        })
+    }
+}
+
+impl Found {
+    fn new(prior: Estimate<2>) -> Result<Self, EstimatorError> {
+        let singular = EstimatorError::NotPositiveDefinite { role: Role::Prior };
+        let factor = prior.covariance.cholesky().ok_or(singular)?.unpack();
+        let whitener = factor.solve_lower_triangular(&Matrix2::identity()).ok_or(singular)?;
+        Ok(Self {
+            prior,
+            whitener,
+            search_at: 1,
+            modes: Vec::new(),
+            cells: Vec::new(),
+            belief: prior,
+            log_evidence: 0.0,
+        })
+    }
+
     /// The cells of a window with the logarithm of prior and likelihood at each.
-    fn weigh(
-        &self,
-        data: &[(Observation<M>, SMatrix<f64, M, M>, f64)],
-        window: &Window,
-        side: usize,
-    ) -> Vec<(Vector2<f64>, f64)> {
+    fn weigh(&self, add: &LogLikelihoods<'_>, window: &Window, side: usize) -> Vec<Cell> {
         let share = |n: usize| (2.0 * count(n) + 1.0) / count(side) - 1.0;
         let places: Vec<Vector2<f64>> = (0..side * side)
             .map(|index| Vector2::new(share(index % side), share(index / side)))
             .map(|off| window.middle + window.half_sides * off)
             .collect();
         let columns = [0, 1].map(|axis| places.iter().map(|at| at[axis]).collect::<Vec<f64>>());
-        let columns = [columns[0].as_slice(), columns[1].as_slice()];
         let log_root = self.whitener.determinant().ln() - TAU.ln();
         let prior = |at: &Vector2<f64>| {
             log_root - 0.5 * (self.whitener * (at - self.prior.mean)).norm_squared()
         };
         let mut logs: Vec<f64> = places.iter().map(prior).collect();
-        let mut residuals: [Vec<f64>; M] = std::array::from_fn(|_| vec![0.0; places.len()]);
-        for (observation, whitener, normaliser) in data {
-            let out = residuals.each_mut().map(Vec::as_mut_slice);
-            self.model.residuals(columns, observation.value(), observation.receiver(), out);
-            for (index, log) in logs.iter_mut().enumerate() {
-                let residual = SVector::<f64, M>::from_fn(|part, _| residuals[part][index]);
-                *log += normaliser - 0.5 * (whitener * residual).norm_squared();
-            }
-        }
+        add([columns[0].as_slice(), columns[1].as_slice()], &mut logs);
         places.into_iter().zip(logs).collect()
     }
 
@@ -130,9 +155,9 @@ impl<const M: usize> RecalledGrid<M> {
     }
 
     /// The highest of the area's maxima, each with the cells about it.
-    fn maxima(&self, data: &[(Observation<M>, SMatrix<f64, M, M>, f64)]) -> Vec<Window> {
+    fn maxima(&self, add: &LogLikelihoods<'_>) -> Vec<Window> {
         let area = self.area();
-        let cells = self.weigh(data, &area, SEARCHED);
+        let cells = self.weigh(add, &area, SEARCHED);
         let value = |row: usize, column: usize| cells[row * SEARCHED + column].1;
         let mut maxima = Vec::new();
         for row in 0..SEARCHED {
@@ -154,14 +179,10 @@ impl<const M: usize> RecalledGrid<M> {
 
     /// Lays a window about a maximum so that it holds next to all of what is about it; and the
     /// logarithm of the density there.
-    fn enclose(
-        &self,
-        data: &[(Observation<M>, SMatrix<f64, M, M>, f64)],
-        mut window: Window,
-    ) -> (Window, f64) {
+    fn enclose(&self, add: &LogLikelihoods<'_>, mut window: Window) -> (Window, f64) {
         let mut highest = f64::NEG_INFINITY;
         for _ in 0..LAYOUTS {
-            let cells = self.weigh(data, &window, ENCLOSED);
+            let cells = self.weigh(add, &window, ENCLOSED);
             let most = cells.iter().fold(f64::NEG_INFINITY, |most, (_, log)| most.max(*log));
             if !most.is_finite() {
                 break;
@@ -184,21 +205,24 @@ impl<const M: usize> RecalledGrid<M> {
     }
 
     /// Finds the maxima that count, and the cells about them with their share of the mass.
-    fn solve(&mut self) -> Result<(), EstimatorError> {
-        let data = self.whitened();
+    fn solve(
+        &mut self,
+        observations: usize,
+        add: &LogLikelihoods<'_>,
+    ) -> Result<(), EstimatorError> {
         let mut starts = std::mem::take(&mut self.modes);
-        if self.data.len() >= self.search_at {
-            self.search_at = 2 * self.data.len();
-            starts.extend(self.maxima(&data));
+        if observations >= self.search_at {
+            self.search_at = 2 * observations;
+            starts.extend(self.maxima(add));
         }
         let mut enclosed: Vec<(Window, f64)> =
-            starts.into_iter().map(|start| self.enclose(&data, start)).collect();
+            starts.into_iter().map(|start| self.enclose(add, start)).collect();
         enclosed.sort_by(|a, b| b.1.total_cmp(&a.1));
         let best = enclosed.first().map_or(f64::NEG_INFINITY, |(_, log)| *log);
         if !best.is_finite() {
             return Err(EstimatorError::NotFinite { role: Role::Posterior });
         }
-        let (mut modes, mut cells): (Vec<Window>, Vec<(Vector2<f64>, f64)>) = Default::default();
+        let (mut modes, mut cells): (Vec<Window>, Vec<Cell>) = Default::default();
         for (window, log) in enclosed {
             let known = |at: &Vector2<f64>| modes.iter().any(|mode| mode.holds(at));
             if log < best - BEHIND || known(&window.middle) {
@@ -206,7 +230,7 @@ impl<const M: usize> RecalledGrid<M> {
             }
             let area = 4.0 * window.half_sides.determinant().abs();
             let log_cell = area.ln() - 2.0 * count(WEIGHED).ln();
-            let own = self.weigh(&data, &window, WEIGHED).into_iter();
+            let own = self.weigh(add, &window, WEIGHED).into_iter();
             // What another window holds as well counts once.
             let own: Vec<_> = own.filter(|(at, _)| !known(at)).collect();
             cells.extend(own.into_iter().map(|(at, log)| (at, log + log_cell)));
@@ -296,13 +320,13 @@ impl<const M: usize> Estimator<2, M> for RecalledGrid<M> {
         let mut next = self.clone();
         next.data.push(*observation);
         next.solve()?;
-        let log_evidence = next.log_evidence - self.log_evidence;
+        let log_evidence = next.found.log_evidence - self.found.log_evidence;
         *self = next;
         Ok(Correction::Fused { nis: None, log_evidence, effective_sample_size: None })
     }
 
     fn estimate(&self) -> Estimate<2> {
-        self.belief
+        self.found.belief
     }
 
     fn quantities(&self) -> [Quantity; M] {
@@ -310,9 +334,9 @@ impl<const M: usize> Estimator<2, M> for RecalledGrid<M> {
     }
 
     fn visit_samples(&self, visit: &mut dyn FnMut(&State<2>, f64)) {
-        if self.cells.is_empty() {
-            return foxhunt_core::visit_cubature_points(&self.belief, visit);
+        if self.found.cells.is_empty() {
+            return foxhunt_core::visit_cubature_points(&self.found.belief, visit);
         }
-        self.cells.iter().for_each(|(place, weight)| visit(place, *weight));
+        self.found.cells.iter().for_each(|(place, weight)| visit(place, *weight));
     }
 }
