@@ -276,7 +276,7 @@ macro_rules! filters_of {
 
 // A place with its level and bearing, with the reference power, and with the exponent or a velocity;
 // a place, and one with its velocity, of bearings or differences alone.
-filters_of!((2, 2) dual_ekf, (3, 2) no_dual, (4, 2) no_dual, (2, 1) dual_ekf, (4, 1) no_dual);
+filters_of!((2, 2) dual_ekf, (3, 2) no_dual, (4, 2) no_dual, (2, 1) dual_ekf, (4, 1) dual_ekf);
 
 /// Two extended Kalman filters, from the halves of a prior along its longer axis.
 fn dual_ekf<const N: usize, const M: usize>(

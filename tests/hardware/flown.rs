@@ -176,7 +176,7 @@ fn a_hunt_survives_its_faults() {
     };
     assert!(failed(0, 60.0..75.0, "the radio failed"), "the pulled cable of the radio");
     assert!(failed(1, 90.0..100.0, "the rotator failed"), "the pulled cable of the motor");
-    assert!(failed(2, 80.0..95.0, "heartbeat"), "the autopilot that fell silent");
+    assert!(failed(2, 80.0..95.0, "nothing of an autopilot"), "the autopilot that fell silent");
     for (fix, truth) in flown.fixes.iter().zip(truths(&scenario)) {
         let (nees, error) = off(&fix.estimate, truth);
         println!("{}: {error:.2} m off, NEES {nees:.2}, {} steps", fix.name, fix.steps);

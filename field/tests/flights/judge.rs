@@ -46,7 +46,7 @@ const FRESH_S: f64 = 0.5;
 /// An order takes effect within this, in seconds.
 const EFFECT_S: f64 = 6.0;
 
-/// The driver's limit without a heartbeat, and a tick more, in seconds.
+/// The driver's limit without any message, and a tick more, in seconds.
 const SILENT_S: f64 = 3.5 + 0.3;
 
 impl Judge {
@@ -193,10 +193,10 @@ impl Judge {
             if sent == Sent::Goal && beats {
                 wrong.push(format!("{now:.1} s: a goal sent, {taken_s:?} s after it was taken"));
             }
-            if silent_s > SILENT_S && !self.by_station {
-                wrong.push(format!(
-                    "{now:.1} s: {sent:?} sent, {silent_s:.1} s without a heartbeat"
-                ));
+            let nothing_s = heard.any_at.map_or(0.0, |at| now - at);
+            if nothing_s > SILENT_S && !self.by_station {
+                wrong
+                    .push(format!("{now:.1} s: {sent:?} sent, nothing heard for {nothing_s:.1} s"));
             }
             let down = self.grounded.is_some_and(|since| now - since > FRESH_S + 0.25 + late_s);
             if matches!(sent, Sent::Arm | Sent::TakeOff) && down {

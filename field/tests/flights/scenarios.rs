@@ -89,7 +89,7 @@ fn rows() -> Vec<Row> {
         );
         both(
             "its motors are run by another station before it takes off",
-            &[(2.0, What::Motors(60))],
+            &[(3.0, What::Motors(60))],
             200.0,
             Expected::Stays,
         );
@@ -121,7 +121,7 @@ fn rows() -> Vec<Row> {
     for (what, happenings) in [
         (
             "HOLD at the moment in which a silence begins and OFFBOARD is ordered",
-            vec![(10.4, HOLD), (10.4, What::Silent(157))],
+            vec![(12.2, HOLD), (12.2, What::Silent(157))],
         ),
         (
             "its pilot returns it, and a failsafe stops that",
@@ -136,8 +136,8 @@ fn rows() -> Vec<Row> {
                 (60.1, What::GivesBack),
             ],
         ),
-        ("HOLD before a heartbeat has shown OFFBOARD", vec![(10.4, HOLD)]),
-        ("HOLD before a heartbeat has shown the climb", vec![(5.3, HOLD)]),
+        ("HOLD before a heartbeat has shown OFFBOARD", vec![(11.6, HOLD)]),
+        ("HOLD before a heartbeat has shown the climb", vec![(6.4, HOLD)]),
         ("HOLD in the climb", vec![(7.5, HOLD)]),
         ("POSITION, then HOLD in the climb", vec![(7.2, BY_HAND), (7.6, HOLD)]),
         ("HOLD while it hunts", vec![(30.0, HOLD)]),

@@ -29,6 +29,8 @@ pub(super) struct Heard {
     pub(super) sent: Vec<Sent>,
     /// When a heartbeat of the autopilot came last, in seconds.
     pub(super) beat_at: Option<f64>,
+    /// When anything of it was received last, in seconds.
+    pub(super) any_at: Option<f64>,
 }
 
 /// foxhunt's end of a link.
@@ -45,6 +47,7 @@ impl ByteStream for Tapped {
         let count = self.stream.receive(into)?;
         self.codecs[0].push(into.get(..count).unwrap_or_default());
         while let Some(frame) = self.codecs[0].next_frame(0.0) {
+            self.heard.borrow_mut().any_at = Some(self.clock.now());
             if let MavMessage::HEARTBEAT(beat) = &frame.message
                 && beat.mavtype != MavType::MAV_TYPE_GCS
             {

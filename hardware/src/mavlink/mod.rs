@@ -9,6 +9,7 @@ mod drift;
 mod error;
 mod examine;
 mod failsafes;
+mod fence_query;
 mod flight;
 mod goal;
 mod ground;

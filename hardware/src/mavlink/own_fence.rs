@@ -31,13 +31,6 @@ const ARDUPILOT: [&str; 7] = [
 ];
 const PX4: [&str; 3] = ["GF_ACTION", "GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"];
 
-/// The requests of a fence that is not known yet.
-#[derive(Debug, Default)]
-pub(super) struct FenceQuery {
-    made: u32,
-    last: f64,
-}
-
 impl OwnFence {
     /// Refuses a goal beyond the fence.
     pub(super) fn check(

@@ -9,7 +9,6 @@ use foxhunt_wire::{
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::params;
 use crate::{Interval, SimError};
 
 /// What an emulated autopilot is like.
@@ -181,11 +180,6 @@ pub struct PilotOrder {
 impl AutopilotConfig {
     pub(super) fn check(&self) -> Result<(), SimError> {
         self.check_numbers().map_err(|error| error.within("autopilot"))?;
-        for name in self.faults.parameters.keys() {
-            if !params::is_known(self.autopilot, name) {
-                return Err(SimError::Parameter { name: name.clone() });
-            }
-        }
         let pilots = self.faults.pilot.iter().map(|order| &order.mode);
         for mode in pilots.chain(self.faults.failsafes.iter().map(|order| &order.mode)) {
             if FlightMode::named(self.autopilot, mode).is_none() {

@@ -6,7 +6,7 @@ use foxhunt_wire::{
 };
 use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
 
-use super::{AutopilotConfig, brain::Brain};
+use super::{AutopilotConfig, brain::Brain, params};
 use crate::{Emulator, SimError, World};
 
 /// An autopilot on a drone of a world, behind a stream of bytes.
@@ -54,6 +54,7 @@ impl<S: ByteStream> EmulatedAutopilot<S> {
         stream: S,
     ) -> Result<Self, SimError> {
         config.check()?;
+        params::check(&config)?;
         let frame = CommonFrame::new(config.origin.lat_deg, config.origin.lon_deg)?;
         let codec = Codec::new(config.system_id, COMPONENT);
         let codec = match config.signing {

@@ -6,6 +6,7 @@ use foxhunt_wire::mavlink::{
 };
 
 use super::AutopilotConfig;
+use crate::SimError;
 
 /// The few parameters that ground stations request. All are single precision numbers.
 #[derive(Debug)]
@@ -55,9 +56,14 @@ fn usual(autopilot: Autopilot) -> &'static [(&'static str, f32)] {
     }
 }
 
-/// Returns true if an emulated autopilot has a parameter.
-pub(super) fn is_known(autopilot: Autopilot, name: &str) -> bool {
-    usual(autopilot).iter().any(|(known, _)| *known == name)
+/// Refuses parameters to set up that the firmware does not have.
+pub(super) fn check(config: &AutopilotConfig) -> Result<(), SimError> {
+    let usual = usual(config.autopilot);
+    let unknown = |name: &&String| usual.iter().all(|(known, _)| known != *name);
+    match config.faults.parameters.keys().find(unknown) {
+        Some(name) => Err(SimError::Parameter { name: name.clone() }),
+        None => Ok(()),
+    }
 }
 
 impl Params {
