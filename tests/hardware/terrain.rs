@@ -95,11 +95,13 @@ fn drones_keep_their_height_above_hills() {
         (0..world.drone_count()).map(|drone| ground(&frame, &place(drone).xy())).collect();
     let (mut lowest, mut flat) = (f64::INFINITY, f64::INFINITY);
     let (mut receptions, mut worst) = (0, 0.0_f64);
+    // Whoever is recalled flies home and lands.
+    let mut recalled = false;
     while !mission.is_over() && world.time() < 4000.0 {
         world.advance(scenario.simulation.tick_s).expect("time passes");
         field.serve(|device, error| panic!("{device}: {error}"));
         mission.step(world.time());
-        if mission.stage() == FlightStage::Hunting {
+        if mission.stage() == FlightStage::Hunting && !recalled {
             for (drone, launch) in launches.iter().enumerate() {
                 let here = place(drone);
                 let rise = ground(&frame, &here.xy()) - launch;
@@ -108,6 +110,7 @@ fn drones_keep_their_height_above_hills() {
             }
         }
         while let Some(event) = mission.poll_event() {
+            recalled |= matches!(event, Event::Recalled { .. });
             if let Event::Received { drone, reception, .. } = event {
                 let here = place(drone);
                 let above = here.z - (ground(&frame, &here.xy()) - launches[drone]);
@@ -253,12 +256,13 @@ fn an_emulated_flight_has_the_terrain_of_its_world() {
     let mut mission: Mission<Shared<BoxedAircraft>, BoxedSource> =
         Mission::new(flight.flight, hunt, drones, world.time()).expect("a flight");
     let (mut lowest, mut heard, mut north) = (f64::INFINITY, Vec::new(), f64::NEG_INFINITY);
+    let mut recalled = false;
     while !mission.is_over() && world.time() < 2000.0 {
         world.advance(scenario.simulation.tick_s).expect("time passes");
         field.serve(|device, error| panic!("{device}: {error}"));
         mission.step(world.time());
         let here = world.pose(0).expect("a drone").position;
-        if mission.stage() == FlightStage::Hunting {
+        if mission.stage() == FlightStage::Hunting && !recalled {
             (lowest, north) = (lowest.min(here.z), north.max(here.y));
         }
         while let Some(event) = mission.poll_event() {
@@ -268,6 +272,7 @@ fn an_emulated_flight_has_the_terrain_of_its_world() {
                     assert!((reported - here).norm() < 0.2, "{reported} at {here}");
                     heard.push(here.z);
                 }
+                Event::Recalled { .. } => recalled = true,
                 Event::HeightDiffers { .. } => panic!("{event:?}"),
                 _ => {}
             }
