@@ -98,7 +98,7 @@ impl Registry {
         &self.planners
     }
 
-    /// Every source besides those of [`SourceConfig`](crate::config::SourceConfig).
+    /// Every source besides those of [`SourceConfig`].
     #[must_use]
     pub fn sources(&self) -> &[SourceEntry] {
         &self.sources
