@@ -371,7 +371,8 @@ pub(super) fn collars(random: &mut Random, data: &Path) -> io::Result<DrawnRecor
     Ok(recording)
 }
 
-/// A part of a flight over three collars, with a floor between the noise of a frame and a collar's power.
+/// A part of a flight over three collars, with a floor between the noise of a frame and a collar's
+/// power.
 pub(super) fn collars_floor(random: &mut Random, data: &Path) -> io::Result<DrawnRecording> {
     let mut recording = collars(random, data)?;
     recording.flags.push(format!("--floor-dbm={:.1}", random.between(-42.0, -34.0)));

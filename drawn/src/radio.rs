@@ -32,8 +32,8 @@ pub(super) struct Radio {
     pub(super) dipoles: bool,
 }
 
-/// Shadowing over the plane: a sum of waves in random directions (Rice 1944), whose correlation falls
-/// to about 1/e over the length. It is the same wherever one passes again.
+/// Shadowing over the plane: a sum of waves in random directions (Rice 1944), whose correlation
+/// falls to about 1/e over the length. It is the same wherever one passes again.
 #[derive(Clone, Debug)]
 pub(super) struct Field {
     waves: Vec<[f64; 3]>,

@@ -129,7 +129,7 @@ pub enum FilterConfig {
     },
     /// Two extended Kalman filters, each from one half of the prior, weighed by their evidence.
     DualEkf {
-        /// How often an update is linearised, each time about its own posterior.
+        /// Number of linearisations of an update, each about its own posterior.
         #[serde(default = "once")]
         iterations: u32,
     },
@@ -274,8 +274,8 @@ macro_rules! filters_of {
     )+};
 }
 
-// A place with its level and bearing, with the reference power, and with the exponent or a velocity;
-// a place, and one with its velocity, of bearings or differences alone.
+// A place with its level and bearing, with the reference power, and with the exponent or a
+// velocity; a place, and one with its velocity, of bearings or differences alone.
 filters_of!((2, 2) dual_ekf, (3, 2) no_dual, (4, 2) no_dual, (2, 1) dual_ekf, (4, 1) dual_ekf);
 
 /// Two extended Kalman filters, from the halves of a prior along its longer axis.

@@ -1,4 +1,5 @@
-//! The hunt of all combinations: the world of `pritzl-6.1` with an estimator, a source and a planner.
+//! The hunt of all combinations: the world of `pritzl-6.1` with an estimator, a source and a
+//! planner.
 
 #![expect(dead_code, reason = "each combination uses one source and one planner")]
 #![expect(clippy::print_stdout, reason = "an example shows what it found")]

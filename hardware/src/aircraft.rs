@@ -146,7 +146,7 @@ pub struct AircraftState {
     /// Whether it is in the air and not ours, in a mode in which it may be [taken
     /// over](Aircraft::take_over), if it is known that nobody else flies it.
     pub offered: bool,
-    /// Who flies it.
+    /// Holder of the aircraft: who flies it.
     pub hands: Hands,
     /// Why it takes no orders, or what keeps it on the ground; empty where nothing does.
     pub hindrance: String,
@@ -156,7 +156,7 @@ pub struct AircraftState {
     pub above_ground: Option<ReportedHeight>,
 }
 
-/// Who flies an aircraft, as far as its driver knows.
+/// Holder of an aircraft: who flies it, as far as its driver knows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Hands {

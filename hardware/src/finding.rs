@@ -35,7 +35,7 @@ pub struct OwnFence {
     /// Least height above the launch place, in metres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_up_m: Option<f64>,
-    /// Whether it has polygons besides, which are not read.
+    /// True if it has polygons besides, which are not read.
     pub has_polygons: bool,
 }
 

@@ -101,8 +101,9 @@ impl SoakFlight {
     /// each beacon; separation, airspace, altitude and batteries; estimates that are finite, with
     /// covariances that are positive definite; the same log again to the bit; a log that can be
     /// read up to its last whole line wherever it is cut off; and no panic.
-    // Marked, as are those below it: what reads and writes logs is then compiled where it is called,
-    // by a program that does not optimise it, and is not compiled here. A third of this package.
+    // Marked, as are those below it: what reads and writes logs is then compiled where it is
+    // called, by a program that does not optimise it, and is not compiled here. A third of this
+    // package.
     #[inline]
     #[must_use]
     pub fn fly(&self, registry: &Registry) -> SoakRun {

@@ -68,7 +68,7 @@ fn an_autopilot_of_mavsdk_is_flown() {
     println!("our driver flew MAVSDK's autopilot: armed, 6 m up, to a place and a heading, landed");
 }
 
-/// What is compared is its true height, which `.ci/peers/mavlink_strict.py` does.
+/// Flies it; `.ci/peers/mavlink_strict.py` compares its true height.
 #[test]
 #[ignore = "needs .ci/peers/mavlink_strict.py at the endpoints of FOXHUNT_PEER_STRICT"]
 fn strict_px4s_are_flown_at_their_heights() {

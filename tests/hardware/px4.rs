@@ -1,4 +1,4 @@
-//! What differs on PX4, and what is compared on every firmware: heights, gaps, refusals, doubts.
+//! Differences of PX4, and comparisons on every firmware: heights, gaps, refusals, doubts.
 
 use std::collections::BTreeMap;
 

@@ -16,15 +16,15 @@ use foxhunt::{
     wire::mavlink::Autopilot,
 };
 
-/// What became of a hunt.
+/// Outcome of a hunt.
 #[derive(Debug)]
 struct Hunted {
     failure: Option<String>,
     found: usize,
     /// Modes of the first drone while hunting.
     modes: Vec<String>,
-    /// The worst difference of a drone's height from its goal's, five seconds after that was set, in
-    /// metres.
+    /// The worst difference of a drone's height from its goal's, five seconds after that was set,
+    /// in metres.
     worst_up_m: f64,
     /// The nearest two drones in the air, in space, hunting and coming home, in metres.
     nearest_m: [f64; 2],
@@ -110,8 +110,8 @@ fn hunt(drones: &str, autopilot: Autopilot, vehicle: &AutopilotFaults) -> Hunted
     hunted
 }
 
-/// A gap in both directions while hunting, of a PX4 that is set up as the checklist has it, with the
-/// zero of its estimator above or below home and drifting.
+/// A gap in both directions while hunting, of a PX4 that is set up as the checklist has it, with
+/// the zero of its estimator above or below home and drifting.
 fn faults(autopilot: Autopilot, gap_s: f64, reference_m: f64, drift_mps: f64) -> AutopilotFaults {
     let set_up = [("COM_OF_LOSS_T", 3.5), ("COM_OBL_RC_ACT", 3.0)];
     let px4 = autopilot == Autopilot::Px4;

@@ -66,7 +66,7 @@ struct Score {
     /// Distances from the truth, in metres.
     errors: Vec<f64>,
     batch_errors: Vec<f64>,
-    /// How many ellipses hold the truth.
+    /// Number of ellipses that hold the truth.
     held: u32,
 }
 
@@ -88,7 +88,7 @@ impl Geometry {
         self.reference.xy() + Vector2::new(angle.cos(), angle.sin()) * off
     }
 
-    /// What each receiver measures of a transmitter.
+    /// Measurements of a transmitter by each receiver.
     fn receptions(
         &self,
         kind: Kind,

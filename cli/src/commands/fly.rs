@@ -492,7 +492,7 @@ const UP: &str = "up";
 pub(super) enum PilotInput {
     None,
     Enter,
-    /// What came down without an order may take off again.
+    /// Clears drones that came down without an order to take off again.
     Up,
     Interrupt,
     /// A second interrupt: the program shall end at once.

@@ -37,7 +37,7 @@ enum What {
     Extractors,
     /// What `--planner` takes: what decides where the drones listen next
     Planners,
-    /// What `--source` takes: what the drones listen with
+    /// Sources that `--source` takes: what the drones listen with
     Sources,
     /// Simulated turns of an antenna: for `compare extractors`
     Cases,

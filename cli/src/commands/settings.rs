@@ -9,7 +9,7 @@ use crate::error::CliError;
 /// What a flown hunt has otherwise than its scenario, besides the planner.
 #[derive(Debug, clap::Args)]
 pub(super) struct Settings {
-    /// What all drones listen with; the scenario's own unless given (`foxhunt list sources`)
+    /// Source that all drones listen with; the scenario's own unless given (`foxhunt list sources`)
     #[arg(long, value_name = "NAME")]
     source: Option<String>,
     #[command(flatten)]

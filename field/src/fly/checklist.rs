@@ -93,8 +93,8 @@ impl FlightConfig {
         Ok(())
     }
 
-    /// Whether drones come home at heights that keep them apart: autopilots return by themselves
-    /// when their links or batteries fail, and may do so at the same time.
+    /// Judges whether drones come home at heights that keep them apart: autopilots return by
+    /// themselves when their links or batteries fail, and may do so at the same time.
     fn ways_home(&self, examined: &[Examined]) -> Option<Check> {
         let height = |of: &Examined| Some((of.drone.clone(), home_up_m(of)?));
         let mut heights: Vec<(String, f64)> = examined.iter().filter_map(height).collect();
@@ -200,7 +200,7 @@ const HOME_APART_M: f64 = 5.0;
 /// No drone flies higher, in metres: the border of a fence that has none above.
 const HIGHEST_M: f64 = 10_000.0;
 
-/// How high a drone comes home, where that was read.
+/// Height in metres at which a drone comes home, if that was read.
 fn home_up_m(examined: &Examined) -> Option<f64> {
     examined.findings.iter().find_map(|finding| finding.home_up_m)
 }

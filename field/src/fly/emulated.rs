@@ -36,7 +36,7 @@ const FIRST_STEP_S: f64 = 10.0;
 /// How long a turn may take then, in seconds.
 const TURN_S: f64 = 150.0;
 
-/// How far from the prior's middle drones may be sent, in its standard deviations.
+/// Greatest distance of goals from the prior's middle, in its standard deviations.
 const PRIOR_REACH: f64 = 4.0;
 
 /// Share of the height of a drone's start at which it may fly; it may rise to the height over this.

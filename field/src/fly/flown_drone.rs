@@ -33,7 +33,7 @@ pub struct FlownDrone<A, S> {
     height_watch: Option<HeightWatch>,
 }
 
-/// What a drone does that is to leave.
+/// Course of a drone while the flight is left.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Departure {
     /// It is on the ground, its motors at rest.
@@ -49,7 +49,8 @@ pub(crate) enum Departure {
 /// Modes of those that come down.
 const HOMEWARD: [&str; 3] = ["RTL", "RETURN", "LAND"];
 
-/// A link that has brought nothing for longer does not carry an order that is given once, in seconds.
+/// A link that has brought nothing for longer does not carry an order that is given once, in
+/// seconds.
 const ALIVE_S: f64 = 1.0;
 
 /// A drone with less than this share of its battery waits for nobody.
@@ -106,7 +107,7 @@ impl<A, S> FlownDrone<A, S> {
         self.may_take_over = true;
     }
 
-    /// Who flies it. One whose link fails counts as not heard.
+    /// Returns who flies it. A drone whose link fails counts as not heard.
     pub(crate) fn hands(&self) -> Hands {
         self.state.as_ref().map_or(Hands::Unheard, |state| match state.commanded {
             true => Hands::Ours,
@@ -114,7 +115,7 @@ impl<A, S> FlownDrone<A, S> {
         })
     }
 
-    /// What it does when it is to leave by a rule.
+    /// Returns its course while the flight is left by a rule.
     pub(crate) fn departure(&self, ending: Ending) -> Departure {
         let hands = self.hands();
         let mode = self.state.as_ref().map_or("", |state| state.mode.as_str());
@@ -147,7 +148,7 @@ impl<A, S> FlownDrone<A, S> {
         self.leave_accepted = false;
     }
 
-    /// Whether one that leaves may hold its place while another one comes home, or is coming home
+    /// Returns true if it may hold its place while another drone comes home, or is coming home
     /// itself: it is in the air and in our hands, or on its way home by our order.
     pub(crate) fn can_wait(&self) -> bool {
         self.state.as_ref().is_some_and(|state| {

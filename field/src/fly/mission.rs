@@ -27,11 +27,11 @@ pub struct Mission<A, S> {
     ready: bool,
     /// When an aircraft took part last.
     attended: f64,
-    /// How many of those that leave are not down yet.
+    /// Number of leaving drones that are not down yet.
     leaving: usize,
     /// Why the flight ended before its time.
     failure: Option<String>,
-    /// Why each drone does not take off, by its last order to.
+    /// Reason why each drone does not take off, by its last order to.
     refused: Vec<Option<String>>,
     /// Drones that nobody waits for any more.
     written_off: Vec<bool>,

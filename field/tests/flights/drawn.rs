@@ -7,12 +7,12 @@ use proptest::prelude::*;
 pub(super) struct Drawn {
     pub(super) autopilot: Autopilot,
     pub(super) drones: usize,
-    /// Whether the drones land where they are when it is over; they return otherwise.
+    /// True if the drones land where they are when it is over; otherwise they return.
     pub(super) lands: bool,
     pub(super) happenings: Vec<Happening>,
 }
 
-/// What happens to a drone, and when, in tenths of seconds.
+/// Event that happens to a drone, with its time in tenths of seconds.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Happening {
     pub(super) at: u32,
@@ -53,7 +53,7 @@ pub(super) enum What {
     Killed(u32),
 }
 
-/// When the pilot breaks off at last, in seconds.
+/// Time at which the pilot breaks off at last, in seconds.
 pub(super) const BREAKS_OFF_S: f64 = 90.0;
 
 impl Drawn {
@@ -77,7 +77,7 @@ impl Drawn {
         )
     }
 
-    /// What happens to a drone, as its emulated autopilot takes it.
+    /// Events of a drone, as its emulated autopilot takes them.
     pub(super) fn faults(&self, drone: usize) -> AutopilotFaults {
         let mut faults = AutopilotFaults::default();
         let px4 = self.autopilot == Autopilot::Px4;

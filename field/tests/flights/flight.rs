@@ -22,10 +22,10 @@ use super::{
 /// Seconds from one step to the next.
 const TICK_S: f64 = 0.1;
 
-/// How long the drones may take to leave, in seconds.
+/// Time that the drones may take to leave, in seconds.
 const LEAVING_S: f64 = 100.0;
 
-/// How long failsafes have after a flight, in seconds.
+/// Time that failsafes have after a flight, in seconds.
 const AFTER_S: f64 = 70.0;
 
 /// A drone lower than this has landed, in metres.
@@ -88,7 +88,7 @@ struct Field<'a> {
     wrong: Vec<String>,
 }
 
-/// What became of a flight.
+/// Outcome of a flight.
 #[derive(Clone, Debug)]
 pub(super) struct Flown {
     /// The rules that it broke.
@@ -97,7 +97,7 @@ pub(super) struct Flown {
     pub(super) ends: Vec<(String, f64)>,
     /// The flight's own words at its end.
     pub(super) words: String,
-    /// When it was over, in seconds.
+    /// Time at which it was over, in seconds.
     pub(super) over_s: f64,
 }
 

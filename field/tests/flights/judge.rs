@@ -16,27 +16,27 @@ pub(super) struct Judge {
     autopilot: Autopilot,
     mode: FlightMode,
     armed: bool,
-    /// Whether this flight has ordered anything of it.
+    /// True if this flight has ordered anything of it.
     pub(super) engaged: bool,
-    /// Since when somebody else has it, in seconds.
+    /// Time since which somebody else has it, in seconds.
     taken: Option<f64>,
-    /// Whether its autopilot has begun that.
+    /// True if its autopilot has begun the mode that somebody else chose.
     by_itself: bool,
-    /// Whether that is a mode, and not motors.
+    /// True if somebody else chose a mode, false if he ran its motors.
     mode_taken: bool,
-    /// When another station has sent it velocities in the mode of our orders last, in seconds.
+    /// Last time at which another station sent it velocities in the mode of our orders, in seconds.
     pub(super) by_station: bool,
-    /// Whether a failsafe holds it in place, so that it may be brought home.
+    /// True if a failsafe holds it in place, so that it may be brought home.
     pub(super) stopped: bool,
-    /// Since when it is down without an order, in seconds, if nobody has cleared it.
+    /// Time since which it is down without an order, in seconds, if nobody has cleared it.
     grounded: Option<f64>,
-    /// Whether an order has brought it down, or stopped its motors, since they were started.
+    /// True if an order has brought it down, or stopped its motors, since they were started.
     ended: bool,
     /// The modes that were ordered and not seen, with when.
     ordered: Vec<(f64, FlightMode)>,
-    /// When its motors were ordered to run last, in seconds.
+    /// Last time at which its motors were ordered to run, in seconds.
     started_at: f64,
-    /// When its messages were late last, in seconds.
+    /// Last time at which its messages were late, in seconds.
     late_at: f64,
 }
 
@@ -69,13 +69,13 @@ impl Judge {
         }
     }
 
-    /// Whether somebody else has it.
+    /// Returns true if somebody else has it.
     pub(super) fn is_taken(&self) -> bool {
         self.taken.is_some()
     }
 
-    /// Whether somebody else has had it for so long that foxhunt knows: by then nothing that it
-    /// receives counts. While nothing is heard of it foxhunt cannot know.
+    /// Returns true if somebody else has had it for so long that foxhunt knows: by then nothing
+    /// that it receives counts. While nothing is heard of it foxhunt cannot know.
     pub(super) fn has_been_taken(&self, now: f64) -> bool {
         self.mode_taken && self.taken.is_some_and(|since| now - since > SILENT_S + 2.5)
     }
@@ -211,7 +211,8 @@ impl Judge {
                 Sent::TakeOff => self.ordered.push((now, self.autopilot.take_off())),
                 Sent::Arm => {
                     self.started_at = now;
-                    // Another station started them in the same second: nothing tells whose they are.
+                    // Another station started them in the same second: nothing tells whose they
+                    // are.
                     if self.armed && !seen && !self.mode_taken {
                         self.taken = None;
                     }

@@ -1,6 +1,6 @@
 //! Flights in which anything may happen at any time: nothing is ordered of what somebody else has,
-//! nobody takes off that was not sent up by the pilot's word, and each ends with every drone down or
-//! in the hands of somebody who is named.
+//! nobody takes off that was not sent up by the pilot's word, and each ends with every drone down
+//! or in the hands of somebody who is named.
 
 mod drawn;
 mod flight;

@@ -7,7 +7,7 @@ use super::{
     flight::{Flown, fly},
 };
 
-/// How a flight is expected to end for its first drone.
+/// Expected end of a flight for its first drone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Expected {
     /// It is brought down by our order.

@@ -12,7 +12,7 @@ use foxhunt_wire::{
     },
 };
 
-/// What foxhunt sent.
+/// Message that foxhunt sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Sent {
     Beat,
@@ -23,13 +23,13 @@ pub(super) enum Sent {
     Goal,
 }
 
-/// What went over a link since it was looked at last.
+/// Messages on a link since the last look at it.
 #[derive(Debug, Default)]
 pub(super) struct Heard {
     pub(super) sent: Vec<Sent>,
-    /// When a heartbeat of the autopilot came last, in seconds.
+    /// Time of the autopilot's last heartbeat, in seconds.
     pub(super) beat_at: Option<f64>,
-    /// When anything of it was received last, in seconds.
+    /// Time of the last message received of it, in seconds.
     pub(super) any_at: Option<f64>,
 }
 

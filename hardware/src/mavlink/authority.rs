@@ -5,7 +5,7 @@ use foxhunt_wire::mavlink::{
 
 use crate::Hands;
 
-/// Who flies the vehicle, as far as its heartbeats tell, and hence what may be sent to it.
+/// Holder of the vehicle, as far as its heartbeats tell, and hence what may be sent to it.
 ///
 /// It does no I/O and reads no clock: heartbeats, silences and orders are told to it, and every
 /// message asks it on its way out.
@@ -16,21 +16,21 @@ pub(super) struct Authority {
     mode: Option<FlightMode>,
     /// Modes that were ordered and not seen yet, the oldest first.
     pending: Vec<FlightMode>,
-    /// Whether it was ordered to take off, or taken over.
+    /// True if it was ordered to take off, or taken over.
     engaged: bool,
-    /// Whether its motors ran, or may have run, since it was ours.
+    /// True if its motors ran, or may have run, since it was ours.
     ran: bool,
-    /// Whether it is to come down, which a silence does not end.
+    /// True if it is to come down, which a silence does not end.
     leaves: bool,
-    /// How high it was at the last heartbeat, in metres, and at how many in a row it has held
-    /// there instead of climbing.
+    /// Height at the last heartbeat, in metres.
     up_m: f64,
+    /// Number of heartbeats in a row at which it has held its height instead of climbing.
     held: u32,
-    /// When the last heartbeat was read, in seconds.
+    /// Time of the last heartbeat that was read, in seconds.
     read_at: f64,
-    /// When its mode changed last, in seconds.
+    /// Time of its last change of mode, in seconds.
     changed_at: f64,
-    /// Why it is not in our hands.
+    /// Reason why it is not in our hands.
     why: String,
 }
 
@@ -40,17 +40,17 @@ pub(super) struct Seen<'a> {
     pub(super) mode: FlightMode,
     pub(super) armed: bool,
     pub(super) airborne: bool,
-    /// Whether its state is MAV_STATE_CRITICAL: a failsafe acts.
+    /// True if its state is MAV_STATE_CRITICAL: a failsafe acts.
     pub(super) failsafe: bool,
-    /// Whether the order to climb was accepted, and it is not up yet.
+    /// True if the order to climb was accepted, and it is not up yet.
     pub(super) climbs: bool,
     /// Its height above its launch place, in metres.
     pub(super) up_m: f64,
-    /// Whether it is as high as its take-off was to bring it.
+    /// True if it is as high as its take-off was to bring it.
     pub(super) climbed: bool,
-    /// Whether its motors were ordered to run.
+    /// True if its motors were ordered to run.
     pub(super) started: bool,
-    /// Whether it was ordered to come down, or its motors to stop.
+    /// True if it was ordered to come down, or its motors to stop.
     pub(super) ended: bool,
     /// The autopilot's last complaint, and when it came, in seconds.
     pub(super) complaint: Option<(f64, &'a str)>,
@@ -97,7 +97,7 @@ impl Authority {
         self.hands
     }
 
-    /// Why it is not in our hands; empty while it is.
+    /// Returns why it is not in our hands; empty while it is.
     pub(super) fn why(&self) -> &str {
         &self.why
     }
@@ -106,7 +106,7 @@ impl Authority {
         self.hands == Hands::Ours
     }
 
-    /// When the last heartbeat was read, in seconds.
+    /// Returns the time of the last heartbeat that was read, in seconds.
     pub(super) fn read_at(&self) -> f64 {
         self.read_at
     }
@@ -186,7 +186,7 @@ impl Authority {
         (self.hands, self.why) = (Hands::Station, why);
     }
 
-    /// What was ordered of it was given up in the air: its pilot has to see to it.
+    /// Gives it to its pilot: an order was given up in the air, and he has to see to it.
     pub(super) fn release(&mut self, why: String) {
         (self.hands, self.why) = (Hands::Pilot, why);
     }
@@ -305,13 +305,13 @@ impl Authority {
         }
     }
 
-    /// Whether PX4's pilot may have held it in a silence in which another mode was on its way.
+    /// Returns true if PX4's pilot may have held it in a silence, with another mode on its way.
     fn may_be_held(&self, mode: FlightMode) -> bool {
         let px4 = mode.autopilot == Autopilot::Px4;
         px4 && mode == mode.autopilot.hold() && !self.pending.is_empty()
     }
 
-    /// Whether its mode is the one in which PX4 ends a climb, at the height of that.
+    /// Returns true if its mode is the one in which PX4 ends a climb, at the height of that.
     fn has_climbed(&self, before: Option<FlightMode>, seen: &Seen<'_>) -> bool {
         let (mode, climb) = (seen.mode, seen.mode.autopilot.take_off());
         let climbed = before == Some(climb) || self.is_pending(climb);

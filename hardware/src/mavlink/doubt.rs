@@ -20,7 +20,7 @@ pub(super) struct Doubt {
     /// Until when it counts, in seconds.
     until: f64,
     place: Option<GLOBAL_POSITION_INT_DATA>,
-    /// Since when the estimator has rejected what its sensors measure.
+    /// Time since which the estimator has rejected what its sensors measure.
     rejects: Option<f64>,
 }
 
@@ -30,8 +30,8 @@ const SIGN_S: f64 = 30.0;
 /// Time for which a condition counts after its last report, in seconds.
 const CONDITION_S: f64 = 5.0;
 
-/// Distance by which an aircraft may be elsewhere than its velocity takes it, in metres and in metres
-/// per second of the time between two reports: estimators correct themselves by less.
+/// Distance by which an aircraft may be elsewhere than its velocity takes it, in metres and in
+/// metres per second of the time between two reports: estimators correct themselves by less.
 const STEP_M: f64 = 3.0;
 const STEP_MPS: f64 = 2.0;
 
@@ -101,7 +101,7 @@ impl Doubt {
         *self = Self::default();
     }
 
-    /// Why its place is in doubt, while it is.
+    /// Returns why its place is in doubt, while it is.
     pub(super) fn why(&self, now: f64) -> Option<&str> {
         (now < self.until).then_some(self.why.as_str())
     }

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Drift {
     nearest_m: f64,
-    /// How far it may go on in its old direction before it turns to the goal, in metres.
+    /// Distance that it may still go in its old direction, in metres.
     braking_m: f64,
     last: Option<(f64, Vector3<f64>)>,
     away_since: Option<f64>,

@@ -13,7 +13,7 @@ pub enum MavlinkError {
     /// Nothing of an autopilot.
     #[error("nothing of an autopilot came{}; the limit is {limit_s} s", lasting(*silent_s))]
     Silent {
-        /// Since when, in seconds; infinite where there never was anything.
+        /// Length of the silence in seconds; infinite if nothing ever came.
         silent_s: f64,
         /// The configured limit.
         limit_s: f64,

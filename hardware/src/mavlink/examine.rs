@@ -10,7 +10,7 @@ const HEARTBEAT_S: f64 = 5.0;
 /// How long an answer is waited for, in seconds.
 const ANSWERS_S: f64 = 6.0;
 
-/// How long a good position is waited for, in seconds.
+/// Time for which a good position is waited for, in seconds.
 const POSITION_S: f64 = 5.0;
 
 /// A clock that stands still does not keep us for ever.
@@ -112,7 +112,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         findings
     }
 
-    /// Who else is on the link, or could be.
+    /// Finds who else is on the link, or could be.
     fn others(&self) -> Vec<Finding> {
         let mut findings = Vec::new();
         let stations: Vec<String> = self.telemetry.stations.iter().map(u8::to_string).collect();

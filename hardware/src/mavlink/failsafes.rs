@@ -77,7 +77,7 @@ const PX4_ALSO: [&str; 7] = [
     "MPC_XY_VEL_MAX",
 ];
 
-/// What COM_OBL_RC_ACT has PX4 do when set-points have stopped.
+/// Action of PX4 by COM_OBL_RC_ACT when set-points have stopped.
 const WITHOUT_SETPOINTS: [&str; 8] = [
     "POSITION, which is flown by hand",
     "ALTITUDE, which is flown by hand",
@@ -96,9 +96,8 @@ const USUAL_TIMEOUT_S: f64 = 5.0;
 const FASTER: f64 = 1.2;
 
 impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
-    /// What the autopilot does by itself when battery, links or fence fail, what becomes of the
-    /// drone when foxhunt dies, its own fence and speed, and how high it comes home. Parameters are
-    /// read, none is set.
+    /// Findings on the autopilot's own rules: battery, links, fence, the death of foxhunt, speed,
+    /// and the height at which it comes home. Parameters are read, none is set.
     pub(super) fn failsafes(
         &mut self,
         pause: &mut dyn FnMut(),
@@ -157,7 +156,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
     }
 
-    /// What becomes of an ArduPilot when foxhunt dies: its failsafe follows the heartbeats of one
+    /// Finding on an ArduPilot when foxhunt dies: its failsafe follows the heartbeats of one
     /// number, whoever sends them.
     fn ground_station(&self) -> Finding {
         const SUBJECT: &str = "failsafe: ground station";
@@ -211,7 +210,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         Finding::good(SUBJECT, text)
     }
 
-    /// What becomes of a PX4 when set-points stop, as when foxhunt dies, whoever else is on the link.
+    /// Finding on a PX4 when set-points stop, as when foxhunt dies, whoever else is on the link.
     fn set_points(&self) -> Finding {
         const SUBJECT: &str = "failsafe: set-points";
         let (Some(after_s), Some(action)) =
@@ -242,7 +241,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         Finding::good(SUBJECT, text)
     }
 
-    /// Whether a PX4 flies as fast as it is ordered: in OFFBOARD its own limit alone counts.
+    /// Finding on whether a PX4 flies as fast as it is ordered: in OFFBOARD its own limit alone
+    /// counts.
     fn speed(&self) -> Finding {
         let fastest = self.parameter("MPC_XY_VEL_MAX");
         match (fastest, self.config.cruise_speed_mps) {
@@ -260,7 +260,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
     }
 
-    /// How high it comes home, against the limits of the file.
+    /// Judges the height at which it comes home, against the limits of the file.
     fn way_home(&self) -> Finding {
         const SUBJECT: &str = "way home";
         let (name, scale) = match self.telemetry.autopilot() {

@@ -268,8 +268,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         Ok(())
     }
 
-    /// Sends it back once when it has left the limits. One that sinks below them is not flying to any
-    /// goal of ours: it is sent none, and climbs by its own way home, or lands.
+    /// Sends it back once when it has left the limits. One that sinks below them is not flying to
+    /// any goal of ours: it is sent none, and climbs by its own way home, or lands.
     fn keep_inside(&mut self, now: f64) {
         let Ok(pose) = self.fresh_pose(now) else { return };
         let sinks_mps = pose.velocity.map_or(0.0, |velocity| -velocity.z);

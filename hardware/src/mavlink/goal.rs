@@ -105,7 +105,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         Ok(())
     }
 
-    /// How far it has gone away from a goal that it was sent, in metres.
+    /// Returns its distance away from a goal that it was sent, in metres.
     fn drifted(&self, frame: &CommonFrame, goal: &mut Goal) -> Option<f64> {
         let at = self.telemetry.position.as_ref()?.at;
         let place = setpoint::pose(frame, &self.telemetry, at)?.position;
@@ -114,8 +114,9 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     /// Ends a goal of which the autopilot has made another one, so far over ground and upwards. A
-    /// place over ground that is ours with another height is our own goal, misunderstood: no further
-    /// one is sent, and it comes home by a rule of its own, which hangs on no height of ours.
+    /// place over ground that is ours with another height is our own goal, misunderstood: no
+    /// further one is sent, and it comes home by a rule of its own, which hangs on no height of
+    /// ours.
     fn end_goal(&mut self, over_ground: f64, up: f64) {
         if over_ground < setpoint::SAME_M && up.is_finite() {
             let side = if up > 0.0 { "above" } else { "below" };
@@ -136,7 +137,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         (self.goal, self.failure) = (None, why);
     }
 
-    /// Whether it is there or moves there, for an autopilot that reports no target of its own.
+    /// Returns true if it is there or moves there: for autopilots that report no target of their
+    /// own.
     fn moves_there(&self, frame: &CommonFrame, goal: &Goal) -> bool {
         let position = self.telemetry.position.as_ref();
         let Some(position) = position.filter(|at| !goal.is_new() && at.at >= goal.sent) else {
@@ -162,8 +164,8 @@ fn is_there(over_ground: f64, up: f64) -> bool {
 }
 
 impl Goal {
-    /// Whether a target is the one that the autopilot had before this goal, which it may not have
-    /// received, or refuses.
+    /// Returns true if a target is the one that the autopilot had before this goal, which it may
+    /// not have received, or refuses.
     fn is_still_before(&self, target: &Vector3<f64>) -> bool {
         !self.confirmed
             && self.before.is_some_and(|before| {

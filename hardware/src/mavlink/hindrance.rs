@@ -10,8 +10,8 @@ use super::{
     quality,
 };
 
-/// An autopilot that reports its target, and has kept the old one for so long, does not take the new
-/// one, in seconds.
+/// An autopilot that reports its target, and has kept the old one for so long, does not take the
+/// new one, in seconds.
 const UNTAKEN_S: f64 = 2.5;
 
 /// Warnings are shown for so long in flight, in seconds.
@@ -93,7 +93,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             .or(warning.map(|words| format!("it warns: {words}")))
     }
 
-    /// Why a goal is not flown to, where the autopilot has had the time to take it.
+    /// Returns why a goal is not flown to, once the autopilot has had the time to take it.
     fn untaken(&self, now: f64, goal: &Goal) -> Option<String> {
         let waited_s = now - goal.first;
         if goal.confirmed || goal.is_new() {

@@ -10,8 +10,8 @@ const STRAYED_M: f64 = 2.0;
 /// How far beyond the limits of height, in metres.
 const STRAYED_UP_M: f64 = 1.0;
 
-/// Depth below the least height, in metres, and rate of sinking, in metres per second, from which an
-/// aircraft does not fly to any goal of ours.
+/// Depth below the least height, in metres, and rate of sinking, in metres per second, from which
+/// an aircraft does not fly to any goal of ours.
 const SUNK_M: f64 = 0.5;
 const SINKS_MPS: f64 = 0.3;
 
@@ -135,7 +135,7 @@ impl FlightLimits {
         (up > STRAYED_UP_M).then_some((inside, why))
     }
 
-    /// What is wrong with an aircraft that is at a height and sinks at a rate, where it is below the
+    /// Returns the fault of an aircraft at a height and a rate of sinking, if it is below the
     /// limits and goes on sinking.
     pub(super) fn sinks(&self, up_m: f64, sinks_mps: f64) -> Option<String> {
         let least = self.min_up_m;

@@ -16,12 +16,12 @@ pub(super) struct Link<S> {
     stream: S,
     codec: Codec,
     connections: u32,
-    /// Where anybody may send: when the one that is pinned, or was, has sent something of the
-    /// autopilot last.
+    /// Last time at which the pinned peer sent something of the autopilot, if anybody may send to
+    /// the port.
     heard: Option<f64>,
     /// Without a message for so long it may come from elsewhere, in seconds.
     timeout_s: f64,
-    /// Whether a sender is known by its signature.
+    /// True if a sender is known by its signature.
     signed: bool,
     /// The last change of the other end.
     change: Option<Timed<String>>,
@@ -36,8 +36,8 @@ pub(super) struct Link<S> {
 /// Our component: MAV_COMP_ID_MISSIONPLANNER, a ground station.
 const COMPONENT: u8 = 190;
 
-/// An unsigned peer that has been silent for so long is gone, in seconds: by then the autopilot's own
-/// failsafes have acted.
+/// An unsigned peer that has been silent for so long is gone, in seconds: by then the autopilot's
+/// own failsafes have acted.
 const GONE_S: f64 = 30.0;
 
 /// Between our heartbeats, in seconds.
@@ -69,8 +69,8 @@ impl<S: ByteStream> Link<S> {
     /// Hands on what has come; `take` returns whether a frame is of the autopilot. Where anybody
     /// may send, only the sender of such a frame is received and answered, until it has been silent
     /// for as long as a link may be. Then it is answered still, and others are heard at once where
-    /// they sign or nothing `flies`, and otherwise when it may be taken for gone. Whether the stream
-    /// was opened anew since the last time.
+    /// they sign or nothing `flies`, and otherwise when it may be taken for gone. Whether the
+    /// stream was opened anew since the last time.
     pub(super) fn receive(
         &mut self,
         now: f64,
@@ -130,7 +130,7 @@ impl<S: ByteStream> Link<S> {
         self.change.as_ref()
     }
 
-    /// Whether anybody could become the other end.
+    /// Returns true if anybody could become the other end.
     pub(super) fn is_for_anybody(&self) -> bool {
         !self.signed && (self.stream.is_open() || self.stream.peer().is_some())
     }

@@ -87,8 +87,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         missing.into_iter().try_for_each(|name| self.query(name))
     }
 
-    /// Where its own fence lets it be sent, as far as it is known: less the fence's margin, as it
-    /// brakes before the border.
+    /// Returns where its own fence lets it be sent, as far as it is known: less the fence's margin,
+    /// as it brakes before the border.
     pub(super) fn fence(&self) -> Option<OwnFence> {
         let value = |name: &str| self.parameter(name);
         let positive = |name: &str| value(name).filter(|metres| *metres > 0.0);
@@ -122,7 +122,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         }
     }
 
-    /// What its own fence is, against the limits of the file.
+    /// Judges its own fence against the limits of the file.
     pub(super) fn own_fence(&self) -> Finding {
         let autopilot = self.telemetry.autopilot();
         let (switch, remedy) = match autopilot {

@@ -53,16 +53,16 @@ pub(super) struct Goal {
     pub(super) nose: Nose,
     /// Whether the autopilot has shown that it knows.
     pub(super) confirmed: bool,
-    /// When it was sent first, and last.
+    /// Times at which it was sent first, and last.
     pub(super) first: f64,
     pub(super) sent: f64,
     /// How often it was sent.
     pub(super) times: u32,
     /// The autopilot's own target before it was sent.
     pub(super) before: Option<Vector3<f64>>,
-    /// Since when the autopilot, which knew it or could, has had another one.
+    /// Time since which the autopilot, which knew it or could, has had another target.
     pub(super) replaced: Option<f64>,
-    /// Whether it goes there.
+    /// Watch over its way there.
     pub(super) drift: Drift,
 }
 

@@ -43,7 +43,7 @@ struct Copter {
     speaks: bool,
     /// Its heartbeats are lost, and nothing else.
     beatless: bool,
-    /// How many heartbeats have come.
+    /// Number of heartbeats that have come.
     beats: usize,
     refuses: Option<MavCmd>,
     /// The orders that came, with their first parameter.

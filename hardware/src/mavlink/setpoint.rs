@@ -24,8 +24,8 @@ const MOST_FORWARD_S: f64 = 0.5;
 /// Distance over ground below which the autopilot's own target is the goal, in metres.
 pub(super) const SAME_M: f64 = 1.0;
 
-/// Difference in height below which it is, in metres: from a quarter of a metre on a hunt's goals do
-/// not count as reached.
+/// Difference in height below which it is, in metres: from a quarter of a metre on a hunt's goals
+/// do not count as reached.
 pub(super) const SAME_UP_M: f64 = 0.3;
 
 /// Longest time between two reports of one estimator that are compared, in seconds.
@@ -71,12 +71,12 @@ pub(super) fn message(
     }))
 }
 
-/// What the autopilot reports as its own target, in the common frame, with an Up above its launch
+/// Reported target of the autopilot itself, in the common frame, with an Up above its launch
 /// place. Components that it was given no target of are not finite.
 ///
 /// PX4's POSITION_TARGET_GLOBAL_INT holds the target of its own modes, in OFFBOARD an old one; its
-/// POSITION_TARGET_LOCAL_NED holds what it flies to, and counts from the zero of its estimator. That
-/// zero is found by its place, which it reports in both frames.
+/// POSITION_TARGET_LOCAL_NED holds what it flies to, and counts from the zero of its estimator.
+/// That zero is found by its place, which it reports in both frames.
 pub(super) fn target(
     frame: &CommonFrame,
     telemetry: &Telemetry,

@@ -55,7 +55,7 @@ pub(super) struct Telemetry {
     pub(super) local: Option<Timed<LOCAL_POSITION_NED_DATA>>,
     pub(super) local_target: Option<Timed<POSITION_TARGET_LOCAL_NED_DATA>>,
     pub(super) landed: Option<Timed<MavLandedState>>,
-    /// Whether its place may be believed.
+    /// Signs that its place is false.
     pub(super) doubt: Doubt,
     pub(super) ground: GroundReports,
     pub(super) version: Option<AUTOPILOT_VERSION_DATA>,
@@ -82,7 +82,7 @@ const REORDERED_S: f64 = 2.0;
 /// So many parameters are kept at most: no autopilot has more.
 const PARAMETERS: usize = 4096;
 
-/// How many answers are kept.
+/// Number of answers that are kept.
 const KEPT: usize = 16;
 
 impl Telemetry {
@@ -164,8 +164,9 @@ impl Telemetry {
         true
     }
 
-    /// Whether a heartbeat was sent after the last one: what comes late or twice must not show an
-    /// older mode. After a while without any, every one counts: the autopilot may have been reset.
+    /// Returns true if a heartbeat was sent after the last one: what comes late or twice must not
+    /// show an older mode. After a while without any, every one counts: the autopilot may have been
+    /// reset.
     fn is_newer(&mut self, now: f64, sequence: u8) -> bool {
         let ahead = sequence.wrapping_sub(self.beat_sequence);
         let newer = (1..128).contains(&ahead) || self.without_heartbeat(now) > REORDERED_S;
@@ -213,7 +214,7 @@ impl Telemetry {
         self.heartbeat.as_ref().is_some_and(|beat| beat.value.base_mode.contains(armed))
     }
 
-    /// Whether its last heartbeat reports that a failsafe acts.
+    /// Returns true if its last heartbeat reports that a failsafe acts.
     pub(super) fn failsafe(&self) -> bool {
         let critical = MavState::MAV_STATE_CRITICAL;
         self.heartbeat.as_ref().is_some_and(|beat| beat.value.system_status == critical)

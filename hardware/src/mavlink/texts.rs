@@ -18,7 +18,7 @@ struct Text {
     chunks: Option<(u16, u8)>,
 }
 
-/// How many texts are kept.
+/// Number of texts that are kept.
 const KEPT: usize = 16;
 
 /// Chunks of one text come within so many seconds.
@@ -56,12 +56,12 @@ impl Texts {
         self.0.iter().rev().map(|text| text.words.trim())
     }
 
-    /// What it complained of since `since`, the newest first.
+    /// Returns its complaints since `since`, the newest first.
     pub(super) fn complaints(&self, since: f64) -> impl Iterator<Item = &str> {
         self.timed_complaints(since).map(|(_, words)| words)
     }
 
-    /// What it complained of last since `since`, with its time.
+    /// Returns its last complaint since `since`, with its time.
     pub(super) fn complained(&self, since: f64) -> Option<(f64, &str)> {
         self.timed_complaints(since).next()
     }
@@ -76,8 +76,8 @@ impl Texts {
         })
     }
 
-    /// Why it refused an order, in the words that it wrote since `since`: the newest ones, but those
-    /// of PX4's checks, which come before "Arming denied", where there are any.
+    /// Returns why it refused an order, in the words that it wrote since `since`: the newest ones,
+    /// but those of PX4's checks, which come before "Arming denied", where there are any.
     pub(super) fn reason(&self, since: f64) -> Option<String> {
         let mut checks: Vec<&str> = Vec::new();
         for words in self.complaints(since).filter(|words| words.starts_with(PX4_CHECK)) {
@@ -93,10 +93,10 @@ impl Texts {
     }
 }
 
-/// How the texts of PX4's checks before arming begin.
+/// Beginning of the texts of PX4's checks before arming.
 const PX4_CHECK: &str = "Preflight Fail";
 
-/// How many reasons are given at once.
+/// Number of reasons that are given at once.
 const REASONS: usize = 3;
 
 /// Returns true if a text reports that something is well again: ArduCopter sends "GCS Failsafe

@@ -49,17 +49,17 @@ pub struct MavlinkVehicle<S, C> {
     pub(super) launch: Option<Vector3<f64>>,
     pub(super) phase: Phase,
     pub(super) ordered: Ordered,
-    /// How high its take-off is to bring it, in metres, until it is up there.
+    /// Height to which its take-off is to bring it, in metres, until it is up there.
     pub(super) climbs_to: Option<f64>,
-    /// Since when a position is waited for that shows whether it has climbed.
+    /// Time since which a position is waited for that shows whether it has climbed.
     pub(super) undecided: Option<f64>,
-    /// How many heartbeats in a row have shown another mode than the one that it has accepted.
+    /// Number of heartbeats in a row that have shown another mode than the accepted one.
     pub(super) ignored: u32,
-    /// Who flies it, and hence what may be sent to it.
+    /// Holder of it, and hence what may be sent to it.
     pub(super) authority: Authority,
-    /// Whether it was ordered to come down and has not been observed to.
+    /// True if it was ordered to come down and has not been observed to.
     pub(super) leaving: bool,
-    /// Whether it lands because it has refused to return.
+    /// True if it lands because it has refused to return.
     pub(super) settles: bool,
     /// How it is outside the limits while it is.
     pub(super) strayed: Option<String>,
@@ -316,7 +316,7 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
         Err(MavlinkError::Position { why: "its place or attitude is no number".into() })
     }
 
-    /// Where it is, unless there are signs that its place or its heading is false.
+    /// Returns its pose, unless there are signs that its place or its heading is false.
     fn trusted_pose(&self, now: f64) -> Result<Pose, MavlinkError> {
         let pose = self.fresh_pose(now)?;
         match self.telemetry.doubt.why(now) {
@@ -382,7 +382,8 @@ impl<S: ByteStream, C: Clock> Vehicle for MavlinkVehicle<S, C> {
     }
 
     /// Lands it where it is, and ends a take-off for good. During a lost link that may be ordered
-    /// as well: it is sent when a heartbeat shows that nobody else has it. Not while a pilot has it.
+    /// as well: it is sent when a heartbeat shows that nobody else has it. Not while a pilot has
+    /// it.
     fn land(&mut self) -> Result<(), MavlinkError> {
         self.come_down(Phase::Landing)
     }

@@ -104,7 +104,7 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         }
     }
 
-    /// What is due while the motor's place is confirmed.
+    /// Does what is due while the motor's place is confirmed.
     pub(super) fn await_confirmation(&mut self, now: f64) -> Result<(), FirmataStepperError> {
         let (patience, ask_s) = (self.config.answer_timeout_s, self.config.ask_s());
         let Phase::Confirming(confirming) = &mut self.phase else { return Ok(()) };
@@ -183,5 +183,5 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     }
 }
 
-/// How often the coils are tried.
+/// Number of trials of the coils.
 const MOST_ALIGNMENTS: u8 = 3;

@@ -216,7 +216,7 @@ impl FirmataConfig {
         (1e6 / self.speed_half_steps_per_s).floor() * 1e-6
     }
 
-    /// What ramps add to a move that reaches its speed, in seconds.
+    /// Time that ramps add to a move that reaches its speed, in seconds.
     fn ramp_s(&self) -> f64 {
         if self.acceleration_half_steps_per_s2 > 0.0 {
             self.speed_half_steps_per_s / self.acceleration_half_steps_per_s2
@@ -230,8 +230,8 @@ impl FirmataConfig {
 const QUICK_STEPS: f64 = 3.0;
 /// Part of a duration that clocks may leave of it.
 const SLACK: f64 = 0.985;
-/// What AccelStepper's ramps are shorter by than exact ones, in seconds times √(steps/s²). Computed
-/// for 100 to 20,000 steps/s²: at most 2.86.
+/// Time by which AccelStepper's ramps are shorter than exact ones, in seconds times √(steps/s²).
+/// Computed for 100 to 20,000 steps/s²: at most 2.86.
 const FIRST_WAITS: f64 = 3.0;
 /// ConfigurableFirmata's acceleration where none is set, in steps/s².
 const AT_ONCE: f64 = 1e6;

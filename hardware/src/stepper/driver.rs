@@ -45,20 +45,20 @@ pub struct FirmataStepper<S: ByteStream, C> {
     pub(super) switch_closed: Option<bool>,
     /// Levels of ports since they were last requested.
     pub(super) levels: Levels,
-    /// Whether the motor has made a step since it was configured, and the coils followed.
+    /// True if the motor has made a step since it was configured, and the coils followed.
     pub(super) aligned: bool,
-    /// Whether the coils stood at `motor` when the motor was last aligned.
+    /// True if the coils stood at `motor` when the motor was last aligned.
     pub(super) is_held: bool,
-    /// Whether the first step goes forwards.
+    /// True if the first step goes forwards.
     pub(super) forwards: bool,
-    /// How often the first step did not show in the coils.
+    /// Number of first steps that did not show in the coils.
     pub(super) misaligned: u8,
     pub(super) coil_failure: Option<CoilFailure>,
-    /// How often the present order was repeated.
+    /// Number of repetitions of the present order.
     pub(super) tries: u8,
-    /// Since when the motor is being set up.
+    /// Time since which the motor is being set up.
     pub(super) arranging_since: Option<f64>,
-    /// Whether the firmware lists pins for steppers.
+    /// True if the firmware lists pins for steppers.
     pub(super) has_steppers: Option<bool>,
     /// Whether the version came without a request, and nothing since.
     booting: bool,
@@ -252,8 +252,8 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
         self.seen(seen, &leg, at, now)
     }
 
-    /// Where the Arduino counts that the motor stands, in steps. Before its first step the rotor is
-    /// not where the coils would pull it.
+    /// Returns the steps at which the Arduino counts that the motor stands. Before its first step
+    /// the rotor is not where the coils would pull it.
     pub(super) fn rests(&self) -> i64 {
         if self.aligned { self.motor } else { self.base }
     }

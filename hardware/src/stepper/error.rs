@@ -30,13 +30,13 @@ pub enum FirmataStepperError {
     NoStepper {
         /// What it calls itself.
         firmware: String,
-        /// What is known of the reason.
+        /// Reason, as far as it is known.
         why: MissingStepper,
     },
     /// The coils do not follow.
     #[error("the pins of the coils {failure}")]
     Coils {
-        /// What they did instead.
+        /// Behaviour of the pins instead.
         failure: CoilFailure,
     },
     /// Nobody knows where the antenna looks.
@@ -116,7 +116,7 @@ pub enum LostPosition {
     Coils,
 }
 
-/// What is known of the reason why no stepper answers.
+/// Known reasons why no stepper answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MissingStepper {
@@ -138,7 +138,7 @@ impl fmt::Display for MissingStepper {
     }
 }
 
-/// What the pins of the coils did instead of following.
+/// Behaviour of the coils' pins instead of following.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum CoilFailure {

@@ -11,7 +11,7 @@ use super::{
 const SEEK_TURNS: f64 = 1.1;
 /// How far it is left, in turns.
 const LEAVE_TURNS: f64 = 0.25;
-/// How long after a step the switch has its level, in seconds.
+/// Time after a step at which the switch has its level, in seconds.
 const LOOK_S: f64 = 0.02;
 
 impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {

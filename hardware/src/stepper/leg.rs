@@ -11,12 +11,12 @@ pub(super) struct Leg {
     pub(super) to: Option<i64>,
     /// How far that is, at most.
     pub(super) steps: u64,
-    /// Where it begins; `None` if the motor turned already.
+    /// Beginning; `None` if the motor turned already.
     from: Option<i64>,
-    /// Where the motor may be.
+    /// Range in which the motor may be.
     lowest: i64,
     highest: i64,
-    /// Where the Arduino's own 0 is.
+    /// Place of the Arduino's own 0.
     zero: i64,
     began: f64,
     /// Seconds below which it cannot have ended.
@@ -26,11 +26,11 @@ pub(super) struct Leg {
     deadline: f64,
     /// Its last reported position.
     last: Option<i64>,
-    /// Whether a report was elsewhere than at the Arduino's 0.
+    /// True if a report was elsewhere than at the Arduino's 0.
     stirred: bool,
-    /// Where the move before it was to end, whose message may still come.
+    /// End of the move before it, whose message may still come.
     overtaken: Option<i64>,
-    /// Whether it was reported that it does not end.
+    /// True if it was reported that it does not end.
     pub(super) is_given_up: bool,
 }
 
@@ -65,9 +65,9 @@ pub(super) enum Due {
 
 /// How long after it should have ended the motor is queried, and how often then, in seconds.
 const QUERY_S: f64 = 0.25;
-/// How often it is queried while it turns, in seconds: 60 half steps at the default speed.
+/// Interval of queries while it turns, in seconds: 60 half steps at the default speed.
 pub(super) const MONITOR_S: f64 = 0.1;
-/// How long a stop may take to be carried out, in seconds.
+/// Time in which a stop is carried out, in seconds.
 const STOP_S: f64 = 0.3;
 
 impl Leg {
@@ -129,18 +129,18 @@ impl Leg {
         Self { is_given_up: true, ..self.stopped(config, now) }
     }
 
-    /// How long ago it began, in seconds.
+    /// Returns its age in seconds.
     pub(super) fn lasted(&self, now: f64) -> f64 {
         now - self.began
     }
 
-    /// Where the motor may be meanwhile.
+    /// Returns the range in which the motor may be meanwhile.
     pub(super) fn range(&self) -> [i64; 2] {
         [self.lowest, self.highest]
     }
 
-    /// Whether the Arduino's 0 is its end and its beginning does not show whether it went there:
-    /// an order that was garbled into a zero would look the same.
+    /// Returns true if the Arduino's 0 is its end, and its beginning does not show that it went
+    /// there: an order that was garbled into a zero would look the same.
     pub(super) fn is_doubtful(&self) -> bool {
         self.to == Some(self.zero)
             && self.from != Some(self.zero)

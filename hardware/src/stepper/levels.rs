@@ -2,8 +2,8 @@
 /// requested.
 pub(super) type Levels = [Option<u8>; 16];
 
-/// Whether the pins of IN1 to IN4 have the levels of a count of half steps; `None` while some are
-/// not reported.
+/// Returns true if the pins of IN1 to IN4 have the levels of a count of half steps; `None` while
+/// some are not reported.
 pub(super) fn agree(pins: [u8; 4], count: i64, levels: &Levels) -> Option<bool> {
     let mut agree = true;
     for (coil, pin) in (0..).zip(pins) {

@@ -17,14 +17,14 @@ pub(super) struct Link<S: ByteStream> {
     unanswered: u32,
     /// Queries since the last answer.
     silent: u32,
-    /// Whether the motor was sent somewhere, and is not known to stand.
+    /// True if the motor was sent somewhere, and is not known to stand.
     may_turn: bool,
 }
 
 /// More than this is not taken in at once, so that a stream that never ends does not hold up
 /// anyone.
 const MOST_READS: usize = 64;
-/// How often the last stop is sent, as no answer is awaited.
+/// Number of times that the last stop is sent, as no answer is awaited.
 const LAST_STOPS: u32 = 3;
 
 impl<S: ByteStream> Link<S> {
@@ -89,12 +89,12 @@ impl<S: ByteStream> Link<S> {
         self.silent = 0;
     }
 
-    /// How many queries of the position were not answered since the last one that was.
+    /// Returns the number of queries of the position since the last one that was answered.
     pub(super) fn silent(&self) -> u32 {
         self.silent
     }
 
-    /// How many queries of the position are open: one may have been garbled into an order.
+    /// Returns the number of open queries of the position: one may have been garbled into an order.
     pub(super) fn unanswered(&self) -> u32 {
         self.unanswered
     }
@@ -113,7 +113,7 @@ impl<S: ByteStream> Link<S> {
         self.may_turn = false;
     }
 
-    /// How many bytes have come.
+    /// Returns the number of bytes that have come.
     pub(super) fn bytes(&self) -> u64 {
         self.bytes
     }

@@ -12,9 +12,9 @@ use super::{
 
 /// The Arduino's own count is kept below this; the real firmware loses the bits above 2²⁸.
 const MOST_COUNTED: u64 = 1 << 27;
-/// How often a move that ended short of its target is ordered again.
+/// Number of times that a move that ended short of its target is ordered again.
 const MOST_TRIES: u8 = 5;
-/// How long a motor that stands is left alone first, in seconds.
+/// Time for which a motor that stands is left alone first, in seconds.
 const WATCH_S: f64 = 1.0;
 
 /// A way to a target: where to first, where to then, and on which side of the gear's play it ends.

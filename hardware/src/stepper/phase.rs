@@ -24,7 +24,7 @@ pub(super) enum Phase {
     Standing {
         /// From when on the antenna does not swing.
         settled: f64,
-        /// When its position is queried next.
+        /// Time at which its position is queried next.
         watch_at: f64,
     },
 }
@@ -36,7 +36,7 @@ pub(super) struct Wait {
     pub(super) since: f64,
     queried_at: Option<f64>,
     every_s: f64,
-    /// How often it was queried.
+    /// Number of queries.
     pub(super) count: u32,
     /// Answers that are not those that must come.
     pub(super) doubts: u32,
@@ -72,21 +72,21 @@ impl Wait {
 /// Reports that are to confirm where the motor stands.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Confirming {
-    /// That place, in steps.
+    /// Place to confirm, in steps.
     pub(super) at: i64,
     pub(super) next: Next,
     pub(super) since: f64,
-    /// When it was last requested.
+    /// Time of the last request.
     pub(super) asked_at: f64,
-    /// Whether the levels of the coils are still to come.
+    /// True if the levels of the coils are still to come.
     pub(super) reads: bool,
-    /// Whether the position is still to come.
+    /// True if the position is still to come.
     pub(super) asks: bool,
     /// Reports that contradicted.
     pub(super) strikes: u8,
 }
 
-/// What a confirmed place is.
+/// Step that follows on a confirmed place.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Next {
     /// The first step.
@@ -112,7 +112,7 @@ pub(super) enum Stage {
     Level {
         wait: Wait,
         seen: Option<bool>,
-        /// How far it may still be looked for, in steps.
+        /// Remaining distance of the search, in steps.
         left: i64,
     },
     /// Turning backwards until it closes.

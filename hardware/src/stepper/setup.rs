@@ -18,9 +18,9 @@ const HALF_STEPS: u8 = 1;
 const CYCLE: i64 = 8;
 /// Queries of the position to a set-up; then it is repeated.
 const QUERIES: u32 = 5;
-/// How often the position is queried while the motor stands, and if that is not answered.
+/// Intervals of queries of the position: while the motor stands, and after one without an answer.
 const WATCH_S: [f64; 2] = [1.0, 0.25];
-/// How long a motor that turns may be silent, in times that an answer takes.
+/// Silence that a motor that turns is granted, in times that an answer takes.
 const MOST_SILENT: f64 = 3.0;
 /// Queries of a motor that stands that may stay unanswered.
 const MOST_UNANSWERED: u32 = 4;

@@ -63,7 +63,8 @@ pub struct Explanation {
     /// The path-loss exponent γ.
     pub exponent: Marginal,
     /// How many vertical dipoles are on the way: 0 where no antenna's gain falls with the
-    /// elevation, 2 where the receiver's and the transmitter's do. None where the antennas are known.
+    /// elevation, 2 where the receiver's and the transmitter's do. None where the antennas are
+    /// known.
     pub dipoles: Option<Marginal>,
     /// σ of shadowing and noise together, in dB.
     pub sigma_db: Marginal,

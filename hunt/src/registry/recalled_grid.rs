@@ -7,14 +7,14 @@ use foxhunt_core::{
 use foxhunt_estimators::AnyModel;
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
-/// Where a target that stays is, by a grid over all observations so far, whatever their model.
+/// Grid over all observations so far, whatever their model, of the place of a target that stays.
 ///
 /// The density at a place is the prior's times the likelihood of every observation, evaluated anew
 /// after each: nothing of it was read from other cells, so that the ridge of a first difference may
 /// be far narrower than the cells of a wide prior. Cells are laid about each maximum, along the
-/// principal axes of what is about it. The estimate is the most probable place, with the mean squared
-/// deviations from it: of a skewed belief, or one in two places, the mean is a poor place. The
-/// prior's area is searched as a whole whenever there are twice as many observations.
+/// principal axes of what is about it. The estimate is the most probable place, with the mean
+/// squared deviations from it: of a skewed belief, or one in two places, the mean is a poor place.
+/// The prior's area is searched as a whole whenever there are twice as many observations.
 #[derive(Clone)]
 pub(super) struct RecalledGrid<const M: usize> {
     model: AnyModel<2, M>,
@@ -22,7 +22,7 @@ pub(super) struct RecalledGrid<const M: usize> {
     found: Found,
 }
 
-/// What is found where, whatever the observations are: compiled once for all of them.
+/// Belief over places, whatever the observations are: compiled once for all of them.
 #[derive(Clone, Debug)]
 struct Found {
     prior: Estimate<2>,
@@ -50,7 +50,8 @@ struct Window {
     half_sides: Matrix2<f64>,
 }
 
-/// The area goes so many standard deviations of the prior each way, a mode's cells so many of its own.
+/// The area goes so many standard deviations of the prior each way, a mode's cells so many of its
+/// own.
 const AREA: f64 = 4.0;
 const REACH: f64 = 5.0;
 /// Cells to a side where the whole area is searched, where a maximum is enclosed, and at the end.
@@ -64,7 +65,7 @@ const NEGLIGIBLE: f64 = 12.5;
 const BEHIND: f64 = 15.0;
 /// The power of the density whose mean is the most probable place.
 const SHARPENED: i32 = 6;
-/// How often a window is laid out anew at most.
+/// Most layouts of a window.
 const LAYOUTS: usize = 60;
 /// A side shrinks to this share, and grows by this factor, from one layout to the next at most.
 const SHRINK: f64 = 0.4;
@@ -264,7 +265,7 @@ impl Found {
 }
 
 impl Window {
-    /// Whether it holds a place.
+    /// Returns true if it holds a place.
     fn holds(&self, place: &Vector2<f64>) -> bool {
         let inverse = self.half_sides.try_inverse();
         inverse.is_some_and(|inverse| (inverse * (place - self.middle)).amax() <= 1.0)

@@ -25,7 +25,7 @@ pub struct Trial {
     pub receiver: ReceiverConfig,
     /// Its bearings; of differences how many there are, and when.
     pub bearings: BearingsConfig,
-    /// What is measured instead of bearings; bearings where absent.
+    /// Measurement instead of bearings; bearings if absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub differences: Option<DifferencesConfig>,
     /// Where the target is.

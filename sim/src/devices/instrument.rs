@@ -21,12 +21,12 @@ use crate::{
 pub struct SimInstrument {
     on_board: OnBoard,
     instrument: Instrument,
-    /// What is still to be received, and from when on.
+    /// Reception that is still to come, and its earliest time.
     waiting: VecDeque<BeaconId>,
     since: f64,
 }
 
-/// What a [`SimInstrument`] measures.
+/// Quantity that a [`SimInstrument`] measures.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Instrument {
     ThreeAxis(ThreeAxisConfig),
@@ -68,7 +68,7 @@ impl SimInstrument {
         Self { on_board, instrument, waiting: VecDeque::new(), since: 0.0 }
     }
 
-    /// When the pulse ends that is waited for; infinite where none is.
+    /// Returns the end of the pulse that is waited for; infinite without one.
     fn due(&self) -> Result<f64, SimError> {
         let Some(beacon) = self.waiting.front() else { return Ok(f64::INFINITY) };
         let due = |truth: &mut Truth, drone: usize| {

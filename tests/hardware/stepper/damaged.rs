@@ -16,14 +16,14 @@ const POSITIONS: i32 = 16;
 const POSITION: f64 = TAU / POSITIONS as f64;
 /// Orders of a flight.
 const ORDERS: usize = 8;
-/// How long the motor may turn on after an error, in seconds: a stop that is damaged is repeated.
+/// Time for which the motor may turn on after an error, in seconds: a damaged stop is repeated.
 const GRACE_S: f64 = 0.5;
-/// How long it is watched after an error, in seconds.
+/// Time for which it is watched after an error, in seconds.
 const WATCHED_S: f64 = 2.0;
 /// The longest that an order may take, in seconds.
 const PATIENCE_S: f64 = 90.0;
 
-/// What a flight showed.
+/// Findings of a flight.
 #[derive(Debug, Default)]
 struct Flown {
     /// Bytes to the device and from it.
@@ -40,7 +40,7 @@ struct Flight {
     rig: Rig,
     random: Xoshiro256PlusPlus,
     flown: Flown,
-    /// When the present error began, and where the rotor stood at the end of its grace.
+    /// Beginning of the present error, and the rotor's place at the end of its grace.
     failed: Option<(f64, Option<i64>)>,
     cable: f64,
 }
@@ -212,7 +212,7 @@ fn damage(seed: u64, passed: [usize; 2]) -> [Vec<Damage>; 2] {
     damage
 }
 
-/// What flights showed together.
+/// Findings of all flights together.
 #[derive(Default)]
 struct Tally {
     flights: u32,
@@ -220,7 +220,7 @@ struct Tally {
     failed: u32,
     worst: f64,
     errors: BTreeMap<String, u32>,
-    /// What is wrong, with its seed and its damage.
+    /// Faults, each with its seed and its damage.
     wrong: Vec<String>,
 }
 

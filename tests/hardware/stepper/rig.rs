@@ -23,7 +23,7 @@ pub(crate) struct Cable {
     pub(crate) swallows: u32,
     /// Bytes that are damaged, of those to the device and of those from it.
     pub(crate) damage: [Vec<Damage>; 2],
-    /// What is replaced once, of what is sent to the device and of what comes from it.
+    /// Bytes that are replaced once, of those sent to the device and of those that come from it.
     pub(crate) swaps: [Vec<[Vec<u8>; 2]>; 2],
     /// Bytes that were sent to the device, and that came from it.
     pub(crate) passed: [usize; 2],

@@ -33,7 +33,7 @@ type Receipt = (u64, Option<SocketAddr>, Vec<u8>);
 
 struct Port {
     stream: Box<dyn ByteStream>,
-    /// What those who share have not taken yet.
+    /// Bytes that the users of the port have not taken yet.
     waiting: BTreeMap<u32, VecDeque<Receipt>>,
     /// Those who hear their own.
     pinned: Vec<u32>,

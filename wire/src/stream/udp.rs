@@ -5,8 +5,8 @@ use std::{
 
 use super::ByteStream;
 
-/// Datagrams to and from one peer: a known one, or the last sender until one is pinned. Opened again
-/// it receives from anybody, and sends to the peer that was pinned until another one is.
+/// Datagrams to and from one peer: a known one, or the last sender until one is pinned. Opened
+/// again it receives from anybody, and sends to the peer that was pinned until another one is.
 ///
 /// To a pinned peer the socket is connected, so that the system itself drops what others send, and
 /// a stranger's flood takes neither time nor room.
@@ -18,7 +18,7 @@ pub struct UdpStream {
     learns: bool,
     /// Whether the socket is connected to the peer.
     pinned: bool,
-    /// Whether the peer was pinned before, and stays the one that is answered.
+    /// True if the peer was pinned before, and stays the one that is answered.
     kept: bool,
     /// The sender of what was received last.
     sender: Option<SocketAddr>,

@@ -52,8 +52,8 @@ use crate::{
 /// that drones keep separation, airspace and batteries, that estimates are finite and their
 /// covariances positive definite, that flight and replay repeat to the bit, that logs are read
 /// wherever they are cut off, and that memory does not grow. With --recordings it draws recordings
-/// as people make them and judges the estimators instead (docs/judging.md). The exit code is 1 where something did
-/// not hold; what is needed to see it again is then in the folder.
+/// as people make them and judges the estimators instead (docs/judging.md). The exit code is 1
+/// where something did not hold; what is needed to see it again is then in the folder.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  foxhunt soak --hours 8\n  \
                         foxhunt soak --runs 1000 --seed 5000\n  \

@@ -97,7 +97,7 @@ impl BentRecording {
         self.text
     }
 
-    /// The same recording with as few lines as still make it fail.
+    /// Cuts the recording down to as few lines as still make it fail.
     pub(super) fn minimal(self, fails: impl Fn(&Self) -> bool) -> Self {
         let Self { seed, text } = self;
         let lines = text.split_inclusive(|byte| *byte == b'\n').collect();

@@ -22,11 +22,11 @@ pub(super) struct Brain {
     pub(super) params: Params,
     /// Where it stood when it was put on the ground.
     pub(super) home: Vector3<f64>,
-    /// What its estimator has at the time of the last step; Up counts from where it was put down.
+    /// Pose by its estimator at the time of the last step; Up counts from where it was put down.
     pub(super) pose: Pose,
     /// Its true place.
     place: Vector3<f64>,
-    /// Whether its estimator found then that its GPS jumps.
+    /// True if its estimator found then that its GPS jumps.
     glitch: bool,
     /// How high it is above the ground below, in metres.
     pub(super) above_ground: f64,
@@ -40,17 +40,17 @@ pub(super) struct Brain {
     pub(super) ground_contact: Option<f64>,
     /// Whether it has none, and has acted on that.
     ground_lost: bool,
-    /// How many of the pilot's orders are done, how many failsafes, and how many restarts.
+    /// Numbers of the pilot's orders, of the failsafes and of the restarts that are done.
     piloted: usize,
     failed: usize,
     restarted: usize,
-    /// Since when it knows where it is.
+    /// Time since which it knows where it is.
     placed_at: f64,
-    /// Whether a failsafe acts, as its heartbeats say.
+    /// True if a failsafe acts, as its heartbeats say.
     pub(super) critical: bool,
-    /// Whether it flies by velocities: it reports no target then.
+    /// True if it flies by velocities: it reports no target then.
     pub(super) by_velocity: bool,
-    /// Whether another station has started its motors.
+    /// True if another station has started its motors.
     by_others: bool,
     /// How many pictures its camera has taken, and the number of the last one ordered.
     pub(super) pictures: u32,
@@ -60,10 +60,10 @@ pub(super) struct Brain {
     pub(super) outbox: Vec<MavMessage>,
 }
 
-/// How long its position takes after a restart, in seconds.
+/// Time that its position takes after a restart, in seconds.
 const RESTART_S: f64 = 30.0;
 
-/// How fast another station sends it, in m/s.
+/// Speed at which another station sends it, in m/s.
 const STATION_MPS: f64 = 3.0;
 
 /// Bytes of a text that one message holds.
@@ -114,12 +114,12 @@ impl Brain {
         self.config.clock_origin_unix_s + self.now
     }
 
-    /// Whether what is sent to it arrives.
+    /// Returns true if a message to it arrives.
     pub(super) fn hears(&self) -> bool {
         self.is_linked() && !self.is_within(&self.config.faults.deaf)
     }
 
-    /// Whether what it sends arrives.
+    /// Returns true if a message of it arrives.
     fn is_heard(&self) -> bool {
         self.is_linked() && !self.is_within(&self.config.faults.unheard)
     }
@@ -177,7 +177,7 @@ impl Brain {
         });
     }
 
-    /// What failsafes, other stations and restarts do.
+    /// Lets failsafes, other stations and restarts act.
     fn suffer(&mut self, dt: f64) {
         while let Some(order) = self.config.faults.failsafes.get(self.failed).cloned() {
             if order.at_s > self.now {
@@ -226,7 +226,7 @@ impl Brain {
         self.change_mode(mode);
     }
 
-    /// What its parameters have it do.
+    /// Takes over what its parameters say of its flight.
     fn set_up_flight(&mut self) {
         let value = |name: &str| self.params.value(name).map(f64::from);
         let autopilot = self.config.autopilot;
@@ -260,7 +260,7 @@ impl Brain {
         }
     }
 
-    /// Whether its own fence lets it go to a place.
+    /// Returns true if its own fence lets it go to a place.
     pub(super) fn is_inside(&self, goal: &Vector3<f64>) -> bool {
         let value = |name: &str| self.params.value(name).map_or(0.0, f64::from);
         if value("FENCE_ENABLE") < 0.5 {

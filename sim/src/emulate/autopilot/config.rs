@@ -51,10 +51,10 @@ pub struct AutopilotConfig {
 }
 
 impl Default for AutopilotConfig {
-    /// An ArduCopter (or a PX4 1.16), system 1, at the place of ArduPilot's own simulator; a position after 3 s,
-    /// good to 0.5 m and 0.8 m; returns at 15 m; 20 minutes of battery; no
-    /// rangefinder, terrain or camera; comes back 5 s after the last heartbeat of a ground station; no
-    /// signing, no faults.
+    /// An ArduCopter (or a PX4 1.16), system 1, at the place of ArduPilot's own simulator; a
+    /// position after 3 s, good to 0.5 m and 0.8 m; returns at 15 m; 20 minutes of battery; no
+    /// rangefinder, terrain or camera; comes back 5 s after the last heartbeat of a ground station;
+    /// no signing, no faults.
     fn default() -> Self {
         Self {
             autopilot: Autopilot::ArduPilot,
@@ -92,13 +92,13 @@ pub struct AutopilotFaults {
     pub late: Vec<Interval>,
     /// When the pilot chooses a mode on his remote control.
     pub pilot: Vec<PilotOrder>,
-    /// When a failsafe of its own chooses a mode.
+    /// Modes that a failsafe of its own chooses, with their times.
     pub failsafes: Vec<FailsafeOrder>,
-    /// When another station sends it northwards at 3 m/s, in the mode of orders.
+    /// Times during which another station sends it northwards at 3 m/s, in the mode of orders.
     pub velocities: Vec<Interval>,
-    /// When another station runs its motors on the ground.
+    /// Times during which another station runs its motors on the ground.
     pub motors: Vec<Interval>,
-    /// When it starts again; in the air it does not.
+    /// Times at which it starts again; in the air it does not.
     pub restarts_s: Vec<f64>,
     /// Height of the zero of a PX4's estimator above its home, in metres: its barometer has drifted
     /// since it was switched on.
@@ -107,16 +107,17 @@ pub struct AutopilotFaults {
     pub reference_drift_mps: f64,
     /// Heights of set-points are flown so much too high, in metres.
     pub misread_up_m: f64,
-    /// When its GPS is aside.
+    /// Times during which its GPS is aside.
     pub gps_steps: Vec<GpsStep>,
-    /// Why its checks before arming fail; they pass where it is empty.
+    /// Reason why its checks before arming fail; they pass where it is empty.
     pub preflight: String,
     /// Parameters that are set up differently, by their names.
     pub parameters: BTreeMap<String, f64>,
 }
 
-/// A time during which the GPS is aside: its estimator calls that a glitch at first, takes the other
-/// place after [`GpsStep::TAKEN_S`], and calls the glitch cleared when it has had it for as long.
+/// A time during which the GPS is aside: its estimator calls that a glitch at first, takes the
+/// other place after [`GpsStep::TAKEN_S`], and calls the glitch cleared when it has had it for as
+/// long.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GpsStep {
@@ -124,7 +125,7 @@ pub struct GpsStep {
     pub from_s: f64,
     /// Until when.
     pub to_s: f64,
-    /// How far aside it is, to the East and to the North in metres.
+    /// Distance aside, to the East and to the North in metres.
     pub aside_m: [f64; 2],
 }
 
@@ -143,13 +144,13 @@ impl GpsStep {
 }
 
 impl AutopilotFaults {
-    /// How far from its true place its estimator has it, in metres.
+    /// Returns the estimator's error of place, estimated minus true, in metres.
     pub(super) fn aside(&self, now: f64) -> Vector3<f64> {
         let taken = self.gps_steps.iter().filter(|step| step.is_taken(now));
         taken.map(|step| Vector3::new(step.aside_m[0], step.aside_m[1], 0.0)).sum()
     }
 
-    /// Whether its estimator finds that its GPS jumps.
+    /// Returns true if its estimator finds that its GPS jumps.
     pub(super) fn is_glitch(&self, now: f64) -> bool {
         self.gps_steps.iter().any(|step| step.is_glitch(now))
     }

@@ -29,7 +29,7 @@ pub struct EmulatedAutopilot<S> {
     codec: Codec,
     connections: u32,
     brain: Brain,
-    /// What is on its way, with when it arrives.
+    /// Bytes on their way, with the time at which they arrive.
     late: Vec<(f64, Vec<u8>)>,
     random: Xoshiro256PlusPlus,
 }
@@ -73,13 +73,13 @@ impl<S: ByteStream> EmulatedAutopilot<S> {
         self.brain.flight.mode
     }
 
-    /// Whether its motors run.
+    /// Returns true if its motors run.
     #[must_use]
     pub fn is_armed(&self) -> bool {
         self.brain.flight.armed
     }
 
-    /// Whether it is in the air.
+    /// Returns true if it is in the air.
     #[must_use]
     pub fn is_airborne(&self) -> bool {
         self.brain.flight.is_airborne()

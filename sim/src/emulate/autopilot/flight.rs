@@ -16,7 +16,7 @@ pub(super) struct Flight {
     pub(super) yaw: Yaw,
     /// Where the mode has it go.
     pub(super) goal: Vector3<f64>,
-    /// Where a mode of its own had it go last.
+    /// Last goal of a mode of its own.
     pub(super) own_goal: Option<Vector3<f64>>,
     /// How high it comes back.
     pub(super) return_up: f64,

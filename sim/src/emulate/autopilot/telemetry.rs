@@ -54,8 +54,8 @@ impl Brain {
         (e7_of_degrees(lat), e7_of_degrees(lon))
     }
 
-    /// Altitude of home in the terms of the altitudes that it reports: PX4's go with the altitude of
-    /// its estimator's zero.
+    /// Altitude of home in the terms of the altitudes that it reports: PX4's go with the altitude
+    /// of its estimator's zero.
     pub(super) fn home_alt(&self) -> f64 {
         self.config.origin.alt_m + self.reference_drift()
     }

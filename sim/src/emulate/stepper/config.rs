@@ -22,7 +22,7 @@ pub struct EmulatedStepperConfig {
     /// Half steps per second above which the rotor stands still while its coils go on; absent, it
     /// follows at any speed. A 28BYJ-48 follows some 1000.
     pub fastest_half_steps_per_s: Option<f64>,
-    /// Whether AccelStepper is in the sketch. It is commented out in the one that comes with
+    /// True if AccelStepper is in the sketch. It is commented out in the one that comes with
     /// ConfigurableFirmata.
     pub accel_stepper: bool,
     /// Number of steppers that the memory holds. Each Configure without a system reset before it

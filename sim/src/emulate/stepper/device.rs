@@ -50,7 +50,7 @@ struct Stepper {
 /// D0 to A5 are in three ports of eight.
 const PORTS: usize = 3;
 const STEPPERS: usize = 10;
-/// How often ports are looked at for levels that changed, in seconds.
+/// Interval at which ports are looked at for levels that changed, in seconds.
 const SAMPLE_S: f64 = 0.019;
 const NAME: &str = "EmulatedFirmata";
 
@@ -377,7 +377,7 @@ fn energise(pins: &mut Pins, levels: impl Iterator<Item = (u8, bool)>, changed: 
     }
 }
 
-/// Whether current flows through IN1 to IN4.
+/// Returns true for each of IN1 to IN4 through which current flows.
 fn coils(pins: &Pins, config: &EmulatedStepperConfig) -> [bool; 4] {
     config.pins.map(|pin| pins.is_driven_high(pin))
 }

@@ -1,7 +1,7 @@
 /// A stepper as the library AccelStepper drives it: a count of steps that follows a target.
 ///
-/// Waits between steps follow D. Austin's recurrence ("Generate stepper-motor speed profiles in real
-/// time", 2005). What the library keeps after a stop is kept here, too: its speed.
+/// Waits between steps follow D. Austin's recurrence ("Generate stepper-motor speed profiles in
+/// real time", 2005). What the library keeps after a stop is kept here, too: its speed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motor {
     pub(super) position: i64,
@@ -21,14 +21,14 @@ pub(super) struct Motor {
     least_us: f64,
     /// Wait that counts, in whole microseconds; 0 where no step is due.
     interval_us: u32,
-    /// When the last step was.
+    /// Time of the last step.
     stepped: f64,
-    /// When it was last ordered.
+    /// Time of the last order.
     ordered: f64,
     running: bool,
 }
 
-/// What a motor did.
+/// Report of what a motor did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Action {
     /// A step, so many seconds after the one before it.

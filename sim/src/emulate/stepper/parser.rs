@@ -24,7 +24,7 @@ pub(super) enum Taken {
     Sysex,
 }
 
-/// What may stand between F0 and F7.
+/// Most bytes between F0 and F7.
 const LONGEST: usize = 64;
 
 impl Default for Parser {

@@ -10,10 +10,10 @@ pub(super) struct Pins {
 struct Pin {
     mode: u8,
     state: u8,
-    /// Whether it drives its level; otherwise `high` is its pull-up.
+    /// True if it drives its level; otherwise `high` is its pull-up.
     drives: bool,
     high: bool,
-    /// Whether its level is reported.
+    /// True if its level is reported.
     reported: bool,
 }
 
@@ -56,7 +56,7 @@ impl Pins {
         }
     }
 
-    /// What the library of the motor does, past Firmata.
+    /// Drives a pin as the library of the motor does, past Firmata.
     pub(super) fn drive(&mut self, pin: u8) {
         if let Some(of) = self.pins.get_mut(usize::from(pin)) {
             of.drives = true;
@@ -82,7 +82,7 @@ impl Pins {
         of.state = high.into();
     }
 
-    /// Whether current flows into what is connected to an output.
+    /// Returns true if current flows into what is connected to an output.
     pub(super) fn is_driven_high(&self, pin: u8) -> bool {
         self.pins.get(usize::from(pin)).is_some_and(|of| of.drives && of.high)
     }
@@ -106,7 +106,7 @@ impl Pins {
     }
 }
 
-/// What a pin can do.
+/// Modes that a pin has.
 pub(super) fn capabilities(pin: u8, has_stepper: bool) -> Vec<PinCapability> {
     let can = |mode: PinMode, resolution| PinCapability { mode: mode.code(), resolution };
     if pin < FIRST_DIGITAL {
