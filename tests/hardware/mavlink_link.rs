@@ -161,7 +161,8 @@ fn a_silent_link_in_flight_is_kept_for_its_drone() {
     };
     let autopilot = AutopilotConfig { faults, ground_failsafe_s: None, ..Default::default() };
     let mut emulated = EmulatedAutopilot::new(autopilot, &world, 0, to()).expect("one");
-    let (mut stranger, mut other) = (to(), Codec::new(1, 1));
+    let mut stranger = to();
+    let mut other = Codec::new(1, 1);
     let mut driver =
         MavlinkVehicle::new(MavlinkConfig::default(), near, world.clock()).expect("a driver");
     let mut ordered = false;

@@ -140,7 +140,8 @@ impl Geometry {
 
     /// The moments of the square that `locate` searches.
     fn prior(&self) -> Estimate<2> {
-        let (mut low, mut high) = (Vector2::repeat(f64::MAX), Vector2::repeat(f64::MIN));
+        let mut low = Vector2::repeat(f64::MAX);
+        let mut high = Vector2::repeat(f64::MIN);
         for receiver in &self.receivers {
             (low, high) = (low.inf(&receiver.xy()), high.sup(&receiver.xy()));
         }
@@ -211,7 +212,8 @@ impl Score {
     /// Asserts errors within 1.2 of the batch's, and the number of ellipses that hold.
     fn assert(&self, kind: Kind, held: std::ops::RangeInclusive<u32>) {
         let name = kind.name;
-        let (own, batch) = (median(&self.errors), median(&self.batch_errors));
+        let own = median(&self.errors);
+        let batch = median(&self.batch_errors);
         assert!(own < 1.2 * batch, "{name}: {own} m, and a batch {batch} m");
         assert!(held.contains(&self.held), "{name}: {} hold", self.held);
     }

@@ -26,7 +26,8 @@ fn turn() -> Turn {
         let boresight = f64::from(position) * std::f64::consts::TAU / 32.0;
         let direct = patch.gain_dbi(0.8 - boresight, 0.0);
         let rss_dbm = (-61.0 + direct + 3.0 * (2.0 * boresight).sin()).round();
-        let (time, receiver) = (f64::from(position), Pose::default());
+        let time = f64::from(position);
+        let receiver = Pose::default();
         Sample { time, receiver, boresight, position, rss_dbm }
     };
     let samples: Vec<Sample> = (0..32).filter(|i| *i != 11).map(sample).collect();
@@ -86,7 +87,8 @@ fn pictures_are_those_that_were_looked_at() {
     let looked_at = fs::read_to_string(LOOKED_AT).unwrap_or_default();
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("pictures");
     fs::create_dir_all(&folder).expect("a folder for what changed");
-    let (mut list, mut changed) = (String::new(), Vec::new());
+    let mut list = String::new();
+    let mut changed = Vec::new();
     for (name, svg) in pictures() {
         let mut crc = Crc::new();
         crc.update(svg.as_bytes());

@@ -486,6 +486,7 @@ fn rivals_of(rivals: &[RivalPlace], whose: &str) -> String {
         ]);
     }
     format!(
-        "\n\nOther places{whose} fit nearly as well:\n{places}\nThe density is that of the posterior, over that at the place above."
+        "\n\nOther places{whose} fit nearly as well:\n{places}\nThe density is that of \
+         the posterior, over that at the place above."
     )
 }

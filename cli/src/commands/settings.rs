@@ -47,7 +47,8 @@ impl Settings {
         let source = source.map_err(refused)?;
         if scenario.turns.is_some() && !source.turns() {
             return Err(CliError::input(format!(
-                "--source {name}: [turns] of {} has a goal for turns, and this source does not turn",
+                "--source {name}: [turns] of {} has a goal for turns, and this source does not \
+                 turn",
                 scenario.name
             )));
         }

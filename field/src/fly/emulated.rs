@@ -218,7 +218,8 @@ impl EmulatedField {
         };
         let hunt = &mut field.flight.hunt;
         hunt.turn_timeout_s = hunt.turn_timeout_s.max(TURN_S);
-        let (known, platform) = (scenario.field(), EnduranceConfig::default());
+        let known = scenario.field();
+        let platform = EnduranceConfig::default();
         hunt.endurance.get_or_insert(EnduranceConfig {
             endurance_s: AutopilotConfig::default().endurance_s,
             speed_mps: known.speed_mps.unwrap_or(platform.speed_mps),

@@ -300,7 +300,8 @@ impl<'a> Field<'a> {
     fn finish(mut self, words: String, over_s: f64) -> Flown {
         let mut ends = Vec::new();
         for drone in 0..self.drawn.drones {
-            let (up_m, judge) = (self.up_m(drone), &self.judges[drone]);
+            let up_m = self.up_m(drone);
+            let judge = &self.judges[drone];
             let name = format!("drone-{}", drone + 1);
             let mode = self.emulated[drone].mode();
             ends.push((mode.to_string(), up_m));

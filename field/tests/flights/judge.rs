@@ -115,7 +115,8 @@ impl Judge {
         if is(|what| if let What::Late(tenths) = what { Some(*tenths) } else { None }) {
             self.late_at = now;
         }
-        let (mode, autopilot) = (emulated.mode(), self.autopilot);
+        let mode = emulated.mode();
+        let autopilot = self.autopilot;
         let flies = emulated.is_airborne() && mode == autopilot.commanded();
         self.by_station |= flies
             && is(|what| if let What::Velocities(tenths) = what { Some(*tenths) } else { None });
@@ -202,7 +203,8 @@ impl Judge {
             if matches!(sent, Sent::Arm | Sent::TakeOff) && down {
                 wrong.push(format!("{now:.1} s: {sent:?} sent, and nobody has cleared it"));
             }
-            let (land, home) = (self.autopilot.land(), self.autopilot.return_to_launch());
+            let land = self.autopilot.land();
+            let home = self.autopilot.return_to_launch();
             match sent {
                 Sent::Mode(mode) => {
                     self.ended |= [land, home].contains(&mode);

@@ -175,9 +175,11 @@ fn scenarios_end_as_expected() {
         let drones = if what.contains("beside") { 2 } else { 1 };
         let flown = fly(&Drawn::of(autopilot, drones, &happenings));
         let (mode, up_m) = &flown.ends[0];
-        let (words, over) = (&flown.words, flown.over_s);
+        let words = &flown.words;
+        let over = flown.over_s;
         println!(
-            "| {autopilot} | {what} | {expected:?} by {over_s} s | {mode}, {up_m:.1} m up; {words}; {over:.0} s |"
+            "| {autopilot} | {what} | {expected:?} by {over_s} s | {mode}, {up_m:.1} m up; \
+             {words}; {over:.0} s |"
         );
         if !expected.holds(&flown) || flown.over_s > over_s {
             wrong.push(format!("{autopilot}, {what}: {expected:?} by {over_s} s: {flown:#?}"));

@@ -75,7 +75,8 @@ impl AirspaceConfig {
     /// [`AirspaceError::Band`] where nothing is left of it.
     pub fn within_band(&self, lowest: f64, highest: f64) -> Result<Self, AirspaceError> {
         let [least, most] = self.altitude_m.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-        let (lowest, highest) = (lowest.max(least), highest.min(most));
+        let lowest = lowest.max(least);
+        let highest = highest.min(most);
         if lowest > highest {
             return Err(AirspaceError::Band { lowest, highest });
         }

@@ -266,12 +266,14 @@ impl Authority {
     }
 
     fn hear_ours(&mut self, before: Option<FlightMode>, seen: &Seen<'_>, why: Option<&str>) {
-        let (mode, autopilot) = (seen.mode, seen.mode.autopilot);
+        let mode = seen.mode;
+        let autopilot = seen.mode.autopilot;
         let rests = !seen.armed && !seen.airborne;
         if !rests && !seen.started && !seen.ended && before.is_some() {
             return self.lose_motors(seen);
         }
-        let (land, home) = (autopilot.land(), autopilot.return_to_launch());
+        let land = autopilot.land();
+        let home = autopilot.return_to_launch();
         let follows = match before {
             _ if self.is_pending(mode) => true,
             None => true,
@@ -313,7 +315,8 @@ impl Authority {
 
     /// Returns true if its mode is the one in which PX4 ends a climb, at the height of that.
     fn has_climbed(&self, before: Option<FlightMode>, seen: &Seen<'_>) -> bool {
-        let (mode, climb) = (seen.mode, seen.mode.autopilot.take_off());
+        let mode = seen.mode;
+        let climb = seen.mode.autopilot.take_off();
         let climbed = before == Some(climb) || self.is_pending(climb);
         mode.autopilot == Autopilot::Px4 && mode == mode.autopilot.hold() && climbed && seen.climbed
     }
@@ -336,7 +339,8 @@ impl Authority {
 
     /// A mode that was not ordered: its pilot's, or its own.
     fn lose(&mut self, seen: &Seen<'_>, text: Option<&str>) {
-        let (mode, autopilot) = (seen.mode, seen.mode.autopilot);
+        let mode = seen.mode;
+        let autopilot = seen.mode.autopilot;
         // PX4 alone says that a failsafe and not its pilot has chosen the mode: ArduCopter's state
         // is critical while its pilot flies on, too.
         // What was somebody else's before that is so still.
@@ -416,7 +420,10 @@ mod tests {
         #[test]
         fn no_order_passes_it(
             px4 in any::<bool>(),
-            steps in prop::collection::vec((0_u8..8, 0_usize..5, any::<bool>(), 0.0_f64..9.0), 1..60),
+            steps in prop::collection::vec(
+                (0_u8..8, 0_usize..5, any::<bool>(), 0.0_f64..9.0),
+                1..60,
+            ),
         ) {
             let autopilot = if px4 { Autopilot::Px4 } else { Autopilot::ArduPilot };
             let modes = [
@@ -426,7 +433,9 @@ mod tests {
                 autopilot.land(),
                 autopilot.return_to_launch(),
             ];
-            let (mut authority, mut now, mut read_at) = (Authority::default(), 0.0, f64::NEG_INFINITY);
+            let mut authority = Authority::default();
+            let mut now = 0.0;
+            let mut read_at = f64::NEG_INFINITY;
             let mut told = Vec::new();
             for (what, mode, armed, passes_s) in steps {
                 now += passes_s;
@@ -435,7 +444,8 @@ mod tests {
                     0..4 => {
                         authority.hear(now, &seen(modes[mode], armed));
                         read_at = now;
-                        let others = [Hands::Pilot, Hands::Station, Hands::Autopilot, Hands::Grounded];
+                        let others =
+                            [Hands::Pilot, Hands::Station, Hands::Autopilot, Hands::Grounded];
                         if others.contains(&before) {
                             prop_assert_ne!(authority.hands(), Hands::Ours);
                         }
@@ -458,7 +468,8 @@ mod tests {
                 }
                 let [mode, goal] = orders();
                 let ours = authority.hands() == Hands::Ours;
-                prop_assert!(!authority.permits(&mode, now, true) || ours && now - read_at <= FRESH_S);
+                let fresh = now - read_at <= FRESH_S;
+                prop_assert!(!authority.permits(&mode, now, true) || ours && fresh);
                 prop_assert!(!authority.permits(&goal, now, true) || ours);
                 prop_assert!(!authority.permits(&goal, now, false));
             }

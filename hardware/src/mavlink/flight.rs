@@ -364,7 +364,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     /// Whether it is in the air, not ours, and in the mode in which it may be taken over.
     pub(super) fn is_offered(&self, now: f64) -> bool {
         let Some(mode) = self.telemetry.mode() else { return false };
-        let (commanded, before) = (mode.autopilot.commanded(), mode.autopilot.before_take_off());
+        let commanded = mode.autopilot.commanded();
+        let before = mode.autopilot.before_take_off();
         let offered = match self.authority.hands() {
             Hands::Nobody => [commanded, before].contains(&mode),
             Hands::GivenBack => true,

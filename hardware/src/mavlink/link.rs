@@ -87,7 +87,8 @@ impl<S: ByteStream> Link<S> {
             let count = self.stream.receive(&mut into)?;
             let Some(bytes) = into.get(..count).filter(|bytes| !bytes.is_empty()) else { break };
             let open = self.stream.is_open();
-            let (known, sender) = (self.stream.peer(), self.stream.sender());
+            let known = self.stream.peer();
+            let sender = self.stream.sender();
             let elsewhere = open && known.is_some() && sender != known;
             if elsewhere && flies && !self.signed && silent_s < GONE_S {
                 continue;

@@ -181,8 +181,8 @@ mod tests {
             fence.check(&goal, Some(&launch)).map_err(|error| error.to_string())
         };
         assert_eq!(check(14.0, 10.0), Ok(()));
-        let why = "the autopilot's own fence: goals are sent up to 10.0 m from its launch place, and \
-                   this one is 12.0 m away";
+        let why = "the autopilot's own fence: goals are sent up to 10.0 m from its launch place, \
+                   and this one is 12.0 m away";
         assert_eq!(check(17.0, 10.0), Err(why.into()));
         assert!(check(14.0, 18.5).is_err_and(|why| why.contains("up to 18.0 m")));
         assert!(check(14.0, 2.5).is_err_and(|why| why.contains("from 3.0 m")));

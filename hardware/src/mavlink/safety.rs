@@ -455,7 +455,8 @@ fn nothing_is_ordered_and_no_heartbeat_sent_while_nothing_is_heard() {
         field.run(10.0);
         let given = changes(&field) - sent;
         assert!(given <= usize::from(before_s < 0.5), "{given} orders after {before_s} s");
-        let (beats, goals) = (field.beats, field.goals);
+        let beats = field.beats;
+        let goals = field.goals;
         let state = field.run(30.0);
         assert_eq!((field.beats, field.goals), (beats, goals), "its failsafe is to act");
         assert!(state.hands == Hands::Unheard && state.hindrance.contains("no heartbeat"));

@@ -34,8 +34,8 @@ const PAIRED_S: f64 = 0.5;
 /// The message that orders a goal; `None` while the height of the launch place is unknown.
 ///
 /// ArduPilot takes heights above its launch place. PX4 converts that frame with a wrong sign, by
-/// `home.alt - target.alt - ref_alt`, from 2021 to 2026: the vehicle flies `2 (reference - home)` too
-/// high. It is sent heights above sea level, in the terms of the altitudes that it reports itself.
+/// `home.alt - target.alt - ref_alt`, from 2021 to 2026: the vehicle flies twice the height of the
+/// reference above home too high. It is sent heights above sea level, in the terms of the altitudes that it reports itself.
 pub(super) fn message(
     frame: &CommonFrame,
     goal: &Goal,

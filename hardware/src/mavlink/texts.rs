@@ -29,7 +29,8 @@ impl Texts {
         let bytes: Vec<u8> = message.text.iter().copied().take_while(|byte| *byte != 0).collect();
         let ends = bytes.len() < message.text.iter().count();
         let words = String::from_utf8_lossy(&bytes);
-        let (id, sequence) = (message.id, message.chunk_seq);
+        let id = message.id;
+        let sequence = message.chunk_seq;
         let follows = (id != 0 && !ends).then_some((id, sequence.saturating_add(1)));
         let begun = self.0.iter_mut().rev().find(|text| {
             let same = text.chunks.is_some_and(|(begun, _)| id != 0 && begun == id);

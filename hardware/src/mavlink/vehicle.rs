@@ -147,9 +147,11 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
             return Ok(());
         }
         self.check_link(now)?;
-        let (airborne, autopilot) = (self.telemetry.airborne(now), self.telemetry.autopilot());
+        let airborne = self.telemetry.airborne(now);
+        let autopilot = self.telemetry.autopilot();
         if airborne && !self.is_offered(now) {
-            let (commanded, before) = (autopilot.commanded(), autopilot.before_take_off());
+            let commanded = autopilot.commanded();
+            let before = autopilot.before_take_off();
             let why = match self.authority.hands() {
                 Hands::Station | Hands::Pilot if self.telemetry.mode() == Some(commanded) => {
                     let why = self.hindrance(now);
@@ -289,7 +291,8 @@ impl<S: ByteStream, C: Clock> MavlinkVehicle<S, C> {
     }
 
     fn check_link(&self, now: f64) -> Result<(), MavlinkError> {
-        let (silent_s, limit_s) = (self.telemetry.silence(now), self.config.link_timeout_s);
+        let silent_s = self.telemetry.silence(now);
+        let limit_s = self.config.link_timeout_s;
         if silent_s > limit_s { Err(MavlinkError::Silent { silent_s, limit_s }) } else { Ok(()) }
     }
 

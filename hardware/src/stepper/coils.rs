@@ -106,7 +106,8 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
 
     /// Does what is due while the motor's place is confirmed.
     pub(super) fn await_confirmation(&mut self, now: f64) -> Result<(), FirmataStepperError> {
-        let (patience, ask_s) = (self.config.answer_timeout_s, self.config.ask_s());
+        let patience = self.config.answer_timeout_s;
+        let ask_s = self.config.ask_s();
         let Phase::Confirming(confirming) = &mut self.phase else { return Ok(()) };
         if now < confirming.asked_at + ask_s {
             return Ok(());

@@ -126,7 +126,8 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     ///
     /// [`FirmataStepperError::Busy`] while it turns; any error of the link.
     pub fn zero(&mut self) -> Result<(), FirmataStepperError> {
-        let (now, home) = (self.clock.now(), self.home());
+        let now = self.clock.now();
+        let home = self.home();
         match self.phase {
             Phase::Standing { .. } | Phase::Greeting(_) | Phase::Arranging(_) => {}
             _ => return Err(FirmataStepperError::Busy),
@@ -226,7 +227,8 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
     /// Takes the motor's reported position.
     fn located(&mut self, count: i32, done: bool, now: f64) -> Result<(), FirmataStepperError> {
         let count = i64::from(count);
-        let (at, rests) = (self.base + count, self.rests());
+        let at = self.base + count;
+        let rests = self.rests();
         let (leg, seen) = match &mut self.phase {
             Phase::Arranging(_) if !done => return self.arranged(count, now),
             Phase::Confirming(_) if !done => return self.confirm_position(at, now),

@@ -120,7 +120,8 @@ impl Leg {
         }
         // A move that falls silent is given up when it would have been.
         let deadline = self.deadline.max(now + config.answer_timeout_s);
-        let (ends_at, query_at) = (now, now + MONITOR_S);
+        let ends_at = now;
+        let query_at = now + MONITOR_S;
         Self { to: None, lowest, highest, ends_at, query_at, deadline, last: None, ..*self }
     }
 

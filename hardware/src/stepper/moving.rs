@@ -37,7 +37,8 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
 
     /// It stands where the motor is, since then.
     pub(super) fn stand(&mut self, since: f64) {
-        let (settled, watch_at) = (since + self.config.settle_s, since + WATCH_S);
+        let settled = since + self.config.settle_s;
+        let watch_at = since + WATCH_S;
         self.phase = Phase::Standing { settled, watch_at };
     }
 

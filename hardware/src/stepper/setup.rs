@@ -97,7 +97,8 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
                 Ok(())
             }
             Phase::Arranging(wait) => {
-                let (due, count) = (wait.is_due(now), wait.count);
+                let due = wait.is_due(now);
+                let count = wait.count;
                 if due { self.arrange(count) } else { Ok(()) }
             }
             Phase::Checking(wait) => {
@@ -114,7 +115,8 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
             | Phase::Homing(
                 Stage::Seeking(leg) | Stage::Stopping(leg, _) | Stage::Leaving(leg, _),
             ) => {
-                let (due, leg) = (leg.due(now), *leg);
+                let due = leg.due(now);
+                let leg = *leg;
                 self.urge(due, &leg, now)
             }
             Phase::Homing(Stage::Level { .. } | Stage::Looking { .. }) => self.look(now),
@@ -283,7 +285,8 @@ impl<S: ByteStream, C: Clock> FirmataStepper<S, C> {
                 Err(FirmataStepperError::NoStepper { firmware, why })
             }
             Phase::Greeting(wait) if now >= wait.since + patience => {
-                let (seconds, bytes) = (now - wait.since, self.link.bytes());
+                let seconds = now - wait.since;
+                let bytes = self.link.bytes();
                 Err(FirmataStepperError::NoAnswer { seconds, bytes })
             }
             Phase::Homing(_) => Ok(()),

@@ -70,7 +70,9 @@ fn orders(approach: Approach, angles: &[f64]) -> Vec<i32> {
     let mut decoder = Decoder::<Request>::default();
     let mut orders = Vec::new();
     // Where it was sent from, where to, and when.
-    let (mut from, mut to, mut sent) = (0_i32, 0_i32, 0.0);
+    let mut from = 0_i32;
+    let mut to = 0_i32;
+    let mut sent = 0.0;
     let mut pending = false;
     for angle in angles {
         driver.turn_to(*angle).expect("the order is accepted");

@@ -57,7 +57,8 @@ pub(crate) fn parts(belief: &dyn Belief) -> Vec<Part> {
     }
     let mut found = Vec::new();
     while let Some((first, sum)) = sums.pop_first() {
-        let (mut part, mut open) = (sum, vec![first]);
+        let mut part = sum;
+        let mut open = vec![first];
         while let Some((column, row)) = open.pop() {
             for at in (-1..=1).flat_map(|x| (-1..=1).map(move |y| (column + x, row + y))) {
                 if let Some(sum) = sums.remove(&at) {

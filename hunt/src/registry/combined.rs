@@ -179,7 +179,8 @@ impl Intake<1> for MixtureIntake {
         reception: &Reception,
     ) -> Result<Option<Observation<1>>, ObservationError> {
         let Some(bearing) = reception.bearing else { return Ok(None) };
-        let (value, noise) = (Vector1::new(bearing.angle), Matrix1::new(self.0 * self.0));
+        let value = Vector1::new(bearing.angle);
+        let noise = Matrix1::new(self.0 * self.0);
         Ok(Some(Observation::new(reception.time, reception.receiver, value, noise)?))
     }
 }

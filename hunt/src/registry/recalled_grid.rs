@@ -99,7 +99,8 @@ impl<const M: usize> RecalledGrid<M> {
     }
 
     fn solve(&mut self) -> Result<(), EstimatorError> {
-        let (data, model) = (self.whitened(), &self.model);
+        let data = self.whitened();
+        let model = &self.model;
         self.found.solve(data.len(), &|columns, logs| {
             let mut residuals: [Vec<f64>; M] = std::array::from_fn(|_| vec![0.0; logs.len()]);
             for (observation, whitener, normaliser) in &data {
@@ -251,7 +252,8 @@ impl Found {
         // A power of the density has its mean near the maximum, wherever that is between cells.
         let sharp = |(at, weight): &(Vector2<f64>, f64)| (*at, weight.powi(SHARPENED));
         let about = cells.iter().filter(|(at, _)| first.holds(at)).map(sharp);
-        let (place, whole) = (moments(about).mean, moments(cells.iter().copied()));
+        let place = moments(about).mean;
+        let whole = moments(cells.iter().copied());
         let away = whole.mean - place;
         let covariance = whole.covariance + away * away.transpose();
         let belief = Estimate { mean: place, covariance };

@@ -335,7 +335,8 @@ impl Drone {
         receiver: &RangeDifferenceConfig,
         now: f64,
     ) -> Option<f64> {
-        let (own, place) = (self.pose().position, beacon.place_at(now));
+        let own = self.pose().position;
+        let place = beacon.place_at(now);
         // What is drawn does not depend on what is received.
         let (noise, _) = self.receiver.field_noise();
         let farther = (place - own).norm() - (place - Vector3::from(receiver.reference_m)).norm();

@@ -72,7 +72,8 @@ impl Flight {
     /// Lets 10 ms pass, and judges.
     fn tick(&mut self) -> Result<Option<f64>, FirmataStepperError> {
         let outcome = self.rig.tick();
-        let (now, truth) = (self.rig.world.clock().now(), self.rig.truth());
+        let now = self.rig.world.clock().now();
+        let truth = self.rig.truth();
         assert!(truth.abs() <= self.cable + POSITION, "the cable is torn: {truth} rad");
         match &outcome {
             Ok(Some(angle)) => {
@@ -146,7 +147,8 @@ impl Flight {
         self.settle();
         for _ in 0..ORDERS {
             let angle = f64::from(self.random.random_range(-POSITIONS..=POSITIONS)) * POSITION;
-            let (aside, waits) = (self.random.random_bool(0.15), self.random.random_bool(0.2));
+            let aside = self.random.random_bool(0.15);
+            let waits = self.random.random_bool(0.2);
             if self.order(angle) && aside {
                 self.pass(0.4);
                 let angle = f64::from(self.random.random_range(-POSITIONS..=POSITIONS)) * POSITION;

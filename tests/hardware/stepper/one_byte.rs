@@ -255,10 +255,12 @@ fn mistakes_with_the_stock_sketch_are_recognised() {
 fn a_clean_set_up_is_as_short_as_it_was() {
     let mut rig = plain();
     rig.wait(1.0).expect("it stands");
-    let (set_up, at) = (rig.cable.borrow().passed, rig.world.clock().now());
+    let set_up = rig.cable.borrow().passed;
+    let at = rig.world.clock().now();
     rig.driver.turn_to(1.0).expect("it is accepted");
     rig.wait(5.0).expect("it comes there");
-    let (first, came) = (rig.cable.borrow().passed, rig.world.clock().now());
+    let first = rig.cable.borrow().passed;
+    let came = rig.world.clock().now();
     println!("stands after {at:.2} s and {set_up:?} bytes, at 1 rad after {came:.2} s, {first:?}");
     // The greeting, its set-up and one report: Configure, speed, ramp, enable and a query were 40
     // bytes.

@@ -102,7 +102,8 @@ fn orders_beyond_the_cable_unwind_it_or_are_refused() {
 fn a_motor_that_turns_clockwise_is_turned_the_other_way() {
     let config = FirmataConfig { clockwise: true, ..FirmataConfig::default() };
     // The coils taken in the other order: the first pin leads to IN4, half step 6.
-    let (pins, phase) = ([11, 10, 9, 8], 6);
+    let pins = [11, 10, 9, 8];
+    let phase = 6;
     let mut rig = Rig::new(config, EmulatedStepperConfig { pins, phase, ..Default::default() });
     for angle in [1.0, 0.5, -0.5, 2.0] {
         let (reported, truth) = rig.turn(angle);

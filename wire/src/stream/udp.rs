@@ -35,7 +35,8 @@ impl UdpStream {
     pub fn listen(address: &str) -> io::Result<Self> {
         let socket = bound(address)?;
         let address = socket.local_addr()?;
-        let (peer, sender) = (None, None);
+        let peer = None;
+        let sender = None;
         Ok(Self { socket, peer, learns: true, pinned: false, kept: false, sender, address })
     }
 
@@ -52,7 +53,8 @@ impl UdpStream {
         let any = if peer.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
         let socket = bound(any)?;
         let address = socket.local_addr()?;
-        let (peer, sender) = (Some(peer), None);
+        let peer = Some(peer);
+        let sender = None;
         Ok(Self { socket, peer, learns: false, pinned: false, kept: false, sender, address })
     }
 

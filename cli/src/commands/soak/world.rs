@@ -466,8 +466,8 @@ fn text(report: &Report) -> String {
         "The estimator that suits each draw; NEES in the median, 2 ln 2 = 1.4 where it is \
          consistent; `in 95 %` counts the regions that hold the truth; `log score` is the mean of \
          -ln of the density at the truth in 1/m²; `silent, wrong` counts answers without a remark \
-         whose NEES is above 30, or where the rows leave the place open; `bound` is the median error \
-         that the law of the draws allows; `lost` names what falls short: `silent`; `coverage` \
+         whose NEES is above 30, or where the rows leave the place open; `bound` is the median \
+         error that the law of the draws allows; `lost` names what falls short: `silent`; `coverage` \
          below 0.9 or above 0.99 beyond chance; `error` above 1.1 times the best simple way's, \
          `bound` above 1.3 times it; `refused`."
             .to_owned(),

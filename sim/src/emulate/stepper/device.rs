@@ -151,7 +151,8 @@ impl<S: ByteStream> EmulatedStepper<S> {
                 match action {
                     None => break,
                     Some(Action::Arrived) => {
-                        let (device, position) = (number(device), counted(position));
+                        let device = number(device);
+                        let position = counted(position);
                         self.emit(&Reply::Done { device, position });
                     }
                     Some(Action::Step { after_s }) => {
@@ -236,7 +237,8 @@ impl<S: ByteStream> EmulatedStepper<S> {
     }
 
     fn obey(&mut self, argv: [u8; 12], length: usize, now: f64) {
-        let (command, device) = (argv[0], usize::from(argv[1]));
+        let command = argv[0];
+        let device = usize::from(argv[1]);
         if device >= STEPPERS {
             return;
         }
@@ -263,7 +265,8 @@ impl<S: ByteStream> EmulatedStepper<S> {
                 if command == STOP {
                     motor.stop();
                 }
-                let (device, position) = (number(device), counted(motor.position));
+                let device = number(device);
+                let position = counted(motor.position);
                 self.emit(&if command == STOP {
                     Reply::Done { device, position }
                 } else {
@@ -275,7 +278,8 @@ impl<S: ByteStream> EmulatedStepper<S> {
     }
 
     fn configure(&mut self, argv: [u8; 12], length: usize, now: f64) {
-        let (device, interface) = (usize::from(argv[1]), argv[2]);
+        let device = usize::from(argv[1]);
+        let interface = argv[2];
         let wanted = usize::from(interface >> 4 & 7).clamp(2, 4);
         let pins = [argv[3], argv[4], argv[5], argv[6]];
         pins.iter().take(wanted).for_each(|pin| self.pins.set_mode(*pin, 0x08));

@@ -23,7 +23,8 @@ impl Gear {
         let [numerator, denominator] = config.half_steps_per_turn.map(f64::from);
         let half_step = TAU * denominator / numerator;
         let play = config.backlash_deg.to_radians() / half_step;
-        let (phase, start) = (config.phase.into(), config.start_deg.to_radians());
+        let phase = config.phase.into();
+        let start = config.start_deg.to_radians();
         Self { rotor: 0, phase, antenna: 0.0, play, half_step, start }
     }
 

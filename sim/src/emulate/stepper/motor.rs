@@ -164,7 +164,8 @@ impl Motor {
     #[expect(clippy::cast_sign_loss, reason = "a wait is positive")]
     #[expect(clippy::cast_precision_loss, reason = "a count of steps")]
     fn plan(&mut self) {
-        let (left, to_stop) = (self.target - self.position, self.steps_to_stop());
+        let left = self.target - self.position;
+        let to_stop = self.steps_to_stop();
         if left == 0 && to_stop <= 1 {
             (self.interval_us, self.speed, self.ramp) = (0, 0.0, 0);
             return;
@@ -206,7 +207,8 @@ mod tests {
 
     /// Steps that it makes by `now`, and where it was farthest back.
     fn run(motor: &mut Motor, now: f64) -> (i64, i64) {
-        let (mut steps, mut least) = (0, motor.position);
+        let mut steps = 0;
+        let mut least = motor.position;
         loop {
             steps += motor.cruise(now).0.abs();
             match motor.act(now) {
