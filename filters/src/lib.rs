@@ -81,6 +81,8 @@ mod moment_grid;
 mod out_of_order;
 #[cfg(feature = "alloc")]
 mod particle;
+#[cfg(feature = "alloc")]
+mod peaks;
 #[cfg(feature = "batch")]
 mod ranges;
 #[cfg(feature = "alloc")]
@@ -126,6 +128,8 @@ pub use moment_grid::MomentGrid;
 pub use out_of_order::OutOfOrder;
 #[cfg(feature = "alloc")]
 pub use particle::{KldSampling, ParticleFilter, RaoBlackwellised, Resampling};
+#[cfg(feature = "alloc")]
+pub use peaks::peaks;
 #[cfg(feature = "batch")]
 pub use ranges::{SlantRange, SlantRangeDifference, multilaterate, spherical_intersection};
 #[cfg(feature = "alloc")]

@@ -6,7 +6,7 @@ use foxhunt_core::{
 };
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-use crate::{Gaussian, count::number};
+use crate::{Gaussian, count::number, peaks};
 
 /// Where a source of unknown strength and orientation lies, whose field at a receiver is linear in
 /// its moment, as a magnetic dipole's is: z = ± G(place) m + noise. The sign of each measurement is
@@ -171,21 +171,7 @@ where
     fn maxima(&self) -> Vec<Window> {
         let area = self.area();
         let cells = self.weigh(&area, SEARCHED);
-        let value = |row: usize, column: usize| cells[row * SEARCHED + column].1;
-        let mut maxima = Vec::new();
-        for row in 0..SEARCHED {
-            for column in 0..SEARCHED {
-                let own = value(row, column);
-                let rows = row.saturating_sub(1)..(row + 2).min(SEARCHED);
-                let columns = column.saturating_sub(1)..(column + 2).min(SEARCHED);
-                let mut near = rows.flat_map(|row| columns.clone().map(move |c| (row, c)));
-                if near.all(|(row, column)| value(row, column) <= own) {
-                    maxima.push((cells[row * SEARCHED + column].0, own));
-                }
-            }
-        }
-        maxima.sort_by(|a, b| b.1.total_cmp(&a.1));
-        maxima.truncate(MAXIMA);
+        let maxima = peaks(&cells, SEARCHED, MAXIMA);
         let half = area.half * (2.0 / number(SEARCHED));
         maxima.into_iter().map(|(middle, _)| Window { middle, half }).collect()
     }

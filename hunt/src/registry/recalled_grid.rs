@@ -5,6 +5,7 @@ use foxhunt_core::{
     absorb_receiver_noise,
 };
 use foxhunt_estimators::AnyModel;
+use foxhunt_filters::peaks;
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 /// Grid over all observations so far, whatever their model, of the place of a target that stays.
@@ -160,21 +161,7 @@ impl Found {
     fn maxima(&self, add: &LogLikelihoods<'_>) -> Vec<Window> {
         let area = self.area();
         let cells = self.weigh(add, &area, SEARCHED);
-        let value = |row: usize, column: usize| cells[row * SEARCHED + column].1;
-        let mut maxima = Vec::new();
-        for row in 0..SEARCHED {
-            for column in 0..SEARCHED {
-                let own = value(row, column);
-                let rows = row.saturating_sub(1)..(row + 2).min(SEARCHED);
-                let columns = column.saturating_sub(1)..(column + 2).min(SEARCHED);
-                let mut near = rows.flat_map(|row| columns.clone().map(move |c| (row, c)));
-                if near.all(|(row, column)| value(row, column) <= own) {
-                    maxima.push((cells[row * SEARCHED + column].0, own));
-                }
-            }
-        }
-        maxima.sort_by(|a, b| b.1.total_cmp(&a.1));
-        maxima.truncate(MAXIMA);
+        let maxima = peaks(&cells, SEARCHED, MAXIMA);
         let half_sides = area.half_sides * (4.0 / count(SEARCHED));
         maxima.into_iter().map(|(middle, _)| Window { middle, half_sides }).collect()
     }
