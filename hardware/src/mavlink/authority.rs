@@ -276,7 +276,8 @@ impl Authority {
         let home = autopilot.return_to_launch();
         let follows = match before {
             _ if self.is_pending(mode) => true,
-            None => true,
+            // What runs at its first heartbeat was started by somebody else.
+            None => rests,
             Some(before) if before == mode => true,
             // PX4 holds when it has landed, too.
             _ if self.has_climbed(before, seen) => true,

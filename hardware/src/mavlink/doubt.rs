@@ -1,3 +1,4 @@
+use foxhunt_core::angle;
 use foxhunt_wire::mavlink::{
     degrees_of_e7,
     dialect::{
@@ -123,12 +124,15 @@ impl Doubt {
             return;
         }
         let east_m = degrees_of_e7(before.lat).to_radians().cos() * DEGREE_M;
-        let metres =
-            |e7: i32, before: i32, scale: f64| (degrees_of_e7(e7) - degrees_of_e7(before)) * scale;
+        // The shorter way: an aircraft may cross 180 degrees of longitude.
+        let metres = |e7: i32, before: i32, scale: f64| {
+            let degrees = degrees_of_e7(e7) - degrees_of_e7(before);
+            angle::wrap(degrees.to_radians()).to_degrees() * scale
+        };
         let way = [
             metres(place.lat, before.lat, DEGREE_M),
             metres(place.lon, before.lon, east_m),
-            -f64::from(place.relative_alt - before.relative_alt) * 1e-3,
+            (f64::from(before.relative_alt) - f64::from(place.relative_alt)) * 1e-3,
         ];
         let [from, to] =
             [&before, place].map(|of| [of.vx, of.vy, of.vz].map(|cm_s| f64::from(cm_s) * 0.01));
@@ -223,6 +227,27 @@ mod tests {
         let words = "its place jumped by 55 m, which no aircraft flies";
         assert_eq!(doubt.why(14.5), Some(words));
         assert_eq!((doubt.why(44.4), doubt.why(44.6)), (Some(words), None));
+    }
+
+    #[test]
+    fn any_numbers_are_compared() {
+        let report = |ms, lon, relative_alt| {
+            let lat = 650_000_000;
+            MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
+                time_boot_ms: ms,
+                lat,
+                lon,
+                relative_alt,
+                ..GLOBAL_POSITION_INT_DATA::default()
+            })
+        };
+        let mut doubt = Doubt::default();
+        doubt.take(0.0, &report(0, 1_799_999_900, 10_000));
+        doubt.take(0.5, &report(500, -1_799_999_900, 10_000));
+        assert_eq!(doubt.why(0.5), None, "a metre across 180 degrees");
+        doubt.take(1.0, &report(1_000, -1_799_999_900, i32::MIN));
+        doubt.take(1.5, &report(1_500, -1_799_999_900, i32::MAX));
+        assert!(doubt.why(1.5).is_some_and(|why| why.contains("4294967")), "{:?}", doubt.why(1.5));
     }
 
     #[test]
