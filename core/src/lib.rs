@@ -55,6 +55,8 @@ mod planner;
 mod pose;
 mod quantity;
 mod reception;
+#[cfg(feature = "alloc")]
+mod remark;
 mod terrain;
 pub mod vectorised;
 mod vehicle;
@@ -86,5 +88,7 @@ pub use planner::{
 pub use pose::{BeaconId, Pose, Waypoint};
 pub use quantity::{Measured, MeasuredError, MeasuredList, Quantity, QuantityName};
 pub use reception::{Level, Reception};
+#[cfg(feature = "alloc")]
+pub use remark::Remark;
 pub use terrain::Terrain;
 pub use vehicle::{Spinner, SteadyMotion, Vehicle};
