@@ -20,6 +20,9 @@ pub struct Reception {
     /// Where nothing was received but the receiver's own noise, its floor with the σ of a level:
     /// the beacon's level lay below it. `level` is absent then.
     pub silence: Option<Level>,
+    /// The receiver's ceiling with the σ of a level, where the receiver was at it: the beacon's
+    /// level lay above. `level` is absent then.
+    pub saturation: Option<Level>,
     /// The direction of arrival, if the sweep had one.
     pub bearing: Option<Bearing>,
     /// The covariance of level and bearing, in dB rad.
@@ -105,6 +108,13 @@ impl Reception {
         }
     }
 
+    /// The level, or the limit that hides it: the floor of a silence, the ceiling of a saturated
+    /// receiver.
+    #[must_use]
+    pub fn any_level(&self) -> Option<Level> {
+        self.level.or(self.silence).or(self.saturation)
+    }
+
     /// Whether it holds a direction: a bearing, or several that compete for one, which may be too
     /// far apart to have a common one.
     #[must_use]
@@ -127,6 +137,8 @@ struct Written {
     rss_sigma_db: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     floor_dbm: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    ceiling_dbm: Option<f64>,
     bearing: Option<Bearing>,
     covariance: f64,
     #[serde(default, skip_serializing_if = "BearingModes::is_empty")]
@@ -150,6 +162,7 @@ impl From<Written> for Reception {
             receiver: written.receiver,
             level: level(written.rss_dbm),
             silence: level(written.floor_dbm),
+            saturation: level(written.ceiling_dbm),
             bearing: written.bearing,
             covariance: written.covariance,
             modes: written.modes,
@@ -167,8 +180,9 @@ impl From<Reception> for Written {
             time: reception.time,
             receiver: reception.receiver,
             rss_dbm: reception.level.map(|level| level.rss_dbm),
-            rss_sigma_db: reception.level.or(reception.silence).map(|level| level.sigma_db),
+            rss_sigma_db: reception.any_level().map(|level| level.sigma_db),
             floor_dbm: reception.silence.map(|floor| floor.rss_dbm),
+            ceiling_dbm: reception.saturation.map(|ceiling| ceiling.rss_dbm),
             bearing: reception.bearing,
             covariance: reception.covariance,
             modes: reception.modes,

@@ -134,8 +134,8 @@ pub use peaks::peaks;
 pub use ranges::{SlantRange, SlantRangeDifference, multilaterate, spherical_intersection};
 #[cfg(feature = "alloc")]
 pub use shadowing_grid::{
-    Intercept, Marginal, PlacePrior, PosteriorMap, ShadowedReading, ShadowingFix, ShadowingGrid,
-    ShadowingGridConfig, ShadowingGridError, Slope,
+    Censoring, Intercept, Marginal, PlacePrior, PosteriorMap, ShadowedReading, ShadowingFix,
+    ShadowingGrid, ShadowingGridConfig, ShadowingGridError, Slope,
 };
 #[cfg(feature = "alloc")]
 pub use smoother::rauch_tung_striebel;

@@ -1,6 +1,7 @@
 //! The archive through its public interface: recordings, receptions, locating, replay.
 
 mod differences;
+mod levels;
 mod locate;
 mod pictures;
 mod recordings {

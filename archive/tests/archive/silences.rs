@@ -2,7 +2,9 @@
 //! call them silences, and fewer than they are.
 
 use foxhunt_core::{Bearing, Level, Pose, Reception};
-use foxhunt_filters::{PlacePrior, ShadowedReading, ShadowingGrid, ShadowingGridConfig, Slope};
+use foxhunt_filters::{
+    Censoring, PlacePrior, ShadowedReading, ShadowingGrid, ShadowingGridConfig, Slope,
+};
 use foxhunt_hunt::{
     locate::{LocateConfig, LocateError, Located, Power},
     registry::Registry,
@@ -135,7 +137,7 @@ fn judge_grid(below: Below, flights: u64) -> Outcome {
             ShadowedReading {
                 receiver: r.receiver,
                 value: level.rss_dbm,
-                is_below: r.level.is_none(),
+                censoring: if r.level.is_none() { Censoring::Below } else { Censoring::None },
             }
         };
         let readings: Vec<_> = receptions(&levels, below).into_iter().map(reading).collect();

@@ -10,8 +10,8 @@ use super::{
     fit::Fit,
 };
 use crate::{
-    batch::BatchError,
-    shadowing_grid::{Segments, ShadowingGridError},
+    batch::{BatchError, at_least},
+    shadowing_grid::{Path, Segments, ShadowingGridError, Summary},
 };
 
 /// A Gaussian process through the levels that were read along a path (Rasmussen & Williams 2006;
@@ -63,8 +63,13 @@ impl FieldMap {
     pub fn fit(readings: &[(Pose, f64)], config: &FieldMapConfig) -> Result<Self, BatchError> {
         config.check()?;
         let most = config.max_segments as usize;
-        let segments = Segments::along(readings, config.segment_m, most, 0.5);
-        let Segments { receivers, values, .. } = segments.map_err(BatchError::from)?;
+        let path = Path::new(readings)?;
+        let Segments { receivers, values, .. } =
+            path.segments(|_| config.segment_m, most, Summary::Quantile(0.5));
+        if path.only_place().is_some() {
+            return Err(BatchError::Flat { rcond: 0.0 });
+        }
+        at_least("segments of path", receivers.len(), 4)?;
         let places: Vec<_> = receivers.iter().map(|r| r.position.xy()).collect();
         let shares =
             |length_m: f64| config.noise_shares.iter().map(move |share| (length_m, *share));

@@ -139,23 +139,35 @@ pub struct ShadowingGridConfig {
     pub cell_m: f64,
     /// The most cells a grid may have; at least 100.
     pub max_cells: u32,
-    /// The length of path, in metres, whose readings are made one; 0 keeps every reading. Longer
-    /// where the path would make more than `max_segments`.
+    /// The way, in metres, whose readings are made one; 0 keeps every reading. Longer where the
+    /// readings fade, and where the path would make more than `max_segments`.
     pub segment_m: f64,
-    /// Which quantile of a segment's readings stands for them, in [0, 1].
+    /// The length of a segment over its distance from the places that are in question, once these
+    /// are known, where readings have noise of their own: those near these places are kept apart,
+    /// those far from them are made one. 0 keeps `segment_m` everywhere.
+    pub segment_share: f64,
+    /// Quantile of a segment's readings that stands for them where they fade, in [0, 1]; else
+    /// their trimmed mean does.
     pub quantile: f64,
-    /// The most segments, at least 4: time grows with their square, memory too.
+    /// The most segments, at least 4: time grows with their number.
     pub max_segments: u32,
+    /// σ of the receiver's own position in metres: the target is known no better.
+    pub receiver_sigma_m: f64,
+    /// Prior of σ of the readings: a number of readings and their σ, which count like readings.
+    pub sigma_prior: (f64, f64),
 }
+
+/// Extent of the receivers from which on lengths are those of the outdoors, in metres.
+const FULL_SCALE_M: f64 = 200.0;
 
 /// For a received level over −10 log₁₀ of the distance and 20 log₁₀ of the elevation's cosine: flat
 /// intercept; slope N(2.3, 0.5²) on 1, 1.25 … 4, between free space's 2 and the 2.7 to 3.5 of towns
 /// (Rappaport 2002, table 4.2); gain N(0.5, 1²) on −1.5, −1 … 2.5, from antennas that look down to
 /// two vertical dipoles; the place near the receivers; correlation lengths 15, 30 … 240 m, from
 /// the 10 m of street canyons (3GPP TR 38.901, table 7.5-6) to the hundreds of suburbs (Gudmundson
-/// 1991) and of an antenna's own lobes; nuggets 0.03, 0.1 and 0.3; margin 200 m, cells of 10 m, at
-/// most 4000; segments of 25 m, at most 150, of which the 0.9 quantile stands: fading takes power
-/// away, and adds next to none.
+/// 1991) and of an antenna's own lobes; nuggets 0.03, 0.1, 0.3 and 1; margin 200 m, cells of 10 m,
+/// at most 2000; segments of 25 m, then of 0.15 of the distance, at most 400; of readings that fade the
+/// 0.9 quantile, as fading takes power away and adds next to none; receivers at known places; σ of 4 dB for one reading.
 impl Default for ShadowingGridConfig {
     fn default() -> Self {
         let proper = "the limits are finite and in order";
@@ -165,18 +177,41 @@ impl Default for ShadowingGridConfig {
             gain: Slope::gaussian(0.5, 1.0, -1.5, 2.5, 0.5).expect(proper),
             place: PlacePrior::NearReceivers,
             correlation_lengths_m: vec![15.0, 30.0, 60.0, 120.0, 240.0],
-            nuggets: vec![0.03, 0.1, 0.3],
+            nuggets: vec![0.03, 0.1, 0.3, 1.0],
             margin_m: 200.0,
             cell_m: 10.0,
-            max_cells: 4000,
+            max_cells: 2000,
             segment_m: 25.0,
+            segment_share: 0.15,
             quantile: 0.9,
-            max_segments: 150,
+            max_segments: 400,
+            receiver_sigma_m: 0.0,
+            sigma_prior: (1.0, 4.0),
         }
     }
 }
 
 impl ShadowingGridConfig {
+    /// The default for receivers spread over an extent in metres: a room has shorter shadows,
+    /// segments and cells than 200 m outdoors, a drive over tens of kilometres has longer shadows,
+    /// too.
+    #[must_use]
+    pub fn over(extent_m: f64) -> Self {
+        let config = Self::default();
+        let scale = (extent_m / FULL_SCALE_M).clamp(1e-3, 1.0);
+        let shortest = config.correlation_lengths_m.first().copied().unwrap_or(1.0) * scale;
+        let longest = config.correlation_lengths_m.last().copied().unwrap_or(1.0) * scale;
+        let growth = libm::pow(longest.max(0.25 * extent_m) / shortest, 0.25);
+        let lengths = (0..5).map(|i| shortest * libm::pow(growth, f64::from(i)));
+        Self {
+            correlation_lengths_m: lengths.collect(),
+            margin_m: config.margin_m * scale,
+            cell_m: config.cell_m * scale,
+            segment_m: config.segment_m * scale,
+            ..config
+        }
+    }
+
     /// Names the first setting that is outside of its range.
     pub(super) fn check(&self) -> Result<(), ShadowingGridError> {
         if let Intercept::Known(value) = self.intercept {
@@ -198,7 +233,11 @@ impl ShadowingGridConfig {
         positive("cell_m", self.cell_m)?;
         require(self.max_cells >= 100, "max_cells", self.max_cells.into(), "at least 100")?;
         not_negative("segment_m", self.segment_m)?;
+        not_negative("segment_share", self.segment_share)?;
         require(self.max_segments >= 4, "max_segments", self.max_segments.into(), "at least 4")?;
+        not_negative("receiver_sigma_m", self.receiver_sigma_m)?;
+        not_negative("the number of readings of the prior of σ", self.sigma_prior.0)?;
+        not_negative("σ of the prior of σ", self.sigma_prior.1)?;
         Ok(())
     }
 }

@@ -21,16 +21,11 @@ pub enum ShadowingGridError {
         /// Which reading, from 0.
         index: usize,
     },
-    /// Too little was flown: a, b, σ and a place need four segments.
-    #[error(
-        "the receivers were at too few places, {segments} at least {segment_m} m apart: levels \
-         from 4 are needed"
-    )]
+    /// Too few places: below three, levels tell nothing of the target's.
+    #[error("levels were received at too few places, {segments}: levels from 3 are needed")]
     TooFew {
-        /// How many segments the readings made.
+        /// The number of segments that the readings made.
         segments: usize,
-        /// The length of a segment in metres.
-        segment_m: f64,
     },
     /// All readings were taken above one place; their values hold nothing about another.
     #[error(

@@ -29,8 +29,9 @@ pub struct ShadowingFix {
     pub border_mass: f64,
     /// How many segments the path's readings were made into.
     pub segments: usize,
-    /// The length of a segment in metres: the one configured, or longer.
-    pub segment_m: f64,
+    /// The factor by which segments were made longer, so that they are not too many: 1 where they
+    /// are as configured.
+    pub stretch: f64,
     /// The posterior over the whole searched area.
     pub map: PosteriorMap,
     /// The posterior on finer cells around the mass, where `map` was too coarse for it;

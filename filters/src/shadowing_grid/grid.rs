@@ -41,7 +41,6 @@ impl Grid {
     }
 
     /// The side of a cell in metres.
-    #[cfg(feature = "batch")]
     pub(crate) fn cell_m(&self) -> f64 {
         self.cell_m
     }
@@ -185,6 +184,44 @@ impl PosteriorMap {
         median
     }
 
+    /// The map of a place that is shifted by an unknown amount, N(0, `sigma_m`²) on each axis.
+    pub(super) fn blurred(&self, sigma_m: f64, max_cells: u32) -> Self {
+        let (low, high) = self.extent_of_mass();
+        let around = Vector2::repeat(4.0 * sigma_m);
+        let cell_m = self.grid.cell_m.max(sigma_m / 3.0);
+        let grid = Grid::over(low - around, high + around, cell_m, max_cells);
+        let kernel = |offset_m: f64| libm::exp(-0.5 * (offset_m / sigma_m) * (offset_m / sigma_m));
+        // The kernel is a product of one along each axis: rows first, then columns.
+        let columns = grid.columns as usize;
+        let rows = grid.rows as usize;
+        let along = |from: f64, to: f64, into_m: f64, i: usize, k: usize| {
+            #[expect(clippy::cast_precision_loss, reason = "cells are numbered by a u32")]
+            let offset = from + into_m * i as f64 - to - self.grid.cell_m * k as f64;
+            kernel(offset)
+        };
+        let mut eastward = alloc::vec![0.0; columns * self.rows()];
+        for (sums, own) in eastward.chunks_mut(columns).zip(self.mass.chunks(self.columns())) {
+            for (k, mass) in own.iter().enumerate().filter(|(_, mass)| **mass > 1e-12) {
+                for (i, sum) in sums.iter_mut().enumerate() {
+                    *sum +=
+                        mass * along(grid.south_west.x, self.grid.south_west.x, grid.cell_m, i, k);
+                }
+            }
+        }
+        let mut mass = alloc::vec![0.0; columns * rows];
+        for (j, sums) in mass.chunks_mut(columns).enumerate() {
+            for (k, own) in eastward.chunks(columns).enumerate() {
+                let weight = along(grid.south_west.y, self.grid.south_west.y, grid.cell_m, j, k);
+                if weight > 1e-12 {
+                    sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += weight * own);
+                }
+            }
+        }
+        let total: f64 = mass.iter().sum();
+        mass.iter_mut().for_each(|mass| *mass /= total);
+        Self::new(grid, mass)
+    }
+
     /// A grid of finer cells over the mass, if the cells are too coarse for it and `max_cells`
     /// leave room to do better.
     pub(super) fn finer(&self, max_cells: u32) -> Option<Grid> {
@@ -260,7 +297,7 @@ impl PosteriorMap {
     }
 
     /// The corners of the rectangle around all cells that matter and their neighbours.
-    fn extent_of_mass(&self) -> (Vector2<f64>, Vector2<f64>) {
+    pub(super) fn extent_of_mass(&self) -> (Vector2<f64>, Vector2<f64>) {
         let least = NEGLIGIBLE * self.mass.iter().copied().fold(0.0, f64::max);
         let (mut low, mut high) = ((u32::MAX, u32::MAX), (0, 0));
         for (i, _) in self.mass.iter().enumerate().filter(|(_, mass)| **mass > least) {

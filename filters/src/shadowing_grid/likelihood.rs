@@ -5,17 +5,27 @@ use nalgebra::Vector2;
 
 use super::{
     Intercept, ShadowingGridConfig, ShadowingGridError,
+    censored::Censored,
     grid::{Grid, PosteriorMap},
     marginal::Mixture,
     path::Segments,
     regression::{Products, Regression},
-    silence::Silences,
-    whitener::{LANES, Row},
+    whitener::{LANES, Neighbours, Row},
 };
 
-/// What is less probable than the best by so much in the logarithm, before the silences that make
-/// nothing more probable, is nothing beside it.
+/// Gap in the log-likelihood below the best, before the censored segments that make nothing more
+/// probable, beyond which an explanation is left out.
 const NEGLIGIBLE: f64 = 40.0;
+
+/// Gap in the log-likelihood below the best at a sample of cells beyond which a correlation is
+/// left out of all cells.
+const IMPROBABLE: f64 = 12.0;
+
+/// Difference of the gain's regressor over the receivers that is none, in its unit.
+const SAME_GAIN: f64 = 1e-6;
+
+/// Number of blocks of cells by which correlations are judged.
+const SAMPLED_BLOCKS: usize = 8;
 
 /// The readings' likelihood of a place, with a and σ integrated out and all else summed over.
 #[derive(Debug)]
@@ -30,11 +40,13 @@ pub(super) struct Likelihood {
     /// The values of slope and gain with their log-weights.
     slopes: Vec<(f64, f64)>,
     gains: Vec<(f64, f64)>,
-    /// n − 1 degrees of freedom, n if the intercept is known.
+    /// n − 1 degrees of freedom, n if the intercept is known, and those of the prior of σ.
     freedom: f64,
+    /// SSR before any reading, by the prior of σ.
+    prior_square: f64,
     /// E σ / √SSR.
     sigma_ratio: f64,
-    silences: Silences,
+    censored: Censored,
 }
 
 /// The posterior on one grid.
@@ -82,8 +94,8 @@ impl Likelihood {
         config: &ShadowingGridConfig,
         segments: Segments,
     ) -> Result<Self, ShadowingGridError> {
-        let silences = Silences::new(config, &segments);
-        let Segments { receivers, mut values, .. } = segments;
+        let censored = Censored::new(config, &segments.censored);
+        let Segments { receivers, mut values, counts, .. } = segments;
         #[expect(clippy::cast_precision_loss, reason = "capped by a u32")]
         let n = values.len() as f64;
         let (intercept_is_flat, offset) = match config.intercept {
@@ -94,13 +106,16 @@ impl Likelihood {
             *value -= offset;
         }
         let of_length = |&length_m: &f64| config.nuggets.iter().map(move |&g| (length_m, g));
-        let regression = |(length_m, nugget)| {
-            Regression::new(&receivers, &values, intercept_is_flat, length_m, nugget)
-                .ok_or(ShadowingGridError::Correlation { length_m })
+        let neighbours = Neighbours::new(&receivers);
+        let path = (receivers.as_slice(), counts.as_slice(), &neighbours);
+        let regression = |correlation: (f64, f64)| {
+            Regression::new(path, &values, intercept_is_flat, correlation)
+                .ok_or(ShadowingGridError::Correlation { length_m: correlation.0 })
         };
         let lengths = config.correlation_lengths_m.iter();
         let regressions = lengths.flat_map(of_length).map(regression).collect::<Result<_, _>>()?;
-        let freedom = if intercept_is_flat { n - 1.0 } else { n };
+        let (prior_readings, prior_sigma) = config.sigma_prior;
+        let freedom = prior_readings + if intercept_is_flat { n - 1.0 } else { n };
         let ratio = libm::lgamma(0.5 * (freedom - 1.0)) - libm::lgamma(0.5 * freedom);
         let sigma_ratio = libm::exp(ratio) * core::f64::consts::FRAC_1_SQRT_2;
         Ok(Self {
@@ -111,8 +126,9 @@ impl Likelihood {
             slopes: config.slope.log_nodes(),
             gains: config.gain.log_nodes(),
             freedom,
+            prior_square: prior_readings * prior_sigma * prior_sigma,
             sigma_ratio,
-            silences,
+            censored,
         })
     }
 
@@ -128,7 +144,9 @@ impl Likelihood {
         regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
         log_prior: &impl Fn(&Vector2<f64>) -> f64,
     ) -> Result<Posterior, ShadowingGridError> {
-        let mut cells = self.conditionals(&grid, regressors);
+        let gains = self.gains_that_matter(&grid, regressors);
+        let probable = self.probable(&grid, gains, regressors);
+        let mut cells = self.conditionals(&grid, 1, &probable, gains, regressors);
         for (index, cell) in cells.iter_mut().enumerate() {
             cell.log_mass += log_prior(&grid.centre(index));
         }
@@ -139,6 +157,7 @@ impl Likelihood {
         let mut mass: Vec<f64> = cells.iter().map(|c| libm::exp(c.log_mass - peak)).collect();
         let total: f64 = mass.iter().sum();
         let mut shares = self.no_shares();
+        let all_gains = self.gains.len() > gains.len();
         let (mut intercept, mut sigma) = <(Mixture, Mixture)>::default();
         for (mass, cell) in mass.iter_mut().zip(&mut cells) {
             *mass /= total;
@@ -147,6 +166,12 @@ impl Likelihood {
                 intercept.add(*mass, cell.intercept.mean(), cell.intercept.variance());
                 sigma.add(*mass, cell.sigma.mean(), cell.sigma.variance());
             }
+        }
+        if all_gains {
+            // Readings without a word on the gain leave its prior.
+            let weights = self.gains.iter().map(|(_, log_weight)| libm::exp(*log_weight));
+            let total: f64 = weights.clone().sum();
+            shares.gains = weights.map(|weight| weight / total).collect();
         }
         Ok(Posterior { map: PosteriorMap::new(grid, mass), intercept, sigma, shares })
     }
@@ -159,25 +184,77 @@ impl Likelihood {
         }
     }
 
-    /// Every cell, given that the target is there.
-    fn conditionals(
+    /// The gains, or one of them where their regressor is the same for all receivers, as at the
+    /// target's own height: the intercept takes it up.
+    fn gains_that_matter(
         &self,
         grid: &Grid,
         regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
+    ) -> &[(f64, f64)] {
+        let stride = grid.len().div_ceil(LANES).max(1);
+        let matters = (0..grid.len()).step_by(stride).any(|index| {
+            let place = grid.centre(index);
+            let mut gains = self.receivers.iter().map(|receiver| regressors(&place, receiver)[1]);
+            let first = gains.next().unwrap_or(0.0);
+            gains.any(|gain| (gain - first).abs() > SAME_GAIN)
+        });
+        if matters || !self.intercept_is_flat {
+            &self.gains
+        } else {
+            self.gains.get(..1).unwrap_or_default()
+        }
+    }
+
+    /// The correlations that matter, by a sample of the cells.
+    fn probable(
+        &self,
+        grid: &Grid,
+        gains: &[(f64, f64)],
+        regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
+    ) -> Vec<bool> {
+        let mut probable = vec![true; self.regressions.len()];
+        let stride = grid.len() / (SAMPLED_BLOCKS * LANES);
+        if stride < 2 || probable.len() < 2 {
+            return probable;
+        }
+        let sample = self.conditionals(grid, stride, &probable, gains, regressors);
+        let mut best = vec![f64::NEG_INFINITY; probable.len()];
+        for cell in &sample {
+            for (best, share) in best.iter_mut().zip(&cell.shares.correlations) {
+                *best = best.max(cell.log_mass + libm::log(*share));
+            }
+        }
+        let peak = best.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        if peak.is_finite() {
+            let matters = best.iter().map(|best| best - peak > -IMPROBABLE);
+            probable = matters.collect();
+        }
+        probable
+    }
+
+    /// One cell in `stride`, given that the target is there, under the probable correlations.
+    fn conditionals(
+        &self,
+        grid: &Grid,
+        stride: usize,
+        probable: &[bool],
+        gains: &[(f64, f64)],
+        regressors: &impl Fn(&Vector2<f64>, &Pose) -> [f64; 2],
     ) -> Vec<Conditional> {
         let mut conditionals = Vec::with_capacity(grid.len());
-        let has_gain = self.gains.iter().any(|&(gain, _)| gain != 0.0);
+        let has_gain = gains.len() > 1 || gains.iter().any(|&(gain, _)| gain != 0.0);
         let mut x: Vec<Row> = vec![[0.0; LANES]; self.receivers.len()];
         let mut g = if has_gain { x.clone() } else { Vec::new() };
         let (mut white_x, mut white_g) = (x.clone(), g.clone());
         let mut log_masses = Vec::new();
         let mut silent: Vec<[[f64; 2]; LANES]> = Vec::new();
         let mut best = f64::NEG_INFINITY;
-        for begin in (0..grid.len()).step_by(LANES) {
+        let sampled = grid.len().div_ceil(stride);
+        for begin in (0..sampled).step_by(LANES) {
             // Past the last cell the lanes repeat it; their results are not read.
-            let lanes = LANES.min(grid.len() - begin);
+            let lanes = LANES.min(sampled - begin);
             let places: [_; LANES] =
-                core::array::from_fn(|k| grid.centre(begin + k.min(lanes - 1)));
+                core::array::from_fn(|k| grid.centre((begin + k.min(lanes - 1)) * stride));
             for (i, receiver) in self.receivers.iter().enumerate() {
                 let both: [_; LANES] = core::array::from_fn(|k| regressors(&places[k], receiver));
                 x[i] = both.map(|[slope, _]| slope);
@@ -186,22 +263,26 @@ impl Likelihood {
                 }
             }
             let origins = [self.without_origin(&mut x), self.without_origin(&mut g)];
-            let blocks: Vec<[Products; LANES]> = (self.regressions.iter())
-                .map(|regression| {
+            let blocks: Vec<[Products; LANES]> = (self.regressions.iter().zip(probable))
+                .map(|(regression, probable)| {
+                    if !probable {
+                        return Default::default();
+                    }
                     white_x.copy_from_slice(&x);
                     white_g.copy_from_slice(&g);
                     regression.products(&mut white_x, &mut white_g)
                 })
                 .collect();
             silent.clear();
-            for receiver in self.silences.receivers() {
+            for receiver in self.censored.receivers() {
                 silent.push(core::array::from_fn(|k| regressors(&places[k], receiver)));
             }
             for k in 0..lanes {
                 let products = blocks.iter().map(|block| &block[k]);
                 let origin = origins.map(|row| row[k]);
                 let silent = silent.iter().map(|both| both[k]);
-                let cell = self.conditional(products, origin, silent, best, &mut log_masses);
+                let products = products.zip(probable.iter().copied());
+                let cell = self.conditional(products, origin, silent, gains, best, &mut log_masses);
                 best = best.max(cell.log_mass);
                 conditionals.push(cell);
             }
@@ -235,30 +316,34 @@ impl Likelihood {
     /// slopes, the gains and the correlations (Handcock & Stein 1993), and what goes with it.
     fn conditional<'a>(
         &self,
-        products: impl Iterator<Item = &'a Products> + Clone,
+        products: impl Iterator<Item = (&'a Products, bool)> + Clone,
         origin: [f64; 2],
         silent: impl Iterator<Item = [f64; 2]> + Clone,
+        gains: &[(f64, f64)],
         best: f64,
         log_masses: &mut Vec<(f64, f64)>,
     ) -> Conditional {
-        let correlations = || self.regressions.iter().zip(products.clone());
+        let all = || self.regressions.iter().zip(products.clone()).enumerate();
+        let probable = || all().filter(|(_, (_, (_, probable)))| *probable);
+        let correlations =
+            || probable().map(|(i, (regression, (products, _)))| (i, regression, products));
         log_masses.clear();
         let mut peak = f64::NEG_INFINITY;
-        for (correlation, (regression, products)) in correlations().enumerate() {
+        for (correlation, regression, products) in correlations() {
             let per_one = if self.intercept_is_flat { 1.0 / regression.ones_square() } else { 0.0 };
             for &(b, b_weight) in &self.slopes {
-                for &(c, c_weight) in &self.gains {
-                    let square = regression.residual_square(products, b, c);
+                for &(c, c_weight) in gains {
+                    let square = self.prior_square + regression.residual_square(products, b, c);
                     let log_mass = regression.log_scale() + b_weight + c_weight
                         - 0.5 * self.freedom * libm::log(square);
                     let mut log_mass = if log_mass.is_nan() { f64::NEG_INFINITY } else { log_mass };
-                    // Silence makes nothing more probable.
-                    if !self.silences.is_empty() && log_mass > best.max(peak) - NEGLIGIBLE {
+                    // A censored segment makes nothing more probable.
+                    if !self.censored.is_empty() && log_mass > best.max(peak) - NEGLIGIBLE {
                         let intercept = self.intercept(regression, products, [b, c], origin);
                         let deviation =
                             libm::sqrt(square / (self.freedom - 2.0).max(1.0) * (1.0 + per_one));
                         let expected = silent.clone().map(|[x, g]| intercept + b * x + c * g);
-                        log_mass += self.silences.log_probability(expected, deviation, correlation);
+                        log_mass += self.censored.log_probability(expected, deviation, correlation);
                     }
                     peak = peak.max(log_mass);
                     log_masses.push((log_mass, square));
@@ -275,11 +360,12 @@ impl Likelihood {
             return given;
         }
         let (mut total, mut log_masses) = (0.0, log_masses.iter());
-        let Shares { slopes, gains, correlations: shares } = &mut given.shares;
-        for ((regression, products), correlation) in correlations().zip(shares) {
+        let Shares { slopes, gains: of_gains, correlations: shares } = &mut given.shares;
+        for (number, regression, products) in correlations() {
+            let Some(correlation) = shares.get_mut(number) else { break };
             let per_one = 1.0 / regression.ones_square();
             for (&(b, _), slope) in self.slopes.iter().zip(&mut *slopes) {
-                for (&(c, _), gain) in self.gains.iter().zip(&mut *gains) {
+                for (&(c, _), gain) in gains.iter().zip(&mut *of_gains) {
                     let Some(&(log_mass, square)) = log_masses.next() else { break };
                     let weight = libm::exp(log_mass - peak);
                     // Less than 10⁻¹⁶ of the whole even if all others were as small.
@@ -291,7 +377,7 @@ impl Likelihood {
                     *slope += weight;
                     *gain += weight;
                     // σ² is inverse gamma, of shape ν/2 and scale SSR/2; a is Student's t about â.
-                    let variance = square / (self.freedom - 2.0);
+                    let variance = square / (self.freedom - 2.0).max(1.0);
                     let mean = self.sigma_ratio * libm::sqrt(square);
                     given.sigma.add(weight, mean, variance - mean * mean);
                     let of_intercept =

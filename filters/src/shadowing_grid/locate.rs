@@ -1,9 +1,12 @@
-use foxhunt_core::Pose;
+use foxhunt_core::{Estimate, Pose};
 use nalgebra::Vector2;
 
 use super::{
     ShadowedReading, ShadowingFix, ShadowingGridConfig, ShadowingGridError, Slope,
-    likelihood::Likelihood, marginal::Mixture, path::Segments, search::Search,
+    likelihood::{Likelihood, Posterior},
+    marginal::Mixture,
+    path::{Path, Segments, Summary},
+    search::{REFINEMENTS, Search},
 };
 
 /// A batch estimator for one still target and many readings of an omnidirectional receiver.
@@ -84,7 +87,7 @@ impl ShadowingGrid {
     ///
     /// # Errors
     ///
-    /// Names the first reading that is not finite; and when fewer than four segments remain,
+    /// Names the first reading that is not finite; and when fewer than three segments remain,
     /// when all of them are above one place, when the correlation has no factor (a nugget of 0
     /// and coinciding places), or when no cell has a finite likelihood.
     pub fn locate<R, F>(
@@ -119,12 +122,18 @@ impl ShadowingGrid {
         L: Fn(&Vector2<f64>) -> f64,
     {
         let config = &self.config;
+        let path = Path::new(readings)?;
         let most = config.max_segments as usize;
-        let segments = Segments::along(readings, config.segment_m, most, config.quantile)?;
-        let segment_m = segments.segment_m;
-        let silent = segments.silences.iter().map(|(receiver, _)| receiver);
-        let (low, high) = bounds(segments.receivers.iter().chain(silent).chain(others));
-        let likelihood = Likelihood::new(config, segments)?;
+        let (summary, segment_m, share) = if path.is_noisy(|_| config.segment_m) {
+            (Summary::TrimmedMean, config.segment_m, config.segment_share)
+        } else {
+            (Summary::Quantile(config.quantile), FADING_STRETCH * config.segment_m, 0.0)
+        };
+        let segments = path.segments(|_| segment_m, most, summary);
+        several_places(&path, &segments)?;
+        let (low, high) = bounds(path.receivers().chain(others));
+        let mut stretch = segments.stretch;
+        let mut likelihood = Likelihood::new(config, segments)?;
 
         let log_prior = config.place.log_density(&low, &high);
         let search = Search {
@@ -137,8 +146,43 @@ impl ShadowingGrid {
         };
         let log_density = |place: &Vector2<f64>| log_prior(place) + log_likelihood(place);
         let posterior = |grid| likelihood.posterior(grid, &regressors, &log_density);
-        let (searched, refined) = search.run(posterior, |posterior| &posterior.map)?;
+        let searched = search.cover(posterior, |posterior| &posterior.map)?;
 
+        // The closer the places in question are known, the shorter are the segments near them.
+        let mut refined: Option<Posterior> = None;
+        let mut cut_for_m = f64::INFINITY;
+        for _ in 0..REFINEMENTS {
+            let last = refined.as_ref().unwrap_or(&searched);
+            let area = last.map.extent_of_mass();
+            let side_m = (area.1 - area.0).min();
+            let cuts = share > 0.0 && side_m < 0.5 * cut_for_m;
+            let finer = last.map.finer(config.max_cells / 2);
+            if !cuts && finer.is_none() {
+                break;
+            }
+            if cuts {
+                cut_for_m = side_m;
+                let Estimate { mean, covariance } = last.map.estimate();
+                let sigmas = covariance.diagonal().map(libm::sqrt);
+                let length_m = |place: &Vector2<f64>| {
+                    let beyond_m =
+                        ((place - mean).abs() - 2.0 * sigmas).sup(&Vector2::zeros()).norm();
+                    let near_m = share * (beyond_m + sigmas.min());
+                    near_m.min(segment_m).max(share * FAR * beyond_m)
+                };
+                let segments = path.segments(length_m, most, summary);
+                stretch = segments.stretch;
+                likelihood = Likelihood::new(config, segments)?;
+            }
+            let posterior = |grid| likelihood.posterior(grid, &regressors, &log_density);
+            refined = Some(match finer {
+                Some(finer) if !cuts => posterior(finer)?,
+                finer => {
+                    let cell_m = finer.map_or(last.map.cell_m(), |finer| finer.cell_m());
+                    search.within(area, cell_m, posterior, |posterior| &posterior.map)?
+                }
+            });
+        }
         let best = refined.as_ref().unwrap_or(&searched);
         let marginal = |nodes: &Slope, shares: &[f64]| {
             let nodes = nodes.log_nodes();
@@ -151,8 +195,14 @@ impl ShadowingGrid {
         };
         let of_length = |(i, &length_m)| (length_m, of_correlations(&|k| k / nuggets == i));
         let of_nugget = |(i, &nugget)| (nugget, of_correlations(&|k| k % nuggets == i));
+        let sigma_m = config.receiver_sigma_m;
+        let refined = if sigma_m > 0.0 {
+            Some(best.map.blurred(sigma_m, config.max_cells))
+        } else {
+            refined.as_ref().map(|posterior| posterior.map.clone())
+        };
         Ok(ShadowingFix {
-            position: best.map.estimate(),
+            position: refined.as_ref().unwrap_or(&searched.map).estimate(),
             intercept: best.intercept.marginal(),
             slope: marginal(&config.slope, &best.shares.slopes),
             gain: marginal(&config.gain, &best.shares.gains),
@@ -163,12 +213,32 @@ impl ShadowingGrid {
             nuggets: config.nuggets.iter().enumerate().map(of_nugget).collect(),
             border_mass: searched.map.border_mass(),
             segments: likelihood.segments(),
-            segment_m,
+            stretch,
             map: searched.map,
-            refined: refined.map(|posterior| posterior.map),
+            refined,
         })
     }
 }
+
+/// Refuses readings of a single place, and of fewer places than levels have unknowns.
+fn several_places(path: &Path, segments: &Segments) -> Result<(), ShadowingGridError> {
+    if let Some(place) = path.only_place() {
+        return Err(ShadowingGridError::OnePlace { east: place.x, north: place.y });
+    }
+    let segments = segments.receivers.len();
+    if segments < LEAST_SEGMENTS { Err(ShadowingGridError::TooFew { segments }) } else { Ok(()) }
+}
+
+/// Length of a segment beyond `segment_m` over the one that its distance alone would allow.
+const FAR: f64 = 0.3;
+
+/// Length of the segments of readings that fade over `segment_m`: a fade spans metres, readings
+/// within one tell what a single one does, and a quantile needs several fades.
+const FADING_STRETCH: f64 = 1.4;
+
+/// Number of places from which levels tell something of the target's: of two, the intercept and
+/// the prior's slope explain any.
+const LEAST_SEGMENTS: usize = 3;
 
 /// The corners of the receivers' bounding box.
 pub(crate) fn bounds<'a>(

@@ -6,6 +6,7 @@
 //! what remains is the posterior of the target's place, an average over all these explanations
 //! by their evidence.
 
+mod censored;
 mod config;
 mod error;
 mod fix;
@@ -16,7 +17,6 @@ mod marginal;
 mod path;
 mod regression;
 mod search;
-mod silence;
 mod whitener;
 
 pub use config::{Intercept, PlacePrior, ShadowingGridConfig, Slope};
@@ -27,9 +27,9 @@ pub use locate::ShadowingGrid;
 #[cfg(feature = "batch")]
 pub(crate) use locate::bounds;
 pub use marginal::Marginal;
-pub use path::ShadowedReading;
+pub use path::{Censoring, ShadowedReading};
 
 #[cfg(feature = "field-map")]
-pub(crate) use path::Segments;
+pub(crate) use path::{Path, Segments, Summary};
 #[cfg(feature = "batch")]
 pub(crate) use {grid::Grid, marginal::Mixture, search::Search};

@@ -1,25 +1,55 @@
 use alloc::vec::Vec;
 
-use foxhunt_core::{Pose, angle::Resultant, nalgebra::Vector3};
+use foxhunt_core::{
+    Pose,
+    angle::Resultant,
+    nalgebra::{Vector2, Vector3},
+};
 
 use super::ShadowingGridError;
+
+/// The side on which a value is censored: a receiver at its floor, or at its ceiling, shows a limit
+/// instead of the level.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Censoring {
+    /// The true value lay below.
+    Below,
+    /// The value is the true one, with its noise.
+    #[default]
+    None,
+    /// The true value lay above.
+    Above,
+}
 
 /// A reading of [`ShadowingGrid`](super::ShadowingGrid).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShadowedReading {
-    /// Where it was taken.
+    /// The receiver's pose.
     pub receiver: Pose,
-    /// What was read.
+    /// The value, or the limit of a censored one.
     pub value: f64,
-    /// Whether nothing is known but that the true value lay below this one, as at the floor of a
-    /// receiver.
-    pub is_below: bool,
+    /// The side on which the true value lay, where the receiver's limit hides it.
+    pub censoring: Censoring,
+}
+
+impl ShadowedReading {
+    /// Returns true if the value is more than a limit.
+    #[must_use]
+    pub fn is_exact(&self) -> bool {
+        self.censoring == Censoring::None
+    }
 }
 
 impl From<(Pose, f64)> for ShadowedReading {
     fn from((receiver, value): (Pose, f64)) -> Self {
-        Self { receiver, value, is_below: false }
+        Self { receiver, value, censoring: Censoring::None }
     }
+}
+
+/// Readings whose numbers are finite, in the order in which they were taken.
+#[derive(Clone, Debug)]
+pub(crate) struct Path {
+    readings: Vec<ShadowedReading>,
 }
 
 /// A path's readings, made one per segment.
@@ -27,30 +57,23 @@ impl From<(Pose, f64)> for ShadowedReading {
 pub(crate) struct Segments {
     /// The mean pose of each segment.
     pub(crate) receivers: Vec<Pose>,
-    /// The value of each segment, a quantile of its readings.
+    /// The value of each segment, a summary of its readings.
     pub(crate) values: Vec<f64>,
-    /// The segments whose quantile is but a limit, below which it lay.
-    pub(crate) silences: Vec<(Pose, f64)>,
-    /// The length of a segment in metres, after it was made long enough for the cap.
-    pub(crate) segment_m: f64,
+    /// The number of independent readings behind each value.
+    pub(crate) counts: Vec<f64>,
+    /// The segments whose quantile is censored.
+    pub(crate) censored: Vec<ShadowedReading>,
+    /// The factor by which segments were made longer for the cap: 1 where none was needed.
+    pub(crate) stretch: f64,
 }
 
-impl Segments {
-    /// Cuts the path at every `segment_m` metres flown, counted from its start.
-    ///
-    /// A jump, or a slow receiver, moves on by as many segments as it flew; one that hovers
-    /// stays in its own. A segment's value is a quantile: one bad reading does not move its median.
-    pub(crate) fn along<R>(
-        readings: &[R],
-        segment_m: f64,
-        max_segments: usize,
-        quantile: f64,
-    ) -> Result<Self, ShadowingGridError>
+impl Path {
+    /// Takes readings whose values and places are finite.
+    pub(crate) fn new<R>(readings: &[R]) -> Result<Self, ShadowingGridError>
     where
         R: Copy + Into<ShadowedReading>,
     {
         let readings: Vec<ShadowedReading> = readings.iter().map(|r| (*r).into()).collect();
-        let readings = readings.as_slice();
         for (index, ShadowedReading { receiver, value, .. }) in readings.iter().enumerate() {
             if !value.is_finite() {
                 return Err(ShadowingGridError::Value { index, value: *value });
@@ -59,80 +82,194 @@ impl Segments {
                 return Err(ShadowingGridError::Receiver { index });
             }
         }
-        let flown_m = distances_flown(readings);
-        if let [first, _, _, _, ..] = readings
-            && readings.iter().all(|r| r.receiver.position.xy() == first.receiver.position.xy())
-        {
-            let (east, north) = (first.receiver.position.x, first.receiver.position.y);
-            return Err(ShadowingGridError::OnePlace { east, north });
-        }
-        let mut segment_m = segment_m;
-        let mut groups = cut(&flown_m, segment_m);
-        if groups.len() > max_segments {
-            #[expect(clippy::cast_precision_loss, reason = "a length need not be exact")]
-            let fewest = flown_m.last().unwrap_or(&0.0) / max_segments as f64;
-            segment_m = segment_m.max(fewest);
-            groups = cut(&flown_m, segment_m);
-            // Where the cuts fall decides the last few.
-            while groups.len() > max_segments && segment_m > 0.0 {
-                segment_m *= 1.02;
-                groups = cut(&flown_m, segment_m);
+        Ok(Self { readings })
+    }
+
+    /// The East and North that all readings share; `None` where there are several places.
+    pub(crate) fn only_place(&self) -> Option<Vector2<f64>> {
+        let mut places = self.receivers().map(|receiver| receiver.position.xy());
+        let first = places.next()?;
+        places.all(|place| place == first).then_some(first)
+    }
+
+    /// The receivers' poses.
+    pub(crate) fn receivers(&self) -> impl Iterator<Item = &Pose> {
+        self.readings.iter().map(|reading| &reading.receiver)
+    }
+
+    /// Returns the segments: each ends where the receiver has moved by `length_m` of its first
+    /// place or more from there.
+    ///
+    /// A receiver that hovers, and the jitter of its position, stay in one segment; a place that
+    /// is visited again begins another. Where there would be more than `max_segments`, all are
+    /// stretched by one factor.
+    pub(crate) fn segments(
+        &self,
+        length_m: impl Fn(&Vector2<f64>) -> f64,
+        max_segments: usize,
+        summary: Summary,
+    ) -> Segments {
+        let mut stretch = 1.0;
+        let mut groups = self.cut(|place| length_m(place));
+        let is_zero = self.receivers().all(|receiver| length_m(&receiver.position.xy()) <= 0.0);
+        if groups.len() > max_segments && is_zero {
+            // Lengths of 0 do not grow by any factor: the extent of the path replaces them.
+            let whole_m = self.extent_m();
+            let mut share = 1e-4;
+            while groups.len() > max_segments && share < 2.0 {
+                groups = self.cut(|_| share * whole_m);
+                share *= 1.25;
             }
         }
-        let (receivers, values, silences) = <(Vec<_>, Vec<_>, Vec<_>)>::default();
-        let mut thinned = Self { receivers, values, silences, segment_m };
+        while groups.len() > max_segments && stretch < 1e9 {
+            stretch *= 1.25;
+            groups = self.cut(|place| stretch * length_m(place));
+        }
+        let mut segments = Segments {
+            receivers: Vec::with_capacity(groups.len()),
+            values: Vec::with_capacity(groups.len()),
+            counts: Vec::with_capacity(groups.len()),
+            censored: Vec::new(),
+            stretch,
+        };
+        let mut sorted = Vec::new();
         for group in groups {
-            let readings = readings.get(group).unwrap_or_default();
-            let (value, is_below) = quantile_of(readings, quantile);
-            if is_below {
-                thinned.silences.push((mean_pose(readings), value));
+            let readings = self.readings.get(group).unwrap_or_default();
+            let (value, censoring) = summary.of(readings, &mut sorted);
+            let receiver = mean_pose(readings);
+            if censoring == Censoring::None {
+                segments.receivers.push(receiver);
+                segments.values.push(value);
+                segments.counts.push(summary.independent(readings));
             } else {
-                thinned.receivers.push(mean_pose(readings));
-                thinned.values.push(value);
+                segments.censored.push(ShadowedReading { receiver, value, censoring });
             }
         }
-        let segments = thinned.receivers.len();
-        if segments < 4 {
-            return Err(ShadowingGridError::TooFew { segments, segment_m });
+        segments
+    }
+
+    /// Returns true if the readings scatter about the middles of their segments as noise of their
+    /// own does: symmetric and with few wild ones. Fading takes power away and adds next to none,
+    /// and an antenna's lobes make readings wild by turns.
+    pub(crate) fn is_noisy(&self, length_m: impl Fn(&Vector2<f64>) -> f64) -> bool {
+        let mut deviations = Vec::new();
+        let mut sorted = Vec::new();
+        for group in self.cut(length_m) {
+            let readings = self.readings.get(group).unwrap_or_default();
+            if readings.len() >= LEAST_READINGS && readings.iter().all(ShadowedReading::is_exact) {
+                let (middle, _) = Summary::Quantile(0.5).of(readings, &mut sorted);
+                deviations.extend(readings.iter().map(|reading| reading.value - middle));
+            }
         }
-        Ok(thinned)
+        let mut sizes: Vec<f64> = deviations.iter().map(|deviation| deviation.abs()).collect();
+        sizes.sort_unstable_by(f64::total_cmp);
+        // Segments of too few readings are hardly summarised, and tell nothing.
+        let Some(median) = sizes.get(sizes.len() / 2) else { return true };
+        let most = WILD * median;
+        let all = deviations.len();
+        deviations.retain(|deviation| deviation.abs() <= most);
+        #[expect(clippy::cast_precision_loss, reason = "fewer readings than 2⁵³")]
+        let [all, count] = [all, deviations.len()].map(|count| count as f64);
+        let mean = deviations.iter().sum::<f64>() / count;
+        let [square, cube] = deviations.iter().fold([0.0, 0.0], |[square, cube], deviation| {
+            let d = deviation - mean;
+            [square + d * d, cube + d * d * d]
+        });
+        let sigma = libm::sqrt(square / count);
+        let skewness = cube / count / (sigma * sigma * sigma);
+        1.0 - count / all < MOST_WILD && skewness > MOST_SKEWED
+    }
+
+    /// The ranges of readings of each segment.
+    fn cut(&self, length_m: impl Fn(&Vector2<f64>) -> f64) -> Vec<core::ops::Range<usize>> {
+        let mut groups = Vec::new();
+        let Some(first) = self.readings.first() else { return groups };
+        let mut begin = 0;
+        let mut from = first.receiver.position;
+        let mut length = length_m(&from.xy());
+        for (i, reading) in self.readings.iter().enumerate().skip(1) {
+            let here = reading.receiver.position;
+            if (here - from).norm() >= length {
+                groups.push(begin..i);
+                begin = i;
+                from = here;
+                length = length_m(&from.xy());
+            }
+        }
+        groups.push(begin..self.readings.len());
+        groups
+    }
+
+    /// The diagonal of the box that holds all receivers, in metres.
+    fn extent_m(&self) -> f64 {
+        let nowhere = Vector3::repeat(f64::INFINITY);
+        let corners = self.readings.iter().map(|reading| reading.receiver.position);
+        let (low, high) = corners
+            .fold((nowhere, -nowhere), |(low, high), place| (low.inf(&place), high.sup(&place)));
+        (high - low).norm()
     }
 }
 
-/// The distance flown until each reading.
-fn distances_flown(readings: &[ShadowedReading]) -> Vec<f64> {
-    let (mut flown_m, mut last) = (0.0, readings.first().map(|r| r.receiver.position));
-    let mut distances = Vec::with_capacity(readings.len());
-    for reading in readings {
-        let here = reading.receiver.position;
-        flown_m += last.map_or(0.0, |last| (here - last).norm());
-        distances.push(flown_m);
-        last = Some(here);
-    }
-    distances
+/// Number of readings of a segment whose scatter is looked at, at least.
+const LEAST_READINGS: usize = 4;
+
+/// Size of a wild reading's deviation over the median size: 2.7 standard deviations.
+const WILD: f64 = 4.0;
+
+/// Share of wild readings at which noise ends: of normal noise they are 0.7 %, of flights over real
+/// transmitters 7 to 18 %.
+const MOST_WILD: f64 = 0.03;
+
+/// Skewness at which noise ends: the level of a Rayleigh channel has −1.1, before its wild ones
+/// are left out.
+const MOST_SKEWED: f64 = -0.3;
+
+/// Number that stands for the readings of a segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Summary {
+    /// A quantile, of readings that fade together: one value, however many they are.
+    Quantile(f64),
+    /// The mean without the least and the greatest tenth, of readings with noise of their own.
+    TrimmedMean,
 }
 
-/// The readings of each segment.
-fn cut(flown_m: &[f64], segment_m: f64) -> Vec<core::ops::Range<usize>> {
-    let (mut groups, mut begin, mut number) = (Vec::new(), 0, 0.0);
-    for (i, &flown_m) in flown_m.iter().enumerate() {
-        let here = libm::floor(flown_m / segment_m);
-        // With a length of 0 every quotient is ∞ or NaN, and every reading its own segment.
-        if i > 0 && (here > number || !here.is_finite()) {
-            groups.push(begin..i);
-            begin = i;
+impl Summary {
+    /// The value of a segment, and its censoring; `sorted` is scratch space.
+    fn of(
+        self,
+        readings: &[ShadowedReading],
+        sorted: &mut Vec<(Censoring, f64)>,
+    ) -> (f64, Censoring) {
+        match self {
+            Self::Quantile(quantile) => quantile_of(readings, quantile, sorted),
+            Self::TrimmedMean => {
+                let median = quantile_of(readings, 0.5, sorted);
+                let trimmed = sorted.len() / 10;
+                let middle = sorted.get(trimmed..sorted.len() - trimmed).unwrap_or_default();
+                if middle.iter().any(|(censoring, _)| *censoring != Censoring::None) {
+                    return median;
+                }
+                #[expect(clippy::cast_precision_loss, reason = "fewer readings than 2⁵³")]
+                let count = middle.len() as f64;
+                (middle.iter().map(|(_, value)| value).sum::<f64>() / count, Censoring::None)
+            }
         }
-        number = here;
     }
-    if !flown_m.is_empty() {
-        groups.push(begin..flown_m.len());
+
+    /// The number of independent readings behind a value.
+    fn independent(self, readings: &[ShadowedReading]) -> f64 {
+        #[expect(clippy::cast_precision_loss, reason = "fewer readings than 2⁵³")]
+        let count = readings.len() as f64;
+        if self == Self::TrimmedMean { count } else { 1.0 }
     }
-    groups
 }
 
 /// The mean place, and the mean direction of the nose; that of the first where they cancel.
 fn mean_pose(readings: &[ShadowedReading]) -> Pose {
-    #[expect(clippy::cast_precision_loss, reason = "readings do not come by the quadrillion")]
+    if let [only] = readings {
+        return only.receiver;
+    }
+    #[expect(clippy::cast_precision_loss, reason = "fewer readings than 2⁵³")]
     let count = readings.len() as f64;
     let sum: Vector3<f64> = readings.iter().map(|r| r.receiver.position).sum();
     let headings: Resultant = readings.iter().map(|r| r.receiver.heading).collect();
@@ -140,13 +277,19 @@ fn mean_pose(readings: &[ShadowedReading]) -> Pose {
     Pose::level(sum / count, headings.direction(1e-9).unwrap_or(first))
 }
 
-/// A quantile of the values, between two of them by a straight line (Hyndman & Fan 1996, type 7).
+/// A quantile of the values, between two of them by a straight line (Hyndman & Fan 1996, type 7),
+/// and its censoring.
 ///
-/// What lay below a limit is below all else. Whether the quantile itself is but a limit.
-fn quantile_of(readings: &[ShadowedReading], quantile: f64) -> (f64, bool) {
-    let mut values: Vec<_> = readings.iter().map(|r| (r.value, r.is_below)).collect();
-    values.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.total_cmp(&b.0)));
-    #[expect(clippy::cast_precision_loss, reason = "readings do not come by the quadrillion")]
+/// A value below a limit counts as the least of all, one above a limit as the greatest.
+fn quantile_of(
+    readings: &[ShadowedReading],
+    quantile: f64,
+    values: &mut Vec<(Censoring, f64)>,
+) -> (f64, Censoring) {
+    values.clear();
+    values.extend(readings.iter().map(|r| (r.censoring, r.value)));
+    values.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    #[expect(clippy::cast_precision_loss, reason = "fewer readings than 2⁵³")]
     let at = quantile * values.len().saturating_sub(1) as f64;
     #[expect(
         clippy::cast_possible_truncation,
@@ -154,18 +297,27 @@ fn quantile_of(readings: &[ShadowedReading], quantile: f64) -> (f64, bool) {
         reason = "within the values, as the quantile is in [0, 1]"
     )]
     let below = at as usize;
-    let low = values.get(below).copied().unwrap_or((f64::NAN, false));
-    let high = values.get(below + 1).filter(|_| !low.1).map_or(low.0, |high| high.0);
-    (low.0 + (at - libm::floor(at)) * (high - low.0), low.1)
+    let (censoring, low) = values.get(below).copied().unwrap_or((Censoring::None, f64::NAN));
+    let next = values.get(below + 1).filter(|next| next.0 == censoring);
+    let high = next.filter(|_| censoring == Censoring::None).map_or(low, |next| next.1);
+    (low + (at - libm::floor(at)) * (high - low), censoring)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const MEDIAN: Summary = Summary::Quantile(0.5);
+
     /// Readings along East at the given places, each with its own value.
-    fn path(points: &[(f64, f64)]) -> Vec<ShadowedReading> {
-        points.iter().map(|&(east, value)| (Pose::at(east, 3.0, 20.0), value).into()).collect()
+    fn path(points: &[(f64, f64)]) -> Path {
+        let readings: Vec<_> =
+            points.iter().map(|&(east, value)| (Pose::at(east, 3.0, 20.0), value)).collect();
+        Path::new(&readings).expect("finite")
+    }
+
+    fn reading(value: f64, censoring: Censoring) -> ShadowedReading {
+        ShadowedReading { receiver: Pose::default(), value, censoring }
     }
 
     #[test]
@@ -176,41 +328,86 @@ mod tests {
             (8.0, 60.0), // an outlier: the median of the first segment stays at 2
             (12.0, 5.0),
             (14.0, 6.0), // two readings: the mean of both
-            (20.0, 7.0), // on the cut: the next segment
-            (55.0, 8.0), // a jump over two segments
-            (53.0, 9.0), // flying back counts as flown: still 57 of 60 m
+            (22.0, 7.0), // ten metres from the first of the segment before: the next one
+            (55.0, 8.0), // a jump
+            (53.0, 9.0), // back again, two metres from the jump
         ]);
-        let segments = Segments::along(&readings, 10.0, 300, 0.5).expect("proper");
+        let segments = readings.segments(|_| 10.0, 300, MEDIAN);
         let east: Vec<f64> = segments.receivers.iter().map(|r| r.position.x).collect();
-        let expected = [4.0, 13.0, 20.0, 54.0];
-        assert_eq!(east.len(), expected.len());
-        assert!(east.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{east:?}");
-        let expected = [2.0, 5.5, 7.0, 8.5];
-        assert!(segments.values.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert_eq!(east, [4.0, 13.0, 22.0, 54.0]);
+        assert_eq!(segments.values, [2.0, 5.5, 7.0, 8.5]);
         assert!(segments.receivers.iter().all(|r| (r.position.z - 20.0).abs() < 1e-12));
     }
 
     #[test]
+    fn a_receiver_that_hovers_stays_in_its_segment() {
+        // Jitter of 3 m flies 1,200 m, and comes nowhere.
+        let jitter: Vec<_> = (0..400_u16).map(|i| (f64::from(i % 2) * 3.0, 1.0)).collect();
+        assert_eq!(path(&jitter).segments(|_| 10.0, 300, MEDIAN).values.len(), 1);
+    }
+
+    #[test]
+    fn segments_are_as_long_as_their_place_has_them() {
+        let readings: Vec<_> = (0..200_u16).map(|i| (f64::from(i), 0.0)).collect();
+        let segments = path(&readings).segments(|place| 1.0 + 0.2 * place.x, 300, MEDIAN);
+        let ends: Vec<f64> = segments.receivers.iter().map(|r| r.position.x).collect();
+        assert!(ends.windows(2).all(|w| w[1] - w[0] > 0.15 * w[0]), "{ends:?}");
+    }
+
+    #[test]
     fn a_high_quantile_passes_over_fades() {
-        let readings =
-            path(&[(0.0, -60.0), (1.0, -50.0), (2.0, -90.0), (3.0, -52.0), (4.0, -85.0)]);
-        let quantile = |q| quantile_of(&readings, q).0;
+        let values = [-60.0, -50.0, -90.0, -52.0, -85.0];
+        let readings = values.map(|value| reading(value, Censoring::None));
+        let quantile = |q| Summary::Quantile(q).of(&readings, &mut Vec::new()).0;
         assert!((quantile(0.9) - -50.8).abs() < 1e-12 && (quantile(1.0) - -50.0).abs() < 1e-12);
         assert!((quantile(0.5) - -60.0).abs() < 1e-12 && (quantile(0.0) - -90.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_trimmed_mean_leaves_out_a_tenth_on_either_side() {
+        let mut readings: Vec<_> =
+            (1..=10_u8).map(|i| reading(f64::from(i), Censoring::None)).collect();
+        readings[9].value = 1e6;
+        let of = |readings: &[_]| Summary::TrimmedMean.of(readings, &mut Vec::new());
+        assert_eq!(of(&readings), (5.5, Censoring::None));
+        assert_eq!(of(&readings[..2]), (1.5, Censoring::None));
+        // One of three at the ceiling: the median is known, the mean is not.
+        readings[2].censoring = Censoring::Above;
+        assert_eq!(of(&readings[..3]), (2.0, Censoring::None));
+        readings[1].censoring = Censoring::Above;
+        assert_eq!(of(&readings[..3]), (2.0, Censoring::Above));
+    }
+
+    #[test]
+    fn fades_are_told_from_noise() {
+        let is_noisy = |value: &dyn Fn(f64) -> f64| {
+            let uniform = |i: u32| (f64::from((i * 37) % 401) + 0.5) / 401.0;
+            let readings: Vec<_> = (0..400).map(|i| (f64::from(i), value(uniform(i)))).collect();
+            path(&readings).is_noisy(|_| 25.0)
+        };
+        // The logistic distribution is close to the normal one.
+        let noise = |u: f64| 2.0 * libm::log(u / (1.0 - u));
+        assert!(is_noisy(&noise));
+        // The level of Rayleigh's envelope.
+        assert!(!is_noisy(&|u| 10.0 * libm::log10(-libm::log(u))));
+        // One outlier in a hundred is no fading, and wild readings on both sides are no noise.
+        assert!(is_noisy(&|u| if u < 0.01 { -200.0 } else { 8.0 * (u - 0.5) }));
+        assert!(!is_noisy(&|u| libm::tan(3.1 * (u - 0.5))));
+        assert!(path(&[(0.0, 1.0), (30.0, 2.0)]).is_noisy(|_| 25.0));
     }
 
     #[test]
     fn climbing_is_flying() {
         let climb = |up| (Pose::at(if up > 40 { 1.0 } else { 0.0 }, 0.0, f64::from(up)), 0.0);
         let readings: Vec<_> = (0..50).map(climb).collect();
-        let segments = Segments::along(&readings, 10.0, 300, 0.5).expect("proper");
-        assert_eq!(segments.values.len(), 5);
+        let path = Path::new(&readings).expect("finite");
+        assert_eq!(path.segments(|_| 10.0, 300, MEDIAN).values.len(), 5);
     }
 
     #[test]
     fn a_length_of_zero_keeps_every_reading() {
         let readings = path(&[(0.0, 1.0), (0.0, 2.0), (1.0, 3.0), (1.0, 4.0), (1.0, 5.0)]);
-        let segments = Segments::along(&readings, 0.0, 300, 0.5).expect("proper");
+        let segments = readings.segments(|_| 0.0, 300, MEDIAN);
         assert_eq!(segments.values, [1.0, 2.0, 3.0, 4.0, 5.0]);
     }
 
@@ -218,9 +415,8 @@ mod tests {
     fn the_cap_makes_segments_longer() {
         let readings: Vec<_> = (0..1000).map(|i| (f64::from(i), f64::from(i))).collect();
         for wanted in [0.0, 1.0, 3.0] {
-            let segments = Segments::along(&path(&readings), wanted, 40, 0.5).expect("proper");
-            assert!((36..=40).contains(&segments.values.len()), "{}", segments.values.len());
-            assert!(segments.segment_m > 24.9 && segments.segment_m < 28.0);
+            let segments = path(&readings).segments(|_| wanted, 40, MEDIAN);
+            assert!((30..=40).contains(&segments.values.len()), "{}", segments.values.len());
         }
     }
 

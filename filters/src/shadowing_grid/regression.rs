@@ -2,7 +2,7 @@ use alloc::{vec, vec::Vec};
 
 use foxhunt_core::Pose;
 
-use super::whitener::{LANES, Row, Whitener};
+use super::whitener::{LANES, Neighbours, Row, Whitener};
 
 /// The readings, whitened under one correlation length and nugget, and cleared of their mean where
 /// the intercept is unknown.
@@ -40,13 +40,12 @@ pub(super) struct Products {
 impl Regression {
     /// Factors and whitens; `None` where the correlation is not positive definite.
     pub(super) fn new(
-        receivers: &[Pose],
+        (receivers, counts, neighbours): (&[Pose], &[f64], &Neighbours),
         values: &[f64],
         intercept_is_flat: bool,
-        length_m: f64,
-        nugget: f64,
+        (length_m, nugget): (f64, f64),
     ) -> Option<Self> {
-        let whitener = Whitener::new(receivers, length_m, nugget)?;
+        let whitener = Whitener::new(receivers, counts, neighbours, length_m, nugget)?;
         let mut rows = vec![[0.0; LANES]; values.len()];
         for (row, value) in rows.iter_mut().zip(values) {
             row[0] = *value;

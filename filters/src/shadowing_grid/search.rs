@@ -36,6 +36,39 @@ impl Search {
         Ok((searched, refined))
     }
 
+    /// The posterior over a part of the area, which is widened while there is mass on its border,
+    /// up to the border of the whole area under an even prior.
+    pub(crate) fn within<P, E>(
+        &self,
+        (low, high): (Vector2<f64>, Vector2<f64>),
+        cell_m: f64,
+        mut posterior: impl FnMut(Grid) -> Result<P, E>,
+        map: impl Fn(&P) -> &PosteriorMap,
+    ) -> Result<P, E> {
+        let middle = 0.5 * (low + high);
+        let mut half = 0.5 * (high - low);
+        let margin = Vector2::repeat(self.margin_m);
+        let clamped = |low: Vector2<f64>, high: Vector2<f64>| match self.place {
+            PlacePrior::Even => (low.sup(&(self.low - margin)), high.inf(&(self.high + margin))),
+            PlacePrior::NearReceivers => (low, high),
+        };
+        let mut last = None;
+        let mut cells = self.max_cells / 2;
+        for _ in 0..WIDENINGS {
+            let (low, high) = clamped(middle - half, middle + half);
+            let found = posterior(Grid::over(low, high, cell_m, cells))?;
+            let done = map(&found).border_mass() < LITTLE_ON_BORDER || last == Some((low, high));
+            if done {
+                return Ok(found);
+            }
+            last = Some((low, high));
+            half *= 2.0;
+            cells = self.max_cells;
+        }
+        let (low, high) = clamped(middle - half, middle + half);
+        posterior(Grid::over(low, high, cell_m, cells))
+    }
+
     /// The posterior over the whole area that has to be searched, as [`run`](Self::run) begins.
     pub(crate) fn cover<P, E>(
         &self,
@@ -71,7 +104,7 @@ impl Search {
 }
 
 /// Each refinement makes cells up to four times smaller: six reach 4096.
-const REFINEMENTS: u8 = 6;
+pub(super) const REFINEMENTS: u8 = 6;
 
 /// Each widening doubles the margin: six reach 64 times.
 const WIDENINGS: u8 = 6;

@@ -1,5 +1,5 @@
 use foxhunt_core::{Estimate, Reception};
-use foxhunt_filters::{BatchError, ShadowedReading};
+use foxhunt_filters::{BatchError, Censoring, ShadowedReading};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::{
@@ -40,9 +40,9 @@ impl Fit<'_> {
     fn cost(&self, at: &Vector3<f64>) -> f64 {
         let exponent = self.exponent.unwrap_or(at.z);
         let levels = self.levels.iter().zip(self.attenuations(at.xy()));
-        // Without P₀; of a silence that of its floor.
-        let residuals: Vec<(f64, bool)> =
-            levels.map(|(r, x)| (r.value - exponent * x, r.is_below)).collect();
+        // Without P₀; of a censored level the residual of its limit.
+        let residuals: Vec<(f64, Censoring)> =
+            levels.map(|(r, x)| (r.value - exponent * x, r.censoring)).collect();
         let middle = self.reference_dbm.unwrap_or_else(|| best_reference(&residuals));
         let possible = self.exponent.is_some() || EXPONENTS.contains(&at.z);
         let beyond = if possible { 0.0 } else { f64::INFINITY };
@@ -78,25 +78,30 @@ impl Fit<'_> {
     }
 }
 
-/// The mean absolute residual about a middle; a silence has none where less than its floor is
-/// expected.
-fn mean_absolute(residuals: &[(f64, bool)], middle: f64) -> f64 {
-    let absolute = |&(residual, is_below): &(f64, bool)| {
+/// The mean absolute residual about a middle; a censored level has none where it is expected on
+/// its side of the limit.
+fn mean_absolute(residuals: &[(f64, Censoring)], middle: f64) -> f64 {
+    let absolute = |&(residual, censoring): &(f64, Censoring)| {
         let off: f64 = residual - middle;
-        if is_below { (-off).max(0.0) } else { off.abs() }
+        match censoring {
+            Censoring::Below => (-off).max(0.0),
+            Censoring::None => off.abs(),
+            Censoring::Above => off.max(0.0),
+        }
     };
     mean(residuals.iter().map(absolute))
 }
 
-/// The middle with the least mean absolute residual: where as many levels lie above as lie below
-/// together with the silences whose floors do.
-fn best_reference(residuals: &[(f64, bool)]) -> f64 {
+/// The middle with the least mean absolute residual: where as many levels lie above as lie below,
+/// each limit counted on the side on which it costs.
+fn best_reference(residuals: &[(f64, Censoring)]) -> f64 {
     let mut sorted = residuals.to_vec();
     sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    // The slope below all of them; a level's residual turns by 2, a silence's by 1.
-    let mut slope: i64 = -sorted.iter().map(|(_, is_below)| i64::from(!is_below)).sum::<i64>();
-    for (residual, is_below) in &sorted {
-        slope += if *is_below { 1 } else { 2 };
+    // The slope below all of them; an exact residual turns it by 2, a censored one by 1.
+    let falls = sorted.iter().map(|(_, censoring)| i64::from(*censoring != Censoring::Below));
+    let mut slope = -falls.sum::<i64>();
+    for (residual, censoring) in &sorted {
+        slope += if *censoring == Censoring::None { 2 } else { 1 };
         if slope >= 0 {
             return *residual;
         }
@@ -116,7 +121,7 @@ impl Locator for LeastAbsolute {
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         let levels = levels_and_silences(receptions)?;
-        let have = levels.iter().filter(|reading| !reading.is_below).count();
+        let have = levels.iter().filter(|reading| reading.is_exact()).count();
         if have < 5 {
             return Err(BatchError::TooFew { what: "levels", have, need: 5 }.into());
         }
@@ -140,8 +145,9 @@ impl Locator for LeastAbsolute {
             .min_by(|a, b| a.1.total_cmp(&b.1))
             .filter(|(_, cost)| cost.is_finite())
             .ok_or(BatchError::Flat { rcond: 0.0 })?;
-        // Silences, which have no residual as a rule, hold nothing about how well levels fit.
-        let received: Vec<_> = levels.iter().filter(|reading| !reading.is_below).copied().collect();
+        // Censored levels, which have no residual as a rule, say nothing of the fit.
+        let received: Vec<_> =
+            levels.iter().filter(|reading| reading.is_exact()).copied().collect();
         let fit = Fit { levels: &received, ..fit };
         let cost = fit.cost(&best);
         // Σ g gᵀ of the residuals' gradients, without their mean, which is P₀'s.

@@ -3,7 +3,7 @@ use foxhunt_core::Pose;
 use foxhunt_core::{Belief, Ellipse, Estimate, Reception};
 #[cfg(feature = "batch")]
 use foxhunt_core::{ByQuantity, Intake, Observation, Quantity, State};
-use foxhunt_filters::{Marginal, ShadowedReading};
+use foxhunt_filters::{Censoring, Marginal, ShadowedReading};
 use nalgebra::Vector2;
 use serde::Serialize;
 
@@ -279,17 +279,22 @@ pub(super) fn pairs(receptions: &[Reception]) -> Result<Vec<Observation<2>>, Loc
     Ok(observations)
 }
 
-/// The levels along the path, and the floors of silences among them; at least one level.
+/// The levels along the path, with the floors of silences and the ceilings of saturated receivers
+/// among them; at least one level.
 pub(super) fn levels_and_silences(
     receptions: &[Reception],
 ) -> Result<Vec<ShadowedReading>, LocateError> {
     let reading = |r: &Reception| {
-        let level = r.level.or(r.silence)?;
-        let is_below = r.level.is_none();
-        Some(ShadowedReading { receiver: r.receiver, value: level.rss_dbm, is_below })
+        let level = r.any_level()?;
+        let censoring = match (r.level, r.silence) {
+            (Some(_), _) => Censoring::None,
+            (None, Some(_)) => Censoring::Below,
+            (None, None) => Censoring::Above,
+        };
+        Some(ShadowedReading { receiver: r.receiver, value: level.rss_dbm, censoring })
     };
     let readings: Vec<_> = receptions.iter().filter_map(reading).collect();
-    let has_levels = readings.iter().any(|reading| !reading.is_below);
+    let has_levels = readings.iter().any(ShadowedReading::is_exact);
     if has_levels { Ok(readings) } else { Err(LocateError::NoLevels) }
 }
 

@@ -40,5 +40,5 @@ pub use moving::{Tracked, TrackingConfig, left_out, track, track_watched};
 #[cfg(feature = "batch")]
 pub(crate) use ranges::{Multilateration, RangeDifferences};
 pub use region::Region;
-pub(crate) use shadowing_grid::CorrelatedShadowing;
+pub(crate) use shadowing_grid::{CorrelatedShadowing, extent_m};
 pub(crate) use strongest::{Strongest, WeightedCentroid};

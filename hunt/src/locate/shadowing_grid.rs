@@ -22,6 +22,23 @@ pub(crate) struct CorrelatedShadowing;
 /// reflections: 20 dB below the maximum.
 const NULL: f64 = 0.1;
 
+/// The diagonal of the box about all receivers, in metres.
+pub(crate) fn extent_m(receptions: &[Reception]) -> f64 {
+    let nowhere = Vector2::repeat(f64::INFINITY);
+    let places = receptions.iter().map(|reception| reception.receiver.position.xy());
+    let (low, high) =
+        places.fold((nowhere, -nowhere), |(low, high), place| (low.inf(&place), high.sup(&place)));
+    (high - low).norm()
+}
+
+/// σ of the receivers' own positions on each horizontal axis in metres, the root of the mean
+/// variance; 0 where they are known.
+fn receiver_sigma_m(receptions: &[Reception]) -> f64 {
+    let variance = |r: &Reception| r.receiver_sigma_m.map_or(0.0, |s| 0.5 * s.xy().norm_squared());
+    let count = u32::try_from(receptions.len()).unwrap_or(u32::MAX).max(1);
+    (receptions.iter().map(variance).sum::<f64>() / f64::from(count)).sqrt()
+}
+
 impl Locator for CorrelatedShadowing {
     fn locate(
         &self,
@@ -29,28 +46,31 @@ impl Locator for CorrelatedShadowing {
         config: &LocateConfig,
     ) -> Result<Located, LocateError> {
         let readings = levels_and_silences(receptions)?;
-        let defaults = ShadowingGridConfig::default();
+        let defaults = ShadowingGridConfig::over(extent_m(receptions));
+        let receiver_sigma_m = receiver_sigma_m(receptions);
         let (intercept, slope) = match config.power {
-            Power::Free => (Intercept::Flat, defaults.slope),
+            Power::Free => (Intercept::Flat, defaults.slope.clone()),
             Power::FreeReference { exponent } => (Intercept::Flat, Slope::Known(exponent)),
             Power::Known { reference_dbm, exponent } => {
                 (Intercept::Known(reference_dbm), Slope::Known(exponent))
             }
         };
-        let gain = if config.pattern.is_some() { Slope::Known(1.0) } else { defaults.gain };
+        let gain = if config.pattern.is_some() { Slope::Known(1.0) } else { defaults.gain.clone() };
         let grid = ShadowingGrid::new(ShadowingGridConfig {
             intercept,
             slope,
             gain,
             place: PlacePrior::NearReceivers,
-            margin_m: config.margin_m,
-            ..ShadowingGridConfig::default()
+            margin_m: config.margin_m.min(defaults.margin_m),
+            receiver_sigma_m,
+            ..defaults
         })?;
         let unit = LogDistance::new(0.0, 1.0)?;
         let up = config.target_up_m;
         let regressors = |cell: &Vector2<f64>, receiver: &Pose| {
             let way = cell.push(up) - receiver.position;
-            let range = way.norm();
+            // The mean of ln d² over the receiver's own error has no pole at the receiver.
+            let range = way.norm().hypot(receiver_sigma_m);
             let gain = match &config.pattern {
                 Some(pattern) => {
                     let sight = receiver.to_body(&way);

@@ -1,5 +1,5 @@
 use foxhunt_core::{Estimate, Reception};
-use foxhunt_filters::ShadowedReading;
+use foxhunt_filters::{Censoring, ShadowedReading};
 use nalgebra::{Matrix2, Vector2};
 
 use super::{LocateConfig, LocateError, Located, Locator, located::levels_and_silences};
@@ -14,9 +14,10 @@ impl Locator for Strongest {
     fn locate(&self, receptions: &[Reception], _: &LocateConfig) -> Result<Located, LocateError> {
         let mut levels = levels_and_silences(receptions)?;
         let place = |at: &ShadowedReading| at.receiver.position.xy();
-        levels.sort_by(|a, b| a.is_below.cmp(&b.is_below).then(b.value.total_cmp(&a.value)));
+        levels.sort_by(|a, b| b.censoring.cmp(&a.censoring).then(b.value.total_cmp(&a.value)));
         let strongest = place(levels.first().ok_or(LocateError::NoLevels)?);
-        let received = levels.iter().filter(|reading| !reading.is_below).count();
+        let is_silence = |reading: &&ShadowedReading| reading.censoring == Censoring::Below;
+        let received = levels.len() - levels.iter().filter(is_silence).count();
         let tenth = levels.get(..received.min(levels.len().div_ceil(10))).unwrap_or_default();
         let spread = |sum: Matrix2<f64>, at: &ShadowedReading| {
             let apart: Vector2<f64> = place(at) - strongest;
@@ -40,8 +41,10 @@ pub(crate) struct WeightedCentroid;
 
 impl Locator for WeightedCentroid {
     fn locate(&self, receptions: &[Reception], _: &LocateConfig) -> Result<Located, LocateError> {
-        let levels: Vec<ShadowedReading> =
-            levels_and_silences(receptions)?.into_iter().filter(|r| !r.is_below).collect();
+        let levels: Vec<ShadowedReading> = levels_and_silences(receptions)?
+            .into_iter()
+            .filter(|r| r.censoring != Censoring::Below)
+            .collect();
         let most = levels.iter().map(|r| r.value).fold(f64::NEG_INFINITY, f64::max);
         let weighed = |r: &ShadowedReading| {
             (10.0_f64.powf((r.value - most) / 20.0), r.receiver.position.xy())

@@ -7,7 +7,8 @@ use crate::{
     config::{EstimatorConfig, PulseModel, ReceiverModel},
     hunt::{Components, Search, TrackStep},
     locate::{
-        Area, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Power, reference_power,
+        Area, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Power, extent_m,
+        reference_power,
     },
 };
 
@@ -88,9 +89,10 @@ impl Registry {
     }
 }
 
-/// Whether there are levels of the four segments of a path that `shadowing-grid` needs.
+/// Whether there are levels of the three segments of a path that `shadowing-grid` needs.
 fn have_levels_of_places(receptions: &[Reception]) -> bool {
-    let apart_m = ShadowingGridConfig::default().segment_m;
+    let extent_m = extent_m(receptions);
+    let apart_m = ShadowingGridConfig::over(extent_m).segment_m;
     let mut last: Option<Pose> = None;
     let apart = receptions.iter().filter(|reception| {
         let place = reception.receiver.position.xy();
@@ -101,7 +103,7 @@ fn have_levels_of_places(receptions: &[Reception]) -> bool {
         }
         counts
     });
-    apart.take(4).count() == 4
+    apart.take(3).count() == 3
 }
 
 /// One reception after the other, in the order of time.

@@ -173,7 +173,7 @@ fn the_caps_hold_and_are_reported() {
         ShadowingGridConfig { max_cells: 500, segment_m: 10.0, max_segments: 15, ..simple() };
     let fix = locate(&flight(6, &TRUTH), config);
     assert!(fix.map.mass().len() <= 500 && fix.map.cell_m() > 10.0);
-    assert!(fix.segments <= 15 && fix.segments > 10 && fix.segment_m > 40.0, "{}", fix.segment_m);
+    assert!(fix.segments <= 15 && fix.segments > 10 && fix.stretch > 2.0, "{}", fix.stretch);
     assert_eq!(fix.map.mass().len(), fix.map.columns() * fix.map.rows());
 }
 

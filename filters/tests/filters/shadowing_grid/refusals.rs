@@ -35,16 +35,16 @@ fn a_reading_that_is_not_finite_is_named() {
 
 #[test]
 fn too_short_a_flight_is_refused() {
-    let few = |segments| Error::TooFew { segments, segment_m: 10.0 };
+    let few = |segments| Error::TooFew { segments };
     let cut = || ShadowingGridConfig { segment_m: 10.0, ..simple() };
     assert_eq!(refusal(&[], cut()), few(0));
-    // 39 m are four segments of 10 m, 29 m are three.
+    // 29 m are three segments of 10 m, 19 m are two.
     let path = |metres: u8| -> Vec<_> {
         (0..=metres).map(|i| (Pose::at(f64::from(i), 0.0, 20.0), f64::from(i % 7))).collect()
     };
-    assert_eq!(refusal(&path(29), cut()), few(3));
+    assert_eq!(refusal(&path(19), cut()), few(2));
     let estimator = ShadowingGrid::new(cut()).expect("in range");
-    assert!(estimator.locate(&path(39), level).is_ok());
+    assert!(estimator.locate(&path(29), level).is_ok());
 }
 
 #[test]

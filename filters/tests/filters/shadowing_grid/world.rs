@@ -23,8 +23,10 @@ pub(super) fn simple() -> ShadowingGridConfig {
         nuggets: vec![0.2],
         max_cells: 40_000,
         segment_m: 0.0,
+        segment_share: 0.0,
         quantile: 0.5,
         max_segments: 300,
+        sigma_prior: (0.0, 0.0),
         ..ShadowingGridConfig::default()
     }
 }

@@ -1,0 +1,101 @@
+use std::collections::BTreeMap;
+
+use nalgebra::Vector2;
+
+use crate::recording::{Record, Recording};
+
+/// Number of rows at a ceiling, at least: fewer repeat by chance.
+const LEAST_ROWS: usize = 5;
+
+/// Share of a receiver's levels that are at its ceiling, at least.
+const LEAST_SHARE: f64 = 0.01;
+
+/// Number of rows at a ceiling over the most at any of the next lower levels, at least. Without a
+/// ceiling the strongest levels are the rarest.
+const LEAST_EXCESS: usize = 2;
+
+/// Number of lower levels that a ceiling is compared with.
+const COMPARED: usize = 4;
+
+/// Extent of the places at a ceiling over the extent of all places, at least: a receiver that
+/// hovers near a steady transmitter repeats its level, too, and is not clipped.
+const LEAST_EXTENT: f64 = 0.03;
+
+/// The ceilings of a recording's receivers, in dBm by receiver: the greatest level, where it
+/// repeats as only a limit does. Rows of all beacons count, as the limit is the receiver's own.
+pub(super) fn ceilings(recording: &Recording) -> BTreeMap<&str, f64> {
+    let mut of_receiver: BTreeMap<&str, Vec<(f64, Vector2<f64>)>> = BTreeMap::new();
+    for record in recording.records() {
+        let Some((level, receiver)) = level(record) else { continue };
+        of_receiver.entry(&record.drone).or_default().push((level, receiver));
+    }
+    let ceiling = |(drone, levels): (_, Vec<_>)| Some((drone, ceiling(levels)?));
+    of_receiver.into_iter().filter_map(ceiling).collect()
+}
+
+/// The level of an omnidirectional antenna, and its place.
+fn level(record: &Record) -> Option<(f64, Vector2<f64>)> {
+    let level = record.rss_dbm.filter(|_| record.boresight.is_none())?;
+    Some((level, record.receiver?.position.xy()))
+}
+
+/// The greatest level, where it is a limit.
+fn ceiling(mut levels: Vec<(f64, Vector2<f64>)>) -> Option<f64> {
+    levels.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut groups = levels.chunk_by(|a, b| (a.0 - b.0).abs() < SAME_DB);
+    let highest = groups.next()?;
+    let [(greatest, _), ..] = highest else { return None };
+    let most = groups.take(COMPARED).map(<[_]>::len).max()?;
+    let rows = highest.len();
+    #[expect(clippy::cast_precision_loss, reason = "a share of rows need not be exact")]
+    let share = rows as f64 / levels.len() as f64;
+    let spreads = extent_m(highest) >= LEAST_EXTENT * extent_m(&levels) && extent_m(highest) > 0.0;
+    let repeats = rows >= LEAST_ROWS && rows > LEAST_EXCESS * most && share >= LEAST_SHARE;
+    (repeats && spreads).then_some(*greatest)
+}
+
+/// Levels nearer to each other than this are the same number.
+const SAME_DB: f64 = 1e-6;
+
+/// The diagonal of the box about all places.
+fn extent_m(levels: &[(f64, Vector2<f64>)]) -> f64 {
+    let nowhere = Vector2::repeat(f64::INFINITY);
+    let (low, high) = levels
+        .iter()
+        .fold((nowhere, -nowhere), |(low, high), (_, place)| (low.inf(place), high.sup(place)));
+    if levels.is_empty() { 0.0 } else { (high - low).norm() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whole decibels along a line past a transmitter, clipped at a limit.
+    fn drive(limit: f64, count: u16) -> Vec<(f64, Vector2<f64>)> {
+        let level = |i: u16| {
+            let east = 4.0 * (f64::from(i) - 0.5 * f64::from(count));
+            let fading = 5.0 * f64::from(i).sin() + 3.0 * f64::from(3 * i).cos();
+            let level = -20.0 - 25.0 * east.hypot(40.0).log10() + fading;
+            (level.round().min(limit), Vector2::new(east, 0.0))
+        };
+        (0..count).map(level).collect()
+    }
+
+    #[test]
+    fn a_greatest_level_that_repeats_is_a_ceiling() {
+        for limit in [-68.0, -72.0, -75.0] {
+            assert_eq!(ceiling(drive(limit, 200)), Some(limit), "{limit}");
+        }
+        assert_eq!(ceiling(drive(0.0, 200)), None);
+        assert_eq!(ceiling(drive(0.0, 20)), None);
+        assert_eq!(ceiling(Vec::new()), None);
+    }
+
+    #[test]
+    fn a_steady_level_at_one_place_is_none() {
+        let mut levels = drive(0.0, 200);
+        let best = levels.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0)).expect("some");
+        levels.extend([best; 60]);
+        assert_eq!(ceiling(levels), None);
+    }
+}
