@@ -208,6 +208,16 @@ pub enum RecordingError {
         /// The file beside it, and which of its names may be meant.
         beside: String,
     },
+    /// More than half of the rows cannot be believed.
+    #[error("{first}; {bad} of {rows} rows cannot be believed, more than half of the file")]
+    MostlyBad {
+        /// The error of the first of them.
+        first: Box<RecordingError>,
+        /// The number of rows that cannot be believed.
+        bad: u64,
+        /// The number of rows that were read.
+        rows: u64,
+    },
     /// No row is left.
     #[error("{file}: none of {rows} rows is of use{dropped}")]
     NothingKept {
@@ -324,10 +334,30 @@ pub enum FieldProblem {
     #[error("is where a receiver without a fix reports to be")]
     NoFix,
     /// The row is earlier than the one before.
-    #[error("is {by_s} s earlier than the row before, and times rise in this format")]
+    #[error("is {by_s} s earlier than the row before, and times must rise")]
     Backwards {
         /// How much earlier, in seconds.
         by_s: f64,
+    },
+    /// The time is out of order: the receiver's clock was set.
+    #[error("is {by_s} s out of order in a format whose times rise")]
+    OutOfOrder {
+        /// The difference from the rows about it, in seconds.
+        by_s: f64,
+    },
+    /// The receiver cannot have moved there.
+    #[error("is {distance_m:.0} m from the row about it, {within_s} s apart, too far to move")]
+    Jump {
+        /// The distance, in metres.
+        distance_m: f64,
+        /// The time between the two rows, in seconds.
+        within_s: f64,
+    },
+    /// The row is a copy.
+    #[error("begins a row that is the same as line {line}")]
+    Copy {
+        /// The line of the first such row, from 1.
+        line: u64,
     },
     /// It cannot be measured with such a standard deviation.
     #[error("is no measurement")]

@@ -13,6 +13,9 @@ use super::{
 /// No hunt is this wide: what is farther from the origin is a mistake in the file.
 const LIMIT_KM: f64 = 200.0;
 
+/// A place that is nearer than this to 0° N 0° E, in degrees, is that of a receiver without a fix.
+const NO_FIX_DEG: f64 = 2e-6;
+
 /// A row that is not kept: which of the rules it is counted under.
 pub(super) struct LeftOut(pub(super) usize);
 
@@ -236,7 +239,7 @@ impl Reader<'_> {
         let Some((lat_deg, lon_deg)) = self.pair(lat, lon)? else { return Ok(None) };
         let columns = format!("{}, {}", self.plan.label(lat), self.plan.label(lon));
         let both = format!("{lat_deg}, {lon_deg}");
-        if lat_deg.abs() < f64::MIN_POSITIVE && lon_deg.abs() < f64::MIN_POSITIVE {
+        if lat_deg.abs() < NO_FIX_DEG && lon_deg.abs() < NO_FIX_DEG {
             return Err(self.row.wrong(&columns, &both, FieldProblem::NoFix));
         }
         let at_origin = frame.map_or(0.0, |frame| frame.origin().alt_m);
@@ -248,6 +251,9 @@ impl Reader<'_> {
         let local = here.to_local(&place);
         let turned = Geodetic { lat_deg: lon_deg, lon_deg: lat_deg, ..place };
         let is_near = |local: Vector3<f64>| local.norm() <= LIMIT_KM * 1e3;
+        if !is_near(local) {
+            self.astray.set(self.astray.get().or(Some(place)));
+        }
         if !is_near(local) && is_near(here.to_local(&turned)) {
             let problem = FieldProblem::SwappedPlace { distance_km: local.norm() / 1e3 };
             return Err(self.row.wrong(&columns, &both, problem));

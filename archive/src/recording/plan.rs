@@ -209,6 +209,16 @@ impl Plan {
         }
     }
 
+    /// The name that messages give to the columns of the receiver's place.
+    pub(super) fn place_labels(&self) -> String {
+        let [first, second] = if self.has(Column::EastM) {
+            [Column::EastM, Column::NorthM]
+        } else {
+            [Column::LatDeg, Column::LonDeg]
+        };
+        format!("{}, {}", self.label(first), self.label(second))
+    }
+
     fn check(&self, file: &str, line: u64) -> Result<(), RecordingError> {
         let label = |column| self.label(column).into_owned();
         for (column, other) in CONFLICTS {

@@ -1,4 +1,6 @@
-use std::borrow::Cow;
+use std::{borrow::Cow, cell::Cell};
+
+use foxhunt_wire::geodesy::Geodetic;
 
 use super::{
     Band, Column, FieldProblem, North, RecordingError, Rover, Value,
@@ -22,6 +24,8 @@ pub(super) struct Reader<'r> {
     pub(super) date_s: Option<f64>,
     /// Where the receiver was at what time, and what makes the row's time UTC.
     pub(super) rover: Option<(&'r Rover, f64)>,
+    /// The first place of the file that was too far from the frame's origin.
+    pub(super) astray: &'r Cell<Option<Geodetic>>,
 }
 
 impl Reader<'_> {
@@ -203,11 +207,10 @@ impl Reader<'_> {
         }
     }
 
-    /// The error that the row is earlier than the one before.
-    pub(super) fn backwards(&self, by_s: f64) -> RecordingError {
+    /// The error that the row's time is wrong.
+    pub(super) fn of_time(&self, problem: FieldProblem) -> RecordingError {
         let utc = self.plan.has(Column::TimeUtc);
-        let column = if utc { Column::TimeUtc } else { Column::TimeS };
-        self.wrong(column, FieldProblem::Backwards { by_s })
+        self.wrong(if utc { Column::TimeUtc } else { Column::TimeS }, problem)
     }
 
     /// The time in seconds; where the recording has times, every row has one.

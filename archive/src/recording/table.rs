@@ -215,6 +215,11 @@ impl Row {
         self.cells.get(index).unwrap_or_default()
     }
 
+    /// All cells, without the spaces around them.
+    pub(super) fn cells(&self) -> &StringRecord {
+        &self.cells
+    }
+
     /// The cells from one on.
     pub(super) fn cells_from(&self, index: usize) -> impl Iterator<Item = &str> {
         self.cells.iter().skip(index)

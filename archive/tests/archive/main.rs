@@ -4,6 +4,7 @@ mod differences;
 mod locate;
 mod pictures;
 mod recordings {
+    mod believed;
     mod errors;
     mod generated;
     mod joined;
