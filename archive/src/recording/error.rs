@@ -327,6 +327,9 @@ pub enum FieldProblem {
     /// It must not be empty.
     #[error("must not be empty here")]
     Missing,
+    /// Its quote is not closed.
+    #[error("begins with a quote that is not closed")]
+    Unclosed,
     /// The mapping's lookup does not list it.
     #[error("is not among the values that the mapping knows")]
     NotInLookup,

@@ -56,6 +56,12 @@ fn known() -> Vec<String> {
     SHIPPED.iter().map(|mapping| mapping.name.clone()).collect()
 }
 
+/// Returns true if a shipped mapping's header fits a line.
+pub(super) fn is_known(columns: &[String]) -> bool {
+    let mut with_header = SHIPPED.iter().filter(|mapping| !mapping.header.is_empty());
+    with_header.any(|mapping| mapping.lacks(columns).is_empty())
+}
+
 /// The shipped mapping whose header fits a file's columns; of several, the one that needs most.
 pub(super) fn recognise(
     file: &str,

@@ -259,6 +259,15 @@ impl Mapping {
         Ok(())
     }
 
+    /// Returns true if a line names all columns that a file of the format has.
+    pub(super) fn fits(&self, columns: &[String]) -> bool {
+        let needed = self.columns.values().filter(|source| !source.optional);
+        let mut names = needed.flat_map(|source| &source.columns);
+        // Columns that are all optional fit to any line.
+        let is_bare = self.header.is_empty() && self.columns.values().all(|s| s.optional);
+        !is_bare && self.lacks(columns).is_empty() && names.all(|name| columns.contains(name))
+    }
+
     /// The entries of `header` that a file's columns do not satisfy.
     pub(super) fn lacks(&self, columns: &[String]) -> Vec<String> {
         let is = |name: &str, column: &String| column == name || name_in(name, column).is_some();

@@ -264,7 +264,7 @@ impl Reader<'_> {
     }
 
     fn swapped(&self, lat: Column, lon: Column) -> Option<RecordingError> {
-        let parse = |column| self.text(column).ok()??.parse::<f64>().ok();
+        let parse = |column| self.row.parse(self.text(column).ok()??.as_ref());
         let swapped = parse(lat)?.abs() > 90.0 && parse(lat)?.abs() <= 180.0;
         (swapped && parse(lon)?.abs() <= 90.0).then(|| self.wrong(lat, FieldProblem::Swapped))
     }

@@ -1,4 +1,4 @@
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector2;
 
@@ -13,6 +13,19 @@ const WITHIN_CLOCK_MPS: f64 = 100.0;
 
 /// The resolution of the coarsest usual clock, in seconds.
 const CLOCK_S: f64 = 1.0;
+
+/// No receiver on the ground is faster than this, in metres a second, unless its usual speed is of
+/// that order.
+const GROUND_MPS: f64 = 40.0;
+
+/// A receiver is slower than so many times its usual speed.
+const TIMES_USUAL: f64 = 6.0;
+
+/// Fixes nearer to each other than this, in metres, differ by the errors of GNSS.
+const NEAR_M: f64 = 100.0;
+
+/// At its usual speed so many fixes in a row may be wrong; more are a move.
+const WRONG_IN_A_ROW: usize = 3;
 
 /// Runs of reachable fixes that are compared with each other. A file with more of them has no path.
 const MOST_RUNS: usize = 4000;
@@ -50,13 +63,39 @@ pub(super) fn jumps(records: &[Record]) -> (Vec<Jump>, usize) {
     let mut jumps = Vec::new();
     let mut pathless = 0;
     for fixes in fixes.values() {
-        match off_path(fixes) {
-            Some(mut off) => jumps.append(&mut off),
-            None => pathless += fixes.len(),
-        }
+        let Some(off) = off_path(fixes, reaches) else {
+            pathless += fixes.len();
+            continue;
+        };
+        let out: BTreeSet<usize> = off.iter().flatten().map(|jump| jump.record).collect();
+        jumps.extend(off.into_iter().flatten());
+        let rest: Vec<Fix> = fixes.iter().filter(|f| !out.contains(&f.record)).copied().collect();
+        jumps.append(&mut strays(&rest));
     }
     jumps.sort_by_key(|jump| jump.record);
     (jumps, pathless)
+}
+
+/// Returns the few fixes that are far off the path of a receiver that is slow otherwise.
+fn strays(fixes: &[Fix]) -> Vec<Jump> {
+    let step = |pair: &[Fix]| {
+        let [from, to] = pair else { return None };
+        let mps = (to.place - from.place).norm() / (to.time - from.time).abs();
+        (mps > 0.0 && mps.is_finite()).then_some(mps)
+    };
+    let mut speeds: Vec<f64> = fixes.windows(2).filter_map(step).collect();
+    speeds.sort_by(f64::total_cmp);
+    let Some(usual) = speeds.get(speeds.len() / 2) else { return Vec::new() };
+    let most_mps = (TIMES_USUAL * usual).max(GROUND_MPS);
+    let follows = |from: &Fix, to: &Fix| {
+        let seconds = (to.time - from.time).abs() + CLOCK_S;
+        (to.place - from.place).norm() <= (most_mps * seconds).max(NEAR_M)
+    };
+    let off = off_path(fixes, follows).unwrap_or_default();
+    // A longer run shows that the receiver was fast at times.
+    let longest = off.iter().map(Vec::len).max().unwrap_or_default();
+    let is_move = longest > WRONG_IN_A_ROW.max(fixes.len() / 20);
+    if is_move { Vec::new() } else { off.into_iter().flatten().collect() }
 }
 
 /// Returns true if a receiver can have gone from one fix to the other. The order of the two does
@@ -67,10 +106,10 @@ fn reaches(from: &Fix, to: &Fix) -> bool {
     (to.place - from.place).norm() <= most_m
 }
 
-/// Returns the fixes that are not on the longest path; `None` if no path has more than half.
-fn off_path(fixes: &[Fix]) -> Option<Vec<Jump>> {
+/// Returns the runs of fixes that are not on the longest path; `None` if no path has more than half.
+fn off_path(fixes: &[Fix], reaches: impl Fn(&Fix, &Fix) -> bool) -> Option<Vec<Vec<Jump>>> {
     let mut runs: Vec<&[Fix]> = Vec::new();
-    runs.extend(fixes.chunk_by(reaches));
+    runs.extend(fixes.chunk_by(&reaches));
     if runs.len() < 2 {
         return Some(Vec::new());
     }
@@ -109,11 +148,12 @@ fn off_path(fixes: &[Fix]) -> Option<Vec<Jump>> {
             near = run.last().copied().unwrap_or(near);
             continue;
         }
-        off.extend(run.iter().map(|fix| Jump {
+        let jump = |fix: &Fix| Jump {
             record: fix.record,
             distance_m: (fix.place - near.place).norm(),
             within_s: (fix.time - near.time).abs(),
-        }));
+        };
+        off.push(run.iter().map(jump).collect());
     }
     Some(off)
 }

@@ -145,7 +145,15 @@ impl File<'_> {
         let name = self.name;
         let separator = options.format.as_ref().and_then(|mapping| mapping.separator);
         let names = options.format.as_ref().map_or(&[][..], |mapping| mapping.names.as_slice());
-        let mut table = Table::open(name, self.bytes, separator, names)?;
+        let mut table = if names.is_empty() {
+            let fits = |header: &[String]| match &options.format {
+                Some(mapping) => mapping.fits(header),
+                None => formats::is_known(header),
+            };
+            Table::open_fitting(name, self.bytes, separator, fits)?
+        } else {
+            Table::open(name, self.bytes, separator, names)?
+        };
         let mapping = match &options.format {
             Some(mapping) => mapping,
             None => formats::recognise(name, table.header_line(), table.header())?,
@@ -270,6 +278,15 @@ impl File<'_> {
         };
         let better_origin = if origin_is_kept { None } else { first_place() };
         let mut remarks = exclusions.remarks(name, rows);
+        if table.preamble() > 0 {
+            let line = table.header_line();
+            let before = table.preamble();
+            let text = format!(
+                "{name}: the columns are named in line {line}; lines before it that are no part \
+                 of the table: {before}"
+            );
+            remarks.push(Remark::new("preamble", text));
+        }
         remarks.extend(backwards.map(|backwards| runs_back(name, backwards)));
         remarks.extend((pathless > 0).then(|| no_path(name, pathless)));
         let recording = Recording {

@@ -54,9 +54,10 @@ impl Reader<'_> {
         if cell.is_empty() {
             return Ok(false);
         }
-        let value: f64 = cell
-            .parse()
-            .map_err(|_| self.row.wrong(&rule.keep.column, cell, FieldProblem::NotANumber))?;
+        let value = self
+            .row
+            .parse(cell)
+            .ok_or_else(|| self.row.wrong(&rule.keep.column, cell, FieldProblem::NotANumber))?;
         // NaN is within no bounds either.
         Ok(rule.keep.min.is_none_or(|min| value >= min)
             && rule.keep.max.is_none_or(|max| value <= max))
@@ -132,7 +133,8 @@ impl Reader<'_> {
     /// A number within the column's bounds.
     pub(super) fn number(&self, column: Column) -> Result<Option<f64>, RecordingError> {
         let Some(text) = self.text(column)? else { return Ok(None) };
-        let raw: f64 = text.parse().map_err(|_| self.wrong(column, FieldProblem::NotANumber))?;
+        let raw = self.row.parse(&text);
+        let raw = raw.ok_or_else(|| self.wrong(column, FieldProblem::NotANumber))?;
         let value = match self.plan.origins.get(&column) {
             Some(Origin::Cells { source, .. } | Origin::Joined { source, .. }) => {
                 let value = raw * source.scale + source.offset;
@@ -222,7 +224,7 @@ impl Reader<'_> {
                 Some(Origin::Cells { source, .. }) => [source.scale, source.offset],
                 _ => [1.0, 0.0],
             };
-            let number = text.parse::<f64>().ok().map(|number| number * scale + offset);
+            let number = self.row.parse(&text).map(|number| number * scale + offset);
             let number = number.filter(|seconds| (0.0..1e11).contains(seconds));
             let seconds = number.or_else(|| utc_seconds(&text));
             return Ok(Some(

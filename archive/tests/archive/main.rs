@@ -13,6 +13,7 @@ mod recordings {
     mod round_trip;
     mod standards;
     mod sweeps;
+    mod tables;
     mod values;
 }
 mod pulses;

@@ -144,6 +144,21 @@ fn places_that_cannot_be_reached_are_left_out() {
             assert_left_out(&far(out, east), &ReadOptions::default(), "position-jumps", out);
         }
     }
+    // A walk with a fix each 30 s: 60 m/s are far from its 0.05 m/s.
+    let slow = |out: &[u64]| {
+        walk(|line, cells| {
+            cells[0] *= 30.0;
+            if out.contains(&(line as u64)) {
+                cells[1] += 1800.0;
+            }
+        })
+    };
+    for out in [&[20][..], &[2], &[41], &[19, 20], &[3, 9, 40]] {
+        assert_left_out(&slow(out), &ReadOptions::default(), "position-jumps", out);
+    }
+    // A receiver that goes far and stays there has moved.
+    let moved = slow(&(30..=41).collect::<Vec<_>>());
+    assert_eq!(read(&moved, &ReadOptions::default()).expect("all").remarks(), []);
     // 250 m/s is an airliner.
     let fast = walk(|_, cells| cells[1] = 250.0 * cells[0]);
     assert_eq!(read(&fast, &ReadOptions::default()).expect("it flies").remarks(), []);
@@ -195,6 +210,10 @@ fn rows_that_cannot_be_read_are_left_out() {
             assert!(refused.contains(part), "{refused}");
         }
     }
+    // An unclosed quote takes its own line alone.
+    let quote = with(&[9], "5,7,10,\"-60");
+    let kept = read(&quote, &ReadOptions::default()).expect("39 rows");
+    assert_eq!((kept.rows(), kept.records().len()), (40, 39), "{:?}", kept.remarks());
 }
 
 #[test]
