@@ -28,6 +28,8 @@ pub struct ReadOptions {
     pub band: Option<Band>,
     /// Refuse a file for the first row that cannot be believed, instead of leaving it out.
     pub strict: bool,
+    /// Levels are written without their sign: 71 stands for −71.
+    pub negate_levels: bool,
 }
 
 /// Frequencies from which a level is read.
@@ -102,6 +104,13 @@ impl ReadOptions {
     #[must_use]
     pub fn with_strict(mut self, strict: bool) -> Self {
         self.strict = strict;
+        self
+    }
+
+    /// Reads levels that are written without their sign: 71 stands for −71.
+    #[must_use]
+    pub fn with_negated_levels(mut self, negate_levels: bool) -> Self {
+        self.negate_levels = negate_levels;
         self
     }
 

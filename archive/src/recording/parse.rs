@@ -42,6 +42,9 @@ impl Reader<'_> {
         // Of a receiver whose floor is known silence is a measurement, too.
         let floor_dbm = self.number(Column::FloorDbm)?;
         let level = rss_dbm.or(floor_dbm);
+        // A row without a level needs no attenuation.
+        let added_db = level.map_or(Ok(0.0), |_| self.before_receiver_db())?;
+        let [rss_dbm, floor_dbm] = [rss_dbm, floor_dbm].map(|level| level.map(|l| l + added_db));
         if level.is_none() && bearing_deg.is_none() && measured.is_empty() {
             return Ok(Err(LeftOut(rules)));
         }

@@ -26,6 +26,9 @@ use super::{
     utc::utc,
 };
 
+/// No receiver measures more than this, in dBm; near a transmitter it may be 0 to 20.
+const MOST_DBM: f64 = 20.0;
+
 /// What every recording drops rows for, besides the mapping's rules.
 const NOT_MEASURED: &str = "a measurement";
 const NOT_LOCATED: &str = "a position";
@@ -289,6 +292,11 @@ impl File<'_> {
         }
         remarks.extend(backwards.map(|backwards| runs_back(name, backwards)));
         remarks.extend((pathless > 0).then(|| no_path(name, pathless)));
+        // About an unknown reference any level may be positive, but for one that is called RSSI.
+        let is_rssi = plan.label(Column::RssDb).to_lowercase().contains("rssi");
+        if !plan.has(Column::RssDb) || is_rssi {
+            remarks.extend(positive_levels(name, &records));
+        }
         let recording = Recording {
             file: name.to_owned(),
             format: mapping.name.clone(),
@@ -449,6 +457,24 @@ fn runs_back(file: &str, Backwards { line, by_s, rows }: Backwards) -> Remark {
          of time"
     );
     Remark::new(Cause::ClockBack.code(), text)
+}
+
+/// A remark on levels that are too strong to be in dBm, but would be usual with the other sign.
+fn positive_levels(file: &str, records: &[Record]) -> Option<Remark> {
+    let levels = records.iter().filter_map(|record| record.rss_dbm);
+    let (least, most) = levels.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), level| {
+        (level.min(least), level.max(most))
+    });
+    if least <= MOST_DBM || !least.is_finite() {
+        return None;
+    }
+    let text = format!(
+        "{file}: all levels are positive, from {least} to {most}, as if 71 stood for -71 dBm; \
+         taken as they are, the strongest is the farthest. With --negate-levels, or scale = -1 in a \
+         mapping, they are {} to {} dBm",
+        -most, -least
+    );
+    Some(Remark::new("positive-levels", text))
 }
 
 fn no_path(file: &str, rows: usize) -> Remark {

@@ -3,9 +3,9 @@ use std::{borrow::Cow, cell::Cell};
 use foxhunt_wire::geodesy::Geodetic;
 
 use super::{
-    Band, Column, FieldProblem, North, RecordingError, Rover, Value,
+    Band, Column, FieldProblem, North, RecordingError, Rover, Source, Value,
     column::Kind,
-    plan::{Melted, Origin, Plan, Rule},
+    plan::{Melted, Origin, Plan, Rule, Term},
     table::Row,
     utc::utc_seconds,
 };
@@ -71,6 +71,10 @@ impl Reader<'_> {
                 let cells = self.row.joined(indices, &source.between).unwrap_or_default();
                 self.row.wrong(&label, &cells, problem)
             }
+            Some(Origin::Sum { terms, .. }) => {
+                let cells: Vec<&str> = terms.iter().map(|term| self.row.cell(term.index)).collect();
+                self.row.wrong(&label, &cells.join(" and "), problem)
+            }
             Some(Origin::Joined { table, indices, source }) => {
                 let row = self.beside(*table).ok().flatten().unwrap_or(self.row);
                 let cells = row.joined(indices, &source.between).unwrap_or_default();
@@ -116,6 +120,9 @@ impl Reader<'_> {
             }
             Some(Origin::Fixed(text)) => Ok(Some(Cow::Borrowed(text))),
             Some(Origin::Cells { indices, source }) => self.row.value(indices, source),
+            Some(Origin::Sum { terms, source }) => {
+                Ok(self.sum(column, terms, source)?.map(|sum| Cow::Owned(sum.to_string())))
+            }
             Some(Origin::Joined { table, indices, source }) => match self.beside(*table)? {
                 Some(row) => row.value(indices, source),
                 None => Ok(None),
@@ -130,18 +137,63 @@ impl Reader<'_> {
         }
     }
 
+    /// The sum of cells; `None` if all are missing.
+    fn sum(
+        &self,
+        column: Column,
+        terms: &[Term],
+        source: &Source,
+    ) -> Result<Option<f64>, RecordingError> {
+        let mut sum = 0.0;
+        let mut missing = 0;
+        for term in terms {
+            let cell = self.row.cell(term.index);
+            if cell.is_empty() || source.missing.iter().any(|value| value.is(cell)) {
+                missing += 1;
+                continue;
+            }
+            let number = self.row.parse(cell);
+            sum +=
+                term.sign * number.ok_or_else(|| self.wrong(column, FieldProblem::NotANumber))?;
+        }
+        match missing {
+            0 => Ok(Some(sum)),
+            missing if missing == terms.len() => Ok(None),
+            _ => Err(self.wrong(column, FieldProblem::Missing)),
+        }
+    }
+
+    /// What is added to the receiver's levels: attenuation before it less gain, in dB.
+    pub(super) fn before_receiver_db(&self) -> Result<f64, RecordingError> {
+        let mut added = 0.0;
+        for (column, sign) in [(Column::AttenuationDb, 1.0), (Column::GainDb, -1.0)] {
+            if self.plan.has(column) {
+                let missing = || self.wrong(column, FieldProblem::Missing);
+                added += sign * self.number(column)?.ok_or_else(missing)?;
+            }
+        }
+        Ok(added)
+    }
+
     /// A number within the column's bounds.
     pub(super) fn number(&self, column: Column) -> Result<Option<f64>, RecordingError> {
         let Some(text) = self.text(column)? else { return Ok(None) };
         let raw = self.row.parse(&text);
         let raw = raw.ok_or_else(|| self.wrong(column, FieldProblem::NotANumber))?;
         let value = match self.plan.origins.get(&column) {
-            Some(Origin::Cells { source, .. } | Origin::Joined { source, .. }) => {
+            Some(
+                Origin::Cells { source, .. }
+                | Origin::Sum { source, .. }
+                | Origin::Joined { source, .. },
+            ) => {
                 let value = raw * source.scale + source.offset;
                 if source.wrap { value.rem_euclid(360.0) } else { value }
             }
             _ => raw,
         };
+        let is_stated = matches!(self.plan.origins.get(&column), Some(Origin::Fixed(_)));
+        let is_negated = self.plan.negate_levels && column.is_level() && !is_stated;
+        let value = if is_negated { -value } else { value };
         if !value.is_finite() {
             return Err(self.wrong(column, FieldProblem::NotFinite));
         }

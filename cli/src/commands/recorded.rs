@@ -28,6 +28,9 @@ pub(crate) struct Reading {
     /// an unreadable cell, no fix, a place that jumps, a clock that runs back, a copy
     #[arg(long)]
     strict: bool,
+    /// Levels are written without their sign: 71 stands for -71 dBm
+    #[arg(long)]
+    negate_levels: bool,
     /// What bearings, headings and boresights are counted from: `true` North, `magnetic` North (by
     /// the World Magnetic Model on the day of the recording's time_utc or of --date), `grid` North
     /// of UTM, or a North so many degrees east of true North; as the format has it unless given

@@ -227,7 +227,7 @@ fn mappings_that_make_no_sense_are_refused() {
         ("columns = [\"date\", \"time\"]", "columns = [\"date\"]", &["`columns`", "two or more"]),
         (
             "column = \"az\"",
-            "columns = [\"az\", \"id\"]",
+            "columns = [\"az\", \"id\"], lookup = { a = 1 }",
             &["columns.bearing_deg_compass", "single"],
         ),
         (
@@ -235,6 +235,7 @@ fn mappings_that_make_no_sense_are_refused() {
             "{ column = \"x_km\", wrap = true }",
             &["east_m.wrap"],
         ),
+        ("east_m = { column = \"x_km\"", "east_m = { columns = [\"x_km\", \"x\"]", &["own", "added"]),
         ("by = { drone = \"name\" }", "by = { east_m = \"name\" }", &["beside.by", "east_m"]),
         (
             "columns = { truth_east_m",

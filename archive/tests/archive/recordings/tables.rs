@@ -109,3 +109,98 @@ fn encodings_and_quotes_change_nothing() {
     let behind = format!("\u{feff}a walk\n{WALK}");
     assert_eq!(plain(behind).records().len(), 2);
 }
+
+#[test]
+fn levels_without_their_sign_are_doubted_and_mended() {
+    const POSITIVE: &str = include_str!("../../data/tables/positive-rssi.csv");
+    let recording = plain(POSITIVE);
+    let [remark] = recording.remarks() else { panic!("{:?}", recording.remarks()) };
+    assert_eq!(remark.code, "positive-levels");
+    for part in ["walk.csv", "--negate-levels", "scale = -1", "dBm"] {
+        assert!(remark.text.contains(part), "{remark}");
+    }
+    let mended = read(POSITIVE, &ReadOptions::default().with_negated_levels(true)).expect("levels");
+    assert_eq!(codes(&mended), [""; 0]);
+    for (before, after) in recording.records().iter().zip(mended.records()) {
+        assert_eq!(before.rss_dbm.map(|level| -level), after.rss_dbm);
+    }
+    let with = |header: &str, levels: [&str; 3]| {
+        let rows = levels.map(|level| format!("{level},5\n")).concat();
+        let recording = plain(format!("{header},range_m\n{rows}"));
+        !recording.remarks().is_empty()
+    };
+    for (header, levels, is_doubted) in [
+        ("rss_dbm", ["71", "80", "21"], true),
+        ("rss_dbm", ["100", "30.5", "44"], true),
+        ("rss_dbm", ["71", "", "90"], true),
+        // Near a strong transmitter, and about a reference that nobody knows.
+        ("rss_dbm", ["71", "80", "19"], false),
+        ("rss_dbm", ["0", "10", "5"], false),
+        ("rss_db", ["71", "80", "60"], false),
+        ("rss_dbm", ["-71", "-80", "-60"], false),
+    ] {
+        assert_eq!(with(header, levels), is_doubted, "{header}: {levels:?}");
+    }
+    // A floor is mended as the levels are, but not one that the command line states.
+    let text = "rss_dbm,floor_dbm,range_m\n71,90,5\n";
+    let mended = read(text, &ReadOptions::default().with_negated_levels(true)).expect("a row");
+    assert_eq!(mended.records()[0].floor_dbm, Some(-90.0));
+}
+
+#[test]
+fn a_mapping_adds_columns() {
+    const ATTENUATED: &str = include_str!("../../data/tables/attenuator.csv");
+    let mapped = |level: &str| {
+        let text = format!(
+            "name = 'att'\ndescription = 'd'\n[columns]\ntime_s = 'time_s'\neast_m = 'east_m'\n\
+             north_m = 'north_m'\n{level}\n"
+        );
+        let mapping = Mapping::parse(&text, "att.toml").expect(level);
+        let recording = read(ATTENUATED, &ReadOptions::default().with_format(mapping));
+        recording.map(|of| of.records().iter().filter_map(|r| r.rss_dbm).collect::<Vec<_>>())
+    };
+    let raw = mapped("rss_db = 's_meter_db'").expect("levels");
+    let cell = |line: &str, index| line.split(',').nth(index).and_then(|c| c.parse::<f64>().ok());
+    let steps: Vec<f64> = ATTENUATED.lines().skip(1).filter_map(|line| cell(line, 4)).collect();
+    assert!(steps.iter().any(|step| *step > 0.0) && steps.len() == raw.len());
+    let sum = |sign: f64| -> Vec<f64> {
+        raw.iter().zip(&steps).map(|(level, step)| level + sign * step).collect()
+    };
+    for (level, sign) in [
+        ("rss_db = 's_meter_db + attenuator_db'", 1.0),
+        ("rss_db = ['s_meter_db', 'attenuator_db']", 1.0),
+        ("rss_db = ['s_meter_db', '+attenuator_db']", 1.0),
+        ("rss_db = { columns = ['s_meter_db', 'attenuator_db'] }", 1.0),
+        ("rss_db = 's_meter_db'\nattenuation_db = 'attenuator_db'", 1.0),
+        ("rss_db = 's_meter_db - attenuator_db'", -1.0),
+        ("rss_db = ['s_meter_db', '-attenuator_db']", -1.0),
+        ("rss_db = 's_meter_db'\ngain_db = 'attenuator_db'", -1.0),
+        ("rss_db = 's_meter_db'\nattenuation_db = { column = 'attenuator_db', scale = -1 }", -1.0),
+    ] {
+        assert_eq!(mapped(level).expect(level), sum(sign), "{level}");
+    }
+    let error = mapped("rss_db = 's_meter_db + attenuator'").expect_err("a slip").to_string();
+    for part in ["walk.csv", "\"attenuator\"", "is \"attenuator_db\" meant"] {
+        assert!(error.contains(part), "{error}");
+    }
+    // A column whose name holds a sign is one column.
+    let text = "s + n,d\n-60,5\n";
+    let mapping = "name = 'n'\ndescription = 'd'\n[columns]\nrss_dbm = 's + n'\nrange_m = 'd'\n";
+    let mapping = Mapping::parse(mapping, "n.toml").expect("a mapping");
+    let named = read(text, &ReadOptions::default().with_format(mapping)).expect("a row");
+    assert_eq!(named.records()[0].rss_dbm, Some(-60.0));
+}
+
+#[test]
+fn attenuation_and_gain_of_our_own_table_are_taken_off() {
+    let text = "range_m,rss_dbm,attenuation_db,gain_db,floor_dbm\n5,-60,20,3,-100\n9,-60,0,0,\n";
+    let recording = plain(text);
+    let levels: Vec<_> = recording.records().iter().map(|r| (r.rss_dbm, r.floor_dbm)).collect();
+    assert_eq!(levels, [(Some(-43.0), Some(-83.0)), (Some(-60.0), None)]);
+    // A level whose attenuation is not known is none.
+    let recording = plain("range_m,rss_dbm,attenuation_db\n5,-60,20\n9,-60,\n7,,\n6,-61,0\n");
+    assert_eq!(codes(&recording), ["rows-left-out"]);
+    assert!(recording.remarks()[0].text.contains("line 3, attenuation_db"), "{recording:?}");
+    let error = read("range_m,range_sigma_m,gain_db\n5,1,2\n", &ReadOptions::default());
+    assert!(error.expect_err("no level").to_string().contains("gain_db needs rss_dbm"));
+}
