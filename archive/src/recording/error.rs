@@ -77,6 +77,19 @@ pub enum RecordingError {
         /// The known formats.
         known: Box<[String]>,
     },
+    /// A column may be a bearing or the direction of the receiver.
+    #[error(
+        "{file}, line {line}: the column {column:?} may be the bearing to the transmitter or where \
+         the receiver's nose looks; call it bearing_deg_compass or heading_deg_compass"
+    )]
+    Doubtful {
+        /// The file.
+        file: String,
+        /// The header's line, from 1.
+        line: u64,
+        /// The column.
+        column: String,
+    },
     /// There is neither a shipped mapping nor a file of this name.
     #[error("{name:?} is neither a file nor a known format; those are {}", known.join(", "))]
     NoSuchFormat {

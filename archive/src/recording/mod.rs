@@ -17,6 +17,7 @@ pub(crate) mod near_miss;
 mod north;
 mod options;
 mod parse;
+mod plain;
 mod plan;
 mod poses;
 mod reachable;

@@ -1,4 +1,5 @@
 use std::{
+    borrow::Cow,
     cell::Cell,
     collections::{BTreeMap, BTreeSet, HashMap, hash_map::Entry},
     fs,
@@ -19,12 +20,16 @@ use super::{
     exclusion::{Cause, Exclusions},
     formats,
     parse::LeftOut,
+    plain,
     plan::{Melted, Plan},
     reachable::{Jump, jumps, out_of_time},
     row::Reader,
     table::{Row, Table},
     utc::utc,
 };
+
+/// The path of standard input.
+const STANDARD_INPUT: &str = "-";
 
 /// No receiver measures more than this, in dBm; near a transmitter it may be 0 to 20.
 const MOST_DBM: f64 = 20.0;
@@ -34,13 +39,16 @@ const NOT_MEASURED: &str = "a measurement";
 const NOT_LOCATED: &str = "a position";
 
 impl Recording {
-    /// Reads a file.
+    /// Reads a file, or standard input if the path is `-`.
     ///
     /// # Errors
     ///
     /// [`RecordingError`] names the file, line, column and value.
     pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self, RecordingError> {
         let path = path.as_ref();
+        if path.as_os_str() == STANDARD_INPUT {
+            return Self::from_reader(io::stdin().lock(), "standard input", options);
+        }
         let name = path.display().to_string();
         let bytes =
             fs::read(path).map_err(|source| RecordingError::Read { file: name.clone(), source })?;
@@ -140,6 +148,15 @@ struct Read {
 }
 
 impl File<'_> {
+    /// A cell of the first row of a file whose format is to be recognised.
+    fn first_cell(&self, column: &str) -> Option<String> {
+        let table = Table::open_fitting(self.name, self.bytes, None, formats::is_known);
+        let mut table = table.ok()?;
+        let index = table.index_of(column).ok()??;
+        let row = table.next().ok()??;
+        Some(row.cell(index).to_owned())
+    }
+
     fn read(
         &self,
         options: &ReadOptions,
@@ -158,9 +175,13 @@ impl File<'_> {
             Table::open(name, self.bytes, separator, names)?
         };
         let mapping = match &options.format {
-            Some(mapping) => mapping,
-            None => formats::recognise(name, table.header_line(), table.header())?,
+            Some(mapping) => Cow::Borrowed(mapping),
+            None => {
+                let first = |column: &str| self.first_cell(column);
+                formats::recognise(name, table.header_line(), table.header(), first)?
+            }
         };
+        let mapping = mapping.as_ref();
         let mut joined: Vec<Joined> = Vec::new();
         for beside in &mapping.beside {
             let given = |column| {
@@ -281,6 +302,13 @@ impl File<'_> {
         };
         let better_origin = if origin_is_kept { None } else { first_place() };
         let mut remarks = exclusions.remarks(name, rows);
+        if mapping.name == plain::PLAIN && options.format.is_none() {
+            let text = format!(
+                "{name}: no format has such a header; its columns are read by their names: {}",
+                plain::described(mapping)
+            );
+            remarks.push(Remark::new("columns-by-name", text));
+        }
         if table.preamble() > 0 {
             let line = table.header_line();
             let before = table.preamble();

@@ -235,7 +235,11 @@ fn mappings_that_make_no_sense_are_refused() {
             "{ column = \"x_km\", wrap = true }",
             &["east_m.wrap"],
         ),
-        ("east_m = { column = \"x_km\"", "east_m = { columns = [\"x_km\", \"x\"]", &["own", "added"]),
+        (
+            "east_m = { column = \"x_km\"",
+            "east_m = { columns = [\"x_km\", \"x\"]",
+            &["own", "added"],
+        ),
         ("by = { drone = \"name\" }", "by = { east_m = \"name\" }", &["beside.by", "east_m"]),
         (
             "columns = { truth_east_m",

@@ -204,3 +204,47 @@ fn attenuation_and_gain_of_our_own_table_are_taken_off() {
     let error = read("range_m,range_sigma_m,gain_db\n5,1,2\n", &ReadOptions::default());
     assert!(error.expect_err("no level").to_string().contains("gain_db needs rss_dbm"));
 }
+
+#[test]
+fn the_most_natural_tables_are_read_by_their_names() {
+    let rows = |header: &str, rows: [&str; 2]| plain(format!("{header}\n{}\n", rows.join("\n")));
+    let levels = ["0,50,14,-60", "5,50.001,14,-63"];
+    let expected = rows("time_s,lat_deg,lon_deg,rss_db", levels);
+    for header in [
+        "time,lat,lon,rssi",
+        "Time,Latitude,Longitude,RSSI",
+        "timestamp,lat,lng,level",
+        "# t,lat,long,signal",
+        "time [s],Lat (deg),Lon (deg),Signal strength",
+    ] {
+        let read = rows(header, levels);
+        assert_eq!(read.records(), expected.records(), "{header}");
+        assert_eq!((read.format(), read.is_calibrated()), ("plain", false), "{header}");
+        assert_eq!(codes(&read), ["columns-by-name"], "{header}");
+        assert!(read.remarks()[0].text.contains("as lat_deg"), "{:?}", read.remarks());
+    }
+    let calibrated = rows("time,lat,lon,RSSI [dBm]", levels);
+    assert!(calibrated.is_calibrated() && calibrated.records() == expected.records());
+    let dated = rows(
+        "time,lat,lon,rssi",
+        ["2026-07-30T10:00:00Z,50,14,-60", "2026-07-30T10:00:05Z,50.001,14,-63"],
+    );
+    let milliseconds =
+        rows("time,lat,lon,rssi", ["1785405600000,50,14,-60", "1785405605000,50.001,14,-63"]);
+    assert!(dated.is_in_utc() && dated.records() == milliseconds.records());
+    let bearings = ["50,14,10", "50.001,14,20"];
+    let expected = rows("lat_deg,lon_deg,bearing_deg_compass", bearings);
+    for header in ["lat,lon,bearing", "Latitude;Longitude;Azimuth", "lat,lon,bearing_deg"] {
+        let separated =
+            bearings.map(|row| row.replace(',', if header.contains(';') { ";" } else { "," }));
+        let read = rows(header, [&separated[0], &separated[1]]);
+        assert_eq!(read.records(), expected.records(), "{header}");
+    }
+    for text in ["lat,lon,heading\n50,14,10\n", "lat,lon,direction\n50,14,10\n"] {
+        let error = read(text, &ReadOptions::default()).expect_err(text).to_string();
+        assert!(error.contains("may be the bearing"), "{error}");
+    }
+    // RSSI without its sign, about a reference that the name states.
+    let positive = rows("time,lat,lon,rssi", ["0,50,14,60", "5,50.001,14,63"]);
+    assert_eq!(codes(&positive), ["columns-by-name", "positive-levels"]);
+}
