@@ -6,7 +6,7 @@ use super::{Column, Mapping, RecordingError, Source, Turns, utc::utc_seconds};
 pub(super) const PLAIN: &str = "plain";
 
 /// Common names of columns, the most usual first, without unit, signs and capitals.
-const NAMES: [(Column, &[&str]); 10] = [
+const NAMES: [(Column, &[&str]); 11] = [
     (Column::LatDeg, &["lat", "latitude", "gpslat", "gpslatitude", "currentlatitude"]),
     (
         Column::LonDeg,
@@ -36,6 +36,7 @@ const NAMES: [(Column, &[&str]); 10] = [
             "sec",
             "epoch",
             "unixtime",
+            "firstseen",
         ],
     ),
     (
@@ -53,8 +54,10 @@ const NAMES: [(Column, &[&str]); 10] = [
             "rxpower",
             "dbm",
             "snr",
+            "smeter",
         ],
     ),
+    (Column::AttenuationDb, &["attenuation", "attenuator"]),
     (Column::BearingDegCompass, &["bearing", "azimuth", "az"]),
     (Column::BearingSigmaDeg, &["bearingsigma", "bearingerror", "sigma"]),
     (Column::Beacon, &["beacon", "tag", "tagid", "transmitter", "mac", "bssid", "address"]),
@@ -214,6 +217,9 @@ pub(super) fn mapping(
     if !found.has(Column::BearingDegCompass) {
         found.columns.remove(&Column::BearingSigmaDeg);
     }
+    if !found.has(Column::RssDb) {
+        found.columns.remove(&Column::AttenuationDb);
+    }
     let mut columns = BTreeMap::new();
     for (column, name) in &found.columns {
         let mut source = Source::column(name);
@@ -308,6 +314,11 @@ mod tests {
                 "x,y,Azimuth [°],heading",
                 "1,2,7,8",
                 "east_m=x north_m=y bearing_deg_compass=Azimuth [°]",
+            ),
+            (
+                "x,y,s_meter_db,attenuator_db",
+                "1,2,7,20",
+                "east_m=x north_m=y rss_db=s_meter_db attenuation_db=attenuator_db",
             ),
             (
                 "lat_deg,lon_deg,level_db,tag",

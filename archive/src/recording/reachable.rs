@@ -92,8 +92,15 @@ fn strays(fixes: &[Fix]) -> Vec<Jump> {
         (to.place - from.place).norm() <= (most_mps * seconds).max(NEAR_M)
     };
     let off = off_path(fixes, follows).unwrap_or_default();
-    // A longer run shows that the receiver was fast at times.
-    let longest = off.iter().map(Vec::len).max().unwrap_or_default();
+    // A longer run shows that the receiver was fast at times. Rows of one time are of one fix.
+    let times = |run: &Vec<Jump>| {
+        let is_later = |pair: &&[Jump]| match pair {
+            [from, to] => (to.within_s - from.within_s).abs() > 0.0,
+            _ => false,
+        };
+        1 + run.windows(2).filter(is_later).count()
+    };
+    let longest = off.iter().map(times).max().unwrap_or_default();
     let is_move = longest > WRONG_IN_A_ROW.max(fixes.len() / 20);
     if is_move { Vec::new() } else { off.into_iter().flatten().collect() }
 }

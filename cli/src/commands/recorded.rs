@@ -124,8 +124,9 @@ impl LatLon {
 impl Reading {
     fn options(&self) -> Result<ReadOptions, CliError> {
         let (north, date_s) = (self.north, self.date.map(|Day(first_s)| first_s));
-        let mut options =
-            ReadOptions { north, date_s, ..ReadOptions::default() }.with_strict(self.strict);
+        let mut options = ReadOptions { north, date_s, ..ReadOptions::default() }
+            .with_strict(self.strict)
+            .with_negated_levels(self.negate_levels);
         if let Some(format) = &self.format {
             options = options.with_format(Mapping::find(format).map_err(CliError::input)?);
         }

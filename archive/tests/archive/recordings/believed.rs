@@ -156,6 +156,15 @@ fn places_that_cannot_be_reached_are_left_out() {
     for out in [&[20][..], &[2], &[41], &[19, 20], &[3, 9, 40]] {
         assert_left_out(&slow(out), &ReadOptions::default(), "position-jumps", out);
     }
+    // Two scans of five transmitters each are two fixes.
+    let scans: String = {
+        let text = slow(&[20, 21]);
+        let rows =
+            text.lines().skip(1).flat_map(|row| (0..5).map(move |tag| format!("{row},{tag}\n")));
+        "time_s,east_m,north_m,rss_dbm,beacon\n".to_owned() + &rows.collect::<String>()
+    };
+    let out: Vec<u64> = (92..=101).collect();
+    assert_left_out(&scans, &ReadOptions::default(), "position-jumps", &out);
     // A receiver that goes far and stays there has moved.
     let moved = slow(&(30..=41).collect::<Vec<_>>());
     assert_eq!(read(&moved, &ReadOptions::default()).expect("all").remarks(), []);
