@@ -269,6 +269,14 @@ fn time(cell: Option<&str>, in_milliseconds: bool) -> (Column, f64) {
     (Column::TimeS, if in_milliseconds { 1e-3 } else { 1.0 })
 }
 
+/// Returns true if a column's name is a common one of an attenuation.
+pub(super) fn is_attenuation(name: &str) -> bool {
+    let (name, _) = parts(name);
+    NAMES
+        .iter()
+        .any(|(column, names)| *column == Column::AttenuationDb && names.contains(&name.as_str()))
+}
+
 /// The columns of a mapping with the file's names, for people.
 pub(super) fn described(mapping: &Mapping) -> String {
     let pair = |(column, source): (&Column, &Source)| {

@@ -325,6 +325,15 @@ impl File<'_> {
         if !plan.has(Column::RssDb) || is_rssi {
             remarks.extend(positive_levels(name, &records));
         }
+        let has_level = plan.has(Column::RssDbm) || plan.has(Column::RssDb);
+        let attenuation = plan.ignored.iter().find(|name| plain::is_attenuation(name));
+        if let Some(column) = attenuation.filter(|_| has_level) {
+            let text = format!(
+                "{name}: the column {column:?} is not used; call it attenuation_db if it is to be \
+                 added to the level, or add it in a mapping"
+            );
+            remarks.push(Remark::new("column-not-used", text));
+        }
         let recording = Recording {
             file: name.to_owned(),
             format: mapping.name.clone(),

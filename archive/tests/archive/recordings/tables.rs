@@ -201,6 +201,10 @@ fn attenuation_and_gain_of_our_own_table_are_taken_off() {
     let recording = plain("range_m,rss_dbm,attenuation_db\n5,-60,20\n9,-60,\n7,,\n6,-61,0\n");
     assert_eq!(codes(&recording), ["rows-left-out"]);
     assert!(recording.remarks()[0].text.contains("line 3, attenuation_db"), "{recording:?}");
+    // One of another name is not used in silence.
+    let recording = plain("range_m,rss_dbm,attenuator_db\n5,-60,20\n");
+    assert_eq!(codes(&recording), ["column-not-used"]);
+    assert!(recording.remarks()[0].text.contains("\"attenuator_db\""), "{recording:?}");
     let error = read("range_m,range_sigma_m,gain_db\n5,1,2\n", &ReadOptions::default());
     assert!(error.expect_err("no level").to_string().contains("gain_db needs rss_dbm"));
 }
