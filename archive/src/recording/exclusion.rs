@@ -14,6 +14,8 @@ pub(super) enum Cause {
     Unreadable,
     /// The receiver had no fix.
     NoFix,
+    /// The place is missing.
+    NoPlace,
     /// The receiver cannot have come there.
     Jump,
     /// The receiver's clock was set back.
@@ -35,7 +37,7 @@ impl Cause {
     pub(super) fn code(self) -> &'static str {
         match self {
             Self::Unreadable => "rows-left-out",
-            Self::NoFix => "no-position",
+            Self::NoFix | Self::NoPlace => "no-position",
             Self::Jump => "position-jumps",
             Self::ClockBack => "clock-runs-back",
             Self::Copy => "duplicate-rows",
@@ -47,6 +49,7 @@ impl Cause {
         match self {
             Self::Unreadable => "left out, since they cannot be read",
             Self::NoFix => "left out, since the receiver had no fix",
+            Self::NoPlace => "left out, since they have no place",
             Self::Jump => {
                 "left out, since the receiver cannot have moved there from the rows about them"
             }
@@ -86,6 +89,20 @@ impl Exclusions {
                 at.and_then(|at| text.get(at..)).unwrap_or(&text).to_owned()
             }
         };
+        self.name(cause, line, text);
+        // A copy takes nothing away from the file.
+        if cause != Cause::Copy {
+            self.bad += 1;
+            self.first.get_or_insert(error);
+        }
+    }
+
+    /// Adds a row that is left out, but is no fault of the file.
+    pub(super) fn note(&mut self, cause: Cause, line: u64, what: &str) {
+        self.name(cause, line, format!("line {line} {what}"));
+    }
+
+    fn name(&mut self, cause: Cause, line: u64, text: String) {
         let excluded = self.causes.entry(cause).or_default();
         excluded.rows += 1;
         excluded.named.push((line, text));
@@ -93,11 +110,6 @@ impl Exclusions {
         if excluded.named.len() > NAMED {
             excluded.named.sort_by_key(|(line, _)| *line);
             excluded.named.truncate(NAMED);
-        }
-        // A copy takes nothing away from the file.
-        if cause != Cause::Copy {
-            self.bad += 1;
-            self.first.get_or_insert(error);
         }
     }
 

@@ -22,7 +22,7 @@ use super::{
     parse::LeftOut,
     plain,
     plan::{Melted, Plan},
-    reachable::{Jump, jumps, out_of_time},
+    reachable::{Jump, is_clock_set, jumps, out_of_time},
     row::Reader,
     table::{Row, Table},
     utc::utc,
@@ -236,6 +236,9 @@ impl File<'_> {
                     Ok(Err(LeftOut(rule))) => {
                         if let Some(dropped) = dropped.get_mut(rule) {
                             dropped.rows += 1;
+                            if dropped.rule == NOT_LOCATED {
+                                exclusions.note(Cause::NoPlace, row.line(), "has no place");
+                            }
                         }
                         continue;
                     }
@@ -265,14 +268,16 @@ impl File<'_> {
                 if by_s > 0.0 && options.strict {
                     return Err(reader.of_time(FieldProblem::Backwards { by_s }));
                 }
-                if by_s > 0.0 && !mapping.rising {
+                if by_s > 0.0 {
                     let first = Backwards { line: record.line, by_s, rows: 0 };
                     backwards.get_or_insert(first).rows += 1;
                 }
                 records.push(record);
             }
         }
-        if mapping.rising {
+        let is_set = mapping.rising || backwards.is_some() && is_clock_set(&records);
+        if is_set {
+            backwards = None;
             leave_out_of_time(&mut records, &mut exclusions, &plan, name);
         }
         let labels = plan.place_labels();

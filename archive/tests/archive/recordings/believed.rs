@@ -110,6 +110,33 @@ fn a_clock_that_was_set_leaves_the_shorter_part_out() {
 }
 
 #[test]
+fn a_clock_that_was_set_shows_in_the_path() {
+    // In the order of time the receiver would go to and fro between two parts of its way.
+    for (from, by_s, out) in [(27, 10.0, 9), (38, 20.0, 4), (10, 5.0, 4)] {
+        let text = walk(|line, cells| {
+            if line >= from {
+                cells[0] -= by_s;
+            }
+        });
+        let recording = read(&text, &ReadOptions::default()).expect("the longer part");
+        let [remark] = recording.remarks() else { panic!("{:?}", recording.remarks()) };
+        assert_eq!(remark.code, "clock-runs-back");
+        let count = 40 - recording.records().len();
+        assert_eq!(count, out, "{from}: {remark}");
+        assert!(remark.text.contains(&format!("{count} of 40 rows left out")), "{remark}");
+    }
+}
+
+#[test]
+fn rows_without_a_place_are_counted() {
+    let text = "time_s,lat_deg,lon_deg,rss_dbm\n0,50,14,-60\n1,,,-60\n2,,,-61\n3,,,-62\n";
+    let recording = read(text, &ReadOptions::default().with_strict(true)).expect("a row");
+    let [remark] = recording.remarks() else { panic!("{:?}", recording.remarks()) };
+    assert_eq!(remark.code, "no-position");
+    assert!(remark.text.contains("3 of 4 rows") && remark.text.contains("line 3 has no place"));
+}
+
+#[test]
 fn lines_that_were_exchanged_are_sorted() {
     let text = walk(|line, cells| {
         let swapped = match line {
@@ -172,7 +199,8 @@ fn places_that_cannot_be_reached_are_left_out() {
     let fast = walk(|_, cells| cells[1] = 250.0 * cells[0]);
     assert_eq!(read(&fast, &ReadOptions::default()).expect("it flies").remarks(), []);
     // Fixes that fit to none of the others are no path.
-    let anywhere = walk(|line, cells| cells[1] = (line * line * 7919 % 1000) as f64 * 1e3);
+    let anywhere =
+        walk(|_, cells| cells[1] = 1e3 * (7919.0 * cells[0] * cells[0]).rem_euclid(1000.0));
     let recording = read(&anywhere, &ReadOptions::default()).expect("all of it");
     assert_eq!((recording.records().len(), recording.remarks().len()), (40, 1));
     assert!(recording.remarks()[0].text.contains("40 rows"), "{recording:?}");
