@@ -199,34 +199,6 @@ pub(super) fn out_of_time(records: &[Record]) -> Vec<(usize, f64)> {
     out
 }
 
-/// Returns true if the time runs back because the receiver's clock was set, and not because lines
-/// were exchanged: the receivers' paths are shorter in the file's order than in the order of time.
-/// Without places, and for antennas that turn, nothing tells the two apart.
-pub(super) fn is_clock_set(records: &[Record]) -> bool {
-    /// Ways of two orders that differ by less are alike.
-    const SHORTER: f64 = 0.9;
-    if records.iter().any(|record| record.boresight.is_some()) {
-        return false;
-    }
-    let mut series: BTreeMap<Series<'_>, Vec<Fix>> = BTreeMap::new();
-    for (index, record) in records.iter().enumerate() {
-        let (Some(time), Some(receiver)) = (record.time, record.receiver) else { continue };
-        let fix = Fix { record: index, time, place: receiver.position.xy() };
-        series.entry((record.drone.as_str(), record.beacon.as_deref())).or_default().push(fix);
-    }
-    let length_m = |fixes: &Vec<Fix>| -> f64 {
-        let step = |pair: &[Fix]| match pair {
-            [from, to] => (to.place - from.place).norm(),
-            _ => 0.0,
-        };
-        fixes.windows(2).map(step).sum()
-    };
-    let in_file: f64 = series.values().map(length_m).sum();
-    series.values_mut().for_each(|fixes| fixes.sort_by(|a, b| a.time.total_cmp(&b.time)));
-    let in_time: f64 = series.values().map(length_m).sum();
-    in_file < SHORTER * in_time
-}
-
 /// The places of the longest series that does not fall; of equals the one that ends lowest.
 fn longest_rising(times: &[(usize, f64)]) -> Vec<usize> {
     // For each length the place at which the series of that length with the lowest end ends.

@@ -22,7 +22,7 @@ use super::{
     parse::LeftOut,
     plain,
     plan::{Melted, Plan},
-    reachable::{Jump, is_clock_set, jumps, out_of_time},
+    reachable::{Jump, jumps, out_of_time},
     row::Reader,
     table::{Row, Table},
     utc::utc,
@@ -275,8 +275,7 @@ impl File<'_> {
                 records.push(record);
             }
         }
-        let is_set = mapping.rising || backwards.is_some() && is_clock_set(&records);
-        if is_set {
+        if mapping.rising {
             backwards = None;
             leave_out_of_time(&mut records, &mut exclusions, &plan, name);
         }

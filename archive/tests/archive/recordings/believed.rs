@@ -110,24 +110,6 @@ fn a_clock_that_was_set_leaves_the_shorter_part_out() {
 }
 
 #[test]
-fn a_clock_that_was_set_shows_in_the_path() {
-    // In the order of time the receiver would go to and fro between two parts of its way.
-    for (from, by_s, out) in [(27, 10.0, 9), (38, 20.0, 4), (10, 5.0, 4)] {
-        let text = walk(|line, cells| {
-            if line >= from {
-                cells[0] -= by_s;
-            }
-        });
-        let recording = read(&text, &ReadOptions::default()).expect("the longer part");
-        let [remark] = recording.remarks() else { panic!("{:?}", recording.remarks()) };
-        assert_eq!(remark.code, "clock-runs-back");
-        let count = 40 - recording.records().len();
-        assert_eq!(count, out, "{from}: {remark}");
-        assert!(remark.text.contains(&format!("{count} of 40 rows left out")), "{remark}");
-    }
-}
-
-#[test]
 fn rows_without_a_place_are_counted() {
     let text = "time_s,lat_deg,lon_deg,rss_dbm\n0,50,14,-60\n1,,,-60\n2,,,-61\n3,,,-62\n";
     let recording = read(text, &ReadOptions::default().with_strict(true)).expect("a row");
