@@ -6,8 +6,8 @@ use foxhunt_wire::geodesy::LocalFrame;
 use super::{Column, Mapping, North, Rover, Value};
 
 /// How a recording is to be read. The default recognises the format by the header, puts the
-/// frame's origin at the first usable position, overrides nothing, and leaves out rows that cannot be
-/// believed ([`Recording::remarks`](super::Recording::remarks)).
+/// frame's origin at the first usable position, overrides nothing, and leaves out rows that cannot
+/// be believed ([`Recording::remarks`](super::Recording::remarks)).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadOptions {
     /// The format, instead of recognising it.

@@ -13,7 +13,7 @@ use super::{
 /// No hunt is this wide: what is farther from the origin is a mistake in the file.
 const LIMIT_KM: f64 = 200.0;
 
-/// A place that is nearer than this to 0° N 0° E, in degrees, is that of a receiver without a fix.
+/// Distance from 0° N 0° E, in degrees, below which a place is that of a receiver without a fix.
 const NO_FIX_DEG: f64 = 2e-6;
 
 /// A row that is not kept: which of the rules it is counted under.

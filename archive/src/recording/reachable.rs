@@ -116,7 +116,7 @@ fn reaches(from: &Fix, to: &Fix) -> bool {
     (to.place - from.place).norm() <= most_m
 }
 
-/// Returns the runs of fixes that are not on the longest path; `None` if no path has more than half.
+/// Returns the runs of fixes off the longest path, or `None` if no path has more than half.
 fn off_path(fixes: &[Fix], reaches: impl Fn(&Fix, &Fix) -> bool) -> Option<Vec<Vec<Jump>>> {
     let mut runs: Vec<&[Fix]> = Vec::new();
     runs.extend(fixes.chunk_by(&reaches));

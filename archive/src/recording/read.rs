@@ -511,8 +511,8 @@ fn positive_levels(file: &str, records: &[Record]) -> Option<Remark> {
     }
     let text = format!(
         "{file}: all levels are positive, from {least} to {most}, as if 71 stood for -71 dBm; \
-         taken as they are, the strongest is the farthest. With --negate-levels, or scale = -1 in a \
-         mapping, they are {} to {} dBm",
+         taken as they are, the strongest is the farthest. With --negate-levels, or scale = -1 in \
+         a mapping, they are {} to {} dBm",
         -most, -least
     );
     Some(Remark::new("positive-levels", text))

@@ -63,7 +63,7 @@ fn bad_rows_are_named_by_every_command_and_change_nothing() {
     let ran = foxhunt(["--json", "locate", &file]);
     let report = ran.json();
     assert_eq!(codes(&report), ["rows-left-out", "position-jumps"]);
-    assert_eq!(place(&report), place(&expected));
+    assert_eq!(report["estimate"], expected["estimate"]);
     for part in ["warning: ", "line 9, east_m: \"loud\"", "line 20, east_m, north_m", "line 50"] {
         assert!(ran.stderr.contains(part), "{part}: {}", ran.stderr);
     }
