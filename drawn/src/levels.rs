@@ -304,7 +304,7 @@ pub(super) fn attenuator(random: &mut Random) -> Scene {
         let level = row.get("rss_dbm").unwrap_or(full);
         let switched_db = ((level - full) / step_db).ceil().clamp(0.0, 3.0) * step_db;
         row.set("rss_dbm", level - switched_db);
-        row.set("attenuator_db", switched_db);
+        row.set("attenuation_db", switched_db);
     }
     Scene::of(rows)
 }

@@ -45,6 +45,10 @@ pub enum Column {
     RssDbm,
     /// `rss_db`: the received power relative to an unknown reference.
     RssDb,
+    /// `attenuation_db`: the attenuation before the receiver, which is added to its levels.
+    AttenuationDb,
+    /// `gain_db`: the gain before the receiver, which is subtracted from its levels.
+    GainDb,
     /// `floor_dbm`: the level, as the levels are given, at or below which the receiver's noise
     /// stands for the beacon's power.
     FloorDbm,
@@ -98,7 +102,7 @@ const LEAST_SIGMA: f64 = 1e-6;
 
 impl Column {
     /// Every column.
-    pub const ALL: [Self; 32] = [
+    pub const ALL: [Self; 34] = [
         Self::Beacon,
         Self::Drone,
         Self::TimeS,
@@ -117,6 +121,8 @@ impl Column {
         Self::Turn,
         Self::RssDbm,
         Self::RssDb,
+        Self::AttenuationDb,
+        Self::GainDb,
         Self::FloorDbm,
         Self::BearingDegCompass,
         Self::RelativeBearingDeg,
@@ -151,6 +157,11 @@ impl Column {
             Kind::Number(min, max) => (min..=max).contains(&value),
             Kind::Index(max) => value.fract() == 0.0 && (0.0..=max).contains(&value),
         }
+    }
+
+    /// Returns true if its cells are levels or floors of the receiver.
+    pub(super) fn is_level(self) -> bool {
+        matches!(self, Self::RssDbm | Self::RssDb | Self::FloorDbm)
     }
 
     /// Whether it names who transmits or receives.
@@ -193,6 +204,8 @@ impl Column {
             Self::RssDbm => ("rss_dbm", Kind::Number(-250.0, 100.0)),
             // Wide enough for any scale, too narrow for the usual stand-ins for "nothing".
             Self::RssDb => ("rss_db", Kind::Number(-500.0, 500.0)),
+            Self::AttenuationDb => ("attenuation_db", Kind::Number(-200.0, 200.0)),
+            Self::GainDb => ("gain_db", Kind::Number(-200.0, 200.0)),
             Self::FloorDbm => ("floor_dbm", Kind::Number(-500.0, 500.0)),
             Self::BearingDegCompass => ("bearing_deg_compass", Kind::Number(-360.0, 360.0)),
             Self::RelativeBearingDeg => ("relative_bearing_deg", Kind::Number(-360.0, 360.0)),

@@ -13,13 +13,13 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 /// No recording is larger than this: a small file may hold any amount of nothing.
 const LIMIT_BYTES: u64 = 2 << 30;
 
-/// What a file holds: the file itself, or what was compressed with gzip.
+/// What a file holds, in UTF-8: the file itself, or what was compressed with gzip.
 pub(super) fn decompressed<'b>(
     bytes: &'b [u8],
     file: &str,
 ) -> Result<Cow<'b, [u8]>, RecordingError> {
     if !bytes.starts_with(&GZIP) {
-        return Ok(Cow::Borrowed(bytes));
+        return Ok(in_utf8(bytes).map_or(Cow::Borrowed(bytes), Cow::Owned));
     }
     let wrong = |source| RecordingError::Read { file: file.to_owned(), source };
     let mut held = Vec::new();
@@ -28,5 +28,18 @@ pub(super) fn decompressed<'b>(
         let message = format!("holds more than {LIMIT_BYTES} bytes once it is decompressed");
         return Err(wrong(io::Error::other(message)));
     }
-    Ok(Cow::Owned(held))
+    Ok(Cow::Owned(in_utf8(&held).unwrap_or(held)))
+}
+
+/// A text in UTF-16, which begins with a byte order mark, in UTF-8; `None` for any other.
+fn in_utf8(bytes: &[u8]) -> Option<Vec<u8>> {
+    let (to_unit, text): (fn([u8; 2]) -> u16, _) = match bytes {
+        [0xff, 0xfe, text @ ..] => (u16::from_le_bytes, text),
+        [0xfe, 0xff, text @ ..] => (u16::from_be_bytes, text),
+        _ => return None,
+    };
+    let units = text.chunks_exact(2).filter_map(|pair| <[u8; 2]>::try_from(pair).ok());
+    let characters = char::decode_utf16(units.map(to_unit));
+    let text: String = characters.map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect();
+    Some(text.into_bytes())
 }

@@ -77,6 +77,19 @@ pub enum RecordingError {
         /// The known formats.
         known: Box<[String]>,
     },
+    /// A column may be a bearing or the direction of the receiver.
+    #[error(
+        "{file}, line {line}: the column {column:?} may be the bearing to the transmitter or where \
+         the receiver's nose looks; call it bearing_deg_compass or heading_deg_compass"
+    )]
+    Doubtful {
+        /// The file.
+        file: String,
+        /// The header's line, from 1.
+        line: u64,
+        /// The column.
+        column: String,
+    },
     /// There is neither a shipped mapping nor a file of this name.
     #[error("{name:?} is neither a file nor a known format; those are {}", known.join(", "))]
     NoSuchFormat {
@@ -208,6 +221,16 @@ pub enum RecordingError {
         /// The file beside it, and which of its names may be meant.
         beside: String,
     },
+    /// More than half of the rows cannot be believed.
+    #[error("{first}; {bad} of {rows} rows cannot be believed, more than half of the file")]
+    MostlyBad {
+        /// The error of the first of them.
+        first: Box<RecordingError>,
+        /// The number of rows that cannot be believed.
+        bad: u64,
+        /// The number of rows that were read.
+        rows: u64,
+    },
     /// No row is left.
     #[error("{file}: none of {rows} rows is of use{dropped}")]
     NothingKept {
@@ -317,6 +340,9 @@ pub enum FieldProblem {
     /// It must not be empty.
     #[error("must not be empty here")]
     Missing,
+    /// Its quote is not closed.
+    #[error("begins with a quote that is not closed")]
+    Unclosed,
     /// The mapping's lookup does not list it.
     #[error("is not among the values that the mapping knows")]
     NotInLookup,
@@ -324,10 +350,30 @@ pub enum FieldProblem {
     #[error("is where a receiver without a fix reports to be")]
     NoFix,
     /// The row is earlier than the one before.
-    #[error("is {by_s} s earlier than the row before, and times rise in this format")]
+    #[error("is {by_s} s earlier than the row before, and times must rise")]
     Backwards {
         /// How much earlier, in seconds.
         by_s: f64,
+    },
+    /// The time is out of order: the receiver's clock was set.
+    #[error("is {by_s} s out of order in a format whose times rise")]
+    OutOfOrder {
+        /// The difference from the rows about it, in seconds.
+        by_s: f64,
+    },
+    /// The receiver cannot have moved there.
+    #[error("is {distance_m:.0} m from the row about it, {within_s} s apart, too far to move")]
+    Jump {
+        /// The distance, in metres.
+        distance_m: f64,
+        /// The time between the two rows, in seconds.
+        within_s: f64,
+    },
+    /// The row is a copy.
+    #[error("begins a row that is the same as line {line}")]
+    Copy {
+        /// The line of the first such row, from 1.
+        line: u64,
     },
     /// It cannot be measured with such a standard deviation.
     #[error("is no measurement")]

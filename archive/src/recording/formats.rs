@@ -1,6 +1,6 @@
-use std::{fs, path::Path, sync::LazyLock};
+use std::{borrow::Cow, fs, path::Path, sync::LazyLock};
 
-use super::{Mapping, RecordingError, near_miss::near_miss};
+use super::{Mapping, RecordingError, near_miss::near_miss, plain};
 
 /// Our own format first: it is preferred where two fit equally well.
 const TEXTS: [&str; 14] = [
@@ -56,18 +56,29 @@ fn known() -> Vec<String> {
     SHIPPED.iter().map(|mapping| mapping.name.clone()).collect()
 }
 
-/// The shipped mapping whose header fits a file's columns; of several, the one that needs most.
+/// Returns true if a shipped mapping's header fits a line, or its columns have common names.
+pub(super) fn is_known(columns: &[String]) -> bool {
+    let mut with_header = SHIPPED.iter().filter(|mapping| !mapping.header.is_empty());
+    with_header.any(|mapping| mapping.lacks(columns).is_empty()) || plain::is_plain(columns)
+}
+
+/// The shipped mapping whose header fits a file's columns; of several, the one that needs most. A
+/// table whose columns have common names gets a mapping of its own, by the cells of its first row.
 pub(super) fn recognise(
     file: &str,
     line: u64,
     columns: &[String],
-) -> Result<&'static Mapping, RecordingError> {
+    first: impl Fn(&str) -> Option<String>,
+) -> Result<Cow<'static, Mapping>, RecordingError> {
     let with_header = || SHIPPED.iter().filter(|mapping| !mapping.header.is_empty());
     let fits = with_header().filter(|mapping| mapping.lacks(columns).is_empty());
     // `rev`, for of equals the last one would win.
     let fits: Vec<_> = fits.collect();
     if let Some(best) = fits.into_iter().rev().max_by_key(|mapping| mapping.header.len()) {
-        return Ok(best);
+        return Ok(Cow::Borrowed(best));
+    }
+    if let Some(plain) = plain::mapping(file, line, columns, first)? {
+        return Ok(Cow::Owned(plain));
     }
     let nearest = with_header().min_by_key(|mapping| {
         let lacks = mapping.lacks(columns);
@@ -110,17 +121,19 @@ mod tests {
     fn of_several_that_fit_the_one_that_needs_most_is_taken() {
         let named = |header: &str| {
             let columns: Vec<_> = header.split(',').map(str::to_owned).collect();
-            recognise("f.csv", 1, &columns).map(|mapping| mapping.name.as_str()).ok()
+            recognise("f.csv", 1, &columns, |_| None).map(|mapping| mapping.name.clone()).ok()
         };
-        assert_eq!(named("rss_dbm,range_m"), Some("foxhunt"));
-        assert_eq!(named("rss_dbm,range_m,obs,x,y,bearing_deg"), Some("lenth1981"));
+        assert_eq!(named("rss_dbm,range_m").as_deref(), Some("foxhunt"));
+        let both = named("rss_dbm,range_m,obs,x,y,bearing_deg");
+        assert_eq!(both.as_deref(), Some("lenth1981"));
         let (uavrt, yagis) = (
             "tag_id,snr_db,group,idx_in_group,yaw_deg",
             "time,antenna,rssi_dbm,tag_lat_deg,tag_lon_deg",
         );
         // Both need five columns: the first in the list.
-        assert_eq!(named(&format!("{yagis},{uavrt}")), Some("uavrt-rotation"));
-        assert_eq!(named(yagis), Some("uri-yagi-station"));
+        let both = named(&format!("{yagis},{uavrt}"));
+        assert_eq!(both.as_deref(), Some("uavrt-rotation"));
+        assert_eq!(named(yagis).as_deref(), Some("uri-yagi-station"));
     }
 
     #[test]

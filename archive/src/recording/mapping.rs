@@ -195,6 +195,11 @@ impl Mapping {
             return refuse("turns.gap_s".to_owned(), gap.to_string(), "zero or a positive number");
         }
         for beside in &self.beside {
+            let mut numbers = beside.columns.iter().filter(|(c, _)| c.kind() != Kind::Text);
+            if let Some((column, source)) = numbers.find(|(_, source)| source.columns.len() > 1) {
+                let requirement = "a single column: only the recording's own are added";
+                return refuse(format!("columns.{column}.columns"), source.label(), requirement);
+            }
             // A mapping from a stranger shall not make us read elsewhere.
             let name = Path::new(&beside.file).file_name();
             if name.is_none_or(|name| name != beside.file.as_str()) {
@@ -259,6 +264,21 @@ impl Mapping {
         Ok(())
     }
 
+    /// Returns true if a line names all columns that a file of the format has.
+    pub(super) fn fits(&self, columns: &[String]) -> bool {
+        let needed = self.columns.iter().filter(|(_, source)| !source.optional);
+        let has = |name: &str| columns.iter().any(|column| column == name);
+        let named = |(column, source): (&Column, &Source)| match column.kind() {
+            Kind::Text => source.columns.clone(),
+            _ => source.terms(has).into_iter().map(|(name, _)| name).collect(),
+        };
+        // Columns that are all optional fit to any line.
+        let is_bare = self.header.is_empty() && self.columns.values().all(|s| s.optional);
+        !is_bare
+            && self.lacks(columns).is_empty()
+            && needed.flat_map(named).all(|name| columns.contains(&name))
+    }
+
     /// The entries of `header` that a file's columns do not satisfy.
     pub(super) fn lacks(&self, columns: &[String]) -> Vec<String> {
         let is = |name: &str, column: &String| column == name || name_in(name, column).is_some();
@@ -282,8 +302,8 @@ fn wrong_source(column: Column, source: &Source) -> Option<(&'static str, String
     } else if text && !plain && !scaled {
         let requirement = "a column without scale, offset or wrap: it holds texts";
         Some(("", source.label(), requirement))
-    } else if !text && source.columns.len() > 1 {
-        Some((".columns", source.label(), "a single column: only names and times are joined"))
+    } else if !text && source.columns.len() > 1 && !source.lookup.is_empty() {
+        Some((".columns", source.label(), "a single column: a sum has no lookup"))
     } else if source.wrap && !column.is_angle() {
         Some((".wrap", source.wrap.to_string(), "false: this is no angle of a circle"))
     } else {
@@ -316,7 +336,7 @@ mod tests {
         for (text, expected) in [
             ("columns = { rss = 'x' }", "\"rss\" is no column of ours"),
             ("columns = { rss_db = { column = 'x', scal = 2 } }", "unknown field `scal`"),
-            ("columns = { rss_db = 7 }", "a column's name or a table"),
+            ("columns = { rss_db = 7 }", "a column's name, names that are added"),
             ("columns = { rss_db = { column = 'x', scale = 0 } }", "columns.rss_db.scale"),
             ("columns = { rss_db = { column = 'x', offset = inf } }", "columns.rss_db.offset"),
             ("columns = { beacon = { column = 'x', scale = 2 } }", "columns.beacon"),

@@ -6,7 +6,8 @@ use foxhunt_wire::geodesy::LocalFrame;
 use super::{Column, Mapping, North, Rover, Value};
 
 /// How a recording is to be read. The default recognises the format by the header, puts the
-/// frame's origin at the first usable position and overrides nothing.
+/// frame's origin at the first usable position, overrides nothing, and leaves out rows that cannot
+/// be believed ([`Recording::remarks`](super::Recording::remarks)).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReadOptions {
     /// The format, instead of recognising it.
@@ -25,6 +26,10 @@ pub struct ReadOptions {
     pub clock_offset_s: f64,
     /// Which frequencies are read from files with the power of many.
     pub band: Option<Band>,
+    /// Refuse a file for the first row that cannot be believed, instead of leaving it out.
+    pub strict: bool,
+    /// Levels are written without their sign: 71 stands for −71.
+    pub negate_levels: bool,
 }
 
 /// Frequencies from which a level is read.
@@ -91,6 +96,21 @@ impl ReadOptions {
     #[must_use]
     pub fn with_date(mut self, unix_s: f64) -> Self {
         self.date_s = Some(unix_s);
+        self
+    }
+
+    /// Refuses a file for its first row that cannot be believed: an unreadable cell, a receiver
+    /// without a fix or that jumps, a clock that runs back, a row that is there twice.
+    #[must_use]
+    pub fn with_strict(mut self, strict: bool) -> Self {
+        self.strict = strict;
+        self
+    }
+
+    /// Reads levels that are written without their sign: 71 stands for −71.
+    #[must_use]
+    pub fn with_negated_levels(mut self, negate_levels: bool) -> Self {
+        self.negate_levels = negate_levels;
         self
     }
 

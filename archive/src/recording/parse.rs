@@ -13,6 +13,9 @@ use super::{
 /// No hunt is this wide: what is farther from the origin is a mistake in the file.
 const LIMIT_KM: f64 = 200.0;
 
+/// Distance from 0° N 0° E, in degrees, below which a place is that of a receiver without a fix.
+const NO_FIX_DEG: f64 = 2e-6;
+
 /// A row that is not kept: which of the rules it is counted under.
 pub(super) struct LeftOut(pub(super) usize);
 
@@ -39,6 +42,9 @@ impl Reader<'_> {
         // Of a receiver whose floor is known silence is a measurement, too.
         let floor_dbm = self.number(Column::FloorDbm)?;
         let level = rss_dbm.or(floor_dbm);
+        // A row without a level needs no attenuation.
+        let added_db = level.map_or(Ok(0.0), |_| self.before_receiver_db())?;
+        let [rss_dbm, floor_dbm] = [rss_dbm, floor_dbm].map(|level| level.map(|l| l + added_db));
         if level.is_none() && bearing_deg.is_none() && measured.is_empty() {
             return Ok(Err(LeftOut(rules)));
         }
@@ -236,7 +242,7 @@ impl Reader<'_> {
         let Some((lat_deg, lon_deg)) = self.pair(lat, lon)? else { return Ok(None) };
         let columns = format!("{}, {}", self.plan.label(lat), self.plan.label(lon));
         let both = format!("{lat_deg}, {lon_deg}");
-        if lat_deg.abs() < f64::MIN_POSITIVE && lon_deg.abs() < f64::MIN_POSITIVE {
+        if lat_deg.abs() < NO_FIX_DEG && lon_deg.abs() < NO_FIX_DEG {
             return Err(self.row.wrong(&columns, &both, FieldProblem::NoFix));
         }
         let at_origin = frame.map_or(0.0, |frame| frame.origin().alt_m);
@@ -248,6 +254,9 @@ impl Reader<'_> {
         let local = here.to_local(&place);
         let turned = Geodetic { lat_deg: lon_deg, lon_deg: lat_deg, ..place };
         let is_near = |local: Vector3<f64>| local.norm() <= LIMIT_KM * 1e3;
+        if !is_near(local) {
+            self.astray.set(self.astray.get().or(Some(place)));
+        }
         if !is_near(local) && is_near(here.to_local(&turned)) {
             let problem = FieldProblem::SwappedPlace { distance_km: local.norm() / 1e3 };
             return Err(self.row.wrong(&columns, &both, problem));
@@ -258,7 +267,7 @@ impl Reader<'_> {
     }
 
     fn swapped(&self, lat: Column, lon: Column) -> Option<RecordingError> {
-        let parse = |column| self.text(column).ok()??.parse::<f64>().ok();
+        let parse = |column| self.row.parse(self.text(column).ok()??.as_ref());
         let swapped = parse(lat)?.abs() > 90.0 && parse(lat)?.abs() <= 180.0;
         (swapped && parse(lon)?.abs() <= 90.0).then(|| self.wrong(lat, FieldProblem::Swapped))
     }

@@ -1,7 +1,8 @@
 use std::{borrow::Cow, collections::BTreeMap};
 
 use super::{
-    Band, Column, Keep, Mapping, ReadOptions, RecordingError, Source, beside::Joined, table::Table,
+    Band, Column, Keep, Mapping, ReadOptions, RecordingError, Source, beside::Joined, column::Kind,
+    table::Table,
 };
 
 /// A mapping fitted to one file's header.
@@ -12,6 +13,8 @@ pub(super) struct Plan {
     pub(super) joined: Vec<Joined>,
     /// The columns that become rows of their own; empty where the mapping melts nothing.
     pub(super) melted: Vec<Melted>,
+    /// Whether levels are written without their sign.
+    pub(super) negate_levels: bool,
     /// The file's columns that nothing reads.
     pub(super) ignored: Vec<String>,
     /// The names of the file's columns.
@@ -29,6 +32,8 @@ pub(super) struct Melted {
 pub(super) enum Origin {
     /// From cells of each row.
     Cells { indices: Vec<usize>, source: Source },
+    /// From numbers of each row that are added.
+    Sum { terms: Vec<Term>, source: Source },
     /// The same for every row.
     Fixed(String),
     /// From cells of the row of a table beside the file.
@@ -39,6 +44,12 @@ pub(super) enum Origin {
     MeltedValue,
     /// The strongest of the bins from a cell on that lie in a band.
     Bins { low: usize, high: usize, step: usize, from: usize, first: f64, band: Band },
+}
+
+/// A column that is added, with its sign.
+pub(super) struct Term {
+    pub(super) index: usize,
+    pub(super) sign: f64,
 }
 
 /// A rule of the mapping, with the place of its column.
@@ -128,6 +139,19 @@ impl Plan {
                 || joined.iter().any(|j| j.columns.contains_key(column))
         };
         for (column, source) in mapping.columns.iter().filter(|(column, _)| !given(column)) {
+            let has = |name: &str| table.header().iter().any(|column| column == name);
+            let terms = source.terms(has);
+            if column.kind() != Kind::Text && terms.len() > 1 {
+                let names: Vec<String> = terms.iter().map(|(name, _)| name.clone()).collect();
+                if source.optional && table.indices_of(&names)?.is_none() {
+                    continue;
+                }
+                let indices = table.require(&names, &mapping.name)?;
+                let term = |(index, (_, sign))| Term { index, sign };
+                let terms = indices.into_iter().zip(terms).map(term).collect();
+                origins.insert(*column, Origin::Sum { terms, source: source.clone() });
+                continue;
+            }
             if source.optional && table.indices_of(&source.columns)?.is_none() {
                 continue;
             }
@@ -179,7 +203,8 @@ impl Plan {
         }
         let ignored = ignored(table.header(), &origins, &rules, &melted);
         let names = table.header().to_vec();
-        let plan = Self { origins, rules, joined, melted, ignored, names };
+        let negate_levels = options.negate_levels;
+        let plan = Self { origins, rules, joined, melted, negate_levels, ignored, names };
         plan.check(table.file(), table.header_line())?;
         if let Some(rover) = &options.rover
             && !plan.has(Column::TimeUtc)
@@ -202,11 +227,23 @@ impl Plan {
     /// What messages call a column: the file's own name for it.
     pub(super) fn label(&self, column: Column) -> Cow<'static, str> {
         match self.origins.get(&column) {
-            Some(Origin::Cells { source, .. } | Origin::Joined { source, .. }) => {
-                Cow::Owned(source.label())
-            }
+            Some(
+                Origin::Cells { source, .. }
+                | Origin::Sum { source, .. }
+                | Origin::Joined { source, .. },
+            ) => Cow::Owned(source.label()),
             _ => Cow::Borrowed(column.name()),
         }
+    }
+
+    /// The name that messages give to the columns of the receiver's place.
+    pub(super) fn place_labels(&self) -> String {
+        let [first, second] = if self.has(Column::EastM) {
+            [Column::EastM, Column::NorthM]
+        } else {
+            [Column::LatDeg, Column::LonDeg]
+        };
+        format!("{}, {}", self.label(first), self.label(second))
     }
 
     fn check(&self, file: &str, line: u64) -> Result<(), RecordingError> {
@@ -228,6 +265,12 @@ impl Plan {
         for (column, other) in NEEDS {
             if self.has(column) && !self.has(other) {
                 return incomplete(label(column), other.name());
+            }
+        }
+        let levels = [Column::RssDbm, Column::RssDb];
+        for column in [Column::AttenuationDb, Column::GainDb] {
+            if self.has(column) && !levels.iter().any(|level| self.has(*level)) {
+                return incomplete(label(column), Column::RssDbm.name());
             }
         }
         let bearings = [Column::BearingDegCompass, Column::RelativeBearingDeg];
@@ -257,6 +300,7 @@ fn ignored(
     let read = |wanted: usize| {
         let cells = origins.values().flat_map(|origin| match origin {
             Origin::Cells { indices, .. } => indices.clone(),
+            Origin::Sum { terms, .. } => terms.iter().map(|term| term.index).collect(),
             Origin::Bins { low, high, step, .. } => vec![*low, *high, *step],
             _ => Vec::new(),
         });

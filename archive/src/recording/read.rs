@@ -1,22 +1,54 @@
-use std::{collections::BTreeMap, fs, io::Read, path::Path};
+use std::{
+    borrow::Cow,
+    cell::Cell,
+    collections::{BTreeMap, BTreeSet, HashMap, hash_map::Entry},
+    fs,
+    hash::{DefaultHasher, Hash, Hasher},
+    io,
+    path::Path,
+};
+
+use foxhunt_core::Remark;
+use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
+use nalgebra::Vector3;
 
 use super::{
-    Backwards, Column, Dropped, ReadOptions, Recording, RecordingError, Rover, beside::Joined,
-    decompress::decompressed, formats, parse::LeftOut, plan::Plan, row::Reader, table::Table,
+    Backwards, Column, Dropped, FieldProblem, ReadOptions, Record, Recording, RecordingError,
+    Rover,
+    beside::Joined,
+    decompress::decompressed,
+    exclusion::{Cause, Exclusions},
+    formats,
+    parse::LeftOut,
+    plain,
+    plan::{Melted, Plan},
+    reachable::{Jump, jumps, out_of_time},
+    row::Reader,
+    table::{Row, Table},
+    utc::utc,
 };
+
+/// The path of standard input.
+const STANDARD_INPUT: &str = "-";
+
+/// No receiver measures more than this, in dBm; near a transmitter it may be 0 to 20.
+const MOST_DBM: f64 = 20.0;
 
 /// What every recording drops rows for, besides the mapping's rules.
 const NOT_MEASURED: &str = "a measurement";
 const NOT_LOCATED: &str = "a position";
 
 impl Recording {
-    /// Reads a file.
+    /// Reads a file, or standard input if the path is `-`.
     ///
     /// # Errors
     ///
     /// [`RecordingError`] names the file, line, column and value.
     pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self, RecordingError> {
         let path = path.as_ref();
+        if path.as_os_str() == STANDARD_INPUT {
+            return Self::from_reader(io::stdin().lock(), "standard input", options);
+        }
         let name = path.display().to_string();
         let bytes =
             fs::read(path).map_err(|source| RecordingError::Read { file: name.clone(), source })?;
@@ -63,7 +95,7 @@ impl Recording {
     ///
     /// [`RecordingError`] as [`Self::read`].
     pub fn from_reader(
-        mut reader: impl Read,
+        mut reader: impl io::Read,
         name: &str,
         options: &ReadOptions,
     ) -> Result<Self, RecordingError> {
@@ -81,20 +113,82 @@ impl Recording {
         options: &ReadOptions,
     ) -> Result<Self, RecordingError> {
         let bytes = decompressed(bytes, name)?;
+        let file = File { bytes: &bytes, name, folder };
+        let astray = Cell::new(None);
+        let read = file.read(options, &astray);
+        if options.strict || options.frame.is_some() || options.rover.is_some() {
+            return read.map(|read| read.recording);
+        }
+        // The first place is the frame's origin. If it is the wrong one, all the others look wrong.
+        let origin = match &read {
+            Ok(read) => read.better_origin,
+            Err(_) => astray.get(),
+        };
+        if let Some(frame) = origin.and_then(|origin| LocalFrame::new(origin).ok())
+            && let Ok(again) = file.read(&options.clone().with_frame(frame), &Cell::new(None))
+        {
+            return Ok(again.recording);
+        }
+        read.map(|read| read.recording)
+    }
+}
+
+/// The text of a file, and where it lies.
+struct File<'f> {
+    bytes: &'f [u8],
+    name: &'f str,
+    folder: Option<&'f Path>,
+}
+
+/// What was read from a file.
+struct Read {
+    recording: Recording,
+    /// The first place that can be believed, if the frame's origin cannot.
+    better_origin: Option<Geodetic>,
+}
+
+impl File<'_> {
+    /// A cell of the first row of a file whose format is to be recognised.
+    fn first_cell(&self, column: &str) -> Option<String> {
+        let table = Table::open_fitting(self.name, self.bytes, None, formats::is_known);
+        let mut table = table.ok()?;
+        let index = table.index_of(column).ok()??;
+        let row = table.next().ok()??;
+        Some(row.cell(index).to_owned())
+    }
+
+    fn read(
+        &self,
+        options: &ReadOptions,
+        astray: &Cell<Option<Geodetic>>,
+    ) -> Result<Read, RecordingError> {
+        let name = self.name;
         let separator = options.format.as_ref().and_then(|mapping| mapping.separator);
         let names = options.format.as_ref().map_or(&[][..], |mapping| mapping.names.as_slice());
-        let mut table = Table::open(name, &bytes, separator, names)?;
-        let mapping = match &options.format {
-            Some(mapping) => mapping,
-            None => formats::recognise(name, table.header_line(), table.header())?,
+        let mut table = if names.is_empty() {
+            let fits = |header: &[String]| match &options.format {
+                Some(mapping) => mapping.fits(header),
+                None => formats::is_known(header),
+            };
+            Table::open_fitting(name, self.bytes, separator, fits)?
+        } else {
+            Table::open(name, self.bytes, separator, names)?
         };
+        let mapping = match &options.format {
+            Some(mapping) => Cow::Borrowed(mapping),
+            None => {
+                let first = |column: &str| self.first_cell(column);
+                formats::recognise(name, table.header_line(), table.header(), first)?
+            }
+        };
+        let mapping = mapping.as_ref();
         let mut joined: Vec<Joined> = Vec::new();
         for beside in &mapping.beside {
             let given = |column| {
                 let before = joined.iter().any(|joined| joined.columns.contains_key(&column));
                 before || options.constants.contains_key(&column)
             };
-            joined.extend(Joined::read(beside, &mapping.name, name, folder, given)?);
+            joined.extend(Joined::read(beside, &mapping.name, name, self.folder, given)?);
         }
         let plan = Plan::new(mapping, options, joined, &table)?;
 
@@ -107,12 +201,24 @@ impl Recording {
         let stem = stem(name);
         let north = options.north.unwrap_or(mapping.north);
         let mut frame = options.frame;
+        let mut origin_line = None;
         let rover = rover.map(|rover| (rover, options.clock_offset_s));
         let mut last_times = BTreeMap::new();
         let mut backwards: Option<Backwards> = None;
         let mut rows = 0;
         let mut records = Vec::new();
-        while let Some(row) = table.next()? {
+        let mut exclusions = Exclusions::default();
+        let mut copies = Copies::default();
+        loop {
+            let row = match table.next() {
+                Ok(None) => break,
+                Ok(Some(row)) => row,
+                Err(error) => {
+                    rows += 1;
+                    leave_out(&mut exclusions, error, options, name)?;
+                    continue;
+                }
+            };
             rows += 1;
             let columns = if plan.melted.is_empty() {
                 vec![None]
@@ -122,42 +228,117 @@ impl Recording {
             for melted in columns {
                 let (north, date_s) = (north, options.date_s);
                 let (plan, row, stem) = (&plan, &row, stem.as_str());
-                let reader = Reader { plan, row, melted, stem, north, date_s, rover };
-                match reader.record(&mut frame)? {
-                    Ok(record) => {
-                        if let Some(time) = record.time {
-                            let of = (record.drone.clone(), record.beacon.clone());
-                            let by_s = last_times.insert(of, time).unwrap_or(time) - time;
-                            if by_s > 0.0 && mapping.rising {
-                                return Err(reader.backwards(by_s));
-                            }
-                            if by_s > 0.0 {
-                                let first = Backwards { line: record.line, by_s, rows: 0 };
-                                backwards.get_or_insert(first).rows += 1;
-                            }
-                        }
-                        records.push(record);
-                    }
-                    Err(LeftOut(rule)) => {
+                let reader = Reader { plan, row, melted, stem, north, date_s, rover, astray };
+                // A row that is refused does not set the frame.
+                let mut here = frame;
+                let record = match reader.record(&mut here) {
+                    Ok(Ok(record)) => record,
+                    Ok(Err(LeftOut(rule))) => {
                         if let Some(dropped) = dropped.get_mut(rule) {
                             dropped.rows += 1;
+                            if dropped.rule == NOT_LOCATED {
+                                exclusions.note(Cause::NoPlace, row.line(), "has no place");
+                            }
                         }
+                        continue;
                     }
+                    Err(error) => {
+                        leave_out(&mut exclusions, error, options, name)?;
+                        continue;
+                    }
+                };
+                if frame.is_none() && here.is_some() {
+                    origin_line = Some(record.line);
                 }
+                frame = here;
+                let Some(time) = record.time else {
+                    records.push(record);
+                    continue;
+                };
+                if let Some(line) = copies.first(row, melted) {
+                    let error = reader.of_time(FieldProblem::Copy { line });
+                    if options.strict {
+                        return Err(error);
+                    }
+                    exclusions.add(Cause::Copy, record.line, error);
+                    continue;
+                }
+                let of = (record.drone.clone(), record.beacon.clone());
+                let by_s = last_times.insert(of, time).unwrap_or(time) - time;
+                if by_s > 0.0 && options.strict {
+                    return Err(reader.of_time(FieldProblem::Backwards { by_s }));
+                }
+                if by_s > 0.0 {
+                    let first = Backwards { line: record.line, by_s, rows: 0 };
+                    backwards.get_or_insert(first).rows += 1;
+                }
+                records.push(record);
             }
         }
+        if mapping.rising {
+            backwards = None;
+            leave_out_of_time(&mut records, &mut exclusions, &plan, name);
+        }
+        let labels = plan.place_labels();
+        let pathless =
+            leave_out_jumps(&mut records, &mut exclusions, options, frame, name, &labels)?;
+        exclusions.check(records.len() as u64)?;
         dropped.retain(|dropped| {
             dropped.rows > 0 || (dropped.rule != NOT_MEASURED && dropped.rule != located)
         });
-        if records.is_empty() {
+        let Some(first) = records.first() else {
             let lines = dropped.iter().map(|d| format!("; {} lack {}", d.rows, d.rule));
             return Err(RecordingError::NothingKept {
                 file: name.to_owned(),
                 rows,
                 dropped: lines.collect(),
             });
+        };
+        let origin_is_kept = origin_line.is_none_or(|line| records.iter().any(|r| r.line == line));
+        let first_place = || {
+            let position = first.receiver?.position;
+            let frame = frame?;
+            Some(if plan.has(Column::AltM) {
+                frame.to_geodetic(&position)
+            } else {
+                on_ground(&frame, position)
+            })
+        };
+        let better_origin = if origin_is_kept { None } else { first_place() };
+        let mut remarks = exclusions.remarks(name, rows);
+        if mapping.name == plain::PLAIN && options.format.is_none() {
+            let text = format!(
+                "{name}: no format has such a header; its columns are read by their names: {}",
+                plain::described(mapping)
+            );
+            remarks.push(Remark::new("columns-by-name", text));
         }
-        Ok(Self {
+        if table.preamble() > 0 {
+            let line = table.header_line();
+            let before = table.preamble();
+            let text = format!(
+                "{name}: the columns are named in line {line}; lines before it that are no part \
+                 of the table: {before}"
+            );
+            remarks.push(Remark::new("preamble", text));
+        }
+        remarks.extend(backwards.map(|backwards| runs_back(name, backwards)));
+        remarks.extend((pathless > 0).then(|| no_path(name, pathless)));
+        // About an unknown reference any level may be positive, but for one that is called RSSI.
+        let is_rssi = plan.label(Column::RssDb).to_lowercase().contains("rssi");
+        if !plan.has(Column::RssDb) || is_rssi {
+            remarks.extend(positive_levels(name, &records));
+        }
+        let has_level = plan.has(Column::RssDbm) || plan.has(Column::RssDb);
+        let attenuation = plan.ignored.iter().find(|name| plain::is_attenuation(name));
+        if let Some(column) = attenuation.filter(|_| has_level) {
+            let text = format!(
+                "{name}: the column {column:?} is not used; call it attenuation_db if it is to be \
+                 added to the level, or add it in a mapping"
+            );
+            remarks.push(Remark::new("column-not-used", text));
+        }
+        let recording = Recording {
             file: name.to_owned(),
             format: mapping.name.clone(),
             frame,
@@ -171,9 +352,179 @@ impl Recording {
             dropped,
             backwards,
             ignored: plan.ignored,
+            remarks,
             records,
-        })
+        };
+        Ok(Read { recording, better_origin })
     }
+}
+
+/// The rows that were read, each with the line where it came first.
+#[derive(Default)]
+struct Copies(HashMap<u64, u64>);
+
+impl Copies {
+    /// Returns the line of an earlier row with the same cells, of which the same column is read.
+    fn first(&mut self, row: &Row, melted: Option<&Melted>) -> Option<u64> {
+        // A hash in place of the row: a file may be as large as memory. Among a million rows two
+        // that differ share one with a probability of 1 in 40 million.
+        let mut hasher = DefaultHasher::new();
+        row.cells().as_slice().hash(&mut hasher);
+        row.cells().iter().for_each(|cell| cell.len().hash(&mut hasher));
+        melted.map(|melted| melted.index).hash(&mut hasher);
+        match self.0.entry(hasher.finish()) {
+            Entry::Occupied(first) => Some(*first.get()),
+            Entry::Vacant(place) => {
+                place.insert(row.line());
+                None
+            }
+        }
+    }
+}
+
+/// Leaves a row out for an error that is the row's own; any other is passed on.
+fn leave_out(
+    exclusions: &mut Exclusions,
+    error: RecordingError,
+    options: &ReadOptions,
+    name: &str,
+) -> Result<(), RecordingError> {
+    let line = match &error {
+        // A North that no row can be counted from is no fault of the row.
+        RecordingError::Field { problem: FieldProblem::NoPlace | FieldProblem::NoDate, .. } => None,
+        // A cell of a table beside the file is wrong for many rows.
+        RecordingError::Field { file, line, .. } if file == name => Some(*line),
+        RecordingError::FieldCount { line, .. } | RecordingError::NotUtf8 { line, .. } => {
+            Some(*line)
+        }
+        _ => None,
+    };
+    match line.filter(|_| !options.strict) {
+        Some(line) => {
+            exclusions.add(Cause::of(&error), line, error);
+            Ok(())
+        }
+        None => Err(error),
+    }
+}
+
+/// Leaves out the rows between which the receiver's clock was set.
+fn leave_out_of_time(
+    records: &mut Vec<Record>,
+    exclusions: &mut Exclusions,
+    plan: &Plan,
+    name: &str,
+) {
+    let utc_time = plan.has(Column::TimeUtc);
+    let label = plan.label(if utc_time { Column::TimeUtc } else { Column::TimeS });
+    let out: BTreeMap<usize, f64> = out_of_time(records).into_iter().collect();
+    for (index, by_s) in &out {
+        let Some(record) = records.get(*index) else { continue };
+        let time = record.time.unwrap_or_default();
+        let error = RecordingError::Field {
+            file: name.to_owned(),
+            line: record.line,
+            column: label.clone().into_owned(),
+            value: if utc_time { utc(time) } else { time.to_string() },
+            problem: FieldProblem::OutOfOrder { by_s: *by_s },
+        };
+        exclusions.add(Cause::ClockBack, record.line, error);
+    }
+    retain_others(records, |index| out.contains_key(&index));
+}
+
+/// Leaves out the rows to whose place the receiver cannot have moved, and returns the number of
+/// rows of receivers that have no path at all.
+fn leave_out_jumps(
+    records: &mut Vec<Record>,
+    exclusions: &mut Exclusions,
+    options: &ReadOptions,
+    frame: Option<LocalFrame>,
+    name: &str,
+    column: &str,
+) -> Result<usize, RecordingError> {
+    let (jumps, pathless) = jumps(records);
+    for jump in &jumps {
+        let Some(record) = records.get(jump.record) else { continue };
+        let place = record.receiver.unwrap_or_default().position;
+        let value = match frame.map(|frame| on_ground(&frame, place)) {
+            Some(place) => format!("{:.6}, {:.6}", place.lat_deg, place.lon_deg),
+            None => format!("{}, {}", place.x, place.y),
+        };
+        let Jump { distance_m, within_s, .. } = *jump;
+        let error = RecordingError::Field {
+            file: name.to_owned(),
+            line: record.line,
+            column: column.to_owned(),
+            value,
+            problem: FieldProblem::Jump { distance_m, within_s },
+        };
+        if options.strict {
+            return Err(error);
+        }
+        exclusions.add(Cause::Jump, record.line, error);
+    }
+    let out: BTreeSet<usize> = jumps.iter().map(|jump| jump.record).collect();
+    retain_others(records, |index| out.contains(&index));
+    Ok(pathless)
+}
+
+/// The place on Earth of a receiver whose height is not that of the frame: far from the origin the
+/// ground is below the frame's plane.
+fn on_ground(frame: &LocalFrame, position: Vector3<f64>) -> Geodetic {
+    let mut up = 0.0;
+    let mut place = frame.to_geodetic(&position.xy().push(up));
+    // Each step leaves some 1/1000 of the error at 200 km.
+    for _ in 0..4 {
+        up -= place.alt_m - frame.origin().alt_m;
+        place = frame.to_geodetic(&position.xy().push(up));
+    }
+    place
+}
+
+/// Keeps the records but those whose number, from 0, is out.
+fn retain_others(records: &mut Vec<Record>, is_out: impl Fn(usize) -> bool) {
+    let mut indices = 0..;
+    records.retain(|_| indices.next().is_none_or(|index| !is_out(index)));
+}
+
+fn runs_back(file: &str, Backwards { line, by_s, rows }: Backwards) -> Remark {
+    let others = match rows {
+        1 => String::new(),
+        rows => format!(", in {rows} rows in all"),
+    };
+    let text = format!(
+        "{file}, line {line}: the time runs back by {by_s} s{others}; rows are taken in the order \
+         of time"
+    );
+    Remark::new(Cause::ClockBack.code(), text)
+}
+
+/// A remark on levels that are too strong to be in dBm, but would be usual with the other sign.
+fn positive_levels(file: &str, records: &[Record]) -> Option<Remark> {
+    let levels = records.iter().filter_map(|record| record.rss_dbm);
+    let (least, most) = levels.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), level| {
+        (level.min(least), level.max(most))
+    });
+    if least <= MOST_DBM || !least.is_finite() {
+        return None;
+    }
+    let text = format!(
+        "{file}: all levels are positive, from {least} to {most}, as if 71 stood for -71 dBm; \
+         taken as they are, the strongest is the farthest. With --negate-levels, or scale = -1 in \
+         a mapping, they are {} to {} dBm",
+        -most, -least
+    );
+    Some(Remark::new("positive-levels", text))
+}
+
+fn no_path(file: &str, rows: usize) -> Remark {
+    let text = format!(
+        "{file}: the places of {rows} rows are farther apart than a receiver moves between their \
+         times, and no path holds more than half of them, so that none is left out; are the times \
+         in seconds, and several receivers named in a column drone?"
+    );
+    Remark::new(Cause::Jump.code(), text)
 }
 
 /// A file's name without folder and endings: what a drone is called that has no name.

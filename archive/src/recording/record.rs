@@ -1,4 +1,4 @@
-use foxhunt_core::{MeasuredList, Pose};
+use foxhunt_core::{MeasuredList, Pose, Remark};
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 use nalgebra::Vector2;
 
@@ -67,6 +67,7 @@ pub struct Recording {
     pub(super) dropped: Vec<Dropped>,
     pub(super) backwards: Option<Backwards>,
     pub(super) ignored: Vec<String>,
+    pub(super) remarks: Vec<Remark>,
     pub(super) records: Vec<Record>,
 }
 
@@ -158,6 +159,13 @@ impl Recording {
     #[must_use]
     pub fn backwards(&self) -> Option<Backwards> {
         self.backwards
+    }
+
+    /// Doubts about the recording, each with the file and the lines that it is about: rows that
+    /// were left out since they cannot be believed, places or times that do not fit together.
+    #[must_use]
+    pub fn remarks(&self) -> &[Remark] {
+        &self.remarks
     }
 
     /// The file's columns that the mapping does not read.

@@ -1,9 +1,11 @@
-use std::borrow::Cow;
+use std::{borrow::Cow, cell::Cell};
+
+use foxhunt_wire::geodesy::Geodetic;
 
 use super::{
-    Band, Column, FieldProblem, North, RecordingError, Rover, Value,
+    Band, Column, FieldProblem, North, RecordingError, Rover, Source, Value,
     column::Kind,
-    plan::{Melted, Origin, Plan, Rule},
+    plan::{Melted, Origin, Plan, Rule, Term},
     table::Row,
     utc::utc_seconds,
 };
@@ -22,6 +24,8 @@ pub(super) struct Reader<'r> {
     pub(super) date_s: Option<f64>,
     /// Where the receiver was at what time, and what makes the row's time UTC.
     pub(super) rover: Option<(&'r Rover, f64)>,
+    /// The first place of the file that was too far from the frame's origin.
+    pub(super) astray: &'r Cell<Option<Geodetic>>,
 }
 
 impl Reader<'_> {
@@ -50,9 +54,10 @@ impl Reader<'_> {
         if cell.is_empty() {
             return Ok(false);
         }
-        let value: f64 = cell
-            .parse()
-            .map_err(|_| self.row.wrong(&rule.keep.column, cell, FieldProblem::NotANumber))?;
+        let value = self
+            .row
+            .parse(cell)
+            .ok_or_else(|| self.row.wrong(&rule.keep.column, cell, FieldProblem::NotANumber))?;
         // NaN is within no bounds either.
         Ok(rule.keep.min.is_none_or(|min| value >= min)
             && rule.keep.max.is_none_or(|max| value <= max))
@@ -65,6 +70,10 @@ impl Reader<'_> {
             Some(Origin::Cells { indices, source }) => {
                 let cells = self.row.joined(indices, &source.between).unwrap_or_default();
                 self.row.wrong(&label, &cells, problem)
+            }
+            Some(Origin::Sum { terms, .. }) => {
+                let cells: Vec<&str> = terms.iter().map(|term| self.row.cell(term.index)).collect();
+                self.row.wrong(&label, &cells.join(" and "), problem)
             }
             Some(Origin::Joined { table, indices, source }) => {
                 let row = self.beside(*table).ok().flatten().unwrap_or(self.row);
@@ -111,6 +120,9 @@ impl Reader<'_> {
             }
             Some(Origin::Fixed(text)) => Ok(Some(Cow::Borrowed(text))),
             Some(Origin::Cells { indices, source }) => self.row.value(indices, source),
+            Some(Origin::Sum { terms, source }) => {
+                Ok(self.sum(column, terms, source)?.map(|sum| Cow::Owned(sum.to_string())))
+            }
             Some(Origin::Joined { table, indices, source }) => match self.beside(*table)? {
                 Some(row) => row.value(indices, source),
                 None => Ok(None),
@@ -125,17 +137,63 @@ impl Reader<'_> {
         }
     }
 
+    /// The sum of cells; `None` if all are missing.
+    fn sum(
+        &self,
+        column: Column,
+        terms: &[Term],
+        source: &Source,
+    ) -> Result<Option<f64>, RecordingError> {
+        let mut sum = 0.0;
+        let mut missing = 0;
+        for term in terms {
+            let cell = self.row.cell(term.index);
+            if cell.is_empty() || source.missing.iter().any(|value| value.is(cell)) {
+                missing += 1;
+                continue;
+            }
+            let number = self.row.parse(cell);
+            sum +=
+                term.sign * number.ok_or_else(|| self.wrong(column, FieldProblem::NotANumber))?;
+        }
+        match missing {
+            0 => Ok(Some(sum)),
+            missing if missing == terms.len() => Ok(None),
+            _ => Err(self.wrong(column, FieldProblem::Missing)),
+        }
+    }
+
+    /// What is added to the receiver's levels: attenuation before it less gain, in dB.
+    pub(super) fn before_receiver_db(&self) -> Result<f64, RecordingError> {
+        let mut added = 0.0;
+        for (column, sign) in [(Column::AttenuationDb, 1.0), (Column::GainDb, -1.0)] {
+            if self.plan.has(column) {
+                let missing = || self.wrong(column, FieldProblem::Missing);
+                added += sign * self.number(column)?.ok_or_else(missing)?;
+            }
+        }
+        Ok(added)
+    }
+
     /// A number within the column's bounds.
     pub(super) fn number(&self, column: Column) -> Result<Option<f64>, RecordingError> {
         let Some(text) = self.text(column)? else { return Ok(None) };
-        let raw: f64 = text.parse().map_err(|_| self.wrong(column, FieldProblem::NotANumber))?;
+        let raw = self.row.parse(&text);
+        let raw = raw.ok_or_else(|| self.wrong(column, FieldProblem::NotANumber))?;
         let value = match self.plan.origins.get(&column) {
-            Some(Origin::Cells { source, .. } | Origin::Joined { source, .. }) => {
+            Some(
+                Origin::Cells { source, .. }
+                | Origin::Sum { source, .. }
+                | Origin::Joined { source, .. },
+            ) => {
                 let value = raw * source.scale + source.offset;
                 if source.wrap { value.rem_euclid(360.0) } else { value }
             }
             _ => raw,
         };
+        let is_stated = matches!(self.plan.origins.get(&column), Some(Origin::Fixed(_)));
+        let is_negated = self.plan.negate_levels && column.is_level() && !is_stated;
+        let value = if is_negated { -value } else { value };
         if !value.is_finite() {
             return Err(self.wrong(column, FieldProblem::NotFinite));
         }
@@ -203,11 +261,10 @@ impl Reader<'_> {
         }
     }
 
-    /// The error that the row is earlier than the one before.
-    pub(super) fn backwards(&self, by_s: f64) -> RecordingError {
+    /// The error that the row's time is wrong.
+    pub(super) fn of_time(&self, problem: FieldProblem) -> RecordingError {
         let utc = self.plan.has(Column::TimeUtc);
-        let column = if utc { Column::TimeUtc } else { Column::TimeS };
-        self.wrong(column, FieldProblem::Backwards { by_s })
+        self.wrong(if utc { Column::TimeUtc } else { Column::TimeS }, problem)
     }
 
     /// The time in seconds; where the recording has times, every row has one.
@@ -219,7 +276,7 @@ impl Reader<'_> {
                 Some(Origin::Cells { source, .. }) => [source.scale, source.offset],
                 _ => [1.0, 0.0],
             };
-            let number = text.parse::<f64>().ok().map(|number| number * scale + offset);
+            let number = self.row.parse(&text).map(|number| number * scale + offset);
             let number = number.filter(|seconds| (0.0..1e11).contains(seconds));
             let seconds = number.or_else(|| utc_seconds(&text));
             return Ok(Some(

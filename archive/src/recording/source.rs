@@ -2,7 +2,7 @@ use std::{collections::BTreeMap, fmt};
 
 use serde::{
     Deserialize, Deserializer,
-    de::{Error, MapAccess, Visitor, value::MapAccessDeserializer},
+    de::{Error, MapAccess, SeqAccess, Visitor, value::MapAccessDeserializer},
 };
 
 use super::Value;
@@ -50,6 +50,31 @@ impl Source {
         }
     }
 
+    /// The columns that a number is the sum of, each with the sign that it has in the sum. Columns
+    /// are named as `a`, `+a` or `-a`, or all in one text as `a + b - c`, but not if `has` finds a
+    /// column of that very name.
+    pub(super) fn terms(&self, has: impl Fn(&str) -> bool) -> Vec<(String, f64)> {
+        let signed = |name: &str| {
+            let name = name.trim();
+            match (has(name), name.strip_prefix('-'), name.strip_prefix('+')) {
+                (false, Some(rest), _) => (rest.trim().to_owned(), -1.0),
+                (false, None, Some(rest)) => (rest.trim().to_owned(), 1.0),
+                _ => (name.to_owned(), 1.0),
+            }
+        };
+        let mut terms = Vec::new();
+        for name in &self.columns {
+            if has(name) {
+                terms.push((name.clone(), 1.0));
+                continue;
+            }
+            // A sign between spaces begins a term.
+            let spelled = name.replace(" + ", "\n+").replace(" - ", "\n-");
+            terms.extend(spelled.split('\n').map(signed));
+        }
+        terms
+    }
+
     /// What messages call it: the names of its columns.
     pub(super) fn label(&self) -> String {
         self.columns.join(" and ")
@@ -92,11 +117,24 @@ impl<'de> Deserialize<'de> for Source {
             type Value = Source;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a column's name or a table with `column` or `columns`")
+                f.write_str(
+                    "a column's name, names that are added, or a table with `column` or `columns`",
+                )
             }
 
             fn visit_str<E: Error>(self, name: &str) -> Result<Source, E> {
                 Ok(Source::column(name))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut names: A) -> Result<Source, A::Error> {
+                let mut columns = Vec::new();
+                while let Some(name) = names.next_element::<String>()? {
+                    columns.push(name);
+                }
+                if columns.is_empty() {
+                    return Err(A::Error::custom("a sum of columns names at least one"));
+                }
+                Ok(Source { columns, ..Source::column("") })
             }
 
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Source, A::Error> {

@@ -7,11 +7,22 @@ use super::{FieldProblem, RecordingError, Source, near_miss::near_miss};
 /// Longer cells are cut in messages: an unclosed quote swallows the rest of the file.
 const SHOWN: usize = 60;
 
+/// The header is looked for in so many lines.
+const PREAMBLE_LINES: usize = 20;
+
+/// The byte order mark of UTF-8, which some programs begin a file with.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
 /// A CSV file with a header, read row by row; lines that begin with `#` are comments.
 pub(super) struct Table<'b> {
     file: Arc<str>,
     bytes: &'b [u8],
     reader: csv::Reader<&'b [u8]>,
+    /// The byte at which the reader began.
+    begin: usize,
+    separator: u8,
+    /// Lines before the header that are neither empty nor comments.
+    preamble: u64,
     /// Whether rows may have more cells than there are names.
     open_ended: bool,
     header: Vec<String>,
@@ -25,7 +36,17 @@ pub(super) struct Table<'b> {
 pub(super) struct Row {
     file: Arc<str>,
     line: u64,
+    separator: u8,
     cells: StringRecord,
+}
+
+/// A line in which the header may be.
+#[derive(Clone, Copy)]
+struct Candidate {
+    begin: usize,
+    end: usize,
+    number: u64,
+    is_comment: bool,
 }
 
 impl<'b> Table<'b> {
@@ -37,36 +58,89 @@ impl<'b> Table<'b> {
         separator: Option<char>,
         names: &[String],
     ) -> Result<Self, RecordingError> {
-        let given = separator.and_then(|separator| u8::try_from(separator).ok());
-        let reader = csv::ReaderBuilder::new()
-            .delimiter(given.unwrap_or_else(|| most_frequent_separator(bytes)))
-            .has_headers(false)
-            .flexible(true)
-            .trim(Trim::All)
-            .comment(Some(b'#'))
-            .from_reader(bytes);
-        let mut table = Self {
-            file: file.into(),
-            bytes,
-            reader,
-            open_ended: !names.is_empty(),
-            header: names.to_vec(),
-            header_line: 1,
-            counted: (0, 0),
-            record: ByteRecord::new(),
-        };
+        let begin = if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+        let mut table = Self::begin_at(file, bytes, begin, separator);
+        table.open_ended = !names.is_empty();
+        table.header = names.to_vec();
         if table.open_ended {
             return Ok(table);
         }
-        let Some((line, cells)) = table.advance()? else {
-            return Err(RecordingError::Empty { file: file.to_owned() });
-        };
-        table.header_line = line;
-        table.header = cells.iter().map(str::to_owned).collect();
-        if table.header.iter().all(String::is_empty) {
-            return Err(RecordingError::Empty { file: file.to_owned() });
-        }
+        table.read_header()?;
         Ok(table)
+    }
+
+    /// Reads the header, which is the first line that fits: lines of text may come before it, and
+    /// it may be a comment. The first line is the header if no line fits.
+    pub(super) fn open_fitting(
+        file: &str,
+        bytes: &'b [u8],
+        separator: Option<char>,
+        fits: impl Fn(&[String]) -> bool,
+    ) -> Result<Self, RecordingError> {
+        let first = Self::open(file, bytes, separator, &[]);
+        if first.as_ref().is_ok_and(|table| fits(&table.header)) {
+            return first;
+        }
+        let lines = candidates(bytes);
+        // A comment may show what a header looks like, so that a line of the table goes first.
+        let plain = lines.iter().filter(|line| !line.is_comment);
+        for line in plain.chain(lines.iter().filter(|line| line.is_comment)) {
+            let text = bytes.get(line.begin..line.end).unwrap_or_default();
+            let Ok(header) = Self::open(file, text, separator, &[]) else { continue };
+            if !fits(&header.header) {
+                continue;
+            }
+            let end = bytes.get(line.end..).and_then(|rest| rest.iter().position(|b| *b == b'\n'));
+            let next = line.end + end.map_or(0, |end| end + 1);
+            let mut table = Self::begin_at(file, bytes, next, None);
+            table.separator = header.separator;
+            table.header = header.header;
+            table.header_line = line.number;
+            let before = |other: &&Candidate| !other.is_comment && other.number < line.number;
+            table.preamble = lines.iter().filter(before).count() as u64;
+            table.restart(next);
+            return Ok(table);
+        }
+        first
+    }
+
+    /// A table without a header, from a byte on.
+    fn begin_at(file: &str, bytes: &'b [u8], begin: usize, separator: Option<char>) -> Self {
+        let given = separator.and_then(|separator| u8::try_from(separator).ok());
+        let rest = bytes.get(begin..).unwrap_or_default();
+        let separator = given.unwrap_or_else(|| most_frequent_separator(rest));
+        Self {
+            file: file.into(),
+            bytes,
+            reader: reader(rest, separator),
+            begin,
+            separator,
+            preamble: 0,
+            open_ended: false,
+            header: Vec::new(),
+            header_line: 1,
+            counted: (0, 0),
+            record: ByteRecord::new(),
+        }
+    }
+
+    fn read_header(&mut self) -> Result<(), RecordingError> {
+        let nothing = RecordingError::Empty { file: self.file.to_string() };
+        let Some((line, cells)) = self.advance()? else { return Err(nothing) };
+        self.header_line = line;
+        self.header = cells.iter().map(str::to_owned).collect();
+        if self.header.iter().all(String::is_empty) { Err(nothing) } else { Ok(()) }
+    }
+
+    /// Reads on from a byte.
+    fn restart(&mut self, begin: usize) {
+        self.begin = begin;
+        self.reader = reader(self.bytes.get(begin..).unwrap_or_default(), self.separator);
+    }
+
+    /// The number of lines before the header that are neither empty nor comments.
+    pub(super) fn preamble(&self) -> u64 {
+        self.preamble
     }
 
     pub(super) fn file(&self) -> &str {
@@ -128,11 +202,15 @@ impl<'b> Table<'b> {
         }
     }
 
-    /// The next row, as long as the header.
+    /// The next row, as long as the header; cells without a name may be missing, if empty.
     pub(super) fn next(&mut self) -> Result<Option<Row>, RecordingError> {
         let Some((line, cells)) = self.advance()? else { return Ok(None) };
-        let longer = self.open_ended && cells.len() > self.header.len();
-        if cells.len() != self.header.len() && !longer {
+        let named =
+            self.header.iter().rposition(|name| !name.is_empty()).map_or(0, |last| last + 1);
+        let is_short = cells.len() < named;
+        let is_long = cells.iter().skip(self.header.len()).any(|cell| !cell.is_empty());
+        if is_short || (is_long && !self.open_ended) {
+            self.undo_unclosed_quote();
             let last = cells.len().saturating_sub(1);
             return Err(RecordingError::FieldCount {
                 file: self.file.to_string(),
@@ -143,7 +221,37 @@ impl<'b> Table<'b> {
                 value: shown(cells.get(last).unwrap_or_default()),
             });
         }
-        Ok(Some(Row { file: Arc::clone(&self.file), line, cells }))
+        if let Some(index) = self.unclosed(&cells) {
+            self.undo_unclosed_quote();
+            return Err(RecordingError::Field {
+                file: self.file.to_string(),
+                line,
+                column: self.column_name(index),
+                value: shown(cells.get(index).unwrap_or_default()),
+                problem: FieldProblem::Unclosed,
+            });
+        }
+        Ok(Some(Row { file: Arc::clone(&self.file), line, separator: self.separator, cells }))
+    }
+
+    /// The cell that holds a whole row of the table: its quote is not closed.
+    fn unclosed(&self, cells: &StringRecord) -> Option<usize> {
+        let between = self.header.len().checked_sub(1).filter(|between| *between > 0)?;
+        let separator = char::from(self.separator);
+        let is_row = |line: &str| line.matches(separator).count() == between;
+        cells.iter().position(|cell| cell.contains('\n') && cell.lines().skip(1).any(is_row))
+    }
+
+    /// Reads on from the line behind the one in which the last row began: an unclosed quote in it
+    /// makes one row of all that follows.
+    fn undo_unclosed_quote(&mut self) {
+        let row = self.bytes.get(self.counted.0..).unwrap_or_default();
+        let end = usize::try_from(self.reader.position().byte()).unwrap_or(usize::MAX);
+        let Some(line) = row.iter().position(|byte| *byte == b'\n') else { return };
+        let next = self.counted.0 + line + 1;
+        if next < self.begin.saturating_add(end) {
+            self.restart(next);
+        }
     }
 
     fn advance(&mut self) -> Result<Option<(u64, StringRecord)>, RecordingError> {
@@ -154,7 +262,8 @@ impl<'b> Table<'b> {
             return Ok(None);
         }
         let start = self.record.position().map_or(0, csv::Position::byte);
-        let line = self.line_at(usize::try_from(start).unwrap_or(usize::MAX));
+        let start = usize::try_from(start).unwrap_or(usize::MAX);
+        let line = self.line_at(self.begin.saturating_add(start));
         match StringRecord::from_byte_record(self.record.clone()) {
             Ok(cells) => Ok(Some((line, cells))),
             Err(error) => {
@@ -215,6 +324,30 @@ impl Row {
         self.cells.get(index).unwrap_or_default()
     }
 
+    /// The number in a text of this row. A comma is a decimal point where it does not separate
+    /// cells, unless the row has decimal points as well.
+    pub(super) fn parse(&self, text: &str) -> Option<f64> {
+        if let Ok(number) = text.parse() {
+            return Some(number);
+        }
+        let is_decimal = |text: &str, point: char| {
+            let digits = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
+            text.trim_start_matches(['-', '+'])
+                .split_once(point)
+                .is_some_and(|(whole, part)| digits(whole) && digits(part))
+        };
+        if self.separator == b',' || !is_decimal(text, ',') {
+            return None;
+        }
+        let has_points = self.cells.iter().any(|cell| is_decimal(cell, '.'));
+        if has_points { None } else { text.replace(',', ".").parse().ok() }
+    }
+
+    /// All cells, without the spaces around them.
+    pub(super) fn cells(&self) -> &StringRecord {
+        &self.cells
+    }
+
     /// The cells from one on.
     pub(super) fn cells_from(&self, index: usize) -> impl Iterator<Item = &str> {
         self.cells.iter().skip(index)
@@ -260,6 +393,37 @@ impl Row {
             problem,
         }
     }
+}
+
+fn reader(bytes: &[u8], separator: u8) -> csv::Reader<&[u8]> {
+    csv::ReaderBuilder::new()
+        .delimiter(separator)
+        .has_headers(false)
+        .flexible(true)
+        .trim(Trim::All)
+        .comment(Some(b'#'))
+        .from_reader(bytes)
+}
+
+/// The lines behind the first one in which a header may be, and comments without their sign.
+fn candidates(bytes: &[u8]) -> Vec<Candidate> {
+    let mut lines = Vec::new();
+    let mut begin = if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+    for number in (1..).take(PREAMBLE_LINES) {
+        let Some(rest) = bytes.get(begin..).filter(|rest| !rest.is_empty()) else { break };
+        let length = rest.iter().position(|byte| *byte == b'\n').unwrap_or(rest.len());
+        let line = rest.get(..length).unwrap_or_default();
+        let signs = line.iter().take_while(|byte| matches!(byte, b'#' | b' ')).count();
+        let is_comment = line.starts_with(b"#");
+        if line.iter().any(|byte| !byte.is_ascii_whitespace()) {
+            let skipped = if is_comment { signs } else { 0 };
+            let candidate =
+                Candidate { begin: begin + skipped, end: begin + length, number, is_comment };
+            lines.push(candidate);
+        }
+        begin += length + 1;
+    }
+    lines
 }
 
 /// Which of comma, semicolon and tab the header has most of; a comma where it has none.

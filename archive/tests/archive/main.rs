@@ -5,6 +5,7 @@ mod levels;
 mod locate;
 mod pictures;
 mod recordings {
+    mod believed;
     mod errors;
     mod generated;
     mod joined;
@@ -13,6 +14,7 @@ mod recordings {
     mod round_trip;
     mod standards;
     mod sweeps;
+    mod tables;
     mod values;
 }
 mod pulses;

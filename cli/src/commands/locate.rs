@@ -5,7 +5,7 @@ mod tracked;
 use std::{fs, path::PathBuf};
 
 use foxhunt::{
-    core::{Ellipse, nalgebra::Vector2},
+    core::{Ellipse, Remark, nalgebra::Vector2},
     geodesy::Geodetic,
     locate::{CommonErrors, Explanation, Located, Region, Rival},
     movebank::{MovebankFix, write_movebank},
@@ -105,6 +105,8 @@ struct Report {
     regions_95: Vec<Region>,
     /// Other places that are nearly as probable, for estimators that look for them.
     rivals: Vec<RivalPlace>,
+    /// Doubts about the recordings.
+    remarks: Vec<Remark>,
 }
 
 /// Another place that is nearly as probable.
@@ -322,6 +324,7 @@ impl Report {
             ellipse_is_poor: located.ellipse_is_poor(),
             regions_95: located.regions_95.clone(),
             rivals,
+            remarks: recordings.iter().flat_map(Recording::remarks).cloned().collect(),
         }
     }
 }

@@ -6,9 +6,7 @@ use clap::value_parser;
 use foxhunt::{
     geodesy::{Geodetic, LocalFrame},
     recorded::{RecordedError, Selection, only_beacon},
-    recording::{
-        Backwards, Band, Column, Mapping, North, ReadOptions, Recording, Rover, utc_seconds,
-    },
+    recording::{Band, Column, Mapping, North, ReadOptions, Recording, Rover, utc_seconds},
 };
 
 use crate::{
@@ -26,6 +24,13 @@ pub(crate) struct Reading {
     /// The beacon, where the recording holds several
     #[arg(long, value_name = "NAME")]
     beacon: Option<String>,
+    /// Refuse a file for its first row that cannot be believed, instead of leaving such rows out:
+    /// an unreadable cell, no fix, a place that jumps, a clock that runs back, a copy
+    #[arg(long)]
+    strict: bool,
+    /// Levels are written without their sign: 71 stands for -71 dBm
+    #[arg(long)]
+    negate_levels: bool,
     /// What bearings, headings and boresights are counted from: `true` North, `magnetic` North (by
     /// the World Magnetic Model on the day of the recording's time_utc or of --date), `grid` North
     /// of UTM, or a North so many degrees east of true North; as the format has it unless given
@@ -119,7 +124,9 @@ impl LatLon {
 impl Reading {
     fn options(&self) -> Result<ReadOptions, CliError> {
         let (north, date_s) = (self.north, self.date.map(|Day(first_s)| first_s));
-        let mut options = ReadOptions { north, date_s, ..ReadOptions::default() };
+        let mut options = ReadOptions { north, date_s, ..ReadOptions::default() }
+            .with_strict(self.strict)
+            .with_negated_levels(self.negate_levels);
         if let Some(format) = &self.format {
             options = options.with_format(Mapping::find(format).map_err(CliError::input)?);
         }
@@ -176,16 +183,8 @@ fn narrate(recording: &Recording) {
     for dropped in recording.dropped().iter().filter(|dropped| dropped.rows > 0) {
         warn(&format!("  left out as not {}: {}", dropped.rule, dropped.rows));
     }
-    if let Some(Backwards { line, by_s, rows }) = recording.backwards() {
-        let file = recording.file();
-        let others = match rows {
-            1 => String::new(),
-            rows => format!(", in {rows} rows in all"),
-        };
-        warn(&format!(
-            "{file}, line {line}: the time runs back by {by_s} s{others}; rows are taken in the \
-             order of time"
-        ));
+    for remark in recording.remarks() {
+        warn(&format!("warning: {remark}"));
     }
     if !recording.ignored_columns().is_empty() {
         warn_once(&format!("  columns not used: {}", recording.ignored_columns().join(", ")));

@@ -18,6 +18,7 @@ mod plot;
 mod pulses;
 mod recorded;
 mod replay;
+mod rows;
 mod screen;
 mod store;
 mod support;

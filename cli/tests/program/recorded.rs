@@ -633,11 +633,13 @@ fn behind_ridge(tiles: &str, above_ground: bool) -> String {
     let beside = (0..=8).map(|k| (259.5, 25.0 * f64::from(k)));
     let places = std::iter::once((0.0, 0.0)).chain(along).chain(over).chain(beside);
     let mut text = "time_s,lat_deg,lon_deg,alt_agl_m,rss_dbm\n".to_owned();
-    for (second, (east, north)) in places.enumerate() {
+    // A flight has no jumps: from its last place of one leg to the next it takes 2 s.
+    for (number, (east, north)) in places.enumerate() {
+        let second = 2 * number;
         let here = Vector3::new(east, north, 20.0);
         let to = Vector3::new(0.0, 300.0, 0.0);
         // A dB up and down is all the noise.
-        let noise = if second % 2 == 0 { 1.0 } else { -1.0 };
+        let noise = if number % 2 == 0 { 1.0 } else { -1.0 };
         let level = -29.06 - 27.65 * (to - here).norm().log10() - loss.loss_db(&here, &to) + noise;
         let place = frame.to_geodetic(&Vector3::new(east, north, 0.0));
         let up = if above_ground { here.z } else { here.z + ground(&here) - begin };

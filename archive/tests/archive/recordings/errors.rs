@@ -8,8 +8,8 @@ use foxhunt_archive::recording::{
 use foxhunt_wire::geodesy::{Geodetic, LocalFrame};
 
 fn fail(text: impl AsRef<[u8]>) -> RecordingError {
-    Recording::from_reader(text.as_ref(), "flight.csv", &ReadOptions::default())
-        .expect_err("a mistake")
+    let strict = ReadOptions::default().with_strict(true);
+    Recording::from_reader(text.as_ref(), "flight.csv", &strict).expect_err("a mistake")
 }
 
 /// Reads `text` in a format, fails, and expects every part in the message.

@@ -92,7 +92,8 @@ fn mistakes_name_file_line_field_and_value() {
             ["line 1", "range_sigma_m", "needs", "range_m"],
         ),
     ] {
-        let error = read(text, &ReadOptions::default()).expect_err(text).to_string();
+        let strict = ReadOptions::default().with_strict(true);
+        let error = read(text, &strict).expect_err(text).to_string();
         for part in parts.iter().chain(&["flight.csv"]) {
             assert!(error.contains(part), "{part}: {error}");
         }

@@ -27,7 +27,8 @@ fn text(from: &str, length: std::ops::Range<usize>) -> impl Strategy<Value = Str
 
 prop_compose! {
     fn sample()(
-        time in -1e9..1e9f64, east in -1e6..1e6f64, north in -1e6..1e6f64, up in 0.0..500.0f64,
+        // So near that a receiver may have moved from any place to any other.
+        time in -1e9..1e9f64, east in -25.0..25.0f64, north in -25.0..25.0f64, up in 0.0..500.0f64,
         heading in -20.0..20.0f64, boresight in -20.0..20.0f64, position in 0u16..128,
         rss_dbm in -140.0..0.0f64,
     ) -> Sample {

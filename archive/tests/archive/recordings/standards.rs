@@ -7,7 +7,8 @@ fn options(format: &str) -> ReadOptions {
 }
 
 fn assert_names(text: &str, options: &ReadOptions, parts: &[&str]) {
-    let error = Recording::from_reader(text.as_bytes(), "flight.csv", options);
+    let strict = options.clone().with_strict(true);
+    let error = Recording::from_reader(text.as_bytes(), "flight.csv", &strict);
     let message = error.expect_err(text).to_string();
     for part in parts.iter().chain(&["flight.csv"]) {
         assert!(message.contains(part), "{part:?} is not in: {message}");

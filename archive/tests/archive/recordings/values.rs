@@ -151,7 +151,7 @@ fn magnetic_angles_are_turned_by_the_declination_of_place_and_day() {
     let error = turned("east_m,north_m,bearing_deg_compass\n0,0,90\n", &dated);
     assert!(error.expect_err("nowhere").contains("no places in degrees"));
     let old = by_time.replace("2029", "2019");
-    let error = turned(&old, &magnetic).expect_err("before the model");
+    let error = turned(&old, &magnetic.clone().with_strict(true)).expect_err("before the model");
     assert!(error.contains("line 3") && error.contains("2020 to 2029"), "{error}");
     // Levels alone need no North.
     let levels = "east_m,north_m,rss_dbm\n0,0,-60\n";

@@ -4,7 +4,7 @@ use std::cell::{Cell, OnceCell};
 
 use foxhunt::{
     Spread,
-    core::{Ellipse, nalgebra::Vector2},
+    core::{Ellipse, Remark, nalgebra::Vector2},
     filters::consistency::Coverage,
     locate::{Located, Region, Tracked, TrackingConfig},
     overview::SearchOverview,
@@ -64,6 +64,8 @@ pub(super) struct Report {
     /// Where the share of ellipses that hold the truth lies with 95 % (Clopper & Pearson 1934), as
     /// far as places of different times may be taken for independent.
     coverage_interval: Option<[f64; 2]>,
+    /// Doubts about the recordings.
+    remarks: Vec<Remark>,
 }
 
 /// A place at a time.
@@ -142,7 +144,9 @@ pub(super) fn report(
     let method = "track".to_owned();
     let found = Found { beacon: beacon.clone(), method, search, tracks: Some(tracks) };
     let ignored = prepared.ignored(beacon.as_deref());
-    Ok((Report::new(beacon, places, tracked, ignored)?, found))
+    let mut report = Report::new(beacon, places, tracked, ignored)?;
+    report.remarks = recordings.iter().flat_map(Recording::remarks).cloned().collect();
+    Ok((report, found))
 }
 
 impl Report {
@@ -173,6 +177,7 @@ impl Report {
             mean_nees,
             inside_95: (!held.is_empty()).then_some([inside, held.len()]),
             coverage_interval: coverage.interval(),
+            remarks: Vec::new(),
             places,
         })
     }
