@@ -5,7 +5,7 @@ mod tracked;
 use std::{fs, path::PathBuf};
 
 use foxhunt::{
-    core::{Ellipse, nalgebra::Vector2},
+    core::{Ellipse, Remark, nalgebra::Vector2},
     geodesy::Geodetic,
     locate::{CommonErrors, Explanation, Located, Region, Rival},
     movebank::{MovebankFix, write_movebank},
@@ -25,7 +25,7 @@ use super::{
 use crate::{
     context::Context,
     error::CliError,
-    output::{Output, warn},
+    output::Output,
     progress::Progress,
     table::{number, table, text},
     writable,
@@ -105,6 +105,8 @@ struct Report {
     regions_95: Vec<Region>,
     /// Other places that are nearly as probable, for estimators that look for them.
     rivals: Vec<RivalPlace>,
+    /// Doubts about the place, each with what to do about it.
+    remarks: Vec<Remark>,
 }
 
 /// Another place that is nearly as probable.
@@ -231,13 +233,6 @@ fn one(
     let estimator = args.locating.estimator(registry, &received)?;
     let truth = truth(args.truth, prepared.recordings(), beacon.as_deref())?;
     let located = estimator.locate(&received, prepared.config()).map_err(not_located)?;
-    if located.is_at_border() {
-        let whose = beacon.as_deref().map_or_else(String::new, |name| format!(" of {name}"));
-        warn(&format!(
-            "the place{whose} is in doubt: it may lie outside the area that was searched; \
-             see --margin-m"
-        ));
-    }
     let (name, up) = (estimator.name.to_string(), prepared.config().target_up_m);
     let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
     let search = SearchOverview::located(called, &located, truth, 0.0);
@@ -322,6 +317,7 @@ impl Report {
             ellipse_is_poor: located.ellipse_is_poor(),
             regions_95: located.regions_95.clone(),
             rivals,
+            remarks: located.remarks.clone(),
         }
     }
 }
@@ -391,7 +387,16 @@ fn details(report: &Report) -> String {
     let regions = regions.map(|parts| regions_of(parts, &whose));
     let rivals = Some(&report.rivals).filter(|rivals| !rivals.is_empty());
     let rivals = rivals.map(|rivals| rivals_of(rivals, &whose));
-    [explanation, common, regions, rivals].into_iter().flatten().collect()
+    let remarks = remarks_of(&report.remarks, &whose);
+    [Some(remarks), explanation, common, regions, rivals].into_iter().flatten().collect()
+}
+
+/// Lists the remarks, but for those that a table of their own follows.
+fn remarks_of(remarks: &[Remark], whose: &str) -> String {
+    let untold = |remark: &&Remark| !["ellipse-is-poor", "rivals"].contains(&&*remark.code);
+    let lines: String =
+        remarks.iter().filter(untold).map(|remark| format!("\n- {remark}")).collect();
+    if lines.is_empty() { lines } else { format!("\n\nThe place{whose} is in doubt:{lines}") }
 }
 
 /// What explains the levels best, in a sentence.
