@@ -15,6 +15,7 @@ mod recordings {
     mod values;
 }
 mod pulses;
+mod remarks;
 mod replay;
 mod silences;
 mod station;

@@ -3,10 +3,14 @@ use foxhunt_core::Pose;
 use foxhunt_core::{Belief, Ellipse, Estimate, Reception, Remark};
 #[cfg(feature = "batch")]
 use foxhunt_core::{ByQuantity, Intake, Observation, Quantity, State};
+#[cfg(feature = "batch")]
+use foxhunt_filters::BatchFix;
 use foxhunt_filters::{Marginal, ShadowedReading};
 use nalgebra::Vector2;
 use serde::Serialize;
 
+#[cfg(feature = "batch")]
+use super::region::of_modes;
 use super::{
     LocateConfig, LocateError, Region,
     parts::{Part, parts},
@@ -293,6 +297,27 @@ pub(super) fn rivals<const N: usize>(optima: &[(State<N>, f64)]) -> Vec<Rival> {
         relative_density: log_ratio.exp(),
     };
     optima.iter().map(rival).filter(|r| r.relative_density >= LEAST_RELATIVE_DENSITY).collect()
+}
+
+/// Returns the regions about a batch's optimum and its rivals; empty where there are no rivals.
+#[cfg(feature = "batch")]
+pub(super) fn regions_with_rivals<const N: usize>(fix: &BatchFix<N>) -> Vec<Region> {
+    let rivals = fix.rival_estimates.iter().zip(&fix.rivals);
+    let rivals = rivals
+        .map(|(estimate, (_, log_ratio))| (in_plane(estimate), log_ratio.exp()))
+        .filter(|(_, density)| *density >= LEAST_RELATIVE_DENSITY);
+    let mut modes = vec![(in_plane(&fix.estimate), 1.0)];
+    modes.extend(rivals);
+    if modes.len() < 2 { Vec::new() } else { of_modes(&modes, 0.95) }
+}
+
+/// Returns the place alone of an estimate.
+#[cfg(feature = "batch")]
+fn in_plane<const N: usize>(estimate: &Estimate<N>) -> Estimate<2> {
+    Estimate {
+        mean: estimate.mean.fixed_rows::<2>(0).into_owned(),
+        covariance: estimate.covariance.fixed_view::<2, 2>(0, 0).into_owned(),
+    }
 }
 
 /// Refuses receptions of a single place for a quantity that fixes none from there.

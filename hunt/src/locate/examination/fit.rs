@@ -265,7 +265,7 @@ pub(crate) struct Outliers {
 }
 
 /// Probability of an outlier among measurements that have none.
-const OUTLIER_P: f64 = 5e-4;
+const OUTLIER_P: f64 = 1e-3;
 
 /// Drop of the misfit over the mean square by which an outlier has to lie ahead of the next
 /// measurement that could be the wrong one.

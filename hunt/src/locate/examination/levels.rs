@@ -35,9 +35,10 @@ pub(super) fn examine(
         return Vec::new();
     }
     let Some(law) = Law::of(&rows, config) else { return Vec::new() };
-    let mut remarks = Vec::new();
-    if law.is_fitted && law.exponent + 4.0 * law.exponent_sigma < LEAST_EXPONENT {
-        remarks.push(Remark::new(
+    let elsewhere = does_not_fit(located, receptions, config, rows.len());
+    let is_flat = law.is_fitted && law.exponent + 4.0 * law.exponent_sigma < LEAST_EXPONENT;
+    if is_flat && elsewhere.is_none() {
+        return vec![Remark::new(
             "levels-do-not-fall",
             format!(
                 "the levels do not fall with the distance from the place at {} (exponent {:.1} ± \
@@ -46,12 +47,10 @@ pub(super) fn examine(
                 law.exponent,
                 law.exponent_sigma
             ),
-        ));
-        return remarks;
+        )];
     }
-    remarks.extend(outlier(&rows, &law, located));
-    remarks.extend(does_not_fit(located, receptions, config, rows.len()));
-    remarks
+    // Residuals from a place that is wrong are no outliers.
+    elsewhere.or_else(|| outlier(&rows, &law, located)).into_iter().collect()
 }
 
 /// Returns the levels as they are for a transmitter at a place, every so manieth of them.

@@ -50,6 +50,9 @@ const OWN_FREEDOM: f64 = 8.0;
 /// from a few metres away are of little use.
 const UNSTATED_SIGMA_M: f64 = 2.0;
 
+/// Number of measurements that a σ is worth which stands for unknown ones.
+const ASSUMED_FREEDOM: f64 = 4.0;
+
 /// χ² with two degrees of freedom that a clean answer exceeds once in 10,000.
 const APART: f64 = 18.4;
 
@@ -186,8 +189,8 @@ fn data(receptions: &[Reception], config: &LocateConfig, uses: Uses) -> Vec<Datu
 /// Returns the knowledge of the measurements' σ.
 fn scale(data: &[Datum], config: &LocateConfig) -> Scale {
     let is_assumed = data.iter().any(|datum| is_assumed(datum, config));
-    let freedom = config.bearing_freedom;
-    Scale { freedom: if is_assumed { freedom } else { freedom.max(OWN_FREEDOM) } }
+    let least = if is_assumed { ASSUMED_FREEDOM } else { OWN_FREEDOM };
+    Scale { freedom: config.bearing_freedom.max(least) }
 }
 
 /// Returns true if a bearing has the σ that stands for unknown ones.
