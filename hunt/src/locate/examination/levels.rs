@@ -83,8 +83,8 @@ const LEAST_TO_COMPARE: usize = 40;
 /// Largest number of levels at which places are compared.
 const MOST_TO_COMPARE: usize = 400;
 
-/// Spread of the levels over that at the best place above which the place does not fit.
-const WIDER: f64 = 1.5;
+/// Mean square of the residuals over that at the best place from which on the place may not fit.
+const WIDER: f64 = 1.2;
 
 /// Returns a remark if the levels scatter far less about the law of another place.
 fn does_not_fit(
@@ -102,7 +102,7 @@ fn does_not_fit(
         let law = Law::of(&rows, config)?;
         (law.exponent > 0.0).then_some(law.sigma_db)
     };
-    let here = spread_at(&located.estimate.mean)?;
+    let here = spread_at(&located.estimate.mean).unwrap_or(f64::INFINITY);
     let (centre, half) = Area::about(receptions, config.margin_m).square();
     let mut best = (located.estimate.mean, here);
     let mut step = half / 8.0;
@@ -123,13 +123,31 @@ fn does_not_fit(
     let away = best.0 - located.estimate.mean;
     let factor = located.estimate.covariance.cholesky();
     let apart = factor.map_or(f64::INFINITY, |factor| away.dot(&factor.solve(&away)));
-    (here > WIDER * best.1 && apart > APART).then(|| {
+    // Residuals beyond 4 σ count as that much: fading and outliers decide nothing.
+    let limit = (4.0 * best.1).powi(2);
+    let residuals = |place: &Vector2<f64>| -> Option<Vec<f64>> {
+        let rows = rows(receptions, place, config, stride);
+        let law = Law::of(&rows, config)?;
+        Some(rows.iter().map(|row| law.residual(row)).collect())
+    };
+    let there = residuals(&best.0)?;
+    let sum = |residuals: &[f64]| residuals.iter().map(|r| (r * r).min(limit)).sum::<f64>();
+    let ratio = sum(&residuals(&located.estimate.mean)?) / sum(&there).max(f64::MIN_POSITIVE);
+    // Neighbours that shadowing makes alike count for fewer.
+    let pairs = there.iter().zip(there.iter().skip(1));
+    let product: f64 = pairs.map(|(a, b)| (a * b).clamp(-limit, limit)).sum();
+    let alike = (product / sum(&there).max(f64::MIN_POSITIVE)).clamp(0.0, 0.99);
+    let independent =
+        f64::from(u32::try_from(there.len()).unwrap_or(u32::MAX)) * (1.0 - alike) / (1.0 + alike);
+    let gain = independent * ratio.ln();
+    (ratio > WIDER && gain > 2.0 * APART && apart > APART).then(|| {
         Remark::new(
             "does-not-fit",
             format!(
-                "the place does not fit the levels: they scatter by {here:.1} dB about the law of \
+                "the place does not fit the levels: they scatter by {:.1} dB about the law of \
                  propagation, and by {:.1} dB for a transmitter at {}, {:.0} m away; take another \
                  estimator",
+                best.1 * ratio.sqrt(),
                 best.1,
                 spoken(&best.0),
                 away.norm()
