@@ -140,14 +140,16 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
                 "Caffery 2000; Levenberg 1944; Marquardt 1963",
                 needs(Need::Used, Need::Unused),
                 Multilateration,
-            ),
+            )
+            .without_outliers(),
             EstimatorEntry::at_once(
                 "range-differences",
                 "spherical intersection of range differences to a reference, then least squares",
                 "Schau & Robinson 1987; Smith & Abel 1987",
                 Needs { others, ..needs(Need::Unused, Need::Unused) },
                 RangeDifferences,
-            ),
+            )
+            .without_outliers(),
         ]);
     }
     entries

@@ -296,11 +296,30 @@ pub(crate) fn outliers(data: &[Datum], up: f64, scale: Scale) -> Option<Outliers
             outlier(datum, *position, &now, (data.len(), kept.len()), up, scale)
         };
         let outliers: Option<Vec<Outlier>> = left_out.iter().map(of).collect();
-        if let Some(outliers) = outliers.filter(|_| is_near(&now, &kept)) {
+        let is_alone = |outlier: &Outlier| !has_witness(data, outlier.position);
+        let all_alone = |outliers: &Vec<Outlier>| outliers.iter().all(is_alone);
+        if let Some(outliers) = outliers.filter(|all| is_near(&now, &kept) && all_alone(all)) {
             found = Some(Outliers { outliers, meeting: now, rest: kept });
         }
     }
     found
+}
+
+/// Receivers as near as this to each other, in metres, are at one place.
+const SAME_PLACE_M: f64 = 5.0;
+
+/// Returns true if a bearing agrees with another one from its place: what a compass or a site does
+/// to all bearings of a place makes none of them an outlier.
+fn has_witness(data: &[Datum], position: usize) -> bool {
+    let Some(datum) = data.get(position).filter(|datum| datum.kind == Kind::Bearing) else {
+        return false;
+    };
+    data.iter().enumerate().any(|(at, other)| {
+        at != position
+            && other.kind == Kind::Bearing
+            && (other.receiver - datum.receiver).norm() <= SAME_PLACE_M
+            && angle::distance(other.value, datum.value) < 4.0 * other.sigma.hypot(datum.sigma)
+    })
 }
 
 /// Largest number of outliers that are looked for.
