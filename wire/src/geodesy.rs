@@ -331,8 +331,7 @@ mod tests {
 
     #[test]
     fn bearings_over_140_km_meet_within_metres() {
-        // Azimuths of four stations about a transmitter at 60° North, to 10⁻⁴°, as Karney 2013 has
-        // them.
+        // Azimuths of four stations about a transmitter at 60° North, computed apart to 10⁻⁴°.
         let target = Geodetic { lat_deg: 60.3, lon_deg: 11.5, alt_m: 0.0 };
         let stations = [
             (60.0, 10.0, 67.4923),

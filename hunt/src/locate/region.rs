@@ -1,4 +1,5 @@
 use contour::ContourBuilder;
+#[cfg(feature = "batch")]
 use foxhunt_core::Estimate;
 use foxhunt_filters::PosteriorMap;
 use geo::{Area, Contains, LineString, Point, Polygon};

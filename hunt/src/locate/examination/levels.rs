@@ -4,7 +4,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::{
     super::{Area, LocateConfig, Located, Power},
-    APART, UNSTATED_SIGMA_M, spoken,
+    APART, UNSTATED_SIGMA_M, has_law, spoken,
 };
 
 /// Fewer levels than this are not examined.
@@ -50,7 +50,10 @@ pub(super) fn examine(
         )];
     }
     // Residuals from a place that is wrong are no outliers.
-    elsewhere.or_else(|| outlier(&rows, &law, located)).into_iter().collect()
+    let of_row = elsewhere.or_else(|| outlier(&rows, &law, located));
+    let is_placed_by_levels = receptions.iter().all(|r| !r.has_bearing() && r.measured.is_empty());
+    let open = range_open(located, receptions, config, rows.len()).filter(|_| is_placed_by_levels);
+    of_row.into_iter().chain(open).collect()
 }
 
 /// Returns the levels as they are for a transmitter at a place, every so manieth of them.
@@ -123,23 +126,10 @@ fn does_not_fit(
     let away = best.0 - located.estimate.mean;
     let factor = located.estimate.covariance.cholesky();
     let apart = factor.map_or(f64::INFINITY, |factor| away.dot(&factor.solve(&away)));
-    // Residuals beyond 4 σ count as that much: fading and outliers decide nothing.
-    let limit = (4.0 * best.1).powi(2);
-    let residuals = |place: &Vector2<f64>| -> Option<Vec<f64>> {
-        let rows = rows(receptions, place, config, stride);
-        let law = Law::of(&rows, config)?;
-        Some(rows.iter().map(|row| law.residual(row)).collect())
-    };
-    let there = residuals(&best.0)?;
-    let sum = |residuals: &[f64]| residuals.iter().map(|r| (r * r).min(limit)).sum::<f64>();
-    let ratio = sum(&residuals(&located.estimate.mean)?) / sum(&there).max(f64::MIN_POSITIVE);
-    // Neighbours that shadowing makes alike count for fewer.
-    let pairs = there.iter().zip(there.iter().skip(1));
-    let product: f64 = pairs.map(|(a, b)| (a * b).clamp(-limit, limit)).sum();
-    let alike = (product / sum(&there).max(f64::MIN_POSITIVE)).clamp(0.0, 0.99);
-    let independent =
-        f64::from(u32::try_from(there.len()).unwrap_or(u32::MAX)) * (1.0 - alike) / (1.0 + alike);
-    let gain = independent * ratio.ln();
+    let rows_at = |place: &Vector2<f64>| rows(receptions, place, config, stride);
+    let there = residuals(&rows_at(&best.0), config)?;
+    let here = residuals(&rows_at(&located.estimate.mean), config)?;
+    let (ratio, gain) = gain(&there, &here, best.1);
     (ratio > WIDER && gain > 2.0 * APART && apart > APART).then(|| {
         Remark::new(
             "does-not-fit",
@@ -155,6 +145,78 @@ fn does_not_fit(
         )
     })
 }
+
+/// Returns the residuals of levels from the law that fits them.
+fn residuals(rows: &[Row], config: &LocateConfig) -> Option<Vec<f64>> {
+    let law = Law::of(rows, config)?;
+    Some(rows.iter().map(|row| law.residual(row)).collect())
+}
+
+/// Returns the mean square of residuals elsewhere over that of those here, of which σ is the
+/// spread, and twice the logarithm of the likelihood ratio. Residuals beyond 4 σ count as that
+/// much, so that fading and outliers decide nothing; neighbours that shadowing makes alike count
+/// for fewer.
+fn gain(here: &[f64], elsewhere: &[f64], sigma_db: f64) -> (f64, f64) {
+    let limit = (4.0 * sigma_db).powi(2);
+    let sum = |residuals: &[f64]| residuals.iter().map(|r| (r * r).min(limit)).sum::<f64>();
+    let least = sum(here).max(f64::MIN_POSITIVE);
+    let ratio = sum(elsewhere) / least;
+    let pairs = here.iter().zip(here.iter().skip(1));
+    let product: f64 = pairs.map(|(a, b)| (a * b).clamp(-limit, limit)).sum();
+    let alike = (product / least).clamp(0.0, 0.99);
+    let count = f64::from(u32::try_from(here.len()).unwrap_or(u32::MAX));
+    (ratio, count * (1.0 - alike) / (1.0 + alike) * ratio.ln())
+}
+
+/// Exponent above which no levels fall with the distance.
+const MOST_EXPONENT: f64 = 6.0;
+
+/// χ² with two degrees of freedom that a true value exceeds with 1 %.
+const LIKELY: f64 = 9.21;
+
+/// Returns a remark if levels fit a transmitter far away nearly as well as one at the place.
+fn range_open(
+    located: &Located,
+    receptions: &[Reception],
+    config: &LocateConfig,
+    count: usize,
+) -> Option<Remark> {
+    // A known power makes a distance of every level.
+    if has_law(config) {
+        return None;
+    }
+    let stride = count.div_ceil(MOST_TO_COMPARE);
+    let rows_at = |place: &Vector2<f64>| rows(receptions, place, config, stride);
+    let near = rows_at(&located.estimate.mean);
+    let sigma_db = Law::of(&near, config)?.sigma_db;
+    let here = residuals(&near, config)?;
+    let (centre, half) = Area::about(receptions, 0.0).square();
+    let fits = |number: u32| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(number) / 16.0).sin_cos();
+        let place = centre + Vector2::new(cos, sin) * (FAR * half);
+        let law = |power| LocateConfig { power, ..config.clone() };
+        let rows = rows_at(&place);
+        let exponent = match config.power {
+            Power::Free => Law::of(&rows, config).map_or(0.0, |law| law.exponent),
+            Power::FreeReference { exponent } | Power::Known { exponent, .. } => exponent,
+        };
+        let power = Power::FreeReference { exponent: exponent.clamp(0.0, MOST_EXPONENT) };
+        let there = residuals(&rows, &law(power))?;
+        Some(gain(&here, &there, sigma_db).1)
+    };
+    let gains = (0..16).filter_map(fits);
+    let least = gains.fold(f64::INFINITY, f64::min);
+    (least < LIKELY).then(|| {
+        Remark::new(
+            "range-open",
+            "the levels fit a transmitter far away nearly as well as one at this place: they do \
+             not fix one; receive nearer to the transmitter, or from places farther apart",
+        )
+    })
+}
+
+/// Distance of a transmitter far away, in half sides of the receivers' square.
+const FAR: f64 = 6.0;
 
 /// Returns a remark on the level that lies farthest from all others, if no fading does that.
 fn outlier(rows: &[Row], law: &Law, located: &Located) -> Option<Remark> {

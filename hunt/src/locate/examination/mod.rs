@@ -78,7 +78,8 @@ pub(crate) fn examine(
             remarks.extend(levels::examine(located, receptions, config));
         }
         let meets = |remark: &Remark| !remark.code.ends_with("do-not-meet");
-        if remarks.iter().all(meets) {
+        let is_open = |remark: &Remark| remark.code == "range-open";
+        if remarks.iter().all(meets) && !remarks.iter().any(is_open) {
             let mut data = data;
             data.retain(|datum| !left_out.contains(&datum.reception));
             remarks.extend(open::range_open(located, receptions, &data, config, has_levels));
