@@ -181,6 +181,14 @@ pub(super) fn along_deg_compass(ellipse: &Ellipse) -> f64 {
     radians_to_compass_deg(ellipse.orientation).rem_euclid(180.0)
 }
 
+/// Returns a direction at a place, clockwise from true North there where its frame is known.
+pub(super) fn compass_deg(frame: Option<&LocalFrame>, place: &Vector3<f64>, radians: f64) -> f64 {
+    match frame {
+        Some(frame) => frame.compass_deg(&frame.to_geodetic(place), radians),
+        None => radians_to_compass_deg(radians),
+    }
+}
+
 fn bearing(
     overview: &Overview,
     frame: &LocalFrame,
@@ -193,7 +201,7 @@ fn bearing(
     let to = from + Vector2::new(cos, sin) * reach_m;
     let ends = [from, to].map(|place| (lon_lat(frame, &place), received.time));
     let mut numbers = vec![
-        ("bearing_deg_compass", radians_to_compass_deg(bearing.angle)),
+        ("bearing_deg_compass", compass_deg(Some(frame), &received.place, bearing.angle)),
         ("bearing_sigma_deg", bearing.sigma.to_degrees()),
         ("confidence", bearing.confidence),
     ];

@@ -1,9 +1,8 @@
-use foxhunt_wire::geodesy::radians_to_compass_deg;
 use nalgebra::Vector3;
 
 use super::{
     ExportError,
-    feature::{along_deg_compass, lon_lat, utc},
+    feature::{along_deg_compass, compass_deg, lon_lat, utc},
 };
 use crate::overview::Overview;
 
@@ -78,7 +77,8 @@ pub(super) fn write(overview: &Overview) -> Result<Vec<u8>, ExportError> {
         row.number("rss_dbm", received.level.map(|level| level.rss_dbm), 2);
         row.number("rss_sigma_db", received.level.map(|level| level.sigma_db), 2);
         let bearing = received.bearing.as_ref();
-        let angle = bearing.map(|b| radians_to_compass_deg(b.angle));
+        let frame = overview.frame.as_ref();
+        let angle = bearing.map(|b| compass_deg(frame, &received.place, b.angle));
         row.number("bearing_deg_compass", angle, 3);
         row.number("bearing_sigma_deg", bearing.map(|b| b.sigma.to_degrees()), 3);
         row.number("confidence", bearing.map(|b| b.confidence), 3);

@@ -22,13 +22,15 @@ const CELLS: [(Column, Cell); 27] = [
     (Column::EastM, |record, of| shown(local(record, of).map(|place| place.x))),
     (Column::NorthM, |record, of| shown(local(record, of).map(|place| place.y))),
     (Column::UpM, |record, of| shown(local(record, of).map(|place| place.z))),
-    (Column::HeadingDegCompass, |record, _| compass(record.receiver.map(|r| r.heading))),
-    (Column::BoresightDegCompass, |record, _| compass(record.boresight)),
+    (Column::HeadingDegCompass, |record, of| {
+        compass(record, of, record.receiver.map(|r| r.heading))
+    }),
+    (Column::BoresightDegCompass, |record, of| compass(record, of, record.boresight)),
     (Column::Position, |record, _| shown(record.position)),
     (Column::RssDbm, |record, of| shown(record.rss_dbm.filter(|_| of.is_calibrated()))),
     (Column::RssDb, |record, of| shown(record.rss_dbm.filter(|_| !of.is_calibrated()))),
     (Column::FloorDbm, |record, _| shown(record.floor_dbm)),
-    (Column::BearingDegCompass, |record, _| compass(record.bearing.map(|b| b.angle))),
+    (Column::BearingDegCompass, |record, of| compass(record, of, record.bearing.map(|b| b.angle))),
     (Column::BearingSigmaDeg, |record, _| {
         shown(record.bearing.and_then(|b| b.sigma).map(f64::to_degrees))
     }),
@@ -54,8 +56,13 @@ fn shown(value: Option<impl ToString>) -> Option<String> {
     value.map(|value| value.to_string())
 }
 
-fn compass(angle: Option<f64>) -> Option<String> {
-    shown(angle.map(radians_to_compass_deg))
+/// The angle clockwise from true North at the receiver, where its place on Earth is known.
+fn compass(record: &Record, of: &Recording, angle: Option<f64>) -> Option<String> {
+    let on_earth = of.frame().zip(record.receiver);
+    shown(angle.map(|angle| match on_earth {
+        Some((frame, receiver)) => frame.compass_deg(&frame.to_geodetic(&receiver.position), angle),
+        None => radians_to_compass_deg(angle),
+    }))
 }
 
 fn value(record: &Record, quantity: Quantity) -> Option<f64> {

@@ -72,7 +72,13 @@ impl Reader<'_> {
             Some((column, _)) => self.north_deg(column, *frame, position)?,
             None => 0.0,
         };
-        let radians = |deg: f64| compass_deg_to_radians(north_deg + deg);
+        let in_metres = self.plan.has(Column::EastM);
+        let on_earth = (*frame).zip(position).filter(|_| !in_metres);
+        let on_earth = on_earth.map(|(frame, position)| (frame, frame.to_geodetic(&position)));
+        let radians = |deg: f64| match &on_earth {
+            Some((frame, place)) => frame.direction(place, north_deg + deg),
+            None => compass_deg_to_radians(north_deg + deg),
+        };
         let bearing = match bearing_deg {
             None => None,
             Some(deg) => Some(RecordedBearing {
@@ -110,7 +116,7 @@ impl Reader<'_> {
         }))
     }
 
-    /// How far east of the frame's North the angles of this row are counted from, in degrees, for
+    /// Returns how far east of true North the angles of this row are counted from, in degrees, for
     /// a receiver at `position` of the frame; `column` is the angle that needs it.
     fn north_deg(
         &self,

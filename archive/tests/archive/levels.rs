@@ -77,7 +77,6 @@ fn judged(answers: impl Iterator<Item = (Vector2<f64>, Located)>) -> (f64, usize
         held += usize::from(located.region_95_holds(&target).expect("a region"));
     }
     errors.sort_by(f64::total_cmp);
-    println!("{errors:.1?} m, {held} of {} regions hold", errors.len());
     (errors[errors.len() / 2], held)
 }
 

@@ -10,7 +10,7 @@ use foxhunt_archive::{
 use foxhunt_core::{Bearing, Level, Pose, Reception};
 use foxhunt_filters::BatchError;
 use foxhunt_hunt::{
-    locate::{LocateConfig, LocateError, Located, Power, learn_bearing_sigma},
+    locate::{LearnedSigma, LocateConfig, LocateError, Located, Power, learn_bearing_sigma},
     registry::Registry,
 };
 use foxhunt_sensors::{Dipole, ElevationPattern, Pritzl2018};
@@ -492,7 +492,9 @@ fn sigma_of_bearings_is_learned_from_several_transmitters() {
         })
         .collect();
     let config = LocateConfig::default();
-    let (factor, freedom) = learn_bearing_sigma(transmitters.iter().map(Vec::as_slice), &config);
+    let learned = learn_bearing_sigma(transmitters.iter().map(Vec::as_slice), &config);
+    let LearnedSigma { factor, freedom, left_out } = learned;
+    assert!(left_out.is_empty(), "{left_out:?}");
     assert!((freedom - 122.0).abs() < 1e-9, "{freedom}");
     // The two degrees of freedom of before pull towards 10°, and are a part of the answer.
     let expected = ((2.0 + 120.0 * 0.09) / 122.0_f64).sqrt();

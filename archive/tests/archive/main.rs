@@ -18,6 +18,7 @@ mod recordings {
     mod values;
 }
 mod pulses;
+mod remarks;
 mod replay;
 mod silences;
 mod station;

@@ -25,7 +25,7 @@ use super::{
 use crate::{
     context::Context,
     error::CliError,
-    output::{Output, warn},
+    output::Output,
     progress::Progress,
     table::{number, table, text},
     writable,
@@ -105,8 +105,11 @@ struct Report {
     regions_95: Vec<Region>,
     /// Other places that are nearly as probable, for estimators that look for them.
     rivals: Vec<RivalPlace>,
-    /// Doubts about the recordings.
+    /// Doubts about the recordings and the place, each with what to do about it.
     remarks: Vec<Remark>,
+    /// Number of the first remarks, of the recordings, that were warned of on reading.
+    #[serde(skip)]
+    warned: usize,
 }
 
 /// Another place that is nearly as probable.
@@ -233,13 +236,6 @@ fn one(
     let estimator = args.locating.estimator(registry, &received)?;
     let truth = truth(args.truth, prepared.recordings(), beacon.as_deref())?;
     let located = estimator.locate(&received, prepared.config()).map_err(not_located)?;
-    if located.is_at_border() {
-        let whose = beacon.as_deref().map_or_else(String::new, |name| format!(" of {name}"));
-        warn(&format!(
-            "the place{whose} is in doubt: it may lie outside the area that was searched; \
-             see --margin-m"
-        ));
-    }
     let (name, up) = (estimator.name.to_string(), prepared.config().target_up_m);
     let called = beacon.clone().unwrap_or_else(|| "transmitter".to_owned());
     let search = SearchOverview::located(called, &located, truth, 0.0);
@@ -307,6 +303,7 @@ impl Report {
             }
         };
         let rivals = located.rivals.iter().map(rival).collect();
+        let of_recordings: Vec<_> = recordings.iter().flat_map(Recording::remarks).collect();
         Self {
             estimator,
             beacon,
@@ -324,7 +321,8 @@ impl Report {
             ellipse_is_poor: located.ellipse_is_poor(),
             regions_95: located.regions_95.clone(),
             rivals,
-            remarks: recordings.iter().flat_map(Recording::remarks).cloned().collect(),
+            warned: of_recordings.len(),
+            remarks: of_recordings.into_iter().chain(&located.remarks).cloned().collect(),
         }
     }
 }
@@ -394,7 +392,16 @@ fn details(report: &Report) -> String {
     let regions = regions.map(|parts| regions_of(parts, &whose));
     let rivals = Some(&report.rivals).filter(|rivals| !rivals.is_empty());
     let rivals = rivals.map(|rivals| rivals_of(rivals, &whose));
-    [explanation, common, regions, rivals].into_iter().flatten().collect()
+    let remarks = remarks_of(report.remarks.get(report.warned..).unwrap_or_default(), &whose);
+    [Some(remarks), explanation, common, regions, rivals].into_iter().flatten().collect()
+}
+
+/// Lists the remarks, but for those that a table of their own follows.
+fn remarks_of(remarks: &[Remark], whose: &str) -> String {
+    let untold = |remark: &&Remark| !["ellipse-is-poor", "rivals"].contains(&&*remark.code);
+    let lines: String =
+        remarks.iter().filter(untold).map(|remark| format!("\n- {remark}")).collect();
+    if lines.is_empty() { lines } else { format!("\n\nThe place{whose} is in doubt:{lines}") }
 }
 
 /// What explains the levels best, in a sentence.

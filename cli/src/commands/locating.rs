@@ -335,21 +335,33 @@ impl Prepared {
         if !records.any(of_unknown_sigma) {
             return Ok(self);
         }
+        let mut names = Vec::new();
         let mut beacons = Vec::new();
         for (number, recording) in self.recordings.iter().enumerate() {
             for beacon in recording.beacons() {
+                names.push(beacon.unwrap_or(NAMELESS));
                 beacons.push(self.receptions_of(number, beacon)?);
             }
         }
+        self.config.assumed_bearing_sigma = Some(self.reading.bearing_sigma);
         if beacons.len() > 1 {
             let each = beacons.iter().map(Vec::as_slice);
-            let (factor, freedom) = learn_bearing_sigma(each, &self.config);
-            self.reading.bearing_sigma *= factor;
-            self.config.bearing_freedom = freedom;
+            let learned = learn_bearing_sigma(each, &self.config);
+            let odd: Vec<&str> =
+                learned.left_out.iter().filter_map(|index| names.get(*index).copied()).collect();
+            let without = if odd.is_empty() {
+                String::new()
+            } else {
+                format!("; without those of {}, which do not meet", odd.join(", "))
+            };
+            self.reading.bearing_sigma *= learned.factor;
+            self.config.bearing_freedom = learned.freedom;
+            self.config.assumed_bearing_sigma = None;
             self.learned_sigma = true;
             let sigma_deg = self.reading.bearing_sigma.to_degrees();
             warn(&format!(
-                "  σ of bearings without one: {sigma_deg:.1}°, from how those of {} beacons meet",
+                "  σ of bearings without one: {sigma_deg:.1}°, from how those of {} beacons \
+                 meet{without}",
                 beacons.len()
             ));
         }

@@ -1,6 +1,11 @@
 //! Scores of estimators on fixes whose truth is known.
 
-use foxhunt::{Spread, core::nalgebra::Vector2, filters::consistency::Coverage, locate::Located};
+use foxhunt::{
+    Spread,
+    core::{Remark, nalgebra::Vector2},
+    filters::consistency::Coverage,
+    locate::Located,
+};
 use serde::Serialize;
 
 use crate::error::CliError;
@@ -19,8 +24,8 @@ pub(super) struct Answer {
     pub(super) in_region_95: Option<bool>,
     /// -ln of the density at the truth, in 1/m².
     pub(super) log_score: Option<f64>,
-    /// Codes of what casts doubt on the place.
-    pub(super) remarks: Vec<&'static str>,
+    /// Doubts about the place.
+    pub(super) remarks: Vec<Remark>,
     pub(super) failure: Option<String>,
 }
 
@@ -66,7 +71,7 @@ impl Answer {
             inside_95: truth.and_then(|truth| located.ellipse_95_holds(truth)),
             in_region_95: truth.and_then(|truth| located.region_95_holds(truth)),
             log_score: truth.and_then(|truth| located.log_score(truth)),
-            remarks: located.remarks(),
+            remarks: located.remarks.clone(),
             failure: None,
         }
     }

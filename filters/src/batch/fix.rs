@@ -25,6 +25,8 @@ pub struct BatchFix<const N: usize> {
     /// The other optima that starts led to, each with its ln p(Z | x) p(x) less that of the best:
     /// where it is near 0, the observations do not distinguish the two.
     pub rivals: Vec<(State<N>, f64)>,
+    /// The rivals in the same order, each with the covariance about itself.
+    pub rival_estimates: Vec<Estimate<N>>,
     /// How many iterations the winning start took.
     pub iterations: u32,
     /// How many of the starts settled in the same optimum, and how many there were.

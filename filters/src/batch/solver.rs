@@ -184,9 +184,15 @@ impl<H, const N: usize> BatchSolver<H, N> {
         }
         let (problem, optimum) = (self.problem(&data, scale), best(&modes));
         let rivals = modes.ends.iter().skip(1);
+        let estimate = posterior(&problem, optimum)?;
+        // A rival in a direction that is open to it has the spread of the optimum.
+        let about = |end: &End<N>| {
+            posterior(&problem, end).unwrap_or(Estimate { mean: end.state, ..estimate })
+        };
         let silenced = data.iter().zip(observations).enumerate();
         Ok(BatchFix {
-            estimate: posterior(&problem, optimum)?,
+            rival_estimates: rivals.clone().map(about).collect(),
+            estimate,
             log_posterior: problem.normaliser() - optimum.cost,
             reduced_chi_squared: reduced,
             weights: problem.weights(&optimum.state).map(|(weight, _)| weight).collect(),

@@ -11,6 +11,9 @@ pub(crate) const FREE_EXPONENT: f64 = 2.3;
 /// σ of the reference power before the first reception, in dB: from a tag to a hand-held radio.
 pub(crate) const FREE_POWER_SIGMA_DB: f64 = 20.0;
 
+/// Share of a half side beyond which a place is at the edge of the area.
+const WELL_WITHIN: f64 = 0.95;
+
 /// The square that is searched: it holds every receiver and the margin about them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Area {
@@ -31,6 +34,16 @@ impl Area {
     /// A Gaussian with the moments of a uniform density over the square.
     pub(crate) fn prior(&self) -> Estimate<2> {
         Estimate::isotropic(self.centre, self.half_side / 3.0_f64.sqrt())
+    }
+
+    /// Returns true if a place is within the square, and not at its edge.
+    pub(crate) fn holds_well(&self, place: &Vector2<f64>) -> bool {
+        (place - self.centre).amax() <= WELL_WITHIN * self.half_side
+    }
+
+    /// Returns the centre and half a side, in metres.
+    pub(crate) fn square(&self) -> (Vector2<f64>, f64) {
+        (self.centre, self.half_side)
     }
 
     /// The length of a side in metres.

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, Vector2};
 use super::{
     LocateConfig, LocateError, Located, Locator, Power,
     area::{Area, free_power, reference_power},
-    located::{pairs, rivals, several_places},
+    located::{pairs, regions_with_rivals, rivals, several_places},
 };
 
 /// ν of Student's t (Lange, Little & Taylor 1989).
@@ -94,6 +94,7 @@ where
     Ok(Located {
         observations: observations.iter().filter(used).count(),
         rivals: rivals(&fix.rivals),
+        regions_95: regions_with_rivals(&fix),
         ..Located::at(fix.estimate.position())
     })
 }

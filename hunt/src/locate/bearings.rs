@@ -4,8 +4,11 @@ use foxhunt_filters::{
     instrumental_variables, pseudolinear, repeated_median, stansfield,
 };
 
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
 use super::{
-    CommonErrors, LocateConfig, LocateError, Located, Locator, StationError, region::regions,
+    CommonErrors, LocateConfig, LocateError, Located, Locator, StationError, examination,
+    region::regions,
 };
 
 /// Where the bearings meet, whatever their own σ: it follows from how they scatter
@@ -86,23 +89,82 @@ pub(super) fn bearing_grid(config: &LocateConfig) -> BearingGrid {
     }
 }
 
-/// How the bearings of several transmitters err in common, learned from how those of each meet: the
-/// factor on their σ, and the degrees of freedom it is known with. σ belongs to receivers and
-/// observers, not to a transmitter; transmitters that cannot be located teach nothing.
+/// σ of bearings, learned from how those of several transmitters meet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LearnedSigma {
+    /// Factor on the σ that the bearings have.
+    pub factor: f64,
+    /// Degrees of freedom that the factor is known with.
+    pub freedom: f64,
+    /// Indices of the transmitters whose bearings meet so badly that they taught nothing.
+    pub left_out: Vec<usize>,
+}
+
+/// Probability of a misfit at which a transmitter is left out of what all teach.
+const ODD_P: f64 = 1e-3;
+
+/// Learns how the bearings of several transmitters err in common from how those of each meet: σ
+/// belongs to receivers and observers, not to a transmitter. Transmitters that cannot be located
+/// teach nothing.
+///
+/// Bearings that the others of their transmitter contradict teach nothing, nor do transmitters
+/// whose bearings do not meet, as with a compass read backwards: the factor begins as the median
+/// of those of all transmitters, and is then that of all whose misfit is probable under it, until
+/// these stay the same.
 #[must_use]
 pub fn learn_bearing_sigma<'a>(
     transmitters: impl IntoIterator<Item = &'a [Reception]>,
     config: &LocateConfig,
-) -> (f64, f64) {
-    let (mut misfit, mut freedom) = (config.bearing_freedom, config.bearing_freedom);
-    for receptions in transmitters {
+) -> LearnedSigma {
+    let mut taught: Vec<Taught> = Vec::new();
+    for (index, receptions) in transmitters.into_iter().enumerate() {
         // A place takes two of the bearings' degrees of freedom.
-        if let Ok((fix, count @ 3..)) = posterior(receptions, config) {
-            misfit += fix.misfit;
-            freedom += f64::from(u32::try_from(count - 2).unwrap_or(u32::MAX));
+        let kept = examination::without_outliers(receptions, config);
+        if let Ok((fix, count @ 3..)) = posterior(&kept, config) {
+            let degrees = f64::from(u32::try_from(count - 2).unwrap_or(u32::MAX));
+            taught.push(Taught { index, misfit: fix.misfit, degrees });
         }
     }
-    ((misfit / freedom).sqrt(), freedom)
+    let mut ratios: Vec<f64> = taught.iter().map(Taught::ratio).collect();
+    ratios.sort_by(f64::total_cmp);
+    let mut square = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0);
+    let odd_p = ODD_P / f64::from(u32::try_from(taught.len().max(1)).unwrap_or(u32::MAX));
+    let mut left_out: Vec<usize> = Vec::new();
+    let mut freedom = config.bearing_freedom;
+    for _ in 0..20 {
+        let is_odd = |of: &&Taught| of.p(square) < odd_p;
+        let odd: Vec<usize> = taught.iter().filter(is_odd).map(|of| of.index).collect();
+        let (mut misfit, mut degrees) = (config.bearing_freedom, config.bearing_freedom);
+        for of in taught.iter().filter(|of| !odd.contains(&of.index)) {
+            misfit += of.misfit;
+            degrees += of.degrees;
+        }
+        (square, freedom) = (misfit / degrees, degrees);
+        if odd == left_out {
+            break;
+        }
+        left_out = odd;
+    }
+    LearnedSigma { factor: square.sqrt(), freedom, left_out }
+}
+
+/// How the bearings of one transmitter meet.
+struct Taught {
+    index: usize,
+    misfit: f64,
+    degrees: f64,
+}
+
+impl Taught {
+    /// The misfit over the median of χ² (Wilson & Hilferty 1931).
+    fn ratio(&self) -> f64 {
+        self.misfit / (self.degrees * (1.0 - 2.0 / (9.0 * self.degrees)).powi(3))
+    }
+
+    /// The probability of such a misfit where the mean square of the errors over σ is known.
+    fn p(&self, square: f64) -> f64 {
+        ChiSquared::new(self.degrees).map_or(1.0, |law| law.sf((self.misfit / square).max(0.0)))
+    }
 }
 
 /// Where the bearings meet by medians (`filters::repeated_median`).

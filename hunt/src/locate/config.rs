@@ -39,6 +39,10 @@ pub struct LocateConfig {
     /// How many bearings the knowledge of their σ is worth, for estimators that take it for known
     /// up to a factor.
     pub bearing_freedom: f64,
+    /// σ in radians that stands for that of bearings without one of their own; absent where every
+    /// bearing has one, or where it was learned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub assumed_bearing_sigma: Option<f64>,
     /// Where the reference receiver of range and level differences is: East, North and Up in
     /// metres.
     pub reference_m: Option<Vector3<f64>>,
@@ -99,7 +103,7 @@ impl Power {
 impl Default for LocateConfig {
     /// Free power, a transmitter on level ground, antennas that nobody knows, pulses as in
     /// [`PulseLevelConfig::default`], 200 m beyond the area of the receivers, two degrees
-    /// of freedom for the bearings' σ, seed 1.
+    /// of freedom for the bearings' σ, every one with its own, seed 1.
     fn default() -> Self {
         Self {
             power: Power::Free,
@@ -110,6 +114,7 @@ impl Default for LocateConfig {
             terrain: None,
             margin_m: 200.0,
             bearing_freedom: 2.0,
+            assumed_bearing_sigma: None,
             reference_m: None,
             seed: 1,
         }

@@ -1,12 +1,16 @@
 #[cfg(any(feature = "batch", feature = "maps"))]
 use foxhunt_core::Pose;
-use foxhunt_core::{Belief, Ellipse, Estimate, Reception};
+use foxhunt_core::{Belief, Ellipse, Estimate, Reception, Remark};
 #[cfg(feature = "batch")]
 use foxhunt_core::{ByQuantity, Intake, Observation, Quantity, State};
+#[cfg(feature = "batch")]
+use foxhunt_filters::BatchFix;
 use foxhunt_filters::{Censoring, Marginal, ShadowedReading};
 use nalgebra::Vector2;
 use serde::Serialize;
 
+#[cfg(feature = "batch")]
+use super::region::of_modes;
 use super::{
     LocateConfig, LocateError, Region,
     parts::{Part, parts},
@@ -45,6 +49,9 @@ pub struct Located {
     /// Other places that are nearly as probable, the most probable first, where the estimator
     /// looks for them: levels from a straight flight are the same on either side.
     pub rivals: Vec<Rival>,
+    /// Doubts about the place, each with a sentence that says what to do (docs/remarks.md). An
+    /// answer without any stands as it is.
+    pub remarks: Vec<Remark>,
 }
 
 /// Another place where the posterior density has a maximum.
@@ -130,6 +137,7 @@ impl Located {
             common_errors: None,
             regions_95: Vec::new(),
             rivals: Vec::new(),
+            remarks: Vec::new(),
         }
     }
 
@@ -182,18 +190,6 @@ impl Located {
         let weights: f64 = terms.iter().map(|(weight, _)| weight).sum();
         let log_norm = core::f64::consts::TAU.ln() + factor.l_dirty().diagonal().map(f64::ln).sum();
         Some(log_norm + weights.ln() - most - sum.ln())
-    }
-
-    /// Codes of what casts doubt on the place, each with a sentence or a table where it is shown:
-    /// `border`, `ellipse-is-poor`, `rivals`. An answer without any stands as it is.
-    #[must_use]
-    pub fn remarks(&self) -> Vec<&'static str> {
-        let all = [
-            ("border", self.is_at_border()),
-            ("ellipse-is-poor", self.ellipse_is_poor()),
-            ("rivals", !self.rivals.is_empty()),
-        ];
-        all.into_iter().filter(|(_, applies)| *applies).map(|(code, _)| code).collect()
     }
 
     /// Whether the ellipse is a poor picture of where the transmitter may be: the region that holds
@@ -308,6 +304,27 @@ pub(super) fn rivals<const N: usize>(optima: &[(State<N>, f64)]) -> Vec<Rival> {
     optima.iter().map(rival).filter(|r| r.relative_density >= LEAST_RELATIVE_DENSITY).collect()
 }
 
+/// Returns the regions about a batch's optimum and its rivals; empty where there are no rivals.
+#[cfg(feature = "batch")]
+pub(super) fn regions_with_rivals<const N: usize>(fix: &BatchFix<N>) -> Vec<Region> {
+    let rivals = fix.rival_estimates.iter().zip(&fix.rivals);
+    let rivals = rivals
+        .map(|(estimate, (_, log_ratio))| (in_plane(estimate), log_ratio.exp()))
+        .filter(|(_, density)| *density >= LEAST_RELATIVE_DENSITY);
+    let mut modes = vec![(in_plane(&fix.estimate), 1.0)];
+    modes.extend(rivals);
+    if modes.len() < 2 { Vec::new() } else { of_modes(&modes, 0.95) }
+}
+
+/// Returns the place alone of an estimate.
+#[cfg(feature = "batch")]
+fn in_plane<const N: usize>(estimate: &Estimate<N>) -> Estimate<2> {
+    Estimate {
+        mean: estimate.mean.fixed_rows::<2>(0).into_owned(),
+        covariance: estimate.covariance.fixed_view::<2, 2>(0, 0).into_owned(),
+    }
+}
+
 /// Refuses receptions of a single place for a quantity that fixes none from there.
 #[cfg(feature = "batch")]
 pub(super) fn several_places(
@@ -362,7 +379,7 @@ mod tests {
     #[test]
     fn regions_stand_for_an_ellipse_that_is_a_poor_picture() {
         let mut located = Located::at(Estimate::isotropic(Vector2::zeros(), 10.0));
-        assert_eq!(located.remarks(), [""; 0]);
+        assert!(!located.ellipse_is_poor());
         assert_eq!(located.region_95_holds(&Vector2::zeros()), Some(true));
         let ring = Region {
             probability: 0.95,
@@ -371,7 +388,7 @@ mod tests {
             holes: vec![square(-1.0, 1.0)],
         };
         located.regions_95 = vec![ring];
-        assert_eq!(located.remarks(), ["ellipse-is-poor"]);
+        assert!(located.ellipse_is_poor());
         assert_eq!(located.region_95_holds(&Vector2::zeros()), Some(false));
         assert_eq!(located.region_95_holds(&Vector2::new(3.0, -2.0)), Some(true));
         assert_eq!(located.region_95_holds(&Vector2::new(6.0, 0.0)), Some(false));

@@ -7,6 +7,7 @@ mod batch;
 mod bearings;
 mod config;
 mod error;
+mod examination;
 #[cfg(feature = "maps")]
 mod field_map;
 #[cfg(feature = "batch")]
@@ -25,11 +26,12 @@ pub(crate) use area::{Area, FREE_POWER_SIGMA_DB, reference_power};
 #[cfg(feature = "batch")]
 pub(crate) use batch::MultiStart;
 #[cfg(feature = "batch")]
-pub use bearings::learn_bearing_sigma;
-#[cfg(feature = "batch")]
 pub(crate) use bearings::{ClosedForm, Lenth, Posterior, RepeatedMedian};
+#[cfg(feature = "batch")]
+pub use bearings::{LearnedSigma, learn_bearing_sigma};
 pub use config::{Listener, LocateConfig, Power};
 pub use error::LocateError;
+pub(crate) use examination::{Uses, examine};
 #[cfg(feature = "maps")]
 pub(crate) use field_map::HighestOnMap;
 #[cfg(feature = "batch")]

@@ -5,7 +5,10 @@ use foxhunt_filters::{
 use foxhunt_sensors::{LogDistance, Propagation, RangeDifference};
 use nalgebra::{Matrix1, Vector1, Vector3};
 
-use super::{LocateConfig, LocateError, Located, Locator, Power, located::rivals};
+use super::{
+    LocateConfig, LocateError, Located, Locator, Power,
+    located::{regions_with_rivals, rivals},
+};
 
 /// The place from ranges: measured ones, or those that levels have by a known law of propagation
 /// (`filters::multilaterate`); a silence is farther away than its floor would be.
@@ -41,7 +44,12 @@ impl Locator for Multilateration {
         }
         let fix = multilaterate(&ranges, &beyond, config.target_up_m)?;
         let observations = ranges.len() + beyond.len();
-        Ok(Located { observations, rivals: rivals(&fix.rivals), ..Located::at(fix.estimate) })
+        Ok(Located {
+            observations,
+            rivals: rivals(&fix.rivals),
+            regions_95: regions_with_rivals(&fix),
+            ..Located::at(fix.estimate)
+        })
     }
 }
 
@@ -95,6 +103,11 @@ impl Locator for RangeDifferences {
         let model = RangeDifference::new(reference)?.with_target_up(up)?;
         let fix = BatchSolver::new(model).solve(&observations, &starts)?;
         let observations = differences.len();
-        Ok(Located { observations, rivals: rivals(&fix.rivals), ..Located::at(fix.estimate) })
+        Ok(Located {
+            observations,
+            rivals: rivals(&fix.rivals),
+            regions_95: regions_with_rivals(&fix),
+            ..Located::at(fix.estimate)
+        })
     }
 }

@@ -1,4 +1,6 @@
 use contour::ContourBuilder;
+#[cfg(feature = "batch")]
+use foxhunt_core::Estimate;
 use foxhunt_filters::PosteriorMap;
 use geo::{Area, Contains, LineString, Point, Polygon};
 use nalgebra::Vector2;
@@ -23,6 +25,51 @@ impl Region {
     pub fn holds(&self, place: &Vector2<f64>) -> bool {
         is_within(&self.outline, place) && !self.holes.iter().any(|hole| is_within(hole, place))
     }
+}
+
+/// Corners of the outline of an ellipse.
+#[cfg(feature = "batch")]
+const CORNERS: u32 = 72;
+
+/// Returns the region of highest density of a mixture of Gaussians that do not overlap, each with
+/// its density at its mean over that of the first: an ellipse about each that is dense enough.
+#[cfg(feature = "batch")]
+pub(super) fn of_modes(modes: &[(Estimate<2>, f64)], probability: f64) -> Vec<Region> {
+    let area = |estimate: &Estimate<2>| estimate.covariance.determinant().max(0.0).sqrt();
+    let total: f64 = modes.iter().map(|(estimate, density)| density * area(estimate)).sum();
+    // With the density t at the border an ellipse of peak p holds the share 1 - t/p of its mode.
+    let held = |border: f64, (estimate, density): &(Estimate<2>, f64)| {
+        density * area(estimate) / total * (1.0 - border / density).max(0.0)
+    };
+    let mut bounds = (0.0, modes.iter().map(|(_, density)| *density).fold(0.0, f64::max));
+    for _ in 0..60 {
+        let border = 0.5 * (bounds.0 + bounds.1);
+        let sum: f64 = modes.iter().map(|mode| held(border, mode)).sum();
+        bounds = if sum > probability { (border, bounds.1) } else { (bounds.0, border) };
+    }
+    let border = 0.5 * (bounds.0 + bounds.1);
+    let region = |mode: &(Estimate<2>, f64)| {
+        let (estimate, density) = mode;
+        let own = 1.0 - border / density;
+        let ellipse = estimate.ellipse(own).filter(|_| own > 0.0)?;
+        let (sin, cos) = ellipse.orientation.sin_cos();
+        let corner = |number: u32| {
+            let turn = std::f64::consts::TAU * f64::from(number % CORNERS) / f64::from(CORNERS);
+            let along = ellipse.semi_major * turn.cos();
+            let across = ellipse.semi_minor * turn.sin();
+            let away = Vector2::new(cos * along - sin * across, sin * along + cos * across);
+            estimate.mean + away
+        };
+        Some(Region {
+            probability: held(border, mode),
+            area_m2: std::f64::consts::PI * ellipse.semi_major * ellipse.semi_minor,
+            outline: (0..=CORNERS).map(corner).collect(),
+            holes: Vec::new(),
+        })
+    };
+    let mut regions: Vec<Region> = modes.iter().filter_map(region).collect();
+    regions.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    regions
 }
 
 /// Returns true if a line from a place to the East crosses a closed border an odd number of times.

@@ -103,6 +103,7 @@ pub struct EstimatorEntry {
     /// Where it comes from.
     pub source: Cow<'static, str>,
     needs: Needs,
+    leaves_out_outliers: bool,
     build: Build,
 }
 
@@ -147,6 +148,7 @@ impl EstimatorEntry {
             about: about.into(),
             source: source.into(),
             needs: needs(&settings),
+            leaves_out_outliers: false,
             build: Build::Stream(Recipe::Settings(settings)),
         }
     }
@@ -189,6 +191,7 @@ impl EstimatorEntry {
             about: about.into(),
             source: source.into(),
             needs: Needs { all_at_once: false, ..needs },
+            leaves_out_outliers: false,
             build: Build::Stream(Recipe::Own(Arc::new(make))),
         }
     }
@@ -206,8 +209,22 @@ impl EstimatorEntry {
             about: about.into(),
             source: source.into(),
             needs: Needs { all_at_once: true, ..needs },
+            leaves_out_outliers: false,
             build: Build::AtOnce(Arc::new(locator)),
         }
+    }
+
+    /// Locates without the bearings and other measurements that all others contradict, and says so
+    /// in a remark; by default the remark alone is made.
+    #[must_use]
+    pub fn without_outliers(self) -> Self {
+        Self { leaves_out_outliers: true, ..self }
+    }
+
+    /// Returns true if measurements that all others contradict are left out.
+    #[must_use]
+    pub fn leaves_out_outliers(&self) -> bool {
+        self.leaves_out_outliers
     }
 
     /// What it works on.

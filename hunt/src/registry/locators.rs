@@ -28,7 +28,8 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
             "Gudmundson 1991; Handcock & Stein 1993; Hoeting et al. 1999",
             needs(Need::Required, if cfg!(feature = "batch") { Need::Used } else { Need::Unused }),
             CorrelatedShadowing,
-        ),
+        )
+        .without_outliers(),
         EstimatorEntry::at_once(
             "strongest",
             "the place of the strongest level: a baseline that needs no law of propagation",
@@ -89,7 +90,8 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
                 "Gelman et al. 2013",
                 bearings.clone(),
                 Posterior,
-            ),
+            )
+            .without_outliers(),
             lenth(
                 "lenth1981",
                 BearingWeights::Even,
@@ -138,14 +140,16 @@ pub(super) fn builtin() -> Vec<EstimatorEntry> {
                 "Caffery 2000; Levenberg 1944; Marquardt 1963",
                 needs(Need::Used, Need::Unused),
                 Multilateration,
-            ),
+            )
+            .without_outliers(),
             EstimatorEntry::at_once(
                 "range-differences",
                 "spherical intersection of range differences to a reference, then least squares",
                 "Schau & Robinson 1987; Smith & Abel 1987",
                 Needs { others, ..needs(Need::Unused, Need::Unused) },
                 RangeDifferences,
-            ),
+            )
+            .without_outliers(),
         ]);
     }
     entries

@@ -1,14 +1,16 @@
-use foxhunt_core::{BeaconId, Correction, Pose, Reception};
+use foxhunt_core::{
+    BeaconId, BearingModes, Correction, MeasuredList, Pose, Quantity, Reception, Remark,
+};
 use foxhunt_filters::ShadowingGridConfig;
 use foxhunt_sensors::{AntennaError, LogDistance, OverTerrain, RssBearing};
 
-use super::{EstimatorEntry, Registry, RegistryError, TrackRequest};
+use super::{EstimatorEntry, Need, Registry, RegistryError, TrackRequest};
 use crate::{
     config::{EstimatorConfig, PulseModel, ReceiverModel},
     hunt::{Components, Search, TrackStep},
     locate::{
-        Area, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Power, extent_m,
-        reference_power,
+        Area, FREE_POWER_SIGMA_DB, LocateConfig, LocateError, Located, Power, Uses, examine,
+        extent_m, reference_power,
     },
 };
 
@@ -36,11 +38,69 @@ impl EstimatorEntry {
         if config.terrain.is_some() && !self.uses_terrain() {
             return Err(LocateError::NoUseOfTerrain { estimator: self.name.clone().into_owned() });
         }
+        let mut located = self.unexamined(receptions, config)?;
+        let uses = self.uses();
+        let outliers = examine(&mut located, receptions, config, uses);
+        if outliers.is_empty() {
+            return Ok(located);
+        }
+        let mut kept = receptions.to_vec();
+        for index in &outliers {
+            if let Some(reception) = kept.get_mut(*index) {
+                *reception = without_geometry(reception);
+            }
+        }
+        let without = self.unexamined(&kept, config);
+        match without {
+            Ok(mut without) if self.leaves_out_outliers() => {
+                without.rejected += outliers.len();
+                let _ = examine(&mut without, &kept, config, uses);
+                // What the outliers themselves cast doubt on is settled without them.
+                let told = located.remarks.into_iter().filter(|remark| remark.code == "outlier");
+                let told = told.map(|remark| Remark {
+                    text: format!("{}; it was left out", remark.text),
+                    ..remark
+                });
+                without.remarks.splice(..0, told);
+                Ok(without)
+            }
+            Ok(without) => {
+                let place = &without.estimate.mean;
+                for remark in located.remarks.iter_mut().filter(|r| r.code == "outlier") {
+                    remark.text += &format!(
+                        "; without the outliers the place would be at {:.1} m East, {:.1} m \
+                         North; leave them out with --ignore if they are wrong",
+                        place.x, place.y
+                    );
+                }
+                Ok(located)
+            }
+            Err(_) => Ok(located),
+        }
+    }
+
+    /// Locates a transmitter without a look at how well the receptions fit.
+    fn unexamined(
+        &self,
+        receptions: &[Reception],
+        config: &LocateConfig,
+    ) -> Result<Located, LocateError> {
         let Some(locator) = self.locator() else { return in_time(receptions, self, config) };
         locator.locate(receptions, config).map_err(|source| LocateError::Named {
             estimator: self.name.clone().into_owned(),
             source: Box::new(source),
         })
+    }
+
+    /// Returns the components of receptions that an answer depends on.
+    fn uses(&self) -> Uses {
+        let needs = self.needs();
+        Uses {
+            levels: needs.level != Need::Unused,
+            bearings: needs.bearing != Need::Unused,
+            differences: needs.others.contains(&Quantity::RANGE_DIFFERENCE),
+            searches_area: self.locator().is_none(),
+        }
     }
 
     /// Whether it takes one reception after the other, levels among them.
@@ -86,6 +146,17 @@ impl Registry {
             true => "particle",
             false => "shadowing-grid",
         })
+    }
+}
+
+/// Returns a reception without its bearing and its other measurements; the level stays.
+fn without_geometry(reception: &Reception) -> Reception {
+    Reception {
+        bearing: None,
+        modes: BearingModes::default(),
+        covariance: 0.0,
+        measured: MeasuredList::default(),
+        ..*reception
     }
 }
 

@@ -8,7 +8,7 @@ use std::{
 use clap::Parser;
 use foxhunt::{
     Experiment,
-    core::{Reception, nalgebra::Vector2},
+    core::{Reception, Remark, nalgebra::Vector2},
     drawn::{Bound, Class, DrawnRecording},
     recording::Recording,
     registry::{EstimatorEntry, Need, Registry},
@@ -284,7 +284,7 @@ fn timed(
         Err(error) => Answer::failed(&entry.name, error.to_string()),
     };
     if recording.backwards().is_some() {
-        answer.remarks.push("clock-back");
+        answer.remarks.push(Remark::new("clock-back", "the clock runs backwards"));
     }
     Timed { answer, seconds }
 }

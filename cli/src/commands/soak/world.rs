@@ -109,7 +109,7 @@ struct Row {
     /// Answers without a remark whose NEES is above 30, or where the place is open.
     silent_and_wrong: usize,
     /// Answers with each remark.
-    remarks: BTreeMap<&'static str, usize>,
+    remarks: BTreeMap<String, usize>,
     /// Refusals by their reason, without numbers.
     refusals: BTreeMap<String, usize>,
     /// Time on the processor, that of reading the file included for the default.
@@ -311,12 +311,12 @@ impl Row {
     /// Summarises answers, each with the first one of its fix, and whether the place is open.
     fn of(name: &str, answers: &[(Timed, Option<Timed>, bool)]) -> Result<Self, CliError> {
         let mut silent_and_wrong = 0;
-        let mut remarks: BTreeMap<&'static str, usize> = BTreeMap::new();
+        let mut remarks: BTreeMap<String, usize> = BTreeMap::new();
         let mut refusals: BTreeMap<String, usize> = BTreeMap::new();
         for (Timed { answer, .. }, _, is_open) in answers {
             silent_and_wrong += usize::from(is_silent_and_wrong(answer, *is_open));
             for remark in &answer.remarks {
-                *remarks.entry(remark).or_default() += 1;
+                *remarks.entry(remark.code.to_string()).or_default() += 1;
             }
             if let Some(reason) = &answer.failure {
                 *refusals.entry(without_numbers(reason)).or_default() += 1;

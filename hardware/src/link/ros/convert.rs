@@ -169,8 +169,9 @@ fn reception<H>(message: &ros::Reception<H>) -> Result<Reception, String> {
         },
         level: (!message.rss_dbm.is_nan())
             .then_some(Level { rss_dbm: message.rss_dbm, sigma_db: message.rss_sigma_db }),
-        // Drones deliver what they received; silences come from recordings.
+        // Drones deliver what they received; levels at a limit come from recordings.
         silence: None,
+        saturation: None,
         bearing: message.has_bearing.then_some(bearing),
         covariance: message.covariance,
         modes: BearingModes::new(&modes).map_err(|error| error.to_string())?,
@@ -357,6 +358,7 @@ mod tests {
             let beacon = BeaconId(beacon);
             let reception = Reception {
                 beacon, time: 0.0, receiver: Pose { velocity, ..receiver }, silence: None,
+                saturation: None,
                 level, bearing,
                 covariance, modes, receiver_sigma_m: sigma, measured,
             };

@@ -1,0 +1,402 @@
+//! Remarks on answers: each kind of doubt is found in recordings of its kind, and clean recordings
+//! have none.
+
+use std::path::Path;
+
+use foxhunt_archive::{
+    recorded::{ReceptionConfig, receptions, recorded_truth},
+    recording::{ReadOptions, Recording},
+};
+use foxhunt_core::{Bearing, Level, Measured, MeasuredList, Pose, Quantity, Reception, angle};
+use foxhunt_hunt::{
+    locate::{LocateConfig, Located, learn_bearing_sigma},
+    registry::Registry,
+};
+use foxhunt_sensors::Pritzl2018;
+use nalgebra::{Vector2, Vector3};
+use rand::{RngExt, SeedableRng, rngs::Xoshiro256PlusPlus};
+use rand_distr::StandardNormal;
+
+fn recorded(name: &str) -> Recording {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/doubts");
+    Recording::read(folder.join(name), &ReadOptions::default()).expect("it can be read")
+}
+
+fn received(recording: &Recording, beacon: Option<&str>) -> Vec<Reception> {
+    let of_one = std::slice::from_ref(recording);
+    receptions(of_one, beacon, &Pritzl2018::default(), &ReceptionConfig::default())
+        .expect("they are of use")
+}
+
+fn locate(receptions: &[Reception], estimator: &str, config: &LocateConfig) -> Located {
+    let registry = Registry::builtin();
+    let entry = registry.estimator(estimator).expect("it has a name");
+    entry.locate(receptions, config).expect("it is located")
+}
+
+fn codes(located: &Located) -> Vec<&str> {
+    located.remarks.iter().map(|remark| &*remark.code).collect()
+}
+
+fn text<'a>(located: &'a Located, code: &str) -> &'a str {
+    let of_code = located.remarks.iter().find(|remark| remark.code == code);
+    of_code.map_or_else(|| panic!("no {code}: {:?}", located.remarks), |remark| &remark.text)
+}
+
+/// Numbers of the settings in which σ of bearings is 10° for want of another.
+fn with_assumed_sigma() -> LocateConfig {
+    let assumed_bearing_sigma = Some(ReceptionConfig::default().bearing_sigma);
+    LocateConfig { assumed_bearing_sigma, ..LocateConfig::default() }
+}
+
+fn normal(rng: &mut Xoshiro256PlusPlus) -> f64 {
+    rng.sample(StandardNormal)
+}
+
+fn place(rng: &mut Xoshiro256PlusPlus, side: f64) -> Vector2<f64> {
+    Vector2::new(side * rng.random::<f64>(), side * rng.random::<f64>())
+}
+
+fn bearing(from: Vector2<f64>, angle: f64, sigma: f64) -> Reception {
+    Reception {
+        receiver: Pose::at(from.x, from.y, 0.0),
+        bearing: Some(Bearing { angle, sigma, confidence: 1.0 }),
+        ..Reception::default()
+    }
+}
+
+/// Bearings of a transmitter from places about it, off by σ `true_deg` where `stated_deg` is
+/// stated.
+fn about(
+    rng: &mut Xoshiro256PlusPlus,
+    target: Vector2<f64>,
+    (count, true_deg, stated_deg): (u32, f64, f64),
+) -> Vec<Reception> {
+    let turned = rng.random::<f64>();
+    let from = |number: u32, rng: &mut Xoshiro256PlusPlus| {
+        let turn = f64::from(number) / f64::from(count) + turned + 0.05 * normal(rng);
+        let (sin, cos) = (std::f64::consts::TAU * turn).sin_cos();
+        let from = target + Vector2::new(cos, sin) * (500.0 + 700.0 * rng.random::<f64>());
+        let way = target - from;
+        let error = true_deg.to_radians() * normal(rng);
+        bearing(from, angle::wrap(way.y.atan2(way.x) + error), stated_deg.to_radians())
+    };
+    (0..count).map(|number| from(number, rng)).collect()
+}
+
+fn turn(reception: &mut Reception, deg: f64) {
+    if let Some(bearing) = &mut reception.bearing {
+        bearing.angle = angle::wrap(bearing.angle + deg.to_radians());
+    }
+}
+
+#[test]
+fn bearings_that_diverge_are_said_to_meet_reversed() {
+    let config = LocateConfig::default();
+    let mut received = received(&recorded("diverge_sigma.csv"), None);
+    let located = locate(&received, "bearing-grid", &config);
+    let text_of = text(&located, "bearings-do-not-meet");
+    assert!(text_of.contains("reversed they meet at 250.0 m East, -144.3 m North"), "{text_of}");
+    received.iter_mut().for_each(|reception| turn(reception, 180.0));
+    assert_eq!(codes(&locate(&received, "bearing-grid", &config)), [""; 0]);
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(1);
+    for draw in 0..3 {
+        let target = place(&mut rng, 2000.0);
+        let mut received = about(&mut rng, target, (3 + draw, 4.0, 5.0));
+        received.iter_mut().for_each(|reception| turn(reception, 180.0));
+        for estimator in ["bearing-grid", "particle"] {
+            let located = locate(&received, estimator, &config);
+            let text = text(&located, "bearings-do-not-meet");
+            assert!(text.contains("; reversed they meet at"), "{estimator}: {text}");
+        }
+        received.iter_mut().for_each(|reception| turn(reception, 180.0));
+        assert_eq!(codes(&locate(&received, "bearing-grid", &config)), [""; 0], "{draw}");
+    }
+}
+
+#[test]
+fn the_one_bearing_that_is_wrong_is_named_and_left_out() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(2);
+    for (sigma_deg, config) in [(5.0, LocateConfig::default()), (10.0, with_assumed_sigma())] {
+        for draw in 0..10 {
+            let target = place(&mut rng, 2000.0);
+            let mut received = about(&mut rng, target, (8, 5.0, sigma_deg));
+            let clean = locate(&received, "bearing-grid", &config);
+            let wrong = draw % 8;
+            turn(&mut received[wrong], if draw % 2 == 0 { 71.0 } else { -71.0 });
+            let located = locate(&received, "bearing-grid", &config);
+            let text = text(&located, "outlier");
+            assert!(text.starts_with(&format!("bearing {} of 8", wrong + 1)), "{text}");
+            assert!(text.ends_with("it was left out"), "{text}");
+            assert_eq!(located.rejected, 1);
+            let moved = (located.estimate.mean - clean.estimate.mean).norm();
+            assert!(moved < 60.0, "{draw}: {moved} m");
+            // Others say where the place would be.
+            let other = locate(&received, "pseudolinear", &config);
+            let said = self::text(&other, "outlier");
+            assert!(said.contains("without the outliers the place would be at"), "{said}");
+        }
+    }
+}
+
+/// 400 draws of clean bearings each: at most 1 % have a remark on their fit, by 3.29 σ of that
+/// number.
+#[test]
+fn clean_bearings_have_no_remark() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(3);
+    for (true_deg, stated_deg, config) in [
+        (5.0, 5.0, LocateConfig::default()),
+        (5.0, 10.0, with_assumed_sigma()),
+        (14.0, 10.0, with_assumed_sigma()),
+    ] {
+        let mut alarms = Vec::new();
+        for draw in 0..400 {
+            let target = place(&mut rng, 2000.0);
+            let count = 3 + draw % 7;
+            let received = about(&mut rng, target, (count, true_deg, stated_deg));
+            let entry = if draw % 4 == 0 { "bearing-grid" } else { "pseudolinear" };
+            let located = locate(&received, entry, &config);
+            let is_of_fit =
+                |code: &&str| !["ellipse-is-poor", "border", "does-not-fit"].contains(code);
+            alarms.extend(
+                codes(&located).into_iter().filter(is_of_fit).map(|c| (count, c.to_owned())),
+            );
+        }
+        assert!(alarms.len() <= 10, "{stated_deg}: {alarms:?}");
+    }
+}
+
+#[test]
+fn everything_from_one_place_leaves_the_range_open() {
+    let received = received(&recorded("same_place.csv"), None);
+    for margin_m in [200.0, 2000.0, 20_000.0] {
+        let config = LocateConfig { margin_m, ..LocateConfig::default() };
+        let located = locate(&received, "particle", &config);
+        assert!(text(&located, "one-place").contains("only the direction is known, 5"));
+    }
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(4);
+    let config = LocateConfig::default();
+    for _ in 0..3 {
+        let target = place(&mut rng, 2000.0);
+        let mut received = about(&mut rng, target, (4, 5.0, 5.0));
+        assert!(!codes(&locate(&received, "particle", &config)).contains(&"one-place"));
+        let first = received[0];
+        for reception in &mut received {
+            let (shift, error) = (0.2 * normal(&mut rng), 0.05 * normal(&mut rng));
+            *reception = first;
+            reception.receiver.position.x += shift;
+            turn(reception, error.to_degrees());
+        }
+        assert!(codes(&locate(&received, "particle", &config)).contains(&"one-place"));
+    }
+}
+
+#[test]
+fn bearings_from_a_short_baseline_leave_the_distance_open() {
+    let config = LocateConfig::default();
+    let received = received(&recorded("far_transmitter.csv"), None);
+    let located = locate(&received, "bearing-grid", &config);
+    let said = text(&located, "range-open");
+    assert!(said.contains("direction 0°, at least 2"), "{said}");
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(5);
+    for draw in 0..3 {
+        let far = Vector2::new(500.0, 9000.0);
+        let along = |target: Vector2<f64>, rng: &mut Xoshiro256PlusPlus| -> Vec<Reception> {
+            let of = |east: f64, rng: &mut Xoshiro256PlusPlus| {
+                let from = Vector2::new(east, 0.0);
+                let way = target - from;
+                let sigma = 3.0_f64.to_radians();
+                bearing(from, way.y.atan2(way.x) + 0.5 * sigma * normal(rng), sigma)
+            };
+            (0..3 + draw).map(|i| of(1000.0 * f64::from(i) / f64::from(2 + draw), rng)).collect()
+        };
+        let received = along(far, &mut rng);
+        assert!(codes(&locate(&received, "bearing-grid", &config)).contains(&"range-open"));
+        let received = along(Vector2::new(400.0, 500.0), &mut rng);
+        assert_eq!(codes(&locate(&received, "bearing-grid", &config)), [""; 0]);
+    }
+}
+
+#[test]
+fn bearings_over_140_km_meet_where_the_transmitter_is() {
+    let recording = recorded("convergence.csv");
+    let received = received(&recording, None);
+    let truth = recorded_truth(&[recording], None).expect("it has one");
+    let located = locate(&received, "lenth1981", &LocateConfig::default());
+    let error_m = (located.estimate.mean - truth).norm();
+    assert!(error_m < 10.0, "{error_m} m");
+    assert_eq!(codes(&located), [""; 0]);
+}
+
+#[test]
+fn both_places_of_two_range_differences_are_listed() {
+    let config = LocateConfig { reference_m: Some(Vector3::zeros()), ..LocateConfig::default() };
+    let recording = recorded("tdoa_two_solutions.csv");
+    let located = locate(&received(&recording, None), "range-differences", &config);
+    let truth = recorded_truth(&[recording], None).expect("it has one");
+    assert!(text(&located, "rivals").contains("-300.0 m East, -200.0 m North"));
+    let [rival] = &located.rivals[..] else { panic!("{:?}", located.rivals) };
+    assert!((rival.place - truth).norm() < 0.1 && rival.relative_density > 0.9, "{rival:?}");
+    assert_eq!(located.regions_95.len(), 2);
+    assert_eq!(located.region_95_holds(&truth), Some(true));
+    // A third difference decides.
+    let third = Vector3::new(-1000.0, -400.0, 0.0);
+    let far = |from: &Vector3<f64>| (truth.push(0.0) - from).norm();
+    let value = far(&third) - far(&Vector3::zeros());
+    let difference = Measured::new(Quantity::RANGE_DIFFERENCE, value, 3.0).expect("finite");
+    let more = Reception {
+        receiver: Pose::at(third.x, third.y, third.z),
+        measured: MeasuredList::new(&[difference]).expect("one fits"),
+        ..Reception::default()
+    };
+    let mut received = received(&recorded("tdoa_two_solutions.csv"), None);
+    received.push(more);
+    let located = locate(&received, "range-differences", &config);
+    assert_eq!(codes(&located), [""; 0]);
+    assert!((located.estimate.mean - truth).norm() < 1.0);
+}
+
+#[test]
+fn ranges_from_a_line_have_a_mirrored_rival_with_a_region() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(6);
+    for draw in 0..3 {
+        let target = place(&mut rng, 500.0) + Vector2::new(0.0, 100.0);
+        let of = |number: i32, rng: &mut Xoshiro256PlusPlus| {
+            let from = Vector2::new(200.0 * f64::from(number), 0.0);
+            let value = (target - from).norm() + 2.0 * normal(rng);
+            let range = Measured::new(Quantity::RANGE, value, 2.0).expect("finite");
+            Reception {
+                receiver: Pose::at(from.x, from.y, 0.0),
+                measured: MeasuredList::new(&[range]).expect("one fits"),
+                ..Reception::default()
+            }
+        };
+        let received: Vec<Reception> = (0..4).map(|i| of(i, &mut rng)).collect();
+        let located = locate(&received, "multilateration", &LocateConfig::default());
+        let mirrored = Vector2::new(target.x, -target.y);
+        assert_eq!(located.regions_95.len(), 2, "{draw}");
+        for place in [&target, &mirrored] {
+            assert_eq!(located.region_95_holds(place), Some(true), "{draw}");
+        }
+        assert!(codes(&located).contains(&"rivals"));
+    }
+}
+
+/// Two of 30 animals with back-bearings teach no σ, and are said to be reversed; the others are as
+/// good as if alone.
+#[test]
+fn reversed_animals_spoil_no_others() {
+    let bad = recorded("groups_2bad.csv");
+    let good = recorded("groups_good.csv");
+    let learned = |recording: &Recording| {
+        let each: Vec<Vec<Reception>> =
+            recording.beacons().into_iter().map(|beacon| received(recording, beacon)).collect();
+        learn_bearing_sigma(each.iter().map(Vec::as_slice), &with_assumed_sigma())
+    };
+    let names = bad.beacons();
+    let of_bad = learned(&bad);
+    let left_out: Vec<_> =
+        of_bad.left_out.iter().map(|index| names[*index].expect("named")).collect();
+    assert_eq!(left_out, ["g0", "g1"]);
+    let of_good = learned(&good);
+    assert!(of_good.left_out.is_empty(), "{of_good:?}");
+    assert!((of_bad.factor / of_good.factor - 1.0).abs() < 0.1, "{of_bad:?} {of_good:?}");
+    let sigma = ReceptionConfig::default().bearing_sigma * of_bad.factor;
+    assert!((sigma.to_degrees() - 3.3).abs() < 0.3, "{}", sigma.to_degrees());
+    let config = LocateConfig { bearing_freedom: of_bad.freedom, ..LocateConfig::default() };
+    let mut errors = Vec::new();
+    for beacon in names {
+        let mut received = received(&bad, beacon);
+        for reception in &mut received {
+            reception.bearing = reception.bearing.map(|bearing| Bearing { sigma, ..bearing });
+        }
+        let located = locate(&received, "bearing-grid", &config);
+        if matches!(beacon, Some("g0" | "g1")) {
+            assert!(text(&located, "bearings-do-not-meet").contains("; reversed they meet at"));
+            continue;
+        }
+        assert!(!codes(&located).contains(&"bearings-do-not-meet"), "{beacon:?}");
+        let truth = recorded_truth(std::slice::from_ref(&bad), beacon).expect("it has one");
+        errors.push((located.estimate.mean - truth).norm());
+    }
+    errors.sort_by(f64::total_cmp);
+    assert!(errors[errors.len() / 2] < 45.0, "{errors:?}");
+}
+
+/// Levels of a flight over a square with white noise of 4 dB.
+fn levels(rng: &mut Xoshiro256PlusPlus, target: Vector2<f64>) -> Vec<Reception> {
+    let level = |number: i32, rng: &mut Xoshiro256PlusPlus| {
+        let (lane, along) = (number / 20, number % 20);
+        let along = if lane % 2 == 0 { along } else { 19 - along };
+        let from = Vector2::new(25.0 * f64::from(along), 50.0 * f64::from(lane));
+        let range = (target - from).norm().hypot(30.0);
+        let rss_dbm = -30.0 - 23.0 * range.log10() + 4.0 * normal(rng);
+        Reception {
+            time: f64::from(number),
+            receiver: Pose::at(from.x, from.y, 30.0),
+            level: Some(Level { rss_dbm, sigma_db: 8.0 }),
+            ..Reception::default()
+        }
+    };
+    (0..200).map(|number| level(number, rng)).collect()
+}
+
+#[test]
+fn a_level_that_is_far_too_strong_is_named_and_clean_levels_have_no_remark() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(7);
+    let config = LocateConfig::default();
+    let mut alarms = Vec::new();
+    for _ in 0..60 {
+        let target = Vector2::new(100.0, 100.0) + place(&mut rng, 250.0);
+        let received = levels(&mut rng, target);
+        let located = locate(&received, "least-absolute", &config);
+        alarms.extend(codes(&located).into_iter().map(str::to_owned));
+    }
+    // 1 % of 60, and 3.29 σ of it.
+    assert!(alarms.len() <= 3, "{alarms:?}");
+    for draw in 0..3 {
+        let target = Vector2::new(100.0, 100.0) + place(&mut rng, 250.0);
+        let mut received = levels(&mut rng, target);
+        let wrong = 40 + 50 * draw;
+        if let Some(level) = &mut received[wrong].level {
+            level.rss_dbm = -10.0;
+        }
+        let located = locate(&received, "least-absolute", &config);
+        let said = text(&located, "outlier");
+        assert!(said.starts_with(&format!("reception {} (-10.0 dBm)", wrong + 1)), "{said}");
+    }
+}
+
+#[test]
+fn a_filter_that_is_lost_does_not_fit_the_levels() {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(8);
+    for _ in 0..3 {
+        let target = Vector2::new(100.0, 100.0) + place(&mut rng, 250.0);
+        let received = levels(&mut rng, target);
+        let right = locate(&received, "shadowing-grid", &LocateConfig::default());
+        assert!(!codes(&right).contains(&"does-not-fit"), "{:?}", right.remarks);
+        // An estimator of one's own that answers a corner whatever was received.
+        let lost = foxhunt_hunt::registry::EstimatorEntry::at_once(
+            "corner",
+            "the corner",
+            "",
+            Registry::builtin().estimator("strongest").expect("built in").needs().clone(),
+            Corner,
+        );
+        let located = lost.locate(&received, &LocateConfig::default()).expect("it is located");
+        let said = text(&located, "does-not-fit");
+        assert!(said.contains("take another estimator"), "{said}");
+    }
+}
+
+struct Corner;
+
+impl foxhunt_hunt::locate::Locator for Corner {
+    fn locate(
+        &self,
+        _: &[Reception],
+        _: &LocateConfig,
+    ) -> Result<Located, foxhunt_hunt::locate::LocateError> {
+        Ok(Located::at(foxhunt_core::Estimate::isotropic(Vector2::new(480.0, 470.0), 10.0)))
+    }
+}

@@ -1,0 +1,345 @@
+use foxhunt_core::{Reception, Remark};
+use nalgebra::{Matrix2, Vector2};
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use super::{
+    super::{Area, LocateConfig, Located, Power},
+    APART, UNSTATED_SIGMA_M, has_law, spoken,
+};
+
+/// Fewer levels than this are not examined.
+const LEAST: usize = 8;
+
+/// Probability of a gross outlier among levels that have none.
+const OUTLIER_P: f64 = 1e-5;
+
+/// Level that is a gross outlier stands at least so far above the others, in dB.
+const LEAST_DB: f64 = 15.0;
+
+/// A level falls this much farther below the others by fading alone, in dB: a fading amplitude is
+/// below a share of its mean with the square of that share.
+const FADE_DB: f64 = 35.0;
+
+/// Path-loss exponent below which no transmitter's levels fall with the distance.
+const LEAST_EXPONENT: f64 = 0.7;
+
+/// Examines the residuals of levels from the log-distance law that fits them best at the place.
+pub(super) fn examine(
+    located: &Located,
+    receptions: &[Reception],
+    config: &LocateConfig,
+) -> Vec<Remark> {
+    let place = located.estimate.mean;
+    let rows = rows(receptions, &place, config, 1);
+    if rows.len() < LEAST {
+        return Vec::new();
+    }
+    let Some(law) = Law::of(&rows, config) else { return Vec::new() };
+    let elsewhere = does_not_fit(located, receptions, config, rows.len());
+    let is_flat = law.is_fitted && law.exponent + 4.0 * law.exponent_sigma < LEAST_EXPONENT;
+    if is_flat && elsewhere.is_none() {
+        return vec![Remark::new(
+            "levels-do-not-fall",
+            format!(
+                "the levels do not fall with the distance from the place at {} (exponent {:.1} ± \
+                 {:.1}): check the sign and the unit of the levels, and the places of the receiver",
+                spoken(&place),
+                law.exponent,
+                law.exponent_sigma
+            ),
+        )];
+    }
+    // Residuals from a place that is wrong are no outliers.
+    let of_row = elsewhere.or_else(|| outlier(&rows, &law, located));
+    let is_placed_by_levels = receptions.iter().all(|r| !r.has_bearing() && r.measured.is_empty());
+    let open = range_open(located, receptions, config, rows.len()).filter(|_| is_placed_by_levels);
+    of_row.into_iter().chain(open).collect()
+}
+
+/// Returns the levels as they are for a transmitter at a place, every so manieth of them.
+fn rows(
+    receptions: &[Reception],
+    place: &Vector2<f64>,
+    config: &LocateConfig,
+    stride: usize,
+) -> Vec<Row> {
+    let target = place.push(config.target_up_m);
+    let row = |(reception, received): (usize, &Reception)| {
+        let way = target - received.receiver.position;
+        let range = way.norm().max(1.0);
+        let sigma = received.receiver_sigma_m;
+        Some(Row {
+            reception,
+            level: received.level?.rss_dbm,
+            loss: -10.0 * range.log10(),
+            slope: way.xy() * (10.0 / (std::f64::consts::LN_10 * range * range)),
+            receiver_sigma_m: sigma.map_or(UNSTATED_SIGMA_M, |sigma| sigma.x.max(sigma.y)),
+        })
+    };
+    let levels = receptions.iter().enumerate().filter(|(_, received)| received.level.is_some());
+    levels.step_by(stride).filter_map(row).collect()
+}
+
+/// Fewer levels than this do not show that another place fits better.
+const LEAST_TO_COMPARE: usize = 40;
+
+/// Largest number of levels at which places are compared.
+const MOST_TO_COMPARE: usize = 400;
+
+/// Mean square of the residuals over that at the best place from which on the place may not fit.
+const WIDER: f64 = 1.2;
+
+/// Returns a remark if the levels scatter far less about the law of another place.
+fn does_not_fit(
+    located: &Located,
+    receptions: &[Reception],
+    config: &LocateConfig,
+    count: usize,
+) -> Option<Remark> {
+    if count < LEAST_TO_COMPARE {
+        return None;
+    }
+    let stride = count.div_ceil(MOST_TO_COMPARE);
+    let spread_at = |place: &Vector2<f64>| {
+        let rows = rows(receptions, place, config, stride);
+        let law = Law::of(&rows, config)?;
+        (law.exponent > 0.0).then_some(law.sigma_db)
+    };
+    let here = spread_at(&located.estimate.mean).unwrap_or(f64::INFINITY);
+    let (centre, half) = Area::about(receptions, config.margin_m).square();
+    let mut best = (located.estimate.mean, here);
+    let mut step = half / 8.0;
+    let mut middle = centre;
+    for reach in [8_i32, 2, 2, 2] {
+        let cells = (-reach..=reach).flat_map(|x| (-reach..=reach).map(move |y| (x, y)));
+        for (x, y) in cells {
+            let place = middle + Vector2::new(f64::from(x), f64::from(y)) * step;
+            if let Some(spread) = spread_at(&place)
+                && spread < best.1
+            {
+                best = (place, spread);
+            }
+        }
+        middle = best.0;
+        step *= 0.4;
+    }
+    let away = best.0 - located.estimate.mean;
+    let factor = located.estimate.covariance.cholesky();
+    let apart = factor.map_or(f64::INFINITY, |factor| away.dot(&factor.solve(&away)));
+    let rows_at = |place: &Vector2<f64>| rows(receptions, place, config, stride);
+    let there = residuals(&rows_at(&best.0), config)?;
+    let here = residuals(&rows_at(&located.estimate.mean), config)?;
+    let (ratio, gain) = gain(&there, &here, best.1);
+    (ratio > WIDER && gain > 2.0 * APART && apart > APART).then(|| {
+        Remark::new(
+            "does-not-fit",
+            format!(
+                "the place does not fit the levels: they scatter by {:.1} dB about the law of \
+                 propagation, and by {:.1} dB for a transmitter at {}, {:.0} m away; take another \
+                 estimator",
+                best.1 * ratio.sqrt(),
+                best.1,
+                spoken(&best.0),
+                away.norm()
+            ),
+        )
+    })
+}
+
+/// Returns the residuals of levels from the law that fits them.
+fn residuals(rows: &[Row], config: &LocateConfig) -> Option<Vec<f64>> {
+    let law = Law::of(rows, config)?;
+    Some(rows.iter().map(|row| law.residual(row)).collect())
+}
+
+/// Returns the mean square of residuals elsewhere over that of those here, of which σ is the
+/// spread, and twice the logarithm of the likelihood ratio. Residuals beyond 4 σ count as that
+/// much, so that fading and outliers decide nothing; neighbours that shadowing makes alike count
+/// for fewer.
+fn gain(here: &[f64], elsewhere: &[f64], sigma_db: f64) -> (f64, f64) {
+    let limit = (4.0 * sigma_db).powi(2);
+    let sum = |residuals: &[f64]| residuals.iter().map(|r| (r * r).min(limit)).sum::<f64>();
+    let least = sum(here).max(f64::MIN_POSITIVE);
+    let ratio = sum(elsewhere) / least;
+    let pairs = here.iter().zip(here.iter().skip(1));
+    let product: f64 = pairs.map(|(a, b)| (a * b).clamp(-limit, limit)).sum();
+    let alike = (product / least).clamp(0.0, 0.99);
+    let count = f64::from(u32::try_from(here.len()).unwrap_or(u32::MAX));
+    (ratio, count * (1.0 - alike) / (1.0 + alike) * ratio.ln())
+}
+
+/// Exponent above which no levels fall with the distance.
+const MOST_EXPONENT: f64 = 6.0;
+
+/// χ² with two degrees of freedom that a true value exceeds with 1 %.
+const LIKELY: f64 = 9.21;
+
+/// Returns a remark if levels fit a transmitter far away nearly as well as one at the place.
+fn range_open(
+    located: &Located,
+    receptions: &[Reception],
+    config: &LocateConfig,
+    count: usize,
+) -> Option<Remark> {
+    // A known power makes a distance of every level.
+    if has_law(config) {
+        return None;
+    }
+    let stride = count.div_ceil(MOST_TO_COMPARE);
+    let rows_at = |place: &Vector2<f64>| rows(receptions, place, config, stride);
+    let near = rows_at(&located.estimate.mean);
+    let sigma_db = Law::of(&near, config)?.sigma_db;
+    let here = residuals(&near, config)?;
+    let (centre, half) = Area::about(receptions, 0.0).square();
+    let fits = |number: u32| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(number) / 16.0).sin_cos();
+        let place = centre + Vector2::new(cos, sin) * (FAR * half);
+        let law = |power| LocateConfig { power, ..config.clone() };
+        let rows = rows_at(&place);
+        let exponent = match config.power {
+            Power::Free => Law::of(&rows, config).map_or(0.0, |law| law.exponent),
+            Power::FreeReference { exponent } | Power::Known { exponent, .. } => exponent,
+        };
+        let power = Power::FreeReference { exponent: exponent.clamp(0.0, MOST_EXPONENT) };
+        let there = residuals(&rows, &law(power))?;
+        Some(gain(&here, &there, sigma_db).1)
+    };
+    let gains = (0..16).filter_map(fits);
+    let least = gains.fold(f64::INFINITY, f64::min);
+    (least < LIKELY).then(|| {
+        Remark::new(
+            "range-open",
+            "the levels fit a transmitter far away nearly as well as one at this place: they do \
+             not fix one; receive nearer to the transmitter, or from places farther apart",
+        )
+    })
+}
+
+/// Distance of a transmitter far away, in half sides of the receivers' square.
+const FAR: f64 = 6.0;
+
+/// Returns a remark on the level that lies farthest from all others, if no fading does that.
+fn outlier(rows: &[Row], law: &Law, located: &Located) -> Option<Remark> {
+    let count = f64::from(u32::try_from(rows.len()).unwrap_or(u32::MAX));
+    let normal = Normal::new(0.0, 1.0).ok()?;
+    let most = -normal.inverse_cdf(OUTLIER_P / count);
+    let excess = |row: &Row| {
+        let residual = law.residual(row);
+        // Near the transmitter a small error of its place is a large one of the level.
+        let slope = row.slope * law.exponent;
+        let own = row.receiver_sigma_m.powi(2) * slope.norm_squared();
+        let of_place = slope.dot(&(located.estimate.covariance * slope)).max(0.0) + own;
+        let sigma = (law.sigma_db.powi(2) + of_place).sqrt();
+        let limit = if residual > 0.0 {
+            (most * sigma).max(LEAST_DB)
+        } else {
+            (most * sigma).max(FADE_DB + 10.0 * count.log10())
+        };
+        residual.abs() / limit
+    };
+    let worst = rows.iter().max_by(|a, b| excess(a).total_cmp(&excess(b)))?;
+    if excess(worst) <= 1.0 {
+        return None;
+    }
+    let residual = law.residual(worst);
+    let side = if residual > 0.0 { "above" } else { "below" };
+    Some(Remark::new(
+        "outlier",
+        format!(
+            "reception {} ({:.1} dBm) lies {:.0} dB {side} what the others make likely, with a σ \
+             of {:.1} dB; look at it, and leave it out with --ignore if it is wrong",
+            worst.reception + 1,
+            worst.level,
+            residual.abs(),
+            law.sigma_db
+        ),
+    ))
+}
+
+struct Row {
+    reception: usize,
+    level: f64,
+    /// Level of a transmitter of 0 dBm at one metre with an exponent of 1, in dB.
+    loss: f64,
+    /// Gradient of that over the transmitter's place, with the sign changed.
+    slope: Vector2<f64>,
+    /// σ of the receiver's own place on each axis, in metres.
+    receiver_sigma_m: f64,
+}
+
+/// Log-distance law that fits levels, with the spread of the residuals.
+struct Law {
+    reference_dbm: f64,
+    exponent: f64,
+    exponent_sigma: f64,
+    is_fitted: bool,
+    sigma_db: f64,
+}
+
+impl Law {
+    fn residual(&self, row: &Row) -> f64 {
+        row.level - self.reference_dbm - self.exponent * row.loss
+    }
+
+    /// Least squares of intercept and exponent as far as they are unknown, then again without the
+    /// levels beyond 4 σ of a robust spread.
+    fn of(rows: &[Row], config: &LocateConfig) -> Option<Self> {
+        let mut law = Self::fit(rows.iter(), config)?;
+        for _ in 0..2 {
+            law.sigma_db = law.spread(rows);
+            let limit = 4.0 * law.sigma_db.max(1.0);
+            let kept = rows.iter().filter(|row| law.residual(row).abs() <= limit);
+            law = Self::fit(kept, config)?;
+        }
+        law.sigma_db = law.spread(rows).max(1.0);
+        Some(law)
+    }
+
+    /// 1.4826 times the median of the absolute residuals: σ of a normal distribution.
+    fn spread(&self, rows: &[Row]) -> f64 {
+        let mut sizes: Vec<f64> = rows.iter().map(|row| self.residual(row).abs()).collect();
+        let half = sizes.len() / 2;
+        if half >= sizes.len() {
+            return 0.0;
+        }
+        let (_, median, _) = sizes.select_nth_unstable_by(half, f64::total_cmp);
+        1.4826 * *median
+    }
+
+    fn fit<'a>(rows: impl Iterator<Item = &'a Row> + Clone, config: &LocateConfig) -> Option<Self> {
+        let count = f64::from(u32::try_from(rows.clone().count()).ok()?);
+        let mean = |of: fn(&Row) -> f64| rows.clone().map(of).sum::<f64>() / count;
+        let mean_level = mean(|row| row.level);
+        let mean_loss = mean(|row| row.loss);
+        let known = |reference_dbm, exponent| Self {
+            reference_dbm,
+            exponent,
+            exponent_sigma: 0.0,
+            is_fitted: false,
+            sigma_db: 0.0,
+        };
+        match config.power {
+            Power::Known { reference_dbm, exponent } => Some(known(reference_dbm, exponent)),
+            Power::FreeReference { exponent } => {
+                Some(known(mean_level - exponent * mean_loss, exponent))
+            }
+            Power::Free => {
+                let moments = rows.clone().fold(Matrix2::zeros(), |sum: Matrix2<f64>, row| {
+                    let apart = Vector2::new(row.loss - mean_loss, row.level - mean_level);
+                    sum + apart * apart.transpose()
+                });
+                let [spread, product, total] = [moments.m11, moments.m12, moments.m22];
+                if spread <= 1e-9 * count || count < 4.0 {
+                    return None;
+                }
+                let exponent = product / spread;
+                let left = (total - exponent * product).max(0.0) / (count - 2.0);
+                Some(Self {
+                    exponent_sigma: (left / spread).sqrt(),
+                    is_fitted: true,
+                    ..known(mean_level - exponent * mean_loss, exponent)
+                })
+            }
+        }
+    }
+}

@@ -1,0 +1,399 @@
+//! Examination of an answer by the receptions that it was made from.
+//!
+//! Every answer to a still transmitter comes here before anybody sees it: do the measurements
+//! meet, does one of them contradict the others, does the place fit them, and do they fix a
+//! distance at all? The tests know nothing of the estimator.
+
+mod fit;
+mod levels;
+mod open;
+
+use foxhunt_core::{Bearing, Quantity, Reception, Remark};
+use foxhunt_wire::geodesy::radians_to_compass_deg;
+use nalgebra::Vector2;
+
+pub(crate) use self::fit::{Datum, Kind, Outliers, Scale, misfit_p, outliers, reversals};
+use self::fit::{Meeting, meeting};
+use super::{Area, LocateConfig, Located, Power};
+
+/// Receptions with measurements that an answer depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Uses {
+    pub(crate) levels: bool,
+    pub(crate) bearings: bool,
+    pub(crate) differences: bool,
+    /// The estimator searches a square about the receivers and does not report the probability on
+    /// its border.
+    pub(crate) searches_area: bool,
+}
+
+/// Misfits less probable than this make a remark.
+const MISFIT_P: f64 = 1e-3;
+
+/// Reversed bearings meet if their misfit is at least this probable.
+const MEETS_P: f64 = 0.01;
+
+/// Bearings that scatter by more than this, in degrees, do not meet, whatever their σ.
+const SCATTER_DEG: f64 = 25.0;
+
+/// σ of a bearing without one of its own, in radians, for the question whether bearings meet: by
+/// a hand-held antenna among reflections.
+const UNKNOWN_SIGMA: f64 = 25.0 * std::f64::consts::PI / 180.0;
+
+/// Measurements that scatter by more than this many of their σ make a remark.
+const SCATTER: f64 = 1.5;
+
+/// Number of measurements that a σ of their own is worth for the search of outliers.
+const OWN_FREEDOM: f64 = 8.0;
+
+/// σ of the receiver's place on each axis where none is stated, in metres: by satellites. Bearings
+/// from a few metres away are of little use.
+const UNSTATED_SIGMA_M: f64 = 2.0;
+
+/// Number of measurements that a σ is worth which stands for unknown ones.
+const ASSUMED_FREEDOM: f64 = 4.0;
+
+/// χ² with two degrees of freedom that a clean answer exceeds once in 10,000.
+const APART: f64 = 18.4;
+
+/// Finds what casts doubt on an answer, and adds it to the answer's remarks. Returns the indices of
+/// the receptions whose bearing, range or difference the others contradict.
+pub(crate) fn examine(
+    located: &mut Located,
+    receptions: &[Reception],
+    config: &LocateConfig,
+    uses: Uses,
+) -> Vec<usize> {
+    let data = data(receptions, config, uses);
+    let mut remarks = Vec::new();
+    let mut left_out = Vec::new();
+    let has_levels = uses.levels && receptions.iter().any(|r| r.level.is_some());
+    if let Some(remark) = open::one_place(located, receptions, &data, config, has_levels) {
+        remarks.push(remark);
+    } else {
+        if !data.is_empty() {
+            left_out = of_fit(located, &data, config, &mut remarks);
+        }
+        if has_levels {
+            remarks.extend(levels::examine(located, receptions, config));
+        }
+        let meets = |remark: &Remark| !remark.code.ends_with("do-not-meet");
+        let is_open = |remark: &Remark| remark.code == "range-open";
+        if remarks.iter().all(meets) && !remarks.iter().any(is_open) {
+            let mut data = data;
+            data.retain(|datum| !left_out.contains(&datum.reception));
+            remarks.extend(open::range_open(located, receptions, &data, config, has_levels));
+        }
+    }
+    remarks.extend(of_answer(located, receptions, config, uses));
+    located.remarks.extend(remarks);
+    left_out
+}
+
+/// Returns the receptions without the bearings that the others contradict, but for bearings that
+/// meet where all are reversed.
+#[cfg(feature = "batch")]
+pub(super) fn without_outliers(receptions: &[Reception], config: &LocateConfig) -> Vec<Reception> {
+    let uses = Uses { levels: false, bearings: true, differences: false, searches_area: false };
+    let mut data = data(receptions, config, uses);
+    data.retain(|datum| datum.kind == Kind::Bearing);
+    let up = config.target_up_m;
+    let mut kept = receptions.to_vec();
+    let wide = most_uncertain(&data, config);
+    let misfit = meeting(&wide, up).map_or(0.0, |meeting| meeting.misfit);
+    let turned = misfit_p(misfit, wide.len()) < MISFIT_P
+        && reversals(&wide, up, MEETS_P).iter().any(|way| way.positions.len() > 1);
+    let found = outliers(&data, up, scale(&data, config)).filter(|_| !turned);
+    for outlier in found.iter().flat_map(|found| &found.outliers) {
+        let reception = data.get(outlier.position).map(|datum| datum.reception);
+        if let Some(reception) = reception.and_then(|index| kept.get_mut(index)) {
+            reception.bearing = None;
+        }
+    }
+    kept
+}
+
+/// Returns the remarks on border, regions and rivals.
+fn of_answer(
+    located: &Located,
+    receptions: &[Reception],
+    config: &LocateConfig,
+    uses: Uses,
+) -> Vec<Remark> {
+    let mut remarks = Vec::new();
+    let mean = &located.estimate.mean;
+    let is_at_edge =
+        || uses.searches_area && !Area::about(receptions, config.margin_m).holds_well(mean);
+    if located.is_at_border() || is_at_edge() {
+        remarks.push(Remark::new(
+            "border",
+            "the place is at the border of the area that was searched, and the transmitter may be \
+             beyond; search farther with a larger --margin-m, or go nearer",
+        ));
+    }
+    if located.ellipse_is_poor() {
+        remarks.push(Remark::new(
+            "ellipse-is-poor",
+            "the ellipse is a poor picture of where the transmitter may be; go by the regions",
+        ));
+    }
+    if let Some(rival) = located.rivals.first() {
+        remarks.push(Remark::new(
+            "rivals",
+            format!(
+                "{} nearly as well, the best at {} with {:.2} of the density here; receive from \
+                 one more place off the line of the others to decide",
+                match located.rivals.len() {
+                    1 => "another place fits".to_owned(),
+                    count => format!("{count} other places fit"),
+                },
+                spoken(&rival.place),
+                rival.relative_density,
+            ),
+        ));
+    }
+    remarks
+}
+
+/// Returns the measurements with a geometry that an estimator uses.
+fn data(receptions: &[Reception], config: &LocateConfig, uses: Uses) -> Vec<Datum> {
+    let mut data = Vec::new();
+    for (reception, received) in receptions.iter().enumerate() {
+        let receiver = received.receiver.position;
+        let of_receiver = received.receiver_sigma_m.map(|sigma| sigma.x.max(sigma.y));
+        let datum = |kind, value, sigma| {
+            let unstated = if kind == Kind::Bearing { UNSTATED_SIGMA_M } else { 0.0 };
+            let receiver_sigma_m = of_receiver.unwrap_or(unstated);
+            Datum { reception, kind, receiver, value, sigma, receiver_sigma_m }
+        };
+        // Directions that compete have no common one to be tested.
+        if let Some(Bearing { angle, sigma, .. }) = received.bearing
+            && uses.bearings
+            && received.modes.is_empty()
+        {
+            data.push(datum(Kind::Bearing, angle, sigma));
+        }
+        if let Some(range) = received.measured.get(Quantity::RANGE) {
+            data.push(datum(Kind::Range, range.value, range.sigma));
+        }
+        if let Some(difference) = received.measured.get(Quantity::RANGE_DIFFERENCE)
+            && let Some(reference) = config.reference_m
+            && uses.differences
+        {
+            let kind = Kind::Difference(reference);
+            data.push(datum(kind, difference.value, difference.sigma));
+        }
+    }
+    data
+}
+
+/// Returns the knowledge of the measurements' σ.
+fn scale(data: &[Datum], config: &LocateConfig) -> Scale {
+    let is_assumed = data.iter().any(|datum| is_assumed(datum, config));
+    let least = if is_assumed { ASSUMED_FREEDOM } else { OWN_FREEDOM };
+    Scale { freedom: config.bearing_freedom.max(least) }
+}
+
+/// Returns true if a bearing has the σ that stands for unknown ones.
+fn is_assumed(datum: &Datum, config: &LocateConfig) -> bool {
+    let sigma = config.assumed_bearing_sigma;
+    datum.kind == Kind::Bearing && sigma.is_some_and(|sigma| datum.sigma >= sigma)
+}
+
+/// Returns the measurements with the largest σ that they may plausibly have.
+fn most_uncertain(data: &[Datum], config: &LocateConfig) -> Vec<Datum> {
+    let widened = |datum: &Datum| {
+        let sigma = if is_assumed(datum, config) { UNKNOWN_SIGMA } else { datum.sigma };
+        Datum { sigma: datum.sigma.max(sigma), ..*datum }
+    };
+    data.iter().map(widened).collect()
+}
+
+/// Examines whether measurements meet, and whether the place is where they do.
+fn of_fit(
+    located: &Located,
+    data: &[Datum],
+    config: &LocateConfig,
+    remarks: &mut Vec<Remark>,
+) -> Vec<usize> {
+    let up = config.target_up_m;
+    let scale = scale(data, config);
+    let what = what(data);
+    let wide = most_uncertain(data, config);
+    let (Some(now), Some(widely)) = (meeting(data, up), meeting(&wide, up)) else {
+        return Vec::new();
+    };
+    let p = misfit_p(widely.misfit, data.len());
+    let reversed = if p < MISFIT_P { reversals(&wide, up, MEETS_P) } else { Vec::new() };
+    let all_turned = reversed.iter().any(|way| way.positions.len() > 1);
+    if let Some(found) = outliers(data, up, scale).filter(|_| !all_turned) {
+        for outlier in &found.outliers {
+            let Some(datum) = data.get(outlier.position) else { continue };
+            remarks.push(Remark::new("outlier", outlier_text(data, datum, outlier, &found, up)));
+        }
+        remarks.extend(does_not_fit(located, &found.rest, &found.meeting, scale, up));
+        let reception = |outlier: &fit::Outlier| Some(data.get(outlier.position)?.reception);
+        return found.outliers.iter().filter_map(reception).collect();
+    }
+    if p < MISFIT_P {
+        let spare = u32::try_from(data.len().saturating_sub(2).max(1)).unwrap_or(u32::MAX);
+        let scatter = (widely.misfit / f64::from(spare)).sqrt();
+        let is_bearings = data.iter().all(|datum| datum.kind == Kind::Bearing);
+        let sigmas = wide.iter().map(|datum| datum.sigma.to_degrees());
+        let scatter_deg = scatter * sigmas.fold(f64::INFINITY, f64::min);
+        let text = match reversed.as_slice() {
+            [] if is_bearings && scatter_deg > SCATTER_DEG => Some(format!(
+                "these bearings do not meet ({}): check their North, their sense and the places \
+                 of the receivers, and take them again",
+                probability(p)
+            )),
+            [] if !is_bearings && p < 1e-6 && scatter > 2.0 * SCATTER => Some(format!(
+                "these {what} do not meet ({}): check their unit, their reference and the places \
+                 of the receivers",
+                probability(p)
+            )),
+            [] => None,
+            ways => Some(format!(
+                "these bearings do not meet ({}){}; check whether the antenna looked the other way",
+                probability(p),
+                ways.iter().map(|way| reversal_text(data, way)).collect::<String>(),
+            )),
+        };
+        match text {
+            Some(text) => remarks.push(Remark::new(
+                if is_bearings { "bearings-do-not-meet" } else { "measurements-do-not-meet" },
+                text,
+            )),
+            // Bearings of one place that share an error are examined by the estimator itself.
+            None if scatter > SCATTER && located.common_errors.is_none() => {
+                remarks.push(Remark::new(
+                    "sigma-too-small",
+                    format!(
+                        "these {what} scatter {scatter:.1} times as far as their σ says ({}): \
+                         look for one that is wrong, or give a larger σ",
+                        probability(p)
+                    ),
+                ));
+            }
+            None => {}
+        }
+        return Vec::new();
+    }
+    remarks.extend(does_not_fit(located, data, &now, scale, up));
+    Vec::new()
+}
+
+/// Returns a remark if measurements that meet do not meet at the place of the answer.
+fn does_not_fit(
+    located: &Located,
+    data: &[Datum],
+    meeting: &Meeting,
+    scale: Scale,
+    up: f64,
+) -> Option<Remark> {
+    let place = &located.estimate.mean;
+    let there: f64 = data.iter().map(|datum| datum.residual(place, up).powi(2)).sum();
+    let (square, _) = scale.of(meeting.misfit, data.len());
+    let gain = (there - meeting.misfit) / square.max(1.0);
+    if gain < APART {
+        return None;
+    }
+    // The answer may know that it is uncertain.
+    let away = place - meeting.place;
+    let own = located.estimate.covariance;
+    let both = meeting
+        .information
+        .cholesky()
+        .map_or(own, |factor| own + factor.solve(&nalgebra::Matrix2::identity()) * square.max(1.0));
+    let apart = both.cholesky().map_or(f64::INFINITY, |factor| away.dot(&factor.solve(&away)));
+    (apart > APART).then(|| {
+        Remark::new(
+            "does-not-fit",
+            format!(
+                "the place does not fit the {}: they meet at {}, {:.0} m away; take another \
+                 estimator",
+                what(data),
+                spoken(&meeting.place),
+                away.norm(),
+            ),
+        )
+    })
+}
+
+/// Returns the sentence on an outlier, without whether it was left out.
+fn outlier_text(
+    data: &[Datum],
+    datum: &Datum,
+    outlier: &fit::Outlier,
+    found: &Outliers,
+    up: f64,
+) -> String {
+    let of = data.len();
+    let number = outlier.position + 1;
+    let from = spoken(&datum.receiver.xy());
+    let there = spoken(&found.meeting.place);
+    let p = probability(outlier.p);
+    let apart = (outlier.residual * datum.sigma).abs();
+    if datum.kind != Kind::Bearing {
+        let noun = noun(datum.kind);
+        return format!(
+            "{noun} {number} of {of} ({:.1} m, from {from}) is {apart:.1} m off where the others \
+             meet, {there} ({p})",
+            datum.value
+        );
+    }
+    let back = datum.reversed().residual(&found.meeting.place, up).abs();
+    let other_way = if back < 3.0 { "; reversed it meets them" } else { "" };
+    format!(
+        "bearing {number} of {of} ({:.0}°, from {from}) is {:.0}° off where the others meet, \
+         {there} ({p}{other_way})",
+        radians_to_compass_deg(datum.value),
+        apart.to_degrees(),
+    )
+}
+
+fn reversal_text(data: &[Datum], way: &fit::Reversal) -> String {
+    let there = spoken(&way.meeting.place);
+    match way.positions.as_slice() {
+        [only] if data.len() > 1 => {
+            format!("; with bearing {} reversed they meet at {there}", only + 1)
+        }
+        _ => format!("; reversed they meet at {there}"),
+    }
+}
+
+/// Returns a place in the words of the report.
+fn spoken(place: &Vector2<f64>) -> String {
+    format!("{:.1} m East, {:.1} m North", place.x, place.y)
+}
+
+fn probability(p: f64) -> String {
+    if p < 1e-9 { "p < 1e-9".to_owned() } else { format!("p = {p:.0e}") }
+}
+
+fn noun(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Bearing => "bearing",
+        Kind::Range => "range",
+        Kind::Difference(_) => "range difference",
+    }
+}
+
+/// Returns the plural noun of some measurements.
+fn what(data: &[Datum]) -> &'static str {
+    let all = |is: fn(Kind) -> bool| data.iter().all(|datum| is(datum.kind));
+    if all(|kind| kind == Kind::Bearing) {
+        "bearings"
+    } else if all(|kind| kind == Kind::Range) {
+        "ranges"
+    } else if all(|kind| matches!(kind, Kind::Difference(_))) {
+        "range differences"
+    } else {
+        "measurements"
+    }
+}
+
+/// Returns true if the power of the transmitter, and so a distance for each level, is known.
+fn has_law(config: &LocateConfig) -> bool {
+    matches!(config.power, Power::Known { .. })
+}

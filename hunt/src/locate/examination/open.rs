@@ -1,0 +1,150 @@
+use foxhunt_core::{Reception, Remark};
+use foxhunt_wire::geodesy::radians_to_compass_deg;
+use nalgebra::Vector2;
+
+use super::{
+    super::{LocateConfig, Located},
+    Datum, Kind,
+    fit::centre,
+    has_law, meeting, scale,
+};
+
+/// Receivers nearer to each other than this, in metres, are in one place.
+const ONE_PLACE_M: f64 = 1.0;
+
+/// χ² with one degree of freedom that a true value exceeds with 1 %.
+const LIKELY: f64 = 6.63;
+
+/// σ along the line of sight over the distance above which the distance is open.
+const OPEN: f64 = 0.5;
+
+/// Receivers see a transmitter from one side if it is farther away than this many times the
+/// distance of the farthest from their middle.
+const ONE_SIDE: f64 = 2.0;
+
+/// Returns a remark if all measurements were made in one place and none is of a distance.
+pub(super) fn one_place(
+    located: &Located,
+    receptions: &[Reception],
+    data: &[Datum],
+    config: &LocateConfig,
+    has_levels: bool,
+) -> Option<Remark> {
+    let has_ranges = data.iter().any(|datum| datum.kind == Kind::Range);
+    let has_bearings = data.iter().any(|datum| datum.kind == Kind::Bearing);
+    let is_fixed = (has_ranges || has_levels && has_law(config)) && has_bearings;
+    if is_fixed || receptions.len() < 2 && !has_bearings && !has_levels {
+        return None;
+    }
+    let levels = receptions.iter().filter(|r| has_levels && r.level.or(r.silence).is_some());
+    let mut places = (data.iter().map(|datum| datum.receiver.xy()))
+        .chain(levels.map(|reception| reception.receiver.position.xy()));
+    let first = places.next()?;
+    if !places.all(|place| (place - first).norm() < ONE_PLACE_M) {
+        return None;
+    }
+    let rays = data
+        .iter()
+        .filter(|datum| datum.kind == Kind::Bearing)
+        .map(|datum| Vector2::new(datum.value.cos(), datum.value.sin()) / datum.sigma.powi(2));
+    let mean: Vector2<f64> = rays.sum();
+    let known = if mean.norm() > 0.0 {
+        let compass = radians_to_compass_deg(mean.y.atan2(mean.x));
+        format!("only the direction is known, {compass:.0}°")
+    } else {
+        "not even a direction is known".to_owned()
+    };
+    let metres = (located.estimate.mean - first).norm();
+    Some(Remark::new(
+        "one-place",
+        format!(
+            "everything was received in one place: {known}; the distance of {metres:.0} m is that \
+             of the searched area, not of the transmitter; receive from a second place"
+        ),
+    ))
+}
+
+/// Returns a remark if the measurements do not bound the distance.
+pub(super) fn range_open(
+    located: &Located,
+    receptions: &[Reception],
+    data: &[Datum],
+    config: &LocateConfig,
+    has_levels: bool,
+) -> Option<Remark> {
+    let only_bearings = !data.is_empty() && data.iter().all(|d| d.kind == Kind::Bearing);
+    if only_bearings && !has_levels {
+        return bearings_open(data, config);
+    }
+    let levels = receptions.iter().filter(|r| has_levels && r.level.is_some());
+    let places: Vec<Vector2<f64>> = (data.iter().map(|datum| datum.receiver.xy()))
+        .chain(levels.map(|reception| reception.receiver.position.xy()))
+        .collect();
+    let count = u32::try_from(places.len()).ok().filter(|count| *count > 0)?;
+    let middle = places.iter().sum::<Vector2<f64>>() / f64::from(count);
+    let radius = places.iter().map(|place| (place - middle).norm()).fold(0.0, f64::max);
+    let away = located.estimate.mean - middle;
+    let distance = away.norm();
+    if distance <= ONE_SIDE * radius || distance <= 0.0 {
+        return None;
+    }
+    let sight = away / distance;
+    let sigma = sight.dot(&(located.estimate.covariance * sight)).sqrt();
+    (sigma > OPEN * distance).then(|| {
+        let compass = radians_to_compass_deg(sight.y.atan2(sight.x));
+        Remark::new(
+            "range-open",
+            format!(
+                "the distance is open: {distance:.0} m with a σ of {sigma:.0} m; rely on the \
+                 direction alone, {compass:.0}°, and receive from places farther apart"
+            ),
+        )
+    })
+}
+
+/// Returns a remark if bearings fit a transmitter at infinity nearly as well as any place.
+fn bearings_open(data: &[Datum], config: &LocateConfig) -> Option<Remark> {
+    let up = config.target_up_m;
+    let best = meeting(data, up)?;
+    let (square, _) = scale(data, config).of(best.misfit, data.len());
+    let most = best.misfit + LIKELY * square;
+    let mean: Vector2<f64> =
+        (data.iter()).map(|d| Vector2::new(d.value.cos(), d.value.sin()) / d.sigma.powi(2)).sum();
+    let direction = mean.y.atan2(mean.x);
+    let middle = centre(data)?;
+    let at_infinity: f64 = (data.iter())
+        .map(|d| (foxhunt_core::angle::wrap(d.value - direction) / d.sigma).powi(2))
+        .sum();
+    if at_infinity > most {
+        return None;
+    }
+    // The nearest place on rays about the direction that still fits, by bisection.
+    let reach = data.iter().map(|d| (d.receiver.xy() - middle).norm()).fold(1.0, f64::max);
+    let misfit_at = |distance: f64| {
+        let at = |step: i32| {
+            let angle = direction + 0.02 * f64::from(step);
+            let place = middle + Vector2::new(angle.cos(), angle.sin()) * distance;
+            data.iter().map(|datum| datum.residual(&place, up).powi(2)).sum::<f64>()
+        };
+        (-20..=20).map(at).fold(f64::INFINITY, f64::min)
+    };
+    let mut bounds = (0.0_f64, 1e4_f64.ln());
+    for _ in 0..20 {
+        let middle = 0.5 * (bounds.0 + bounds.1);
+        bounds = if misfit_at(reach * middle.exp()) <= most {
+            (bounds.0, middle)
+        } else {
+            (middle, bounds.1)
+        };
+    }
+    let nearest = reach * bounds.1.exp();
+    let compass = radians_to_compass_deg(direction);
+    Some(Remark::new(
+        "range-open",
+        format!(
+            "the distance is open: the bearings are parallel within their σ; the transmitter is in \
+             direction {compass:.0}°, at least {nearest:.0} m away; take bearings from places \
+             farther apart across that direction"
+        ),
+    ))
+}
