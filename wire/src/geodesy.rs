@@ -351,7 +351,7 @@ mod tests {
             assert!(off_m.abs() < 9.0, "{azimuth}: {off_m} m");
             let as_before = compass_deg_to_radians(azimuth);
             let off_m = way.norm() * angle::distance(way.y.atan2(way.x), as_before);
-            assert!(off_m < 1.0 || off_m > 100.0, "{azimuth}: {off_m} m");
+            assert!(!(1.0..=100.0).contains(&off_m), "{azimuth}: {off_m} m");
         }
     }
 
